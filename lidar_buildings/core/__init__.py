@@ -1,0 +1,4 @@
+"""
+The algorithms: arrays in, arrays out; no ROS, no files, no printing.
+
+"""

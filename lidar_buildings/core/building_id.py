@@ -1,0 +1,45 @@
+"""
+Building ids that stay the same however the data are cut into tiles.
+
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+#: Side of the cell that an id names [m]: finer than the distance of two buildings' anchors.
+CELL = 0.5
+
+
+def anchor_row(points: NDArray[np.float64]) -> int:
+    """
+    Return the row of a building's anchor: its westernmost point, ties broken by y, then z.
+
+    Parameters
+    ----------
+    points : ndarray of shape (n_points, 3)
+        The building's points [m]; at least one.
+
+    """
+    return int(np.lexsort((points[:, 2], points[:, 1], points[:, 0]))[0])
+
+
+def building_id(anchor: NDArray[np.float64]) -> int:
+    """
+    Return the id (1 to 2³² − 1) of the building with this anchor, map frame [m].
+
+    The low halves of the anchor's cell numbers stand in the id's two 16-bit halves, so that ids differ
+    within 32 km of each other.
+
+    """
+    column, row = (int(np.floor(c / CELL)) & 0xFFFF for c in anchor[:2])
+    return (column << 16 | row) or 0xFFFFFFFF
+
+
+def readable_id(anchor_x: float, anchor_y: float) -> str:
+    """
+    Return the id that files carry, made from the anchor's coordinates in the source's reference system.
+
+    """
+    return f"building-{anchor_x:.1f}-{anchor_y:.1f}"

@@ -1,0 +1,4 @@
+"""
+Files: LAS/LAZ/COPC in; classified LAZ, GeoPackage, CityJSON out.
+
+"""

@@ -1,0 +1,4 @@
+"""
+What every node shares: messages, parameters, quality of service, tile flow control.
+
+"""

@@ -1,0 +1,4 @@
+"""
+Virtual scenes with exact truth and a virtual airborne scanner.
+
+"""

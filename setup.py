@@ -1,0 +1,84 @@
+"""
+Build the package: for colcon (ament_python) and for pip alike.
+
+"""
+
+import re
+from glob import glob
+from pathlib import Path
+
+from setuptools import find_packages, setup
+
+PACKAGE = "lidar_buildings"
+NODES = (
+    "tile_player",
+    "ground_filter",
+    "roof_selector",
+    "edge_labeller",
+    "building_tracer",
+    "outline_regulariser",
+    "plane_fitter",
+    "model_builder",
+    "model_writer",
+)
+VERSION = re.search(r'__version__ = "(.+)"', Path(PACKAGE, "__init__.py").read_text()).group(1)
+
+ROS_WHEELS = [
+    "ros-rclpy[fastrtps]==7.1.6",
+    "ros-common-interfaces==5.3.6",
+    "ros-sensor-msgs==5.3.6",
+    "ros-geometry-msgs==5.3.6",
+    "ros-visualization-msgs==5.3.6",
+    "ros-std-msgs==5.3.6",
+    "ros-nav-msgs==5.3.6",
+    "ros-diagnostic-msgs==5.3.6",
+    "ros-rosgraph-msgs==2.0.3",
+    "ros-shape-msgs==5.3.6",
+    "ros-std-srvs==5.3.6",
+]
+TEST = ["pytest>=8", "pytest-xdist", "hypothesis", "startinpy", "cjio", "ruff", "mypy", "matplotlib"]
+
+setup(
+    name=PACKAGE,
+    version=VERSION,
+    packages=find_packages(exclude=["test", "test.*"]),
+    package_data={PACKAGE: ["config/*.yaml", "config/*.rviz"]},
+    data_files=[
+        ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),
+        (f"share/{PACKAGE}", ["package.xml"]),
+        (f"share/{PACKAGE}/config", glob("config/*")),
+        (f"share/{PACKAGE}/launch", glob("launch/*.launch.py")),
+    ],
+    install_requires=[
+        "setuptools",
+        "numpy>=1.26",
+        "scipy>=1.11",
+        "numba>=0.60",
+        "scikit-learn>=1.3",
+        "shapely>=2.0.6",
+        "laspy>=2.5",
+        "lazrs>=0.6",
+        "pyproj>=3.6",
+        "pyogrio>=0.9",
+        "mapbox-earcut>=1.0",
+        "pyyaml>=6",
+        "tqdm>=4.66",
+        "rosbags>=0.10",
+    ],
+    extras_require={"ros": ROS_WHEELS, "test": TEST},
+    python_requires=">=3.10",
+    zip_safe=True,
+    author="The lidar_buildings developers",
+    author_email="maintainers@users.noreply.github.com",
+    maintainer="The lidar_buildings developers",
+    maintainer_email="maintainers@users.noreply.github.com",
+    description="Raw lidar in, valid 3D city models out: a ROS 2 node graph for buildings from point clouds.",
+    license="Apache-2.0",
+    tests_require=["pytest"],
+    entry_points={
+        "console_scripts": [
+            "lidar-buildings = lidar_buildings.cli:main",
+            *(f"{node} = {PACKAGE}.nodes.{node}:main" for node in NODES),
+        ],
+    },
+)
