@@ -63,6 +63,9 @@ class PointTile:
         What the stages appended.
     stamp : int
         The tile's key [ns].
+    bounds : tuple of four float or None
+        West, south, east and north limit of the tile with its buffer [m]; None where nothing lies beyond it.
+        A building that reaches these limits is not whole.
     frame : MapFrame
         Where the map frame lies.
 
@@ -95,6 +98,7 @@ class PointTile:
     building_id: NDArray[np.uint32] | None = None
     plane_id: NDArray[np.uint16] | None = None
     stamp: int = 0
+    bounds: tuple[float, float, float, float] | None = None
     frame: MapFrame = MapFrame()
 
     def __post_init__(self) -> None:

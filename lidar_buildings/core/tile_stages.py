@@ -1,0 +1,316 @@
+"""
+Each stage applied to a tile: the one place where columns become a stage's arguments and its result columns.
+
+The nodes and the ROS-free pipeline both call these functions, so that they do the same.
+
+"""
+
+from __future__ import annotations
+
+import logging
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lidar_buildings.core.asprs import PointClass
+from lidar_buildings.core.boundary_tracing import BoundaryTracingConfig, trace_boundary
+from lidar_buildings.core.building_id import anchor_row
+from lidar_buildings.core.building_model import BuildingModel, BuildingModelConfig, build_model
+from lidar_buildings.core.edge_labelling import EdgeLabellingConfig, label_edges
+from lidar_buildings.core.ground_filter import GroundFilterConfig, classify_ground
+from lidar_buildings.core.outline import BuildingOutline, Outline
+from lidar_buildings.core.plane_fitting import PlaneFittingConfig, fit_roof_planes
+from lidar_buildings.core.regularisation import RegularisationConfig, measure_outline, regularise_outline
+from lidar_buildings.core.roof_selection import RoofSelectionConfig, select_roofs
+from lidar_buildings.core.segmentation import SegmentationConfig, segment_buildings
+from lidar_buildings.core.status import BuildingStatus
+from lidar_buildings.core.tile import PointTile
+
+_log = logging.getLogger(__name__)
+
+#: Half the side of the square that stands for a building whose tracing failed altogether [m].
+_MARKER_SIZE = 0.5
+
+
+@dataclass(frozen=True, eq=False)
+class TracedTile:
+    """
+    A tile's buildings after segmentation and tracing.
+
+    Attributes
+    ----------
+    tile : PointTile
+        The roof points with `building_id`; 0 for those of no building and of the neighbours' buildings.
+    outlines : tuple of BuildingOutline
+        One per building of this tile, by rising id.
+    clipped : bool
+        Whether one of these buildings reaches the tile's `bounds`, so that its rest lies outside.
+
+    """
+
+    tile: PointTile
+    outlines: tuple[BuildingOutline, ...]
+    clipped: bool
+
+
+@dataclass(frozen=True, eq=False)
+class TileModel:
+    """
+    One building's model with everything that files say about it.
+
+    Attributes
+    ----------
+    building_id : int
+        See `lidar_buildings.core.building_id`.
+    anchor : tuple of two float
+        The anchor point's x and y in the map frame [m].
+    model : BuildingModel
+        Solids and roof faces.
+    attributes : dict
+        The attributes of DESIGN.md section 3, by name.
+
+    """
+
+    building_id: int
+    anchor: tuple[float, float]
+    model: BuildingModel
+    attributes: dict[str, Any]
+
+
+def filter_ground(tile: PointTile, config: GroundFilterConfig) -> PointTile:
+    """
+    Append `classification` (1, 2, 7, 18) and `height_above_ground` to a tile.
+
+    """
+    result = classify_ground(tile.points, config)
+    return tile.with_columns(
+        classification=result.classification, height_above_ground=result.height_above_ground
+    )
+
+
+def select_roof_points(tile: PointTile, config: RoofSelectionConfig) -> PointTile:
+    """
+    Give every point of a tile its final class.
+
+    """
+    result = select_roofs(
+        tile.points,
+        config,
+        height_above_ground=None if tile.height_above_ground is None else tile.height_above_ground.astype(float),
+        classification=tile.classification,
+        return_number=tile.return_number,
+        number_of_returns=tile.number_of_returns,
+    )
+    return tile.with_columns(classification=result.classification)
+
+
+def roof_points(tile: PointTile) -> PointTile:
+    """
+    Return the points of class 6 alone.
+
+    """
+    if tile.classification is None:
+        return tile
+    return tile.select(tile.classification == PointClass.BUILDING)
+
+
+def label_roof_edges(tile: PointTile, config: EdgeLabellingConfig) -> PointTile:
+    """
+    Append edge labels, features, normals and the chosen radius to a tile of roof points.
+
+    """
+    result = label_edges(tile.points, config)
+    return tile.with_columns(
+        linearity=result.linearity,
+        planarity=result.planarity,
+        normal_x=result.normals[:, 0],
+        normal_y=result.normals[:, 1],
+        normal_z=result.normals[:, 2],
+        neighbourhood_radius=result.neighbourhood_radius,
+        edge=result.edge,
+    )
+
+
+def trace_buildings(
+    tile: PointTile, segmentation: SegmentationConfig, boundary_tracing: BoundaryTracingConfig
+) -> TracedTile:
+    """
+    Segment a tile's roof points into buildings and trace those that belong to the tile.
+
+    A building belongs to the tile that holds its anchor as a core point, so that each comes out once.
+
+    """
+    found = segment_buildings(
+        tile.points, segmentation, scan_angle=tile.scan_angle, gps_time=tile.gps_time
+    )
+    is_core = tile.is_core
+    owned = [
+        (number, rows)
+        for number, rows in rows_by_building(found.building_id)
+        if is_core[rows[anchor_row(tile.points[rows])]]
+    ]
+    building_id = np.zeros(len(tile), dtype=np.uint32)
+    outlines = []
+    for number, rows in owned:
+        building_id[rows] = number
+        outlines.append(BuildingOutline(number, _traced(number, tile.points[rows], boundary_tracing)))
+    clipped = any(_reaches(tile.bounds, tile.points[rows], max(found.window)) for _, rows in owned)
+    return TracedTile(tile.with_columns(building_id=building_id), tuple(outlines), clipped)
+
+
+def regularise_outlines(
+    outlines: tuple[BuildingOutline, ...], config: RegularisationConfig
+) -> tuple[BuildingOutline, ...]:
+    """
+    Regularise every traced outline; one that cannot be keeps its traced rings.
+
+    """
+    return tuple(replace(traced, outline=_regularised(traced, config)) for traced in outlines)
+
+
+def fit_planes(tile: PointTile, config: PlaneFittingConfig) -> PointTile:
+    """
+    Append `plane_id`, numbered within each building, to a tile of building points.
+
+    """
+    plane_id = np.zeros(len(tile), dtype=np.uint16)
+    if tile.building_id is not None:
+        for number, rows in rows_by_building(tile.building_id):
+            try:
+                plane_id[rows] = fit_roof_planes(tile.points[rows], config).plane_id
+            except Exception:
+                _log.exception("building %d: no planes were fitted", number)
+    return tile.with_columns(plane_id=plane_id)
+
+
+def build_models(
+    tile: PointTile,
+    traced: tuple[BuildingOutline, ...],
+    outlines: tuple[BuildingOutline, ...],
+    config: BuildingModelConfig,
+    regularisation: RegularisationConfig,
+) -> tuple[TileModel, ...]:
+    """
+    Build the model of every outline from the tile's points that carry its id.
+
+    Parameters
+    ----------
+    tile : PointTile
+        Building points with `building_id` and `plane_id`.
+    traced, outlines : tuple of BuildingOutline
+        Before and after regularisation; a building missing from `traced` is not measured against its ring.
+    config, regularisation : BuildingModelConfig, RegularisationConfig
+        `regularisation` as it was for the outlines, to say why an outline was kept as traced.
+
+    """
+    rows_of = dict(rows_by_building(tile.building_id)) if tile.building_id is not None else {}
+    traced_of = {one.building_id: one.outline for one in traced}
+    nobody = np.zeros(0, dtype=np.intp)
+    models = []
+    for one in sorted(outlines, key=lambda each: each.building_id):
+        building = tile.select(rows_of.get(one.building_id, nobody))
+        models.append(_model(building, one, traced_of.get(one.building_id), config, regularisation))
+    return tuple(models)
+
+
+def rows_by_building(building_id: NDArray[np.uint32]) -> list[tuple[int, NDArray[np.intp]]]:
+    """
+    Return (id, rows) of every building by rising id, rows rising; id 0 is left out.
+
+    """
+    order = np.argsort(building_id, kind="stable")
+    numbers, first = np.unique(building_id[order], return_index=True)
+    groups = np.split(order, first[1:]) if len(numbers) else []
+    return [(int(number), rows) for number, rows in zip(numbers, groups, strict=True) if number]
+
+
+def _traced(number: int, points: NDArray[np.float64], config: BoundaryTracingConfig) -> Outline:
+    """
+    Trace one building; whatever goes wrong, a ring comes back.
+
+    """
+    try:
+        return trace_boundary(points, config).outline.as_carried()
+    except Exception:
+        _log.exception("building %d: tracing failed, a square marks its anchor", number)
+        square = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]]) * _MARKER_SIZE
+        return Outline(points[anchor_row(points), :2] + square).as_carried()
+
+
+def _regularised(traced: BuildingOutline, config: RegularisationConfig) -> Outline:
+    """
+    Regularise one outline, or keep it as it is.
+
+    """
+    try:
+        return regularise_outline(traced.outline, config).outline.as_carried()
+    except Exception:
+        _log.exception("building %d: regularisation failed, the traced ring is kept", traced.building_id)
+        return traced.outline
+
+
+def _reaches(
+    bounds: tuple[float, float, float, float] | None, points: NDArray[np.float64], window: float
+) -> bool:
+    """
+    Whether points come within a window of the tile's outer limits.
+
+    """
+    if bounds is None:
+        return False
+    west, south, east, north = bounds
+    x, y = points[:, 0], points[:, 1]
+    return bool(
+        x.min() - west < window or y.min() - south < window or east - x.max() < window or north - y.max() < window
+    )
+
+
+def _model(
+    building: PointTile,
+    one: BuildingOutline,
+    traced: Outline | None,
+    config: BuildingModelConfig,
+    regularisation: RegularisationConfig,
+) -> TileModel:
+    """
+    Build one model and gather its attributes.
+
+    """
+    model = build_model(
+        building.points,
+        one.outline,
+        config,
+        plane_id=building.plane_id,
+        ground_elevation=_ground_elevation(building),
+    )
+    attributes = {"building_id": one.building_id, **model.attributes}
+    attributes.update(status=model.status.value, reason=model.reason)
+    if traced is not None:
+        attributes.update(_outline_attributes(model, measure_outline(traced, one.outline, regularisation)))
+    west = building.points[anchor_row(building.points)] if len(building) else one.outline.exterior.min(axis=0)
+    return TileModel(one.building_id, (float(west[0]), float(west[1])), model, attributes)
+
+
+def _outline_attributes(model: BuildingModel, quality: Any) -> dict[str, Any]:
+    """
+    Return what the outline's quality adds; the model's own failure outweighs the outline's.
+
+    """
+    attributes = {"outline_sigma": quality.sigma, "outline_max_offset": quality.max_offset}
+    if quality.status is not BuildingStatus.OK:
+        reasons = [reason for reason in (model.reason, quality.reason) if reason]
+        status = quality.status if model.status is BuildingStatus.OK else model.status
+        attributes.update(status=status.value, reason="; ".join(reasons))
+    return attributes
+
+
+def _ground_elevation(building: PointTile) -> float | None:
+    """
+    Return the lowest ground under a building's points [m], None where no heights are known.
+
+    """
+    if building.height_above_ground is None or not len(building):
+        return None
+    return float(np.min(building.points[:, 2] - building.height_above_ground))
