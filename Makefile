@@ -1,0 +1,42 @@
+# Everything a fresh machine needs is Python >= 3.10 with venv and pip, and make.
+PYTHON ?= python3
+VENV ?= .venv
+BIN := $(VENV)/bin
+STAMP := $(VENV)/.installed
+
+.PHONY: help setup demo test lint reference clean
+
+help:
+	@echo "make demo   a virtual survey through the ROS 2 graph: what was found against the truth"
+	@echo "make test   lint, types and all tests"
+	@echo "make reference   write config/pipeline.param.yaml and doc/nodes.md anew from the configs"
+
+setup: $(STAMP)
+
+$(STAMP): setup.py pyproject.toml
+	$(PYTHON) -c 'import sys; assert sys.version_info >= (3, 10), "Python 3.10 or newer is needed"'
+	$(PYTHON) -m venv $(VENV)
+	$(BIN)/python -m pip install --quiet --upgrade pip
+	$(BIN)/python -m pip install --quiet --editable '.[ros,test]'
+	@touch $(STAMP)
+
+demo: setup
+	$(BIN)/python -m lidar_buildings.cli simulate --output demo/survey --scene village --overwrite
+	$(BIN)/python -m lidar_buildings.cli run demo/survey --output demo/result --overwrite
+	$(BIN)/python -m lidar_buildings.cli score ground demo/result demo/survey
+	$(BIN)/python -m lidar_buildings.cli score outlines demo/result demo/survey/truth.gpkg
+	@echo "Files: demo/result (buildings.gpkg, city_model.city.jsonl, classified/, run.json)"
+
+test: setup lint
+	$(BIN)/python -m pytest -n 2 --dist loadfile
+
+lint: setup
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+
+reference: setup
+	$(BIN)/python -m lidar_buildings.nodes.reference
+
+clean:
+	rm -rf $(VENV) demo build
