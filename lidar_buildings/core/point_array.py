@@ -1,0 +1,49 @@
+"""
+The one check that every stage makes of the points it is given.
+
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+
+def checked_points(points: ArrayLike) -> NDArray[np.float64]:
+    """
+    Return points as a C-contiguous float64 array of shape (n_points, 3).
+
+    Raises
+    ------
+    ValueError
+        If the shape is another one, or a coordinate is not finite.
+
+    """
+    array = np.ascontiguousarray(points, dtype=np.float64)
+    if array.ndim != 2 or array.shape[1] != 3:
+        raise ValueError(f"points has shape {array.shape}: must be (n_points, 3)")
+    bad = ~np.isfinite(array).all(axis=1)
+    if bad.any():
+        row = int(np.argmax(bad))
+        raise ValueError(f"points[{row}] = {array[row].tolist()}: coordinates must be finite")
+    return array
+
+
+def checked_column(name: str, column: ArrayLike, n_points: int, dtype: Any) -> NDArray[Any]:
+    """
+    Return one value per point as a contiguous array of `dtype`.
+
+    Raises
+    ------
+    ValueError
+        If there is not exactly one value per point, or one is not a number.
+
+    """
+    array = np.asarray(column)
+    if array.shape != (n_points,):
+        raise ValueError(f"{name} has shape {array.shape}: must be ({n_points},)")
+    if array.dtype.kind == "f" and np.isnan(array).any():
+        raise ValueError(f"{name}[{int(np.argmax(np.isnan(array)))}] = nan: must be a number")
+    return np.ascontiguousarray(array, dtype=dtype)
