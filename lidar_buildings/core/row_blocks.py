@@ -1,0 +1,39 @@
+"""
+Work on rows in parallel with plain threads.
+
+Numba's own threading layers are not used: where neither TBB nor OpenMP is installed its fallback ends the
+process when two threads enter parallel code at once, which is what nodes in one process do.
+
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+
+#: Rows a block: large enough to hide the hand-over, small enough to share out evenly.
+BLOCK = 8192
+
+
+def for_row_blocks(kernel: Callable[[int, int], object], n_rows: int) -> None:
+    """
+    Call ``kernel(first, last)`` for blocks of rows on all cores, and wait.
+
+    Parameters
+    ----------
+    kernel : callable
+        Releases the interpreter lock and writes rows `first` to `last` (exclusive) of its outputs only, so
+        that the result does not depend on the number of threads.
+    n_rows : int
+        Number of rows in all.
+
+    """
+    starts = range(0, n_rows, BLOCK)
+    if len(starts) <= 1:
+        for first in starts:
+            kernel(first, n_rows)
+        return
+    with ThreadPoolExecutor(max_workers=os.cpu_count()) as pool:
+        for done in [pool.submit(kernel, first, min(first + BLOCK, n_rows)) for first in starts]:
+            done.result()
