@@ -1,4 +1,4 @@
 """
-Virtual scenes with exact truth and a virtual airborne scanner.
+Virtual scenes with exact truth, and a virtual airborne scanner.
 
 """

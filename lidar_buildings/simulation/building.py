@@ -1,0 +1,239 @@
+"""
+A building as plane roof faces over a partition of its outline.
+
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from lidar_buildings.core.outline import Outline, signed_area
+
+#: Faces meet on this grid [m]: far finer than any noise, far coarser than float64.
+GRID = 1e-4
+
+
+@dataclass(frozen=True, eq=False)
+class RoofFace:
+    """
+    One plane piece of roof: z = a·x + b·y + c over a polygon.
+
+    Attributes
+    ----------
+    rings : tuple of ndarray of shape (n_vertices, 2)
+        Outer ring counter-clockwise, then holes clockwise; open [m].
+    plane : tuple of three float
+        a, b [m/m] and c [m].
+
+    """
+
+    rings: tuple[NDArray[np.float64], ...]
+    plane: tuple[float, float, float]
+
+    @cached_property
+    def polygon(self) -> shapely.Polygon:
+        """
+        The face seen from above.
+
+        """
+        return shapely.Polygon(self.rings[0], self.rings[1:])
+
+    @property
+    def normal(self) -> NDArray[np.float64]:
+        """
+        Upward unit normal.
+
+        """
+        a, b, _ = self.plane
+        return np.array([-a, -b, 1.0]) / np.sqrt(a * a + b * b + 1.0)
+
+    @property
+    def rings_3d(self) -> tuple[NDArray[np.float64], ...]:
+        """
+        The rings on the plane, each of shape (n_vertices, 3) [m].
+
+        """
+        return tuple(np.column_stack([ring, self.elevation(ring)]) for ring in self.rings)
+
+    def elevation(self, xy: NDArray[np.float64]) -> NDArray[np.float64]:
+        """
+        Elevation of the plane [m] at positions of shape (n, 2).
+
+        """
+        a, b, c = self.plane
+        return np.asarray(a * xy[:, 0] + b * xy[:, 1] + c)
+
+
+@dataclass(frozen=True, eq=False)
+class Building:
+    """
+    A building whose walls stand under the rim of its roof.
+
+    Attributes
+    ----------
+    roof_type : str
+        ``"gable"``, ``"hip"``, … as the functions of `lidar_buildings.simulation.roof_shapes` are called.
+    faces : tuple of RoofFace
+        They partition the outline. Face i has plane id i + 1.
+    outline : Outline
+        The roofprint, without vertices in the middle of straight edges [m].
+    ground_elevation : float
+        Elevation of the foot of the walls [m].
+    number : int
+        From 1 within a scene.
+
+    """
+
+    roof_type: str
+    faces: tuple[RoofFace, ...]
+    outline: Outline
+    ground_elevation: float = 0.0
+    number: int = 1
+
+    @cached_property
+    def polygon(self) -> shapely.Polygon:
+        """
+        The roofprint.
+
+        """
+        return shapely.Polygon(self.outline.exterior, self.outline.holes)
+
+    @property
+    def exterior(self) -> NDArray[np.float64]:
+        """
+        The outer ring, counter-clockwise, open, shape (n_vertices, 2) [m].
+
+        """
+        return self.outline.exterior
+
+    @property
+    def holes(self) -> tuple[NDArray[np.float64], ...]:
+        """
+        The courtyards' rings, clockwise, open.
+
+        """
+        return self.outline.holes
+
+    @property
+    def planes(self) -> NDArray[np.float64]:
+        """
+        a, b, c of each face, shape (n_faces, 3).
+
+        """
+        return np.array([face.plane for face in self.faces])
+
+    @cached_property
+    def roof_elevation_range(self) -> tuple[float, float]:
+        """
+        Elevation of the lowest and of the highest roof vertex [m].
+
+        """
+        z = np.concatenate([ring[:, 2] for face in self.faces for ring in face.rings_3d])
+        return float(z.min()), float(z.max())
+
+    @property
+    def height(self) -> float:
+        """
+        Highest roof vertex above the foot of the walls [m].
+
+        """
+        return self.roof_elevation_range[1] - self.ground_elevation
+
+    def roof_at(self, xy: NDArray[np.float64]) -> tuple[NDArray[np.uint16], NDArray[np.float64]]:
+        """
+        Return plane id (0 = beside the building) and roof elevation (NaN there) at positions of shape (n, 2).
+
+        """
+        plane_id = np.zeros(len(xy), dtype=np.uint16)
+        elevation = np.full(len(xy), np.nan)
+        for number, face in enumerate(self.faces, start=1):
+            rows = np.flatnonzero(shapely.intersects_xy(face.polygon, xy[:, 0], xy[:, 1]) & (plane_id == 0))
+            plane_id[rows] = number
+            elevation[rows] = face.elevation(xy[rows])
+        return plane_id, elevation
+
+    def placed(self, x: float, y: float, rotation_deg: float = 0.0, elevation: float = 0.0) -> Building:
+        """
+        Return the building turned counter-clockwise about the origin, then moved by (x, y, elevation).
+
+        """
+        angle, shift = np.deg2rad(rotation_deg), np.array([x, y])
+        return replace(
+            self,
+            faces=tuple(_placed(face, shift, angle, elevation) for face in self.faces),
+            outline=Outline(*_split([_turned(ring, angle) + shift for ring in self.outline.rings])),
+            ground_elevation=self.ground_elevation + elevation,
+        )
+
+
+def building_of(roof_type: str, faces: tuple[RoofFace, ...]) -> Building:
+    """
+    Return the building with these faces; their union is its outline.
+
+    """
+    union = shapely.union_all([face.polygon for face in faces], grid_size=GRID)
+    return Building(roof_type, faces, Outline(*_split([_corners(ring) for ring in _open_rings(union)])))
+
+
+def face_over(polygon: shapely.Polygon, plane: tuple[float, float, float]) -> RoofFace:
+    """
+    Return the roof face with this plane over a polygon.
+
+    """
+    return RoofFace(tuple(_corners(ring) for ring in _open_rings(polygon)), plane)
+
+
+def _open_rings(polygon: shapely.Polygon) -> list[NDArray[np.float64]]:
+    """
+    Return the rings without their repeated vertex: outer counter-clockwise first, holes clockwise.
+
+    """
+    rings = [shapely.get_coordinates(ring)[:-1] for ring in (polygon.exterior, *polygon.interiors)]
+    return [ring if (signed_area(ring) > 0) == (row == 0) else ring[::-1] for row, ring in enumerate(rings)]
+
+
+def _corners(ring: NDArray[np.float64]) -> NDArray[np.float64]:
+    """
+    Keep the vertices that stick out from their neighbours' connection by more than the grid.
+
+    """
+    before, after = np.roll(ring, 1, axis=0), np.roll(ring, -1, axis=0)
+    chord, arm = after - before, ring - before
+    offset = np.abs(chord[:, 0] * arm[:, 1] - chord[:, 1] * arm[:, 0]) / np.hypot(*chord.T)
+    return ring[offset > 5 * GRID]
+
+
+def _split(
+    rings: list[NDArray[np.float64]],
+) -> tuple[NDArray[np.float64], tuple[NDArray[np.float64], ...]]:
+    """
+    Outer ring and holes.
+
+    """
+    return rings[0], tuple(rings[1:])
+
+
+def _turned(ring: NDArray[np.float64], angle: float) -> NDArray[np.float64]:
+    """
+    Turn positions counter-clockwise about the origin by an angle [rad].
+
+    """
+    cos, sin = np.cos(angle), np.sin(angle)
+    return ring @ np.array([[cos, sin], [-sin, cos]])
+
+
+def _placed(face: RoofFace, shift: NDArray[np.float64], angle: float, elevation: float) -> RoofFace:
+    """
+    Turn and move one face.
+
+    """
+    a, b = _turned(np.array(face.plane[:2]), angle)
+    c = face.plane[2] + elevation - a * shift[0] - b * shift[1]
+    return RoofFace(
+        tuple(_turned(ring, angle) + shift for ring in face.rings), (float(a), float(b), float(c))
+    )
