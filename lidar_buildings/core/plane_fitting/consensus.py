@@ -1,0 +1,325 @@
+"""
+RANSAC with connected consensus sets: the compiled search.
+
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from lidar_buildings.core.plane_fitting.plane_geometry import (
+    N_MOMENTS,
+    add_point,
+    distance_to,
+    normal_of,
+    plane_through,
+)
+
+#: Times that a hypothesis is refined at most; three or four mostly suffice.
+_MAX_REFINEMENTS = 8
+
+
+class Cloud(NamedTuple):
+    """
+    The points of one building with what the search needs to know of them.
+
+    """
+
+    points: NDArray[np.float64]
+    normals: NDArray[np.float64]
+    #: Rows of the nearest points within the connection radius, −1 where there are no more.
+    neighbours: NDArray[np.int32]
+
+
+class Limits(NamedTuple):
+    """
+    What a plane has to satisfy, and how sure the search has to be.
+
+    """
+
+    distance: float
+    #: Cosine of the largest angle between a plane and a point's own normal.
+    normal_cosine: float
+    #: Least vertical component of a plane's normal.
+    min_vertical: float
+    min_points: int
+    probability: float
+
+
+class Scratch(NamedTuple):
+    """
+    Arrays that are used again and again while planes grow.
+
+    """
+
+    #: Number of the growth that last visited a point.
+    visit: NDArray[np.int64]
+    #: The members of the growing plane.
+    queue: NDArray[np.int64]
+    #: One cell: the number of the current growth.
+    counter: NDArray[np.int64]
+
+
+@njit(cache=True, nogil=True)
+def samples_needed(probability: float, outlier_share: float, n_unknowns: int = 3) -> int:
+    """
+    Return how many random samples hold one without gross errors with this probability.
+
+    N = ln(1 − P) / ln(1 − (1 − ε)^U), rounded up (Mancera-Taboada et al. 2012, equation 4 and table II).
+
+    """
+    good = (1.0 - outlier_share) ** n_unknowns
+    if good >= probability:
+        return 1
+    return int(math.ceil(math.log(1.0 - probability) / math.log1p(-good)))
+
+
+@njit(cache=True, nogil=True)
+def belongs(cloud: Cloud, limits: Limits, plane: NDArray[np.float64], i: int) -> bool:
+    """
+    Whether a point lies on a plane, and its surroundings along it.
+
+    """
+    if distance_to(plane, cloud.points[i]) > limits.distance:
+        return False
+    n = cloud.normals[i]
+    return abs(plane[0] * n[0] + plane[1] * n[1] + plane[2] * n[2]) >= limits.normal_cosine
+
+
+@njit(cache=True, nogil=True)
+def propose(
+    cloud: Cloud,
+    limits: Limits,
+    labels: NDArray[np.int32],
+    seed: int,
+    samples: NDArray[np.float64],
+    plane: NDArray[np.float64],
+) -> bool:
+    """
+    Write the best plane around a seed to `plane`; False if there is none through the seed.
+
+    The seed is the first point of every sample, the others are among its free neighbours (a sample of near
+    points is far likelier to lie on one plane). The sample with the best consensus among them wins, and is
+    replaced by the least-squares plane of its inliers.
+
+    """
+    near = np.empty(cloud.neighbours.shape[1], np.int64)
+    n = 0
+    for j in cloud.neighbours[seed]:
+        if j >= 0 and labels[j] == 0:
+            near[n] = j
+            n += 1
+    best = 0.0
+    trial = np.empty(4)
+    for s in range(len(samples)):
+        q, r = near[int(samples[s, 0] * n)], near[int(samples[s, 1] * n)]
+        if n < 3 or q == r or not plane_through(cloud.points[seed], cloud.points[q], cloud.points[r], trial):
+            continue
+        support = 0.0
+        for j in near[:n]:
+            support += max(0.0, 1.0 - (distance_to(trial, cloud.points[j]) / limits.distance) ** 2)
+        if support > best:
+            best = support
+            plane[:] = trial
+    return best > 0.0 and fit_near(cloud, limits, near[:n], seed, plane)
+
+
+@njit(cache=True, nogil=True)
+def fit_near(
+    cloud: Cloud, limits: Limits, near: NDArray[np.int64], seed: int, plane: NDArray[np.float64]
+) -> bool:
+    """
+    Replace `plane` by the least-squares plane of its inliers among the seed's neighbours.
+
+    """
+    origin = cloud.points[seed]
+    moments = np.zeros(N_MOMENTS)
+    add_point(moments, 0.0, 0.0, 0.0)
+    for j in near:
+        if distance_to(plane, cloud.points[j]) <= limits.distance:
+            d = cloud.points[j] - origin
+            add_point(moments, d[0], d[1], d[2])
+    return refit(moments, origin, plane) and belongs(cloud, limits, plane, seed)
+
+
+@njit(cache=True, nogil=True)
+def refit(moments: NDArray[np.float64], origin: NDArray[np.float64], plane: NDArray[np.float64]) -> bool:
+    """
+    Write the plane of sums taken about `origin` to `plane`.
+
+    """
+    if not normal_of(moments, plane):
+        return False
+    plane[3] -= plane[0] * origin[0] + plane[1] * origin[1] + plane[2] * origin[2]
+    return True
+
+
+@njit(cache=True, nogil=True)
+def grow(
+    cloud: Cloud,
+    limits: Limits,
+    labels: NDArray[np.int32],
+    seed: int,
+    plane: NDArray[np.float64],
+    refine: bool,
+    scratch: Scratch,
+) -> tuple[int, float]:
+    """
+    Collect the free points of a plane that hang together with the seed.
+
+    With `refine`, `plane` is fitted anew each time the number of points has doubled, so that a plane known
+    from a few points finds its way across the roof; at the end it is fitted to all of them.
+
+    Returns
+    -------
+    count : int
+        Points, the first so many of the scratch queue.
+    score : float
+        Σ (1 − (distance / limit)²) over them, with the plane as it was when each was met.
+
+    """
+    scratch.counter[0] += 1
+    number = scratch.counter[0]
+    visit, queue = scratch.visit, scratch.queue
+    origin = cloud.points[seed]
+    moments = np.zeros(N_MOMENTS)
+    head, tail, score, next_fit = 0, 0, 0.0, cloud.neighbours.shape[1]
+    if labels[seed] == 0 and belongs(cloud, limits, plane, seed):
+        queue[0], tail, visit[seed] = seed, 1, number
+    while head < tail:
+        i = queue[head]
+        head += 1
+        d = cloud.points[i] - origin
+        add_point(moments, d[0], d[1], d[2])
+        score += 1.0 - (distance_to(plane, cloud.points[i]) / limits.distance) ** 2
+        if refine and head == next_fit:
+            refit(moments, origin, plane)
+            next_fit *= 2
+        for j in cloud.neighbours[i]:
+            if j >= 0 and visit[j] != number and labels[j] == 0 and belongs(cloud, limits, plane, j):
+                queue[tail], visit[j] = j, number
+                tail += 1
+    if refine:
+        refit(moments, origin, plane)
+    return tail, score
+
+
+@njit(cache=True, nogil=True)
+def refine(
+    cloud: Cloud,
+    limits: Limits,
+    labels: NDArray[np.int32],
+    seed: int,
+    plane: NDArray[np.float64],
+    scratch: Scratch,
+) -> tuple[int, float]:
+    """
+    Let a plane grow, refit it to all its points, and repeat while that gains points.
+
+    """
+    count = 0
+    for _ in range(_MAX_REFINEMENTS):
+        grown, _ = grow(cloud, limits, labels, seed, plane, True, scratch)
+        if grown <= count or grown < 3:
+            break
+        count = grown
+    return grow(cloud, limits, labels, seed, plane, False, scratch)
+
+
+@njit(cache=True, nogil=True)
+def extract(
+    cloud: Cloud, limits: Limits, order: NDArray[np.int64], samples: NDArray[np.float64]
+) -> NDArray[np.int32]:
+    """
+    Take planes out of the cloud one after the other until none is left with enough points.
+
+    Parameters
+    ----------
+    cloud, limits : Cloud, Limits
+    order : ndarray of shape (n_points,)
+        A random order in which points become seeds.
+    samples : ndarray of shape (n_sets, n_samples, 2)
+        Random numbers in [0, 1) that choose each seed's samples.
+
+    Returns
+    -------
+    ndarray of shape (n_points,)
+        Number of the plane, 0 = none.
+
+    """
+    n = len(order)
+    labels = np.zeros(n, np.int32)
+    scratch = Scratch(np.zeros(n, np.int64), np.empty(n, np.int64), np.zeros(1, np.int64))
+    n_planes, before = 0, -1
+    while n_planes > before:
+        before = n_planes
+        n_planes = search_round(cloud, limits, labels, n_planes, order, samples, scratch)
+    return labels
+
+
+@njit(cache=True, nogil=True)
+def search_round(
+    cloud: Cloud,
+    limits: Limits,
+    labels: NDArray[np.int32],
+    n_planes: int,
+    order: NDArray[np.int64],
+    samples: NDArray[np.float64],
+    scratch: Scratch,
+) -> int:
+    """
+    Let every free point be a seed once, unless a known hypothesis holds it; return the number of planes.
+
+    A hypothesis is accepted once enough seeds were drawn to have met, with the wanted probability, any
+    plane as large. Hypotheses are kept for later planes; since points only ever leave, a score can only
+    fall, so the one with the highest score after a recount is the best of all.
+
+    """
+    n = len(order)
+    planes, seeds = np.empty((n, 4)), np.empty(n, np.int64)
+    scores, counts = np.zeros(n), np.zeros(n, np.int64)
+    holder = np.full(n, -1, np.int64)
+    free = int(np.sum(labels == 0))
+    size, cursor, drawn = 0, 0, 0
+    best = -1
+    while True:
+        while cursor < n and (
+            best < 0 or drawn < samples_needed(limits.probability, 1.0 - counts[best] / free, 1)
+        ):
+            seed = order[cursor]
+            cursor += 1
+            if labels[seed] != 0:
+                continue
+            drawn += 1
+            if holder[seed] >= 0 and scores[holder[seed]] > 0.0:
+                continue
+            if not propose(cloud, limits, labels, seed, samples[seed % len(samples)], planes[size]):
+                continue
+            count, score = refine(cloud, limits, labels, seed, planes[size], scratch)
+            if count < limits.min_points or planes[size, 2] < limits.min_vertical:
+                continue
+            seeds[size], counts[size], scores[size] = seed, count, score
+            holder[scratch.queue[:count]] = size
+            if best < 0 or score > scores[best]:
+                best = size
+            size += 1
+        if best < 0:
+            return n_planes
+        count, score = grow(cloud, limits, labels, seeds[best], planes[best], False, scratch)
+        if count < limits.min_points:
+            score = 0.0
+        if score > 0.0 and score >= scores[best]:
+            n_planes += 1
+            labels[scratch.queue[:count]] = n_planes
+            free -= count
+            drawn = int(np.sum(labels[order[:cursor]] == 0))
+            score = 0.0
+        counts[best], scores[best] = count, score
+        best = int(np.argmax(scores[:size]))
+        if scores[best] <= 0.0:
+            best = -1
