@@ -37,8 +37,7 @@ class Scene:
         A tree's points are neither.
     buildings : tuple of Building
         Each with `exterior` (counter-clockwise, open), `holes`, `faces`, `planes` (a, b, c of
-        z = a·x + b·y + c),
-        `outline`, `polygon`, `ground_elevation`, `roof_elevation_range`, `height`, `number` (from 1).
+        z = a·x + b·y + c), `outline`, `polygon`, `ground_elevation`, `roof_elevation_range`, `height`, `number` (from 1).
     roof_plane : ndarray of uint16, shape (n,)
         Plane id within the building (face i has id i + 1), 0 = none.
     building : ndarray of uint32, shape (n,)
@@ -157,7 +156,7 @@ def collinear(*, density=8.0, noise=0.03, rotation_deg=0.0, seed=0) -> Scene:
     """
     scene = flat(density=density, noise=noise, rotation_deg=rotation_deg, seed=seed)
     chosen = scene.select(np.flatnonzero(scene.is_roof)[: max(20, int(14 * density**0.5))])
-    step = np.arange(len(chosen.points)) / density**0.5
+    step = (np.arange(len(chosen.points)) - len(chosen.points) / 2) / density**0.5
     direction = np.array([np.cos(np.deg2rad(rotation_deg)), np.sin(np.deg2rad(rotation_deg)), 0.0])
     return replace(chosen, points=np.array([*CENTRE, GROUND + 6.0]) + step[:, None] * direction)
 

@@ -107,11 +107,20 @@ def dormer(
     """
     Return a gable house with a flat dormer on its southern face, its front `setback` behind the eave.
 
+    Raises
+    ------
+    ValueError
+        If the dormer would reach the ridge.
+
     """
     slope = _slope(pitch_deg)
     front = -width / 2 + setback
     top = eave + slope * setback + dormer_height
-    back = min(front + dormer_height / slope, 0.0)
+    back = front + dormer_height / slope
+    if back >= 0:
+        raise ValueError(
+            f"dormer_height = {dormer_height:g} m: must be less than {-front * slope:.2f} m here"
+        )
     cut = shapely.box(-dormer_width / 2, front, dormer_width / 2, back)
     south, north = _gable_faces(_box(length, width), width / 2, eave, slope)
     return building_of(
