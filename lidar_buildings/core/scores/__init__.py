@@ -1,0 +1,4 @@
+"""
+How well a result agrees with a reference: points, cells and outlines.
+
+"""

@@ -1,0 +1,98 @@
+"""
+Distances between the boundaries of outlines that belong together.
+
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+#: Step between samples along a boundary: finer than any point spacing resolves [m].
+STEP = 0.1
+#: A sample so near to the edge of the area of interest lies on a cut, not on a boundary [m].
+ON_CUT = 1e-3
+
+
+@dataclass(frozen=True)
+class BoundaryDistances:
+    """
+    How far boundaries lie apart, from each to the other, every metre of them with the same weight.
+
+    Attributes
+    ----------
+    mean, rms, percentile_95 : float
+        Of the distances of all samples, NaN if there are none [m].
+    hausdorff : float
+        The largest distance, vertices included [m].
+
+    """
+
+    mean: float
+    rms: float
+    percentile_95: float
+    hausdorff: float
+
+
+def boundary_distances(
+    result: NDArray[Any], reference: NDArray[Any], *, limits: shapely.Geometry | None = None
+) -> BoundaryDistances:
+    """
+    Measure the distances between the boundaries of pairs of outlines, courtyards included.
+
+    Parameters
+    ----------
+    result, reference : ndarray of shapely geometries, shape (n_pairs,)
+        Polygons, row by row the partners [m].
+    limits : shapely geometry, optional
+        The area that both were cut to: along its edge nothing is measured.
+
+    Returns
+    -------
+    BoundaryDistances
+
+    """
+    cut = None if limits is None else shapely.boundary(limits)
+    along, corners = [np.empty(0)], [np.empty(0)]
+    for mine, theirs in zip(shapely.boundary(result), shapely.boundary(reference), strict=True):
+        for one, other in ((mine, theirs), (theirs, mine)):
+            shapely.prepare(other)
+            along.append(shapely.distance(_off_cut(_samples(one), cut), other))
+            corners.append(
+                shapely.distance(_off_cut(shapely.points(shapely.get_coordinates(one)), cut), other)
+            )
+    distance, at_corner = np.concatenate(along), np.concatenate(corners)
+    if not len(distance):
+        return BoundaryDistances(math.nan, math.nan, math.nan, math.nan)
+    return BoundaryDistances(
+        mean=float(distance.mean()),
+        rms=float(np.sqrt(np.mean(distance**2))),
+        percentile_95=float(np.percentile(distance, 95)),
+        hausdorff=float(max(distance.max(), at_corner.max(initial=0.0))),
+    )
+
+
+def _samples(boundary: shapely.Geometry) -> NDArray[Any]:
+    """
+    Return points in equal steps along every ring.
+
+    """
+    samples = []
+    for ring in shapely.get_parts(boundary):
+        n_steps = max(1, math.ceil(ring.length / STEP))
+        share = (np.arange(n_steps) + 0.5) / n_steps
+        samples.append(shapely.line_interpolate_point(ring, share, normalized=True))
+    return np.concatenate(samples)
+
+
+def _off_cut(samples: NDArray[Any], cut: shapely.Geometry | None) -> NDArray[Any]:
+    """
+    Return the samples that do not lie on the edge of the area of interest.
+
+    """
+    return samples if cut is None else samples[~shapely.dwithin(samples, cut, ON_CUT)]

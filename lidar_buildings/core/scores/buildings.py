@@ -1,0 +1,81 @@
+"""
+How much of the buildings was found, cell by cell and point by point.
+
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from lidar_buildings.core.scores.cells import CellSet, cells_inside
+from lidar_buildings.core.scores.confusion import Confusion
+
+#: Side of a cell: half a metre is what maps and eaves agree to [m].
+DEFAULT_CELL = 0.5
+
+
+@dataclass(frozen=True)
+class BuildingScore:
+    """
+    Agreement of building areas in cells; a share of nothing is NaN.
+
+    Attributes
+    ----------
+    cell : float
+        Side of a cell [m].
+    n_result, n_reference, n_common : int
+        Building cells of the result, of the reference, and of both.
+    recall : float
+        Common / reference (completeness).
+    precision : float
+        Common / result (correctness).
+    iou : float
+        Common / either (quality).
+
+    """
+
+    cell: float
+    n_result: int
+    n_reference: int
+    n_common: int
+    recall: float
+    precision: float
+    iou: float
+
+
+def score_buildings(
+    result: CellSet, reference: CellSet, *, cell: float = DEFAULT_CELL, area: ArrayLike | None = None
+) -> BuildingScore:
+    """
+    Compare the building cells of a result with those of a reference (Rutzinger et al. 2009, pixel-based).
+
+    Parameters
+    ----------
+    result, reference : ndarray of int64
+        Cells as `cells_of_polygons` and `cells_of_points` make them.
+    cell : float
+        Side of the cells [m].
+    area : array_like of shapely.Polygon or MultiPolygon, optional
+        Only cells with their centre inside count; everywhere if not given.
+
+    Returns
+    -------
+    BuildingScore
+
+    """
+    if area is not None:
+        result, reference = cells_inside(result, area, cell), cells_inside(reference, area, cell)
+    n_common = len(np.intersect1d(result, reference, assume_unique=True))
+    agreement = Confusion(n_common, len(result) - n_common, len(reference) - n_common, 0)
+    return BuildingScore(
+        cell=cell,
+        n_result=len(result),
+        n_reference=len(reference),
+        n_common=n_common,
+        recall=agreement.recall,
+        precision=agreement.precision,
+        iou=agreement.iou,
+    )

@@ -1,0 +1,207 @@
+"""
+How well outlines agree with a reference: as objects, as area, and along their boundaries.
+
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import shapely
+from numpy.typing import ArrayLike, NDArray
+
+from lidar_buildings.core.scores.boundaries import BoundaryDistances, boundary_distances
+from lidar_buildings.core.scores.confusion import ratio
+
+#: An object counts as found from this intersection over union on.
+MIN_IOU = 0.5
+#: An object that the area of interest cuts and nothing answers counts if so much of it lies inside.
+MIN_INSIDE = 0.5
+
+
+@dataclass(frozen=True, eq=False)
+class OutlineScore:
+    """
+    Agreement of outlines; a share or mean of nothing is NaN.
+
+    Attributes
+    ----------
+    n_result, n_reference : int
+        Outlines that count.
+    n_found, n_missed, n_extra : int
+        Reference outlines with a partner of IoU ≥ 0.5, those without, and result outlines without.
+    completeness, correctness : float
+        Found / reference and found / result, as objects.
+    mean_iou : float
+        Mean IoU over all reference outlines; one without any partner counts 0.
+    mean_iou_found : float
+        Mean IoU over the found ones.
+    area_completeness, area_correctness, area_iou : float
+        Of the unions of all outlines.
+    boundary : BoundaryDistances
+        Between the boundaries of the found ones and their partners.
+    vertices_result, vertices_reference : float
+        Mean number of vertices of the found ones.
+    partner : ndarray of int, shape (n_given_reference,)
+        Row of the result outline that belongs to each given reference outline, −1 if none does.
+    iou : ndarray of float, shape (n_given_reference,)
+        Their intersection over union.
+
+    """
+
+    n_result: int
+    n_reference: int
+    n_found: int
+    n_missed: int
+    n_extra: int
+    completeness: float
+    correctness: float
+    mean_iou: float
+    mean_iou_found: float
+    area_completeness: float
+    area_correctness: float
+    area_iou: float
+    boundary: BoundaryDistances
+    vertices_result: float
+    vertices_reference: float
+    partner: NDArray[np.int64]
+    iou: NDArray[np.float64]
+
+
+def score_outlines(result: ArrayLike, reference: ArrayLike, *, area: ArrayLike | None = None) -> OutlineScore:
+    """
+    Match outlines one to one, the pair of largest IoU first, and measure how well they agree.
+
+    With an area of interest both sides are cut to it. What then has no partner and lay mostly outside is
+    left out: its counterpart may be outside, too.
+
+    Parameters
+    ----------
+    result, reference : array_like of shapely.Polygon or MultiPolygon
+        One geometry per building [m]; invalid ones are repaired.
+    area : array_like of shapely.Polygon or MultiPolygon, optional
+        Where the reference is complete.
+
+    Returns
+    -------
+    OutlineScore
+
+    Notes
+    -----
+    Pairs of IoU > 0.5 are unique where the outlines of one side do not overlap each other.
+
+    """
+    limits = None if area is None else shapely.union_all(_valid(area))
+    mine, mine_inside = _cut(_valid(result), limits)
+    theirs, theirs_inside = _cut(_valid(reference), limits)
+    partner, iou = match_outlines(mine, theirs)
+    answered = np.isin(np.arange(len(mine)), partner)
+    n_result = int(np.count_nonzero(answered | (mine_inside >= MIN_INSIDE)))
+    counted = (partner >= 0) | (theirs_inside >= MIN_INSIDE)
+    found = np.flatnonzero(iou >= MIN_IOU)
+    pairs = mine[partner[found]], theirs[found]
+    common, mine_area, theirs_area = _areas(mine, theirs)
+    n_reference = int(np.count_nonzero(counted))
+    return OutlineScore(
+        n_result=n_result,
+        n_reference=n_reference,
+        n_found=len(found),
+        n_missed=n_reference - len(found),
+        n_extra=n_result - len(found),
+        completeness=ratio(len(found), n_reference),
+        correctness=ratio(len(found), n_result),
+        mean_iou=_mean(iou[counted]),
+        mean_iou_found=_mean(iou[found]),
+        area_completeness=ratio(common, theirs_area),
+        area_correctness=ratio(common, mine_area),
+        area_iou=ratio(common, mine_area + theirs_area - common),
+        boundary=boundary_distances(*pairs, limits=limits),
+        vertices_result=_mean(_vertex_counts(pairs[0])),
+        vertices_reference=_mean(_vertex_counts(pairs[1])),
+        partner=partner,
+        iou=iou,
+    )
+
+
+def match_outlines(
+    result: NDArray[Any], reference: NDArray[Any]
+) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    """
+    Give each reference outline at most one result outline and the reverse, largest IoU first.
+
+    Parameters
+    ----------
+    result, reference : ndarray of shapely geometries
+        Valid polygons [m].
+
+    Returns
+    -------
+    partner : ndarray of int, shape (n_reference,)
+        Row in `result`, −1 where no outline is left that overlaps.
+    iou : ndarray of float, shape (n_reference,)
+        Intersection over union with the partner, 0 where there is none.
+
+    """
+    partner, best = np.full(len(reference), -1, dtype=np.int64), np.zeros(len(reference))
+    theirs, mine = shapely.STRtree(result).query(reference, predicate="intersects")
+    common = shapely.area(shapely.intersection(reference[theirs], result[mine]))
+    iou = common / (shapely.area(reference[theirs]) + shapely.area(result[mine]) - common)
+    taken = np.zeros(len(result), dtype=bool)
+    for pair in np.lexsort((mine, theirs, -iou)):
+        if iou[pair] > 0 and partner[theirs[pair]] < 0 and not taken[mine[pair]]:
+            partner[theirs[pair]], best[theirs[pair]] = mine[pair], iou[pair]
+            taken[mine[pair]] = True
+    return partner, best
+
+
+def _valid(polygons: ArrayLike) -> NDArray[Any]:
+    """
+    Return the geometries as an array, repaired, with None and what has no area as an empty polygon.
+
+    """
+    given = np.atleast_1d(np.asarray(polygons, dtype=object))
+    valid = shapely.make_valid(shapely.force_2d(given))
+    # A repair can leave dangling lines beside the polygons: a zero-width buffer keeps the areas alone.
+    valid = np.where(shapely.get_dimensions(valid) == 2, shapely.buffer(valid, 0.0), shapely.Polygon())
+    return np.asarray(valid, dtype=object)
+
+
+def _cut(polygons: NDArray[Any], limits: shapely.Geometry | None) -> tuple[NDArray[Any], NDArray[np.float64]]:
+    """
+    Cut polygons to the limits; return them with the share of their area that is left, 0 for empty ones.
+
+    """
+    whole = shapely.area(polygons)
+    if limits is not None:
+        polygons = _valid(shapely.intersection(polygons, limits))
+    return polygons, np.divide(shapely.area(polygons), whole, out=np.zeros(len(whole)), where=whole > 0)
+
+
+def _areas(result: NDArray[Any], reference: NDArray[Any]) -> tuple[float, float, float]:
+    """
+    Return the areas of the unions' intersection, of the result's union and of the reference's [m²].
+
+    """
+    mine, theirs = shapely.union_all(result), shapely.union_all(reference)
+    return mine.intersection(theirs).area, mine.area, theirs.area
+
+
+def _vertex_counts(polygons: NDArray[Any]) -> NDArray[np.int64]:
+    """
+    Count each outline's vertices, without the repeated one that closes a ring.
+
+    """
+    owner = shapely.get_rings(polygons, return_index=True)[1]
+    counts = shapely.get_num_coordinates(polygons) - np.bincount(owner, minlength=len(polygons))
+    return np.asarray(counts, dtype=np.int64)
+
+
+def _mean(values: NDArray[Any]) -> float:
+    """
+    Return the mean, NaN of nothing.
+
+    """
+    return float(np.mean(values)) if len(values) else math.nan

@@ -1,0 +1,349 @@
+"""
+Scores against figures worked out by hand, and against slow and plain counting.
+
+"""
+
+import math
+
+import numpy as np
+import pytest
+import shapely
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from lidar_buildings.core.scores.boundaries import boundary_distances
+from lidar_buildings.core.scores.buildings import score_buildings
+from lidar_buildings.core.scores.cells import cells_inside, cells_of_points, cells_of_polygons
+from lidar_buildings.core.scores.confusion import Confusion, confusion_of
+from lidar_buildings.core.scores.ground import score_ground
+from lidar_buildings.core.scores.outlines import score_outlines
+
+#: Coordinates of a real national grid: what is right near (0, 0) must be right there.
+FAR = (851_000.0, 6_272_000.0)
+
+
+def box(x, y, width, depth):
+    return shapely.box(x, y, x + width, y + depth)
+
+
+def lattice(x_range, y_range, spacing):
+    """
+    Points on a square lattice whose first ones lie half a spacing from the corner.
+
+    """
+    x, y = np.meshgrid(*(np.arange(start + spacing / 2, stop, spacing) for start, stop in (x_range, y_range)))
+    return np.column_stack((x.ravel(), y.ravel(), np.zeros(x.size)))
+
+
+def labelled(*groups):
+    """
+    Rows (count, result class, reference class) → result and reference.
+
+    """
+    counts, mine, theirs = zip(*groups, strict=True)
+    return np.repeat(mine, counts), np.repeat(theirs, counts)
+
+
+def test_kappa_of_a_textbook_table():
+    # 20 and 15 agreements of 50: p_o = 0.7, p_e = 0.5 · 0.6 + 0.5 · 0.4 = 0.5
+    table = Confusion(hits=20, false_alarms=5, misses=10, rejections=15)
+    assert table.kappa == pytest.approx(0.4)
+    assert table.total == 50
+    assert (table.recall, table.precision) == pytest.approx((20 / 30, 20 / 25))
+    assert table.iou == pytest.approx(20 / 35)
+    assert table.f1 == pytest.approx(2 * (2 / 3) * 0.8 / (2 / 3 + 0.8))
+
+
+def test_kappa_is_one_for_perfect_zero_for_chance_and_minus_one_for_opposite_answers():
+    assert Confusion(30, 0, 0, 70).kappa == 1.0
+    assert Confusion(25, 25, 25, 25).kappa == 0.0
+    assert Confusion(0, 50, 50, 0).kappa == -1.0
+
+
+def test_figures_without_a_base_are_nan_not_zero_and_not_an_error():
+    nothing = Confusion(0, 0, 0, 0)
+    figures = nothing.recall, nothing.precision, nothing.iou, nothing.f1, nothing.kappa
+    assert all(math.isnan(figure) for figure in figures)
+    assert math.isnan(Confusion(7, 0, 0, 0).kappa)
+
+
+@settings(max_examples=50, deadline=None)
+@given(st.lists(st.tuples(st.booleans(), st.booleans()), max_size=40))
+def test_counts_agree_with_counting_one_by_one(pairs):
+    mine = [pair[0] for pair in pairs]
+    theirs = [pair[1] for pair in pairs]
+    table = confusion_of(mine, theirs)
+    counted = [pairs.count(pair) for pair in ((True, True), (True, False), (False, True), (False, False))]
+    assert [table.hits, table.false_alarms, table.misses, table.rejections] == counted
+
+
+def test_masks_of_different_length_are_refused():
+    with pytest.raises(ValueError, match="reference has shape"):
+        confusion_of([True, False], [True])
+
+
+def test_ground_errors_of_a_hand_made_case():
+    result, reference = labelled((80, 2, 2), (20, 1, 2), (90, 1, 1), (10, 2, 6))
+    score = score_ground(result, reference)
+    assert (score.n_points, score.n_ground, score.n_object) == (200, 100, 100)
+    assert (score.n_ground_rejected, score.n_object_accepted) == (20, 10)
+    assert score.type_1_error == pytest.approx(0.20)
+    assert score.type_2_error == pytest.approx(0.10)
+    assert score.total_error == pytest.approx(0.15)
+    assert score.kappa == pytest.approx(0.70)
+
+
+def test_a_road_in_the_result_is_ground():
+    result, reference = labelled((5, 11, 2), (5, 6, 6))
+    assert score_ground(result, reference).total_error == 0.0
+
+
+def test_water_of_the_reference_is_ground_on_request():
+    result, reference = labelled((6, 2, 2), (2, 2, 9), (2, 6, 6))
+    assert score_ground(result, reference).n_object_accepted == 2
+    assert score_ground(result, reference, reference_ground=(2, 9)).total_error == 0.0
+
+
+def test_no_points_give_no_errors_to_speak_of():
+    score = score_ground([], [])
+    assert score.n_points == 0
+    assert math.isnan(score.total_error)
+
+
+def test_a_ten_metre_square_has_four_hundred_half_metre_cells_wherever_it_stands():
+    for x, y in ((0.0, 0.0), (-15.0, -3.0), FAR):
+        assert len(cells_of_polygons([box(x, y, 10, 10)], 0.5)) == 400
+
+
+def test_a_shifted_square_has_the_iou_of_its_overlap():
+    cells = [cells_of_polygons([box(FAR[0] + shift, FAR[1], 10, 10)], 0.5) for shift in (0.0, 2.0)]
+    score = score_buildings(*cells)
+    assert (score.n_result, score.n_reference, score.n_common) == (400, 400, 320)
+    assert score.recall == score.precision == pytest.approx(0.8)
+    assert score.iou == pytest.approx(80 / 120)
+
+
+def test_only_cells_inside_the_area_of_interest_count():
+    result = cells_of_polygons([box(0, 0, 10, 10), box(50, 0, 10, 10)], 0.5)
+    reference = cells_of_polygons([box(0, 0, 10, 10)], 0.5)
+    assert score_buildings(result, reference).precision == pytest.approx(0.5)
+    assert score_buildings(result, reference, area=[box(-5, -5, 20, 20)]).precision == 1.0
+    assert len(cells_inside(result, [box(0, 0, 5, 5), box(50, 0, 5, 5)], 0.5)) == 200
+
+
+def test_overlapping_and_touching_polygons_count_their_cells_once():
+    assert len(cells_of_polygons([box(0, 0, 10, 10), box(5, 0, 10, 10)], 0.5)) == 600
+    # The shared wall runs through centres of cells: no gap opens along it.
+    assert len(cells_of_polygons([box(0, 0, 5.25, 10), box(5.25, 0, 4.75, 10)], 0.5)) == 400
+
+
+def test_courtyards_are_not_building():
+    courtyard = shapely.Polygon(box(0, 0, 10, 10).exterior, [box(3, 3, 4, 4).exterior])
+    assert len(cells_of_polygons([courtyard], 0.5)) == 400 - 64
+
+
+def test_cells_agree_with_testing_every_centre_of_a_window(monkeypatch):
+    monkeypatch.setattr("lidar_buildings.core.scores.cells.WINDOW", 50)
+    star = shapely.Polygon([(0, 0), (9, -4), (7, 3), (12, 9), (4, 6), (-5, 8.3), (-2, 3)])
+    expected = sum(
+        star.intersects(shapely.Point(0.3 * (i + 0.5), 0.3 * (j + 0.5)))
+        for i in range(-30, 60)
+        for j in range(-30, 60)
+    )
+    assert len(cells_of_polygons([star], 0.3)) == expected
+
+
+def test_a_self_crossing_polygon_covers_what_both_its_loops_enclose():
+    bow_tie = shapely.Polygon([(0, 0), (10, 10), (10, 0), (0, 10)])
+    assert len(cells_of_polygons([bow_tie], 0.1)) == pytest.approx(5000, rel=0.03)
+
+
+@pytest.mark.parametrize("polygons", [[], [None], [shapely.Polygon()]])
+def test_nothing_has_no_cells(polygons):
+    assert len(cells_of_polygons(polygons, 0.5)) == 0
+
+
+def test_points_fill_their_own_cell():
+    points = np.array([[0.1, 0.1, 5.0], [0.4, 0.2, 5.0], [0.6, 0.1, 0.0], [-0.1, -0.1, 5.0]])
+    cells = cells_of_points(points, [True, True, False, True], 0.5, reach=0)
+    assert np.array_equal(cells, cells_of_polygons([box(0, 0, 0.5, 0.5), box(-0.5, -0.5, 0.5, 0.5)], 0.5))
+
+
+@pytest.mark.parametrize("spacing", [0.25, 0.5, 1.0, 2.5])
+def test_a_roof_has_its_true_area_in_cells_at_any_density(spacing):
+    points = lattice((0, 60), (0, 60), spacing) + (*FAR, 0.0)
+    x, y = (points[:, :2] - FAR).T
+    on_roof = (x > 20) & (x < 40) & (y > 10) & (y < 50)
+    reference = cells_of_polygons([box(FAR[0] + 20, FAR[1] + 10, 20, 40)], 0.5)
+    score = score_buildings(cells_of_points(points, on_roof, 0.5), reference)
+    # A tie between roof and ground goes to the roof: at most one row of cells all round.
+    assert score.recall == 1.0
+    assert score.iou > 0.92
+
+
+def test_a_gap_wider_than_points_are_apart_is_not_filled():
+    points = lattice((0, 60), (0, 60), 0.5)
+    points = points[np.hypot(points[:, 0] - 30, points[:, 1] - 30) > 8]
+    cells = cells_of_points(points, np.ones(len(points), bool), 0.5)
+    hole = cells_of_polygons([shapely.Point(30, 30).buffer(6.5)], 0.5)
+    assert len(np.intersect1d(cells, hole)) == 0
+
+
+def test_filled_cells_agree_with_asking_every_cell_for_its_nearest_point():
+    random = np.random.default_rng(3)
+    points = np.column_stack((random.uniform(0, 30, (400, 2)), np.zeros(400)))
+    is_building = np.hypot(points[:, 0] - 12, points[:, 1] - 14) < 9
+    from lidar_buildings.core.point_spacing import measure_spacing
+
+    reach = 1.5 * measure_spacing(points)
+    expected = set()
+    for i in range(-10, 80):
+        for j in range(-10, 80):
+            inside = (np.floor(points[:, :2] / 0.5) == (i, j)).all(axis=1)
+            distance = np.hypot(points[:, 0] - 0.5 * i - 0.25, points[:, 1] - 0.5 * j - 0.25)
+            nearest = distance.argmin()
+            if is_building[inside].any() or (
+                not inside.any() and distance[nearest] <= reach and is_building[nearest]
+            ):
+                expected.add((i << 32) + j)
+    assert set(cells_of_points(points, is_building, 0.5).tolist()) == expected
+
+
+def test_cells_do_not_depend_on_the_order_of_points():
+    random = np.random.default_rng(5)
+    points = random.uniform(0, 20, (300, 3))
+    is_building = points[:, 0] < 8
+    order = random.permutation(300)
+    assert np.array_equal(
+        cells_of_points(points, is_building, 0.5), cells_of_points(points[order], is_building[order], 0.5)
+    )
+
+
+def test_degenerate_clouds_have_as_many_cells_as_places():
+    one = np.array([[3.2, 4.1, 0.0]])
+    assert len(cells_of_points(one, [True], 0.5, reach=0)) == 1
+    assert len(cells_of_points(np.repeat(one, 9, axis=0), np.ones(9, bool), 0.5, reach=0)) == 1
+    assert len(cells_of_points(np.empty((0, 3)), np.empty(0, bool), 0.5)) == 0
+    assert len(cells_of_points(one, [False], 0.5)) == 0
+
+
+@pytest.mark.parametrize("cell", [0.0, -1.0, math.nan, 1e-9])
+def test_an_impossible_cell_size_is_refused_by_name(cell):
+    with pytest.raises(ValueError, match="cell = "):
+        cells_of_polygons([box(*FAR, 1, 1)], cell)
+    with pytest.raises(ValueError, match="cell = "):
+        cells_of_points([(*FAR, 0.0)], [True], cell)
+
+
+def test_identical_outlines_agree_perfectly():
+    houses = [box(0, 0, 10, 8), box(20, 0, 6, 6)]
+    score = score_outlines(houses, houses[::-1])
+    assert (score.n_found, score.n_missed, score.n_extra) == (2, 0, 0)
+    assert score.partner.tolist() == [1, 0]
+    assert score.completeness == score.correctness == score.mean_iou == score.area_iou == 1.0
+    assert score.boundary.hausdorff == pytest.approx(0.0, abs=1e-9)
+    assert (score.vertices_result, score.vertices_reference) == (4.0, 4.0)
+
+
+def test_a_shifted_outline_has_iou_and_distances_that_can_be_worked_out():
+    # 10 × 10 shifted by 1: the common area is 90, the union 110.
+    score = score_outlines([box(1, 0, 10, 10)], [box(0, 0, 10, 10)])
+    assert score.mean_iou == score.area_iou == pytest.approx(90 / 110)
+    assert score.area_completeness == score.area_correctness == pytest.approx(0.9)
+    # Of each ring of 40 m, the edge outside the other square lies 1 m off (10 m); that inside, too, but for
+    # its ends, which come as near as 0 (8 m and twice ½ m); and the overhangs run from 0 to 1 m off.
+    assert score.boundary.mean == pytest.approx((10 + 8 + 2 * 0.5 + 2 * 0.5) / 40, rel=0.01)
+    assert score.boundary.rms == pytest.approx(math.sqrt((10 + 8 + 4 / 3) / 40), rel=0.01)
+    assert score.boundary.percentile_95 == pytest.approx(1.0)
+    assert score.boundary.hausdorff == pytest.approx(1.0)
+
+
+def test_found_missed_and_extra_objects_are_counted():
+    reference = [box(0, 0, 10, 10), box(20, 0, 10, 10), box(40, 0, 10, 10)]
+    result = [box(0, 0, 10, 10), box(26, 0, 10, 10), box(60, 0, 10, 10)]
+    score = score_outlines(result, reference)
+    assert (score.n_found, score.n_missed, score.n_extra) == (1, 2, 2)
+    assert score.completeness == score.correctness == pytest.approx(1 / 3)
+    assert score.iou == pytest.approx([1.0, 40 / 160, 0.0])
+    assert score.mean_iou == pytest.approx((1.0 + 0.25 + 0.0) / 3)
+    assert score.mean_iou_found == 1.0
+
+
+def test_each_outline_is_used_once_and_the_better_pair_comes_first():
+    reference = [box(0, 0, 10, 10), box(10, 0, 10, 10)]
+    merged, exact = box(0, 0, 20, 10), box(10, 0, 10, 10)
+    score = score_outlines([merged, exact], reference)
+    assert score.partner.tolist() == [0, 1]
+    assert score.iou == pytest.approx([0.5, 1.0])
+
+
+def test_a_block_found_in_parts_has_one_partner_and_the_rest_are_extra():
+    score = score_outlines([box(0, 0, 6, 10), box(6, 0, 4, 10)], [box(0, 0, 10, 10)])
+    assert (score.n_found, score.n_extra) == (1, 1)
+    assert score.iou == pytest.approx([0.6])
+    assert score.area_iou == pytest.approx(1.0)
+
+
+def test_outlines_are_cut_to_the_area_of_interest():
+    reference = [box(0, 0, 10, 10)]
+    result = [box(0, 0, 20, 10), box(9.9, 20, 50, 10), box(30, 0, 5, 5)]
+    score = score_outlines(result, reference, area=[box(-5, -5, 15, 50)])
+    # The first agrees once cut; of the second a strip remains, whose building lies outside; the third is outside.
+    assert (score.n_result, score.n_found, score.n_extra) == (1, 1, 0)
+    assert score.mean_iou == pytest.approx(1.0)
+    assert score.area_correctness == pytest.approx(100 / 101)
+    # Along the cut itself nothing is compared.
+    assert score.boundary.hausdorff == pytest.approx(0.0, abs=1e-9)
+
+
+def test_the_extra_wing_of_a_building_shows_in_the_hausdorff_distance():
+    wing = shapely.union_all([box(0, 0, 10, 10), box(10, 0, 3, 1)])
+    distances = boundary_distances(np.array([wing]), np.array([box(0, 0, 10, 10)]))
+    assert distances.hausdorff == pytest.approx(3.0)
+    assert distances.mean < 0.5
+
+
+def test_a_courtyard_that_was_missed_counts_in_area_and_in_distance():
+    courtyard = shapely.Polygon(box(0, 0, 20, 20).exterior, [box(5, 5, 10, 10).exterior])
+    score = score_outlines([box(0, 0, 20, 20)], [courtyard])
+    assert score.mean_iou == pytest.approx(300 / 400)
+    assert score.boundary.hausdorff == pytest.approx(5.0)
+    assert (score.vertices_result, score.vertices_reference) == (4.0, 8.0)
+
+
+@pytest.mark.parametrize("broken", [None, shapely.Polygon(), shapely.Polygon([(0, 0), (5, 5), (9, 9)])])
+def test_outlines_without_area_are_left_out(broken):
+    score = score_outlines([broken, box(0, 0, 10, 10)], [box(0, 0, 10, 10), broken])
+    assert (score.n_result, score.n_reference, score.n_found) == (1, 1, 1)
+
+
+def test_self_crossing_outlines_are_repaired():
+    bow_tie = shapely.Polygon([(0, 0), (10, 10), (10, 0), (0, 10)])
+    assert score_outlines([bow_tie], [bow_tie]).mean_iou == pytest.approx(1.0)
+
+
+def test_nothing_against_something_and_nothing_against_nothing():
+    house = [box(0, 0, 10, 10)]
+    missed, extra, nothing = (score_outlines(*pair) for pair in (([], house), (house, []), ([], [])))
+    assert (missed.n_missed, missed.completeness, missed.mean_iou, missed.area_iou) == (1, 0.0, 0.0, 0.0)
+    assert (extra.n_extra, extra.correctness) == (1, 0.0)
+    assert math.isnan(extra.mean_iou)
+    assert math.isnan(nothing.completeness)
+    assert math.isnan(nothing.boundary.hausdorff)
+
+
+@settings(max_examples=25, deadline=None)
+@given(st.integers(0, 10_000))
+def test_matching_agrees_with_picking_the_best_pair_again_and_again(seed):
+    random = np.random.default_rng(seed)
+    mine, theirs = (
+        np.array([box(*random.uniform(0, 20, 2), *random.uniform(2, 9, 2)) for _ in range(6)])
+        for _ in range(2)
+    )
+    iou = np.array([[a.intersection(b).area / a.union(b).area for b in mine] for a in theirs])
+    expected = np.full(6, -1)
+    while iou.max() > 0:
+        row, column = np.unravel_index(iou.argmax(), iou.shape)
+        expected[row] = column
+        iou[row], iou[:, column] = 0, 0
+    assert score_outlines(mine, theirs).partner.tolist() == expected.tolist()
