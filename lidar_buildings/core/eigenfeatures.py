@@ -16,9 +16,9 @@ from lidar_buildings.core.neighbourhoods import build_grid, z_range
 from lidar_buildings.core.row_blocks import for_row_blocks
 from lidar_buildings.core.symmetric_eigen import eigenvalues_3x3, smallest_eigenvector_3x3
 
-#: Points looked at in one column of the grid; where there are more, every second, third… by elevation is
-#: taken. Nine columns of the largest radius hold three times as many points as its disc.
-MAX_COLUMN_POINTS = 512
+#: Points looked at around one point; where there are more, every second, third… by elevation of each column
+#: is taken. The nine columns hold three times as many points as the disc of the largest radius.
+MAX_CANDIDATES = 4608
 #: Bins of the squared distance by which shells are looked up.
 LOOKUP_BINS = 256
 
@@ -126,8 +126,8 @@ def eigen_features(points: ArrayLike, radii: Sequence[float], *, min_neighbours:
     Notes
     -----
     Neighbours are summed in an order that depends on coordinates alone, so neither the order of rows nor
-    the number of threads changes a bit of the result. Where a column of the grid, as wide as the largest
-    radius, holds more than `MAX_COLUMN_POINTS` within reach, evenly spaced ones stand for all.
+    the number of threads changes a bit of the result. Where the nine grid columns, each as wide as the
+    largest radius, hold more than `MAX_CANDIDATES` points within reach, evenly spaced ones stand for all.
 
     """
     steps = np.asarray(radii, dtype=np.float64)
@@ -174,9 +174,10 @@ def _describe(  # type: ignore[no-untyped-def]
 
     """
     shells = np.empty((len(squares), 10))
-    near = np.empty((9 * MAX_COLUMN_POINTS, 4))
+    near = np.empty((MAX_CANDIDATES + 9, 4))
+    ranges = np.empty((9, 2), dtype=np.int64)
     for i in range(begin, end):
-        n_near = _gather(grid, squares[-1], i, near)
+        n_near = _gather(grid, squares[-1], i, ranges, near)
         _sum_shells(near[:n_near], squares, lookup, shells)
         row = grid.rows[i]
         best = _choose_radius(shells, min_neighbours, eigenvalues[row])
@@ -187,7 +188,7 @@ def _describe(  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _gather(grid, square_reach, i, near):  # type: ignore[no-untyped-def]
+def _gather(grid, square_reach, i, ranges, near):  # type: ignore[no-untyped-def]
     """
     Write dx, dy, dz and the squared distance of the neighbours of sorted point i; return how many.
 
@@ -195,13 +196,16 @@ def _gather(grid, square_reach, i, near):  # type: ignore[no-untyped-def]
     points = grid.points
     x, y, z = points[i, 0], points[i, 1], points[i, 2]
     reach = np.sqrt(square_reach)
-    found = 0
+    candidates, n_ranges, found = 0, 0, 0
     for c in grid.adjacent[grid.cell[i]]:
-        if c < 0:
-            continue
-        start, stop = z_range(points[:, 2], grid.first[c], grid.first[c + 1], z - reach, z + reach)
-        stride = max(1, (stop - start + MAX_COLUMN_POINTS - 1) // MAX_COLUMN_POINTS)
-        for j in range(start, stop, stride):
+        if c >= 0:
+            start, stop = z_range(points[:, 2], grid.first[c], grid.first[c + 1], z - reach, z + reach)
+            ranges[n_ranges, 0], ranges[n_ranges, 1] = start, stop
+            candidates += stop - start
+            n_ranges += 1
+    stride = 1 + (candidates - 1) // MAX_CANDIDATES
+    for k in range(n_ranges):
+        for j in range(ranges[k, 0], ranges[k, 1], stride):
             dx, dy, dz = points[j, 0] - x, points[j, 1] - y, points[j, 2] - z
             square = dx * dx + dy * dy + dz * dz
             # Written always, kept if near: a branch here would be mispredicted half of the time.

@@ -8,7 +8,7 @@ from lidar_buildings.core.symmetric_eigen import eigenvalues_3x3, smallest_eigen
 UPPER = np.triu_indices(3)
 
 
-def disc(n=20_000):
+def disc(n=4000):
     """Return points spread evenly over a level disc of radius 1 (a sunflower's pattern), its centre first."""
     k = np.arange(n)
     r, angle = np.sqrt((k + 0.5) / n), k * np.pi * (3 - np.sqrt(5))
@@ -182,6 +182,15 @@ def test_degenerate_clouds_give_finite_features(points):
     for values in (found.eigenvalues, found.normals, found.linearity, found.planarity):
         assert np.isfinite(values).all()
     assert np.linalg.norm(found.normals, axis=1) == pytest.approx(1)
+
+
+def test_an_extreme_density_is_thinned_evenly():
+    points = disc(60_000)
+    points = points[points[:, 1] >= 0]
+    found = eigen_features(points[::10], [1.0])
+    thinned = eigen_features(points, [1.0])
+    assert thinned.n_neighbours[0] < 5000 < len(points)
+    assert thinned.eigenvalues[0] == pytest.approx(found.eigenvalues[0], abs=0.005)
 
 
 @pytest.mark.parametrize("radii", [[], [0.0, 1.0], [1.0, 1.0], [2.0, 1.0], [np.nan]])
