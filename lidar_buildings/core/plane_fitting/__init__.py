@@ -12,7 +12,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial import cKDTree
 
-from lidar_buildings.core.plane_fitting.competition import join, least_squares_plane, rows_by_label, settle, split
+from lidar_buildings.core.least_squares_plane import least_squares_plane
+from lidar_buildings.core.plane_fitting.competition import (
+    join,
+    rows_by_label,
+    settle,
+    split,
+)
 from lidar_buildings.core.plane_fitting.config import PlaneFittingConfig
 from lidar_buildings.core.plane_fitting.consensus import Cloud, Limits, extract, samples_needed
 from lidar_buildings.core.plane_fitting.plane_geometry import local_normals
@@ -119,23 +125,28 @@ def fit_roof_planes(points: ArrayLike, config: PlaneFittingConfig | None = None)
     if _is_line(distinct):
         nothing = np.zeros(len(given), dtype=np.uint16)
         return RoofPlanes(nothing, (), BuildingStatus.DEGENERATE, _why_degenerate(distinct))
-    labels = _labels(distinct, config)[row_of.reshape(-1)]
-    groups = sorted(rows_by_label(labels), key=lambda group: (-len(group[1]), tuple(given[group[1]].min(axis=0))))
+    spacing = measure_spacing(distinct)
+    min_points = max(config.min_plane_points, math.ceil(config.min_plane_area / spacing**2))
+    labels = _labels(distinct, spacing, min_points, config)[row_of.reshape(-1)]
+    groups = sorted(
+        rows_by_label(labels), key=lambda group: (-len(group[1]), tuple(given[group[1]].min(axis=0)))
+    )
     plane_id = np.zeros(len(given), dtype=np.uint16)
     for number, (_, rows) in enumerate(groups[:_MAX_PLANES], start=1):
         plane_id[rows] = number
     planes = tuple(_roof_plane(given[rows]) for _, rows in groups[:_MAX_PLANES])
-    reason = "" if planes else f"no plane has {_min_points(distinct, config)} points"
+    reason = "" if planes else f"no plane has {min_points} points"
     return RoofPlanes(plane_id, planes, BuildingStatus.OK, reason)
 
 
-def _labels(points: NDArray[np.float64], config: PlaneFittingConfig) -> NDArray[np.int32]:
+def _labels(
+    points: NDArray[np.float64], spacing: float, min_points: int, config: PlaneFittingConfig
+) -> NDArray[np.int32]:
     """
     Number the points of each plane; `points` are distinct and in canonical order.
 
     """
-    min_points = _min_points(points, config)
-    cloud = _cloud(points, config.connection_radius * measure_spacing(points))
+    cloud = _cloud(points, config.connection_radius * spacing)
     limits = Limits(
         config.max_plane_distance,
         math.cos(math.radians(config.max_normal_angle_deg)),
@@ -152,14 +163,6 @@ def _labels(points: NDArray[np.float64], config: PlaneFittingConfig) -> NDArray[
         labels = settle(cloud, labels, config.max_plane_distance, config.smoothness)
         labels = split(cloud.neighbours, labels, min_points)
     return labels
-
-
-def _min_points(points: NDArray[np.float64], config: PlaneFittingConfig) -> int:
-    """
-    Return the fewest points of a plane, from the least area and the density.
-
-    """
-    return max(config.min_plane_points, math.ceil(config.min_plane_area / measure_spacing(points) ** 2))
 
 
 def _cloud(points: NDArray[np.float64], radius: float) -> Cloud:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
+from lidar_buildings.core.least_squares_plane import least_squares_plane
 from lidar_buildings.core.plane_fitting.consensus import Cloud
 from lidar_buildings.core.plane_fitting.plane_geometry import distance_to
 
@@ -20,41 +21,21 @@ _MAX_ROUNDS = 5
 _JOINT_SHARE = 0.9
 
 
-def least_squares_plane(points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64], float]:
-    """
-    Fit a plane by orthogonal least squares.
-
-    Parameters
-    ----------
-    points : ndarray of shape (n_points, 3)
-        At least one [m].
-
-    Returns
-    -------
-    normal, centroid : ndarray of shape (3,)
-        The unit normal points upwards.
-    rms : float
-        Root mean square of the orthogonal distances [m].
-
-    """
-    centroid = points.mean(axis=0)
-    offsets = points - centroid
-    normal = np.linalg.eigh(offsets.T @ offsets)[1][:, 0]
-    if normal[2] < 0:
-        normal = -normal
-    return normal, centroid, float(np.sqrt(np.mean((offsets @ normal) ** 2)))
-
-
 def plane_equations(points: NDArray[np.float64], labels: NDArray[np.int32]) -> NDArray[np.float64]:
     """
-    Return (a, b, c, d) of every plane by its number; row 0 is unused.
+    Return (a, b, c, d) of every plane's least-squares plane by its number; row 0 and unused rows are void.
 
     """
-    equations = np.zeros((int(labels.max(initial=0)) + 1, 4))
-    for number, rows in rows_by_label(labels):
-        normal, centroid, _ = least_squares_plane(points[rows])
-        equations[number] = *normal, -normal @ centroid
-    return equations
+    size = int(labels.max(initial=0)) + 1
+    count = np.maximum(np.bincount(labels, minlength=size), 1)
+    centroid = np.column_stack([np.bincount(labels, axis, size) / count for axis in points.T])
+    offsets = points - centroid[labels]
+    scatter = np.empty((size, 3, 3))
+    for a, b in zip(*np.triu_indices(3), strict=True):
+        scatter[:, a, b] = scatter[:, b, a] = np.bincount(labels, offsets[:, a] * offsets[:, b], size)
+    normals = np.linalg.eigh(scatter)[1][:, :, 0]
+    normals[normals[:, 2] < 0] *= -1.0
+    return np.column_stack([normals, -np.einsum("ij,ij->i", normals, centroid)])
 
 
 def rows_by_label(labels: NDArray[np.int32]) -> list[tuple[int, NDArray[np.intp]]]:
@@ -68,7 +49,9 @@ def rows_by_label(labels: NDArray[np.int32]) -> list[tuple[int, NDArray[np.intp]
     return [(int(number), rows) for number, rows in zip(numbers, groups, strict=True) if number]
 
 
-def settle(cloud: Cloud, labels: NDArray[np.int32], max_distance: float, smoothness: float) -> NDArray[np.int32]:
+def settle(
+    cloud: Cloud, labels: NDArray[np.int32], max_distance: float, smoothness: float
+) -> NDArray[np.int32]:
     """
     Let every point choose among the planes around it, until none moves.
 
@@ -191,7 +174,9 @@ def split(neighbours: NDArray[np.int32], labels: NDArray[np.int32], min_points: 
     row, column = np.nonzero(neighbours >= 0)
     other = neighbours[row, column]
     same = (labels[row] == labels[other]) & (labels[row] > 0)
-    links = coo_matrix((np.ones(int(same.sum()), dtype=bool), (row[same], other[same])), shape=(len(labels),) * 2)
+    links = coo_matrix(
+        (np.ones(int(same.sum()), dtype=bool), (row[same], other[same])), shape=(len(labels),) * 2
+    )
     part = connected_components(links, directed=False)[1]
     large = np.bincount(part, minlength=1)[part] >= min_points
     return np.where(large & (labels > 0), part + 1, 0).astype(np.int32)

@@ -51,7 +51,7 @@ class PlaneFittingConfig(StageConfig):
         maximum=1000.0,
     )
     min_plane_points: int = parameter(
-        8,
+        6,
         "Fewest points of a plane whatever its area; raising it drops small planes of sparse clouds.",
         minimum=4,
         maximum=100000,
@@ -85,7 +85,8 @@ class PlaneFittingConfig(StageConfig):
     )
     outlier_share: float = parameter(
         0.4,
-        "Expected share of points around a roof point that lie on other surfaces; raising it draws more samples.",
+        "Expected share of points near a roof point that lie on other surfaces; raising it draws more "
+        "samples.",
         minimum=0.0,
         maximum=0.95,
     )

@@ -65,6 +65,23 @@ class Scratch(NamedTuple):
     counter: NDArray[np.int64]
 
 
+class Pool(NamedTuple):
+    """
+    Hypotheses that wait to be accepted, in the order in which they were found.
+
+    """
+
+    plane: NDArray[np.float64]
+    seed: NDArray[np.int64]
+    #: 0 once accepted or outdated.
+    score: NDArray[np.float64]
+    n_points: NDArray[np.int64]
+    #: Per point the last hypothesis that it belonged to, −1 = none.
+    holder: NDArray[np.int64]
+    #: One cell: the number of hypotheses.
+    size: NDArray[np.int64]
+
+
 @njit(cache=True, nogil=True)
 def samples_needed(probability: float, outlier_share: float, n_unknowns: int = 3) -> int:
     """
@@ -76,7 +93,7 @@ def samples_needed(probability: float, outlier_share: float, n_unknowns: int = 3
     good = (1.0 - outlier_share) ** n_unknowns
     if good >= probability:
         return 1
-    return int(math.ceil(math.log(1.0 - probability) / math.log1p(-good)))
+    return math.ceil(math.log(1.0 - probability) / math.log1p(-good))
 
 
 @njit(cache=True, nogil=True)
@@ -280,46 +297,109 @@ def search_round(
     fall, so the one with the highest score after a recount is the best of all.
 
     """
-    n = len(order)
-    planes, seeds = np.empty((n, 4)), np.empty(n, np.int64)
-    scores, counts = np.zeros(n), np.zeros(n, np.int64)
-    holder = np.full(n, -1, np.int64)
-    free = int(np.sum(labels == 0))
-    size, cursor, drawn = 0, 0, 0
-    best = -1
+    pool = new_pool(len(order))
+    cursor = 0
     while True:
-        while cursor < n and (
-            best < 0 or drawn < samples_needed(limits.probability, 1.0 - counts[best] / free, 1)
-        ):
-            seed = order[cursor]
-            cursor += 1
-            if labels[seed] != 0:
-                continue
-            drawn += 1
-            if holder[seed] >= 0 and scores[holder[seed]] > 0.0:
-                continue
-            if not propose(cloud, limits, labels, seed, samples[seed % len(samples)], planes[size]):
-                continue
-            count, score = refine(cloud, limits, labels, seed, planes[size], scratch)
-            if count < limits.min_points or planes[size, 2] < limits.min_vertical:
-                continue
-            seeds[size], counts[size], scores[size] = seed, count, score
-            holder[scratch.queue[:count]] = size
-            if best < 0 or score > scores[best]:
-                best = size
-            size += 1
-        if best < 0:
+        cursor = draw_seeds(cloud, limits, labels, order, samples, cursor, pool, scratch)
+        best = int(np.argmax(pool.score))
+        if pool.score[best] <= 0.0:
             return n_planes
-        count, score = grow(cloud, limits, labels, seeds[best], planes[best], False, scratch)
-        if count < limits.min_points:
-            score = 0.0
-        if score > 0.0 and score >= scores[best]:
+        before = pool.score[best]
+        count = recount(cloud, limits, labels, best, pool, scratch)
+        if pool.score[best] > 0.0 and pool.score[best] >= before:
             n_planes += 1
             labels[scratch.queue[:count]] = n_planes
-            free -= count
-            drawn = int(np.sum(labels[order[:cursor]] == 0))
-            score = 0.0
-        counts[best], scores[best] = count, score
-        best = int(np.argmax(scores[:size]))
-        if scores[best] <= 0.0:
-            best = -1
+            pool.score[best] = 0.0
+
+
+@njit(cache=True, nogil=True)
+def new_pool(n: int) -> Pool:
+    """
+    Return room for n hypotheses about n points.
+
+    """
+    return Pool(
+        np.empty((n, 4)),
+        np.empty(n, np.int64),
+        np.zeros(n),
+        np.zeros(n, np.int64),
+        np.full(n, -1, np.int64),
+        np.zeros(1, np.int64),
+    )
+
+
+@njit(cache=True, nogil=True)
+def draw_seeds(
+    cloud: Cloud,
+    limits: Limits,
+    labels: NDArray[np.int32],
+    order: NDArray[np.int64],
+    samples: NDArray[np.float64],
+    cursor: int,
+    pool: Pool,
+    scratch: Scratch,
+) -> int:
+    """
+    Draw seeds until the best hypothesis is likely the largest of all; return the place in `order`.
+
+    """
+    n_free = int(np.sum(labels == 0))
+    n_drawn = int(np.sum(labels[order[:cursor]] == 0))
+    best = int(np.argmax(pool.score))
+    while cursor < len(order):
+        if pool.score[best] > 0.0 and n_drawn >= samples_needed(
+            limits.probability, 1.0 - pool.n_points[best] / n_free, 1
+        ):
+            break
+        seed = order[cursor]
+        cursor += 1
+        if labels[seed] != 0:
+            continue
+        n_drawn += 1
+        if pool.holder[seed] >= 0 and pool.score[pool.holder[seed]] > 0.0:
+            continue
+        added = add_hypothesis(cloud, limits, labels, seed, samples[seed % len(samples)], pool, scratch)
+        if added >= 0 and pool.score[added] > pool.score[best]:
+            best = added
+    return cursor
+
+
+@njit(cache=True, nogil=True)
+def add_hypothesis(
+    cloud: Cloud,
+    limits: Limits,
+    labels: NDArray[np.int32],
+    seed: int,
+    samples: NDArray[np.float64],
+    pool: Pool,
+    scratch: Scratch,
+) -> int:
+    """
+    Find the plane around a seed and put it into the pool if it is large enough and no wall; −1 if not.
+
+    """
+    at = pool.size[0]
+    plane = pool.plane[at]
+    if not propose(cloud, limits, labels, seed, samples, plane):
+        return -1
+    count, score = refine(cloud, limits, labels, seed, plane, scratch)
+    if count < limits.min_points or plane[2] < limits.min_vertical:
+        return -1
+    pool.seed[at], pool.n_points[at], pool.score[at] = seed, count, score
+    pool.holder[scratch.queue[:count]] = at
+    pool.size[0] += 1
+    return at
+
+
+@njit(cache=True, nogil=True)
+def recount(
+    cloud: Cloud, limits: Limits, labels: NDArray[np.int32], at: int, pool: Pool, scratch: Scratch
+) -> int:
+    """
+    Count a hypothesis's points anew among the free ones; one with too few loses its score.
+
+    """
+    count, score = grow(cloud, limits, labels, pool.seed[at], pool.plane[at], False, scratch)
+    pool.n_points[at] = count
+    pool.score[at] = score if count >= limits.min_points else 0.0
+    return count

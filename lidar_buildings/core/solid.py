@@ -1,0 +1,132 @@
+"""
+Solids: closed shells of planar faces, and the extruded one that LoD1.2 needs.
+
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lidar_buildings.core.outline import Outline
+
+GROUND_SURFACE = "GroundSurface"
+ROOF_SURFACE = "RoofSurface"
+WALL_SURFACE = "WallSurface"
+
+#: A face's rings as rows of the solid's vertices, open: its exterior, then its holes.
+Face = tuple[tuple[int, ...], ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Solid:
+    """
+    A closed shell.
+
+    Attributes
+    ----------
+    vertices : ndarray of shape (n_vertices, 3)
+        Map frame [m].
+    faces : tuple of Face
+        Seen from outside, exteriors run counter-clockwise and holes clockwise.
+    semantics : tuple of str
+        Per face GroundSurface, RoofSurface or WallSurface (the words of CityJSON).
+
+    """
+
+    vertices: NDArray[np.float64]
+    faces: tuple[Face, ...]
+    semantics: tuple[str, ...]
+
+    @property
+    def volume(self) -> float:
+        """
+        Volume inside the shell [m³]; negative if its faces look inwards.
+
+        """
+        if not len(self.vertices):
+            return 0.0
+        # Gauss: signed tetrahedra over fans of triangles; what a fan adds outside a ring it takes back.
+        corners = self.vertices - self.vertices.mean(axis=0)
+        return float(sum(_fan_volume(corners[list(ring)]) for face in self.faces for ring in face))
+
+    @property
+    def is_watertight(self) -> bool:
+        """
+        Whether every edge is shared by exactly two faces, once in each direction.
+
+        """
+        edges = Counter(self.edges())
+        return bool(edges) and all(n == 1 and edges.get((b, a)) == 1 for (a, b), n in edges.items())
+
+    def edges(self) -> list[tuple[int, int]]:
+        """
+        Return all directed edges, ring by ring.
+
+        """
+        return [
+            (ring[k], ring[(k + 1) % len(ring)])
+            for face in self.faces
+            for ring in face
+            for k in range(len(ring))
+        ]
+
+    def face_rings(self, face: Face) -> tuple[NDArray[np.float64], ...]:
+        """
+        Return the coordinates of a face's rings, each of shape (n, 3).
+
+        """
+        return tuple(self.vertices[list(ring)] for ring in face)
+
+
+def extrude(outline: Outline, z_bottom: float, z_top: float) -> Solid:
+    """
+    Raise an outline from one elevation to another.
+
+    Parameters
+    ----------
+    outline : Outline
+        Outer ring and courtyards in the map frame [m].
+    z_bottom, z_top : float
+        Elevations of the ground and the roof face [m].
+
+    Returns
+    -------
+    Solid
+        One ground face, one roof face and a wall per edge of the outline, whether valid or not: see
+        `lidar_buildings.core.validity`.
+
+    """
+    rings = outline.oriented().rings
+    plan = np.concatenate(rings)
+    n = len(plan)
+    vertices = np.column_stack([np.vstack([plan, plan]), np.repeat([z_bottom, z_top], n)])
+    starts = np.cumsum([0, *(len(ring) for ring in rings)])
+    bottoms = [tuple(range(a, b)) for a, b in pairwise(starts)]
+    ground = tuple(ring[::-1] for ring in bottoms)
+    roof = tuple(tuple(i + n for i in ring) for ring in bottoms)
+    walls = tuple(((i, j, j + n, i + n),) for ring in bottoms for i, j in _ring_edges(ring))
+    semantics = (GROUND_SURFACE, ROOF_SURFACE, *(WALL_SURFACE for _ in walls))
+    return Solid(vertices, (ground, roof, *walls), semantics)
+
+
+def _ring_edges(ring: tuple[int, ...]) -> list[tuple[int, int]]:
+    """
+    Return the pairs of consecutive members, the last with the first.
+
+    """
+    return list(zip(ring, ring[1:] + ring[:1], strict=True))
+
+
+def _fan_volume(ring: NDArray[np.float64]) -> float:
+    """
+    Signed volume between the origin and a ring [m³].
+
+    """
+    if len(ring) < 3:
+        return 0.0
+    return float(np.sum(np.cross(ring[1:-1], ring[2:]) @ ring[0])) / 6.0
