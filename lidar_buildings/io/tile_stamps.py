@@ -1,0 +1,66 @@
+"""
+A tile's stamp: the recorded time of its first point where there is one.
+
+"""
+
+from __future__ import annotations
+
+import bisect
+import math
+
+#: Seconds of a week: the largest GPS week time.
+WEEK = 604_800
+#: Unix time of the GPS epoch, 1980-01-06 [s].
+GPS_EPOCH = 315_964_800
+#: Adjusted standard GPS time is this much less than GPS time (LAS specification) [s].
+ADJUSTMENT = 1_000_000_000
+#: GPS times at which a leap second came into force since the GPS epoch (IERS Bulletin C).
+LEAP_SECONDS = (
+    46828800, 78364801, 109900802, 173059203, 252028804, 315187205, 346723206, 393984007, 425520008,
+    457056009, 504489610, 551750411, 599184012, 820108813, 914803214, 1025136015, 1119744016, 1167264017,
+)  # fmt: skip
+#: Stamps carry seconds as int32.
+LATEST = 2**31 - 1
+_NANOSECONDS = 1_000_000_000
+
+
+def stamp_of_time(gps_time: float, *, is_standard: bool) -> int | None:
+    """
+    Return the stamp [ns] of a recorded GPS time, None if the time is not plausible.
+
+    Seconds of the week stay as they are; adjusted standard time becomes Unix time. Files exist that say
+    week time and hold standard time, so a value longer than a week counts as the latter.
+
+    Parameters
+    ----------
+    gps_time : float
+        As in the file; NaN and 0 if it has none.
+    is_standard : bool
+        Whether the file says that its times are adjusted standard GPS times.
+
+    """
+    if not math.isfinite(gps_time) or gps_time == 0.0:
+        return None
+    if not is_standard and gps_time <= WEEK:
+        seconds = gps_time
+    else:
+        seconds = _unix(gps_time + ADJUSTMENT)
+        if seconds > LATEST:  # standard time that was not adjusted
+            seconds = _unix(gps_time)
+    return round(seconds * _NANOSECONDS) if 0 < seconds < LATEST else None
+
+
+def stamp_of_number(number: int) -> int:
+    """
+    Return the stamp [ns] of tile `number` where no time is known: so many seconds.
+
+    """
+    return number * _NANOSECONDS
+
+
+def _unix(gps_seconds: float) -> float:
+    """
+    Turn GPS seconds since 1980 into Unix time.
+
+    """
+    return gps_seconds + GPS_EPOCH - bisect.bisect_right(LEAP_SECONDS, gps_seconds)

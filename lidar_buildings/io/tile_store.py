@@ -1,0 +1,188 @@
+"""
+Points on disk by cell, and tiles put together from them.
+
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import laspy
+import numpy as np
+from numpy.typing import NDArray
+
+from lidar_buildings.core.map_frame import MapFrame
+from lidar_buildings.core.tile import PointTile
+from lidar_buildings.io.las import xyz_of
+from lidar_buildings.io.point_columns import point_columns, without_empty_columns
+from lidar_buildings.io.spool import RECORD, Cell, Spool
+from lidar_buildings.io.tile_grid import TileGrid
+
+
+@dataclass(frozen=True)
+class TilePlan:
+    """
+    A tile that is ready: its place, and which records of its cells are its core points.
+
+    Attributes
+    ----------
+    stamp : int
+        The tile's key [ns].
+    tile : tuple of two int
+        Its column and row in the grid.
+    core : dict
+        Spool cell → first and last (exclusive) record.
+
+    """
+
+    stamp: int
+    tile: Cell
+    core: dict[Cell, tuple[int, int]]
+
+
+class TileStore:
+    """
+    Holds all points that were read, and makes tiles of them.
+
+    Parameters
+    ----------
+    grid : TileGrid
+        Tiles and spool cells.
+    frame : MapFrame
+        The map frame of all tiles.
+    temporary : path or None
+        Where the temporary folder is made.
+
+    """
+
+    def __init__(self, grid: TileGrid, frame: MapFrame, temporary: str | Path | None) -> None:
+        self.grid = grid
+        self.frame = frame
+        self._spool = Spool(temporary)
+        self._planned: dict[Cell, int] = {}
+        self._dropped: list[int] = []
+
+    def remove(self) -> None:
+        """
+        Delete the temporary folder.
+
+        """
+        self._spool.remove()
+
+    def add(self, source: int, first: int, chunk: laspy.ScaleAwarePointRecord) -> set[Cell]:
+        """
+        Keep a chunk's points; `first` is the index of its first one.
+
+        Returns
+        -------
+        set of tuple
+            The tiles that they belong to.
+
+        """
+        xyz = xyz_of(chunk)
+        records = np.empty(len(chunk), RECORD)
+        records["x"], records["y"], records["z"] = self.frame.to_map(xyz).T
+        for name, column in point_columns(chunk).items():
+            records[name] = column
+        records["source"] = source
+        records["index"] = np.arange(first, first + len(chunk), dtype=np.uint32)
+        cells = self.grid.cells_at(xyz[:, :2] * self.frame.horizontal_unit)
+        return {self.grid.tile_of(cell) for cell in self._spool.append(cells, records)}
+
+    def drop(self, source: int) -> None:
+        """
+        Forget the points of a file that turned out unreadable.
+
+        """
+        self._dropped.append(source)
+
+    def take_core(self, tile: Cell) -> dict[Cell, tuple[int, int]]:
+        """
+        Return which records of the tile's cells no earlier plan has taken, and count them as taken.
+
+        """
+        core = {}
+        for cell in self.grid.cells_of(tile):
+            first, last = self._planned.get(cell, 0), self._spool.counts.get(cell, 0)
+            if first < last:
+                core[cell] = (first, last)
+                self._planned[cell] = last
+        return core
+
+    def first_point(self, core: dict[Cell, tuple[int, int]]) -> Any | None:
+        """
+        Return the first core point's record, None if no file with such points could be read.
+
+        """
+        candidates = [
+            block[np.argmin(_order_key(block))]
+            for cell, (first, last) in core.items()
+            for block in self._blocks(cell, first, last)
+        ]
+        return min(candidates, key=_order_key, default=None)
+
+    def count(self, plan: TilePlan, buffer: float) -> int:
+        """
+        Count a tile's points, buffer included.
+
+        """
+        return sum(len(block) for block, _ in self._tile_blocks(plan, buffer))
+
+    def tile(self, plan: TilePlan, buffer: float) -> PointTile:
+        """
+        Put a tile together, rows in the order of (source, index).
+
+        """
+        parts = list(self._tile_blocks(plan, buffer))
+        records = np.concatenate([block for block, _ in parts])
+        is_buffer = np.repeat(
+            np.array([kind for _, kind in parts], dtype=np.uint8), [len(block) for block, _ in parts]
+        )
+        del parts
+        order = np.argsort(_order_key(records), kind="stable")
+        records = records[order]
+        points = np.column_stack([records["x"], records["y"], records["z"]])
+        columns = {name: records[name] for name in RECORD.fields or () if name not in ("x", "y", "z")}
+        return PointTile(
+            points,
+            buffer=is_buffer[order],
+            stamp=plan.stamp,
+            frame=self.frame,
+            **without_empty_columns(columns),
+        )
+
+    def _tile_blocks(self, plan: TilePlan, buffer: float) -> Iterator[tuple[NDArray[Any], int]]:
+        """
+        Read a tile's records with its buffer: (records, 0 for core points or 1).
+
+        """
+        area = self.grid.area_of(plan.tile).grown(buffer)
+        near = area.moved(-self.frame.origin[0], -self.frame.origin[1])
+        for cell in dict.fromkeys([*plan.core, *self.grid.cells_touching(area)]):
+            first, last = plan.core.get(cell, (0, 0))
+            for block in self._blocks(cell, first, last):
+                yield block, 0
+            for start, end in ((0, first), (last, None)):
+                for block in self._blocks(cell, start, end):
+                    yield block[near.holds(block["x"], block["y"])], 1
+
+    def _blocks(self, cell: Cell, first: int = 0, last: int | None = None) -> Iterator[NDArray[Any]]:
+        """
+        Read a cell's records without those of dropped files.
+
+        """
+        for block in self._spool.blocks(cell, first, last):
+            kept = block[~np.isin(block["source"], self._dropped)] if self._dropped else block
+            if len(kept):
+                yield kept
+
+
+def _order_key(records: NDArray[Any]) -> NDArray[np.uint64]:
+    """
+    Return a number that orders records by (source, index).
+
+    """
+    return records["source"].astype(np.uint64) << np.uint64(32) | records["index"]
