@@ -118,7 +118,7 @@ def test_a_ten_metre_square_has_four_hundred_half_metre_cells_wherever_it_stands
 def test_a_shifted_square_has_the_iou_of_its_overlap():
     cells = [cells_of_polygons([box(FAR[0] + shift, FAR[1], 10, 10)], 0.5) for shift in (0.0, 2.0)]
     score = score_buildings(*cells)
-    assert (score.n_result, score.n_reference, score.n_common) == (400, 400, 320)
+    assert (score.n_result_cells, score.n_reference_cells, score.n_common_cells) == (400, 400, 320)
     assert score.recall == score.precision == pytest.approx(0.8)
     assert score.iou == pytest.approx(80 / 120)
 
@@ -171,7 +171,7 @@ def test_points_fill_their_own_cell():
 
 @pytest.mark.parametrize("spacing", [0.25, 0.5, 1.0, 2.5])
 def test_a_roof_has_its_true_area_in_cells_at_any_density(spacing):
-    points = lattice((0, 60), (0, 60), spacing) + (*FAR, 0.0)
+    points = lattice((0, 60), (0, 60), spacing) + np.array([*FAR, 0.0])
     x, y = (points[:, :2] - FAR).T
     on_roof = (x > 20) & (x < 40) & (y > 10) & (y < 50)
     reference = cells_of_polygons([box(FAR[0] + 20, FAR[1] + 10, 20, 40)], 0.5)
@@ -288,7 +288,7 @@ def test_outlines_are_cut_to_the_area_of_interest():
     reference = [box(0, 0, 10, 10)]
     result = [box(0, 0, 20, 10), box(9.9, 20, 50, 10), box(30, 0, 5, 5)]
     score = score_outlines(result, reference, area=[box(-5, -5, 15, 50)])
-    # The first agrees once cut; of the second a strip remains, whose building lies outside; the third is outside.
+    # The first agrees once cut; of the second a strip is left, its building lies outside, as does the third.
     assert (score.n_result, score.n_found, score.n_extra) == (1, 1, 0)
     assert score.mean_iou == pytest.approx(1.0)
     assert score.area_correctness == pytest.approx(100 / 101)

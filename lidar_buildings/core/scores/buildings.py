@@ -26,7 +26,7 @@ class BuildingScore:
     ----------
     cell : float
         Side of a cell [m].
-    n_result, n_reference, n_common : int
+    n_result_cells, n_reference_cells, n_common_cells : int
         Building cells of the result, of the reference, and of both.
     recall : float
         Common / reference (completeness).
@@ -38,9 +38,9 @@ class BuildingScore:
     """
 
     cell: float
-    n_result: int
-    n_reference: int
-    n_common: int
+    n_result_cells: int
+    n_reference_cells: int
+    n_common_cells: int
     recall: float
     precision: float
     iou: float
@@ -68,13 +68,13 @@ def score_buildings(
     """
     if area is not None:
         result, reference = cells_inside(result, area, cell), cells_inside(reference, area, cell)
-    n_common = len(np.intersect1d(result, reference, assume_unique=True))
-    agreement = Confusion(n_common, len(result) - n_common, len(reference) - n_common, 0)
+    n_common_cells = len(np.intersect1d(result, reference, assume_unique=True))
+    agreement = Confusion(n_common_cells, len(result) - n_common_cells, len(reference) - n_common_cells, 0)
     return BuildingScore(
         cell=cell,
-        n_result=len(result),
-        n_reference=len(reference),
-        n_common=n_common,
+        n_result_cells=len(result),
+        n_reference_cells=len(reference),
+        n_common_cells=n_common_cells,
         recall=agreement.recall,
         precision=agreement.precision,
         iou=agreement.iou,

@@ -1,0 +1,197 @@
+"""
+The classes that clouds give to their points, one cloud alone or two of the same points side by side.
+
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lidar_buildings.core.errors import InputError
+from lidar_buildings.io.find_inputs import find_inputs
+from lidar_buildings.io.las import Cloud, open_cloud, xyz_of
+
+#: Extra dimension of a simulated survey: the class that each point has in truth.
+TRUE_CLASS = "TrueClass"
+#: Folder of an output folder in which the clouds stand.
+CLASSIFIED = "classified"
+
+
+@dataclass(frozen=True, eq=False)
+class LabelledPoints:
+    """
+    Points and what one or two sources say they are.
+
+    Attributes
+    ----------
+    points : ndarray of shape (n_points, 3)
+        In the clouds' reference system, but in metres.
+    labels : tuple of ndarray of uint8, shape (n_points,)
+        ASPRS classes, one array per source.
+    crs : str
+        Name of the reference system, empty if the clouds do not say.
+
+    """
+
+    points: NDArray[np.float64]
+    labels: tuple[NDArray[np.uint8], ...]
+    crs: str
+
+
+def has_clouds(path: Path) -> bool:
+    """
+    Whether the path is a cloud, or a folder of clouds or of results with clouds.
+
+    """
+    try:
+        find_clouds(path)
+    except InputError:
+        return False
+    return path.is_dir() or path.suffix.lower() in (".las", ".laz")
+
+
+def find_clouds(path: Path) -> list[Path]:
+    """
+    Return the clouds of a file, a folder, or the output folder of a run.
+
+    Raises
+    ------
+    InputError
+        If there are none.
+
+    """
+    return find_inputs(path / CLASSIFIED if (path / CLASSIFIED).is_dir() else path)
+
+
+def read_labels(path: Path, *, prefer_truth: bool) -> LabelledPoints:
+    """
+    Read points and their classes.
+
+    Parameters
+    ----------
+    path : Path
+        A cloud, or a folder of them.
+    prefer_truth : bool
+        Whether the true class of a simulated survey counts where a cloud has it.
+
+    Raises
+    ------
+    InputError
+        If a cloud cannot be read.
+
+    """
+    clouds = [open_cloud(file) for file in find_clouds(path)]
+    return _joined([part for cloud in clouds for part in _parts(cloud, prefer_truth)], clouds)
+
+
+def read_label_pairs(result: Path, reference: Path) -> LabelledPoints:
+    """
+    Read what a result and a reference say of the same points; several files are matched by name.
+
+    Parameters
+    ----------
+    result, reference : Path
+        A cloud each, or folders of clouds that carry the same names up to their endings.
+
+    Returns
+    -------
+    LabelledPoints
+        With the result's labels first. The reference's are the true class of a simulated survey where there
+        is one.
+
+    Raises
+    ------
+    InputError
+        If a cloud cannot be read or has no counterpart, or if two are not of the same points in the same
+        order.
+
+    """
+    parts, clouds = [], []
+    for mine, theirs in _matched(result, reference):
+        pair = open_cloud(mine), open_cloud(theirs)
+        clouds.append(pair[0])
+        parts.extend(_paired_parts(*pair))
+    return _joined(parts, clouds)
+
+
+def _matched(result: Path, reference: Path) -> list[tuple[Path, Path]]:
+    """
+    Pair the files of both sides: one with one as they are, else by name.
+
+    """
+    mine, theirs = find_clouds(result), find_clouds(reference)
+    if len(mine) == len(theirs) == 1:
+        return [(mine[0], theirs[0])]
+    by_name = [{_bare_name(file): file for file in files} for files in (mine, theirs)]
+    for side, (here, there) in zip((reference, result), (by_name, by_name[::-1]), strict=True):
+        lonely = sorted(here.keys() - there.keys())
+        if lonely:
+            raise InputError(
+                f"{here[lonely[0]]}: has no counterpart named {lonely[0]}.* in {side}: "
+                "give results and references of the same clouds"
+            )
+    return [(by_name[0][name], by_name[1][name]) for name in sorted(by_name[0])]
+
+
+def _bare_name(file: Path) -> str:
+    """
+    Return a cloud's name without .las, .laz or .copc.laz.
+
+    """
+    return file.stem[: -len(".copc")] if file.stem.lower().endswith(".copc") else file.stem
+
+
+def _parts(cloud: Cloud, prefer_truth: bool) -> Iterator[tuple[NDArray[np.float64], NDArray[np.uint8]]]:
+    """
+    Yield coordinates [m] and labels, chunk by chunk.
+
+    """
+    named = TRUE_CLASS in cloud.header.point_format.extra_dimension_names
+    dimension = TRUE_CLASS if prefer_truth and named else "classification"
+    for chunk in cloud.chunks():
+        yield xyz_of(chunk) * cloud.units, np.asarray(chunk[dimension], dtype=np.uint8)
+
+
+def _paired_parts(mine: Cloud, theirs: Cloud) -> Iterator[tuple[NDArray[Any], ...]]:
+    """
+    Yield coordinates [m] and both labels, chunk by chunk, while both clouds hold the same points.
+
+    """
+    if mine.point_count != theirs.point_count:
+        raise InputError(
+            f"{mine.path}: has {mine.point_count} points, but {theirs.path} has {theirs.point_count}: "
+            "point by point only the same points in the same order can be compared"
+        )
+    # A coordinate may have been rounded to either file's own step.
+    step = np.maximum(np.abs(mine.header.scales) * mine.units, np.abs(theirs.header.scales) * theirs.units)
+    row = 0
+    for (points, my_labels), (their_points, their_labels) in zip(
+        _parts(mine, False), _parts(theirs, True), strict=True
+    ):
+        differs = (np.abs(points - their_points) > 1.01 * step).any(axis=1)
+        if differs.any():
+            raise InputError(
+                f"{mine.path}: point {row + int(differs.argmax())} lies elsewhere than in {theirs.path}: "
+                "point by point only the same points in the same order can be compared"
+            )
+        row += len(points)
+        yield points, my_labels, their_labels
+
+
+def _joined(parts: list[tuple[NDArray[Any], ...]], clouds: list[Cloud]) -> LabelledPoints:
+    """
+    Put chunks together; without any, there are no points and no labels of either source.
+
+    """
+    crs = next((cloud.crs.name for cloud in clouds if cloud.crs.name), "")
+    if not parts:
+        none = np.empty(0, dtype=np.uint8)
+        return LabelledPoints(np.empty((0, 3)), (none, none), crs)
+    points, *labels = (np.concatenate(arrays) for arrays in zip(*parts, strict=True))
+    return LabelledPoints(points, tuple(labels), crs)

@@ -1,0 +1,202 @@
+"""
+``lidar-buildings score``: how well a result agrees with a reference, as a table or as JSON.
+
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+from collections.abc import Collection
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from lidar_buildings.core.errors import ParameterError
+
+KINDS = ("ground", "buildings", "outlines")
+#: Kinds that the command's contract names and a later version brings.
+LATER_KINDS = ("edges", "planes", "models")
+#: Default side of a cell [m] and default reach of an empty one [spacings].
+CELL, FILL = 0.5, 1.5
+#: Cells below the precision of maps, or larger than buildings, say nothing.
+CELL_RANGE, FILL_RANGE = (0.05, 100.0), (0.0, 10.0)
+#: Which options apply to which kind.
+_OPTIONS = {
+    "ground": {"reference_classes"},
+    "buildings": {"cell", "fill", "reference_classes"},
+    "outlines": set(),
+}
+
+
+@dataclass(frozen=True)
+class Score:
+    """
+    What a comparison gave.
+
+    Attributes
+    ----------
+    figures : dict
+        Name → number, unrounded; None for a share or mean of nothing.
+    table : str
+        The same for reading, one figure a line.
+
+    """
+
+    figures: dict[str, Any]
+    table: str
+
+
+def run_score(
+    kind: str,
+    result_path: str | Path,
+    reference_path: str | Path,
+    *,
+    aoi: str | Path | None = None,
+    cell: float = CELL,
+    fill: float = FILL,
+    reference_classes: Collection[int] | None = None,
+) -> Score:
+    """
+    Compare a result with a reference.
+
+    Parameters
+    ----------
+    kind : str
+        ``"ground"``, ``"buildings"`` or ``"outlines"``.
+    result_path, reference_path : path
+        A LAS or LAZ file, a folder of them or the output folder of a run; or a file of polygons. Ground needs
+        clouds, outlines need polygons, buildings take either on both sides. Two clouds must hold the same
+        points in the same order.
+    aoi : path, optional
+        File of polygons: only what lies inside counts.
+    cell : float
+        Side of the cells in which buildings are compared [m].
+    fill : float
+        How far an empty cell looks for its nearest point, in point spacings; see `core.scores.cells`.
+    reference_classes : collection of int, optional
+        The reference's classes of ground (default 2) or of buildings (default 6).
+
+    Returns
+    -------
+    Score
+
+    Raises
+    ------
+    InputError
+        If a file cannot be read or the two sides cannot be compared.
+    ParameterError
+        If the kind is unknown, or `cell` or `fill` is out of range.
+
+    """
+    if kind not in KINDS:
+        raise ParameterError(f"score {kind}: must be one of {', '.join(KINDS)}")
+    _check_range("cell", cell, *CELL_RANGE)
+    _check_range("fill", fill, *FILL_RANGE)
+    # Imported late: --help answers at once.
+    from lidar_buildings.io.polygon_layer import read_polygon_layer
+    from lidar_buildings.score_kinds import FIGURES, ScoreOptions
+    from lidar_buildings.score_table import score_table
+
+    area = None if aoi is None else read_polygon_layer(Path(aoi))
+    options = ScoreOptions(area, cell, fill, reference_classes)
+    found = FIGURES[kind](Path(result_path), Path(reference_path), options)
+    figures = {name: None if _is_nan(value) else value for name, value in found.items()}
+    title = f"{kind}: {result_path} against {reference_path}" + (f" within {aoi}" if aoi else "")
+    return Score(figures, score_table(title, figures))
+
+
+def add_score_arguments(parser: argparse.ArgumentParser) -> None:
+    """
+    Describe ``lidar-buildings score``.
+
+    """
+    parser.add_argument("kind", type=_kind, metavar="{" + ",".join(KINDS) + "}", help="what to compare")
+    parser.add_argument("result", type=Path, metavar="RESULT", help="output folder, LAZ file or GeoPackage")
+    parser.add_argument(
+        "reference", type=Path, metavar="REFERENCE", help="LAZ file, folder of them, or GeoPackage"
+    )
+    parser.add_argument("--aoi", type=Path, metavar="FILE", help="polygons: only what lies inside counts")
+    parser.add_argument(
+        "--cell", type=float, metavar="M", help=f"buildings: side of a cell [m] (default: {CELL})"
+    )
+    parser.add_argument(
+        "--fill",
+        type=float,
+        metavar="SPACINGS",
+        help=f"buildings: how far an empty cell looks for its nearest point (default: {FILL}; 0: not at all)",
+    )
+    parser.add_argument(
+        "--reference-classes",
+        type=_classes,
+        metavar="N[,N...]",
+        help="ground, buildings: the reference's classes of that kind, as in 2,9,11 (default: 2 or 6)",
+    )
+    parser.add_argument("--json", action="store_true", help="print JSON with unrounded numbers")
+
+
+def score_command(options: argparse.Namespace) -> int:
+    """
+    Execute ``lidar-buildings score``: print a table or JSON, return 0.
+
+    Raises
+    ------
+    InputError
+        If a file cannot be read or the two sides cannot be compared.
+    ParameterError
+        If an option is out of range or has no meaning for this kind.
+
+    """
+    given = {name: getattr(options, name) for name in ("cell", "fill", "reference_classes")}
+    given = {name: value for name, value in given.items() if value is not None}
+    for name in given.keys() - _OPTIONS[options.kind]:
+        raise ParameterError(
+            f"score {options.kind}: --{name.replace('_', '-')} does not apply to {options.kind}: leave it out"
+        )
+    score = run_score(options.kind, options.result, options.reference, aoi=options.aoi, **given)
+    print(json.dumps({"kind": options.kind, **score.figures}, indent=2) if options.json else score.table)
+    return 0
+
+
+def _kind(text: str) -> str:
+    """
+    Check the kind of a score for argparse.
+
+    """
+    if text in LATER_KINDS:
+        raise argparse.ArgumentTypeError(f"{text!r} cannot be scored yet: choose {', '.join(KINDS)}")
+    if text not in KINDS:
+        raise argparse.ArgumentTypeError(f"there is no kind {text!r}: choose {', '.join(KINDS)}")
+    return text
+
+
+def _classes(text: str) -> tuple[int, ...]:
+    """
+    Read a list of point classes for argparse.
+
+    """
+    try:
+        classes = tuple(int(part) for part in text.split(","))
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"{text!r} is no list of classes such as 2,9,11") from None
+    if not all(0 <= code <= 255 for code in classes):
+        raise argparse.ArgumentTypeError(f"{text!r}: classes are within 0 to 255")
+    return classes
+
+
+def _check_range(name: str, value: float, smallest: float, largest: float) -> None:
+    """
+    Raise ParameterError unless the option is a number in its range.
+
+    """
+    if not smallest <= value <= largest:
+        raise ParameterError(f"score --{name} {value:g}: must be within {smallest:g} to {largest:g}")
+
+
+def _is_nan(value: Any) -> bool:
+    """
+    Whether a figure is a share or mean of nothing.
+
+    """
+    return isinstance(value, float) and math.isnan(value)

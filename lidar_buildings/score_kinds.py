@@ -1,0 +1,182 @@
+"""
+Each kind of score: read both sides, bring them together, compare them in the core.
+
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from lidar_buildings.core.asprs import PointClass
+from lidar_buildings.core.errors import InputError
+from lidar_buildings.core.scores.buildings import score_buildings
+from lidar_buildings.core.scores.cells import CellSet, cells_of_points, cells_of_polygons
+from lidar_buildings.core.scores.confusion import confusion_of
+from lidar_buildings.core.scores.ground import REFERENCE_GROUND, score_ground
+from lidar_buildings.core.scores.outlines import score_outlines
+from lidar_buildings.io.labelled_points import LabelledPoints, has_clouds, read_label_pairs, read_labels
+from lidar_buildings.io.polygon_layer import PolygonLayer, read_polygon_layer
+
+#: A result's building points, and a reference's unless told otherwise.
+BUILDING = (int(PointClass.BUILDING),)
+
+
+@dataclass(frozen=True)
+class ScoreOptions:
+    """
+    What the kinds need to know beside their two sides.
+
+    Attributes
+    ----------
+    area : PolygonLayer or None
+        Only what lies inside counts.
+    cell : float
+        Side of a cell [m].
+    fill : float
+        How far an empty cell looks for its nearest point [spacings].
+    reference_classes : collection of int or None
+        The reference's classes of what is compared, None for the usual one.
+
+    """
+
+    area: PolygonLayer | None
+    cell: float
+    fill: float
+    reference_classes: Collection[int] | None
+
+
+def ground_figures(result: Path, reference: Path, options: ScoreOptions) -> dict[str, Any]:
+    """
+    Compare ground point by point.
+
+    """
+    _, labels = _inside(read_label_pairs(result, reference), options.area)
+    return asdict(score_ground(*labels, reference_ground=options.reference_classes or REFERENCE_GROUND))
+
+
+def building_figures(result: Path, reference: Path, options: ScoreOptions) -> dict[str, Any]:
+    """
+    Compare building cells; and points, too, where both sides are clouds.
+
+    """
+    if has_clouds(result) and has_clouds(reference):
+        return _building_figures_of_points(result, reference, options)
+    sides = [
+        _read_side(result, BUILDING, options, is_reference=False),
+        _read_side(reference, options.reference_classes or BUILDING, options, is_reference=True),
+    ]
+    _check_same_system(sides[0][1], sides[1][1], options.area)
+    return _cell_figures(sides[0][0], sides[1][0], options)
+
+
+def outline_figures(result: Path, reference: Path, options: ScoreOptions) -> dict[str, Any]:
+    """
+    Compare outlines as objects, as area and along their boundaries.
+
+    """
+    mine, theirs = read_polygon_layer(result), read_polygon_layer(reference)
+    _check_same_system(mine.crs, theirs.crs, options.area)
+    area = None if options.area is None else options.area.polygons
+    figures = asdict(score_outlines(mine.polygons, theirs.polygons, area=area))
+    distances = figures.pop("boundary")
+    vertices = {name: figures.pop(name) for name in ("vertices_result", "vertices_reference")}
+    per_outline = {name: figures.pop(name).tolist() for name in ("partner", "iou")}
+    named = {f"boundary_{name}": value for name, value in distances.items()}
+    return {**figures, **named, **vertices, **{f"{name}_per_reference": v for name, v in per_outline.items()}}
+
+
+FIGURES: dict[str, Callable[[Path, Path, ScoreOptions], dict[str, Any]]] = {
+    "ground": ground_figures,
+    "buildings": building_figures,
+    "outlines": outline_figures,
+}
+
+
+def _building_figures_of_points(result: Path, reference: Path, options: ScoreOptions) -> dict[str, Any]:
+    """
+    Compare two clouds of the same points: their cells, and point by point.
+
+    """
+    cloud = read_label_pairs(result, reference)
+    wanted = BUILDING, options.reference_classes or BUILDING
+    masks = [np.isin(labels, list(classes)) for labels, classes in zip(cloud.labels, wanted, strict=True)]
+    cells = [cells_of_points(cloud.points, mask, options.cell, reach=options.fill) for mask in masks]
+    _check_same_system(cloud.crs, "", options.area)
+    inside = _is_inside(cloud.points, options.area)
+    points = confusion_of(masks[0][inside], masks[1][inside])
+    return {
+        **_cell_figures(cells[0], cells[1], options),
+        "n_points": points.total,
+        "point_recall": points.recall,
+        "point_precision": points.precision,
+        "point_f1": points.f1,
+        "point_iou": points.iou,
+    }
+
+
+def _cell_figures(result: CellSet, reference: CellSet, options: ScoreOptions) -> dict[str, Any]:
+    """
+    Compare two sets of cells.
+
+    """
+    area = None if options.area is None else options.area.polygons
+    return asdict(score_buildings(result, reference, cell=options.cell, area=area))
+
+
+def _read_side(
+    path: Path, classes: Collection[int], options: ScoreOptions, *, is_reference: bool
+) -> tuple[CellSet, str]:
+    """
+    Return the building cells of a cloud or of polygons, and the name of their reference system.
+
+    """
+    if not has_clouds(path):
+        layer = read_polygon_layer(path)
+        return cells_of_polygons(layer.polygons, options.cell), layer.crs
+    cloud = read_labels(path, prefer_truth=is_reference)
+    is_building = np.isin(cloud.labels[0], list(classes))
+    return cells_of_points(cloud.points, is_building, options.cell, reach=options.fill), cloud.crs
+
+
+def _inside(
+    cloud: LabelledPoints, area: PolygonLayer | None
+) -> tuple[NDArray[np.float64], tuple[NDArray[np.uint8], ...]]:
+    """
+    Return the points within the area of interest and their labels.
+
+    """
+    _check_same_system(cloud.crs, "", area)
+    inside = _is_inside(cloud.points, area)
+    return cloud.points[inside], tuple(labels[inside] for labels in cloud.labels)
+
+
+def _is_inside(points: NDArray[np.float64], area: PolygonLayer | None) -> NDArray[np.bool_]:
+    """
+    Whether each point lies within the area of interest.
+
+    """
+    if area is None:
+        return np.ones(len(points), dtype=bool)
+    limits = shapely.union_all(area.polygons)
+    shapely.prepare(limits)
+    return np.asarray(shapely.intersects_xy(limits, points[:, 0], points[:, 1]), dtype=bool)
+
+
+def _check_same_system(result: str, reference: str, area: PolygonLayer | None) -> None:
+    """
+    Refuse sides in different reference systems; one that does not say its own is trusted.
+
+    """
+    named = [crs for crs in (result, reference, "" if area is None else area.crs) if crs.startswith("EPSG:")]
+    if len(set(named)) > 1:
+        raise InputError(
+            f"the result, the reference and the area of interest are in {', '.join(dict.fromkeys(named))}: "
+            "bring them to one reference system"
+        )

@@ -1,0 +1,78 @@
+"""
+The figures of a score as an aligned plain-text table.
+
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+#: Figure → (label in the table, unit); a share has the unit "".
+LABELS: dict[str, tuple[str, str]] = {
+    "n_points": ("points", "n"),
+    "n_ground": ("ground in the reference", "n"),
+    "n_object": ("object in the reference", "n"),
+    "n_ground_rejected": ("ground taken for object", "n"),
+    "n_object_accepted": ("object taken for ground", "n"),
+    "total_error": ("total error", ""),
+    "type_1_error": ("type I error (ground rejected)", ""),
+    "type_2_error": ("type II error (object accepted)", ""),
+    "kappa": ("Cohen's kappa", ""),
+    "cell": ("cell size", "m"),
+    "n_result_cells": ("cells in the result", "n"),
+    "n_reference_cells": ("cells in the reference", "n"),
+    "n_common_cells": ("cells in both", "n"),
+    "recall": ("recall (completeness)", ""),
+    "precision": ("precision (correctness)", ""),
+    "iou": ("IoU (quality)", ""),
+    "point_recall": ("recall, by points", ""),
+    "point_precision": ("precision, by points", ""),
+    "point_f1": ("F1, by points", ""),
+    "point_iou": ("IoU, by points", ""),
+    "n_result": ("outlines in the result", "n"),
+    "n_reference": ("outlines in the reference", "n"),
+    "n_found": ("found (IoU ≥ 0.5)", "n"),
+    "n_missed": ("missed", "n"),
+    "n_extra": ("extra", "n"),
+    "completeness": ("completeness, by objects", ""),
+    "correctness": ("correctness, by objects", ""),
+    "mean_iou": ("mean IoU of all in the reference", ""),
+    "mean_iou_found": ("mean IoU of those found", ""),
+    "area_completeness": ("completeness, by area", ""),
+    "area_correctness": ("correctness, by area", ""),
+    "area_iou": ("IoU, by area", ""),
+    "boundary_mean": ("boundary distance, mean", "m"),
+    "boundary_rms": ("boundary distance, RMS", "m"),
+    "boundary_percentile_95": ("boundary distance, 95 %", "m"),
+    "boundary_hausdorff": ("boundary distance, largest", "m"),
+    "vertices_result": ("vertices of those found", "mean"),
+    "vertices_reference": ("vertices of their references", "mean"),
+}
+
+
+def score_table(title: str, figures: Mapping[str, Any]) -> str:
+    """
+    Return a title and one line per figure; what has no label (lists) is left to JSON.
+
+    """
+    shown = {name: figures[name] for name in LABELS if name in figures}
+    width = max(len(LABELS[name][0]) for name in shown)
+    lines = [
+        f"  {LABELS[name][0]:<{width}}  {_in_words(value, LABELS[name][1])}" for name, value in shown.items()
+    ]
+    return "\n".join([title, *lines])
+
+
+def _in_words(value: float | None, unit: str) -> str:
+    """
+    Write a count, a share, a mean or a length; a dash where there is nothing to take a share of.
+
+    """
+    if value is None:
+        return f"{'–':>10}"
+    if unit == "n":
+        return f"{value:>10d}"
+    if unit == "m":
+        return f"{value:>10.3f} m"
+    return f"{value:>10.2f}" if unit == "mean" else f"{value:>10.4f}"
