@@ -1,0 +1,160 @@
+"""
+Insert vertices one by one into a Delaunay triangulation kept in arrays; compiled, O(1) each once located.
+
+A mesh is a pair of int32 arrays with room for growth: `triangles` (rows of vertices, counter-clockwise) and
+`neighbours` (the triangle across the side opposite each corner, −1 where there is none).
+
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+#: A fourth point this little inside the circle, relative to the sides to the fourth power, counts as on it:
+#: far above rounding (1e-16), so that flips cannot chase each other, far below what matters to the shape.
+ON_CIRCLE = 1e-12
+
+
+@njit(cache=True, nogil=True)
+def insert_vertex(vertex, triangle, n_triangles, vertices, triangles, neighbours, changed, mark):  # type: ignore[no-untyped-def]
+    """
+    Insert a vertex into the triangle that holds it, and flip sides until all are Delaunay again (Lawson 1977).
+
+    Parameters
+    ----------
+    vertex : int
+        Row of `vertices`; at no other vertex's place.
+    triangle : int
+        The triangle in or on whose border the vertex lies; never beyond the hull.
+    n_triangles : int
+        Number of triangles so far; the arrays have room for two more.
+    vertices : ndarray of shape (n, 2 or more), float64
+        Coordinates [m].
+    triangles, neighbours : ndarray of shape (m, 3), int32
+        The mesh; changed in place.
+    changed : ndarray of shape (m,), int32
+        Set to `mark` for every triangle that is new or has another shape.
+    mark : int
+        See `changed`.
+
+    Returns
+    -------
+    int
+        The number of triangles.
+
+    """
+    first, second = n_triangles, n_triangles + 1
+    _split(vertex, triangle, first, second, triangles, neighbours)
+    changed[triangle], changed[first], changed[second] = mark, mark, mark
+    suspects = [triangle, first, second]
+    while len(suspects) > 0:
+        suspect = suspects.pop()
+        beyond = neighbours[suspect, 0]
+        if beyond < 0:
+            continue
+        k = _corner_facing(beyond, suspect, neighbours)
+        a, b, c, d = triangles[suspect, 0], triangles[suspect, 1], triangles[suspect, 2], triangles[beyond, k]
+        if not _has_to_flip(vertices[a], vertices[b], vertices[c], vertices[d]):
+            continue
+        _flip(suspect, beyond, k, triangles, neighbours)
+        changed[suspect], changed[beyond] = mark, mark
+        suspects.append(suspect)
+        suspects.append(beyond)
+    return n_triangles + 2
+
+
+@njit(cache=True, nogil=True)
+def _split(vertex, triangle, first, second, triangles, neighbours):  # type: ignore[no-untyped-def]
+    """
+    Replace a triangle by three that meet in the vertex; it is corner 0 of each.
+
+    """
+    a, b, c = triangles[triangle, 0], triangles[triangle, 1], triangles[triangle, 2]
+    beyond_a, beyond_b, beyond_c = neighbours[triangle, 0], neighbours[triangle, 1], neighbours[triangle, 2]
+    _set(triangle, vertex, b, c, beyond_a, first, second, triangles, neighbours)
+    _set(first, vertex, c, a, beyond_b, second, triangle, triangles, neighbours)
+    _set(second, vertex, a, b, beyond_c, triangle, first, triangles, neighbours)
+    _redirect(beyond_b, triangle, first, neighbours)
+    _redirect(beyond_c, triangle, second, neighbours)
+
+
+@njit(cache=True, nogil=True)
+def _flip(near, far, k, triangles, neighbours):  # type: ignore[no-untyped-def]
+    """
+    Turn the side between two triangles; `near` faces it with corner 0, `far` with corner k.
+
+    Both have the former's corner 0 as their corner 0 afterwards.
+
+    """
+    a, b, c, d = triangles[near, 0], triangles[near, 1], triangles[near, 2], triangles[far, k]
+    beyond_bd, beyond_dc = neighbours[far, (k + 1) % 3], neighbours[far, (k + 2) % 3]
+    beyond_ca, beyond_ab = neighbours[near, 1], neighbours[near, 2]
+    _set(near, a, b, d, beyond_bd, far, beyond_ab, triangles, neighbours)
+    _set(far, a, d, c, beyond_dc, beyond_ca, near, triangles, neighbours)
+    _redirect(beyond_bd, far, near, neighbours)
+    _redirect(beyond_ca, near, far, neighbours)
+
+
+@njit(cache=True, nogil=True)
+def _set(triangle, a, b, c, beyond_a, beyond_b, beyond_c, triangles, neighbours):  # type: ignore[no-untyped-def]
+    """
+    Write a triangle's corners and the neighbours opposite them.
+
+    """
+    triangles[triangle, 0], triangles[triangle, 1], triangles[triangle, 2] = a, b, c
+    neighbours[triangle, 0], neighbours[triangle, 1], neighbours[triangle, 2] = beyond_a, beyond_b, beyond_c
+
+
+@njit(cache=True, nogil=True)
+def _redirect(triangle, old, new, neighbours):  # type: ignore[no-untyped-def]
+    """
+    Make a triangle's neighbour `old` its neighbour `new`.
+
+    """
+    if triangle >= 0:
+        neighbours[triangle, _corner_facing(triangle, old, neighbours)] = new
+
+
+@njit(cache=True, nogil=True)
+def _corner_facing(triangle, other, neighbours):  # type: ignore[no-untyped-def]
+    """
+    Return the corner of a triangle opposite the side that it shares with another.
+
+    """
+    if neighbours[triangle, 0] == other:
+        return 0
+    return 1 if neighbours[triangle, 1] == other else 2
+
+
+@njit(cache=True, nogil=True)
+def _has_to_flip(a, b, c, d):  # type: ignore[no-untyped-def]
+    """
+    Whether d lies within the circle through a, b, c and the side bc may be turned into ad.
+
+    """
+    if _turn(a, b, d) <= 0.0 or _turn(a, d, c) <= 0.0:
+        return False
+    ax, ay, bx, by, cx, cy = a[0] - d[0], a[1] - d[1], b[0] - d[0], b[1] - d[1], c[0] - d[0], c[1] - d[1]
+    aa, bb, cc = ax * ax + ay * ay, bx * bx + by * by, cx * cx + cy * cy
+    inside = aa * (bx * cy - by * cx) + bb * (cx * ay - cy * ax) + cc * (ax * by - ay * bx)
+    return inside > ON_CIRCLE * max(aa, bb, cc) ** 2
+
+
+@njit(cache=True, nogil=True)
+def _turn(a, b, c):  # type: ignore[no-untyped-def]
+    """
+    Return twice the signed area of a triangle: positive where it is counter-clockwise [m²].
+
+    """
+    return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
+
+
+def with_room(mesh_array: np.ndarray, n_rows: int) -> np.ndarray:
+    """
+    Return an int32 copy of an array with room for `n_rows` rows, −1 where nothing stands yet.
+
+    """
+    roomy = np.full((n_rows, *mesh_array.shape[1:]), -1, dtype=np.int32)
+    roomy[: len(mesh_array)] = mesh_array
+    return roomy
