@@ -77,7 +77,7 @@ class VirtualScene:
     buildings : tuple of Building
         Numbered from 1.
     obstacles : tuple of Building
-        Cars and free-standing walls: neither ground nor building.
+        Cars and free-standing walls, numbered 0: neither ground nor building.
     trees : tuple of Tree
         Vegetation.
     roads : tuple of Road

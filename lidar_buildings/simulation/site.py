@@ -85,7 +85,7 @@ class Site:
 
         """
         shape = roof_shapes.flat(length, 0.3, height)
-        self._obstacles.append(replace(self._standing(shape, x, y, rotation_deg), roof_type="wall"))
+        self._obstacles.append(replace(self._standing(shape, x, y, rotation_deg), roof_type="wall", number=0))
 
     def add_cars(self, n_cars: int) -> None:
         """
@@ -100,7 +100,7 @@ class Site:
             x, y = start + self.random.uniform(0.02, 0.98) * (end - start) + aside
             shape = roof_shapes.flat(4.4, 1.8, 1.5)
             turn = float(np.rad2deg(np.arctan2(along[1], along[0])))
-            car = replace(self._standing(shape, float(x), float(y), turn), roof_type="car")
+            car = replace(self._standing(shape, float(x), float(y), turn), roof_type="car", number=0)
             if not any(car.polygon.intersects(other.polygon) for other in self._obstacles):
                 self._obstacles.append(car)
 

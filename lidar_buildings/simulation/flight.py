@@ -1,0 +1,148 @@
+"""
+The flight plan: parallel strips that cover the scene.
+
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import shapely
+
+from lidar_buildings.simulation.config import SimulationConfig
+from lidar_buildings.simulation.scene import VirtualScene
+
+#: Adjusted standard GPS time (GPS seconds less 10⁹) at take-off: 6 May 2024, 9 h [s].
+TAKE_OFF = 1_399_021_218.0 - 1e9
+#: Time for a turn between two strips [s].
+TURN = 120.0
+#: Scan lines go on this far beyond the scene at the strips' ends [m].
+RUN_IN = 5.0
+
+
+@dataclass(frozen=True)
+class Strip:
+    """
+    One straight flight.
+
+    Attributes
+    ----------
+    number : int
+        The point source id, from 1.
+    start : tuple of three float
+        Position of the first pulse [m].
+    heading : tuple of two float
+        Unit vector of flight.
+    speed : float
+        [m/s].
+    start_time : float
+        Adjusted standard GPS time [s].
+    pulse_rate : float
+        [1/s].
+    n_lines, pulses_per_line : int
+        Scan lines and pulses in each.
+
+    """
+
+    number: int
+    start: tuple[float, float, float]
+    heading: tuple[float, float]
+    speed: float
+    start_time: float
+    pulse_rate: float
+    n_lines: int
+    pulses_per_line: int
+
+    @property
+    def n_pulses(self) -> int:
+        """
+        Pulses in the whole strip.
+
+        """
+        return self.n_lines * self.pulses_per_line
+
+    @property
+    def duration(self) -> float:
+        """
+        From the first pulse to the last [s].
+
+        """
+        return self.n_pulses / self.pulse_rate
+
+
+def plan_flight(scene: VirtualScene, config: SimulationConfig) -> tuple[Strip, ...]:
+    """
+    Lay strips over the scene so that every place is covered and the mean density is the one asked for.
+
+    """
+    angle = np.deg2rad(config.flight_direction_deg)
+    heading = np.array([np.cos(angle), np.sin(angle)])
+    left = np.array([-heading[1], heading[0]])
+    middle = np.array(scene.size) / 2
+    corners = np.array([(0, 0), (scene.size[0], 0), scene.size, (0, scene.size[1])]) - middle
+    half_length = np.ptp(corners @ heading) / 2 + RUN_IN
+    swath = 2 * config.altitude * np.tan(np.deg2rad(config.max_scan_angle_deg))
+    offsets = _strip_offsets(float(np.ptp(corners @ left)), swath, config.overlap)
+    axes = [
+        (middle + o * left - half_length * heading, middle + o * left + half_length * heading)
+        for o in offsets
+    ]
+    density = _density_in_a_strip(scene, axes, swath, config.density)
+    altitude = float(scene.terrain.at(middle[None])[0]) + config.altitude
+    strips: list[Strip] = []
+    for start, end in axes:
+        if len(strips) % 2:
+            start, end = end, start
+        strips.append(_strip(strips, start, end, altitude, swath, density, config.ground_speed))
+    return tuple(strips)
+
+
+def _strip_offsets(extent: float, swath: float, overlap: float) -> list[float]:
+    """
+    Offsets of the strips' axes from the scene's middle [m].
+
+    """
+    spacing = swath * (1 - overlap)
+    n_strips = 1 + max(0, int(np.ceil((extent - swath) / spacing)))
+    return [spacing * (row - (n_strips - 1) / 2) for row in range(n_strips)]
+
+
+def _density_in_a_strip(scene: VirtualScene, axes: list, swath: float, density: float) -> float:
+    """
+    Pulses per square metre of one strip that give the mean density where strips overlap too [1/m²].
+
+    """
+    area = shapely.box(0, 0, *scene.size)
+    covered = [
+        shapely.LineString(axis).buffer(swath / 2, cap_style="flat").intersection(area).area for axis in axes
+    ]
+    return density * area.area / sum(covered)
+
+
+def _strip(
+    before: list[Strip],
+    start: np.ndarray,
+    end: np.ndarray,
+    altitude: float,
+    swath: float,
+    density: float,
+    speed: float,
+) -> Strip:
+    """
+    Divide a strip into scan lines as far apart as the pulses within them.
+
+    """
+    length = float(np.hypot(*(end - start)))
+    pulses_per_line = max(2, round(swath * np.sqrt(density)))
+    n_lines = max(1, round(length * density * swath / pulses_per_line))
+    return Strip(
+        number=len(before) + 1,
+        start=(float(start[0]), float(start[1]), altitude),
+        heading=tuple((end - start) / length),
+        speed=speed,
+        start_time=before[-1].start_time + before[-1].duration + TURN if before else TAKE_OFF,
+        pulse_rate=speed * density * swath,
+        n_lines=n_lines,
+        pulses_per_line=pulses_per_line,
+    )
