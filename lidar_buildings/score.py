@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from lidar_buildings.core.errors import ParameterError
+from lidar_buildings.core.errors import InputError, ParameterError
 
 KINDS = ("ground", "buildings", "outlines")
 #: Kinds that the command's contract names and a later version brings.
@@ -95,11 +95,13 @@ def run_score(
     _check_range("cell", cell, *CELL_RANGE)
     _check_range("fill", fill, *FILL_RANGE)
     # Imported late: --help answers at once.
-    from lidar_buildings.io.polygon_layer import read_polygon_layer
+    from lidar_buildings.io.metric_polygons import read_metric_polygons
     from lidar_buildings.score_kinds import FIGURES, ScoreOptions
     from lidar_buildings.score_table import score_table
 
-    area = None if aoi is None else read_polygon_layer(Path(aoi))
+    area = None if aoi is None else read_metric_polygons(Path(aoi))
+    if area is not None and not len(area.polygons):
+        raise InputError(f"{aoi}: holds no polygon: an area of interest needs one")
     options = ScoreOptions(area, cell, fill, reference_classes)
     found = FIGURES[kind](Path(result_path), Path(reference_path), options)
     figures = {name: None if _is_nan(value) else value for name, value in found.items()}

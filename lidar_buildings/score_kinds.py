@@ -22,7 +22,7 @@ from lidar_buildings.core.scores.confusion import confusion_of
 from lidar_buildings.core.scores.ground import REFERENCE_GROUND, score_ground
 from lidar_buildings.core.scores.outlines import score_outlines
 from lidar_buildings.io.labelled_points import LabelledPoints, has_clouds, read_label_pairs, read_labels
-from lidar_buildings.io.polygon_layer import PolygonLayer, read_polygon_layer
+from lidar_buildings.io.metric_polygons import MetricPolygons, read_metric_polygons
 
 #: A result's building points, and a reference's unless told otherwise.
 BUILDING = (int(PointClass.BUILDING),)
@@ -35,7 +35,7 @@ class ScoreOptions:
 
     Attributes
     ----------
-    area : PolygonLayer or None
+    area : MetricPolygons or None
         Only what lies inside counts.
     cell : float
         Side of a cell [m].
@@ -46,7 +46,7 @@ class ScoreOptions:
 
     """
 
-    area: PolygonLayer | None
+    area: MetricPolygons | None
     cell: float
     fill: float
     reference_classes: Collection[int] | None
@@ -81,7 +81,7 @@ def outline_figures(result: Path, reference: Path, options: ScoreOptions) -> dic
     Compare outlines as objects, as area and along their boundaries.
 
     """
-    mine, theirs = read_polygon_layer(result), read_polygon_layer(reference)
+    mine, theirs = read_metric_polygons(result), read_metric_polygons(reference)
     _check_same_system(mine.crs, theirs.crs, options.area)
     area = None if options.area is None else options.area.polygons
     figures = asdict(score_outlines(mine.polygons, theirs.polygons, area=area))
@@ -138,7 +138,7 @@ def _read_side(
 
     """
     if not has_clouds(path):
-        layer = read_polygon_layer(path)
+        layer = read_metric_polygons(path)
         return cells_of_polygons(layer.polygons, options.cell), layer.crs
     cloud = read_labels(path, prefer_truth=is_reference)
     is_building = np.isin(cloud.labels[0], list(classes))
@@ -146,7 +146,7 @@ def _read_side(
 
 
 def _inside(
-    cloud: LabelledPoints, area: PolygonLayer | None
+    cloud: LabelledPoints, area: MetricPolygons | None
 ) -> tuple[NDArray[np.float64], tuple[NDArray[np.uint8], ...]]:
     """
     Return the points within the area of interest and their labels.
@@ -157,7 +157,7 @@ def _inside(
     return cloud.points[inside], tuple(labels[inside] for labels in cloud.labels)
 
 
-def _is_inside(points: NDArray[np.float64], area: PolygonLayer | None) -> NDArray[np.bool_]:
+def _is_inside(points: NDArray[np.float64], area: MetricPolygons | None) -> NDArray[np.bool_]:
     """
     Whether each point lies within the area of interest.
 
@@ -169,7 +169,7 @@ def _is_inside(points: NDArray[np.float64], area: PolygonLayer | None) -> NDArra
     return np.asarray(shapely.intersects_xy(limits, points[:, 0], points[:, 1]), dtype=bool)
 
 
-def _check_same_system(result: str, reference: str, area: PolygonLayer | None) -> None:
+def _check_same_system(result: str, reference: str, area: MetricPolygons | None) -> None:
     """
     Refuse sides in different reference systems; one that does not say its own is trusted.
 

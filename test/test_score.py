@@ -191,6 +191,15 @@ def test_outlines_of_a_run_against_the_truth_of_a_survey(tmp_path):
         assert figures["boundary_hausdorff"] == pytest.approx(1.0)
 
 
+def test_a_run_that_found_nothing_is_scored_too(tmp_path):
+    result = write_polygons(tmp_path / "mine.gpkg", [])
+    reference = write_polygons(tmp_path / "theirs.gpkg", [shapely.box(0, 0, 10, 10)])
+    assert run_score("outlines", result, reference).figures["completeness"] == 0.0
+    assert run_score("buildings", result, reference).figures["recall"] == 0.0
+    with pytest.raises(InputError, match="holds no polygon"):
+        run_score("buildings", reference, reference, aoi=result)
+
+
 def test_different_reference_systems_are_refused(tmp_path):
     result = write_polygons(tmp_path / "mine.gpkg", [shapely.box(0, 0, 1, 1)])
     reference = write_polygons(tmp_path / "theirs.gpkg", [shapely.box(0, 0, 1, 1)], crs="EPSG:25832")
@@ -282,8 +291,8 @@ def broken_inputs(folder):
             "nowhere.gpkg: no such file",
         ),
         "ground of polygons": (["ground", polygons, cloud], "map.gpkg: is not a LAS or LAZ file"),
-        "outlines of a cloud": (["outlines", cloud, polygons], "cloud.laz: cannot be read"),
-        "text file": (["outlines", text, polygons], "notes.txt: cannot be read"),
+        "outlines of a cloud": (["outlines", cloud, polygons], "cloud.laz: is no file of polygons"),
+        "text file": (["outlines", text, polygons], "notes.txt: is no file of polygons"),
         "folder without results": (["outlines", empty, polygons], "holds no buildings.gpkg or truth.gpkg"),
         "folder without clouds": (["ground", empty, cloud], "holds no .las or .laz"),
         "layer of points": (["outlines", points, polygons], "has no layer of polygons"),

@@ -1,5 +1,5 @@
 """
-Polygons out of GIS files, in metres.
+The polygons of a result, a reference or an area of interest, in metres.
 
 """
 
@@ -10,14 +10,15 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pyogrio.raw
+import pyogrio
 import pyproj
 import shapely
 from numpy.typing import NDArray
-from pyogrio.errors import DataLayerError, DataSourceError
+from pyogrio.errors import DataSourceError
 from pyproj.exceptions import CRSError
 
 from lidar_buildings.core.errors import InputError
+from lidar_buildings.io.geopackage import read_polygons
 
 #: The layer that counts where a file has several.
 OUTLINES = "outlines"
@@ -26,16 +27,16 @@ IN_FOLDER = ("buildings.gpkg", "truth.gpkg")
 
 
 @dataclass(frozen=True, eq=False)
-class PolygonLayer:
+class MetricPolygons:
     """
-    The polygons of a file.
+    The polygons of a file, in plan.
 
     Attributes
     ----------
-    polygons : ndarray of shapely geometries
-        Polygons and multipolygons, one per feature, in plan [m].
+    polygons : ndarray of shapely.Polygon
+        In the file's reference system, but in metres.
     crs : str
-        ``"EPSG:28992"``, a WKT text where no code is known, or empty.
+        The horizontal reference system: ``"EPSG:28992"``, a WKT text where no code is known, or empty.
 
     """
 
@@ -43,7 +44,7 @@ class PolygonLayer:
     crs: str
 
 
-def read_polygon_layer(path: Path) -> PolygonLayer:
+def read_metric_polygons(path: Path) -> MetricPolygons:
     """
     Read a GeoPackage or another vector file: its layer ``outlines``, else its first layer of polygons.
 
@@ -55,22 +56,16 @@ def read_polygon_layer(path: Path) -> PolygonLayer:
     Raises
     ------
     InputError
-        If there is no such file or no polygon in it.
+        If there is no such file, no layer of polygons in it, or a coordinate is not finite.
 
     """
     file = _file_of(path)
-    try:
-        layer = _layer_of(file)
-        meta, _, geometries, _ = pyogrio.raw.read(file, layer=layer, columns=[], force_2d=True)
-    except (DataSourceError, DataLayerError, RuntimeError) as error:
-        reason = " ".join(str(error).split()).split(";")[0].rstrip(".")
-        raise InputError(f"{file}: cannot be read ({reason}): give a GeoPackage with polygons") from error
-    polygons = shapely.from_wkb(geometries)
-    polygons = polygons[(shapely.get_dimensions(polygons) == 2) & ~shapely.is_empty(polygons)]
-    if not np.isfinite(shapely.bounds(polygons)).all():
-        raise InputError(f"{file}: a coordinate in its layer {layer} is not a finite number: export it again")
-    name, unit = _system(meta["crs"])
-    return PolygonLayer(shapely.transform(polygons, lambda xy: xy * unit), name)
+    polygons, _, crs = read_polygons(file, _layer_of(file))
+    flat = shapely.force_2d(np.array(polygons, dtype=object))
+    if not np.isfinite(shapely.bounds(flat)).all():
+        raise InputError(f"{file}: a coordinate of a polygon is not a finite number: export the file again")
+    name, unit = _system(crs)
+    return MetricPolygons(shapely.transform(flat, lambda xy: xy * unit), name)
 
 
 def _file_of(path: Path) -> Path:
@@ -93,20 +88,21 @@ def _layer_of(file: Path) -> str:
     Return the name of the layer to read.
 
     """
-    named = {str(name): str(kind) for name, kind in pyogrio.list_layers(file) if kind is not None}
-    with_polygons = [name for name, kind in named.items() if "Polygon" in kind or kind == "Unknown"]
+    try:
+        layers = pyogrio.list_layers(file)
+    except DataSourceError as error:
+        raise InputError(f"{file}: is no file of polygons: give a GeoPackage or the like") from error
+    with_polygons = [str(name) for name, kind in layers if kind and ("Polygon" in kind or kind == "Unknown")]
     if not with_polygons:
-        raise InputError(f"{file}: has no layer of polygons: give one that does")
+        raise InputError(f"{file}: has no layer of polygons: give a file that does")
     return OUTLINES if OUTLINES in with_polygons else with_polygons[0]
 
 
-def _system(text: str | None) -> tuple[str, float]:
+def _system(text: str) -> tuple[str, float]:
     """
     Return the name of the horizontal reference system and the metres in its unit.
 
     """
-    if not text:
-        return "", 1.0
     try:
         crs = pyproj.CRS.from_user_input(text)
     except CRSError:
