@@ -1,0 +1,198 @@
+"""
+A virtual survey: to files, or to a tile in memory.
+
+"""
+
+from __future__ import annotations
+
+import re
+import time
+from dataclasses import dataclass, fields, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lidar_buildings.core.asprs import PointClass
+from lidar_buildings.core.errors import ParameterError
+from lidar_buildings.core.tile import PointTile
+from lidar_buildings.simulation.atomic import make_folder, write_whole
+from lidar_buildings.simulation.building import Building
+from lidar_buildings.simulation.config import SimulationConfig
+from lidar_buildings.simulation.las_strips import write_strip
+from lidar_buildings.simulation.named_scenes import make_scene
+from lidar_buildings.simulation.scanner import DEFAULTS, joined, scan
+from lidar_buildings.simulation.scene import VirtualScene
+from lidar_buildings.simulation.truth_city_model import write_truth_city_model
+from lidar_buildings.simulation.truth_layers import write_truth_layers
+
+#: Names of the files of a survey.
+STRIP_NAME, LAYERS_NAME, CITY_MODEL_NAME = "strip_{:02d}.laz", "truth.gpkg", "truth.city.jsonl"
+
+
+@dataclass(frozen=True)
+class SurveySummary:
+    """
+    What a virtual survey gave.
+
+    Attributes
+    ----------
+    files : tuple of Path
+        The strips' LAZ files.
+    truth_files : tuple of Path
+        GeoPackage and CityJSONSeq.
+    n_points, n_buildings : int
+        How many there are.
+    seconds : float
+        Wall time [s].
+
+    """
+
+    files: tuple[Path, ...]
+    truth_files: tuple[Path, ...]
+    n_points: int
+    n_buildings: int
+    seconds: float
+
+
+@dataclass(frozen=True, eq=False)
+class TileTruth:
+    """
+    What is true of a tile's points, row by row.
+
+    Attributes
+    ----------
+    scene : VirtualScene
+        What was measured; `scene.buildings` in map coordinates.
+    classification : ndarray of uint8
+        ASPRS classes.
+    building : ndarray of uint32
+        Number of the building, 0 = none.
+    plane : ndarray of uint16
+        Roof face from 1; 0 = none, façades too.
+
+    """
+
+    scene: VirtualScene
+    classification: NDArray[np.uint8]
+    building: NDArray[np.uint32]
+    plane: NDArray[np.uint16]
+
+    @property
+    def buildings(self) -> tuple[Building, ...]:
+        """
+        The scene's buildings.
+
+        """
+        return self.scene.buildings
+
+
+def simulate_survey(
+    output: Path | str,
+    scene: str = "village",
+    seed: int = 0,
+    config: SimulationConfig = DEFAULTS,
+    **parameters: Any,
+) -> SurveySummary:
+    """
+    Fly over a scene and write what was measured and what is true.
+
+    Files of an earlier survey in the same folder are replaced, its surplus strips removed.
+
+    Parameters
+    ----------
+    output : Path
+        Folder, made if it is not there. Gets one LAZ file per strip, and the truth as GeoPackage and
+        CityJSONSeq.
+    scene : str
+        Name, see `make_scene`.
+    seed : int
+        The same seed gives the same bytes.
+    config : SimulationConfig
+        Flight and scanner.
+    **parameters
+        Members of `config` to be replaced, such as ``density=20``.
+
+    Raises
+    ------
+    ParameterError
+        If the scene or a parameter is unknown or out of range.
+    OutputError
+        If the folder or a file cannot be written.
+
+    """
+    begin = time.perf_counter()
+    virtual, config, output = make_scene(scene, seed), _replaced(config, parameters), Path(output)
+    make_folder(output)
+    files, n_points = [], 0
+    for strip in scan(virtual, seed, config):
+        files.append(output / STRIP_NAME.format(len(files) + 1))
+        write_whole(files[-1], lambda part, strip=strip: write_strip(part, strip, virtual.frame))
+        n_points += len(strip.points)
+    layers, model = output / LAYERS_NAME, output / CITY_MODEL_NAME
+    write_whole(layers, lambda part: write_truth_layers(part, virtual))
+    write_whole(model, lambda part: write_truth_city_model(part, virtual))
+    _remove_surplus(output, files)
+    seconds = time.perf_counter() - begin
+    return SurveySummary(tuple(files), (layers, model), n_points, len(virtual.buildings), seconds)
+
+
+def simulate_tile(
+    scene: str | VirtualScene = "single_house",
+    seed: int = 0,
+    config: SimulationConfig = DEFAULTS,
+    **parameters: Any,
+) -> tuple[PointTile, TileTruth]:
+    """
+    Fly over a scene and return all points as one tile, with what is true of them.
+
+    Parameters
+    ----------
+    scene : str or VirtualScene
+        Name, see `make_scene`, or a scene of one's own.
+    seed, config, **parameters
+        As for `simulate_survey`.
+
+    """
+    virtual = scene if isinstance(scene, VirtualScene) else make_scene(scene, seed)
+    measured = joined(list(scan(virtual, seed, _replaced(config, parameters))))
+    n_points = len(measured.points)
+    tile = PointTile(
+        points=measured.points,
+        intensity=measured.intensity,
+        return_number=measured.return_number,
+        number_of_returns=measured.number_of_returns,
+        classification=np.full(n_points, int(PointClass.UNCLASSIFIED)),
+        scan_angle=measured.scan_angle,
+        point_source_id=measured.point_source_id,
+        gps_time=measured.gps_time,
+        buffer=np.zeros(n_points),
+        source=np.zeros(n_points),
+        index=np.arange(n_points),
+        stamp=int(measured.gps_time[0] * 1e9) if n_points else 0,
+        frame=virtual.frame,
+    )
+    return tile, TileTruth(virtual, measured.true_class, measured.true_building, measured.true_plane)
+
+
+def _replaced(config: SimulationConfig, parameters: dict[str, Any]) -> SimulationConfig:
+    """
+    Replace members of a config.
+
+    """
+    known = [member.name for member in fields(config)]
+    for name in parameters:
+        if name not in known:
+            raise ParameterError(f"simulation.{name}: unknown parameter, must be one of {', '.join(known)}")
+    return replace(config, **parameters)
+
+
+def _remove_surplus(output: Path, files: list[Path]) -> None:
+    """
+    Remove the strips that an earlier survey with more strips left.
+
+    """
+    for path in output.iterdir():
+        if re.fullmatch(r"strip_\d{2,}\.laz", path.name) and path not in files:
+            path.unlink()
