@@ -47,7 +47,8 @@ def repaired_outlines(outline: Outline) -> list[tuple[Outline, str]]:
     polygon = (
         shapely.Polygon(outline.exterior, outline.holes) if len(outline.exterior) >= 3 else shapely.Polygon()
     )
-    sound = _largest(shapely.make_valid(polygon))
+    parts = shapely.make_valid(polygon)
+    sound = _largest(parts)
     drawn_in = _largest(sound.buffer(-_INSET, join_style="mitre"))
     candidates = [
         (sound, "crossing rings were cut apart"),
@@ -56,7 +57,7 @@ def repaired_outlines(outline: Outline) -> list[tuple[Outline, str]]:
     return [
         (gridded_outline(_outline(candidate)), what)
         for candidate, what in candidates
-        if not candidate.is_empty and candidate.area >= (1.0 - _MAX_LOSS) * abs(outline.area)
+        if not candidate.is_empty and candidate.area >= (1.0 - _MAX_LOSS) * parts.area
     ]
 
 

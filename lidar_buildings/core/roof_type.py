@@ -39,8 +39,8 @@ def roof_type(points: NDArray[np.float64], plane_id: NDArray[np.uint16]) -> str:
     -------
     str
         ``flat`` (at one level or several), ``shed``, ``gable`` (two opposite planes), ``hip`` (four planes
-        facing away from each other in pairs, without valleys), ``complex`` for anything else, ``unknown`` where too few
-        points lie in planes.
+        facing away from each other in pairs), ``complex`` for anything else and for any roof with valleys,
+        ``unknown`` where too few points lie in planes.
 
     """
     numbers, counts = np.unique(plane_id[plane_id > 0], return_counts=True)

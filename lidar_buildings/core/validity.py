@@ -59,14 +59,10 @@ def check_solid(solid: Solid) -> tuple[int, ...]:
 
     """
     welded = _weld(solid)
-    for codes in (
-        {code for face in welded.faces for ring in face for code in check_ring(welded.vertices[list(ring)])},
-        {code for face in welded.faces for code in check_polygon(welded.face_rings(face))},
-        check_shell(welded),
-    ):
-        if codes:
-            return tuple(sorted(codes))
-    return ()
+    faces = [welded.face_rings(face) for face in welded.faces]
+    codes = {code for rings in faces for ring in rings for code in check_ring(ring)}
+    codes = codes or {code for rings in faces for code in check_polygon(rings)}
+    return tuple(sorted(codes or check_shell(welded)))
 
 
 def check_ring(ring: NDArray[np.float64]) -> set[int]:

@@ -1,0 +1,171 @@
+"""
+CityJSONSeq: what stands in the lines, what comes back, and what cjio says.
+
+"""
+
+import json
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+import scenes
+
+from lidar_buildings.core.building_model import build_model
+from lidar_buildings.core.errors import InputError
+from lidar_buildings.core.map_frame import MapFrame
+from lidar_buildings.core.plane_fitting import fit_roof_planes
+from lidar_buildings.core.solid import ROOF_SURFACE
+from lidar_buildings.core.validity import check_solid
+from lidar_buildings.io.cityjson import feature_line, header_line, parse_feature
+
+DUTCH = MapFrame("EPSG:28992", (84900.0, 447400.0, 0.0))
+FOOT = 0.3048
+FEET = MapFrame("EPSG:2263", (300000.0, 60000.0, 30.0), FOOT, FOOT)
+ANCHOR = (12.34, 56.78)
+
+
+def house(name="courtyard"):
+    scene = scenes.GALLERY[name]()
+    points = scene.roof_points()
+    plane_id = fit_roof_planes(points).plane_id
+    return build_model(points, scene.buildings[0].outline, plane_id=plane_id, ground_elevation=scenes.GROUND)
+
+
+def line_of(model, building_id=7, frame=DUTCH, anchor=ANCHOR):
+    return feature_line(model, building_id, frame, model.attributes, anchor=anchor)
+
+
+def test_the_header_names_version_transform_and_reference_system():
+    header = json.loads(header_line(DUTCH))
+    assert header["type"] == "CityJSON"
+    assert header["version"] == "2.0"
+    assert header["transform"] == {"scale": [0.001] * 3, "translate": [84900.0, 447400.0, 0.0]}
+    assert header["metadata"]["referenceSystem"] == "https://www.opengis.net/def/crs/EPSG/0/28992"
+    assert header["CityObjects"] == {}
+    assert header["vertices"] == []
+
+
+@pytest.mark.parametrize("crs", ["", 'PROJCRS["somewhere"]'])
+def test_a_reference_system_without_code_is_left_out(crs):
+    assert "metadata" not in json.loads(header_line(MapFrame(crs)))
+
+
+@pytest.mark.parametrize("frame", [DUTCH, FEET])
+def test_written_coordinates_are_those_of_the_source(frame):
+    model = house("gable")
+    header, feature = json.loads(header_line(frame)), json.loads(line_of(model, frame=frame))
+    transform = header["transform"]
+    written = np.array(feature["vertices"]) * transform["scale"] + transform["translate"]
+    expected = frame.to_source(model.solids["1.2"].vertices)
+    assert sorted(map(tuple, np.round(written, 6))) == sorted(map(tuple, np.round(expected, 6)))
+
+
+def test_a_feature_has_its_solid_with_semantics_and_sorted_attributes():
+    feature = json.loads(line_of(house()))
+    assert feature["type"] == "CityJSONFeature"
+    assert feature["id"] == "building-84912.3-447456.8"
+    building = feature["CityObjects"][feature["id"]]
+    assert building["type"] == "Building"
+    (solid,) = building["geometry"]
+    assert (solid["type"], solid["lod"]) == ("Solid", "1.2")
+    (shell,), (values,) = solid["boundaries"], solid["semantics"]["values"]
+    assert len(shell) == len(values)
+    kinds = [solid["semantics"]["surfaces"][value]["type"] for value in values]
+    assert kinds.count("GroundSurface") == kinds.count("RoofSurface") == 1
+    # The courtyard is a second ring of the roof face.
+    assert len(shell[kinds.index("RoofSurface")]) == 2
+    attributes = building["attributes"]
+    assert list(attributes) == sorted(attributes)
+    assert attributes["building_id"] == 7
+    assert attributes["status"] == "ok"
+    assert all(isinstance(c, int) for vertex in feature["vertices"] for c in vertex)
+
+
+def test_what_is_read_back_is_what_was_checked():
+    model = house("l_shape")
+    read = parse_feature(line_of(model, building_id=2**32 - 1))
+    before, after = model.solids["1.2"], read.solids["1.2"]
+    assert read.building_id == 2**32 - 1
+    assert check_solid(after) == ()
+    assert after.semantics == before.semantics
+    assert after.volume == pytest.approx(before.volume, rel=1e-12)
+    for face_before, face_after in zip(before.faces, after.faces, strict=True):
+        for a, b in zip(before.face_rings(face_before), after.face_rings(face_after), strict=True):
+            assert np.array_equal(a, b)
+
+
+def test_lengths_in_feet_are_written_in_feet():
+    model = house("flat")
+    metres, feet = (parse_feature(line_of(model, frame=frame)).attributes for frame in (DUTCH, FEET))
+    assert feet["height"] == pytest.approx(metres["height"] / FOOT, abs=1e-4)
+    assert feet["area"] == pytest.approx(metres["area"] / FOOT**2, abs=1e-4)
+    assert feet["ground_elevation"] == pytest.approx((metres["ground_elevation"] + 30.0) / FOOT, abs=1e-4)
+    assert feet["n_points"] == metres["n_points"]
+    assert feet["coverage"] == metres["coverage"]
+
+
+def test_a_building_without_solid_keeps_its_line_with_the_reason():
+    model = build_model(np.ones((2, 3)), scenes.flat().buildings[0].outline)
+    feature = json.loads(line_of(model))
+    building = feature["CityObjects"][feature["id"]]
+    assert building["geometry"] == []
+    assert feature["vertices"] == []
+    assert building["attributes"]["status"] == "degenerate"
+    assert building["attributes"]["reason"]
+    assert parse_feature(line_of(model)).solids == {}
+
+
+def test_numbers_that_are_not_finite_become_null():
+    model = house("flat")
+    line = feature_line(
+        model, 1, DUTCH, {"outline_sigma": float("nan"), "rmse": np.float64("inf")}, anchor=ANCHOR
+    )
+    assert parse_feature(line).attributes["outline_sigma"] is None
+    assert parse_feature(line).attributes["rmse"] is None
+
+
+def test_the_same_building_gives_the_same_line():
+    first, second = house("hip"), house("hip")
+    backwards = dict(reversed(second.attributes.items()))
+    assert line_of(first) == feature_line(second, 7, DUTCH, backwards, anchor=ANCHOR)
+    assert "\n" not in line_of(first)
+
+
+@pytest.mark.parametrize(
+    "line", ["", "{", "[]", "{}", '{"type":"CityJSON"}', '{"type":"CityJSONFeature","id":"a"}']
+)
+def test_a_line_that_is_no_feature_is_refused(line):
+    with pytest.raises(InputError, match="CityJSONFeature"):
+        parse_feature(line)
+
+
+def sequence(frame=DUTCH):
+    """
+    A header and four buildings, one of them without solid.
+
+    """
+    models = [house(name) for name in ("courtyard", "gable", "round_tower")]
+    models.append(build_model(np.ones((2, 3)), scenes.flat().buildings[0].outline))
+    lines = [
+        line_of(m, number, frame, anchor=(30.0 * number, 0.0)) for number, m in enumerate(models, start=1)
+    ]
+    return [header_line(frame), *lines]
+
+
+def cjio(*arguments, lines):
+    pytest.importorskip("cjio")
+    command = [sys.executable, "-c", "from cjio.cjio import cli; cli()", *arguments]
+    return subprocess.run(command, input="\n".join(lines) + "\n", capture_output=True, text=True, timeout=120)
+
+
+def test_cjio_reads_the_sequence_and_finds_every_building(tmp_path):
+    merged = tmp_path / "model.city.json"
+    result = cjio("stdin", "save", str(merged), lines=sequence())
+    assert result.returncode == 0, result.stdout + result.stderr
+    model = json.loads(merged.read_text())
+    assert len(model["CityObjects"]) == 4
+    assert sum(bool(one["geometry"]) for one in model["CityObjects"].values()) == 3
+    assert model["metadata"]["referenceSystem"].endswith("/28992")
+    roofs = [one["geometry"][0]["semantics"] for one in model["CityObjects"].values() if one["geometry"]]
+    assert all(ROOF_SURFACE in [surface["type"] for surface in roof["surfaces"]] for roof in roofs)
