@@ -9,7 +9,7 @@ form "file: what is wrong: what to do".
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
@@ -28,7 +28,7 @@ from lidar_buildings.io.las_records import RawHeader, read_raw_header
 from lidar_buildings.io.native_errors import in_words, is_failure, quiet_panics
 from lidar_buildings.io.point_columns import point_columns, without_empty_columns
 
-__all__ = ["Cloud", "InputFile", "find_inputs", "open_cloud", "read_tile"]
+__all__ = ["Cloud", "InputFile", "find_inputs", "open_cloud", "open_inputs", "read_tile"]
 
 _log = logging.getLogger(__name__)
 # what laspy logs of a failing file is said again in the one line of the InputError
@@ -146,6 +146,35 @@ def open_cloud(path: str | Path) -> Cloud:
             return cloud
         mins, maxs = _bounds(cloud, xyz_of(first))
         return Cloud(path, header, raw, _metric(path, crs, mins, maxs), mins, maxs)
+
+
+def open_inputs(paths: Sequence[Path]) -> tuple[list[Cloud], list[str]]:
+    """
+    Open several files; those that cannot be read do not keep the others from it.
+
+    Returns
+    -------
+    clouds : list of Cloud
+        The readable ones, in the order given: a point's `source` is its file's place in this list.
+    problems : list of str
+        One line per other file.
+
+    Raises
+    ------
+    InputError
+        If none can be read.
+
+    """
+    clouds: list[Cloud] = []
+    problems: list[str] = []
+    for path in paths:
+        try:
+            clouds.append(open_cloud(path))
+        except InputError as error:
+            problems.append(str(error))
+    if not clouds:
+        raise InputError("\n".join(problems))
+    return clouds, problems
 
 
 def read_tile(path: str | Path) -> PointTile:

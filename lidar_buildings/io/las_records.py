@@ -44,8 +44,8 @@ class RawRecord:
         Without its trailing zeros.
     record_id : int
         Its number.
-    description : bytes
-        Without its trailing zeros.
+    head : bytes
+        Its own header, as it stands in the file.
     start, size : int
         Where its data lie in the file [bytes].
     data : bytes
@@ -55,7 +55,7 @@ class RawRecord:
 
     user_id: bytes
     record_id: int
-    description: bytes
+    head: bytes
     start: int
     size: int
     data: bytes
@@ -251,7 +251,5 @@ def _records(file: BinaryIO, count: int, *, extended: bool, end: int) -> tuple[R
             break
         data = b"" if extended and length > LARGEST_READ_EVLR else file.read(length)
         file.seek(start + length)
-        found.append(
-            RawRecord(user_id.split(b"\0")[0], record_id, head[-32:].rstrip(b"\0"), start, length, data)
-        )
+        found.append(RawRecord(user_id.split(b"\0")[0], record_id, head, start, length, data))
     return tuple(found)

@@ -19,7 +19,7 @@ from lidar_buildings.core.tile import PointTile
 from lidar_buildings.io.las import xyz_of
 from lidar_buildings.io.point_columns import point_columns, without_empty_columns
 from lidar_buildings.io.spool import RECORD, Cell, Spool
-from lidar_buildings.io.tile_grid import TileGrid
+from lidar_buildings.io.tile_grid import Rectangle, TileGrid
 
 
 @dataclass(frozen=True)
@@ -137,6 +137,7 @@ class TileStore:
 
         """
         parts = list(self._tile_blocks(plan, buffer))
+        area = self._local_area(plan, buffer)
         records = np.concatenate([block for block, _ in parts])
         is_buffer = np.repeat(
             np.array([kind for _, kind in parts], dtype=np.uint8), [len(block) for block, _ in parts]
@@ -150,17 +151,26 @@ class TileStore:
             points,
             buffer=is_buffer[order],
             stamp=plan.stamp,
+            bounds=(area.x_min, area.y_min, area.x_max, area.y_max),
             frame=self.frame,
             **without_empty_columns(columns),
         )
+
+    def _local_area(self, plan: TilePlan, buffer: float) -> Rectangle:
+        """
+        Return a tile's square with its buffer, map frame [m].
+
+        """
+        area = self.grid.area_of(plan.tile).grown(buffer)
+        return area.moved(-self.frame.origin[0], -self.frame.origin[1])
 
     def _tile_blocks(self, plan: TilePlan, buffer: float) -> Iterator[tuple[NDArray[Any], int]]:
         """
         Read a tile's records with its buffer: (records, 0 for core points or 1).
 
         """
+        near = self._local_area(plan, buffer)
         area = self.grid.area_of(plan.tile).grown(buffer)
-        near = area.moved(-self.frame.origin[0], -self.frame.origin[1])
         for cell in dict.fromkeys([*plan.core, *self.grid.cells_touching(area)]):
             first, last = plan.core.get(cell, (0, 0))
             for block in self._blocks(cell, first, last):

@@ -17,7 +17,7 @@ from lidar_buildings.core.errors import InputError
 from lidar_buildings.core.map_frame import MapFrame
 from lidar_buildings.core.tile import PointTile
 from lidar_buildings.io.find_inputs import find_inputs
-from lidar_buildings.io.las import CHUNK, Cloud, InputFile, frame_of, open_cloud
+from lidar_buildings.io.las import CHUNK, Cloud, InputFile, frame_of, open_inputs
 from lidar_buildings.io.reading_order import reading_order
 from lidar_buildings.io.spool import Cell
 from lidar_buildings.io.tile_grid import Rectangle, TileGrid
@@ -79,8 +79,10 @@ class TileSource:
         skip: Container[int] = (),
     ) -> None:
         self.config = config or TilingConfig()
-        self.problems: list[str] = []
-        self._clouds = self._open(find_inputs(paths))
+        files = find_inputs(paths)
+        if len(files) > _MOST_FILES:
+            raise InputError(f"{len(files)} input files: at most {_MOST_FILES} in one run: run them in parts")
+        self._clouds, self.problems = open_inputs(files)
         self.inputs = [InputFile(cloud.path, cloud.point_count) for cloud in self._clouds]
         self.frame: MapFrame = frame_of(self._clouds)
         self._skip = skip
@@ -191,23 +193,6 @@ class TileSource:
 
         """
         self.close()
-
-    def _open(self, paths: list[Path]) -> list[Cloud]:
-        """
-        Open the files, noting those that cannot be read; raise if none can.
-
-        """
-        if len(paths) > _MOST_FILES:
-            raise InputError(f"{len(paths)} input files: at most {_MOST_FILES} in one run: run them in parts")
-        clouds = []
-        for path in paths:
-            try:
-                clouds.append(open_cloud(path))
-            except InputError as error:
-                self.problems.append(str(error))
-        if not clouds:
-            raise InputError("\n".join(self.problems))
-        return clouds
 
     def _expected_tiles(self) -> set[Cell]:
         """

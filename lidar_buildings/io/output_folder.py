@@ -1,0 +1,309 @@
+"""
+The output folder of a run: tiles as they come, and at the end the files.
+
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lidar_buildings.core.errors import InputError
+from lidar_buildings.core.map_frame import MapFrame
+from lidar_buildings.io.building_layers import BuildingLayers
+from lidar_buildings.io.cityjson import header_line
+from lidar_buildings.io.classified_las import suffix_for, write_classified
+from lidar_buildings.io.geopackage import write_geopackage
+from lidar_buildings.io.las import InputFile, open_cloud
+from lidar_buildings.io.point_results import PointResults
+from lidar_buildings.io.run_folder import (
+    BUILDINGS,
+    CITY_MODEL,
+    CLASSIFIED,
+    PARTIAL,
+    RUN,
+    claim_folder,
+    output_names,
+)
+from lidar_buildings.io.tile_products import TileProducts, load_rows, load_shapes
+from lidar_buildings.io.whole_files import cannot_write, whole_file
+
+_ENDING = ".npz"
+#: Last stage of a run that ends before there are outlines, or before there are models.
+_WITHOUT_OUTLINES = ("ground_filter", "roof_selection", "edge_labelling")
+_WITHOUT_MODELS = (*_WITHOUT_OUTLINES, "boundary_tracing", "regularisation", "plane_fitting")
+
+
+@dataclass(frozen=True)
+class RunSummary:
+    """
+    What a run has made, as ``run.json`` tells it.
+
+    Attributes
+    ----------
+    files : tuple of str
+        Relative to the output folder.
+    n_tiles, n_points : int
+        Finished tiles; points of all inputs.
+    n_unclassified : int
+        Points in none of the finished tiles; they keep their class.
+    classes : dict
+        Class number → points.
+    buildings : dict
+        Status → buildings.
+    problems : tuple of str
+        One line per input that could not be read to its end.
+
+    """
+
+    files: tuple[str, ...]
+    n_tiles: int
+    n_points: int
+    n_unclassified: int
+    classes: dict[int, int]
+    buildings: dict[str, int]
+    problems: tuple[str, ...]
+
+
+class OutputFolder:
+    """
+    Takes a run's tiles in any order, safe on disk one by one, and makes the files from them at the end.
+
+    Parameters
+    ----------
+    path : path
+        The folder; made if it is not there.
+    inputs : sequence of InputFile
+        A point's `source` is its file's place in this sequence.
+    frame : MapFrame
+        Of the tiles.
+    overwrite : bool
+        Whether to begin anew in a folder with earlier results. Without it an unfinished run of the same
+        inputs and parameters is taken up again.
+    until : str
+        The last stage of the run; files that a later stage would fill are not made.
+    parameters : mapping
+        All settings that results depend on; they must be equal for a run to be taken up again.
+
+    Raises
+    ------
+    OutputError
+        If the folder cannot be used: one line saying why and what to do.
+
+    """
+
+    def __init__(
+        self,
+        path: str | Path,
+        inputs: Sequence[InputFile],
+        frame: MapFrame,
+        *,
+        overwrite: bool = False,
+        until: str = "building_model",
+        parameters: Mapping[str, Any] | None = None,
+    ) -> None:
+        self.path = Path(path)
+        self.inputs = list(inputs)
+        self.frame = frame
+        self.until = until
+        identity = {
+            "inputs": [[str(file.path.resolve()), file.point_count] for file in self.inputs],
+            "frame": asdict(frame),
+            "until": until,
+            "parameters": dict(parameters or {}),
+        }
+        claim_folder(self.path, identity, self.inputs, overwrite=overwrite)
+        for fragment in self._partial.glob(f"*{_ENDING}"):
+            if not _is_whole(fragment):  # a power cut can leave a name without its content
+                fragment.unlink()
+
+    def write_tile(self, products: TileProducts) -> None:
+        """
+        Put a tile safely on disk; the same stamp again replaces it.
+
+        Raises
+        ------
+        OutputError
+            If it cannot be written; tiles written before are kept.
+
+        """
+        products.save(self._partial / f"{products.stamp}{_ENDING}")
+
+    def done_stamps(self) -> set[int]:
+        """
+        Return the stamps of the tiles on disk.
+
+        """
+        return {
+            int(fragment.stem) for fragment in self._partial.glob(f"*{_ENDING}") if fragment.stem.isdigit()
+        }
+
+    def finalise(self, run_info: Mapping[str, Any] | None = None) -> RunSummary:
+        """
+        Make the files from the tiles on disk; ``run.json`` comes last, then the tiles are deleted.
+
+        The result does not depend on the order in which the tiles came.
+
+        Parameters
+        ----------
+        run_info : mapping
+            What else ``run.json`` is to tell: versions, parameters, seconds per stage; its ``problems`` stand
+            before those met here.
+
+        Raises
+        ------
+        OutputError
+            If a file cannot be written; the tiles are kept, and the run can be taken up again.
+
+        """
+        info = dict(run_info or {})
+        fragments = [self._partial / f"{stamp}{_ENDING}" for stamp in sorted(self.done_stamps())]
+        outputs, problems, per_class, n_known = self._write_clouds(fragments)
+        layers = BuildingLayers(self.frame)
+        for fragment in fragments:
+            layers.add(load_shapes(fragment))
+        files = [*filter(None, outputs), *self._write_buildings(layers)]
+        n_points = sum(file.point_count for file in self.inputs)
+        summary = RunSummary(
+            files=(*files, RUN),
+            n_tiles=len(fragments),
+            n_points=n_points,
+            n_unclassified=n_points - n_known,
+            classes={int(code): int(per_class[code]) for code in np.flatnonzero(per_class)},
+            buildings=layers.statuses(),
+            problems=tuple(dict.fromkeys([*info.get("problems", ()), *problems])),
+        )
+        self._write_run(summary, outputs, info)
+        self._discard_tiles(fragments)
+        return summary
+
+    @property
+    def _partial(self) -> Path:
+        """
+        Folder of the tiles.
+
+        """
+        return self.path / PARTIAL
+
+    def _write_clouds(
+        self, fragments: list[Path]
+    ) -> tuple[list[str | None], list[str], NDArray[np.int64], int]:
+        """
+        Write every classified file; a file that cannot be read is noted, the others are written.
+
+        """
+        touching = _fragments_by_source(fragments, len(self.inputs))
+        outputs: list[str | None] = []
+        problems: list[str] = []
+        per_class, n_known = np.zeros(256, dtype=np.int64), 0
+        for source, name in enumerate(output_names(self.inputs)):
+            try:
+                output, counts, known = self._write_cloud(source, name, touching[source])
+            except InputError as error:
+                problems.append(str(error))
+                outputs.append(None)
+                continue
+            outputs.append(output)
+            per_class += counts
+            n_known += known
+        return outputs, problems, per_class, n_known
+
+    def _write_cloud(
+        self, source: int, name: str, fragments: list[Path]
+    ) -> tuple[str, NDArray[np.int64], int]:
+        """
+        Write one classified file; return its name, points per class and how many were in finished tiles.
+
+        """
+        file = self.inputs[source]
+        cloud = open_cloud(file.path)
+        if cloud.point_count != file.point_count:
+            raise InputError(f"{file.path}: has changed during the run: run it again with --overwrite")
+        output = f"{CLASSIFIED}/{name}{suffix_for(cloud)}"
+        self._make_folder(CLASSIFIED)
+        with PointResults(self._partial / f"{source}.results", cloud.point_count) as results:
+            results.fill(fragments, source)
+            counts = write_classified(cloud, results.rows, self.path / output)
+            return output, counts, results.n_known()
+
+    def _make_folder(self, name: str) -> None:
+        """
+        Make a folder in the output folder.
+
+        """
+        try:
+            (self.path / name).mkdir(exist_ok=True)
+        except OSError as error:
+            raise cannot_write(self.path / name, error) from error
+
+    def _write_buildings(self, layers: BuildingLayers) -> list[str]:
+        """
+        Write outlines and models as far as the run went; return the files' names.
+
+        """
+        files = []
+        if self.until not in _WITHOUT_OUTLINES:
+            write_geopackage(self.path / BUILDINGS, layers.layers(), self.frame.crs)
+            files.append(BUILDINGS)
+        if self.until not in _WITHOUT_MODELS:
+            with (
+                whole_file(self.path / CITY_MODEL) as temporary,
+                open(temporary, "w", encoding="utf-8") as file,
+            ):
+                file.writelines(f"{line}\n" for line in (header_line(self.frame), *layers.lines()))
+            files.append(CITY_MODEL)
+        return files
+
+    def _write_run(self, summary: RunSummary, outputs: list[str | None], run_info: Mapping[str, Any]) -> None:
+        """
+        Write ``run.json``.
+
+        """
+        inputs = [
+            {"path": str(file.path), "point_count": file.point_count, "output": output}
+            for file, output in zip(self.inputs, outputs, strict=True)
+        ]
+        own = {"inputs": inputs, "until": self.until, "frame": asdict(self.frame), **asdict(summary)}
+        content = own | {name: value for name, value in run_info.items() if name not in own}
+        with whole_file(self.path / RUN) as temporary:
+            temporary.write_text(json.dumps(content, indent=2, default=str) + "\n", encoding="utf-8")
+
+    def _discard_tiles(self, fragments: list[Path]) -> None:
+        """
+        Delete what is no longer needed.
+
+        """
+        for left in (*fragments, *self._partial.glob("*")):
+            left.unlink(missing_ok=True)
+        self._partial.rmdir()
+
+
+def _fragments_by_source(fragments: list[Path], n_sources: int) -> list[list[Path]]:
+    """
+    Return, per input, the tiles that hold points of it.
+
+    """
+    touching: list[list[Path]] = [[] for _ in range(n_sources)]
+    for fragment in fragments:
+        for source in load_rows(fragment, "sources"):
+            if source < n_sources:
+                touching[source].append(fragment)
+    return touching
+
+
+def _is_whole(fragment: Path) -> bool:
+    """
+    Whether a saved tile can be read.
+
+    """
+    try:
+        load_rows(fragment, "stamp")
+    except (OSError, ValueError, KeyError, EOFError, RuntimeError):
+        return False
+    return True
