@@ -1,0 +1,65 @@
+"""
+The scenes that can be asked for by name.
+
+"""
+
+import itertools
+
+import numpy as np
+import pytest
+
+from lidar_buildings.core.errors import ParameterError
+from lidar_buildings.simulation import SCENES, make_scene
+
+
+@pytest.mark.parametrize("name", SCENES)
+@pytest.mark.parametrize("seed", [0, 1, 7])
+def test_buildings_are_valid_apart_and_inside_the_scene(name, seed):
+    scene = make_scene(name, seed)
+    assert [building.number for building in scene.buildings] == list(range(1, len(scene.buildings) + 1))
+    for building in scene.buildings:
+        assert building.polygon.is_valid
+        assert building.polygon.area >= 40.0
+        assert building.height > 2.5
+        assert np.all((building.exterior > 2.0) & (building.exterior < np.array(scene.size) - 2.0))
+    for one, other in itertools.combinations(scene.buildings, 2):
+        assert one.polygon.intersection(other.polygon).area < 1e-6
+
+
+def test_the_village_has_every_kind_of_roof_and_a_row_of_touching_houses():
+    scene = make_scene("village", 0)
+    kinds = {building.roof_type for building in scene.buildings}
+    assert len(scene.buildings) == 28
+    assert kinds == {
+        *("flat", "shed", "gable", "hip", "l_shape", "t_shape", "step", "dormer", "courtyard", "round_tower")
+    }
+    assert sorted(np.bincount(scene.blocks())[1:])[-2:] == [2, 3]
+    assert {obstacle.roof_type for obstacle in scene.obstacles} == {"car", "wall"}
+
+
+def test_roof_types_holds_each_shape_once_on_flat_ground():
+    scene = make_scene("roof_types")
+    assert len(scene.buildings) == 14
+    assert len({building.ground_elevation for building in scene.buildings}) == 1
+
+
+def test_a_dense_block_is_two_blocks_of_eight_houses():
+    assert np.bincount(make_scene("dense_block").blocks()).tolist() == [0, 8, 8]
+
+
+def test_the_same_seed_gives_the_same_scene_and_another_seed_another():
+    corners = [
+        np.concatenate([b.exterior for b in make_scene("village", seed).buildings[:5]]) for seed in (4, 4, 5)
+    ]
+    assert np.array_equal(corners[0], corners[1])
+    assert not np.array_equal(corners[0], corners[2])
+
+
+def test_an_unknown_scene_is_refused_with_the_names_there_are():
+    with pytest.raises(ParameterError, match="scene = 'town': must be one of village, single_house"):
+        make_scene("town")
+
+
+def test_a_negative_seed_is_refused():
+    with pytest.raises(ParameterError, match="seed = -1"):
+        make_scene("village", -1)

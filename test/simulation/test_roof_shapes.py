@@ -1,0 +1,103 @@
+"""
+Roof shapes: exact partitions of their outlines, and closed solids.
+
+"""
+
+from collections import Counter
+
+import numpy as np
+import pytest
+import shapely
+
+from lidar_buildings.core.outline import signed_area
+from lidar_buildings.simulation import roof_shapes as shapes
+from lidar_buildings.simulation.shell import shell_of
+
+#: Shape → number of roof planes.
+SHAPES = {
+    "flat": (shapes.flat(), 1),
+    "shed": (shapes.shed(), 1),
+    "gable": (shapes.gable(), 2),
+    "hip": (shapes.hip(), 4),
+    "pyramid": (shapes.hip(length=10), 4),
+    "l_shape": (shapes.l_shape(), 4),
+    "flat_l_shape": (shapes.l_shape(pitch_deg=0), 1),
+    "t_shape": (shapes.t_shape(), 4),
+    "step": (shapes.step(), 2),
+    "dormer": (shapes.dormer(), 3),
+    "dormer_at_the_eave": (shapes.dormer(setback=0), 3),
+    "courtyard": (shapes.courtyard(), 1),
+    "pitched_courtyard": (shapes.courtyard(pitch_deg=30), 8),
+    "round_tower": (shapes.round_tower(), 1),
+    "pointed_tower": (shapes.round_tower(pitch_deg=40, n_sides=24), 24),
+}
+
+
+@pytest.fixture(params=SHAPES)
+def placed(request):
+    shape, n_planes = SHAPES[request.param]
+    return shape.placed(31.7, -12.3, 27.0, 105.0), n_planes
+
+
+def test_faces_share_the_outline_out_between_them(placed):
+    building, n_planes = placed
+    polygons = [face.polygon for face in building.faces]
+    assert len(building.faces) == n_planes
+    assert building.polygon.is_valid
+    assert all(polygon.is_valid for polygon in polygons)
+    assert sum(polygon.area for polygon in polygons) == pytest.approx(building.polygon.area, abs=1e-6)
+    # Corners rounded to 0.1 mm leave slivers of that width along the edges.
+    assert shapely.union_all(polygons).symmetric_difference(building.polygon).area < 1e-2
+
+
+def test_outer_rings_run_counter_clockwise_and_holes_clockwise(placed):
+    building, _ = placed
+    assert signed_area(building.exterior) > 0
+    assert all(signed_area(hole) < 0 for hole in building.holes)
+    assert len(building.holes) == (1 if building.roof_type == "courtyard" else 0)
+
+
+def test_shells_are_closed(placed):
+    building, _ = placed
+    edges = Counter()
+    for surface in shell_of(building).surfaces:
+        for ring in surface:
+            corners = [tuple(corner) for corner in np.round(ring * 1000).astype(int)]
+            edges.update(zip(corners, corners[1:] + corners[:1], strict=True))
+    assert set(edges.values()) == {1}
+    assert all(edge[::-1] in edges for edge in edges)
+
+
+def test_the_volume_of_a_shell_is_area_times_mean_height(placed):
+    building, _ = placed
+    foot = np.array([31.7, -12.3, 105.0])
+    volume = 0.0
+    for surface in shell_of(building).surfaces:
+        for ring in surface:
+            corners = ring - foot
+            crosses = np.cross(corners[1:-1], corners[2:])
+            volume += (crosses @ corners[0]).sum() / 6
+    heights = [face.elevation(np.array(face.polygon.centroid.coords))[0] - 105.0 for face in building.faces]
+    areas = [face.polygon.area for face in building.faces]
+    assert volume == pytest.approx(np.dot(areas, heights), rel=1e-6)
+
+
+def test_roofs_start_at_the_eave_and_rise_by_their_pitch():
+    low, high = shapes.gable(14, 9, 5.0, 45.0).roof_elevation_range
+    assert low == pytest.approx(5.0)
+    assert high == pytest.approx(5.0 + 4.5)
+
+
+def test_turned_by_a_right_angle_a_roof_has_the_same_heights():
+    plain = shapes.l_shape()
+    turned = plain.placed(3.0, 4.0, 90.0)
+    xy = np.random.default_rng(0).uniform(-12, 12, (500, 2))
+    plane_id, elevation = plain.roof_at(xy)
+    turned_id, turned_elevation = turned.roof_at(np.column_stack([3 - xy[:, 1], 4 + xy[:, 0]]))
+    assert np.array_equal(plane_id, turned_id)
+    assert np.allclose(elevation, turned_elevation, equal_nan=True)
+
+
+def test_a_dormer_above_the_ridge_is_refused():
+    with pytest.raises(ValueError, match="dormer_height = 9 m"):
+        shapes.dormer(dormer_height=9)
