@@ -6,7 +6,7 @@ Roof points that belong together: moving-window region growing.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -140,8 +140,8 @@ def occupied_area(
     """
     # Points of one cell lie in each other's windows: a cell belongs to one component.
     _, first = np.unique(cell_numbers(xy, spacing), return_index=True)
-    n_cells = np.bincount(component[first], minlength=n_components)
-    return n_cells * spacing**2 / _FILLED_SHARE
+    n_cells = np.bincount(component[first], minlength=n_components).astype(np.float64)
+    return n_cells * (spacing**2 / _FILLED_SHARE)
 
 
 def distinct_ids(anchors: NDArray[np.float64]) -> NDArray[np.uint32]:
@@ -157,12 +157,12 @@ def distinct_ids(anchors: NDArray[np.float64]) -> NDArray[np.uint32]:
 
     """
     wanted = [building_id(anchor) for anchor in anchors]
-    order = np.lexsort((anchors[:, 2], anchors[:, 1], anchors[:, 0])) if len(anchors) else []
+    order = np.lexsort((anchors[:, 2], anchors[:, 1], anchors[:, 0]))
     ids = np.zeros(len(anchors), dtype=np.uint32)
     taken = set(wanted)
     given: set[int] = set()
     for row in order:
-        number: Any = wanted[row]
+        number = wanted[row]
         if number in given:
             while number in taken:
                 number = number % _LARGEST_ID + 1

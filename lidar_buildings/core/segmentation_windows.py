@@ -62,10 +62,10 @@ def _join_cells(x, y, first, column, row, reach_x, reach_y):  # type: ignore[no-
     parent = np.arange(n)
     above = 0
     for cell in range(n):
-        if cell + 1 < n and row[cell + 1] == row[cell] and column[cell + 1] == column[cell] + 1:
-            # The next cell of a row holds points of the same rows: only x decides.
-            if x[first[cell + 1]] - x[first[cell + 1] - 1] <= reach_x:
-                _join(parent, cell, cell + 1)
+        is_next = cell + 1 < n and row[cell + 1] == row[cell] and column[cell + 1] == column[cell] + 1
+        # Neighbours in a row hold points of the same height: only x decides.
+        if is_next and x[first[cell + 1]] - x[first[cell + 1] - 1] <= reach_x:
+            _join(parent, cell, cell + 1)
         while above < n and (
             row[above] <= row[cell] or (row[above] == row[cell] + 1 and column[above] < column[cell] - 1)
         ):
