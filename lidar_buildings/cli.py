@@ -1,0 +1,121 @@
+"""
+The `lidar-buildings` command.
+
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+from pathlib import Path
+
+from lidar_buildings import __version__
+
+#: Exit statuses: users' scripts rely on them.
+DONE, WRONG_USE, TILE_FAILED = 0, 2, 3
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """
+    Run one command and return its exit status.
+
+    """
+    options = _parser().parse_args(arguments)
+    # Imported late: --help answers at once, and malloc can be tuned before ROS allocates.
+    from lidar_buildings.core.errors import LidarBuildingsError
+
+    try:
+        return options.command(options)
+    except LidarBuildingsError as error:
+        print(f"lidar-buildings: {error}", file=sys.stderr)
+        return WRONG_USE
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return DONE
+    except KeyboardInterrupt:
+        print("lidar-buildings: interrupted; the same command goes on from here", file=sys.stderr)
+        return 130
+
+
+def _parser() -> argparse.ArgumentParser:
+    """
+    Build the command line.
+
+    """
+    parser = argparse.ArgumentParser(
+        prog="lidar-buildings", description="Raw lidar in, valid 3D city models out."
+    )
+    parser.add_argument("--version", action="version", version=__version__)
+    commands = parser.add_subparsers(required=True, metavar="COMMAND")
+    _add_run(commands.add_parser("run", help="point clouds to classified points, outlines and models"))
+    _add_simulate(commands.add_parser("simulate", help="make a virtual survey with its truth"))
+    _add_score(commands.add_parser("score", help="compare a result with a reference"))
+    return parser
+
+
+def _add_run(parser: argparse.ArgumentParser) -> None:
+    """
+    Describe ``lidar-buildings run``.
+
+    """
+    parser.add_argument("input", nargs="+", metavar="INPUT", help="LAS, LAZ or COPC files, folders or globs")
+    parser.add_argument("--output", required=True, type=Path, metavar="DIR", help="folder for the results")
+    parser.add_argument("--params", type=Path, metavar="FILE", help="parameters as in config/pipeline.param.yaml")
+    parser.add_argument(
+        "--set", action="append", default=[], metavar="STAGE.NAME=VALUE", help="set one parameter (repeatable)"
+    )
+    parser.add_argument("--until", metavar="STAGE", help="end with this stage")
+    parser.add_argument("--tile-size", type=float, metavar="M", help="side of a tile [m]")
+    parser.add_argument("--no-ros", action="store_true", help="call the stages directly, without ROS")
+    parser.add_argument("--overwrite", action="store_true", help="replace what is in DIR")
+    parser.add_argument("--namespace", metavar="NAME", help="ROS namespace of the nodes (default: one of its own)")
+    parser.set_defaults(command=_run)
+
+
+def _run(options: argparse.Namespace) -> int:
+    """
+    Execute ``lidar-buildings run``.
+
+    """
+    from lidar_buildings.run import run_command
+
+    return run_command(options)
+
+
+def _add_simulate(parser: argparse.ArgumentParser) -> None:
+    """
+    Describe ``lidar-buildings simulate``.
+
+    """
+    parser.add_argument("--output", required=True, type=Path, metavar="DIR", help="folder for the survey")
+    parser.add_argument("--scene", default="village", metavar="NAME", help="which scene (default: village)")
+    parser.add_argument("--seed", type=int, default=0, metavar="N", help="seed of everything random (default: 0)")
+    parser.add_argument("--density", type=float, metavar="D", help="points per square metre")
+    parser.add_argument("--overwrite", action="store_true", help="replace what is in DIR")
+    parser.set_defaults(command=_simulate)
+
+
+def _simulate(options: argparse.Namespace) -> int:
+    """
+    Execute ``lidar-buildings simulate``.
+
+    """
+    from lidar_buildings.simulation.command import simulate_command
+
+    return simulate_command(options)
+
+
+def _add_score(parser: argparse.ArgumentParser) -> None:
+    """
+    Describe ``lidar-buildings score``.
+
+    """
+    from lidar_buildings.score import add_score_arguments, score_command
+
+    add_score_arguments(parser)
+    parser.set_defaults(command=score_command)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
