@@ -112,7 +112,8 @@ def read_label_pairs(result: Path, reference: Path) -> LabelledPoints:
         order.
 
     """
-    parts, clouds = [], []
+    parts: list[tuple[NDArray[Any], ...]] = []
+    clouds = []
     for mine, theirs in _matched(result, reference):
         pair = open_cloud(mine), open_cloud(theirs)
         clouds.append(pair[0])
