@@ -8,8 +8,6 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
-from scipy.sparse import coo_matrix
-from scipy.sparse.csgraph import connected_components
 
 from lidar_buildings.core.least_squares_plane import least_squares_plane
 from lidar_buildings.core.plane_fitting.consensus import Cloud
@@ -144,14 +142,37 @@ def join(
     return now[labels]
 
 
-def touching(neighbours: NDArray[np.int32], labels: NDArray[np.int32]) -> NDArray[np.int32]:
+def touching(neighbours: NDArray[np.int32], labels: NDArray[np.int32]) -> NDArray[np.int64]:
     """
     Return the pairs of planes, shape (n_pairs, 2), that have neighbouring points.
 
     """
-    row, column = np.nonzero(neighbours >= 0)
-    pairs = np.column_stack([labels[row], labels[neighbours[row, column]]])
-    return np.unique(pairs[(pairs[:, 0] > 0) & (pairs[:, 0] < pairs[:, 1])], axis=0)
+    size = int(labels.max(initial=0)) + 1
+    pairs = np.unique(touching_numbers(neighbours, labels, size))
+    return np.column_stack([pairs // size, pairs % size])
+
+
+@njit(cache=True, nogil=True)
+def touching_numbers(
+    neighbours: NDArray[np.int32], labels: NDArray[np.int32], size: int
+) -> NDArray[np.int64]:
+    """
+    Return first × size + second for neighbouring points of two planes, the smaller number first.
+
+    """
+    numbers = np.empty(neighbours.size, np.int64)
+    n = 0
+    for i in range(len(labels)):
+        before = labels[i]
+        for j in neighbours[i]:
+            # A point mostly has many neighbours in the same other plane: one of a run is enough.
+            if j < 0 or labels[j] == before:
+                continue
+            before = labels[j]
+            if labels[i] > 0 and labels[j] > 0 and labels[i] != labels[j]:
+                numbers[n] = min(labels[i], labels[j]) * size + max(labels[i], labels[j])
+                n += 1
+    return numbers[:n]
 
 
 def one_plane_fits(first: NDArray[np.float64], second: NDArray[np.float64], max_distance: float) -> bool:
@@ -171,12 +192,42 @@ def split(neighbours: NDArray[np.int32], labels: NDArray[np.int32], min_points: 
     Make every connected part of a plane a plane of its own; parts with too few points are dissolved.
 
     """
-    row, column = np.nonzero(neighbours >= 0)
-    other = neighbours[row, column]
-    same = (labels[row] == labels[other]) & (labels[row] > 0)
-    links = coo_matrix(
-        (np.ones(int(same.sum()), dtype=bool), (row[same], other[same])), shape=(len(labels),) * 2
-    )
-    part = connected_components(links, directed=False)[1]
+    part = connected_parts(neighbours, labels)
     large = np.bincount(part, minlength=1)[part] >= min_points
     return np.where(large & (labels > 0), part + 1, 0).astype(np.int32)
+
+
+@njit(cache=True, nogil=True)
+def connected_parts(neighbours: NDArray[np.int32], labels: NDArray[np.int32]) -> NDArray[np.int32]:
+    """
+    Number the connected parts of equal labels from 0, in the order of their first points.
+
+    """
+    leader = np.arange(len(labels), dtype=np.int32)
+    for i in range(len(labels)):
+        for j in neighbours[i]:
+            if j >= 0 and labels[j] == labels[i]:
+                a, b = leader_of(leader, i), leader_of(leader, j)
+                leader[max(a, b)] = min(a, b)
+    part = np.empty(len(labels), dtype=np.int32)
+    n = 0
+    for i in range(len(labels)):
+        first = leader_of(leader, i)
+        if first == i:
+            part[i] = n
+            n += 1
+        else:
+            part[i] = part[first]
+    return part
+
+
+@njit(cache=True, nogil=True)
+def leader_of(leader: NDArray[np.int32], member: int) -> int:
+    """
+    Return the first point of a point's part, and shorten the way there.
+
+    """
+    while leader[member] != member:
+        leader[member] = leader[leader[member]]
+        member = leader[member]
+    return member

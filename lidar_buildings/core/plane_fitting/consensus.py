@@ -61,6 +61,8 @@ class Scratch(NamedTuple):
     visit: NDArray[np.int64]
     #: The members of the growing plane.
     queue: NDArray[np.int64]
+    #: Points that were a seed already: they are not worth a second try.
+    tried: NDArray[np.bool_]
     #: One cell: the number of the current growth.
     counter: NDArray[np.int64]
 
@@ -271,7 +273,9 @@ def extract(
     """
     n = len(order)
     labels = np.zeros(n, np.int32)
-    scratch = Scratch(np.zeros(n, np.int64), np.empty(n, np.int64), np.zeros(1, np.int64))
+    scratch = Scratch(
+        np.zeros(n, np.int64), np.empty(n, np.int64), np.zeros(n, np.bool_), np.zeros(1, np.int64)
+    )
     n_planes, before = 0, -1
     while n_planes > before:
         before = n_planes
@@ -290,7 +294,7 @@ def search_round(
     scratch: Scratch,
 ) -> int:
     """
-    Let every free point be a seed once, unless a known hypothesis holds it; return the number of planes.
+    Let every free point be a seed, unless a known hypothesis holds it; return the number of planes.
 
     A hypothesis is accepted once enough seeds were drawn to have met, with the wanted probability, any
     plane as large. Hypotheses are kept for later planes; since points only ever leave, a score can only
@@ -356,8 +360,9 @@ def draw_seeds(
         if labels[seed] != 0:
             continue
         n_drawn += 1
-        if pool.holder[seed] >= 0 and pool.score[pool.holder[seed]] > 0.0:
+        if scratch.tried[seed] or (pool.holder[seed] >= 0 and pool.score[pool.holder[seed]] > 0.0):
             continue
+        scratch.tried[seed] = True
         added = add_hypothesis(cloud, limits, labels, seed, samples[seed % len(samples)], pool, scratch)
         if added >= 0 and pool.score[added] > pool.score[best]:
             best = added
