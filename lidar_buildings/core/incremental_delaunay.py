@@ -17,9 +17,11 @@ ON_CIRCLE = 1e-12
 
 
 @njit(cache=True, nogil=True)
-def insert_vertex(vertex, triangle, n_triangles, vertices, triangles, neighbours, changed, mark):  # type: ignore[no-untyped-def]
+def insert_vertex(  # type: ignore[no-untyped-def]
+    vertex, triangle, n_triangles, vertices, triangles, neighbours, changed, mark
+):
     """
-    Insert a vertex into the triangle that holds it, and flip sides until all are Delaunay again (Lawson 1977).
+    Insert a vertex into the triangle that holds it; flip sides until all are Delaunay again (Lawson 1977).
 
     Parameters
     ----------

@@ -12,9 +12,10 @@ from dataclasses import dataclass
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 from scipy.spatial import Delaunay, cKDTree
 
+from lidar_buildings.core.point_array import checked_points
 from lidar_buildings.core.point_order import cell_order
 
 #: Virtual points per side of the frame round the vertices.
@@ -114,7 +115,7 @@ class Tin:
         return math.sqrt(2.0 * width * height / len(self.triangles))
 
 
-def build_tin(vertices: NDArray[np.float64], extent: NDArray[np.float64] | None = None) -> Tin:
+def build_tin(vertices: ArrayLike, extent: NDArray[np.float64] | None = None) -> Tin:
     """
     Triangulate points; the result depends on neither their order nor their repetition.
 
@@ -133,11 +134,9 @@ def build_tin(vertices: NDArray[np.float64], extent: NDArray[np.float64] | None 
         If there is no point, the shape is wrong, or a coordinate is not finite.
 
     """
-    vertices = np.asarray(vertices, dtype=np.float64)
-    if vertices.ndim != 2 or vertices.shape[1] != 3 or len(vertices) == 0:
-        raise ValueError(f"vertices has shape {vertices.shape}: must be (n_points, 3) with n_points ≥ 1")
-    if not np.isfinite(vertices).all():
-        raise ValueError("vertices holds NaN or infinity: all coordinates must be finite")
+    vertices = checked_points(vertices)
+    if len(vertices) == 0:
+        raise ValueError("vertices is empty: a TIN needs at least one point")
     corners = vertices[:, :2] if extent is None else np.vstack((vertices[:, :2], extent))
     origin = np.floor(corners.min(axis=0))
     real = _one_per_place(vertices)
@@ -150,9 +149,7 @@ def build_tin(vertices: NDArray[np.float64], extent: NDArray[np.float64] | None 
     return Tin(vertices, triangles, neighbours, len(real), origin)
 
 
-def height_above_ground(
-    points: NDArray[np.float64], ground: NDArray[np.float64] | NDArray[np.bool_]
-) -> NDArray[np.float64]:
+def height_above_ground(points: ArrayLike, ground: ArrayLike) -> NDArray[np.float64]:
     """
     Return each point's height above the TIN of the ground points [m].
 
@@ -169,8 +166,8 @@ def height_above_ground(
         If there is no ground point, or a shape is wrong.
 
     """
-    points = np.asarray(points, dtype=np.float64)
-    vertices = points[ground] if np.asarray(ground).dtype == np.bool_ else np.asarray(ground)
+    points, ground = checked_points(points), np.asarray(ground)
+    vertices = points[ground] if ground.dtype == np.bool_ else ground
     return points[:, 2] - build_tin(vertices).elevation(points)
 
 

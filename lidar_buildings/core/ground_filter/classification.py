@@ -45,9 +45,9 @@ def classify_ground(points: ArrayLike, config: GroundFilterConfig | None = None)
     """
     Tell ground from everything else, and measure how high each point lies above it.
 
-    Progressive TIN densification (Axelsson 2000): gross errors are set aside; the lowest points of large cells
-    form a first, coarse TIN; points that lie near its facets join it, round by round, until none is left;
-    points close to the finished TIN are ground.
+    Progressive TIN densification (Axelsson 2000): gross errors are set aside; the lowest points of large
+    cells form a first, coarse TIN; points that lie near its facets join it, round by round, until none is
+    left; points close to the finished TIN are ground.
 
     The lowest surface is ground by definition. Where no ground was recorded (a tile that shows one roof
     only), that is the roof, and heights are measured from it; there is no result without a terrain.

@@ -25,39 +25,46 @@ class GroundFilterConfig(StageConfig):
         "How ground is told from the rest: progressive TIN densification (Axelsson 2000).",
         choices=("progressive_tin",),
     )
-    largest_building: float = parameter(
-        30.0,
-        "Side of the cells whose lowest points start the TIN: raise it above the width of the largest building "
-        "that is taken for ground; small hills may then be lost.",
+    seed_cell: float = parameter(
+        40.0,
+        "Side of the cells whose lowest points start the TIN, a little less than the largest building: raising "
+        "it copes with larger buildings, and may lose steep hills.",
         unit="m",
         minimum=1.0,
         maximum=1000.0,
     )
+    max_seed_rise: float = parameter(
+        0.1,
+        "How far a seed may stand above its neighbours' plane, in parts of seed_cell: raising it keeps more of "
+        "the hilltops, and of the roofs larger than a cell.",
+        minimum=0.0,
+        maximum=10.0,
+    )
     candidate_spacing: float = parameter(
         1.0,
-        "Only the lowest point per cell of this side may enter the TIN: raising it makes the terrain coarser and "
-        "the filter faster.",
+        "Only the lowest point per cell of this side may enter the TIN: raising it makes the terrain coarser "
+        "and the filter faster.",
         unit="m",
         minimum=0.1,
         maximum=20.0,
     )
     iteration_angle: float = parameter(
         10.0,
-        "Largest angle at which a point may be seen from the corners of a level facet and join the TIN: raising "
-        "it climbs steeper terrain, and low objects.",
+        "Largest angle at which a point may be seen from the corners of a level facet and join the TIN: "
+        "raising it climbs steeper terrain, and low objects.",
         unit="deg",
         minimum=0.1,
         maximum=89.0,
     )
     slope_gain: float = parameter(
         0.6,
-        "By how much of a facet's own slope the iteration angle grows: raising it follows rough and steep terrain "
-        "better, and climbs objects on it.",
+        "By how much of a facet's own slope the iteration angle grows: raising it follows rough and steep "
+        "terrain better, and climbs objects on it.",
         minimum=0.0,
         maximum=2.0,
     )
     iteration_distance: float = parameter(
-        1.4,
+        1.0,
         "Largest distance above its facet at which a point may join the TIN: raising it climbs steps and low "
         "objects.",
         unit="m",
@@ -73,7 +80,8 @@ class GroundFilterConfig(StageConfig):
     )
     ground_distance: float = parameter(
         0.3,
-        "Points within this height of the finished TIN are ground: raising it takes in grass, kerbs and low walls.",
+        "Points within this height of the finished TIN are ground: raising it takes in grass, kerbs and low "
+        "walls.",
         unit="m",
         minimum=0.01,
         maximum=5.0,
@@ -96,8 +104,8 @@ class GroundFilterConfig(StageConfig):
     )
     noise_group: int = parameter(
         6,
-        "Largest number of gross errors that may lie together: raising it finds more, and takes small pits for "
-        "errors.",
+        "Largest number of gross errors that may lie together: raising it finds more, and takes small pits "
+        "for errors.",
         minimum=1,
         maximum=100,
     )
@@ -110,8 +118,8 @@ class GroundFilterConfig(StageConfig):
     )
     high_point_gap: float = parameter(
         25.0,
-        "A high gross error lies further than this above all points around it: lowering it finds lower birds, and "
-        "takes lone tree tops for errors.",
+        "A high gross error lies further than this above all points around it: lowering it finds lower birds, "
+        "and takes lone tree tops for errors.",
         unit="m",
         minimum=1.0,
         maximum=1000.0,

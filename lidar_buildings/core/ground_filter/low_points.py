@@ -18,9 +18,9 @@ def find_noise(points: NDArray[np.float64], spacing: float, config: GroundFilter
     """
     Mark gross errors with their class, 7 or 18; 0 elsewhere.
 
-    A point is low if, of all points within a radius, at most a small group lies lower than a gap above it: all
-    others are higher by more. High points are found the same way upside down. A point whose surroundings hold
-    no more than such a group in all is left alone: there is nothing to tell it from.
+    A point is low if, of all points within a radius, at most a small group lies lower than a gap above it:
+    all others are higher by more. High points are found the same way upside down. Where no more than such a
+    group is left beyond the gap, nothing is marked: there is nothing to tell it from.
 
     Parameters
     ----------

@@ -12,14 +12,16 @@ from numba import njit
 from numpy.typing import NDArray
 
 from lidar_buildings.core.ground_filter.config import GroundFilterConfig
+from lidar_buildings.core.ground_filter.seeds import choose_seeds
 from lidar_buildings.core.incremental_delaunay import insert_vertex, with_room
-from lidar_buildings.core.point_order import lowest_per_cell
-from lidar_buildings.core.tin import build_tin, walk
+from lidar_buildings.core.tin import build_tin, plane_elevation, plane_slope, walk
 
 #: A guard, never reached on real data: terrain climbs at least one candidate a round.
 MAX_ROUNDS = 1000
 #: A facet is left as it is by points this close to it: they add nothing to its shape [m].
 FLAT_DISTANCE = 0.05
+#: Rise over run from which a facet may span a step of the terrain, so that points are tried mirrored as well.
+MIRROR_SLOPE = 0.1
 
 
 def densify(candidates: NDArray[np.float64], config: GroundFilterConfig) -> NDArray[np.bool_]:
@@ -29,7 +31,8 @@ def densify(candidates: NDArray[np.float64], config: GroundFilterConfig) -> NDAr
     A candidate joins the TIN if its distance to its facet and the angles at which it is seen from the facet's
     corners stay within limits; the angle's limit grows with the facet's own slope, so that the data set it
     where the terrain is, and the rest of the tile has no say. Candidates below their facet always may join.
-    Each round inserts one candidate a facet, the lowest below it or the one under the smallest angle, which
+    On a facet that may span a step, a candidate too far above is mirrored at the facet's nearest corner and
+    tested against the terrain there. Each round inserts one candidate a facet, the lowest below it or the one under the smallest angle, which
     keeps a single point on an object from pulling others after it.
 
     Parameters
@@ -49,64 +52,72 @@ def densify(candidates: NDArray[np.float64], config: GroundFilterConfig) -> NDAr
 
     """
     in_terrain = np.zeros(len(candidates), dtype=np.bool_)
-    in_terrain[lowest_per_cell(candidates, config.largest_building)] = True
+    in_terrain[choose_seeds(candidates, config.seed_cell, config.max_seed_rise)] = True
     extent = np.array([candidates.min(axis=0)[:2], candidates.max(axis=0)[:2]])
     start = build_tin(candidates[in_terrain], extent)
     waiting = np.flatnonzero(~in_terrain)
-    n_vertices = len(start.vertices)
-    vertices = np.vstack((start.vertices, candidates[waiting] - [*start.origin, 0.0]))
-    joined = _grow(
-        vertices,
-        n_vertices,
+    n_start, n_triangles = len(start.vertices), len(start.triangles)
+    room = n_triangles + 2 * len(waiting)
+    in_terrain[waiting] = _grow(
+        np.vstack((start.vertices, candidates[waiting] - [*start.origin, 0.0])),
         start.n_real,
-        with_room(start.triangles, len(start.triangles) + 2 * len(waiting)),
-        with_room(start.neighbours, len(start.triangles) + 2 * len(waiting)),
-        len(start.triangles),
-        math.radians(config.iteration_angle),
-        config.slope_gain,
-        config.iteration_distance,
-        config.min_facet_side**2,
+        n_start,
+        with_room(start.triangles, room),
+        with_room(start.neighbours, room),
+        n_triangles,
+        (
+            math.radians(config.iteration_angle),
+            config.slope_gain,
+            config.iteration_distance,
+            config.min_facet_side**2,
+        ),
     )
-    in_terrain[waiting] = joined
     return in_terrain
 
 
 @njit(cache=True, nogil=True)
-def _grow(  # type: ignore[no-untyped-def]
-    vertices, n_start, n_real, triangles, neighbours, n_triangles, angle, gain, distance, squared_side
-):
+def _grow(vertices, n_real, n_start, triangles, neighbours, n_triangles, limits):  # type: ignore[no-untyped-def]
     """
-    Insert candidates until none is left that may join; they are the rows of `vertices` from `n_start` on.
+    Insert candidates, the rows of `vertices` from `n_start` on, until none is left that may join.
+
+    Rows from `n_real` to `n_start` are the frame's. `limits` are angle [rad], its gain with the slope,
+    distance [m], and shortest longest side of a facet squared [m²].
 
     """
     n_waiting = len(vertices) - n_start
     joined = np.zeros(n_waiting, dtype=np.bool_)
     home = np.zeros(n_waiting, dtype=np.int32)
+    # The round in which a triangle last changed; those of the start count as changed before the first.
     changed = np.zeros(len(triangles), dtype=np.int32)
     best = np.full(len(triangles), -1, dtype=np.int32)
     best_score = np.empty(len(triangles))
     for turn in range(1, MAX_ROUNDS):
-        _follow(vertices, n_start, n_real, triangles, n_triangles, changed, turn)
-        start = 0
-        for i in range(n_waiting):
-            if joined[i] or (turn > 1 and changed[home[i]] < turn - 1):
-                continue
-            x, y = vertices[n_start + i, 0], vertices[n_start + i, 1]
-            start = walk(x, y, start if turn == 1 else home[i], vertices, triangles, neighbours)
-            home[i] = start
-            score = _score(vertices, triangles[start], n_start + i, angle, gain, distance, squared_side)
-            if score < np.inf and (best[start] < 0 or score < best_score[start]):
-                best[start], best_score[start] = i, score
+        _level_frame(vertices, n_real, n_start, triangles[:n_triangles], changed, turn - 1)
+        _propose(
+            vertices,
+            n_real,
+            n_start,
+            triangles,
+            neighbours,
+            limits,
+            turn,
+            changed,
+            joined,
+            home,
+            best,
+            best_score,
+        )
         n_before = n_triangles
         for triangle in range(n_before):
             i = best[triangle]
             if i < 0:
                 continue
             best[triangle], joined[i] = -1, True
-            x, y = vertices[n_start + i, 0], vertices[n_start + i, 1]
-            home[i] = walk(x, y, triangle, vertices, triangles, neighbours)
+            p = n_start + i
+            # Insertions of this round may have cut the point's triangle off this number.
+            within = walk(vertices[p, 0], vertices[p, 1], triangle, vertices, triangles, neighbours)
             n_triangles = insert_vertex(
-                n_start + i, home[i], n_triangles, vertices, triangles, neighbours, changed, turn
+                p, within, n_triangles, vertices, triangles, neighbours, changed, turn
             )
         if n_triangles == n_before:
             break
@@ -114,31 +125,114 @@ def _grow(  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _score(vertices, corners, p, angle, gain, distance, squared_side):  # type: ignore[no-untyped-def]
+def _propose(  # type: ignore[no-untyped-def]
+    vertices, n_real, n_start, triangles, neighbours, limits, turn, changed, joined, home, best, best_score
+):
+    """
+    Find the best candidate of each triangle that changed in the last round.
+
+    """
+    here = 0
+    for i in range(len(joined)):
+        if joined[i] or changed[home[i]] < turn - 1:
+            continue
+        p = n_start + i
+        here = walk(
+            vertices[p, 0], vertices[p, 1], here if turn == 1 else home[i], vertices, triangles, neighbours
+        )
+        home[i] = here
+        score = _score(vertices[p], vertices, triangles[here], limits)
+        if score == np.inf:
+            score = _mirrored_score(p, here, vertices, n_real, n_start, triangles, neighbours, limits)
+        if score < np.inf and (best[here] < 0 or score < best_score[here]):
+            best[here], best_score[here] = i, score
+
+
+@njit(cache=True, nogil=True)
+def _score(point, vertices, corners, limits):  # type: ignore[no-untyped-def]
     """
     Return how well a point fits a facet, the less the better; infinity where it may not join.
 
     Below the facet the distance to it, negative; above it the largest angle at a corner.
 
     """
+    angle, gain, distance, squared_side = limits
     a, b, c = vertices[corners[0]], vertices[corners[1]], vertices[corners[2]]
-    ux, uy, uz = b[0] - a[0], b[1] - a[1], b[2] - a[2]
-    vx, vy, vz = c[0] - a[0], c[1] - a[1], c[2] - a[2]
-    longest = max(ux * ux + uy * uy, vx * vx + vy * vy, (vx - ux) ** 2 + (vy - uy) ** 2)
-    nx, ny, nz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
-    if longest < squared_side or nz <= 0.0:
+    if _squared_longest_side(a, b, c) < squared_side:
         return np.inf
-    x, y, z = vertices[p, 0], vertices[p, 1], vertices[p, 2]
-    norm = math.sqrt(nx * nx + ny * ny + nz * nz)
-    above = ((x - a[0]) * nx + (y - a[1]) * ny + (z - a[2]) * nz) / norm
+    slope = plane_slope(a, b, c)
+    above = (point[2] - plane_elevation(point[0], point[1], a, b, c)) / math.hypot(1.0, slope)
     if above < -FLAT_DISTANCE:
         return above
     if above < FLAT_DISTANCE or above > distance:
         return np.inf
-    nearest = min(_squared(vertices[p], a), _squared(vertices[p], b), _squared(vertices[p], c))
-    seen_at = math.asin(min(1.0, above / math.sqrt(nearest)))
-    slope = math.acos(min(1.0, nz / norm))
-    return seen_at if seen_at <= angle + gain * slope else np.inf
+    seen_at = _angle_at_corners(point, a, b, c, above)
+    return seen_at if seen_at <= angle + gain * math.atan(slope) else np.inf
+
+
+@njit(cache=True, nogil=True)
+def _mirrored_score(p, triangle, vertices, n_real, n_start, triangles, neighbours, limits):  # type: ignore[no-untyped-def]
+    """
+    Return how well a candidate, mirrored at its facet's nearest corner, fits the terrain there.
+
+    Level ground that ends in a step reaches its edge in this way; a roof does not, as its corners are ground.
+
+    """
+    angle, _, distance, squared_side = limits
+    corners = triangles[triangle]
+    a, b, c = vertices[corners[0]], vertices[corners[1]], vertices[corners[2]]
+    if plane_slope(a, b, c) < MIRROR_SLOPE or _squared_longest_side(a, b, c) < squared_side:
+        return np.inf
+    corner = _nearest_corner(vertices, p, corners)
+    if n_real <= corner < n_start or abs(vertices[p, 2] - vertices[corner, 2]) > distance:
+        return np.inf
+    mirrored = 2.0 * vertices[corner] - vertices[p]
+    mirrored[2] = vertices[p, 2]
+    there = triangles[walk(mirrored[0], mirrored[1], triangle, vertices, triangles, neighbours)]
+    for v in there:
+        if n_real <= v < n_start:
+            return np.inf
+    a, b, c = vertices[there[0]], vertices[there[1]], vertices[there[2]]
+    offset = mirrored[2] - plane_elevation(mirrored[0], mirrored[1], a, b, c)
+    off = abs(offset) / math.hypot(1.0, plane_slope(a, b, c))
+    seen_at = _angle_at_corners(mirrored, a, b, c, off)
+    return seen_at if off <= distance and seen_at <= angle else np.inf
+
+
+@njit(cache=True, nogil=True)
+def _angle_at_corners(point, a, b, c, off):  # type: ignore[no-untyped-def]
+    """
+    Return the largest angle between a facet and the lines from its corners to a point `off` it [rad].
+
+    """
+    nearest = math.sqrt(min(_squared(point, a), _squared(point, b), _squared(point, c)))
+    return math.asin(min(1.0, off / nearest)) if nearest > 0.0 else 0.0
+
+
+@njit(cache=True, nogil=True)
+def _nearest_corner(vertices, p, corners):  # type: ignore[no-untyped-def]
+    """
+    Return the corner nearest to vertex p in plan.
+
+    """
+    nearest, least = corners[0], np.inf
+    for v in corners:
+        away = (vertices[v, 0] - vertices[p, 0]) ** 2 + (vertices[v, 1] - vertices[p, 1]) ** 2
+        if away < least:
+            nearest, least = v, away
+    return nearest
+
+
+@njit(cache=True, nogil=True)
+def _squared_longest_side(a, b, c):  # type: ignore[no-untyped-def]
+    """
+    Return the square of a triangle's longest side in plan [m²].
+
+    """
+    ab = (b[0] - a[0]) ** 2 + (b[1] - a[1]) ** 2
+    bc = (c[0] - b[0]) ** 2 + (c[1] - b[1]) ** 2
+    ca = (a[0] - c[0]) ** 2 + (a[1] - c[1]) ** 2
+    return max(ab, bc, ca)
 
 
 @njit(cache=True, nogil=True)
@@ -151,30 +245,27 @@ def _squared(p, q):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _follow(vertices, n_start, n_real, triangles, n_triangles, changed, turn):  # type: ignore[no-untyped-def]
+def _level_frame(vertices, n_real, n_start, triangles, changed, mark):  # type: ignore[no-untyped-def]
     """
-    Give each virtual vertex of the frame the elevation of the nearest real one that it shares a triangle with.
+    Give each virtual vertex the elevation of the nearest real one that it shares a triangle with.
+
+    The terrain so goes on level beyond its edge, wherever that is by now. Triangles whose corner moved are
+    marked as changed.
 
     """
-    nearest = np.full(n_start - n_real, np.inf)
+    least = np.full(n_start - n_real, np.inf)
     elevation = vertices[n_real:n_start, 2].copy()
-    for t in range(n_triangles):
-        for k in range(3):
-            f = triangles[t, k] - n_real
-            if f < 0 or f >= n_start - n_real:
+    for corners in triangles:
+        for v in corners:
+            if not n_real <= v < n_start:
                 continue
-            for m in range(3):
-                v = triangles[t, m]
-                if n_real <= v < n_start:
-                    continue
-                away = (vertices[v, 0] - vertices[f + n_real, 0]) ** 2 + (
-                    vertices[v, 1] - vertices[f + n_real, 1]
-                ) ** 2
-                if away < nearest[f]:
-                    nearest[f], elevation[f] = away, vertices[v, 2]
-    for t in range(n_triangles):
-        for k in range(3):
-            f = triangles[t, k] - n_real
-            if 0 <= f < n_start - n_real and elevation[f] != vertices[f + n_real, 2]:
-                changed[t] = turn - 1
+            for w in corners:
+                away = (vertices[w, 0] - vertices[v, 0]) ** 2 + (vertices[w, 1] - vertices[v, 1]) ** 2
+                if not n_real <= w < n_start and away < least[v - n_real]:
+                    least[v - n_real], elevation[v - n_real] = away, vertices[w, 2]
+    moved = elevation != vertices[n_real:n_start, 2]
     vertices[n_real:n_start, 2] = elevation
+    for t in range(len(triangles)):
+        for v in triangles[t]:
+            if n_real <= v < n_start and moved[v - n_real]:
+                changed[t] = mark
