@@ -21,12 +21,15 @@ LAYERS = {
     "simulation": {"core", "io", "simulation"},
     "pipeline": {"core"},
     "settings": {"core"},
+    "run_local": {"core", "io", "pipeline", "settings"},
     "score_table": set(),
     "score_kinds": {"core", "io"},
     "score": {"core", "io", "score_kinds", "score_table"},
 }
-#: What starts everything else: it may import all layers, and only the command line imports it.
-TOP = {"run", "cli", "__main__"}
+#: Layers of the modules that carry out ``lidar-buildings run``: run.py, run_*.py (without ROS: run_local.py).
+RUN_LAYERS = {"core", "io", "ros", "nodes", "pipeline", "settings"}
+#: The command line: it may import all layers, and nothing imports it.
+TOP = {"cli", "__main__"}
 #: The stages; a stage is a module, modules that begin with its name and "_", or a folder.
 STAGES = (
     "ground_filter",
@@ -58,13 +61,29 @@ def stage_of(module):
     return next((stage for stage in STAGES if name == stage or name.startswith(f"{stage}_")), None)
 
 
+def is_run(layer):
+    return layer == "run" or layer.startswith("run_")
+
+
+def allowed_layers(layer, imported):
+    """
+    The layers that a layer may import; of the run's modules one may import another.
+
+    """
+    if is_run(layer):
+        return LAYERS.get(layer, RUN_LAYERS) | (
+            {imported} if is_run(imported) and layer not in LAYERS else set()
+        )
+    return LAYERS.get(layer, {layer})
+
+
 def internal_refusal(module, imported):
     """
     Say why one module must not import another of the package, None if it may.
 
     """
     mine, theirs = layer_of(module), layer_of(imported)
-    if theirs and mine not in TOP and theirs not in LAYERS.get(mine, {mine}):
+    if theirs and mine not in TOP and theirs not in allowed_layers(mine, theirs):
         return f"{module} imports {imported}: {mine or 'the package itself'} must not import {theirs}"
     if mine == "core" and module != "lidar_buildings.core.tile_stages":
         stage = stage_of(imported)
@@ -96,6 +115,10 @@ def test_imports_go_one_way():
         ("lidar_buildings.core.segmentation_windows", "lidar_buildings.core.boundary_tracing"),
         ("lidar_buildings.core.point_spacing", "lidar_buildings.core.ground_filter.config"),
         ("lidar_buildings.core.roof_selection", "lidar_buildings.core.tile_stages"),
+        ("lidar_buildings.run_local", "lidar_buildings.ros.qos"),
+        ("lidar_buildings.run_local", "lidar_buildings.run"),
+        ("lidar_buildings.run", "lidar_buildings.cli"),
+        ("lidar_buildings.io.las", "lidar_buildings.run_local"),
         ("lidar_buildings.unheard_of", "lidar_buildings.core.tile"),
     ],
 )
@@ -109,6 +132,7 @@ def test_an_import_against_the_directions_would_be_refused(module, imported):
         ("lidar_buildings.core.segmentation", "lidar_buildings.core.segmentation_windows"),
         ("lidar_buildings.core.tile_stages", "lidar_buildings.core.ground_filter"),
         ("lidar_buildings.nodes.tile_player", "lidar_buildings.io.las"),
+        ("lidar_buildings.run", "lidar_buildings.run_local"),
         ("lidar_buildings.cli", "lidar_buildings.score"),
     ],
 )
@@ -136,7 +160,7 @@ def test_the_core_knows_neither_ros_nor_file_formats():
 
 def test_only_nodes_and_what_they_share_import_ros():
     with_ros = {layer_of(dotted(p)) for p in MODULES if any(is_of_ros(name) for name in external_imports(p))}
-    assert with_ros <= {"ros", "nodes", "run"}
+    assert {layer for layer in with_ros - {"ros", "nodes"} if not is_run(layer) or layer in LAYERS} == set()
 
 
 @pytest.mark.parametrize("name", ["rclpy", "sensor_msgs", "std_srvs", "builtin_interfaces", "tf2_ros"])
