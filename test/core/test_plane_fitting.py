@@ -92,6 +92,14 @@ def test_one_default_set_finds_each_plane_of_a_roof_once(name, density):
     assert len(matches(truth, result.plane_id)) == len(result.planes)
 
 
+@pytest.mark.parametrize("noise", [0.0, 0.06])
+@pytest.mark.parametrize("name", ["flat", "gable", "hip", "dormer"])
+def test_planes_are_found_without_noise_and_with_much(name, noise):
+    points, truth = roof_with_truth(name, density=4.0, noise=noise)
+    result = fit_roof_planes(points)
+    assert len(matches(truth, result.plane_id)) == len(result.planes) == len(np.unique(truth))
+
+
 def test_planes_carry_the_least_squares_plane_of_their_points():
     points, _ = roof_with_truth("hip")
     result = fit_roof_planes(points)

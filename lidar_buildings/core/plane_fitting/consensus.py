@@ -352,7 +352,7 @@ def draw_seeds(
     best = int(np.argmax(pool.score))
     while cursor < len(order):
         if pool.score[best] > 0.0 and n_drawn >= samples_needed(
-            limits.probability, 1.0 - pool.n_points[best] / n_free, 1
+            limits.probability, max(0.0, 1.0 - pool.n_points[best] / max(1, n_free)), 1
         ):
             break
         seed = order[cursor]
