@@ -111,13 +111,12 @@ def radius_neighbours(
 
     """
     grid = build_grid(points, radius)
-    reach = np.inf if in_plan else float(radius)
     counts = np.zeros(len(grid.points), dtype=np.int64)
     none = np.zeros(0, dtype=np.int64)
-    for_row_blocks(lambda a, b: _count_or_list(grid, radius, reach, counts, none, a, b), len(counts))
+    for_row_blocks(lambda a, b: _count_or_list(grid, radius, in_plan, counts, none, a, b), len(counts))
     offsets = np.concatenate([[0], np.cumsum(counts)])
     neighbours = np.empty(offsets[-1], dtype=np.int64)
-    for_row_blocks(lambda a, b: _count_or_list(grid, radius, reach, offsets, neighbours, a, b), len(counts))
+    for_row_blocks(lambda a, b: _count_or_list(grid, radius, in_plan, offsets, neighbours, a, b), len(counts))
     return offsets, neighbours
 
 
@@ -144,6 +143,30 @@ def z_range(z, first, last, low, high):  # type: ignore[no-untyped-def]
         else:
             end = middle
     return start, stop
+
+
+@njit(cache=True, nogil=True)
+def neighbours_of(grid, cell, x, y, z, radius, in_plan, near):  # type: ignore[no-untyped-def]
+    """
+    Write the sorted points within a radius of a position in an occupied column to `near`; return how many.
+
+    `near` holds as many numbers as there are points; what is beyond the count is not touched or is rubbish.
+
+    """
+    points = grid.points
+    reach = np.inf if in_plan else radius
+    upright = 0.0 if in_plan else 1.0
+    found = 0
+    for c in grid.adjacent[cell]:
+        if c < 0:
+            continue
+        start, stop = z_range(points[:, 2], grid.first[c], grid.first[c + 1], z - reach, z + reach)
+        for j in range(start, stop):
+            dx, dy, dz = points[j, 0] - x, points[j, 1] - y, upright * (points[j, 2] - z)
+            if dx * dx + dy * dy + dz * dz <= radius * radius:
+                near[found] = j
+                found += 1
+    return found
 
 
 def _column_keys(points: NDArray[np.float64], size: float) -> tuple[NDArray[np.int64], float, int]:
@@ -176,26 +199,18 @@ def _adjacent_columns(keys: NDArray[np.int64], n_rows: int) -> NDArray[np.int64]
 
 
 @njit(cache=True, nogil=True)
-def _count_or_list(grid, radius, reach, slots, neighbours, begin, end):  # type: ignore[no-untyped-def]
+def _count_or_list(grid, radius, in_plan, slots, neighbours, begin, end):  # type: ignore[no-untyped-def]
     """
     Write the neighbour counts of sorted points begin to end to slots, or list them from slots on.
 
     """
-    points = grid.points
-    z = points[:, 2]
-    listing = len(neighbours) > 0
+    near = np.empty(len(grid.points), dtype=np.int64)
     for i in range(begin, end):
-        found = 0
-        for c in grid.adjacent[grid.cell[i]]:
-            if c < 0:
-                continue
-            start, stop = z_range(z, grid.first[c], grid.first[c + 1], z[i] - reach, z[i] + reach)
-            for j in range(start, stop):
-                dx, dy = points[j, 0] - points[i, 0], points[j, 1] - points[i, 1]
-                dz = points[j, 2] - points[i, 2] if reach != np.inf else 0.0
-                if dx * dx + dy * dy + dz * dz <= radius * radius:
-                    if listing:
-                        neighbours[slots[grid.rows[i]] + found] = grid.rows[j]
-                    found += 1
-        if not listing:
-            slots[grid.rows[i]] = found
+        x, y, z = grid.points[i]
+        found = neighbours_of(grid, grid.cell[i], x, y, z, radius, in_plan, near)
+        row = grid.rows[i]
+        if len(neighbours) == 0:
+            slots[row] = found
+            continue
+        for k in range(found):
+            neighbours[slots[row] + k] = grid.rows[near[k]]

@@ -1,0 +1,132 @@
+"""
+Parameters of roof selection.
+
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from lidar_buildings.core.parameters import StageConfig, parameter
+
+
+@dataclass(frozen=True)
+class RoofSelectionConfig(StageConfig):
+    """
+    Parameters of roof selection; the defaults serve 1 to 60 pts/m².
+
+    """
+
+    stage: ClassVar[str] = "roof_selection"
+
+    min_height: float = parameter(
+        2.0,
+        "Height above ground from which on points can be roof; raising it drops sheds, cars and hedges.",
+        unit="m",
+        minimum=0.1,
+        maximum=50.0,
+    )
+    neighbourhood_radius: float = parameter(
+        2.5,
+        "Smallest radius of the surface that roughness is measured on; raising it suppresses vegetation and "
+        "small roofs.",
+        unit="spacings",
+        minimum=1.5,
+        maximum=20.0,
+    )
+    min_neighbourhood_radius: float = parameter(
+        0.75,
+        "The same in metres, for dense clouds: the scale at which foliage is no longer flat.",
+        unit="m",
+        minimum=0.05,
+        maximum=10.0,
+    )
+    max_roughness: float = parameter(
+        0.1,
+        "Root mean square distance from the plane up to which a surface is smooth; raising it accepts "
+        "noisier scans and more vegetation.",
+        unit="m",
+        minimum=0.005,
+        maximum=2.0,
+    )
+    max_slope_deg: float = parameter(
+        75.0,
+        "Steepest roof; raising it lets walls in.",
+        unit="deg",
+        minimum=10.0,
+        maximum=89.0,
+    )
+    max_angle_deg: float = parameter(
+        15.0,
+        "Largest angle between the normals of neighbours on one roof; raising it joins rougher surfaces.",
+        unit="deg",
+        minimum=1.0,
+        maximum=60.0,
+    )
+    min_patch_area: float = parameter(
+        4.0,
+        "Smallest smooth patch that starts a roof; raising it suppresses flat spots of tree crowns. "
+        "Smaller ones count if they touch a roof.",
+        unit="m^2",
+        minimum=0.0,
+        maximum=1000.0,
+    )
+    max_multiple_return_share: float = parameter(
+        0.4,
+        "Share of pulses with several returns around a patch from which on it is foliage; raising it keeps "
+        "roofs among trees, and more trees. Not used where the source has no return numbers.",
+        minimum=0.0,
+        maximum=1.0,
+    )
+    max_plane_distance: float = parameter(
+        0.3,
+        "Distance from the plane of a nearby roof up to which a point belongs to it; raising it completes "
+        "edges and takes in what touches them.",
+        unit="m",
+        minimum=0.01,
+        maximum=5.0,
+    )
+    max_part_area: float = parameter(
+        12.0,
+        "Largest chimney, dormer or other part on a roof that need not be smooth; raising it keeps more "
+        "vegetation over roofs.",
+        unit="m^2",
+        minimum=0.0,
+        maximum=1000.0,
+    )
+    max_part_height: float = parameter(
+        3.0,
+        "How far such a part may rise above the roof around it.",
+        unit="m",
+        minimum=0.0,
+        maximum=50.0,
+    )
+    min_building_area: float = parameter(
+        12.0,
+        "Smallest building in plan; raising it drops sheds and garages (Mancera-Taboada and others: 40).",
+        unit="m^2",
+        minimum=0.0,
+        maximum=10000.0,
+    )
+    low_vegetation_height: float = parameter(
+        0.2,
+        "Height up to which vegetation is low.",
+        unit="m",
+        minimum=0.01,
+        maximum=5.0,
+    )
+    medium_vegetation_height: float = parameter(
+        3.0,
+        "Height up to which vegetation is medium, high from there on.",
+        unit="m",
+        minimum=0.1,
+        maximum=20.0,
+    )
+    max_vegetation_height: float = parameter(
+        150.0,
+        "Height from which on what is no roof stays unclassified.",
+        unit="m",
+        minimum=5.0,
+        maximum=1000.0,
+    )

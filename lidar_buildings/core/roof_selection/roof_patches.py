@@ -1,0 +1,157 @@
+"""
+The smooth patches of opaque surface that roofs are made of.
+
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lidar_buildings.core.eigenfeatures import eigen_features
+from lidar_buildings.core.roof_selection.config import RoofSelectionConfig
+from lidar_buildings.core.roof_selection.surroundings import share_around
+from lidar_buildings.core.surface_patches import connected_parts, plan_areas, smooth_patches
+
+#: Radii among which the one of least entropy is taken, as multiples of the smallest one.
+RADIUS_STEPS = np.array([1.0, 1.35, 1.8])
+#: A plane through fewer points says nothing of its roughness.
+MIN_PLANE_POINTS = 6
+#: A patch as a whole is smoother than its roughest points; a small one has to be smoother still, since flat
+#: spots of foliage are small. Parts of `max_roughness`.
+PATCH_ROUGHNESS = 0.7
+SMALL_PATCH_ROUGHNESS = 0.5
+#: A patch is small up to this multiple of `min_patch_area`.
+SMALL_PATCH = 2.0
+#: Patches beside a roof count down to this part of `min_patch_area`.
+TOUCHING_PATCH = 0.25
+#: Distance from the neighbour's tangent plane over which a patch goes on, a multiple of `max_roughness`.
+PATCH_OFFSET = 1.5
+
+
+@dataclass(frozen=True, eq=False)
+class RoofSurface:
+    """
+    The points from which roofs are completed.
+
+    Attributes
+    ----------
+    is_surface : ndarray of bool, shape (n_points,)
+        Point of an accepted patch.
+    is_wall : ndarray of bool, shape (n_points,)
+        Point of a smooth surface steeper than a roof.
+    normals : ndarray of shape (n_points, 3)
+        Unit normals of the surface points, 0 elsewhere.
+
+    """
+
+    is_surface: NDArray[np.bool_]
+    is_wall: NDArray[np.bool_]
+    normals: NDArray[np.float64]
+
+
+def find_roof_surface(
+    points: NDArray[np.float64],
+    height: NDArray[np.float64],
+    is_last: NDArray[np.bool_],
+    is_multiple: NDArray[np.bool_],
+    radius: float,
+    cell: float,
+    config: RoofSelectionConfig,
+) -> RoofSurface:
+    """
+    Find smooth patches among the last returns, and accept those that are large, or touch a large one.
+
+    Parameters
+    ----------
+    points : ndarray of shape (n_points, 3)
+        Everything that is high enough to be roof [m].
+    height : ndarray of shape (n_points,)
+        Height above ground [m].
+    is_last, is_multiple : ndarray of bool, shape (n_points,)
+        Whether the pulse ended there; whether it had several returns.
+    radius : float
+        Smallest radius of a neighbourhood, and longest step within a patch [m].
+    cell : float
+        Side of the cells in which areas are counted [m].
+    config : RoofSelectionConfig
+        The stage's parameters.
+
+    """
+    n = len(points)
+    rows = np.flatnonzero(is_last)
+    features = eigen_features(points[rows], list(radius * RADIUS_STEPS), min_neighbours=MIN_PLANE_POINTS)
+    smooth = (features.roughness <= config.max_roughness) & (features.n_neighbours >= MIN_PLANE_POINTS)
+    steep = features.normals[:, 2] < math.cos(math.radians(config.max_slope_deg))
+    surface = RoofSurface(np.zeros(n, dtype=bool), np.zeros(n, dtype=bool), np.zeros((n, 3)))
+    surface.is_wall[rows[smooth & steep]] = True
+    roof = smooth & ~steep
+    rows, normals, roughness = rows[roof], features.normals[roof], features.roughness[roof]
+    patch = smooth_patches(
+        points[rows],
+        normals,
+        radius,
+        max_angle_deg=config.max_angle_deg,
+        max_offset=PATCH_OFFSET * config.max_roughness,
+    )
+    foliage = share_around(points, is_multiple, radius)[rows]
+    area = plan_areas(points[rows], patch, cell)
+    starts, touches = _judged(area, roughness, foliage, height[rows], patch, config)
+    accepted = _touching(points[rows], patch, starts, touches, radius)
+    surface.is_surface[rows[accepted]] = True
+    surface.normals[rows[accepted]] = normals[accepted]
+    return surface
+
+
+def _judged(
+    area: NDArray[np.float64],
+    roughness: NDArray[np.float64],
+    foliage: NDArray[np.float64],
+    height: NDArray[np.float64],
+    patch: NDArray[np.int64],
+    config: RoofSelectionConfig,
+) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """
+    Tell which patches start a roof, and which are part of one if they touch it.
+
+    """
+    mean_roughness = _mean(roughness, patch)
+    hard = (mean_roughness <= PATCH_ROUGHNESS * config.max_roughness) & (
+        _mean(foliage, patch) <= config.max_multiple_return_share
+    )
+    hard &= _mean(height, patch) >= config.min_height
+    sure = (area >= SMALL_PATCH * config.min_patch_area) | (
+        mean_roughness <= SMALL_PATCH_ROUGHNESS * config.max_roughness
+    )
+    return hard & sure & (area >= config.min_patch_area), hard & (
+        area >= TOUCHING_PATCH * config.min_patch_area
+    )
+
+
+def _touching(
+    points: NDArray[np.float64],
+    patch: NDArray[np.int64],
+    starts: NDArray[np.bool_],
+    touches: NDArray[np.bool_],
+    radius: float,
+) -> NDArray[np.bool_]:
+    """
+    Tell which points are of patches that start a roof, or are connected with one in plan.
+
+    """
+    accepted = (starts | touches)[patch]
+    rows = np.flatnonzero(accepted)
+    part = connected_parts(points[rows], radius, in_plan=True)
+    accepted[rows] = (np.bincount(part, starts[patch[rows]]) > 0)[part]
+    return accepted
+
+
+def _mean(values: NDArray[np.float64], label: NDArray[np.int64]) -> NDArray[np.float64]:
+    """
+    Return the mean of the values of each label, from 0 on.
+
+    """
+    return np.bincount(label, values) / np.bincount(label)

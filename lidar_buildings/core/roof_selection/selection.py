@@ -1,0 +1,243 @@
+"""
+The public function of roof selection, and its steps.
+
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from lidar_buildings.core.asprs import PointClass
+from lidar_buildings.core.minimum_surface import height_above_minimum
+from lidar_buildings.core.point_array import checked_column, checked_points
+from lidar_buildings.core.point_spacing import quantised_spacing
+from lidar_buildings.core.roof_selection.config import RoofSelectionConfig
+from lidar_buildings.core.roof_selection.roof_patches import find_roof_surface
+from lidar_buildings.core.roof_selection.surroundings import below_roof, near_tangent_plane, surrounded_by
+from lidar_buildings.core.surface_patches import connected_parts, plan_areas
+
+#: Classes given before that are kept.
+SETTLED = (
+    PointClass.GROUND,
+    PointClass.LOW_NOISE,
+    PointClass.WATER,
+    PointClass.ROAD_SURFACE,
+    PointClass.HIGH_NOISE,
+)
+#: Cells in which areas are counted, in spacings: four points each, so that few cells of a roof stay empty.
+AREA_CELL = 2.0
+#: How far to look for roof around a part [m], and at least in neighbourhood radii.
+PART_REACH = 2.0
+PART_REACH_RADII = 2.0
+#: How far a part may lie below the lowest roof around it [m].
+PART_SINK = 0.5
+#: Share of a part's points that have to have roof around them.
+PART_SHARE = 0.7
+#: Heights up to which points are taken for ground where no ground filter has spoken [m].
+GROUND_TOLERANCE = 0.2
+#: Lowest vegetation [m] (Mancera-Taboada and others, 2012): what is lower stays unclassified.
+VEGETATION_FLOOR = 0.01
+
+
+@dataclass(frozen=True, eq=False)
+class RoofSelection:
+    """
+    The points' final classes.
+
+    Attributes
+    ----------
+    classification : ndarray of uint8, shape (n_points,)
+        `lidar_buildings.core.asprs.PointClass`; 6 = roof.
+
+    """
+
+    classification: NDArray[np.uint8]
+
+
+def select_roofs(
+    points: ArrayLike,
+    config: RoofSelectionConfig | None = None,
+    *,
+    height_above_ground: ArrayLike | None = None,
+    classification: ArrayLike | None = None,
+    return_number: ArrayLike | None = None,
+    number_of_returns: ArrayLike | None = None,
+) -> RoofSelection:
+    """
+    Find the points on roofs, and give every point its final class.
+
+    By height, planarity and roughness, as Santos and others do with LAStools: among the last returns
+    `min_height` above ground, neighbourhoods smoother than `max_roughness` are joined to patches wherever
+    neighbouring normals agree; large patches that few pulses penetrate start roofs. Roofs grow to their edges
+    along tangent planes, whichever the return, and take in what stands on them: single returns with roof all
+    around, and chimneys and dormers up to `max_part_area`. Buildings smaller than `min_building_area` are
+    dropped. The rest above ground is vegetation by height (Mancera-Taboada and others, 2012).
+
+    Parameters
+    ----------
+    points : array_like of shape (n_points, 3)
+        All points, in any order, near the origin [m].
+    config : RoofSelectionConfig, optional
+        The stage's parameters.
+    height_above_ground : array_like of shape (n_points,), optional
+        [m]; derived from the lowest points around if not given.
+    classification : array_like of shape (n_points,), optional
+        What is known before: ground 2, noise 7 and 18, water 9 and road 11 are kept, all else is decided
+        here. If not given, points within 0.2 m of the ground are ground.
+    return_number, number_of_returns : array_like of shape (n_points,), optional
+        Used only if both are given; else every point counts as the only return of its pulse.
+
+    Returns
+    -------
+    RoofSelection
+        Classes 1 (façades, what is under roofs, the undecided), 2, 3, 4, 5, 6 and those kept.
+
+    Raises
+    ------
+    ValueError
+        If an array has another shape, or a number is not finite.
+
+    Notes
+    -----
+    Walls are not roof. Neither the order of the points nor the number of threads changes the result.
+    A roof's own points decide on it, so a tile's limits do not, but for buildings that they cut.
+
+    """
+    config = config or RoofSelectionConfig()
+    points = checked_points(points)
+    height, classes = _prepared(points, height_above_ground, classification)
+    is_last, is_single = _returns(len(points), return_number, number_of_returns)
+    settled = np.isin(classes, SETTLED)
+    raised = np.flatnonzero((height >= config.min_height) & ~settled)
+    spacing = quantised_spacing(points)
+    radius = max(config.neighbourhood_radius * spacing, config.min_neighbourhood_radius)
+    is_roof = np.zeros(len(points), dtype=bool)
+    is_roof[raised] = _roofs(
+        points[raised],
+        height[raised],
+        is_last[raised],
+        is_single[raised],
+        radius,
+        AREA_CELL * spacing,
+        config,
+    )
+    others = np.flatnonzero(~settled & ~is_roof)
+    classes[others] = _vegetation(height[others], config)
+    classes[is_roof] = PointClass.BUILDING
+    classes[below_roof(points, is_roof, radius) & ~settled] = PointClass.UNCLASSIFIED
+    return RoofSelection(classes)
+
+
+def _prepared(
+    points: NDArray[np.float64], height_above_ground: ArrayLike | None, classification: ArrayLike | None
+) -> tuple[NDArray[np.float64], NDArray[np.uint8]]:
+    """
+    Return heights and classes, derived where they are not given.
+
+    """
+    n = len(points)
+    if height_above_ground is None:
+        height = height_above_minimum(points)
+    else:
+        height = checked_column("height_above_ground", height_above_ground, n, np.float64)
+    if classification is None:
+        is_ground = np.abs(height) <= GROUND_TOLERANCE
+        return height, np.where(is_ground, PointClass.GROUND, PointClass.UNCLASSIFIED).astype(np.uint8)
+    return height, checked_column("classification", classification, n, np.uint8).copy()
+
+
+def _returns(
+    n_points: int, return_number: ArrayLike | None, number_of_returns: ArrayLike | None
+) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """
+    Tell which points are the last return of their pulse, and which the only one.
+
+    """
+    if return_number is None or number_of_returns is None:
+        return np.ones(n_points, dtype=bool), np.ones(n_points, dtype=bool)
+    number = checked_column("return_number", return_number, n_points, np.int64)
+    of = checked_column("number_of_returns", number_of_returns, n_points, np.int64)
+    # Some writers leave 0 of 0 where nothing is known: that is a single return.
+    return number >= of, of <= 1
+
+
+def _roofs(
+    points: NDArray[np.float64],
+    height: NDArray[np.float64],
+    is_last: NDArray[np.bool_],
+    is_single: NDArray[np.bool_],
+    radius: float,
+    cell: float,
+    config: RoofSelectionConfig,
+) -> NDArray[np.bool_]:
+    """
+    Tell which of the points high enough are roof.
+
+    """
+    surface = find_roof_surface(points, height, is_last, ~is_single, radius, cell, config)
+    roof = near_tangent_plane(points, surface.normals, surface.is_surface, radius, config.max_plane_distance)
+    roof &= ~surface.is_wall
+    reach = max(PART_REACH, PART_REACH_RADII * radius)
+    held = surrounded_by(points, roof, reach, PART_SINK, config.max_part_height)
+    roof |= _small_parts(points, roof, held, radius, cell, config) | (held & is_single)
+    roof &= ~surface.is_wall
+    return roof & _in_large_building(points, roof, radius, cell, config.min_building_area)
+
+
+def _small_parts(
+    points: NDArray[np.float64],
+    roof: NDArray[np.bool_],
+    held: NDArray[np.bool_],
+    radius: float,
+    cell: float,
+    config: RoofSelectionConfig,
+) -> NDArray[np.bool_]:
+    """
+    Tell which points are of connected parts, not roof yet, that are small and mostly held by roof around.
+
+    """
+    rows = np.flatnonzero(~roof)
+    part = connected_parts(points[rows], radius)
+    share = np.bincount(part, held[rows]) / np.bincount(part)
+    small = plan_areas(points[rows], part, cell) <= config.max_part_area
+    kept = np.zeros(len(points), dtype=bool)
+    kept[rows] = (small & (share >= PART_SHARE))[part]
+    return kept
+
+
+def _in_large_building(
+    points: NDArray[np.float64], roof: NDArray[np.bool_], radius: float, cell: float, min_area: float
+) -> NDArray[np.bool_]:
+    """
+    Tell which roof points are of buildings, connected in plan, that are large enough.
+
+    """
+    rows = np.flatnonzero(roof)
+    building = connected_parts(points[rows], radius, in_plan=True)
+    large = np.zeros(len(points), dtype=bool)
+    large[rows] = (plan_areas(points[rows], building, cell) >= min_area)[building]
+    return large
+
+
+def _vegetation(height: NDArray[np.float64], config: RoofSelectionConfig) -> NDArray[np.uint8]:
+    """
+    Return vegetation classes by height; 1 below and above them.
+
+    """
+    limits = (
+        VEGETATION_FLOOR,
+        config.low_vegetation_height,
+        config.medium_vegetation_height,
+        config.max_vegetation_height,
+    )
+    classes = (
+        PointClass.UNCLASSIFIED,
+        PointClass.LOW_VEGETATION,
+        PointClass.MEDIUM_VEGETATION,
+        PointClass.HIGH_VEGETATION,
+        PointClass.UNCLASSIFIED,
+    )
+    return np.array(classes, dtype=np.uint8)[np.digitize(height, limits)]

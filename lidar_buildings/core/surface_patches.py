@@ -1,0 +1,164 @@
+"""
+Patches: points joined to their neighbours wherever the surface goes on smoothly.
+
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from lidar_buildings.core.neighbourhoods import build_grid, neighbours_of
+
+
+def smooth_patches(
+    points: NDArray[np.float64],
+    normals: NDArray[np.float64],
+    radius: float,
+    *,
+    max_angle_deg: float,
+    max_offset: float,
+) -> NDArray[np.int64]:
+    """
+    Number the patches of points that are linked by smooth steps.
+
+    Two points within the radius are linked if their normals differ by no more than an angle and each lies
+    near the other's tangent plane; a patch is whatever links connect (smoothness constraint of Rabbani and
+    others, 2006, without its seeds: the result does not depend on where growing starts).
+
+    Parameters
+    ----------
+    points : ndarray of shape (n_points, 3)
+        In any order [m].
+    normals : ndarray of shape (n_points, 3)
+        Unit normals.
+    radius : float
+        Longest link [m].
+    max_angle_deg : float
+        Largest angle between linked normals [deg].
+    max_offset : float
+        Largest distance of a linked point from the other's tangent plane [m].
+
+    Returns
+    -------
+    ndarray of int64, shape (n_points,)
+        0, 1, … ; every point is in a patch, if only its own.
+
+    """
+    grid = build_grid(points, radius)
+    parent = np.arange(len(grid.points))
+    _link_smooth(grid, normals[grid.rows], radius, math.cos(math.radians(max_angle_deg)), max_offset, parent)
+    return _numbered(parent, grid.rows)
+
+
+def connected_parts(
+    points: NDArray[np.float64], radius: float, *, in_plan: bool = False
+) -> NDArray[np.int64]:
+    """
+    Number the parts of a cloud that are connected by steps no longer than a radius [m].
+
+    """
+    grid = build_grid(points, radius)
+    parent = np.arange(len(grid.points))
+    _link_near(grid, radius, in_plan, parent)
+    return _numbered(parent, grid.rows)
+
+
+def plan_areas(points: NDArray[np.float64], labels: NDArray[np.int64], cell: float) -> NDArray[np.float64]:
+    """
+    Return the area of the grid cells that the points of each label 0, 1, … occupy [m²].
+
+    """
+    if len(points) == 0:
+        return np.zeros(0)
+    occupied = np.unique(np.column_stack([labels, np.floor(points[:, :2] / cell)]), axis=0)
+    n_cells = np.bincount(occupied[:, 0].astype(np.int64))
+    return n_cells.astype(np.float64) * cell**2
+
+
+def _numbered(parent: NDArray[np.int64], rows: NDArray[np.int64]) -> NDArray[np.int64]:
+    """
+    Turn the links between sorted points into numbers 0, 1, … per input row.
+
+    """
+    _flatten(parent)
+    numbers = np.empty(len(parent), dtype=np.int64)
+    numbers[rows] = np.unique(parent, return_inverse=True)[1]
+    return numbers
+
+
+@njit(cache=True, nogil=True)
+def _root(parent, i):  # type: ignore[no-untyped-def]
+    """
+    Return the smallest point linked to i, shortening the way to it.
+
+    """
+    while parent[i] != i:
+        parent[i] = parent[parent[i]]
+        i = parent[i]
+    return i
+
+
+@njit(cache=True, nogil=True)
+def _join(parent, i, j):  # type: ignore[no-untyped-def]
+    """
+    Link i and j.
+
+    """
+    i, j = _root(parent, i), _root(parent, j)
+    if i < j:
+        parent[j] = i
+    else:
+        parent[i] = j
+
+
+@njit(cache=True, nogil=True)
+def _flatten(parent):  # type: ignore[no-untyped-def]
+    """
+    Let every point name its root.
+
+    """
+    for i in range(len(parent)):
+        parent[i] = _root(parent, i)
+
+
+@njit(cache=True, nogil=True)
+def _link_near(grid, radius, in_plan, parent):  # type: ignore[no-untyped-def]
+    """
+    Link all points within the radius of each other.
+
+    """
+    near = np.empty(len(grid.points), dtype=np.int64)
+    for i in range(len(grid.points)):
+        x, y, z = grid.points[i]
+        for k in range(neighbours_of(grid, grid.cell[i], x, y, z, radius, in_plan, near)):
+            if near[k] > i:
+                _join(parent, i, near[k])
+
+
+@njit(cache=True, nogil=True)
+def _link_smooth(grid, normals, radius, min_cosine, max_offset, parent):  # type: ignore[no-untyped-def]
+    """
+    Link points within the radius whose tangent planes agree.
+
+    """
+    points = grid.points
+    near = np.empty(len(points), dtype=np.int64)
+    for i in range(len(points)):
+        x, y, z = points[i]
+        a, b, c = normals[i]
+        for k in range(neighbours_of(grid, grid.cell[i], x, y, z, radius, False, near)):
+            j = near[k]
+            if j <= i:
+                continue
+            u, v, w = normals[j]
+            dx, dy, dz = points[j, 0] - x, points[j, 1] - y, points[j, 2] - z
+            if (
+                abs(a * u + b * v + c * w) >= min_cosine
+                and abs(a * dx + b * dy + c * dz) <= max_offset
+                and abs(u * dx + v * dy + w * dz) <= max_offset
+            ):
+                _join(parent, i, j)
