@@ -49,14 +49,15 @@ class BuildingLayers:
         Add a tile's buildings.
 
         """
-        features = {f.building_id: f for f in map(parse_feature, shapes.features)}
-        for line, feature in zip(shapes.features, map(parse_feature, shapes.features), strict=True):
+        features = {}
+        for line in shapes.features:
+            feature = parse_feature(line)
+            features[feature.building_id] = feature
             self._lines.setdefault(feature.readable_id, (feature.building_id, line))
         for one in shapes.traced:
             self._traced.append((self._named(one, features), self._polygon(one.outline.rings)))
         for one in shapes.outlines:
-            feature = features.get(one.building_id)
-            known = feature.attributes if feature else self._bare_attributes(one)
+            known = self._attributes(one, features.get(one.building_id))
             self._outlines.append((known | self._named(one, features), self._polygon(one.outline.rings)))
         for face in shapes.roof_faces:
             self._faces.append((self._named(face, features), self._polygon(face.rings)))
@@ -106,11 +107,13 @@ class BuildingLayers:
         vertices = self._in_source(ring)
         return readable_id(*vertices[anchor_row(vertices)][:2]) if len(vertices) else ""
 
-    def _bare_attributes(self, one: BuildingOutline) -> dict[str, Any]:
+    def _attributes(self, one: BuildingOutline, feature: CityFeature | None) -> dict[str, Any]:
         """
-        Return what the outline alone tells.
+        Return a building's attributes; what its outline alone tells in a run without models.
 
         """
+        if feature is not None:
+            return feature.attributes
         return in_source_units({"area": one.outline.area}, self._frame)
 
     def _polygon(self, rings: Iterable[NDArray[np.float64]]) -> shapely.Polygon:

@@ -82,7 +82,7 @@ def write_classified(cloud: Cloud, rows: ResultRows, path: Path) -> NDArray[np.i
         file = CheckedFile(plain)
         try:
             writer = laspy.LasWriter(
-                file,  # type: ignore[arg-type]
+                file,
                 out.header,
                 do_compress=path.suffix == ".laz",
                 laz_backend=laspy.LazBackend.LazrsParallel,

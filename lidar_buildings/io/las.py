@@ -203,11 +203,9 @@ def read_tile(path: str | Path) -> PointTile:
     if not parts:
         return PointTile(np.empty((0, 3)), frame=frame)
     columns = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
-    points = columns.pop("points")
-    index = np.arange(len(points), dtype=np.uint32)
-    return PointTile(
-        points, index=index, source=np.zeros(len(points)), frame=frame, **without_empty_columns(columns)
-    )
+    tile = PointTile(columns.pop("points"), frame=frame)
+    numbers = {"source": np.zeros(len(tile)), "index": np.arange(len(tile))}
+    return tile.with_columns(**without_empty_columns(columns), **numbers)
 
 
 def frame_of(clouds: list[Cloud]) -> MapFrame:

@@ -150,17 +150,8 @@ class TileProducts:
         Read what `save` wrote.
 
         """
-        with np.load(path) as held:
-            tables = [held[name] for name in ("core", "roofs", "edges")]
-            shapes = load_shapes(path)
-            return cls(
-                int(held["stamp"]),
-                *tables,
-                shapes.traced,
-                shapes.outlines,
-                shapes.roof_faces,
-                shapes.features,
-            )
+        core, roofs, edges = (load_rows(path, name) for name in ("core", "roofs", "edges"))
+        return cls(int(load_rows(path, "stamp")), core, roofs, edges, *load_shapes(path))
 
 
 class Shapes(NamedTuple):

@@ -136,12 +136,13 @@ class TileStore:
         Put a tile together, rows in the order of (source, index).
 
         """
-        parts = list(self._tile_blocks(plan, buffer))
         area = self._local_area(plan, buffer)
-        records = np.concatenate([block for block, _ in parts])
-        is_buffer = np.repeat(
-            np.array([kind for _, kind in parts], dtype=np.uint8), [len(block) for block, _ in parts]
-        )
+        parts = list(self._tile_blocks(plan, buffer))
+        sizes = [len(block) for block, _ in parts]
+        is_buffer = np.repeat(np.array([kind for _, kind in parts], dtype=np.uint8), sizes)
+        records = np.empty(sum(sizes), RECORD)
+        for (block, _), end, size in zip(parts, np.cumsum(sizes), sizes, strict=True):
+            records[end - size : end] = block
         del parts
         order = np.argsort(_order_key(records), kind="stable")
         records = records[order]

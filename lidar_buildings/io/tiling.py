@@ -9,7 +9,7 @@ import logging
 import os
 import threading
 import weakref
-from collections.abc import Container, Iterable, Iterator
+from collections.abc import Container, Generator, Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -213,7 +213,7 @@ class TileSource:
         """
         return next(self._steps, False)
 
-    def _read_all(self) -> Iterator[bool]:
+    def _read_all(self) -> Generator[bool, None, None]:
         """
         Read every file, giving way after each chunk, and plan tiles as they become complete.
 
