@@ -64,7 +64,7 @@ def parameter(default: Any, description: str, **spec: Any) -> Any:
 
     Parameters
     ----------
-    default : float, int, bool or str
+    default : float, int, bool, str or tuple of str
         Its type is the parameter's type.
     description : str
         One sentence; says what raising the value does.
@@ -119,10 +119,12 @@ def checked_value(stage: str, config_field: Field[Any], value: Any) -> Any:
     """
     spec = spec_of(config_field)
     path = f"{stage}.{config_field.name}"
-    kind = type(config_field.default)
+    kind: Any = type(config_field.default)
     wrong = ParameterError(f"{path} = {value!r}: must be {spec.allowed()}")
     if kind is float and type(value) is int:
         value = float(value)
+    if kind is tuple:
+        return _checked_texts(path, value)
     if type(value) is not kind:
         raise ParameterError(f"{path} = {value!r}: must be of type {kind.__name__}")
     if kind is str:
@@ -136,3 +138,13 @@ def checked_value(stage: str, config_field: Field[Any], value: Any) -> Any:
     if not math.isfinite(value) or below or above:
         raise wrong
     return value
+
+
+def _checked_texts(path: str, value: Any) -> tuple[str, ...]:
+    """
+    Return a list of texts as a tuple.
+
+    """
+    if not isinstance(value, (list, tuple)) or any(type(text) is not str for text in value):
+        raise ParameterError(f"{path} = {value!r}: must be a list of texts")
+    return tuple(value)
