@@ -5,6 +5,9 @@ Small clouds for the tests of files: every format, version and reference system.
 
 from __future__ import annotations
 
+import errno
+import io
+import os
 from pathlib import Path
 
 import laspy
@@ -152,3 +155,31 @@ def saved_copc(cloud: laspy.LasData, path: Path) -> Path:
         writer.write_evlrs(laspy.vlrs.vlrlist.VLRList([hierarchy]))
         writer.close()
     return path
+
+
+def fill_the_disk(monkeypatch, part_of_name: str, allowed: int) -> None:
+    """
+    Let writing to files whose name holds `part_of_name` fail after so many bytes, as on a full disk.
+
+    """
+    plain = open
+
+    class Filling(io.FileIO):
+        left = allowed
+
+        def write(self, data) -> int:
+            self.left -= memoryview(data).nbytes
+            if self.left < 0:
+                raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+            return super().write(data)
+
+    def filling(name, mode="r", *args, **kwargs):
+        is_meant = isinstance(name, str | os.PathLike) and part_of_name in os.path.basename(name)
+        if not is_meant or "r" in mode:
+            return plain(name, mode, *args, **kwargs)
+        raw = Filling(name, mode.replace("b", "").replace("t", ""))
+        file = io.BufferedRandom(raw) if "+" in mode else io.BufferedWriter(raw)
+        return file if "b" in mode else io.TextIOWrapper(file, encoding="utf-8", write_through=True)
+
+    monkeypatch.setattr("builtins.open", filling)
+    monkeypatch.setattr(io, "open", filling)

@@ -55,7 +55,7 @@ class OutputFormat:
     Attributes
     ----------
     header : laspy.LasHeader
-        To be given to the writer.
+        To be given to the writer; texts and records in it are placeholders of the true size.
     records : tuple of RawRecord
         The plain records, byte for byte; the extra bytes record completed.
     dtype : dtype
@@ -93,6 +93,7 @@ def output_format(cloud: Cloud) -> OutputFormat:
     for dimension in missing:
         point_format.add_extra_dimension(laspy.ExtraBytesParams(dimension.name, dimension.kind))
     header.set_version_and_point_format(_version(header), point_format)
+    header.system_identifier = header.generating_software = ""  # laspy balks at other than ASCII
     records = _with_entries(cloud, header, names, undocumented, missing)
     header.vlrs[:] = [_placeholder(record) for record in records]
     return OutputFormat(header, records, point_format.dtype())

@@ -1,0 +1,45 @@
+"""
+Failures of compiled code: in words, and without noise.
+
+"""
+
+import os
+
+import pytest
+
+from lidar_buildings.io.native_errors import in_words, is_failure, quiet_panics
+
+
+class PanicException(BaseException):
+    pass
+
+
+def test_panics_are_failures_and_wishes_to_stop_are_not():
+    assert is_failure(PanicException())
+    assert is_failure(ValueError())
+    assert not is_failure(KeyboardInterrupt())
+    assert not is_failure(SystemExit())
+    assert not is_failure(GeneratorExit())
+
+
+def test_words_fit_on_one_line():
+    assert in_words(ValueError("one\n  two")) == "one two"
+    assert in_words(OSError(28, "No space left on device", "/a/file")) == "No space left on device"
+    assert in_words(RuntimeError()) == "RuntimeError"
+
+
+def test_what_a_panic_prints_past_python_is_dropped(capfd):
+    with pytest.raises(PanicException), quiet_panics():
+        os.write(2, b"thread panicked at src/lib.rs:1\n")
+        raise PanicException
+    assert capfd.readouterr().err == ""
+
+
+def test_what_others_print_meanwhile_is_passed_on(capfd):
+    with quiet_panics():
+        os.write(2, b"progress: 3 of 4\n")
+    with pytest.raises(ValueError, match="x"), quiet_panics():
+        os.write(2, b"progress: 4 of 4\n")
+        raise ValueError("x")
+    os.write(2, b"done\n")
+    assert capfd.readouterr().err == "progress: 3 of 4\nprogress: 4 of 4\ndone\n"
