@@ -1,0 +1,140 @@
+"""
+Which node has which parameters; and those that no stage has: where points come from and results go.
+
+It needs no ROS.
+
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from lidar_buildings.core.boundary_tracing import BoundaryTracingConfig
+from lidar_buildings.core.building_model import BuildingModelConfig
+from lidar_buildings.core.edge_labelling import EdgeLabellingConfig
+from lidar_buildings.core.ground_filter import GroundFilterConfig
+from lidar_buildings.core.parameters import StageConfig, parameter
+from lidar_buildings.core.plane_fitting import PlaneFittingConfig
+from lidar_buildings.core.regularisation import RegularisationConfig
+from lidar_buildings.core.roof_selection import RoofSelectionConfig
+from lidar_buildings.core.segmentation import SegmentationConfig
+from lidar_buildings.io.tiling_config import TilingConfig
+from lidar_buildings.pipeline import STAGES
+
+
+@dataclass(frozen=True)
+class TilePlayerConfig(TilingConfig):
+    """
+    What to play, how fast, and how many tiles may be in the graph.
+
+    """
+
+    stage: ClassVar[str] = "tile_player"
+
+    input: tuple[str, ...] = parameter(
+        (), "Files, folders and globs of LAS, LAZ and COPC clouds.", read_only=True
+    )
+    rate: float = parameter(
+        0.0,
+        "Speed as a multiple of the recorded time; 0 plays as fast as the graph takes the tiles.",
+        minimum=0.0,
+        maximum=1_000_000.0,
+    )
+    loop: bool = parameter(
+        False,
+        "Whether to begin again after the last tile, under new stamps; to look at, not to write files.",
+        read_only=True,
+    )
+    max_tiles_in_flight: int = parameter(
+        2,
+        "How many tiles may be in the graph; more keep more stages busy and take more memory; "
+        "0 sends without waiting for `tile_done`.",
+        minimum=0,
+        maximum=8,
+        read_only=True,
+    )
+    tile_timeout: float = parameter(
+        120.0,
+        "Time after which a tile that is not done is sent again, doubled at each attempt; "
+        "a longer one waits longer for a node that was restarted.",
+        unit="s",
+        minimum=0.1,
+        maximum=86_400.0,
+        read_only=True,
+    )
+    max_attempts: int = parameter(
+        4,
+        "After so many attempts a tile is given up.",
+        minimum=1,
+        maximum=100,
+        read_only=True,
+    )
+    wait_for: tuple[str, ...] = parameter(
+        ("points",),
+        "Topics that must have a subscriber before a tile is sent, so that no node misses the first one.",
+        read_only=True,
+    )
+    publish_clock: bool = parameter(
+        False, "Whether to publish the stamps as time on `/clock`, for use_sim_time.", read_only=True
+    )
+    start_paused: bool = parameter(
+        False, "Whether to wait for ~/resume or ~/step before the first tile.", read_only=True
+    )
+
+
+@dataclass(frozen=True)
+class FlowControlConfig(StageConfig):
+    """
+    Who tells the player that a tile is done.
+
+    """
+
+    stage: ClassVar[str] = "flow_control"
+
+    publish_tile_done: bool = parameter(
+        False,
+        "Whether to report a tile as done once its models are published, in a graph that writes no files.",
+        read_only=True,
+    )
+
+
+@dataclass(frozen=True)
+class ModelWriterConfig(StageConfig):
+    """
+    What to write, and where.
+
+    """
+
+    stage: ClassVar[str] = "model_writer"
+
+    input: tuple[str, ...] = parameter(
+        (), "The same files, folders and globs as of `tile_player`.", read_only=True
+    )
+    output: str = parameter("", "Folder for the results.", read_only=True)
+    overwrite: bool = parameter(
+        False, "Whether to begin anew in a folder with earlier results.", read_only=True
+    )
+    until: str = parameter(STAGES[-1], "The last stage that the graph runs.", choices=STAGES, read_only=True)
+    settings: str = parameter(
+        "",
+        "All settings that results depend on, as JSON; an unfinished run goes on only with the same.",
+        read_only=True,
+    )
+
+
+#: Node → stage → config class. A node's parameters carry the stage's name as a prefix where it has several.
+NODE_CONFIGS: dict[str, dict[str, type[StageConfig]]] = {
+    node: {config.stage: config for config in configs}
+    for node, configs in {
+        "tile_player": (TilePlayerConfig,),
+        "ground_filter": (GroundFilterConfig,),
+        "roof_selector": (RoofSelectionConfig,),
+        "edge_labeller": (EdgeLabellingConfig,),
+        "building_tracer": (SegmentationConfig, BoundaryTracingConfig),
+        "outline_regulariser": (RegularisationConfig,),
+        "plane_fitter": (PlaneFittingConfig,),
+        "model_builder": (BuildingModelConfig, RegularisationConfig, FlowControlConfig),
+        "model_writer": (ModelWriterConfig,),
+    }.items()
+}

@@ -1,0 +1,50 @@
+"""
+Node `edge_labeller`.
+
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from sensor_msgs.msg import PointCloud2
+
+from lidar_buildings.core.edge_labelling import EdgeLabellingConfig
+from lidar_buildings.core.tile import PointTile
+from lidar_buildings.core.tile_stages import label_roof_edges
+from lidar_buildings.nodes.configs import NODE_CONFIGS
+from lidar_buildings.ros.point_cloud import to_message
+from lidar_buildings.ros.qos import CLOUD
+from lidar_buildings.ros.runner import run_node
+from lidar_buildings.ros.stage_node import StageNode
+
+
+class EdgeLabeller(StageNode):
+    """
+    Labels the roof points on edges.
+
+    """
+
+    def __init__(self, **kwargs: Any) -> None:
+        super().__init__("edge_labeller", NODE_CONFIGS["edge_labeller"], **kwargs)
+        self._edge_points = self.create_publisher(PointCloud2, "edge_points", CLOUD)
+        self.subscribe_tiles("roof_points", self.on_tile)
+
+    def on_tile(self, tile: PointTile) -> None:
+        """
+        Label one tile.
+
+        """
+        self._edge_points.publish(to_message(label_roof_edges(tile, self.parameters[EdgeLabellingConfig])))
+
+
+def main() -> int:
+    """
+    Run the node.
+
+    """
+    return run_node(EdgeLabeller)
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

@@ -1,0 +1,94 @@
+"""
+All nodes of a run in one process.
+
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from importlib import import_module
+from typing import Any
+
+from lidar_buildings.nodes.configs import NODE_CONFIGS
+from lidar_buildings.nodes.table import nodes_until, topics_until
+from lidar_buildings.ros.parameters import parameter_overrides
+from lidar_buildings.ros.stage_node import StageNode
+
+_CLASSES = {name: "".join(word.title() for word in name.split("_")) for name in NODE_CONFIGS}
+
+
+def node_class(name: str) -> type[StageNode]:
+    """
+    Return the class of a node, `GroundFilter` for `ground_filter`.
+
+    """
+    module = import_module(f"lidar_buildings.nodes.{name}")
+    found: type[StageNode] = getattr(module, _CLASSES[name])
+    return found
+
+
+def survey_nodes(
+    inputs: Sequence[str],
+    output: str,
+    *,
+    until: str = "building_model",
+    settings: Mapping[str, Mapping[str, Any]] | None = None,
+    overwrite: bool = False,
+    identity: Mapping[str, Any] | None = None,
+    **kwargs: Any,
+) -> dict[str, StageNode]:
+    """
+    Make the nodes of a run from files to files.
+
+    Parameters
+    ----------
+    inputs : sequence of str
+        Files, folders, globs.
+    output : str
+        Folder for the results.
+    until : str
+        The last stage.
+    settings : mapping
+        ``{stage: {name: value}}``; what is not named keeps its default.
+    overwrite : bool
+        Whether to begin anew in a folder with earlier results.
+    identity : mapping
+        All that results depend on, for taking an unfinished run up again; `settings` if not given.
+    **kwargs
+        As for `rclpy.node.Node`, the same for all: namespace, context…
+
+    Returns
+    -------
+    dict
+        Node name → node, the player first and the writer last.
+
+    Raises
+    ------
+    LidarBuildingsError
+        If a node cannot start; those made before are destroyed.
+
+    """
+    given = {stage: dict(values) for stage, values in (settings or {}).items()}
+    own: dict[str, dict[str, Any]] = {
+        "tile_player": {"input": tuple(inputs), "wait_for": topics_until(until)},
+        "model_writer": {
+            "input": tuple(inputs),
+            "output": output,
+            "until": until,
+            "overwrite": overwrite,
+            "settings": json.dumps(dict(given if identity is None else identity), sort_keys=True),
+        },
+    }
+    merged = given | {stage: given.get(stage, {}) | values for stage, values in own.items()}
+    nodes: dict[str, StageNode] = {}
+    try:
+        # the writer first: it refuses an output folder before anything is read
+        for name in reversed(nodes_until(until)):
+            overrides = parameter_overrides(NODE_CONFIGS[name], merged)
+            nodes[name] = node_class(name)(parameter_overrides=overrides, **kwargs)
+    except Exception:
+        for node in nodes.values():
+            node.destroy_node()
+        raise
+    return dict(reversed(nodes.items()))

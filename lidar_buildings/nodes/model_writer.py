@@ -1,0 +1,228 @@
+"""
+Node `model_writer`.
+
+"""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+from diagnostic_msgs.msg import DiagnosticArray
+from rclpy.event_handler import SubscriptionEventCallbacks
+from std_msgs.msg import Header, String
+
+from lidar_buildings.core.errors import OutputError, ParameterError
+from lidar_buildings.core.tile import PointTile
+from lidar_buildings.io.cityjson import parse_feature
+from lidar_buildings.io.find_inputs import find_inputs
+from lidar_buildings.io.las import InputFile, frame_of, open_inputs
+from lidar_buildings.io.output_folder import OutputFolder
+from lidar_buildings.io.tile_products import RoofFace, TileProducts
+from lidar_buildings.nodes.configs import NODE_CONFIGS, ModelWriterConfig
+from lidar_buildings.nodes.run_record import RunRecord
+from lidar_buildings.nodes.table import (
+    CITY_MODEL,
+    OUTLINES,
+    ROOF_FACES,
+    TRACED_OUTLINES,
+    WRITER_TOPICS,
+)
+from lidar_buildings.ros.features import FeaturePool
+from lidar_buildings.ros.qos import BUILDING, EVENT, LATCHED, LATCHED_HISTORY
+from lidar_buildings.ros.ring_collector import Rings, outlines_of, roof_faces_of
+from lidar_buildings.ros.runner import run_node
+from lidar_buildings.ros.stage_node import StageNode
+from lidar_buildings.ros.stamps import header_of, to_stamp
+from lidar_buildings.ros.tile_join import TileJoin, agree_on_buildings
+
+#: Exit status when a tile was given up and the rest was done.
+TILE_FAILED = 3
+
+
+class ModelWriter(StageNode):
+    """
+    Puts tiles on disk as they are complete, and makes the files when the survey is done.
+
+    """
+
+    def __init__(self, **kwargs: Any) -> None:
+        super().__init__("model_writer", NODE_CONFIGS["model_writer"], **kwargs)
+        try:
+            self._open(self.parameters[ModelWriterConfig])
+        except Exception:
+            self.destroy_node()
+            raise
+        self._tile_done = self.create_publisher(Header, "tile_done", LATCHED_HISTORY)
+        for stamp in sorted(self._on_disk):
+            self._tile_done.publish(header_of(stamp))
+        self.create_subscription(DiagnosticArray, "diagnostics", self._record.add, EVENT)
+        self.create_subscription(Header, "tile_failed", self.on_failed, LATCHED_HISTORY)
+        self.create_subscription(Header, "survey_done", self.on_survey_done, LATCHED)
+        self._subscribe_results()
+
+    def on_tile(self, topic: str, tile: PointTile) -> None:
+        """
+        Take points of one tile; a tile that is on disk already was sent again for want of this answer.
+
+        """
+        if tile.stamp not in self._on_disk:
+            self._add(tile.stamp, topic, tile)
+        elif topic == self._topics[0]:
+            self._tile_done.publish(header_of(tile.stamp))
+
+    def on_rings(self, topic: str, stamp: int, rings: Rings) -> None:
+        """
+        Take outlines or roof faces of one tile.
+
+        """
+        if stamp not in self._on_disk:
+            self._add(stamp, topic, roof_faces_of(rings) if topic == ROOF_FACES.name else outlines_of(rings))
+
+    def on_feature(self, message: String) -> None:
+        """
+        Take one building's model; its tile is the one that waits for this building.
+
+        """
+        if not message.data.startswith('{"type":"CityJSONFeature"'):
+            return
+        try:
+            number = parse_feature(message.data).building_id
+        except Exception as error:
+            self.get_logger().error(f"city_model: {error}: left out")
+            return
+        stamp = self._features.add(number, message.data)
+        if stamp is not None:
+            with self.reporting(stamp):
+                self._store(stamp, self._whole.pop(stamp))
+
+    def on_failed(self, message: Header) -> None:
+        """
+        Note that a tile was given up.
+
+        """
+        self._record.failed.add(to_stamp(message.stamp))
+
+    def on_survey_done(self, _: Header) -> None:
+        """
+        Make the files, and end.
+
+        """
+        failed = self._record.failed - self._on_disk
+        try:
+            summary = self._folder.finalise(self._record.as_dict(failed, self._problems))
+        except Exception as error:
+            self.fail(error)
+            return
+        self.exit_status = TILE_FAILED if failed else 0
+        self.get_logger().info(f"{summary.n_tiles} tiles are written to {self._folder.path}")
+        self.outcome.set_result(summary)
+
+    def _open(self, config: ModelWriterConfig) -> None:
+        """
+        Look at the inputs and claim the output folder.
+
+        """
+        if not config.output:
+            raise ParameterError(f"{self.get_name()}.output is empty: name a folder for the results")
+        clouds, self._problems = open_inputs(find_inputs(config.input))
+        inputs = [InputFile(cloud.path, cloud.point_count) for cloud in clouds]
+        self._folder = OutputFolder(
+            config.output,
+            inputs,
+            frame_of(clouds),
+            overwrite=config.overwrite,
+            until=config.until,
+            parameters=_settings(config.settings),
+        )
+        self._on_disk = self._folder.done_stamps()
+        self._record = RunRecord()
+        self._topics = [topic.name for topic in WRITER_TOPICS[config.until]]
+        self._features = FeaturePool()
+        self._join = TileJoin((t for t in self._topics if t != CITY_MODEL.name), agree_on_buildings)
+        self._whole: dict[int, dict[str, Any]] = {}
+
+    def _subscribe_results(self) -> None:
+        """
+        Subscribe to what the last stage of the run and those before it publish.
+
+        """
+        for topic in self._topics:
+            if topic == CITY_MODEL.name:
+                silent = SubscriptionEventCallbacks(use_default_callbacks=False)
+                self.create_subscription(String, topic, self.on_feature, BUILDING, event_callbacks=silent)
+            elif topic in (TRACED_OUTLINES.name, OUTLINES.name, ROOF_FACES.name):
+                self.subscribe_rings(topic, lambda stamp, rings, t=topic: self.on_rings(t, stamp, rings))
+            else:
+                self.subscribe_tiles(topic, lambda tile, t=topic: self.on_tile(t, tile))
+
+    def _add(self, stamp: int, topic: str, part: Any) -> None:
+        """
+        Put a part to the others of its tile, and store the tile when all is there.
+
+        """
+        parts = self._join.add(stamp, topic, part)
+        if parts is None:
+            return
+        numbers = self._buildings_of(parts)
+        if self._features.expect(stamp, numbers):
+            self._whole[stamp] = parts
+        else:
+            self._store(stamp, parts)
+
+    def _buildings_of(self, parts: dict[str, Any]) -> set[int]:
+        """
+        Return the buildings whose models a tile must wait for.
+
+        """
+        if CITY_MODEL.name not in self._topics:
+            return set()
+        return {one.building_id for one in parts[OUTLINES.name]}
+
+    def _store(self, stamp: int, parts: dict[str, Any]) -> None:
+        """
+        Put a tile on disk and say so.
+
+        """
+        points = [parts[topic] for topic in self._topics if isinstance(parts.get(topic), PointTile)]
+        faces = parts.get(ROOF_FACES.name, {})
+        products = TileProducts.from_tiles(
+            *points,
+            traced=parts.get(TRACED_OUTLINES.name, ()),
+            outlines=parts.get(OUTLINES.name, ()),
+            roof_faces=[RoofFace(number, rings) for number, found in faces.items() for rings in found],
+            features=self._features.take(sorted(self._buildings_of(parts))),
+        )
+        try:
+            self._folder.write_tile(products)
+        except OutputError as error:
+            self.fail(error)
+            raise
+        self._on_disk.add(stamp)
+        self._tile_done.publish(header_of(stamp))
+
+
+def _settings(text: str) -> dict[str, Any]:
+    """
+    Read the parameter `settings`.
+
+    """
+    try:
+        settings = json.loads(text or "{}")
+    except ValueError as error:
+        raise ParameterError(f"model_writer.settings is no JSON: {error}") from error
+    if not isinstance(settings, dict):
+        raise ParameterError("model_writer.settings must be a JSON object")
+    return settings
+
+
+def main() -> int:
+    """
+    Run the node.
+
+    """
+    return run_node(ModelWriter)
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

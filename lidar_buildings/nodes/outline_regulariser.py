@@ -1,0 +1,51 @@
+"""
+Node `outline_regulariser`.
+
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from geometry_msgs.msg import PolygonInstanceStamped
+
+from lidar_buildings.core.regularisation import RegularisationConfig
+from lidar_buildings.core.tile_stages import regularise_outlines
+from lidar_buildings.nodes.configs import NODE_CONFIGS
+from lidar_buildings.ros.polygons import outline_messages
+from lidar_buildings.ros.qos import BUILDING
+from lidar_buildings.ros.ring_collector import Rings, outlines_of
+from lidar_buildings.ros.runner import run_node
+from lidar_buildings.ros.stage_node import StageNode
+
+
+class OutlineRegulariser(StageNode):
+    """
+    Regularises the outlines of each tile.
+
+    """
+
+    def __init__(self, **kwargs: Any) -> None:
+        super().__init__("outline_regulariser", NODE_CONFIGS["outline_regulariser"], **kwargs)
+        self._outlines = self.create_publisher(PolygonInstanceStamped, "outlines", BUILDING)
+        self.subscribe_rings("traced_outlines", self.on_rings)
+
+    def on_rings(self, stamp: int, rings: Rings) -> None:
+        """
+        Regularise one tile's outlines.
+
+        """
+        outlines = regularise_outlines(outlines_of(rings), self.parameters[RegularisationConfig])
+        self.publish_rings(self._outlines, outline_messages(stamp, outlines))
+
+
+def main() -> int:
+    """
+    Run the node.
+
+    """
+    return run_node(OutlineRegulariser)
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

@@ -1,0 +1,50 @@
+"""
+Node `plane_fitter`.
+
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from sensor_msgs.msg import PointCloud2
+
+from lidar_buildings.core.plane_fitting import PlaneFittingConfig
+from lidar_buildings.core.tile import PointTile
+from lidar_buildings.core.tile_stages import fit_planes
+from lidar_buildings.nodes.configs import NODE_CONFIGS
+from lidar_buildings.ros.point_cloud import to_message
+from lidar_buildings.ros.qos import CLOUD
+from lidar_buildings.ros.runner import run_node
+from lidar_buildings.ros.stage_node import StageNode
+
+
+class PlaneFitter(StageNode):
+    """
+    Finds the planes of each building's roof.
+
+    """
+
+    def __init__(self, **kwargs: Any) -> None:
+        super().__init__("plane_fitter", NODE_CONFIGS["plane_fitter"], **kwargs)
+        self._plane_points = self.create_publisher(PointCloud2, "plane_points", CLOUD)
+        self.subscribe_tiles("building_points", self.on_tile)
+
+    def on_tile(self, tile: PointTile) -> None:
+        """
+        Fit the planes of one tile's buildings.
+
+        """
+        self._plane_points.publish(to_message(fit_planes(tile, self.parameters[PlaneFittingConfig])))
+
+
+def main() -> int:
+    """
+    Run the node.
+
+    """
+    return run_node(PlaneFitter)
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

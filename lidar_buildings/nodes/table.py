@@ -1,0 +1,244 @@
+"""
+What each node is: its topics and services in one table; `configs` has the parameters.
+
+The documentation is generated from it, and a test holds the running nodes to it. It needs no ROS.
+
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+_CLOUD = "sensor_msgs/PointCloud2"
+_RINGS = "geometry_msgs/PolygonInstanceStamped"
+_HEADER = "std_msgs/Header"
+
+
+@dataclass(frozen=True)
+class Topic:
+    """
+    One topic of a node.
+
+    Attributes
+    ----------
+    name, type : str
+        Relative name and message type.
+    qos : str
+        The profile's name in `lidar_buildings.ros.qos`.
+    meaning : str
+        What it carries.
+
+    """
+
+    name: str
+    type: str
+    qos: str
+    meaning: str
+
+
+@dataclass(frozen=True)
+class NodeCard:
+    """
+    One node.
+
+    Attributes
+    ----------
+    name : str
+        Of the node, its module and its executable.
+    summary : str
+        Two sentences.
+    stage : str
+        Under which its seconds are counted, empty where it runs no stage.
+    subscribes, publishes : tuple of Topic
+        Beside `diagnostics`, which every node publishes.
+    services : tuple of (name, type, meaning)
+        Beside those of every ROS node.
+
+    """
+
+    name: str
+    summary: str
+    stage: str
+    subscribes: tuple[Topic, ...]
+    publishes: tuple[Topic, ...]
+    services: tuple[tuple[str, str, str], ...] = ()
+
+
+DIAGNOSTICS = Topic(
+    "diagnostics",
+    "diagnostic_msgs/DiagnosticArray",
+    "EVENT",
+    "per tile: seconds, points, status, parameters as JSON",
+)
+POINTS = Topic("points", _CLOUD, "CLOUD", "points as in the source; `buffer` = 1 are the neighbours'")
+GROUND_POINTS = Topic(
+    "ground_points",
+    _CLOUD,
+    "CLOUD",
+    "all points with `classification` (1, 2, 7, 18), `height_above_ground`",
+)
+CLASSIFIED_POINTS = Topic("classified_points", _CLOUD, "CLOUD", "every point with its final ASPRS class")
+ROOF_POINTS = Topic("roof_points", _CLOUD, "CLOUD", "the points of class 6")
+EDGE_POINTS = Topic(
+    "edge_points",
+    _CLOUD,
+    "CLOUD",
+    "roof points with `linearity`, `planarity`, `normal_x` `_y` `_z`, `neighbourhood_radius`, `edge` (0, 1)",
+)
+BUILDING_POINTS = Topic("building_points", _CLOUD, "CLOUD", "edge points with `building_id` (0 = none)")
+PLANE_POINTS = Topic("plane_points", _CLOUD, "CLOUD", "building points with `plane_id` (0 = none)")
+TRACED_OUTLINES = Topic("traced_outlines", _RINGS, "BUILDING", "outlines as traced")
+OUTLINES = Topic("outlines", _RINGS, "BUILDING", "regularised outlines")
+ROOF_FACES = Topic("roof_faces", _RINGS, "BUILDING", "the models' roofs in 3D; ids are the buildings'")
+CITY_MODEL = Topic("city_model", "std_msgs/String", "BUILDING", "one CityJSONFeature per building")
+CITY_MODEL_HEADER = Topic("city_model", "std_msgs/String", "LATCHED", "CityJSON header: CRS and transform")
+BUILDING_MARKERS = Topic(
+    "building_markers", "visualization_msgs/MarkerArray", "CLOUD", "the solids' edges, for RViz"
+)
+MAP_ORIGIN = Topic(
+    "map_origin",
+    "geometry_msgs/PointStamped",
+    "LATCHED",
+    "what to add to map coordinates [m]; `frame_id` is the coordinate reference system",
+)
+MAP_UNITS = Topic(
+    "map_units",
+    "geometry_msgs/Vector3Stamped",
+    "LATCHED",
+    "metres per unit of the source's x, y and z",
+)
+TILE_BOUNDS = Topic(
+    "tile_bounds",
+    "geometry_msgs/PolygonStamped",
+    "LATCHED_TILE",
+    "limits of a tile with its buffer; empty where nothing lies beyond",
+)
+TILE_CLIPPED = Topic("tile_clipped", _HEADER, "EVENT", "a building of this tile is not whole")
+TILE_DONE = Topic("tile_done", _HEADER, "LATCHED_HISTORY", "this tile is done, or safely on disk")
+TILE_FAILED = Topic("tile_failed", _HEADER, "LATCHED_HISTORY", "this tile was given up")
+SURVEY_DONE = Topic("survey_done", _HEADER, "LATCHED", "every tile is done or given up")
+CLOCK = Topic("/clock", "rosgraph_msgs/Clock", "EVENT", "the stamp of the tile just sent, on request")
+
+_TRIGGER = "std_srvs/Trigger"
+
+NODE_TABLE: tuple[NodeCard, ...] = (
+    NodeCard(
+        "tile_player",
+        "Cuts clouds into tiles and sends them into the graph. "
+        "It keeps few tiles in flight, sends again what got lost, and larger what was too small.",
+        "",
+        (TILE_DONE, TILE_CLIPPED),
+        (POINTS, TILE_BOUNDS, MAP_ORIGIN, MAP_UNITS, SURVEY_DONE, TILE_FAILED, CLOCK),
+        (
+            ("~/pause", _TRIGGER, "send no more tiles"),
+            ("~/resume", _TRIGGER, "go on"),
+            ("~/step", _TRIGGER, "send one tile while paused"),
+        ),
+    ),
+    NodeCard(
+        "ground_filter",
+        "Tells the ground from what stands on it, and low and high noise from both. "
+        "It gives every point its height above the ground.",
+        "ground_filter",
+        (POINTS,),
+        (GROUND_POINTS,),
+    ),
+    NodeCard(
+        "roof_selector",
+        "Gives every point its final class. The points of class 6 go on as roof points.",
+        "roof_selection",
+        (GROUND_POINTS,),
+        (CLASSIFIED_POINTS, ROOF_POINTS),
+    ),
+    NodeCard(
+        "edge_labeller",
+        "Finds the roof points on edges. It appends the shape of each point's neighbourhood.",
+        "edge_labelling",
+        (ROOF_POINTS,),
+        (EDGE_POINTS,),
+    ),
+    NodeCard(
+        "building_tracer",
+        "Gathers roof points into buildings and traces their outlines and courtyards. "
+        "A tile that cuts one of its buildings off is held back and asked for with a larger buffer.",
+        "boundary_tracing",
+        (TILE_BOUNDS, EDGE_POINTS),
+        (BUILDING_POINTS, TRACED_OUTLINES, TILE_CLIPPED),
+    ),
+    NodeCard(
+        "outline_regulariser",
+        "Fits straight edges and the building's own directions to traced outlines. "
+        "An outline that cannot be regularised goes on as it is.",
+        "regularisation",
+        (TRACED_OUTLINES,),
+        (OUTLINES,),
+    ),
+    NodeCard(
+        "plane_fitter",
+        "Finds the planes of each building's roof. It numbers them within their building.",
+        "plane_fitting",
+        (BUILDING_POINTS,),
+        (PLANE_POINTS,),
+    ),
+    NodeCard(
+        "model_builder",
+        "Builds solids from outlines and roof planes. "
+        "Every building comes out, with a status that says what became of it.",
+        "building_model",
+        (MAP_ORIGIN, MAP_UNITS, PLANE_POINTS, TRACED_OUTLINES, OUTLINES),
+        (ROOF_FACES, CITY_MODEL, CITY_MODEL_HEADER, BUILDING_MARKERS, TILE_DONE),
+    ),
+    NodeCard(
+        "model_writer",
+        "Puts each tile's results safely on disk and reports the tile as done. "
+        "When the survey is done it makes the files from them and ends.",
+        "",
+        (
+            CLASSIFIED_POINTS,
+            PLANE_POINTS,
+            TRACED_OUTLINES,
+            OUTLINES,
+            ROOF_FACES,
+            CITY_MODEL,
+            SURVEY_DONE,
+            TILE_FAILED,
+            DIAGNOSTICS,
+        ),
+        (TILE_DONE,),
+    ),
+)
+
+#: Node name → the stage under which its seconds are counted.
+NODE_STAGES: dict[str, str] = {card.name: card.stage for card in NODE_TABLE}
+
+#: What `model_writer` reads, by the last stage of the run: every point, roof points, rings.
+WRITER_TOPICS: dict[str, tuple[Topic, ...]] = {
+    "ground_filter": (GROUND_POINTS,),
+    "roof_selection": (CLASSIFIED_POINTS,),
+    "edge_labelling": (CLASSIFIED_POINTS, EDGE_POINTS),
+    "boundary_tracing": (CLASSIFIED_POINTS, BUILDING_POINTS, TRACED_OUTLINES),
+    "regularisation": (CLASSIFIED_POINTS, BUILDING_POINTS, TRACED_OUTLINES, OUTLINES),
+    "plane_fitting": (CLASSIFIED_POINTS, PLANE_POINTS, TRACED_OUTLINES, OUTLINES),
+    "building_model": (CLASSIFIED_POINTS, PLANE_POINTS, TRACED_OUTLINES, OUTLINES, ROOF_FACES, CITY_MODEL),
+}
+
+
+def nodes_until(stage: str) -> tuple[str, ...]:
+    """
+    Return the nodes that a run ending with `stage` needs, the player first and the writer last.
+
+    """
+    stages = list(WRITER_TOPICS)
+    needed = set(stages[: stages.index(stage) + 1]) | {""}
+    return tuple(card.name for card in NODE_TABLE if card.stage in needed)
+
+
+def topics_until(stage: str) -> tuple[str, ...]:
+    """
+    Return the topics that must have a subscriber before such a run may begin.
+
+    """
+    nodes = nodes_until(stage)
+    read = {topic.name for card in NODE_TABLE if card.name in nodes[1:-1] for topic in card.subscribes}
+    read |= {topic.name for topic in WRITER_TOPICS[stage]}
+    return tuple(sorted(read))

@@ -1,0 +1,332 @@
+"""
+Node `tile_player`.
+
+"""
+
+from __future__ import annotations
+
+import time
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+from geometry_msgs.msg import PointStamped, PolygonStamped, Vector3Stamped
+from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import PointCloud2
+from std_msgs.msg import Header
+from std_srvs.srv import Trigger
+
+from lidar_buildings.core.tile import PointTile
+from lidar_buildings.io.tiling import TileSource
+from lidar_buildings.nodes.configs import NODE_CONFIGS, TilePlayerConfig
+from lidar_buildings.nodes.tile_reader import TileReader
+from lidar_buildings.ros.flow_control import FlowControl
+from lidar_buildings.ros.map_frames import origin_message, units_message
+from lidar_buildings.ros.point_cloud import to_message
+from lidar_buildings.ros.polygons import bounds_message
+from lidar_buildings.ros.qos import CLOUD, EVENT, LATCHED, LATCHED_HISTORY, LATCHED_TILE
+from lidar_buildings.ros.runner import run_node
+from lidar_buildings.ros.stage_node import StageNode
+from lidar_buildings.ros.stamps import header_of, to_stamp, to_time
+
+#: How often deadlines and subscribers are looked at [s].
+_TICK = 0.05
+#: How often to say what is waited for [s].
+_REMIND = 10.0
+
+
+class Progress(NamedTuple):
+    """
+    How far the player is.
+
+    """
+
+    n_done: int
+    n_failed: int
+    n_tiles: int
+
+
+class TilePlayer(StageNode):
+    """
+    Sends tiles into the graph, as many at a time as there are credits, until each is done.
+
+    """
+
+    def __init__(self, **kwargs: Any) -> None:
+        super().__init__("tile_player", NODE_CONFIGS["tile_player"], **kwargs)
+        config = self.parameters[TilePlayerConfig]
+        self._flow = FlowControl(config.max_tiles_in_flight, config.tile_timeout, config.max_attempts)
+        self._done: set[int] = set()
+        self._failed: set[int] = set()
+        self._paused, self._steps = config.start_paused, 0
+        self._next: PointTile | None = None
+        self._first: tuple[int, float] | None = None
+        self._is_finished = False
+        try:
+            self._source = TileSource(config.input, config, skip=() if config.loop else self._done)
+        except Exception:
+            self.destroy_node()
+            raise
+        for problem in self._source.problems:
+            self.get_logger().error(problem)
+        self._reader = TileReader(self._source, loop=config.loop)
+        self._make_publishers()
+        self._make_services()
+        self._make_subscriptions()
+        self.create_timer(_TICK, self.on_tick)
+        self._wake = self.create_guard_condition(self.on_tick)
+        self._reader.start(self._wake.trigger)
+
+    @property
+    def progress(self) -> Progress:
+        """
+        How many tiles are done, given up, and there in all (an estimate until everything has been read).
+
+        """
+        return Progress(len(self._done), len(self._failed), self._source.tile_count)
+
+    def on_tick(self) -> None:
+        """
+        Send what is due.
+
+        """
+        if self._is_finished or self._reader_has_failed():
+            return
+        self._send_overdue()
+        while self._may_send():
+            self._send(self._take())
+        self._finish_if_all_done()
+
+    def on_done(self, message: Header) -> None:
+        """
+        Take back a tile's credit.
+
+        """
+        stamp = to_stamp(message.stamp)
+        self._done.add(stamp)
+        self._failed.discard(stamp)
+        if self._flow.done(stamp):
+            self.on_tick()
+
+    def on_clipped(self, message: Header) -> None:
+        """
+        Send the same tile with a larger buffer; without bounds if there is nothing more to send.
+
+        """
+        tile = self._flow.clipped(to_stamp(message.stamp))
+        if tile is not None:
+            with self.reporting(tile.stamp, quiet=True):
+                self._send_larger(tile)
+
+    def destroy_node(self) -> None:
+        """
+        Stop reading and remove the temporary files.
+
+        """
+        if hasattr(self, "_reader"):
+            self._reader.stop()
+            self._source.close()
+        super().destroy_node()
+
+    def _make_publishers(self) -> None:
+        """
+        Create the publishers and say where the map lies.
+
+        """
+        self._points = self.create_publisher(PointCloud2, "points", CLOUD)
+        self._bounds = self.create_publisher(PolygonStamped, "tile_bounds", LATCHED_TILE)
+        self._survey_done = self.create_publisher(Header, "survey_done", LATCHED)
+        self._tile_failed = self.create_publisher(Header, "tile_failed", LATCHED_HISTORY)
+        self._clock = None
+        if self.parameters[TilePlayerConfig].publish_clock:
+            self._clock = self.create_publisher(Clock, "/clock", EVENT)
+        self._map_units = self.create_publisher(Vector3Stamped, "map_units", LATCHED)
+        self._map_origin = self.create_publisher(PointStamped, "map_origin", LATCHED)
+        self._map_units.publish(units_message(self._source.frame))
+        self._map_origin.publish(origin_message(self._source.frame))
+
+    def _make_services(self) -> None:
+        """
+        Create the services.
+
+        """
+        self.create_service(Trigger, "~/pause", self.on_pause)
+        self.create_service(Trigger, "~/resume", self.on_resume)
+        self.create_service(Trigger, "~/step", self.on_step)
+
+    def _make_subscriptions(self) -> None:
+        """
+        Create the subscriptions.
+
+        """
+        self.create_subscription(Header, "tile_clipped", self.on_clipped, EVENT)
+        self.create_subscription(Header, "tile_done", self.on_done, LATCHED_HISTORY)
+
+    def on_pause(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        """
+        Send no more tiles.
+
+        """
+        self._paused = True
+        response.success, response.message = True, "paused"
+        return response
+
+    def on_resume(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        """
+        Go on; a recording goes on from here, not from where it would be by now.
+
+        """
+        self._paused, self._steps, self._first = False, 0, None
+        response.success, response.message = True, "playing"
+        return response
+
+    def on_step(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        """
+        Send one tile while paused.
+
+        """
+        if not self._paused:
+            response.success, response.message = False, "not paused: call pause first"
+            return response
+        self._steps += 1
+        response.success, response.message = True, "one tile will be sent"
+        return response
+
+    def _reader_has_failed(self) -> bool:
+        """
+        End the node if the points cannot be read.
+
+        """
+        if self._reader.error is not None:
+            self.fail(self._reader.error)
+        return self._reader.error is not None
+
+    def _may_send(self) -> bool:
+        """
+        Whether there is a tile, a credit for it, someone to take it, and its time has come.
+
+        """
+        if self._paused and not self._steps:
+            return False
+        return self._flow.has_room and self._peek() is not None and self._is_heard() and self._is_due()
+
+    def _peek(self) -> PointTile | None:
+        """
+        Return the next tile that is not done yet, None if none has been read.
+
+        """
+        while self._next is None or self._next.stamp in self._done:
+            self._next = self._reader.take()
+            if self._next is None:
+                return None
+        return self._next
+
+    def _take(self) -> PointTile:
+        """
+        Return the tile that `_peek` has found.
+
+        """
+        tile, self._next = self._next, None
+        if tile is None:
+            raise RuntimeError("no tile was found")
+        self._steps = max(0, self._steps - 1)
+        return tile
+
+    def _is_heard(self) -> bool:
+        """
+        Whether all topics have their subscribers, and someone will say when a tile is done.
+
+        """
+        config = self.parameters[TilePlayerConfig]
+        missing = [topic for topic in config.wait_for if not self.count_subscribers(topic)]
+        what = f"a subscriber of {', '.join(missing)}"
+        if not missing and config.max_tiles_in_flight and not self.count_publishers("tile_done"):
+            missing, what = ["tile_done"], "a publisher of tile_done (model_writer, or model_builder)"
+        if missing:
+            self.get_logger().info(f"waiting for {what}", throttle_duration_sec=_REMIND, skip_first=True)
+        return not missing
+
+    def _is_due(self) -> bool:
+        """
+        Whether a recording played at `rate` has come to the next tile.
+
+        """
+        rate = self.parameters[TilePlayerConfig].rate
+        tile = self._peek()
+        if not rate or tile is None:
+            return True
+        if self._first is None:
+            self._first = (tile.stamp, time.monotonic())
+        first_stamp, started = self._first
+        return time.monotonic() - started >= (tile.stamp - first_stamp) * 1e-9 / rate
+
+    def _send(self, tile: PointTile) -> None:
+        """
+        Send a tile for the first time.
+
+        """
+        self._publish(tile)
+        self._flow.sent(tile)
+        if not self._flow.is_counting:
+            self._done.add(tile.stamp)
+
+    def _publish(self, tile: PointTile) -> None:
+        """
+        Publish a tile's bounds and its points.
+
+        """
+        with self.reporting(tile.stamp) as report:
+            report.n_points = len(tile)
+            if self._clock is not None:
+                self._clock.publish(Clock(clock=to_time(max(tile.stamp, 0))))
+            self._bounds.publish(bounds_message(tile.stamp, tile.bounds))
+            self._points.publish(to_message(tile))
+
+    def _send_larger(self, tile: PointTile) -> None:
+        """
+        Send a tile with its buffer doubled, or without bounds: there is no more of it.
+
+        """
+        grown = self._reader.grown(tile) or replace(tile, bounds=None)
+        self._publish(grown)
+        self._flow.replaced(grown)
+
+    def _send_overdue(self) -> None:
+        """
+        Send again what is late, and give up what was late too often.
+
+        """
+        for flight in self._flow.overdue():
+            stamp = flight.tile.stamp
+            self.get_logger().warning(f"tile {stamp} is not done in time: sent again ({flight.attempt})")
+            with self.reporting(stamp, quiet=True):
+                if flight.n_clipped:
+                    self._send_larger(flight.tile)
+                else:
+                    self._publish(flight.tile)
+        for stamp in self._flow.given_up():
+            self.get_logger().error(f"tile {stamp} was never done: given up")
+            self._failed.add(stamp)
+            self._tile_failed.publish(header_of(stamp))
+
+    def _finish_if_all_done(self) -> None:
+        """
+        Say that the survey is done once nothing is left to send or to wait for.
+
+        """
+        if self._reader.is_exhausted and self._peek() is None and not len(self._flow):
+            self._is_finished = True
+            n_failed = f", {len(self._failed)} given up" if self._failed else ""
+            self.get_logger().info(f"all tiles are done{n_failed}")
+            self._survey_done.publish(header_of(max(self._done | self._failed, default=0)))
+
+
+def main() -> int:
+    """
+    Run the node.
+
+    """
+    return run_node(TilePlayer)
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

@@ -1,0 +1,136 @@
+"""
+Tiles read ahead in a thread of their own, so that the player's callbacks do not wait for the disk.
+
+"""
+
+from __future__ import annotations
+
+import queue
+import threading
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+
+from lidar_buildings.core.tile import PointTile
+from lidar_buildings.io.tiling import TileSource
+
+#: Tiles read ahead.
+_AHEAD = 1
+#: How often a full queue is tried, so that stopping is noticed [s].
+_TRY = 0.1
+_SECOND = 1_000_000_000
+
+
+class TileReader:
+    """
+    Reads the tiles of a source one after the other.
+
+    Parameters
+    ----------
+    source : TileSource
+        What to read.
+    loop : bool
+        Whether to begin again after the last tile, with later stamps.
+
+    Attributes
+    ----------
+    error : Exception or None
+        What ended the reading.
+    is_exhausted : bool
+        Whether every tile has been read (and perhaps not yet taken).
+
+    """
+
+    def __init__(self, source: TileSource, *, loop: bool = False) -> None:
+        self.error: Exception | None = None
+        self.is_exhausted = False
+        self._source = source
+        self._loop = loop
+        self._shifts: dict[int, int] = {}
+        self._tiles: queue.Queue[PointTile] = queue.Queue(maxsize=_AHEAD)
+        self._stopping = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="tile_reader", daemon=True)
+        self._on_tile: Callable[[], None] = lambda: None
+
+    def start(self, on_tile: Callable[[], None]) -> None:
+        """
+        Begin to read; `on_tile` is called, from the reading thread, when there is something to take.
+
+        """
+        self._on_tile = on_tile
+        self._thread.start()
+
+    def take(self) -> PointTile | None:
+        """
+        Return the next tile, None if none is ready.
+
+        """
+        try:
+            return self._tiles.get_nowait()
+        except queue.Empty:
+            return None
+
+    def grown(self, tile: PointTile) -> PointTile | None:
+        """
+        Return a tile with a larger buffer, None if there is none.
+
+        """
+        shift = self._shifts.get(tile.stamp, 0)
+        grown = self._source.grown(tile.stamp - shift)
+        return None if grown is None else replace(grown, stamp=tile.stamp)
+
+    def stop(self) -> None:
+        """
+        Stop reading and wait for the thread.
+
+        """
+        self._stopping.set()
+        if self._thread.ident is not None:
+            self._thread.join()
+
+    def _run(self) -> None:
+        """
+        Read until the end, an error, or `stop`.
+
+        """
+        try:
+            for tile in self._rounds() if self._loop else self._source:
+                if not self._put(tile):
+                    return
+                self._on_tile()
+            self.is_exhausted = True
+        except Exception as error:
+            self.error = error
+        if not self._stopping.is_set():
+            self._on_tile()
+
+    def _rounds(self) -> Iterator[PointTile]:
+        """
+        Yield all tiles again and again, each round's stamps after those of the round before.
+
+        """
+        first, last, shift = None, 0, 0
+        while not self._stopping.is_set():
+            n_tiles = 0
+            for tile in self._source:
+                n_tiles += 1
+                first = tile.stamp if first is None else min(first, tile.stamp)
+                last = max(last, tile.stamp)
+                if shift:
+                    self._shifts[tile.stamp + shift] = shift
+                yield replace(tile, stamp=tile.stamp + shift)
+            if not n_tiles or first is None:
+                return
+            shift += last - first + _SECOND
+
+    def _put(self, tile: PointTile) -> bool:
+        """
+        Put a tile into the queue as soon as there is room; False when stopping.
+
+        """
+        while not self._stopping.is_set():
+            try:
+                self._tiles.put(tile, timeout=_TRY)
+                return True
+            except queue.Full:
+                continue
+        return False

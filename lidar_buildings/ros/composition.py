@@ -1,0 +1,100 @@
+"""
+Several nodes in one process: an executor and a thread for each.
+
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+
+import rclpy
+from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+
+from lidar_buildings.ros.stage_node import StageNode
+
+_JOIN_SECONDS = 60.0
+
+
+class Composition:
+    """
+    Runs nodes side by side.
+
+    One MultiThreadedExecutor for all would be several times slower than a SingleThreadedExecutor for each,
+    and the nodes rely on their callbacks not running at once.
+
+    Parameters
+    ----------
+    *nodes : StageNode
+        Nodes of one context; `stop` destroys them.
+
+    """
+
+    def __init__(self, *nodes: StageNode) -> None:
+        self._nodes = nodes
+        self._executors = [SingleThreadedExecutor(context=node.context) for node in nodes]
+        for node, executor in zip(nodes, self._executors, strict=True):
+            executor.add_node(node)
+        self._threads = [
+            threading.Thread(target=self._spin, args=pair, name=pair[0].get_name(), daemon=True)
+            for pair in zip(nodes, self._executors, strict=True)
+        ]
+
+    def start(self) -> None:
+        """
+        Let all nodes spin.
+
+        """
+        for thread in self._threads:
+            thread.start()
+
+    def wait(self, node: StageNode, timeout: float | None = None) -> bool:
+        """
+        Wait until `node` has its outcome, or any node cannot go on.
+
+        Returns
+        -------
+        bool
+            False if the time was up first.
+
+        Raises
+        ------
+        Exception
+            What kept a node from going on.
+
+        """
+        end = None if timeout is None else time.monotonic() + timeout
+        while end is None or time.monotonic() < end:
+            for one in self._nodes:
+                if one.outcome.done():
+                    one.outcome.result()
+            if node.outcome.done() or not rclpy.ok(context=node.context):
+                return True
+            time.sleep(0.02)
+        return False
+
+    def stop(self) -> None:
+        """
+        Shut ROS down, wait for the threads, and destroy the nodes.
+
+        """
+        for node in self._nodes:
+            rclpy.try_shutdown(context=node.context)
+        for thread in self._threads:
+            if thread.ident is not None:
+                thread.join(_JOIN_SECONDS)
+        for node in self._nodes:
+            node.destroy_node()
+
+    @staticmethod
+    def _spin(node: StageNode, executor: SingleThreadedExecutor) -> None:
+        """
+        Spin one node until ROS is shut down.
+
+        """
+        try:
+            executor.spin()
+        except ExternalShutdownException:
+            pass
+        except Exception as error:
+            node.fail(error)

@@ -1,0 +1,157 @@
+"""
+Credits: which tiles are in the graph, and which must be sent again.
+
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from lidar_buildings.core.tile import PointTile
+
+
+@dataclass
+class Flight:
+    """
+    A tile in the graph.
+
+    Attributes
+    ----------
+    tile : PointTile
+        As it was sent last.
+    attempt : int
+        How many times it was given its time, the first included.
+    deadline : float
+        When the time is up [s].
+    n_copies, n_clipped : int
+        How many times these same points were sent, and how many times they came back as clipped.
+
+    """
+
+    tile: PointTile
+    attempt: int
+    deadline: float
+    n_copies: int = 1
+    n_clipped: int = 0
+
+
+class FlowControl:
+    """
+    Keeps account of the tiles in flight.
+
+    Parameters
+    ----------
+    limit : int
+        How many tiles may be in flight; 0: as many as come, and none is waited for.
+    timeout : float
+        Time that a tile has at its first attempt; doubles with each attempt [s].
+    max_attempts : int
+        After so many a tile is given up.
+    now : callable
+        The clock [s].
+
+    """
+
+    def __init__(
+        self,
+        limit: int,
+        timeout: float,
+        max_attempts: int,
+        now: Callable[[], float] = time.monotonic,
+    ) -> None:
+        self._limit = limit
+        self._timeout = timeout
+        self._max_attempts = max_attempts
+        self._now = now
+        self._flights: dict[int, Flight] = {}
+
+    def __len__(self) -> int:
+        """
+        Return the number of tiles in flight.
+
+        """
+        return len(self._flights)
+
+    @property
+    def is_counting(self) -> bool:
+        """
+        Whether tiles are waited for.
+
+        """
+        return self._limit > 0
+
+    @property
+    def has_room(self) -> bool:
+        """
+        Whether one more tile may be sent.
+
+        """
+        return not self.is_counting or len(self._flights) < self._limit
+
+    def sent(self, tile: PointTile) -> None:
+        """
+        Note that a tile was sent for the first time.
+
+        """
+        if self.is_counting:
+            self._flights[tile.stamp] = Flight(tile, 1, self._now() + self._timeout)
+
+    def done(self, stamp: int) -> bool:
+        """
+        Note that a tile is done; False if it was not in flight.
+
+        """
+        return self._flights.pop(stamp, None) is not None
+
+    def clipped(self, stamp: int) -> PointTile | None:
+        """
+        Note that a tile came back as clipped; return it if it is time to send a larger one.
+
+        Copies of the smaller tile that are still under way must not meet the larger one's bounds, so the
+        larger one waits until all have come back, or the time is up.
+
+        """
+        flight = self._flights.get(stamp)
+        if flight is None:
+            return None
+        flight.n_clipped += 1
+        return flight.tile if flight.n_clipped >= flight.n_copies else None
+
+    def replaced(self, tile: PointTile) -> None:
+        """
+        Note that a tile was sent with other points or bounds.
+
+        """
+        flight = self._flights[tile.stamp]
+        time_allowed = self._timeout * 2 ** (flight.attempt - 1)
+        self._flights[tile.stamp] = Flight(tile, flight.attempt, self._now() + time_allowed)
+
+    def overdue(self) -> list[Flight]:
+        """
+        Return the flights whose time is up and that get another attempt; their time starts anew.
+
+        """
+        now = self._now()
+        late = [f for f in self._flights.values() if f.deadline <= now and f.attempt < self._max_attempts]
+        for flight in late:
+            flight.attempt += 1
+            flight.n_copies += 1
+            flight.deadline = now + self._timeout * 2 ** (flight.attempt - 1)
+        return late
+
+    def given_up(self) -> list[int]:
+        """
+        Remove and return the tiles whose last attempt is up.
+
+        """
+        now = self._now()
+        lost = [
+            stamp
+            for stamp, f in self._flights.items()
+            if f.deadline <= now and f.attempt >= self._max_attempts
+        ]
+        for stamp in lost:
+            del self._flights[stamp]
+        return lost

@@ -1,0 +1,226 @@
+"""
+Config dataclasses as ROS parameters: declared from them, read back into them, changed at run time.
+
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Mapping
+from dataclasses import Field, fields, replace
+from difflib import get_close_matches
+from typing import Any, TypeVar
+
+from rcl_interfaces.msg import (
+    FloatingPointRange,
+    IntegerRange,
+    ParameterDescriptor,
+    SetParametersResult,
+)
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+
+from lidar_buildings.core.errors import ParameterError
+from lidar_buildings.core.parameters import ParameterSpec, StageConfig, checked_value, spec_of
+
+Config = TypeVar("Config", bound=StageConfig)
+
+_MAX_INTEGER = 2**63 - 1
+#: Parameters that rclpy declares for every node.
+_BUILT_IN = ("use_sim_time", "start_type_description_service")
+
+
+def parameter_prefix(stage: str, configs: Mapping[str, type[StageConfig]]) -> str:
+    """
+    Return what stands before a stage's parameter names: nothing where the node has one stage only.
+
+    """
+    return "" if len(configs) == 1 else f"{stage}."
+
+
+def ros_value(value: Any) -> Any:
+    """
+    Return a config value as ROS holds it; an empty list is [""], because ROS lists have no type when empty.
+
+    """
+    return (list(value) or [""]) if isinstance(value, tuple) else value
+
+
+def config_value(value: Any) -> Any:
+    """
+    Return a ROS value as a config holds it.
+
+    """
+    return tuple(text for text in value if text != "") if isinstance(value, list | tuple) else value
+
+
+def parameter_overrides(
+    configs: Mapping[str, type[StageConfig]], settings: Mapping[str, Mapping[str, Any]]
+) -> list[Parameter]:
+    """
+    Return a node's start values from ``{stage: {name: value}}``, for its keyword `parameter_overrides`.
+
+    Stages that the node does not have are left out.
+
+    """
+    return [
+        Parameter(f"{parameter_prefix(stage, configs)}{name}", value=ros_value(value))
+        for stage in configs
+        for name, value in settings.get(stage, {}).items()
+    ]
+
+
+def descriptor_of(config_field: Field[Any]) -> ParameterDescriptor:
+    """
+    Return what ROS tools show of a parameter: description, unit, inclusive range, whether it can change.
+
+    """
+    spec = spec_of(config_field)
+    unit = f" [{spec.unit}]" if spec.unit else ""
+    descriptor = ParameterDescriptor(
+        description=f"{spec.description}{unit}",
+        additional_constraints="" if _is_free(spec) else spec.allowed(),
+        read_only=spec.read_only,
+    )
+    if spec.minimum is None and spec.maximum is None:
+        return descriptor
+    if isinstance(config_field.default, float):
+        limit = sys.float_info.max
+        low, high = _limits(spec, -limit, limit)
+        descriptor.floating_point_range = [FloatingPointRange(from_value=float(low), to_value=float(high))]
+    else:
+        low, high = _limits(spec, -_MAX_INTEGER - 1, _MAX_INTEGER)
+        descriptor.integer_range = [IntegerRange(from_value=int(low), to_value=int(high), step=1)]
+    return descriptor
+
+
+class NodeParameters:
+    """
+    A node's parameters, kept as the config dataclasses of its stages.
+
+    Parameters
+    ----------
+    node : Node
+        Where to declare them.
+    configs : mapping
+        Stage name → config class; parameters carry the stage's name as a prefix where there are several.
+
+    Raises
+    ------
+    ParameterError
+        If a start value has the wrong type or is out of range, or a name is unknown; one line.
+
+    """
+
+    def __init__(self, node: Node, configs: Mapping[str, type[StageConfig]]) -> None:
+        self._node = node
+        # rclpy shows overrides that nobody declared nowhere else; the only use of the private name
+        overrides = {name: one.value for name, one in node._parameter_overrides.items()}
+        self._fields = _fields_by_name(configs)
+        self._check_names(overrides)
+        self._values = {
+            name: self._checked(name, overrides[name]) if name in overrides else one.default
+            for name, (_, one) in self._fields.items()
+        }
+        self._configs = {stage: kind(**self._members(stage)) for stage, kind in configs.items()}
+        for name, (_, one) in self._fields.items():
+            value = ros_value(self._values[name])
+            node.declare_parameter(name, value, descriptor_of(one), ignore_override=True)
+        node.add_on_set_parameters_callback(self._on_set)
+        node.add_post_set_parameters_callback(self._after_set)
+
+    def __getitem__(self, config: type[Config]) -> Config:
+        """
+        Return a stage's config as it is now.
+
+        """
+        return self._configs[config.stage]  # type: ignore[return-value]
+
+    def as_dict(self) -> dict[str, dict[str, Any]]:
+        """
+        Return ``{stage: {name: value}}``.
+
+        """
+        return {stage: self._members(stage) for stage in self._configs}
+
+    def _members(self, stage: str) -> dict[str, Any]:
+        """
+        Return one stage's values by the names in its config.
+
+        """
+        return {one.name: self._values[name] for name, (of, one) in self._fields.items() if of == stage}
+
+    def _check_names(self, names: Mapping[str, Any]) -> None:
+        """
+        Refuse a name that is not ours, and suggest the nearest one.
+
+        """
+        for name in names:
+            if name in self._fields or name in _BUILT_IN or name.startswith("qos_overrides."):
+                continue
+            near = get_close_matches(name, self._fields, n=1)
+            hint = f"did you mean {near[0]}?" if near else f"there are {', '.join(self._fields)}"
+            raise ParameterError(f"{self._node.get_name()}.{name}: there is no such parameter ({hint})")
+
+    def _checked(self, name: str, value: Any) -> Any:
+        """
+        Return a value as the config holds it, or refuse it under its full name.
+
+        """
+        _, one = self._fields[name]
+        path = f"{self._node.get_name()}.{name}"[: -len(one.name) - 1]
+        return checked_value(path, one, config_value(value))
+
+    def _on_set(self, parameters: list[Parameter]) -> SetParametersResult:
+        """
+        Accept or refuse a change at run time.
+
+        """
+        try:
+            for one in parameters:
+                if one.name in self._fields:
+                    self._checked(one.name, one.value)
+        except ParameterError as error:
+            return SetParametersResult(successful=False, reason=str(error))
+        return SetParametersResult(successful=True)
+
+    def _after_set(self, parameters: list[Parameter]) -> None:
+        """
+        Use the new values from the next tile on.
+
+        """
+        for one in parameters:
+            if one.name not in self._fields:
+                continue
+            stage, member = self._fields[one.name]
+            self._values[one.name] = self._checked(one.name, one.value)
+            self._configs[stage] = replace(self._configs[stage], **{member.name: self._values[one.name]})
+
+
+def _fields_by_name(configs: Mapping[str, type[StageConfig]]) -> dict[str, tuple[str, Field[Any]]]:
+    """
+    Return parameter name → (stage, config field).
+
+    """
+    return {
+        f"{parameter_prefix(stage, configs)}{one.name}": (stage, one)
+        for stage, kind in configs.items()
+        for one in fields(kind)
+    }
+
+
+def _limits(spec: ParameterSpec, lowest: float, highest: float) -> tuple[float, float]:
+    """
+    Return the inclusive range with the type's own limits where it is open.
+
+    """
+    low = lowest if spec.minimum is None else spec.minimum
+    return low, highest if spec.maximum is None else spec.maximum
+
+
+def _is_free(spec: ParameterSpec) -> bool:
+    """
+    Whether any value of the type will do.
+
+    """
+    return not spec.choices and spec.minimum is None and spec.maximum is None

@@ -1,0 +1,118 @@
+"""
+Rings to geometry_msgs/PolygonInstanceStamped and back.
+
+One message is one ring, open, with the building's id: the outer ring first and counter-clockwise, its holes
+after it and clockwise. A message with id −1 and no vertices closes the tile on its topic.
+
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+
+import numpy as np
+from geometry_msgs.msg import Point32, Polygon, PolygonInstance, PolygonInstanceStamped, PolygonStamped
+from numpy.typing import NDArray
+
+from lidar_buildings.core.outline import BuildingOutline
+from lidar_buildings.ros.errors import MessageError
+from lidar_buildings.ros.stamps import header_of, to_stamp
+
+#: The id of the message that closes a tile.
+CLOSING_ID = -1
+
+Bounds = tuple[float, float, float, float]
+
+
+def ring_message(stamp: int, building_id: int, ring: NDArray[np.float64]) -> PolygonInstanceStamped:
+    """
+    Return one ring, shape (n_vertices, 2) or (n_vertices, 3), as a message.
+
+    """
+    polygon = PolygonInstance(polygon=_polygon(ring), id=building_id)
+    return PolygonInstanceStamped(header=header_of(stamp), polygon=polygon)
+
+
+def closing_message(stamp: int) -> PolygonInstanceStamped:
+    """
+    Return the message that says that a topic has no more rings of this tile.
+
+    """
+    return PolygonInstanceStamped(header=header_of(stamp), polygon=PolygonInstance(id=CLOSING_ID))
+
+
+def outline_messages(stamp: int, outlines: Iterable[BuildingOutline]) -> Iterator[PolygonInstanceStamped]:
+    """
+    Yield every ring of a tile's outlines, then the closing message.
+
+    """
+    for one in outlines:
+        for ring in one.outline.rings:
+            yield ring_message(stamp, one.building_id, ring)
+    yield closing_message(stamp)
+
+
+def roof_messages(
+    stamp: int, faces: Iterable[tuple[int, Sequence[NDArray[np.float64]]]]
+) -> Iterator[PolygonInstanceStamped]:
+    """
+    Yield every ring of a tile's roof faces, given as (building id, rings), then the closing message.
+
+    """
+    for number, rings in faces:
+        for ring in rings:
+            yield ring_message(stamp, number, ring)
+    yield closing_message(stamp)
+
+
+def ring_of(message: PolygonInstanceStamped) -> NDArray[np.float64]:
+    """
+    Return a message's vertices, shape (n_vertices, 3).
+
+    Raises
+    ------
+    MessageError
+        If a coordinate is not finite.
+
+    """
+    corners = [(p.x, p.y, p.z) for p in message.polygon.polygon.points]
+    ring = np.array(corners, dtype=np.float64).reshape(-1, 3)
+    if not np.isfinite(ring).all():
+        raise MessageError(f"polygon {message.polygon.id} has a vertex that is not finite")
+    return ring
+
+
+def bounds_message(stamp: int, bounds: Bounds | None) -> PolygonStamped:
+    """
+    Return a tile's limits as four corners; no corners where nothing lies beyond the tile.
+
+    """
+    polygon = Polygon()
+    if bounds is not None:
+        west, south, east, north = bounds
+        polygon = _polygon(np.array([[west, south], [east, south], [east, north], [west, north]]))
+    return PolygonStamped(header=header_of(stamp), polygon=polygon)
+
+
+def bounds_of(message: PolygonStamped) -> tuple[int, Bounds | None]:
+    """
+    Return a tile's stamp [ns] and its limits.
+
+    """
+    stamp = to_stamp(message.header.stamp)
+    if not message.polygon.points:
+        return stamp, None
+    x = [corner.x for corner in message.polygon.points]
+    y = [corner.y for corner in message.polygon.points]
+    return stamp, (min(x), min(y), max(x), max(y))
+
+
+def _polygon(ring: NDArray[np.float64]) -> Polygon:
+    """
+    Put vertices into a polygon; a ring in the plane gets z = 0.
+
+    """
+    vertices = ring.tolist()
+    if ring.shape[1] == 2:
+        return Polygon(points=[Point32(x=x, y=y) for x, y in vertices])
+    return Polygon(points=[Point32(x=x, y=y, z=z) for x, y, z in vertices])

@@ -1,0 +1,45 @@
+"""
+Quality of service: three kinds of topic, one profile each.
+
+"""
+
+from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
+
+#: How many clouds a topic keeps; more tiles than this must never be in flight.
+CLOUD_DEPTH = 8
+
+#: How many headers a latched topic keeps for late joiners, such as the finished tiles of a survey.
+LATCHED_DEPTH = 100_000
+
+#: One message per tile. The credits of the player bound what is under way, so nothing is overwritten.
+CLOUD = QoSProfile(reliability=ReliabilityPolicy.RELIABLE, history=HistoryPolicy.KEEP_LAST, depth=CLOUD_DEPTH)
+
+#: Many messages per tile, one per ring or building.
+BUILDING = QoSProfile(reliability=ReliabilityPolicy.RELIABLE, history=HistoryPolicy.KEEP_ALL)
+
+#: The last message is given to whoever comes later.
+LATCHED = QoSProfile(
+    reliability=ReliabilityPolicy.RELIABLE,
+    durability=DurabilityPolicy.TRANSIENT_LOCAL,
+    history=HistoryPolicy.KEEP_LAST,
+    depth=1,
+)
+
+#: One message per tile, given to late joiners as long as the tile can be under way.
+LATCHED_TILE = QoSProfile(
+    reliability=ReliabilityPolicy.RELIABLE,
+    durability=DurabilityPolicy.TRANSIENT_LOCAL,
+    history=HistoryPolicy.KEEP_LAST,
+    depth=CLOUD_DEPTH,
+)
+
+#: All messages are given to whoever comes later.
+LATCHED_HISTORY = QoSProfile(
+    reliability=ReliabilityPolicy.RELIABLE,
+    durability=DurabilityPolicy.TRANSIENT_LOCAL,
+    history=HistoryPolicy.KEEP_LAST,
+    depth=LATCHED_DEPTH,
+)
+
+#: Headers and diagnostics: small, a few per tile and node.
+EVENT = QoSProfile(reliability=ReliabilityPolicy.RELIABLE, history=HistoryPolicy.KEEP_LAST, depth=1000)

@@ -1,0 +1,120 @@
+"""
+Rings of one topic, gathered tile by tile until the closing message.
+
+"""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from geometry_msgs.msg import PolygonInstanceStamped
+from numpy.typing import NDArray
+
+from lidar_buildings.core.outline import BuildingOutline, Outline, signed_area
+from lidar_buildings.ros.polygons import CLOSING_ID, ring_of
+from lidar_buildings.ros.stamps import to_stamp
+
+#: How many tiles may be open at once; more are leftovers of tiles that were sent again.
+_MAX_OPEN_TILES = 64
+
+Ring = NDArray[np.float64]
+#: Building id → its rings as they came, each of shape (n_vertices, 3).
+Rings = Mapping[int, tuple[Ring, ...]]
+
+
+@dataclass(frozen=True, eq=False)
+class ClosedTile:
+    """
+    All rings that a topic had for a tile.
+
+    """
+
+    stamp: int
+    rings: Rings
+
+
+class RingCollector:
+    """
+    Gathers the rings of one topic by stamp.
+
+    A tile may come again after it was closed, or half of it may come twice when its sender was restarted:
+    a ring that equals its building's first ring starts that building anew.
+
+    """
+
+    def __init__(self) -> None:
+        self._open: OrderedDict[int, dict[int, list[Ring]]] = OrderedDict()
+
+    def add(self, message: PolygonInstanceStamped) -> ClosedTile | None:
+        """
+        Take one message; return the tile if this message closes it.
+
+        Raises
+        ------
+        MessageError
+            If a vertex is not finite.
+
+        """
+        stamp = to_stamp(message.header.stamp)
+        number = message.polygon.id
+        if number == CLOSING_ID and not message.polygon.polygon.points:
+            rings = self._open.pop(stamp, {})
+            return ClosedTile(stamp, {key: tuple(value) for key, value in rings.items()})
+        self._add_ring(stamp, number, ring_of(message))
+        return None
+
+    def _add_ring(self, stamp: int, number: int, ring: Ring) -> None:
+        """
+        Append a ring to its building, or start the building anew.
+
+        """
+        buildings = self._open.setdefault(stamp, {})
+        rings = buildings.setdefault(number, [])
+        if rings and np.array_equal(rings[0], ring):
+            rings.clear()
+        rings.append(ring)
+        while len(self._open) > _MAX_OPEN_TILES:
+            self._open.popitem(last=False)
+
+
+def outlines_of(rings: Rings) -> tuple[BuildingOutline, ...]:
+    """
+    Assemble the outlines of a tile, by rising building id; holes whose outer ring was lost are left out.
+
+    """
+    outlines = []
+    for number in sorted(rings):
+        polygons = _polygons([ring[:, :2] for ring in rings[number]])
+        if polygons:
+            exterior, *holes = polygons[-1]
+            outlines.append(BuildingOutline(number, Outline(exterior, tuple(holes))))
+    return tuple(outlines)
+
+
+def roof_faces_of(rings: Rings) -> dict[int, tuple[tuple[Ring, ...], ...]]:
+    """
+    Assemble roof faces by building id: of each face the outer ring, then its holes, shape (n_vertices, 3).
+
+    """
+    faces = {number: _polygons(rings[number]) for number in sorted(rings)}
+    return {number: tuple(tuple(face) for face in found) for number, found in faces.items() if found}
+
+
+def _polygons(
+    rings: list[NDArray[np.float64]] | tuple[NDArray[np.float64], ...],
+) -> list[list[NDArray[np.float64]]]:
+    """
+    Split a building's rings where an outer one begins: the first, and each that turns counter-clockwise.
+
+    """
+    polygons: list[list[Ring]] = []
+    for ring in rings:
+        area = signed_area(ring[:, :2])
+        if area > 0 or (area == 0 and not polygons):
+            polygons.append([ring])
+        elif polygons:
+            polygons[-1].append(ring)
+    return polygons

@@ -1,0 +1,198 @@
+"""
+What every node does alike: parameters, diagnostics, and one bad tile that does not end the node.
+
+"""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from typing import Any
+
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from geometry_msgs.msg import PolygonInstanceStamped
+from rclpy.node import Node
+from rclpy.publisher import Publisher
+from rclpy.task import Future
+from sensor_msgs.msg import PointCloud2
+
+from lidar_buildings.core.errors import LidarBuildingsError
+from lidar_buildings.core.parameters import StageConfig
+from lidar_buildings.core.tile import PointTile
+from lidar_buildings.ros.parameters import NodeParameters
+from lidar_buildings.ros.point_cloud import from_message
+from lidar_buildings.ros.publishing import publish_all
+from lidar_buildings.ros.qos import BUILDING, CLOUD, EVENT
+from lidar_buildings.ros.ring_collector import RingCollector, Rings
+from lidar_buildings.ros.stamps import header_of, to_stamp
+
+
+@dataclass
+class TileReport:
+    """
+    What a node says of a tile in `diagnostics`.
+
+    Attributes
+    ----------
+    stamp : int
+        The tile's key [ns].
+    n_points : int
+        Points that came in.
+    warnings : list of str
+        What was wrong but did not keep the tile.
+
+    """
+
+    stamp: int
+    n_points: int = 0
+    warnings: list[str] = field(default_factory=list)
+
+
+class StageNode(Node):
+    """
+    Base of all nodes.
+
+    Parameters
+    ----------
+    name : str
+        The node's name.
+    configs : mapping
+        Stage name → config class: the node's parameters.
+    **kwargs
+        As for `rclpy.node.Node`: namespace, parameter_overrides, context…
+
+    Attributes
+    ----------
+    parameters : NodeParameters
+        ``parameters[GroundFilterConfig]`` is that stage's config as it is now.
+    outcome : Future
+        Done when the node has nothing more to do, or cannot go on.
+    exit_status : int
+        What its process ends with.
+
+    Raises
+    ------
+    ParameterError
+        If a start value or a parameter's name is wrong.
+
+    """
+
+    def __init__(self, name: str, configs: Mapping[str, type[StageConfig]], **kwargs: Any) -> None:
+        super().__init__(name, **kwargs)
+        self.outcome: Future = Future()
+        self.exit_status = 0
+        try:
+            self.parameters = NodeParameters(self, configs)
+        except LidarBuildingsError:
+            self.destroy_node()
+            raise
+        self._diagnostics = self.create_publisher(DiagnosticArray, "diagnostics", EVENT)
+
+    def subscribe_tiles(self, topic: str, work: Callable[[PointTile], None]) -> None:
+        """
+        Have `work` called with every tile of a topic; what it raises ends that tile alone.
+
+        """
+
+        def on_message(message: PointCloud2) -> None:
+            with self.reporting(to_stamp(message.header.stamp)) as report:
+                reading = from_message(message)
+                report.n_points = len(reading.tile)
+                if reading.n_dropped:
+                    report.warnings.append(
+                        f"{reading.n_dropped} points of {topic} were left out: x, y or z is not finite"
+                    )
+                work(reading.tile)
+
+        self.create_subscription(PointCloud2, topic, on_message, CLOUD)
+
+    def subscribe_rings(self, topic: str, work: Callable[[int, Rings], None]) -> None:
+        """
+        Have `work` called with the stamp and all rings of every tile that a topic closes.
+
+        """
+        collector = RingCollector()
+
+        def on_message(message: PolygonInstanceStamped) -> None:
+            with self.reporting(to_stamp(message.header.stamp), quiet=True):
+                closed = collector.add(message)
+            if closed is not None:
+                with self.reporting(closed.stamp):
+                    work(closed.stamp, closed.rings)
+
+        self.create_subscription(PolygonInstanceStamped, topic, on_message, BUILDING)
+
+    def publish_rings(self, publisher: Publisher, messages: Iterable[PolygonInstanceStamped]) -> None:
+        """
+        Publish a tile's rings and its closing message.
+
+        """
+        publish_all(publisher, messages)
+
+    @contextmanager
+    def reporting(self, stamp: int, *, quiet: bool = False) -> Iterator[TileReport]:
+        """
+        Publish what became of a tile; an exception is reported in one line and goes no further.
+
+        Parameters
+        ----------
+        stamp : int
+            The tile's key [ns].
+        quiet : bool
+            Whether success is not worth a word.
+
+        """
+        report = TileReport(stamp)
+        started = time.perf_counter()
+        try:
+            yield report
+        except Exception as error:
+            self._report_failure(report, error)
+        else:
+            if report.warnings:
+                self.get_logger().warning(f"tile {stamp}: {'; '.join(report.warnings)}")
+            if not quiet:
+                level = DiagnosticStatus.WARN if report.warnings else DiagnosticStatus.OK
+                text = "; ".join(report.warnings) or "done"
+                self._publish_status(report, level, text, time.perf_counter() - started)
+
+    def fail(self, error: Exception) -> None:
+        """
+        End the node: it cannot go on.
+
+        """
+        if not self.outcome.done():
+            self.outcome.set_exception(error)
+
+    def _report_failure(self, report: TileReport, error: Exception) -> None:
+        """
+        Say in one line why a tile is not handed on.
+
+        """
+        words = " ".join(str(error).split())
+        reason = words if isinstance(error, LidarBuildingsError) else f"{type(error).__name__}: {words}"
+        self.get_logger().error(f"tile {report.stamp}: {reason}: the tile is not handed on")
+        self._publish_status(report, DiagnosticStatus.ERROR, reason, 0.0)
+
+    def _publish_status(self, report: TileReport, level: bytes, text: str, seconds: float) -> None:
+        """
+        Publish one tile's status on `diagnostics`.
+
+        """
+        values = {
+            "tile": str(report.stamp),
+            "seconds": f"{seconds:.6f}",
+            "points": str(report.n_points),
+            "parameters": json.dumps(self.parameters.as_dict()),
+        }
+        status = DiagnosticStatus(
+            level=level,
+            name=self.get_name(),
+            message=text,
+            hardware_id=self.get_fully_qualified_name(),
+            values=[KeyValue(key=key, value=value) for key, value in values.items()],
+        )
+        self._diagnostics.publish(DiagnosticArray(header=header_of(report.stamp), status=[status]))

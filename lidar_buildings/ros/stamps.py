@@ -1,0 +1,39 @@
+"""
+The tile's key in messages: `header.stamp`.
+
+"""
+
+from __future__ import annotations
+
+from builtin_interfaces.msg import Time
+from std_msgs.msg import Header
+
+#: The local map frame of REP-105.
+FRAME_ID = "map"
+
+_NANOSECONDS = 1_000_000_000
+
+
+def to_time(stamp: int) -> Time:
+    """
+    Turn a tile's stamp [ns] into a message.
+
+    """
+    seconds, nanoseconds = divmod(stamp, _NANOSECONDS)
+    return Time(sec=seconds, nanosec=nanoseconds)
+
+
+def to_stamp(time: Time) -> int:
+    """
+    Turn a message's time into a tile's stamp [ns].
+
+    """
+    return time.sec * _NANOSECONDS + time.nanosec
+
+
+def header_of(stamp: int) -> Header:
+    """
+    Return the header that all messages of a tile carry.
+
+    """
+    return Header(stamp=to_time(stamp), frame_id=FRAME_ID)

@@ -1,0 +1,85 @@
+"""
+What several topics say of one tile, put together by stamp.
+
+"""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from collections.abc import Callable, Iterable
+from typing import Any
+
+import numpy as np
+
+from lidar_buildings.core.outline import BuildingOutline
+from lidar_buildings.core.tile import PointTile
+
+#: How many tiles may be waiting; the player never has more under way than clouds are kept.
+MAX_WAITING_TILES = 8
+
+
+class TileJoin:
+    """
+    Waits until every topic has spoken of a tile and the parts fit together.
+
+    A part that comes again replaces the earlier one, so a tile that was sent again completes what a restart
+    had torn.
+
+    Parameters
+    ----------
+    topics : iterable of str
+        What a complete tile has.
+    fits : callable, optional
+        Whether parts that are all there belong together; they wait for a better part if not.
+
+    """
+
+    def __init__(
+        self, topics: Iterable[str], fits: Callable[[dict[str, Any]], bool] = lambda parts: True
+    ) -> None:
+        self._topics = frozenset(topics)
+        self._fits = fits
+        self._waiting: OrderedDict[int, dict[str, Any]] = OrderedDict()
+
+    def add(self, stamp: int, topic: str, part: Any) -> dict[str, Any] | None:
+        """
+        Take one part; return the tile's parts by topic if they are now complete.
+
+        """
+        parts = self._waiting.setdefault(stamp, {})
+        parts[topic] = part
+        if parts.keys() >= self._topics and self._fits(parts):
+            return self._waiting.pop(stamp)
+        while len(self._waiting) > MAX_WAITING_TILES:
+            self._waiting.popitem(last=False)
+        return None
+
+    def forget(self, stamp: int) -> None:
+        """
+        Drop what is known of a tile.
+
+        """
+        self._waiting.pop(stamp, None)
+
+
+def agree_on_buildings(parts: dict[str, Any]) -> bool:
+    """
+    Whether points and outlines of a tile name the same buildings.
+
+    They do not where a node was restarted in the middle of a tile and missed its first rings.
+
+    """
+    named = [ids for ids in map(_building_ids, parts.values()) if ids is not None]
+    return all(ids == named[0] for ids in named)
+
+
+def _building_ids(part: Any) -> set[int] | None:
+    """
+    Return the buildings that a part names, None if it names none by its nature.
+
+    """
+    if isinstance(part, PointTile):
+        return None if part.building_id is None else set(np.unique(part.building_id).tolist()) - {0}
+    if isinstance(part, tuple) and all(isinstance(one, BuildingOutline) for one in part):
+        return {one.building_id for one in part}
+    return None
