@@ -23,8 +23,6 @@ from lidar_buildings.core.status import BuildingStatus
 _EDGE_LENGTH = 1.65
 #: Fewest ring points that are worth fitting walls to.
 _MIN_RING_POINTS = 8
-#: Times that walls are made dearer where the outline comes out invalid.
-_MAX_TRIALS = 3
 #: Rounds in which the directions are found anew from the walls that the last ones led to.
 _DIRECTION_ROUNDS = 2
 
@@ -44,6 +42,13 @@ class RegularisationConfig(StageConfig):
         unit="spacings",
         minimum=0.01,
         maximum=5.0,
+    )
+    finest_spacing: float = parameter(
+        0.2,
+        "Spacing that points are worth at best, by their planimetric accuracy; raising it removes detail.",
+        unit="m",
+        minimum=0.0,
+        maximum=100.0,
     )
     wall_cost: float = parameter(
         10.0,
@@ -161,26 +166,29 @@ def regularise_outline(traced: Outline, config: RegularisationConfig | None = No
     RegularisedOutline
         The traced outline with its reason where the walls give no valid ring or one that differs too much.
 
+    Raises
+    ------
+    ValueError
+        If a ring is not an array of finite x and y.
+
     Notes
     -----
-    Some 10,000 ring points a second.
+    Some 50,000 ring points a second.
 
     """
     config = config or RegularisationConfig()
+    _check(traced)
     if len(traced.exterior) < _MIN_RING_POINTS:
         return _as_traced(traced, (), f"only {len(traced.exterior)} ring points: too few to find walls in")
     centre = traced.exterior.mean(axis=0)
     rings = [ring - centre for ring in traced.rings]
-    spacing = _ring_spacing(rings)
+    spacing = float(np.hypot(_ring_spacing(rings), config.finest_spacing))
     directions = _directions(rings, spacing, config)
-    problem = ""
-    for trial in range(_MAX_TRIALS):
-        outline, notes = _walled(rings, traced, directions, spacing, config, 2.0**trial)
-        problem = _problem(outline, traced, config)
-        if not problem:
-            quality = _fit_quality(traced, outline)
-            return RegularisedOutline(outline, *quality, directions, BuildingStatus.OK, notes)
-    return _as_traced(traced, directions, problem)
+    outline, notes = _walled(rings, traced, directions, spacing, config)
+    problem = _problem(outline, traced, config)
+    if problem:
+        return _as_traced(traced, directions, problem)
+    return RegularisedOutline(outline, *_fit_quality(traced, outline), directions, BuildingStatus.OK, notes)
 
 
 def measure_outline(
@@ -203,22 +211,33 @@ def measure_outline(
     return OutlineQuality(*_fit_quality(traced, outline), BuildingStatus.OK, "")
 
 
+def _check(outline: Outline) -> None:
+    """
+    Refuse rings that are not arrays of finite x and y.
+
+    """
+    for number, ring in enumerate(outline.rings):
+        if ring.ndim != 2 or ring.shape[1] != 2:
+            raise ValueError(f"traced.rings[{number}] has shape {ring.shape}: must be (n_vertices, 2)")
+        if not np.isfinite(ring).all():
+            raise ValueError(f"traced.rings[{number}] has coordinates that are not finite: all must be")
+
+
 def _ring_spacing(rings: list[NDArray[np.float64]]) -> float:
     """
     Return the point spacing that a traced ring's edges speak of [m].
 
     """
     edges = np.concatenate([np.hypot(*(np.roll(ring, -1, axis=0) - ring).T) for ring in rings])
-    return max(float(np.median(edges)) / _EDGE_LENGTH, 1e-6)
+    return float(np.median(edges)) / _EDGE_LENGTH
 
 
-def _costs(spacing: float, config: RegularisationConfig, dearer: float = 1.0) -> Costs:
+def _costs(spacing: float, config: RegularisationConfig) -> Costs:
     """
-    Return the costs of walls at a point spacing.
+    Return the costs of walls at a point spacing; the step between two parallel ones costs another wall.
 
     """
-    wall = config.wall_cost * dearer
-    return Costs(config.noise * spacing, wall, config.own_direction_cost * dearer, wall)
+    return Costs(config.noise * spacing, config.wall_cost, config.own_direction_cost, config.wall_cost)
 
 
 def _both_ways(directions: tuple[float, ...]) -> NDArray[np.float64]:
@@ -273,29 +292,42 @@ def _walled(
     directions: tuple[float, ...],
     spacing: float,
     config: RegularisationConfig,
-    dearer: float,
 ) -> tuple[Outline, str]:
     """
-    Return the outline of straight walls; a courtyard without a ring of its own keeps its traced one.
+    Return the outline of straight walls and what is out of the ordinary about it.
 
     """
     angles = _both_ways(directions)
     fit = Fit(angles, config.direction_weight, config.min_step * spacing)
-    costs = _costs(spacing, config, dearer)
+    costs = _costs(spacing, config)
     centre = traced.exterior.mean(axis=0)
-    walled = [corners_of(ring, divide_ring(ring, angles, costs), fit) + centre for ring in rings]
-    kept = [k for k in range(1, len(rings)) if not _is_ring(walled[k])]
-    holes = tuple(traced.rings[k] if k in kept else walled[k] for k in range(1, len(rings)))
-    notes = f"{len(kept)} courtyards are as traced" if kept else ""
-    return Outline(walled[0], holes).oriented(), notes
+    walled = [corners_of(ring, divide_ring(ring, angles, costs), fit) for ring in rings]
+    exterior = walled[0][0] + centre
+    holes, n_kept = _fitting_holes(exterior, [hole + centre for hole, _ in walled[1:]], traced.holes)
+    notes = {
+        "walls drawn through traced points because straight ones would cross": sum(
+            n_traced for _, n_traced in walled
+        ),
+        "courtyards left as traced because straight walls would meet other rings": n_kept,
+    }
+    reason = "; ".join(f"{note}: {number}" for note, number in notes.items() if number)
+    return Outline(exterior, holes).oriented(), reason
 
 
-def _is_ring(ring: NDArray[np.float64]) -> bool:
+def _fitting_holes(
+    exterior: NDArray[np.float64], walled: list[NDArray[np.float64]], traced: tuple[NDArray[np.float64], ...]
+) -> tuple[tuple[NDArray[np.float64], ...], int]:
     """
-    Whether corners make up a simple ring with an area.
+    Return the courtyards, those as traced whose walls do not fit into the outer ring or between the others.
 
     """
-    return len(ring) >= 3 and bool(shapely.polygons(ring).is_valid)
+    holes: list[NDArray[np.float64]] = []
+    n_kept = 0
+    for straight, ring in zip(walled, traced, strict=True):
+        fits = min(len(straight), len(exterior)) >= 3 and shapely.Polygon(exterior, [*holes, straight]).is_valid
+        holes.append(straight if fits else ring)
+        n_kept += not fits
+    return tuple(holes), n_kept
 
 
 def _problem(outline: Outline, traced: Outline, config: RegularisationConfig) -> str:

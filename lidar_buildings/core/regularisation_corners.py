@@ -8,6 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
+import shapely
 from numpy.typing import NDArray
 
 from lidar_buildings.core.regularisation_lines import Line, free_line, weighted_line
@@ -15,8 +16,10 @@ from lidar_buildings.core.regularisation_segments import FREE, Wall
 
 #: Walls whose directions differ by less are parallel: they meet in a step, not in a corner [rad].
 _PARALLEL = np.deg2rad(15.0)
-#: A corner may lie this far from where the ring turns from one wall to the next [step lengths].
-_MAX_CORNER_SHIFT = 5.0
+#: A corner may lie this far from where the ring turns from one wall to the next [smallest steps].
+_MAX_CORNER_SHIFT = 2.5
+#: Finest way to draw a wall, see `_assembled`.
+_ALL_POINTS = 2
 
 
 @dataclass(frozen=True)
@@ -51,18 +54,19 @@ class _Fitted:
     line: Line
 
 
-def corners_of(ring: NDArray[np.float64], walls: list[Wall], fit: Fit) -> NDArray[np.float64]:
+def corners_of(ring: NDArray[np.float64], walls: list[Wall], fit: Fit) -> tuple[NDArray[np.float64], int]:
     """
     Return the ring whose edges are the walls' lines.
 
     Consecutive lines are intersected; parallel ones are joined by a perpendicular step, or made one where
     the step is too small. A wall that comes out too short, or the wrong way round, is dropped, the worst
-    one first, until all are long enough.
+    one first, until all are long enough. Walls that cross go through
+    traced points instead.
 
     Parameters
     ----------
     ring : ndarray of shape (n_points, 2)
-        Open ring about the building's centre [m].
+        Open, simple ring about the building's centre [m].
     walls : list of Wall
         In the ring's order.
     fit : Fit
@@ -70,15 +74,17 @@ def corners_of(ring: NDArray[np.float64], walls: list[Wall], fit: Fit) -> NDArra
 
     Returns
     -------
-    ndarray of shape (n_corners, 2)
-        Fewer than three rows where no ring is left.
+    corners : ndarray of shape (n_corners, 2)
+        Without rows where no ring is left, else a simple ring.
+    n_traced : int
+        Number of walls that were left as traced.
 
     """
     fitted = [_Fitted(wall, _line(ring, wall, fit)) for wall in walls]
     while True:
         fitted = _merge_parallels(ring, fitted, fit)
         if len(fitted) < 2:
-            return np.zeros((0, 2))
+            return np.zeros((0, 2)), 0
         joints = [
             _joint(ring, one, other, fit) for one, other in zip(fitted, [*fitted[1:], fitted[0]], strict=True)
         ]
@@ -87,8 +93,70 @@ def corners_of(ring: NDArray[np.float64], walls: list[Wall], fit: Fit) -> NDArra
         ]
         shortest = int(np.argmin(lengths))
         if lengths[shortest] >= fit.min_step:
-            return np.concatenate(joints)
+            return _without_crossings(ring, fitted, joints)
         del fitted[shortest]
+
+
+def _without_crossings(
+    ring: NDArray[np.float64], fitted: list[_Fitted], joints: list[NDArray[np.float64]]
+) -> tuple[NDArray[np.float64], int]:
+    """
+    Return the corners, the walls that cross drawn closer to their traced points, as far as it takes.
+
+    """
+    detail = [0] * len(fitted)
+    while True:
+        corners, owners = _assembled(ring, fitted, joints, detail)
+        if len(corners) >= 3 and shapely.Polygon(corners).is_valid:
+            return corners, sum(level > 0 for level in detail)
+        crossing = {wall for edge in _crossing_edges(corners) for wall in owners[edge]}
+        finer = [min(level + (i in crossing), _ALL_POINTS) for i, level in enumerate(detail)]
+        if finer == detail:
+            return np.zeros((0, 2)), 0
+        detail = finer
+
+
+def _assembled(
+    ring: NDArray[np.float64], fitted: list[_Fitted], joints: list[NDArray[np.float64]], detail: list[int]
+) -> tuple[NDArray[np.float64], list[tuple[int, ...]]]:
+    """
+    Return all corners in order, and to which walls the edge that starts at each belongs.
+
+    `detail` tells of each wall whether its line is drawn (0), the chord from its first to its last point (1)
+    or all its points (2).
+
+    """
+    corners: list[NDArray[np.float64]] = []
+    owners: list[tuple[int, ...]] = []
+    for i in range(len(fitted)):
+        k = (i + 1) % len(fitted)
+        if detail[i]:
+            rows = fitted[i].wall.rows(len(ring))
+            rows = rows if detail[i] == _ALL_POINTS else rows[:: max(len(rows) - 1, 1)]
+            corners.extend(ring[rows])
+            owners.extend([(i,)] * len(rows))
+        if not detail[i] and not detail[k]:
+            corners.extend(joints[i])
+            owners.extend([(i, k), (k,)][-len(joints[i]) :])
+        elif not (detail[i] and detail[k]):
+            turn = _turning_point(ring, fitted[i], fitted[k])
+            corners.append(fitted[k if detail[i] else i].line.foot(turn))
+            owners.append((i, k))
+    return np.array(corners).reshape(-1, 2), owners
+
+
+def _crossing_edges(corners: NDArray[np.float64]) -> NDArray[np.int64]:
+    """
+    Return the edges of a ring that meet another than their neighbours.
+
+    """
+    n = len(corners)
+    if n < 4:
+        return np.arange(n)
+    edges = shapely.linestrings(np.stack([corners, np.roll(corners, -1, axis=0)], axis=1))
+    one, other = shapely.STRtree(edges).query(edges, predicate="intersects")
+    apart = (one - other) % n
+    return np.unique(one[(apart > 1) & (apart < n - 1)])
 
 
 def _merge_parallels(ring: NDArray[np.float64], fitted: list[_Fitted], fit: Fit) -> list[_Fitted]:
