@@ -136,9 +136,9 @@ class TilePlayer(StageNode):
         self._bounds = self.create_publisher(PolygonStamped, "tile_bounds", LATCHED_TILE)
         self._survey_done = self.create_publisher(Header, "survey_done", LATCHED)
         self._tile_failed = self.create_publisher(Header, "tile_failed", LATCHED_HISTORY)
-        self._clock = None
+        self._clock_publisher = None
         if self.parameters[TilePlayerConfig].publish_clock:
-            self._clock = self.create_publisher(Clock, "/clock", EVENT)
+            self._clock_publisher = self.create_publisher(Clock, "/clock", EVENT)
         self._map_units = self.create_publisher(Vector3Stamped, "map_units", LATCHED)
         self._map_origin = self.create_publisher(PointStamped, "map_origin", LATCHED)
         self._map_units.publish(units_message(self._source.frame))
@@ -276,8 +276,8 @@ class TilePlayer(StageNode):
         """
         with self.reporting(tile.stamp) as report:
             report.n_points = len(tile)
-            if self._clock is not None:
-                self._clock.publish(Clock(clock=to_time(max(tile.stamp, 0))))
+            if self._clock_publisher is not None:
+                self._clock_publisher.publish(Clock(clock=to_time(max(tile.stamp, 0))))
             self._bounds.publish(bounds_message(tile.stamp, tile.bounds))
             self._points.publish(to_message(tile))
 
