@@ -5,18 +5,16 @@ The coordinate reference system that a LAS file states, by WKT text or GeoTIFF k
 
 from __future__ import annotations
 
-import logging
 import struct
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import pyproj
 from pyproj.exceptions import CRSError
 
 from lidar_buildings.io.las_records import RawRecord
-
-_log = logging.getLogger(__name__)
+from lidar_buildings.io.warn_once import warn_once
 
 _PROJECTION = b"LASF_Projection"
 _WKT, _GEO_KEYS = 2112, 34735
@@ -53,6 +51,8 @@ class SourceCrs:
         horizontal unit.
     is_projected : bool
         False for longitude and latitude, and for geocentric coordinates.
+    doubt : str
+        Why the file's own statement was not believed.
 
     """
 
@@ -60,6 +60,7 @@ class SourceCrs:
     horizontal_unit: float = 1.0
     vertical_unit: float = 1.0
     is_projected: bool = True
+    doubt: str = ""
 
 
 def source_crs(records: Sequence[RawRecord], *, prefer_wkt: bool, label: str) -> SourceCrs:
@@ -85,10 +86,14 @@ def source_crs(records: Sequence[RawRecord], *, prefer_wkt: bool, label: str) ->
             if not record.is_a(_PROJECTION, record_id):
                 continue
             try:
-                return reader(record.data)
+                found = reader(record.data)
             except (CRSError, ValueError, struct.error, LookupError) as error:
                 reason = " ".join(str(error).split())[:200]
-                _log.warning("%s: its coordinate reference system is not understood (%s)", label, reason)
+                warn_once(f"{label}: its coordinate reference system is not understood ({reason})")
+                continue
+            if found.doubt:
+                warn_once(f"{label}: {found.doubt}")
+            return found
     return SourceCrs()
 
 
@@ -142,7 +147,7 @@ def _from_geo_keys(data: bytes) -> SourceCrs:
         raise ValueError("its GeoTIFF directory holds no keys")
     crs = _horizontal_from_keys(keys)
     vertical = _vertical_unit_from_keys(keys)
-    return SourceCrs(crs.name, crs.horizontal_unit, vertical or crs.vertical_unit, crs.is_projected)
+    return replace(crs, vertical_unit=vertical or crs.vertical_unit)
 
 
 def _horizontal_from_keys(keys: dict[int, int]) -> SourceCrs:
@@ -156,8 +161,8 @@ def _horizontal_from_keys(keys: dict[int, int]) -> SourceCrs:
         if stated is None or abs(stated - crs.horizontal_unit) < _SAME_UNIT:
             return crs
         # seen in practice: a code in metres with coordinates in feet; then the code does not fit them
-        _log.warning("%s is not in the unit that the file states (%g m): taken as unknown", crs.name, stated)
-        return SourceCrs("", stated, stated)
+        doubt = f"{crs.name} is not in the unit that the file states ({stated:g} m): taken as unknown"
+        return SourceCrs("", stated, stated, doubt=doubt)
     if (
         keys.get(_MODEL_TYPE, _GEOGRAPHIC_MODEL) == _GEOGRAPHIC_MODEL
         and keys.get(_GEODETIC_CRS) in _EPSG_CODES

@@ -27,10 +27,10 @@ from lidar_buildings.io.find_inputs import find_inputs
 from lidar_buildings.io.las_records import RawHeader, read_raw_header
 from lidar_buildings.io.native_errors import in_words, is_failure, quiet_panics
 from lidar_buildings.io.point_columns import point_columns, without_empty_columns
+from lidar_buildings.io.warn_once import warn_once
 
 __all__ = ["Cloud", "InputFile", "find_inputs", "open_cloud", "open_inputs", "read_tile"]
 
-_log = logging.getLogger(__name__)
 # what laspy logs of a failing file is said again in the one line of the InputError
 for _name in ("laspy.lasreader", "laspy.header"):
     logging.getLogger(_name).addFilter(lambda record: record.levelno < logging.ERROR)
@@ -331,7 +331,7 @@ def _bounds(cloud: Cloud, first: NDArray[np.float64]) -> tuple[NDArray[np.float6
     slack = _BOUNDS_TOLERANCE / cloud.units
     if np.isfinite([mins, maxs]).all() and ((first >= mins - slack) & (first <= maxs + slack)).all():
         return mins, maxs
-    _log.warning("%s: the bounds in its header do not hold its points: measured anew", cloud.path)
+    warn_once(f"{cloud.path}: the bounds in its header do not hold its points: measured anew")
     extremes = [(xyz.min(axis=0), xyz.max(axis=0)) for xyz in map(xyz_of, cloud.chunks())]
     return np.min([low for low, _ in extremes], axis=0), np.max([high for _, high in extremes], axis=0)
 
@@ -344,9 +344,7 @@ def _metric(path: Path, crs: SourceCrs, mins: NDArray[np.float64], maxs: NDArray
     if crs.is_projected:
         return crs
     if max(np.abs(mins[:2]).max(), np.abs(maxs[:2]).max()) > 360.0 and crs.horizontal_unit != 1.0:
-        _log.warning(
-            "%s: says %s, but its coordinates are no degrees: taken as unknown, in metres", path, crs.name
-        )
+        warn_once(f"{path}: says {crs.name}, but its coordinates are no degrees: taken as unknown, in metres")
         return SourceCrs()
     raise InputError(
         f"{path}: its coordinates are not projected ({crs.name.split(',')[0]}): "

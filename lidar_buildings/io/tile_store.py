@@ -136,18 +136,14 @@ class TileStore:
         Put a tile together, rows in the order of (source, index).
 
         """
-        area = self._local_area(plan, buffer)
-        parts = list(self._tile_blocks(plan, buffer))
-        sizes = [len(block) for block, _ in parts]
-        is_buffer = np.repeat(np.array([kind for _, kind in parts], dtype=np.uint8), sizes)
-        records = np.empty(sum(sizes), RECORD)
-        for (block, _), end, size in zip(parts, np.cumsum(sizes), sizes, strict=True):
-            records[end - size : end] = block
-        del parts
+        records, is_buffer = self._gathered(plan, buffer)
         order = np.argsort(_order_key(records), kind="stable")
-        records = records[order]
-        points = np.column_stack([records["x"], records["y"], records["z"]])
-        columns = {name: records[name] for name in RECORD.fields or () if name not in ("x", "y", "z")}
+        points = np.empty((len(records), 3), dtype=np.float32)
+        for axis, name in enumerate("xyz"):
+            points[:, axis] = records[name][order]
+        columns = {name: records[name][order] for name in RECORD.fields or () if name not in ("x", "y", "z")}
+        del records
+        area = self._local_area(plan, buffer)
         return PointTile(
             points,
             buffer=is_buffer[order],
@@ -156,6 +152,22 @@ class TileStore:
             frame=self.frame,
             **without_empty_columns(columns),
         )
+
+    def _gathered(self, plan: TilePlan, buffer: float) -> tuple[NDArray[Any], NDArray[np.uint8]]:
+        """
+        Read a tile's records with its buffer, and 1 for each that belongs to the buffer.
+
+        """
+        area = self.grid.area_of(plan.tile).grown(buffer)
+        cells = {*plan.core, *self.grid.cells_touching(area)}
+        # room for all of the cells' records: what stays empty is never touched, so it takes no memory
+        records = np.empty(sum(self._spool.counts.get(cell, 0) for cell in cells), RECORD)
+        is_buffer = np.empty(len(records), dtype=np.uint8)
+        n = 0
+        for block, kind in self._tile_blocks(plan, buffer):
+            records[n : n + len(block)], is_buffer[n : n + len(block)] = block, kind
+            n += len(block)
+        return records[:n], is_buffer[:n]
 
     def _local_area(self, plan: TilePlan, buffer: float) -> Rectangle:
         """

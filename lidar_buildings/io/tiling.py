@@ -5,7 +5,6 @@ Clouds of any size cut into tiles with a buffer, as they stream in.
 
 from __future__ import annotations
 
-import logging
 import os
 import threading
 import weakref
@@ -26,8 +25,6 @@ from lidar_buildings.io.tile_store import TilePlan, TileStore
 from lidar_buildings.io.tiling_config import TilingConfig
 
 __all__ = ["TileSource", "TilingConfig"]
-
-_log = logging.getLogger(__name__)
 
 #: `source` is a uint16.
 _MOST_FILES = 65_535
@@ -225,7 +222,6 @@ class TileSource:
                     self._waiting |= self._store.add(source, first, chunk)
                     yield True
             except InputError as error:
-                _log.error("%s", error)
                 self.problems.append(str(error))
                 self._store.drop(source)
                 n_failed += 1
