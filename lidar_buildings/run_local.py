@@ -1,0 +1,99 @@
+"""
+A run without ROS: tile after tile through the pipeline, into the same files as the graph writes.
+
+"""
+
+from __future__ import annotations
+
+import logging
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import replace
+
+from lidar_buildings.core.errors import LidarBuildingsError
+from lidar_buildings.core.map_frame import MapFrame
+from lidar_buildings.core.tile import PointTile
+from lidar_buildings.io.cityjson import feature_line
+from lidar_buildings.io.output_folder import OutputFolder
+from lidar_buildings.io.tile_products import RoofFace, TileProducts
+from lidar_buildings.io.tiling import TileSource
+from lidar_buildings.pipeline import PipelineConfig, TileResult, reconstruct_tile
+
+_log = logging.getLogger(__name__)
+
+
+def process_tiles(
+    source: TileSource,
+    folder: OutputFolder,
+    config: PipelineConfig,
+    until: str,
+    progress: Callable[[int], None],
+) -> tuple[dict[str, float], int]:
+    """
+    Take every tile of a source to disk.
+
+    Parameters
+    ----------
+    source : TileSource
+        Where tiles come from; finished ones are skipped by it.
+    folder : OutputFolder
+        Where they go.
+    config : PipelineConfig
+        Of all stages.
+    until : str
+        The last stage.
+    progress : callable
+        Told the number of finished tiles after each.
+
+    Returns
+    -------
+    seconds : dict
+        Stage → seconds in all.
+    n_failed : int
+        Tiles that could not be processed; the others are complete.
+
+    """
+    seconds: Counter[str] = Counter()
+    n_failed = 0
+    for number, tile in enumerate(source, start=1):
+        try:
+            result = whole_result(source, tile, config, until)
+        except LidarBuildingsError:
+            raise
+        except Exception as error:
+            _log.error("tile %d failed: %s: %s", tile.stamp, type(error).__name__, error)
+            n_failed += 1
+            continue
+        folder.write_tile(products_of(result, source.frame))
+        seconds.update(result.seconds)
+        progress(number)
+    return dict(seconds), n_failed
+
+
+def whole_result(source: TileSource, tile: PointTile, config: PipelineConfig, until: str) -> TileResult:
+    """
+    Process a tile, with a larger buffer as long as one of its buildings is not whole.
+
+    """
+    result = reconstruct_tile(tile, config, until=until)
+    while result.clipped:
+        larger = source.grown(tile.stamp)
+        # What cannot grow is all there is: no limit is left to reach.
+        tile = larger if larger is not None else replace(tile, bounds=None)
+        result = reconstruct_tile(tile, config, until=until)
+    return result
+
+
+def products_of(result: TileResult, frame: MapFrame) -> TileProducts:
+    """
+    Gather what a tile's files need.
+
+    """
+    faces = [RoofFace(one.building_id, rings) for one in result.models for rings in one.model.roof_faces]
+    features = [
+        feature_line(one.model, one.building_id, frame, one.attributes, anchor=one.anchor)
+        for one in result.models
+    ]
+    return TileProducts.from_tiles(
+        result.classified, result.roofs, result.traced, result.outlines, faces, features
+    )
