@@ -233,12 +233,13 @@ def nodes_until(stage: str) -> tuple[str, ...]:
     return tuple(card.name for card in NODE_TABLE if card.stage in needed)
 
 
-def topics_until(stage: str) -> tuple[str, ...]:
+def topics_until(stage: str, *, has_writer: bool = True) -> tuple[str, ...]:
     """
     Return the topics that must have a subscriber before such a run may begin.
 
     """
     nodes = nodes_until(stage)
     read = {topic.name for card in NODE_TABLE if card.name in nodes[1:-1] for topic in card.subscribes}
-    read |= {topic.name for topic in WRITER_TOPICS[stage]}
+    if has_writer:
+        read |= {topic.name for topic in WRITER_TOPICS[stage]}
     return tuple(sorted(read))

@@ -1,0 +1,139 @@
+"""
+The whole graph, every node a process of its own.
+
+"""
+
+from launch import LaunchDescription
+from launch.actions import DeclareLaunchArgument, EmitEvent, OpaqueFunction, RegisterEventHandler
+from launch.conditions import IfCondition
+from launch.event_handlers import OnProcessExit
+from launch.events import Shutdown
+from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
+from launch_ros.actions import Node
+from launch_ros.substitutions import FindPackageShare
+
+from lidar_buildings.nodes.table import nodes_until, topics_until
+
+PACKAGE = "lidar_buildings"
+SHARED = PathJoinSubstitution([FindPackageShare(PACKAGE), "config"])
+
+ARGUMENTS = (
+    DeclareLaunchArgument(
+        "input", description="LAS, LAZ or COPC file, folder or glob; several joined by ':'."
+    ),
+    DeclareLaunchArgument(
+        "output",
+        default_value="",
+        description="Folder for the results; empty writes no files, to look at the topics only.",
+    ),
+    DeclareLaunchArgument(
+        "overwrite", default_value="false", description="Whether to replace earlier results in the folder."
+    ),
+    DeclareLaunchArgument(
+        "params_file",
+        default_value=PathJoinSubstitution([SHARED, "pipeline.param.yaml"]),
+        description="Parameters of all nodes.",
+    ),
+    DeclareLaunchArgument("tile_size", default_value="250.0", description="Side of a tile [m]."),
+    DeclareLaunchArgument(
+        "max_tiles_in_flight", default_value="2", description="How many tiles may be in the graph at once."
+    ),
+    DeclareLaunchArgument(
+        "tile_timeout", default_value="120.0", description="Time after which a tile is sent again [s]."
+    ),
+    DeclareLaunchArgument(
+        "rate", default_value="0.0", description="Speed as a multiple of the recorded time; 0 = unlimited."
+    ),
+    DeclareLaunchArgument("namespace", default_value="", description="Namespace of all nodes and topics."),
+    DeclareLaunchArgument(
+        "respawn", default_value="false", description="Whether to restart a node that died."
+    ),
+    DeclareLaunchArgument("rviz", default_value="false", description="Whether to start RViz."),
+    DeclareLaunchArgument(
+        "log_level", default_value="info", description="debug, info, warn, error or fatal."
+    ),
+)
+
+
+def generate_launch_description() -> LaunchDescription:
+    """
+    Describe the launch; ``--show-args`` lists its arguments.
+
+    """
+    return LaunchDescription([*ARGUMENTS, OpaqueFunction(function=start_nodes)])
+
+
+def start_nodes(context) -> list:
+    """
+    Return the nodes: with a writer where there is an output folder, else the builder reports tiles as done.
+
+    """
+
+    def value(name: str) -> str:
+        return LaunchConfiguration(name).perform(context)
+
+    inputs = [path for path in value("input").split(":") if path]
+    writes = bool(value("output"))
+    own = {
+        "tile_player": {
+            "input": inputs,
+            "tile_size": float(value("tile_size")),
+            "max_tiles_in_flight": int(value("max_tiles_in_flight")),
+            "tile_timeout": float(value("tile_timeout")),
+            "rate": float(value("rate")),
+            "wait_for": list(topics_until("building_model", has_writer=writes)),
+        },
+        "model_builder": {"flow_control.publish_tile_done": not writes},
+        "model_writer": {
+            "input": inputs,
+            "output": value("output"),
+            "overwrite": value("overwrite").lower() == "true",
+        },
+    }
+    names = [name for name in nodes_until("building_model") if writes or name != "model_writer"]
+    nodes = {name: _node(name, own.get(name, {}), value) for name in names}
+    return [*nodes.values(), *_end_with(nodes.get("model_writer")), _rviz(value("namespace"))]
+
+
+def _node(name: str, parameters: dict, value) -> Node:
+    """
+    Return one node; a writer that has finished is not started again.
+
+    """
+    return Node(
+        package=PACKAGE,
+        executable=name,
+        name=name,
+        namespace=value("namespace"),
+        parameters=[value("params_file"), parameters],
+        arguments=["--ros-args", "--log-level", value("log_level")],
+        respawn=value("respawn").lower() == "true" and name != "model_writer",
+        respawn_delay=1.0,
+        output="screen",
+    )
+
+
+def _end_with(writer) -> list:
+    """
+    Return what ends the launch when the writer has finished.
+
+    """
+    if writer is None:
+        return []
+    end = EmitEvent(event=Shutdown(reason="the model_writer has ended"))
+    return [RegisterEventHandler(OnProcessExit(target_action=writer, on_exit=[end]))]
+
+
+def _rviz(namespace: str) -> Node:
+    """
+    Return RViz, started on request.
+
+    """
+    return Node(
+        package="rviz2",
+        executable="rviz2",
+        namespace=namespace,
+        arguments=["-d", PathJoinSubstitution([SHARED, "lidar_buildings.rviz"])],
+        condition=IfCondition(LaunchConfiguration("rviz")),
+        output="screen",
+    )

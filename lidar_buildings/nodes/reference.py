@@ -1,0 +1,251 @@
+"""
+Writes what is generated from the configs and the table of nodes: the parameter file and the node pages.
+
+``python -m lidar_buildings.nodes.reference`` writes ``config/pipeline.param.yaml`` and ``doc/nodes.md``;
+with ``--check`` it only says whether they are as they should be.
+
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import textwrap
+from collections.abc import Iterator
+from dataclasses import Field, fields
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from lidar_buildings.core.parameters import StageConfig, spec_of
+from lidar_buildings.nodes.configs import NODE_CONFIGS
+from lidar_buildings.nodes.table import DIAGNOSTICS, NODE_TABLE, NodeCard, Topic
+
+_COMMAND = "python -m lidar_buildings.nodes.reference"
+_PARAMETER_FILE = "pipeline.param.yaml"
+_WIDTH = 110
+
+
+def parameter_yaml() -> str:
+    """
+    Return ``config/pipeline.param.yaml``: every parameter, its default, its unit and its range.
+
+    """
+    lines = [
+        f"# Every parameter with its default. Written by `{_COMMAND}`.",
+        "# `/**/` stands for any namespace. Copy the lines that you change into a file of your own.",
+    ]
+    for node, configs in NODE_CONFIGS.items():
+        lines += ["", f"/**/{node}:", "  ros__parameters:"]
+        for stage, config in configs.items():
+            indent = "    "
+            if len(configs) > 1:
+                lines.append(f"{indent}{stage}:")
+                indent += "  "
+            for one in fields(config):
+                lines += _comment(_sentence(one), indent)
+                lines.append(f"{indent}{one.name}: {_yaml_value(one.default)}")
+    return "\n".join(lines) + "\n"
+
+
+def nodes_page() -> str:
+    """
+    Return ``doc/nodes.md``.
+
+    """
+    parts = [
+        "# Nodes",
+        f"<!-- Written by `{_COMMAND}`; change the configs or `nodes/table.py` instead. -->",
+        "All names are relative: put a graph under a namespace and remap as you like. Parameters marked *fixed* are "
+        "set when the node starts, the others can be changed while it runs and count from the next tile on. "
+        "A parameter file is in `config/pipeline.param.yaml`.",
+        _profiles(),
+        *(_node_section(card) for card in NODE_TABLE),
+    ]
+    return "\n\n".join(parts) + "\n"
+
+
+def installed_parameter_file() -> Path | None:
+    """
+    Return the parameter file's path: as packaged, as a ROS install shares it, or beside the source.
+
+    """
+    packaged = resources.files("lidar_buildings").joinpath("config", _PARAMETER_FILE)
+    candidates = [Path(str(packaged))]
+    try:
+        from ament_index_python.packages import PackageNotFoundError, get_package_share_directory
+
+        candidates.append(Path(get_package_share_directory("lidar_buildings"), "config", _PARAMETER_FILE))
+    except (ImportError, LookupError):
+        pass
+    candidates.append(_root() / "config" / _PARAMETER_FILE)
+    return next((path for path in candidates if path.is_file()), None)
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """
+    Write the files, or check them.
+
+    """
+    parser = argparse.ArgumentParser(prog=_COMMAND, description="Write parameter file and node pages.")
+    parser.add_argument("--check", action="store_true", help="only say which files are out of date")
+    check = parser.parse_args(arguments).check
+    stale = [path for path, content in _files().items() if not _holds(path, content)]
+    for path in stale:
+        name = path.relative_to(_root())
+        if check:
+            sys.stderr.write(f"{name} is out of date: run `{_COMMAND}`\n")
+            continue
+        path.parent.mkdir(exist_ok=True)
+        path.write_text(_files()[path], encoding="utf-8")
+        sys.stdout.write(f"{name} written\n")
+    return 1 if check and stale else 0
+
+
+def _root() -> Path:
+    """
+    Return the source folder.
+
+    """
+    return Path(__file__).resolve().parents[2]
+
+
+def _files() -> dict[Path, str]:
+    """
+    Return path → content of all that is generated.
+
+    """
+    return {
+        _root() / "config" / _PARAMETER_FILE: parameter_yaml(),
+        _root() / "doc" / "nodes.md": nodes_page(),
+    }
+
+
+def _holds(path: Path, content: str) -> bool:
+    """
+    Whether a file has this content.
+
+    """
+    return path.is_file() and path.read_text(encoding="utf-8") == content
+
+
+def _comment(text: str, indent: str) -> list[str]:
+    """
+    Return a comment of the parameter file, wrapped.
+
+    """
+    return textwrap.wrap(text, _WIDTH, initial_indent=f"{indent}# ", subsequent_indent=f"{indent}# ")
+
+
+def _sentence(one: Field[Any]) -> str:
+    """
+    Return description, unit and range of a parameter.
+
+    """
+    spec = spec_of(one)
+    unit = f" [{spec.unit}]" if spec.unit else ""
+    allowed = _allowed(one)
+    return f"{spec.description.rstrip('.')}{unit}.{f' {allowed}.' if allowed else ''}"
+
+
+def _allowed(one: Field[Any]) -> str:
+    """
+    Return a parameter's range in words, empty where anything will do.
+
+    """
+    spec = spec_of(one)
+    is_open = not spec.choices and spec.minimum is None and spec.maximum is None
+    text = "" if is_open else spec.allowed().split(" [")[0]
+    return text[:1].upper() + text[1:]
+
+
+def _yaml_value(value: Any) -> str:
+    """
+    Return a default as ROS's YAML has it: floats with a point, lists of texts never empty.
+
+    """
+    if isinstance(value, tuple):
+        value = list(value) or [""]
+    if isinstance(value, float):
+        text = repr(value)
+        return text if "." in text or "e" not in text else text.replace("e", ".0e")
+    return yaml.safe_dump(value, default_flow_style=True, width=10_000).split("\n")[0]
+
+
+def _profiles() -> str:
+    """
+    Say what the quality-of-service names mean.
+
+    """
+    return "\n".join(
+        [
+            "| QoS | reliability | history | durability |",
+            "|---|---|---|---|",
+            "| CLOUD | reliable | keep last 8 | volatile |",
+            "| BUILDING | reliable | keep all | volatile |",
+            "| EVENT | reliable | keep last 1000 | volatile |",
+            "| LATCHED | reliable | keep last 1 | transient local |",
+            "| LATCHED_TILE | reliable | keep last 8 | transient local |",
+            "| LATCHED_HISTORY | reliable | keep last 100000 | transient local |",
+        ]
+    )
+
+
+def _node_section(card: NodeCard) -> str:
+    """
+    Return one node's section.
+
+    """
+    parts = [
+        f"## {card.name}",
+        card.summary,
+        _topic_table("Subscribed", card.subscribes),
+        _topic_table("Published", (*card.publishes, DIAGNOSTICS)),
+    ]
+    if card.services:
+        rows = [f"| **{name}** | {kind} | {meaning} |" for name, kind, meaning in card.services]
+        parts.append("\n".join(["### Services", "", "| name | type | meaning |", "|---|---|---|", *rows]))
+    parts.append(_parameter_table(NODE_CONFIGS[card.name]))
+    return "\n\n".join(parts)
+
+
+def _topic_table(title: str, topics: tuple[Topic, ...]) -> str:
+    """
+    Return a table of topics.
+
+    """
+    rows = [f"| **{topic.name}** | {topic.type} | {topic.qos} | {topic.meaning} |" for topic in topics]
+    head = [f"### {title}", "", "| topic | type | QoS | meaning |", "|---|---|---|---|"]
+    return "\n".join([*head, *rows])
+
+
+def _parameter_table(configs: dict[str, type[StageConfig]]) -> str:
+    """
+    Return a table of parameters.
+
+    """
+    head = ["### Parameters", "", "| name | type | default | meaning |", "|---|---|---|---|"]
+    return "\n".join([*head, *_parameter_rows(configs)])
+
+
+def _parameter_rows(configs: dict[str, type[StageConfig]]) -> Iterator[str]:
+    """
+    Yield one row per parameter.
+
+    """
+    for stage, config in configs.items():
+        prefix = f"{stage}." if len(configs) > 1 else ""
+        for one in fields(config):
+            kind = {"tuple": "string[]", "str": "string", "float": "double"}.get(
+                type(one.default).__name__, type(one.default).__name__
+            )
+            fixed = " *fixed*" if spec_of(one).read_only else ""
+            yield (
+                f"| **{prefix}{one.name}** | {kind} | `{_yaml_value(one.default)}` | {_sentence(one)}{fixed} |"
+            )
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())
