@@ -12,7 +12,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 #: Points that one wall may have before it is divided; pieces of a longer wall are joined again later.
-_MAX_WALL_POINTS = 4000
+_MAX_WALL_POINTS = 500
 #: Fewest points that define a direction of their own.
 _MIN_FREE_POINTS = 3
 FREE = -1
