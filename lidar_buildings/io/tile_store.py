@@ -138,7 +138,7 @@ class TileStore:
         """
         records, is_buffer = self._gathered(plan, buffer)
         order = np.argsort(_order_key(records), kind="stable")
-        points = np.empty((len(records), 3), dtype=np.float32)
+        points: NDArray[Any] = np.empty((len(records), 3), dtype=np.float32)
         for axis, name in enumerate("xyz"):
             points[:, axis] = records[name][order]
         columns = {name: records[name][order] for name in RECORD.fields or () if name not in ("x", "y", "z")}
