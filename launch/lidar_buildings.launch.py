@@ -3,7 +3,6 @@ The whole graph, every node a process of its own.
 
 """
 
-from launch import LaunchDescription
 from launch.actions import DeclareLaunchArgument, EmitEvent, OpaqueFunction, RegisterEventHandler
 from launch.conditions import IfCondition
 from launch.event_handlers import OnProcessExit
@@ -12,6 +11,7 @@ from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
 from launch_ros.actions import Node
 from launch_ros.substitutions import FindPackageShare
 
+from launch import LaunchDescription
 from lidar_buildings.nodes.table import nodes_until, topics_until
 
 PACKAGE = "lidar_buildings"
@@ -46,12 +46,10 @@ ARGUMENTS = (
     ),
     DeclareLaunchArgument("namespace", default_value="", description="Namespace of all nodes and topics."),
     DeclareLaunchArgument(
-        "respawn", default_value="false", description="Whether to restart a node that died."
+        "respawn", default_value="false", description="Whether to restart nodes that died."
     ),
     DeclareLaunchArgument("rviz", default_value="false", description="Whether to start RViz."),
-    DeclareLaunchArgument(
-        "log_level", default_value="info", description="debug, info, warn, error or fatal."
-    ),
+    DeclareLaunchArgument("log_level", default_value="info", description="debug, info, warn, error, fatal."),
 )
 
 

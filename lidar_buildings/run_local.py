@@ -10,6 +10,9 @@ from collections import Counter
 from collections.abc import Callable
 from dataclasses import replace
 
+import numpy as np
+from numpy.typing import NDArray
+
 from lidar_buildings.core.errors import LidarBuildingsError
 from lidar_buildings.core.map_frame import MapFrame
 from lidar_buildings.core.tile import PointTile
@@ -89,7 +92,11 @@ def products_of(result: TileResult, frame: MapFrame) -> TileProducts:
     Gather what a tile's files need.
 
     """
-    faces = [RoofFace(one.building_id, rings) for one in result.models for rings in one.model.roof_faces]
+    faces = [
+        RoofFace(one.building_id, tuple(_as_carried(ring) for ring in rings))
+        for one in result.models
+        for rings in one.model.roof_faces
+    ]
     features = [
         feature_line(one.model, one.building_id, frame, one.attributes, anchor=one.anchor)
         for one in result.models
@@ -97,3 +104,11 @@ def products_of(result: TileResult, frame: MapFrame) -> TileProducts:
     return TileProducts.from_tiles(
         result.classified, result.roofs, result.traced, result.outlines, faces, features
     )
+
+
+def _as_carried(ring: NDArray[np.float64]) -> NDArray[np.float64]:
+    """
+    Round a ring to what its message would carry.
+
+    """
+    return ring.astype(np.float32).astype(np.float64)

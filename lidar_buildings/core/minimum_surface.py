@@ -24,6 +24,8 @@ MAX_OBJECT = 60.0
 MAX_SLOPE = 0.3
 MIN_STEP = 0.5
 MAX_STEP = 2.5
+#: Fits until the general slope of the ground is found under the buildings.
+PLANE_ROUNDS = 8
 #: Cells lower than all eight around them by more than this hold a false low point [m].
 MAX_PIT = 1.0
 
@@ -62,7 +64,9 @@ def height_above_minimum(points: NDArray[np.float64]) -> NDArray[np.float64]:
     np.minimum.at(lowest, (row, column), points[:, 2])
     known = np.isfinite(lowest)
     surface = _without_pits(_nearest_filled(lowest, known))
-    ground = _interpolated(surface, known & _is_ground(surface, cell))
+    # Levelled, because an opening cuts off the upper rim of a slope.
+    is_ground = known & _is_ground(surface - _lower_plane(surface), cell)
+    ground = _interpolated(surface, is_ground)
     # Values belong to the middles of cells.
     x, y = (place - first - 0.5).T
     return points[:, 2] - ndimage.map_coordinates(ground, [y, x], order=1, mode="nearest")
@@ -97,6 +101,21 @@ def _without_pits(surface: NDArray[np.float64]) -> NDArray[np.float64]:
     around[1, 1] = False
     rim = ndimage.minimum_filter(surface, footprint=around, mode="nearest")
     return np.where(rim - surface > MAX_PIT, rim, surface)
+
+
+def _lower_plane(surface: NDArray[np.float64]) -> NDArray[np.float64]:
+    """
+    Return the plane through the lower half of the cells: fitted to all, then to the lowest half time and again.
+
+    """
+    row, column = np.indices(surface.shape)
+    base = np.column_stack([row.ravel(), column.ravel(), np.ones(surface.size)])
+    values = surface.ravel()
+    lower = np.ones(len(values), dtype=bool)
+    for _ in range(PLANE_ROUNDS):
+        above = values - base @ np.linalg.lstsq(base[lower], values[lower], rcond=None)[0]
+        lower = above <= np.median(above)
+    return (values - above).reshape(surface.shape)
 
 
 def _is_ground(surface: NDArray[np.float64], cell: float) -> NDArray[np.bool_]:

@@ -36,13 +36,16 @@ class Tin:
     Attributes
     ----------
     vertices : ndarray of shape (n_vertices, 3)
-        The real ones first, ordered by x, then y; then the virtual ones; relative to `origin` [m].
+        The real ones first, ordered by x, then y; then the virtual ones; x and y relative to `origin` [m].
+        A TIN that was densified has more real ones after those, some of them in no triangle.
     triangles : ndarray of shape (n_triangles, 3), int32
         Rows of `vertices`, counter-clockwise.
     neighbours : ndarray of shape (n_triangles, 3), int32
         The triangle across the side opposite each corner, −1 at the frame.
     n_real : int
-        Number of real vertices.
+        Number of real vertices before the virtual ones.
+    frame : ndarray of shape (2, 2)
+        Lower left and upper right corner of the frame, relative to `origin` [m].
     origin : ndarray of shape (2,)
         What to add to x and y of `vertices` [m].
 
@@ -52,6 +55,7 @@ class Tin:
     triangles: NDArray[np.int32]
     neighbours: NDArray[np.int32]
     n_real: int
+    frame: NDArray[np.float64]
     origin: NDArray[np.float64]
 
     def locate(self, xy: NDArray[np.float64]) -> NDArray[np.int32]:
@@ -103,15 +107,14 @@ class Tin:
         Return the points relative to the origin, those beyond the frame moved onto it.
 
         """
-        frame = self.vertices[self.n_real :, :2]
-        return np.clip(np.asarray(xy)[:, :2] - self.origin, frame.min(axis=0), frame.max(axis=0))
+        return np.clip(np.asarray(xy)[:, :2] - self.origin, *self.frame)
 
     def _typical_side(self) -> float:
         """
         Side of a square as large as two mean triangles [m].
 
         """
-        width, height = np.ptp(self.vertices[:, :2], axis=0)
+        width, height = self.frame[1] - self.frame[0]
         return math.sqrt(2.0 * width * height / len(self.triangles))
 
 
@@ -146,7 +149,8 @@ def build_tin(vertices: ArrayLike, extent: NDArray[np.float64] | None = None) ->
     vertices = np.vstack((real, np.column_stack((frame, real[nearest, 2]))))
     mesh = Delaunay(vertices[:, :2])
     triangles, neighbours = _counter_clockwise(vertices, mesh.simplices, mesh.neighbors)
-    return Tin(vertices, triangles, neighbours, len(real), origin)
+    box = np.array([frame.min(axis=0), frame.max(axis=0)])
+    return Tin(vertices, triangles, neighbours, len(real), box, origin)
 
 
 def height_above_ground(points: ArrayLike, ground: ArrayLike) -> NDArray[np.float64]:

@@ -58,9 +58,9 @@ def nodes_page() -> str:
     parts = [
         "# Nodes",
         f"<!-- Written by `{_COMMAND}`; change the configs or `nodes/table.py` instead. -->",
-        "All names are relative: put a graph under a namespace and remap as you like. Parameters marked *fixed* are "
-        "set when the node starts, the others can be changed while it runs and count from the next tile on. "
-        "A parameter file is in `config/pipeline.param.yaml`.",
+        "All names are relative: put a graph under a namespace and remap as you like. Parameters marked "
+        "*fixed* are set when the node starts, the others can be changed while it runs and count from the "
+        "next tile on. A parameter file is in `config/pipeline.param.yaml`.",
         _profiles(),
         *(_node_section(card) for card in NODE_TABLE),
     ]
@@ -75,7 +75,7 @@ def installed_parameter_file() -> Path | None:
     packaged = resources.files("lidar_buildings").joinpath("config", _PARAMETER_FILE)
     candidates = [Path(str(packaged))]
     try:
-        from ament_index_python.packages import PackageNotFoundError, get_package_share_directory
+        from ament_index_python.packages import get_package_share_directory
 
         candidates.append(Path(get_package_share_directory("lidar_buildings"), "config", _PARAMETER_FILE))
     except (ImportError, LookupError):
@@ -241,10 +241,8 @@ def _parameter_rows(configs: dict[str, type[StageConfig]]) -> Iterator[str]:
             kind = {"tuple": "string[]", "str": "string", "float": "double"}.get(
                 type(one.default).__name__, type(one.default).__name__
             )
-            fixed = " *fixed*" if spec_of(one).read_only else ""
-            yield (
-                f"| **{prefix}{one.name}** | {kind} | `{_yaml_value(one.default)}` | {_sentence(one)}{fixed} |"
-            )
+            meaning = f"{_sentence(one)}{' *fixed*' if spec_of(one).read_only else ''}"
+            yield f"| **{prefix}{one.name}** | {kind} | `{_yaml_value(one.default)}` | {meaning} |"
 
 
 if __name__ == "__main__":

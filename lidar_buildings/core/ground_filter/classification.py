@@ -17,7 +17,6 @@ from lidar_buildings.core.ground_filter.progressive_tin import densify
 from lidar_buildings.core.point_array import checked_points
 from lidar_buildings.core.point_order import lowest_per_cell
 from lidar_buildings.core.point_spacing import quantised_spacing
-from lidar_buildings.core.tin import build_tin
 
 #: Slope beyond which the tolerance of ground no longer grows: a wall has no ground on it.
 MAX_SLOPE = 3.0
@@ -88,8 +87,7 @@ def classify_ground(points: ArrayLike, config: GroundFilterConfig | None = None)
     classification = find_noise(points, quantised_spacing(sample), config)
     surface = points[classification == 0]
     candidates = surface[lowest_per_cell(surface, config.candidate_spacing)]
-    in_terrain = densify(candidates, config)
-    terrain = build_tin(candidates[in_terrain], np.array([points.min(axis=0)[:2], points.max(axis=0)[:2]]))
+    terrain = densify(candidates, np.array([points.min(axis=0)[:2], points.max(axis=0)[:2]]), config)
     elevation, slope = terrain.elevation_and_slope(points)
     height = points[:, 2] - elevation
     tolerance = config.ground_distance + config.ground_distance_slope * np.minimum(slope, MAX_SLOPE)

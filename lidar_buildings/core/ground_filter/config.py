@@ -26,24 +26,24 @@ class GroundFilterConfig(StageConfig):
         choices=("progressive_tin",),
     )
     seed_cell: float = parameter(
-        40.0,
-        "Side of the cells whose lowest points start the TIN, a little less than the largest building: raising "
-        "it copes with larger buildings, and may lose steep hills.",
+        50.0,
+        "Side of the cells whose lowest points start the TIN, about that of the largest building: raising it "
+        "copes with larger buildings, and may lose steep hills.",
         unit="m",
         minimum=1.0,
         maximum=1000.0,
     )
     max_seed_rise: float = parameter(
-        0.1,
-        "How far a seed may stand above its neighbours' plane, in parts of seed_cell: raising it keeps more of "
-        "the hilltops, and of the roofs larger than a cell.",
+        0.06,
+        "How far a seed may stand above its neighbours' plane, in parts of seed_cell: raising it keeps more "
+        "hilltops, and more of the roofs that fill a cell.",
         minimum=0.0,
         maximum=10.0,
     )
     candidate_spacing: float = parameter(
         1.0,
-        "Only the lowest point per cell of this side may enter the TIN: raising it makes the terrain coarser "
-        "and the filter faster.",
+        "Only the lowest point per cell of this side may enter the TIN: raising it makes the terrain "
+        "coarser and the filter faster.",
         unit="m",
         minimum=0.1,
         maximum=20.0,
@@ -118,8 +118,8 @@ class GroundFilterConfig(StageConfig):
     )
     high_point_gap: float = parameter(
         25.0,
-        "A high gross error lies further than this above all points around it: lowering it finds lower birds, "
-        "and takes lone tree tops for errors.",
+        "A high gross error lies further than this above all points around it: lowering it finds lower "
+        "birds, and takes lone tree tops for errors.",
         unit="m",
         minimum=1.0,
         maximum=1000.0,

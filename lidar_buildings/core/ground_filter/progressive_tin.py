@@ -6,15 +6,17 @@ Progressive TIN densification: a coarse terrain grows, round by round, by the po
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
 from lidar_buildings.core.ground_filter.config import GroundFilterConfig
+from lidar_buildings.core.ground_filter.frame import edge_gradients, extend_terrain
 from lidar_buildings.core.ground_filter.seeds import choose_seeds
 from lidar_buildings.core.incremental_delaunay import insert_vertex, with_room
-from lidar_buildings.core.tin import build_tin, plane_elevation, plane_slope, walk
+from lidar_buildings.core.tin import Tin, build_tin, plane_elevation, plane_slope, walk
 
 #: A guard, never reached on real data: terrain climbs at least one candidate a round.
 MAX_ROUNDS = 1000
@@ -24,64 +26,65 @@ FLAT_DISTANCE = 0.05
 MIRROR_SLOPE = 0.1
 
 
-def densify(candidates: NDArray[np.float64], config: GroundFilterConfig) -> NDArray[np.bool_]:
+def densify(candidates: NDArray[np.float64], extent: NDArray[np.float64], config: GroundFilterConfig) -> Tin:
     """
-    Return which candidates make up the terrain (Axelsson 2000, with the thresholds taken facet by facet).
+    Return the terrain that the candidates make up (Axelsson 2000, with the thresholds taken facet by facet).
 
     A candidate joins the TIN if its distance to its facet and the angles at which it is seen from the facet's
     corners stay within limits; the angle's limit grows with the facet's own slope, so that the data set it
     where the terrain is, and the rest of the tile has no say. Candidates below their facet always may join.
     On a facet that may span a step, a candidate too far above is mirrored at the facet's nearest corner and
-    tested against the terrain there. Each round inserts one candidate a facet, the lowest below it or the one under the smallest angle, which
-    keeps a single point on an object from pulling others after it.
+    tested against the terrain there. Each round inserts one candidate a facet, the lowest below it or the one
+    under the smallest angle, which keeps a single point on an object from pulling others after it.
 
     Parameters
     ----------
     candidates : ndarray of shape (n_candidates, 3)
         At most one per place, gross errors removed, in an order that puts neighbours together [m].
+    extent : ndarray of shape (2, 2)
+        Lower left and upper right corner of what the terrain has to cover [m].
     config : GroundFilterConfig
         Thresholds.
 
     Returns
     -------
-    ndarray of shape (n_candidates,), bool
+    Tin
 
     Notes
     -----
     Only candidates whose facet changed are looked at again, so the time is near linear in their number.
 
     """
-    in_terrain = np.zeros(len(candidates), dtype=np.bool_)
-    in_terrain[choose_seeds(candidates, config.seed_cell, config.max_seed_rise)] = True
-    extent = np.array([candidates.min(axis=0)[:2], candidates.max(axis=0)[:2]])
-    start = build_tin(candidates[in_terrain], extent)
-    waiting = np.flatnonzero(~in_terrain)
+    is_seed = np.zeros(len(candidates), dtype=np.bool_)
+    is_seed[choose_seeds(candidates, config.seed_cell, config.max_seed_rise)] = True
+    start = build_tin(candidates[is_seed], extent)
     n_start, n_triangles = len(start.vertices), len(start.triangles)
-    room = n_triangles + 2 * len(waiting)
-    in_terrain[waiting] = _grow(
-        np.vstack((start.vertices, candidates[waiting] - [*start.origin, 0.0])),
-        start.n_real,
-        n_start,
-        with_room(start.triangles, room),
-        with_room(start.neighbours, room),
-        n_triangles,
-        (
-            math.radians(config.iteration_angle),
-            config.slope_gain,
-            config.iteration_distance,
-            config.min_facet_side**2,
-        ),
+    vertices = np.vstack((start.vertices, candidates[~is_seed] - [*start.origin, 0.0]))
+    room = n_triangles + 2 * len(vertices)
+    triangles, neighbours = with_room(start.triangles, room), with_room(start.neighbours, room)
+    limits = (
+        math.radians(config.iteration_angle),
+        config.slope_gain,
+        config.iteration_distance,
+        config.min_facet_side**2,
     )
-    return in_terrain
+    gradient = edge_gradients(start.vertices[: start.n_real], start.vertices[start.n_real :])
+    n_triangles = _grow(vertices, start.n_real, n_start, triangles, neighbours, n_triangles, gradient, limits)
+    return replace(
+        start, vertices=vertices, triangles=triangles[:n_triangles], neighbours=neighbours[:n_triangles]
+    )
 
 
 @njit(cache=True, nogil=True)
-def _grow(vertices, n_real, n_start, triangles, neighbours, n_triangles, limits):  # type: ignore[no-untyped-def]
+def _grow(  # type: ignore[no-untyped-def]
+    vertices, n_real, n_start, triangles, neighbours, n_triangles, gradient, limits
+):
     """
     Insert candidates, the rows of `vertices` from `n_start` on, until none is left that may join.
 
-    Rows from `n_real` to `n_start` are the frame's. `limits` are angle [rad], its gain with the slope,
-    distance [m], and shortest longest side of a facet squared [m²].
+    Return the number of triangles. Rows from `n_real` to `n_start` are the frame's, with their `gradient`.
+    `limits` are angle [rad], its gain with the slope, distance [m], and the square of the side below which a
+    facet is left as it is [m²].
 
     """
     n_waiting = len(vertices) - n_start
@@ -92,7 +95,7 @@ def _grow(vertices, n_real, n_start, triangles, neighbours, n_triangles, limits)
     best = np.full(len(triangles), -1, dtype=np.int32)
     best_score = np.empty(len(triangles))
     for turn in range(1, MAX_ROUNDS):
-        _level_frame(vertices, n_real, n_start, triangles[:n_triangles], changed, turn - 1)
+        extend_terrain(vertices, n_real, n_start, triangles[:n_triangles], gradient, changed, turn - 1)
         _propose(
             vertices,
             n_real,
@@ -121,7 +124,7 @@ def _grow(vertices, n_real, n_start, triangles, neighbours, n_triangles, limits)
             )
         if n_triangles == n_before:
             break
-    return joined
+    return n_triangles
 
 
 @njit(cache=True, nogil=True)
@@ -242,30 +245,3 @@ def _squared(p, q):  # type: ignore[no-untyped-def]
 
     """
     return (p[0] - q[0]) ** 2 + (p[1] - q[1]) ** 2 + (p[2] - q[2]) ** 2
-
-
-@njit(cache=True, nogil=True)
-def _level_frame(vertices, n_real, n_start, triangles, changed, mark):  # type: ignore[no-untyped-def]
-    """
-    Give each virtual vertex the elevation of the nearest real one that it shares a triangle with.
-
-    The terrain so goes on level beyond its edge, wherever that is by now. Triangles whose corner moved are
-    marked as changed.
-
-    """
-    least = np.full(n_start - n_real, np.inf)
-    elevation = vertices[n_real:n_start, 2].copy()
-    for corners in triangles:
-        for v in corners:
-            if not n_real <= v < n_start:
-                continue
-            for w in corners:
-                away = (vertices[w, 0] - vertices[v, 0]) ** 2 + (vertices[w, 1] - vertices[v, 1]) ** 2
-                if not n_real <= w < n_start and away < least[v - n_real]:
-                    least[v - n_real], elevation[v - n_real] = away, vertices[w, 2]
-    moved = elevation != vertices[n_real:n_start, 2]
-    vertices[n_real:n_start, 2] = elevation
-    for t in range(len(triangles)):
-        for v in triangles[t]:
-            if n_real <= v < n_start and moved[v - n_real]:
-                changed[t] = mark

@@ -12,7 +12,7 @@ from scipy.spatial import cKDTree
 from lidar_buildings.core.point_order import lowest_per_cell
 
 #: Neighbouring seeds that a seed is judged by: those of the cells around, roughly.
-NEIGHBOURS = 6
+NEIGHBOURS = 8
 #: With fewer seeds than this there is nothing to judge one by.
 MIN_SEEDS = 5
 #: A building of several cells is taken away from its sides; more often than this would wear down hills.
@@ -21,7 +21,10 @@ MAX_PASSES = 3
 
 def choose_seeds(candidates: NDArray[np.float64], cell: float, max_rise: float) -> NDArray[np.intp]:
     """
-    Return the rows of the points that start the TIN.
+    Return the rows of the points that start the TIN, rising.
+
+    They are the lowest points of the cells of two grids, one shifted by half a cell against the other, so that
+    little depends on where a grid happens to lie.
 
     A cell that a building fills, or that the edge of the data cuts down to a piece of roof, has no ground to
     give: its lowest point stands out above the plane through the seeds around it, weighted by their nearness,
@@ -37,7 +40,8 @@ def choose_seeds(candidates: NDArray[np.float64], cell: float, max_rise: float) 
         How far a seed may stand above that plane, in multiples of `cell`.
 
     """
-    seeds = lowest_per_cell(candidates, cell)
+    shifted = candidates + [0.5 * cell, 0.5 * cell, 0.0]
+    seeds = np.union1d(lowest_per_cell(candidates, cell), lowest_per_cell(shifted, cell))
     for _ in range(MAX_PASSES):
         if len(seeds) < MIN_SEEDS:
             break
@@ -50,7 +54,7 @@ def choose_seeds(candidates: NDArray[np.float64], cell: float, max_rise: float) 
 
 def _stand_out(seeds: NDArray[np.float64], max_rise: float) -> NDArray[np.bool_]:
     """
-    Return which seeds stand more than `max_rise` above the plane of their neighbours, half of which are lower.
+    Return which seeds stand more than `max_rise` above their neighbours' plane, half of which are lower.
 
     """
     distance, nearest = cKDTree(seeds[:, :2]).query(seeds[:, :2], min(NEIGHBOURS + 1, len(seeds)))

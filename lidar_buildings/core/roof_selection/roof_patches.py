@@ -20,6 +20,8 @@ from lidar_buildings.core.surface_patches import connected_parts, plan_areas, sm
 RADIUS_STEPS = np.array([1.0, 1.35, 1.8])
 #: A plane through fewer points says nothing of its roughness.
 MIN_PLANE_POINTS = 6
+#: Points more nearly on a line than this span no plane: cables, single scan lines.
+MAX_LINEARITY = 0.95
 #: A patch as a whole is smoother than its roughest points; a small one has to be smoother still, since flat
 #: spots of foliage are small. Parts of `max_roughness`.
 PATCH_ROUGHNESS = 0.7
@@ -84,7 +86,8 @@ def find_roof_surface(
     n = len(points)
     rows = np.flatnonzero(is_last)
     features = eigen_features(points[rows], list(radius * RADIUS_STEPS), min_neighbours=MIN_PLANE_POINTS)
-    smooth = (features.roughness <= config.max_roughness) & (features.n_neighbours >= MIN_PLANE_POINTS)
+    smooth = (features.roughness <= config.max_roughness) & (features.linearity <= MAX_LINEARITY)
+    smooth &= features.n_neighbours >= MIN_PLANE_POINTS
     steep = features.normals[:, 2] < math.cos(math.radians(config.max_slope_deg))
     surface = RoofSurface(np.zeros(n, dtype=bool), np.zeros(n, dtype=bool), np.zeros((n, 3)))
     surface.is_wall[rows[smooth & steep]] = True
