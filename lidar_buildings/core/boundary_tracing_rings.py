@@ -179,8 +179,8 @@ class RingTracer:
             return None
         shapely.prepare(ring)
         outside = np.flatnonzero(~shapely.intersects_xy(ring, xy))
-        distance = shapely.distance(ring, shapely.points(xy[outside]))
-        return outside[distance > _ON_RING * self._reach]
+        on_ring = shapely.dwithin(ring, shapely.points(xy[outside]), _ON_RING * self._reach)
+        return outside[~on_ring]
 
     def _inside_hole(self, rows: NDArray[np.int64], centre: NDArray[np.float64]) -> NDArray[np.int64] | None:
         """
@@ -193,10 +193,11 @@ class RingTracer:
         ring = shapely.polygons(xy[rows])
         if not ring.is_valid or not shapely.contains_xy(ring, *centre):
             return None
-        shapely.prepare(ring)
+        rim = ring.exterior
+        shapely.prepare([ring, rim])
         inside = np.flatnonzero(shapely.contains_xy(ring, xy))
-        distance = shapely.distance(ring.exterior, shapely.points(xy[inside]))
-        return inside[distance > _ON_RING * self._reach]
+        on_ring = shapely.dwithin(rim, shapely.points(xy[inside]), _ON_RING * self._reach)
+        return inside[~on_ring]
 
     def _ring_by_triangles(self) -> NDArray[np.int64]:
         """

@@ -324,7 +324,9 @@ def _fitting_holes(
     holes: list[NDArray[np.float64]] = []
     n_kept = 0
     for straight, ring in zip(walled, traced, strict=True):
-        fits = min(len(straight), len(exterior)) >= 3 and shapely.Polygon(exterior, [*holes, straight]).is_valid
+        fits = (
+            min(len(straight), len(exterior)) >= 3 and shapely.Polygon(exterior, [*holes, straight]).is_valid
+        )
         holes.append(straight if fits else ring)
         n_kept += not fits
     return tuple(holes), n_kept
