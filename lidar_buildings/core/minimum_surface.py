@@ -105,7 +105,7 @@ def _without_pits(surface: NDArray[np.float64]) -> NDArray[np.float64]:
 
 def _lower_plane(surface: NDArray[np.float64]) -> NDArray[np.float64]:
     """
-    Return the plane through the lower half of the cells: fitted to all, then to the lowest half time and again.
+    Return the plane through the lower half of the cells: fitted to all, then to the lower half in rounds.
 
     """
     row, column = np.indices(surface.shape)

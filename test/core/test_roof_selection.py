@@ -157,7 +157,7 @@ def test_the_number_of_threads_does_not_change_a_class(monkeypatch):
 
 def test_a_roof_is_the_same_in_a_tile_twice_as_large():
     one, other = scenes.hip(density=8.0), scenes.l_shape(density=8.0, seed=5)
-    far = np.vstack([one.points, other.points + [60, 0, 0]])
+    far = np.vstack([one.points, other.points + np.array([60, 0, 0])])
     classes = select_roofs(far, **{k: np.append(v, w) for (k, v), w in zip(
         known(one).items(), known(other).values(), strict=True)}).classification  # fmt: skip
     assert np.array_equal(classes[: len(one.points)], select_roofs(one.points, **known(one)).classification)
@@ -193,7 +193,7 @@ def test_a_column_of_the_wrong_length_is_refused_by_name(name):
 
 
 def provider_cloud(files):
-    """Return points, what the ground filter would say from the provider's ground, returns, provider's roofs."""
+    """Return points, heights over the provider's ground, classes, returns; and the provider's roofs."""
     clouds = [laspy.read(file) for file in sorted(files)]
     xyz = np.vstack([cloud.xyz for cloud in clouds])
     points = xyz - np.floor(xyz.min(axis=0) / 100) * 100
