@@ -25,8 +25,16 @@ def cell_numbers(points: NDArray[np.float64], cell: float) -> NDArray[np.int64]:
         Side of a cell [m]; doubled until an enormous extent can be numbered.
 
     """
+    return numbered_cells(points, cell)[0]
+
+
+def numbered_cells(points: NDArray[np.float64], cell: float) -> tuple[NDArray[np.int64], int]:
+    """
+    Return the numbers of `cell_numbers`, and by how much a cell's northern neighbour's number is higher.
+
+    """
     if len(points) == 0:
-        return np.zeros(0, dtype=np.int64)
+        return np.zeros(0, dtype=np.int64), 1
     x, y = points[:, 0], points[:, 1]
     width, height = float(np.ptp(x)), float(np.ptp(y))
     while (width / cell + 2.0) * (height / cell + 2.0) > MAX_CELLS:
@@ -34,7 +42,8 @@ def cell_numbers(points: NDArray[np.float64], cell: float) -> NDArray[np.int64]:
     # Differences before the cast: a coordinate far from the origin would not fit an integer.
     column, row = np.floor(x / cell), np.floor(y / cell)
     column, row = (column - column.min()).astype(np.int64), (row - row.min()).astype(np.int64)
-    return row * (column.max() + 1) + column
+    n_columns = int(column.max()) + 1
+    return row * n_columns + column, n_columns
 
 
 def cell_order(points: NDArray[np.float64], cell: float) -> NDArray[np.intp]:

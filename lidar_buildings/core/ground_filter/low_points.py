@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from lidar_buildings.core.asprs import PointClass
 from lidar_buildings.core.ground_filter.config import GroundFilterConfig
-from lidar_buildings.core.point_order import cell_numbers
+from lidar_buildings.core.point_order import numbered_cells
 
 
 def find_noise(points: NDArray[np.float64], spacing: float, config: GroundFilterConfig) -> NDArray[np.uint8]:
@@ -51,13 +51,10 @@ def _stands_apart(points: NDArray[np.float64], radius: float, gap: float, group:
     Return which points lie, but for at most `group` points, more than `gap` below all others within `radius`.
 
     """
-    number = cell_numbers(points, radius)
+    number, n_columns = numbered_cells(points, radius)
     order = np.argsort(number, kind="stable")
     cells, first = np.unique(number[order], return_index=True)
     first = np.append(first, len(points))
-    # A key's next row is as many numbers further as the extent has columns.
-    column = np.floor(points[:, 0] / radius) if len(points) else np.zeros(1)
-    n_columns = int(column.max() - column.min()) + 1
     apart = np.zeros(len(points), dtype=np.bool_)
     apart[order] = _apart(points[order], cells, first, n_columns, radius * radius, gap, group)
     return apart

@@ -23,12 +23,13 @@ def choose_seeds(candidates: NDArray[np.float64], cell: float, max_rise: float) 
     """
     Return the rows of the points that start the TIN, rising.
 
-    They are the lowest points of the cells of two grids, one shifted by half a cell against the other, so that
-    little depends on where a grid happens to lie.
+    They are the lowest points of the cells of two grids, one shifted by half a cell against the other, so
+    that less depends on where a grid happens to lie.
 
-    A cell that a building fills, or that the edge of the data cuts down to a piece of roof, has no ground to
-    give: its lowest point stands out above the plane through the seeds around it, weighted by their nearness,
-    and is left out. A hilltop lost in the same way is found again by the densification.
+    A cell that a building fills has no ground to give: its lowest point stands out above the plane through
+    the seeds around it, weighted by their nearness, and is left out. A hilltop lost in the same way is found
+    again by the densification. Only seeds with others all round are judged: at the edge of the data the plane
+    would be an extrapolation, and a whole plateau could be lost to it.
 
     Parameters
     ----------
@@ -40,7 +41,7 @@ def choose_seeds(candidates: NDArray[np.float64], cell: float, max_rise: float) 
         How far a seed may stand above that plane, in multiples of `cell`.
 
     """
-    shifted = candidates + [0.5 * cell, 0.5 * cell, 0.0]
+    shifted = candidates + np.array([0.5 * cell, 0.5 * cell, 0.0])
     seeds = np.union1d(lowest_per_cell(candidates, cell), lowest_per_cell(shifted, cell))
     for _ in range(MAX_PASSES):
         if len(seeds) < MIN_SEEDS:
@@ -63,4 +64,15 @@ def _stand_out(seeds: NDArray[np.float64], max_rise: float) -> NDArray[np.bool_]
     design = np.concatenate((around[..., :2], np.ones_like(around[..., :1])), axis=2)
     plane = np.linalg.pinv(design * weight[..., None]) @ (around[..., 2] * weight)[..., None]
     rise = -plane[:, 2, 0]
-    return (rise > max_rise) & ((around[..., 2] < 0.0).mean(axis=1) >= 0.5)
+    mostly_lower = (around[..., 2] < 0.0).mean(axis=1) >= 0.5
+    return (rise > max_rise) & mostly_lower & _surrounded(around)
+
+
+def _surrounded(around: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """
+    Return where no half plane is free of neighbours; `around` holds their offsets, (n, k, 3).
+
+    """
+    bearing = np.sort(np.arctan2(around[..., 1], around[..., 0]), axis=1)
+    gap = np.diff(bearing, axis=1, append=bearing[:, :1] + 2.0 * np.pi)
+    return gap.max(axis=1) < np.pi

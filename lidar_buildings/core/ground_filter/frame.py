@@ -1,0 +1,86 @@
+"""
+Terrain beyond the outermost vertices: the virtual points of the frame carry it on as it slopes there.
+
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+#: Seeds that the slope at a virtual point is taken from.
+NEIGHBOURS = 6
+#: Added to the seeds' variance in plan as if it were level: slopes hold only where they reach [m²].
+LEVEL_VARIANCE = 100.0
+
+
+def edge_gradients(seeds: NDArray[np.float64], frame: NDArray[np.float64]) -> NDArray[np.float64]:
+    """
+    Return the terrain's gradient at each virtual point, from the seeds nearest to it.
+
+    Least squares, damped so that seeds close together or on a line say nothing about where they do not reach.
+
+    Parameters
+    ----------
+    seeds : ndarray of shape (n_seeds, 3)
+        At least one [m].
+    frame : ndarray of shape (n_frame, 2 or more)
+        The virtual points [m].
+
+    Returns
+    -------
+    ndarray of shape (n_frame, 2)
+        Rise over run along x and y.
+
+    """
+    k = min(NEIGHBOURS, len(seeds))
+    _, nearest = cKDTree(seeds[:, :2]).query(frame[:, :2], [*range(1, k + 1)])
+    around = seeds[nearest]
+    around = around - around.mean(axis=1, keepdims=True)
+    plan, rise = around[..., :2], around[..., 2:]
+    normal = np.swapaxes(plan, 1, 2) @ plan + k * LEVEL_VARIANCE * np.eye(2)
+    return np.linalg.solve(normal, np.swapaxes(plan, 1, 2) @ rise)[..., 0]
+
+
+@njit(cache=True, nogil=True)
+def extend_terrain(vertices, n_real, n_start, triangles, gradient, changed, mark):  # type: ignore[no-untyped-def]
+    """
+    Raise each virtual vertex to the slope beyond the nearest real one that it shares a triangle with.
+
+    Triangles whose corner moved are marked as changed.
+
+    Parameters
+    ----------
+    vertices : ndarray of shape (n, 3)
+        Rows `n_real` to `n_start` are the virtual ones; changed in place [m].
+    n_real, n_start : int
+        See `vertices`.
+    triangles : ndarray of shape (m, 3), int32
+        The mesh so far.
+    gradient : ndarray of shape (n_start - n_real, 2)
+        As `edge_gradients` gives it.
+    changed, mark : ndarray of shape (m or more,), int
+        Set to `mark` where a triangle's corner moved.
+
+    """
+    least = np.full(n_start - n_real, np.inf)
+    elevation = vertices[n_real:n_start, 2].copy()
+    for corners in triangles:
+        for v in corners:
+            if not n_real <= v < n_start:
+                continue
+            for w in corners:
+                dx, dy = vertices[v, 0] - vertices[w, 0], vertices[v, 1] - vertices[w, 1]
+                away = dx * dx + dy * dy
+                f = v - n_real
+                if not n_real <= w < n_start and away < least[f]:
+                    least[f] = away
+                    elevation[f] = vertices[w, 2] + gradient[f, 0] * dx + gradient[f, 1] * dy
+    moved = elevation != vertices[n_real:n_start, 2]
+    vertices[n_real:n_start, 2] = elevation
+    for t in range(len(triangles)):
+        for v in triangles[t]:
+            if n_real <= v < n_start and moved[v - n_real]:
+                changed[t] = mark
