@@ -72,10 +72,10 @@ class RoofSelectionConfig(StageConfig):
         minimum=0.0,
         maximum=1000.0,
     )
-    max_multiple_return_share: float = parameter(
-        0.4,
-        "Share of pulses with several returns around a patch from which on it is foliage; raising it keeps "
-        "roofs among trees, and more trees. Not used where the source has no return numbers.",
+    max_penetration: float = parameter(
+        0.2,
+        "Share of returns around a patch that are not the last of their pulse, from which on it is foliage; "
+        "raising it keeps roofs among trees, and more trees. Not used where there are no return numbers.",
         minimum=0.0,
         maximum=1.0,
     )

@@ -59,7 +59,6 @@ def find_roof_surface(
     points: NDArray[np.float64],
     height: NDArray[np.float64],
     is_last: NDArray[np.bool_],
-    is_multiple: NDArray[np.bool_],
     radius: float,
     cell: float,
     config: RoofSelectionConfig,
@@ -73,8 +72,8 @@ def find_roof_surface(
         Everything that is high enough to be roof [m].
     height : ndarray of shape (n_points,)
         Height above ground [m].
-    is_last, is_multiple : ndarray of bool, shape (n_points,)
-        Whether the pulse ended there; whether it had several returns.
+    is_last : ndarray of bool, shape (n_points,)
+        Whether the pulse ended there.
     radius : float
         Smallest radius of a neighbourhood, and longest step within a patch [m].
     cell : float
@@ -100,9 +99,9 @@ def find_roof_surface(
         max_angle_deg=config.max_angle_deg,
         max_offset=PATCH_OFFSET * config.max_roughness,
     )
-    foliage = share_around(points, is_multiple, radius)[rows]
+    penetration = share_around(points, ~is_last, radius)[rows]
     area = plan_areas(points[rows], patch, cell)
-    starts, touches = _judged(area, roughness, foliage, height[rows], patch, config)
+    starts, touches = _judged(area, roughness, penetration, height[rows], patch, config)
     accepted = _touching(points[rows], patch, starts, touches, radius)
     surface.is_surface[rows[accepted]] = True
     surface.normals[rows[accepted]] = normals[accepted]
@@ -112,7 +111,7 @@ def find_roof_surface(
 def _judged(
     area: NDArray[np.float64],
     roughness: NDArray[np.float64],
-    foliage: NDArray[np.float64],
+    penetration: NDArray[np.float64],
     height: NDArray[np.float64],
     patch: NDArray[np.int64],
     config: RoofSelectionConfig,
@@ -123,7 +122,7 @@ def _judged(
     """
     mean_roughness = _mean(roughness, patch)
     hard = (mean_roughness <= PATCH_ROUGHNESS * config.max_roughness) & (
-        _mean(foliage, patch) <= config.max_multiple_return_share
+        _mean(penetration, patch) <= config.max_penetration
     )
     hard &= _mean(height, patch) >= config.min_height
     sure = (area >= SMALL_PATCH * config.min_patch_area) | (

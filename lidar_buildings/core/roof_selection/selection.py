@@ -72,7 +72,7 @@ def select_roofs(
     By height, planarity and roughness, as Santos and others do with LAStools: among the last returns
     `min_height` above ground, neighbourhoods smoother than `max_roughness` are joined to patches wherever
     neighbouring normals agree; large patches that few pulses penetrate start roofs. Roofs grow to their edges
-    along tangent planes, whichever the return, and take in what stands on them: single returns with roof all
+    along tangent planes, whichever the return, and take in what stands on them: last returns with roof all
     around, and chimneys and dormers up to `max_part_area`. Buildings smaller than `min_building_area` are
     dropped. The rest above ground is vegetation by height (Mancera-Taboada and others, 2012).
 
@@ -88,7 +88,7 @@ def select_roofs(
         What is known before: ground 2, noise 7 and 18, water 9 and road 11 are kept, all else is decided
         here. If not given, points within 0.2 m of the ground are ground.
     return_number, number_of_returns : array_like of shape (n_points,), optional
-        Used only if both are given; else every point counts as the only return of its pulse.
+        Used only if both are given; else every point counts as the last return of its pulse.
 
     Returns
     -------
@@ -109,20 +109,14 @@ def select_roofs(
     config = config or RoofSelectionConfig()
     points = checked_points(points)
     height, classes = _prepared(points, height_above_ground, classification)
-    is_last, is_single = _returns(len(points), return_number, number_of_returns)
+    is_last = _last_returns(len(points), return_number, number_of_returns)
     settled = np.isin(classes, SETTLED)
     raised = np.flatnonzero((height >= config.min_height) & ~settled)
     spacing = quantised_spacing(points)
     radius = max(config.neighbourhood_radius * spacing, config.min_neighbourhood_radius)
     is_roof = np.zeros(len(points), dtype=bool)
     is_roof[raised] = _roofs(
-        points[raised],
-        height[raised],
-        is_last[raised],
-        is_single[raised],
-        radius,
-        AREA_CELL * spacing,
-        config,
+        points[raised], height[raised], is_last[raised], radius, AREA_CELL * spacing, config
     )
     others = np.flatnonzero(~settled & ~is_roof)
     classes[others] = _vegetation(height[others], config)
@@ -149,26 +143,23 @@ def _prepared(
     return height, checked_column("classification", classification, n, np.uint8).copy()
 
 
-def _returns(
+def _last_returns(
     n_points: int, return_number: ArrayLike | None, number_of_returns: ArrayLike | None
-) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+) -> NDArray[np.bool_]:
     """
-    Tell which points are the last return of their pulse, and which the only one.
+    Tell which points are the last return of their pulse.
 
     """
     if return_number is None or number_of_returns is None:
-        return np.ones(n_points, dtype=bool), np.ones(n_points, dtype=bool)
+        return np.ones(n_points, dtype=bool)
     number = checked_column("return_number", return_number, n_points, np.int64)
-    of = checked_column("number_of_returns", number_of_returns, n_points, np.int64)
-    # Some writers leave 0 of 0 where nothing is known: that is a single return.
-    return number >= of, of <= 1
+    return number >= checked_column("number_of_returns", number_of_returns, n_points, np.int64)
 
 
 def _roofs(
     points: NDArray[np.float64],
     height: NDArray[np.float64],
     is_last: NDArray[np.bool_],
-    is_single: NDArray[np.bool_],
     radius: float,
     cell: float,
     config: RoofSelectionConfig,
@@ -177,12 +168,12 @@ def _roofs(
     Tell which of the points high enough are roof.
 
     """
-    surface = find_roof_surface(points, height, is_last, ~is_single, radius, cell, config)
+    surface = find_roof_surface(points, height, is_last, radius, cell, config)
     roof = near_tangent_plane(points, surface.normals, surface.is_surface, radius, config.max_plane_distance)
     roof &= ~surface.is_wall
     reach = max(PART_REACH, PART_REACH_RADII * radius)
     held = surrounded_by(points, roof, reach, PART_SINK, config.max_part_height)
-    roof |= _small_parts(points, roof, held, radius, cell, config) | (held & is_single)
+    roof |= _small_parts(points, roof, held, radius, cell, config) | (held & is_last)
     roof &= ~surface.is_wall
     return roof & _in_large_building(points, roof, radius, cell, config.min_building_area)
 
