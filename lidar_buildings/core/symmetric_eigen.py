@@ -115,5 +115,6 @@ def _upward(x, y, z):  # type: ignore[no-untyped-def]
 
     """
     if z < 0.0 or (z == 0.0 and (y < 0.0 or (y == 0.0 and x < 0.0))):
-        return np.array((-x, -y, -z))
-    return np.array((x, y, z))
+        x, y, z = -x, -y, -z
+    # Rounding must not push a cosine beyond 1.
+    return np.array((x, y, min(z, 1.0)))

@@ -43,9 +43,9 @@ class RoofSelectionConfig(StageConfig):
         maximum=10.0,
     )
     max_roughness: float = parameter(
-        0.1,
-        "Root mean square distance from the plane up to which a surface is smooth; raising it accepts "
-        "noisier scans and more vegetation.",
+        0.125,
+        "Root mean square distance from the plane up to which a level surface is smooth (steep ones may be "
+        "rougher); raising it accepts noisier scans and more vegetation.",
         unit="m",
         minimum=0.005,
         maximum=2.0,

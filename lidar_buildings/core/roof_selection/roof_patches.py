@@ -22,14 +22,15 @@ RADIUS_STEPS = np.array([1.0, 1.35, 1.8])
 MIN_PLANE_POINTS = 6
 #: Points more nearly on a line than this span no plane: cables, single scan lines.
 MAX_LINEARITY = 0.95
-#: A patch as a whole is smoother than its roughest points; a small one has to be smoother still, since flat
-#: spots of foliage are small. Parts of `max_roughness`.
-PATCH_ROUGHNESS = 0.7
-SMALL_PATCH_ROUGHNESS = 0.5
-#: A patch is small up to this multiple of `min_patch_area`.
-SMALL_PATCH = 2.0
-#: Patches beside a roof count down to this part of `min_patch_area`.
+#: Largest mean roughness of small, middling and large patches that start a roof, in parts of `max_roughness`:
+#: flat spots of foliage are small, so the smaller a patch the smoother it has to be.
+PATCH_ROUGHNESS = np.array([0.4, 0.55, 0.85])
+#: Where middling and large patches begin, in multiples of `min_patch_area`.
+PATCH_SIZES = np.array([2.0, 10.0])
+#: Patches beside a roof count down to this part of `min_patch_area`, if as smooth as middling ones.
 TOUCHING_PATCH = 0.25
+#: Noise of a point in plan as a multiple of that in height, which makes steep roofs rougher than level ones.
+HORIZONTAL_NOISE = 1.5
 #: Distance from the neighbour's tangent plane over which a patch goes on, a multiple of `max_roughness`.
 PATCH_OFFSET = 1.5
 
@@ -85,13 +86,17 @@ def find_roof_surface(
     n = len(points)
     rows = np.flatnonzero(is_last)
     features = eigen_features(points[rows], list(radius * RADIUS_STEPS), min_neighbours=MIN_PLANE_POINTS)
-    smooth = (features.roughness <= config.max_roughness) & (features.linearity <= MAX_LINEARITY)
+    # As it would be if the surface lay level.
+    roughness = features.roughness / np.hypot(
+        features.normals[:, 2], HORIZONTAL_NOISE * _sine(features.normals)
+    )
+    smooth = (roughness <= config.max_roughness) & (features.linearity <= MAX_LINEARITY)
     smooth &= features.n_neighbours >= MIN_PLANE_POINTS
     steep = features.normals[:, 2] < math.cos(math.radians(config.max_slope_deg))
     surface = RoofSurface(np.zeros(n, dtype=bool), np.zeros(n, dtype=bool), np.zeros((n, 3)))
     surface.is_wall[rows[smooth & steep]] = True
     roof = smooth & ~steep
-    rows, normals, roughness = rows[roof], features.normals[roof], features.roughness[roof]
+    rows, normals, roughness = rows[roof], features.normals[roof], roughness[roof]
     patch = smooth_patches(
         points[rows],
         normals,
@@ -120,17 +125,12 @@ def _judged(
     Tell which patches start a roof, and which are part of one if they touch it.
 
     """
-    mean_roughness = _mean(roughness, patch)
-    hard = (mean_roughness <= PATCH_ROUGHNESS * config.max_roughness) & (
-        _mean(penetration, patch) <= config.max_penetration
-    )
-    hard &= _mean(height, patch) >= config.min_height
-    sure = (area >= SMALL_PATCH * config.min_patch_area) | (
-        mean_roughness <= SMALL_PATCH_ROUGHNESS * config.max_roughness
-    )
-    return hard & sure & (area >= config.min_patch_area), hard & (
-        area >= TOUCHING_PATCH * config.min_patch_area
-    )
+    relative = _mean(roughness, patch) / config.max_roughness
+    limit = PATCH_ROUGHNESS[np.digitize(area, PATCH_SIZES * config.min_patch_area)]
+    hard = (_mean(penetration, patch) <= config.max_penetration) & (_mean(height, patch) >= config.min_height)
+    starts = hard & (relative <= limit) & (area >= config.min_patch_area)
+    touches = hard & (relative <= np.maximum(limit, PATCH_ROUGHNESS[1]))
+    return starts, touches & (area >= TOUCHING_PATCH * config.min_patch_area)
 
 
 def _touching(
@@ -149,6 +149,14 @@ def _touching(
     part = connected_parts(points[rows], radius, in_plan=True)
     accepted[rows] = (np.bincount(part, starts[patch[rows]]) > 0)[part]
     return accepted
+
+
+def _sine(normals: NDArray[np.float64]) -> NDArray[np.float64]:
+    """
+    Return the sine of the slope of surfaces with these normals.
+
+    """
+    return np.hypot(normals[:, 0], normals[:, 1])
 
 
 def _mean(values: NDArray[np.float64], label: NDArray[np.int64]) -> NDArray[np.float64]:
