@@ -67,7 +67,7 @@ class BuildingTracer(StageNode):
 
         """
         if tile.stamp not in self._bounds and self.count_publishers("tile_bounds"):
-            self._waiting = {tile.stamp: tile}
+            self._waiting[tile.stamp] = tile
             return
         bounded = replace(tile, bounds=self._bounds.get(tile.stamp))
         traced = trace_buildings(

@@ -160,8 +160,8 @@ class ModelBuilder(StageNode):
         Publish the solids' edges if anyone looks at them.
 
         """
-        if self._markers.get_subscription_count():
-            solids = [solid for one in models for solid in one.model.solids.values()]
+        solids = [solid for one in models for solid in one.model.solids.values()]
+        if solids and self._markers.get_subscription_count():
             self._markers.publish(model_markers(stamp, solids))
 
 

@@ -181,10 +181,19 @@ class ModelWriter(StageNode):
 
     def _store(self, stamp: int, parts: dict[str, Any]) -> None:
         """
-        Put a tile on disk and say so.
+        Put a tile on disk, and say that it is done.
 
         """
         points = [parts[topic] for topic in self._topics if isinstance(parts.get(topic), PointTile)]
+        if len(points[0]):  # an empty one is a probe: nothing to keep, only to answer
+            self._write(points, parts)
+        self._tile_done.publish(header_of(stamp))
+
+    def _write(self, points: list[PointTile], parts: dict[str, Any]) -> None:
+        """
+        Put a tile on disk.
+
+        """
         faces = parts.get(ROOF_FACES.name, {})
         products = TileProducts.from_tiles(
             *points,
@@ -198,8 +207,7 @@ class ModelWriter(StageNode):
         except OutputError as error:
             self.fail(error)
             raise
-        self._on_disk.add(stamp)
-        self._tile_done.publish(header_of(stamp))
+        self._on_disk.add(products.stamp)
 
 
 def _settings(text: str) -> dict[str, Any]:

@@ -9,6 +9,8 @@ import time
 from dataclasses import replace
 from typing import Any, NamedTuple
 
+import numpy as np
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from geometry_msgs.msg import PointStamped, PolygonStamped, Vector3Stamped
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import PointCloud2
@@ -23,6 +25,7 @@ from lidar_buildings.ros.flow_control import FlowControl
 from lidar_buildings.ros.map_frames import origin_message, units_message
 from lidar_buildings.ros.point_cloud import to_message
 from lidar_buildings.ros.polygons import bounds_message
+from lidar_buildings.ros.probes import Probes, is_probe
 from lidar_buildings.ros.qos import CLOUD, EVENT, LATCHED, LATCHED_HISTORY, LATCHED_TILE
 from lidar_buildings.ros.runner import run_node
 from lidar_buildings.ros.stage_node import StageNode
@@ -55,6 +58,7 @@ class TilePlayer(StageNode):
         super().__init__("tile_player", NODE_CONFIGS["tile_player"], **kwargs)
         config = self.parameters[TilePlayerConfig]
         self._flow = FlowControl(config.max_tiles_in_flight, config.tile_timeout, config.max_attempts)
+        self._probes = Probes()
         self._done: set[int] = set()
         self._failed: set[int] = set()
         self._paused, self._steps = config.start_paused, 0
@@ -91,6 +95,7 @@ class TilePlayer(StageNode):
         """
         if self._is_finished or self._reader_has_failed():
             return
+        self._probe()
         self._send_overdue()
         while self._may_send():
             self._send(self._take())
@@ -102,9 +107,22 @@ class TilePlayer(StageNode):
 
         """
         stamp = to_stamp(message.stamp)
+        if is_probe(stamp):
+            self._on_answer(stamp)
+            return
         self._done.add(stamp)
         self._failed.discard(stamp)
         if self._flow.done(stamp):
+            self.on_tick()
+
+    def on_diagnostics(self, message: DiagnosticArray) -> None:
+        """
+        Send a tile again at once that a node could not handle, instead of waiting for its time to be up.
+
+        """
+        if any(status.level == DiagnosticStatus.ERROR for status in message.status) and self._flow.failed(
+            to_stamp(message.header.stamp)
+        ):
             self.on_tick()
 
     def on_clipped(self, message: Header) -> None:
@@ -159,6 +177,7 @@ class TilePlayer(StageNode):
 
         """
         self.create_subscription(Header, "tile_clipped", self.on_clipped, EVENT)
+        self.create_subscription(DiagnosticArray, "diagnostics", self.on_diagnostics, EVENT)
         self.create_subscription(Header, "tile_done", self.on_done, LATCHED_HISTORY)
 
     def on_pause(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
@@ -207,7 +226,45 @@ class TilePlayer(StageNode):
         """
         if self._paused and not self._steps:
             return False
-        return self._flow.has_room and self._peek() is not None and self._is_heard() and self._is_due()
+        if not self._flow.has_room or self._peek() is None:
+            return False
+        return self._is_whole and self._is_heard() and self._is_due()
+
+    @property
+    def _is_whole(self) -> bool:
+        """
+        Whether something that was sent has come through to the end of the graph.
+
+        """
+        return self._probes.has_answer or not self._flow.is_counting
+
+    def _probe(self) -> None:
+        """
+        Send an empty tile to see whether the graph is whole, or whether tiles in flight got lost.
+
+        """
+        if not self._flow.is_counting or (self._is_whole and not len(self._flow)) or not self._is_heard():
+            return
+        stamp = self._probes.due()
+        if stamp is not None:
+            self._bounds.publish(bounds_message(stamp, None))
+            self._points.publish(to_message(PointTile(np.zeros((0, 3)), stamp=stamp)))
+            if not self._is_whole:
+                self.get_logger().info(
+                    "waiting for the end of the graph to answer",
+                    throttle_duration_sec=_REMIND,
+                    skip_first=True,
+                )
+
+    def _on_answer(self, stamp: int) -> None:
+        """
+        Go on: what was sent before this probe is done or lost.
+
+        """
+        sent = self._probes.answered(stamp)
+        if sent is not None:
+            self._flow.passed(sent)
+            self.on_tick()
 
     def _peek(self) -> PointTile | None:
         """
@@ -242,8 +299,15 @@ class TilePlayer(StageNode):
         if not missing and config.max_tiles_in_flight and not self.count_publishers("tile_done"):
             missing, what = ["tile_done"], "a publisher of tile_done (model_writer, or model_builder)"
         if missing:
-            self.get_logger().info(f"waiting for {what}", throttle_duration_sec=_REMIND, skip_first=True)
+            self._remind(what)
         return not missing
+
+    def _remind(self, what: str) -> None:
+        """
+        Say now and then what the player waits for.
+
+        """
+        self.get_logger().info(f"waiting for {what}", throttle_duration_sec=_REMIND, skip_first=True)
 
     def _is_due(self) -> bool:
         """

@@ -11,6 +11,9 @@ from dataclasses import dataclass
 
 from lidar_buildings.core.tile import PointTile
 
+#: What a tile gets that should be done by now [s].
+_GRACE = 1.0
+
 
 @dataclass
 class Flight:
@@ -23,8 +26,8 @@ class Flight:
         As it was sent last.
     attempt : int
         How many times it was given its time, the first included.
-    deadline : float
-        When the time is up [s].
+    sent, deadline : float
+        When it was sent last, and when the time is up [s].
     n_copies, n_clipped : int
         How many times these same points were sent, and how many times they came back as clipped.
 
@@ -32,6 +35,7 @@ class Flight:
 
     tile: PointTile
     attempt: int
+    sent: float
     deadline: float
     n_copies: int = 1
     n_clipped: int = 0
@@ -96,7 +100,8 @@ class FlowControl:
 
         """
         if self.is_counting:
-            self._flights[tile.stamp] = Flight(tile, 1, self._now() + self._timeout)
+            now = self._now()
+            self._flights[tile.stamp] = Flight(tile, 1, now, now + self._timeout)
 
     def done(self, stamp: int) -> bool:
         """
@@ -104,6 +109,16 @@ class FlowControl:
 
         """
         return self._flights.pop(stamp, None) is not None
+
+    def failed(self, stamp: int) -> bool:
+        """
+        Note that a node could not handle a tile: its time is up at once; False if it was not in flight.
+
+        """
+        flight = self._flights.get(stamp)
+        if flight is not None:
+            flight.deadline = self._now()
+        return flight is not None
 
     def clipped(self, stamp: int) -> PointTile | None:
         """
@@ -124,9 +139,20 @@ class FlowControl:
         Note that a tile was sent with other points or bounds.
 
         """
-        flight = self._flights[tile.stamp]
-        time_allowed = self._timeout * 2 ** (flight.attempt - 1)
-        self._flights[tile.stamp] = Flight(tile, flight.attempt, self._now() + time_allowed)
+        attempt, now = self._flights[tile.stamp].attempt, self._now()
+        self._flights[tile.stamp] = Flight(tile, attempt, now, now + self._time_allowed(attempt))
+
+    def passed(self, sent: float) -> None:
+        """
+        Note that something sent at this time [s] went through the whole graph: what is older got lost.
+
+        A little time is left to tiles whose last message is on its way.
+
+        """
+        for flight in self._flights.values():
+            if flight.sent < sent:
+                flight.deadline = min(flight.deadline, self._now() + _GRACE)
+                flight.n_copies = flight.n_clipped  # the others are gone
 
     def overdue(self) -> list[Flight]:
         """
@@ -138,7 +164,7 @@ class FlowControl:
         for flight in late:
             flight.attempt += 1
             flight.n_copies += 1
-            flight.deadline = now + self._timeout * 2 ** (flight.attempt - 1)
+            flight.sent, flight.deadline = now, now + self._time_allowed(flight.attempt)
         return late
 
     def given_up(self) -> list[int]:
@@ -155,3 +181,10 @@ class FlowControl:
         for stamp in lost:
             del self._flights[stamp]
         return lost
+
+    def _time_allowed(self, attempt: int) -> float:
+        """
+        Return the time [s] of an attempt, counted from 1.
+
+        """
+        return float(self._timeout * 2 ** (attempt - 1))

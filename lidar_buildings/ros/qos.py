@@ -5,8 +5,8 @@ Quality of service: three kinds of topic, one profile each.
 
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 
-#: How many clouds a topic keeps; more tiles than this must never be in flight.
-CLOUD_DEPTH = 8
+#: How many clouds a topic keeps: tiles in flight, copies sent again, and probes.
+CLOUD_DEPTH = 32
 
 #: How many headers a latched topic keeps for late joiners, such as the finished tiles of a survey.
 LATCHED_DEPTH = 100_000

@@ -14,8 +14,8 @@ import numpy as np
 from lidar_buildings.core.outline import BuildingOutline
 from lidar_buildings.core.tile import PointTile
 
-#: How many tiles may be waiting; the player never has more under way than clouds are kept.
-MAX_WAITING_TILES = 8
+#: How many tiles may be waiting: those in flight, and probes.
+MAX_WAITING_TILES = 16
 
 
 class TileJoin:
