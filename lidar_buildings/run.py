@@ -22,6 +22,7 @@ from tqdm import tqdm
 from lidar_buildings import __version__
 from lidar_buildings.core.errors import LidarBuildingsError, ParameterError
 from lidar_buildings.io.output_folder import OutputFolder, RunSummary
+from lidar_buildings.io.run_folder import discard_unfinished
 from lidar_buildings.io.tiling import TileSource, TilingConfig
 from lidar_buildings.nodes.configs import NODE_CONFIGS
 from lidar_buildings.pipeline import STAGE_CONFIGS, STAGES, PipelineConfig, stage_config
@@ -104,6 +105,8 @@ def run_command(options: argparse.Namespace) -> int:
     """
     logging.basicConfig(format="%(levelname)s: %(message)s", level=logging.WARNING)
     request = _request(options)
+    if request.overwrite:
+        discard_unfinished(request.output)
     started = time.perf_counter()
     outcome = _run_local(request) if options.no_ros else _run_graph(request)
     _report(request, outcome, time.perf_counter() - started)
@@ -201,7 +204,9 @@ def _last_stage(until: str | None) -> str:
     """
     if until is None:
         return STAGES[-1]
-    by_node = {node: next((s for s in reversed(list(of)) if s in STAGES), "") for node, of in NODE_CONFIGS.items()}
+    by_node = {
+        node: next((s for s in reversed(list(of)) if s in STAGES), "") for node, of in NODE_CONFIGS.items()
+    }
     by_node |= {"segmentation": "boundary_tracing", "model_builder": "building_model"}
     stage = until if until in STAGES else by_node.get(until, "")
     if not stage:

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from lidar_buildings import __version__
 from lidar_buildings.core.errors import InputError
 from lidar_buildings.core.map_frame import MapFrame
 from lidar_buildings.io.building_layers import BuildingLayers
@@ -84,8 +85,8 @@ class OutputFolder:
     frame : MapFrame
         Of the tiles.
     overwrite : bool
-        Whether to begin anew in a folder with earlier results. Without it an unfinished run of the same
-        inputs and parameters is taken up again.
+        Whether earlier results may be replaced. With and without it an unfinished run of the same inputs and
+        parameters is taken up again; `discard_unfinished` prevents that.
     until : str
         The last stage of the run; files that a later stage would fill are not made.
     parameters : mapping
@@ -113,7 +114,11 @@ class OutputFolder:
         self.frame = frame
         self.until = until
         identity = {
-            "inputs": [[str(file.path.resolve()), file.point_count] for file in self.inputs],
+            "version": __version__,
+            "inputs": [
+                [str(file.path.resolve()), file.point_count, file.path.stat().st_mtime_ns]
+                for file in self.inputs
+            ],
             "frame": asdict(frame),
             "until": until,
             "parameters": dict(parameters or {}),

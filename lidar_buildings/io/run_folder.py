@@ -40,7 +40,8 @@ def claim_folder(
     inputs : sequence of InputFile
         They must not stand where the results will.
     overwrite : bool
-        Whether an earlier run's files may be replaced; files of other origin are never touched.
+        Whether an earlier run's files may be replaced; files of other origin are never touched. The same run,
+        unfinished, is taken up again all the same: a writer that was restarted must not begin anew.
 
     Raises
     ------
@@ -54,7 +55,8 @@ def claim_folder(
     try:
         path.mkdir(parents=True, exist_ok=True)
         if overwrite:
-            _clear(path)
+            if not _is_same(path, identity):
+                _clear(path)
         elif (path / RUN).exists():
             raise OutputError(
                 f"{path}: holds a finished run: give --overwrite to replace it, or another folder"
@@ -96,11 +98,27 @@ def _check_same(path: Path, identity: dict[str, Any]) -> None:
     Refuse to go on with another run's tiles.
 
     """
-    if _read(path / PARTIAL / _IDENTITY) != json.loads(json.dumps(identity)):
+    if not _is_same(path, identity):
         raise OutputError(
             f"{path}: holds an unfinished run of other inputs or parameters: give the same to go on with it, "
             "--overwrite to begin anew, or another folder"
         )
+
+
+def _is_same(path: Path, identity: dict[str, Any]) -> bool:
+    """
+    Whether the folder holds the same run, unfinished.
+
+    """
+    return _read(path / PARTIAL / _IDENTITY) == json.loads(json.dumps(identity))
+
+
+def discard_unfinished(path: Path) -> None:
+    """
+    Delete the tiles of an unfinished run, so that the next one begins anew.
+
+    """
+    shutil.rmtree(path / PARTIAL, ignore_errors=True)
 
 
 def _clear(path: Path) -> None:

@@ -127,7 +127,7 @@ NODE_TABLE: tuple[NodeCard, ...] = (
         "Cuts clouds into tiles and sends them into the graph. "
         "It keeps few tiles in flight, sends again what got lost, and larger what was too small.",
         "",
-        (TILE_DONE, TILE_CLIPPED),
+        (TILE_DONE, TILE_CLIPPED, DIAGNOSTICS),
         (POINTS, TILE_BOUNDS, MAP_ORIGIN, MAP_UNITS, SURVEY_DONE, TILE_FAILED, CLOCK),
         (
             ("~/pause", _TRIGGER, "send no more tiles"),

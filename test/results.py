@@ -1,0 +1,66 @@
+"""
+What tests look at in the output folder of a run.
+
+"""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import laspy
+import numpy as np
+import pyogrio
+
+RESULTS = ("buildings.gpkg", "city_model.city.jsonl")
+
+
+def contents(output: Path) -> dict[str, bytes]:
+    """
+    Return name → bytes of every file whose content must not depend on how the run was laid out.
+
+    """
+    classified = sorted((output / "classified").iterdir())
+    return {path.name: path.read_bytes() for path in (*classified, *(output / name for name in RESULTS))}
+
+
+def assert_complete(survey: Path, output: Path, *, min_tiles: int = 1) -> None:
+    """
+    Every point has a class and its old dimensions, every building is there once, nothing is left over.
+
+    """
+    run = json.loads((output / "run.json").read_text())
+    assert run["n_tiles"] >= min_tiles
+    assert run["n_unclassified"] == 0
+    assert not (output / ".partial").exists()
+    for path in sorted(survey.glob("*.laz")):
+        before, after = laspy.read(path), laspy.read(output / "classified" / path.name)
+        for name in set(before.point_format.dimension_names) - {"classification"}:
+            np.testing.assert_array_equal(np.asarray(before[name]), np.asarray(after[name]), err_msg=name)
+        assert np.isfinite(np.asarray(after["HeightAboveGround"])).all()
+    assert_buildings_once(output)
+
+
+def assert_buildings_once(output: Path) -> None:
+    """
+    Layers and models name the same buildings, each once, and no two outlines overlap.
+
+    """
+    import shapely
+
+    _, _, geometry, columns = pyogrio.raw.read(output / "buildings.gpkg", layer="outlines", columns=["building_id"])
+    numbers = columns[0].tolist()
+    assert len(set(numbers)) == len(numbers) > 0
+    lines = (output / "city_model.city.jsonl").read_text().splitlines()[1:]
+    features = [json.loads(line) for line in lines]
+    in_models = [next(iter(f["CityObjects"].values()))["attributes"]["building_id"] for f in features]
+    assert sorted(in_models) == sorted(numbers)
+    outlines = shapely.from_wkb(geometry)
+    tree = shapely.STRtree(outlines)
+    pairs = tree.query(outlines, predicate="intersects")
+    shared = [
+        shapely.area(outlines[a] & outlines[b]) / min(outlines[a].area, outlines[b].area)
+        for a, b in pairs.T
+        if a < b
+    ]
+    assert all(share < 0.1 for share in shared), shared
