@@ -5,7 +5,6 @@ Node `tile_player`.
 
 from __future__ import annotations
 
-import time
 from dataclasses import replace
 from typing import Any, NamedTuple
 
@@ -23,6 +22,7 @@ from lidar_buildings.nodes.configs import NODE_CONFIGS, TilePlayerConfig
 from lidar_buildings.nodes.tile_reader import TileReader
 from lidar_buildings.ros.flow_control import FlowControl
 from lidar_buildings.ros.map_frames import origin_message, units_message
+from lidar_buildings.ros.playback import Playback
 from lidar_buildings.ros.point_cloud import to_message
 from lidar_buildings.ros.polygons import bounds_message
 from lidar_buildings.ros.probes import Probes, is_probe
@@ -61,9 +61,8 @@ class TilePlayer(StageNode):
         self._probes = Probes()
         self._done: set[int] = set()
         self._failed: set[int] = set()
-        self._paused, self._steps = config.start_paused, 0
+        self._playback = Playback(is_paused=config.start_paused)
         self._next: PointTile | None = None
-        self._first: tuple[int, float] | None = None
         self._is_finished = False
         try:
             self._source = TileSource(config.input, config, skip=() if config.loop else self._done)
@@ -185,16 +184,16 @@ class TilePlayer(StageNode):
         Send no more tiles.
 
         """
-        self._paused = True
+        self._playback.pause()
         response.success, response.message = True, "paused"
         return response
 
     def on_resume(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         """
-        Go on; a recording goes on from here, not from where it would be by now.
+        Go on.
 
         """
-        self._paused, self._steps, self._first = False, 0, None
+        self._playback.resume()
         response.success, response.message = True, "playing"
         return response
 
@@ -203,11 +202,8 @@ class TilePlayer(StageNode):
         Send one tile while paused.
 
         """
-        if not self._paused:
-            response.success, response.message = False, "not paused: call pause first"
-            return response
-        self._steps += 1
-        response.success, response.message = True, "one tile will be sent"
+        response.success = self._playback.step()
+        response.message = "one tile will be sent" if response.success else "not paused: call pause first"
         return response
 
     def _reader_has_failed(self) -> bool:
@@ -224,11 +220,10 @@ class TilePlayer(StageNode):
         Whether there is a tile, a credit for it, someone to take it, and its time has come.
 
         """
-        if self._paused and not self._steps:
+        tile = self._peek() if self._flow.has_room and self._is_whole else None
+        if tile is None or not self._playback.is_due(tile.stamp, self.parameters[TilePlayerConfig].rate):
             return False
-        if not self._flow.has_room or self._peek() is None:
-            return False
-        return self._is_whole and self._is_heard() and self._is_due()
+        return self._is_heard()
 
     @property
     def _is_whole(self) -> bool:
@@ -285,7 +280,7 @@ class TilePlayer(StageNode):
         tile, self._next = self._next, None
         if tile is None:
             raise RuntimeError("no tile was found")
-        self._steps = max(0, self._steps - 1)
+        self._playback.sent()
         return tile
 
     def _is_heard(self) -> bool:
@@ -308,20 +303,6 @@ class TilePlayer(StageNode):
 
         """
         self.get_logger().info(f"waiting for {what}", throttle_duration_sec=_REMIND, skip_first=True)
-
-    def _is_due(self) -> bool:
-        """
-        Whether a recording played at `rate` has come to the next tile.
-
-        """
-        rate = self.parameters[TilePlayerConfig].rate
-        tile = self._peek()
-        if not rate or tile is None:
-            return True
-        if self._first is None:
-            self._first = (tile.stamp, time.monotonic())
-        first_stamp, started = self._first
-        return time.monotonic() - started >= (tile.stamp - first_stamp) * 1e-9 / rate
 
     def _send(self, tile: PointTile) -> None:
         """
