@@ -21,11 +21,16 @@ $(STAMP): setup.py pyproject.toml
 	@touch $(STAMP)
 
 demo: setup
-	$(BIN)/python -m lidar_buildings.cli simulate --output demo/survey --scene village --overwrite
-	$(BIN)/python -m lidar_buildings.cli run demo/survey --output demo/result --overwrite
-	$(BIN)/python -m lidar_buildings.cli score ground demo/result demo/survey
-	$(BIN)/python -m lidar_buildings.cli score outlines demo/result demo/survey/truth.gpkg
-	@echo "Files: demo/result (buildings.gpkg, city_model.city.jsonl, classified/, run.json)"
+	@echo "A virtual survey:"
+	@$(BIN)/python -m lidar_buildings.cli simulate --output demo/survey --scene village --overwrite
+	@echo "Through the ROS 2 graph:"
+	@$(BIN)/python -m lidar_buildings.cli run demo/survey --output demo/result --overwrite
+	@echo "Against the truth:"
+	@$(BIN)/python -m lidar_buildings.cli score ground demo/result demo/survey
+	@$(BIN)/python -m lidar_buildings.cli score buildings demo/result demo/survey
+	@$(BIN)/python -m lidar_buildings.cli score outlines demo/result demo/survey --merge-touching
+	@echo "Results: demo/result (buildings.gpkg, city_model.city.jsonl, classified/, run.json)"
+	@echo "Survey and truth: demo/survey (*.laz, truth.gpkg, truth.city.jsonl)"
 
 test: setup lint
 	$(BIN)/python -m pytest -n 2 --dist loadfile

@@ -26,7 +26,7 @@ CELL_RANGE, FILL_RANGE = (0.05, 100.0), (0.0, 10.0)
 _OPTIONS = {
     "ground": {"reference_classes"},
     "buildings": {"cell", "fill", "reference_classes"},
-    "outlines": set(),
+    "outlines": {"merge_touching"},
 }
 
 
@@ -57,6 +57,7 @@ def run_score(
     cell: float = CELL,
     fill: float = FILL,
     reference_classes: Collection[int] | None = None,
+    merge_touching: bool = False,
 ) -> Score:
     """
     Compare a result with a reference.
@@ -77,6 +78,8 @@ def run_score(
         How far an empty cell looks for its nearest point, in point spacings; see `core.scores.cells`.
     reference_classes : collection of int, optional
         The reference's classes of ground (default 2) or of buildings (default 6).
+    merge_touching : bool
+        Whether outlines that share a wall are compared as one block, on both sides; see `core.scores.blocks`.
 
     Returns
     -------
@@ -102,10 +105,11 @@ def run_score(
     area = None if aoi is None else read_metric_polygons(Path(aoi))
     if area is not None and not len(area.polygons):
         raise InputError(f"{aoi}: holds no polygon: an area of interest needs one")
-    options = ScoreOptions(area, cell, fill, reference_classes)
+    options = ScoreOptions(area, cell, fill, reference_classes, merge_touching)
     found = FIGURES[kind](Path(result_path), Path(reference_path), options)
     figures = {name: None if _is_nan(value) else value for name, value in found.items()}
     title = f"{kind}: {result_path} against {reference_path}" + (f" within {aoi}" if aoi else "")
+    title += ", touching ones merged into blocks" if merge_touching else ""
     return Score(figures, score_table(title, figures))
 
 
@@ -115,9 +119,11 @@ def add_score_arguments(parser: argparse.ArgumentParser) -> None:
 
     """
     parser.add_argument("kind", type=_kind, metavar="{" + ",".join(KINDS) + "}", help="what to compare")
-    parser.add_argument("result", type=Path, metavar="RESULT", help="output folder, LAZ file or GeoPackage")
     parser.add_argument(
-        "reference", type=Path, metavar="REFERENCE", help="LAZ file, folder of them, or GeoPackage"
+        "result", type=Path, metavar="RESULT", help="output folder of a run, LAZ file or GeoPackage"
+    )
+    parser.add_argument(
+        "reference", type=Path, metavar="REFERENCE", help="folder of a survey, LAZ file or GeoPackage"
     )
     parser.add_argument("--aoi", type=Path, metavar="FILE", help="polygons: only what lies inside counts")
     parser.add_argument(
@@ -135,6 +141,12 @@ def add_score_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="N[,N...]",
         help="ground, buildings: the reference's classes of that kind, as in 2,9,11 (default: 2 or 6)",
     )
+    parser.add_argument(
+        "--merge-touching",
+        action="store_true",
+        default=None,
+        help="outlines: compare blocks of buildings that share a wall, since lidar cannot tell these apart",
+    )
     parser.add_argument("--json", action="store_true", help="print JSON with unrounded numbers")
 
 
@@ -150,7 +162,8 @@ def score_command(options: argparse.Namespace) -> int:
         If an option is out of range or has no meaning for this kind.
 
     """
-    given = {name: getattr(options, name) for name in ("cell", "fill", "reference_classes")}
+    names = ("cell", "fill", "reference_classes", "merge_touching")
+    given = {name: getattr(options, name) for name in names}
     given = {name: value for name, value in given.items() if value is not None}
     for name in given.keys() - _OPTIONS[options.kind]:
         raise ParameterError(

@@ -16,9 +16,11 @@ from numpy.typing import NDArray
 
 from lidar_buildings.core.asprs import PointClass
 from lidar_buildings.core.errors import InputError
+from lidar_buildings.core.scores.blocks import merge_touching
 from lidar_buildings.core.scores.buildings import score_buildings
 from lidar_buildings.core.scores.cells import CellSet, cells_of_points, cells_of_polygons
 from lidar_buildings.core.scores.confusion import confusion_of
+from lidar_buildings.core.scores.coverage import score_coverage
 from lidar_buildings.core.scores.ground import REFERENCE_GROUND, score_ground
 from lidar_buildings.core.scores.outlines import score_outlines
 from lidar_buildings.io.labelled_points import LabelledPoints, has_clouds, read_label_pairs, read_labels
@@ -43,6 +45,8 @@ class ScoreOptions:
         How far an empty cell looks for its nearest point [spacings].
     reference_classes : collection of int or None
         The reference's classes of what is compared, None for the usual one.
+    merge_touching : bool
+        Whether outlines that share a wall are compared as one block.
 
     """
 
@@ -50,6 +54,7 @@ class ScoreOptions:
     cell: float
     fill: float
     reference_classes: Collection[int] | None
+    merge_touching: bool = False
 
 
 def ground_figures(result: Path, reference: Path, options: ScoreOptions) -> dict[str, Any]:
@@ -81,10 +86,25 @@ def outline_figures(result: Path, reference: Path, options: ScoreOptions) -> dic
     Compare outlines as objects, as area and along their boundaries.
 
     """
-    mine, theirs = read_metric_polygons(result), read_metric_polygons(reference)
-    _check_same_system(mine.crs, theirs.crs, options.area)
+    sides = [read_metric_polygons(path) for path in (result, reference)]
+    _check_same_system(sides[0].crs, sides[1].crs, options.area)
     area = None if options.area is None else options.area.polygons
-    figures = asdict(score_outlines(mine.polygons, theirs.polygons, area=area))
+    mine, theirs = (side.polygons for side in sides)
+    coverage = asdict(score_coverage(mine, theirs, area=area))
+    coverage["covered_per_building"] = coverage.pop("covered").tolist()
+    if not options.merge_touching:
+        return {**_object_figures(mine, theirs, area), **coverage}
+    blocks = merge_touching(theirs)
+    figures = _object_figures(merge_touching(mine).polygons, blocks.polygons, area)
+    return {**figures, **coverage, "block_per_building": blocks.block.tolist()}
+
+
+def _object_figures(mine: NDArray[Any], theirs: NDArray[Any], area: NDArray[Any] | None) -> dict[str, Any]:
+    """
+    Compare outlines, or blocks of them, one to one.
+
+    """
+    figures = asdict(score_outlines(mine, theirs, area=area))
     distances = figures.pop("boundary")
     vertices = {name: figures.pop(name) for name in ("vertices_result", "vertices_reference")}
     per_outline = {name: figures.pop(name).tolist() for name in ("partner", "iou")}

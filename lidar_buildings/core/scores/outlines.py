@@ -15,11 +15,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from lidar_buildings.core.scores.boundaries import BoundaryDistances, boundary_distances
 from lidar_buildings.core.scores.confusion import ratio
+from lidar_buildings.core.scores.polygons import MIN_INSIDE, cut_to, limits_of, valid_polygons
 
 #: An object counts as found from this intersection over union on.
 MIN_IOU = 0.5
-#: An object that the area of interest cuts and nothing answers counts if so much of it lies inside.
-MIN_INSIDE = 0.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,9 +93,9 @@ def score_outlines(result: ArrayLike, reference: ArrayLike, *, area: ArrayLike |
     Pairs of IoU > 0.5 are unique where the outlines of one side do not overlap each other.
 
     """
-    limits = None if area is None else shapely.union_all(_valid(area))
-    mine, mine_inside = _cut(_valid(result), limits)
-    theirs, theirs_inside = _cut(_valid(reference), limits)
+    limits = limits_of(area)
+    mine, mine_inside = cut_to(valid_polygons(result), limits)
+    theirs, theirs_inside = cut_to(valid_polygons(reference), limits)
     partner, iou = match_outlines(mine, theirs)
     answered = np.isin(np.arange(len(mine)), partner)
     n_result = int(np.count_nonzero(answered | (mine_inside >= MIN_INSIDE)))
@@ -155,29 +154,6 @@ def match_outlines(
             partner[theirs[pair]], best[theirs[pair]] = mine[pair], iou[pair]
             taken[mine[pair]] = True
     return partner, best
-
-
-def _valid(polygons: ArrayLike) -> NDArray[Any]:
-    """
-    Return the geometries as an array, repaired, with None and what has no area as an empty polygon.
-
-    """
-    given = np.atleast_1d(np.asarray(polygons, dtype=object))
-    valid = shapely.make_valid(shapely.force_2d(given))
-    # A repair can leave dangling lines beside the polygons: a zero-width buffer keeps the areas alone.
-    valid = np.where(shapely.get_dimensions(valid) == 2, shapely.buffer(valid, 0.0), shapely.Polygon())
-    return np.asarray(valid, dtype=object)
-
-
-def _cut(polygons: NDArray[Any], limits: shapely.Geometry | None) -> tuple[NDArray[Any], NDArray[np.float64]]:
-    """
-    Cut polygons to the limits; return them with the share of their area that is left, 0 for empty ones.
-
-    """
-    whole = shapely.area(polygons)
-    if limits is not None:
-        polygons = _valid(shapely.intersection(polygons, limits))
-    return polygons, np.divide(shapely.area(polygons), whole, out=np.zeros(len(whole)), where=whole > 0)
 
 
 def _areas(result: NDArray[Any], reference: NDArray[Any]) -> tuple[float, float, float]:

@@ -1,0 +1,137 @@
+"""
+Blocks of touching buildings, and how many buildings a result covers, on cases worked out by hand.
+
+"""
+
+import math
+
+import numpy as np
+import pytest
+import shapely
+from shapely import box
+
+from lidar_buildings.core.scores.blocks import merge_touching
+from lidar_buildings.core.scores.coverage import score_coverage
+from lidar_buildings.core.scores.outlines import score_outlines
+
+
+def row_of_houses(count, gap=0.0):
+    """
+    Houses of 6 by 10 m side by side.
+
+    """
+    return [box(west, 0, west + 6, 10) for west in np.arange(count) * (6 + gap)]
+
+
+def test_a_row_of_houses_is_one_block():
+    blocks = merge_touching(row_of_houses(4))
+    assert blocks.block.tolist() == [0, 0, 0, 0]
+    assert len(blocks.polygons) == 1
+    assert blocks.polygons[0].equals(box(0, 0, 24, 10))
+
+
+@pytest.mark.parametrize(("gap", "n_blocks"), [(0.0, 1), (0.04, 1), (0.06, 3), (1.0, 3)])
+def test_walls_closer_than_the_tolerance_are_one_wall_and_the_gap_is_closed(gap, n_blocks):
+    polygons = merge_touching(row_of_houses(3, gap)).polygons
+    assert len(polygons) == n_blocks
+    closed = 2 * gap * 10 if n_blocks == 1 else 0.0
+    assert shapely.area(polygons).sum() == pytest.approx(180 + closed)
+    assert all(polygon.geom_type == "Polygon" for polygon in polygons)
+
+
+def test_a_wider_tolerance_closes_wider_gaps():
+    assert len(merge_touching(row_of_houses(3, 0.3), tolerance=0.5).polygons) == 1
+
+
+def test_houses_that_meet_at_a_corner_stay_apart():
+    assert merge_touching([box(0, 0, 10, 10), box(10, 10, 20, 20)]).block.tolist() == [0, 1]
+
+
+@pytest.mark.parametrize(("shared", "n_blocks"), [(0.3, 2), (0.8, 1)])
+def test_a_wall_is_shared_from_half_a_metre_on(shared, n_blocks):
+    polygons = merge_touching([box(0, 0, 10, 10), box(10, 10 - shared, 20, 20)]).polygons
+    assert len(polygons) == n_blocks
+
+
+def test_overlapping_and_contained_buildings_are_one_block():
+    assert merge_touching([box(0, 0, 10, 10), box(5, 0, 15, 10)]).polygons[0].area == pytest.approx(150)
+    for pair in ([box(0, 0, 10, 10), box(4, 4, 6, 6)], [box(4, 4, 6, 6), box(0, 0, 10, 10)]):
+        assert merge_touching(pair).polygons[0].area == pytest.approx(100)
+
+
+def test_a_building_that_touches_none_is_not_changed():
+    alone = shapely.Polygon([(0, 0), (7.01, 0.3), (6.5, 9), (6.47, 9), (6.4, 3), (0, 3)])
+    found = merge_touching([alone, box(20, 0, 30, 10), box(30, 0, 40, 10)]).polygons[0]
+    assert found.normalize() == alone.normalize()
+
+
+def test_houses_round_a_courtyard_are_a_block_with_a_hole():
+    wings = [box(0, 0, 30, 10), box(0, 20, 30, 30), box(0, 10, 10, 20), box(20, 10, 30, 20)]
+    (block,) = merge_touching(wings).polygons
+    assert block.area == pytest.approx(800)
+    assert [shapely.Polygon(ring).area for ring in block.interiors] == [pytest.approx(100)]
+
+
+def test_blocks_are_numbered_by_their_first_building():
+    row, other = row_of_houses(3), [box(100, 0, 110, 10), box(110, 0, 120, 10)]
+    blocks = merge_touching([row[0], other[0], row[2], box(50, 0, 60, 10), other[1], row[1]])
+    assert blocks.block.tolist() == [0, 1, 0, 2, 1, 0]
+    assert shapely.area(blocks.polygons).tolist() == pytest.approx([180, 200, 100])
+
+
+def test_blocks_have_the_area_of_the_union_of_chance_buildings():
+    random = np.random.default_rng(1)
+    corners, sizes = random.integers(0, 60, (60, 2)), random.integers(2, 12, (60, 2))
+    buildings = [box(*corner, *(corner + size)) for corner, size in zip(corners, sizes, strict=True)]
+    blocks = merge_touching(buildings)
+    union = shapely.union_all(buildings)
+    assert shapely.area(blocks.polygons).sum() == pytest.approx(union.area)
+    assert len(blocks.polygons) == len(shapely.get_parts(union))
+    for number, block in enumerate(blocks.polygons):
+        members = [building for building, of in zip(buildings, blocks.block, strict=True) if of == number]
+        assert block.symmetric_difference(shapely.union_all(members)).area < 1e-9
+
+
+@pytest.mark.parametrize("nothing", [[], [None], [shapely.Polygon()], [shapely.LineString([(0, 0), (1, 1)])]])
+def test_nothing_is_no_block_or_an_empty_one(nothing):
+    blocks = merge_touching(nothing)
+    assert len(blocks.polygons) == len(blocks.block) == len(nothing)
+    assert shapely.area(blocks.polygons).sum() == 0
+
+
+def test_a_row_found_as_one_building_is_found_when_blocks_are_compared():
+    row, found = row_of_houses(3), [box(0, 0, 18, 9)]
+    apart = score_outlines(found, row)
+    assert (apart.n_found, apart.n_missed, apart.n_extra) == (0, 3, 1)
+    together = score_outlines(merge_touching(found).polygons, merge_touching(row).polygons)
+    assert (together.n_found, together.n_missed, together.n_extra) == (1, 0, 0)
+    assert together.mean_iou == pytest.approx(0.9)
+
+
+def test_each_building_of_a_row_is_covered_or_not_by_whatever_outline():
+    result = [box(0, 0, 14, 10), box(40, 0, 45, 10)]
+    score = score_coverage(result, [*row_of_houses(3), box(40, 0, 50, 10), box(60, 0, 70, 10)])
+    assert score.covered.tolist() == pytest.approx([1.0, 1.0, 2 / 6, 0.5, 0.0])
+    assert (score.n_buildings, score.n_covered) == (5, 3)
+    assert score.covered_share == pytest.approx(3 / 5)
+
+
+def test_area_covered_twice_counts_once():
+    score = score_coverage([box(0, 0, 4, 10), box(0, 0, 4, 10)], [box(0, 0, 10, 10)])
+    assert score.covered.tolist() == pytest.approx([0.4])
+    assert score.n_covered == 0
+
+
+def test_only_buildings_mostly_inside_the_area_of_interest_must_be_covered():
+    reference = [box(0, 0, 10, 10), box(16, 0, 26, 10), box(12, 20, 22, 30)]
+    score = score_coverage([box(0, 0, 30, 10)], reference, area=[box(0, 0, 20, 40)])
+    assert score.covered.tolist() == pytest.approx([1.0, 1.0, 0.0])
+    # of the second one 4 of 10 m lie inside, of the third 8
+    assert (score.n_buildings, score.n_covered) == (2, 1)
+
+
+def test_a_share_of_no_building_is_no_number():
+    score = score_coverage([box(0, 0, 1, 1)], [])
+    assert (score.n_buildings, score.n_covered) == (0, 0)
+    assert math.isnan(score.covered_share)
+    assert score_coverage([], [box(0, 0, 1, 1)]).covered_share == 0.0
