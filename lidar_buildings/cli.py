@@ -61,15 +61,23 @@ def _add_run(parser: argparse.ArgumentParser) -> None:
     """
     parser.add_argument("input", nargs="+", metavar="INPUT", help="LAS, LAZ or COPC files, folders or globs")
     parser.add_argument("--output", required=True, type=Path, metavar="DIR", help="folder for the results")
-    parser.add_argument("--params", type=Path, metavar="FILE", help="parameters as in config/pipeline.param.yaml")
     parser.add_argument(
-        "--set", action="append", default=[], metavar="STAGE.NAME=VALUE", help="set one parameter (repeatable)"
+        "--params", type=Path, metavar="FILE", help="parameters as in config/pipeline.param.yaml"
+    )
+    parser.add_argument(
+        "--set",
+        action="append",
+        default=[],
+        metavar="STAGE.NAME=VALUE",
+        help="set one parameter (repeatable)",
     )
     parser.add_argument("--until", metavar="STAGE", help="end with this stage")
     parser.add_argument("--tile-size", type=float, metavar="M", help="side of a tile [m]")
     parser.add_argument("--no-ros", action="store_true", help="call the stages directly, without ROS")
     parser.add_argument("--overwrite", action="store_true", help="replace what is in DIR")
-    parser.add_argument("--namespace", metavar="NAME", help="ROS namespace of the nodes (default: one of its own)")
+    parser.add_argument(
+        "--namespace", metavar="NAME", help="ROS namespace of the nodes (default: one of its own)"
+    )
     parser.set_defaults(command=_run)
 
 
@@ -90,7 +98,9 @@ def _add_simulate(parser: argparse.ArgumentParser) -> None:
     """
     parser.add_argument("--output", required=True, type=Path, metavar="DIR", help="folder for the survey")
     parser.add_argument("--scene", default="village", metavar="NAME", help="which scene (default: village)")
-    parser.add_argument("--seed", type=int, default=0, metavar="N", help="seed of everything random (default: 0)")
+    parser.add_argument(
+        "--seed", type=int, default=0, metavar="N", help="seed of everything random (default: 0)"
+    )
     parser.add_argument("--density", type=float, metavar="D", help="points per square metre")
     parser.add_argument("--overwrite", action="store_true", help="replace what is in DIR")
     parser.set_defaults(command=_simulate)

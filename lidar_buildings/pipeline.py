@@ -22,6 +22,7 @@ from lidar_buildings.core.plane_fitting import PlaneFittingConfig
 from lidar_buildings.core.regularisation import RegularisationConfig
 from lidar_buildings.core.roof_selection import RoofSelectionConfig
 from lidar_buildings.core.segmentation import SegmentationConfig
+from lidar_buildings.core.stage_names import STAGES
 from lidar_buildings.core.tile import PointTile
 from lidar_buildings.core.tile_stages import (
     TileModel,
@@ -71,9 +72,6 @@ STAGE_CONFIGS: dict[str, type[StageConfig]] = {
     member.name: member.default_factory  # type: ignore[misc]
     for member in fields(PipelineConfig)
 }
-
-#: The stages that `reconstruct_tile` may end with (segmentation is the first half of tracing).
-STAGES = tuple(stage for stage in STAGE_CONFIGS if stage != "segmentation")
 
 
 def stage_config(stage: str, values: Mapping[str, Any]) -> StageConfig:

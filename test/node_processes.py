@@ -83,7 +83,9 @@ class NodeProcesses:
         """
         end = time.monotonic() + seconds
         while self.n_on_disk() < count and not (self.output / "run.json").exists():
-            assert time.monotonic() < end, f"{self.n_on_disk()} of {count} tiles after {seconds} s{self.tails()}"
+            assert time.monotonic() < end, (
+                f"{self.n_on_disk()} of {count} tiles after {seconds} s{self.tails()}"
+            )
             assert self._processes["model_writer"].poll() in (None, 0), self.tails()
             time.sleep(0.05)
 
@@ -102,5 +104,9 @@ class NodeProcesses:
         The last lines of every node's log.
 
         """
-        lines = [f"{log.stem}: {line}" for log in self._logs.glob("*.log") for line in log.read_text().splitlines()[-4:]]
+        lines = [
+            f"{log.stem}: {line}"
+            for log in self._logs.glob("*.log")
+            for line in log.read_text().splitlines()[-4:]
+        ]
         return "\n" + "\n".join(lines)

@@ -48,7 +48,9 @@ def assert_buildings_once(output: Path) -> None:
     """
     import shapely
 
-    _, _, geometry, columns = pyogrio.raw.read(output / "buildings.gpkg", layer="outlines", columns=["building_id"])
+    _, _, geometry, columns = pyogrio.raw.read(
+        output / "buildings.gpkg", layer="outlines", columns=["building_id"]
+    )
     numbers = columns[0].tolist()
     assert len(set(numbers)) == len(numbers) > 0
     lines = (output / "city_model.city.jsonl").read_text().splitlines()[1:]

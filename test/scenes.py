@@ -37,7 +37,8 @@ class Scene:
         A tree's points are neither.
     buildings : tuple of Building
         Each with `exterior` (counter-clockwise, open), `holes`, `faces`, `planes` (a, b, c of
-        z = a·x + b·y + c), `outline`, `polygon`, `ground_elevation`, `roof_elevation_range`, `height`, `number` (from 1).
+        z = a·x + b·y + c), `outline`, `polygon`, `ground_elevation`, `roof_elevation_range`, `height`,
+        `number` (from 1).
     roof_plane : ndarray of uint16, shape (n,)
         Plane id within the building (face i has id i + 1), 0 = none.
     building : ndarray of uint32, shape (n,)

@@ -5,7 +5,7 @@ A tile of points: named columns that all stages share and messages carry.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -53,8 +53,10 @@ class PointTile:
     ----------
     points : ndarray of shape (n_points, 3), float64
         Map frame [m].
-    intensity, return_number, number_of_returns, classification, scan_angle, point_source_id, gps_time : ndarray or None
-        As in the source; None where it has none. `scan_angle` in degrees.
+    intensity, return_number, number_of_returns, classification : ndarray or None
+        As in the source; None where it has none.
+    scan_angle, point_source_id, gps_time : ndarray or None
+        Likewise; `scan_angle` in degrees.
     buffer : ndarray of uint8 or None
         1 = belongs to a neighbouring tile, given as context only.
     source, index : ndarray or None
@@ -99,7 +101,7 @@ class PointTile:
     plane_id: NDArray[np.uint16] | None = None
     stamp: int = 0
     bounds: tuple[float, float, float, float] | None = None
-    frame: MapFrame = MapFrame()
+    frame: MapFrame = field(default_factory=MapFrame)
 
     def __post_init__(self) -> None:
         """

@@ -98,7 +98,9 @@ def select_roof_points(tile: PointTile, config: RoofSelectionConfig) -> PointTil
     result = select_roofs(
         tile.points,
         config,
-        height_above_ground=None if tile.height_above_ground is None else tile.height_above_ground.astype(float),
+        height_above_ground=None
+        if tile.height_above_ground is None
+        else tile.height_above_ground.astype(float),
         classification=tile.classification,
         return_number=tile.return_number,
         number_of_returns=tile.number_of_returns,
@@ -142,9 +144,7 @@ def trace_buildings(
     A building belongs to the tile that holds its anchor as a core point, so that each comes out once.
 
     """
-    found = segment_buildings(
-        tile.points, segmentation, scan_angle=tile.scan_angle, gps_time=tile.gps_time
-    )
+    found = segment_buildings(tile.points, segmentation, scan_angle=tile.scan_angle, gps_time=tile.gps_time)
     is_core = tile.is_core
     owned = [
         (number, rows)
@@ -263,7 +263,10 @@ def _reaches(
     west, south, east, north = bounds
     x, y = points[:, 0], points[:, 1]
     return bool(
-        x.min() - west < window or y.min() - south < window or east - x.max() < window or north - y.max() < window
+        x.min() - west < window
+        or y.min() - south < window
+        or east - x.max() < window
+        or north - y.max() < window
     )
 
 

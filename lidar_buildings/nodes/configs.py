@@ -19,8 +19,8 @@ from lidar_buildings.core.plane_fitting import PlaneFittingConfig
 from lidar_buildings.core.regularisation import RegularisationConfig
 from lidar_buildings.core.roof_selection import RoofSelectionConfig
 from lidar_buildings.core.segmentation import SegmentationConfig
+from lidar_buildings.core.stage_names import STAGES
 from lidar_buildings.io.tiling_config import TilingConfig
-from lidar_buildings.pipeline import STAGES
 
 
 @dataclass(frozen=True)

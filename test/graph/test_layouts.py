@@ -53,5 +53,3 @@ def test_two_instances_run_side_by_side_under_different_namespaces(survey, witho
         assert left.wait_until_written(240) == 0, left.tails()
     assert contents(tmp_path / "left") == contents(without_ros)
     assert {path.name for path in (tmp_path / "right" / "classified").iterdir()} == {files[0].name}
-
-

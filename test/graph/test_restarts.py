@@ -25,7 +25,9 @@ def test_a_stage_that_takes_two_seconds_a_tile_loses_nothing(survey, tmp_path):
 
 def test_every_node_may_be_killed_and_restarted_in_mid_run(survey, tmp_path):
     expected = tmp_path / "expected"
-    assert main(["run", str(survey), "--output", str(expected), "--no-ros", "--tile-size", str(TILE_SIZE)]) == 0
+    assert (
+        main(["run", str(survey), "--output", str(expected), "--no-ros", "--tile-size", str(TILE_SIZE)]) == 0
+    )
     files = sorted(survey.glob("*.laz"))
     player = {"tile_size": TILE_SIZE, "tile_timeout": 4.0, "max_attempts": 10}
     with NodeProcesses(files, tmp_path / "out", "killed", tmp_path, **player) as graph:

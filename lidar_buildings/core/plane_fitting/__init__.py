@@ -20,8 +20,9 @@ from lidar_buildings.core.plane_fitting.competition import (
     split,
 )
 from lidar_buildings.core.plane_fitting.config import PlaneFittingConfig
-from lidar_buildings.core.plane_fitting.consensus import Cloud, Limits, extract, samples_needed
+from lidar_buildings.core.plane_fitting.consensus import Cloud, Limits, samples_needed
 from lidar_buildings.core.plane_fitting.plane_geometry import local_normals
+from lidar_buildings.core.plane_fitting.search import extract
 from lidar_buildings.core.point_array import checked_points
 from lidar_buildings.core.point_spacing import measure_spacing
 from lidar_buildings.core.status import BuildingStatus
