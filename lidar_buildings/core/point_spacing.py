@@ -19,7 +19,7 @@ FALLBACK_SPACING = 1.0
 QUANTUM = 2.0**0.25
 #: Neighbours that a density is estimated from: enough to bridge the unequal steps along and across the scan.
 NEIGHBOURS = 16
-#: Positions at which the density is probed; the median of so many is known to half a percent.
+#: Positions at which the density is probed; the median of so many is steady to a percent.
 MAX_PROBES = 20_000
 #: Distances beyond this multiple of the median weigh no more: a few strays far off have no say.
 MAX_STRAY = 3.0
@@ -51,7 +51,7 @@ def measure_spacing(points: ArrayLike) -> float:
 
     Notes
     -----
-    Order of points does not matter. Some 2 million points a second.
+    Order of points does not matter. Some million points a second on one core.
 
     """
     x, y, _ = checked_points(points).T

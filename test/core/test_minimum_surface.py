@@ -19,7 +19,7 @@ def test_one_false_low_point_does_not_pull_the_ground_down():
     low = np.append(scene.points[scene.is_ground][500, :2], scenes.GROUND - 30)
     height = height_above_minimum(np.vstack([scene.points, low]))
     assert height[-1] < -25
-    assert np.quantile(np.abs(height[:-1][scene.is_ground]), 0.99) < 0.5
+    assert np.quantile(np.abs(height[:-1][scene.is_ground]), 0.95) < 0.15
 
 
 def test_the_order_of_points_does_not_matter():

@@ -63,9 +63,9 @@ def test_a_tree_over_the_eave_is_vegetation_and_the_roof_stays():
     crown = is_tree & (scene.points[:, 2] > scenes.GROUND + 7)
     for given in ({}, returns):
         classes = select_roofs(scene.points, **known(scene), **given).classification
-        # Under the crown, a twentieth of the roof, its points are mixed with leaves.
-        assert (classes[scene.is_roof] == ROOF).mean() > 0.93
-        assert (classes[crown] == ROOF).mean() < 0.15
+        # A fourteenth of the roof lies within the crown; half of that is lost among the leaves.
+        assert (classes[scene.is_roof] == ROOF).mean() > 0.95
+        assert (classes[crown] == ROOF).mean() < 0.05
 
 
 def test_eaves_hit_by_first_returns_stay_roof():
