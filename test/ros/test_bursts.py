@@ -1,0 +1,102 @@
+"""
+A tile of very many buildings, sent to a subscriber that is busy: nothing is lost, nothing blocks.
+
+"""
+
+import os
+import subprocess
+import sys
+import threading
+import time
+from contextlib import suppress
+from pathlib import Path
+
+import numpy as np
+import pytest
+import rclpy
+from geometry_msgs.msg import PolygonInstanceStamped
+from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+
+from lidar_buildings.ros.middleware import prepare_middleware
+from lidar_buildings.ros.polygons import closing_message, ring_message
+from lidar_buildings.ros.publishing import publish_all
+from lidar_buildings.ros.qos import BUILDING
+
+N_RINGS = 12_000
+BUSY = 3.0
+RING = np.random.default_rng(0).normal(size=(12, 2))
+
+pytestmark = [pytest.mark.graph, pytest.mark.slow]
+
+
+class Listener:
+    """
+    Is busy for a while at the first message.
+
+    """
+
+    def __init__(self, context):
+        self.node = rclpy.create_node("listener", context=context)
+        self.ids = []
+        self.node.create_subscription(PolygonInstanceStamped, "rings", self.on_ring, BUILDING)
+
+    def on_ring(self, message):
+        if not self.ids:
+            time.sleep(BUSY)
+        self.ids.append(message.polygon.id)
+
+
+def spin(node, context):
+    executor = SingleThreadedExecutor(context=context)
+    executor.add_node(node)
+    with suppress(ExternalShutdownException):
+        executor.spin()
+
+
+def send_burst(node):
+    publisher = node.create_publisher(PolygonInstanceStamped, "rings", BUILDING)
+    end = time.monotonic() + 20.0
+    while not publisher.get_subscription_count():
+        assert time.monotonic() < end
+        time.sleep(0.01)
+    publish_all(publisher, (ring_message(1, number, RING) for number in range(N_RINGS)))
+    publisher.publish(closing_message(1))
+    return publisher
+
+
+def test_a_burst_of_rings_within_one_process_loses_nothing(context):
+    listener = Listener(context)
+    sender = rclpy.create_node("sender", context=context)
+    thread = threading.Thread(target=spin, args=(listener.node, context))
+    thread.start()
+    send_burst(sender)
+    end = time.monotonic() + 40.0
+    while len(listener.ids) <= N_RINGS and time.monotonic() < end:
+        time.sleep(0.02)
+    rclpy.try_shutdown(context=context)
+    thread.join()
+    assert listener.ids == [*range(N_RINGS), -1]
+
+
+def test_a_burst_of_rings_to_another_process_loses_nothing(context):
+    listener = Listener(context)
+    root = str(Path(__file__).resolve().parents[2])
+    path = os.pathsep.join([root, os.environ.get("PYTHONPATH", "")])
+    child = subprocess.Popen([sys.executable, __file__], env=os.environ | {"PYTHONPATH": path})
+    executor = SingleThreadedExecutor(context=context)
+    executor.add_node(listener.node)
+    end = time.monotonic() + 60.0
+    while len(listener.ids) <= N_RINGS and time.monotonic() < end:
+        executor.spin_once(timeout_sec=0.1)
+    child.terminate()
+    child.wait()
+    executor.shutdown()
+    assert listener.ids == [*range(N_RINGS), -1]
+
+
+if __name__ == "__main__":
+    prepare_middleware()
+    rclpy.init()
+    sending = rclpy.create_node("sender")
+    kept = send_burst(sending)
+    time.sleep(60.0)

@@ -1,0 +1,130 @@
+from dataclasses import dataclass
+from typing import ClassVar
+
+import pytest
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+
+from lidar_buildings.core.errors import ParameterError
+from lidar_buildings.core.parameters import StageConfig, parameter
+from lidar_buildings.ros.parameters import NodeParameters, parameter_overrides
+
+
+@dataclass(frozen=True)
+class RoofConfig(StageConfig):
+    stage: ClassVar[str] = "roofs"
+    max_distance: float = parameter(0.5, "Raising it takes more.", unit="m", minimum=0.0, maximum=2.0)
+    min_points: int = parameter(3, "Raising it finds fewer.", minimum=1)
+    method: str = parameter("ransac", "How.", choices=("ransac", "growing"))
+    is_on: bool = parameter(True, "Whether.", read_only=True)
+    input: tuple[str, ...] = parameter((), "Files.")
+
+
+@dataclass(frozen=True)
+class WallConfig(StageConfig):
+    stage: ClassVar[str] = "walls"
+    max_distance: float = parameter(0.1, "Raising it takes more.", unit="m", maximum=1.0)
+
+
+ONE = {"roofs": RoofConfig}
+TWO = {"roofs": RoofConfig, "walls": WallConfig}
+
+
+@pytest.fixture
+def make(context):
+    nodes = []
+
+    def make_node(configs, **overrides):
+        values = [Parameter(name.replace("__", "."), value=value) for name, value in overrides.items()]
+        node = Node("tester", context=context, parameter_overrides=values)
+        nodes.append(node)
+        return node, NodeParameters(node, configs)
+
+    yield make_node
+    for node in nodes:
+        node.destroy_node()
+
+
+def test_defaults_are_those_of_the_config(make):
+    node, parameters = make(ONE)
+    assert parameters[RoofConfig] == RoofConfig()
+    assert node.get_parameter("max_distance").value == 0.5
+    assert node.get_parameter("input").value == [""]
+
+
+def test_a_node_with_several_stages_puts_the_stage_before_the_name(make):
+    node, parameters = make(TWO, walls__max_distance=0.2)
+    assert parameters[WallConfig].max_distance == 0.2
+    assert parameters[RoofConfig].max_distance == 0.5
+    assert node.has_parameter("roofs.max_distance")
+
+
+def test_start_values_are_taken_and_whole_numbers_will_do_for_floats(make):
+    _, parameters = make(ONE, max_distance=2, input=["a.laz", "b.laz"])
+    assert parameters[RoofConfig].max_distance == 2.0
+    assert parameters[RoofConfig].input == ("a.laz", "b.laz")
+
+
+def test_descriptors_tell_description_unit_range_and_what_is_fixed(make):
+    node, _ = make(ONE)
+    distance = node.describe_parameter("max_distance")
+    assert distance.description == "Raising it takes more. [m]"
+    assert (distance.floating_point_range[0].from_value, distance.floating_point_range[0].to_value) == (
+        0.0,
+        2.0,
+    )
+    points = node.describe_parameter("min_points").integer_range[0]
+    assert (points.from_value, points.to_value) == (1, 2**63 - 1)
+    assert node.describe_parameter("method").additional_constraints == "one of ransac, growing"
+    assert node.describe_parameter("is_on").read_only
+
+
+@pytest.mark.parametrize(
+    ("overrides", "line"),
+    [
+        ({"max_distance": 3.0}, r"tester.max_distance = 3.0: must be within 0 to 2 \[m\]"),
+        ({"min_points": 0}, "tester.min_points = 0: must be at least 1"),
+        ({"min_points": 1.5}, "tester.min_points = 1.5: must be of type int"),
+        ({"method": "magic"}, "tester.method = 'magic': must be one of ransac, growing"),
+        ({"input": "a.laz"}, "tester.input = 'a.laz': must be a list of texts"),
+        ({"max_distanse": 1.0}, r"tester.max_distanse: .* \(did you mean max_distance\?\)"),
+        ({"qqq": 1.0}, r"tester.qqq: there is no such parameter \(there are max_distance, min_points"),
+    ],
+)
+def test_a_wrong_start_value_or_name_is_one_clear_line(make, overrides, line):
+    with pytest.raises(ParameterError, match=line) as caught:
+        make(ONE, **overrides)
+    assert "\n" not in str(caught.value)
+
+
+def test_what_ros_itself_declares_is_not_unknown(make):
+    make(ONE, use_sim_time=True)
+
+
+def test_a_change_at_run_time_counts_from_then_on(make):
+    node, parameters = make(TWO)
+    results = node.set_parameters([Parameter("roofs.max_distance", value=1.5)])
+    assert results[0].successful
+    assert parameters[RoofConfig].max_distance == 1.5
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "reason"),
+    [
+        ("max_distance", 5.0, "max_distance"),
+        ("method", "magic", "tester.method = 'magic': must be one of ransac, growing"),
+        ("is_on", False, "read-only"),
+    ],
+)
+def test_a_change_that_is_not_allowed_is_refused_with_its_reason(make, name, value, reason):
+    node, parameters = make(ONE)
+    result = node.set_parameters([Parameter(name, value=value)])[0]
+    assert not result.successful
+    assert reason in result.reason
+    assert parameters[RoofConfig] == RoofConfig()
+
+
+def test_overrides_of_a_node_are_made_from_settings_by_stage(make):
+    settings = {"walls": {"max_distance": 0.3}, "roofs": {"input": ()}, "other": {"x": 1}}
+    made = {one.name: one.value for one in parameter_overrides(TWO, settings)}
+    assert made == {"walls.max_distance": 0.3, "roofs.input": [""]}

@@ -1,0 +1,109 @@
+import numpy as np
+import pytest
+
+from lidar_buildings.core.errors import InputError
+from lidar_buildings.core.outline import BuildingOutline, Outline
+from lidar_buildings.ros.polygons import (
+    bounds_message,
+    bounds_of,
+    closing_message,
+    outline_messages,
+    ring_message,
+    roof_messages,
+)
+from lidar_buildings.ros.ring_collector import RingCollector, outlines_of, roof_faces_of
+
+SQUARE = np.array([[0.0, 0.0], [10.0, 0.0], [10.0, 10.0], [0.0, 10.0]])
+HOLE = np.array([[4.0, 4.0], [4.0, 6.0], [6.0, 6.0], [6.0, 4.0]])
+POINT = np.array([[3.0, 3.0], [3.0, 3.0], [3.0, 3.0]])
+STAMP = 5_000_000_001
+
+COURTYARD = BuildingOutline(2**32 - 1, Outline(SQUARE, (HOLE, HOLE + 0.5)))
+PLAIN = BuildingOutline(7, Outline(SQUARE + 100.0))
+OUTLINES = (PLAIN, COURTYARD)
+
+
+def collected(messages):
+    collector = RingCollector()
+    closed = [tile for tile in map(collector.add, messages) if tile is not None]
+    assert len(closed) == 1
+    return closed[0]
+
+
+def assert_same(found, expected):
+    assert [one.building_id for one in found] == [one.building_id for one in expected]
+    assert all(one.outline.same_as(other.outline) for one, other in zip(found, expected, strict=True))
+
+
+def test_outlines_come_back_as_they_were_sent():
+    closed = collected(outline_messages(STAMP, OUTLINES))
+    assert closed.stamp == STAMP
+    assert_same(outlines_of(closed.rings), OUTLINES)
+
+
+def test_rings_are_open_outer_first_and_the_tile_is_closed_by_minus_one():
+    messages = list(outline_messages(STAMP, (COURTYARD,)))
+    assert [message.polygon.id for message in messages] == [2**32 - 1] * 3 + [-1]
+    assert [len(message.polygon.polygon.points) for message in messages] == [4, 4, 4, 0]
+    first = messages[0].polygon.polygon.points
+    assert (first[0].x, first[0].y) != (first[-1].x, first[-1].y)
+    assert {(message.header.stamp.sec, message.header.frame_id) for message in messages} == {(5, "map")}
+
+
+def test_a_tile_without_buildings_is_closed_all_the_same():
+    assert outlines_of(collected([closing_message(STAMP)]).rings) == ()
+
+
+def test_tiles_may_be_interleaved():
+    collector = RingCollector()
+    left, right = (list(outline_messages(stamp, OUTLINES)) for stamp in (1, 2))
+    closed = [collector.add(m) for pair in zip(left, right, strict=True) for m in pair]
+    assert [tile.stamp for tile in closed if tile] == [1, 2]
+    assert_same(outlines_of(closed[-1].rings), OUTLINES)
+
+
+def test_a_tile_that_was_closed_begins_anew_when_it_comes_again():
+    collector = RingCollector()
+    for _ in range(2):
+        closed = [collector.add(message) for message in outline_messages(STAMP, OUTLINES)][-1]
+        assert_same(outlines_of(closed.rings), OUTLINES)
+
+
+@pytest.mark.parametrize("n_before_restart", [1, 2, 3, 4])
+def test_a_sender_that_was_restarted_in_mid_tile_leaves_no_trace(n_before_restart):
+    messages = list(outline_messages(STAMP, OUTLINES))
+    assert_same(outlines_of(collected(messages[:n_before_restart] + messages).rings), OUTLINES)
+
+
+def test_holes_whose_outer_ring_was_lost_make_no_building():
+    messages = list(outline_messages(STAMP, OUTLINES))
+    assert [one.building_id for one in outlines_of(collected(messages[2:]).rings)] == []
+
+
+def test_a_ring_without_area_is_an_outline_too():
+    degenerate = BuildingOutline(3, Outline(POINT))
+    assert_same(outlines_of(collected(outline_messages(STAMP, (degenerate,))).rings), (degenerate,))
+
+
+def test_roof_faces_keep_their_heights_their_holes_and_their_building():
+    lower = np.column_stack([SQUARE, np.full(4, 3.0)])
+    upper = np.column_stack([SQUARE + 20.0, np.arange(4.0)])
+    hole = np.column_stack([HOLE, np.full(4, 3.0)])
+    faces = [(8, (lower, hole)), (8, (upper,)), (9, (lower,))]
+    closed = collected([*list(roof_messages(STAMP, faces))[:3], *roof_messages(STAMP, faces)])
+    found = roof_faces_of(closed.rings)
+    assert [[len(face) for face in found[number]] for number in (8, 9)] == [[2, 1], [1]]
+    assert np.array_equal(found[8][0][1], hole)
+    assert np.array_equal(found[8][1][0], upper)
+
+
+def test_a_vertex_that_is_not_finite_is_refused():
+    bad = SQUARE.copy()
+    bad[2, 1] = np.nan
+    with pytest.raises(InputError, match="polygon 4 has a vertex that is not finite"):
+        RingCollector().add(ring_message(STAMP, 4, bad))
+
+
+@pytest.mark.parametrize("bounds", [None, (-5.0, 1.0, 20.0, 30.5)])
+def test_bounds_come_back_as_they_were_sent(bounds):
+    assert bounds_of(bounds_message(STAMP, bounds)) == (STAMP, bounds)

@@ -1,0 +1,133 @@
+import json
+import time
+
+import numpy as np
+import pytest
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from rclpy.node import Node
+from sensor_msgs.msg import PointCloud2, PointField
+
+from lidar_buildings.core.ground_filter import GroundFilterConfig
+from lidar_buildings.core.tile import PointTile
+from lidar_buildings.ros.composition import Composition
+from lidar_buildings.ros.point_cloud import from_message, to_message
+from lidar_buildings.ros.qos import CLOUD, EVENT
+from lidar_buildings.ros.stage_node import StageNode
+
+pytestmark = pytest.mark.graph
+
+
+class Doubler(StageNode):
+    """
+    Doubles every coordinate; cannot handle tiles of three points.
+
+    """
+
+    def __init__(self, **kwargs):
+        super().__init__("doubler", {"ground_filter": GroundFilterConfig}, **kwargs)
+        self._out = self.create_publisher(PointCloud2, "doubled", CLOUD)
+        self.subscribe_tiles("points", self.on_tile)
+
+    def on_tile(self, tile):
+        if len(tile) == 3:
+            raise ZeroDivisionError("three\nis too much")
+        self._out.publish(to_message(PointTile(tile.points * 2, stamp=tile.stamp)))
+
+
+class Listener(StageNode):
+    def __init__(self, **kwargs):
+        super().__init__("listener", {"ground_filter": GroundFilterConfig}, **kwargs)
+        self.tiles, self.statuses = [], []
+        self.create_subscription(DiagnosticArray, "diagnostics", self.on_diagnostics, EVENT)
+        self.create_subscription(PointCloud2, "doubled", self.on_cloud, CLOUD)
+
+    def on_cloud(self, message):
+        self.tiles.append(from_message(message).tile)
+
+    def on_diagnostics(self, message):
+        self.statuses += [status for status in message.status if status.name == "doubler"]
+
+
+@pytest.fixture
+def graph(context):
+    doubler, listener = Doubler(context=context), Listener(context=context)
+    composition = Composition(doubler, listener)
+    composition.start()
+    sender = Node("sender", context=context)
+    publisher = sender.create_publisher(PointCloud2, "points", CLOUD)
+    wait_until(lambda: publisher.get_subscription_count() and doubler._out.get_subscription_count())
+    yield publisher, listener
+    sender.destroy_node()
+    composition.stop()
+
+
+def wait_until(condition, seconds=15.0):
+    end = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < end
+        time.sleep(0.01)
+
+
+def tile(n, second):
+    return PointTile(np.ones((n, 3)), stamp=second * 1_000_000_000)
+
+
+def test_one_bad_tile_is_reported_and_the_next_one_goes_through(graph):
+    publisher, listener = graph
+    for n, second in ((2, 1), (3, 2), (4, 3)):
+        publisher.publish(to_message(tile(n, second)))
+    wait_until(lambda: len(listener.tiles) == 2 and len(listener.statuses) == 3)
+    assert [len(one) for one in listener.tiles] == [2, 4]
+    assert [status.level for status in listener.statuses] == [
+        DiagnosticStatus.OK,
+        DiagnosticStatus.ERROR,
+        DiagnosticStatus.OK,
+    ]
+    assert listener.statuses[1].message == "ZeroDivisionError: three is too much"
+
+
+def test_diagnostics_tell_tile_seconds_points_and_parameters(graph):
+    publisher, listener = graph
+    publisher.publish(to_message(tile(2, 7)))
+    wait_until(lambda: listener.statuses)
+    values = {pair.key: pair.value for pair in listener.statuses[0].values}
+    assert values["tile"] == "7000000000"
+    assert values["points"] == "2"
+    assert float(values["seconds"]) >= 0.0
+    assert json.loads(values["parameters"]).keys() == {"ground_filter"}
+
+
+def test_a_cloud_without_coordinates_is_an_error_and_no_tile(graph):
+    publisher, listener = graph
+    message = PointCloud2(height=1, width=1, point_step=4, row_step=4, data=[0, 0, 0, 0])
+    message.header.stamp.sec = 9
+    message.fields = [PointField(name="intensity", datatype=PointField.FLOAT32, count=1)]
+    publisher.publish(message)
+    wait_until(lambda: listener.statuses)
+    assert listener.statuses[0].level == DiagnosticStatus.ERROR
+    assert listener.statuses[0].message == "the cloud has no field x or y or z (its fields: intensity)"
+    assert not listener.tiles
+
+
+def test_points_that_are_not_finite_are_a_warning_with_their_count(graph):
+    publisher, listener = graph
+    message = to_message(tile(5, 9))
+    np.asarray(message.data).view("<f4")[4] = np.nan
+    publisher.publish(message)
+    wait_until(lambda: listener.statuses and listener.tiles)
+    assert listener.statuses[0].level == DiagnosticStatus.WARN
+    assert listener.statuses[0].message.startswith("1 points of points were left out")
+    assert len(listener.tiles[0]) == 4
+
+
+def test_a_composition_ends_with_the_error_that_a_node_cannot_go_on_from(context):
+    doubler, listener = Doubler(context=context), Listener(context=context)
+    composition = Composition(doubler, listener)
+    composition.start()
+    try:
+        assert not composition.wait(listener, timeout=0.1)
+        doubler.fail(OSError("disk full"))
+        with pytest.raises(OSError, match="disk full"):
+            composition.wait(listener, timeout=5.0)
+    finally:
+        composition.stop()

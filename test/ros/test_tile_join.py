@@ -1,0 +1,63 @@
+import numpy as np
+
+from lidar_buildings.core.outline import BuildingOutline, Outline
+from lidar_buildings.core.tile import PointTile
+from lidar_buildings.ros.features import FeaturePool
+from lidar_buildings.ros.tile_join import MAX_WAITING_TILES, TileJoin, agree_on_buildings
+
+
+def points(*building_ids):
+    return PointTile(np.zeros((len(building_ids), 3)), building_id=np.array(building_ids, dtype=np.uint32))
+
+
+def outlines(*building_ids):
+    square = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0]])
+    return tuple(BuildingOutline(number, Outline(square)) for number in building_ids)
+
+
+def test_a_tile_is_complete_when_every_topic_has_spoken():
+    join = TileJoin("ab")
+    assert join.add(1, "a", "first") is None
+    assert join.add(2, "b", "other") is None
+    assert join.add(1, "b", "second") == {"a": "first", "b": "second"}
+    assert join.add(1, "b", "again") is None
+
+
+def test_parts_that_do_not_fit_wait_for_better_ones():
+    join = TileJoin(("points", "outlines"), agree_on_buildings)
+    assert join.add(1, "points", points(0, 4, 4, 9)) is None
+    assert join.add(1, "outlines", outlines(9)) is None
+    assert join.add(1, "outlines", outlines(4, 9)) is not None
+
+
+def test_points_without_buildings_agree_with_no_outlines():
+    assert agree_on_buildings({"points": points(0, 0), "outlines": ()})
+    assert not agree_on_buildings({"points": points(0, 1), "outlines": ()})
+
+
+def test_points_that_know_of_no_buildings_agree_with_anything():
+    assert agree_on_buildings({"points": PointTile(np.zeros((2, 3))), "outlines": outlines(1)})
+
+
+def test_leftovers_of_tiles_that_came_again_do_not_pile_up():
+    join = TileJoin("ab")
+    for stamp in range(MAX_WAITING_TILES + 1):
+        join.add(stamp, "a", stamp)
+    assert join.add(0, "b", 0) is None
+    assert join.add(MAX_WAITING_TILES, "b", 0) is not None
+
+
+def test_a_tile_waits_for_the_features_of_its_buildings():
+    pool = FeaturePool()
+    assert pool.add(1, "one") is None
+    assert pool.expect(50, {1, 2, 3})
+    assert pool.add(3, "three") is None
+    assert pool.add(2, "two") == 50
+    assert pool.take([1, 2, 3]) == ("one", "two", "three")
+
+
+def test_a_tile_whose_features_came_first_does_not_wait():
+    pool = FeaturePool()
+    pool.add(1, "one")
+    assert not pool.expect(50, {1})
+    assert not pool.expect(51, ())
