@@ -82,14 +82,15 @@ def test_a_burst_of_rings_to_another_process_loses_nothing(context):
     listener = Listener(context)
     root = str(Path(__file__).resolve().parents[2])
     path = os.pathsep.join([root, os.environ.get("PYTHONPATH", "")])
-    child = subprocess.Popen([sys.executable, __file__], env=os.environ | {"PYTHONPATH": path})
+    child = subprocess.Popen(
+        [sys.executable, __file__], stdin=subprocess.PIPE, env=os.environ | {"PYTHONPATH": path}
+    )
     executor = SingleThreadedExecutor(context=context)
     executor.add_node(listener.node)
     end = time.monotonic() + 60.0
     while len(listener.ids) <= N_RINGS and time.monotonic() < end:
         executor.spin_once(timeout_sec=0.1)
-    child.terminate()
-    child.wait()
+    child.communicate()
     executor.shutdown()
     assert listener.ids == [*range(N_RINGS), -1]
 
@@ -99,4 +100,5 @@ if __name__ == "__main__":
     rclpy.init()
     sending = rclpy.create_node("sender")
     kept = send_burst(sending)
-    time.sleep(60.0)
+    sys.stdin.read()  # until the test has all
+    rclpy.shutdown()
