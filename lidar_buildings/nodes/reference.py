@@ -78,7 +78,7 @@ def installed_parameter_file() -> Path | None:
         from ament_index_python.packages import get_package_share_directory
 
         candidates.append(Path(get_package_share_directory("lidar_buildings"), "config", _PARAMETER_FILE))
-    except (ImportError, LookupError):
+    except (ImportError, LookupError, OSError):  # no ament, no such package, no AMENT_PREFIX_PATH
         pass
     candidates.append(_root() / "config" / _PARAMETER_FILE)
     return next((path for path in candidates if path.is_file()), None)

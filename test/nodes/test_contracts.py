@@ -1,0 +1,258 @@
+"""
+What the table of nodes, the configs, the parameter file and the pages say is what the nodes do.
+
+"""
+
+import importlib
+from dataclasses import fields
+
+import pytest
+import yaml
+from cloud_files import random_cloud
+from rclpy.parameter import Parameter
+from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
+
+from lidar_buildings.core.parameters import spec_of
+from lidar_buildings.nodes import reference
+from lidar_buildings.nodes.configs import NODE_CONFIGS
+from lidar_buildings.nodes.graph import node_class
+from lidar_buildings.nodes.table import (
+    DIAGNOSTICS,
+    NODE_TABLE,
+    WRITER_TOPICS,
+    nodes_until,
+    topics_until,
+)
+from lidar_buildings.pipeline import STAGE_CONFIGS, STAGES
+from lidar_buildings.ros import qos
+from lidar_buildings.ros.parameters import parameter_prefix, ros_value
+
+CARDS = {card.name: card for card in NODE_TABLE}
+
+#: DESIGN.md section 2: node → (subscribes, publishes).
+DESIGN = {
+    "tile_player": ({"tile_done"}, {"points", "map_origin", "/clock"}),
+    "ground_filter": ({"points"}, {"ground_points"}),
+    "roof_selector": ({"ground_points"}, {"classified_points", "roof_points"}),
+    "edge_labeller": ({"roof_points"}, {"edge_points"}),
+    "building_tracer": ({"edge_points"}, {"building_points", "traced_outlines"}),
+    "outline_regulariser": ({"traced_outlines"}, {"outlines"}),
+    "plane_fitter": ({"building_points"}, {"plane_points"}),
+    "model_builder": (
+        {"plane_points", "outlines"},
+        {"roof_faces", "city_model", "building_markers", "tile_done"},
+    ),
+    "model_writer": (
+        {"classified_points", "plane_points", "traced_outlines", "outlines", "roof_faces", "city_model"},
+        {"tile_done"},
+    ),
+}
+
+
+@pytest.fixture
+def start(context, tmp_path):
+    """
+    Make a node with every optional topic switched on.
+
+    """
+    cloud = tmp_path / "cloud.laz"
+    random_cloud(50).write(cloud)
+    given = {
+        "tile_player": {"input": [str(cloud)], "publish_clock": True},
+        "model_builder": {"flow_control.publish_tile_done": True},
+        "model_writer": {"input": [str(cloud)], "output": str(tmp_path / "out")},
+    }
+    started = []
+
+    def make(name, **overrides):
+        values = given.get(name, {}) | overrides
+        parameters = [Parameter(key, value=value) for key, value in values.items()]
+        node = node_class(name)(context=context, namespace="contract", parameter_overrides=parameters)
+        started.append(node)
+        return node
+
+    yield make
+    for node in started:
+        node.destroy_node()
+
+
+def endpoints(node, getter):
+    infos = set()
+    for topic, _ in node.get_topic_names_and_types():
+        for info in getter(topic):
+            if info.node_name == node.get_name():
+                infos.add((topic, info.topic_type.replace("/msg/", "/"), is_latched(info.qos_profile)))
+    return {info for info in infos if info[0] not in ("/rosout", "/parameter_events")}
+
+
+def is_latched(profile: QoSProfile):
+    assert profile.reliability == ReliabilityPolicy.RELIABLE
+    return profile.durability == DurabilityPolicy.TRANSIENT_LOCAL
+
+
+def promised(topics):
+    return {
+        (
+            topic.name if topic.name.startswith("/") else f"/contract/{topic.name}",
+            topic.type,
+            is_latched(getattr(qos, topic.qos)),
+        )
+        for topic in topics
+    }
+
+
+@pytest.mark.graph
+@pytest.mark.parametrize("name", CARDS)
+def test_every_node_has_the_topics_types_and_durabilities_of_the_table(start, name):
+    node = start(name)
+    assert endpoints(node, node.get_publishers_info_by_topic) == promised(
+        (*CARDS[name].publishes, DIAGNOSTICS)
+    )
+    assert endpoints(node, node.get_subscriptions_info_by_topic) == promised(CARDS[name].subscribes)
+
+
+@pytest.mark.graph
+def test_the_player_has_the_services_of_the_table(start):
+    node = start("tile_player")
+    own = {
+        (name, kinds[0].replace("/srv/", "/"))
+        for name, kinds in node.get_service_names_and_types()
+        if kinds[0].startswith("std_srvs")
+    }
+    assert own == {
+        (name.replace("~", "/contract/tile_player"), kind) for name, kind, _ in CARDS["tile_player"].services
+    }
+
+
+def test_the_table_holds_all_that_the_design_names():
+    assert CARDS.keys() == DESIGN.keys() == NODE_CONFIGS.keys()
+    for name, (subscribes, publishes) in DESIGN.items():
+        assert subscribes <= {topic.name for topic in CARDS[name].subscribes}, name
+        assert publishes <= {topic.name for topic in CARDS[name].publishes}, name
+
+
+def test_clouds_are_reliable_and_keep_more_than_can_be_in_flight_and_rings_are_all_kept():
+    most = next(
+        f for f in fields(NODE_CONFIGS["tile_player"]["tile_player"]) if f.name == "max_tiles_in_flight"
+    )
+    for profile in (qos.CLOUD, qos.BUILDING, qos.LATCHED):
+        assert profile.reliability == ReliabilityPolicy.RELIABLE
+    assert qos.CLOUD.history == HistoryPolicy.KEEP_LAST
+    assert qos.CLOUD.depth >= spec_of(most).maximum
+    assert qos.BUILDING.history == HistoryPolicy.KEEP_ALL
+    assert qos.LATCHED.durability == DurabilityPolicy.TRANSIENT_LOCAL
+
+
+def test_every_summary_is_two_sentences():
+    assert all(card.summary.count(". ") == 1 and card.summary.endswith(".") for card in NODE_TABLE)
+
+
+def test_every_stage_has_its_node():
+    found = {stage: config for configs in NODE_CONFIGS.values() for stage, config in configs.items()}
+    assert all(found[stage] is config for stage, config in STAGE_CONFIGS.items())
+    assert all(config.stage == stage for stage, config in found.items())
+
+
+def test_every_node_can_be_started_by_its_name():
+    for name in CARDS:
+        assert callable(importlib.import_module(f"lidar_buildings.nodes.{name}").main)
+
+
+@pytest.mark.parametrize("stage", STAGES)
+def test_a_shorter_run_has_a_listener_for_every_topic_that_it_must_wait_for(stage):
+    nodes = nodes_until(stage)
+    assert nodes[0] == "tile_player"
+    assert nodes[-1] == "model_writer"
+    published = {topic.name for name in nodes for topic in CARDS[name].publishes}
+    assert set(topics_until(stage)) <= published
+    assert {topic.name for topic in WRITER_TOPICS[stage]} <= published
+
+
+def declared(configs):
+    """
+    Parameter name → (value as ROS has it, config field).
+
+    """
+    return {
+        f"{parameter_prefix(stage, configs)}{one.name}": (ros_value(one.default), one)
+        for stage, config in configs.items()
+        for one in fields(config)
+    }
+
+
+@pytest.mark.graph
+@pytest.mark.parametrize("name", [name for name in CARDS if name not in ("tile_player", "model_writer")])
+def test_declared_parameters_have_the_defaults_and_ranges_of_the_configs(start, name):
+    node = start(name, **({"flow_control.publish_tile_done": False} if name == "model_builder" else {}))
+    for parameter, (value, one) in declared(NODE_CONFIGS[name]).items():
+        assert node.get_parameter(parameter).value == value
+        descriptor = node.describe_parameter(parameter)
+        assert descriptor.description.startswith(spec_of(one).description)
+        assert descriptor.read_only == spec_of(one).read_only
+
+
+@pytest.mark.graph
+@pytest.mark.parametrize("name", ["tile_player", "model_writer"])
+def test_the_parameters_of_source_and_sink_have_their_defaults_where_none_was_given(start, name):
+    node = start(name)
+    given = {"input", "output", "publish_clock"}
+    for parameter, (value, _) in declared(NODE_CONFIGS[name]).items():
+        assert parameter in given or node.get_parameter(parameter).value == value
+
+
+def flat(parameters, prefix=""):
+    for name, value in parameters.items():
+        if isinstance(value, dict):
+            yield from flat(value, f"{prefix}{name}.")
+        else:
+            yield f"{prefix}{name}", value
+
+
+def test_the_parameter_file_has_exactly_the_defaults_of_the_configs():
+    path = reference.installed_parameter_file()
+    content = yaml.safe_load(path.read_text(encoding="utf-8"))
+    assert content.keys() == {f"/**/{name}" for name in NODE_CONFIGS}
+    for name, configs in NODE_CONFIGS.items():
+        found = dict(flat(content[f"/**/{name}"]["ros__parameters"]))
+        assert found == {parameter: value for parameter, (value, _) in declared(configs).items()}
+        assert all(type(found[p]) is type(value) for p, (value, _) in declared(configs).items())
+
+
+def test_the_generated_files_are_up_to_date():
+    assert reference.main(["--check"]) == 0
+
+
+def test_a_stale_file_is_noticed_and_written_anew(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(reference, "_root", lambda: tmp_path)
+    assert reference.main(["--check"]) == 1
+    assert "out of date" in capsys.readouterr().err
+    assert reference.main([]) == 0
+    assert reference.main(["--check"]) == 0
+
+
+def test_the_page_names_every_node_topic_service_and_parameter():
+    page = reference.nodes_page()
+    for card in NODE_TABLE:
+        section = page.split(f"## {card.name}\n")[1].split("\n## ")[0]
+        for topic in (*card.subscribes, *card.publishes, DIAGNOSTICS):
+            assert f"| **{topic.name}** | {topic.type} | {topic.qos} |" in section
+        for name, kind, _ in card.services:
+            assert f"| **{name}** | {kind} |" in section
+        for parameter in declared(NODE_CONFIGS[card.name]):
+            assert f"| **{parameter}** |" in section
+
+
+@pytest.mark.graph
+@pytest.mark.parametrize("namespace", ["", "left/inner"])
+def test_the_parameter_file_is_read_by_a_node_in_any_namespace(context, tmp_path, namespace):
+    text = reference.parameter_yaml()
+    line = next(row for row in text.splitlines() if row.strip().startswith("min_"))
+    name, default = line.strip().split(": ")
+    changed = tmp_path / "changed.yaml"
+    kind = type(yaml.safe_load(default))
+    changed.write_text(text.replace(line, line.replace(default, str(kind(float(default) * 1.5)))))
+    node_name = next(n for n, of in NODE_CONFIGS.items() if name in declared(of))
+    arguments = ["--ros-args", "--params-file", str(changed)]
+    node = node_class(node_name)(context=context, namespace=namespace, cli_args=arguments)
+    assert node.get_parameter(name).value == kind(float(default) * 1.5)
+    node.destroy_node()
