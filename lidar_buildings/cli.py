@@ -9,11 +9,26 @@ import argparse
 import os
 import sys
 from pathlib import Path
+from typing import NoReturn
 
 from lidar_buildings import __version__
 
-#: Exit statuses: users' scripts rely on them.
-DONE, WRONG_USE, TILE_FAILED = 0, 2, 3
+#: Exit statuses, with 3 for a run of which a tile failed: users' scripts rely on them.
+DONE, WRONG_USE, INTERRUPTED = 0, 2, 130
+
+
+class OneLineParser(argparse.ArgumentParser):
+    """
+    Reports wrong use in one line, as every other error.
+
+    """
+
+    def error(self, message: str) -> NoReturn:
+        """
+        Print one line and exit.
+
+        """
+        self.exit(WRONG_USE, f"{self.prog}: {message} (--help says what there is)\n")
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -28,14 +43,15 @@ def main(arguments: list[str] | None = None) -> int:
     try:
         return options.command(options)
     except LidarBuildingsError as error:
-        print(f"lidar-buildings: {error}", file=sys.stderr)
+        for line in str(error).splitlines():
+            print(f"lidar-buildings: {line}", file=sys.stderr)
         return WRONG_USE
     except BrokenPipeError:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return DONE
     except KeyboardInterrupt:
         print("lidar-buildings: interrupted; the same command goes on from here", file=sys.stderr)
-        return 130
+        return INTERRUPTED
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -43,9 +59,7 @@ def _parser() -> argparse.ArgumentParser:
     Build the command line.
 
     """
-    parser = argparse.ArgumentParser(
-        prog="lidar-buildings", description="Raw lidar in, valid 3D city models out."
-    )
+    parser = OneLineParser(prog="lidar-buildings", description="Raw lidar in, valid 3D city models out.")
     parser.add_argument("--version", action="version", version=__version__)
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
     _add_run(commands.add_parser("run", help="point clouds to classified points, outlines and models"))

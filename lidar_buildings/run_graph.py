@@ -13,7 +13,8 @@ from lidar_buildings.ros.middleware import prepare_middleware
 
 if TYPE_CHECKING:
     from lidar_buildings.nodes.tile_player import TilePlayer
-    from lidar_buildings.run import RunOutcome, RunRequest
+    from lidar_buildings.run import RunOutcome
+    from lidar_buildings.run_request import RunRequest
 
 #: How often the progress is shown [s].
 _TICK = 0.1
@@ -32,12 +33,16 @@ def run_graph(request: RunRequest) -> RunOutcome:
     os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
     prepare_middleware()
     import rclpy  # after the middleware was prepared
+    from rclpy.logging import LoggingSeverity, set_logger_level
 
     from lidar_buildings.nodes.graph import survey_nodes
     from lidar_buildings.ros.composition import Composition
 
     context = rclpy.Context()
     rclpy.init(args=[], context=context)
+    namespace = (request.namespace or f"lidar_buildings_{os.getpid()}").strip("/")
+    # what the nodes would say, the command says once, in one line
+    set_logger_level(namespace.replace("/", "."), LoggingSeverity.FATAL)
     composition = None
     try:
         nodes = survey_nodes(
@@ -48,7 +53,7 @@ def run_graph(request: RunRequest) -> RunOutcome:
             overwrite=request.overwrite,
             identity=request.parameters(),
             context=context,
-            namespace=request.namespace or f"lidar_buildings_{os.getpid()}",
+            namespace=namespace,
         )
         composition = Composition(*nodes.values())
         composition.start()
@@ -78,4 +83,4 @@ def _outcome(composition, nodes) -> RunOutcome:
                 shown = done
         if player.progress.n_done > max(shown, 0):
             show(player.progress.n_done)
-    return RunOutcome(writer.outcome.result(), player.progress.n_failed)
+    return RunOutcome(writer.outcome.result(), writer.failed_tiles)

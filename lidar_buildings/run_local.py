@@ -5,10 +5,10 @@ A run without ROS: tile after tile through the pipeline, into the same files as 
 
 from __future__ import annotations
 
-import logging
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,12 +17,11 @@ from lidar_buildings.core.errors import LidarBuildingsError
 from lidar_buildings.core.map_frame import MapFrame
 from lidar_buildings.core.tile import PointTile
 from lidar_buildings.io.cityjson import feature_line
+from lidar_buildings.io.library_versions import library_versions
 from lidar_buildings.io.output_folder import OutputFolder
 from lidar_buildings.io.tile_products import RoofFace, TileProducts
 from lidar_buildings.io.tiling import TileSource
 from lidar_buildings.pipeline import PipelineConfig, TileResult, reconstruct_tile
-
-_log = logging.getLogger(__name__)
 
 
 def process_tiles(
@@ -31,7 +30,7 @@ def process_tiles(
     config: PipelineConfig,
     until: str,
     progress: Callable[[int], None],
-) -> tuple[dict[str, float], int]:
+) -> tuple[dict[str, float], dict[int, str]]:
     """
     Take every tile of a source to disk.
 
@@ -52,25 +51,43 @@ def process_tiles(
     -------
     seconds : dict
         Stage → seconds in all.
-    n_failed : int
-        Tiles that could not be processed; the others are complete.
+    failed : dict
+        Stamp of each tile that could not be processed → why; the others are complete.
 
     """
     seconds: Counter[str] = Counter()
-    n_failed = 0
+    failed: dict[int, str] = {}
     for number, tile in enumerate(source, start=1):
         try:
             result = whole_result(source, tile, config, until)
         except LidarBuildingsError:
             raise
         except Exception as error:
-            _log.error("tile %d failed: %s: %s", tile.stamp, type(error).__name__, error)
-            n_failed += 1
+            failed[tile.stamp] = f"{type(error).__name__}: {' '.join(str(error).split())}"
             continue
         folder.write_tile(products_of(result, source.frame))
         seconds.update(result.seconds)
-        progress(number)
-    return dict(seconds), n_failed
+        progress(number - len(failed))
+    return dict(seconds), failed
+
+
+def run_info(
+    seconds: Mapping[str, float],
+    parameters: Mapping[str, Any],
+    failed: Mapping[int, str],
+    problems: Iterable[str],
+) -> dict[str, Any]:
+    """
+    Return what ``run.json`` tells beside the counts.
+
+    """
+    return {
+        "versions": library_versions(),
+        "parameters": dict(parameters),
+        "seconds": {stage: round(taken, 3) for stage, taken in seconds.items()},
+        "failed_tiles": [{"tile": stamp, "reason": failed[stamp]} for stamp in sorted(failed)],
+        "problems": list(problems),
+    }
 
 
 def whole_result(source: TileSource, tile: PointTile, config: PipelineConfig, until: str) -> TileResult:

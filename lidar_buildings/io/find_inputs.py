@@ -36,14 +36,45 @@ def find_inputs(inputs: str | os.PathLike[str] | Iterable[str | os.PathLike[str]
         If something is missing, or a folder or glob holds no cloud.
 
     """
+    files, problems = search_inputs(inputs)
+    if problems:
+        raise InputError("\n".join(problems))
+    return files
+
+
+def search_inputs(
+    inputs: str | os.PathLike[str] | Iterable[str | os.PathLike[str]],
+) -> tuple[list[Path], list[str]]:
+    """
+    Find files as `find_inputs`; what is missing does not keep the others from it.
+
+    Returns
+    -------
+    files : list of Path
+        What was found.
+    problems : list of str
+        One line for each input that names nothing.
+
+    Raises
+    ------
+    InputError
+        If nothing was found.
+
+    """
     named = [inputs] if isinstance(inputs, (str, os.PathLike)) else list(inputs)
     if not named:
         raise InputError("no input: name at least one LAS or LAZ file, or a folder of them")
     found: dict[Path, Path] = {}
+    problems = []
     for path in named:
-        for file in _expanded(Path(path)):
-            found.setdefault(file.resolve(), file)
-    return list(found.values())
+        try:
+            for file in _expanded(Path(path)):
+                found.setdefault(file.resolve(), file)
+        except InputError as error:
+            problems.append(str(error))
+    if not found:
+        raise InputError("\n".join(problems))
+    return list(found.values()), problems
 
 
 def _expanded(path: Path) -> list[Path]:

@@ -9,7 +9,8 @@ form "file: what is wrong: what to do".
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterator, Sequence
+import os
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
@@ -23,13 +24,13 @@ from lidar_buildings.core.errors import InputError
 from lidar_buildings.core.map_frame import MapFrame
 from lidar_buildings.core.tile import PointTile
 from lidar_buildings.io.crs import SourceCrs, source_crs
-from lidar_buildings.io.find_inputs import find_inputs
+from lidar_buildings.io.find_inputs import search_inputs
 from lidar_buildings.io.las_records import RawHeader, read_raw_header
 from lidar_buildings.io.native_errors import in_words, is_failure, quiet_panics
 from lidar_buildings.io.point_columns import point_columns, without_empty_columns
 from lidar_buildings.io.warn_once import warn_once
 
-__all__ = ["Cloud", "InputFile", "find_inputs", "open_cloud", "open_inputs", "read_tile"]
+__all__ = ["Cloud", "InputFile", "open_cloud", "open_inputs", "read_tile"]
 
 # what laspy logs of a failing file is said again in the one line of the InputError
 for _name in ("laspy.lasreader", "laspy.header"):
@@ -143,21 +144,24 @@ def open_cloud(path: str | Path) -> Cloud:
         crs = source_crs(raw.vlrs + raw.evlrs, prefer_wkt=bool(header.global_encoding.wkt), label=str(path))
         cloud = Cloud(path, header, raw, crs, np.full(3, np.nan), np.full(3, np.nan))
         if not cloud.point_count:
+            warn_once(f"{path}: holds no points: export it again unless that is meant")
             return cloud
         mins, maxs = _bounds(cloud, xyz_of(first))
         return Cloud(path, header, raw, _metric(path, crs, mins, maxs), mins, maxs)
 
 
-def open_inputs(paths: Sequence[Path]) -> tuple[list[Cloud], list[str]]:
+def open_inputs(
+    inputs: str | os.PathLike[str] | Iterable[str | os.PathLike[str]],
+) -> tuple[list[Cloud], list[str]]:
     """
-    Open several files; those that cannot be read do not keep the others from it.
+    Open files, folders and globs; what is missing or unreadable does not keep the others from it.
 
     Returns
     -------
     clouds : list of Cloud
         The readable ones, in the order given: a point's `source` is its file's place in this list.
     problems : list of str
-        One line per other file.
+        One line for each other.
 
     Raises
     ------
@@ -166,7 +170,7 @@ def open_inputs(paths: Sequence[Path]) -> tuple[list[Cloud], list[str]]:
 
     """
     clouds: list[Cloud] = []
-    problems: list[str] = []
+    paths, problems = search_inputs(inputs)
     for path in paths:
         try:
             clouds.append(open_cloud(path))

@@ -15,7 +15,6 @@ from typing import Any
 from lidar_buildings.core.errors import InputError
 from lidar_buildings.core.map_frame import MapFrame
 from lidar_buildings.core.tile import PointTile
-from lidar_buildings.io.find_inputs import find_inputs
 from lidar_buildings.io.las import CHUNK, Cloud, InputFile, frame_of, open_inputs
 from lidar_buildings.io.reading_order import reading_order
 from lidar_buildings.io.spool import Cell
@@ -58,7 +57,7 @@ class TileSource:
     frame : MapFrame
         The map frame of all tiles.
     problems : list of str
-        One line per file that could not be read.
+        One line per input that is missing or could not be read.
 
     Raises
     ------
@@ -76,10 +75,11 @@ class TileSource:
         skip: Container[int] = (),
     ) -> None:
         self.config = config or TilingConfig()
-        files = find_inputs(paths)
-        if len(files) > _MOST_FILES:
-            raise InputError(f"{len(files)} input files: at most {_MOST_FILES} in one run: run them in parts")
-        self._clouds, self.problems = open_inputs(files)
+        self._clouds, self.problems = open_inputs(paths)
+        if len(self._clouds) > _MOST_FILES:
+            raise InputError(
+                f"{len(self._clouds)} input files: at most {_MOST_FILES} in one run: run them in parts"
+            )
         self.inputs = [InputFile(cloud.path, cloud.point_count) for cloud in self._clouds]
         self.frame: MapFrame = frame_of(self._clouds)
         self._skip = skip

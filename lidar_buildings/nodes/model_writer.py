@@ -15,7 +15,6 @@ from std_msgs.msg import Header, String
 from lidar_buildings.core.errors import OutputError, ParameterError
 from lidar_buildings.core.tile import PointTile
 from lidar_buildings.io.cityjson import parse_feature
-from lidar_buildings.io.find_inputs import find_inputs
 from lidar_buildings.io.las import InputFile, frame_of, open_inputs
 from lidar_buildings.io.output_folder import OutputFolder
 from lidar_buildings.io.tile_products import RoofFace, TileProducts
@@ -60,6 +59,14 @@ class ModelWriter(StageNode):
         self.create_subscription(Header, "tile_failed", self.on_failed, LATCHED_HISTORY)
         self.create_subscription(Header, "survey_done", self.on_survey_done, LATCHED)
         self._subscribe_results()
+
+    @property
+    def failed_tiles(self) -> dict[int, str]:
+        """
+        Tiles that were given up → why.
+
+        """
+        return self._record.reasons(self._record.failed - self._on_disk)
 
     def on_tile(self, topic: str, tile: PointTile) -> None:
         """
@@ -125,7 +132,7 @@ class ModelWriter(StageNode):
         """
         if not config.output:
             raise ParameterError(f"{self.get_name()}.output is empty: name a folder for the results")
-        clouds, self._problems = open_inputs(find_inputs(config.input))
+        clouds, self._problems = open_inputs(config.input)
         inputs = [InputFile(cloud.path, cloud.point_count) for cloud in clouds]
         self._folder = OutputFolder(
             config.output,

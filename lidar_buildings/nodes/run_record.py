@@ -6,16 +6,14 @@ What the nodes say of a run on `diagnostics`, for ``run.json``.
 from __future__ import annotations
 
 import json
+import time
 from collections.abc import Iterable
-from importlib import metadata
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 
-from lidar_buildings import __version__
+from lidar_buildings.io.library_versions import library_versions
 from lidar_buildings.nodes.table import NODE_STAGES
-
-_LIBRARIES = ("numpy", "scipy", "numba", "scikit-learn", "shapely", "laspy", "lazrs")
 
 
 class RunRecord:
@@ -33,6 +31,8 @@ class RunRecord:
         self.failed: set[int] = set()
         self._seconds: dict[str, dict[str, float]] = {stage: {} for stage in NODE_STAGES.values() if stage}
         self._parameters: dict[str, Any] = {}
+        self._reasons: dict[int, str] = {}
+        self._started = time.perf_counter()
 
     def add(self, message: DiagnosticArray) -> None:
         """
@@ -41,30 +41,32 @@ class RunRecord:
         """
         for status in message.status:
             stage = NODE_STAGES.get(status.name)
-            if not stage or status.level == DiagnosticStatus.ERROR:
-                continue
             values = {pair.key: pair.value for pair in status.values}
-            if "tile" in values and "seconds" in values:
+            if stage is None or "tile" not in values:
+                continue
+            if status.level == DiagnosticStatus.ERROR:
+                self._reasons[int(values["tile"])] = f"{status.name}: {status.message}"
+            elif stage and "seconds" in values:
                 self._seconds[stage][values["tile"]] = float(values["seconds"])
-            self._parameters.update(json.loads(values.get("parameters", "{}")))
+                self._parameters.update(json.loads(values.get("parameters", "{}")))
+
+    def reasons(self, failed: Iterable[int]) -> dict[int, str]:
+        """
+        Return tile → the last that a node said against it.
+
+        """
+        return {stamp: self._reasons.get(stamp, "it was not done in time") for stamp in sorted(failed)}
 
     def as_dict(self, failed: Iterable[int], problems: Iterable[str]) -> dict[str, Any]:
         """
         Return what ``run.json`` is to tell.
 
         """
+        seconds = {stage: round(sum(per.values()), 3) for stage, per in self._seconds.items() if per}
         return {
-            "versions": {"lidar_buildings": __version__, **_versions()},
+            "versions": library_versions(),
             "parameters": self._parameters,
-            "seconds": {stage: round(sum(per.values()), 3) for stage, per in self._seconds.items() if per},
-            "failed_tiles": sorted(failed),
+            "seconds": {"wall": round(time.perf_counter() - self._started, 3), **seconds},
+            "failed_tiles": [{"tile": one, "reason": why} for one, why in self.reasons(failed).items()],
             "problems": list(problems),
         }
-
-
-def _versions() -> dict[str, str]:
-    """
-    Return the versions of the libraries that results depend on.
-
-    """
-    return {name: metadata.version(name) for name in _LIBRARIES}

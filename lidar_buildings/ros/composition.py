@@ -97,4 +97,5 @@ class Composition:
         except ExternalShutdownException:
             pass
         except Exception as error:
-            node.fail(error)
+            if rclpy.ok(context=node.context):  # else what a node still did met the end of ROS
+                node.fail(error)

@@ -199,6 +199,18 @@ def test_a_damaged_header_is_named(tmp_path, at, content):
     assert "hurt.las" in the_line(open_cloud, path)
 
 
+def test_what_is_missing_does_not_keep_the_others_from_being_read(tmp_path):
+    good = cloud_at(tmp_path / "good.las")
+    (tmp_path / "empty").mkdir()
+    missing = [tmp_path / "gone.laz", tmp_path / "*.laz", tmp_path / "empty"]
+    clouds, problems = open_inputs([missing[0], good, *missing[1:]])
+    assert [cloud.path for cloud in clouds] == [good]
+    assert [line.split(": ")[0] for line in problems] == [str(path) for path in missing]
+    with pytest.raises(InputError) as caught:
+        open_inputs(missing)
+    assert str(caught.value).splitlines() == problems
+
+
 def test_one_bad_file_does_not_keep_the_others_from_being_read(tmp_path):
     good = cloud_at(tmp_path / "good.laz")
     (tmp_path / "bad.laz").touch()

@@ -432,7 +432,6 @@ class LongCloud:
 
 def test_memory_holds_a_chunk_and_a_tile_whatever_the_size(monkeypatch):
     cloud = LongCloud(40, 25_000)
-    monkeypatch.setattr(tiling, "find_inputs", lambda paths: [LongCloud.path])
     monkeypatch.setattr(tiling, "open_inputs", lambda paths: ([cloud], []))
     tracemalloc.start()
     try:
