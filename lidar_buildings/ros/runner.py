@@ -14,6 +14,7 @@ from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 
 from lidar_buildings.core.errors import LidarBuildingsError
 from lidar_buildings.ros.middleware import prepare_middleware
+from lidar_buildings.ros.parameter_files import check_parameter_files
 from lidar_buildings.ros.stage_node import StageNode
 
 #: Exit statuses, as those of the command line.
@@ -37,6 +38,7 @@ def run_node(node_class: Callable[[], StageNode]) -> int:
     """
     prepare_middleware()
     try:
+        check_parameter_files(sys.argv)
         rclpy.init()
         return _spin(node_class())
     except (KeyboardInterrupt, ExternalShutdownException):

@@ -1,0 +1,47 @@
+"""
+Parameter files on a node's command line, looked at before ROS does: its own complaint takes several lines.
+
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+import yaml
+
+from lidar_buildings.core.errors import InputError
+
+_OPTION = "--params-file"
+
+
+def check_parameter_files(arguments: Sequence[str]) -> None:
+    """
+    Look at every file that ``--params-file`` names.
+
+    Raises
+    ------
+    InputError
+        If one cannot be read, or is not of the form that ROS takes: one line.
+
+    """
+    for path in _named(arguments):
+        try:
+            content = yaml.safe_load(path.read_text(encoding="utf-8"))
+        except OSError as error:
+            raise InputError(f"{path}: {error.strerror}: give {_OPTION} a readable YAML file") from error
+        except (yaml.YAMLError, UnicodeDecodeError) as error:
+            place = " ".join(str(error).split())
+            raise InputError(f"{path}: not valid YAML ({place}): compare pipeline.param.yaml") from error
+        if not isinstance(content, dict):
+            raise InputError(f"{path}: no node names at its top: compare pipeline.param.yaml")
+
+
+def _named(arguments: Sequence[str]) -> Iterator[Path]:
+    """
+    Yield the files that the arguments name.
+
+    """
+    for option, value in zip(arguments, arguments[1:], strict=False):
+        if option == _OPTION:
+            yield Path(value)

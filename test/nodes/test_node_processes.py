@@ -1,0 +1,96 @@
+"""
+What a user sees of a node that cannot start: one line, exit status 2, no traceback.
+
+"""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+from cloud_files import random_cloud
+from ros_domain import use_own_domain
+
+pytestmark = pytest.mark.graph
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+def command(node, *arguments):
+    use_own_domain()
+    path = os.pathsep.join([str(ROOT), os.environ.get("PYTHONPATH", "")])
+    return [sys.executable, "-m", f"lidar_buildings.nodes.{node}", *arguments], os.environ | {
+        "PYTHONPATH": path
+    }
+
+
+def run(node, *arguments):
+    line, environment = command(node, *arguments)
+    return subprocess.run(line, env=environment, capture_output=True, text=True, timeout=60, check=False)
+
+
+def assert_one_line(result, *words):
+    assert result.returncode == 2, result.stderr
+    lines = [line for line in result.stderr.splitlines() if line.strip()]
+    assert len(lines) == 1, result.stderr
+    for word in words:
+        assert word in lines[0]
+
+
+def test_an_unknown_parameter_is_named_with_the_nearest_one(tmp_path):
+    result = run("ground_filter", "--ros-args", "-p", "ground_distanse:=0.5")
+    assert_one_line(result, "ground_filter.ground_distanse", "did you mean ground_distance?")
+
+
+def test_a_value_out_of_range_is_named_with_what_is_allowed(tmp_path):
+    file = tmp_path / "mine.yaml"
+    file.write_text("/**/ground_filter:\n  ros__parameters:\n    ground_distance: -4.0\n")
+    result = run("ground_filter", "--ros-args", "--params-file", str(file))
+    assert_one_line(result, "ground_filter.ground_distance = -4.0: must be within")
+
+
+@pytest.mark.parametrize("content", [None, "a: [", "just text"])
+def test_a_parameter_file_that_cannot_be_read_is_one_line(tmp_path, content):
+    file = tmp_path / "mine.yaml"
+    if content is not None:
+        file.write_text(content)
+    result = run("plane_fitter", "--ros-args", "--params-file", str(file))
+    assert_one_line(result, "mine.yaml")
+
+
+def test_a_player_without_input_says_what_to_do():
+    assert_one_line(run("tile_player"), "no input: name at least one LAS or LAZ file")
+
+
+def test_a_player_whose_only_file_is_missing_names_it(tmp_path):
+    missing = tmp_path / "missing.laz"
+    assert_one_line(run("tile_player", "--ros-args", "-p", f"input:=['{missing}']"), str(missing))
+
+
+def test_a_writer_without_an_output_folder_says_so():
+    assert_one_line(run("model_writer"), "model_writer.output is empty")
+
+
+def test_a_writer_refuses_a_folder_that_is_not_empty(tmp_path):
+    cloud = tmp_path / "cloud.laz"
+    random_cloud(20).write(cloud)
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out" / "mine.txt").write_text("keep me")
+    given = ["-p", f"input:=['{cloud}']", "-p", f"output:={tmp_path / 'out'}"]
+    assert_one_line(run("model_writer", "--ros-args", *given), "is not empty", "--overwrite")
+    assert (tmp_path / "out" / "mine.txt").read_text() == "keep me"
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_node_that_is_interrupted_ends_quietly(number):
+    line, environment = command("outline_regulariser")
+    with subprocess.Popen(line, env=environment, stderr=subprocess.PIPE, text=True) as process:
+        time.sleep(4.0)
+        process.send_signal(number)
+        process.send_signal(number)
+        _, errors = process.communicate(timeout=30)
+    assert process.returncode == 0
+    assert errors == ""

@@ -1,0 +1,313 @@
+"""
+The player against the end of a graph that is slow, forgets tiles, or asks for more of them.
+
+"""
+
+import time
+from collections import Counter
+
+import numpy as np
+import pytest
+from cloud_files import random_cloud
+from geometry_msgs.msg import PointStamped, PolygonStamped
+from rclpy.parameter import Parameter
+from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import PointCloud2
+from std_msgs.msg import Header
+from std_srvs.srv import Trigger
+
+from lidar_buildings.core.errors import InputError
+from lidar_buildings.nodes.tile_player import TilePlayer
+from lidar_buildings.ros.composition import Composition
+from lidar_buildings.ros.point_cloud import from_message
+from lidar_buildings.ros.polygons import bounds_of
+from lidar_buildings.ros.probes import is_probe
+from lidar_buildings.ros.qos import CLOUD, EVENT, LATCHED, LATCHED_HISTORY, LATCHED_TILE
+from lidar_buildings.ros.stage_node import StageNode
+from lidar_buildings.ros.stamps import header_of, to_stamp
+
+pytestmark = pytest.mark.graph
+
+
+class GraphEnd(StageNode):
+    """
+    Stands for a whole graph: takes tiles and says when they are done.
+
+    """
+
+    def __init__(self, *, delay=0.0, forgets=(), clips=(), **kwargs):
+        super().__init__("graph_end", {}, **kwargs)
+        self.delay, self.forgets, self.clips, self.is_silent = delay, Counter(forgets), Counter(clips), False
+        self.received, self.done, self.failed, self.bounds, self.survey_done = [], [], [], {}, []
+        self._numbers = {}
+        self._tile_done = self.create_publisher(Header, "tile_done", LATCHED_HISTORY)
+        self._clipped = self.create_publisher(Header, "tile_clipped", EVENT)
+        self.create_subscription(PolygonStamped, "tile_bounds", self.on_bounds, LATCHED_TILE)
+        self.create_subscription(Header, "tile_failed", self.on_failed, LATCHED_HISTORY)
+        self.create_subscription(Header, "survey_done", self.on_survey_done, LATCHED)
+        self.create_subscription(PointCloud2, "points", self.on_points, CLOUD)
+
+    def on_points(self, message):
+        tile = from_message(message).tile
+        if is_probe(tile.stamp):
+            if not self.is_silent:
+                self._tile_done.publish(header_of(tile.stamp))
+            return
+        number = self._numbers.setdefault(tile.stamp, len(self._numbers) + 1)
+        self.received.append(tile)
+        time.sleep(self.delay)
+        if self.forgets[number] > 0 or self.is_silent:
+            self.forgets[number] -= 1
+        elif self.clips[number] > 0:
+            self.clips[number] -= 1
+            self._clipped.publish(header_of(tile.stamp))
+        else:
+            self.done.append(tile.stamp)
+            self._tile_done.publish(header_of(tile.stamp))
+
+    def on_bounds(self, message):
+        stamp, bounds = bounds_of(message)
+        self.bounds.setdefault(stamp, []).append(bounds)
+
+    def on_failed(self, message):
+        self.failed.append(to_stamp(message.stamp))
+
+    def on_survey_done(self, message):
+        self.survey_done.append(to_stamp(message.stamp))
+
+
+def wait_until(condition, seconds=20.0):
+    end = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < end
+        time.sleep(0.01)
+
+
+@pytest.fixture(scope="module")
+def survey(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("survey")
+    random_cloud(3000, size=(99.9, 19.9, 5.0)).write(folder / "a.laz")
+    return folder
+
+
+@pytest.fixture
+def play(context, survey):
+    """
+    Play the survey, five tiles of 20 m, to a graph's end.
+
+    """
+    running = []
+
+    def start(end=None, **parameters):
+        values = {"input": [str(survey)], "tile_size": 20.0, "buffer": 2.0, "max_buffer": 8.0} | parameters
+        overrides = [Parameter(name, value=value) for name, value in values.items()]
+        player = TilePlayer(context=context, parameter_overrides=overrides)
+        end = GraphEnd(context=context, **(end or {}))
+        composition = Composition(player, end)
+        running.append(composition)
+        composition.start()
+        return player, end
+
+    yield start
+    for composition in running:
+        composition.stop()
+
+
+def n_core(tiles):
+    return sum(int(np.count_nonzero(tile.buffer == 0)) for tile in tiles)
+
+
+def test_every_point_comes_once_as_a_core_point(play):
+    player, end = play()
+    wait_until(lambda: end.survey_done)
+    assert n_core(end.received) == 3000
+    assert len(end.received) == len({tile.stamp for tile in end.received}) == 5
+    assert player.progress == (5, 0, 5)
+    names = {(int(s), int(i)) for tile in end.received for s, i in zip(tile.source, tile.index, strict=True)}
+    assert len(names) == 3000
+
+
+def test_a_slow_graph_gets_no_more_tiles_than_it_has_credits(play):
+    player, end = play({"delay": 0.2}, max_tiles_in_flight=2)
+    most = 0
+    while not end.survey_done:
+        most = max(most, len(player._flow))
+        time.sleep(0.01)
+    assert most == 2
+    assert len(end.received) == 5
+
+
+def test_a_tile_that_got_lost_is_sent_again_at_once(play):
+    _, end = play({"forgets": {2: 1, 4: 2}}, tile_timeout=1000.0)
+    wait_until(lambda: end.survey_done)
+    counts = Counter(tile.stamp for tile in end.received)
+    assert sorted(counts.values()) == [1, 1, 1, 2, 3]
+    assert sorted(end.done) == sorted(counts)
+    assert end.failed == []
+
+
+def test_a_graph_that_answers_nothing_gets_a_tile_again_when_its_time_is_up(play):
+    _, end = play({}, tile_timeout=0.5, max_tiles_in_flight=1)
+    wait_until(lambda: end.received)
+    end.is_silent = True
+    wait_until(lambda: Counter(tile.stamp for tile in end.received).most_common(1)[0][1] >= 2)
+    end.is_silent = False
+    wait_until(lambda: end.survey_done)
+    assert len(set(end.done)) == 5
+
+
+def test_a_tile_that_is_never_done_is_given_up_and_the_others_are_done(play):
+    player, end = play({"forgets": {3: 99}}, max_attempts=2)
+    wait_until(lambda: end.survey_done)
+    assert len(end.failed) == 1
+    assert len(set(end.done)) == 4
+    assert end.failed[0] not in end.done
+    assert player.progress.n_failed == 1
+
+
+def test_a_clipped_tile_comes_again_larger_until_there_is_no_more_of_it(play):
+    _, end = play({"clips": {2: 3}}, max_attempts=1)
+    wait_until(lambda: end.survey_done)
+    stamp = end.received[1].stamp
+    copies = [tile for tile in end.received if tile.stamp == stamp]
+    sizes = [len(tile) for tile in copies]
+    assert sizes[0] < sizes[1] < sizes[2] == sizes[3]
+    assert len({n_core([tile]) for tile in copies}) == 1
+    *bounds, last = end.bounds[stamp]
+    assert [east - west for west, _, east, _ in bounds] == [24.0, 28.0, 36.0]
+    assert last is None
+    assert sorted(Counter(end.done).values()) == [1] * 5
+
+
+def test_a_restarted_player_skips_what_is_done(play, context, survey):
+    player, end = play({"delay": 0.05}, start_paused=True)
+    for _ in range(2):
+        player._playback.step()
+    wait_until(lambda: len(end.done) == 2)
+    overrides = {"input": [str(survey)], "tile_size": 20.0, "buffer": 2.0}
+    second = TilePlayer(
+        context=context,
+        parameter_overrides=[Parameter(name, value=value) for name, value in overrides.items()],
+    )
+    late = Composition(second)
+    late.start()
+    try:
+        wait_until(lambda: end.survey_done)
+        assert sorted(Counter(end.done).values()) == [1] * 5
+        assert second.progress.n_done == 5
+    finally:
+        late.stop()
+
+
+def test_pause_step_and_resume_are_services(play, context):
+    _, end = play(start_paused=True)
+    caller = StageNode("caller", {}, context=context)
+    callers = Composition(caller)
+    callers.start()
+
+    def call(name):
+        client = caller.create_client(Trigger, f"tile_player/{name}")
+        assert client.wait_for_service(5.0)
+        future = client.call_async(Trigger.Request())
+        wait_until(future.done)
+        return future.result()
+
+    try:
+        time.sleep(0.3)
+        assert end.received == []
+        assert call("step").success
+        wait_until(lambda: len(end.done) == 1)
+        time.sleep(0.2)
+        assert len(end.received) == 1
+        assert call("resume").success
+        wait_until(lambda: end.survey_done)
+        answer = call("step")
+        assert not answer.success
+        assert "call pause first" in answer.message
+        assert call("pause").success
+    finally:
+        callers.stop()
+
+
+def test_a_recording_takes_its_own_time_at_rate_one_and_the_clock_follows(play, context):
+    listener = StageNode("listener", {}, context=context)
+    times = []
+    listener.create_subscription(
+        Clock, "/clock", lambda message: times.append(to_stamp(message.clock)), EVENT
+    )
+    watching = Composition(listener)
+    watching.start()
+    try:
+        _, end = play(rate=50.0, publish_clock=True)
+        started = time.monotonic()
+        wait_until(lambda: end.survey_done)
+        stamps = [tile.stamp for tile in end.received]
+        assert time.monotonic() - started >= (max(stamps) - stamps[0]) * 1e-9 / 50.0
+        wait_until(lambda: len(times) == 5)
+        assert times == stamps
+    finally:
+        watching.stop()
+
+
+def test_a_loop_goes_on_under_new_stamps(play):
+    _, end = play(loop=True)
+    wait_until(lambda: len(end.done) >= 12)
+    assert len(set(end.done)) == len(end.done)
+    assert n_core(end.received[5:10]) == 3000
+    assert end.survey_done == []
+
+
+def test_without_credits_tiles_go_out_without_waiting(play):
+    _, end = play({"delay": 0.3}, max_tiles_in_flight=0)
+    wait_until(lambda: end.survey_done)
+    wait_until(lambda: len(end.received) == 5)
+
+
+def test_nothing_is_sent_before_someone_listens(context, survey):
+    parameters = [Parameter("input", value=[str(survey)]), Parameter("tile_size", value=20.0)]
+    player = TilePlayer(context=context, parameter_overrides=parameters)
+    alone = Composition(player)
+    alone.start()
+    end = None
+    try:
+        time.sleep(0.5)
+        assert len(player._flow) == 0
+        end = GraphEnd(context=context)
+        later = Composition(end)
+        later.start()
+        wait_until(lambda: end.survey_done)
+        assert len(end.received) == 5
+    finally:
+        alone.stop()
+        if end is not None:
+            later.stop()
+
+
+def test_the_map_origin_is_latched_with_the_reference_system(play, context):
+    player, _ = play()
+    late = StageNode("late", {}, context=context)
+    origins = []
+    late.create_subscription(PointStamped, "map_origin", origins.append, LATCHED)
+    watching = Composition(late)
+    watching.start()
+    try:
+        wait_until(lambda: origins)
+        assert (origins[0].point.x, origins[0].point.y) == (85000.0, 447000.0)
+        assert origins[0].header.frame_id == player._source.frame.crs
+    finally:
+        watching.stop()
+
+
+def test_a_player_without_readable_input_does_not_start(context, tmp_path):
+    (tmp_path / "empty.laz").write_bytes(b"")
+    for given in ([str(tmp_path / "missing.laz")], [str(tmp_path / "empty.laz")], [""]):
+        with pytest.raises(InputError):
+            TilePlayer(context=context, parameter_overrides=[Parameter("input", value=given)])
+
+
+def test_an_unreadable_file_is_left_out_and_the_rest_is_played(play, survey, tmp_path):
+    broken = tmp_path / "broken.laz"
+    broken.write_bytes(b"LASF" + bytes(50))
+    _, end = play(input=[str(broken), str(survey)])
+    wait_until(lambda: end.survey_done)
+    assert n_core(end.received) == 3000
