@@ -22,6 +22,7 @@ import yaml
 from lidar_buildings.core.parameters import StageConfig, spec_of
 from lidar_buildings.nodes.configs import NODE_CONFIGS
 from lidar_buildings.nodes.table import DIAGNOSTICS, NODE_TABLE, NodeCard, Topic
+from lidar_buildings.ros.depths import CLOUD_DEPTH, EVENT_DEPTH, HISTORY_DEPTH
 
 _COMMAND = "python -m lidar_buildings.nodes.reference"
 _PARAMETER_FILE = "pipeline.param.yaml"
@@ -183,12 +184,12 @@ def _profiles() -> str:
         [
             "| QoS | reliability | history | durability |",
             "|---|---|---|---|",
-            "| CLOUD | reliable | keep last 8 | volatile |",
+            f"| CLOUD | reliable | keep last {CLOUD_DEPTH} | volatile |",
             "| BUILDING | reliable | keep all | volatile |",
-            "| EVENT | reliable | keep last 1000 | volatile |",
+            f"| EVENT | reliable | keep last {EVENT_DEPTH} | volatile |",
             "| LATCHED | reliable | keep last 1 | transient local |",
-            "| LATCHED_TILE | reliable | keep last 8 | transient local |",
-            "| LATCHED_HISTORY | reliable | keep last 100000 | transient local |",
+            f"| LATCHED_TILE | reliable | keep last {CLOUD_DEPTH} | transient local |",
+            f"| LATCHED_HISTORY | reliable | keep last {HISTORY_DEPTH} | transient local |",
         ]
     )
 

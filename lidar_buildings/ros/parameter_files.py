@@ -6,6 +6,7 @@ Parameter files on a node's command line, looked at before ROS does: its own com
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from itertools import pairwise
 from pathlib import Path
 
 import yaml
@@ -33,7 +34,7 @@ def check_parameter_files(arguments: Sequence[str]) -> None:
         except (yaml.YAMLError, UnicodeDecodeError) as error:
             place = " ".join(str(error).split())
             raise InputError(f"{path}: not valid YAML ({place}): compare pipeline.param.yaml") from error
-        if not isinstance(content, dict):
+        if content is not None and not isinstance(content, dict):
             raise InputError(f"{path}: no node names at its top: compare pipeline.param.yaml")
 
 
@@ -42,6 +43,6 @@ def _named(arguments: Sequence[str]) -> Iterator[Path]:
     Yield the files that the arguments name.
 
     """
-    for option, value in zip(arguments, arguments[1:], strict=False):
+    for option, value in pairwise(arguments):
         if option == _OPTION:
             yield Path(value)

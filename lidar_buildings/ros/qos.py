@@ -5,11 +5,7 @@ Quality of service: three kinds of topic, one profile each.
 
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 
-#: How many clouds a topic keeps: tiles in flight, copies sent again, and probes.
-CLOUD_DEPTH = 32
-
-#: How many headers a latched topic keeps for late joiners, such as the finished tiles of a survey.
-LATCHED_DEPTH = 100_000
+from lidar_buildings.ros.depths import CLOUD_DEPTH, EVENT_DEPTH, HISTORY_DEPTH
 
 #: One message per tile. The credits of the player bound what is under way, so nothing is overwritten.
 CLOUD = QoSProfile(reliability=ReliabilityPolicy.RELIABLE, history=HistoryPolicy.KEEP_LAST, depth=CLOUD_DEPTH)
@@ -38,8 +34,8 @@ LATCHED_HISTORY = QoSProfile(
     reliability=ReliabilityPolicy.RELIABLE,
     durability=DurabilityPolicy.TRANSIENT_LOCAL,
     history=HistoryPolicy.KEEP_LAST,
-    depth=LATCHED_DEPTH,
+    depth=HISTORY_DEPTH,
 )
 
 #: Headers and diagnostics: small, a few per tile and node.
-EVENT = QoSProfile(reliability=ReliabilityPolicy.RELIABLE, history=HistoryPolicy.KEEP_LAST, depth=1000)
+EVENT = QoSProfile(reliability=ReliabilityPolicy.RELIABLE, history=HistoryPolicy.KEEP_LAST, depth=EVENT_DEPTH)

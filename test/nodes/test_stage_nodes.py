@@ -1,0 +1,382 @@
+"""
+What tracer, builder and writer do with tiles that come torn, twice, cut off or out of order.
+
+"""
+
+import json
+import time
+
+import numpy as np
+import pytest
+from cloud_files import random_cloud
+from geometry_msgs.msg import PolygonInstanceStamped, PolygonStamped
+from rclpy.parameter import Parameter
+from sensor_msgs.msg import PointCloud2
+from std_msgs.msg import Header, String
+
+from lidar_buildings.core.map_frame import MapFrame
+from lidar_buildings.core.outline import BuildingOutline, Outline
+from lidar_buildings.core.tile import PointTile
+from lidar_buildings.core.tile_stages import TracedTile
+from lidar_buildings.io.tile_products import TileProducts
+from lidar_buildings.nodes import building_tracer
+from lidar_buildings.nodes.building_tracer import BuildingTracer
+from lidar_buildings.nodes.graph import survey_nodes
+from lidar_buildings.nodes.model_builder import ModelBuilder
+from lidar_buildings.nodes.model_writer import ModelWriter
+from lidar_buildings.pipeline import STAGES
+from lidar_buildings.ros.composition import Composition
+from lidar_buildings.ros.map_frames import origin_message, units_message
+from lidar_buildings.ros.point_cloud import to_message
+from lidar_buildings.ros.polygons import bounds_message, outline_messages
+from lidar_buildings.ros.qos import BUILDING, CLOUD, EVENT, LATCHED, LATCHED_HISTORY, LATCHED_TILE
+from lidar_buildings.ros.stage_node import StageNode
+from lidar_buildings.ros.stamps import header_of, to_stamp
+
+pytestmark = pytest.mark.graph
+
+STAMP = 77_000_000_000
+HOUSE, SHED = 11, 12
+
+
+def wait_until(condition, seconds=20.0):
+    end = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < end
+        time.sleep(0.01)
+
+
+class Bench(StageNode):
+    """
+    Sends to the node under test and hears what it publishes.
+
+    """
+
+    def __init__(self, sends, hears, **kwargs):
+        super().__init__("bench", {}, **kwargs)
+        self.heard = {topic: [] for topic in hears}
+        self.to = {topic: self.create_publisher(*what) for topic, what in sends.items()}
+        for topic, (kind, profile) in hears.items():
+            self.create_subscription(kind, topic, self.heard[topic].append, profile)
+
+    def send(self, topic, *messages):
+        for message in messages:
+            self.to[topic].publish(message)
+
+
+@pytest.fixture
+def bench(context):
+    running = []
+
+    def start(node, sends, hears):
+        made = {topic: (kind, topic, profile) for topic, (kind, profile) in sends.items()}
+        other = Bench(made, hears, context=context)
+        composition = Composition(node, other)
+        running.append(composition)
+        composition.start()
+        wait_until(lambda: all(publisher.get_subscription_count() for publisher in other.to.values()))
+        wait_until(lambda: all(other.count_publishers(topic) for topic in hears))
+        return other
+
+    yield start
+    for composition in running:
+        composition.stop()
+
+
+def roof(*building_ids, stamp=STAMP):
+    """
+    A tile with a flat roof of 5 × 5 m for each building.
+
+    """
+    x, y = (axis.ravel() * 1.0 for axis in np.meshgrid(np.arange(6), np.arange(6)))
+    columns = [np.column_stack([x + 20 * i, y, np.full(36, 8.0)]) for i in range(len(building_ids))]
+    points = np.concatenate([np.zeros((1, 3)), *columns])
+    ids = np.concatenate([[0], *(np.full(36, number) for number in building_ids)]).astype(np.uint32)
+    n = len(points)
+    return PointTile(
+        points,
+        classification=np.full(n, 6),
+        height_above_ground=np.full(n, 8.0),
+        buffer=np.zeros(n),
+        source=np.zeros(n),
+        index=np.arange(n),
+        edge=np.zeros(n),
+        building_id=ids,
+        plane_id=(ids > 0).astype(np.uint16),
+        stamp=stamp,
+    )
+
+
+def outlines(*building_ids):
+    square = np.array([[0.0, 0.0], [5.0, 0.0], [5.0, 5.0], [0.0, 5.0]])
+    return tuple(
+        BuildingOutline(number, Outline(square + np.array([20.0 * i, 0.0])))
+        for i, number in enumerate(building_ids)
+    )
+
+
+# the tracer
+
+
+TRACER_SENDS = {"edge_points": (PointCloud2, CLOUD), "tile_bounds": (PolygonStamped, LATCHED_TILE)}
+TRACER_HEARS = {
+    "building_points": (PointCloud2, CLOUD),
+    "traced_outlines": (PolygonInstanceStamped, BUILDING),
+    "tile_clipped": (Header, EVENT),
+}
+
+
+@pytest.fixture
+def tracing(monkeypatch):
+    """
+    Tracing that calls a tile clipped as long as it has bounds.
+
+    """
+    seen = []
+
+    def trace(tile, *_):
+        seen.append(tile.bounds)
+        return TracedTile(tile, outlines(HOUSE), tile.bounds is not None)
+
+    monkeypatch.setattr(building_tracer, "trace_buildings", trace)
+    return seen
+
+
+def test_a_clipped_tile_is_held_back_and_asked_for(context, bench, tracing):
+    other = bench(BuildingTracer(context=context), TRACER_SENDS, TRACER_HEARS)
+    other.send("tile_bounds", bounds_message(STAMP, (0.0, 0.0, 9.0, 9.0)))
+    other.send("edge_points", to_message(roof(HOUSE)))
+    wait_until(lambda: other.heard["tile_clipped"])
+    assert to_stamp(other.heard["tile_clipped"][0].stamp) == STAMP
+    assert tracing == [(0.0, 0.0, 9.0, 9.0)]
+    other.send("tile_bounds", bounds_message(STAMP, None))
+    time.sleep(0.2)
+    other.send("edge_points", to_message(roof(HOUSE)))
+    wait_until(lambda: len(other.heard["traced_outlines"]) == 2)
+    assert len(other.heard["building_points"]) == 1
+    assert len(other.heard["tile_clipped"]) == 1
+
+
+def test_a_tile_waits_for_its_bounds_where_someone_publishes_them(context, bench, tracing):
+    other = bench(BuildingTracer(context=context), TRACER_SENDS, TRACER_HEARS)
+    other.send("edge_points", to_message(roof(HOUSE)))
+    time.sleep(0.3)
+    assert tracing == []
+    other.send("tile_bounds", bounds_message(STAMP, None))
+    wait_until(lambda: other.heard["building_points"])
+
+
+def test_a_clipped_tile_is_handed_on_where_nobody_can_send_more(context, bench, tracing):
+    sends = {"edge_points": (PointCloud2, CLOUD), "tile_bounds": (PolygonStamped, LATCHED_TILE)}
+    hears = {topic: TRACER_HEARS[topic] for topic in ("building_points", "traced_outlines")}
+    other = bench(BuildingTracer(context=context), sends, hears)
+    other.send("tile_bounds", bounds_message(STAMP, (0.0, 0.0, 9.0, 9.0)))
+    time.sleep(0.2)
+    other.send("edge_points", to_message(roof(HOUSE)))
+    wait_until(lambda: other.heard["building_points"] and len(other.heard["traced_outlines"]) == 2)
+
+
+# the builder
+
+
+BUILDER_SENDS = {
+    "plane_points": (PointCloud2, CLOUD),
+    "traced_outlines": (PolygonInstanceStamped, BUILDING),
+    "outlines": (PolygonInstanceStamped, BUILDING),
+}
+BUILDER_HEARS = {
+    "roof_faces": (PolygonInstanceStamped, BUILDING),
+    "tile_done": (Header, LATCHED_HISTORY),
+}
+FRAME = MapFrame("EPSG:2229", (1000.0, 2000.0, 0.0), 0.3048, 0.3048)
+
+
+def builder(context):
+    reports = Parameter("flow_control.publish_tile_done", value=True)
+    return ModelBuilder(context=context, parameter_overrides=[reports])
+
+
+def test_the_builder_waits_until_points_and_outlines_name_the_same_buildings(context, bench):
+    other = bench(builder(context), BUILDER_SENDS, BUILDER_HEARS)
+    origin = other.create_publisher(type(origin_message(FRAME)), "map_origin", LATCHED)
+    origin.publish(origin_message(FRAME))
+    other.send("plane_points", to_message(roof(HOUSE, SHED)))
+    other.send("traced_outlines", *outline_messages(STAMP, outlines(HOUSE, SHED)))
+    other.send("outlines", *outline_messages(STAMP, outlines(SHED)))
+    time.sleep(0.4)
+    assert other.heard["tile_done"] == []
+    other.send("outlines", *outline_messages(STAMP, outlines(HOUSE, SHED)))
+    wait_until(lambda: other.heard["tile_done"])
+    wait_until(lambda: [m.polygon.id for m in other.heard["roof_faces"]] == [HOUSE, SHED, -1])
+
+
+def test_features_wait_for_the_map_frame_and_the_header_for_late_listeners(context, bench):
+    hears = BUILDER_HEARS | {"city_model": (String, BUILDING)}
+    other = bench(builder(context), BUILDER_SENDS, hears)
+    units = other.create_publisher(type(units_message(FRAME)), "map_units", LATCHED)
+    other.send("plane_points", to_message(roof(HOUSE)))
+    other.send("traced_outlines", *outline_messages(STAMP, outlines(HOUSE)))
+    other.send("outlines", *outline_messages(STAMP, outlines(HOUSE)))
+    time.sleep(0.3)
+    assert other.heard["tile_done"] == []
+    origin = other.create_publisher(type(origin_message(FRAME)), "map_origin", LATCHED)
+    origin.publish(origin_message(FRAME))
+    time.sleep(0.3)
+    assert other.heard["tile_done"] == []
+    units.publish(units_message(FRAME))
+    wait_until(lambda: other.heard["tile_done"] and len(other.heard["city_model"]) >= 2)
+    feature = json.loads(other.heard["city_model"][-1].data)
+    assert feature["type"] == "CityJSONFeature"
+    late = []
+    other.create_subscription(String, "city_model", late.append, LATCHED)
+    wait_until(lambda: late)
+    header = json.loads(late[0].data)
+    assert header["type"] == "CityJSON"
+    assert header["transform"]["scale"] == pytest.approx([0.001 / 0.3048] * 3)
+    assert header["transform"]["translate"][:2] == pytest.approx([1000.0 / 0.3048, 2000.0 / 0.3048])
+
+
+# the writer
+
+
+WRITER_SENDS = {
+    "classified_points": (PointCloud2, CLOUD),
+    "plane_points": (PointCloud2, CLOUD),
+    "traced_outlines": (PolygonInstanceStamped, BUILDING),
+    "outlines": (PolygonInstanceStamped, BUILDING),
+    "roof_faces": (PolygonInstanceStamped, BUILDING),
+    "city_model": (String, BUILDING),
+    "survey_done": (Header, LATCHED),
+    "tile_failed": (Header, LATCHED_HISTORY),
+}
+WRITER_HEARS = {"tile_done": (Header, LATCHED_HISTORY)}
+
+
+def feature(number):
+    building = {"type": "Building", "attributes": {"building_id": number, "status": "ok"}, "geometry": []}
+    content = {"type": "CityJSONFeature", "id": "b", "CityObjects": {"b": building}, "vertices": []}
+    return String(data=json.dumps(content, separators=(",", ":")))
+
+
+@pytest.fixture
+def make_writer(context, tmp_path):
+    cloud = tmp_path / "cloud.laz"
+    random_cloud(73).write(cloud)
+
+    def make():
+        given = {"input": [str(cloud)], "output": str(tmp_path / "out")}
+        return ModelWriter(
+            context=context, parameter_overrides=[Parameter(k, value=v) for k, v in given.items()]
+        )
+
+    return make
+
+
+def send_tile(other, *ids, without=()):
+    """
+    Send all that a tile's nodes say of it.
+
+    """
+    messages = {
+        "classified_points": [to_message(roof(*ids))],
+        "plane_points": [to_message(roof(*ids))],
+        "traced_outlines": outline_messages(STAMP, outlines(*ids)),
+        "outlines": outline_messages(STAMP, outlines(*ids)),
+        "roof_faces": outline_messages(STAMP, ()),
+        "city_model": [feature(number) for number in ids],
+    }
+    for topic, content in messages.items():
+        if topic not in without:
+            other.send(topic, *content)
+
+
+def fragments(tmp_path):
+    return sorted((tmp_path / "out" / ".partial").glob("*.npz"))
+
+
+@pytest.mark.parametrize(
+    "missing", [topic for topic in WRITER_SENDS if topic not in ("survey_done", "tile_failed")]
+)
+def test_a_tile_is_on_disk_only_when_every_topic_has_spoken(bench, make_writer, tmp_path, missing):
+    other = bench(make_writer(), WRITER_SENDS, WRITER_HEARS)
+    send_tile(other, HOUSE, SHED, without=(missing,))
+    time.sleep(0.3)
+    assert other.heard["tile_done"] == []
+    assert fragments(tmp_path) == []
+    send_tile(other, HOUSE, SHED)
+    wait_until(lambda: other.heard["tile_done"])
+    products = TileProducts.load(fragments(tmp_path)[0])
+    assert products.stamp == STAMP
+    assert [one.building_id for one in products.outlines] == [HOUSE, SHED]
+    assert len(products.features) == 2
+    assert len(products.core) == 73
+
+
+def test_a_tile_that_comes_again_is_answered_and_not_written_again(bench, make_writer, tmp_path):
+    other = bench(make_writer(), WRITER_SENDS, WRITER_HEARS)
+    send_tile(other, HOUSE)
+    wait_until(lambda: other.heard["tile_done"])
+    first = fragments(tmp_path)[0].stat().st_mtime_ns
+    send_tile(other, HOUSE)
+    wait_until(lambda: len(other.heard["tile_done"]) == 2)
+    assert [path.stat().st_mtime_ns for path in fragments(tmp_path)] == [first]
+
+
+def test_torn_outlines_keep_a_tile_waiting(bench, make_writer, tmp_path):
+    other = bench(make_writer(), WRITER_SENDS, WRITER_HEARS)
+    send_tile(other, HOUSE, SHED, without=("outlines",))
+    other.send("outlines", *outline_messages(STAMP, outlines(SHED)))
+    time.sleep(0.3)
+    assert other.heard["tile_done"] == []
+    other.send("outlines", *outline_messages(STAMP, outlines(HOUSE, SHED)))
+    wait_until(lambda: other.heard["tile_done"])
+
+
+def test_a_probe_is_answered_and_leaves_nothing_on_disk(bench, make_writer, tmp_path):
+    other = bench(make_writer(), WRITER_SENDS, WRITER_HEARS)
+    empty = roof().select(np.zeros(0, dtype=int))
+    probe = PointTile(empty.points, building_id=np.zeros(0), stamp=5)
+    for topic in ("classified_points", "plane_points"):
+        other.send(topic, to_message(probe))
+    for topic in ("traced_outlines", "outlines", "roof_faces"):
+        other.send(topic, *outline_messages(5, ()))
+    wait_until(lambda: [to_stamp(m.stamp) for m in other.heard["tile_done"]] == [5])
+    assert fragments(tmp_path) == []
+
+
+def test_a_restarted_writer_reports_what_is_on_disk_and_then_makes_the_files(bench, make_writer, tmp_path):
+    other = bench(make_writer(), WRITER_SENDS, WRITER_HEARS)
+    send_tile(other, HOUSE)
+    wait_until(lambda: other.heard["tile_done"])
+    writer = make_writer()
+    again = bench(writer, {}, WRITER_HEARS)
+    wait_until(lambda: STAMP in [to_stamp(message.stamp) for message in again.heard["tile_done"]])
+    writer.on_failed(header_of(1_000_000_000))
+    writer.on_survey_done(header_of(STAMP))
+    assert writer.outcome.result().n_tiles == 1
+    assert writer.exit_status == 3
+    told = json.loads((tmp_path / "out" / "run.json").read_text())
+    assert [failed["tile"] for failed in told["failed_tiles"]] == [1_000_000_000]
+    assert not (tmp_path / "out" / ".partial").exists()
+
+
+# the whole graph
+
+
+@pytest.mark.parametrize("until", STAGES)
+def test_a_run_may_end_with_any_stage(context, tmp_path, until):
+    cloud = tmp_path / "cloud.laz"
+    random_cloud(400, size=(40.0, 30.0, 3.0)).write(cloud)
+    nodes = survey_nodes([str(cloud)], str(tmp_path / "out"), until=until, context=context)
+    composition = Composition(*nodes.values())
+    composition.start()
+    try:
+        assert composition.wait(nodes["model_writer"], timeout=60.0)
+    finally:
+        composition.stop()
+    summary = nodes["model_writer"].outcome.result()
+    assert summary.n_points == sum(summary.classes.values()) == 400
+    told = json.loads((tmp_path / "out" / "run.json").read_text())
+    ran = [stage for stage in STAGES if stage in told["seconds"]]
+    assert set(ran) == set(STAGES[: STAGES.index(until) + 1])
+    assert told["parameters"].keys() >= set(ran)
