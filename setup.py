@@ -67,14 +67,20 @@ setup(
     ],
     extras_require={"ros": ROS_WHEELS, "test": TEST},
     python_requires=">=3.10",
-    zip_safe=True,
+    # compiled loops are cached beside their modules, and the middleware profile is a file
+    zip_safe=False,
     author="The lidar_buildings developers",
     author_email="maintainers@users.noreply.github.com",
     maintainer="The lidar_buildings developers",
     maintainer_email="maintainers@users.noreply.github.com",
     description="Raw lidar in, valid 3D city models out: a ROS 2 node graph for buildings from point clouds.",
+    keywords=["ROS", "lidar", "point cloud", "buildings", "CityJSON"],
     license="Apache-2.0",
-    tests_require=["pytest"],
+    classifiers=[
+        "Programming Language :: Python :: 3",
+        "Operating System :: POSIX :: Linux",
+        "Topic :: Scientific/Engineering :: GIS",
+    ],
     entry_points={
         "console_scripts": [
             "lidar-buildings = lidar_buildings.cli:main",
