@@ -28,13 +28,14 @@ def check_parameter_files(arguments: Sequence[str]) -> None:
     """
     for path in _named(arguments):
         try:
-            content = yaml.safe_load(path.read_text(encoding="utf-8"))
+            # parsed, not constructed: launch files tag lists as Python's tuples, which ROS takes as lists
+            content = yaml.compose(path.read_text(encoding="utf-8"), Loader=yaml.SafeLoader)
         except OSError as error:
             raise InputError(f"{path}: {error.strerror}: give {_OPTION} a readable YAML file") from error
         except (yaml.YAMLError, UnicodeDecodeError) as error:
             place = " ".join(str(error).split())
             raise InputError(f"{path}: not valid YAML ({place}): compare pipeline.param.yaml") from error
-        if content is not None and not isinstance(content, dict):
+        if content is not None and not isinstance(content, yaml.MappingNode):
             raise InputError(f"{path}: no node names at its top: compare pipeline.param.yaml")
 
 
