@@ -106,7 +106,9 @@ class EdgeLabels:
     status: str
 
 
-def label_edges(points: ArrayLike, config: EdgeLabellingConfig | None = None) -> EdgeLabels:
+def label_edges(
+    points: ArrayLike, config: EdgeLabellingConfig | None = None, *, point_spacing: float | None = None
+) -> EdgeLabels:
     """
     Tell roof points on edges from those on surfaces.
 
@@ -119,7 +121,9 @@ def label_edges(points: ArrayLike, config: EdgeLabellingConfig | None = None) ->
     points : array_like of shape (n_points, 3)
         Roof points of any number of buildings, in any order [m].
     config : EdgeLabellingConfig, optional
-        The stage's parameters; radii are multiples of the measured point spacing.
+        The stage's parameters; radii are multiples of the point spacing.
+    point_spacing : float, optional
+        Spacing of the pulses [m]; measured if not given.
 
     Returns
     -------
@@ -141,7 +145,7 @@ def label_edges(points: ArrayLike, config: EdgeLabellingConfig | None = None) ->
     """
     config = config or EdgeLabellingConfig()
     points = checked_points(points)
-    spacing = quantised_spacing(points)
+    spacing = point_spacing or quantised_spacing(points)
     largest = max(config.max_radius, config.min_radius)
     steps = np.unique(np.geomspace(config.min_radius, largest, config.n_radii))
     found = eigen_features(points, list(steps * spacing), min_neighbours=config.min_neighbours)

@@ -24,6 +24,9 @@ MAX_PROBES = 20_000
 #: Distances beyond this multiple of the median weigh no more: a few strays far off have no say.
 MAX_STRAY = 3.0
 
+#: A spacing within this factor of the expected one is taken for it: two strips on one another are √2 denser.
+MAX_DEVIATION = 1.6
+
 
 def measure_spacing(points: ArrayLike) -> float:
     """
@@ -71,6 +74,32 @@ def measure_spacing(points: ArrayLike) -> float:
     return float(middle * math.sqrt(math.pi / (k + 1 / 3)))
 
 
+def steady_spacing(points: ArrayLike, expected: float | None) -> float:
+    """
+    Return the expected spacing where the points bear it out, else their own, quantised.
+
+    With one expectation for a whole survey neighbouring tiles use the same spacing, and a tile of another
+    density still its own.
+
+    Parameters
+    ----------
+    points : array_like of shape (n_points, 3)
+        In any order [m].
+    expected : float or None
+        What the survey's points have in general [m].
+
+    Returns
+    -------
+    float
+        Spacing [m].
+
+    """
+    measured = measure_spacing(points)
+    if expected is not None and 1 / MAX_DEVIATION <= measured / expected <= MAX_DEVIATION:
+        return expected
+    return _quantised(measured)
+
+
 def quantised_spacing(points: ArrayLike) -> float:
     """
     Measure the point spacing and round it to the nearest power of 2^(1/4).
@@ -89,4 +118,12 @@ def quantised_spacing(points: ArrayLike) -> float:
         Spacing [m]; `FALLBACK_SPACING` (a power itself) where there is none to measure.
 
     """
-    return float(QUANTUM ** round(math.log(measure_spacing(points), QUANTUM)))
+    return _quantised(measure_spacing(points))
+
+
+def _quantised(spacing: float) -> float:
+    """
+    Round to the nearest power of the quantum.
+
+    """
+    return float(QUANTUM ** round(math.log(spacing, QUANTUM)))

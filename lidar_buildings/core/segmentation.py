@@ -77,6 +77,7 @@ def segment_buildings(
     *,
     scan_angle: ArrayLike | None = None,
     gps_time: ArrayLike | None = None,
+    point_spacing: float | None = None,
 ) -> Segmentation:
     """
     Gather the points of each building by moving-window region growing.
@@ -94,6 +95,8 @@ def segment_buildings(
     scan_angle, gps_time : array_like of shape (n_points,), optional
         Checked, and otherwise without influence: the window is a square with sides along x and y, sized by
         the spacing of all points together.
+    point_spacing : float, optional
+        Spacing of the pulses [m]; measured if not given.
 
     Returns
     -------
@@ -115,7 +118,7 @@ def segment_buildings(
     for name, column in (("scan_angle", scan_angle), ("gps_time", gps_time)):
         if column is not None:
             checked_column(name, column, len(cloud), np.float64)
-    spacing = quantised_spacing(cloud)
+    spacing = point_spacing or quantised_spacing(cloud)
     window = config.window * spacing
     component, n_components = chain_windows(cloud[:, :2], (window / 2, window / 2))
     n_points = np.bincount(component, minlength=n_components)

@@ -27,6 +27,7 @@ COLUMNS: dict[str, np.dtype[Any]] = {
         "buffer": "u1",
         "source": "<u2",
         "index": "<u4",
+        "point_spacing": "<f4",
         "height_above_ground": "<f4",
         "linearity": "<f4",
         "planarity": "<f4",
@@ -61,6 +62,8 @@ class PointTile:
         1 = belongs to a neighbouring tile, given as context only.
     source, index : ndarray or None
         The point is row `index` of input number `source`.
+    point_spacing : ndarray or None
+        Spacing of the pulses [m], the yardstick of other lengths; one value for a tile, mostly for a survey.
     height_above_ground ... plane_id : ndarray or None
         What the stages appended.
     stamp : int
@@ -89,6 +92,7 @@ class PointTile:
     buffer: NDArray[np.uint8] | None = None
     source: NDArray[np.uint16] | None = None
     index: NDArray[np.uint32] | None = None
+    point_spacing: NDArray[np.float32] | None = None
     height_above_ground: NDArray[np.float32] | None = None
     linearity: NDArray[np.float32] | None = None
     planarity: NDArray[np.float32] | None = None
@@ -143,6 +147,17 @@ class PointTile:
 
         """
         return np.ones(len(self), dtype=bool) if self.buffer is None else self.buffer == 0
+
+    @property
+    def spacing(self) -> float | None:
+        """
+        The tile's point spacing [m], None where it is not known or there is no point.
+
+        """
+        if self.point_spacing is None or not len(self):
+            return None
+        value = float(np.median(self.point_spacing))
+        return value if np.isfinite(value) and value > 0 else None
 
     def with_columns(self, **columns: Any) -> PointTile:
         """

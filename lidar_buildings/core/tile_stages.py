@@ -104,6 +104,7 @@ def select_roof_points(tile: PointTile, config: RoofSelectionConfig) -> PointTil
         classification=tile.classification,
         return_number=tile.return_number,
         number_of_returns=tile.number_of_returns,
+        point_spacing=tile.spacing,
     )
     return tile.with_columns(classification=result.classification)
 
@@ -123,7 +124,7 @@ def label_roof_edges(tile: PointTile, config: EdgeLabellingConfig) -> PointTile:
     Append edge labels, features, normals and the chosen radius to a tile of roof points.
 
     """
-    result = label_edges(tile.points, config)
+    result = label_edges(tile.points, config, point_spacing=tile.spacing)
     return tile.with_columns(
         linearity=result.linearity,
         planarity=result.planarity,
@@ -144,7 +145,13 @@ def trace_buildings(
     A building belongs to the tile that holds its anchor as a core point, so that each comes out once.
 
     """
-    found = segment_buildings(tile.points, segmentation, scan_angle=tile.scan_angle, gps_time=tile.gps_time)
+    found = segment_buildings(
+        tile.points,
+        segmentation,
+        scan_angle=tile.scan_angle,
+        gps_time=tile.gps_time,
+        point_spacing=tile.spacing,
+    )
     is_core = tile.is_core
     owned = [
         (number, rows)

@@ -6,8 +6,8 @@ The buildings of all tiles as the layers of ``buildings.gpkg`` and the lines of 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable
-from typing import Any
+from collections.abc import Collection, Iterable
+from typing import Any, TypeVar
 
 import numpy as np
 import shapely
@@ -25,6 +25,8 @@ from lidar_buildings.io.tile_products import RoofFace, Shapes
 READABLE_ID = "readable_id"
 _NO_FEATURE = "unknown"
 
+_Named = TypeVar("_Named", BuildingOutline, RoofFace)
+
 
 class BuildingLayers:
     """
@@ -34,11 +36,14 @@ class BuildingLayers:
     ----------
     frame : MapFrame
         Of the tiles.
+    without : collection of int
+        Ids of buildings to leave out.
 
     """
 
-    def __init__(self, frame: MapFrame) -> None:
+    def __init__(self, frame: MapFrame, *, without: Collection[int] = ()) -> None:
         self._frame = frame
+        self._without = frozenset(without)
         self._traced: list[tuple[dict[str, Any], shapely.Polygon]] = []
         self._outlines: list[tuple[dict[str, Any], shapely.Polygon]] = []
         self._faces: list[tuple[dict[str, Any], shapely.Polygon]] = []
@@ -52,15 +57,24 @@ class BuildingLayers:
         features = {}
         for line in shapes.features:
             feature = parse_feature(line)
+            if feature.building_id in self._without:
+                continue
             features[feature.building_id] = feature
             self._lines.setdefault(feature.readable_id, (feature.building_id, line))
-        for one in shapes.traced:
+        for one in self._kept(shapes.traced):
             self._traced.append((self._named(one, features), self._polygon(one.outline.rings)))
-        for one in shapes.outlines:
+        for one in self._kept(shapes.outlines):
             known = self._attributes(one, features.get(one.building_id))
             self._outlines.append((known | self._named(one, features), self._polygon(one.outline.rings)))
-        for face in shapes.roof_faces:
+        for face in self._kept(shapes.roof_faces):
             self._faces.append((self._named(face, features), self._polygon(face.rings)))
+
+    def _kept(self, group: Iterable[_Named]) -> list[_Named]:
+        """
+        Return those that are not to be left out.
+
+        """
+        return [one for one in group if one.building_id not in self._without]
 
     def layers(self) -> list[GeoPackageLayer]:
         """

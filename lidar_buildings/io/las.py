@@ -22,12 +22,14 @@ from numpy.typing import NDArray
 
 from lidar_buildings.core.errors import InputError
 from lidar_buildings.core.map_frame import MapFrame
+from lidar_buildings.core.point_spacing import steady_spacing
 from lidar_buildings.core.tile import PointTile
 from lidar_buildings.io.crs import SourceCrs, source_crs
 from lidar_buildings.io.find_inputs import search_inputs
 from lidar_buildings.io.las_records import RawHeader, read_raw_header
 from lidar_buildings.io.native_errors import in_words, is_failure, quiet_panics
 from lidar_buildings.io.point_columns import point_columns, without_empty_columns
+from lidar_buildings.io.pulse_spacing import pulses
 from lidar_buildings.io.warn_once import warn_once
 
 __all__ = ["Cloud", "InputFile", "open_cloud", "open_inputs", "read_tile"]
@@ -209,7 +211,9 @@ def read_tile(path: str | Path) -> PointTile:
     columns = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
     tile = PointTile(columns.pop("points"), frame=frame)
     numbers = {"source": np.zeros(len(tile)), "index": np.arange(len(tile))}
-    return tile.with_columns(**without_empty_columns(columns), **numbers)
+    kept = without_empty_columns(columns)
+    spacing = steady_spacing(pulses(tile.points, kept["return_number"], kept["number_of_returns"]), None)
+    return tile.with_columns(**kept, **numbers, point_spacing=np.full(len(tile), spacing))
 
 
 def frame_of(clouds: list[Cloud]) -> MapFrame:

@@ -32,6 +32,7 @@ from lidar_buildings.io.run_folder import (
     claim_folder,
     output_names,
 )
+from lidar_buildings.io.seams import seam_pieces
 from lidar_buildings.io.tile_products import TileProducts, load_rows, load_shapes
 from lidar_buildings.io.whole_files import cannot_write, whole_file
 
@@ -58,6 +59,8 @@ class RunSummary:
         Class number → points.
     buildings : dict
         Status → buildings.
+    n_seam_pieces : int
+        Buildings left out because a neighbouring tile has them as part of a larger one.
     problems : tuple of str
         One line per input that could not be read to its end.
 
@@ -69,6 +72,7 @@ class RunSummary:
     n_unclassified: int
     classes: dict[int, int]
     buildings: dict[str, int]
+    n_seam_pieces: int
     problems: tuple[str, ...]
 
 
@@ -169,10 +173,12 @@ class OutputFolder:
         """
         info = dict(run_info or {})
         fragments = [self._partial / f"{stamp}{_ENDING}" for stamp in sorted(self.done_stamps())]
-        outputs, problems, per_class, n_known = self._write_clouds(fragments)
-        layers = BuildingLayers(self.frame)
-        for fragment in fragments:
-            layers.add(load_shapes(fragment))
+        shapes = [load_shapes(fragment) for fragment in fragments]
+        pieces = seam_pieces([one.outlines or one.traced for one in shapes])
+        outputs, problems, per_class, n_known = self._write_clouds(fragments, pieces)
+        layers = BuildingLayers(self.frame, without=pieces)
+        for one in shapes:
+            layers.add(one)
         files = [*filter(None, outputs), *self._write_buildings(layers)]
         n_points = sum(file.point_count for file in self.inputs)
         summary = RunSummary(
@@ -182,6 +188,7 @@ class OutputFolder:
             n_unclassified=n_points - n_known,
             classes={int(code): int(per_class[code]) for code in np.flatnonzero(per_class)},
             buildings=layers.statuses(),
+            n_seam_pieces=len(pieces),
             problems=tuple(dict.fromkeys([*info.get("problems", ()), *problems])),
         )
         self._write_run(summary, outputs, info)
@@ -197,7 +204,7 @@ class OutputFolder:
         return self.path / PARTIAL
 
     def _write_clouds(
-        self, fragments: list[Path]
+        self, fragments: list[Path], pieces: set[int]
     ) -> tuple[list[str | None], list[str], NDArray[np.int64], int]:
         """
         Write every classified file; a file that cannot be read is noted, the others are written.
@@ -209,7 +216,7 @@ class OutputFolder:
         per_class, n_known = np.zeros(256, dtype=np.int64), 0
         for source, name in enumerate(output_names(self.inputs)):
             try:
-                output, counts, known = self._write_cloud(source, name, touching[source])
+                output, counts, known = self._write_cloud(source, name, touching[source], pieces)
             except InputError as error:
                 problems.append(str(error))
                 outputs.append(None)
@@ -220,7 +227,7 @@ class OutputFolder:
         return outputs, problems, per_class, n_known
 
     def _write_cloud(
-        self, source: int, name: str, fragments: list[Path]
+        self, source: int, name: str, fragments: list[Path], pieces: set[int]
     ) -> tuple[str, NDArray[np.int64], int]:
         """
         Write one classified file; return its name, points per class and how many were in finished tiles.
@@ -233,7 +240,7 @@ class OutputFolder:
         output = f"{CLASSIFIED}/{name}{suffix_for(cloud)}"
         self._make_folder(CLASSIFIED)
         with PointResults(self._partial / f"{source}.results", cloud.point_count) as results:
-            results.fill(fragments, source)
+            results.fill(fragments, source, without=pieces)
             counts = write_classified(cloud, results.rows, self.path / output)
             return output, counts, results.n_known()
 

@@ -5,7 +5,7 @@ The results of all tiles, laid out in the point order of one input file.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Collection, Iterable
 from pathlib import Path
 from typing import Any
 
@@ -82,7 +82,7 @@ class PointResults:
         """
         return int(np.count_nonzero(self._table["known"]))
 
-    def fill(self, fragments: Iterable[Path], source: int) -> None:
+    def fill(self, fragments: Iterable[Path], source: int, *, without: Collection[int] = ()) -> None:
         """
         Enter the results of saved tiles, in the order given.
 
@@ -94,8 +94,11 @@ class PointResults:
             Saved tiles, sorted by stamp.
         source : int
             The input's number.
+        without : collection of int
+            Ids of buildings that are not to be entered.
 
         """
+        left_out = np.array(sorted(without), dtype=np.uint32)
         paths = list(fragments)
         steps: tuple[tuple[str, Callable[[NDArray[Any]], None]], ...] = (
             ("core", self._enter_core),
@@ -106,6 +109,8 @@ class PointResults:
             for path in paths:
                 rows = load_rows(path, name)
                 mine = rows[(rows["source"] == source) & (rows["index"] < len(self._table))]
+                if name == "roofs" and len(left_out):
+                    mine = mine[~np.isin(mine["building_id"], left_out)]
                 if len(mine):
                     enter(mine)
 

@@ -15,9 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lidar_buildings.core.map_frame import MapFrame
+from lidar_buildings.core.point_spacing import steady_spacing
 from lidar_buildings.core.tile import PointTile
 from lidar_buildings.io.las import xyz_of
 from lidar_buildings.io.point_columns import point_columns, without_empty_columns
+from lidar_buildings.io.pulse_spacing import expected_spacing, pulses, sample_square
 from lidar_buildings.io.spool import RECORD, Cell, Spool
 from lidar_buildings.io.tile_grid import Rectangle, TileGrid
 
@@ -64,6 +66,7 @@ class TileStore:
         self._spool = Spool(temporary)
         self._planned: dict[Cell, int] = {}
         self._dropped: list[int] = []
+        self._expected_spacing: float | None = None
 
     def remove(self) -> None:
         """
@@ -124,6 +127,29 @@ class TileStore:
         ]
         return min(candidates, key=_order_key, default=None)
 
+    def learn_spacing(self, source: int, area: Rectangle) -> None:
+        """
+        Measure what spacing the survey's tiles are expected to have, unless that is known already.
+
+        Parameters
+        ----------
+        source : int
+            A file that has been read.
+        area : Rectangle
+            Its bounds, source's position [m].
+
+        """
+        if self._expected_spacing is not None:
+            return
+        square = sample_square(area)
+        local = square.moved(-self.frame.origin[0], -self.frame.origin[1])
+        samples = (
+            _pulses_of(block[(block["source"] == source) & local.holds(block["x"], block["y"])])
+            for cell in self.grid.cells_touching(square)
+            for block in self._blocks(cell)
+        )
+        self._expected_spacing = expected_spacing(samples)
+
     def count(self, plan: TilePlan, buffer: float) -> int:
         """
         Count a tile's points, buffer included.
@@ -142,11 +168,13 @@ class TileStore:
         for axis, name in enumerate("xyz"):
             points[:, axis] = records[name][order]
         columns = {name: records[name][order] for name in RECORD.fields or () if name not in ("x", "y", "z")}
+        spacing = steady_spacing(_pulses_of(records), self._expected_spacing)
         del records
         area = self._local_area(plan, buffer)
         return PointTile(
             points,
             buffer=is_buffer[order],
+            point_spacing=np.full(len(points), spacing, dtype=np.float32),
             stamp=plan.stamp,
             bounds=(area.x_min, area.y_min, area.x_max, area.y_max),
             frame=self.frame,
@@ -201,6 +229,16 @@ class TileStore:
             kept = block[~np.isin(block["source"], self._dropped)] if self._dropped else block
             if len(kept):
                 yield kept
+
+
+def _pulses_of(records: NDArray[Any]) -> NDArray[np.float64]:
+    """
+    Return one position per pulse of some records.
+
+    """
+    points = np.column_stack([records[name] for name in "xyz"]).astype(np.float64)
+    returns = without_empty_columns({name: records[name] for name in RECORD.names or ()})
+    return pulses(points, returns["return_number"], returns["number_of_returns"])
 
 
 def _order_key(records: NDArray[Any]) -> NDArray[np.uint64]:

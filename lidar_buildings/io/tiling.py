@@ -225,6 +225,8 @@ class TileSource:
                 self.problems.append(str(error))
                 self._store.drop(source)
                 n_failed += 1
+            else:
+                self._learn_spacing(source)
             self._unread.discard(source)
             self._plan_tiles_near(self._areas[source])
             yield True
@@ -233,6 +235,15 @@ class TileSource:
         for tile in sorted(self._waiting):
             self._plan(tile)
         yield True
+
+    def _learn_spacing(self, source: int) -> None:
+        """
+        Let the first file with points tell what spacing the survey has.
+
+        """
+        area = self._areas[source]
+        if area is not None:
+            self._store.learn_spacing(source, area)
 
     def _plan_tiles_near(self, read: Rectangle | None) -> None:
         """

@@ -65,6 +65,7 @@ def select_roofs(
     classification: ArrayLike | None = None,
     return_number: ArrayLike | None = None,
     number_of_returns: ArrayLike | None = None,
+    point_spacing: float | None = None,
 ) -> RoofSelection:
     """
     Find the points on roofs, and give every point its final class.
@@ -89,6 +90,8 @@ def select_roofs(
         here. If not given, points within 0.2 m of the ground are ground.
     return_number, number_of_returns : array_like of shape (n_points,), optional
         Used only if both are given; else every point counts as the last return of its pulse.
+    point_spacing : float, optional
+        Spacing of the pulses [m]; measured if not given.
 
     Returns
     -------
@@ -112,7 +115,7 @@ def select_roofs(
     is_last = _last_returns(len(points), return_number, number_of_returns)
     settled = np.isin(classes, SETTLED)
     raised = np.flatnonzero((height >= config.min_height) & ~settled)
-    spacing = quantised_spacing(points)
+    spacing = point_spacing or quantised_spacing(points)
     radius = max(config.neighbourhood_radius * spacing, config.min_neighbourhood_radius)
     is_roof = np.zeros(len(points), dtype=bool)
     is_roof[raised] = _roofs(

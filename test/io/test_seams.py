@@ -1,0 +1,40 @@
+import numpy as np
+
+from lidar_buildings.core.outline import BuildingOutline, Outline
+from lidar_buildings.io.seams import seam_pieces
+
+
+def building(number: int, x: float, y: float, width: float, height: float) -> BuildingOutline:
+    corners = [[x, y], [x + width, y], [x + width, y + height], [x, y + height]]
+    return BuildingOutline(number, Outline(np.array(corners)))
+
+
+WHOLE = building(1, 0, 0, 20, 10)
+
+
+def test_a_piece_within_another_tiles_building_is_found_whichever_tile_came_first():
+    piece = building(2, 15, 2, 5, 5)
+    assert seam_pieces([[WHOLE], [piece]]) == seam_pieces([[piece], [WHOLE]]) == {2}
+
+
+def test_neighbours_that_overlap_by_less_than_half_are_both_kept():
+    assert seam_pieces([[WHOLE], [building(2, 18, 0, 10, 10)]]) == set()
+
+
+def test_buildings_of_one_tile_are_never_pieces_of_each_other():
+    assert seam_pieces([[WHOLE, building(2, 5, 2, 5, 5)]]) == set()
+
+
+def test_a_building_in_another_ones_courtyard_is_no_piece_of_it():
+    hole = np.array([[5.0, 2.0], [5.0, 8.0], [15.0, 8.0], [15.0, 2.0]])
+    around = BuildingOutline(1, Outline(WHOLE.outline.exterior, (hole,)))
+    assert seam_pieces([[around], [building(2, 6, 3, 4, 4)]]) == set()
+
+
+def test_of_two_equal_buildings_one_is_kept():
+    twin = BuildingOutline(7, WHOLE.outline)
+    assert seam_pieces([[WHOLE], [twin]]) == seam_pieces([[twin], [WHOLE]]) == {7}
+
+
+def test_nothing_at_all_has_no_pieces():
+    assert seam_pieces([]) == seam_pieces([[], []]) == set()
