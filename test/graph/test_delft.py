@@ -1,0 +1,59 @@
+"""
+The main job on real data: two AHN3 tiles of Delft, through the graph.
+
+"""
+
+from pathlib import Path
+
+import numpy as np
+import pyogrio
+import pytest
+import shapely
+from results import assert_complete
+
+from lidar_buildings.cli import main
+from lidar_buildings.score import run_score
+
+pytestmark = [pytest.mark.graph, pytest.mark.slow, pytest.mark.real_data]
+
+#: Where the two files meet.
+SEAM = 85_000.0
+
+
+@pytest.fixture(scope="module")
+def delft(data_folder: Path) -> Path:
+    return data_folder / "delft"
+
+
+@pytest.fixture(scope="module")
+def result(delft: Path, tmp_path_factory) -> Path:
+    output = tmp_path_factory.mktemp("delft") / "out"
+    assert main(["run", str(delft), "--output", str(output)]) == 0
+    return output
+
+
+def test_every_point_keeps_its_place_and_dimensions_and_every_building_is_there_once(delft, result):
+    assert_complete(delft, result, min_tiles=4)
+
+
+def test_buildings_across_the_seam_of_the_files_are_whole(result):
+    _, _, geometry, _ = pyogrio.raw.read(result / "buildings.gpkg", layer="outlines", columns=[])
+    bounds = shapely.bounds(shapely.from_wkb(geometry))
+    across = bounds[(bounds[:, 0] < SEAM - 5) & (bounds[:, 2] > SEAM + 5)]
+    assert len(across) >= 3
+    # cut off, they would end at the seam or a buffer's width from it
+    ends = np.concatenate([across[:, 0], across[:, 2]])
+    for limit in (SEAM - 50, SEAM, SEAM + 50):
+        assert np.abs(ends - limit).min() > 0.5
+
+
+def test_the_cells_of_buildings_agree_with_the_base_map(delft, result):
+    score = run_score("buildings", result, delft / "blocks_nw.gpkg", aoi=delft / "aoi_nw.gpkg").figures
+    # measured 0.834; the issue that deepens the roof selection asks for more
+    assert score["iou"] >= 0.80
+
+
+def test_the_ground_agrees_with_the_provider(delft, result):
+    score = run_score("ground", result, delft, reference_classes=[2, 9]).figures
+    # measured 0.019: gardens and quays are seen differently by the provider
+    assert score["total_error"] <= 0.03
