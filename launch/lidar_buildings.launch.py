@@ -16,6 +16,8 @@ from lidar_buildings.nodes.table import nodes_until, topics_until
 
 PACKAGE = "lidar_buildings"
 SHARED = PathJoinSubstitution([FindPackageShare(PACKAGE), "config"])
+#: Arguments that, where given, win over the parameter file.
+PLAYER_ARGUMENTS = {"tile_size": float, "max_tiles_in_flight": int, "tile_timeout": float, "rate": float}
 
 ARGUMENTS = (
     DeclareLaunchArgument(
@@ -34,15 +36,23 @@ ARGUMENTS = (
         default_value=PathJoinSubstitution([SHARED, "pipeline.param.yaml"]),
         description="Parameters of all nodes.",
     ),
-    DeclareLaunchArgument("tile_size", default_value="250.0", description="Side of a tile [m]."),
     DeclareLaunchArgument(
-        "max_tiles_in_flight", default_value="2", description="How many tiles may be in the graph at once."
+        "tile_size", default_value="", description="Side of a tile [m]; empty: as in params_file."
     ),
     DeclareLaunchArgument(
-        "tile_timeout", default_value="120.0", description="Time after which a tile is sent again [s]."
+        "max_tiles_in_flight",
+        default_value="",
+        description="How many tiles may be in the graph at once; empty: as in params_file.",
     ),
     DeclareLaunchArgument(
-        "rate", default_value="0.0", description="Speed as a multiple of the recorded time; 0 = unlimited."
+        "tile_timeout",
+        default_value="",
+        description="Time after which a tile is sent again [s]; empty: as in params_file.",
+    ),
+    DeclareLaunchArgument(
+        "rate",
+        default_value="",
+        description="Speed as a multiple of the recorded time, 0 = unlimited; empty: as in params_file.",
     ),
     DeclareLaunchArgument("namespace", default_value="", description="Namespace of all nodes and topics."),
     DeclareLaunchArgument(
@@ -75,10 +85,7 @@ def start_nodes(context) -> list:
     own = {
         "tile_player": {
             "input": inputs,
-            "tile_size": float(value("tile_size")),
-            "max_tiles_in_flight": int(value("max_tiles_in_flight")),
-            "tile_timeout": float(value("tile_timeout")),
-            "rate": float(value("rate")),
+            **{name: kind(value(name)) for name, kind in PLAYER_ARGUMENTS.items() if value(name)},
             "wait_for": list(topics_until("building_model", has_writer=writes)),
         },
         "model_builder": {"flow_control.publish_tile_done": not writes},
