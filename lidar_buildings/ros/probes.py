@@ -14,8 +14,10 @@ from collections.abc import Callable
 
 #: Stamps below this [ns] are probes; no tile has one.
 _STAMPS = 1_000_000
-#: Time between probes until the first one comes back, and how long the next one waits for an answer [s].
+#: Time until the second probe while none came back, and between probes from then on, at least [s].
 _SEARCHING, _LISTENING = 0.5, 2.0
+#: The next probe leaves after so many times the way of the last one, so that probes cost a slow graph little.
+_PATIENCE = 2.0
 
 
 def is_probe(stamp: int) -> bool:
@@ -49,15 +51,14 @@ class Probes:
         """
         Return the stamp of the probe to send now, None if it is too early.
 
-        While no answer comes they become rarer, so that they do not pile up before a slow node.
+        While no answer comes each waits twice as long, so that they do not pile up before a slow node.
 
         """
         now = self._now()
         if now < self._next:
             return None
-        if self.has_answer:
-            self._interval *= 2
         self._next = now + self._interval
+        self._interval *= 2
         self._number = (self._number + 1) % _STAMPS
         self._sent[self._number] = now
         return self._number
@@ -72,6 +73,7 @@ class Probes:
             return None
         self._sent = {number: time for number, time in self._sent.items() if time > sent}
         self.has_answer = True
-        self._interval = _LISTENING
-        self._next = self._now() + _LISTENING
+        now = self._now()
+        self._interval = max(_LISTENING, _PATIENCE * (now - sent))
+        self._next = now + self._interval
         return sent
