@@ -41,7 +41,9 @@ def main(arguments: list[str] | None = None) -> int:
     from lidar_buildings.core.errors import LidarBuildingsError
 
     try:
-        return options.command(options)
+        status = options.command(options)
+        sys.stdout.flush()  # here, where a closed pipe is caught
+        return status
     except LidarBuildingsError as error:
         for line in str(error).splitlines():
             print(f"lidar-buildings: {line}", file=sys.stderr)

@@ -139,12 +139,13 @@ def _report_trouble(outcome: RunOutcome) -> None:
     lines += [
         f"tile {stamp} failed ({reason}): the rest is complete" for stamp, reason in outcome.failed.items()
     ]
-    if summary.n_unclassified:
+    if summary.n_unclassified and (outcome.failed or not summary.problems):
         lines.append(
-            f"{_count(summary.n_unclassified, 'point')} kept the class from before: their tiles failed, or "
-            "their file could not be read to its end"
+            f"{_count(summary.n_unclassified, 'point')} kept the class from before: the same command with "
+            "--overwrite tries again"
         )
-    if summary.n_points and not summary.buildings and BUILDINGS in summary.files:
+    is_bare = BUILDINGS in summary.files and not summary.buildings
+    if is_bare and summary.n_points and not outcome.failed:
         lines.append("no building was found: doc/data_requirements.md says what the points must be like")
     for line in lines:
         print(f"lidar-buildings: {line}", file=sys.stderr)

@@ -5,6 +5,7 @@ What the user set: a parameter file in ROS's own form and ``--set STAGE.NAME=VAL
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Mapping
 from dataclasses import fields
 from difflib import get_close_matches
@@ -21,6 +22,7 @@ Settings = dict[str, dict[str, Any]]
 #: {node: {stage: config class}}
 NodeConfigs = Mapping[str, Mapping[str, type[StageConfig]]]
 
+_EXPONENT = re.compile(r"[-+]?\d+(\.\d*)?[eE][-+]?\d+")
 _COMPARE = "compare config/pipeline.param.yaml"
 _FORM = "must be STAGE.NAME=VALUE, as in roof_selection.min_height=2.5"
 
@@ -133,12 +135,22 @@ def _checked(origin: str, stage: str, name: str, value: Any, nodes: NodeConfigs)
     known = {member.name: member for member in fields(stages[stage])}
     if name not in known:
         raise ParameterError(f"{origin}: there is no parameter {stage}.{name}{_nearest(name, known)}")
-    if isinstance(value, list) and not any(value):
-        value = []  # ROS writes an empty list of texts as one empty text
     try:
-        return stage, name, checked_value(stage, known[name], value)
+        return stage, name, checked_value(stage, known[name], _as_ros_reads(value))
     except ParameterError as error:
         raise ParameterError(f"{origin}: {error}") from error
+
+
+def _as_ros_reads(value: Any) -> Any:
+    """
+    Return a value as ROS understands the same YAML.
+
+    """
+    if isinstance(value, list) and not any(value):
+        return []  # an empty list of texts is written as one empty text
+    if isinstance(value, str) and _EXPONENT.fullmatch(value):
+        return float(value)  # 1e-3 is a text to YAML 1.1
+    return value
 
 
 def _flat(parameters: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:

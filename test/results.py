@@ -66,3 +66,28 @@ def assert_buildings_once(output: Path) -> None:
         if a < b
     ]
     assert all(share < 0.1 for share in shared), shared
+
+
+def assert_rest_is_complete(survey: Path, output: Path, whole: Path, n_unclassified: int) -> None:
+    """
+    But for the points of one tile and its buildings, the results are those of an undisturbed run.
+
+    """
+    name = "classified/strip_01.laz"
+    given = laspy.read(survey / "strip_01.laz").classification
+    one, other = (laspy.read(folder / name).classification for folder in (output, whole))
+    differ = np.asarray(one) != np.asarray(other)
+    assert 0 < n_unclassified < len(one) / 4
+    assert 0 < differ.sum() <= n_unclassified
+    np.testing.assert_array_equal(np.asarray(one)[differ], np.asarray(given)[differ])
+    found, expected = (building_ids(folder) for folder in (output, whole))
+    assert set(found) <= set(expected)
+
+
+def building_ids(output: Path) -> list[int]:
+    """
+    The numbers of a run's buildings, by their outlines.
+
+    """
+    columns = pyogrio.raw.read(output / "buildings.gpkg", layer="outlines", columns=["building_id"])[3]
+    return columns[0].tolist()

@@ -61,9 +61,9 @@ def claim_folder(
             raise OutputError(
                 f"{path}: holds a finished run: give --overwrite to replace it, or another folder"
             )
-        elif (path / PARTIAL).exists():
+        elif _holds_run(path):
             _check_same(path, identity)
-        elif any(path.iterdir()):
+        elif any(file.name != PARTIAL for file in path.iterdir()):
             raise OutputError(f"{path}: is not empty: give --overwrite to write into it, or another folder")
         (path / PARTIAL).mkdir(exist_ok=True)
     except OSError as error:
@@ -91,6 +91,14 @@ def output_names(inputs: Sequence[InputFile]) -> list[str]:
         taken.add(name.lower())
         names.append(name)
     return names
+
+
+def _holds_run(path: Path) -> bool:
+    """
+    Whether there is an unfinished run; a folder that a full disk kept empty is none.
+
+    """
+    return any((path / PARTIAL).glob("*"))
 
 
 def _check_same(path: Path, identity: dict[str, Any]) -> None:

@@ -46,9 +46,10 @@ class RunRecord:
                 continue
             if status.level == DiagnosticStatus.ERROR:
                 self._reasons[int(values["tile"])] = f"{status.name}: {status.message}"
-            elif stage and "seconds" in values:
+                continue
+            self._parameters.update(json.loads(values.get("parameters", "{}")))
+            if stage and "seconds" in values:
                 self._seconds[stage][values["tile"]] = float(values["seconds"])
-                self._parameters.update(json.loads(values.get("parameters", "{}")))
 
     def reasons(self, failed: Iterable[int]) -> dict[int, str]:
         """

@@ -1,0 +1,217 @@
+"""
+The command line through the node graph: what a user can cause gives the same lines, statuses and files.
+
+"""
+
+import json
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
+
+import cloud_files
+import pytest
+from cli_runs import Command, bad_clouds, files_in
+from results import assert_rest_is_complete, contents
+
+from lidar_buildings.cli import main
+from lidar_buildings.nodes import ground_filter, outline_regulariser
+from lidar_buildings.pipeline import STAGES
+from lidar_buildings.simulation import simulate_survey
+
+pytestmark = pytest.mark.graph
+
+FILES = ["buildings.gpkg", "city_model.city.jsonl", "classified/strip_01.laz", "run.json"]
+#: Cuts the house's survey into nine tiles.
+SMALL_TILES = ["--tile-size", "25", "--set", "tile_player.buffer=10"]
+
+
+@pytest.fixture
+def command(capfd):
+    return Command(capfd, *SMALL_TILES)
+
+
+@pytest.fixture(scope="module")
+def house(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("house")
+    simulate_survey(folder, "single_house", 0, density=3.0)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def result(house, tmp_path_factory):
+    """
+    What an undisturbed run without ROS gives.
+
+    """
+    folder = tmp_path_factory.mktemp("result") / "out"
+    assert main(["run", str(house), "--output", str(folder), "--no-ros", *SMALL_TILES]) == 0
+    return folder
+
+
+def test_the_graph_says_what_the_run_without_ros_says(command, house, result, tmp_path):
+    spoken = command("run", house, "--output", tmp_path / "out")
+    assert (spoken.status, spoken.err) == (0, [])
+    n_tiles = json.loads((result / "run.json").read_text())["n_tiles"]
+    assert spoken.progress[-1] == f"{n_tiles} of {n_tiles} tiles done"
+    assert spoken.out[1] == "buildings: 1 (1 ok)"
+    assert files_in(tmp_path / "out") == FILES
+    assert contents(tmp_path / "out") == contents(result)
+
+
+def test_run_json_tells_the_same_as_without_ros(command, house, result, tmp_path):
+    assert command("run", house, "--output", tmp_path / "out").status == 0
+    mine, theirs = (json.loads((folder / "run.json").read_text()) for folder in (tmp_path / "out", result))
+    seconds = mine.pop("seconds"), theirs.pop("seconds")
+    parameters = mine.pop("parameters"), theirs.pop("parameters")
+    assert mine == theirs
+    assert set(seconds[0]) == set(seconds[1]) == {"wall", *STAGES}
+    assert {stage: parameters[0][stage] for stage in STAGES} == {
+        stage: parameters[1][stage] for stage in STAGES
+    }
+    assert parameters[0]["tile_player"].items() >= parameters[1]["tile_player"].items()
+
+
+@pytest.mark.parametrize("stage", ["ground_filter", "edge_labelling", "boundary_tracing", "plane_fitting"])
+def test_a_run_until_a_stage_gives_the_same_files_as_without_ros(command, house, tmp_path, stage):
+    arguments = ["run", house, "--until", stage, "--output"]
+    assert command(*arguments, tmp_path / "graph").status == 0
+    assert command(*arguments, tmp_path / "plain", "--no-ros").status == 0
+    assert files_in(tmp_path / "graph") == files_in(tmp_path / "plain")
+    for name in set(files_in(tmp_path / "plain")) - {"run.json"}:
+        assert (tmp_path / "graph" / name).read_bytes() == (tmp_path / "plain" / name).read_bytes()
+
+
+def test_bad_inputs_among_good_ones_give_a_line_each_and_the_rest_is_complete(
+    command, house, result, tmp_path
+):
+    bad = bad_clouds(tmp_path / "bad", house / "strip_01.laz")
+    bad.pop("damage in the middle")
+    spoken = command("run", house, *(path for path, _ in bad.values()), "--output", tmp_path / "out")
+    assert spoken.status == 2
+    assert len(spoken.err) == len(bad)
+    for path, words in bad.values():
+        (line,) = [line for line in spoken.err if line.startswith(f"lidar-buildings: {path}: ")]
+        assert words in line
+    assert files_in(tmp_path / "out") == FILES
+    assert contents(tmp_path / "out") == contents(result)
+
+
+def test_a_file_that_turns_out_damaged_while_it_is_read_gives_one_line(command, house, tmp_path):
+    damaged, words = bad_clouds(tmp_path / "bad", house / "strip_01.laz")["damage in the middle"]
+    spoken = command("run", house, damaged, "--output", tmp_path / "out")
+    assert spoken.status == 2
+    assert len(spoken.err) == 1
+    assert spoken.err[0].startswith(f"lidar-buildings: {damaged}: ")
+    assert words in spoken.err[0]
+    assert files_in(tmp_path / "out") == FILES
+    assert words in command.refused("run", damaged, "--output", tmp_path / "alone")
+
+
+@pytest.mark.parametrize("n_points", [0, 1])
+def test_no_point_and_one_point_are_legal(command, tmp_path, n_points):
+    path = cloud_files.saved(cloud_files.random_cloud(n_points, point_format=6), tmp_path / "tiny.laz")
+    spoken = command("run", path, "--output", tmp_path / "out")
+    assert spoken.status == 0
+    assert spoken.out[1] == "buildings: 0 (none)"
+    assert files_in(tmp_path / "out") == [*FILES[:2], "classified/tiny.laz", FILES[3]]
+
+
+def test_an_output_folder_that_cannot_be_used_gives_one_line(command, house, result, tmp_path):
+    (tmp_path / "file").write_text("")
+    (tmp_path / "full").mkdir()
+    (tmp_path / "full" / "kept.txt").write_text("mine")
+    shutil.copytree(result, tmp_path / "done")
+    for path, words in (
+        ("file/out", "cannot be used for output"),
+        ("full", "is not empty: give --overwrite"),
+        ("done", "holds a finished run: give --overwrite"),
+    ):
+        line = command.refused("run", house, "--output", tmp_path / path)
+        assert line.startswith(f"lidar-buildings: {tmp_path / path}: ")
+        assert words in line
+    assert command("run", house, "--output", tmp_path / "full", "--overwrite").status == 0
+    assert contents(tmp_path / "full") == contents(result)
+    assert (tmp_path / "full" / "kept.txt").read_text() == "mine"
+
+
+@pytest.mark.parametrize("name", ["identity", "npz", "strip_01.part", "run.part"])
+def test_a_full_disk_gives_one_line_and_the_run_goes_on_when_there_is_room(
+    command, house, result, tmp_path, monkeypatch, name
+):
+    out = tmp_path / "out"
+    with monkeypatch.context() as full:
+        cloud_files.fill_the_disk(full, name, 50)
+        spoken = command("run", house, "--output", out)
+    assert spoken.status == 2
+    assert len(spoken.err) == 1
+    assert spoken.err[0].startswith(f"lidar-buildings: {out}")
+    assert "No space left on device" in spoken.err[0]
+    assert not [path for path in files_in(out) if ".part." in path]
+    assert command("run", house, "--output", out).status == 0
+    assert contents(out) == contents(result)
+
+
+def test_a_full_disk_in_the_temporary_folder_gives_one_line(command, house, tmp_path, monkeypatch):
+    cloud_files.fill_the_disk(monkeypatch, ".points", 1000)
+    line = command.refused("run", house, "--output", tmp_path / "out")
+    assert "temporary files cannot be written (No space left on device)" in line
+
+
+@pytest.mark.parametrize(
+    ("module", "function"), [(ground_filter, "filter_ground"), (outline_regulariser, "regularise_outlines")]
+)
+def test_a_tile_that_fails_each_time_gives_status_3_and_the_rest_is_complete(
+    command, house, result, tmp_path, monkeypatch, module, function
+):
+    original, chosen = getattr(module, function), []
+
+    def fail_on_one_tile(*arguments):
+        # outlines carry no stamp: there the tile is the one that has any
+        tile = getattr(arguments[0], "stamp", 0) if len(arguments[0]) else None
+        if tile is not None and tile >= 10**9 * (function == "filter_ground") and chosen in ([], [tile]):
+            chosen[:] = [tile]
+            raise ZeroDivisionError("made to\nfail")
+        return original(*arguments)
+
+    out = tmp_path / "out"
+    with monkeypatch.context() as patched:
+        patched.setattr(module, function, fail_on_one_tile)
+        spoken = command("run", house, "--output", out)
+    assert spoken.status == 3
+    told = json.loads((out / "run.json").read_text())
+    (failed,) = told["failed_tiles"]
+    reason = f"{module.__name__.rsplit('.', 1)[-1]}: ZeroDivisionError: made to fail"
+    assert failed["reason"] == reason
+    assert spoken.err[0] == f"lidar-buildings: tile {failed['tile']} failed ({reason}): the rest is complete"
+    assert " points kept the class from before: " in spoken.err[1]
+    assert len(spoken.err) == 2
+    assert files_in(out) == FILES
+    assert_rest_is_complete(house, out, result, told["n_unclassified"])
+
+
+def test_an_interrupted_run_goes_on_from_its_finished_tiles(house, result, tmp_path):
+    out = tmp_path / "out"
+    program = [sys.executable, "-m", "lidar_buildings.cli", "run", house, "--output", out, *SMALL_TILES]
+    running = subprocess.Popen(
+        [*program, "--set", "tile_player.rate=1e-9"], stderr=subprocess.PIPE, text=True
+    )
+    end = time.monotonic() + 60
+    while not list(out.glob(".partial/*.npz")) and running.poll() is None and time.monotonic() < end:
+        time.sleep(0.05)
+    running.send_signal(signal.SIGINT)
+    assert running.wait(60) == 130
+    said = running.stderr.read().splitlines()
+    assert said[-1] == "lidar-buildings: interrupted; the same command goes on from here"
+    assert all(line.endswith("done") for line in said[:-1])
+    assert not {*FILES} & {*files_in(out)}
+    done = {path.name: path.stat().st_mtime_ns for path in out.glob(".partial/*.npz")}
+    assert done
+    finished = subprocess.run(program, capture_output=True, text=True, env=os.environ)
+    assert (finished.returncode, [x for x in finished.stderr.splitlines() if not x.endswith(" done")]) == (
+        0,
+        [],
+    )
+    assert contents(out) == contents(result)
