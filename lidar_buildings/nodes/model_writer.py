@@ -192,8 +192,7 @@ class ModelWriter(StageNode):
 
         """
         points = [parts[topic] for topic in self._topics if isinstance(parts.get(topic), PointTile)]
-        if len(points[0]):  # an empty one is a probe: nothing to keep, only to answer
-            self._write(points, parts)
+        self._write(points, parts)
         self._tile_done.publish(header_of(stamp))
 
     def _write(self, points: list[PointTile], parts: dict[str, Any]) -> None:

@@ -223,6 +223,12 @@ WRITER_TOPICS: dict[str, tuple[Topic, ...]] = {
 }
 
 
+#: What a tile passes on its way; a node that subscribes to one of these anew has been restarted.
+GRAPH_TOPICS = tuple(
+    dict.fromkeys(topic.name for card in NODE_TABLE[1:] for topic in card.subscribes if topic.type != _HEADER)
+)
+
+
 def nodes_until(stage: str) -> tuple[str, ...]:
     """
     Return the nodes that a run ending with `stage` needs, the player first and the writer last.

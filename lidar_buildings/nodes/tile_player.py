@@ -8,7 +8,6 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any, NamedTuple
 
-import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from geometry_msgs.msg import PointStamped, PolygonStamped, Vector3Stamped
 from rosgraph_msgs.msg import Clock
@@ -19,13 +18,14 @@ from std_srvs.srv import Trigger
 from lidar_buildings.core.tile import PointTile
 from lidar_buildings.io.tiling import TileSource
 from lidar_buildings.nodes.configs import NODE_CONFIGS, TilePlayerConfig
+from lidar_buildings.nodes.table import GRAPH_TOPICS
 from lidar_buildings.nodes.tile_reader import TileReader
 from lidar_buildings.ros.flow_control import FlowControl
+from lidar_buildings.ros.graph_watch import GraphWatch
 from lidar_buildings.ros.map_frames import origin_message, units_message
 from lidar_buildings.ros.playback import Playback
 from lidar_buildings.ros.point_cloud import to_message
 from lidar_buildings.ros.polygons import bounds_message
-from lidar_buildings.ros.probes import Probes, is_probe
 from lidar_buildings.ros.qos import CLOUD, EVENT, LATCHED, LATCHED_HISTORY, LATCHED_TILE
 from lidar_buildings.ros.runner import run_node
 from lidar_buildings.ros.stage_node import StageNode
@@ -58,7 +58,7 @@ class TilePlayer(StageNode):
         super().__init__("tile_player", NODE_CONFIGS["tile_player"], **kwargs)
         config = self.parameters[TilePlayerConfig]
         self._flow = FlowControl(config.max_tiles_in_flight, config.tile_timeout, config.max_attempts)
-        self._probes = Probes()
+        self._watch = GraphWatch(self, GRAPH_TOPICS, NODE_CONFIGS)
         self._done: set[int] = set()
         self._failed: set[int] = set()
         self._playback = Playback(is_paused=config.start_paused)
@@ -94,7 +94,8 @@ class TilePlayer(StageNode):
         """
         if self._is_finished or self._reader_has_failed():
             return
-        self._probe()
+        if self._watch.has_news():
+            self._flow.expire()
         self._send_overdue()
         while self._may_send():
             self._send(self._take())
@@ -106,9 +107,6 @@ class TilePlayer(StageNode):
 
         """
         stamp = to_stamp(message.stamp)
-        if is_probe(stamp):
-            self._on_answer(stamp)
-            return
         self._done.add(stamp)
         self._failed.discard(stamp)
         if self._flow.done(stamp):
@@ -220,46 +218,10 @@ class TilePlayer(StageNode):
         Whether there is a tile, a credit for it, someone to take it, and its time has come.
 
         """
-        tile = self._peek() if self._flow.has_room and self._is_whole else None
+        tile = self._peek() if self._flow.has_room and self._watch.is_settled else None
         if tile is None or not self._playback.is_due(tile.stamp, self.parameters[TilePlayerConfig].rate):
             return False
         return self._is_heard()
-
-    @property
-    def _is_whole(self) -> bool:
-        """
-        Whether something that was sent has come through to the end of the graph.
-
-        """
-        return self._probes.has_answer or not self._flow.is_counting
-
-    def _probe(self) -> None:
-        """
-        Send an empty tile to see whether the graph is whole, or whether tiles in flight got lost.
-
-        """
-        if not self._flow.is_counting or (self._is_whole and not len(self._flow)) or not self._is_heard():
-            return
-        stamp = self._probes.due()
-        if stamp is not None:
-            self._bounds.publish(bounds_message(stamp, None))
-            self._points.publish(to_message(PointTile(np.zeros((0, 3)), stamp=stamp)))
-            if not self._is_whole:
-                self.get_logger().info(
-                    "waiting for the end of the graph to answer",
-                    throttle_duration_sec=_REMIND,
-                    skip_first=True,
-                )
-
-    def _on_answer(self, stamp: int) -> None:
-        """
-        Go on: what was sent before this probe is done or lost.
-
-        """
-        sent = self._probes.answered(stamp)
-        if sent is not None:
-            self._flow.passed(sent)
-            self.on_tick()
 
     def _peek(self) -> PointTile | None:
         """

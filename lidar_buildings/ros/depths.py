@@ -3,7 +3,7 @@ How many messages topics keep. It needs no ROS.
 
 """
 
-#: Clouds of a topic: tiles in flight, copies sent again, and probes.
+#: Clouds of a topic: tiles in flight, and copies sent again.
 CLOUD_DEPTH = 32
 
 #: Headers and diagnostics: small, a few per tile and node.

@@ -132,6 +132,10 @@ class FlowControl:
         if flight is None:
             return None
         flight.n_clipped += 1
+        if flight.n_clipped < flight.n_copies:
+            # the other copy needs about as long, or is lost
+            under_way = self._now() - flight.sent
+            flight.deadline = min(flight.deadline, self._now() + 2 * under_way + _GRACE)
         return flight.tile if flight.n_clipped >= flight.n_copies else None
 
     def replaced(self, tile: PointTile) -> None:
@@ -142,17 +146,13 @@ class FlowControl:
         attempt, now = self._flights[tile.stamp].attempt, self._now()
         self._flights[tile.stamp] = Flight(tile, attempt, now, now + self._time_allowed(attempt))
 
-    def passed(self, sent: float) -> None:
+    def expire(self) -> None:
         """
-        Note that something sent at this time [s] went through the whole graph: what is older got lost.
-
-        A little time is left to tiles whose last message is on its way.
+        Note that all tiles in flight may be lost: their time is up at once.
 
         """
         for flight in self._flights.values():
-            if flight.sent < sent:
-                flight.deadline = min(flight.deadline, self._now() + _GRACE)
-                flight.n_copies = flight.n_clipped  # the others are gone
+            flight.deadline = self._now()
 
     def overdue(self) -> list[Flight]:
         """

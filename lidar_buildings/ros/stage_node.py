@@ -24,7 +24,6 @@ from lidar_buildings.core.parameters import StageConfig
 from lidar_buildings.core.tile import PointTile
 from lidar_buildings.ros.parameters import NodeParameters
 from lidar_buildings.ros.point_cloud import from_message
-from lidar_buildings.ros.probes import is_probe
 from lidar_buildings.ros.publishing import publish_all
 from lidar_buildings.ros.qos import BUILDING, CLOUD, EVENT
 from lidar_buildings.ros.ring_collector import RingCollector, Rings
@@ -155,7 +154,7 @@ class StageNode(Node):
         else:
             if report.warnings:
                 self.get_logger().warning(f"tile {stamp}: {'; '.join(report.warnings)}")
-            if not quiet and not is_probe(stamp):
+            if not quiet:
                 level = DiagnosticStatus.WARN if report.warnings else DiagnosticStatus.OK
                 text = "; ".join(report.warnings) or "done"
                 self._publish_status(report, level, text, time.perf_counter() - started)

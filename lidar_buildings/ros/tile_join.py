@@ -14,7 +14,7 @@ import numpy as np
 from lidar_buildings.core.outline import BuildingOutline
 from lidar_buildings.core.tile import PointTile
 
-#: How many tiles may be waiting: those in flight, and probes.
+#: How many tiles may be waiting: those in flight, and copies sent again.
 MAX_WAITING_TILES = 16
 
 

@@ -332,16 +332,15 @@ def test_torn_outlines_keep_a_tile_waiting(bench, make_writer, tmp_path):
     wait_until(lambda: other.heard["tile_done"])
 
 
-def test_a_probe_is_answered_and_leaves_nothing_on_disk(bench, make_writer, tmp_path):
+def test_an_empty_tile_is_a_tile_like_any_other(bench, make_writer, tmp_path):
     other = bench(make_writer(), WRITER_SENDS, WRITER_HEARS)
-    empty = roof().select(np.zeros(0, dtype=int))
-    probe = PointTile(empty.points, building_id=np.zeros(0), stamp=5)
+    empty = PointTile(np.zeros((0, 3)), building_id=np.zeros(0), stamp=STAMP)
     for topic in ("classified_points", "plane_points"):
-        other.send(topic, to_message(probe))
+        other.send(topic, to_message(empty))
     for topic in ("traced_outlines", "outlines", "roof_faces"):
-        other.send(topic, *outline_messages(5, ()))
-    wait_until(lambda: [to_stamp(m.stamp) for m in other.heard["tile_done"]] == [5])
-    assert fragments(tmp_path) == []
+        other.send(topic, *outline_messages(STAMP, ()))
+    wait_until(lambda: [to_stamp(m.stamp) for m in other.heard["tile_done"]] == [STAMP])
+    assert len(fragments(tmp_path)) == 1
 
 
 def test_a_restarted_writer_reports_what_is_on_disk_and_then_makes_the_files(bench, make_writer, tmp_path):

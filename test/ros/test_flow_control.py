@@ -3,8 +3,8 @@ import pytest
 
 from lidar_buildings.core.tile import PointTile
 from lidar_buildings.ros.flow_control import FlowControl
+from lidar_buildings.ros.graph_watch import GraphWatch
 from lidar_buildings.ros.playback import Playback
-from lidar_buildings.ros.probes import Probes, is_probe
 
 SECOND = 1_000_000_000
 
@@ -66,16 +66,11 @@ def test_a_late_tile_gets_twice_the_time_at_each_attempt_and_is_then_given_up(fl
     assert len(flow) == 0
 
 
-def test_what_is_older_than_something_that_came_through_was_lost(flow, clock):
+def test_when_a_node_has_restarted_all_tiles_in_flight_are_late_at_once(flow):
     flow.sent(tile(1))
-    clock.time += 1.0
-    sent = clock.time
-    clock.time += 1.0
     flow.sent(tile(2))
-    flow.passed(sent)
-    assert flow.overdue() == []  # its last message may be on its way
-    clock.time += 1.5
-    assert stamps(flow.overdue()) == [1]
+    flow.expire()
+    assert stamps(flow.overdue()) == [1, 2]
 
 
 def test_a_tile_that_a_node_could_not_handle_is_late_at_once(flow):
@@ -95,14 +90,15 @@ def test_a_larger_tile_waits_for_all_copies_of_the_smaller_one(flow, clock):
     assert flow.clipped(1) is not None
 
 
-def test_copies_that_were_lost_are_not_waited_for(flow, clock):
+def test_a_copy_that_was_lost_is_waited_for_about_as_long_as_the_other_took(flow, clock):
     flow.sent(tile(1))
     clock.time += 11.0
     flow.overdue()
-    assert flow.clipped(1) is None
     clock.time += 1.0
-    flow.passed(clock.time)
-    clock.time += 2.0
+    assert flow.clipped(1) is None
+    clock.time += 1.9
+    assert flow.overdue() == []
+    clock.time += 2.2
     assert [flight.n_clipped for flight in flow.overdue()] == [1]
 
 
@@ -110,51 +106,58 @@ def test_a_clipped_tile_that_is_not_in_flight_is_none_of_ours(flow):
     assert flow.clipped(5) is None
 
 
-def test_probes_come_often_until_one_is_answered_then_rarely(clock):
-    probes = Probes(clock)
-    first = probes.due()
-    assert is_probe(first)
-    assert probes.due() is None
-    clock.time += 0.6
-    assert probes.due() != first
-    assert not probes.has_answer
-    assert probes.answered(first) == 100.0
-    assert probes.has_answer
-    assert probes.due() is None
+class Endpoint:
+    def __init__(self, gid, node_name="ground_filter", node_namespace="/survey"):
+        self.endpoint_gid, self.node_name, self.node_namespace = [gid], node_name, node_namespace
 
 
-def test_a_graph_that_takes_long_to_answer_is_probed_less_often(clock):
-    probes = Probes(clock)
-    first = probes.due()
-    clock.time += 30.0
-    probes.answered(first)
-    clock.time += 59.0
-    assert probes.due() is None
-    clock.time += 2.0
-    assert probes.due() is not None
+class View:
+    """
+    Stands for a node's view of the graph.
+
+    """
+
+    def __init__(self, *endpoints):
+        self.endpoints = list(endpoints)
+
+    def get_namespace(self):
+        return "/survey"
+
+    def get_subscriptions_info_by_topic(self, topic):
+        return self.endpoints
 
 
-@pytest.mark.parametrize("is_whole", [False, True])
-def test_unanswered_probes_do_not_pile_up(clock, is_whole):
-    probes = Probes(clock)
-    if is_whole:
-        probes.answered(probes.due())
-    sent = 0
-    for _ in range(6000):
-        clock.time += 0.1
-        sent += probes.due() is not None
-    assert 5 <= sent <= 11
+def test_a_node_that_started_is_news_once_it_has_had_time_to_find_the_others(clock):
+    watch = GraphWatch(View(Endpoint(1)), ["points"], ["ground_filter"], clock)
+    assert not watch.has_news()
+    assert not watch.is_settled
+    clock.time += 1.0
+    assert watch.has_news()
+    assert watch.is_settled
+    clock.time += 1.0
+    assert not watch.has_news()
 
 
-def test_the_answer_to_anothers_probe_means_nothing(clock):
-    probes = Probes(clock)
-    assert probes.answered(123) is None
-    assert not probes.has_answer
+def test_a_restarted_node_is_known_by_its_new_endpoint(clock):
+    view = View(Endpoint(1))
+    watch = GraphWatch(view, ["points"], ["ground_filter"], clock)
+    watch.has_news()
+    clock.time += 1.0
+    assert watch.has_news()
+    view.endpoints = [Endpoint(2)]
+    clock.time += 1.0
+    assert not watch.has_news()
+    clock.time += 1.0
+    assert watch.has_news()
 
 
-def test_no_tile_can_be_mistaken_for_a_probe():
-    assert not is_probe(SECOND)
-    assert not is_probe(-5)
+def test_tools_that_listen_in_and_other_graphs_are_no_news(clock):
+    view = View(Endpoint(1, node_name="rviz"), Endpoint(2, node_namespace="/other"))
+    watch = GraphWatch(view, ["points"], ["ground_filter"], clock)
+    for _ in range(5):
+        clock.time += 1.0
+        assert not watch.has_news()
+        assert watch.is_settled
 
 
 def test_a_recording_plays_at_a_multiple_of_its_own_speed(clock):
