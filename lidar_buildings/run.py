@@ -121,8 +121,8 @@ def _run_graph(request: RunRequest) -> RunOutcome:
     """
     if importlib.util.find_spec("rclpy") is None:
         raise LidarBuildingsError(
-            "rclpy is not installed: source a ROS 2 Jazzy workspace, or pip install 'lidar_buildings[ros]', "
-            "or add --no-ros"
+            "rclpy is not installed: source a ROS 2 Jazzy workspace, or pip install '.[ros]' "
+            "in the sources, or add --no-ros"
         )
     from lidar_buildings.run_graph import run_graph
 
