@@ -187,6 +187,6 @@ def test_without_ros_on_the_machine_it_says_what_to_install_or_to_add(capfd, sur
     )
     line = Command(capfd).refused("run", survey, "--output", tmp_path / "out")
     assert line.startswith("lidar-buildings: rclpy is not installed: ")
-    assert "lidar_buildings[ros]" in line
+    assert "[ros]" in line
     assert "--no-ros" in line
     assert not (tmp_path / "out").exists()
