@@ -62,6 +62,10 @@ def nodes_page() -> str:
         "All names are relative: put a graph under a namespace and remap as you like. Parameters marked "
         "*fixed* are set when the node starts, the others can be changed while it runs and count from the "
         "next tile on. A parameter file is in `config/pipeline.param.yaml`.",
+        "Fast DDS keeps at most 5000 messages of a topic, and a tile can have more rings. The nodes lift "
+        "that limit by a profile of their own (`ros/fastdds_profile.xml`), unless "
+        "`FASTRTPS_DEFAULT_PROFILES_FILE` names yours: set `max_samples`, `max_instances` and "
+        "`max_samples_per_instance` to 0 in it.",
         _profiles(),
         *(_node_section(card) for card in NODE_TABLE),
     ]
