@@ -3,11 +3,13 @@ The same input gives the same files, however the stages are laid out.
 
 """
 
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
 from node_processes import NodeProcesses
-from results import assert_complete, contents
+from results import assert_buildings_once, assert_complete, contents
 
 from lidar_buildings.cli import main
 
@@ -43,13 +45,16 @@ def test_a_process_per_node_gives_the_same_files(survey, without_ros, tmp_path):
 
 
 def test_two_instances_run_side_by_side_under_different_namespaces(survey, without_ros, tmp_path):
-    files = sorted(survey.glob("*.laz"))
-    left = NodeProcesses(files, tmp_path / "left", "left", tmp_path, tile_size=TILE_SIZE)
-    right = NodeProcesses(files[:1], tmp_path / "right", "right", tmp_path, tile_size=100.0)
-    with left, right:
-        left.start_all()
-        right.start_all()
-        assert right.wait_until_written(240) == 0, right.tails()
-        assert left.wait_until_written(240) == 0, left.tails()
+    command = [sys.executable, "-m", "lidar_buildings.cli", "run"]
+    options = {
+        "left": [str(survey), "--tile-size", str(TILE_SIZE)],
+        "right": [str(sorted(survey.glob("*.laz"))[0]), "--tile-size", "100"],
+    }
+    both = [
+        subprocess.Popen([*command, *given, "--output", str(tmp_path / name), "--namespace", name])
+        for name, given in options.items()
+    ]
+    assert [run.wait(240) for run in both] == [0, 0]
     assert contents(tmp_path / "left") == contents(without_ros)
-    assert {path.name for path in (tmp_path / "right" / "classified").iterdir()} == {files[0].name}
+    assert len(list((tmp_path / "right" / "classified").iterdir())) == 1
+    assert_buildings_once(tmp_path / "right")
