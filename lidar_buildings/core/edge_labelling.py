@@ -10,7 +10,6 @@ from typing import ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from sklearn.cluster import KMeans
 
 from lidar_buildings.core.eigenfeatures import EigenFeatures, eigen_features
 from lidar_buildings.core.parameters import StageConfig, parameter
@@ -203,6 +202,9 @@ def _two_centres(features: NDArray[np.float64]) -> NDArray[np.float64]:
     if len(np.unique(features, axis=0)) < 2:
         centres = np.repeat(features[:1], 2, axis=0)
     else:
+        # Imported here: it takes half a second, which nodes that label no edges need not spend.
+        from sklearn.cluster import KMeans
+
         centres = KMeans(n_clusters=2, n_init=N_STARTS, random_state=0).fit(features).cluster_centers_
     return np.round(centres / CENTRE_STEP) * CENTRE_STEP
 

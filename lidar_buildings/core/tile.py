@@ -116,6 +116,8 @@ class PointTile:
         if points.ndim != 2 or points.shape[1] != 3:
             raise ValueError(f"points has shape {points.shape}: must be (n_points, 3)")
         object.__setattr__(self, "points", points.astype(np.float32).astype(np.float64))
+        if self.bounds is not None:
+            object.__setattr__(self, "bounds", tuple(float(np.float32(limit)) for limit in self.bounds))
         for name, dtype in COLUMNS.items():
             column = getattr(self, name)
             if column is None:

@@ -148,11 +148,12 @@ class FlowControl:
 
     def expire(self) -> None:
         """
-        Note that all tiles in flight may be lost: their time is up at once.
+        Note that all tiles in flight may be lost: they are due again at once, which counts as no attempt.
 
         """
         for flight in self._flights.values():
             flight.deadline = self._now()
+            flight.attempt -= 1
 
     def overdue(self) -> list[Flight]:
         """
