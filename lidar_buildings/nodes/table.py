@@ -70,7 +70,13 @@ DIAGNOSTICS = Topic(
     "EVENT",
     "per tile: seconds, points, status, parameters as JSON",
 )
-POINTS = Topic("points", _CLOUD, "CLOUD", "points as in the source; `buffer` = 1 are the neighbours'")
+POINTS = Topic(
+    "points",
+    _CLOUD,
+    "CLOUD",
+    "points as in the source, with `source` and `index` (its row there) and `point_spacing` [m]; "
+    "`buffer` = 1 are the neighbours'",
+)
 GROUND_POINTS = Topic(
     "ground_points",
     _CLOUD,
