@@ -4,12 +4,11 @@ CityJSONSeq: what stands in the lines, what comes back, and what cjio says.
 """
 
 import json
-import subprocess
-import sys
 
 import numpy as np
 import pytest
 import scenes
+from cjio_process import cjio
 
 from lidar_buildings.core.building_model import build_model
 from lidar_buildings.core.errors import InputError
@@ -151,12 +150,6 @@ def sequence(frame=DUTCH):
         line_of(m, number, frame, anchor=(30.0 * number, 0.0)) for number, m in enumerate(models, start=1)
     ]
     return [header_line(frame), *lines]
-
-
-def cjio(*arguments, lines):
-    pytest.importorskip("cjio")
-    command = [sys.executable, "-c", "from cjio.cjio import cli; cli()", *arguments]
-    return subprocess.run(command, input="\n".join(lines) + "\n", capture_output=True, text=True, timeout=120)
 
 
 def test_cjio_reads_the_sequence_and_finds_every_building(tmp_path):
