@@ -82,7 +82,9 @@ def progress_bar(tile_count: Callable[[], int]) -> Iterator[Callable[[int], None
         bar.update(done - bar.n)
         if not is_terminal:
             bar.n = done
-            print(f"{done} of {_count(bar.total, 'tile')} done", file=sys.stderr, flush=True)
+            # in one piece: print() writes the line and its end apart, and other threads run in between
+            sys.stderr.write(f"{done} of {_count(bar.total, 'tile')} done\n")
+            sys.stderr.flush()
 
     with bar:
         yield show

@@ -202,7 +202,11 @@ def test_an_interrupted_run_goes_on_from_its_finished_tiles(house, result, tmp_p
     out = tmp_path / "out"
     program = [sys.executable, "-m", "lidar_buildings.cli", "run", house, "--output", out, *SMALL_TILES]
     running = subprocess.Popen(
-        [*program, "--set", "tile_player.rate=1e-9"], stderr=subprocess.PIPE, text=True
+        [*program, "--set", "tile_player.rate=1e-9"],
+        stderr=subprocess.PIPE,
+        text=True,
+        # a shell that runs the tests in the background has them ignore SIGINT, and children inherit that
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
     )
     end = time.monotonic() + 60
     while not list(out.glob(".partial/*.npz")) and running.poll() is None and time.monotonic() < end:
