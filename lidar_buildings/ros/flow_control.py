@@ -13,6 +13,8 @@ from lidar_buildings.core.tile import PointTile
 
 #: What a tile gets that should be done by now [s].
 _GRACE = 1.0
+#: After this time a tile is sent again as long as nothing has come through the graph; then doubled [s].
+_FIRST_RETRY = 10.0
 
 
 @dataclass
@@ -30,6 +32,8 @@ class Flight:
         When it was sent last, and when the time is up [s].
     n_copies, n_clipped : int
         How many times these same points were sent, and how many times they came back as clipped.
+    is_lost : bool
+        Whether it got lost on its way: sending it again counts as no attempt.
 
     """
 
@@ -39,11 +43,16 @@ class Flight:
     deadline: float
     n_copies: int = 1
     n_clipped: int = 0
+    is_lost: bool = False
 
 
 class FlowControl:
     """
     Keeps account of the tiles in flight.
+
+    Topics keep their order, so a tile is lost if one that was sent later is done before it. Until a first
+    tile is done, at the start and after a restart, nodes may not have found each other yet, and tiles are
+    sent again soon. Neither counts as an attempt.
 
     Parameters
     ----------
@@ -70,6 +79,7 @@ class FlowControl:
         self._max_attempts = max_attempts
         self._now = now
         self._flights: dict[int, Flight] = {}
+        self._retry: float | None = _FIRST_RETRY
 
     def __len__(self) -> int:
         """
@@ -101,14 +111,24 @@ class FlowControl:
         """
         if self.is_counting:
             now = self._now()
-            self._flights[tile.stamp] = Flight(tile, 1, now, now + self._timeout)
+            self._flights[tile.stamp] = Flight(tile, 1, now, now + self._time_allowed(1))
 
     def done(self, stamp: int) -> bool:
         """
         Note that a tile is done; False if it was not in flight.
 
         """
-        return self._flights.pop(stamp, None) is not None
+        done = self._flights.pop(stamp, None)
+        if done is None:
+            return False
+        now = self._now()
+        for flight in self._flights.values():
+            if flight.sent < done.sent:
+                flight.deadline, flight.is_lost = min(flight.deadline, now + _GRACE), True
+            elif self._retry is not None:
+                flight.deadline = flight.sent + self._timeout * 2 ** (flight.attempt - 1)
+        self._retry = None
+        return True
 
     def failed(self, stamp: int) -> bool:
         """
@@ -148,12 +168,12 @@ class FlowControl:
 
     def expire(self) -> None:
         """
-        Note that all tiles in flight may be lost: they are due again at once, which counts as no attempt.
+        Note that all tiles in flight may be lost, since a node has started: they are due again at once.
 
         """
+        self._retry = _FIRST_RETRY
         for flight in self._flights.values():
-            flight.deadline = self._now()
-            flight.attempt -= 1
+            flight.deadline, flight.is_lost = self._now(), True
 
     def overdue(self) -> list[Flight]:
         """
@@ -162,8 +182,12 @@ class FlowControl:
         """
         now = self._now()
         late = [f for f in self._flights.values() if f.deadline <= now and f.attempt < self._max_attempts]
+        is_free = self._is_retrying
+        if late and self._retry is not None:
+            self._retry *= 2
         for flight in late:
-            flight.attempt += 1
+            flight.attempt += not (flight.is_lost or is_free)
+            flight.is_lost = False
             flight.n_copies += 1
             flight.sent, flight.deadline = now, now + self._time_allowed(flight.attempt)
         return late
@@ -188,4 +212,14 @@ class FlowControl:
         Return the time [s] of an attempt, counted from 1.
 
         """
+        if self._retry is not None and self._is_retrying:
+            return self._retry
         return float(self._timeout * 2 ** (attempt - 1))
+
+    @property
+    def _is_retrying(self) -> bool:
+        """
+        Whether nothing has come through yet, and a tile's own time is longer than it takes to see that.
+
+        """
+        return self._retry is not None and self._retry < self._timeout

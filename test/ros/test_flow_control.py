@@ -108,6 +108,45 @@ def test_a_clipped_tile_that_is_not_in_flight_is_none_of_ours(flow):
     assert flow.clipped(5) is None
 
 
+def test_a_tile_is_lost_when_a_later_one_is_done(flow, clock):
+    flow.sent(tile(1))
+    clock.time += 0.1
+    flow.sent(tile(2))
+    clock.time += 0.1
+    flow.done(2)
+    assert flow.overdue() == []  # its last message may be on its way
+    clock.time += 1.1
+    assert [(flight.tile.stamp, flight.attempt) for flight in flow.overdue()] == [(1, 1)]
+
+
+def test_an_earlier_tile_that_is_done_says_nothing_of_a_later_one(flow, clock):
+    flow.sent(tile(1))
+    clock.time += 0.1
+    flow.sent(tile(2))
+    flow.done(1)
+    clock.time += 9.0
+    assert flow.overdue() == []
+    clock.time += 1.0
+    assert stamps(flow.overdue()) == [2]
+
+
+def test_until_something_has_come_through_tiles_are_sent_again_soon_and_for_free(clock):
+    flow = FlowControl(2, timeout=120.0, max_attempts=3, now=clock)
+    flow.sent(tile(1))
+    for wait in (10.0, 20.0, 40.0, 80.0):
+        clock.time += wait - 0.1
+        assert flow.overdue() == []
+        clock.time += 0.2
+        assert [flight.attempt for flight in flow.overdue()] == [1]
+    flow.sent(tile(2))
+    flow.done(2)
+    flow.sent(tile(3))
+    clock.time += 119.0
+    assert 3 not in stamps(flow.overdue())
+    clock.time += 2.0
+    assert 3 in stamps(flow.overdue())
+
+
 class Endpoint:
     def __init__(self, gid, node_name="ground_filter", node_namespace="/survey"):
         self.endpoint_gid, self.node_name, self.node_namespace = [gid], node_name, node_namespace
