@@ -108,17 +108,6 @@ class ModelBuilder(StageNode):
             return None
         return frame_of(self._origin, self._units)
 
-    def _frame_of_nobody(self) -> MapFrame | None:
-        """
-        Return the map frame itself where nobody is there to say where it lies.
-
-        """
-        if self.count_publishers("map_origin") or self.count_publishers("map_units"):
-            return None
-        frame = MapFrame()
-        self._header.publish(String(data=header_line(frame)))
-        return frame
-
     def _on_frame(self) -> None:
         """
         Publish the header and go on with the tiles that came before.
@@ -139,12 +128,9 @@ class ModelBuilder(StageNode):
 
         """
         parts = self._join.add(stamp, topic, part)
-        if parts is None and topic == _OUTLINES and not self.count_publishers(_TRACED):
-            # outlines from elsewhere, a map's for instance, were never traced
-            parts = self._join.add(stamp, _TRACED, None)
         if parts is None:
             return
-        frame = self._frame or self._frame_of_nobody()
+        frame = self._frame
         if frame is None:
             self._waiting[stamp] = parts
             return
@@ -157,7 +143,7 @@ class ModelBuilder(StageNode):
         """
         models = build_models(
             parts[_POINTS],
-            parts[_TRACED] or (),
+            parts[_TRACED],
             parts[_OUTLINES],
             self.parameters[BuildingModelConfig],
             self.parameters[RegularisationConfig],

@@ -210,18 +210,6 @@ def test_the_builder_waits_until_points_and_outlines_name_the_same_buildings(con
     wait_until(lambda: [m.polygon.id for m in other.heard["roof_faces"]] == [HOUSE, SHED, -1])
 
 
-def test_points_and_outlines_are_enough_for_a_builder_on_its_own(context, bench):
-    sends = {topic: BUILDER_SENDS[topic] for topic in ("plane_points", "outlines")}
-    other = bench(builder(context), sends, BUILDER_HEARS | {"city_model": (String, BUILDING)})
-    other.send("plane_points", to_message(roof(HOUSE)))
-    other.send("outlines", *outline_messages(STAMP, outlines(HOUSE)))
-    wait_until(lambda: other.heard["tile_done"] and len(other.heard["city_model"]) >= 2)
-    header, feature = (json.loads(message.data) for message in other.heard["city_model"][:2])
-    assert header["transform"]["translate"] == [0.0, 0.0, 0.0]
-    (attributes,) = (one["attributes"] for one in feature["CityObjects"].values())
-    assert attributes["building_id"] == HOUSE
-
-
 def test_features_wait_for_the_map_frame_and_the_header_for_late_listeners(context, bench):
     hears = BUILDER_HEARS | {"city_model": (String, BUILDING)}
     other = bench(builder(context), BUILDER_SENDS, hears)
