@@ -6,6 +6,7 @@ The stage: noise, terrain, and every point judged against it.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -14,12 +15,11 @@ from lidar_buildings.core.asprs import PointClass
 from lidar_buildings.core.ground_filter.config import GroundFilterConfig
 from lidar_buildings.core.ground_filter.low_points import find_noise
 from lidar_buildings.core.ground_filter.progressive_tin import densify
-from lidar_buildings.core.point_array import checked_points
+from lidar_buildings.core.ground_filter.tin_labels import near_terrain
+from lidar_buildings.core.point_array import checked_column, checked_points
 from lidar_buildings.core.point_order import lowest_per_cell
 from lidar_buildings.core.point_spacing import quantised_spacing
-
-#: Slope beyond which the tolerance of ground no longer grows: a wall has no ground on it.
-MAX_SLOPE = 3.0
+from lidar_buildings.core.tin import Tin, build_tin
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,23 +40,41 @@ class GroundResult:
     height_above_ground: NDArray[np.float64]
 
 
-def classify_ground(points: ArrayLike, config: GroundFilterConfig | None = None) -> GroundResult:
+def classify_ground(
+    points: ArrayLike,
+    config: GroundFilterConfig | None = None,
+    *,
+    gps_time: ArrayLike | None = None,
+    scan_angle: ArrayLike | None = None,
+    scan_direction_flag: ArrayLike | None = None,
+    point_source_id: ArrayLike | None = None,
+) -> GroundResult:
     """
     Tell ground from everything else, and measure how high each point lies above it.
 
-    Progressive TIN densification (Axelsson 2000): gross errors are set aside; the lowest points of large
-    cells form a first, coarse TIN; points that lie near its facets join it, round by round, until none is
-    left; points close to the finished TIN are ground.
+    Gross errors are set aside; then the method that `config.method` names finds the ground:
 
-    The lowest surface is ground by definition. Where no ground was recorded (a tile that shows one roof
-    only), that is the roof, and heights are measured from it; there is no result without a terrain.
+    - ``progressive_tin`` (Axelsson 2000): the lowest points of large cells form a first, coarse TIN; points
+      that lie near its facets join it, round by round, until none is left; points close to the finished TIN
+      are ground.
+    - ``bidirectional_slope`` (Shan & Sampath 2005): points are labelled along scan lines, forth and back, by
+      slope and elevation difference.
+    - ``morphological`` (Zhang et al. 2003; Pingel et al. 2013): openings of the lowest surface with growing
+      windows.
+
+    Heights are measured from the TIN of the ground. The lowest surface is ground by definition. Where no
+    ground was recorded (a tile that shows one roof only), that is the roof, and heights are measured from it;
+    there is no result without a terrain.
 
     Parameters
     ----------
     points : array_like of shape (n_points, 3)
-        Last or all returns, in any order [m].
+        Last or all returns [m]; in any order, but for ``bidirectional_slope``, which uses the scan's where
+        there is one.
     config : GroundFilterConfig, optional
         Thresholds; the defaults serve town and country.
+    gps_time, scan_angle, scan_direction_flag, point_source_id : array_like of shape (n_points,), optional
+        What tells scan lines apart [s], [deg]; only ``bidirectional_slope`` looks at them.
 
     Returns
     -------
@@ -65,7 +83,7 @@ def classify_ground(points: ArrayLike, config: GroundFilterConfig | None = None)
     Raises
     ------
     ValueError
-        If `points` has another shape or is not finite.
+        If `points` has another shape or is not finite, or another array has not one number per point.
 
     Examples
     --------
@@ -81,17 +99,58 @@ def classify_ground(points: ArrayLike, config: GroundFilterConfig | None = None)
     """
     config = config or GroundFilterConfig()
     points = checked_points(points)
+    scan = _checked_scan(
+        len(points),
+        gps_time=gps_time,
+        scan_angle=scan_angle,
+        scan_direction_flag=scan_direction_flag,
+        point_source_id=point_source_id,
+    )
     if len(points) == 0:
         return GroundResult(np.zeros(0, dtype=np.uint8), np.zeros(0))
     sample = points[lowest_per_cell(points, config.candidate_spacing)]
     classification = find_noise(points, quantised_spacing(sample), config)
-    surface = points[classification == 0]
-    candidates = surface[lowest_per_cell(surface, config.candidate_spacing)]
-    terrain = densify(candidates, np.array([points.min(axis=0)[:2], points.max(axis=0)[:2]]), config)
+    kept = np.flatnonzero(classification == 0)
+    labels = _labelled_ground(points, kept, config, scan)
+    terrain = _terrain(points, kept if labels is None else kept[labels], config)
     elevation, slope = terrain.elevation_and_slope(points)
     height = points[:, 2] - elevation
-    tolerance = config.ground_distance + config.ground_distance_slope * np.minimum(slope, MAX_SLOPE)
-    ground = np.abs(height) <= tolerance
-    classification[classification == 0] = PointClass.UNCLASSIFIED
-    classification[ground & (classification == PointClass.UNCLASSIFIED)] = PointClass.GROUND
+    ground = near_terrain(height[kept], slope[kept], config) if labels is None else labels
+    classification[kept] = np.where(ground, PointClass.GROUND, PointClass.UNCLASSIFIED)
     return GroundResult(classification, height)
+
+
+def _checked_scan(n_points: int, **columns: ArrayLike | None) -> dict[str, NDArray[Any] | None]:
+    """
+    Return what is known of the scan, one number per point, None where nothing is.
+
+    """
+    return {
+        name: None if column is None else checked_column(name, column, n_points, np.asarray(column).dtype)
+        for name, column in columns.items()
+    }
+
+
+def _labelled_ground(
+    points: NDArray[np.float64],
+    kept: NDArray[np.intp],
+    config: GroundFilterConfig,
+    scan: dict[str, NDArray[Any] | None],
+) -> NDArray[np.bool_] | None:
+    """
+    Return which of the kept points are ground; None where the method has a terrain instead of labels.
+
+    """
+    return None
+
+
+def _terrain(points: NDArray[np.float64], rows: NDArray[np.intp], config: GroundFilterConfig) -> Tin:
+    """
+    Return the terrain over the extent of all points: densified, or the TIN of what a method labelled ground.
+
+    """
+    extent = np.array([points.min(axis=0)[:2], points.max(axis=0)[:2]])
+    candidates = points[rows][lowest_per_cell(points[rows], config.candidate_spacing)]
+    if config.method == "progressive_tin":
+        return densify(candidates, extent, config)
+    return build_tin(candidates, extent)
