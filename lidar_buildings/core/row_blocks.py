@@ -16,7 +16,7 @@ from concurrent.futures import ThreadPoolExecutor
 BLOCK = 8192
 
 
-def for_row_blocks(kernel: Callable[[int, int], object], n_rows: int) -> None:
+def for_row_blocks(kernel: Callable[[int, int], object], n_rows: int, block: int = BLOCK) -> None:
     """
     Call ``kernel(first, last)`` for blocks of rows on all cores, and wait.
 
@@ -27,13 +27,15 @@ def for_row_blocks(kernel: Callable[[int, int], object], n_rows: int) -> None:
         that the result does not depend on the number of threads.
     n_rows : int
         Number of rows in all.
+    block : int
+        Rows a block; fewer where a row stands for much work.
 
     """
-    starts = range(0, n_rows, BLOCK)
+    starts = range(0, n_rows, block)
     if len(starts) <= 1:
         for first in starts:
             kernel(first, n_rows)
         return
     with ThreadPoolExecutor(max_workers=os.cpu_count()) as pool:
-        for done in [pool.submit(kernel, first, min(first + BLOCK, n_rows)) for first in starts]:
+        for done in [pool.submit(kernel, first, min(first + block, n_rows)) for first in starts]:
             done.result()
