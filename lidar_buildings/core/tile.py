@@ -22,6 +22,7 @@ COLUMNS: dict[str, np.dtype[Any]] = {
         "number_of_returns": "u1",
         "classification": "u1",
         "scan_angle": "<f4",
+        "scan_direction_flag": "u1",
         "point_source_id": "<u2",
         "gps_time": "<f8",
         "buffer": "u1",
@@ -56,7 +57,7 @@ class PointTile:
         Map frame [m].
     intensity, return_number, number_of_returns, classification : ndarray or None
         As in the source; None where it has none.
-    scan_angle, point_source_id, gps_time : ndarray or None
+    scan_angle, scan_direction_flag, point_source_id, gps_time : ndarray or None
         Likewise; `scan_angle` in degrees.
     buffer : ndarray of uint8 or None
         1 = belongs to a neighbouring tile, given as context only.
@@ -87,6 +88,7 @@ class PointTile:
     number_of_returns: NDArray[np.uint8] | None = None
     classification: NDArray[np.uint8] | None = None
     scan_angle: NDArray[np.float32] | None = None
+    scan_direction_flag: NDArray[np.uint8] | None = None
     point_source_id: NDArray[np.uint16] | None = None
     gps_time: NDArray[np.float64] | None = None
     buffer: NDArray[np.uint8] | None = None

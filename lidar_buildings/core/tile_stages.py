@@ -84,7 +84,14 @@ def filter_ground(tile: PointTile, config: GroundFilterConfig) -> PointTile:
     Append `classification` (1, 2, 7, 18) and `height_above_ground` to a tile.
 
     """
-    result = classify_ground(tile.points, config)
+    result = classify_ground(
+        tile.points,
+        config,
+        gps_time=tile.gps_time,
+        scan_angle=tile.scan_angle,
+        scan_direction_flag=tile.scan_direction_flag,
+        point_source_id=tile.point_source_id,
+    )
     return tile.with_columns(
         classification=result.classification, height_above_ground=result.height_above_ground
     )

@@ -33,6 +33,7 @@ def point_columns(chunk: laspy.ScaleAwarePointRecord) -> dict[str, NDArray[Any]]
         "number_of_returns": np.asarray(chunk.number_of_returns, dtype=np.uint8),
         "classification": np.asarray(chunk.classification, dtype=np.uint8),
         "scan_angle": scan_angle,
+        "scan_direction_flag": np.asarray(chunk.scan_direction_flag, dtype=np.uint8),
         "point_source_id": chunk.array["point_source_id"],
         "gps_time": chunk.array["gps_time"] if has_time else np.full(len(chunk), np.nan),
     }

@@ -31,6 +31,7 @@ RECORD = np.dtype(
         ("number_of_returns", "u1"),
         ("classification", "u1"),
         ("scan_angle", "<f4"),
+        ("scan_direction_flag", "u1"),
         ("point_source_id", "<u2"),
         ("gps_time", "<f8"),
         ("source", "<u2"),

@@ -50,6 +50,7 @@ def test_every_version_and_format_is_read(tmp_path, version, point_format, endin
     assert np.array_equal(tile.number_of_returns, cloud.number_of_returns)
     assert np.array_equal(tile.classification, cloud.classification)
     assert np.array_equal(tile.point_source_id, cloud.point_source_id)
+    assert np.array_equal(tile.scan_direction_flag, cloud.scan_direction_flag)
     assert np.array_equal(tile.index, np.arange(300))
     assert (tile.source == 0).all()
     if point_format in (0, 2):
