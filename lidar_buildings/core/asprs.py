@@ -20,6 +20,10 @@ class PointClass(IntEnum):
     HIGH_VEGETATION = 5
     BUILDING = 6
     LOW_NOISE = 7
+    MODEL_KEY_POINT = 8
     WATER = 9
+    RAIL = 10
     ROAD_SURFACE = 11
+    OVERLAP = 12
     HIGH_NOISE = 18
+    SNOW = 21

@@ -29,6 +29,8 @@ COLUMNS: dict[str, np.dtype[Any]] = {
         "source": "<u2",
         "index": "<u4",
         "point_spacing": "<f4",
+        "normalised_intensity": "<f4",
+        "dark_limit": "<f4",
         "height_above_ground": "<f4",
         "linearity": "<f4",
         "planarity": "<f4",
@@ -65,6 +67,10 @@ class PointTile:
         The point is row `index` of input number `source`.
     point_spacing : ndarray or None
         Spacing of the pulses [m], the yardstick of other lengths; one value for a tile, mostly for a survey.
+    normalised_intensity : ndarray or None
+        0 to 255, the same in all flight strips of a survey; see `lidar_buildings.core.intensity`.
+    dark_limit : ndarray or None
+        Normalised intensity up to which ground is dark: one value for a survey, whose ground has two modes.
     height_above_ground ... plane_id : ndarray or None
         What the stages appended.
     stamp : int
@@ -95,6 +101,8 @@ class PointTile:
     source: NDArray[np.uint16] | None = None
     index: NDArray[np.uint32] | None = None
     point_spacing: NDArray[np.float32] | None = None
+    normalised_intensity: NDArray[np.float32] | None = None
+    dark_limit: NDArray[np.float32] | None = None
     height_above_ground: NDArray[np.float32] | None = None
     linearity: NDArray[np.float32] | None = None
     planarity: NDArray[np.float32] | None = None
@@ -158,9 +166,24 @@ class PointTile:
         The tile's point spacing [m], None where it is not known or there is no point.
 
         """
-        if self.point_spacing is None or not len(self):
+        return self._one_value(self.point_spacing)
+
+    @property
+    def darkness(self) -> float | None:
+        """
+        The tile's `dark_limit`, None where it is not known or there is no point.
+
+        """
+        return self._one_value(self.dark_limit)
+
+    def _one_value(self, column: NDArray[Any] | None) -> float | None:
+        """
+        Return a column's median, None where that is no number above 0.
+
+        """
+        if column is None or not len(self):
             return None
-        value = float(np.median(self.point_spacing))
+        value = float(np.median(column))
         return value if np.isfinite(value) and value > 0 else None
 
     def with_columns(self, **columns: Any) -> PointTile:

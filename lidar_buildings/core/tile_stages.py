@@ -111,6 +111,10 @@ def select_roof_points(tile: PointTile, config: RoofSelectionConfig) -> PointTil
         classification=tile.classification,
         return_number=tile.return_number,
         number_of_returns=tile.number_of_returns,
+        intensity=tile.intensity,
+        normalised_intensity=tile.normalised_intensity,
+        point_source_id=tile.point_source_id,
+        dark_limit=tile.darkness,
         point_spacing=tile.spacing,
     )
     return tile.with_columns(classification=result.classification)

@@ -19,13 +19,13 @@ _SAMPLE_SIDE = 200.0
 _MIN_PULSES = 1000
 
 
-def sample_square(area: Rectangle) -> Rectangle:
+def sample_square(area: Rectangle, side: float = _SAMPLE_SIDE) -> Rectangle:
     """
-    Return the square in the middle of a file's bounds.
+    Return the square of a side [m] in the middle of a file's bounds.
 
     """
     x, y = (area.x_min + area.x_max) / 2, (area.y_min + area.y_max) / 2
-    return Rectangle(x, y, x, y).grown(_SAMPLE_SIDE / 2)
+    return Rectangle(x, y, x, y).grown(side / 2)
 
 
 def pulses(

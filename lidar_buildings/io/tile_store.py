@@ -21,6 +21,7 @@ from lidar_buildings.io.las import xyz_of
 from lidar_buildings.io.point_columns import point_columns, without_empty_columns
 from lidar_buildings.io.pulse_spacing import expected_spacing, pulses, sample_square
 from lidar_buildings.io.spool import RECORD, Cell, Spool
+from lidar_buildings.io.survey_brightness import SQUARE_SIDE, SurveyBrightness
 from lidar_buildings.io.tile_grid import Rectangle, TileGrid
 
 
@@ -37,12 +38,15 @@ class TilePlan:
         Its column and row in the grid.
     core : dict
         Spool cell → first and last (exclusive) record.
+    dark_limit : float or None
+        What was known of the survey's ground when the tile became ready.
 
     """
 
     stamp: int
     tile: Cell
     core: dict[Cell, tuple[int, int]]
+    dark_limit: float | None = None
 
 
 class TileStore:
@@ -67,6 +71,7 @@ class TileStore:
         self._planned: dict[Cell, int] = {}
         self._dropped: list[int] = []
         self._expected_spacing: float | None = None
+        self._brightness = SurveyBrightness()
 
     def remove(self) -> None:
         """
@@ -75,9 +80,17 @@ class TileStore:
         """
         self._spool.remove()
 
-    def add(self, source: int, first: int, chunk: laspy.ScaleAwarePointRecord) -> set[Cell]:
+    @property
+    def dark_limit(self) -> float | None:
         """
-        Keep a chunk's points; `first` is the index of its first one.
+        Normalised intensity up to which the survey's ground is dark; None as long as that is not known.
+
+        """
+        return self._brightness.dark_limit
+
+    def add(self, source: int, first: int, chunk: laspy.ScaleAwarePointRecord, n_points: int) -> set[Cell]:
+        """
+        Keep a chunk's points; `first` is the index of its first one, `n_points` the file's number of points.
 
         Returns
         -------
@@ -92,6 +105,7 @@ class TileStore:
             records[name] = column
         records["source"] = source
         records["index"] = np.arange(first, first + len(chunk), dtype=np.uint32)
+        self._brightness.add(source, first, records, n_points)
         cells = self.grid.cells_at(xyz[:, :2] * self.frame.horizontal_unit)
         return {self.grid.tile_of(cell) for cell in self._spool.append(cells, records)}
 
@@ -101,6 +115,7 @@ class TileStore:
 
         """
         self._dropped.append(source)
+        self._brightness.forget(source)
 
     def take_core(self, tile: Cell) -> dict[Cell, tuple[int, int]]:
         """
@@ -141,14 +156,36 @@ class TileStore:
         """
         if self._expected_spacing is not None:
             return
-        square = sample_square(area)
+        samples = self._within(sample_square(area), source)
+        self._expected_spacing = expected_spacing(_pulses_of(block) for block in samples)
+
+    def learn_brightness(self, source: int, area: Rectangle) -> None:
+        """
+        Measure what the intensities of a file mean, as far as no file before it has told.
+
+        Parameters
+        ----------
+        source : int
+            A file that has been read.
+        area : Rectangle
+            Its bounds, source's position [m].
+
+        """
+        self._brightness.learn(source)
+        if self.dark_limit is None:
+            blocks = list(self._within(sample_square(area, SQUARE_SIDE), source))
+            if blocks:
+                self._brightness.learn_limit(np.concatenate(blocks))
+
+    def _within(self, square: Rectangle, source: int) -> Iterator[NDArray[Any]]:
+        """
+        Read a file's records within a square at the source's position.
+
+        """
         local = square.moved(-self.frame.origin[0], -self.frame.origin[1])
-        samples = (
-            _pulses_of(block[(block["source"] == source) & local.holds(block["x"], block["y"])])
-            for cell in self.grid.cells_touching(square)
-            for block in self._blocks(cell)
-        )
-        self._expected_spacing = expected_spacing(samples)
+        for cell in self.grid.cells_touching(square):
+            for block in self._blocks(cell):
+                yield block[(block["source"] == source) & local.holds(block["x"], block["y"])]
 
     def count(self, plan: TilePlan, buffer: float) -> int:
         """
@@ -168,17 +205,25 @@ class TileStore:
         for axis, name in enumerate("xyz"):
             points[:, axis] = records[name][order]
         columns = {name: records[name][order] for name in RECORD.fields or () if name not in ("x", "y", "z")}
-        spacing = steady_spacing(_pulses_of(records), self._expected_spacing)
-        del records
+        is_buffer = is_buffer[order]
+        del records, order
+        kept = without_empty_columns(columns)
+        last = pulses(points.astype(np.float64), kept["return_number"], kept["number_of_returns"])
+        spacing = steady_spacing(last, self._expected_spacing)
+        del last
         area = self._local_area(plan, buffer)
         return PointTile(
             points,
-            buffer=is_buffer[order],
+            buffer=is_buffer,
             point_spacing=np.full(len(points), spacing, dtype=np.float32),
+            normalised_intensity=self._brightness.normalised(
+                columns["intensity"], columns["point_source_id"]
+            ),
+            dark_limit=None if plan.dark_limit is None else np.full(len(points), plan.dark_limit, np.float32),
             stamp=plan.stamp,
             bounds=(area.x_min, area.y_min, area.x_max, area.y_max),
             frame=self.frame,
-            **without_empty_columns(columns),
+            **kept,
         )
 
     def _gathered(self, plan: TilePlan, buffer: float) -> tuple[NDArray[Any], NDArray[np.uint8]]:

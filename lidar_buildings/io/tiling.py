@@ -219,14 +219,14 @@ class TileSource:
         for source in reading_order(self._areas):
             try:
                 for first, chunk in _numbered(self._clouds[source].chunks(CHUNK)):
-                    self._waiting |= self._store.add(source, first, chunk)
+                    self._waiting |= self._store.add(source, first, chunk, self._clouds[source].point_count)
                     yield True
             except InputError as error:
                 self.problems.append(str(error))
                 self._store.drop(source)
                 n_failed += 1
             else:
-                self._learn_spacing(source)
+                self._learn(source)
             self._unread.discard(source)
             self._plan_tiles_near(self._areas[source])
             yield True
@@ -236,14 +236,15 @@ class TileSource:
             self._plan(tile)
         yield True
 
-    def _learn_spacing(self, source: int) -> None:
+    def _learn(self, source: int) -> None:
         """
-        Let the first file with points tell what spacing the survey has.
+        Let the first file that can tell what spacing the survey has, and what its intensities mean.
 
         """
         area = self._areas[source]
         if area is not None:
             self._store.learn_spacing(source, area)
+            self._store.learn_brightness(source, area)
 
     def _plan_tiles_near(self, read: Rectangle | None) -> None:
         """
@@ -277,7 +278,7 @@ class TileSource:
         first_point = self._store.first_point(core)
         if first_point is None:
             return
-        plan = TilePlan(self._stamp(tile, first_point), tile, core)
+        plan = TilePlan(self._stamp(tile, first_point), tile, core, self._store.dark_limit)
         self._plans.append(plan)
         self._by_stamp[plan.stamp] = plan
 

@@ -130,3 +130,35 @@ class RoofSelectionConfig(StageConfig):
         minimum=5.0,
         maximum=1000.0,
     )
+    road_method: str = parameter(
+        "automatic",
+        "How roads are told from other ground: by the two modes of the ground's brightness, if it has two; "
+        "by the intensities given; or not at all.",
+        choices=("automatic", "thresholds", "none"),
+    )
+    min_road_intensity: float = parameter(
+        40.0,
+        "With thresholds: darkest normalised intensity of roads; raising it drops the darkest ground.",
+        minimum=0.0,
+        maximum=255.0,
+    )
+    max_road_intensity: float = parameter(
+        100.0,
+        "With thresholds: brightest normalised intensity of roads; raising it takes in more ground.",
+        minimum=0.0,
+        maximum=255.0,
+    )
+    min_road_width: float = parameter(
+        3.0,
+        "Narrowest road; raising it drops paths and the dark rims of walls and hedges.",
+        unit="m",
+        minimum=0.0,
+        maximum=50.0,
+    )
+    min_road_area: float = parameter(
+        100.0,
+        "Smallest connected road; raising it drops driveways and dark yards.",
+        unit="m^2",
+        minimum=0.0,
+        maximum=100000.0,
+    )

@@ -11,21 +11,27 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from lidar_buildings.core.asprs import PointClass
+from lidar_buildings.core.intensity import normalised_intensity as normalised_by_strip
+from lidar_buildings.core.intensity import strip_scales
 from lidar_buildings.core.minimum_surface import height_above_minimum
 from lidar_buildings.core.point_array import checked_column, checked_points
 from lidar_buildings.core.point_spacing import quantised_spacing
 from lidar_buildings.core.roof_selection.config import RoofSelectionConfig
+from lidar_buildings.core.roof_selection.roads import find_roads
 from lidar_buildings.core.roof_selection.roof_patches import find_roof_surface
 from lidar_buildings.core.roof_selection.surroundings import below_roof, near_tangent_plane, surrounded_by
+from lidar_buildings.core.roof_selection.vegetation import vegetation_classes
 from lidar_buildings.core.surface_patches import connected_parts, plan_areas
 
-#: Classes given before that are kept.
-SETTLED = (
-    PointClass.GROUND,
-    PointClass.LOW_NOISE,
-    PointClass.WATER,
-    PointClass.ROAD_SURFACE,
-    PointClass.HIGH_NOISE,
+#: Classes that are decided here; what has another one has it for good, but for ground that is road.
+OPEN = (
+    PointClass.NEVER_CLASSIFIED,
+    PointClass.UNCLASSIFIED,
+    PointClass.LOW_VEGETATION,
+    PointClass.MEDIUM_VEGETATION,
+    PointClass.HIGH_VEGETATION,
+    PointClass.BUILDING,
+    PointClass.MODEL_KEY_POINT,
 )
 #: Cells in which areas are counted, in spacings: four points each, so that few cells of a roof stay empty.
 AREA_CELL = 2.0
@@ -38,8 +44,6 @@ PART_SINK = 0.5
 PART_SHARE = 0.7
 #: Heights up to which points are taken for ground where no ground filter has spoken [m].
 GROUND_TOLERANCE = 0.2
-#: Lowest vegetation [m] (Mancera-Taboada and others, 2012): what is lower stays unclassified.
-VEGETATION_FLOOR = 0.01
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,6 +69,10 @@ def select_roofs(
     classification: ArrayLike | None = None,
     return_number: ArrayLike | None = None,
     number_of_returns: ArrayLike | None = None,
+    intensity: ArrayLike | None = None,
+    normalised_intensity: ArrayLike | None = None,
+    point_source_id: ArrayLike | None = None,
+    dark_limit: float | None = None,
     point_spacing: float | None = None,
 ) -> RoofSelection:
     """
@@ -75,7 +83,8 @@ def select_roofs(
     neighbouring normals agree; large patches that few pulses penetrate start roofs. Roofs grow to their edges
     along tangent planes, whichever the return, and take in what stands on them: last returns with roof all
     around, and chimneys and dormers up to `max_part_area`. Buildings smaller than `min_building_area` are
-    dropped. The rest above ground is vegetation by height (Mancera-Taboada and others, 2012).
+    dropped. The rest above ground is vegetation by height, and ground that is darker than other ground over
+    an area is road (Mancera-Taboada and others, 2012).
 
     Parameters
     ----------
@@ -86,17 +95,26 @@ def select_roofs(
     height_above_ground : array_like of shape (n_points,), optional
         [m]; derived from the lowest points around if not given.
     classification : array_like of shape (n_points,), optional
-        What is known before: ground 2, noise 7 and 18, water 9 and road 11 are kept, all else is decided
-        here. If not given, points within 0.2 m of the ground are ground.
+        What is known before: 0, 1, 3 to 6 and 8 are decided here; ground 2 can become road 11; noise, water
+        and all others stay. If not given, points within 0.2 m of the ground are ground.
     return_number, number_of_returns : array_like of shape (n_points,), optional
-        Used only if both are given; else every point counts as the last return of its pulse.
+        Used only if both are given; else every point counts as the only return of its pulse.
+    intensity : array_like of shape (n_points,), optional
+        As recorded; without any there are no roads.
+    normalised_intensity : array_like of shape (n_points,), optional
+        0 to 255, alike in all flight strips; made of `intensity` strip by strip if not given.
+    point_source_id : array_like of int, shape (n_points,), optional
+        The flight strips; one if not given.
+    dark_limit : float, optional
+        Normalised intensity up to which ground is dark, for the automatic search for roads; if not given, it
+        is found between the two modes of these points' ground.
     point_spacing : float, optional
         Spacing of the pulses [m]; measured if not given.
 
     Returns
     -------
     RoofSelection
-        Classes 1 (façades, what is under roofs, the undecided), 2, 3, 4, 5, 6 and those kept.
+        Classes 1 (façades, what is under roofs, the undecided), 2, 3, 4, 5, 6, 11 and those kept.
 
     Raises
     ------
@@ -112,8 +130,8 @@ def select_roofs(
     config = config or RoofSelectionConfig()
     points = checked_points(points)
     height, classes = _prepared(points, height_above_ground, classification)
-    is_last = _last_returns(len(points), return_number, number_of_returns)
-    settled = np.isin(classes, SETTLED)
+    is_last, is_only = _last_and_only_returns(len(points), return_number, number_of_returns)
+    settled = ~np.isin(classes, OPEN)
     raised = np.flatnonzero((height >= config.min_height) & ~settled)
     spacing = point_spacing or quantised_spacing(points)
     radius = max(config.neighbourhood_radius * spacing, config.min_neighbourhood_radius)
@@ -122,9 +140,16 @@ def select_roofs(
         points[raised], height[raised], is_last[raised], radius, AREA_CELL * spacing, config
     )
     others = np.flatnonzero(~settled & ~is_roof)
-    classes[others] = _vegetation(height[others], config)
+    classes[others] = vegetation_classes(height[others], config)
     classes[is_roof] = PointClass.BUILDING
     classes[below_roof(points, is_roof, radius) & ~settled] = PointClass.UNCLASSIFIED
+    brightness = _brightness(len(points), intensity, normalised_intensity, point_source_id, is_only)
+    if brightness is not None:
+        ground = np.flatnonzero(classes == PointClass.GROUND)
+        is_road = find_roads(
+            points[ground], brightness[ground], is_only[ground], spacing, config, dark_limit=dark_limit
+        )
+        classes[ground[is_road]] = PointClass.ROAD_SURFACE
     return RoofSelection(classes)
 
 
@@ -146,17 +171,41 @@ def _prepared(
     return height, checked_column("classification", classification, n, np.uint8).copy()
 
 
-def _last_returns(
+def _last_and_only_returns(
     n_points: int, return_number: ArrayLike | None, number_of_returns: ArrayLike | None
-) -> NDArray[np.bool_]:
+) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
     """
-    Tell which points are the last return of their pulse.
+    Tell which points are the last return of their pulse, and which are its only one.
 
     """
     if return_number is None or number_of_returns is None:
-        return np.ones(n_points, dtype=bool)
+        return np.ones(n_points, dtype=bool), np.ones(n_points, dtype=bool)
     number = checked_column("return_number", return_number, n_points, np.int64)
-    return number >= checked_column("number_of_returns", number_of_returns, n_points, np.int64)
+    of = checked_column("number_of_returns", number_of_returns, n_points, np.int64)
+    return number >= of, of <= 1
+
+
+def _brightness(
+    n_points: int,
+    intensity: ArrayLike | None,
+    normalised: ArrayLike | None,
+    strip: ArrayLike | None,
+    is_only: NDArray[np.bool_],
+) -> NDArray[np.float32] | None:
+    """
+    Return normalised intensities as given, or from the intensities; None without either.
+
+    """
+    if normalised is not None:
+        return checked_column("normalised_intensity", normalised, n_points, np.float32)
+    if intensity is None:
+        return None
+    values = checked_column("intensity", intensity, n_points, np.float32)
+    if strip is None:
+        strips = np.zeros(n_points, dtype=np.int64)
+    else:
+        strips = checked_column("point_source_id", strip, n_points, np.int64)
+    return normalised_by_strip(values, strips, strip_scales(values, strips, is_only))
 
 
 def _roofs(
@@ -214,24 +263,3 @@ def _in_large_building(
     large = np.zeros(len(points), dtype=bool)
     large[rows] = (plan_areas(points[rows], building, cell) >= min_area)[building]
     return large
-
-
-def _vegetation(height: NDArray[np.float64], config: RoofSelectionConfig) -> NDArray[np.uint8]:
-    """
-    Return vegetation classes by height; 1 below and above them.
-
-    """
-    limits = (
-        VEGETATION_FLOOR,
-        config.low_vegetation_height,
-        config.medium_vegetation_height,
-        config.max_vegetation_height,
-    )
-    classes = (
-        PointClass.UNCLASSIFIED,
-        PointClass.LOW_VEGETATION,
-        PointClass.MEDIUM_VEGETATION,
-        PointClass.HIGH_VEGETATION,
-        PointClass.UNCLASSIFIED,
-    )
-    return np.array(classes, dtype=np.uint8)[np.digitize(height, limits)]
