@@ -60,6 +60,7 @@ setup(
         "lazrs>=0.6",
         "pyproj>=3.6",
         "pyogrio>=0.9",
+        "rasterio>=1.4",
         "mapbox-earcut>=1.0",
         "pyyaml>=6",
         "tqdm>=4.66",

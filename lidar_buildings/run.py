@@ -110,7 +110,9 @@ def _run_local(request: RunRequest) -> RunOutcome:
         )
         skip |= folder.done_stamps()
         with progress_bar(lambda: source.tile_count - len(skip)) as progress:
-            seconds, failed = process_tiles(source, folder, request.config, request.until, progress)
+            seconds, failed = process_tiles(
+                source, folder, request.config, request.until, progress, request.rasters
+            )
         seconds = {"wall": time.perf_counter() - started, **seconds}
         info = run_info(seconds, request.parameters(), failed, source.problems)
         return RunOutcome(folder.finalise(info), failed)

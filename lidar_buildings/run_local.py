@@ -15,7 +15,9 @@ from numpy.typing import NDArray
 
 from lidar_buildings.core.errors import LidarBuildingsError
 from lidar_buildings.core.map_frame import MapFrame
+from lidar_buildings.core.terrain import RasterConfig
 from lidar_buildings.core.tile import PointTile
+from lidar_buildings.core.tile_rasters import rasterise_tile
 from lidar_buildings.io.cityjson import feature_line
 from lidar_buildings.io.library_versions import library_versions
 from lidar_buildings.io.output_folder import OutputFolder
@@ -30,6 +32,7 @@ def process_tiles(
     config: PipelineConfig,
     until: str,
     progress: Callable[[int], None],
+    rasters: RasterConfig | None = None,
 ) -> tuple[dict[str, float], dict[int, str]]:
     """
     Take every tile of a source to disk.
@@ -46,6 +49,8 @@ def process_tiles(
         The last stage.
     progress : callable
         Told the number of finished tiles after each.
+    rasters : RasterConfig, optional
+        Of the rasters.
 
     Returns
     -------
@@ -60,12 +65,13 @@ def process_tiles(
     for number, tile in enumerate(source, start=1):
         try:
             result = whole_result(source, tile, config, until)
+            products = products_of(result, source.frame, rasters or RasterConfig())
         except LidarBuildingsError:
             raise
         except Exception as error:
             failed[tile.stamp] = f"{type(error).__name__}: {' '.join(str(error).split())}"
             continue
-        folder.write_tile(products_of(result, source.frame))
+        folder.write_tile(products)
         seconds.update(result.seconds)
         progress(number - len(failed))
     return dict(seconds), failed
@@ -104,7 +110,7 @@ def whole_result(source: TileSource, tile: PointTile, config: PipelineConfig, un
     return result
 
 
-def products_of(result: TileResult, frame: MapFrame) -> TileProducts:
+def products_of(result: TileResult, frame: MapFrame, rasters: RasterConfig) -> TileProducts:
     """
     Gather what a tile's files need.
 
@@ -119,7 +125,13 @@ def products_of(result: TileResult, frame: MapFrame) -> TileProducts:
         for one in result.models
     ]
     return TileProducts.from_tiles(
-        result.classified, result.roofs, result.traced, result.outlines, faces, features
+        result.classified,
+        result.roofs,
+        result.traced,
+        result.outlines,
+        faces,
+        features,
+        rasterise_tile(result.classified, rasters, frame),
     )
 
 

@@ -9,13 +9,17 @@ import argparse
 import re
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from lidar_buildings.core.errors import ParameterError
+from lidar_buildings.core.parameters import StageConfig
+from lidar_buildings.core.terrain import RasterConfig
 from lidar_buildings.io.tiling import TilingConfig
 from lidar_buildings.nodes.configs import NODE_CONFIGS
 from lidar_buildings.pipeline import STAGE_CONFIGS, STAGES, PipelineConfig
 from lidar_buildings.settings import Settings, read_settings
+
+Config = TypeVar("Config", bound=StageConfig)
 
 _TILING = TilingConfig.stage
 #: Parameters of nodes that the command sets itself, and by what the user tells it.
@@ -51,6 +55,8 @@ class RunRequest:
         All stages' configs.
     tiling : TilingConfig
         How the input is cut.
+    rasters : RasterConfig
+        How ground and surface are rasterised.
     until : str
         The last stage.
     overwrite : bool
@@ -65,6 +71,7 @@ class RunRequest:
     settings: Settings
     config: PipelineConfig
     tiling: TilingConfig
+    rasters: RasterConfig
     until: str
     overwrite: bool
     namespace: str | None
@@ -74,7 +81,7 @@ class RunRequest:
         Return everything that results depend on, as plain values.
 
         """
-        return {**asdict(self.config), _TILING: asdict(self.tiling)}
+        return {**asdict(self.config), _TILING: asdict(self.tiling), RasterConfig.stage: asdict(self.rasters)}
 
 
 def request_of(options: argparse.Namespace) -> RunRequest:
@@ -94,13 +101,13 @@ def request_of(options: argparse.Namespace) -> RunRequest:
         settings.setdefault(_TILING, {})["tile_size"] = options.tile_size
     _check_own(settings)
     _check_namespace(options.namespace)
-    stages = {stage: values for stage, values in settings.items() if stage in STAGE_CONFIGS}
     return RunRequest(
         inputs=tuple(options.input),
         output=options.output,
         settings=settings,
-        config=PipelineConfig.from_settings(stages),
-        tiling=_tiling(settings.get(_TILING, {})),
+        config=PipelineConfig(**{stage: _shared(kind, settings) for stage, kind in STAGE_CONFIGS.items()}),
+        tiling=_shared(TilingConfig, settings),
+        rasters=_shared(RasterConfig, settings),
         until=_last_stage(options.until),
         overwrite=options.overwrite,
         namespace=options.namespace,
@@ -138,13 +145,14 @@ def _check_namespace(namespace: str | None) -> None:
         )
 
 
-def _tiling(values: dict[str, Any]) -> TilingConfig:
+def _shared(config: type[Config], settings: Settings) -> Config:
     """
-    Return what the tile player and the local run share of the player's parameters.
+    Return what nodes and the local run share of a node's parameters; the others only nodes have.
 
     """
-    shared = {member.name for member in fields(TilingConfig)}
-    return TilingConfig(**{name: value for name, value in values.items() if name in shared})
+    names = {member.name for member in fields(config)}
+    values = settings.get(config.stage, {})
+    return config(**{name: value for name, value in values.items() if name in names})
 
 
 def _last_stage(until: str | None) -> str:

@@ -12,7 +12,7 @@ import laspy
 import numpy as np
 import pyogrio
 
-RESULTS = ("buildings.gpkg", "city_model.city.jsonl")
+RESULTS = ("buildings.gpkg", "city_model.city.jsonl", "dtm.tif", "dsm.tif", "ndsm.tif")
 
 
 def contents(output: Path) -> dict[str, bytes]:

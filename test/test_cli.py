@@ -22,15 +22,17 @@ from lidar_buildings.nodes.reference import parameter_yaml
 from lidar_buildings.pipeline import STAGES
 from lidar_buildings.simulation import simulate_survey
 
-FILES = ["buildings.gpkg", "city_model.city.jsonl", "classified/strip_01.laz", "run.json"]
+RASTERS = ["dsm.tif", "dtm.tif", "ndsm.tif"]
+ALWAYS = ["classified/strip_01.laz", *RASTERS, "run.json"]
+FILES = ["buildings.gpkg", "city_model.city.jsonl", *ALWAYS]
 #: Stage → the files of a run that ends with it.
 FILES_UNTIL = {
-    "ground_filter": FILES[2:],
-    "roof_selection": FILES[2:],
-    "edge_labelling": FILES[2:],
-    "boundary_tracing": [FILES[0], *FILES[2:]],
-    "regularisation": [FILES[0], *FILES[2:]],
-    "plane_fitting": [FILES[0], *FILES[2:]],
+    "ground_filter": ALWAYS,
+    "roof_selection": ALWAYS,
+    "edge_labelling": ALWAYS,
+    "boundary_tracing": [FILES[0], *ALWAYS],
+    "regularisation": [FILES[0], *ALWAYS],
+    "plane_fitting": [FILES[0], *ALWAYS],
     "building_model": FILES,
 }
 #: Tiles of the survey `roofs` [m]: a dozen.

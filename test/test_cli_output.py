@@ -17,7 +17,8 @@ from lidar_buildings import pipeline
 from lidar_buildings.cli import main
 from lidar_buildings.simulation import simulate_survey
 
-FILES = ["buildings.gpkg", "city_model.city.jsonl", "classified/strip_01.laz", "run.json"]
+RASTERS = ["dsm.tif", "dtm.tif", "ndsm.tif"]
+FILES = ["buildings.gpkg", "city_model.city.jsonl", "classified/strip_01.laz", *RASTERS, "run.json"]
 #: Cuts the house's survey into nine tiles.
 SMALL_TILES = ["--no-ros", "--tile-size", "25", "--set", "tile_player.buffer=10"]
 
@@ -62,7 +63,7 @@ def test_a_folder_that_holds_something_is_not_written_into_unless_told_to(comman
     assert "--overwrite" in command.refused("run", survey, "--output", out)
     assert files_in(out) == ["kept.txt"]
     assert command("run", survey, "--output", out, "--overwrite").status == 0
-    assert files_in(out) == [*FILES[:3], "kept.txt", FILES[3]]
+    assert files_in(out) == sorted([*FILES, "kept.txt"])
     assert (out / "kept.txt").read_text() == "mine"
     assert contents(out) == contents(result)
 
@@ -98,7 +99,7 @@ FULL = {
     "results": [],
     "strip_01.part": [],
     "city_model": [FILES[0], FILES[2]],
-    "run.part": FILES[:3],
+    "run.part": FILES[:-1],
 }
 
 

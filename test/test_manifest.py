@@ -21,6 +21,7 @@ PYTHON_DEPENDENCIES = {
     "pkg_resources": ("python3-setuptools", "setuptools"),
     "pyogrio": (None, "pyogrio"),
     "pyproj": ("python3-pyproj", "pyproj"),
+    "rasterio": ("python3-rasterio", "rasterio"),
     "rosbags": ("python3-rosbags-pip", "rosbags"),
     "scipy": ("python3-scipy", "scipy"),
     "setuptools": ("python3-setuptools", "setuptools"),

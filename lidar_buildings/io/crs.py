@@ -97,15 +97,57 @@ def source_crs(records: Sequence[RawRecord], *, prefer_wkt: bool, label: str) ->
     return SourceCrs()
 
 
+def vertical_crs(records: Sequence[RawRecord]) -> Any:
+    """
+    Return the vertical reference system that a file states, as pyproj has it; None if it states none.
+
+    Parameters
+    ----------
+    records : sequence of RawRecord
+        The file's plain and extended records.
+
+    """
+    for record in records:
+        try:
+            found = None
+            if record.is_a(_PROJECTION, _WKT):
+                found = _vertical_part(_wkt_in(record.data))
+            elif record.is_a(_PROJECTION, _GEO_KEYS):
+                code = _keys_in(record.data).get(_VERTICAL_CRS)
+                found = pyproj.CRS.from_epsg(code) if code in _EPSG_CODES else None
+            if found is not None and found.is_vertical:
+                return found
+        except (CRSError, ValueError, struct.error):  # said already when the file was opened
+            continue
+    return None
+
+
+def _vertical_part(crs: Any) -> Any:
+    """
+    Return the vertical part of a compound system, None of any other.
+
+    """
+    parts = _unbound(crs).sub_crs_list
+    return _unbound(parts[1]) if len(parts) > 1 else None
+
+
 def _from_wkt(data: bytes) -> SourceCrs:
     """
     Read a WKT record.
 
     """
+    return _described(_wkt_in(data))
+
+
+def _wkt_in(data: bytes) -> Any:
+    """
+    Return the system that a WKT record describes.
+
+    """
     text = data.split(b"\0")[0].decode("utf-8").strip()
     if not text:
         raise ValueError("its WKT text is empty")
-    return _described(pyproj.CRS.from_wkt(text))
+    return pyproj.CRS.from_wkt(text)
 
 
 def _described(crs: Any) -> SourceCrs:
@@ -141,13 +183,21 @@ def _from_geo_keys(data: bytes) -> SourceCrs:
     Read a GeoTIFF key directory.
 
     """
-    entries = [struct.unpack_from("<4H", data, at) for at in range(8, len(data) - 7, 8)]
-    keys = {key: value for key, location, _, value in entries if location == 0}
+    keys = _keys_in(data)
     if not keys:
         raise ValueError("its GeoTIFF directory holds no keys")
     crs = _horizontal_from_keys(keys)
     vertical = _vertical_unit_from_keys(keys)
     return replace(crs, vertical_unit=vertical or crs.vertical_unit)
+
+
+def _keys_in(data: bytes) -> dict[int, int]:
+    """
+    Return the keys of a GeoTIFF directory that hold a number.
+
+    """
+    entries = [struct.unpack_from("<4H", data, at) for at in range(8, len(data) - 7, 8)]
+    return {key: value for key, location, _, value in entries if location == 0}
 
 
 def _horizontal_from_keys(keys: dict[int, int]) -> SourceCrs:

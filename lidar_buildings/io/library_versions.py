@@ -12,6 +12,7 @@ from lidar_buildings import __version__
 
 _LIBRARIES = (
     "numpy", "scipy", "numba", "scikit-learn", "shapely", "laspy", "lazrs", "pyogrio", "pyproj",
+    "rasterio",
 )  # fmt: skip
 
 

@@ -33,6 +33,7 @@ from lidar_buildings.io.run_folder import (
     output_names,
 )
 from lidar_buildings.io.seams import seam_pieces
+from lidar_buildings.io.terrain_files import RasterExtentError, write_rasters
 from lidar_buildings.io.tile_products import TileProducts, load_rows, load_shapes
 from lidar_buildings.io.whole_files import cannot_write, whole_file
 
@@ -61,6 +62,8 @@ class RunSummary:
         Status → buildings.
     n_seam_pieces : int
         Buildings left out because a neighbouring tile has them as part of a larger one.
+    rasters : dict
+        File name → its columns, rows, side of a cell in the source's unit, and known cells.
     problems : tuple of str
         One line per input that could not be read to its end.
 
@@ -73,6 +76,7 @@ class RunSummary:
     classes: dict[int, int]
     buildings: dict[str, int]
     n_seam_pieces: int
+    rasters: dict[str, dict[str, Any]]
     problems: tuple[str, ...]
 
 
@@ -180,15 +184,17 @@ class OutputFolder:
         for one in shapes:
             layers.add(one)
         files = [*filter(None, outputs), *self._write_buildings(layers)]
+        rasters = self._write_rasters(fragments, problems)
         n_points = sum(file.point_count for file in self.inputs)
         summary = RunSummary(
-            files=(*files, RUN),
+            files=(*files, *rasters, RUN),
             n_tiles=len(fragments),
             n_points=n_points,
             n_unclassified=n_points - n_known,
             classes={int(code): int(per_class[code]) for code in np.flatnonzero(per_class)},
             buildings=layers.statuses(),
             n_seam_pieces=len(pieces),
+            rasters=rasters,
             problems=tuple(dict.fromkeys([*info.get("problems", ()), *problems])),
         )
         self._write_run(summary, outputs, info)
@@ -271,6 +277,17 @@ class OutputFolder:
                 file.writelines(f"{line}\n" for line in (header_line(self.frame), *layers.lines()))
             files.append(CITY_MODEL)
         return files
+
+    def _write_rasters(self, fragments: list[Path], problems: list[str]) -> dict[str, dict[str, Any]]:
+        """
+        Write the rasters; a survey too wide for them is noted.
+
+        """
+        try:
+            return write_rasters(self.path, fragments, self.frame, self.inputs)
+        except RasterExtentError as error:
+            problems.append(str(error))
+            return {}
 
     def _write_run(self, summary: RunSummary, outputs: list[str | None], run_info: Mapping[str, Any]) -> None:
         """

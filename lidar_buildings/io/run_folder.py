@@ -21,6 +21,7 @@ RUN = "run.json"
 CLASSIFIED = "classified"
 BUILDINGS = "buildings.gpkg"
 CITY_MODEL = "city_model.city.jsonl"
+DTM, DSM, NDSM = "dtm.tif", "dsm.tif", "ndsm.tif"
 #: What identifies the unfinished run, beside its tiles.
 _IDENTITY = "identity.json"
 
@@ -136,7 +137,7 @@ def _clear(path: Path) -> None:
     """
     earlier = _read(path / RUN) or {}
     names = [name for name in earlier.get("files", []) if isinstance(name, str)]
-    for name in (RUN, BUILDINGS, CITY_MODEL, *names):
+    for name in (RUN, BUILDINGS, CITY_MODEL, DTM, DSM, NDSM, *names):
         file = path / name
         if path.resolve() in file.resolve().parents:
             file.unlink(missing_ok=True)

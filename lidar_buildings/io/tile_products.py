@@ -15,10 +15,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lidar_buildings.core.outline import BuildingOutline, Outline
+from lidar_buildings.core.terrain import RasterWindow, TerrainRasters
 from lidar_buildings.core.tile import COLUMNS, PointTile
 from lidar_buildings.io.whole_files import whole_file
 
 _NAME = ("source", "index")
+#: Names under which a tile's rasters are saved.
+_WINDOW, _RASTERS = "window", ("dtm", "dsm", "distance")
 #: Rows of a tile's core points, of its buildings' points, and of its core roof points.
 CORE, ROOFS, EDGES = (
     np.dtype([(name, COLUMNS[name]) for name in (*_NAME, *columns)])
@@ -66,6 +69,8 @@ class TileProducts:
         Faces of the models' roofs.
     features : tuple of str
         CityJSONFeature lines.
+    rasters : TerrainRasters or None
+        Ground and surface cell by cell, None where none are wanted.
 
     """
 
@@ -77,6 +82,7 @@ class TileProducts:
     outlines: tuple[BuildingOutline, ...] = ()
     roof_faces: tuple[RoofFace, ...] = ()
     features: tuple[str, ...] = ()
+    rasters: TerrainRasters | None = None
 
     @classmethod
     def from_tiles(
@@ -87,6 +93,7 @@ class TileProducts:
         outlines: Iterable[BuildingOutline] = (),
         roof_faces: Iterable[RoofFace] = (),
         features: Iterable[str] = (),
+        rasters: TerrainRasters | None = None,
     ) -> TileProducts:
         """
         Gather a tile's results.
@@ -97,7 +104,7 @@ class TileProducts:
             Every point of the tile with its final class and height above ground.
         planes : PointTile or None
             Its roof points, core and buffer, with edge labels, building and plane ids as far as the run went.
-        traced, outlines, roof_faces, features
+        traced, outlines, roof_faces, features, rasters
             As they came.
 
         """
@@ -115,6 +122,7 @@ class TileProducts:
             tuple(outlines),
             tuple(roof_faces),
             tuple(features),
+            rasters,
         )
 
     def save(self, path: Path) -> None:
@@ -142,6 +150,7 @@ class TileProducts:
                 roofs=self.roofs,
                 edges=self.edges,
                 shapes=text,
+                **_raster_arrays(self.rasters),
             )
 
     @classmethod
@@ -151,7 +160,8 @@ class TileProducts:
 
         """
         core, roofs, edges = (load_rows(path, name) for name in ("core", "roofs", "edges"))
-        return cls(int(load_rows(path, "stamp")), core, roofs, edges, *load_shapes(path))
+        rasters = None if load_raster_window(path) is None else load_rasters(path)
+        return cls(int(load_rows(path, "stamp")), core, roofs, edges, *load_shapes(path), rasters)
 
 
 class Shapes(NamedTuple):
@@ -181,6 +191,30 @@ def load_shapes(path: Path) -> Shapes:
     )
 
 
+def load_raster_window(path: Path) -> RasterWindow | None:
+    """
+    Read which cells the rasters of a saved tile have, None if it has none.
+
+    """
+    with np.load(path) as held:
+        if _WINDOW not in held:
+            return None
+        resolution, *place = held[_WINDOW].tolist()
+    return RasterWindow(resolution, *(int(number) for number in place))
+
+
+def load_rasters(path: Path) -> TerrainRasters:
+    """
+    Read the rasters of a saved tile that has some.
+
+    """
+    window = load_raster_window(path)
+    if window is None:
+        raise ValueError(f"{path} holds no rasters")
+    with np.load(path) as held:
+        return TerrainRasters(window, *(held[name] for name in _RASTERS))
+
+
 def load_rows(path: Path, name: str) -> NDArray[Any]:
     """
     Read one table of a saved tile: ``core``, ``roofs``, ``edges`` or ``sources``.
@@ -189,6 +223,18 @@ def load_rows(path: Path, name: str) -> NDArray[Any]:
     with np.load(path) as held:
         table: NDArray[Any] = held[name]
         return table
+
+
+def _raster_arrays(rasters: TerrainRasters | None) -> dict[str, NDArray[Any]]:
+    """
+    Return name → array of what is saved of rasters; whole numbers up to 2^53 pass through float64 unchanged.
+
+    """
+    if rasters is None:
+        return {}
+    window = rasters.window
+    place = (window.resolution, window.column, window.row, window.width, window.height)
+    return {_WINDOW: np.array(place, dtype=np.float64)} | {name: getattr(rasters, name) for name in _RASTERS}
 
 
 def _rows(tile: PointTile, dtype: np.dtype[Any], chosen: NDArray[np.bool_]) -> NDArray[Any]:

@@ -20,6 +20,7 @@ from lidar_buildings.core.regularisation import RegularisationConfig
 from lidar_buildings.core.roof_selection import RoofSelectionConfig
 from lidar_buildings.core.segmentation import SegmentationConfig
 from lidar_buildings.core.stage_names import STAGES
+from lidar_buildings.core.terrain import RasterConfig
 from lidar_buildings.io.tiling_config import TilingConfig
 
 
@@ -84,6 +85,27 @@ class TilePlayerConfig(TilingConfig):
 
 
 @dataclass(frozen=True)
+class GroundFilterNodeConfig(GroundFilterConfig):
+    """
+    What the node can do beyond its stage.
+
+    """
+
+    stage: ClassVar[str] = GroundFilterConfig.stage
+
+    publish_dtm: bool = parameter(
+        False, "Whether to publish each tile's terrain on `dtm`, to look at or to plan with.", read_only=True
+    )
+    dtm_resolution: float = parameter(
+        0.5,
+        "Side of a cell of `dtm`; a larger one gives smaller messages and less detail.",
+        unit="m",
+        minimum=0.05,
+        maximum=100.0,
+    )
+
+
+@dataclass(frozen=True)
 class FlowControlConfig(StageConfig):
     """
     Who tells the player that a tile is done.
@@ -100,13 +122,13 @@ class FlowControlConfig(StageConfig):
 
 
 @dataclass(frozen=True)
-class ModelWriterConfig(StageConfig):
+class ModelWriterConfig(RasterConfig):
     """
     What to write, and where.
 
     """
 
-    stage: ClassVar[str] = "model_writer"
+    stage: ClassVar[str] = RasterConfig.stage
 
     input: tuple[str, ...] = parameter(
         (), "The same files, folders and globs as of `tile_player`.", read_only=True
@@ -128,7 +150,7 @@ NODE_CONFIGS: dict[str, dict[str, type[StageConfig]]] = {
     node: {config.stage: config for config in configs}
     for node, configs in {
         "tile_player": (TilePlayerConfig,),
-        "ground_filter": (GroundFilterConfig,),
+        "ground_filter": (GroundFilterNodeConfig,),
         "roof_selector": (RoofSelectionConfig,),
         "edge_labeller": (EdgeLabellingConfig,),
         "building_tracer": (SegmentationConfig, BoundaryTracingConfig),

@@ -9,10 +9,13 @@ from typing import Any
 
 from sensor_msgs.msg import PointCloud2
 
-from lidar_buildings.core.ground_filter import GroundFilterConfig
+from lidar_buildings.core.map_frame import MapFrame
+from lidar_buildings.core.terrain import RasterConfig
 from lidar_buildings.core.tile import PointTile
+from lidar_buildings.core.tile_rasters import rasterise_tile
 from lidar_buildings.core.tile_stages import filter_ground
-from lidar_buildings.nodes.configs import NODE_CONFIGS
+from lidar_buildings.nodes.configs import NODE_CONFIGS, GroundFilterNodeConfig
+from lidar_buildings.ros.elevation_grid import grid_message
 from lidar_buildings.ros.point_cloud import to_message
 from lidar_buildings.ros.qos import CLOUD
 from lidar_buildings.ros.runner import run_node
@@ -28,6 +31,9 @@ class GroundFilter(StageNode):
     def __init__(self, **kwargs: Any) -> None:
         super().__init__("ground_filter", NODE_CONFIGS["ground_filter"], **kwargs)
         self._ground_points = self.create_publisher(PointCloud2, "ground_points", CLOUD)
+        self._dtm = None
+        if self.parameters[GroundFilterNodeConfig].publish_dtm:
+            self._dtm = self.create_publisher(PointCloud2, "dtm", CLOUD)
         self.subscribe_tiles("points", self.on_tile)
 
     def on_tile(self, tile: PointTile) -> None:
@@ -35,7 +41,19 @@ class GroundFilter(StageNode):
         Classify one tile.
 
         """
-        self._ground_points.publish(to_message(filter_ground(tile, self.parameters[GroundFilterConfig])))
+        classified = filter_ground(tile, self.parameters[GroundFilterNodeConfig])
+        self._ground_points.publish(to_message(classified))
+        if self._dtm is not None:
+            self._publish_dtm(classified)
+
+    def _publish_dtm(self, classified: PointTile) -> None:
+        """
+        Publish one tile's terrain, its cells aligned in the map frame.
+
+        """
+        resolution = self.parameters[GroundFilterNodeConfig].dtm_resolution
+        rasters = rasterise_tile(classified, RasterConfig(raster_resolution=resolution), MapFrame())
+        self._dtm.publish(grid_message(classified.stamp, rasters.window, rasters.dtm))
 
 
 def main() -> int:

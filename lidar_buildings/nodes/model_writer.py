@@ -6,6 +6,7 @@ Node `model_writer`.
 from __future__ import annotations
 
 import json
+from dataclasses import fields
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
@@ -13,7 +14,9 @@ from rclpy.event_handler import SubscriptionEventCallbacks
 from std_msgs.msg import Header, String
 
 from lidar_buildings.core.errors import OutputError, ParameterError
+from lidar_buildings.core.terrain import RasterConfig
 from lidar_buildings.core.tile import PointTile
+from lidar_buildings.core.tile_rasters import rasterise_tile
 from lidar_buildings.io.cityjson import parse_feature
 from lidar_buildings.io.las import InputFile, frame_of, open_inputs
 from lidar_buildings.io.output_folder import OutputFolder
@@ -33,7 +36,7 @@ from lidar_buildings.ros.ring_collector import Rings, outlines_of, roof_faces_of
 from lidar_buildings.ros.runner import run_node
 from lidar_buildings.ros.stage_node import StageNode
 from lidar_buildings.ros.stamps import header_of, to_stamp
-from lidar_buildings.ros.tile_join import TileJoin, agree_on_buildings
+from lidar_buildings.ros.tile_join import TileJoin, agree_on_buildings, agree_on_roofs
 
 #: Exit status when a tile was given up and the rest was done.
 TILE_FAILED = 3
@@ -140,13 +143,13 @@ class ModelWriter(StageNode):
             frame_of(clouds),
             overwrite=config.overwrite,
             until=config.until,
-            parameters=_settings(config.settings),
+            parameters=_settings(config.settings) | {RasterConfig.stage: _raster_settings(config)},
         )
         self._on_disk = self._folder.done_stamps()
         self._record = RunRecord()
         self._topics = [topic.name for topic in WRITER_TOPICS[config.until]]
         self._features = FeaturePool()
-        self._join = TileJoin((t for t in self._topics if t != CITY_MODEL.name), agree_on_buildings)
+        self._join = TileJoin((t for t in self._topics if t != CITY_MODEL.name), self._fit)
         self._whole: dict[int, dict[str, Any]] = {}
 
     def _subscribe_results(self) -> None:
@@ -177,6 +180,20 @@ class ModelWriter(StageNode):
         else:
             self._store(stamp, parts)
 
+    def _fit(self, parts: dict[str, Any]) -> bool:
+        """
+        Whether parts are of one sending: a tile that was sent larger has more points under the same stamp.
+
+        """
+        return agree_on_roofs(*self._clouds_of(parts)) and agree_on_buildings(parts)
+
+    def _clouds_of(self, parts: dict[str, Any]) -> list[PointTile]:
+        """
+        Return the clouds among a tile's parts: all its points first, then its roofs.
+
+        """
+        return [parts[topic] for topic in self._topics if isinstance(parts.get(topic), PointTile)]
+
     def _buildings_of(self, parts: dict[str, Any]) -> set[int]:
         """
         Return the buildings whose models a tile must wait for.
@@ -191,8 +208,7 @@ class ModelWriter(StageNode):
         Put a tile on disk, and say that it is done.
 
         """
-        points = [parts[topic] for topic in self._topics if isinstance(parts.get(topic), PointTile)]
-        self._write(points, parts)
+        self._write(self._clouds_of(parts), parts)
         self._tile_done.publish(header_of(stamp))
 
     def _write(self, points: list[PointTile], parts: dict[str, Any]) -> None:
@@ -201,12 +217,14 @@ class ModelWriter(StageNode):
 
         """
         faces = parts.get(ROOF_FACES.name, {})
+        rasters = rasterise_tile(points[0], self.parameters[ModelWriterConfig], self._folder.frame)
         products = TileProducts.from_tiles(
             *points,
             traced=parts.get(TRACED_OUTLINES.name, ()),
             outlines=parts.get(OUTLINES.name, ()),
             roof_faces=[RoofFace(number, rings) for number, found in faces.items() for rings in found],
             features=self._features.take(sorted(self._buildings_of(parts))),
+            rasters=rasters,
         )
         try:
             self._folder.write_tile(products)
@@ -228,6 +246,14 @@ def _settings(text: str) -> dict[str, Any]:
     if not isinstance(settings, dict):
         raise ParameterError("model_writer.settings must be a JSON object")
     return settings
+
+
+def _raster_settings(config: RasterConfig) -> dict[str, Any]:
+    """
+    Return the parameters of the rasters, on which an unfinished run depends as well.
+
+    """
+    return {one.name: getattr(config, one.name) for one in fields(RasterConfig)}
 
 
 def main() -> int:

@@ -83,6 +83,13 @@ GROUND_POINTS = Topic(
     "CLOUD",
     "all points with `classification` (1, 2, 7, 18), `height_above_ground`",
 )
+DTM = Topic(
+    "dtm",
+    _CLOUD,
+    "CLOUD",
+    "the terrain of a tile's own cells on request: an organised cloud, its northernmost row first; "
+    "z is NaN where it is not known",
+)
 CLASSIFIED_POINTS = Topic("classified_points", _CLOUD, "CLOUD", "every point with its final ASPRS class")
 ROOF_POINTS = Topic("roof_points", _CLOUD, "CLOUD", "the points of class 6")
 EDGE_POINTS = Topic(
@@ -147,7 +154,7 @@ NODE_TABLE: tuple[NodeCard, ...] = (
         "It gives every point its height above the ground.",
         "ground_filter",
         (POINTS,),
-        (GROUND_POINTS,),
+        (GROUND_POINTS, DTM),
     ),
     NodeCard(
         "roof_selector",

@@ -60,15 +60,33 @@ def to_message(tile: PointTile) -> PointCloud2:
         rows[name] = tile.points[:, axis]
     for name, column in tile.columns.items():
         rows[name] = column
+    return cloud_message(tile.stamp, rows.reshape(1, -1))
+
+
+def cloud_message(stamp: int, rows: NDArray[Any], *, is_dense: bool = True) -> PointCloud2:
+    """
+    Put a table of points into a cloud.
+
+    Parameters
+    ----------
+    stamp : int
+        The tile's key [ns].
+    rows : structured ndarray of shape (height, width)
+        Packed and little-endian; a field per member.
+    is_dense : bool
+        Whether no value is NaN.
+
+    """
+    height, width = rows.shape
     message = PointCloud2(
-        header=header_of(tile.stamp),
-        height=1,
-        width=len(tile),
-        fields=_fields_of(layout),
+        header=header_of(stamp),
+        height=height,
+        width=width,
+        fields=_fields_of(rows.dtype),
         is_bigendian=False,
-        point_step=layout.itemsize,
-        row_step=layout.itemsize * len(tile),
-        is_dense=True,
+        point_step=rows.dtype.itemsize,
+        row_step=rows.dtype.itemsize * width,
+        is_dense=is_dense,
     )
     _fill(message, rows)
     return message
@@ -109,7 +127,7 @@ def _fill(message: PointCloud2, rows: NDArray[Any]) -> None:
     takes a second per million points; the converter to the middleware takes any buffer.
 
     """
-    content = rows.view(np.uint8).reshape(-1) if len(rows) else np.zeros(0, dtype=np.uint8)
+    content = rows.reshape(-1).view(np.uint8) if rows.size else np.zeros(0, dtype=np.uint8)
     if hasattr(message, "_data"):
         message._data = content
         return

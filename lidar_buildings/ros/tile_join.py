@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from lidar_buildings.core.asprs import PointClass
 from lidar_buildings.core.outline import BuildingOutline
 from lidar_buildings.core.tile import PointTile
 
@@ -71,6 +72,19 @@ def agree_on_buildings(parts: dict[str, Any]) -> bool:
     """
     named = [ids for ids in map(_building_ids, parts.values()) if ids is not None]
     return all(ids == named[0] for ids in named)
+
+
+def agree_on_roofs(classified: PointTile, *roofs: PointTile) -> bool:
+    """
+    Whether a tile's clouds are of one sending: every one of the later stages has all points of class 6.
+
+    A tile that was sent again with a larger buffer has more points under the same stamp.
+
+    """
+    if classified.classification is None:
+        return True
+    n_roofs = int(np.count_nonzero(classified.classification == PointClass.BUILDING))
+    return all(len(cloud) == n_roofs for cloud in roofs)
 
 
 def _building_ids(part: Any) -> set[int] | None:

@@ -23,7 +23,8 @@ from lidar_buildings.simulation import simulate_survey
 
 pytestmark = pytest.mark.graph
 
-FILES = ["buildings.gpkg", "city_model.city.jsonl", "classified/strip_01.laz", "run.json"]
+RASTERS = ["dsm.tif", "dtm.tif", "ndsm.tif"]
+FILES = ["buildings.gpkg", "city_model.city.jsonl", "classified/strip_01.laz", *RASTERS, "run.json"]
 #: Cuts the house's survey into nine tiles.
 SMALL_TILES = ["--tile-size", "25", "--set", "tile_player.buffer=10"]
 
@@ -118,11 +119,14 @@ def test_a_file_that_turns_out_damaged_while_it_is_read_gives_one_line(command, 
 
 @pytest.mark.parametrize("n_points", [0, 1])
 def test_no_point_and_one_point_are_legal(command, tmp_path, n_points):
-    path = cloud_files.saved(cloud_files.random_cloud(n_points, point_format=6), tmp_path / "tiny.laz")
+    cloud = cloud_files.random_cloud(n_points, point_format=6)
+    cloud.classification[:] = 1  # noise of the file stays noise, and has no raster
+    path = cloud_files.saved(cloud, tmp_path / "tiny.laz")
     spoken = command("run", path, "--output", tmp_path / "out")
     assert spoken.status == 0
     assert spoken.out[1] == "buildings: 0 (none)"
-    assert files_in(tmp_path / "out") == [*FILES[:2], "classified/tiny.laz", FILES[3]]
+    rasters = RASTERS if n_points else []
+    assert files_in(tmp_path / "out") == [*FILES[:2], "classified/tiny.laz", *rasters, FILES[-1]]
 
 
 def test_an_output_folder_that_cannot_be_used_gives_one_line(command, house, result, tmp_path):

@@ -1,0 +1,188 @@
+"""
+Windows of the endless grid of square cells that all rasters of one resolution share.
+
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+#: A tile of more cells than this is taken for a mistake: it would need some 30 GB.
+MOST_CELLS = 1_000_000_000
+
+
+@dataclass(frozen=True)
+class RasterWindow:
+    """
+    A rectangle of cells; their edges are multiples of the resolution in the source's coordinates.
+
+    Attributes
+    ----------
+    resolution : float
+        Side of a cell [m].
+    column, row : int
+        Place in the grid of the north-western cell: columns count eastwards and rows southwards from zero,
+        so that its north-western corner is at (`column`, −`row`) × `resolution`.
+    width, height : int
+        Columns and rows of cells; 0 where there is no cell.
+
+    """
+
+    resolution: float
+    column: int = 0
+    row: int = 0
+    width: int = 0
+    height: int = 0
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """
+        Shape of an array with a value per cell: the first row is the northernmost.
+
+        """
+        return self.height, self.width
+
+    @property
+    def corner(self) -> tuple[float, float]:
+        """
+        The north-western corner in source coordinates [m].
+
+        """
+        return self.column * self.resolution, -self.row * self.resolution
+
+    def grown(self, n_cells: int) -> RasterWindow:
+        """
+        Return the window with so many more cells on each side.
+
+        """
+        return RasterWindow(
+            self.resolution,
+            self.column - n_cells,
+            self.row - n_cells,
+            self.width + 2 * n_cells,
+            self.height + 2 * n_cells,
+        )
+
+    def part(self, columns: slice, rows: slice) -> RasterWindow:
+        """
+        Return a part of the window, given by slices of its columns and rows with both ends named.
+
+        """
+        return RasterWindow(
+            self.resolution,
+            self.column + columns.start,
+            self.row + rows.start,
+            columns.stop - columns.start,
+            rows.stop - rows.start,
+        )
+
+    def shared(self, other: RasterWindow) -> tuple[slice, slice]:
+        """
+        Return the rows and columns of this window that another one has as well; empty slices if none.
+
+        """
+        top, left = other.row - self.row, other.column - self.column
+        rows = slice(max(top, 0), max(min(top + other.height, self.height), 0))
+        columns = slice(max(left, 0), max(min(left + other.width, self.width), 0))
+        return rows, columns
+
+    def cells_of(
+        self, points: NDArray[np.float64], origin: tuple[float, float]
+    ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """
+        Return row and column within the window of each point's cell.
+
+        Parameters
+        ----------
+        points : ndarray of shape (n_points, 2 or more)
+            In the map frame [m].
+        origin : tuple of two float
+            What to add to map coordinates [m].
+
+        """
+        columns, rows = _grid_cells(points, origin, self.resolution)
+        return rows - self.row, columns - self.column
+
+    def centres(
+        self, rows: NDArray[np.int64], columns: NDArray[np.int64], origin: tuple[float, float]
+    ) -> NDArray[np.float64]:
+        """
+        Return the middles of cells in the map frame, shape (…, 2) [m].
+
+        """
+        x = (columns + (self.column + 0.5)) * self.resolution - origin[0]
+        y = -(rows + (self.row + 0.5)) * self.resolution - origin[1]
+        return np.stack((x, y), axis=-1)
+
+
+def window_of(points: NDArray[np.float64], origin: tuple[float, float], resolution: float) -> RasterWindow:
+    """
+    Return the smallest window that holds all points.
+
+    Parameters
+    ----------
+    points : ndarray of shape (n_points, 2 or more)
+        In the map frame [m].
+    origin : tuple of two float
+        What to add to map coordinates [m].
+    resolution : float
+        Side of a cell [m].
+
+    Raises
+    ------
+    ValueError
+        If it has too many cells to be meant.
+
+    """
+    if len(points) == 0:
+        return RasterWindow(resolution)
+    corners = np.array([points[:, :2].min(axis=0), points[:, :2].max(axis=0)])
+    columns, rows = _grid_cells(corners, origin, resolution)
+    width, height = int(columns[1] - columns[0]) + 1, int(rows[0] - rows[1]) + 1
+    if width * height > MOST_CELLS:
+        raise ValueError(
+            f"resolution = {resolution:g}: {width} × {height} cells between these points are more than "
+            f"{MOST_CELLS:,}: a larger resolution or smaller tiles are needed"
+        )
+    return RasterWindow(resolution, int(columns[0]), int(rows[1]), width, height)
+
+
+def enclosing(windows: Iterable[RasterWindow]) -> RasterWindow | None:
+    """
+    Return the smallest window that holds all those given; None if they have no cell.
+
+    """
+    filled = [window for window in windows if window.width and window.height]
+    if not filled:
+        return None
+    column, row = min(w.column for w in filled), min(w.row for w in filled)
+    width = max(w.column + w.width for w in filled) - column
+    height = max(w.row + w.height for w in filled) - row
+    return RasterWindow(filled[0].resolution, column, row, width, height)
+
+
+def reach_in_cells(distance: float, resolution: float) -> int:
+    """
+    Return how many whole cells a distance spans; rounding must not cost one.
+
+    """
+    return math.floor(distance / resolution + 1e-9)
+
+
+def _grid_cells(
+    points: NDArray[np.float64], origin: tuple[float, float], resolution: float
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """
+    Return column and row in the endless grid of each point's cell.
+
+    A cell holds its western and its southern edge.
+
+    """
+    columns = np.floor((points[:, 0] + origin[0]) / resolution).astype(np.int64)
+    rows = -1 - np.floor((points[:, 1] + origin[1]) / resolution).astype(np.int64)
+    return columns, rows
