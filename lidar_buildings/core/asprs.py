@@ -25,5 +25,5 @@ class PointClass(IntEnum):
     RAIL = 10
     ROAD_SURFACE = 11
     OVERLAP = 12
+    BRIDGE_DECK = 17
     HIGH_NOISE = 18
-    SNOW = 21

@@ -28,7 +28,7 @@ class ParameterSpec:
     minimum, maximum : float or None
         Inclusive range, None where open.
     choices : tuple of str
-        The allowed words of a text parameter, empty where any will do.
+        The allowed words of a text or list parameter, empty where any will do.
     read_only : bool
         Whether the value is fixed once the node has started.
 
@@ -124,7 +124,7 @@ def checked_value(stage: str, config_field: Field[Any], value: Any) -> Any:
     if kind is float and type(value) is int:
         value = float(value)
     if kind is tuple:
-        return _checked_texts(path, value)
+        return _checked_texts(path, value, spec)
     if type(value) is not kind:
         raise ParameterError(f"{path} = {value!r}: must be of type {kind.__name__}")
     if kind is str:
@@ -140,11 +140,13 @@ def checked_value(stage: str, config_field: Field[Any], value: Any) -> Any:
     return value
 
 
-def _checked_texts(path: str, value: Any) -> tuple[str, ...]:
+def _checked_texts(path: str, value: Any, spec: ParameterSpec) -> tuple[str, ...]:
     """
     Return a list of texts as a tuple.
 
     """
     if not isinstance(value, (list, tuple)) or any(type(text) is not str for text in value):
         raise ParameterError(f"{path} = {value!r}: must be a list of texts")
+    if spec.choices and not set(value) <= set(spec.choices):
+        raise ParameterError(f"{path} = {value!r}: each must be {spec.allowed()}")
     return tuple(value)

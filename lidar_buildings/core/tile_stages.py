@@ -20,6 +20,7 @@ from lidar_buildings.core.building_id import anchor_row
 from lidar_buildings.core.building_model import BuildingModel, BuildingModelConfig, build_model
 from lidar_buildings.core.edge_labelling import EdgeLabellingConfig, label_edges
 from lidar_buildings.core.ground_filter import GroundFilterConfig, classify_ground
+from lidar_buildings.core.kept_classes import ON_TERRAIN, is_of_groups
 from lidar_buildings.core.outline import BuildingOutline, Outline
 from lidar_buildings.core.plane_fitting import PlaneFittingConfig, fit_roof_planes
 from lidar_buildings.core.regularisation import RegularisationConfig, measure_outline, regularise_outline
@@ -81,9 +82,10 @@ class TileModel:
 
 def filter_ground(tile: PointTile, config: GroundFilterConfig) -> PointTile:
     """
-    Append `classification` (1, 2, 7, 18) and `height_above_ground` to a tile.
+    Append `classification` (1, 2, 7, 18, and what the source's points keep) and `height_above_ground`.
 
     """
+    before, kept = tile.classification, config.kept_classes
     result = classify_ground(
         tile.points,
         config,
@@ -91,10 +93,12 @@ def filter_ground(tile: PointTile, config: GroundFilterConfig) -> PointTile:
         scan_angle=tile.scan_angle,
         scan_direction_flag=tile.scan_direction_flag,
         point_source_id=tile.point_source_id,
+        set_aside=None if before is None else is_of_groups(before, set(kept) - set(ON_TERRAIN)),
     )
-    return tile.with_columns(
-        classification=result.classification, height_above_ground=result.height_above_ground
-    )
+    classes = result.classification
+    if before is not None:
+        classes = np.where(is_of_groups(before, kept), before, classes)
+    return tile.with_columns(classification=classes, height_above_ground=result.height_above_ground)
 
 
 def select_roof_points(tile: PointTile, config: RoofSelectionConfig) -> PointTile:

@@ -54,7 +54,8 @@ def write_classified(cloud: Cloud, rows: ResultRows, path: Path) -> NDArray[np.i
     """
     Write every point of the input in its order, with all its dimensions and records.
 
-    Points that no tile gave back (`known` = 0) keep their class and have no height (NaN).
+    Points that no tile gave back (`known` = 0) keep their class and have no height (NaN); points that the
+    file withholds keep their class.
 
     Parameters
     ----------
@@ -119,12 +120,13 @@ def _classified(
         len(points), -1
     )
     known = results["known"].astype(bool)
+    decided = known & ~np.asarray(chunk.withheld, dtype=bool)
     if cloud.header.point_format.id < FIRST_EXTENDED_FORMAT:
         byte = points["raw_classification"]
         classes = results["classification"] & _LEGACY_CLASS
-        points["raw_classification"] = np.where(known, byte & ~np.uint8(_LEGACY_CLASS) | classes, byte)
+        points["raw_classification"] = np.where(decided, byte & ~np.uint8(_LEGACY_CLASS) | classes, byte)
     else:
-        points["classification"] = np.where(known, results["classification"], points["classification"])
+        points["classification"] = np.where(decided, results["classification"], points["classification"])
     for column, dimension in DIMENSIONS.items():
         points[dimension.name] = results[column]
     height = results["height_above_ground"] / np.float32(cloud.crs.vertical_unit)

@@ -52,7 +52,8 @@ def assert_kept(before, after, but=()):
 
 
 def assert_new(after, results):
-    assert np.array_equal(after.classification, results["classification"])
+    used = np.asarray(after.withheld) == 0
+    assert np.array_equal(after.classification[used], results["classification"][used])
     assert np.array_equal(after["HeightAboveGround"], results["height_above_ground"])
     assert np.array_equal(after["BuildingId"], results["building_id"])
     assert np.array_equal(after["PlaneId"], results["plane_id"])
@@ -73,7 +74,7 @@ def test_every_dimension_of_every_format_is_kept(tmp_path, version, point_format
     assert_kept(before, after)
     assert_new(after, results)
     assert str(after.header.version) == version
-    assert np.array_equal(counts, np.bincount(results["classification"], minlength=256))
+    assert np.array_equal(counts, np.bincount(after.classification, minlength=256))
 
 
 @pytest.mark.parametrize("point_format", [9, 10])
@@ -116,13 +117,24 @@ def test_no_point_and_one_point_are_written(tmp_path, n_points):
 
 
 @pytest.mark.parametrize("point_format", [1, 6])
+def test_points_that_the_file_withholds_keep_their_class(tmp_path, point_format):
+    before = cloud_files.random_cloud(100, point_format=point_format)
+    before.withheld[:] = np.arange(100) < 30
+    after, results, _ = classified(cloud_files.saved(before, tmp_path / "a.laz"))
+    assert np.array_equal(after.classification[:30], before.classification[:30])
+    assert np.array_equal(after.classification[30:], results["classification"][30:])
+    assert_kept(before, after)
+
+
+@pytest.mark.parametrize("point_format", [1, 6])
 def test_points_of_no_finished_tile_keep_their_class_and_have_no_height(tmp_path, point_format):
     before = cloud_files.random_cloud(100, point_format=point_format)
     results = results_for(100)
     results["known"][::3] = 0
     after, _, _ = classified(cloud_files.saved(before, tmp_path / "a.laz"), results)
     assert np.array_equal(after.classification[::3], before.classification[::3])
-    assert np.array_equal(after.classification[1::3], results["classification"][1::3])
+    used = (np.arange(100) % 3 > 0) & (np.asarray(before.withheld) == 0)
+    assert np.array_equal(after.classification[used], results["classification"][used])
     assert np.isnan(after["HeightAboveGround"][::3]).all()
     assert_kept(before, after)
 

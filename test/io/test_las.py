@@ -48,7 +48,7 @@ def test_every_version_and_format_is_read(tmp_path, version, point_format, endin
     assert np.array_equal(tile.intensity, cloud.intensity)
     assert np.array_equal(tile.return_number, cloud.return_number)
     assert np.array_equal(tile.number_of_returns, cloud.number_of_returns)
-    assert np.array_equal(tile.classification, cloud.classification)
+    assert np.array_equal(tile.classification, np.where(cloud.withheld, 7, cloud.classification))
     assert np.array_equal(tile.point_source_id, cloud.point_source_id)
     assert np.array_equal(tile.scan_direction_flag, cloud.scan_direction_flag)
     assert np.array_equal(tile.index, np.arange(300))
@@ -68,7 +68,7 @@ def test_las_1_0_is_read(tmp_path):
 def test_copc_is_read_as_plain_laz(tmp_path):
     cloud = cloud_files.random_cloud(400, point_format=7)
     tile = read_tile(cloud_files.saved_copc(cloud, tmp_path / "a.copc.laz"))
-    assert np.array_equal(tile.classification, cloud.classification)
+    assert np.array_equal(tile.classification, np.where(cloud.withheld, 7, cloud.classification))
     assert np.allclose(tile.frame.to_source(tile.points), np.asarray(cloud.xyz), atol=1e-4)
 
 

@@ -48,6 +48,7 @@ def classify_ground(
     scan_angle: ArrayLike | None = None,
     scan_direction_flag: ArrayLike | None = None,
     point_source_id: ArrayLike | None = None,
+    set_aside: ArrayLike | None = None,
 ) -> GroundResult:
     """
     Tell ground from everything else, and measure how high each point lies above it.
@@ -75,6 +76,8 @@ def classify_ground(
         Thresholds; the defaults serve town and country.
     gps_time, scan_angle, scan_direction_flag, point_source_id : array_like of shape (n_points,), optional
         What tells scan lines apart [s], [deg]; only ``bidirectional_slope`` looks at them.
+    set_aside : array_like of bool, shape (n_points,), optional
+        Points that are known not to be of the terrain; class 1 or noise, unless nothing else is left.
 
     Returns
     -------
@@ -110,7 +113,7 @@ def classify_ground(
         return GroundResult(np.zeros(0, dtype=np.uint8), np.zeros(0))
     sample = points[lowest_per_cell(points, config.candidate_spacing)]
     classification = find_noise(points, quantised_spacing(sample), config)
-    kept = np.flatnonzero(classification == 0)
+    kept = _kept(classification, set_aside)
     labels = _labelled_ground(points, kept, config, scan)
     terrain = _terrain(points, kept if labels is None else kept[labels], config)
     elevation, slope = terrain.elevation_and_slope(points)
@@ -118,6 +121,20 @@ def classify_ground(
     ground = near_terrain(height[kept], slope[kept], config) if labels is None else labels
     classification[kept] = np.where(ground, PointClass.GROUND, PointClass.UNCLASSIFIED)
     return GroundResult(classification, height)
+
+
+def _kept(classification: NDArray[np.uint8], set_aside: ArrayLike | None) -> NDArray[np.intp]:
+    """
+    Return the rows without a class yet, but for those set aside, which become class 1.
+
+    """
+    free = classification == 0
+    if set_aside is not None:
+        aside = free & checked_column("set_aside", set_aside, len(classification), bool)
+        if (free & ~aside).any():
+            classification[aside] = PointClass.UNCLASSIFIED
+            free &= ~aside
+    return np.flatnonzero(free)
 
 
 def _checked_scan(n_points: int, **columns: ArrayLike | None) -> dict[str, NDArray[Any] | None]:

@@ -8,6 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
+from lidar_buildings.core.kept_classes import CLASS_GROUPS
 from lidar_buildings.core.parameters import StageConfig, parameter
 
 
@@ -123,4 +124,10 @@ class GroundFilterConfig(StageConfig):
         unit="m",
         minimum=1.0,
         maximum=1000.0,
+    )
+    kept_classes: tuple[str, ...] = parameter(
+        tuple(CLASS_GROUPS),
+        "Classes of the source that its points keep, since nothing here would find them better; what is left "
+        "out is classified anew. Noise, wires, bridges and other things have no part in the terrain.",
+        choices=tuple(CLASS_GROUPS),
     )

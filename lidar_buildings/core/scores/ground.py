@@ -14,8 +14,13 @@ from numpy.typing import ArrayLike
 from lidar_buildings.core.asprs import PointClass
 from lidar_buildings.core.scores.confusion import confusion_of, ratio
 
-#: A result's ground: a road surface lies on it.
-RESULT_GROUND = (int(PointClass.GROUND), int(PointClass.ROAD_SURFACE))
+#: A result's ground: roads and rails lie on it, and water kept from the source is part of its surface.
+RESULT_GROUND = (
+    int(PointClass.GROUND),
+    int(PointClass.WATER),
+    int(PointClass.RAIL),
+    int(PointClass.ROAD_SURFACE),
+)
 #: A reference's ground, unless it keeps water or roads in classes of their own.
 REFERENCE_GROUND = (int(PointClass.GROUND),)
 
