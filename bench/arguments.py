@@ -1,0 +1,93 @@
+"""
+What the benchmarks' command lines have in common.
+
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Sequence
+from dataclasses import fields
+from pathlib import Path
+from typing import Any
+
+from clouds import ROOT
+from filters import PEERS, own_methods, peers
+
+from lidar_buildings.core.ground_filter import GroundFilterConfig
+
+
+def parser_of(description: str | None) -> argparse.ArgumentParser:
+    """
+    Return a parser with --data, --methods and --set.
+
+    """
+    parser = argparse.ArgumentParser(
+        description=description, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--data", help="folder of the real clouds (default: LIDAR_BUILDINGS_DATA)")
+    names = (*own_methods(), *PEERS)
+    parser.add_argument(
+        "--methods",
+        "--method",
+        nargs="+",
+        choices=names,
+        default=names,
+        metavar="METHOD",
+        help=", ".join(names),
+    )
+    parser.add_argument(
+        "--set", nargs="+", default=[], metavar="NAME=VALUE", help="parameters of this package's methods"
+    )
+    return parser
+
+
+def add_pictures(parser: argparse.ArgumentParser) -> None:
+    """
+    Let the disagreements be drawn.
+
+    """
+    parser.add_argument(
+        "--pictures", type=Path, metavar="DIR", help="draw the disagreements into this folder"
+    )
+
+
+def picture_folder(folder: Path | None) -> Path | None:
+    """
+    Make the folder for pictures; pictures of real data do not belong into the repository.
+
+    """
+    if folder is None:
+        return None
+    if folder.resolve().is_relative_to(ROOT):
+        raise SystemExit(f"--pictures {folder}: lies inside the repository: choose a folder elsewhere")
+    folder.mkdir(parents=True, exist_ok=True)
+    return folder
+
+
+def installed(names: Sequence[str]) -> list[str]:
+    """
+    Leave out the peers that are not installed, and say so.
+
+    """
+    with peers() as others:
+        missing = [name for name in names if name in others and not others[name].installed]
+    for name in missing:
+        print(f"{name}: not installed (pip install '.[bench]')", file=sys.stderr)
+    return [name for name in names if name not in missing]
+
+
+def settings_of(texts: Sequence[str]) -> dict[str, Any]:
+    """
+    Turn NAME=VALUE into values of the parameters' own types.
+
+    """
+    kinds = {field.name: type(field.default) for field in fields(GroundFilterConfig)}
+    settings = {}
+    for text in texts:
+        name, _, value = text.partition("=")
+        if name not in kinds:
+            raise SystemExit(f"--set {text}: no such parameter; there are {', '.join(kinds)}")
+        settings[name] = kinds[name](value)
+    return settings
