@@ -4,11 +4,12 @@ VENV ?= .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 
-.PHONY: help setup demo test lint reference clean
+.PHONY: help setup demo test lint reference bench clean
 
 help:
 	@echo "make demo   a virtual survey through the ROS 2 graph: what was found against the truth"
 	@echo "make test   lint, types and all tests"
+	@echo "make bench  ground filters against their peers: errors, speed, memory (needs the real clouds)"
 	@echo "make reference   write config/pipeline.param.yaml and doc/nodes.md anew from the configs"
 
 setup: $(STAMP)
@@ -34,6 +35,17 @@ demo: setup
 
 test: setup lint
 	$(BIN)/python -m pytest -n 2 --dist loadfile
+
+bench: setup
+	@$(BIN)/python -m pip install --quiet --editable '.[bench]'
+	@echo "Terrain scenes:"
+	@$(BIN)/python bench/terrain_scenes.py
+	@echo "ISPRS filter test:"
+	@$(BIN)/python bench/isprs.py --offsets 3
+	@echo "Providers' ground:"
+	@$(BIN)/python bench/providers.py
+	@echo "Speed and memory:"
+	@$(BIN)/python bench/ground.py
 
 lint: setup
 	$(BIN)/ruff check .

@@ -37,6 +37,8 @@ ROS_WHEELS = [
     "ros-std-srvs==5.3.6",
 ]
 TEST = ["pytest>=8", "pytest-xdist", "hypothesis", "startinpy", "cjio", "ruff", "mypy", "matplotlib"]
+# peers of the benchmarks, all of permissive licences (bench/filters.py)
+BENCH = ["cloth-simulation-filter", "whitebox-workflows", "matplotlib"]
 
 setup(
     name=PACKAGE,
@@ -66,7 +68,7 @@ setup(
         "tqdm>=4.66",
         "rosbags>=0.10",
     ],
-    extras_require={"ros": ROS_WHEELS, "test": TEST},
+    extras_require={"ros": ROS_WHEELS, "test": TEST, "bench": BENCH},
     python_requires=">=3.10",
     # compiled loops are cached beside their modules, and the middleware profile is a file
     zip_safe=False,

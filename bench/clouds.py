@@ -63,7 +63,7 @@ def read_cloud(paths: Iterable[Path], reference_ground: Collection[int] = (2,)) 
         raise SystemExit("\n".join(problems))
     frame = frame_of(inputs)
     parts = [
-        {"points": frame.to_map(xyz_of(chunk)), **point_columns(chunk), **_direction(chunk)}
+        {"points": frame.to_map(xyz_of(chunk)), **point_columns(chunk)}
         for source in inputs
         for chunk in source.chunks()
     ]
@@ -73,15 +73,6 @@ def read_cloud(paths: Iterable[Path], reference_ground: Collection[int] = (2,)) 
     is_ground = np.isin(columns["classification"], list(reference_ground))
     kept = without_empty_columns(columns)
     return Cloud(points, {name: kept[name] for name in SCAN_COLUMNS if name in kept}, is_ground)
-
-
-def _direction(chunk: Any) -> dict[str, NDArray[Any]]:
-    """
-    The direction in which the mirror moved, which messages do not carry.
-
-    """
-    flag = np.asarray(chunk["scan_direction_flag"])
-    return {"scan_direction_flag": flag} if flag.any() else {}
 
 
 def moved(cloud: Cloud, offset: Collection[float]) -> Cloud:

@@ -145,8 +145,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
         headings = ("method", "sample", "least %", "mean %", "worst %")
         own = [method for method in methods if method in own_methods()]
         print(table(headings, offset_rows(samples, own, options.offsets, settings)))
-    for method in methods if options.optimise else ():
-        if method in GRIDS:
+    for method in GRIDS if options.optimise else ():
+        if method in methods:
             print(f"\nTotal error with parameters chosen on the samples, {len(settings_grid(method))} tried:")
             headings = ("method", "sample", "default %", "optimised %", "single %", "left out %", "optimised")
             print(table(headings, optimised_rows(samples, method)))
