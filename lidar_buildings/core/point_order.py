@@ -79,6 +79,36 @@ def sort_by_cell(points: NDArray[np.float64], cell: float) -> SortedPoints:
     return SortedPoints(ordered, rows, numbers, first, n_columns, cell)
 
 
+def lowest_of_cells(cloud: SortedPoints, kept: NDArray[np.bool_]) -> NDArray[np.int64]:
+    """
+    Return the sorted point that is the lowest kept one of each cell, where there is one, cell by cell.
+
+    Parameters
+    ----------
+    cloud : SortedPoints
+        The points in their cells.
+    kept : ndarray of shape (n_points,), bool
+        Which of the sorted points count.
+
+    """
+    lowest = np.full(len(cloud.numbers), -1, dtype=np.int64)
+    for_row_blocks(lambda a, b: _first_kept(cloud.first, kept, lowest, a, b), len(lowest))
+    return lowest[lowest >= 0]
+
+
+@njit(cache=True, nogil=True)
+def _first_kept(first, kept, lowest, begin, end):  # type: ignore[no-untyped-def]
+    """
+    Find the first kept point of the cells `begin` to `end`.
+
+    """
+    for k in range(begin, end):
+        for i in range(first[k], first[k + 1]):
+            if kept[i]:
+                lowest[k] = i
+                break
+
+
 def cell_numbers(points: NDArray[np.float64], cell: float) -> NDArray[np.int64]:
     """
     Number the points' cells row by row from the south-west; cells start at multiples of `cell` from (0, 0).
@@ -92,14 +122,6 @@ def cell_numbers(points: NDArray[np.float64], cell: float) -> NDArray[np.int64]:
 
     """
     return _numbered(points, cell)[0]
-
-
-def numbered_cells(points: NDArray[np.float64], cell: float) -> tuple[NDArray[np.int64], int]:
-    """
-    Return the numbers of `cell_numbers`, and by how much a cell's northern neighbour's number is higher.
-
-    """
-    return _numbered(points, cell)[:2]
 
 
 def cell_order(points: NDArray[np.float64], cell: float) -> NDArray[np.intp]:
@@ -177,7 +199,7 @@ def _rows_by_number(
     numbers: NDArray[np.int64],
 ) -> tuple[NDArray[np.intp], NDArray[np.int64], NDArray[np.int64]]:
     """
-    Return the rows by rising number, equal ones in the order given; the numbers; where each begins, and the end.
+    Return the rows by rising number, equal ones in the order given; the numbers; where each begins.
 
     """
     if _can_be_counted(numbers):

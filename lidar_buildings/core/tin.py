@@ -17,6 +17,7 @@ from scipy.spatial import Delaunay, cKDTree
 
 from lidar_buildings.core.point_array import checked_points
 from lidar_buildings.core.point_order import cell_order
+from lidar_buildings.core.row_blocks import BLOCK, for_row_blocks
 
 #: Virtual points per side of the frame round the vertices.
 FRAME_POINTS_PER_SIDE = 16
@@ -97,8 +98,31 @@ class Tin:
         xy = np.asarray(xy, dtype=np.float64)[:, :2]
         order = cell_order(xy, self._typical_side())
         elevation, slope = np.empty(len(xy)), np.empty(len(xy))
-        elevation[order], slope[order] = _interpolate(
-            self._inside_frame(xy[order]), self.vertices, self.triangles, self.neighbours
+        elevation[order], slope[order] = self.elevation_and_slope_along(xy[order])
+        return elevation, slope
+
+    def elevation_and_slope_along(
+        self, xy: NDArray[np.float64]
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """
+        Return the same as `elevation_and_slope` of points whose consecutive ones are near each other.
+
+        Without sorting them first; on all cores.
+
+        Parameters
+        ----------
+        xy : ndarray of shape (n_points, 2 or more), float64
+            Only x and y are looked at [m].
+
+        """
+        elevation, slope = np.empty(len(xy)), np.empty(len(xy))
+        mesh = (self.vertices, self.triangles, self.neighbours)
+        starts = _locate(self._inside_frame(xy[::BLOCK]), *mesh)
+        for_row_blocks(
+            lambda a, b: _interpolate(
+                xy, self.origin, self.frame, *mesh, starts[a // BLOCK], elevation, slope, a, b
+            ),
+            len(xy),
         )
         return elevation, slope
 
@@ -242,39 +266,44 @@ def walk(x, y, start, vertices, triangles, neighbours):  # type: ignore[no-untyp
     """
     triangle, came_from = start, -1
     for _ in range(len(triangles)):
-        crossed = -1
-        for k in range(3):
-            a, b = triangles[triangle, (k + 1) % 3], triangles[triangle, (k + 2) % 3]
-            ax, ay = vertices[a, 0], vertices[a, 1]
-            side = (vertices[b, 0] - ax) * (y - ay) - (vertices[b, 1] - ay) * (x - ax)
-            beyond = neighbours[triangle, k]
-            if side < 0.0 and beyond >= 0 and beyond != came_from:
-                crossed = beyond
-                break
-        if crossed < 0:
-            return triangle
-        triangle, came_from = crossed, triangle
+        a, b, c = triangles[triangle, 0], triangles[triangle, 1], triangles[triangle, 2]
+        ax, ay, bx, by = vertices[a, 0], vertices[a, 1], vertices[b, 0], vertices[b, 1]
+        cx, cy = vertices[c, 0], vertices[c, 1]
+        if (cx - bx) * (y - by) - (cy - by) * (x - bx) < 0.0:
+            beyond = neighbours[triangle, 0]
+            if beyond >= 0 and beyond != came_from:
+                triangle, came_from = beyond, triangle
+                continue
+        if (ax - cx) * (y - cy) - (ay - cy) * (x - cx) < 0.0:
+            beyond = neighbours[triangle, 1]
+            if beyond >= 0 and beyond != came_from:
+                triangle, came_from = beyond, triangle
+                continue
+        if (bx - ax) * (y - ay) - (by - ay) * (x - ax) < 0.0:
+            beyond = neighbours[triangle, 2]
+            if beyond >= 0 and beyond != came_from:
+                triangle, came_from = beyond, triangle
+                continue
+        return triangle
     return triangle
 
 
 @njit(cache=True, nogil=True)
-def _interpolate(xy, vertices, triangles, neighbours):  # type: ignore[no-untyped-def]
+def _interpolate(  # type: ignore[no-untyped-def]
+    points, origin, frame, vertices, triangles, neighbours, start, elevation, slope, begin, end
+):
     """
-    Return the elevation [m] and the slope (rise over run) at each point, walking from one to the next.
+    Set the elevation [m] and the slope (rise over run) at points `begin` to `end`, walking along.
 
     """
-    elevation, slope = np.empty(len(xy)), np.empty(len(xy))
-    triangle = 0
-    for i in range(len(xy)):
-        triangle = walk(xy[i, 0], xy[i, 1], triangle, vertices, triangles, neighbours)
-        a, b, c = (
-            vertices[triangles[triangle, 0]],
-            vertices[triangles[triangle, 1]],
-            vertices[triangles[triangle, 2]],
-        )
-        elevation[i] = plane_elevation(xy[i, 0], xy[i, 1], a, b, c)
-        slope[i] = plane_slope(a, b, c)
-    return elevation, slope
+    triangle = start
+    for i in range(begin, end):
+        x = min(max(points[i, 0] - origin[0], frame[0, 0]), frame[1, 0])
+        y = min(max(points[i, 1] - origin[1], frame[0, 1]), frame[1, 1])
+        triangle = walk(x, y, triangle, vertices, triangles, neighbours)
+        a, b, c = triangles[triangle, 0], triangles[triangle, 1], triangles[triangle, 2]
+        elevation[i] = plane_elevation(x, y, vertices[a], vertices[b], vertices[c])
+        slope[i] = plane_slope(vertices[a], vertices[b], vertices[c])
 
 
 @njit(cache=True, nogil=True)

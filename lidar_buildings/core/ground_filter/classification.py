@@ -13,12 +13,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from lidar_buildings.core.asprs import PointClass
 from lidar_buildings.core.ground_filter.config import GroundFilterConfig
-from lidar_buildings.core.ground_filter.low_points import find_noise
+from lidar_buildings.core.ground_filter.noise import find_noise
 from lidar_buildings.core.ground_filter.progressive_tin import densify
 from lidar_buildings.core.ground_filter.tin_labels import near_terrain
 from lidar_buildings.core.point_array import checked_column, checked_points
-from lidar_buildings.core.point_order import lowest_per_cell
-from lidar_buildings.core.point_spacing import quantised_spacing
+from lidar_buildings.core.point_order import SortedPoints, lowest_of_cells, sort_by_cell
 from lidar_buildings.core.tin import Tin, build_tin
 
 
@@ -109,32 +108,33 @@ def classify_ground(
         scan_direction_flag=scan_direction_flag,
         point_source_id=point_source_id,
     )
+    aside = None if set_aside is None else checked_column("set_aside", set_aside, len(points), bool)
     if len(points) == 0:
         return GroundResult(np.zeros(0, dtype=np.uint8), np.zeros(0))
-    sample = points[lowest_per_cell(points, config.candidate_spacing)]
-    classification = find_noise(points, quantised_spacing(sample), config)
-    kept = _kept(classification, set_aside)
-    labels = _labelled_ground(points, kept, config, scan)
-    terrain = _terrain(points, kept if labels is None else kept[labels], config)
-    elevation, slope = terrain.elevation_and_slope(points)
-    height = points[:, 2] - elevation
-    ground = near_terrain(height[kept], slope[kept], config) if labels is None else labels
-    classification[kept] = np.where(ground, PointClass.GROUND, PointClass.UNCLASSIFIED)
+    cloud = sort_by_cell(points, config.candidate_spacing)
+    classes = find_noise(cloud, config)
+    free = _free(classes, None if aside is None else aside[cloud.rows])
+    labels = _labelled_ground(points, cloud, free, config, scan)
+    terrain = _terrain(cloud, free if labels is None else labels, config)
+    elevation, slope = terrain.elevation_and_slope_along(cloud.points)
+    above = cloud.points[:, 2] - elevation
+    ground = near_terrain(above, slope, config) if labels is None else labels
+    classes[classes == 0] = PointClass.UNCLASSIFIED
+    classes[ground & free] = PointClass.GROUND
+    classification, height = np.empty(len(points), dtype=np.uint8), np.empty(len(points))
+    classification[cloud.rows], height[cloud.rows] = classes, above
     return GroundResult(classification, height)
 
 
-def _kept(classification: NDArray[np.uint8], set_aside: ArrayLike | None) -> NDArray[np.intp]:
+def _free(noise: NDArray[np.uint8], aside: NDArray[np.bool_] | None) -> NDArray[np.bool_]:
     """
-    Return the rows without a class yet, but for those set aside, which become class 1.
+    Return which points may be ground: no gross errors, nor set aside unless nothing else is left.
 
     """
-    free = classification == 0
-    if set_aside is not None:
-        aside = free & checked_column("set_aside", set_aside, len(classification), bool)
-        if (free & ~aside).any():
-            classification[aside] = PointClass.UNCLASSIFIED
-            free &= ~aside
-    return np.flatnonzero(free)
+    free = noise == 0
+    if aside is not None and (free & ~aside).any():
+        free &= ~aside
+    return free
 
 
 def _checked_scan(n_points: int, **columns: ArrayLike | None) -> dict[str, NDArray[Any] | None]:
@@ -150,24 +150,29 @@ def _checked_scan(n_points: int, **columns: ArrayLike | None) -> dict[str, NDArr
 
 def _labelled_ground(
     points: NDArray[np.float64],
-    kept: NDArray[np.intp],
+    cloud: SortedPoints,
+    free: NDArray[np.bool_],
     config: GroundFilterConfig,
     scan: dict[str, NDArray[Any] | None],
 ) -> NDArray[np.bool_] | None:
     """
-    Return which of the kept points are ground; None where the method has a terrain instead of labels.
+    Return which of the sorted points are ground; None where the method has a terrain instead of labels.
+
+    The method sees the free points in the order given.
 
     """
     return None
 
 
-def _terrain(points: NDArray[np.float64], rows: NDArray[np.intp], config: GroundFilterConfig) -> Tin:
+def _terrain(cloud: SortedPoints, ground: NDArray[np.bool_], config: GroundFilterConfig) -> Tin:
     """
     Return the terrain over the extent of all points: densified, or the TIN of what a method labelled ground.
 
+    Only the lowest point a cell takes part. Where a method found no ground at all, it is the lowest surface.
+
     """
-    extent = np.array([points.min(axis=0)[:2], points.max(axis=0)[:2]])
-    candidates = points[rows][lowest_per_cell(points[rows], config.candidate_spacing)]
+    extent = np.array([cloud.points[:, :2].min(axis=0), cloud.points[:, :2].max(axis=0)])
+    candidates = cloud.points[lowest_of_cells(cloud, ground if ground.any() else np.ones_like(ground))]
     if config.method == "progressive_tin":
         return densify(candidates, extent, config)
     return build_tin(candidates, extent)

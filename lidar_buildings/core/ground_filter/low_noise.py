@@ -1,0 +1,202 @@
+"""
+Low gross errors: small groups of points below everything that surrounds them.
+
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from lidar_buildings.core.ground_filter.noise_layers import Layers, columns_in_row, high_end, low_end, rise
+from lidar_buildings.core.ground_filter.open_pit import is_open_pit
+from lidar_buildings.core.row_blocks import for_row_blocks
+
+#: Columns between which layers still touch: ground seen through gaps hangs together over so many.
+REACH = 3
+#: Columns around that bear out the level of a group: fewer may be gross errors themselves.
+MIN_SUPPORT = 6
+#: By how much the level that bears a group out may lie higher for each metre away: terrain is not plane.
+SLACK = 0.05
+#: By what share the radius shrinks per unit of slope: the steeper, the less far terrain is plane.
+SHRINKAGE = 1.0
+#: A group has to be below the larger part of what is around: this many columns for each of its own.
+MIN_SURROUNDINGS = 2
+#: Gross errors below gross errors come to light one after the other.
+MAX_PASSES = 10
+#: What is known of a layer.
+UNKNOWN, LARGE, ERROR = 0, 1, 2
+
+
+def find_low_layers(layers: Layers, gap: float, radius: int, limit: int) -> NDArray[np.bool_]:
+    """
+    Return which layers are low gross errors.
+
+    A group is what hangs together: layers of columns at most three apart whose elevations, the terrain's
+    slope allowed for, are within `gap`. It is an error if it is small, if within the radius hardly
+    anything else reaches down to its level, the slope again allowed for, and if it is no open pit.
+
+    Parameters
+    ----------
+    layers : Layers
+        Split at `gap`.
+    gap : float
+        How far below everything around an error lies at least [m].
+    radius : int
+        How far around is looked, in columns.
+    limit : int
+        Most layers of a group.
+
+    """
+    state = np.zeros(len(layers.column), dtype=np.uint8)
+    bottom = layers.first[:-1].copy()
+    alone = np.empty(len(bottom), dtype=np.bool_)
+    for_row_blocks(lambda a, b: _mark_alone(layers, gap, alone, a, b), len(bottom))
+    seeds = bottom[alone]
+    group_of = np.full(len(state), -1, dtype=np.int64)
+    for _ in range(MAX_PASSES):
+        errors, open_cases = _judge_groups(layers, bottom, seeds, gap, radius, limit, state, group_of)
+        if len(errors) == 0:
+            break
+        state[errors] = ERROR
+        seeds = np.append(open_cases, _new_bottoms(layers, bottom, state, np.unique(layers.column[errors])))
+        group_of[:] = -1
+    return state == ERROR
+
+
+def _new_bottoms(
+    layers: Layers, bottom: NDArray[np.int64], state: NDArray[np.uint8], columns: NDArray[np.int64]
+) -> NDArray[np.int64]:
+    """
+    Raise the bottom of some columns above the errors; −1 where none is left. Return the new ones.
+
+    """
+    for k in columns:
+        left = np.flatnonzero(state[layers.first[k] : layers.first[k + 1]] != ERROR)
+        bottom[k] = layers.first[k] + left[0] if len(left) > 0 else -1
+    raised = bottom[columns]
+    return raised[raised >= 0]
+
+
+@njit(cache=True, nogil=True)
+def _mark_alone(layers, gap, alone, begin, end):  # type: ignore[no-untyped-def]
+    """
+    Mark the columns, from `begin` to `end`, with whose bottom less than half of those around are level.
+
+    """
+    starts, stops = np.zeros(2 * REACH + 1, dtype=np.int64), np.zeros(2 * REACH + 1, dtype=np.int64)
+    for k in range(begin, end):
+        top = high_end(layers, layers.first[k])
+        n_around, n_level = 0, 0
+        for row in range(2 * REACH + 1):
+            if k == begin or layers.numbers[k] // layers.width != layers.numbers[k - 1] // layers.width:
+                starts[row], stops[row] = columns_in_row(layers, k, row - REACH, REACH)
+            else:
+                _advance(layers, k, row - REACH, row, starts, stops)
+            for other in range(starts[row], stops[row]):
+                n_around += 1
+                n_level += low_end(layers, layers.first[other]) - rise(layers, k, other) <= top + gap
+        alone[k] = 2 * n_level <= n_around + 1
+
+
+@njit(cache=True, nogil=True)
+def _advance(layers, k, step, row, starts, stops):  # type: ignore[no-untyped-def]
+    """
+    Move a row's limits on from those of the column before, which is in the same row: see `columns_in_row`.
+
+    """
+    numbers, width = layers.numbers, layers.width
+    across = numbers[k] % width
+    middle = numbers[k] + step * width
+    west, east = middle - min(REACH, across), middle + min(REACH, width - 1 - across)
+    while starts[row] < len(numbers) and numbers[starts[row]] < west:
+        starts[row] += 1
+    while stops[row] < len(numbers) and numbers[stops[row]] <= east:
+        stops[row] += 1
+
+
+@njit(cache=True, nogil=True)
+def _judge_groups(layers, bottom, seeds, gap, radius, limit, state, group_of):  # type: ignore[no-untyped-def]
+    """
+    Return the layers of groups that are errors, and the seeds of those that others may still hide.
+
+    """
+    errors, open_cases = [np.int64(0) for _ in range(0)], [np.int64(0) for _ in range(0)]
+    members = np.empty(limit, dtype=np.int64)
+    for seed in seeds:
+        if state[seed] != UNKNOWN or group_of[seed] >= 0:
+            continue
+        n_members = _gather_group(layers, seed, gap, state, group_of, members)
+        if n_members < 0:
+            continue
+        group = members[:n_members]
+        if _is_borne_out(layers, bottom, group, gap, radius, group_of):
+            open_cases.append(seed)
+        elif not is_open_pit(layers, group, gap):
+            errors.extend(group)
+    return np.array(errors, dtype=np.int64), np.array(open_cases, dtype=np.int64)
+
+
+@njit(cache=True, nogil=True)
+def _gather_group(layers, seed, gap, state, group_of, members):  # type: ignore[no-untyped-def]
+    """
+    Fill `members` with what hangs together with a layer; return how many, or −1 if they do not fit.
+
+    `group_of` becomes the seed for each; all of a group that does not fit are marked as LARGE.
+
+    """
+    n_members, done = 1, 0
+    members[0], group_of[seed] = seed, seed
+    while done < n_members:
+        layer = members[done]
+        done += 1
+        k = layers.column[layer]
+        for step in range(-REACH, REACH + 1):
+            start, stop = columns_in_row(layers, k, step, REACH)
+            for other in range(start, stop):
+                up = 0.5 * (rise(layers, k, other) - rise(layers, other, k))
+                low, high = low_end(layers, layer) + up - gap, high_end(layers, layer) + up + gap
+                for j in range(layers.first[other], layers.first[other + 1]):
+                    if low_end(layers, j) > high:
+                        break
+                    if high_end(layers, j) < low or group_of[j] == seed or state[j] == ERROR:
+                        continue
+                    if state[j] == LARGE or n_members == len(members):
+                        state[members[:n_members]] = LARGE
+                        return -1
+                    members[n_members], group_of[j] = j, seed
+                    n_members += 1
+    return n_members
+
+
+@njit(cache=True, nogil=True)
+def _is_borne_out(layers, bottom, group, gap, radius, group_of):  # type: ignore[no-untyped-def]
+    """
+    Whether enough columns around reach down to a group's level, or too few are there to tell.
+
+    """
+    seed = group[0]
+    k = layers.column[seed]
+    top = -np.inf
+    for layer in group:
+        top = max(top, high_end(layers, layer) - rise(layers, k, layers.column[layer]))
+    slope = np.hypot(layers.gradient[k, 0], layers.gradient[k, 1])
+    radius = int(np.ceil(radius / (1.0 + SHRINKAGE * slope)))
+    n_level, n_above = 0, 0
+    for step in range(-radius, radius + 1):
+        start, stop = columns_in_row(layers, k, step, radius)
+        for other in range(start, stop):
+            if bottom[other] < 0 or group_of[bottom[other]] == seed:
+                continue
+            away = layers.size * (layers.numbers[other] % layers.width - layers.numbers[k] % layers.width)
+            away = np.hypot(away, layers.size * step)
+            if away > layers.size * radius:
+                continue
+            if low_end(layers, bottom[other]) - rise(layers, k, other) <= top + gap + SLACK * away:
+                n_level += 1
+                if n_level >= MIN_SUPPORT:
+                    return True
+            else:
+                n_above += 1
+    return n_above < max(MIN_SUPPORT, MIN_SURROUNDINGS * len(group))

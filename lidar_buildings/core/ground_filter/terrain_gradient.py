@@ -1,0 +1,127 @@
+"""
+How steep the terrain is, roughly, before anything is known of it: enough to compare places some steps apart.
+
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from lidar_buildings.core.point_order import SortedPoints, sort_by_cell
+from lidar_buildings.core.row_blocks import for_row_blocks
+
+#: Cells along a block's side.
+BLOCK_CELLS = 8
+#: The share of a block's cells whose lowest points lie below the elevation taken for it: errors hide there.
+LOW_SHARE = 0.1
+#: Blocks on each side that take part in the plane through a block.
+REACH = 2
+#: With fewer blocks around than this a block counts as level.
+MIN_BLOCKS = 6
+#: What stands out less than this is terrain [m].
+SMOOTH = 0.5
+#: Times that the blocks standing out above the plane are left out; what stands out is halved each time.
+MAX_PASSES = 6
+#: Terrain is not taken to be steeper; rise over run.
+MAX_GRADIENT = 1.5
+#: Rows a block of work: each stands for a small adjustment.
+ROWS_A_BLOCK = 256
+
+
+def terrain_gradient(cloud: SortedPoints) -> NDArray[np.float64]:
+    """
+    Return the terrain's rise over run along x and y in each cell, shape (n_cells, 2).
+
+    Each block of cells has the elevation below which only a tenth of its cells reach. Through the blocks
+    around, a plane is fitted from which those that stand out above, roofs and trees, are left out by and by.
+
+    Parameters
+    ----------
+    cloud : SortedPoints
+        Sorted into cells.
+
+    """
+    lowest = cloud.points[cloud.first[:-1]]
+    blocks = sort_by_cell(lowest, BLOCK_CELLS * cloud.size)
+    counts = np.diff(blocks.first)
+    rank = np.minimum((LOW_SHARE * counts).astype(np.int64) + (counts > MIN_BLOCKS), counts - 1)
+    nodes = blocks.points[blocks.first[:-1] + rank]
+    nodes = nodes - nodes[0]
+    by_block = np.zeros((len(nodes), 2))
+    for_row_blocks(
+        lambda a, b: _fit_blocks(nodes, blocks.numbers, blocks.n_columns, by_block, a, b),
+        len(nodes),
+        ROWS_A_BLOCK,
+    )
+    gradient = np.empty((len(lowest), 2))
+    gradient[blocks.rows] = np.repeat(by_block, counts, axis=0)
+    return gradient
+
+
+@njit(cache=True, nogil=True)
+def _fit_blocks(nodes, numbers, width, gradient, begin, end):  # type: ignore[no-untyped-def]
+    """
+    Set the gradient of the blocks `begin` to `end`.
+
+    """
+    around = np.empty(((2 * REACH + 1) ** 2, 3))
+    for k in range(begin, end):
+        n_around = 0
+        across = numbers[k] % width
+        west, east = min(REACH, across), min(REACH, width - 1 - across)
+        for step in range(-REACH, REACH + 1):
+            middle = numbers[k] + step * width
+            for j in range(
+                np.searchsorted(numbers, middle - west), np.searchsorted(numbers, middle + east + 1)
+            ):
+                for axis in range(3):
+                    around[n_around, axis] = nodes[j, axis] - nodes[k, axis]
+                n_around += 1
+        gradient[k, 0], gradient[k, 1] = _low_plane(around[:n_around])
+
+
+@njit(cache=True, nogil=True)
+def _low_plane(around):  # type: ignore[no-untyped-def]
+    """
+    Return the gradient of the plane through the lower ones of some points.
+
+    """
+    kept = np.ones(len(around), dtype=np.bool_)
+    east, north, level = _plane(around, kept)
+    for _ in range(MAX_PASSES):
+        above = around[:, 2] - (level + east * around[:, 0] + north * around[:, 1])
+        fewer = kept & (above <= max(0.5 * np.max(np.where(kept, above, 0.0)), SMOOTH))
+        if fewer.sum() == kept.sum() or fewer.sum() < MIN_BLOCKS:
+            break
+        kept = fewer
+        east, north, level = _plane(around, kept)
+    return east, north
+
+
+@njit(cache=True, nogil=True)
+def _plane(around, kept):  # type: ignore[no-untyped-def]
+    """
+    Return rise over run along x and y and the elevation at 0 of the least squares plane; level if undefined.
+
+    """
+    n, mean = 0, np.zeros(3)
+    for i in range(len(around)):
+        if kept[i]:
+            n += 1
+            mean += around[i]
+    if n < MIN_BLOCKS:
+        return 0.0, 0.0, mean[2] / max(n, 1)
+    mean /= n
+    xx, xy, yy, xz, yz = 0.0, 0.0, 0.0, 0.0, 0.0
+    for i in range(len(around)):
+        if kept[i]:
+            x, y, z = around[i] - mean
+            xx, xy, yy, xz, yz = xx + x * x, xy + x * y, yy + y * y, xz + x * z, yz + y * z
+    area = xx * yy - xy * xy
+    if area <= 1e-3 * xx * yy or area <= 0.0:
+        return 0.0, 0.0, mean[2]
+    east = min(max((xz * yy - yz * xy) / area, -MAX_GRADIENT), MAX_GRADIENT)
+    north = min(max((yz * xx - xz * xy) / area, -MAX_GRADIENT), MAX_GRADIENT)
+    return east, north, mean[2] - east * mean[0] - north * mean[1]
