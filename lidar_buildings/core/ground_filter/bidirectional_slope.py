@@ -1,0 +1,192 @@
+"""
+Ground by slopes along profiles, forth and back (Shan & Sampath 2005), with profiles across where wanted.
+
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numba import njit
+from numpy.typing import ArrayLike, NDArray
+
+from lidar_buildings.core.ground_filter.config import GroundFilterConfig
+from lidar_buildings.core.ground_filter.profile_labelling import net_votes
+from lidar_buildings.core.ground_filter.profile_refinement import close_gaps, reject_outliers
+from lidar_buildings.core.ground_filter.profile_regression import take_back
+from lidar_buildings.core.ground_filter.profile_trend import fit_trend
+from lidar_buildings.core.ground_filter.profiles import Profiles, cut_profiles
+from lidar_buildings.core.ground_filter.scan_lines import scan_lines
+from lidar_buildings.core.point_array import checked_points
+from lidar_buildings.core.point_order import SortedPoints, sort_by_cell
+from lidar_buildings.core.point_spacing import quantised_spacing
+from lidar_buildings.core.row_blocks import for_row_blocks
+
+#: Cells with no more points keep all of them; of the others the lowest is looked at first.
+SPARSE = 3
+#: Ground further above the first trend is left out of the second: the roofs among it [m].
+MAX_ABOVE_TREND = 1.0
+#: Passes err less where the slope is taken off: so much less agreement is asked of them.
+LESS_ON_TREND = 0.1
+#: Radius of the planes that say how the terrain runs within a cell [multiples of the spacing].
+LOCAL_RADIUS = 3.0
+
+
+def label_ground(
+    points: ArrayLike,
+    config: GroundFilterConfig | None = None,
+    *,
+    gps_time: ArrayLike | None = None,
+    scan_angle: ArrayLike | None = None,
+    scan_direction_flag: ArrayLike | None = None,
+    point_source_id: ArrayLike | None = None,
+) -> NDArray[np.bool_]:
+    """
+    Tell which points are ground by walking along profiles in both directions.
+
+    Where a profile rises by a step it leaves the ground, and is back on it where it has come down to the
+    elevation it left (Shan & Sampath 2005). Profiles are the scan lines, where the cloud has any, and strips
+    cut in `profile_directions` directions; passes in all directions vote. Ground is then grown along the
+    profiles by local regression, the slope of the terrain taken off, and all repeated.
+
+    Parameters
+    ----------
+    points : array_like of shape (n_points, 3)
+        Without gross errors [m].
+    config : GroundFilterConfig, optional
+        The members that begin with `profile_`, and `candidate_spacing`.
+    gps_time, scan_angle, scan_direction_flag, point_source_id : array_like of shape (n_points,), optional
+        What tells scan lines apart [s], [deg].
+
+    Returns
+    -------
+    ndarray of shape (n_points,), bool
+
+    Raises
+    ------
+    ValueError
+        If `points` has another shape or is not finite.
+
+    """
+    config = config or GroundFilterConfig(method="bidirectional_slope")
+    cloud = checked_points(points)
+    if len(cloud) == 0:
+        return np.zeros(0, dtype=np.bool_)
+    cells = sort_by_cell(cloud, config.candidate_spacing)
+    kept = _kept_of_cells(cells.first)
+    chosen = cells.rows[kept]
+    spacing = quantised_spacing(cloud[chosen])
+    columns: dict[str, Any] = {
+        "gps_time": gps_time,
+        "scan_angle": scan_angle,
+        "scan_direction_flag": scan_direction_flag,
+        "point_source_id": point_source_id,
+    }
+    columns = {name: None if column is None else np.asarray(column) for name, column in columns.items()}
+    lines = scan_lines(cloud, spacing, **columns)
+    if config.profile_directions == 0:
+        return _label_lines(cloud, lines, spacing, config)
+    candidates = cells.points[kept]
+    profiles = [
+        cut_profiles(candidates, config.profile_width * spacing, 180.0 * k / config.profile_directions)
+        for k in range(config.profile_directions)
+    ]
+    if lines is not None:
+        profiles.append(lines.subset(chosen, len(cloud)))
+    ground = np.zeros(len(cloud), dtype=np.bool_)
+    ground[kept] = _label_candidates(candidates, profiles, spacing, config)
+    return _label_all(cells, ground, spacing, config)
+
+
+def _label_lines(
+    cloud: NDArray[np.float64], lines: Profiles | None, spacing: float, config: GroundFilterConfig
+) -> NDArray[np.bool_]:
+    """
+    Label every point along the scan lines alone, or along strips from west to east where there are none.
+
+    """
+    profiles = lines or cut_profiles(cloud, config.profile_width * spacing, 0.0)
+    return _label_candidates(cloud, [profiles], spacing, config)
+
+
+def _label_candidates(
+    points: NDArray[np.float64], profiles: list[Profiles], spacing: float, config: GroundFilterConfig
+) -> NDArray[np.bool_]:
+    """
+    Vote and grow; once more on the heights above the trend that was found; then close gaps and reject.
+
+    """
+    z, radius = points[:, 2], config.profile_trend_radius
+    ground = net_votes(profiles, z, config) > config.profile_agreement
+    ground = take_back(profiles, z, ground, spacing, config)
+    if radius > 0 and ground.any():
+        first = fit_trend(points, ground, radius).elevation_at(points)
+        low = ground & (z - first < MAX_ABOVE_TREND)
+        height = z - fit_trend(points, low, radius).elevation_at(points)
+        ground = net_votes(profiles, height, config) > config.profile_agreement - LESS_ON_TREND
+        ground = take_back(profiles, z, ground, spacing, config)
+    if config.profile_gap_tolerance > 0:
+        ground = close_gaps(profiles, z, ground, spacing, config.profile_gap_tolerance)
+    return reject_outliers(profiles, z, ground, spacing, config)
+
+
+def _label_all(
+    cells: SortedPoints, ground: NDArray[np.bool_], spacing: float, config: GroundFilterConfig
+) -> NDArray[np.bool_]:
+    """
+    Label the points of crowded cells: those no further above their lowest, if ground, than the terrain rises.
+
+    Parameters
+    ----------
+    ground : ndarray of shape (n_points,), bool
+        Which of the sorted points are ground, for candidates.
+
+    Returns
+    -------
+    ndarray of shape (n_points,), bool
+        By input row.
+
+    """
+    lowest = cells.points[cells.first[:-1]]
+    gradient = fit_trend(cells.points, ground, LOCAL_RADIUS * spacing).gradient_at(lowest)
+    limits = (config.profile_tolerance, config.profile_tolerance_slope)
+    for_row_blocks(
+        lambda a, b: _near_lowest(cells.points, cells.first, gradient, limits, ground, a, b), len(lowest)
+    )
+    labels = np.empty(len(ground), dtype=np.bool_)
+    labels[cells.rows] = ground
+    return labels
+
+
+@njit(cache=True, nogil=True)
+def _kept_of_cells(first):  # type: ignore[no-untyped-def]
+    """
+    Return the sorted points that are walked over: all of sparse cells, the lowest of crowded ones.
+
+    """
+    kept = np.empty(first[-1], dtype=np.intp)
+    n = 0
+    for k in range(len(first) - 1):
+        last = first[k + 1] if first[k + 1] - first[k] <= SPARSE else first[k] + 1
+        for i in range(first[k], last):
+            kept[n] = i
+            n += 1
+    return kept[:n].copy()
+
+
+@njit(cache=True, nogil=True)
+def _near_lowest(points, first, gradient, limits, ground, begin, end):  # type: ignore[no-untyped-def]
+    """
+    Compare the points of crowded cells with their lowest, carried on along the terrain's gradient.
+
+    """
+    for k in range(begin, end):
+        low = first[k]
+        if first[k + 1] - low <= SPARSE or not ground[low]:
+            continue
+        gx, gy = gradient[k, 0], gradient[k, 1]
+        margin = limits[0] + limits[1] * (abs(gx) + abs(gy))
+        for i in range(low + 1, first[k + 1]):
+            slope = gx * (points[i, 0] - points[low, 0]) + gy * (points[i, 1] - points[low, 1])
+            ground[i] = points[i, 2] - points[low, 2] - slope <= margin
