@@ -17,9 +17,11 @@ from lidar_buildings.core.intensity_modes import valley_between_modes
 CELL_SPACINGS = 2.0
 MIN_CELL = 1.0
 #: Largest number of cells, empty ones included; the cells grow beyond.
-MAX_CELLS = 4_000_000
+MAX_CELLS = 2_000_000
 #: A cell with fewer known cells around it, itself included, does not show how even the ground is.
 MIN_AROUND = 6
+#: Steps to which a normalised intensity is rounded before cells are summed up, per unit.
+STEPS = 64.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,6 +37,8 @@ class BrightnessRaster:
         The flat index of each ground point's cell.
     is_ground : ndarray of bool, shape (n_columns, n_rows)
         Cells that hold ground points.
+    is_covered : ndarray of bool, shape (n_columns, n_rows)
+        Cells with leaves above; their ground looks darker than it is.
     brightness : ndarray of shape (n_columns, n_rows)
         Median of the normalised intensities of a cell and the eight around it; NaN where not known.
 
@@ -43,6 +47,7 @@ class BrightnessRaster:
     cell: float
     row_of: NDArray[np.int64]
     is_ground: NDArray[np.bool_]
+    is_covered: NDArray[np.bool_]
     brightness: NDArray[np.float64]
 
     @property
@@ -57,12 +62,12 @@ class BrightnessRaster:
         """
         Return the brightness that parts dark ground from bright, None where the ground has one mode only.
 
-        Only cells in the more even half of the ground are counted: the cells along edges, half dark and half
-        bright, would fill the valley between the modes (Weszka and Rosenfeld, 1979).
+        Only cells under the open sky in the more even half of the ground are counted: those along edges, half
+        dark and half bright, would fill the valley between the modes (Weszka and Rosenfeld, 1979).
 
         """
         unevenness = _range_around(self.brightness)
-        known = np.isfinite(unevenness)
+        known = np.isfinite(unevenness) & ~self.is_covered
         if not known.any():
             return None
         even = known & (unevenness <= np.median(unevenness[known]))
@@ -74,6 +79,7 @@ def brightness_raster(
     normalised: NDArray[np.floating],
     is_whole: NDArray[np.bool_],
     spacing: float,
+    cover: NDArray[np.float64] | None = None,
 ) -> BrightnessRaster:
     """
     Measure the brightness of the ground.
@@ -88,21 +94,41 @@ def brightness_raster(
         Whether the point is the only return of its pulse; the others are too dark.
     spacing : float
         Spacing of the pulses [m].
+    cover : ndarray of shape (n_cover_points, 3), optional
+        Leaves above the ground [m].
 
     """
     cell = max(CELL_SPACINGS * spacing, MIN_CELL)
     while np.prod(np.ptp(ground[:, :2], axis=0) / cell + 2.0) > MAX_CELLS:
         cell *= 2.0
     place = np.floor(ground[:, :2] / cell).astype(np.int64)
-    place -= place.min(axis=0)
+    first = place.min(axis=0)
+    place -= first
     shape = tuple(place.max(axis=0) + 1)
     row_of = place[:, 0] * shape[1] + place[:, 1]
     size = shape[0] * shape[1]
     count = np.bincount(row_of[is_whole], minlength=size)
-    total = np.bincount(row_of[is_whole], normalised[is_whole].astype(float), minlength=size)
+    steps = np.rint(normalised[is_whole].astype(float) * STEPS)  # whole numbers: their sum knows no order
+    total = np.bincount(row_of[is_whole], steps, minlength=size) / STEPS
     mean = np.divide(total, count, out=np.full(size, np.nan), where=count > 0).reshape(shape)
     is_ground = np.bincount(row_of, minlength=size).reshape(shape) > 0
-    return BrightnessRaster(cell, row_of, is_ground, _median_around(mean))
+    is_covered = _occupied(cover, cell, first, shape)
+    return BrightnessRaster(cell, row_of, is_ground, is_covered, _median_around(mean))
+
+
+def _occupied(
+    points: NDArray[np.float64] | None, cell: float, first: NDArray[np.int64], shape: tuple[int, ...]
+) -> NDArray[np.bool_]:
+    """
+    Tell which cells of a raster that begins with a cell hold any of some points.
+
+    """
+    occupied = np.zeros(shape, dtype=bool)
+    if points is not None:
+        column, row = (np.floor(points[:, :2] / cell).astype(np.int64) - first).T
+        inside = (column >= 0) & (row >= 0) & (column < shape[0]) & (row < shape[1])
+        occupied[column[inside], row[inside]] = True
+    return occupied
 
 
 def _median_around(values: NDArray[np.float64]) -> NDArray[np.float64]:

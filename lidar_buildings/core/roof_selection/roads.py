@@ -27,6 +27,7 @@ def find_roads(
     spacing: float,
     config: RoofSelectionConfig,
     *,
+    cover: NDArray[np.float64] | None = None,
     dark_limit: float | None = None,
 ) -> NDArray[np.bool_]:
     """
@@ -35,7 +36,8 @@ def find_roads(
     Ground whose brightness lies between two thresholds is road (Mancera-Taboada and others, 2012), the
     thresholds being given, or the upper one found where the ground's brightness has two modes. Brightness is
     the median over cells, so that single dark points do not count; what is narrower than `min_road_width` or
-    smaller than `min_road_area` is left out; ground of unknown brightness follows what is around it.
+    has less than `min_road_area` under the open sky is left out; ground of unknown brightness follows what is
+    around it.
 
     Parameters
     ----------
@@ -49,6 +51,8 @@ def find_roads(
         Spacing of the pulses [m].
     config : RoofSelectionConfig
         The stage's parameters.
+    cover : ndarray of shape (n_cover_points, 3), optional
+        Leaves above the ground [m].
     dark_limit : float, optional
         Brightness of the darkest other ground where it is known already; only the automatic search uses it.
 
@@ -56,14 +60,14 @@ def find_roads(
     nothing = np.zeros(len(ground), dtype=bool)
     if config.road_method == "none" or not is_whole.any():
         return nothing
-    raster = brightness_raster(ground, normalised, is_whole, spacing)
+    raster = brightness_raster(ground, normalised, is_whole, spacing, cover)
     limits = _limits(raster, config, dark_limit)
     if limits is None:
         return nothing
     with np.errstate(invalid="ignore"):
         dark = (raster.brightness >= limits[0]) & (raster.brightness <= limits[1])
     wide = _wide(dark, raster.is_known & ~dark, config.min_road_width / raster.cell)
-    road = _large(_filled(wide, raster), config.min_road_area / raster.cell**2)
+    road = _large(_filled(wide, raster), ~raster.is_covered, config.min_road_area / raster.cell**2)
     return road.ravel()[raster.row_of]
 
 
@@ -109,12 +113,11 @@ def _filled(road: NDArray[np.bool_], raster: BrightnessRaster) -> NDArray[np.boo
     return road | (raster.is_ground & ~known & (share > among / 2) & (share > 0.5 / FILL_CELLS**2))
 
 
-def _large(road: NDArray[np.bool_], n_cells: float) -> NDArray[np.bool_]:
+def _large(road: NDArray[np.bool_], counts: NDArray[np.bool_], n_cells: float) -> NDArray[np.bool_]:
     """
-    Keep the connected parts that have this many cells or more.
+    Keep the connected parts that have so many cells that count.
 
     """
     part, _ = ndimage.label(road, structure=_AROUND)
-    size = np.bincount(part.ravel())
-    size[0] = 0
+    size = np.bincount(part[counts], minlength=part.max() + 1)
     return (size >= n_cells)[part] & road

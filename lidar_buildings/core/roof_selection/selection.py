@@ -147,7 +147,13 @@ def select_roofs(
     if brightness is not None:
         ground = np.flatnonzero(classes == PointClass.GROUND)
         is_road = find_roads(
-            points[ground], brightness[ground], is_only[ground], spacing, config, dark_limit=dark_limit
+            points[ground],
+            brightness[ground],
+            is_only[ground],
+            spacing,
+            config,
+            cover=points[classes == PointClass.HIGH_VEGETATION],
+            dark_limit=dark_limit,
         )
         classes[ground[is_road]] = PointClass.ROAD_SURFACE
     return RoofSelection(classes)
