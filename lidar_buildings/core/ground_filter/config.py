@@ -24,7 +24,7 @@ class GroundFilterConfig(StageConfig):
     method: str = parameter(
         "progressive_tin",
         "How ground is told from the rest: progressive TIN densification (Axelsson 2000).",
-        choices=("progressive_tin", "bidirectional_slope"),
+        choices=("progressive_tin", "bidirectional_slope", "morphological"),
     )
     seed_cell: float = parameter(
         50.0,
@@ -264,24 +264,24 @@ class GroundFilterConfig(StageConfig):
     )
     opening_cell: float = parameter(
         1.0,
-        "Side of the cells whose lowest points the morphological filter opens, doubled where most would be empty: "
-        "raising it makes the filter faster and coarser.",
+        "Side of the cells whose lowest points the morphological filter opens, doubled where most would be "
+        "empty: raising it makes the filter faster and coarser.",
         unit="m",
         minimum=0.1,
         maximum=100.0,
     )
     opening_radius: float = parameter(
         18.0,
-        "Radius of the largest disc that cuts off whatever rises above it: raising it removes wider objects, and "
-        "hilltops.",
+        "Radius of the largest disc that cuts off whatever rises above it: raising it removes wider objects, "
+        "and hilltops.",
         unit="m",
         minimum=1.0,
         maximum=200.0,
     )
     opening_slope: float = parameter(
         0.15,
-        "Steepest rise over the radius of a disc that is terrain, rise over run: raising it keeps steeper terrain, "
-        "and lower objects.",
+        "Steepest rise over the radius of a disc that is terrain, rise over run: raising it keeps steeper "
+        "terrain, and lower objects.",
         minimum=0.0,
         maximum=5.0,
     )
@@ -294,24 +294,24 @@ class GroundFilterConfig(StageConfig):
     )
     opening_distance: float = parameter(
         0.4,
-        "Points within this distance of the terrain that the openings leave are ground: raising it takes in grass, "
-        "kerbs and low walls.",
+        "Points within this distance of the terrain that the openings leave are ground: raising it takes in "
+        "grass, kerbs and low walls.",
         unit="m",
         minimum=0.01,
         maximum=5.0,
     )
     opening_distance_slope: float = parameter(
         1.25,
-        "By how much opening_distance grows per unit of slope of that terrain: raising it takes in more on steep "
-        "terrain.",
+        "By how much opening_distance grows per unit of slope of that terrain: raising it takes in more on "
+        "steep terrain.",
         unit="m",
         minimum=0.0,
         maximum=10.0,
     )
-    hall_radius: float = parameter(
+    opening_hall_radius: float = parameter(
         45.0,
-        "Radius of the largest disc that still removes buildings, told from hills by the step in which they end; "
-        "none beyond opening_radius if smaller: raising it copes with larger halls, and is slower.",
+        "Radius of the largest disc that still removes buildings, told from hills by the step in which they "
+        "end; none beyond opening_radius if smaller: raising it copes with larger halls, and is slower.",
         unit="m",
         minimum=0.0,
         maximum=500.0,

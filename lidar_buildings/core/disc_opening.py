@@ -1,0 +1,94 @@
+"""
+Erosion and opening of a raster by discs, at a cost that grows with the disc's radius instead of its area.
+
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+
+def eroded(surface: NDArray[np.float64], radius: int) -> NDArray[np.float64]:
+    """
+    Return the lowest value within a disc round each cell; what lies outside the raster does not count.
+
+    Row by row (Urbach and Wilkinson 2008): the minimum over any length of a row is that over two overlapping
+    lengths of a power of two, and those are made once a row for all chords of the disc.
+
+    Parameters
+    ----------
+    surface : ndarray of shape (n_rows, n_columns)
+        May hold +inf where nothing is known: such cells do not count.
+    radius : int
+        A cell belongs to the disc if its middle is within so many cells of the disc's.
+
+    """
+    # The half lengths of the disc's chords, from the diameter outwards.
+    half = np.array([math.isqrt(radius * radius - d * d) for d in range(radius + 1)])
+    level = np.array([int(2 * h + 1).bit_length() - 1 for h in half])
+    return _eroded(np.ascontiguousarray(surface, dtype=np.float64), half, level)
+
+
+def opened(surface: NDArray[np.float64], radius: int) -> NDArray[np.float64]:
+    """
+    Return the surface with all narrower than a disc cut off: the highest disc that fits under it, everywhere.
+
+    Parameters
+    ----------
+    surface : ndarray of shape (n_rows, n_columns)
+        May hold +inf where nothing is known: discs rest on known cells only, and a cell without any within
+        reach stays +inf. Discs are centred on cells of the raster.
+    radius : int
+        Radius of the disc in cells.
+
+    """
+    return -eroded(-eroded(surface, radius), radius)
+
+
+@njit(cache=True, nogil=True)
+def _eroded(surface, half, level):  # type: ignore[no-untyped-def]
+    """
+    Fold each row's minima over the disc's chords into the rows that the disc reaches from there.
+
+    """
+    n_rows, n_columns = surface.shape
+    radius = len(half) - 1
+    lowest = np.full(surface.shape, np.inf)
+    over = np.full((level.max() + 1, n_columns + 2 * radius), np.inf)
+    for row in range(n_rows):
+        over[0, radius : radius + n_columns] = surface[row]
+        for k in range(1, len(over)):
+            _double(over[k - 1], over[k], 2 ** (k - 1))
+        for d in range(max(-radius, -row), min(radius, n_rows - 1 - row) + 1):
+            h, k = half[abs(d)], level[abs(d)]
+            left, right = radius - h, radius + h + 1 - 2**k
+            _fold(over[k, left : left + n_columns], over[k, right : right + n_columns], lowest[row + d])
+    return lowest
+
+
+@njit(cache=True, nogil=True)
+def _double(single, double, length):  # type: ignore[no-untyped-def]
+    """
+    Set minima over twice a length, each from its cell to the right; beyond the row's end they stay.
+
+    """
+    for x in range(len(single) - 2 * length + 1):
+        a, b = single[x], single[x + length]
+        double[x] = a if a < b else b
+
+
+@njit(cache=True, nogil=True)
+def _fold(one, other, lowest):  # type: ignore[no-untyped-def]
+    """
+    Lower values to those of two rows.
+
+    """
+    for x in range(len(lowest)):
+        a, b = one[x], other[x]
+        a = a if a < b else b
+        b = lowest[x]
+        lowest[x] = a if a < b else b

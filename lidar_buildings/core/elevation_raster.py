@@ -1,0 +1,153 @@
+"""
+Rasters of elevations: the lowest point of each cell, and cells without one filled from those around.
+
+Grids start at multiples of the cell from the map's origin; a raster is a window of the grid.
+
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+#: Rounds of relaxation on each level of filling; more change nothing that a filter would notice.
+RELAXATIONS = 2
+
+
+def cell_bounds(points: NDArray[np.float64], cell: float) -> NDArray[np.float64]:
+    """
+    Return the (row, column) of the first and of the last cell that holds a point, shape (2, 2).
+
+    Parameters
+    ----------
+    points : ndarray of shape (n_points, 2 or more)
+        At least one [m].
+    cell : float
+        Side of a cell [m].
+
+    """
+    corners = np.array([points[:, 1::-1].min(axis=0), points[:, 1::-1].max(axis=0)])
+    return np.floor(corners / cell)
+
+
+def lowest_elevations(
+    points: NDArray[np.float64], cell: float, first: NDArray[np.float64], shape: tuple[int, int]
+) -> NDArray[np.float64]:
+    """
+    Return the lowest elevation in each cell, +inf where there is no point.
+
+    Parameters
+    ----------
+    points : ndarray of shape (n_points, 3)
+        In any order, all within the raster [m].
+    cell : float
+        Side of a cell [m].
+    first : ndarray of shape (2,)
+        Row and column of the raster's first cell, as `cell_bounds` counts them.
+    shape : (int, int)
+        Rows and columns.
+
+    """
+    lowest = np.full(shape, np.inf)
+    _lower(np.ascontiguousarray(points), cell, first, lowest)
+    return lowest
+
+
+def filled(
+    elevation: NDArray[np.float64], known: NDArray[np.bool_], first: tuple[int, int] = (0, 0)
+) -> NDArray[np.float64]:
+    """
+    Return the raster with unknown cells filled smoothly from the known ones around.
+
+    A pyramid of means fills cell by cell from the coarsest level down, and a few rounds of relaxation on each
+    level bring it near to the membrane spanned between the known cells. A slope is bridged as a slope.
+
+    Parameters
+    ----------
+    elevation : ndarray of shape (n_rows, n_columns)
+        What is in unknown cells does not matter [m].
+    known : ndarray of shape (n_rows, n_columns), bool
+        At least one cell.
+    first : (int, int)
+        Row and column of the first cell in the grid: cells are paired from the grid's origin, so that a
+        window of a raster is filled like the whole.
+
+    """
+    out = np.where(known, elevation, 0.0)
+    if known.all():
+        return out
+    coarse, coarse_known = _halved(out, known, first[0] & 1, first[1] & 1)
+    if not coarse_known.all():
+        coarse = filled(coarse, coarse_known, (first[0] >> 1, first[1] >> 1))
+    _refine(coarse, out, known, first[0] & 1, first[1] & 1)
+    for _ in range(RELAXATIONS):
+        _relax(out, known)
+    return out
+
+
+@njit(cache=True, nogil=True)
+def _lower(points, cell, first, lowest):  # type: ignore[no-untyped-def]
+    """
+    Lower each cell to its lowest point.
+
+    """
+    for i in range(len(points)):
+        row = int(np.floor(points[i, 1] / cell) - first[0])
+        column = int(np.floor(points[i, 0] / cell) - first[1])
+        if points[i, 2] < lowest[row, column]:
+            lowest[row, column] = points[i, 2]
+
+
+@njit(cache=True, nogil=True)
+def _halved(elevation, known, odd_row, odd_column):  # type: ignore[no-untyped-def]
+    """
+    Return the means of the known cells among each two by two, and where there are any.
+
+    """
+    n_rows, n_columns = elevation.shape
+    mean = np.zeros(((n_rows + odd_row + 1) // 2, (n_columns + odd_column + 1) // 2))
+    count = np.zeros(mean.shape)
+    for y in range(n_rows):
+        for x in range(n_columns):
+            if known[y, x]:
+                mean[(y + odd_row) // 2, (x + odd_column) // 2] += elevation[y, x]
+                count[(y + odd_row) // 2, (x + odd_column) // 2] += 1.0
+    return mean / np.maximum(count, 1.0), count > 0.0
+
+
+@njit(cache=True, nogil=True)
+def _refine(coarse, fine, known, odd_row, odd_column):  # type: ignore[no-untyped-def]
+    """
+    Set unknown cells by linear interpolation between the middles of the coarse ones.
+
+    """
+    last_row, last_column = coarse.shape[0] - 1, coarse.shape[1] - 1
+    for y in range(fine.shape[0]):
+        row = (y + odd_row) // 2
+        beside = min(max(row + (1 if (y + odd_row) % 2 else -1), 0), last_row)
+        for x in range(fine.shape[1]):
+            if known[y, x]:
+                continue
+            column = (x + odd_column) // 2
+            next_to = min(max(column + (1 if (x + odd_column) % 2 else -1), 0), last_column)
+            near = 0.75 * coarse[row, column] + 0.25 * coarse[row, next_to]
+            far = 0.75 * coarse[beside, column] + 0.25 * coarse[beside, next_to]
+            fine[y, x] = 0.75 * near + 0.25 * far
+
+
+@njit(cache=True, nogil=True)
+def _relax(elevation, known):  # type: ignore[no-untyped-def]
+    """
+    Set each unknown cell to the mean of the four beside it, those before it already set.
+
+    """
+    n_rows, n_columns = elevation.shape
+    for y in range(n_rows):
+        above, below = max(y - 1, 0), min(y + 1, n_rows - 1)
+        for x in range(n_columns):
+            if not known[y, x]:
+                left, right = max(x - 1, 0), min(x + 1, n_columns - 1)
+                elevation[y, x] = 0.25 * (
+                    elevation[above, x] + elevation[below, x] + elevation[y, left] + elevation[y, right]
+                )
