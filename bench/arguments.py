@@ -83,11 +83,26 @@ def settings_of(texts: Sequence[str]) -> dict[str, Any]:
     Turn NAME=VALUE into values of the parameters' own types.
 
     """
-    kinds = {field.name: type(field.default) for field in fields(GroundFilterConfig)}
+    defaults = {field.name: field.default for field in fields(GroundFilterConfig)}
     settings = {}
     for text in texts:
         name, _, value = text.partition("=")
-        if name not in kinds:
-            raise SystemExit(f"--set {text}: no such parameter; there are {', '.join(kinds)}")
-        settings[name] = kinds[name](value)
+        if name not in defaults:
+            raise SystemExit(f"--set {text}: no such parameter; there are {', '.join(defaults)}")
+        try:
+            settings[name] = _value_of(value, type(defaults[name]))
+        except ValueError:
+            raise SystemExit(f"--set {text}: must be of type {type(defaults[name]).__name__}") from None
     return settings
+
+
+def _value_of(text: str, kind: type) -> Any:
+    """
+    Read a value of a parameter's type; items of a list are parted by commas.
+
+    """
+    if kind is bool:
+        if text not in ("true", "false"):
+            raise ValueError(text)
+        return text == "true"
+    return tuple(filter(None, text.split(","))) if kind is tuple else kind(text)

@@ -72,7 +72,7 @@ def read_cloud(paths: Iterable[Path], reference_ground: Collection[int] = (2,)) 
     points = columns.pop("points").astype(np.float32).astype(np.float64)
     is_ground = np.isin(columns["classification"], list(reference_ground))
     kept = without_empty_columns(columns)
-    return Cloud(points, {name: kept[name] for name in SCAN_COLUMNS if name in kept}, is_ground)
+    return Cloud(points, {name: kept[name] for name in SCAN_COLUMNS if kept.get(name) is not None}, is_ground)
 
 
 def moved(cloud: Cloud, offset: Collection[float]) -> Cloud:

@@ -30,6 +30,16 @@ GRIDS: dict[str, dict[str, tuple[float, ...]]] = {
         "iteration_distance": (0.7, 1.0, 1.4),
         "ground_distance": (0.7, 1.0, 1.4),
     },
+    "bidirectional_slope": {
+        "profile_max_slope": (0.6, 1.0, 1.6),
+        "profile_max_object": (0.5, 1.0, 2.0),
+        "profile_tolerance": (0.5, 1.0, 2.0),
+    },
+    "morphological": {
+        "opening_radius": (0.5, 1.0, 2.0),
+        "opening_slope": (0.6, 1.0, 1.6),
+        "opening_distance": (0.7, 1.0, 1.4),
+    },
 }
 
 

@@ -243,7 +243,7 @@ def test_settings_are_chosen_per_cloud_for_all_and_on_the_others():
     assert best.left_out.tolist() == [2, 0, 0]
 
 
-@pytest.mark.parametrize("method", optimisation.GRIDS)
+@pytest.mark.parametrize("method", filters.own_methods())
 def test_the_settings_tried_are_allowed_and_begin_with_the_defaults(method):
     settings = optimisation.settings_grid(method)
     assert GroundFilterConfig(**settings[0]) == GroundFilterConfig()
@@ -302,6 +302,12 @@ def test_relief_is_bright_where_it_is_high_and_empty_where_nothing_is_near():
 
 def test_parameters_given_are_used_and_unknown_ones_refused():
     assert arguments.settings_of(["ground_distance=0.5"]) == {"ground_distance": 0.5}
+    assert arguments.settings_of(["noise_group=3", "kept_classes=water,noise"]) == {
+        "noise_group": 3,
+        "kept_classes": ("water", "noise"),
+    }
+    with pytest.raises(SystemExit, match="ground_distance=wide"):
+        arguments.settings_of(["ground_distance=wide"])
     with pytest.raises(SystemExit, match="no such parameter"):
         arguments.settings_of(["distance=0.5"])
     tolerant = filters.own_filter(METHOD, {"ground_distance": 5.0, "iteration_distance": 20.0})
