@@ -108,7 +108,7 @@ def test_clouds_without_extent_are_legal_and_come_out_as_they_were(
     command, tmp_path, caplog, n_points, same, ending
 ):
     cloud = cloud_files.random_cloud(n_points, point_format=6)
-    cloud.classification[:] = 1  # noise of the file stays noise, and has no raster
+    cloud.withheld = np.zeros(n_points, dtype=np.uint8)  # points that the file calls noise have no raster
     if same:
         cloud.xyz = np.tile([85010.0, 447010.0, 3.0], (n_points, 1))
     path = cloud_files.saved(cloud, tmp_path / f"tiny.{ending}")

@@ -22,6 +22,7 @@ from rasterio.windows import Window
 
 from lidar_buildings import __version__
 from lidar_buildings.core.errors import OutputError
+from lidar_buildings.io.native_errors import quiet_if
 from lidar_buildings.io.whole_files import cannot_write
 
 #: Side of a block in cells, as in cloud-optimised GeoTIFF.
@@ -198,7 +199,9 @@ class GeotiffWriter:
 
         """
         try:
-            yield
+            # libtiff prints what the operating system refused
+            with quiet_if(lambda error: isinstance(error, _FAILURES)):
+                yield
         except _FAILURES as error:
             if not quiet:
                 raise _refusal(self._path, error) from error

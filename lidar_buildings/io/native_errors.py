@@ -8,8 +8,8 @@ from __future__ import annotations
 import os
 import tempfile
 import threading
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager
 
 #: One redirection of the process's standard error at a time.
 _one_at_a_time = threading.Lock()
@@ -37,14 +37,29 @@ def in_words(error: BaseException) -> str:
     return " ".join(text.split()) or type(error).__name__
 
 
-@contextmanager
-def quiet_panics() -> Iterator[None]:
+def quiet_panics() -> AbstractContextManager[None]:
     """
     Hold back what is printed to standard error meanwhile, and drop it if the block panics.
 
-    A panicking decoder prints its backtrace from compiled code, past `sys.stderr`; so the file descriptor
-    itself is redirected, for as short as possible since it belongs to the whole process. Whatever was
-    printed is passed on when the block ends well, or with an error that prints nothing of its own.
+    A panicking decoder prints its backtrace from compiled code.
+
+    """
+    return quiet_if(lambda error: type(error).__name__ == _PANIC)
+
+
+@contextmanager
+def quiet_if(is_noisy: Callable[[BaseException], bool]) -> Iterator[None]:
+    """
+    Hold back what is printed to standard error meanwhile, and drop it if the block ends with such an error.
+
+    Compiled code prints past `sys.stderr`; so the file descriptor itself is redirected, for as short as
+    possible since it belongs to the whole process. Whatever was printed is passed on when the block ends
+    well, or with an error that prints nothing of its own.
+
+    Parameters
+    ----------
+    is_noisy : callable
+        Whether an error is of the kind that prints.
 
     """
     with _one_at_a_time, tempfile.TemporaryFile() as held:
@@ -54,16 +69,16 @@ def quiet_panics() -> Iterator[None]:
             yield
             return
         os.dup2(held.fileno(), _STANDARD_ERROR)
-        panicked = False
+        dropped = False
         try:
             yield
         except BaseException as error:
-            panicked = type(error).__name__ == _PANIC
+            dropped = is_noisy(error)
             raise
         finally:
             os.dup2(saved, _STANDARD_ERROR)
             os.close(saved)
-            if not panicked:
+            if not dropped:
                 _pass_on(held.fileno())
 
 

@@ -11,6 +11,7 @@ from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.event_handler import SubscriptionEventCallbacks
+from rclpy.timer import Timer
 from std_msgs.msg import Header, String
 
 from lidar_buildings.core.errors import OutputError, ParameterError
@@ -40,6 +41,8 @@ from lidar_buildings.ros.tile_join import TileJoin, agree_on_buildings, agree_on
 
 #: Exit status when a tile was given up and the rest was done.
 TILE_FAILED = 3
+#: Nothing heard of the nodes for so long: their last words have come [s]; and how often that is looked at.
+_QUIET, _MOST_LOOKS = 0.1, 20
 
 
 class ModelWriter(StageNode):
@@ -115,6 +118,25 @@ class ModelWriter(StageNode):
 
     def on_survey_done(self, _: Header) -> None:
         """
+        Make the files as soon as what the nodes said of the last tiles has been heard, and end.
+
+        """
+        if self._last_look is None:
+            self._looks = [self._record.n_heard]
+            self._last_look = self.create_timer(_QUIET, self._finish_when_quiet)
+
+    def _finish_when_quiet(self) -> None:
+        """
+        Make the files if nothing was heard since the last look.
+
+        """
+        self._looks.append(self._record.n_heard)
+        if self._looks[-1] == self._looks[-2] or len(self._looks) > _MOST_LOOKS:
+            self._last_look.cancel()
+            self._finish()
+
+    def _finish(self) -> None:
+        """
         Make the files, and end.
 
         """
@@ -148,6 +170,7 @@ class ModelWriter(StageNode):
         self._on_disk = self._folder.done_stamps()
         self._record = RunRecord()
         self._topics = [topic.name for topic in WRITER_TOPICS[config.until]]
+        self._last_look: Timer | None = None
         self._features = FeaturePool()
         self._join = TileJoin((t for t in self._topics if t != CITY_MODEL.name), self._fit)
         self._whole: dict[int, dict[str, Any]] = {}

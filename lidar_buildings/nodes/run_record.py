@@ -24,11 +24,14 @@ class RunRecord:
     ----------
     failed : set of int
         Stamps of the tiles that were given up.
+    n_heard : int
+        Messages taken so far.
 
     """
 
     def __init__(self) -> None:
         self.failed: set[int] = set()
+        self.n_heard = 0
         self._seconds: dict[str, dict[str, float]] = {stage: {} for stage in NODE_STAGES.values() if stage}
         self._parameters: dict[str, Any] = {}
         self._reasons: dict[int, str] = {}
@@ -39,6 +42,7 @@ class RunRecord:
         Take what one node says of one tile; the last word on a tile counts.
 
         """
+        self.n_heard += 1
         for status in message.status:
             stage = NODE_STAGES.get(status.name)
             values = {pair.key: pair.value for pair in status.values}

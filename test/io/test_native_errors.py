@@ -7,7 +7,7 @@ import os
 
 import pytest
 
-from lidar_buildings.io.native_errors import in_words, is_failure, quiet_panics
+from lidar_buildings.io.native_errors import in_words, is_failure, quiet_if, quiet_panics
 
 
 class PanicException(BaseException):
@@ -28,8 +28,8 @@ def test_words_fit_on_one_line():
     assert in_words(RuntimeError()) == "RuntimeError"
 
 
-def printing(text, error=None):
-    with quiet_panics():
+def printing(text, error=None, quiet=quiet_panics):
+    with quiet():
         os.write(2, text)
         if error is not None:
             raise error
@@ -47,3 +47,10 @@ def test_what_others_print_meanwhile_is_passed_on(capfd):
         printing(b"progress: 4 of 4\n", ValueError("x"))
     os.write(2, b"done\n")
     assert capfd.readouterr().err == "progress: 3 of 4\nprogress: 4 of 4\ndone\n"
+
+
+def test_of_other_errors_what_they_print_is_dropped_on_request(capfd):
+    full = b"_tiffWriteProc: No space left on device.\n"
+    with pytest.raises(OSError, match="full"):
+        printing(full, OSError("full"), lambda: quiet_if(lambda error: isinstance(error, OSError)))
+    assert capfd.readouterr().err == ""

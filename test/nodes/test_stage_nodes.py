@@ -22,6 +22,7 @@ from lidar_buildings.io.tile_products import TileProducts
 from lidar_buildings.nodes import building_tracer
 from lidar_buildings.nodes.building_tracer import BuildingTracer
 from lidar_buildings.nodes.graph import survey_nodes
+from lidar_buildings.nodes.ground_filter import GroundFilter
 from lidar_buildings.nodes.model_builder import ModelBuilder
 from lidar_buildings.nodes.model_writer import ModelWriter
 from lidar_buildings.pipeline import STAGES
@@ -113,6 +114,40 @@ def outlines(*building_ids):
         BuildingOutline(number, Outline(square + np.array([20.0 * i, 0.0])))
         for i, number in enumerate(building_ids)
     )
+
+
+# the ground filter
+
+
+def test_the_ground_filter_publishes_the_terrain_on_request(context, bench):
+    given = {"publish_dtm": True, "dtm_resolution": 1.0}
+    node = GroundFilter(
+        context=context, parameter_overrides=[Parameter(name, value=value) for name, value in given.items()]
+    )
+    other = bench(node, {"points": (PointCloud2, CLOUD)}, {"dtm": (PointCloud2, CLOUD)})
+    xy = np.random.default_rng(0).uniform(0.0, 1.0, (6000, 2)) * [60.0, 40.0]
+    hall = (np.abs(xy - [30.0, 20.0]) < [8.0, 6.0]).all(axis=1)
+    points = np.column_stack([xy, 3.0 + 0.05 * xy[:, 0] + 9.0 * hall])
+    core = xy[:, 0] < 50.0
+    other.send("points", to_message(PointTile(points, buffer=~core, stamp=STAMP)))
+    wait_until(lambda: other.heard["dtm"])
+    (message,) = other.heard["dtm"]
+    assert to_stamp(message.header.stamp) == STAMP
+    assert message.header.frame_id == "map"
+    # a gap as near to a neighbour's point as to a core point is both tiles'
+    assert (message.height, message.width, message.is_dense) == (40, 51, False)
+    assert [(one.name, one.datatype) for one in message.fields] == [(axis, 7) for axis in "xyz"]
+    grid = np.frombuffer(message.data, dtype=[(axis, "<f4") for axis in "xyz"]).reshape(40, 51)[:, :50]
+    assert (grid["x"][:, 0] == 0.5).all()
+    assert (grid["y"][0] == 39.5).all(), "the northernmost row first"
+    known = np.isfinite(grid["z"])
+    assert known.mean() > 0.97
+    np.testing.assert_allclose(grid["z"][known], 3.0 + 0.05 * grid["x"][known], atol=0.15)
+
+
+def test_the_ground_filter_publishes_no_terrain_unless_asked(context, bench):
+    other = bench(GroundFilter(context=context), {"points": (PointCloud2, CLOUD)}, {})
+    assert other.count_publishers("dtm") == 0
 
 
 # the tracer
@@ -343,6 +378,27 @@ def test_an_empty_tile_is_a_tile_like_any_other(bench, make_writer, tmp_path):
     assert len(fragments(tmp_path)) == 1
 
 
+def test_clouds_of_two_sendings_of_a_tile_are_not_mixed(bench, make_writer, tmp_path):
+    other = bench(make_writer(), WRITER_SENDS, WRITER_HEARS)
+    send_tile(other, HOUSE, without=("classified_points",))
+    smaller = roof(HOUSE).select(np.arange(20))
+    other.send("classified_points", to_message(smaller))
+    time.sleep(0.3)
+    assert other.heard["tile_done"] == []
+    other.send("classified_points", to_message(roof(HOUSE)))
+    wait_until(lambda: other.heard["tile_done"])
+    assert len(TileProducts.load(fragments(tmp_path)[0]).core) == 37
+
+
+def test_a_tile_on_disk_holds_its_rasters(bench, make_writer, tmp_path):
+    other = bench(make_writer(), WRITER_SENDS, WRITER_HEARS)
+    send_tile(other, HOUSE)
+    wait_until(lambda: other.heard["tile_done"])
+    rasters = TileProducts.load(fragments(tmp_path)[0]).rasters
+    assert np.nanmax(rasters.dsm) == 8.0
+    assert np.isnan(rasters.dtm).all(), "the tile is one roof, and no ground"
+
+
 def test_a_restarted_writer_reports_what_is_on_disk_and_then_makes_the_files(bench, make_writer, tmp_path):
     other = bench(make_writer(), WRITER_SENDS, WRITER_HEARS)
     send_tile(other, HOUSE)
@@ -352,6 +408,7 @@ def test_a_restarted_writer_reports_what_is_on_disk_and_then_makes_the_files(ben
     wait_until(lambda: STAMP in [to_stamp(message.stamp) for message in again.heard["tile_done"]])
     writer.on_failed(header_of(1_000_000_000))
     writer.on_survey_done(header_of(STAMP))
+    wait_until(writer.outcome.done)
     assert writer.outcome.result().n_tiles == 1
     assert writer.exit_status == 3
     told = json.loads((tmp_path / "out" / "run.json").read_text())

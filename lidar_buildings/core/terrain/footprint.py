@@ -15,7 +15,8 @@ def closed(occupied: NDArray[np.bool_], reach: int) -> NDArray[np.bool_]:
     Close the gaps between occupied cells into which no circle fits (morphological closing, Serra 1982).
 
     A cell stays unknown where a circle of this radius that holds no occupied cell covers it. Nothing is added
-    beyond the outline of the data: a straight edge stays where it is.
+    beyond the outline of the data: a straight edge stays where it is. Cells are known to half their side
+    only, so circles keep half a cell away from occupied ones, lest every gap in an edge stay open.
 
     Parameters
     ----------
@@ -25,7 +26,7 @@ def closed(occupied: NDArray[np.bool_], reach: int) -> NDArray[np.bool_]:
         Radius in cells.
 
     """
-    near = squared_distance(occupied, reach) <= reach * reach
+    near = squared_distance(occupied, reach) <= reach * (reach + 1)  # (reach + ½)² in whole cells
     return squared_distance(~near, reach) > reach * reach
 
 

@@ -1,0 +1,108 @@
+"""
+What rasters are made of: the fast TIN, distances between cells, closing, and the points of a cell.
+
+"""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as hnp
+from scipy import ndimage
+
+from lidar_buildings.core.terrain.cell_points import highest_points, mean_points
+from lidar_buildings.core.terrain.footprint import closed, squared_distance
+from lidar_buildings.core.terrain.triangulation import triangulate
+from lidar_buildings.core.tin import build_tin
+
+MASKS = hnp.arrays(bool, st.tuples(st.integers(1, 14), st.integers(1, 14)), elements=st.booleans())
+
+
+def area(tin):
+    """
+    Twice the signed area of every triangle [m²].
+
+    """
+    a, b, c = (tin.vertices[tin.triangles[:, k], :2] for k in range(3))
+    return (b[:, 0] - a[:, 0]) * (c[:, 1] - a[:, 1]) - (b[:, 1] - a[:, 1]) * (c[:, 0] - a[:, 0])
+
+
+@pytest.mark.parametrize("n", [50, 3000])
+def test_the_fast_tin_is_that_of_qhull(n):
+    random = np.random.default_rng(n)
+    vertices = random.uniform(0.0, 100.0, (n, 3)) + np.array([85_000.0, 447_000.0, 0.0])
+    places = random.uniform(20.0, 80.0, (2000, 2)) + np.array([85_000.0, 447_000.0])
+    fast, slow = triangulate(vertices), build_tin(vertices)
+    np.testing.assert_allclose(fast.elevation(places), slow.elevation(places), atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    "xy",
+    [
+        np.stack(np.meshgrid(np.arange(30.0), np.arange(20.0)), -1).reshape(-1, 2),
+        np.column_stack((np.arange(200.0), np.zeros(200))),
+        np.column_stack((np.arange(200.0), np.arange(200.0))),
+        np.column_stack((np.cos(np.arange(0, 6.2, 0.05)), np.sin(np.arange(0, 6.2, 0.05)))) * 50,
+        np.array([[3.0, 4.0]]),
+        np.array([[3.0, 4.0], [3.0, 1000.0]]),
+    ],
+    ids=["grid", "row", "diagonal", "circle", "one", "two"],
+)
+def test_the_fast_tin_stands_vertices_in_special_places(xy):
+    vertices = np.column_stack((xy, 2.0 + 0.1 * xy[:, 0] - 0.2 * xy[:, 1]))
+    tin = triangulate(vertices)
+    assert (area(tin) > -1e-9).all()
+    assert len(tin.triangles) == 2 * len(tin.vertices) - 2 - 4, "Euler: four corners on the hull"
+    np.testing.assert_allclose(tin.elevation(xy), vertices[:, 2], atol=1e-9)
+    hull = np.ptp(tin.vertices[:, :2], axis=0)
+    assert area(tin).sum() / 2 == pytest.approx(np.prod(hull)), "the triangles tile the hull"
+
+
+def test_a_tin_needs_a_vertex():
+    with pytest.raises(ValueError, match="vertices is empty"):
+        triangulate(np.empty((0, 3)))
+
+
+@settings(max_examples=60, deadline=None)
+@given(marked=MASKS, reach=st.integers(0, 9))
+def test_distances_are_euclidean_as_far_as_they_matter(marked, reach):
+    found = squared_distance(marked, reach)
+    far = (reach + 1) ** 2
+    expected = np.full(marked.shape, far)
+    if marked.any():
+        expected = np.rint(ndimage.distance_transform_edt(~marked) ** 2).astype(int)
+    np.testing.assert_array_equal(np.minimum(found, far), np.minimum(expected, far))
+
+
+@settings(max_examples=40, deadline=None)
+@given(marked=MASKS, reach=st.integers(0, 5))
+def test_closing_leaves_open_just_where_an_empty_circle_fits(marked, reach):
+    padded = np.pad(marked, reach + 1)
+    steps = np.arange(-reach, reach + 1)
+    disc = steps[:, None] ** 2 + steps**2 <= reach * reach
+    wider = steps[:, None] ** 2 + steps**2 <= (reach + 0.5) ** 2
+    room = ~ndimage.binary_dilation(np.pad(padded, reach), wider)
+    covered = ndimage.binary_dilation(room, disc)[reach : -reach or None, reach : -reach or None]
+    inner = np.s_[reach + 1 : -reach - 1, reach + 1 : -reach - 1]
+    np.testing.assert_array_equal(closed(padded, reach)[inner], ~covered[inner])
+    assert closed(padded, reach)[padded].all()
+
+
+def test_each_cell_has_the_mean_and_the_highest_of_its_points():
+    random = np.random.default_rng(6)
+    points = random.uniform(0.0, 6.0, (400, 3))
+    rows, columns = points[:, 1].astype(int), points[:, 0].astype(int)
+    means, highest = (f(points, rows, columns, (7, 8)) for f in (mean_points, highest_points))
+    for found, choose in ((means, lambda p: p.mean(axis=0)), (highest, lambda p: p[p[:, 2].argmax()])):
+        assert found.mask((7, 8)).sum() == len(found.points) == 36
+        for row, column, point in zip(found.rows, found.columns, found.points, strict=True):
+            mine = points[(rows == row) & (columns == column)]
+            np.testing.assert_allclose(point, choose(mine), atol=1e-5)
+
+
+def test_of_points_as_high_the_same_one_is_taken_in_any_order():
+    points = np.column_stack((np.random.default_rng(7).uniform(0, 1, (20, 2)), np.ones(20)))
+    cells = np.zeros(20, dtype=int)
+    for order in (slice(None), slice(None, None, -1)):
+        (found,) = highest_points(points[order], cells, cells, (1, 1)).points
+        assert found[0] == points[:, 0].min()
