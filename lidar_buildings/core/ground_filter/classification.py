@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from lidar_buildings.core.asprs import PointClass
+from lidar_buildings.core.ground_filter import bidirectional_slope, morphological
 from lidar_buildings.core.ground_filter.config import GroundFilterConfig
 from lidar_buildings.core.ground_filter.noise import find_noise
 from lidar_buildings.core.ground_filter.progressive_tin import densify
@@ -161,7 +162,18 @@ def _labelled_ground(
     The method sees the free points in the order given.
 
     """
-    return None
+    if config.method == "progressive_tin":
+        return None
+    in_order = np.empty(len(points), dtype=np.bool_)
+    in_order[cloud.rows] = free
+    rows = np.flatnonzero(in_order)
+    if config.method == "morphological":
+        found = morphological.label_ground(points[rows], config)
+    else:
+        known = {name: None if column is None else column[rows] for name, column in scan.items()}
+        found = bidirectional_slope.label_ground(points[rows], config, **known)
+    in_order[rows] = found
+    return in_order[cloud.rows]
 
 
 def _terrain(cloud: SortedPoints, ground: NDArray[np.bool_], config: GroundFilterConfig) -> Tin:

@@ -23,7 +23,8 @@ class GroundFilterConfig(StageConfig):
 
     method: str = parameter(
         "progressive_tin",
-        "How ground is told from the rest: progressive TIN densification (Axelsson 2000).",
+        "How ground is told from the rest: by a TIN that grows (Axelsson 2000), along scan lines (Shan and "
+        "Sampath 2005), or by openings (Zhang et al. 2003).",
         choices=("progressive_tin", "bidirectional_slope", "morphological"),
     )
     seed_cell: float = parameter(
@@ -140,7 +141,7 @@ class GroundFilterConfig(StageConfig):
         maximum=10.0,
     )
     profile_max_slope: float = parameter(
-        0.5,
+        0.6,
         "A profile that rises more steeply, rise over run, leaves the ground: raising it climbs steeper "
         "terrain, and low objects.",
         minimum=0.01,
@@ -155,7 +156,7 @@ class GroundFilterConfig(StageConfig):
         maximum=5.0,
     )
     profile_fall: float = parameter(
-        1.0,
+        1.5,
         "Where a profile's beginning falls by more, it began on an object: raising it trusts them more.",
         unit="m",
         minimum=0.1,

@@ -17,8 +17,6 @@ from lidar_buildings.core.row_blocks import for_row_blocks
 REACH = 3
 #: Columns around that bear out the level of a group: fewer may be gross errors themselves.
 MIN_SUPPORT = 6
-#: By how much the level that bears a group out may lie higher for each metre away: terrain is not plane.
-SLACK = 0.05
 #: By what share the radius shrinks per unit of slope: the steeper, the less far terrain is plane.
 SHRINKAGE = 1.0
 #: A group has to be below the larger part of what is around: this many columns for each of its own.
@@ -82,38 +80,23 @@ def _new_bottoms(
 @njit(cache=True, nogil=True)
 def _mark_alone(layers, gap, alone, begin, end):  # type: ignore[no-untyped-def]
     """
-    Mark the columns, from `begin` to `end`, with whose bottom less than half of those around are level.
+    Mark the columns, from `begin` to `end`, to whose west or east most columns end above their bottom.
+
+    Whatever lies apart has a westernmost and an easternmost column.
 
     """
-    starts, stops = np.zeros(2 * REACH + 1, dtype=np.int64), np.zeros(2 * REACH + 1, dtype=np.int64)
     for k in range(begin, end):
-        top = high_end(layers, layers.first[k])
-        n_around, n_level = 0, 0
-        for row in range(2 * REACH + 1):
-            if k == begin or layers.numbers[k] // layers.width != layers.numbers[k - 1] // layers.width:
-                starts[row], stops[row] = columns_in_row(layers, k, row - REACH, REACH)
-            else:
-                _advance(layers, k, row - REACH, row, starts, stops)
-            for other in range(starts[row], stops[row]):
-                n_around += 1
-                n_level += low_end(layers, layers.first[other]) - rise(layers, k, other) <= top + gap
-        alone[k] = 2 * n_level <= n_around + 1
-
-
-@njit(cache=True, nogil=True)
-def _advance(layers, k, step, row, starts, stops):  # type: ignore[no-untyped-def]
-    """
-    Move a row's limits on from those of the column before, which is in the same row: see `columns_in_row`.
-
-    """
-    numbers, width = layers.numbers, layers.width
-    across = numbers[k] % width
-    middle = numbers[k] + step * width
-    west, east = middle - min(REACH, across), middle + min(REACH, width - 1 - across)
-    while starts[row] < len(numbers) and numbers[starts[row]] < west:
-        starts[row] += 1
-    while stops[row] < len(numbers) and numbers[stops[row]] <= east:
-        stops[row] += 1
+        top = high_end(layers, layers.first[k]) + gap
+        around, level = np.zeros(2), np.zeros(2)
+        for step in range(-1, 2):
+            start, stop = columns_in_row(layers, k, step, REACH)
+            for other in range(start, stop):
+                across = layers.numbers[other] - layers.numbers[k] - step * layers.width
+                if across != 0:
+                    side = 0 if across < 0 else 1
+                    around[side] += 1
+                    level[side] += low_end(layers, layers.first[other]) - rise(layers, k, other) <= top
+        alone[k] = 2 * level[0] <= around[0] or 2 * level[1] <= around[1]
 
 
 @njit(cache=True, nogil=True)
@@ -193,7 +176,7 @@ def _is_borne_out(layers, bottom, group, gap, radius, group_of):  # type: ignore
             away = np.hypot(away, layers.size * step)
             if away > layers.size * radius:
                 continue
-            if low_end(layers, bottom[other]) - rise(layers, k, other) <= top + gap + SLACK * away:
+            if low_end(layers, bottom[other]) - rise(layers, k, other) <= top + gap:
                 n_level += 1
                 if n_level >= MIN_SUPPORT:
                     return True

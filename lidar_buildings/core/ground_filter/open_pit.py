@@ -14,11 +14,15 @@ from lidar_buildings.core.ground_filter.noise_layers import columns_in_row
 #: Points that are not enough to show a pit.
 FEW = 3
 #: Columns around that the density of points is taken from.
-REACH = 3
+REACH = 6
 #: Radius of the disc about each point within which the points above are counted, in point spacings.
-DISC = 1.5
+DISC = 1.75
 #: Share of points above, of all points in those discs, that covers a group.
-MIN_COVER = 0.4
+MIN_COVER = 0.6
+#: Over a hole, points above are fewer than a surface has by more than so many standard deviations ...
+DEVIATIONS = 2.0
+#: ... and are certainly enough at this share of them.
+FULL_COVER = 0.8
 
 
 @njit(cache=True, nogil=True)
@@ -44,30 +48,41 @@ def is_open_pit(layers, group, gap):  # type: ignore[no-untyped-def]
         n_points += layers.begin[layer + 1] - layers.begin[layer]
     if n_points <= FEW:
         return False
-    radius = DISC * _spacing_around(layers, group, n_points)
-    usual = math.pi * DISC * DISC
+    spacing = _spacing_around(layers, group)
+    radius, usual = DISC * spacing, math.pi * DISC * DISC
     n_cover, n_all = 0.0, 0.0
     for layer in group:
         for i in range(layers.begin[layer], layers.begin[layer + 1]):
             above, beside = _count_disc(layers, layers.column[layer], layers.points[i], radius, gap)
             n_cover += above
             n_all += above + min(beside, usual)
-    return n_cover < MIN_COVER * n_all
+    n_surface = max(usual, len(group) * (layers.size / spacing) ** 2)
+    enough = min(1.0 - DEVIATIONS / math.sqrt(n_surface), FULL_COVER)
+    return n_cover < MIN_COVER * n_all and n_cover < enough * usual * n_points
 
 
 @njit(cache=True, nogil=True)
-def _spacing_around(layers, group, n_points):  # type: ignore[no-untyped-def]
+def _spacing_around(layers, group):  # type: ignore[no-untyped-def]
     """
-    Return the spacing of the points around a group, itself left out [m].
+    Return the spacing of the points in the columns around a group that hold none of it [m].
+
+    In each row of columns, empty ones count from the first to the last that is not.
 
     """
     k = layers.column[group[0]]
-    n_around, n_columns = -n_points, 0
+    own = layers.column[group]
+    n_points, n_columns = 0, 0
     for step in range(-REACH, REACH + 1):
         start, stop = columns_in_row(layers, k, step, REACH)
-        n_columns += stop - start
-        n_around += layers.begin[layers.first[stop]] - layers.begin[layers.first[start]]
-    return layers.size * math.sqrt(n_columns / max(n_around, n_columns))
+        if start == stop:
+            continue
+        n_columns += layers.numbers[stop - 1] - layers.numbers[start] + 1
+        for other in range(start, stop):
+            if (own == other).any():
+                n_columns -= 1
+            else:
+                n_points += layers.begin[layers.first[other + 1]] - layers.begin[layers.first[other]]
+    return layers.size * math.sqrt(max(n_columns, 1) / max(n_points, 1))
 
 
 @njit(cache=True, nogil=True)
