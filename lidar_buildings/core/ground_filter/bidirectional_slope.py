@@ -17,7 +17,7 @@ from lidar_buildings.core.ground_filter.profile_refinement import close_gaps, re
 from lidar_buildings.core.ground_filter.profile_regression import take_back
 from lidar_buildings.core.ground_filter.profile_trend import fit_trend
 from lidar_buildings.core.ground_filter.profiles import Profiles, cut_profiles
-from lidar_buildings.core.ground_filter.scan_lines import scan_lines
+from lidar_buildings.core.ground_filter.scan_lines import ScanLines, find_scan_lines
 from lidar_buildings.core.point_array import checked_points
 from lidar_buildings.core.point_order import SortedPoints, sort_by_cell
 from lidar_buildings.core.point_spacing import quantised_spacing
@@ -29,6 +29,8 @@ SPARSE = 3
 MAX_ABOVE_TREND = 1.0
 #: Passes err less where the slope is taken off: so much less agreement is asked of them.
 LESS_ON_TREND = 0.1
+#: Net votes at and below which ground is taken for the roof of an object.
+ISLAND = -0.9
 #: Radius of the planes that say how the terrain runs within a cell [multiples of the spacing].
 LOCAL_RADIUS = 3.0
 
@@ -84,7 +86,7 @@ def label_ground(
         "point_source_id": point_source_id,
     }
     columns = {name: None if column is None else np.asarray(column) for name, column in columns.items()}
-    lines = scan_lines(cloud, spacing, **columns)
+    lines = find_scan_lines(cloud, spacing, **columns)
     if config.profile_directions == 0:
         return _label_lines(cloud, lines, spacing, config)
     candidates = cells.points[kept]
@@ -93,20 +95,23 @@ def label_ground(
         for k in range(config.profile_directions)
     ]
     if lines is not None:
-        profiles.append(lines.subset(chosen, len(cloud)))
+        profiles.append(lines.profiles(cloud, chosen))
     ground = np.zeros(len(cloud), dtype=np.bool_)
     ground[kept] = _label_candidates(candidates, profiles, spacing, config)
     return _label_all(cells, ground, spacing, config)
 
 
 def _label_lines(
-    cloud: NDArray[np.float64], lines: Profiles | None, spacing: float, config: GroundFilterConfig
+    cloud: NDArray[np.float64], lines: ScanLines | None, spacing: float, config: GroundFilterConfig
 ) -> NDArray[np.bool_]:
     """
     Label every point along the scan lines alone, or along strips from west to east where there are none.
 
     """
-    profiles = lines or cut_profiles(cloud, config.profile_width * spacing, 0.0)
+    if lines is None:
+        profiles = cut_profiles(cloud, config.profile_width * spacing, 0.0)
+    else:
+        profiles = lines.profiles(cloud, np.arange(len(cloud)))
     return _label_candidates(cloud, [profiles], spacing, config)
 
 
@@ -114,7 +119,7 @@ def _label_candidates(
     points: NDArray[np.float64], profiles: list[Profiles], spacing: float, config: GroundFilterConfig
 ) -> NDArray[np.bool_]:
     """
-    Vote and grow; once more on the heights above the trend that was found; then close gaps and reject.
+    Vote and grow; once more on heights above the trend that was found; then reject, close gaps, reject.
 
     """
     z, radius = points[:, 2], config.profile_trend_radius
@@ -126,9 +131,26 @@ def _label_candidates(
         height = z - fit_trend(points, low, radius).elevation_at(points)
         ground = net_votes(profiles, height, config) > config.profile_agreement - LESS_ON_TREND
         ground = take_back(profiles, z, ground, spacing, config)
+    ground = _without_islands(profiles, z, ground, config)
     if config.profile_gap_tolerance > 0:
         ground = close_gaps(profiles, z, ground, spacing, config.profile_gap_tolerance)
     return reject_outliers(profiles, z, ground, spacing, config)
+
+
+def _without_islands(
+    profiles: list[Profiles], z: NDArray[np.float64], ground: NDArray[np.bool_], config: GroundFilterConfig
+) -> NDArray[np.bool_]:
+    """
+    Return the ground without what rises out of it on (nearly) every profile, seen either way.
+
+    Where ground has been taken back from a point on a roof, all of the roof may have become ground. A walk
+    along nothing but the ground meets its edges on all sides.
+
+    """
+    votes = net_votes([one.along_chosen(ground) for one in profiles], z[ground], config)
+    kept = ground.copy()
+    kept[ground] = votes > ISLAND
+    return kept
 
 
 def _label_all(

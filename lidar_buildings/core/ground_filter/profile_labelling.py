@@ -87,8 +87,8 @@ def _walk(along, z, begin, end, heading, limits, label):  # type: ignore[no-unty
     Label one profile in one direction.
 
     The first points are likely ground, until the profile falls by more than the terrain can: then they were
-    on an object, and nothing is said of them. Where it has gone on for longer than any object, ground is sure,
-    that on the way there too.
+    on an object, and nothing is said of them. Where it has gone on for longer than any object, ground is
+    sure, that on the way there too.
 
     """
     _, step, fall, reentry_slope, max_object, _ = limits

@@ -60,7 +60,8 @@ def take_back(
     ground = ground.copy()
     reach = config.profile_reach * spacing
     limits = (reach, config.profile_tolerance, config.profile_tolerance_slope, config.profile_roughness)
-    axes = [_Axis(one, elevation, ground) for one in profiles]
+    votes = np.zeros((len(profiles), len(ground)), dtype=np.int8)
+    axes = [_Axis(one, elevation, ground, votes[k]) for k, one in enumerate(profiles)]
     new = np.flatnonzero(ground)
 
     def judge(begin: int, end: int) -> None:
@@ -71,10 +72,8 @@ def take_back(
         if not len(new):
             break
         for_row_blocks(judge, len(axes), 1)
-        votes = np.sum([axis.votes for axis in axes], axis=0, dtype=np.int64)
-        joins = (votes >= FOR_WEIGHT * config.profile_support) & ~ground
-        new = np.flatnonzero(joins)
-        ground |= joins
+        new = _joining(votes, ground, FOR_WEIGHT * config.profile_support)
+        ground[new] = True
     return ground
 
 
@@ -84,7 +83,13 @@ class _Axis:
 
     """
 
-    def __init__(self, profiles: Profiles, elevation: NDArray[np.float64], ground: NDArray[np.bool_]) -> None:
+    def __init__(
+        self,
+        profiles: Profiles,
+        elevation: NDArray[np.float64],
+        ground: NDArray[np.bool_],
+        votes: NDArray[np.int8],
+    ) -> None:
         self.profiles = profiles
         self.z = elevation[profiles.rows]
         self.ground = ground[profiles.rows]
@@ -92,7 +97,7 @@ class _Axis:
         self.place[profiles.rows] = np.arange(len(self.z))
         self.line = np.repeat(np.arange(len(profiles.first) - 1), np.diff(profiles.first))
         #: Half votes for each row of the cloud.
-        self.votes = np.zeros(len(self.z), dtype=np.int8)
+        self.votes = votes
 
     def judge(self, new: NDArray[np.intp], limits: tuple[float, ...]) -> None:
         """
@@ -105,6 +110,26 @@ class _Axis:
         stale = np.zeros(len(self.z), dtype=np.bool_)
         _mark_around(changed, one.along, self.line, self.ground, limits[0], stale)
         _judge(one.along, self.z, one.first, self.line, self.ground, stale, limits, one.rows, self.votes)
+
+
+@njit(cache=True, nogil=True)
+def _joining(votes, ground, least):  # type: ignore[no-untyped-def]
+    """
+    Return the rows that are no ground yet and have enough half votes of all sets of profiles.
+
+    """
+    rows = np.empty(len(ground), dtype=np.intp)
+    n = 0
+    for i in range(len(ground)):
+        if ground[i]:
+            continue
+        total = 0
+        for k in range(len(votes)):
+            total += votes[k, i]
+        if total >= least:
+            rows[n] = i
+            n += 1
+    return rows[:n].copy()
 
 
 @njit(cache=True, nogil=True)

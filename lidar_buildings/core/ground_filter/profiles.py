@@ -35,24 +35,15 @@ class Profiles:
     first: NDArray[np.intp]
     along: NDArray[np.float64]
 
-    def subset(self, chosen: NDArray[np.intp], n_points: int) -> Profiles:
+    def along_chosen(self, chosen: NDArray[np.bool_]) -> Profiles:
         """
-        Return the profiles of some of the points, numbered as in `chosen`.
-
-        Parameters
-        ----------
-        chosen : ndarray of intp
-            Rows of the cloud, each at most once.
-        n_points : int
-            Number of points of the cloud.
+        Return the profiles of the chosen rows alone, numbered as they follow each other in the cloud.
 
         """
-        number = np.full(n_points, -1, dtype=np.intp)
-        number[chosen] = np.arange(len(chosen))
-        rows = number[self.rows]
-        kept = rows >= 0
+        kept = chosen[self.rows]
         before = np.concatenate(([0], np.cumsum(kept)))
-        return Profiles(rows[kept], np.unique(before[self.first]), self.along[kept])
+        number = np.cumsum(chosen) - 1
+        return Profiles(number[self.rows[kept]], before[self.first], self.along[kept])
 
 
 def cut_profiles(points: NDArray[np.float64], width: float, direction_deg: float) -> Profiles:
@@ -81,7 +72,7 @@ def cut_profiles(points: NDArray[np.float64], width: float, direction_deg: float
 
 
 def sorted_profiles(
-    line: NDArray[np.float64], along: NDArray[np.float64], length: NDArray[np.float64] | None = None
+    line: NDArray[np.float64], along: NDArray[np.float64], xy: NDArray[np.float64] | None = None
 ) -> Profiles:
     """
     Order points by line and, within a line, by their place along it.
@@ -92,7 +83,7 @@ def sorted_profiles(
         Number of each point's line: whole numbers, at most `MAX_STRIPS`.
     along : ndarray of shape (n_points,)
         Place along the line [m].
-    length : ndarray of shape (n_points, 2), optional
+    xy : ndarray of shape (n_points, 2), optional
         Points in the plane, if distances are to be measured from point to point instead of by `along` [m].
 
     """
@@ -107,7 +98,7 @@ def sorted_profiles(
     begins = np.flatnonzero(np.concatenate(([True], ordered[1:] != ordered[:-1])))
     first = np.append(begins, len(rows)).astype(np.intp)
     place = along[rows]
-    if length is not None:
-        step = np.hypot(*np.diff(length[rows], axis=0, prepend=length[rows[:1]]).T)
-        place = np.cumsum(step)
+    if xy is not None:
+        ordered = xy[rows]
+        place = np.cumsum(np.hypot(*np.diff(ordered, axis=0, prepend=ordered[:1]).T))
     return Profiles(rows, first, place)

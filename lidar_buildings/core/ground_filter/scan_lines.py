@@ -6,6 +6,7 @@ Scan lines from what a file says of the scan: time, direction flag, angle, or th
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -31,7 +32,32 @@ MIN_LENGTH = 15.0
 MAX_DETOUR = 4.0
 
 
-def scan_lines(
+@dataclass(frozen=True, eq=False)
+class ScanLines:
+    """
+    Which scan line each point lies on, and where on it.
+
+    Attributes
+    ----------
+    line : ndarray of shape (n_points,)
+        Number of the line, in the order of the scan.
+    way : ndarray of shape (n_points,)
+        Place along the direction of the lines [m].
+
+    """
+
+    line: NDArray[np.float64]
+    way: NDArray[np.float64]
+
+    def profiles(self, points: NDArray[np.float64], rows: NDArray[np.intp]) -> Profiles:
+        """
+        Return the lines as profiles of some of the points, numbered as in `rows`.
+
+        """
+        return sorted_profiles(self.line[rows], self.way[rows], points[rows, :2])
+
+
+def find_scan_lines(
     points: NDArray[np.float64],
     spacing: float,
     *,
@@ -39,7 +65,7 @@ def scan_lines(
     scan_angle: NDArray[Any] | None = None,
     scan_direction_flag: NDArray[Any] | None = None,
     point_source_id: NDArray[Any] | None = None,
-) -> Profiles | None:
+) -> ScanLines | None:
     """
     Find the scan lines of a cloud, or that its order is none of a scan.
 
@@ -58,7 +84,7 @@ def scan_lines(
 
     Returns
     -------
-    Profiles or None
+    ScanLines or None
         None if the order is not that of a scan: shuffled, or sorted by tiles or by a curve.
 
     """
@@ -66,20 +92,34 @@ def scan_lines(
         return None
     order = _order_in_time(points, gps_time, point_source_id)
     ordered = points if order is None else points[order]
-    step = np.hypot(*np.diff(ordered[:, :2], axis=0).T)
-    if np.median(step) > MAX_MEDIAN_STEP * spacing:
+    steps = np.diff(ordered[:, :2], axis=0)
+    step = np.hypot(steps[:, 0], steps[:, 1])
+    median = float(np.median(step))
+    if median > MAX_MEDIAN_STEP * spacing:
         return None
     jump = step > MAX_STEP * spacing
     if point_source_id is not None:
         strip = point_source_id if order is None else point_source_id[order]
         jump |= strip[1:] != strip[:-1]
-    way = _way(ordered, jump)
-    for turns in _turns(order, scan_direction_flag, scan_angle, way, step):
-        lines = np.concatenate(([0], np.cumsum(jump | turns)))
-        if lines[-1] < MAX_STRIPS and _is_scan(lines, way, step, jump | turns, spacing):
-            found = sorted_profiles(lines.astype(np.float64), way, ordered[:, :2])
-            return found if order is None else Profiles(order[found.rows], found.first, found.along)
+    way = _way(steps, jump)
+    for turns in _turns(order, scan_direction_flag, scan_angle, way, median):
+        ends = jump | turns
+        lines = np.concatenate(([0], np.cumsum(ends)))
+        if lines[-1] < MAX_STRIPS and _is_scan(lines, way, step, ends, spacing):
+            return _by_row(order, lines.astype(np.float64), way)
     return None
+
+
+def _by_row(order: NDArray[np.intp] | None, line: NDArray[np.float64], way: NDArray[np.float64]) -> ScanLines:
+    """
+    Return lines found in an order as those of the rows.
+
+    """
+    if order is None:
+        return ScanLines(line, way)
+    found = np.empty((2, len(order)))
+    found[:, order] = line, way
+    return ScanLines(found[0], found[1])
 
 
 def _order_in_time(
@@ -104,7 +144,7 @@ def _turns(
     flag: NDArray[Any] | None,
     angle: NDArray[Any] | None,
     way: NDArray[np.float64],
-    step: NDArray[np.float64],
+    median_step: float,
 ) -> Iterator[NDArray[np.bool_]]:
     """
     Yield for each way of telling lines apart whether one ends between two points.
@@ -116,19 +156,18 @@ def _turns(
     if angle is not None and np.isfinite(angle).all():
         angle = np.asarray(angle if order is None else angle[order], dtype=np.float64)
         yield _turning_points(angle, MIN_ANGLE_TURN)
-    yield _turning_points(way, max(TURN_STEPS * float(np.median(step)), MIN_TURN))
+    yield _turning_points(way, max(TURN_STEPS * median_step, MIN_TURN))
 
 
-def _way(points: NDArray[np.float64], jump: NDArray[np.bool_]) -> NDArray[np.float64]:
+def _way(steps: NDArray[np.float64], jump: NDArray[np.bool_]) -> NDArray[np.float64]:
     """
     Return how far each point lies along the direction of the lines [m]; jumps count as no step.
 
     The direction is the main axis of the steps, whichever way they go, block by block.
 
     """
-    steps = np.diff(points[:, :2], axis=0)
-    steps[jump] = 0.0
-    travelled = np.zeros(len(points))
+    steps = np.where(jump[:, None], 0.0, steps)
+    travelled = np.zeros(len(steps) + 1)
     axis = np.array([1.0, 0.0])
     for first in range(0, len(steps), BLOCK):
         block = steps[first : first + BLOCK]
