@@ -35,6 +35,7 @@ CLASSES = {
     4: ("medium vegetation", "#b5c95a"),
     5: ("high vegetation", "#4f8a47"),
     6: ("building", "#d9705a"),
+    11: ("road", "#8f8578"),
     1: ("unclassified", "#6f7f9a"),
 }
 OUTLINE = "#1b1f3a"
@@ -58,7 +59,7 @@ def main(result: Path, picture: Path) -> None:
     plan = figure.add_axes((0.0, 0.01, 0.45, 0.98))
     draw_plan(plan, points[inside], classes[inside], read_outlines(result, origin))
     view = figure.add_axes((0.425, -0.2, 0.6, 1.36), projection="3d", computed_zorder=False)
-    draw_models(view, terrain(points[classes == 2]), read_faces(result, origin))
+    draw_models(view, terrain(points[np.isin(classes, (2, 11))]), read_faces(result, origin))
     figure.savefig(picture)
     Image.open(picture).convert("RGB").save(picture, optimize=True)
 

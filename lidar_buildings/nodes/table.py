@@ -74,14 +74,16 @@ POINTS = Topic(
     "points",
     _CLOUD,
     "CLOUD",
-    "points as in the source, with `source` and `index` (its row there) and `point_spacing` [m]; "
+    "points as in the source, with `source` and `index` (its row there), `point_spacing` [m] and "
+    "`normalised_intensity` (0 to 255; `dark_limit` parts the two modes of the ground, if it has two); "
     "`buffer` = 1 are the neighbours'",
 )
 GROUND_POINTS = Topic(
     "ground_points",
     _CLOUD,
     "CLOUD",
-    "all points with `classification` (1, 2, 7, 18), `height_above_ground`",
+    "all points with `classification` (1, 2, 7, 18, and the source's own that are kept: water, bridges …), "
+    "`height_above_ground`",
 )
 DTM = Topic(
     "dtm",
@@ -90,7 +92,13 @@ DTM = Topic(
     "the terrain of a tile's own cells on request: an organised cloud, its northernmost row first; "
     "z is NaN where it is not known",
 )
-CLASSIFIED_POINTS = Topic("classified_points", _CLOUD, "CLOUD", "every point with its final ASPRS class")
+CLASSIFIED_POINTS = Topic(
+    "classified_points",
+    _CLOUD,
+    "CLOUD",
+    "every point with its final ASPRS class: 1 undecided, 2 ground, 3 to 5 low, medium and high vegetation, "
+    "6 roof, 7 and 18 noise, 11 road, and the source's own that are kept",
+)
 ROOF_POINTS = Topic("roof_points", _CLOUD, "CLOUD", "the points of class 6")
 EDGE_POINTS = Topic(
     "edge_points",
@@ -158,7 +166,8 @@ NODE_TABLE: tuple[NodeCard, ...] = (
     ),
     NodeCard(
         "roof_selector",
-        "Gives every point its final class. The points of class 6 go on as roof points.",
+        "Gives every point its final class: roofs, vegetation by height, roads by the ground's brightness. "
+        "The points of class 6 go on as roof points.",
         "roof_selection",
         (GROUND_POINTS,),
         (CLASSIFIED_POINTS, ROOF_POINTS),
