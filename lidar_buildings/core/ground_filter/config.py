@@ -294,7 +294,7 @@ class GroundFilterConfig(StageConfig):
         maximum=5.0,
     )
     opening_distance: float = parameter(
-        0.4,
+        0.3,
         "Points within this distance of the terrain that the openings leave are ground: raising it takes in "
         "grass, kerbs and low walls.",
         unit="m",
@@ -310,7 +310,7 @@ class GroundFilterConfig(StageConfig):
         maximum=10.0,
     )
     opening_hall_radius: float = parameter(
-        45.0,
+        50.0,
         "Radius of the largest disc that still removes buildings, told from hills by the step in which they "
         "end; none beyond opening_radius if smaller: raising it copes with larger halls, and is slower.",
         unit="m",

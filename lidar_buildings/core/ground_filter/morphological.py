@@ -28,6 +28,8 @@ FILL_REACH = 32
 MIN_OCCUPIED, SQUARE = 0.08, 8
 #: A pit steeper than this all round is a false low point, rise over run (Pingel et al. 2013).
 PIT_SLOPE = 5.0
+#: Beyond the opening radius what rises by so much may be a hall [m].
+HALL_HEIGHT = 3.0
 #: Up to the opening radius discs grow by so much, beyond it by this ratio [m].
 RADIUS_STEP, RADIUS_RATIO = 1.0, 1.2
 
@@ -190,7 +192,7 @@ def _bare_cells(
         if radius * cell <= config.opening_radius + 0.5 * cell:
             objects |= _sunk(before, after, solid, limit)
         else:
-            objects |= find_halls(surface, solid, objects, _sunk(surface, after, solid, limit))
+            objects |= find_halls(surface, solid, _sunk(surface, after, solid, min(limit, HALL_HEIGHT)))
         before = after
     bare = solid & ~objects
     return bare if bare.any() else known
