@@ -24,9 +24,11 @@ def checked_points(points: ArrayLike) -> NDArray[np.float64]:
     array = np.ascontiguousarray(points, dtype=np.float64)
     if array.ndim != 2 or array.shape[1] != 3:
         raise ValueError(f"points has shape {array.shape}: must be (n_points, 3)")
-    bad = ~np.isfinite(array).all(axis=1)
-    if bad.any():
-        row = int(np.argmax(bad))
+    # Quick, and surely finite where the sum is; enormous coordinates may still be.
+    with np.errstate(over="ignore", invalid="ignore"):
+        certain = np.isfinite(array.sum())
+    if not certain and not np.isfinite(array).all():
+        row = int(np.argmin(np.isfinite(array).all(axis=1)))
         raise ValueError(f"points[{row}] = {array[row].tolist()}: coordinates must be finite")
     return array
 

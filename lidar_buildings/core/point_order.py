@@ -6,7 +6,7 @@ Points by cell: neighbours together, whatever the order of the rows.
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numba import njit
@@ -94,6 +94,26 @@ def lowest_of_cells(cloud: SortedPoints, kept: NDArray[np.bool_]) -> NDArray[np.
     lowest = np.full(len(cloud.numbers), -1, dtype=np.int64)
     for_row_blocks(lambda a, b: _first_kept(cloud.first, kept, lowest, a, b), len(lowest))
     return lowest[lowest >= 0]
+
+
+def in_rows_order(cloud: SortedPoints, values: NDArray[Any]) -> NDArray[Any]:
+    """
+    Return one value per sorted point in the order of the input rows.
+
+    """
+    unsorted = np.empty_like(values)
+    for_row_blocks(lambda a, b: _scatter(cloud.rows, values, unsorted, a, b), len(values))
+    return unsorted
+
+
+@njit(cache=True, nogil=True)
+def _scatter(rows, values, unsorted, begin, end):  # type: ignore[no-untyped-def]
+    """
+    Put the values of sorted points `begin` to `end` into their rows.
+
+    """
+    for i in range(begin, end):
+        unsorted[rows[i]] = values[i]
 
 
 @njit(cache=True, nogil=True)
@@ -238,46 +258,48 @@ def _counting_sort(numbers, n_cells):  # type: ignore[no-untyped-def]
 @njit(cache=True, nogil=True)
 def _fill_cells(points, rows, ordered, first, begin, end):  # type: ignore[no-untyped-def]
     """
-    Copy the points of the cells `begin` to `end` into their places and sort each cell.
+    Sort the rows of the cells `begin` to `end` and copy their points into their places.
 
     """
+    elevation = np.empty(LARGE_CELL)
+    for k in range(begin, end):
+        if first[k + 1] - first[k] <= LARGE_CELL:
+            _sort_cell(points, rows[first[k] : first[k + 1]], elevation)
     for i in range(first[begin], first[end]):
         for axis in range(3):
             ordered[i, axis] = points[rows[i], axis]
-    for k in range(begin, end):
-        if first[k + 1] - first[k] <= LARGE_CELL:
-            _sort_cell(ordered, rows, first[k], first[k + 1])
 
 
 @njit(cache=True, nogil=True)
-def _sort_cell(points, rows, low, high):  # type: ignore[no-untyped-def]
+def _sort_cell(points, rows, elevation):  # type: ignore[no-untyped-def]
     """
-    Sort the points `low` to `high`, and their rows with them, by z, x, y (Shell 1959).
+    Sort a cell's rows by their points' z, x, y (Shell 1959); `elevation` is room for as many numbers.
 
     """
+    for i in range(len(rows)):
+        elevation[i] = points[rows[i], 2]
     for step in SHELL_STEPS:
-        for i in range(low + step, high):
-            x, y, z, row = points[i, 0], points[i, 1], points[i, 2], rows[i]
+        for i in range(step, len(rows)):
+            z, row = elevation[i], rows[i]
             j = i
-            while j >= low + step and _before(x, y, z, points, j - step):
-                for axis in range(3):
-                    points[j, axis] = points[j - step, axis]
-                rows[j] = rows[j - step]
+            while j >= step and _comes_first(points, z, row, elevation[j - step], rows[j - step]):
+                elevation[j], rows[j] = elevation[j - step], rows[j - step]
                 j -= step
-            points[j, 0], points[j, 1], points[j, 2], rows[j] = x, y, z, row
+            elevation[j], rows[j] = z, row
 
 
 @njit(cache=True, nogil=True)
-def _before(x, y, z, points, j):  # type: ignore[no-untyped-def]
+def _comes_first(points, z, row, other_z, other_row):  # type: ignore[no-untyped-def]
     """
-    Whether (x, y, z) comes before point j.
+    Whether a row's point, of elevation z, comes before another's by z, x, y.
 
     """
-    if z != points[j, 2]:
-        return z < points[j, 2]
-    if x != points[j, 0]:
-        return x < points[j, 0]
-    return y < points[j, 1]
+    if z != other_z:
+        return z < other_z
+    for axis in range(2):
+        if points[row, axis] != points[other_row, axis]:
+            return points[row, axis] < points[other_row, axis]
+    return False
 
 
 def _sort_large_cell(points: NDArray[np.float64], rows: NDArray[np.intp], cell: slice) -> None:
@@ -298,7 +320,7 @@ def _lowest_of_cells(numbers, n_cells, points):  # type: ignore[no-untyped-def]
     lowest = np.full(n_cells, -1, dtype=np.intp)
     for i in range(len(numbers)):
         k = numbers[i]
-        if lowest[k] < 0 or _before(points[i, 0], points[i, 1], points[i, 2], points, lowest[k]):
+        if lowest[k] < 0 or _comes_first(points, points[i, 2], i, points[lowest[k], 2], lowest[k]):
             lowest[k] = i
     return lowest
 
@@ -313,8 +335,7 @@ def _lowest_of_runs(rows, first, points):  # type: ignore[no-untyped-def]
     for k in range(len(lowest)):
         best = rows[first[k]]
         for i in range(first[k] + 1, first[k + 1]):
-            x, y, z = points[rows[i], 0], points[rows[i], 1], points[rows[i], 2]
-            if _before(x, y, z, points, best):
+            if _comes_first(points, points[rows[i], 2], rows[i], points[best, 2], best):
                 best = rows[i]
         lowest[k] = best
     return lowest

@@ -18,7 +18,8 @@ from lidar_buildings.core.ground_filter.noise import find_noise
 from lidar_buildings.core.ground_filter.progressive_tin import densify
 from lidar_buildings.core.ground_filter.tin_labels import near_terrain
 from lidar_buildings.core.point_array import checked_column, checked_points
-from lidar_buildings.core.point_order import SortedPoints, lowest_of_cells, sort_by_cell
+from lidar_buildings.core.point_order import SortedPoints, in_rows_order, lowest_of_cells, sort_by_cell
+from lidar_buildings.core.row_blocks import for_row_blocks
 from lidar_buildings.core.tin import Tin, build_tin
 
 
@@ -118,13 +119,31 @@ def classify_ground(
     labels = _labelled_ground(points, cloud, free, config, scan)
     terrain = _terrain(cloud, free if labels is None else labels, config)
     elevation, slope = terrain.elevation_and_slope_along(cloud.points)
-    above = cloud.points[:, 2] - elevation
-    ground = near_terrain(above, slope, config) if labels is None else labels
+    height = np.subtract(cloud.points[:, 2], elevation, out=elevation)
+    ground = _near_terrain(height, slope, config) if labels is None else labels
     classes[classes == 0] = PointClass.UNCLASSIFIED
     classes[ground & free] = PointClass.GROUND
-    classification, height = np.empty(len(points), dtype=np.uint8), np.empty(len(points))
-    classification[cloud.rows], height[cloud.rows] = classes, above
-    return GroundResult(classification, height)
+    return GroundResult(in_rows_order(cloud, classes), in_rows_order(cloud, height))
+
+
+def _near_terrain(
+    height: NDArray[np.float64], slope: NDArray[np.float64], config: GroundFilterConfig
+) -> NDArray[np.bool_]:
+    """
+    Return `near_terrain` of all points, on all cores.
+
+    """
+    near = np.empty(len(height), dtype=np.bool_)
+
+    def judge(begin: int, end: int) -> None:
+        """
+        Judge points `begin` to `end`.
+
+        """
+        near[begin:end] = near_terrain(height[begin:end], slope[begin:end], config)
+
+    for_row_blocks(judge, len(near))
+    return near
 
 
 def _free(noise: NDArray[np.uint8], aside: NDArray[np.bool_] | None) -> NDArray[np.bool_]:
@@ -164,8 +183,7 @@ def _labelled_ground(
     """
     if config.method == "progressive_tin":
         return None
-    in_order = np.empty(len(points), dtype=np.bool_)
-    in_order[cloud.rows] = free
+    in_order = in_rows_order(cloud, free)
     rows = np.flatnonzero(in_order)
     if config.method == "morphological":
         found = morphological.label_ground(points[rows], config)
@@ -183,7 +201,8 @@ def _terrain(cloud: SortedPoints, ground: NDArray[np.bool_], config: GroundFilte
     Only the lowest point a cell takes part. Where a method found no ground at all, it is the lowest surface.
 
     """
-    extent = np.array([cloud.points[:, :2].min(axis=0), cloud.points[:, :2].max(axis=0)])
+    x, y = cloud.points[:, 0], cloud.points[:, 1]
+    extent = np.array([[x.min(), y.min()], [x.max(), y.max()]])
     candidates = cloud.points[lowest_of_cells(cloud, ground if ground.any() else np.ones_like(ground))]
     if config.method == "progressive_tin":
         return densify(candidates, extent, config)

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lidar_buildings.core.asprs import PointClass
+from lidar_buildings.core.ground_filter.clouds import find_cloud_layers
 from lidar_buildings.core.ground_filter.config import GroundFilterConfig
 from lidar_buildings.core.ground_filter.high_noise import find_high_layers
 from lidar_buildings.core.ground_filter.low_noise import find_low_layers
@@ -63,7 +64,8 @@ def _find_in_columns(cloud: SortedPoints, config: GroundFilterConfig) -> NDArray
     radius, limit = round(config.noise_radius), config.noise_group
     low = find_low_layers(layers, config.low_point_gap, radius, limit)
     high_gap = max(config.high_point_gap, MIN_GAP_COLUMNS * cloud.size)
-    high = find_high_layers(layers, low, high_gap, radius)
+    high = find_cloud_layers(layers, low)
+    high |= find_high_layers(layers, low, high_gap, radius)
     noise = np.zeros(len(low), dtype=np.uint8)
     noise[high] = PointClass.HIGH_NOISE
     noise[low] = PointClass.LOW_NOISE
