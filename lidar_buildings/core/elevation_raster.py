@@ -73,8 +73,18 @@ def filled(
         Row and column of the first cell in the grid: cells are paired from the grid's origin, so that a
         window of a raster is filled like the whole.
 
+    Raises
+    ------
+    ValueError
+        If no cell is known.
+
     """
+    if not known.any():
+        raise ValueError("known has no True cell: there is nothing to fill the others from")
     out = np.where(known, elevation, 0.0)
+    if max(out.shape) <= 2:
+        # Cells on either side of the grid's origin are never paired.
+        return np.where(known, out, out[known].mean())
     if known.all():
         return out
     coarse, coarse_known = _halved(out, known, first[0] & 1, first[1] & 1)

@@ -8,9 +8,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
-from scipy.interpolate import LinearNDInterpolator
-from scipy.spatial import QhullError
 
+from lidar_buildings.core.elevation_raster import cell_bounds, filled, lowest_elevations
 from lidar_buildings.core.point_spacing import quantised_spacing
 
 #: Side of a cell: so many spacings, and at least so many metres.
@@ -36,7 +35,7 @@ def height_above_minimum(points: NDArray[np.float64]) -> NDArray[np.float64]:
 
     A progressive morphological filter (Zhang and others, 2003): the raster of cell minima is opened with
     growing windows; a cell that sinks by more than the terrain can rise over the window is an object.
-    Ground is interpolated linearly across objects.
+    Ground is interpolated across objects.
 
     Parameters
     ----------
@@ -57,18 +56,18 @@ def height_above_minimum(points: NDArray[np.float64]) -> NDArray[np.float64]:
     if len(points) == 0:
         return np.zeros(0)
     cell = _cell_size(points)
-    place = points[:, :2] / cell
-    first = np.floor(place.min(axis=0))
-    column, row = (np.floor(place) - first).astype(np.int64).T
-    lowest = np.full((row.max() + 1, column.max() + 1), np.inf)
-    np.minimum.at(lowest, (row, column), points[:, 2])
+    first, last = cell_bounds(points, cell)
+    n_rows, n_columns = (last - first).astype(np.int64) + 1
+    lowest = lowest_elevations(points, cell, first, (n_rows, n_columns))
     known = np.isfinite(lowest)
     surface = _without_pits(_nearest_filled(lowest, known))
     # Levelled, because an opening cuts off the upper rim of a slope.
     is_ground = known & _is_ground(surface - _lower_plane(surface), cell)
-    ground = _interpolated(surface, is_ground)
+    if not is_ground.any():
+        is_ground = known
+    ground = filled(surface, is_ground, (int(first[0]), int(first[1])))
     # Values belong to the middles of cells.
-    x, y = (place - first - 0.5).T
+    y, x = (points[:, 1::-1] / cell - first - 0.5).T
     return points[:, 2] - ndimage.map_coordinates(ground, [y, x], order=1, mode="nearest")
 
 
@@ -131,20 +130,3 @@ def _is_ground(surface: NDArray[np.float64], cell: float) -> NDArray[np.bool_]:
         ground &= surface - opened <= step
         surface, before, half = opened, half, 2 * half
     return ground
-
-
-def _interpolated(surface: NDArray[np.float64], ground: NDArray[np.bool_]) -> NDArray[np.float64]:
-    """
-    Return the surface with all but its ground cells interpolated linearly between those at their edges.
-
-    """
-    filled = _nearest_filled(surface, ground)
-    rim = ground & ndimage.binary_dilation(~ground, structure=np.ones((3, 3)))
-    if np.count_nonzero(rim) < 3:
-        return filled
-    try:
-        between = LinearNDInterpolator(np.argwhere(rim), surface[rim])(np.argwhere(~ground))
-    except QhullError:  # all on a line
-        return filled
-    filled[~ground] = np.where(np.isnan(between), filled[~ground], between)
-    return filled
