@@ -18,7 +18,7 @@ from lidar_buildings.core.ground_filter.profile_regression import take_back
 from lidar_buildings.core.ground_filter.profile_trend import fit_trend
 from lidar_buildings.core.ground_filter.profiles import Profiles, cut_profiles
 from lidar_buildings.core.ground_filter.scan_lines import ScanLines, find_scan_lines
-from lidar_buildings.core.point_array import checked_points
+from lidar_buildings.core.point_array import checked_column, checked_points
 from lidar_buildings.core.point_order import SortedPoints, sort_by_cell
 from lidar_buildings.core.point_spacing import quantised_spacing
 from lidar_buildings.core.row_blocks import for_row_blocks
@@ -68,24 +68,29 @@ def label_ground(
     Raises
     ------
     ValueError
-        If `points` has another shape or is not finite.
+        If `points` has another shape or is not finite, or a column has not one number per point.
+
+    Notes
+    -----
+    O(n log n): 1 to 2 M points per second of processor time in dense clouds, of which only the lowest points
+    of cells are walked over.
 
     """
     config = config or GroundFilterConfig(method="bidirectional_slope")
     cloud = checked_points(points)
+    columns = _checked_columns(
+        len(cloud),
+        gps_time=gps_time,
+        scan_angle=scan_angle,
+        scan_direction_flag=scan_direction_flag,
+        point_source_id=point_source_id,
+    )
     if len(cloud) == 0:
         return np.zeros(0, dtype=np.bool_)
     cells = sort_by_cell(cloud, config.candidate_spacing)
     kept = _kept_of_cells(cells.first)
     chosen = cells.rows[kept]
     spacing = quantised_spacing(cloud[chosen])
-    columns: dict[str, Any] = {
-        "gps_time": gps_time,
-        "scan_angle": scan_angle,
-        "scan_direction_flag": scan_direction_flag,
-        "point_source_id": point_source_id,
-    }
-    columns = {name: None if column is None else np.asarray(column) for name, column in columns.items()}
     lines = find_scan_lines(cloud, spacing, **columns)
     if config.profile_directions == 0:
         return _label_lines(cloud, lines, spacing, config)
@@ -99,6 +104,17 @@ def label_ground(
     ground = np.zeros(len(cloud), dtype=np.bool_)
     ground[kept] = _label_candidates(candidates, profiles, spacing, config)
     return _label_all(cells, ground, spacing, config)
+
+
+def _checked_columns(n_points: int, **columns: ArrayLike | None) -> dict[str, NDArray[Any] | None]:
+    """
+    Return what is known of the scan, one number per point, None where nothing is.
+
+    """
+    return {
+        name: None if column is None else checked_column(name, column, n_points, np.asarray(column).dtype)
+        for name, column in columns.items()
+    }
 
 
 def _label_lines(
@@ -172,7 +188,7 @@ def _label_all(
     """
     lowest = cells.points[cells.first[:-1]]
     gradient = fit_trend(cells.points, ground, LOCAL_RADIUS * spacing).gradient_at(lowest)
-    limits = (config.profile_tolerance, config.profile_tolerance_slope)
+    limits = (config.profile_step, config.profile_tolerance_slope)
     for_row_blocks(
         lambda a, b: _near_lowest(cells.points, cells.first, gradient, limits, ground, a, b), len(lowest)
     )
