@@ -18,13 +18,14 @@ BLOCK_COLUMNS = 24
 CLOUD_GAP = 200.0
 #: Share of a cloud's columns in which the surface is seen as well: towers hide what is below them.
 TRANSPARENT = 0.5
-#: Columns of the surface for each of a cloud that tell as much where columns hold one point only.
-WIDER = 8
 
 
 def find_cloud_layers(layers: Layers, errors: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """
     Return which layers belong to clouds, block by block.
+
+    In two divisions into blocks, one shifted against the other: the corner of a tower that one cuts off
+    looks like a small cloud, but not in both.
 
     Parameters
     ----------
@@ -34,10 +35,24 @@ def find_cloud_layers(layers: Layers, errors: NDArray[np.bool_]) -> NDArray[np.b
         Which are known as low gross errors: they do not count.
 
     """
-    clouds = np.zeros(len(layers.column), dtype=np.bool_)
     if np.ptp(layers.points[:, 2]) <= CLOUD_GAP:
-        return clouds
-    blocks = sort_by_cell(layers.points[layers.begin[:-1]], BLOCK_COLUMNS * layers.size)
+        return np.zeros(len(layers.column), dtype=np.bool_)
+    side = BLOCK_COLUMNS * layers.size
+    lowest = layers.points[layers.begin[:-1]]
+    shifted = lowest + np.array([0.5 * side, 0.5 * side, 0.0])
+    clouds = _clouds_of_blocks(layers, errors, lowest, side)
+    return clouds & _clouds_of_blocks(layers, errors, shifted, side)
+
+
+def _clouds_of_blocks(
+    layers: Layers, errors: NDArray[np.bool_], lowest: NDArray[np.float64], side: float
+) -> NDArray[np.bool_]:
+    """
+    Return which layers belong to clouds, their lowest points having been sorted into blocks.
+
+    """
+    clouds = np.zeros(len(layers.column), dtype=np.bool_)
+    blocks = sort_by_cell(lowest, side)
     _mark_clouds(layers, errors, blocks.rows, blocks.first, clouds)
     return clouds
 
@@ -70,15 +85,12 @@ def _is_transparent(layers, errors, block, split):  # type: ignore[no-untyped-de
     Whether enough of the surface is seen below what lies above an elevation.
 
     """
-    n_upper, n_both, n_lower = 0, 0, 0
+    n_upper, n_both = 0, 0
     for layer in block:
-        if errors[layer]:
+        if errors[layer] or low_end(layers, layer) < split:
             continue
         lowest = layers.first[layers.column[layer]]
-        below = layer > lowest and not errors[layer - 1] and low_end(layers, layer - 1) < split
-        if low_end(layers, layer) >= split:
-            n_upper += layer == lowest or low_end(layers, layer - 1) < split
-            n_both += below
-        else:
-            n_lower += not below
-    return n_both >= TRANSPARENT * n_upper or n_lower >= WIDER * n_upper
+        if layer == lowest or low_end(layers, layer - 1) < split:
+            n_upper += 1
+            n_both += layer > lowest and not errors[layer - 1]
+    return n_both >= TRANSPARENT * n_upper

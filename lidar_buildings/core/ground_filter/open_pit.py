@@ -20,7 +20,7 @@ DISC = 1.75
 #: Share of points above, of all points in those discs, that covers a group.
 MIN_COVER = 0.6
 #: Over a hole, points above are fewer than a surface has by more than so many standard deviations ...
-DEVIATIONS = 2.0
+DEVIATIONS = 1.8
 #: ... and are certainly enough at this share of them.
 FULL_COVER = 0.8
 
@@ -56,7 +56,7 @@ def is_open_pit(layers, group, gap):  # type: ignore[no-untyped-def]
             above, beside = _count_disc(layers, layers.column[layer], layers.points[i], radius, gap)
             n_cover += above
             n_all += above + min(beside, usual)
-    n_surface = max(usual, len(group) * (layers.size / spacing) ** 2)
+    n_surface = usual + len(group) * (layers.size / spacing) ** 2
     enough = min(1.0 - DEVIATIONS / math.sqrt(n_surface), FULL_COVER)
     return n_cover < MIN_COVER * n_all and n_cover < enough * usual * n_points
 

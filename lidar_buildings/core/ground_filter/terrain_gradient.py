@@ -15,7 +15,7 @@ from lidar_buildings.core.row_blocks import for_row_blocks
 #: Cells along a block's side.
 BLOCK_CELLS = 8
 #: The share of a block's cells whose lowest points lie below the elevation taken for it: errors hide there.
-LOW_SHARE = 0.1
+LOW_SHARE = 0.25
 #: Blocks on each side that take part in the plane through a block.
 REACH = 2
 #: With fewer blocks around than this a block counts as level.
@@ -25,7 +25,7 @@ SMOOTH = 0.5
 #: Times that the blocks standing out above the plane are left out; what stands out is halved each time.
 MAX_PASSES = 6
 #: Terrain is not taken to be steeper; rise over run.
-MAX_GRADIENT = 1.5
+MAX_GRADIENT = 1.0
 #: Rows a block of work: each stands for a small adjustment.
 ROWS_A_BLOCK = 256
 
@@ -34,8 +34,9 @@ def terrain_gradient(cloud: SortedPoints) -> NDArray[np.float64]:
     """
     Return the terrain's rise over run along x and y in each cell, shape (n_cells, 2).
 
-    Each block of cells has the elevation below which only a tenth of its cells reach. Through the blocks
+    Each block of cells has the elevation below which a quarter of its cells reach. Through the blocks
     around, a plane is fitted from which those that stand out above, roofs and trees, are left out by and by.
+    It counts as far as it explains how those that remain differ.
 
     Parameters
     ----------
@@ -97,7 +98,19 @@ def _low_plane(around):  # type: ignore[no-untyped-def]
             break
         kept = fewer
         east, north, level = _plane(around, kept)
-    return east, north
+    explained = _explained(around, kept, east, north)
+    return explained * east, explained * north
+
+
+@njit(cache=True, nogil=True)
+def _explained(around, kept, east, north):  # type: ignore[no-untyped-def]
+    """
+    Return which share of the variance of the kept points' elevations a slope explains, 0 to 1.
+
+    """
+    x, y, z = around[kept, 0], around[kept, 1], around[kept, 2]
+    variance = np.var(z)
+    return max(0.0, 1.0 - np.var(z - east * x - north * y) / variance) if variance > 0.0 else 0.0
 
 
 @njit(cache=True, nogil=True)
