@@ -9,6 +9,7 @@ from lidar_buildings.core.ground_filter import GroundFilterConfig, classify_grou
 
 GROUND, LOW, HIGH = PointClass.GROUND, PointClass.LOW_NOISE, PointClass.HIGH_NOISE
 WITHOUT_GROUND = {"single_point", "collinear"}
+METHODS = ("progressive_tin", "bidirectional_slope", "morphological")
 
 
 def lattice(width, depth, spacing, elevation=0.0, seed=0):
@@ -65,13 +66,55 @@ def test_heights_are_those_above_the_true_ground(name):
     np.testing.assert_allclose(height[edge], truth[edge], atol=0.05 + np.hypot(*slope))
 
 
-def test_shuffled_rows_get_the_same_labels():
-    points, _ = hilly_town()
-    points = points[:30_000]
-    rows = np.random.default_rng(1).permutation(len(points))
+def town_with_errors(seed=0):
+    """
+    The town of `hilly_town` with a hundred gross errors, single and in groups, most of them below it.
+
+    """
+    points, _ = hilly_town(seed)
+    random = np.random.default_rng(seed + 1)
+    places = random.uniform((5, 5), (295, 155), (30, 2)).repeat(random.integers(1, 7, 30), axis=0)
+    places = places + random.uniform(-1, 1, places.shape)
+    errors = np.column_stack((places, random.uniform(60, 85, len(places))))
+    birds = np.column_stack((random.uniform((5, 5), (295, 155), (8, 2)), random.uniform(150, 190, 8)))
+    return np.vstack((points, errors, birds))
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_shuffled_rows_get_the_same_result(seed):
+    points = town_with_errors()
+    points = points[np.random.default_rng(0).uniform(size=len(points)) < 0.4]
+    rows = np.random.default_rng(seed).permutation(len(points))
     straight, shuffled = classify_ground(points), classify_ground(points[rows])
     np.testing.assert_array_equal(shuffled.classification, straight.classification[rows])
-    np.testing.assert_allclose(shuffled.height_above_ground, straight.height_above_ground[rows], atol=1e-9)
+    np.testing.assert_array_equal(shuffled.height_above_ground, straight.height_above_ground[rows])
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_the_number_of_threads_does_not_matter(method, monkeypatch):
+    points = town_with_errors()[::2]
+    results = []
+    for n_threads in (1, 4):
+        monkeypatch.setattr("os.cpu_count", lambda n_threads=n_threads: n_threads)
+        results.append(classify_ground(points, GroundFilterConfig(method=method)))
+    one, four = results
+    np.testing.assert_array_equal(one.classification, four.classification)
+    np.testing.assert_array_equal(one.height_above_ground, four.height_above_ground)
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize(("size", "start"), [(60.0, 0.0), (110.0, -37.0)])
+def test_less_than_a_percent_depends_on_how_the_cloud_is_cut_into_tiles(size, start, method):
+    points, buffer, config = town_with_errors(), 20.0, GroundFilterConfig(method=method)
+    whole = classify_ground(points, config).classification
+    pieces = np.zeros_like(whole)
+    for west in np.arange(start, 300.0, size):
+        for south in np.arange(start, 160.0, size):
+            offset = points[:, :2] - (west, south)
+            tile = ((offset >= -buffer) & (offset < size + buffer)).all(axis=1)
+            core = ((offset >= 0.0) & (offset < size)).all(axis=1)
+            pieces[core] = classify_ground(points[tile], config).classification[core[tile]]
+    assert (pieces != whole).mean() < 0.01
 
 
 def test_a_tile_with_a_buffer_gets_the_labels_of_the_whole():
@@ -135,6 +178,17 @@ def test_a_bird_is_high_noise_and_a_tower_is_not():
     assert (result.classification[:-1][tower] == PointClass.UNCLASSIFIED).all()
 
 
+def errors_below(n_points=20_000, share=0.99, seed=0):
+    """
+    Points of which only a few are of the surface; all others lie anywhere below it.
+
+    """
+    points = np.random.default_rng(seed).uniform(0, 60, (n_points, 3))
+    points[:, 2] = np.where(np.arange(n_points) < share * n_points, -points[:, 2], 0.0)
+    return points
+
+
+@pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize(
     "points",
     [
@@ -146,15 +200,49 @@ def test_a_bird_is_high_noise_and_a_tower_is_not():
         np.column_stack((np.full((50, 2), 2.0), np.arange(50) / 50)),
         [[0.0, 0.0, 0.0], [1e7, -1e7, 5.0], [1e7, 1e7, 50.0]],
         [[1e-9 * k, 0.0, 0.0] for k in range(20)],
+        errors_below(),
+        lattice(40.0, 40.0, 0.7) + np.array([3e5, 5e6, 0.0]),
+        np.repeat(lattice(20.0, 20.0, 1.0), 3, axis=0),
     ],
-    ids=["none", "one", "two", "identical", "collinear", "vertical", "huge", "tiny"],
+    ids=[
+        "none",
+        "one",
+        "two",
+        "identical",
+        "collinear",
+        "vertical",
+        "huge",
+        "tiny",
+        "nearly_all_errors",
+        "far_from_the_origin",
+        "three_times_each",
+    ],
 )
-def test_degenerate_clouds_get_a_valid_result(points):
-    result = classify_ground(points)
+def test_degenerate_clouds_get_a_valid_result(points, method):
+    result = classify_ground(points, GroundFilterConfig(method=method))
     assert result.classification.shape == result.height_above_ground.shape == (len(points),)
     assert result.classification.dtype == np.uint8
     assert np.isin(result.classification, [1, 2, 7, 18]).all()
     assert np.isfinite(result.height_above_ground).all()
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_every_method_finds_the_ground_of_a_town_and_not_its_roofs(method):
+    points, roof = hilly_town()
+    rows = points[:, 0] < 150.0
+    ground = classify_ground(points[rows], GroundFilterConfig(method=method)).classification == GROUND
+    assert ground[~roof[rows]].mean() > 0.98
+    assert ground[roof[rows]].mean() < 0.02
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_low_points_are_no_ground_to_any_method(method):
+    points = lattice(60.0, 60.0, 0.5)
+    clump = np.random.default_rng(0).uniform((30, 30, -9), (31, 31, -8), (30, 3))
+    result = classify_ground(np.vstack((points, clump)), GroundFilterConfig(method=method))
+    assert (result.classification[len(points) :] == LOW).all()
+    assert (result.classification[: len(points)] == GROUND).mean() > 0.99
+    np.testing.assert_allclose(result.height_above_ground[len(points) :], clump[:, 2], atol=0.2)
 
 
 def test_points_all_at_one_height_are_all_ground():
