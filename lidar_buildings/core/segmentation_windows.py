@@ -9,6 +9,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from lidar_buildings.core.linked_sets import link, root
+
 #: Cell numbers are kept within ± this, so that they fit an integer whatever the coordinates are.
 _MAX_CELL = 2.0**40
 
@@ -65,19 +67,19 @@ def _join_cells(x, y, first, column, row, reach_x, reach_y):  # type: ignore[no-
         is_next = cell + 1 < n and row[cell + 1] == row[cell] and column[cell + 1] == column[cell] + 1
         # Neighbours in a row hold points of the same height: only x decides.
         if is_next and x[first[cell + 1]] - x[first[cell + 1] - 1] <= reach_x:
-            _join(parent, cell, cell + 1)
+            link(parent, cell, cell + 1)
         while above < n and (
             row[above] <= row[cell] or (row[above] == row[cell] + 1 and column[above] < column[cell] - 1)
         ):
             above += 1
         other = above
         while other < n and row[other] == row[cell] + 1 and column[other] <= column[cell] + 1:
-            if _root(parent, cell) != _root(parent, other) and _linked_upwards(
+            if root(parent, cell) != root(parent, other) and _linked_upwards(
                 x, y, first, cell, other, column[other] - column[cell], reach_x, reach_y
             ):
-                _join(parent, cell, other)
+                link(parent, cell, other)
             other += 1
-    return np.array([_root(parent, cell) for cell in range(n)])
+    return np.array([root(parent, cell) for cell in range(n)])
 
 
 @njit(cache=True, nogil=True)
@@ -109,25 +111,3 @@ def _linked_upwards(x, y, first, lower, upper, step, reach_x, reach_y):  # type:
         if y[j] - highest <= reach_y:
             return True
     return False
-
-
-@njit(cache=True, nogil=True)
-def _root(parent, cell):  # type: ignore[no-untyped-def]
-    """
-    Return a cell's root, halving the path to it.
-
-    """
-    while parent[cell] != cell:
-        parent[cell] = parent[parent[cell]]
-        cell = parent[cell]
-    return cell
-
-
-@njit(cache=True, nogil=True)
-def _join(parent, one, other):  # type: ignore[no-untyped-def]
-    """
-    Give two cells one root, the earlier of theirs.
-
-    """
-    one, other = _root(parent, one), _root(parent, other)
-    parent[max(one, other)] = min(one, other)

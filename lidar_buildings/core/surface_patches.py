@@ -11,6 +11,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from lidar_buildings.core.linked_sets import flatten, link
 from lidar_buildings.core.neighbourhoods import build_grid, neighbours_of
 
 
@@ -84,45 +85,10 @@ def _numbered(parent: NDArray[np.int64], rows: NDArray[np.int64]) -> NDArray[np.
     Turn the links between sorted points into numbers 0, 1, … per input row.
 
     """
-    _flatten(parent)
+    flatten(parent)
     numbers = np.empty(len(parent), dtype=np.int64)
     numbers[rows] = np.unique(parent, return_inverse=True)[1]
     return numbers
-
-
-@njit(cache=True, nogil=True)
-def _root(parent, i):  # type: ignore[no-untyped-def]
-    """
-    Return the smallest point linked to i, shortening the way to it.
-
-    """
-    while parent[i] != i:
-        parent[i] = parent[parent[i]]
-        i = parent[i]
-    return i
-
-
-@njit(cache=True, nogil=True)
-def _join(parent, i, j):  # type: ignore[no-untyped-def]
-    """
-    Link i and j.
-
-    """
-    i, j = _root(parent, i), _root(parent, j)
-    if i < j:
-        parent[j] = i
-    else:
-        parent[i] = j
-
-
-@njit(cache=True, nogil=True)
-def _flatten(parent):  # type: ignore[no-untyped-def]
-    """
-    Let every point name its root.
-
-    """
-    for i in range(len(parent)):
-        parent[i] = _root(parent, i)
 
 
 @njit(cache=True, nogil=True)
@@ -136,7 +102,7 @@ def _link_near(grid, radius, in_plan, parent):  # type: ignore[no-untyped-def]
         x, y, z = grid.points[i]
         for k in range(neighbours_of(grid, grid.cell[i], x, y, z, radius, in_plan, near)):
             if near[k] > i:
-                _join(parent, i, near[k])
+                link(parent, i, near[k])
 
 
 @njit(cache=True, nogil=True)
@@ -161,4 +127,4 @@ def _link_smooth(grid, normals, radius, min_cosine, max_offset, parent):  # type
                 and abs(a * dx + b * dy + c * dz) <= max_offset
                 and abs(u * dx + v * dy + w * dz) <= max_offset
             ):
-                _join(parent, i, j)
+                link(parent, i, j)
