@@ -51,7 +51,7 @@ class GroundFilterConfig(StageConfig):
         maximum=20.0,
     )
     iteration_angle: float = parameter(
-        10.0,
+        7.0,
         "Largest angle at which a point may be seen from the corners of a level facet and join the TIN: "
         "raising it climbs steeper terrain, and low objects.",
         unit="deg",
@@ -66,12 +66,48 @@ class GroundFilterConfig(StageConfig):
         maximum=2.0,
     )
     iteration_distance: float = parameter(
-        1.0,
+        0.8,
         "Largest distance above its facet at which a point may join the TIN: raising it climbs steps and low "
         "objects.",
         unit="m",
         minimum=0.01,
         maximum=20.0,
+    )
+    landform_distance: float = parameter(
+        3.5,
+        "Largest distance above its facet at which a point of a bank, mound or terrace may join: raising it "
+        "finds higher ones, and more objects to choose between. No landforms are looked for if it is not "
+        "above iteration_distance.",
+        unit="m",
+        minimum=0.0,
+        maximum=50.0,
+    )
+    landform_angle: float = parameter(
+        20.0,
+        "The iteration angle for landforms: raising it finds steeper ones, and more objects to choose "
+        "between.",
+        unit="deg",
+        minimum=0.1,
+        maximum=89.0,
+    )
+    landform_slope_gain: float = parameter(
+        0.8,
+        "The slope gain for landforms: raising it finds rougher ones, and more objects to choose between.",
+        minimum=0.0,
+        maximum=2.0,
+    )
+    max_steep_share: float = parameter(
+        0.15,
+        "Largest share of steep links between a landform and the terrain around, among objects: raising it "
+        "keeps more terraces, and more low buildings and bushes.",
+        minimum=0.0,
+        maximum=1.0,
+    )
+    max_bare_steep_share: float = parameter(
+        0.7,
+        "The same in bare land, where hardly anything rises above the terrain.",
+        minimum=0.0,
+        maximum=1.0,
     )
     min_facet_side: float = parameter(
         2.0,
@@ -89,7 +125,7 @@ class GroundFilterConfig(StageConfig):
         maximum=5.0,
     )
     ground_distance_slope: float = parameter(
-        0.6,
+        0.9,
         "By how much ground_distance grows per unit of slope of the facet: raising it takes in more on "
         "steep terrain.",
         unit="m",

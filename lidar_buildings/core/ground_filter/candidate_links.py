@@ -1,0 +1,81 @@
+"""
+Which candidates are next to each other: the nearest one in each direction.
+
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from lidar_buildings.core.point_order import sort_by_cell
+from lidar_buildings.core.row_blocks import for_row_blocks
+
+#: Directions in which a candidate looks for its neighbours.
+SECTORS = 8
+#: Rows a block of work.
+ROWS_A_BLOCK = 1024
+
+
+def nearest_by_sector(
+    candidates: NDArray[np.float64], rows: NDArray[np.intp], reach: float
+) -> NDArray[np.int64]:
+    """
+    Return for each of the rows the nearest other candidate in each of eight sectors, −1 where there is none.
+
+    Parameters
+    ----------
+    candidates : ndarray of shape (n_candidates, 3)
+        At most one per place [m].
+    rows : ndarray of shape (n_rows,), intp
+        The candidates that neighbours are wanted of.
+    reach : float
+        How far a neighbour may be, in plan [m].
+
+    Returns
+    -------
+    ndarray of shape (n_rows, 8), int64
+
+    """
+    cells = sort_by_cell(candidates, reach)
+    found = np.full((len(rows), SECTORS), -1, dtype=np.int64)
+    table = (cells.points, cells.rows, cells.numbers, cells.first, cells.n_columns)
+    ranks = np.empty(len(candidates), dtype=np.int64)
+    ranks[cells.rows] = np.repeat(np.arange(len(cells.numbers)), np.diff(cells.first))
+    for_row_blocks(
+        lambda a, b: _look_around(candidates, rows, ranks, table, reach, found, a, b), len(rows), 1024
+    )
+    return found
+
+
+@njit(cache=True, nogil=True)
+def _look_around(candidates, rows, ranks, table, reach, found, begin, end):  # type: ignore[no-untyped-def]
+    """
+    Fill the rows `begin` to `end` of `found`; `ranks` says in which occupied cell a candidate lies.
+
+    """
+    points, origin, numbers, first, n_columns = table
+    nearest = np.empty(SECTORS)
+    for r in range(begin, end):
+        x, y = candidates[rows[r], 0], candidates[rows[r], 1]
+        nearest[:] = reach * reach
+        number = numbers[ranks[rows[r]]]
+        column = number % n_columns
+        west, east = min(column, 1), min(n_columns - 1 - column, 1)
+        for step in range(-1, 2):
+            middle = number + step * n_columns
+            k = np.searchsorted(numbers, middle - west)
+            while k < len(numbers) and numbers[k] <= middle + east:
+                for i in range(first[k], first[k + 1]):
+                    dx, dy = points[i, 0] - x, points[i, 1] - y
+                    squared = dx * dx + dy * dy
+                    if squared == 0.0 or squared > reach * reach:
+                        continue
+                    sector = int((math.atan2(dy, dx) + math.pi) / (2.0 * math.pi) * SECTORS) % SECTORS
+                    if squared < nearest[sector]:
+                        nearest[sector] = squared
+                        found[r, sector] = origin[i]
+                k += 1

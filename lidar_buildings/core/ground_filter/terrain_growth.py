@@ -1,0 +1,312 @@
+"""
+A terrain that grows: candidates join a TIN round by round, as far as the limits given allow.
+
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from lidar_buildings.core.ground_filter.facet_scores import facet_score, mirrored_score
+from lidar_buildings.core.ground_filter.frame import edge_gradients, extend_terrain
+from lidar_buildings.core.incremental_delaunay import insert_vertex, with_room
+from lidar_buildings.core.tin import Tin, build_tin, plane_elevation, plane_slope, walk
+
+#: A guard, never reached on real data: terrain climbs at least one candidate a round.
+MAX_ROUNDS = 1000
+
+
+class GrowthLimits(NamedTuple):
+    """
+    How far from its facet a candidate may be to join.
+
+    Attributes
+    ----------
+    angle : float
+        Largest angle at which it may be seen from the corners of a level facet [rad].
+    slope_gain : float
+        By how much of a facet's own slope that angle grows.
+    distance : float
+        Largest distance above the facet [m].
+    squared_side : float
+        Facets whose longest side is shorter than the root of this are left as they are [m²].
+
+    """
+
+    angle: float
+    slope_gain: float
+    distance: float
+    squared_side: float
+
+
+@dataclass(eq=False)
+class TerrainGrowth:
+    """
+    A TIN and the candidates that wait to join it.
+
+    Attributes
+    ----------
+    start : Tin
+        The TIN of the seeds.
+    is_seed : ndarray of shape (n_candidates,), bool
+        Which candidates are in it; the others wait, in their order.
+    vertices : ndarray of shape (n_vertices, 3)
+        The seeds, the virtual points of the frame, and the waiting candidates, relative to its origin [m].
+    triangles, neighbours : ndarray of shape (m, 3), int32
+        The mesh, with room for every candidate.
+    n_triangles : int
+        How many of those rows are in use.
+    joined, home, changed : ndarray
+        Of each waiting candidate whether it has joined and in which triangle it was seen last; of each
+        triangle the round in which it changed last.
+    turn : int
+        The last round.
+    gradient : ndarray of shape (n_frame, 2)
+        The terrain's slope at the frame.
+
+    """
+
+    start: Tin
+    is_seed: NDArray[np.bool_]
+    vertices: NDArray[np.float64]
+    triangles: NDArray[np.int32]
+    neighbours: NDArray[np.int32]
+    n_triangles: int
+    joined: NDArray[np.bool_]
+    home: NDArray[np.int32]
+    changed: NDArray[np.int32]
+    turn: int
+    gradient: NDArray[np.float64]
+
+    def branch(self) -> TerrainGrowth:
+        """
+        Return a terrain that can grow on without changing this one.
+
+        """
+        return replace(
+            self,
+            vertices=self.vertices.copy(),
+            triangles=self.triangles.copy(),
+            neighbours=self.neighbours.copy(),
+            joined=self.joined.copy(),
+            home=self.home.copy(),
+            changed=self.changed.copy(),
+        )
+
+    def grow(self, limits: GrowthLimits, barred: NDArray[np.bool_] | None = None) -> None:
+        """
+        Let candidates join until none is left that may; those `barred` never may.
+
+        """
+        waiting = ~self.joined if barred is None else ~(self.joined | barred[~self.is_seed])
+        self.changed[: self.n_triangles] = self.turn
+        self.n_triangles, self.turn = _grow(
+            self.vertices,
+            self.start.n_real,
+            len(self.start.vertices),
+            self.triangles,
+            self.neighbours,
+            self.n_triangles,
+            self.gradient,
+            tuple(limits),
+            waiting,
+            self.joined,
+            self.home,
+            self.changed,
+            self.turn,
+        )
+
+    def force(self, chosen: NDArray[np.bool_]) -> None:
+        """
+        Let the chosen candidates join, whatever the limits.
+
+        """
+        rows = np.flatnonzero(chosen[~self.is_seed] & ~self.joined)
+        self.n_triangles = _force(
+            rows,
+            self.vertices,
+            len(self.start.vertices),
+            self.triangles,
+            self.neighbours,
+            self.n_triangles,
+            self.joined,
+            self.home,
+            self.changed,
+            self.turn,
+        )
+
+    def height_and_slope(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """
+        Return every candidate's height above the terrain [m], and the terrain's slope there (rise over run).
+
+        """
+        height, slope = np.zeros(len(self.is_seed)), np.zeros(len(self.is_seed))
+        height[~self.is_seed], slope[~self.is_seed] = _heights(
+            self.vertices, len(self.start.vertices), self.triangles, self.neighbours, self.home
+        )
+        return height, slope
+
+    def tin(self) -> Tin:
+        """
+        Return the terrain as it is.
+
+        """
+        return replace(
+            self.start,
+            vertices=self.vertices,
+            triangles=self.triangles[: self.n_triangles],
+            neighbours=self.neighbours[: self.n_triangles],
+        )
+
+
+def start_growth(
+    candidates: NDArray[np.float64], is_seed: NDArray[np.bool_], extent: NDArray[np.float64]
+) -> TerrainGrowth:
+    """
+    Triangulate the seeds; the other candidates wait.
+
+    Parameters
+    ----------
+    candidates : ndarray of shape (n_candidates, 3)
+        At most one per place, in an order that puts neighbours together [m].
+    is_seed : ndarray of shape (n_candidates,), bool
+        At least one.
+    extent : ndarray of shape (2, 2)
+        Lower left and upper right corner of what the terrain has to cover [m].
+
+    """
+    start = build_tin(candidates[is_seed], extent)
+    waiting = candidates[~is_seed] - [*start.origin, 0.0]
+    vertices = np.vstack((start.vertices, waiting))
+    room = len(start.triangles) + 2 * len(waiting)
+    return TerrainGrowth(
+        start,
+        is_seed,
+        vertices,
+        with_room(start.triangles, room),
+        with_room(start.neighbours, room),
+        len(start.triangles),
+        np.zeros(len(waiting), dtype=np.bool_),
+        np.zeros(len(waiting), dtype=np.int32),
+        np.zeros(room, dtype=np.int32),
+        0,
+        edge_gradients(start.vertices[: start.n_real], start.vertices[start.n_real :]),
+    )
+
+
+@njit(cache=True, nogil=True)
+def _grow(  # type: ignore[no-untyped-def]
+    vertices,
+    n_real,
+    n_start,
+    triangles,
+    neighbours,
+    n_triangles,
+    gradient,
+    limits,
+    waiting,
+    joined,
+    home,
+    changed,
+    turn,
+):
+    """
+    Insert waiting candidates, rows of `vertices` from `n_start` on, until none is left that may join.
+
+    Return the number of triangles and the last round. Rows from `n_real` to `n_start` are the frame's, with
+    their `gradient`. Triangles that changed in round `turn` or later are looked at in the first round.
+
+    """
+    best = np.full(len(triangles), -1, dtype=np.int32)
+    best_score = np.empty(len(triangles))
+    for _ in range(MAX_ROUNDS):
+        turn += 1
+        extend_terrain(vertices, n_real, n_start, triangles[:n_triangles], gradient, changed, turn - 1)
+        _propose(
+            vertices,
+            n_real,
+            n_start,
+            triangles,
+            neighbours,
+            limits,
+            turn,
+            changed,
+            waiting,
+            home,
+            best,
+            best_score,
+        )
+        n_before = n_triangles
+        for triangle in range(n_before):
+            i = best[triangle]
+            if i < 0:
+                continue
+            best[triangle], waiting[i], joined[i] = -1, False, True
+            p = n_start + i
+            # Insertions of this round may have cut the point's triangle off this number.
+            within = walk(vertices[p, 0], vertices[p, 1], triangle, vertices, triangles, neighbours)
+            n_triangles = insert_vertex(
+                p, within, n_triangles, vertices, triangles, neighbours, changed, turn
+            )
+            home[i] = within
+        if n_triangles == n_before:
+            break
+    return n_triangles, turn
+
+
+@njit(cache=True, nogil=True)
+def _propose(  # type: ignore[no-untyped-def]
+    vertices, n_real, n_start, triangles, neighbours, limits, turn, changed, waiting, home, best, best_score
+):
+    """
+    Find the best candidate of each triangle that changed in the last round.
+
+    """
+    here = 0
+    for i in range(len(waiting)):
+        if not waiting[i] or changed[home[i]] < turn - 1:
+            continue
+        p = n_start + i
+        here = walk(
+            vertices[p, 0], vertices[p, 1], here if turn == 1 else home[i], vertices, triangles, neighbours
+        )
+        home[i] = here
+        score = facet_score(vertices[p], vertices, triangles[here], limits)
+        if score == np.inf:
+            score = mirrored_score(p, here, vertices, n_real, n_start, triangles, neighbours, limits)
+        if score < np.inf and (best[here] < 0 or score < best_score[here]):
+            best[here], best_score[here] = i, score
+
+
+@njit(cache=True, nogil=True)
+def _force(rows, vertices, n_start, triangles, neighbours, n_triangles, joined, home, changed, turn):  # type: ignore[no-untyped-def]
+    """
+    Insert these waiting candidates; return the number of triangles.
+
+    """
+    for i in rows:
+        p = n_start + i
+        within = walk(vertices[p, 0], vertices[p, 1], home[i], vertices, triangles, neighbours)
+        n_triangles = insert_vertex(p, within, n_triangles, vertices, triangles, neighbours, changed, turn)
+        joined[i], home[i] = True, within
+    return n_triangles
+
+
+@njit(cache=True, nogil=True)
+def _heights(vertices, n_start, triangles, neighbours, home):  # type: ignore[no-untyped-def]
+    """
+    Return the height of every waiting candidate above the mesh, and its slope there.
+
+    """
+    height, slope = np.empty(len(home)), np.empty(len(home))
+    for i in range(len(home)):
+        x, y, z = vertices[n_start + i]
+        here = walk(x, y, home[i], vertices, triangles, neighbours)
+        a, b, c = vertices[triangles[here, 0]], vertices[triangles[here, 1]], vertices[triangles[here, 2]]
+        height[i], slope[i] = z - plane_elevation(x, y, a, b, c), plane_slope(a, b, c)
+    return height, slope
