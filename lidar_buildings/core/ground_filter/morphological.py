@@ -90,8 +90,8 @@ def label_ground(points: NDArray[np.float64], config: GroundFilterConfig) -> NDA
     Notes
     -----
     Worked on in blocks, each with what lies around it within reach of the largest disc: memory does not
-    depend on the extent, time is linear in the number of occupied blocks and of points, and a label depends
-    on nothing beyond that reach, but for the doubling of cells in sparse clouds.
+    depend on the extent, and time is linear in the number of occupied blocks and of points. What lies
+    beyond has no say, but for the doubling of cells in sparse clouds.
 
     """
     points = checked_points(points)
