@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-#: Cells per standard deviation of the weights.
-CELLS_PER_RADIUS = 4.0
+from lidar_buildings.core.row_blocks import for_row_blocks
+
 #: Largest number of cells; they grow beyond.
 MAX_CELLS = 4_000_000
 #: Where there is no ground near, ground so many radii away says how the trend goes on, with little weight.
@@ -68,7 +68,14 @@ class Trend:
         return ndimage.map_coordinates(values, [row, column], order=1, mode="nearest")
 
 
-def fit_trend(points: NDArray[np.float64], ground: NDArray[np.bool_], radius: float) -> Trend:
+def fit_trend(
+    points: NDArray[np.float64],
+    ground: NDArray[np.bool_],
+    radius: float,
+    *,
+    cells_per_radius: float = 4.0,
+    far: bool = True,
+) -> Trend:
     """
     Fit a plane round the middle of every cell to the ground points, weighted by distance.
 
@@ -82,9 +89,13 @@ def fit_trend(points: NDArray[np.float64], ground: NDArray[np.bool_], radius: fl
         Those that it is fitted to.
     radius : float
         Standard deviation of the weights [m].
+    cells_per_radius : float
+        Fineness of the grid; cells grow where there would be too many.
+    far : bool
+        Whether planes are wanted further than three radii away from any ground.
 
     """
-    cell = radius / CELLS_PER_RADIUS
+    cell = radius / cells_per_radius
     low, extent = points[:, :2].min(axis=0), np.ptp(points[:, :2], axis=0)
     while np.prod(extent / cell + 3.0) > MAX_CELLS:
         cell *= 2.0
@@ -94,24 +105,46 @@ def fit_trend(points: NDArray[np.float64], ground: NDArray[np.bool_], radius: fl
     base = points[:, 2].min()
     z = points[ground, 2] - base
     number = (y // cell).astype(np.intp) * columns + (x // cell).astype(np.intp)
+    products = (np.ones(len(z)), x, y, z, x * x, x * y, y * y, x * z, y * z)
+    moments = np.empty((len(products), rows, columns))
 
-    def smoothed(values: NDArray[np.float64]) -> NDArray[np.float64]:
-        sums = np.bincount(number, values, rows * columns).astype(np.float64).reshape(rows, columns)
-        near, far = (_blur(sums, reach * radius / cell) for reach in (1.0, FAR))
-        return near + FAR_WEIGHT * far + FLOOR * sums.mean()
+    def smooth(begin: int, end: int) -> None:
+        for k in range(begin, end):
+            sums = np.bincount(number, products[k], rows * columns).astype(np.float64)
+            moments[k] = _smoothed(sums.reshape(rows, columns), radius / cell, far)
 
-    weight = np.maximum(smoothed(np.ones(len(z))), 1e-30)
-    mx, my, mz = (smoothed(values) / weight for values in (x, y, z))
-    # Points that are all near one place, or on a line, have no slope beyond it.
-    level = 0.1 * cell * cell
-    xx, yy = smoothed(x * x) / weight - mx * mx + level, smoothed(y * y) / weight - my * my + level
-    xy = smoothed(x * y) / weight - mx * my
-    xz, yz = smoothed(x * z) / weight - mx * mz, smoothed(y * z) / weight - my * mz
+    for_row_blocks(smooth, len(products), 1)
+    middle_y, middle_x = (np.indices((rows, columns)) + 0.5) * cell
+    elevation, slope_x, slope_y = _planes(moments, middle_x, middle_y, 0.1 * cell * cell)
+    return Trend(base + elevation, (slope_x, slope_y), corner, cell)
+
+
+def _planes(
+    moments: NDArray[np.float64], x: NDArray[np.float64], y: NDArray[np.float64], level: float
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """
+    Return the elevations at (x, y) and the slopes of the planes of least squares, from sums of products.
+
+    `level` is added to the variances in plan [m²]: points that are all near one place, or on a line, have no
+    slope beyond it.
+
+    """
+    weight = np.maximum(moments[0], 1e-30)
+    mx, my, mz, mxx, mxy, myy, mxz, myz = moments[1:] / weight
+    xx, yy, xy = mxx - mx * mx + level, myy - my * my + level, mxy - mx * my
+    xz, yz = mxz - mx * mz, myz - my * mz
     determinant = xx * yy - xy * xy
     slope_x, slope_y = (yy * xz - xy * yz) / determinant, (xx * yz - xy * xz) / determinant
-    middle_y, middle_x = (np.indices((rows, columns)) + 0.5) * cell
-    elevation = base + mz + slope_x * (middle_x - mx) + slope_y * (middle_y - my)
-    return Trend(elevation, (slope_x, slope_y), corner, cell)
+    return mz + slope_x * (x - mx) + slope_y * (y - my), slope_x, slope_y
+
+
+def _smoothed(sums: NDArray[np.float64], sigma: float, far: bool) -> NDArray[np.float64]:
+    """
+    Smooth sums, with a little of what lies further away where there is nothing near.
+
+    """
+    smoothed = _blur(sums, sigma) + FLOOR * sums.mean()
+    return smoothed + FAR_WEIGHT * _blur(sums, FAR * sigma) if far else smoothed
 
 
 def _blur(values: NDArray[np.float64], sigma: float) -> NDArray[np.float64]:

@@ -5,6 +5,7 @@ Scan lines from what a file says of the scan: time, direction flag, angle, or th
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
@@ -22,6 +23,8 @@ BLOCK = 16384
 TURN_STEPS, MIN_TURN = 3.0, 5.0
 #: Likewise for the scan angle, in median changes and degrees.
 MIN_ANGLE_TURN = 0.5
+#: Steps that are looked at to find the median.
+MAX_SAMPLE = 100_000
 #: A step further than this is no neighbour's: another line begins [multiples of the spacing].
 MAX_STEP = 20.0
 #: In a scan's order the median step is at most so many spacings,
@@ -39,22 +42,22 @@ class ScanLines:
 
     Attributes
     ----------
-    line : ndarray of shape (n_points,)
+    line : ndarray of shape (n_points,), int32
         Number of the line, in the order of the scan.
-    way : ndarray of shape (n_points,)
-        Place along the direction of the lines [m].
+    way : ndarray of shape (n_points,), float32
+        Place along the direction of the lines, from the line's first point [m].
 
     """
 
-    line: NDArray[np.float64]
-    way: NDArray[np.float64]
+    line: NDArray[np.int32]
+    way: NDArray[np.float32]
 
     def profiles(self, points: NDArray[np.float64], rows: NDArray[np.intp]) -> Profiles:
         """
         Return the lines as profiles of some of the points, numbered as in `rows`.
 
         """
-        return sorted_profiles(self.line[rows], self.way[rows], points[rows, :2])
+        return sorted_profiles(self.line[rows].astype(float), self.way[rows].astype(float), points[rows, :2])
 
 
 def find_scan_lines(
@@ -88,38 +91,24 @@ def find_scan_lines(
         None if the order is not that of a scan: shuffled, or sorted by tiles or by a curve.
 
     """
-    if len(points) < 2:
+    n = len(points)
+    if n < 2:
         return None
     order = _order_in_time(points, gps_time, point_source_id)
-    ordered = points if order is None else points[order]
-    steps = np.diff(ordered[:, :2], axis=0)
-    step = np.hypot(steps[:, 0], steps[:, 1])
-    median = float(np.median(step))
+    order = np.arange(n) if order is None else order
+    strip = np.zeros(n, dtype=np.uint8) if point_source_id is None else point_source_id
+    step, jump, products = _steps(points, order, strip, MAX_STEP * spacing)
+    # A sample is enough to know the median to a thousandth.
+    median = float(np.median(step[:: 1 + n // MAX_SAMPLE]))
     if median > MAX_MEDIAN_STEP * spacing:
         return None
-    jump = step > MAX_STEP * spacing
-    if point_source_id is not None:
-        strip = point_source_id if order is None else point_source_id[order]
-        jump |= strip[1:] != strip[:-1]
-    way = _way(steps, jump)
+    way = _way(points, order, jump, _axes(products))
     for turns in _turns(order, scan_direction_flag, scan_angle, way, median):
         ends = jump | turns
-        lines = np.concatenate(([0], np.cumsum(ends)))
-        if lines[-1] < MAX_STRIPS and _is_scan(lines, way, step, ends, spacing):
-            return _by_row(order, lines.astype(np.float64), way)
+        first = np.concatenate(([0], np.flatnonzero(ends) + 1))
+        if len(first) < MAX_STRIPS and _is_scan(first, way, step, ends, spacing):
+            return ScanLines(*_by_row(order, ends, way))
     return None
-
-
-def _by_row(order: NDArray[np.intp] | None, line: NDArray[np.float64], way: NDArray[np.float64]) -> ScanLines:
-    """
-    Return lines found in an order as those of the rows.
-
-    """
-    if order is None:
-        return ScanLines(line, way)
-    found = np.empty((2, len(order)))
-    found[:, order] = line, way
-    return ScanLines(found[0], found[1])
 
 
 def _order_in_time(
@@ -140,7 +129,7 @@ def _order_in_time(
 
 
 def _turns(
-    order: NDArray[np.intp] | None,
+    order: NDArray[np.intp],
     flag: NDArray[Any] | None,
     angle: NDArray[Any] | None,
     way: NDArray[np.float64],
@@ -151,36 +140,30 @@ def _turns(
 
     """
     if flag is not None:
-        flag = flag if order is None else flag[order]
+        flag = flag[order]
         yield flag[1:] != flag[:-1]
     if angle is not None and np.isfinite(angle).all():
-        angle = np.asarray(angle if order is None else angle[order], dtype=np.float64)
-        yield _turning_points(angle, MIN_ANGLE_TURN)
+        yield _turning_points(np.asarray(angle[order], dtype=np.float64), MIN_ANGLE_TURN)
     yield _turning_points(way, max(TURN_STEPS * median_step, MIN_TURN))
 
 
-def _way(steps: NDArray[np.float64], jump: NDArray[np.bool_]) -> NDArray[np.float64]:
+def _axes(products: NDArray[np.float64]) -> NDArray[np.float64]:
     """
-    Return how far each point lies along the direction of the lines [m]; jumps count as no step.
-
-    The direction is the main axis of the steps, whichever way they go, block by block.
+    Return the main axis of each block's steps, whichever way they go; neighbouring blocks in like directions.
 
     """
-    steps = np.where(jump[:, None], 0.0, steps)
-    travelled = np.zeros(len(steps) + 1)
-    axis = np.array([1.0, 0.0])
-    for first in range(0, len(steps), BLOCK):
-        block = steps[first : first + BLOCK]
-        main = np.linalg.eigh(block.T @ block)[1][:, 1]
-        axis = main if main @ axis >= 0 else -main
-        travelled[first + 1 : first + 1 + len(block)] = block @ axis
-    return np.cumsum(travelled)
+    axes = np.empty((len(products), 2))
+    last = np.array([1.0, 0.0])
+    for k, (xx, xy, yy) in enumerate(products):
+        main = np.linalg.eigh(np.array([[xx, xy], [xy, yy]]))[1][:, 1]
+        last = axes[k] = main if main @ last >= 0 else -main
+    return axes
 
 
 def _is_scan(
-    lines: NDArray[np.int64],
+    first: NDArray[np.intp],
     way: NDArray[np.float64],
-    step: NDArray[np.float64],
+    step: NDArray[np.float32],
     ends: NDArray[np.bool_],
     spacing: float,
 ) -> bool:
@@ -188,11 +171,60 @@ def _is_scan(
     Whether most points lie on lines that lead somewhere without detours.
 
     """
-    first = np.flatnonzero(np.concatenate(([True], ends)))
     extent = np.maximum.reduceat(way, first) - np.minimum.reduceat(way, first)
-    path = np.where(ends, 0.0, step).sum()
-    length = float(np.bincount(lines) @ extent / len(lines))
+    length = float(np.diff(first, append=len(way)) @ extent) / len(way)
+    path = float(np.sum(step, where=~ends, dtype=np.float64))
     return length >= MIN_LENGTH * spacing and path <= MAX_DETOUR * extent.sum()
+
+
+@njit(cache=True, nogil=True)
+def _steps(points, order, strip, max_step):  # type: ignore[no-untyped-def]
+    """
+    Measure the steps from point to point [m], mark jumps, and sum up products of the others block by block.
+
+    """
+    n = len(order) - 1
+    step, jump = np.empty(n, dtype=np.float32), np.empty(n, dtype=np.bool_)
+    products = np.zeros((n // BLOCK + 1, 3))
+    for i in range(n):
+        p, q = order[i], order[i + 1]
+        dx, dy = points[q, 0] - points[p, 0], points[q, 1] - points[p, 1]
+        step[i] = math.hypot(dx, dy)
+        jump[i] = step[i] > max_step or strip[p] != strip[q]
+        if not jump[i]:
+            products[i // BLOCK, 0] += dx * dx
+            products[i // BLOCK, 1] += dx * dy
+            products[i // BLOCK, 2] += dy * dy
+    return step, jump, products
+
+
+@njit(cache=True, nogil=True)
+def _way(points, order, jump, axes):  # type: ignore[no-untyped-def]
+    """
+    Return how far each point lies along the direction of the lines [m]; jumps count as no step.
+
+    """
+    way = np.zeros(len(order))
+    for i in range(len(jump)):
+        p, q, axis = order[i], order[i + 1], axes[i // BLOCK]
+        along = (points[q, 0] - points[p, 0]) * axis[0] + (points[q, 1] - points[p, 1]) * axis[1]
+        way[i + 1] = way[i] + (0.0 if jump[i] else along)
+    return way
+
+
+@njit(cache=True, nogil=True)
+def _by_row(order, ends, way):  # type: ignore[no-untyped-def]
+    """
+    Return each row's line and its place on it, counted from the line's first point.
+
+    """
+    line, place = np.empty(len(order), dtype=np.int32), np.empty(len(order), dtype=np.float32)
+    number, begin = 0, way[0]
+    for i in range(len(order)):
+        if i > 0 and ends[i - 1]:
+            number, begin = number + 1, way[i]
+        line[order[i]], place[order[i]] = number, way[i] - begin
+    return line, place
 
 
 @njit(cache=True, nogil=True)
