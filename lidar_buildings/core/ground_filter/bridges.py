@@ -12,7 +12,7 @@ from scipy.spatial import cKDTree
 from lidar_buildings.core.tin import Tin
 
 #: A side of the mesh is a drop if it falls by this much, and by this much over its length [m].
-MIN_DROP, MIN_DROP_SLOPE = 3.0, 2.5
+MIN_DROP, MIN_DROP_SLOPE = 3.0, 3.0
 #: Longest drop, in spacings of the candidates: beyond it, nobody knows what lies between.
 MAX_DROP_LENGTH = 4.0
 #: Widest deck [m].

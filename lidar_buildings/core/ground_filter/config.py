@@ -36,7 +36,7 @@ class GroundFilterConfig(StageConfig):
         maximum=1000.0,
     )
     max_seed_rise: float = parameter(
-        0.06,
+        0.1,
         "How far a seed may stand above its neighbours' plane, in parts of seed_cell: raising it keeps more "
         "hilltops, and more of the roofs that fill a cell.",
         minimum=0.0,
