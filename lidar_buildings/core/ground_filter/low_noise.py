@@ -15,8 +15,10 @@ from lidar_buildings.core.row_blocks import for_row_blocks
 
 #: Columns between which layers still touch: ground seen through gaps hangs together over so many.
 REACH = 3
-#: Columns around that bear out the level of a group: fewer may be gross errors themselves.
+#: Columns around that bear out the level of a group: fewer may be gross errors themselves ...
 MIN_SUPPORT = 6
+#: ... and most of these from one other small group.
+MAX_OF_SMALL = 2
 #: By what share the radius shrinks per unit of slope: the steeper, the less far terrain is plane.
 SHRINKAGE = 1.0
 #: A group has to be below the larger part of what is around: this many columns for each of its own.
@@ -105,20 +107,34 @@ def _judge_groups(layers, bottom, seeds, gap, radius, limit, state, group_of):  
     Return the layers of groups that are errors, and the seeds of those that others may still hide.
 
     """
+    members, begins = _gather_groups(layers, seeds, gap, limit, state, group_of)
     errors, open_cases = [np.int64(0) for _ in range(0)], [np.int64(0) for _ in range(0)]
-    members = np.empty(limit, dtype=np.int64)
-    for seed in seeds:
-        if state[seed] != UNKNOWN or group_of[seed] >= 0:
-            continue
-        n_members = _gather_group(layers, seed, gap, state, group_of, members)
-        if n_members < 0:
-            continue
-        group = members[:n_members]
-        if _is_borne_out(layers, bottom, group, gap, radius, group_of):
-            open_cases.append(seed)
+    # How many columns of a small group bear out the one under judgement, which is noted beside.
+    counted, judged = np.zeros(len(state), dtype=np.int64), np.full(len(state), -1, dtype=np.int64)
+    for i in range(len(begins) - 1):
+        group = members[begins[i] : begins[i + 1]]
+        if _is_borne_out(layers, bottom, group, gap, radius, state, group_of, counted, judged):
+            open_cases.append(group[0])
         elif not is_open_pit(layers, group, gap):
             errors.extend(group)
     return np.array(errors, dtype=np.int64), np.array(open_cases, dtype=np.int64)
+
+
+@njit(cache=True, nogil=True)
+def _gather_groups(layers, seeds, gap, limit, state, group_of):  # type: ignore[no-untyped-def]
+    """
+    Return the layers of all small groups that a seed belongs to, and where each begins, and the end.
+
+    """
+    members, begins = [np.int64(0) for _ in range(0)], [np.int64(0)]
+    group = np.empty(limit, dtype=np.int64)
+    for seed in seeds:
+        if state[seed] == UNKNOWN and group_of[seed] < 0:
+            n_members = _gather_group(layers, seed, gap, state, group_of, group)
+            if n_members > 0:
+                members.extend(group[:n_members])
+                begins.append(np.int64(len(members)))
+    return np.array(members, dtype=np.int64), np.array(begins, dtype=np.int64)
 
 
 @njit(cache=True, nogil=True)
@@ -154,13 +170,16 @@ def _gather_group(layers, seed, gap, state, group_of, members):  # type: ignore[
 
 
 @njit(cache=True, nogil=True)
-def _is_borne_out(layers, bottom, group, gap, radius, group_of):  # type: ignore[no-untyped-def]
+def _is_borne_out(  # type: ignore[no-untyped-def]
+    layers, bottom, group, gap, radius, state, group_of, counted, judged
+):
     """
     Whether enough columns around reach down to a group's level, or too few are there to tell.
 
+    Another small group, which may be an error as well, counts for no more than two of its columns.
+
     """
-    seed = group[0]
-    k = layers.column[seed]
+    seed, k = group[0], layers.column[group[0]]
     top = -np.inf
     for layer in group:
         top = max(top, high_end(layers, layer) - rise(layers, k, layers.column[layer]))
@@ -170,16 +189,28 @@ def _is_borne_out(layers, bottom, group, gap, radius, group_of):  # type: ignore
     for step in range(-radius, radius + 1):
         start, stop = columns_in_row(layers, k, step, radius)
         for other in range(start, stop):
-            if bottom[other] < 0 or group_of[bottom[other]] == seed:
+            b = bottom[other]
+            across = layers.numbers[other] % layers.width - layers.numbers[k] % layers.width
+            if b < 0 or group_of[b] == seed or across * across + step * step > radius * radius:
                 continue
-            away = layers.size * (layers.numbers[other] % layers.width - layers.numbers[k] % layers.width)
-            away = np.hypot(away, layers.size * step)
-            if away > layers.size * radius:
-                continue
-            if low_end(layers, bottom[other]) - rise(layers, k, other) <= top + gap:
-                n_level += 1
-                if n_level >= MIN_SUPPORT:
-                    return True
-            else:
+            if low_end(layers, b) - rise(layers, k, other) > top + gap:
                 n_above += 1
+            elif state[b] == LARGE or group_of[b] < 0:
+                n_level += 1
+            else:
+                n_level += _count_small(group_of[b], seed, counted, judged)
+            if n_level >= MIN_SUPPORT:
+                return True
     return n_above < max(MIN_SUPPORT, MIN_SURROUNDINGS * len(group))
+
+
+@njit(cache=True, nogil=True)
+def _count_small(small, seed, counted, judged):  # type: ignore[no-untyped-def]
+    """
+    Count a column of a small group for the group of a seed: 1 until there are enough of it, then 0.
+
+    """
+    if judged[small] != seed:
+        judged[small], counted[small] = seed, 0
+    counted[small] += 1
+    return 1 if counted[small] <= MAX_OF_SMALL else 0
