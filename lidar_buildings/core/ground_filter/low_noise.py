@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from lidar_buildings.core.ground_filter.noise_layers import Layers, columns_in_row, high_end, low_end, rise
 from lidar_buildings.core.ground_filter.open_pit import is_open_pit
+from lidar_buildings.core.ground_filter.terrain_gradient import terrain_gradient
 from lidar_buildings.core.row_blocks import for_row_blocks
 
 #: Columns between which layers still touch: ground seen through gaps hangs together over so many.
@@ -49,12 +50,11 @@ def find_low_layers(layers: Layers, gap: float, radius: int, limit: int) -> NDAr
         Most layers of a group.
 
     """
-    state = np.zeros(len(layers.column), dtype=np.uint8)
     bottom = layers.first[:-1].copy()
-    alone = np.empty(len(bottom), dtype=np.bool_)
-    for_row_blocks(lambda a, b: _mark_alone(layers, gap, alone, a, b), len(bottom))
-    seeds = bottom[alone]
-    group_of = np.full(len(state), -1, dtype=np.int64)
+    seeds = bottom[_alone(layers, gap)]
+    layers = _with_gradient_of_the_rest(layers, seeds, gap, limit)
+    seeds = bottom[_alone(layers, gap)]
+    state, group_of = _unknown(layers)
     for _ in range(MAX_PASSES):
         errors, open_cases = _judge_groups(layers, bottom, seeds, gap, radius, limit, state, group_of)
         if len(errors) == 0:
@@ -63,6 +63,37 @@ def find_low_layers(layers: Layers, gap: float, radius: int, limit: int) -> NDAr
         seeds = np.append(open_cases, _new_bottoms(layers, bottom, state, np.unique(layers.column[errors])))
         group_of[:] = -1
     return state == ERROR
+
+
+def _unknown(layers: Layers) -> tuple[NDArray[np.uint8], NDArray[np.int64]]:
+    """
+    Return what is known of the layers, and the seeds of their groups, before anything is.
+
+    """
+    n_layers = len(layers.column)
+    return np.zeros(n_layers, dtype=np.uint8), np.full(n_layers, -1, dtype=np.int64)
+
+
+def _alone(layers: Layers, gap: float) -> NDArray[np.bool_]:
+    """
+    Return the columns at the western and eastern ends of what lies apart; see `_mark_alone`.
+
+    """
+    alone = np.empty(len(layers.numbers), dtype=np.bool_)
+    for_row_blocks(lambda a, b: _mark_alone(layers, gap, alone, a, b), len(alone))
+    return alone
+
+
+def _with_gradient_of_the_rest(layers: Layers, seeds: NDArray[np.int64], gap: float, limit: int) -> Layers:
+    """
+    Return the layers with the terrain's gradient taken anew, from columns that end in no small group.
+
+    """
+    members, _ = _gather_groups(layers, seeds, gap, limit, *_unknown(layers))
+    counts = np.ones(len(layers.numbers), dtype=np.bool_)
+    counts[layers.column[members]] = False
+    lowest = layers.points[layers.begin[layers.first[:-1]]]
+    return layers._replace(gradient=terrain_gradient(lowest, counts, layers.size))
 
 
 def _new_bottoms(

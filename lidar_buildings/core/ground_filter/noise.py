@@ -14,7 +14,6 @@ from lidar_buildings.core.ground_filter.config import GroundFilterConfig
 from lidar_buildings.core.ground_filter.high_noise import find_high_layers
 from lidar_buildings.core.ground_filter.low_noise import find_low_layers
 from lidar_buildings.core.ground_filter.noise_layers import split_into_layers
-from lidar_buildings.core.ground_filter.terrain_gradient import terrain_gradient
 from lidar_buildings.core.point_order import SortedPoints, sort_by_cell
 
 #: Side of the blocks in which occupied cells are counted, in cells; doubled until they hold as many.
@@ -60,7 +59,7 @@ def _find_in_columns(cloud: SortedPoints, config: GroundFilterConfig) -> NDArray
     Return the points' noise classes, the columns being the cells.
 
     """
-    layers = split_into_layers(cloud, config.low_point_gap, terrain_gradient(cloud))
+    layers = split_into_layers(cloud, config.low_point_gap)
     radius, limit = round(config.noise_radius), config.noise_group
     low = find_low_layers(layers, config.low_point_gap, radius, limit)
     high_gap = max(config.high_point_gap, MIN_GAP_COLUMNS * cloud.size)

@@ -11,6 +11,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from lidar_buildings.core.ground_filter.terrain_gradient import terrain_gradient
 from lidar_buildings.core.point_order import SortedPoints
 from lidar_buildings.core.row_blocks import for_row_blocks
 
@@ -50,7 +51,7 @@ class Layers(NamedTuple):
     gradient: NDArray[np.float64]
 
 
-def split_into_layers(cloud: SortedPoints, gap: float, gradient: NDArray[np.float64]) -> Layers:
+def split_into_layers(cloud: SortedPoints, gap: float) -> Layers:
     """
     Split each column where two points on top of one another are more than `gap` [m] apart.
 
@@ -62,6 +63,8 @@ def split_into_layers(cloud: SortedPoints, gap: float, gradient: NDArray[np.floa
     begin = np.append(np.flatnonzero(starts), len(cloud.points))
     first = np.searchsorted(begin, cloud.first)
     column = np.repeat(np.arange(len(cloud.numbers)), np.diff(first))
+    lowest = cloud.points[cloud.first[:-1]]
+    gradient = terrain_gradient(lowest, np.ones(len(lowest), dtype=np.bool_), cloud.size)
     return Layers(cloud.points, begin, first, column, cloud.numbers, cloud.n_columns, cloud.size, gradient)
 
 

@@ -18,7 +18,7 @@ REACH = 6
 #: Radius of the disc about each point within which the points above are counted, in point spacings.
 DISC = 1.75
 #: Share of points above, of all points in those discs, that covers a group.
-MIN_COVER = 0.6
+MIN_COVER = 0.65
 #: Over a hole, points above are fewer than a surface has by more than so many standard deviations ...
 DEVIATIONS = 1.8
 #: ... and are certainly enough at this share of them.

@@ -9,12 +9,12 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from lidar_buildings.core.point_order import SortedPoints, sort_by_cell
+from lidar_buildings.core.point_order import sort_by_cell
 from lidar_buildings.core.row_blocks import for_row_blocks
 
 #: Cells along a block's side.
 BLOCK_CELLS = 8
-#: The share of a block's cells whose lowest points lie below the elevation taken for it: errors hide there.
+#: The share of a block's cells whose lowest points lie below the elevation taken for it.
 LOW_SHARE = 0.25
 #: Blocks on each side that take part in the plane through a block.
 REACH = 2
@@ -30,7 +30,9 @@ MAX_GRADIENT = 1.0
 ROWS_A_BLOCK = 256
 
 
-def terrain_gradient(cloud: SortedPoints) -> NDArray[np.float64]:
+def terrain_gradient(
+    lowest: NDArray[np.float64], counts: NDArray[np.bool_], cell: float
+) -> NDArray[np.float64]:
     """
     Return the terrain's rise over run along x and y in each cell, shape (n_cells, 2).
 
@@ -40,16 +42,16 @@ def terrain_gradient(cloud: SortedPoints) -> NDArray[np.float64]:
 
     Parameters
     ----------
-    cloud : SortedPoints
-        Sorted into cells.
+    lowest : ndarray of shape (n_cells, 3)
+        The lowest point of each cell, at most one a cell [m].
+    counts : ndarray of shape (n_cells,), bool
+        Which of them take part.
+    cell : float
+        Side of the cells [m].
 
     """
-    lowest = cloud.points[cloud.first[:-1]]
-    blocks = sort_by_cell(lowest, BLOCK_CELLS * cloud.size)
-    counts = np.diff(blocks.first)
-    rank = np.minimum((LOW_SHARE * counts).astype(np.int64) + (counts > MIN_BLOCKS), counts - 1)
-    nodes = blocks.points[blocks.first[:-1] + rank]
-    nodes = nodes - nodes[0]
+    blocks = sort_by_cell(lowest, BLOCK_CELLS * cell)
+    nodes = _low_points(blocks.points, counts[blocks.rows], blocks.first)
     by_block = np.zeros((len(nodes), 2))
     for_row_blocks(
         lambda a, b: _fit_blocks(nodes, blocks.numbers, blocks.n_columns, by_block, a, b),
@@ -57,8 +59,26 @@ def terrain_gradient(cloud: SortedPoints) -> NDArray[np.float64]:
         ROWS_A_BLOCK,
     )
     gradient = np.empty((len(lowest), 2))
-    gradient[blocks.rows] = np.repeat(by_block, counts, axis=0)
+    gradient[blocks.rows] = np.repeat(by_block, np.diff(blocks.first), axis=0)
     return gradient
+
+
+@njit(cache=True, nogil=True)
+def _low_points(points, counts, first):  # type: ignore[no-untyped-def]
+    """
+    Return the point of each block below which the share of those that count lies; NaN if there is none.
+
+    """
+    nodes = np.full((len(first) - 1, 3), np.nan)
+    for k in range(len(nodes)):
+        n_points = np.count_nonzero(counts[first[k] : first[k + 1]])
+        left = min(int(LOW_SHARE * n_points) + (n_points > MIN_BLOCKS), n_points - 1)
+        for i in range(first[k], first[k + 1]):
+            if counts[i]:
+                if left == 0:
+                    nodes[k] = points[i] - points[0]
+                left -= 1
+    return nodes
 
 
 @njit(cache=True, nogil=True)
@@ -74,13 +94,13 @@ def _fit_blocks(nodes, numbers, width, gradient, begin, end):  # type: ignore[no
         west, east = min(REACH, across), min(REACH, width - 1 - across)
         for step in range(-REACH, REACH + 1):
             middle = numbers[k] + step * width
-            for j in range(
-                np.searchsorted(numbers, middle - west), np.searchsorted(numbers, middle + east + 1)
-            ):
-                for axis in range(3):
-                    around[n_around, axis] = nodes[j, axis] - nodes[k, axis]
-                n_around += 1
-        gradient[k, 0], gradient[k, 1] = _low_plane(around[:n_around])
+            start, stop = np.searchsorted(numbers, middle - west), np.searchsorted(numbers, middle + east + 1)
+            for j in range(start, stop):
+                if not np.isnan(nodes[j, 2]):
+                    around[n_around] = nodes[j]
+                    n_around += 1
+        if n_around >= MIN_BLOCKS:
+            gradient[k, 0], gradient[k, 1] = _low_plane(around[:n_around] - around[0])
 
 
 @njit(cache=True, nogil=True)
