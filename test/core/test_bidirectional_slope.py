@@ -123,12 +123,11 @@ def test_sloping_edges_in_a_dense_cloud_are_steps_all_the_same():
     assert label_ground(points, replace(PAPER, profile_window=0.0))[height > 0.7].any()
 
 
-def test_a_hedge_of_some_metres_in_a_dense_cloud_is_no_ground():
+def test_a_bush_of_some_metres_in_a_dense_cloud_is_no_ground():
     points = lattice(40.0, 40.0, 0.2)
-    height = hedge(points, 6.0)
+    height = hedge(points, 3.0)
     ground = label_ground(points, CONFIG)
-    # Measured: 3 of its 20 cells, next to its ends, where most profiles leave it over the corner.
-    assert ground[height > 0.7].mean() < 0.15
+    assert not ground[height > 0.7].any()
     assert ground[height == 0].all()
 
 
@@ -296,10 +295,10 @@ def test_total_error_on_the_isprs_samples_stays_at_the_level_reached(data_folder
         points = cloud.xyz - np.floor(cloud.xyz.min(axis=0))
         ground = classify_ground(points, CONFIG).classification == 2
         errors_of[path.stem] = 100 * np.mean(ground != (np.asarray(cloud.classification) == 2))
-    # Measured: 3.8 on average; by the grids: samp12 2.8 to 3.3, samp31 1.6 to 2.3, samp42 0.8 to 1.4.
+    # Measured at five places: 3.8 on average; samp12 2.8 to 3.0, samp31 1.4 to 2.4, samp42 0.7 to 0.9.
     assert np.mean(list(errors_of.values())) < 4.3
-    assert errors_of.get("samp12", 0) < 3.6
-    assert errors_of.get("samp31", 0) < 2.8
+    assert errors_of.get("samp12", 0) < 3.4
+    assert errors_of.get("samp31", 0) < 2.9
     assert errors_of.get("samp42", 0) < 2.0
     assert max(errors_of.values()) < 14.0
 

@@ -170,7 +170,7 @@ class GroundFilterConfig(StageConfig):
         maximum=16,
     )
     profile_width: float = parameter(
-        1.5,
+        1.7,
         "Width of the strips that are cut as profiles: raising it finds more points on each, less alike.",
         unit="spacings",
         minimum=0.5,
@@ -184,7 +184,7 @@ class GroundFilterConfig(StageConfig):
         maximum=10.0,
     )
     profile_step: float = parameter(
-        0.3,
+        0.35,
         "A profile leaves the ground where it rises by more, and is back within so much of the ground it "
         "left: raising it takes in higher kerbs and shrubs.",
         unit="m",
