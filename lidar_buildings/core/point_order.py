@@ -183,8 +183,8 @@ def _numbered(points: NDArray[np.float64], cell: float) -> tuple[NDArray[np.int6
     if len(points) == 0:
         return np.zeros(0, dtype=np.int64), 1, cell
     x, y = points[:, 0], points[:, 1]
-    low, high = (x.min(), y.min()), (x.max(), y.max())
-    while (high[0] - low[0] + 2.0 * cell) * (high[1] - low[1] + 2.0 * cell) > MAX_CELLS * cell * cell:
+    low, high = (float(x.min()), float(y.min())), (float(x.max()), float(y.max()))
+    while _n_across(low[0], high[0], cell) * _n_across(low[1], high[1], cell) > MAX_CELLS:
         cell *= 2.0
     # Differences before the cast: a coordinate far from the origin would not fit an integer.
     west, south = math.floor(low[0] / cell), math.floor(low[1] / cell)
@@ -193,6 +193,14 @@ def _numbered(points: NDArray[np.float64], cell: float) -> tuple[NDArray[np.int6
     start = (float(west), float(south))
     for_row_blocks(lambda a, b: _number(points, cell, start, n_columns, numbers, a, b), len(points))
     return numbers, n_columns, cell
+
+
+def _n_across(low: float, high: float, cell: float) -> float:
+    """
+    Return how many cells there may be from `low` to `high`, without overflow.
+
+    """
+    return high / cell - low / cell + 2.0
 
 
 @njit(cache=True, nogil=True)
