@@ -36,9 +36,15 @@ _OVERVIEW_SPARSITY = 16
 _FORMAT = {
     "driver": "GTiff", "count": 1, "dtype": "float32", "nodata": NODATA,
     "tiled": True, "blockxsize": BLOCK, "blockysize": BLOCK,
-    "compress": "deflate", "predictor": 3, "SPARSE_OK": True, "BIGTIFF": "IF_SAFER",
+    "compress": "deflate", "predictor": 3, "zlevel": 6, "SPARSE_OK": True, "BIGTIFF": "IF_SAFER",
 }  # fmt: skip
-_OVERVIEWS = {"COMPRESS_OVERVIEW": "DEFLATE", "PREDICTOR_OVERVIEW": "3", "SPARSE_OK_OVERVIEW": "YES"}
+#: GDAL would take a twentieth of the memory; that these are bytes goes by the type.
+_GDAL = {
+    "GDAL_CACHEMAX": 64_000_000,
+    "COMPRESS_OVERVIEW": "DEFLATE",
+    "PREDICTOR_OVERVIEW": "3",
+    "SPARSE_OK_OVERVIEW": "YES",
+}
 _FAILURES = (RasterioError, OSError, RuntimeError)
 
 # what GDAL logs of a file that cannot be written is said in the one line of the OutputError
@@ -176,7 +182,7 @@ class GeotiffWriter:
         factors = [2**step for step in range(1, 32) if longer > BLOCK * 2 ** (step - 1)]
         if not factors or self._layout.n_blocks > _OVERVIEW_SPARSITY * len(self._blocks):
             return
-        with rasterio.Env(**_OVERVIEWS), rasterio.open(self._path, "r+") as file:
+        with rasterio.open(self._path, "r+") as file:
             file.build_overviews(factors, Resampling.average)
 
     def _check_complete(self) -> None:
@@ -200,7 +206,7 @@ class GeotiffWriter:
         """
         try:
             # libtiff prints what the operating system refused
-            with quiet_if(lambda error: isinstance(error, _FAILURES)):
+            with rasterio.Env(**_GDAL), quiet_if(lambda error: isinstance(error, _FAILURES)):
                 yield
         except _FAILURES as error:
             if not quiet:

@@ -37,6 +37,8 @@ RASTERS = {
 #: Metres per unit → its name in the files.
 _UNITS = {1.0: "metre", 0.3048: "foot", 1200.0 / 3937.0: "US survey foot"}
 _SAME_UNIT = 1e-7
+#: Values are rounded to this part of a unit, about a millimetre: what is finer is noise that does not compress.
+_STEPS = 1024.0
 #: Saved tiles that are kept in memory: a row of blocks visits each several times.
 _TILES_IN_MEMORY = 32
 
@@ -156,10 +158,11 @@ def _in_source_units(block: TerrainRasters, frame: MapFrame) -> dict[str, NDArra
 
     """
     dtm, dsm = (
-        ((raster + frame.origin[2]) / frame.vertical_unit).astype(np.float32)
-        for raster in (block.dtm.astype(np.float64), block.dsm.astype(np.float64))
+        np.rint((raster.astype(np.float64) + frame.origin[2]) / frame.vertical_unit * _STEPS) / _STEPS
+        for raster in (block.dtm, block.dsm)
     )
-    return {DTM: dtm, DSM: dsm, NDSM: dsm - dtm}
+    rasters = {DTM: dtm, DSM: dsm, NDSM: dsm - dtm}
+    return {name: values.astype(np.float32) for name, values in rasters.items()}
 
 
 def _blocks(

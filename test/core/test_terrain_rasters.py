@@ -101,10 +101,10 @@ def test_cells_are_aligned_to_multiples_of_the_resolution_in_source_coordinates(
     assert (np.diff(centres(rasters)[:, 0, 1]) < 0).all(), "the first row is the northernmost"
 
 
-def test_ground_water_and_road_carry_the_terrain_and_noise_counts_for_nothing():
+def test_ground_water_rail_and_road_carry_the_terrain_and_noise_counts_for_nothing():
     xy = scattered((30, 30), 4.0)
     points = on(Terrain(2.0), xy)
-    classes = np.resize([PointClass.GROUND, PointClass.WATER, PointClass.ROAD_SURFACE], len(xy))
+    classes = np.resize([GROUND, PointClass.WATER, PointClass.RAIL, PointClass.ROAD_SURFACE], len(xy))
     clean = make_rasters(points, classes, COARSE)
     errors = np.column_stack((scattered((30, 30), 0.1, 3), np.resize([-40.0, 90.0], 90)))
     noise = np.resize([PointClass.LOW_NOISE, PointClass.HIGH_NOISE], len(errors))

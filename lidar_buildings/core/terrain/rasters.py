@@ -21,7 +21,7 @@ from lidar_buildings.core.terrain.surface import surface_elevations, widest_gap
 from lidar_buildings.core.terrain.window import RasterWindow, reach_in_cells, window_of
 
 #: Classes whose points carry the terrain, and those that no surface has.
-GROUND_CLASSES = (PointClass.GROUND, PointClass.WATER, PointClass.ROAD_SURFACE)
+GROUND_CLASSES = (PointClass.GROUND, PointClass.WATER, PointClass.RAIL, PointClass.ROAD_SURFACE)
 NOISE_CLASSES = (PointClass.LOW_NOISE, PointClass.HIGH_NOISE)
 
 
@@ -86,7 +86,7 @@ def make_rasters(
     points : array_like of shape (n_points, 3)
         Map frame, in any order [m].
     classification : array_like of shape (n_points,)
-        ASPRS classes: 2, 9, 11 carry the terrain, 7 and 18 are left out.
+        ASPRS classes: 2, 9, 10, 11 carry the terrain, 7 and 18 are left out.
     config : RasterConfig, optional
         Resolution, which must not be 0, and reach.
     return_number : array_like of shape (n_points,), optional
