@@ -1,5 +1,5 @@
 """
-Which candidates are next to each other: the nearest one in each direction.
+Which candidates are next to each other, the nearest one in each direction, and which hang together.
 
 """
 
@@ -11,6 +11,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from lidar_buildings.core.linked_sets import flatten, link
 from lidar_buildings.core.point_order import sort_by_cell
 from lidar_buildings.core.row_blocks import for_row_blocks
 
@@ -49,6 +50,46 @@ def nearest_by_sector(
         lambda a, b: _look_around(candidates, rows, ranks, table, reach, found, a, b), len(rows), 1024
     )
     return found
+
+
+@njit(cache=True, nogil=True)
+def level_parts(candidates, rows, links, max_slope, min_rise):  # type: ignore[no-untyped-def]
+    """
+    Return the part of each row: the lowest of the rows that it hangs together with.
+
+    Parameters
+    ----------
+    candidates : ndarray of shape (n_candidates, 3)
+        At most one per place [m].
+    rows : ndarray of shape (n_rows,), intp
+        The candidates that parts are made of.
+    links : ndarray of shape (n_rows, 8), int64
+        Their neighbours, as `nearest_by_sector` gives them.
+    max_slope, min_rise : float
+        Neighbours hang together if they rise by no more than this over their distance, or by this at all [m].
+
+    """
+    place = np.full(len(candidates), -1, dtype=np.int64)
+    place[rows] = np.arange(len(rows))
+    part = np.arange(len(rows))
+    for r in range(len(rows)):
+        for j in links[r]:
+            if j < 0 or place[j] < 0:
+                continue
+            rise, length = rise_and_length(candidates[j], candidates[rows[r]])
+            if abs(rise) <= max(max_slope * length, min_rise):
+                link(part, r, place[j])
+    flatten(part)
+    return part
+
+
+@njit(cache=True, nogil=True)
+def rise_and_length(start, end):  # type: ignore[no-untyped-def]
+    """
+    Return the rise from one point to another and their distance in plan [m].
+
+    """
+    return end[2] - start[2], math.hypot(end[0] - start[0], end[1] - start[1])
 
 
 @njit(cache=True, nogil=True)

@@ -12,10 +12,9 @@ from numba import njit
 from numpy.typing import NDArray
 
 from lidar_buildings.core.ground_filter.bareness import measure_bareness
-from lidar_buildings.core.ground_filter.candidate_links import nearest_by_sector
+from lidar_buildings.core.ground_filter.candidate_links import level_parts, nearest_by_sector, rise_and_length
 from lidar_buildings.core.ground_filter.config import GroundFilterConfig
 from lidar_buildings.core.ground_filter.one_sided_planes import continues_terrain
-from lidar_buildings.core.linked_sets import flatten, link
 
 #: How far neighbours may be, in spacings of the candidates.
 REACH = 3.0
@@ -92,7 +91,7 @@ def find_landforms(
     links = nearest_by_sector(candidates, rows, REACH * spacing)
     bareness = measure_bareness(candidates, ~(ground | gained))[rows]
     rules = PartRules()
-    part = _parts(candidates, rows, links, rules)
+    part = level_parts(candidates, rows, links, rules.max_link_slope, rules.min_link_rise)
     counts = _count_links(candidates, rows, links, ground, part, rules)
     kept, certain = _judge(counts, np.bincount(part, bareness, len(rows)).astype(np.float64), config, rules)
     landform, barred = np.zeros_like(ground), np.zeros_like(ground)
@@ -122,27 +121,6 @@ def _judge(
 
 
 @njit(cache=True, nogil=True)
-def _parts(candidates, rows, links, rules):  # type: ignore[no-untyped-def]
-    """
-    Return the part of each row: the lowest of the rows that it hangs together with.
-
-    """
-    place = np.full(len(candidates), -1, dtype=np.int64)
-    for r in range(len(rows)):
-        place[rows[r]] = r
-    part = np.arange(len(rows))
-    for r in range(len(rows)):
-        for j in links[r]:
-            if j < 0 or place[j] < 0:
-                continue
-            rise, length = _step(candidates[j], candidates[rows[r]])
-            if abs(rise) <= max(rules.max_link_slope * length, rules.min_link_rise):
-                link(part, r, place[j])
-    flatten(part)
-    return part
-
-
-@njit(cache=True, nogil=True)
 def _count_links(candidates, rows, links, ground, part, rules):  # type: ignore[no-untyped-def]
     """
     Return each part's size, its links to the ground, and how many of them are steep, and rise at all.
@@ -155,17 +133,8 @@ def _count_links(candidates, rows, links, ground, part, rules):  # type: ignore[
         for j in links[r]:
             if j < 0 or not ground[j]:
                 continue
-            rise, length = _step(candidates[j], candidates[rows[r]])
+            rise, length = rise_and_length(candidates[j], candidates[rows[r]])
             count[1] += 1.0
             count[2] += 1.0 if rise > max(rules.steep_slope * length, rules.steep_rise) else 0.0
             count[3] += 1.0 if rise > rules.level_slope * length else 0.0
     return counts
-
-
-@njit(cache=True, nogil=True)
-def _step(start, end):  # type: ignore[no-untyped-def]
-    """
-    Return the rise from one point to another and their distance in plan [m].
-
-    """
-    return end[2] - start[2], np.hypot(end[0] - start[0], end[1] - start[1])

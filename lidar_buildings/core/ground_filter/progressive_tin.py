@@ -12,12 +12,16 @@ from numpy.typing import NDArray
 
 from lidar_buildings.core.ground_filter.bridges import find_decks
 from lidar_buildings.core.ground_filter.config import GroundFilterConfig
+from lidar_buildings.core.ground_filter.islands import find_islands
 from lidar_buildings.core.ground_filter.landforms import find_landforms
 from lidar_buildings.core.ground_filter.seeds import choose_seeds
 from lidar_buildings.core.ground_filter.terrain_growth import GrowthLimits, TerrainGrowth, start_growth
 from lidar_buildings.core.ground_filter.tin_labels import near_terrain
 from lidar_buildings.core.point_spacing import quantised_spacing
 from lidar_buildings.core.tin import Tin
+
+#: Largest roof that a seed may fall on, in cells of the seeds' grid.
+MAX_ISLAND_CELLS = 4.0
 
 
 def densify(candidates: NDArray[np.float64], extent: NDArray[np.float64], config: GroundFilterConfig) -> Tin:
@@ -54,22 +58,28 @@ def densify(candidates: NDArray[np.float64], extent: NDArray[np.float64], config
 
     """
     spacing = quantised_spacing(candidates)
-    terrain = _grown(candidates, extent, spacing, config)
-    decks = find_decks(terrain, candidates, spacing)
-    if decks.any() and not decks.all():
-        terrain = _grown(candidates[~decks], extent, spacing, config)
-    return terrain
+    is_seed = np.zeros(len(candidates), dtype=np.bool_)
+    is_seed[choose_seeds(candidates, config.seed_cell, config.max_seed_rise)] = True
+    terrain = _grown(candidates, is_seed, extent, spacing, config)
+    ground = near_terrain(*terrain.height_and_slope(), config)
+    false = find_islands(candidates, ground, spacing, MAX_ISLAND_CELLS * config.seed_cell**2)
+    false |= find_decks(terrain.tin(), candidates, spacing)
+    if false.any() and (is_seed & ~false).any():
+        terrain = _grown(candidates[~false], is_seed[~false], extent, spacing, config)
+    return terrain.tin()
 
 
 def _grown(
-    candidates: NDArray[np.float64], extent: NDArray[np.float64], spacing: float, config: GroundFilterConfig
-) -> Tin:
+    candidates: NDArray[np.float64],
+    is_seed: NDArray[np.bool_],
+    extent: NDArray[np.float64],
+    spacing: float,
+    config: GroundFilterConfig,
+) -> TerrainGrowth:
     """
     Return the terrain grown from its seeds, landforms included.
 
     """
-    is_seed = np.zeros(len(candidates), dtype=np.bool_)
-    is_seed[choose_seeds(candidates, config.seed_cell, config.max_seed_rise)] = True
     terrain = start_growth(candidates, is_seed, extent)
     cautious = GrowthLimits(
         math.radians(config.iteration_angle),
@@ -80,7 +90,7 @@ def _grown(
     terrain.grow(cautious)
     if config.landform_distance > config.iteration_distance:
         _add_landforms(terrain, candidates, spacing, cautious, config)
-    return terrain.tin()
+    return terrain
 
 
 def _add_landforms(
