@@ -49,21 +49,19 @@ def insert_vertex(  # type: ignore[no-untyped-def]
     first, second = n_triangles, n_triangles + 1
     _split(vertex, triangle, first, second, triangles, neighbours)
     changed[triangle], changed[first], changed[second] = mark, mark, mark
-    suspects = [triangle, first, second]
-    while len(suspects) > 0:
-        suspect = suspects.pop()
+    suspect = triangle
+    while True:
         beyond = neighbours[suspect, 0]
-        if beyond < 0:
-            continue
-        k = _corner_facing(beyond, suspect, neighbours)
-        a, b, c, d = triangles[suspect, 0], triangles[suspect, 1], triangles[suspect, 2], triangles[beyond, k]
-        if not _has_to_flip(vertices[a], vertices[b], vertices[c], vertices[d]):
-            continue
-        _flip(suspect, beyond, k, triangles, neighbours)
-        changed[suspect], changed[beyond] = mark, mark
-        suspects.append(suspect)
-        suspects.append(beyond)
-    return n_triangles + 2
+        if beyond >= 0:
+            k = _corner_facing(beyond, suspect, neighbours)
+            if _has_to_flip(suspect, triangles[beyond, k], vertices, triangles):
+                # The suspect keeps its number, and the other one comes after it round the vertex.
+                _flip(suspect, beyond, k, triangles, neighbours)
+                changed[suspect], changed[beyond] = mark, mark
+                continue
+        suspect = neighbours[suspect, 1]
+        if suspect == triangle:
+            return n_triangles + 2
 
 
 @njit(cache=True, nogil=True)
@@ -130,26 +128,23 @@ def _corner_facing(triangle, other, neighbours):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _has_to_flip(a, b, c, d):  # type: ignore[no-untyped-def]
+def _has_to_flip(triangle, vertex, vertices, triangles):  # type: ignore[no-untyped-def]
     """
-    Whether d lies within the circle through a, b, c and the side bc may be turned into ad.
+    Whether a vertex d lies within the circle round a triangle abc and the side bc may be turned into ad.
 
     """
-    if _turn(a, b, d) <= 0.0 or _turn(a, d, c) <= 0.0:
+    a, b, c = triangles[triangle, 0], triangles[triangle, 1], triangles[triangle, 2]
+    dx, dy = vertices[vertex, 0], vertices[vertex, 1]
+    ax, ay = vertices[a, 0] - dx, vertices[a, 1] - dy
+    bx, by = vertices[b, 0] - dx, vertices[b, 1] - dy
+    cx, cy = vertices[c, 0] - dx, vertices[c, 1] - dy
+    # Twice the signed areas of abd, adc and bcd: both triangles after the turn have to be counter-clockwise.
+    abd, adc, bcd = ax * by - ay * bx, cx * ay - cy * ax, bx * cy - by * cx
+    if abd <= 0.0 or adc <= 0.0:
         return False
-    ax, ay, bx, by, cx, cy = a[0] - d[0], a[1] - d[1], b[0] - d[0], b[1] - d[1], c[0] - d[0], c[1] - d[1]
     aa, bb, cc = ax * ax + ay * ay, bx * bx + by * by, cx * cx + cy * cy
-    inside = aa * (bx * cy - by * cx) + bb * (cx * ay - cy * ax) + cc * (ax * by - ay * bx)
+    inside = aa * bcd + bb * adc + cc * abd
     return inside > ON_CIRCLE * max(aa, bb, cc) ** 2
-
-
-@njit(cache=True, nogil=True)
-def _turn(a, b, c):  # type: ignore[no-untyped-def]
-    """
-    Return twice the signed area of a triangle: positive where it is counter-clockwise [m²].
-
-    """
-    return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
 
 
 def with_room(mesh_array: np.ndarray, n_rows: int) -> np.ndarray:

@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 from scipy.spatial import cKDTree
 
 from lidar_buildings.core.point_array import checked_points
@@ -58,7 +58,7 @@ def measure_spacing(points: ArrayLike) -> float:
 
     """
     x, y, _ = checked_points(points).T
-    positions = np.unique(x + 1j * y)
+    positions = _distinct(x + 1j * y)
     if len(positions) < 2:
         return FALLBACK_SPACING
     # In a small cloud most points lie near its edge: fewer neighbours reach less far beyond it.
@@ -72,6 +72,17 @@ def measure_spacing(points: ArrayLike) -> float:
     middle = distance[np.searchsorted(area, 0.5 * area[-1])]
     # Between a lattice (k) and the area-weighted median of a Poisson process (k + 2/3).
     return float(middle * math.sqrt(math.pi / (k + 1 / 3)))
+
+
+def _distinct(positions: NDArray[np.complex128]) -> NDArray[np.complex128]:
+    """
+    Return the distinct positions by x, then y; some times faster than numpy's unique.
+
+    """
+    positions = np.sort(positions)
+    differs = np.ones(len(positions), dtype=np.bool_)
+    differs[1:] = positions[1:] != positions[:-1]
+    return positions[differs]
 
 
 def steady_spacing(points: ArrayLike, expected: float | None) -> float:

@@ -37,7 +37,7 @@ RASTERS = {
 #: Metres per unit → its name in the files.
 _UNITS = {1.0: "metre", 0.3048: "foot", 1200.0 / 3937.0: "US survey foot"}
 _SAME_UNIT = 1e-7
-#: Values are rounded to this part of a unit, about a millimetre: what is finer is noise that does not compress.
+#: Values are rounded to this part of a unit, about a millimetre: what is finer is noise, and large.
 _STEPS = 1024.0
 #: Saved tiles that are kept in memory: a row of blocks visits each several times.
 _TILES_IN_MEMORY = 32
