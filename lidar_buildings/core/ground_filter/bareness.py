@@ -1,5 +1,5 @@
 """
-How bare the land is: the share of what stands on the terrain around.
+How bare the land is: how little stands on the terrain around.
 
 """
 
@@ -22,8 +22,8 @@ def measure_bareness(candidates: NDArray[np.float64], standing: NDArray[np.bool_
     """
     Return how bare the land around each candidate is, 0 to 1.
 
-    Cells within 60 m are weighted by a bell curve of 30 m; what counts is the share of candidates that stand
-    on the terrain beyond doubt.
+    Cells up to 60 m away along x and y are weighted by a bell curve (σ = 30 m); what counts is the share of
+    their candidates that stand on the terrain beyond doubt.
 
     Parameters
     ----------

@@ -47,7 +47,9 @@ def nearest_by_sector(
     ranks = np.empty(len(candidates), dtype=np.int64)
     ranks[cells.rows] = np.repeat(np.arange(len(cells.numbers)), np.diff(cells.first))
     for_row_blocks(
-        lambda a, b: _look_around(candidates, rows, ranks, table, reach, found, a, b), len(rows), 1024
+        lambda a, b: _look_around(candidates, rows, ranks, table, reach, found, a, b),
+        len(rows),
+        ROWS_A_BLOCK,
     )
     return found
 

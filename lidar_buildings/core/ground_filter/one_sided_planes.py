@@ -17,7 +17,7 @@ from lidar_buildings.core.row_blocks import for_row_blocks
 
 #: Sides that are tried.
 SIDES = 8
-#: How unlike a plane's widths may be (ratio of the products of its moments).
+#: Least 4 λ₁ λ₂ / (λ₁ + λ₂)² of the points' moments in plan: 1 if they lie all round, 0 if on a line.
 MIN_SPREAD = 0.05
 #: Rows a block of work.
 ROWS_A_BLOCK = 1024
@@ -100,11 +100,12 @@ def _test(candidates, rows, table, start, spacing, rules, result, begin, end):  
         x, y, z = candidates[rows[r]]
         sums[:] = 0.0
         sums[:, 10] = np.inf
-        column, line = math.floor(x / size) - start[0], math.floor(y / size) - start[1]
+        # Whole numbers before the product: over an enormous extent it would be rounded.
+        column = np.int64(math.floor(x / size) - start[0])
+        line = np.int64(math.floor(y / size) - start[1])
         west, east = max(column - 1, 0), min(column + 1, n_columns - 1)
         for step in range(-1, 2):
-            low = np.int64((line + step) * n_columns + west)
-            high = np.int64((line + step) * n_columns + east)
+            low, high = (line + step) * n_columns + west, (line + step) * n_columns + east
             k = np.searchsorted(numbers, low)
             while k < len(numbers) and numbers[k] <= high:
                 for i in range(first[k], first[k + 1]):

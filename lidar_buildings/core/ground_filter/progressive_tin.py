@@ -30,7 +30,7 @@ def densify(candidates: NDArray[np.float64], extent: NDArray[np.float64], config
 
     A candidate joins the TIN if its distance to its facet and the angles at which it is seen from the facet's
     corners stay within limits; the angle's limit grows with the facet's own slope, so that the data set it
-    where the terrain is, and the rest of the tile has no say. Candidates below their facet always may join.
+    where the terrain is, and the rest of the tile has no say. Candidates below a facet may join at any depth.
     On a facet that may span a step, a candidate too far above is mirrored at the facet's nearest corner and
     tested against the terrain there. Each round inserts one candidate a facet, the lowest below it or the one
     under the smallest angle, which keeps a single point on an object from pulling others after it.
@@ -39,10 +39,12 @@ def densify(candidates: NDArray[np.float64], extent: NDArray[np.float64], config
     with bolder ones, and what it gains is judged part by part: a part that meets the terrain around it as
     terrain does is a landform and stays, one with steps around it is an object and is barred for good.
 
+    Candidates on the decks of bridges are taken out at last, and the terrain grows again without them.
+
     Parameters
     ----------
     candidates : ndarray of shape (n_candidates, 3)
-        At most one per place, gross errors removed, in an order that puts neighbours together [m].
+        At least one, at most one per place, gross errors removed, in an order that puts neighbours together [m].
     extent : ndarray of shape (2, 2)
         Lower left and upper right corner of what the terrain has to cover [m].
     config : GroundFilterConfig
