@@ -72,8 +72,8 @@ def label_ground(
 
     Notes
     -----
-    O(n log n): some 3 M points/s on two cores in dense clouds, where only the lowest points of cells are walked
-    over; 0.5 M points/s where all are.
+    O(n log n): some 3 M points/s on two cores in dense clouds, where only the lowest points of cells are
+    walked over; 0.5 M points/s where all are.
 
     """
     config = config or GroundFilterConfig(method="bidirectional_slope")

@@ -13,10 +13,10 @@ from lidar_buildings.core.ground_filter.candidate_links import level_parts, near
 
 #: How far neighbours may be, in spacings of the candidates.
 REACH = 3.0
-#: Ground hangs together where it rises by no more than this over its distance in plan, or by this at all [m].
+#: Ground hangs together where it rises by no more than this over its distance, or by this at all [m].
 MAX_LINK_SLOPE, MIN_LINK_RISE = 0.7, 0.3
-#: Fewest links to other ground that an island is told by, at all and over the root of its candidates (a square
-#: seen all round has about eight): one cut off by the data's edge may be a hill.
+#: Fewest links to other ground that an island is told by, at all and over the root of its candidates (a
+#: square seen all round has about eight): one cut off by the data's edge may be a hill.
 MIN_LINKS, MIN_BORDER = 10, 3.2
 #: Share of them that have to be drops.
 MIN_DROP_SHARE = 0.9
