@@ -40,7 +40,8 @@ def densify(candidates: NDArray[np.float64], extent: NDArray[np.float64], config
     Parameters
     ----------
     candidates : ndarray of shape (n_candidates, 3)
-        At least one, at most one per place, gross errors removed, in an order that puts neighbours together [m].
+        At least one; at most one per place, gross errors removed, in an order that puts neighbours
+        together [m].
     extent : ndarray of shape (2, 2)
         Lower left and upper right corner of what the terrain has to cover [m].
     config : GroundFilterConfig
