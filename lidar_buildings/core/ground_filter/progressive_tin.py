@@ -39,13 +39,13 @@ def densify(candidates: NDArray[np.float64], extent: NDArray[np.float64], config
     with bolder ones, and what it gains is judged part by part: a part that meets the terrain around it as
     terrain does is a landform and stays, one with steps around it is an object and is barred for good.
 
-    Candidates on the decks of bridges, and on roofs that a seed fell on, are taken out at last, and the terrain
-    grows again without them.
+    Candidates on the decks of bridges, and on roofs that a seed fell on, are taken out at last, and the
+    terrain grows again without them.
 
     Parameters
     ----------
     candidates : ndarray of shape (n_candidates, 3)
-        At least one, at most one per place, gross errors removed, in an order that puts neighbours
+        At least one; at most one per place, gross errors removed, in an order that puts neighbours
         together [m].
     extent : ndarray of shape (2, 2)
         Lower left and upper right corner of what the terrain has to cover [m].
