@@ -51,7 +51,7 @@ class GroundFilterConfig(StageConfig):
         maximum=20.0,
     )
     iteration_angle: float = parameter(
-        7.0,
+        9.0,
         "Largest angle at which a point may be seen from the corners of a level facet and join the TIN: "
         "raising it climbs steeper terrain, and low objects.",
         unit="deg",

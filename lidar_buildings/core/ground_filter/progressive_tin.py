@@ -21,7 +21,7 @@ from lidar_buildings.core.point_spacing import quantised_spacing
 from lidar_buildings.core.tin import Tin
 
 #: Largest roof that a seed may fall on, in cells of the seeds' grid.
-MAX_ISLAND_CELLS = 4.0
+MAX_ISLAND_CELLS = 1.0
 
 
 def densify(candidates: NDArray[np.float64], extent: NDArray[np.float64], config: GroundFilterConfig) -> Tin:
