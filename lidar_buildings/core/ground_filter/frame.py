@@ -45,11 +45,19 @@ def edge_gradients(seeds: NDArray[np.float64], frame: NDArray[np.float64]) -> ND
 
 
 @njit(cache=True, nogil=True)
-def extend_terrain(vertices, n_real, n_start, triangles, gradient, changed, mark):  # type: ignore[no-untyped-def]
+def at_frame(triangle, triangles, n_real, n_start):  # type: ignore[no-untyped-def]
+    """
+    Whether a triangle has a virtual corner: rows `n_real` to `n_start` are the virtual vertices.
+
+    """
+    a, b, c = triangles[triangle, 0], triangles[triangle, 1], triangles[triangle, 2]
+    return n_real <= a < n_start or n_real <= b < n_start or n_real <= c < n_start
+
+
+@njit(cache=True, nogil=True)
+def extend_terrain(vertices, n_real, n_start, triangles, rim, gradient):  # type: ignore[no-untyped-def]
     """
     Raise each virtual vertex to the slope beyond the nearest real one that it shares a triangle with.
-
-    Triangles whose corner moved are marked as changed.
 
     Parameters
     ----------
@@ -59,19 +67,24 @@ def extend_terrain(vertices, n_real, n_start, triangles, gradient, changed, mark
         See `vertices`.
     triangles : ndarray of shape (m, 3), int32
         The mesh so far.
+    rim : ndarray of int32
+        The triangles with a virtual corner, rising: of several real vertices as near, the first counts.
     gradient : ndarray of shape (n_start - n_real, 2)
         As `edge_gradients` gives it.
-    changed, mark : ndarray of shape (m or more,), int
-        Set to `mark` where a triangle's corner moved.
+
+    Returns
+    -------
+    ndarray of shape (n_start - n_real,), bool
+        Which virtual vertices moved.
 
     """
     least = np.full(n_start - n_real, np.inf)
     elevation = vertices[n_real:n_start, 2].copy()
-    for corners in triangles:
-        for v in corners:
+    for t in rim:
+        for v in triangles[t]:
             if not n_real <= v < n_start:
                 continue
-            for w in corners:
+            for w in triangles[t]:
                 dx, dy = vertices[v, 0] - vertices[w, 0], vertices[v, 1] - vertices[w, 1]
                 away = dx * dx + dy * dy
                 f = v - n_real
@@ -80,7 +93,4 @@ def extend_terrain(vertices, n_real, n_start, triangles, gradient, changed, mark
                     elevation[f] = vertices[w, 2] + gradient[f, 0] * dx + gradient[f, 1] * dy
     moved = elevation != vertices[n_real:n_start, 2]
     vertices[n_real:n_start, 2] = elevation
-    for t in range(len(triangles)):
-        for v in triangles[t]:
-            if n_real <= v < n_start and moved[v - n_real]:
-                changed[t] = mark
+    return moved

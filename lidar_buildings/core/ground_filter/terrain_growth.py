@@ -12,13 +12,10 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from lidar_buildings.core.ground_filter.facet_scores import facet_score, mirrored_score
-from lidar_buildings.core.ground_filter.frame import edge_gradients, extend_terrain
+from lidar_buildings.core.ground_filter.frame import edge_gradients
+from lidar_buildings.core.ground_filter.growth_rounds import Mesh, join_in_rounds
 from lidar_buildings.core.incremental_delaunay import insert_vertex, with_room
 from lidar_buildings.core.tin import Tin, build_tin, plane_elevation, plane_slope, walk
-
-#: A guard, never reached on real data: terrain climbs at least one candidate a round.
-MAX_ROUNDS = 1000
 
 
 class GrowthLimits(NamedTuple):
@@ -61,11 +58,8 @@ class TerrainGrowth:
         The mesh, with room for every candidate.
     n_triangles : int
         How many of those rows are in use.
-    joined, home, changed : ndarray
-        Of each waiting candidate whether it has joined and in which triangle it was seen last; of each
-        triangle the round in which it changed last.
-    turn : int
-        The last round.
+    joined, home : ndarray
+        Of each waiting candidate whether it has joined and in which triangle it was seen last.
     gradient : ndarray of shape (n_frame, 2)
         The terrain's slope at the frame.
 
@@ -79,8 +73,6 @@ class TerrainGrowth:
     n_triangles: int
     joined: NDArray[np.bool_]
     home: NDArray[np.int32]
-    changed: NDArray[np.int32]
-    turn: int
     gradient: NDArray[np.float64]
 
     def branch(self) -> TerrainGrowth:
@@ -95,7 +87,6 @@ class TerrainGrowth:
             neighbours=self.neighbours.copy(),
             joined=self.joined.copy(),
             home=self.home.copy(),
-            changed=self.changed.copy(),
         )
 
     def grow(self, limits: GrowthLimits, barred: NDArray[np.bool_] | None = None) -> None:
@@ -104,21 +95,20 @@ class TerrainGrowth:
 
         """
         waiting = ~self.joined if barred is None else ~(self.joined | barred[~self.is_seed])
-        self.changed[: self.n_triangles] = self.turn
-        self.n_triangles, self.turn = _grow(
-            self.vertices,
-            self.start.n_real,
-            len(self.start.vertices),
-            self.triangles,
-            self.neighbours,
+        self.n_triangles = join_in_rounds(
+            Mesh(
+                self.vertices,
+                self.triangles,
+                self.neighbours,
+                self.start.n_real,
+                len(self.start.vertices),
+                self.gradient,
+            ),
             self.n_triangles,
-            self.gradient,
             tuple(limits),
-            waiting,
-            self.joined,
+            np.flatnonzero(waiting).astype(np.int32),
             self.home,
-            self.changed,
-            self.turn,
+            self.joined,
         )
 
     def force(self, chosen: NDArray[np.bool_]) -> None:
@@ -136,8 +126,6 @@ class TerrainGrowth:
             self.n_triangles,
             self.joined,
             self.home,
-            self.changed,
-            self.turn,
         )
 
     def height_and_slope(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -192,107 +180,22 @@ def start_growth(
         with_room(start.neighbours, room),
         len(start.triangles),
         np.zeros(len(waiting), dtype=np.bool_),
-        np.zeros(len(waiting), dtype=np.int32),
-        np.zeros(room, dtype=np.int32),
-        0,
+        start.locate(candidates[~is_seed]),
         edge_gradients(start.vertices[: start.n_real], start.vertices[start.n_real :]),
     )
 
 
 @njit(cache=True, nogil=True)
-def _grow(  # type: ignore[no-untyped-def]
-    vertices,
-    n_real,
-    n_start,
-    triangles,
-    neighbours,
-    n_triangles,
-    gradient,
-    limits,
-    waiting,
-    joined,
-    home,
-    changed,
-    turn,
-):
-    """
-    Insert waiting candidates, rows of `vertices` from `n_start` on, until none is left that may join.
-
-    Return the number of triangles and the last round. Rows from `n_real` to `n_start` are the frame's, with
-    their `gradient`. Triangles that changed in round `turn` or later are looked at in the first round.
-
-    """
-    best = np.full(len(triangles), -1, dtype=np.int32)
-    best_score = np.empty(len(triangles))
-    for _ in range(MAX_ROUNDS):
-        turn += 1
-        extend_terrain(vertices, n_real, n_start, triangles[:n_triangles], gradient, changed, turn - 1)
-        _propose(
-            vertices,
-            n_real,
-            n_start,
-            triangles,
-            neighbours,
-            limits,
-            turn,
-            changed,
-            waiting,
-            home,
-            best,
-            best_score,
-        )
-        n_before = n_triangles
-        for triangle in range(n_before):
-            i = best[triangle]
-            if i < 0:
-                continue
-            best[triangle], waiting[i], joined[i] = -1, False, True
-            p = n_start + i
-            # Insertions of this round may have cut the point's triangle off this number.
-            within = walk(vertices[p, 0], vertices[p, 1], triangle, vertices, triangles, neighbours)
-            n_triangles = insert_vertex(
-                p, within, n_triangles, vertices, triangles, neighbours, changed, turn
-            )
-            home[i] = within
-        if n_triangles == n_before:
-            break
-    return n_triangles, turn
-
-
-@njit(cache=True, nogil=True)
-def _propose(  # type: ignore[no-untyped-def]
-    vertices, n_real, n_start, triangles, neighbours, limits, turn, changed, waiting, home, best, best_score
-):
-    """
-    Find the best candidate of each triangle that changed in the last round.
-
-    """
-    here = 0
-    for i in range(len(waiting)):
-        if not waiting[i] or changed[home[i]] < turn - 1:
-            continue
-        p = n_start + i
-        here = walk(
-            vertices[p, 0], vertices[p, 1], here if turn == 1 else home[i], vertices, triangles, neighbours
-        )
-        home[i] = here
-        score = facet_score(vertices[p], vertices, triangles[here], limits)
-        if score == np.inf:
-            score = mirrored_score(p, here, vertices, n_real, n_start, triangles, neighbours, limits)
-        if score < np.inf and (best[here] < 0 or score < best_score[here]):
-            best[here], best_score[here] = i, score
-
-
-@njit(cache=True, nogil=True)
-def _force(rows, vertices, n_start, triangles, neighbours, n_triangles, joined, home, changed, turn):  # type: ignore[no-untyped-def]
+def _force(rows, vertices, n_start, triangles, neighbours, n_triangles, joined, home):  # type: ignore[no-untyped-def]
     """
     Insert these waiting candidates; return the number of triangles.
 
     """
+    marks = np.zeros(len(triangles), dtype=np.int8)
     for i in rows:
         p = n_start + i
         within = walk(vertices[p, 0], vertices[p, 1], home[i], vertices, triangles, neighbours)
-        n_triangles = insert_vertex(p, within, n_triangles, vertices, triangles, neighbours, changed, turn)
+        n_triangles = insert_vertex(p, within, n_triangles, vertices, triangles, neighbours, marks, 1)
         joined[i], home[i] = True, within
     return n_triangles
 
