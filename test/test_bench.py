@@ -161,7 +161,7 @@ def test_what_libraries_print_is_kept_off_the_output(capfd):
     assert capfd.readouterr().out == "figures"
 
 
-#: Measures a run that needs 80 MB; in a process of its own, as what another test has freed would be used again.
+#: Measures a run that needs 80 MB, in a process of its own: what another test has freed would be used again.
 HUNGRY = """
 import json, sys
 import numpy as np

@@ -70,7 +70,7 @@ def test_the_ndsm_is_as_high_as_points_above_the_ground(survey, result):
     of_points = np.asarray(cloud["HeightAboveGround"])
     first = (np.asarray(cloud.return_number) <= 1) & ~np.isin(cloud.classification, (7, 18))
     above = of_points[first] - height[np.asarray(rows)[first], np.asarray(columns)[first]]
-    # what is within 0.3 m of the terrain is ground and carries the raster, but need not be a vertex of the terrain
+    # what is within 0.3 m of the terrain is ground and carries the raster, but need not be a vertex of it
     assert (above <= 0.3).mean() > 0.999, "the surface is the highest first return of a cell"
     assert np.ma.max(height) == pytest.approx(of_points[first].max(), abs=0.3)
 
