@@ -17,13 +17,15 @@ from lidar_buildings.core.row_blocks import for_row_blocks
 
 #: Directions in which a candidate looks for its neighbours.
 SECTORS = 8
+#: So near the border of two sectors, relative to the larger offset, rounding decides: left to the angle.
+BORDER = 1e-9
 #: Rows a block of work.
 ROWS_A_BLOCK = 1024
 
 
 def nearest_by_sector(
     candidates: NDArray[np.float64], rows: NDArray[np.intp], reach: float
-) -> NDArray[np.int64]:
+) -> NDArray[np.int32]:
     """
     Return for each of the rows the nearest other candidate in each of eight sectors, −1 where there is none.
 
@@ -38,16 +40,16 @@ def nearest_by_sector(
 
     Returns
     -------
-    ndarray of shape (n_rows, 8), int64
+    ndarray of shape (n_rows, 8), int32
 
     """
     cells = sort_by_cell(candidates, reach)
-    found = np.full((len(rows), SECTORS), -1, dtype=np.int64)
-    table = (cells.points, cells.rows, cells.numbers, cells.first, cells.n_columns)
-    ranks = np.empty(len(candidates), dtype=np.int64)
-    ranks[cells.rows] = np.repeat(np.arange(len(cells.numbers)), np.diff(cells.first))
+    found = np.full((len(rows), SECTORS), -1, dtype=np.int32)
+    runs = _runs_around(cells.numbers, cells.first, cells.n_columns)
+    cell = np.empty(len(candidates), dtype=np.int32)
+    cell[cells.rows] = np.repeat(np.arange(len(cells.numbers), dtype=np.int32), np.diff(cells.first))
     for_row_blocks(
-        lambda a, b: _look_around(candidates, rows, ranks, table, reach, found, a, b),
+        lambda a, b: _look_around(candidates, rows, cell, runs, cells.points, cells.rows, reach, found, a, b),
         len(rows),
         ROWS_A_BLOCK,
     )
@@ -65,13 +67,13 @@ def level_parts(candidates, rows, links, max_slope, min_rise):  # type: ignore[n
         At most one per place [m].
     rows : ndarray of shape (n_rows,), intp
         The candidates that parts are made of.
-    links : ndarray of shape (n_rows, 8), int64
+    links : ndarray of shape (n_rows, 8), int32
         Their neighbours, as `nearest_by_sector` gives them.
     max_slope, min_rise : float
         Neighbours hang together if they rise by no more than this over their distance, or by this at all [m].
 
     """
-    place = np.full(len(candidates), -1, dtype=np.int64)
+    place = np.full(len(candidates), -1, dtype=np.int32)
     place[rows] = np.arange(len(rows))
     part = np.arange(len(rows))
     for r in range(len(rows)):
@@ -95,30 +97,57 @@ def rise_and_length(start, end):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _look_around(candidates, rows, ranks, table, reach, found, begin, end):  # type: ignore[no-untyped-def]
+def _runs_around(numbers, first, n_columns):  # type: ignore[no-untyped-def]
     """
-    Fill the rows `begin` to `end` of `found`; `ranks` says in which occupied cell a candidate lies.
+    Return between which sorted points those of the cells around lie, south, level and north: (n_cells, 3, 2).
 
     """
-    points, origin, numbers, first, n_columns = table
+    runs = np.empty((len(numbers), 3, 2), dtype=np.int64)
+    for line in range(3):
+        begin, end = 0, 0
+        for k in range(len(numbers)):
+            column, middle = numbers[k] % n_columns, numbers[k] + (line - 1) * n_columns
+            west, east = min(column, 1), min(n_columns - 1 - column, 1)
+            while begin < len(numbers) and numbers[begin] < middle - west:
+                begin += 1
+            while end < len(numbers) and numbers[end] <= middle + east:
+                end += 1
+            runs[k, line, 0], runs[k, line, 1] = first[begin], first[end]
+    return runs
+
+
+@njit(cache=True, nogil=True)
+def _look_around(candidates, rows, cell, runs, points, origin, reach, found, begin, end):  # type: ignore[no-untyped-def]
+    """
+    Fill the rows `begin` to `end` of `found`; `points` are the candidates by cell, `origin` their rows.
+
+    """
     nearest = np.empty(SECTORS)
     for r in range(begin, end):
-        x, y = candidates[rows[r], 0], candidates[rows[r], 1]
+        x, y, k = candidates[rows[r], 0], candidates[rows[r], 1], cell[rows[r]]
         nearest[:] = reach * reach
-        number = numbers[ranks[rows[r]]]
-        column = number % n_columns
-        west, east = min(column, 1), min(n_columns - 1 - column, 1)
-        for step in range(-1, 2):
-            middle = number + step * n_columns
-            k = np.searchsorted(numbers, middle - west)
-            while k < len(numbers) and numbers[k] <= middle + east:
-                for i in range(first[k], first[k + 1]):
-                    dx, dy = points[i, 0] - x, points[i, 1] - y
-                    squared = dx * dx + dy * dy
-                    if squared == 0.0 or squared > reach * reach:
-                        continue
-                    sector = int((math.atan2(dy, dx) + math.pi) / (2.0 * math.pi) * SECTORS) % SECTORS
-                    if squared < nearest[sector]:
-                        nearest[sector] = squared
-                        found[r, sector] = origin[i]
-                k += 1
+        for line in range(3):
+            for i in range(runs[k, line, 0], runs[k, line, 1]):
+                dx, dy = points[i, 0] - x, points[i, 1] - y
+                squared = dx * dx + dy * dy
+                if squared == 0.0 or squared > reach * reach:
+                    continue
+                sector = _sector(dx, dy)
+                if squared < nearest[sector]:
+                    nearest[sector] = squared
+                    found[r, sector] = origin[i]
+
+
+@njit(cache=True, nogil=True)
+def _sector(dx, dy):  # type: ignore[no-untyped-def]
+    """
+    Return in which eighth of the circle an offset points, counted from west anticlockwise.
+
+    """
+    across, up = abs(dx), abs(dy)
+    if min(across, up, abs(across - up)) <= BORDER * max(across, up):
+        return int((math.atan2(dy, dx) + math.pi) / (2.0 * math.pi) * SECTORS) % SECTORS
+    steep = 1 if up > across else 0
+    if dy < 0.0:
+        return steep if dx < 0.0 else 3 - steep
+    return 4 + steep if dx > 0.0 else 7 - steep

@@ -66,7 +66,7 @@ def _count_drops(candidates, rows, links, part, min_drop):  # type: ignore[no-un
     Return each part's size, its links to other ground, and how many of them drop.
 
     """
-    place = np.full(len(candidates), -1, dtype=np.int64)
+    place = np.full(len(candidates), -1, dtype=np.int32)
     place[rows] = np.arange(len(rows))
     counts = np.zeros((len(rows), 3))
     for r in range(len(rows)):
