@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from lidar_buildings.core.ground_filter.config import GroundFilterConfig
 
 #: Slope beyond which the tolerance of ground no longer grows: a wall has no ground on it.
-MAX_SLOPE = 1.5
+MAX_SLOPE = 3.0
 
 
 def near_terrain(
