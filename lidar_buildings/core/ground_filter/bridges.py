@@ -5,7 +5,10 @@ Bridges: ground that lies between two opposite drops is a deck, not terrain.
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
@@ -66,20 +69,37 @@ def _rims(terrain: Tin, spacing: float) -> tuple[NDArray[np.float64], NDArray[np
     Return the vertices above drops (n, 3) and the direction in which it falls off there (n, 2).
 
     """
-    corners = terrain.triangles
-    sides = np.vstack((corners[:, [0, 1]], corners[:, [1, 2]], corners[:, [2, 0]]))
-    step = terrain.vertices[sides[:, 1]] - terrain.vertices[sides[:, 0]]
-    length = np.hypot(step[:, 0], step[:, 1])
-    drop = step[:, 2] <= -np.maximum(MIN_DROP, MIN_DROP_SLOPE * length)
-    # A side inside the mesh is a side of two triangles, once each way round: every drop is met once at least.
-    drop &= length <= MAX_DROP_LENGTH * spacing
-    top, step = sides[drop, 0], step[drop, :2] / length[drop, None]
+    top, step = _drops(terrain.vertices, terrain.triangles, MAX_DROP_LENGTH * spacing)
     vertices, place = np.unique(top, return_inverse=True)
     total = np.column_stack([np.bincount(place, step[:, axis], len(vertices)) for axis in range(2)])
     size = np.hypot(*total.T)
     clear = size > 0.0
     at = terrain.vertices[vertices[clear]] + [*terrain.origin, 0.0]
     return at, total[clear] / size[clear, None]
+
+
+@njit(cache=True, nogil=True)
+def _drops(vertices, triangles, max_length):  # type: ignore[no-untyped-def]
+    """
+    Return the upper ends of the sides that drop (n,), and the directions that they fall off in (n, 2).
+
+    A side inside the mesh is a side of two triangles, once each way round: every drop is met once at least.
+
+    """
+    top, direction = [np.int64(0) for _ in range(0)], [0.0 for _ in range(0)]
+    for k in range(3):
+        for t in range(len(triangles)):
+            v, w = triangles[t, k], triangles[t, (k + 1) % 3]
+            fall = vertices[v, 2] - vertices[w, 2]
+            if fall < MIN_DROP:
+                continue
+            dx, dy = vertices[w, 0] - vertices[v, 0], vertices[w, 1] - vertices[v, 1]
+            length = math.hypot(dx, dy)
+            if fall >= MIN_DROP_SLOPE * length and 0.0 < length <= max_length:
+                top.append(np.int64(v))
+                direction.append(dx / length)
+                direction.append(dy / length)
+    return np.array(top), np.array(direction).reshape(-1, 2)
 
 
 def _opposite(

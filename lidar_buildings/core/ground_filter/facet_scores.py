@@ -27,7 +27,7 @@ def candidate_score(p, triangle, vertices, n_real, n_start, triangles, neighbour
     Infinity where it may not join: neither as it is nor mirrored, or since its facet is small enough.
 
     """
-    a, b, c = _corners(triangle, vertices, triangles)
+    a, b, c = corners_of(triangle, vertices, triangles)
     point = _place(p, vertices)
     if _squared_longest_side(a, b, c) < limits[3] or _far_above(point, a, b, c, limits[2]):
         return np.inf
@@ -84,7 +84,7 @@ def _mirrored_score(p, triangle, vertices, n_real, n_start, triangles, neighbour
 
     """
     angle, _, distance, _ = limits
-    if plane_slope(*_corners(triangle, vertices, triangles)) < MIRROR_SLOPE:
+    if plane_slope(*corners_of(triangle, vertices, triangles)) < MIRROR_SLOPE:
         return np.inf
     x, y, z = _place(p, vertices)
     corner = _nearest_corner(x, y, triangle, vertices, triangles)
@@ -94,7 +94,7 @@ def _mirrored_score(p, triangle, vertices, n_real, n_start, triangles, neighbour
     there = walk(x, y, triangle, vertices, triangles, neighbours)
     if at_frame(there, triangles, n_real, n_start):
         return np.inf
-    a, b, c = _corners(there, vertices, triangles)
+    a, b, c = corners_of(there, vertices, triangles)
     off = abs(z - plane_elevation(x, y, a, b, c)) / math.hypot(1.0, plane_slope(a, b, c))
     if off > distance:
         return np.inf
@@ -112,7 +112,7 @@ def _place(v, vertices):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _corners(triangle, vertices, triangles):  # type: ignore[no-untyped-def]
+def corners_of(triangle, vertices, triangles):  # type: ignore[no-untyped-def]
     """
     Return the coordinates of a triangle's corners.
 

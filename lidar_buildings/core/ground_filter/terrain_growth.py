@@ -12,9 +12,11 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from lidar_buildings.core.ground_filter.facet_scores import corners_of
 from lidar_buildings.core.ground_filter.frame import edge_gradients
 from lidar_buildings.core.ground_filter.growth_rounds import Mesh, join_in_rounds
 from lidar_buildings.core.incremental_delaunay import insert_vertex, with_room
+from lidar_buildings.core.row_blocks import for_row_blocks
 from lidar_buildings.core.tin import Tin, build_tin, plane_elevation, plane_slope, walk
 
 
@@ -134,8 +136,11 @@ class TerrainGrowth:
 
         """
         height, slope = np.zeros(len(self.is_seed)), np.zeros(len(self.is_seed))
-        height[~self.is_seed], slope[~self.is_seed] = _heights(
-            self.vertices, len(self.start.vertices), self.triangles, self.neighbours, self.home
+        rows = np.flatnonzero(~self.is_seed).astype(np.int32)
+        mesh = (self.vertices, self.triangles, self.neighbours)
+        for_row_blocks(
+            lambda a, b: _heights(*mesh, len(self.start.vertices), self.home, rows, height, slope, a, b),
+            len(rows),
         )
         return height, slope
 
@@ -201,15 +206,14 @@ def _force(rows, vertices, n_start, triangles, neighbours, n_triangles, joined, 
 
 
 @njit(cache=True, nogil=True)
-def _heights(vertices, n_start, triangles, neighbours, home):  # type: ignore[no-untyped-def]
+def _heights(vertices, triangles, neighbours, n_start, home, rows, height, slope, begin, end):  # type: ignore[no-untyped-def]
     """
-    Return the height of every waiting candidate above the mesh, and its slope there.
+    Set the height of waiting candidates `begin` to `end` above the mesh, and its slope there, at their rows.
 
     """
-    height, slope = np.empty(len(home)), np.empty(len(home))
-    for i in range(len(home)):
-        x, y, z = vertices[n_start + i]
+    for i in range(begin, end):
+        x, y, z = vertices[n_start + i, 0], vertices[n_start + i, 1], vertices[n_start + i, 2]
         here = walk(x, y, home[i], vertices, triangles, neighbours)
-        a, b, c = vertices[triangles[here, 0]], vertices[triangles[here, 1]], vertices[triangles[here, 2]]
-        height[i], slope[i] = z - plane_elevation(x, y, a, b, c), plane_slope(a, b, c)
-    return height, slope
+        a, b, c = corners_of(here, vertices, triangles)
+        height[rows[i]] = z - plane_elevation(x, y, a, b, c)
+        slope[rows[i]] = plane_slope(a, b, c)
