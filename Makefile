@@ -44,6 +44,8 @@ bench: setup
 	@$(BIN)/python bench/isprs.py --offsets 3
 	@echo "Providers' ground:"
 	@$(BIN)/python bench/providers.py
+	@echo "Gross errors:"
+	@$(BIN)/python bench/noise.py
 	@echo "Speed and memory:"
 	@$(BIN)/python bench/ground.py
 
