@@ -96,6 +96,8 @@ def _test(candidates, rows, table, start, spacing, rules, result, begin, end):  
     """
     points, numbers, first, n_columns, size = table
     sums = np.empty((SIDES, 11))
+    turns = 2.0 * math.pi * np.arange(SIDES) / SIDES
+    towards = np.column_stack((np.cos(turns), np.sin(turns)))
     for r in range(begin, end):
         x, y, z = candidates[rows[r]]
         sums[:] = 0.0
@@ -109,7 +111,8 @@ def _test(candidates, rows, table, start, spacing, rules, result, begin, end):  
             k = np.searchsorted(numbers, low)
             while k < len(numbers) and numbers[k] <= high:
                 for i in range(first[k], first[k + 1]):
-                    _count(points[i, 0] - x, points[i, 1] - y, points[i, 2] - z, rules.reach * spacing, sums)
+                    dx, dy, dz = points[i, 0] - x, points[i, 1] - y, points[i, 2] - z
+                    _count(dx, dy, dz, rules.reach * spacing, towards, sums)
                 k += 1
         for side in range(SIDES):
             if _fits(sums[side], rules.nearest * spacing, rules):
@@ -118,7 +121,7 @@ def _test(candidates, rows, table, start, spacing, rules, result, begin, end):  
 
 
 @njit(cache=True, nogil=True)
-def _count(dx, dy, dz, reach, sums):  # type: ignore[no-untyped-def]
+def _count(dx, dy, dz, reach, towards, sums):  # type: ignore[no-untyped-def]
     """
     Add a ground point, relative to the candidate, to the moments of the sides it lies on.
 
@@ -127,8 +130,7 @@ def _count(dx, dy, dz, reach, sums):  # type: ignore[no-untyped-def]
     if away > reach:
         return
     for side in range(SIDES):
-        turn = 2.0 * math.pi * side / SIDES
-        if dx * math.cos(turn) + dy * math.sin(turn) <= 1e-9:
+        if dx * towards[side, 0] + dy * towards[side, 1] <= 1e-9:
             continue
         s = sums[side]
         s[0] += 1.0
