@@ -1,0 +1,98 @@
+import numpy as np
+import pytest
+
+from lidar_buildings.core.ground_filter import growth_rounds
+from lidar_buildings.core.ground_filter.facet_scores import candidate_score
+from lidar_buildings.core.ground_filter.frame import extend_terrain
+from lidar_buildings.core.ground_filter.terrain_growth import GrowthLimits, start_growth
+from lidar_buildings.core.incremental_delaunay import insert_vertex
+from lidar_buildings.core.tin import walk
+
+LIMITS = GrowthLimits(np.radians(9.0), 0.5, 1.4, 1.0)
+
+
+def started(n=400, seed=0):
+    """
+    Hilly ground with blocks on it, a few of its points in the TIN already; elevations repeat.
+
+    """
+    rng = np.random.default_rng(seed)
+    points = rng.uniform(0.0, 60.0, (n, 3))
+    points[:, 2] = 2.0 * np.sin(points[:, 0] / 9.0) + 5.0 * (points[:, 1] % 25.0 > 18.0)
+    points[:, 2] = points[:, 2].round(1)
+    points = points[np.lexsort(points.T)]
+    return points, start_growth(points, rng.random(n) < 0.05, np.array([[0.0, 0.0], [60.0, 60.0]]))
+
+
+def grow_plainly(growth, limits, barred):
+    """
+    Let candidates join, all that wait asked in every round whether their triangle changed in the last one.
+
+    """
+    n_real, n_start = growth.start.n_real, len(growth.start.vertices)
+    vertices, triangles, neighbours = growth.vertices, growth.triangles, growth.neighbours
+    mesh, changed = (vertices, triangles, neighbours), np.zeros(len(triangles), dtype=np.int32)
+    for turn in range(1, 1000):
+        used = triangles[: growth.n_triangles]
+        virtual = (used >= n_real) & (used < n_start)
+        rim = np.flatnonzero(virtual.any(axis=1))
+        moved = np.flatnonzero(extend_terrain(vertices, n_real, n_start, triangles, rim, growth.gradient))
+        changed[: len(used)][np.isin(used, n_real + moved).any(axis=1)] = turn - 1
+        best = {}
+        for i in np.flatnonzero(~growth.joined & ~barred & (changed[growth.home] >= turn - 1)):
+            p = n_start + i
+            growth.home[i] = here = walk(*vertices[p, :2], growth.home[i], *mesh)
+            score = candidate_score(p, here, vertices, n_real, n_start, *mesh[1:], tuple(limits))
+            if score < best.get(here, (np.inf, 0))[0]:
+                best[here] = (score, i)
+        if not best:
+            return
+        for here, (_, i) in sorted(best.items()):
+            p = n_start + i
+            growth.home[i] = within = walk(*vertices[p, :2], here, *mesh)
+            growth.n_triangles = insert_vertex(
+                p, within, growth.n_triangles, vertices, triangles, neighbours, changed, turn
+            )
+            growth.joined[i] = True
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_rounds_that_look_at_what_changed_build_what_rounds_that_ask_everyone_do(seed):
+    _, growth = started(seed=seed)
+    plain = growth.branch()
+    growth.grow(LIMITS)
+    grow_plainly(plain, LIMITS, np.zeros_like(plain.joined))
+    assert 50 < growth.joined.sum() < len(growth.joined)
+    np.testing.assert_array_equal(growth.joined, plain.joined)
+    np.testing.assert_array_equal(growth.tin().triangles, plain.tin().triangles)
+    np.testing.assert_array_equal(growth.tin().vertices, plain.tin().vertices)
+
+
+def test_growth_with_bolder_limits_goes_on_from_where_it_stopped_and_leaves_the_barred_out():
+    points, growth = started(seed=5)
+    growth.grow(LIMITS)
+    plain, barred = growth.branch(), points[:, 0] < 20.0
+    bold = LIMITS._replace(angle=0.6, distance=4.0)
+    before = growth.joined.copy()
+    growth.grow(bold, barred)
+    grow_plainly(plain, bold, barred[~growth.is_seed])
+    assert (growth.joined & ~before).any()
+    assert not (growth.joined & ~before & barred[~growth.is_seed]).any()
+    np.testing.assert_array_equal(growth.tin().triangles, plain.tin().triangles)
+
+
+def test_threads_have_no_say_in_the_terrain(monkeypatch):
+    _, growth = started(seed=6)
+    other = growth.branch()
+    growth.grow(LIMITS)
+    in_blocks = growth_rounds.for_row_blocks
+    monkeypatch.setattr(growth_rounds, "for_row_blocks", lambda kernel, n: in_blocks(kernel, n, 7))
+    other.grow(LIMITS)
+    np.testing.assert_array_equal(growth.tin().triangles, other.tin().triangles)
+
+
+def test_nobody_waiting_leaves_the_mesh_as_it_is():
+    points, _ = started()
+    growth = start_growth(points, np.ones(len(points), dtype=bool), np.array([[0.0, 0.0], [60.0, 60.0]]))
+    growth.grow(LIMITS)
+    np.testing.assert_array_equal(growth.tin().triangles, growth.start.triangles)
