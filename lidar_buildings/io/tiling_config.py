@@ -29,8 +29,9 @@ class TilingConfig(StageConfig):
         read_only=True,
     )
     buffer: float = parameter(
-        50.0,
-        "Width of the strip of neighbours round a tile; a larger one lets larger buildings cross its edge.",
+        75.0,
+        "Width of the strip of neighbours round a tile; a larger one lets larger buildings cross its edge, and "
+        "the ground filter see more of the terrain around (its reach is 1.5 seed_cell).",
         unit="m",
         minimum=0.0,
         maximum=1_000.0,
