@@ -84,13 +84,31 @@ def test_a_writer_refuses_a_folder_that_is_not_empty(tmp_path):
     assert (tmp_path / "out" / "mine.txt").read_text() == "keep me"
 
 
+def wait_until_caught(pid, number, timeout=60.0):
+    """
+    Wait until a process handles a signal; before, it would be lost or deadly on a busy machine.
+
+    """
+    end = time.monotonic() + timeout
+    while time.monotonic() < end:
+        status = Path(f"/proc/{pid}/status").read_text()
+        if int(status.split("SigCgt:")[1].split()[0], 16) >> (number - 1) & 1:
+            return
+        time.sleep(0.1)
+    raise AssertionError(f"signal {number} is not handled after {timeout:g} s")
+
+
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_a_node_that_is_interrupted_ends_quietly(number):
     line, environment = command("outline_regulariser")
     with subprocess.Popen(line, env=environment, stderr=subprocess.PIPE, text=True) as process:
-        time.sleep(4.0)
+        wait_until_caught(process.pid, number)
+        time.sleep(1.0)
         process.send_signal(number)
         process.send_signal(number)
-        _, errors = process.communicate(timeout=30)
+        try:
+            _, errors = process.communicate(timeout=30)
+        finally:
+            process.kill()
     assert process.returncode == 0
     assert errors == ""
