@@ -49,3 +49,19 @@ def checked_column(name: str, column: ArrayLike, n_points: int, dtype: Any) -> N
     if array.dtype.kind == "f" and np.isnan(array).any():
         raise ValueError(f"{name}[{int(np.argmax(np.isnan(array)))}] = nan: must be a number")
     return np.ascontiguousarray(array, dtype=dtype)
+
+
+def checked_columns(n_points: int, **columns: ArrayLike | None) -> dict[str, NDArray[Any] | None]:
+    """
+    Return columns by name, each with one value per point in its own dtype; None where there is none.
+
+    Raises
+    ------
+    ValueError
+        As `checked_column`.
+
+    """
+    return {
+        name: None if column is None else checked_column(name, column, n_points, np.asarray(column).dtype)
+        for name, column in columns.items()
+    }

@@ -5,8 +5,6 @@ Ground by slopes along profiles, forth and back (Shan & Sampath 2005), with prof
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from numba import njit
 from numpy.typing import ArrayLike, NDArray
@@ -18,7 +16,7 @@ from lidar_buildings.core.ground_filter.profile_regression import take_back
 from lidar_buildings.core.ground_filter.profile_trend import Trend, fit_trend
 from lidar_buildings.core.ground_filter.profiles import Profiles, cut_profiles
 from lidar_buildings.core.ground_filter.scan_lines import ScanLines, find_scan_lines
-from lidar_buildings.core.point_array import checked_column, checked_points
+from lidar_buildings.core.point_array import checked_columns, checked_points
 from lidar_buildings.core.point_order import SortedPoints, sort_by_cell
 from lidar_buildings.core.point_spacing import quantised_spacing
 from lidar_buildings.core.row_blocks import for_row_blocks
@@ -78,7 +76,7 @@ def label_ground(
     """
     config = config or GroundFilterConfig(method="bidirectional_slope")
     cloud = checked_points(points)
-    columns = _checked_columns(
+    columns = checked_columns(
         len(cloud),
         gps_time=gps_time,
         scan_angle=scan_angle,
@@ -104,17 +102,6 @@ def label_ground(
     ground = _label_candidates(candidates, profiles, spacing, config)
     planes = fit_trend(candidates, ground, LOCAL_RADIUS * spacing, cells_per_radius=2.0, far=False)
     return _label_all(cells, kept[ground], planes, config)
-
-
-def _checked_columns(n_points: int, **columns: ArrayLike | None) -> dict[str, NDArray[Any] | None]:
-    """
-    Return what is known of the scan, one number per point, None where nothing is.
-
-    """
-    return {
-        name: None if column is None else checked_column(name, column, n_points, np.asarray(column).dtype)
-        for name, column in columns.items()
-    }
 
 
 def _label_lines(

@@ -17,7 +17,7 @@ from lidar_buildings.core.ground_filter.config import GroundFilterConfig
 from lidar_buildings.core.ground_filter.noise import find_noise
 from lidar_buildings.core.ground_filter.progressive_tin import densify
 from lidar_buildings.core.ground_filter.tin_labels import near_terrain
-from lidar_buildings.core.point_array import checked_column, checked_points
+from lidar_buildings.core.point_array import checked_column, checked_columns, checked_points
 from lidar_buildings.core.point_order import SortedPoints, in_rows_order, lowest_of_cells, sort_by_cell
 from lidar_buildings.core.row_blocks import for_row_blocks
 from lidar_buildings.core.tin import Tin, build_tin
@@ -103,7 +103,7 @@ def classify_ground(
     """
     config = config or GroundFilterConfig()
     points = checked_points(points)
-    scan = _checked_scan(
+    scan = checked_columns(
         len(points),
         gps_time=gps_time,
         scan_angle=scan_angle,
@@ -155,17 +155,6 @@ def _free(noise: NDArray[np.uint8], aside: NDArray[np.bool_] | None) -> NDArray[
     if aside is not None and (free & ~aside).any():
         free &= ~aside
     return free
-
-
-def _checked_scan(n_points: int, **columns: ArrayLike | None) -> dict[str, NDArray[Any] | None]:
-    """
-    Return what is known of the scan, one number per point, None where nothing is.
-
-    """
-    return {
-        name: None if column is None else checked_column(name, column, n_points, np.asarray(column).dtype)
-        for name, column in columns.items()
-    }
 
 
 def _labelled_ground(
