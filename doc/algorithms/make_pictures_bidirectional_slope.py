@@ -18,9 +18,9 @@ import matplotlib.pyplot as plt
 from PIL import Image
 
 from lidar_buildings.core.ground_filter import GroundFilterConfig
-from lidar_buildings.core.ground_filter.bidirectional_slope import label_ground
-from lidar_buildings.core.ground_filter.profile_labelling import net_votes
-from lidar_buildings.core.ground_filter.profiles import cut_profiles
+from lidar_buildings.core.ground_filter.scan_profiles.bidirectional_slope import label_ground
+from lidar_buildings.core.ground_filter.scan_profiles.profile_labelling import net_votes
+from lidar_buildings.core.ground_filter.scan_profiles.profiles import cut_profiles
 
 CONFIG = GroundFilterConfig(method="bidirectional_slope")
 #: Colours of the maps.

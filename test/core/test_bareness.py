@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from lidar_buildings.core.ground_filter.bareness import (
+from lidar_buildings.core.ground_filter.growing_tin.bareness import (
     BARE_SHARE,
     BUILT_SHARE,
     CELL,

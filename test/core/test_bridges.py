@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from lidar_buildings.core.ground_filter.bridges import MAX_WIDTH, find_decks
+from lidar_buildings.core.ground_filter.growing_tin.bridges import MAX_WIDTH, find_decks
 from lidar_buildings.core.tin import build_tin
 
 

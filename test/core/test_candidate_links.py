@@ -1,7 +1,11 @@
 import numpy as np
 import pytest
 
-from lidar_buildings.core.ground_filter.candidate_links import ROWS_A_BLOCK, SECTORS, nearest_by_sector
+from lidar_buildings.core.ground_filter.growing_tin.candidate_links import (
+    ROWS_A_BLOCK,
+    SECTORS,
+    nearest_by_sector,
+)
 
 
 def nearest_by_brute_force(candidates, rows, reach):

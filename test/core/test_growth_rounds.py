@@ -1,10 +1,10 @@
 import numpy as np
 import pytest
 
-from lidar_buildings.core.ground_filter import growth_rounds
-from lidar_buildings.core.ground_filter.facet_scores import candidate_score
-from lidar_buildings.core.ground_filter.frame import extend_terrain
-from lidar_buildings.core.ground_filter.terrain_growth import GrowthLimits, start_growth
+from lidar_buildings.core.ground_filter.growing_tin import growth_rounds
+from lidar_buildings.core.ground_filter.growing_tin.facet_scores import candidate_score
+from lidar_buildings.core.ground_filter.growing_tin.frame import extend_terrain
+from lidar_buildings.core.ground_filter.growing_tin.terrain_growth import GrowthLimits, start_growth
 from lidar_buildings.core.incremental_delaunay import insert_vertex
 from lidar_buildings.core.tin import walk
 

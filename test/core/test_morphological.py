@@ -3,7 +3,7 @@ import numpy as np
 import pytest
 
 from lidar_buildings.core.ground_filter.config import GroundFilterConfig
-from lidar_buildings.core.ground_filter.morphological import label_ground
+from lidar_buildings.core.ground_filter.openings.morphological import label_ground
 from lidar_buildings.core.scores.ground import score_ground
 
 CONFIG = GroundFilterConfig(method="morphological")

@@ -8,7 +8,7 @@ import pytest
 
 from lidar_buildings.core.asprs import PointClass
 from lidar_buildings.core.ground_filter.config import GroundFilterConfig
-from lidar_buildings.core.ground_filter.noise import find_noise
+from lidar_buildings.core.ground_filter.gross_errors.noise import find_noise
 from lidar_buildings.core.point_order import sort_by_cell
 
 LOW, HIGH = PointClass.LOW_NOISE, PointClass.HIGH_NOISE

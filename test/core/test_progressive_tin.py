@@ -4,8 +4,8 @@ import pytest
 from terrain_scenes import TERRAIN_SCENES
 
 from lidar_buildings.core.ground_filter import GroundFilterConfig, classify_ground
-from lidar_buildings.core.ground_filter.progressive_tin import densify
-from lidar_buildings.core.ground_filter.tin_labels import MAX_SLOPE
+from lidar_buildings.core.ground_filter.growing_tin.progressive_tin import densify
+from lidar_buildings.core.ground_filter.growing_tin.tin_labels import MAX_SLOPE
 from lidar_buildings.core.scores.ground import score_ground
 
 CONFIG = GroundFilterConfig()

@@ -12,11 +12,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from lidar_buildings.core.asprs import PointClass
-from lidar_buildings.core.ground_filter import bidirectional_slope, morphological
 from lidar_buildings.core.ground_filter.config import GroundFilterConfig
-from lidar_buildings.core.ground_filter.noise import find_noise
-from lidar_buildings.core.ground_filter.progressive_tin import densify
-from lidar_buildings.core.ground_filter.tin_labels import near_terrain
+from lidar_buildings.core.ground_filter.gross_errors.noise import find_noise
+from lidar_buildings.core.ground_filter.growing_tin.progressive_tin import densify
+from lidar_buildings.core.ground_filter.growing_tin.tin_labels import near_terrain
+from lidar_buildings.core.ground_filter.openings import morphological
+from lidar_buildings.core.ground_filter.scan_profiles import bidirectional_slope
 from lidar_buildings.core.point_array import checked_column, checked_columns, checked_points
 from lidar_buildings.core.point_order import SortedPoints, in_rows_order, lowest_of_cells, sort_by_cell
 from lidar_buildings.core.row_blocks import for_row_blocks

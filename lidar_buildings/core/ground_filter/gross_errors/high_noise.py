@@ -11,7 +11,12 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from lidar_buildings.core.ground_filter.noise_layers import Layers, columns_in_row, high_end, low_end
+from lidar_buildings.core.ground_filter.gross_errors.noise_layers import (
+    Layers,
+    columns_in_row,
+    high_end,
+    low_end,
+)
 from lidar_buildings.core.row_blocks import for_row_blocks
 
 #: Most points of a group: crowns, masts and the corners of roofs that a tile cuts off have more.

@@ -9,7 +9,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from lidar_buildings.core.ground_filter.candidate_links import level_parts, nearest_by_sector
+from lidar_buildings.core.ground_filter.growing_tin.candidate_links import level_parts, nearest_by_sector
 
 #: How far neighbours may be, in spacings of the candidates.
 REACH = 3.0

@@ -9,9 +9,15 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from lidar_buildings.core.ground_filter.noise_layers import Layers, columns_in_row, high_end, low_end, rise
-from lidar_buildings.core.ground_filter.open_pit import is_open_pit
-from lidar_buildings.core.ground_filter.terrain_gradient import terrain_gradient
+from lidar_buildings.core.ground_filter.gross_errors.noise_layers import (
+    Layers,
+    columns_in_row,
+    high_end,
+    low_end,
+    rise,
+)
+from lidar_buildings.core.ground_filter.gross_errors.open_pit import is_open_pit
+from lidar_buildings.core.ground_filter.gross_errors.terrain_gradient import terrain_gradient
 from lidar_buildings.core.row_blocks import for_row_blocks
 
 #: Columns between which layers still touch: ground seen through gaps hangs together over so many.

@@ -11,7 +11,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from lidar_buildings.core.ground_filter.terrain_gradient import terrain_gradient
+from lidar_buildings.core.ground_filter.gross_errors.terrain_gradient import terrain_gradient
 from lidar_buildings.core.point_order import SortedPoints
 from lidar_buildings.core.row_blocks import for_row_blocks
 

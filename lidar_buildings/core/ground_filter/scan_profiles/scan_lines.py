@@ -14,7 +14,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from lidar_buildings.core.ground_filter.profiles import MAX_STRIPS, Profiles, sorted_profiles
+from lidar_buildings.core.ground_filter.scan_profiles.profiles import MAX_STRIPS, Profiles, sorted_profiles
 
 #: Points whose steps give the direction of the lines; headings hold at least that long.
 BLOCK = 16384

@@ -11,10 +11,14 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from lidar_buildings.core.ground_filter.bareness import measure_bareness
-from lidar_buildings.core.ground_filter.candidate_links import level_parts, nearest_by_sector, rise_and_length
 from lidar_buildings.core.ground_filter.config import GroundFilterConfig
-from lidar_buildings.core.ground_filter.one_sided_planes import continues_terrain
+from lidar_buildings.core.ground_filter.growing_tin.bareness import measure_bareness
+from lidar_buildings.core.ground_filter.growing_tin.candidate_links import (
+    level_parts,
+    nearest_by_sector,
+    rise_and_length,
+)
+from lidar_buildings.core.ground_filter.growing_tin.one_sided_planes import continues_terrain
 
 #: How far neighbours may be, in spacings of the candidates.
 REACH = 3.0

@@ -12,9 +12,9 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from lidar_buildings.core.ground_filter.facet_scores import corners_of
-from lidar_buildings.core.ground_filter.frame import edge_gradients
-from lidar_buildings.core.ground_filter.growth_rounds import Mesh, join_in_rounds
+from lidar_buildings.core.ground_filter.growing_tin.facet_scores import corners_of
+from lidar_buildings.core.ground_filter.growing_tin.frame import edge_gradients
+from lidar_buildings.core.ground_filter.growing_tin.growth_rounds import Mesh, join_in_rounds
 from lidar_buildings.core.incremental_delaunay import insert_vertex, with_room
 from lidar_buildings.core.row_blocks import for_row_blocks
 from lidar_buildings.core.tin import Tin, build_tin, plane_elevation, plane_slope, walk

@@ -9,7 +9,7 @@ import math
 
 from numba import njit
 
-from lidar_buildings.core.ground_filter.noise_layers import columns_in_row
+from lidar_buildings.core.ground_filter.gross_errors.noise_layers import columns_in_row
 
 #: Points that are not enough to show a pit.
 FEW = 3

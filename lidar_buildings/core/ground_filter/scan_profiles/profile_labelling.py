@@ -12,7 +12,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from lidar_buildings.core.ground_filter.config import GroundFilterConfig
-from lidar_buildings.core.ground_filter.profiles import Profiles
+from lidar_buildings.core.ground_filter.scan_profiles.profiles import Profiles
 from lidar_buildings.core.row_blocks import for_row_blocks
 
 #: What a pass says of a point, in half votes; likely ground may yet turn out to be the roof that it began on.

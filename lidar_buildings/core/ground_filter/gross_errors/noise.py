@@ -9,11 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lidar_buildings.core.asprs import PointClass
-from lidar_buildings.core.ground_filter.clouds import find_cloud_layers
 from lidar_buildings.core.ground_filter.config import GroundFilterConfig
-from lidar_buildings.core.ground_filter.high_noise import find_high_layers
-from lidar_buildings.core.ground_filter.low_noise import find_low_layers
-from lidar_buildings.core.ground_filter.noise_layers import split_into_layers
+from lidar_buildings.core.ground_filter.gross_errors.clouds import find_cloud_layers
+from lidar_buildings.core.ground_filter.gross_errors.high_noise import find_high_layers
+from lidar_buildings.core.ground_filter.gross_errors.low_noise import find_low_layers
+from lidar_buildings.core.ground_filter.gross_errors.noise_layers import split_into_layers
 from lidar_buildings.core.point_order import SortedPoints, sort_by_cell
 
 #: Side of the blocks in which occupied cells are counted, in cells; doubled until they hold as many.

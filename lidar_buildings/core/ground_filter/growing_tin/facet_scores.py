@@ -10,7 +10,7 @@ import math
 import numpy as np
 from numba import njit
 
-from lidar_buildings.core.ground_filter.frame import at_frame
+from lidar_buildings.core.ground_filter.growing_tin.frame import at_frame
 from lidar_buildings.core.tin import plane_elevation, plane_slope, walk
 
 #: A facet is left as it is by points this close to it: they add nothing to its shape [m].

@@ -11,8 +11,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from lidar_buildings.core.ground_filter.facet_scores import candidate_score
-from lidar_buildings.core.ground_filter.frame import at_frame, extend_terrain
+from lidar_buildings.core.ground_filter.growing_tin.facet_scores import candidate_score
+from lidar_buildings.core.ground_filter.growing_tin.frame import at_frame, extend_terrain
 from lidar_buildings.core.incremental_delaunay import insert_vertex
 from lidar_buildings.core.row_blocks import for_row_blocks
 from lidar_buildings.core.tin import walk

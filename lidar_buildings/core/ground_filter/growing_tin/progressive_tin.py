@@ -10,13 +10,17 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from lidar_buildings.core.ground_filter.bridges import find_decks
 from lidar_buildings.core.ground_filter.config import GroundFilterConfig
-from lidar_buildings.core.ground_filter.islands import find_islands
-from lidar_buildings.core.ground_filter.landforms import find_landforms
-from lidar_buildings.core.ground_filter.seeds import choose_seeds
-from lidar_buildings.core.ground_filter.terrain_growth import GrowthLimits, TerrainGrowth, start_growth
-from lidar_buildings.core.ground_filter.tin_labels import near_terrain
+from lidar_buildings.core.ground_filter.growing_tin.bridges import find_decks
+from lidar_buildings.core.ground_filter.growing_tin.islands import find_islands
+from lidar_buildings.core.ground_filter.growing_tin.landforms import find_landforms
+from lidar_buildings.core.ground_filter.growing_tin.seeds import choose_seeds
+from lidar_buildings.core.ground_filter.growing_tin.terrain_growth import (
+    GrowthLimits,
+    TerrainGrowth,
+    start_growth,
+)
+from lidar_buildings.core.ground_filter.growing_tin.tin_labels import near_terrain
 from lidar_buildings.core.point_spacing import quantised_spacing
 from lidar_buildings.core.tin import Tin
 

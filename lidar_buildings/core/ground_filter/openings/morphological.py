@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from lidar_buildings.core.disc_opening import opened
 from lidar_buildings.core.elevation_raster import filled
 from lidar_buildings.core.ground_filter.config import GroundFilterConfig
-from lidar_buildings.core.ground_filter.halls import find_halls
+from lidar_buildings.core.ground_filter.openings.halls import find_halls
 from lidar_buildings.core.point_array import checked_points
 from lidar_buildings.core.point_order import cell_numbers, cell_order, lowest_per_cell
 from lidar_buildings.core.row_blocks import for_row_blocks

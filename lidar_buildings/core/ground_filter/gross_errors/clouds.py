@@ -9,7 +9,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from lidar_buildings.core.ground_filter.noise_layers import Layers, high_end, low_end
+from lidar_buildings.core.ground_filter.gross_errors.noise_layers import Layers, high_end, low_end
 from lidar_buildings.core.point_order import sort_by_cell
 
 #: Side of the blocks that are looked at, in columns.

@@ -10,12 +10,12 @@ from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
 from lidar_buildings.core.ground_filter.config import GroundFilterConfig
-from lidar_buildings.core.ground_filter.profile_labelling import net_votes
-from lidar_buildings.core.ground_filter.profile_refinement import close_gaps, reject_outliers
-from lidar_buildings.core.ground_filter.profile_regression import take_back
-from lidar_buildings.core.ground_filter.profile_trend import Trend, fit_trend
-from lidar_buildings.core.ground_filter.profiles import Profiles, cut_profiles
-from lidar_buildings.core.ground_filter.scan_lines import ScanLines, find_scan_lines
+from lidar_buildings.core.ground_filter.scan_profiles.profile_labelling import net_votes
+from lidar_buildings.core.ground_filter.scan_profiles.profile_refinement import close_gaps, reject_outliers
+from lidar_buildings.core.ground_filter.scan_profiles.profile_regression import take_back
+from lidar_buildings.core.ground_filter.scan_profiles.profile_trend import Trend, fit_trend
+from lidar_buildings.core.ground_filter.scan_profiles.profiles import Profiles, cut_profiles
+from lidar_buildings.core.ground_filter.scan_profiles.scan_lines import ScanLines, find_scan_lines
 from lidar_buildings.core.point_array import checked_columns, checked_points
 from lidar_buildings.core.point_order import SortedPoints, sort_by_cell
 from lidar_buildings.core.point_spacing import quantised_spacing

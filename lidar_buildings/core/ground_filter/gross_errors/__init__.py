@@ -1,0 +1,4 @@
+"""
+Gross errors, low and high, found before any method of the ground filter runs.
+
+"""

@@ -1,0 +1,4 @@
+"""
+Method `progressive_tin`: a TIN that grows over the terrain.
+
+"""

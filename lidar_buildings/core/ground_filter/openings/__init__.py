@@ -1,0 +1,4 @@
+"""
+Method `morphological`: openings of the lowest surface.
+
+"""

@@ -1,0 +1,4 @@
+"""
+Method `bidirectional_slope`: profiles walked forth and back.
+
+"""
