@@ -20,6 +20,13 @@ class RoofSelectionConfig(StageConfig):
 
     stage: ClassVar[str] = "roof_selection"
 
+    method: str = parameter(
+        "smooth_patches",
+        "How roofs are told from all else: by smooth patches that few pulses penetrate, completed to their "
+        "edges; by the planar cells of lasclassify (Santos and others); or as planes of single returns "
+        "(Mancera-Taboada and others, 2012).",
+        choices=("smooth_patches", "lasclassify", "single_returns"),
+    )
     min_height: float = parameter(
         2.0,
         "Height above ground from which on points can be roof; raising it drops sheds, cars and hedges.",
@@ -108,6 +115,36 @@ class RoofSelectionConfig(StageConfig):
         unit="m^2",
         minimum=0.0,
         maximum=10000.0,
+    )
+    planarity_cell: float = parameter(
+        2.0,
+        "With lasclassify: side of the cells that are planar or rugged, at least 2.8 point spacings; raising "
+        "it finds roofs in sparser data and loses small ones.",
+        unit="m",
+        minimum=0.5,
+        maximum=20.0,
+    )
+    max_planar_deviation: float = parameter(
+        0.1,
+        "With lasclassify: standard deviation from a plane up to which a cell is roof; raising it accepts "
+        "noisier scans and more vegetation.",
+        unit="m",
+        minimum=0.005,
+        maximum=2.0,
+    )
+    min_rugged_deviation: float = parameter(
+        0.4,
+        "With lasclassify: standard deviation from a plane above which a cell is vegetation; raising it "
+        "keeps more of the roof beside trees.",
+        unit="m",
+        minimum=0.005,
+        maximum=10.0,
+    )
+    roof_returns: str = parameter(
+        "single",
+        "With single_returns: the returns that can be roof; the paper's single ones lose roof edges, where "
+        "pulses are split. Where there are no return numbers, all count.",
+        choices=("single", "last", "all"),
     )
     low_vegetation_height: float = parameter(
         0.2,

@@ -16,6 +16,7 @@ from lidar_buildings.core.intensity import strip_scales
 from lidar_buildings.core.minimum_surface import height_above_minimum
 from lidar_buildings.core.point_array import checked_column, checked_points
 from lidar_buildings.core.point_spacing import quantised_spacing
+from lidar_buildings.core.roof_selection import planarity_rules, return_rules
 from lidar_buildings.core.roof_selection.config import RoofSelectionConfig
 from lidar_buildings.core.roof_selection.roads import find_roads
 from lidar_buildings.core.roof_selection.roof_patches import find_roof_surface
@@ -33,6 +34,8 @@ OPEN = (
     PointClass.BUILDING,
     PointClass.MODEL_KEY_POINT,
 )
+#: Method → its function, beside the default one.
+RULES = {"lasclassify": planarity_rules.find_roofs, "single_returns": return_rules.find_roofs}
 #: Cells in which areas are counted, in spacings: four points each, so that few cells of a roof stay empty.
 AREA_CELL = 2.0
 #: How far to look for roof around a part [m], and at least in neighbourhood radii.
@@ -137,7 +140,7 @@ def select_roofs(
     radius = max(config.neighbourhood_radius * spacing, config.min_neighbourhood_radius)
     is_roof = np.zeros(len(points), dtype=bool)
     is_roof[raised] = _roofs(
-        points[raised], height[raised], is_last[raised], radius, AREA_CELL * spacing, config
+        points[raised], height[raised], is_last[raised], is_only[raised], radius, AREA_CELL * spacing, config
     )
     others = np.flatnonzero(~settled & ~is_roof)
     classes[others] = vegetation_classes(height[others], config)
@@ -218,14 +221,18 @@ def _roofs(
     points: NDArray[np.float64],
     height: NDArray[np.float64],
     is_last: NDArray[np.bool_],
+    is_only: NDArray[np.bool_],
     radius: float,
     cell: float,
     config: RoofSelectionConfig,
 ) -> NDArray[np.bool_]:
     """
-    Tell which of the points high enough are roof.
+    Tell which of the points high enough are roof, by the method asked for.
 
     """
+    if config.method in RULES:
+        roof = RULES[config.method](points, height, is_last, is_only, radius, cell, config)
+        return roof & _in_large_building(points, roof, radius, cell, config.min_building_area)
     surface = find_roof_surface(points, height, is_last, radius, cell, config)
     roof = near_tangent_plane(points, surface.normals, surface.is_surface, radius, config.max_plane_distance)
     roof &= ~surface.is_wall

@@ -1,0 +1,163 @@
+"""
+Roofs by the published rules of LAStools' lasclassify: cells that are planar, cells that are rugged.
+
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from lidar_buildings.core.roof_selection.config import RoofSelectionConfig
+from lidar_buildings.core.roof_selection.surroundings import near_tangent_plane
+from lidar_buildings.core.row_blocks import for_row_blocks
+from lidar_buildings.core.symmetric_eigen import eigenvalues_3x3, smallest_eigenvector_3x3
+
+#: Places of the grid along x and along y at which every point is judged ("substeps").
+SUBSTEPS = 4
+#: Cells are at least so many spacings wide: eight pulses in each, as cells of 2 m have of two pulses a square
+#: metre, the least that the tool's documentation calls reliable.
+MIN_CELL_SPACINGS = 2.0 * math.sqrt(2.0)
+#: A plane through fewer points says nothing of their deviation from it.
+MIN_CELL_POINTS = 5
+#: Cells counted per block of rows: one stands for some ten points.
+CELL_BLOCK = 1024
+
+
+def find_roofs(
+    points: NDArray[np.float64],
+    height: NDArray[np.float64],
+    is_last: NDArray[np.bool_],
+    is_only: NDArray[np.bool_],
+    radius: float,
+    cell: float,
+    config: RoofSelectionConfig,
+) -> NDArray[np.bool_]:
+    """
+    Tell which of the points high enough lie in planar cells, or continue one.
+
+    After the public documentation of lasclassify, the tool that Santos and others used with its defaults:
+    among the points `min_height` above ground, those in square cells that deviate from a common plane by no
+    more than `max_planar_deviation` are potential roof, those in cells that deviate by more than
+    `min_rugged_deviation` potential vegetation; the grid is laid at several places, and roofs are completed
+    along their edges. What the documentation leaves open is decided here: the deviation is orthogonal to the
+    plane, a point is what more of the cells around it are, and edges are completed along the planes.
+
+    Parameters
+    ----------
+    points : ndarray of shape (n_points, 3)
+        Everything that is high enough to be roof [m].
+    height, is_last, is_only : ndarray of shape (n_points,)
+        Not used: neither heights beyond the limit nor returns have a say in the published rules.
+    radius : float
+        Spacing-dependent radius of a neighbourhood [m]; not used, cells have a size of their own.
+    cell : float
+        Side of the cells in which areas are counted, twice the spacing [m].
+    config : RoofSelectionConfig
+        `planarity_cell`, `max_planar_deviation`, `min_rugged_deviation`, `max_slope_deg`, and
+        `max_plane_distance` for the edges.
+
+    Returns
+    -------
+    ndarray of bool, shape (n_points,)
+        Roofs of any size; the caller drops small buildings.
+
+    """
+    side = max(config.planarity_cell, MIN_CELL_SPACINGS * cell / 2.0)
+    # Sums run in an order of their own, so that they do not depend on that of the rows.
+    order = np.lexsort((points[:, 2], points[:, 1], points[:, 0]))
+    votes, normals = _votes(points[order], side, config)
+    planar = np.zeros(len(points), dtype=bool)
+    planar[order] = votes > 0
+    upward = np.empty_like(normals)
+    upward[order] = normals
+    return near_tangent_plane(points, upward, planar, side / 2.0, config.max_plane_distance)
+
+
+def _votes(
+    points: NDArray[np.float64], side: float, config: RoofSelectionConfig
+) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    """
+    Return how many more planar than rugged cells cover each point, and the normal of the most planar one.
+
+    """
+    limits = (
+        config.max_planar_deviation,
+        config.min_rugged_deviation,
+        math.cos(math.radians(config.max_slope_deg)),
+    )
+    votes = np.zeros(len(points), dtype=np.int64)
+    best = np.full(len(points), np.inf)
+    normals = np.zeros((len(points), 3))
+    for place in range(SUBSTEPS**2):
+        shift = np.array(divmod(place, SUBSTEPS)) / SUBSTEPS
+        rows, first = _cells(points, side, shift)
+        for_row_blocks(
+            lambda begin, end, rows=rows, first=first: _judge(  # type: ignore[misc]
+                points, rows, first, limits, votes, best, normals, begin, end
+            ),
+            len(first) - 1,
+            CELL_BLOCK,
+        )
+    return votes, normals
+
+
+def _cells(
+    points: NDArray[np.float64], side: float, shift: NDArray[np.float64]
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """
+    Return the rows in the order of their cells, and where in it each cell begins.
+
+    """
+    column, row = np.floor(points[:, :2] / side - shift).T
+    rows = np.lexsort((row, column))
+    changes = (np.diff(column[rows]) != 0) | (np.diff(row[rows]) != 0)
+    return rows, np.concatenate([[0], np.flatnonzero(changes) + 1, [len(rows)]]).astype(np.int64)
+
+
+@njit(cache=True, nogil=True)
+def _judge(points, rows, first, limits, votes, best, normals, begin, end):  # type: ignore[no-untyped-def]
+    """
+    Let cells begin to end vote on their points.
+
+    """
+    max_planar, min_rugged, min_upward = limits
+    for c in range(begin, end):
+        inside = rows[first[c] : first[c + 1]]
+        if len(inside) < MIN_CELL_POINTS:
+            continue
+        matrix = _covariance(points, inside)
+        deviation = math.sqrt(eigenvalues_3x3(*matrix)[2])
+        normal = smallest_eigenvector_3x3(*matrix)
+        vote = 0
+        if deviation <= max_planar and normal[2] >= min_upward:
+            vote = 1
+        elif deviation > min_rugged:
+            vote = -1
+        for i in inside:
+            votes[i] += vote
+            if vote == 1 and deviation < best[i]:
+                best[i] = deviation
+                normals[i, 0], normals[i, 1], normals[i, 2] = normal
+
+
+@njit(cache=True, nogil=True)
+def _covariance(points, inside):  # type: ignore[no-untyped-def]
+    """
+    Return xx, xy, xz, yy, yz, zz about the mean of the points of one cell.
+
+    """
+    n = len(inside)
+    x = y = z = 0.0
+    for i in inside:
+        x, y, z = x + points[i, 0], y + points[i, 1], z + points[i, 2]
+    x, y, z = x / n, y / n, z / n
+    xx = xy = xz = yy = yz = zz = 0.0
+    for i in inside:
+        dx, dy, dz = points[i, 0] - x, points[i, 1] - y, points[i, 2] - z
+        xx, xy, xz = xx + dx * dx, xy + dx * dy, xz + dx * dz
+        yy, yz, zz = yy + dy * dy, yz + dy * dz, zz + dz * dz
+    return xx / n, xy / n, xz / n, yy / n, yz / n, zz / n
