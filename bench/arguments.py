@@ -16,6 +16,7 @@ from clouds import ROOT
 from filters import PEERS, own_methods, peers
 
 from lidar_buildings.core.ground_filter import GroundFilterConfig
+from lidar_buildings.core.parameters import StageConfig
 
 
 def parser_of(description: str | None) -> argparse.ArgumentParser:
@@ -78,12 +79,12 @@ def installed(names: Sequence[str]) -> list[str]:
     return [name for name in names if name not in missing]
 
 
-def settings_of(texts: Sequence[str]) -> dict[str, Any]:
+def settings_of(texts: Sequence[str], config: type[StageConfig] = GroundFilterConfig) -> dict[str, Any]:
     """
-    Turn NAME=VALUE into values of the parameters' own types.
+    Turn NAME=VALUE into values of the types that a stage's parameters have.
 
     """
-    defaults = {field.name: field.default for field in fields(GroundFilterConfig)}
+    defaults = {field.name: field.default for field in fields(config)}
     settings = {}
     for text in texts:
         name, _, value = text.partition("=")

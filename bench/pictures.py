@@ -19,6 +19,8 @@ import matplotlib.pyplot as plt
 #: Pixels along the longer side of the shaded map, and inches of the picture.
 MAP_PIXELS = 700
 PICTURE_SIZE = 10.0
+#: Inches of a picture of labels, which shows single points.
+EDGE_PICTURE_SIZE = 16.0
 #: What is steeper is shaded as if it were this steep, so that walls do not drown the terrain [m/m].
 MAX_SHADED_SLOPE = 1.0
 #: Elevations that differ less than this are drawn alike [m].
@@ -52,6 +54,31 @@ def draw_disagreement(path: Path, cloud: Cloud, mask: NDArray[np.bool_], title: 
     ):
         axes.scatter(*xy[rows].T, s=size, c=colour, linewidths=0, label=f"{name} ({rows.sum()})")
     axes.set_title(title)
+    axes.legend(loc="upper right", markerscale=3)
+    figure.tight_layout()
+    figure.savefig(path, dpi=110)
+    plt.close(figure)
+
+
+def draw_edges(
+    path: Path, points: NDArray[np.float64], edge: NDArray[np.bool_], truth: NDArray[np.bool_], title: str
+) -> None:
+    """
+    Draw roof points in plan: edges found (black), missed (red), extra (blue), and the others (grey).
+
+    """
+    extent = np.ptp(points[:, :2], axis=0) + 1e-6
+    height = EDGE_PICTURE_SIZE * (extent[1] / extent[0] * 0.95 + 0.05)
+    figure, axes = plt.subplots(figsize=(EDGE_PICTURE_SIZE, min(height, 2 * EDGE_PICTURE_SIZE)))
+    size = np.clip(4e5 / len(points), 0.3, 12)
+    for rows, colour, name in (
+        (~edge & ~truth, "0.82", "no edge in either"),
+        (edge & truth, "black", "edge in both"),
+        (~edge & truth, "red", "edge missed"),
+        (edge & ~truth, "tab:blue", "edge too many"),
+    ):
+        axes.scatter(*points[rows, :2].T, s=size, c=colour, linewidths=0, label=f"{name} ({rows.sum()})")
+    axes.set(title=title, aspect="equal")
     axes.legend(loc="upper right", markerscale=3)
     figure.tight_layout()
     figure.savefig(path, dpi=110)

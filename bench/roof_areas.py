@@ -1,0 +1,157 @@
+"""
+Areas whose roof points are known well enough to be labelled: each point with the roof that it belongs to.
+
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from lidar_buildings.core.asprs import PointClass
+from lidar_buildings.core.ground_filter import GroundFilterConfig
+from lidar_buildings.core.map_frame import MapFrame
+from lidar_buildings.core.point_spacing import measure_spacing
+from lidar_buildings.core.roof_selection import RoofSelectionConfig
+from lidar_buildings.core.scores.edges import alpha_of_spacing
+from lidar_buildings.core.scores.roofs import NO_ROOF, roofs_of_points, roofs_of_polygons
+from lidar_buildings.core.tile import PointTile
+from lidar_buildings.core.tile_stages import filter_ground, select_roof_points
+from lidar_buildings.io.las import frame_of, open_inputs, xyz_of
+from lidar_buildings.io.metric_polygons import read_metric_polygons
+from lidar_buildings.io.point_columns import point_columns, without_empty_columns
+
+#: Smaller parts are strays of the class, not roofs: as the segmentation of a run drops them [m²].
+MIN_ROOF_AREA = 6.0
+#: Columns of a file that the ground filter and the selection of roofs look at.
+COLUMNS = (
+    "intensity",
+    "return_number",
+    "number_of_returns",
+    "classification",
+    "scan_angle",
+    "scan_direction_flag",
+    "point_source_id",
+    "gps_time",
+)
+
+
+class RoofArea(NamedTuple):
+    """
+    The roof points of an area.
+
+    Attributes
+    ----------
+    points : ndarray of shape (n_points, 3), float64
+        In the map frame, rounded to float32 as in a run [m].
+    roof : ndarray of int64, shape (n_points,)
+        Which roof each is of, from 0.
+    spacing : float
+        Measured spacing of these points in plan [m].
+    n_left_out : int
+        Points of the class that are of no roof.
+
+    """
+
+    points: NDArray[np.float64]
+    roof: NDArray[np.int64]
+    spacing: float
+    n_left_out: int
+
+
+def areas_in(data: Path) -> dict[str, RoofArea]:
+    """
+    Read the areas that are there, by name.
+
+    """
+    readers: dict[str, Callable[[Path], RoofArea]] = {
+        "delft": _blocks_of_a_map,
+        "montpellier": _parts_of_class_6,
+        "fusa": _parts_of_class_6,
+        "toronto": _parts_of_own_selection,
+    }
+    areas = {name: read(data / name) for name, read in readers.items() if any((data / name).glob("*.laz"))}
+    if not areas:
+        raise SystemExit(f"{data}: holds none of {', '.join(readers)}: give the data folder with --data")
+    return areas
+
+
+def _blocks_of_a_map(folder: Path) -> RoofArea:
+    """
+    Points of class 6 within the blocks of touching buildings of a map, each block one roof.
+
+    """
+    tile, frame = _read_tile(folder)
+    blocks = read_metric_polygons(folder / "blocks_nw.gpkg").polygons
+    blocks = shapely.transform(blocks, lambda xy: xy - np.array(frame.origin[:2]))
+    points = _class_6(tile)
+    return _area(points, roofs_of_polygons(points, blocks))
+
+
+def _parts_of_class_6(folder: Path) -> RoofArea:
+    """
+    Points of class 6, each part that hangs together in plan one roof.
+
+    """
+    return _parts(_class_6(_read_tile(folder)[0]))
+
+
+def _parts_of_own_selection(folder: Path) -> RoofArea:
+    """
+    Points that this package takes for roofs, by its defaults, each part that hangs together one roof.
+
+    """
+    tile = filter_ground(_read_tile(folder)[0], GroundFilterConfig())
+    return _parts(_class_6(select_roof_points(tile, RoofSelectionConfig())))
+
+
+def _read_tile(folder: Path) -> tuple[PointTile, MapFrame]:
+    """
+    Read a folder's clouds as one tile, and where its map frame lies.
+
+    """
+    inputs, problems = open_inputs(sorted(folder.glob("*.laz")))
+    if problems:
+        raise SystemExit("\n".join(problems))
+    frame = frame_of(inputs)
+    parts = [
+        {"points": frame.to_map(xyz_of(chunk)), **point_columns(chunk)}
+        for source in inputs
+        for chunk in source.chunks()
+    ]
+    columns: dict[str, Any] = {
+        name: np.concatenate([part[name] for part in parts]) for name in ("points", *COLUMNS)
+    }
+    return PointTile(points=columns.pop("points"), **without_empty_columns(columns)), frame
+
+
+def _class_6(tile: PointTile) -> NDArray[np.float64]:
+    """
+    Return the tile's building points.
+
+    """
+    return tile.points[tile.classification == PointClass.BUILDING]
+
+
+def _parts(points: NDArray[np.float64]) -> RoofArea:
+    """
+    Take for one roof what no disc of the reference can be moved between, if it is large enough.
+
+    """
+    spacing = measure_spacing(points)
+    min_points = int(np.ceil(MIN_ROOF_AREA / spacing**2))
+    return _area(points, roofs_of_points(points, 2.0 * alpha_of_spacing(spacing), min_points=min_points))
+
+
+def _area(points: NDArray[np.float64], roof: NDArray[np.int64]) -> RoofArea:
+    """
+    Keep the points of roofs.
+
+    """
+    kept = roof != NO_ROOF
+    return RoofArea(points[kept], roof[kept], measure_spacing(points[kept]), int((~kept).sum()))
