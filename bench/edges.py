@@ -23,7 +23,7 @@ from agreement import percent, table
 from arguments import add_pictures, picture_folder, settings_of
 from clouds import data_folder
 from numpy.typing import NDArray
-from roof_areas import RoofArea, areas_in
+from roof_areas import RoofArea, areas_in, split
 
 from lidar_buildings.core.edge_labelling import EdgeLabellingConfig, label_edges
 from lidar_buildings.core.scores.edges import EdgeScore, alpha_of_spacing, reference_edges, score_edges
@@ -161,9 +161,14 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument(
         "--regularised", action="store_true", help="leave out points of the alpha shape that bound no area"
     )
+    parser.add_argument(
+        "--split-steps", action="store_true", help="take for one roof what has no step in height within"
+    )
     add_pictures(parser)
     options = parser.parse_args(arguments)
     areas = areas_in(data_folder(options.data))
+    if options.split_steps:
+        areas = {name: split(area) for name, area in areas.items()}
     given = settings_of(options.set, EdgeLabellingConfig)
     methods = {name: {**given, **chosen} for name, chosen in available(options.methods).items()}
     variant = (options.alpha_factor, options.regularised)

@@ -19,7 +19,7 @@ from lidar_buildings.core.map_frame import MapFrame
 from lidar_buildings.core.point_spacing import measure_spacing
 from lidar_buildings.core.roof_selection import RoofSelectionConfig
 from lidar_buildings.core.scores.edges import alpha_of_spacing
-from lidar_buildings.core.scores.roofs import NO_ROOF, roofs_of_points, roofs_of_polygons
+from lidar_buildings.core.scores.roofs import NO_ROOF, roofs_of_points, roofs_of_polygons, split_at_steps
 from lidar_buildings.core.tile import PointTile
 from lidar_buildings.core.tile_stages import filter_ground, select_roof_points
 from lidar_buildings.io.las import frame_of, open_inputs, xyz_of
@@ -79,6 +79,23 @@ def areas_in(data: Path) -> dict[str, RoofArea]:
     if not areas:
         raise SystemExit(f"{data}: holds none of {', '.join(readers)}: give the data folder with --data")
     return areas
+
+
+def split(area: RoofArea) -> RoofArea:
+    """
+    Return the area with roofs split where the surface steps; what is too small stays with its neighbour.
+
+    """
+    gap, least = 2.0 * alpha_of_spacing(area.spacing), _min_points(area.spacing)
+    return area._replace(roof=split_at_steps(area.points, area.roof, gap, min_points=least))
+
+
+def _min_points(spacing: float) -> int:
+    """
+    Return how many points the smallest roof has.
+
+    """
+    return int(np.ceil(MIN_ROOF_AREA / spacing**2))
 
 
 def _blocks_of_a_map(folder: Path) -> RoofArea:
@@ -144,8 +161,8 @@ def _parts(points: NDArray[np.float64]) -> RoofArea:
 
     """
     spacing = measure_spacing(points)
-    min_points = int(np.ceil(MIN_ROOF_AREA / spacing**2))
-    return _area(points, roofs_of_points(points, 2.0 * alpha_of_spacing(spacing), min_points=min_points))
+    gap = 2.0 * alpha_of_spacing(spacing)
+    return _area(points, roofs_of_points(points, gap, min_points=_min_points(spacing)))
 
 
 def _area(points: NDArray[np.float64], roof: NDArray[np.int64]) -> RoofArea:

@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from lidar_buildings.core.alpha_shape import alpha_shape
 from lidar_buildings.core.point_array import checked_column
 from lidar_buildings.core.scores.confusion import Confusion, confusion_of
+from lidar_buildings.core.scores.roofs import roof_rows
 
 #: Radius of the disc by which Santos, Galo and others found their reference [m], and the density of their
 #: cloud [points/m²]: elsewhere the radius is as many point spacings, 1.342.
@@ -110,15 +111,3 @@ def score_edges(result: ArrayLike, reference: ArrayLike) -> EdgeScore:
         non_edge_correctness=other.precision,
         non_edge_f_score=other.f1,
     )
-
-
-def roof_rows(roof: NDArray[np.int64]) -> list[NDArray[np.int64]]:
-    """
-    Return the rows of each roof's points, by rising number; those of negative numbers are left out.
-
-    """
-    order = np.argsort(roof, kind="stable")
-    order = order[np.searchsorted(roof[order], 0) :]
-    numbers = roof[order]
-    starts = np.flatnonzero(np.diff(numbers)) + 1
-    return [rows.astype(np.int64) for rows in np.split(order, starts) if len(rows)]

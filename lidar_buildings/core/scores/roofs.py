@@ -8,10 +8,10 @@ from __future__ import annotations
 import numpy as np
 import shapely
 from numpy.typing import ArrayLike, NDArray
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
 
-from lidar_buildings.core.alpha_shape_mesh import one_per_place, scaled_mesh, to_scale
+from lidar_buildings.core.point_array import checked_column, checked_points
+from lidar_buildings.core.surface_patches import connected_parts
 
 #: What a point of no roof has in place of a number.
 NO_ROOF = -1
@@ -52,15 +52,12 @@ def roofs_of_points(points: ArrayLike, gap: float, *, min_points: int = 1) -> ND
     """
     Number the parts of a cloud that hang together in plan, from west to east; −1 for too small ones.
 
-    Points no further apart than the gap belong together: the components of the Delaunay triangulation's
-    sides up to that length, which holds the shortest way between any two points (Toussaint 1980).
-
     Parameters
     ----------
-    points : array_like of shape (n_points, 2 or more)
+    points : array_like of shape (n_points, 3)
         Roof points in any order [m].
     gap : float
-        Distance that parts the points [m], > 0.
+        Points no further apart than this in plan belong together [m], > 0.
     min_points : int
         Parts of fewer points are no roofs.
 
@@ -70,31 +67,88 @@ def roofs_of_points(points: ArrayLike, gap: float, *, min_points: int = 1) -> ND
         Numbers follow the parts' westernmost points, of as western ones the southernmost.
 
     """
-    plan = np.asarray(points, dtype=np.float64)[:, :2]
-    if not len(plan):
-        return np.zeros(0, dtype=np.int64)
-    local, exponent = to_scale(plan)
-    places, place_of, _ = one_per_place(local)
-    part = _parts(places, float(np.ldexp(gap, exponent)))[place_of]
-    # Places are in order from the west: a part's number is that of its first place among the large ones.
-    large = np.bincount(part)[: part.max() + 1] >= min_points
-    number = np.where(large, np.cumsum(large) - 1, NO_ROOF)
-    return np.asarray(number[part], dtype=np.int64)
+    cloud = checked_points(points)
+    part = connected_parts(cloud, gap, in_plan=True)
+    is_small = np.bincount(part, minlength=1)[part] < min_points if len(part) else np.zeros(0, dtype=bool)
+    return _from_the_west(cloud, np.where(is_small, NO_ROOF, part))
 
 
-def _parts(places: NDArray[np.float64], gap: float) -> NDArray[np.int64]:
+def split_at_steps(
+    points: ArrayLike, roof: ArrayLike, gap: float, *, min_points: int = 1
+) -> NDArray[np.int64]:
     """
-    Number the components of distinct places, in the order of each one's first place.
+    Split each roof into parts between which the surface steps, so that a step is an edge of the upper part.
+
+    Parameters
+    ----------
+    points : array_like of shape (n_points, 3)
+        Roof points in any order [m].
+    roof : array_like of int, shape (n_points,)
+        Number of each point's roof, −1 for none.
+    gap : float
+        Points no further apart than this in space belong together [m], > 0.
+    min_points : int
+        Smaller parts (chimneys, dormers, strays) stay with the nearest larger part of their roof in plan; a
+        roof without a larger one stays whole.
+
+    Returns
+    -------
+    ndarray of int64, shape (n_points,)
+        Numbers as of `roofs_of_points`.
 
     """
-    if len(places) < 2:
-        return np.zeros(len(places), dtype=np.int64)
-    mesh = scaled_mesh(places, gap)
-    sides = mesh.sides(np.ones(mesh.triangles.shape, dtype=bool))
-    sides = sides[(sides < mesh.n_points).all(axis=1)]
-    near = np.hypot(*(places[sides[:, 0]] - places[sides[:, 1]]).T) <= gap
-    one, other = sides[near].T
-    graph = coo_array((np.ones(len(one), dtype=np.int8), (one, other)), shape=(len(places), len(places)))
-    label = connected_components(graph, directed=False)[1]
-    _, first, inverse = np.unique(label, return_index=True, return_inverse=True)
-    return np.asarray(np.argsort(np.argsort(first))[inverse.reshape(-1)], dtype=np.int64)
+    cloud = checked_points(points)
+    given = checked_column("roof", roof, len(cloud), np.int64)
+    found = np.full(len(cloud), NO_ROOF, dtype=np.int64)
+    n_parts = 0
+    for rows in roof_rows(given):
+        part = _merged_into_large(cloud[rows], connected_parts(cloud[rows], gap), min_points)
+        found[rows] = n_parts + part
+        n_parts += int(part.max()) + 1
+    return _from_the_west(cloud, found)
+
+
+def roof_rows(roof: NDArray[np.int64]) -> list[NDArray[np.int64]]:
+    """
+    Return the rows of each roof's points, by rising number; those of negative numbers are left out.
+
+    """
+    order = np.argsort(roof, kind="stable").astype(np.int64)
+    order = order[np.searchsorted(roof[order], 0) :]
+    starts = np.flatnonzero(np.diff(roof[order])) + 1
+    return [rows for rows in np.split(order, starts) if len(rows)]
+
+
+def _merged_into_large(
+    points: NDArray[np.float64], part: NDArray[np.int64], min_points: int
+) -> NDArray[np.int64]:
+    """
+    Give points of small parts to the part of the nearest point in plan that is of a large one.
+
+    """
+    large = np.bincount(part)[part] >= min_points
+    if not large.any():
+        return np.zeros_like(part)
+    if large.all():
+        return part
+    # Of several as near, the first by x, y, z: the order of the points has no say.
+    rows = np.flatnonzero(large)
+    rows = rows[np.lexsort(points[rows].T[::-1])]
+    nearest = cKDTree(points[rows, :2]).query(points[~large, :2])[1]
+    merged = part.copy()
+    merged[~large] = part[rows[nearest]]
+    return merged
+
+
+def _from_the_west(points: NDArray[np.float64], label: NDArray[np.int64]) -> NDArray[np.int64]:
+    """
+    Number labels anew by their westernmost points, then by y, then z; negative ones become −1.
+
+    """
+    order = np.lexsort(points.T[::-1])
+    order = order[label[order] >= 0]
+    labels, first = np.unique(label[order], return_index=True)
+    number = np.full(int(label.max(initial=-1)) + 2, NO_ROOF, dtype=np.int64)
+    number[labels] = np.argsort(np.argsort(first))
+    # The last entry is that of the negative ones.
+    return number[np.maximum(label, -1)]
