@@ -19,16 +19,16 @@ from lidar_buildings.core.ground_filter import GroundFilterConfig
 from lidar_buildings.core.parameters import StageConfig
 
 
-def parser_of(description: str | None) -> argparse.ArgumentParser:
+def parser_of(description: str | None, names: Sequence[str] = ()) -> argparse.ArgumentParser:
     """
-    Return a parser with --data, --methods and --set.
+    Return a parser with --data, --methods (the ground filters unless named) and --set.
 
     """
     parser = argparse.ArgumentParser(
         description=description, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("--data", help="folder of the real clouds (default: LIDAR_BUILDINGS_DATA)")
-    names = (*own_methods(), *PEERS)
+    names = tuple(names) or (*own_methods(), *PEERS)
     parser.add_argument(
         "--methods",
         "--method",

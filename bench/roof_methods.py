@@ -1,0 +1,65 @@
+"""
+The methods of roof selection as the benchmarks call them, and how their points are scored.
+
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import fields
+from typing import Any
+
+import numpy as np
+from agreement import percent
+from numpy.typing import NDArray
+
+from lidar_buildings.core.asprs import PointClass
+from lidar_buildings.core.parameters import spec_of
+from lidar_buildings.core.roof_selection import RoofSelectionConfig, select_roofs
+from lidar_buildings.core.scores.confusion import Confusion, confusion_of
+
+#: The methods there are, the default one first.
+METHODS = next(spec_of(field).choices for field in fields(RoofSelectionConfig) if field.name == "method")
+#: Columns that `point_cells` fills, in percent.
+POINT_HEADINGS = ("recall", "precision", "F1")
+
+
+def roof_mask(
+    points: NDArray[np.float64],
+    columns: Mapping[str, Any],
+    method: str,
+    settings: Mapping[str, Any] | None = None,
+) -> NDArray[np.bool_]:
+    """
+    Return which points a method takes for roof.
+
+    """
+    config = RoofSelectionConfig(**{**(settings or {}), "method": method})
+    return select_roofs(points, config, **columns).classification == PointClass.BUILDING
+
+
+def point_score(
+    mask: NDArray[np.bool_], is_building: NDArray[np.bool_], is_judged: NDArray[np.bool_] | None = None
+) -> Confusion:
+    """
+    Count agreement point by point, where points are judged.
+
+    """
+    judged = slice(None) if is_judged is None else is_judged
+    return confusion_of(mask[judged], is_building[judged])
+
+
+def point_cells(score: Confusion) -> list[str]:
+    """
+    Recall, precision and F1 in percent.
+
+    """
+    return [percent(value) for value in (score.recall, score.precision, score.f1)]
+
+
+def method_headings(methods: Sequence[str]) -> dict[str, str]:
+    """
+    Return a short name for each method: the first letters of its words.
+
+    """
+    return {"".join(word[0] for word in method.split("_")): method for method in methods}
