@@ -19,15 +19,19 @@ from lidar_buildings.core.map_frame import MapFrame
 from lidar_buildings.core.point_spacing import measure_spacing
 from lidar_buildings.core.roof_selection import RoofSelectionConfig
 from lidar_buildings.core.scores.edges import alpha_of_spacing
-from lidar_buildings.core.scores.roofs import NO_ROOF, roofs_of_points, roofs_of_polygons, split_at_steps
+from lidar_buildings.core.scores.roofs import (
+    NO_ROOF,
+    fewest_points,
+    roofs_of_points,
+    roofs_of_polygons,
+    split_at_steps,
+)
 from lidar_buildings.core.tile import PointTile
 from lidar_buildings.core.tile_stages import filter_ground, select_roof_points
 from lidar_buildings.io.las import frame_of, open_inputs, xyz_of
 from lidar_buildings.io.metric_polygons import read_metric_polygons
 from lidar_buildings.io.point_columns import point_columns, without_empty_columns
 
-#: Smaller parts are strays of the class, not roofs: as the segmentation of a run drops them [m²].
-MIN_ROOF_AREA = 6.0
 #: Columns of a file that the ground filter and the selection of roofs look at.
 COLUMNS = (
     "intensity",
@@ -86,16 +90,8 @@ def split(area: RoofArea) -> RoofArea:
     Return the area with roofs split where the surface steps; what is too small stays with its neighbour.
 
     """
-    gap, least = 2.0 * alpha_of_spacing(area.spacing), _min_points(area.spacing)
+    gap, least = 2.0 * alpha_of_spacing(area.spacing), fewest_points(area.spacing)
     return area._replace(roof=split_at_steps(area.points, area.roof, gap, min_points=least))
-
-
-def _min_points(spacing: float) -> int:
-    """
-    Return how many points the smallest roof has.
-
-    """
-    return int(np.ceil(MIN_ROOF_AREA / spacing**2))
 
 
 def _blocks_of_a_map(folder: Path) -> RoofArea:
@@ -103,7 +99,7 @@ def _blocks_of_a_map(folder: Path) -> RoofArea:
     Points of class 6 within the blocks of touching buildings of a map, each block one roof.
 
     """
-    tile, frame = _read_tile(folder)
+    tile, frame = read_tile(folder)
     blocks = read_metric_polygons(folder / "blocks_nw.gpkg").polygons
     blocks = shapely.transform(blocks, lambda xy: xy - np.array(frame.origin[:2]))
     points = _class_6(tile)
@@ -115,7 +111,7 @@ def _parts_of_class_6(folder: Path) -> RoofArea:
     Points of class 6, each part that hangs together in plan one roof.
 
     """
-    return _parts(_class_6(_read_tile(folder)[0]))
+    return _parts(_class_6(read_tile(folder)[0]))
 
 
 def _parts_of_own_selection(folder: Path) -> RoofArea:
@@ -123,11 +119,11 @@ def _parts_of_own_selection(folder: Path) -> RoofArea:
     Points that this package takes for roofs, by its defaults, each part that hangs together one roof.
 
     """
-    tile = filter_ground(_read_tile(folder)[0], GroundFilterConfig())
+    tile = filter_ground(read_tile(folder)[0], GroundFilterConfig())
     return _parts(_class_6(select_roof_points(tile, RoofSelectionConfig())))
 
 
-def _read_tile(folder: Path) -> tuple[PointTile, MapFrame]:
+def read_tile(folder: Path) -> tuple[PointTile, MapFrame]:
     """
     Read a folder's clouds as one tile, and where its map frame lies.
 
@@ -162,7 +158,7 @@ def _parts(points: NDArray[np.float64]) -> RoofArea:
     """
     spacing = measure_spacing(points)
     gap = 2.0 * alpha_of_spacing(spacing)
-    return _area(points, roofs_of_points(points, gap, min_points=_min_points(spacing)))
+    return _area(points, roofs_of_points(points, gap, min_points=fewest_points(spacing)))
 
 
 def _area(points: NDArray[np.float64], roof: NDArray[np.int64]) -> RoofArea:
