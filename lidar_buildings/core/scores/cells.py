@@ -90,7 +90,7 @@ def cells_of_points(
         return own
     distance = reach * measure_spacing(points)
     empty = np.setdiff1d(_surroundings(own, distance, cell), _as_set(_keys(plan, cell)), assume_unique=True)
-    filled = empty[_nearest_is_building(_centres(empty, cell), plan, chosen, distance)]
+    filled = empty[_nearest_is_building(cell_centres(empty, cell), plan, chosen, distance)]
     return _as_set(np.concatenate([own, filled]))
 
 
@@ -99,7 +99,7 @@ def cells_inside(cells: CellSet, area: ArrayLike, cell: float) -> CellSet:
     Return those of the cells whose centre lies in the area of interest, one or several polygons.
 
     """
-    x, y = _centres(cells, cell).T
+    x, y = cell_centres(cells, cell).T
     inside = np.zeros(len(cells), dtype=bool)
     for part in polygon_parts(area):
         shapely.prepare(part)
@@ -131,7 +131,7 @@ def _cells_of_part(part: shapely.Polygon, cell: float) -> CellSet:
     for start in range(first[0], last[0] + 1, band):
         columns = np.arange(start, min(start + band, last[0] + 1))
         keys = _join(np.repeat(columns, len(rows)), np.tile(rows, len(columns)))
-        found.append(keys[shapely.intersects_xy(part, *_centres(keys, cell).T)])
+        found.append(keys[shapely.intersects_xy(part, *cell_centres(keys, cell).T)])
     return np.concatenate(found)
 
 
@@ -193,7 +193,7 @@ def _join(columns: NDArray[np.int64], rows: NDArray[np.int64]) -> CellSet:
     return (columns << 32) + rows
 
 
-def _centres(cells: CellSet, cell: float) -> NDArray[np.float64]:
+def cell_centres(cells: CellSet, cell: float) -> NDArray[np.float64]:
     """
     Return the centres of cells, shape (n, 2) [m].
 
