@@ -5,6 +5,7 @@ Maps of where roof selection and the reference disagree.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import matplotlib
@@ -44,7 +45,7 @@ def draw_roofs(
 def draw_cells(
     path: Path,
     points: NDArray[np.float64],
-    agreement: tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]],
+    agreement: Sequence[NDArray[np.float64]],
     cell: float,
     title: str,
 ) -> None:
