@@ -1,0 +1,209 @@
+"""
+The stage: features, clusters, thinning.
+
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from lidar_buildings.core.edge_labelling.clusters import Clusters, cluster_edges
+from lidar_buildings.core.edge_labelling.config import EdgeLabellingConfig
+from lidar_buildings.core.edge_labelling.measures import eigenvalues_by_area
+from lidar_buildings.core.edge_labelling.rims import on_rims
+from lidar_buildings.core.edge_labelling.roofs import roofs_in_plan, set_apart
+from lidar_buildings.core.edge_labelling.status import OK, TOO_FEW_POINTS, overall
+from lidar_buildings.core.edge_labelling.theoretical_shapes import discriminant_edges
+from lidar_buildings.core.eigenfeatures import EigenFeatures, eigen_features
+from lidar_buildings.core.point_array import checked_column, checked_points
+from lidar_buildings.core.point_spacing import quantised_spacing
+
+
+@dataclass(frozen=True, eq=False)
+class EdgeLabels:
+    """
+    Labels and features of the points' neighbourhoods.
+
+    Attributes
+    ----------
+    edge : ndarray of uint8, shape (n_points,)
+        1 = edge, 0 = none.
+    linearity, planarity : ndarray of shape (n_points,)
+        (λ1 − λ2)/λ1 and (λ2 − λ3)/λ1.
+    normals : ndarray of shape (n_points, 3)
+        Unit normals, z ≥ 0.
+    neighbourhood_radius : ndarray of shape (n_points,)
+        The radius chosen [m].
+    status : str
+        The best that a roof came to: ``"ok"``; ``"one_cluster"``: the points cannot be told apart, all are
+        edges or none is; ``"too_few_points"``: too few for clusters of their own, told apart by typical
+        centres; of fewer than two distinct ones none is an edge.
+    clusters : tuple of Clusters
+        Each roof's status and centres by rising number, or those of all points; empty for discriminant
+        analysis.
+    roof_id : ndarray of int64, shape (n_points,), or None
+        The roof whose clusters labelled each point: as given, or numbered from 0; None where all points
+        share theirs.
+
+    """
+
+    edge: NDArray[np.uint8]
+    linearity: NDArray[np.float64]
+    planarity: NDArray[np.float64]
+    normals: NDArray[np.float64]
+    neighbourhood_radius: NDArray[np.float64]
+    status: str
+    clusters: tuple[Clusters, ...] = ()
+    roof_id: NDArray[np.int64] | None = None
+
+    @property
+    def n_roofs(self) -> dict[str, int]:
+        """
+        How many roofs came to each status.
+
+        """
+        return dict(Counter(one.status for one in self.clusters))
+
+
+def label_edges(
+    points: ArrayLike,
+    config: EdgeLabellingConfig | None = None,
+    *,
+    point_spacing: float | None = None,
+    roof_id: ArrayLike | None = None,
+) -> EdgeLabels:
+    """
+    Tell roof points on edges from those on surfaces.
+
+    Principal components of each point's sphere, its radius chosen by least entropy, are clustered in two by
+    k-means; the cluster of higher linearity is a band along edges (Santos, Galo and others). No threshold has
+    to be known beforehand. Of the band those points stay, and points close to it become edges, that an empty
+    disc touches in plan: the rims of roofs.
+
+    Parameters
+    ----------
+    points : array_like of shape (n_points, 3)
+        Roof points of any number of buildings, in any order [m].
+    config : EdgeLabellingConfig, optional
+        The stage's parameters; lengths are multiples of the point spacing. `AS_PUBLISHED` is the method
+        without what was added to it.
+    point_spacing : float, optional
+        Spacing of the pulses [m]; measured if not given.
+    roof_id : array_like of int, shape (n_points,), optional
+        Which roof each point is of, any numbers. Roofs do not see one another then, so that the edge between
+        two that touch is one of both. If not given, roofs are what hangs together in plan, and a roof's
+        points are seen from the next.
+
+    Returns
+    -------
+    EdgeLabels
+        Rows as in the input.
+
+    Raises
+    ------
+    ValueError
+        If `points` or `roof_id` has another shape or is not finite, or `point_spacing` is not positive.
+
+    Notes
+    -----
+    Neither the order of the points nor the number of threads changes a label. A roof that lies whole in two
+    tiles is labelled alike in both, given the same spacing. Steps between roofs are labelled with thinning
+    "surface"; ridges only with "none", and few: they bend the surface too little to be told apart.
+
+    """
+    config = config or EdgeLabellingConfig()
+    points = checked_points(points)
+    roofs = None if roof_id is None else checked_column("roof_id", roof_id, len(points), np.int64)
+    spacing = _spacing(points, point_spacing)
+    found = _features(points, roofs, spacing, config)
+    band, clusters, groups = _band(points, roofs, spacing, found, config)
+    edge = _thinned(points, roofs, spacing, band, config)
+    if config.method == "discriminant_analysis":
+        status = OK if found.eigenvalues.any() else TOO_FEW_POINTS
+    else:
+        status = overall(one.status for one in clusters)
+    return EdgeLabels(
+        edge.astype(np.uint8),
+        found.linearity,
+        found.planarity,
+        found.normals,
+        found.radius,
+        status,
+        clusters,
+        groups,
+    )
+
+
+def _spacing(points: NDArray[np.float64], given: float | None) -> float:
+    """
+    Return the spacing that lengths are multiples of [m].
+
+    """
+    if given is None:
+        return quantised_spacing(points)
+    if not (np.isfinite(given) and given > 0):
+        raise ValueError(f"point_spacing = {given!r}: must be a positive length [m]")
+    return float(given)
+
+
+def _features(
+    points: NDArray[np.float64],
+    roofs: NDArray[np.int64] | None,
+    spacing: float,
+    config: EdgeLabellingConfig,
+) -> EigenFeatures:
+    """
+    Describe each point's sphere, given roofs each for itself.
+
+    """
+    largest = max(config.max_radius, config.min_radius)
+    radii = np.unique(np.geomspace(config.min_radius, largest, config.n_radii)) * spacing
+    apart = set_apart(points, roofs, float(radii[-1]))
+    return eigen_features(apart, list(radii), min_neighbours=config.min_neighbours)
+
+
+def _band(
+    points: NDArray[np.float64],
+    roofs: NDArray[np.int64] | None,
+    spacing: float,
+    found: EigenFeatures,
+    config: EdgeLabellingConfig,
+) -> tuple[NDArray[np.bool_], tuple[Clusters, ...], NDArray[np.int64] | None]:
+    """
+    Label the band along edges; return the clusters and the roofs that they are of, too.
+
+    """
+    if config.method == "discriminant_analysis":
+        return discriminant_edges(eigenvalues_by_area(found)), (), None
+    groups = None
+    if config.scope == "roof":
+        groups = roofs_in_plan(points, config.roof_gap * spacing) if roofs is None else roofs
+    band, clusters = cluster_edges(found, groups, config)
+    return band, clusters, groups
+
+
+def _thinned(
+    points: NDArray[np.float64],
+    roofs: NDArray[np.int64] | None,
+    spacing: float,
+    band: NDArray[np.bool_],
+    config: EdgeLabellingConfig,
+) -> NDArray[np.bool_]:
+    """
+    Return the rims in and near the band, or the band itself.
+
+    """
+    if config.thinning == "none":
+        return band
+    return on_rims(
+        points,
+        band,
+        roofs,
+        radius=config.rim_radius * spacing,
+        reach=config.band_reach * spacing,
+        max_step=config.max_step * spacing if config.thinning == "surface" else np.inf,
+    )
