@@ -15,18 +15,21 @@ from typing import Any
 
 from lidar_buildings.core.errors import InputError, ParameterError
 
-KINDS = ("ground", "buildings", "outlines")
+KINDS = ("ground", "buildings", "outlines", "edges")
 #: Kinds that the command's contract names and a later version brings.
-LATER_KINDS = ("edges", "planes", "models")
+LATER_KINDS = ("planes", "models")
 #: Default side of a cell [m] and default reach of an empty one [spacings].
 CELL, FILL = 0.5, 1.5
 #: Cells below the precision of maps, or larger than buildings, say nothing.
 CELL_RANGE, FILL_RANGE = (0.05, 100.0), (0.0, 10.0)
+#: A disc smaller than the precision of points, or larger than buildings, finds no edges [m].
+ALPHA_RANGE = (0.01, 100.0)
 #: Which options apply to which kind.
 _OPTIONS = {
     "ground": {"reference_classes"},
     "buildings": {"cell", "fill", "reference_classes"},
     "outlines": {"merge_touching"},
+    "edges": {"alpha", "split_steps", "reference_classes"},
 }
 
 
@@ -58,6 +61,8 @@ def run_score(
     fill: float = FILL,
     reference_classes: Collection[int] | None = None,
     merge_touching: bool = False,
+    alpha: float | None = None,
+    split_steps: bool = False,
 ) -> Score:
     """
     Compare a result with a reference.
@@ -65,11 +70,11 @@ def run_score(
     Parameters
     ----------
     kind : str
-        ``"ground"``, ``"buildings"`` or ``"outlines"``.
+        ``"ground"``, ``"buildings"``, ``"outlines"`` or ``"edges"``.
     result_path, reference_path : path
         A LAS or LAZ file, a folder of them or the output folder of a run; or a file of polygons. Ground needs
-        clouds, outlines need polygons, buildings take either on both sides. Two clouds must hold the same
-        points in the same order.
+        clouds, outlines need polygons, buildings take either on both sides, edges take either as reference.
+        Two clouds must hold the same points in the same order.
     aoi : path, optional
         File of polygons: only what lies inside counts.
     cell : float
@@ -77,9 +82,13 @@ def run_score(
     fill : float
         How far an empty cell looks for its nearest point, in point spacings; see `core.scores.cells`.
     reference_classes : collection of int, optional
-        The reference's classes of ground (default 2) or of buildings (default 6).
+        The reference's classes of ground (default 2) or of buildings and roofs (default 6).
     merge_touching : bool
         Whether outlines that share a wall are compared as one block, on both sides; see `core.scores.blocks`.
+    alpha : float, optional
+        Radius of the disc that finds the reference's edges [m]; 1.342 point spacings if not given.
+    split_steps : bool
+        Whether a step in height parts one roof of the reference from another, and so is an edge.
 
     Returns
     -------
@@ -90,22 +99,25 @@ def run_score(
     InputError
         If a file cannot be read or the two sides cannot be compared.
     ParameterError
-        If the kind is unknown, or `cell` or `fill` is out of range.
+        If the kind is unknown, or `cell`, `fill` or `alpha` is out of range.
 
     """
     if kind not in KINDS:
         raise ParameterError(f"score {kind}: must be one of {', '.join(KINDS)}")
     _check_range("cell", cell, *CELL_RANGE)
     _check_range("fill", fill, *FILL_RANGE)
+    if alpha is not None:
+        _check_range("alpha", alpha, *ALPHA_RANGE)
     # Imported late: --help answers at once.
     from lidar_buildings.io.metric_polygons import read_metric_polygons
-    from lidar_buildings.score_kinds import FIGURES, ScoreOptions
+    from lidar_buildings.score_kinds import FIGURES
+    from lidar_buildings.score_sides import ScoreOptions
     from lidar_buildings.score_table import score_table
 
     area = None if aoi is None else read_metric_polygons(Path(aoi))
     if area is not None and not len(area.polygons):
         raise InputError(f"{aoi}: holds no polygon: an area of interest needs one")
-    options = ScoreOptions(area, cell, fill, reference_classes, merge_touching)
+    options = ScoreOptions(area, cell, fill, reference_classes, merge_touching, alpha, split_steps)
     found = FIGURES[kind](Path(result_path), Path(reference_path), options)
     figures = {name: None if _is_nan(value) else value for name, value in found.items()}
     title = f"{kind}: {result_path} against {reference_path}" + (f" within {aoi}" if aoi else "")
@@ -139,13 +151,25 @@ def add_score_arguments(parser: argparse.ArgumentParser) -> None:
         "--reference-classes",
         type=_classes,
         metavar="N[,N...]",
-        help="ground, buildings: the reference's classes of that kind, as in 2,9,11 (default: 2 or 6)",
+        help="ground, buildings, edges: the reference's classes of that kind, as in 2,9,11 (default: 2 or 6)",
     )
     parser.add_argument(
         "--merge-touching",
         action="store_true",
         default=None,
         help="outlines: compare blocks of buildings that share a wall, since lidar cannot tell these apart",
+    )
+    parser.add_argument(
+        "--alpha",
+        type=float,
+        metavar="M",
+        help="edges: radius of the disc of the reference's alpha shapes [m] (default: 1.342 point spacings)",
+    )
+    parser.add_argument(
+        "--split-steps",
+        action="store_true",
+        default=None,
+        help="edges: let a step in height part one roof of the reference from another",
     )
     parser.add_argument("--json", action="store_true", help="print JSON with unrounded numbers")
 
@@ -162,7 +186,7 @@ def score_command(options: argparse.Namespace) -> int:
         If an option is out of range or has no meaning for this kind.
 
     """
-    names = ("cell", "fill", "reference_classes", "merge_touching")
+    names = ("cell", "fill", "reference_classes", "merge_touching", "alpha", "split_steps")
     given = {name: getattr(options, name) for name in names}
     given = {name: value for name, value in given.items() if value is not None}
     for name in given.keys() - _OPTIONS[options.kind]:

@@ -6,16 +6,13 @@ Each kind of score: read both sides, bring them together, compare them in the co
 from __future__ import annotations
 
 from collections.abc import Callable, Collection
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import shapely
 from numpy.typing import NDArray
 
-from lidar_buildings.core.asprs import PointClass
-from lidar_buildings.core.errors import InputError
 from lidar_buildings.core.scores.blocks import merge_touching
 from lidar_buildings.core.scores.buildings import score_buildings
 from lidar_buildings.core.scores.cells import CellSet, cells_of_points, cells_of_polygons
@@ -25,36 +22,8 @@ from lidar_buildings.core.scores.ground import REFERENCE_GROUND, score_ground
 from lidar_buildings.core.scores.outlines import score_outlines
 from lidar_buildings.io.labelled_points import LabelledPoints, has_clouds, read_label_pairs, read_labels
 from lidar_buildings.io.metric_polygons import MetricPolygons, read_metric_polygons
-
-#: A result's building points, and a reference's unless told otherwise.
-BUILDING = (int(PointClass.BUILDING),)
-
-
-@dataclass(frozen=True)
-class ScoreOptions:
-    """
-    What the kinds need to know beside their two sides.
-
-    Attributes
-    ----------
-    area : MetricPolygons or None
-        Only what lies inside counts.
-    cell : float
-        Side of a cell [m].
-    fill : float
-        How far an empty cell looks for its nearest point [spacings].
-    reference_classes : collection of int or None
-        The reference's classes of what is compared, None for the usual one.
-    merge_touching : bool
-        Whether outlines that share a wall are compared as one block.
-
-    """
-
-    area: MetricPolygons | None
-    cell: float
-    fill: float
-    reference_classes: Collection[int] | None
-    merge_touching: bool = False
+from lidar_buildings.score_edges import edge_figures
+from lidar_buildings.score_sides import BUILDING, ScoreOptions, check_same_system, is_inside
 
 
 def ground_figures(result: Path, reference: Path, options: ScoreOptions) -> dict[str, Any]:
@@ -77,7 +46,7 @@ def building_figures(result: Path, reference: Path, options: ScoreOptions) -> di
         _read_side(result, BUILDING, options, is_reference=False),
         _read_side(reference, options.reference_classes or BUILDING, options, is_reference=True),
     ]
-    _check_same_system(sides[0][1], sides[1][1], options.area)
+    check_same_system(sides[0][1], sides[1][1], options.area)
     return _cell_figures(sides[0][0], sides[1][0], options)
 
 
@@ -87,7 +56,7 @@ def outline_figures(result: Path, reference: Path, options: ScoreOptions) -> dic
 
     """
     sides = [read_metric_polygons(path) for path in (result, reference)]
-    _check_same_system(sides[0].crs, sides[1].crs, options.area)
+    check_same_system(sides[0].crs, sides[1].crs, options.area)
     area = None if options.area is None else options.area.polygons
     mine, theirs = (side.polygons for side in sides)
     coverage = asdict(score_coverage(mine, theirs, area=area))
@@ -116,6 +85,7 @@ FIGURES: dict[str, Callable[[Path, Path, ScoreOptions], dict[str, Any]]] = {
     "ground": ground_figures,
     "buildings": building_figures,
     "outlines": outline_figures,
+    "edges": edge_figures,
 }
 
 
@@ -128,8 +98,8 @@ def _building_figures_of_points(result: Path, reference: Path, options: ScoreOpt
     wanted = BUILDING, options.reference_classes or BUILDING
     masks = [np.isin(labels, list(classes)) for labels, classes in zip(cloud.labels, wanted, strict=True)]
     cells = [cells_of_points(cloud.points, mask, options.cell, reach=options.fill) for mask in masks]
-    _check_same_system(cloud.crs, "", options.area)
-    inside = _is_inside(cloud.points, options.area)
+    check_same_system(cloud.crs, "", options.area)
+    inside = is_inside(cloud.points, options.area)
     points = confusion_of(masks[0][inside], masks[1][inside])
     return {
         **_cell_figures(cells[0], cells[1], options),
@@ -172,31 +142,6 @@ def _inside(
     Return the points within the area of interest and their labels.
 
     """
-    _check_same_system(cloud.crs, "", area)
-    inside = _is_inside(cloud.points, area)
+    check_same_system(cloud.crs, "", area)
+    inside = is_inside(cloud.points, area)
     return cloud.points[inside], tuple(labels[inside] for labels in cloud.labels)
-
-
-def _is_inside(points: NDArray[np.float64], area: MetricPolygons | None) -> NDArray[np.bool_]:
-    """
-    Whether each point lies within the area of interest.
-
-    """
-    if area is None:
-        return np.ones(len(points), dtype=bool)
-    limits = shapely.union_all(area.polygons)
-    shapely.prepare(limits)
-    return np.asarray(shapely.intersects_xy(limits, points[:, 0], points[:, 1]), dtype=bool)
-
-
-def _check_same_system(result: str, reference: str, area: MetricPolygons | None) -> None:
-    """
-    Refuse sides in different reference systems; one that does not say its own is trusted.
-
-    """
-    named = [crs for crs in (result, reference, "" if area is None else area.crs) if crs.startswith("EPSG:")]
-    if len(set(named)) > 1:
-        raise InputError(
-            f"the result, the reference and the area of interest are in {', '.join(dict.fromkeys(named))}: "
-            "bring them to one reference system"
-        )

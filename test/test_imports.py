@@ -23,8 +23,10 @@ LAYERS = {
     "settings": {"core"},
     "run_local": {"core", "io", "pipeline", "settings"},
     "score_table": set(),
-    "score_kinds": {"core", "io"},
-    "score": {"core", "io", "score_kinds", "score_table"},
+    "score_sides": {"core", "io"},
+    "score_edges": {"core", "io", "score_sides"},
+    "score_kinds": {"core", "io", "score_edges", "score_sides"},
+    "score": {"core", "io", "score_kinds", "score_sides", "score_table"},
 }
 #: Layers of the modules that carry out ``lidar-buildings run``: run.py, run_*.py (without ROS: run_local.py).
 RUN_LAYERS = {"core", "io", "ros", "nodes", "pipeline", "settings"}

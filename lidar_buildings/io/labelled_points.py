@@ -1,5 +1,5 @@
 """
-The classes that clouds give to their points, one cloud alone or two of the same points side by side.
+What clouds say their points are, one cloud alone or two of the same points side by side: class, edge.
 
 """
 
@@ -19,6 +19,8 @@ from lidar_buildings.io.las import Cloud, open_cloud, xyz_of
 
 #: Extra dimension of a simulated survey: the class that each point has in truth.
 TRUE_CLASS = "TrueClass"
+#: Dimensions that a result is read from: its classes, and whether a roof point lies on an edge.
+CLASS, EDGE = "classification", "EdgeLabel"
 #: Folder of an output folder in which the clouds stand.
 CLASSIFIED = "classified"
 
@@ -33,7 +35,7 @@ class LabelledPoints:
     points : ndarray of shape (n_points, 3)
         In the clouds' reference system, but in metres.
     labels : tuple of ndarray of uint8, shape (n_points,)
-        ASPRS classes, one array per source.
+        ASPRS classes, or 1 for edges; one array per source and kind.
     crs : str
         Name of the reference system, empty if the clouds do not say.
 
@@ -69,9 +71,9 @@ def find_clouds(path: Path) -> list[Path]:
     return find_inputs(path / CLASSIFIED if (path / CLASSIFIED).is_dir() else path)
 
 
-def read_labels(path: Path, *, prefer_truth: bool) -> LabelledPoints:
+def read_labels(path: Path, *, prefer_truth: bool, edges: bool = False) -> LabelledPoints:
     """
-    Read points and their classes.
+    Read points and their classes, and their edge labels if asked for.
 
     Parameters
     ----------
@@ -79,18 +81,23 @@ def read_labels(path: Path, *, prefer_truth: bool) -> LabelledPoints:
         A cloud, or a folder of them.
     prefer_truth : bool
         Whether the true class of a simulated survey counts where a cloud has it.
+    edges : bool
+        Whether to read edge labels, too; they come after the classes.
 
     Raises
     ------
     InputError
-        If a cloud cannot be read.
+        If a cloud cannot be read, or has no edge labels.
 
     """
     clouds = [open_cloud(file) for file in find_clouds(path)]
-    return _joined([part for cloud in clouds for part in _parts(cloud, prefer_truth)], clouds)
+    parts = [
+        part for cloud in clouds for part in _parts(cloud, (_class_of(cloud, prefer_truth), *_edge_of(edges)))
+    ]
+    return _joined(parts, clouds, 1 + edges)
 
 
-def read_label_pairs(result: Path, reference: Path) -> LabelledPoints:
+def read_label_pairs(result: Path, reference: Path, *, edges: bool = False) -> LabelledPoints:
     """
     Read what a result and a reference say of the same points; several files are matched by name.
 
@@ -98,18 +105,20 @@ def read_label_pairs(result: Path, reference: Path) -> LabelledPoints:
     ----------
     result, reference : Path
         A cloud each, or folders of clouds that carry the same names up to their endings.
+    edges : bool
+        Whether to read the result's edge labels, too.
 
     Returns
     -------
     LabelledPoints
-        With the result's labels first. The reference's are the true class of a simulated survey where there
-        is one.
+        With the result's classes first, its edge labels next if asked for, and then the reference's classes:
+        those of the truth of a simulated survey where there is one.
 
     Raises
     ------
     InputError
-        If a cloud cannot be read or has no counterpart, or if two are not of the same points in the same
-        order.
+        If a cloud cannot be read or has no counterpart or no edge labels, or if two are not of the same
+        points in the same order.
 
     """
     parts: list[tuple[NDArray[Any], ...]] = []
@@ -117,8 +126,8 @@ def read_label_pairs(result: Path, reference: Path) -> LabelledPoints:
     for mine, theirs in _matched(result, reference):
         pair = open_cloud(mine), open_cloud(theirs)
         clouds.append(pair[0])
-        parts.extend(_paired_parts(*pair))
-    return _joined(parts, clouds)
+        parts.extend(_paired_parts(*pair, (CLASS, *_edge_of(edges))))
+    return _joined(parts, clouds, 2 + edges)
 
 
 def _matched(result: Path, reference: Path) -> list[tuple[Path, Path]]:
@@ -148,20 +157,43 @@ def _bare_name(file: Path) -> str:
     return file.stem[: -len(".copc")] if file.stem.lower().endswith(".copc") else file.stem
 
 
-def _parts(cloud: Cloud, prefer_truth: bool) -> Iterator[tuple[NDArray[np.float64], NDArray[np.uint8]]]:
+def _class_of(cloud: Cloud, prefer_truth: bool) -> str:
     """
-    Yield coordinates [m] and labels, chunk by chunk.
+    Return the dimension that holds the classes.
 
     """
     named = TRUE_CLASS in cloud.header.point_format.extra_dimension_names
-    dimension = TRUE_CLASS if prefer_truth and named else "classification"
-    for chunk in cloud.chunks():
-        yield xyz_of(chunk) * cloud.units, np.asarray(chunk[dimension], dtype=np.uint8)
+    return TRUE_CLASS if prefer_truth and named else CLASS
 
 
-def _paired_parts(mine: Cloud, theirs: Cloud) -> Iterator[tuple[NDArray[Any], ...]]:
+def _edge_of(edges: bool) -> tuple[str, ...]:
     """
-    Yield coordinates [m] and both labels, chunk by chunk, while both clouds hold the same points.
+    Return the dimension that holds edge labels, if they are asked for.
+
+    """
+    return (EDGE,) if edges else ()
+
+
+def _parts(cloud: Cloud, dimensions: tuple[str, ...]) -> Iterator[tuple[NDArray[Any], ...]]:
+    """
+    Yield coordinates [m] and the labels of these dimensions, chunk by chunk.
+
+    """
+    if EDGE in dimensions and EDGE not in cloud.header.point_format.extra_dimension_names:
+        raise InputError(
+            f"{cloud.path}: has no dimension {EDGE}: give the output of lidar-buildings run, "
+            "which labels the edges of roofs"
+        )
+    for chunk in cloud.chunks():
+        labels = (np.asarray(chunk[name], dtype=np.uint8) for name in dimensions)
+        yield xyz_of(chunk) * cloud.units, *labels
+
+
+def _paired_parts(
+    mine: Cloud, theirs: Cloud, dimensions: tuple[str, ...]
+) -> Iterator[tuple[NDArray[Any], ...]]:
+    """
+    Yield coordinates [m] and the labels of both, chunk by chunk, while both clouds hold the same points.
 
     """
     if mine.point_count != theirs.point_count:
@@ -172,8 +204,8 @@ def _paired_parts(mine: Cloud, theirs: Cloud) -> Iterator[tuple[NDArray[Any], ..
     # A coordinate may have been rounded to either file's own step.
     step = np.maximum(np.abs(mine.header.scales) * mine.units, np.abs(theirs.header.scales) * theirs.units)
     row = 0
-    for (points, my_labels), (their_points, their_labels) in zip(
-        _parts(mine, False), _parts(theirs, True), strict=True
+    for (points, *my_labels), (their_points, *their_labels) in zip(
+        _parts(mine, dimensions), _parts(theirs, (_class_of(theirs, True),)), strict=True
     ):
         differs = (np.abs(points - their_points) > 1.01 * step).any(axis=1)
         if differs.any():
@@ -182,17 +214,17 @@ def _paired_parts(mine: Cloud, theirs: Cloud) -> Iterator[tuple[NDArray[Any], ..
                 "point by point only the same points in the same order can be compared"
             )
         row += len(points)
-        yield points, my_labels, their_labels
+        yield points, *my_labels, *their_labels
 
 
-def _joined(parts: list[tuple[NDArray[Any], ...]], clouds: list[Cloud]) -> LabelledPoints:
+def _joined(parts: list[tuple[NDArray[Any], ...]], clouds: list[Cloud], n_labels: int) -> LabelledPoints:
     """
-    Put chunks together; without any, there are no points and no labels of either source.
+    Put chunks together; without any, there are no points and no labels of any source.
 
     """
     crs = next((cloud.crs.name for cloud in clouds if cloud.crs.name), "")
     if not parts:
         none = np.empty(0, dtype=np.uint8)
-        return LabelledPoints(np.empty((0, 3)), (none, none), crs)
+        return LabelledPoints(np.empty((0, 3)), (none,) * n_labels, crs)
     points, *labels = (np.concatenate(arrays) for arrays in zip(*parts, strict=True))
     return LabelledPoints(points, tuple(labels), crs)

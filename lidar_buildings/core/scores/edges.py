@@ -111,3 +111,26 @@ def score_edges(result: ArrayLike, reference: ArrayLike) -> EdgeScore:
         non_edge_correctness=other.precision,
         non_edge_f_score=other.f1,
     )
+
+
+def score_edges_per_roof(
+    result: ArrayLike, reference: ArrayLike, roof: ArrayLike, n_roofs: int
+) -> list[EdgeScore]:
+    """
+    Compare the labels roof by roof.
+
+    Parameters
+    ----------
+    result, reference : array_like of bool, shape (n_points,)
+        True = edge, in the same order.
+    roof : array_like of int, shape (n_points,)
+        Number of each point's roof, below `n_roofs`; negative for none.
+    n_roofs : int
+        Number of roofs; one without points has figures of nothing.
+
+    """
+    mine, theirs = np.asarray(result, dtype=bool), np.asarray(reference, dtype=bool)
+    number = checked_column("roof", roof, len(mine), np.int64)
+    rows_of = {int(number[rows[0]]): rows for rows in roof_rows(number)}
+    none = np.zeros(0, dtype=np.int64)
+    return [score_edges(mine[rows], theirs[rows]) for rows in (rows_of.get(k, none) for k in range(n_roofs))]

@@ -5,6 +5,8 @@ Which roof each point of a reference is of: that of a polygon, or a part of the 
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import shapely
 from numpy.typing import ArrayLike, NDArray
@@ -13,8 +15,18 @@ from scipy.spatial import cKDTree
 from lidar_buildings.core.point_array import checked_column, checked_points
 from lidar_buildings.core.surface_patches import connected_parts
 
+#: Smaller parts of a reference's class are strays, not roofs: as small as a run drops them [m²].
+MIN_ROOF_AREA = 6.0
 #: What a point of no roof has in place of a number.
 NO_ROOF = -1
+
+
+def fewest_points(spacing: float) -> int:
+    """
+    Return how many points of this spacing [m] the smallest roof has.
+
+    """
+    return math.ceil(MIN_ROOF_AREA / spacing**2)
 
 
 def roofs_of_polygons(points: ArrayLike, polygons: ArrayLike) -> NDArray[np.int64]:
