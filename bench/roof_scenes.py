@@ -127,12 +127,15 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument(
         "--noise", type=float, metavar="M", help="standard deviation along each axis (default: the scene's)"
     )
+    parser.add_argument("--facades", action="store_true", help="do not judge façades: they may be either")
     add_pictures(parser)
     options = parser.parse_args(arguments)
     found = {
         name: made(name, options.density, options.noise, rotation_deg=options.rotation, seed=options.seed)
         for name in options.scenes
     }
+    if options.facades:
+        found = {name: s._replace(is_judged=s.is_judged & ~s.is_facade) for name, s in found.items()}
     if options.pictures is not None:
         options.pictures.mkdir(parents=True, exist_ok=True)
     settings = settings_of(options.set, RoofSelectionConfig)

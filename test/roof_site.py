@@ -38,6 +38,8 @@ class RoofScene(NamedTuple):
     is_building : ndarray of bool, shape (n,)
         Roofs with their chimneys, dormers, parapets and machines; neither walls nor plants nor what stands
         free.
+    is_facade : ndarray of bool, shape (n,)
+        Outer walls of buildings, which are not roof.
     is_judged : ndarray of bool, shape (n,)
         False where both answers are right: inner walls of roofs, balconies, tanks.
 
@@ -46,6 +48,7 @@ class RoofScene(NamedTuple):
     points: Array
     columns: dict[str, NDArray[Any]]
     is_building: NDArray[np.bool_]
+    is_facade: NDArray[np.bool_]
     is_judged: NDArray[np.bool_]
 
 
@@ -231,8 +234,9 @@ class RoofSite:
                 BRIGHTNESS[kind] * shade * self.random.uniform(0.9, 1.1, len(kind))
             ) / hits.of
         columns = {name: column[kept] for name, column in columns.items()}
+        kind = kind[kept]
         return RoofScene(
-            self._turned(points[kept], rotation_deg), columns, kind[kept] == ROOF, kind[kept] != EITHER
+            self._turned(points[kept], rotation_deg), columns, kind == ROOF, kind == WALL, kind != EITHER
         )
 
     def _feet(self) -> tuple[Array, Array]:

@@ -25,6 +25,8 @@ MIN_CELL_SPACINGS = 2.0 * math.sqrt(2.0)
 MIN_CELL_POINTS = 5
 #: Cells counted per block of rows: one stands for some ten points.
 CELL_BLOCK = 1024
+#: What a cell makes of its points; of several cells the one with the highest number counts.
+UNKNOWN, RUGGED, NEITHER, PLANAR = range(4)
 
 
 def find_roofs(
@@ -42,9 +44,10 @@ def find_roofs(
     After the public documentation of lasclassify, the tool that Santos and others used with its defaults:
     among the points `min_height` above ground, those in square cells that deviate from a common plane by no
     more than `max_planar_deviation` are potential roof, those in cells that deviate by more than
-    `min_rugged_deviation` potential vegetation; the grid is laid at several places, and roofs are completed
-    along their edges. What the documentation leaves open is decided here: the deviation is orthogonal to the
-    plane, a point is what more of the cells around it are, and edges are completed along the planes.
+    `min_rugged_deviation` potential vegetation; the grid is laid at several places, roofs are found before
+    vegetation, and completed along their edges. What the documentation leaves open is decided here: the
+    deviation is orthogonal to the plane, one planar cell is enough, and edges are completed along the planes
+    by what does not lie in rugged cells alone.
 
     Parameters
     ----------
@@ -69,19 +72,17 @@ def find_roofs(
     side = max(config.planarity_cell, MIN_CELL_SPACINGS * cell / 2.0)
     # Sums run in an order of their own, so that they do not depend on that of the rows.
     order = np.lexsort((points[:, 2], points[:, 1], points[:, 0]))
-    votes, normals = _votes(points[order], side, config)
-    planar = np.zeros(len(points), dtype=bool)
-    planar[order] = votes > 0
-    upward = np.empty_like(normals)
-    upward[order] = normals
-    return near_tangent_plane(points, upward, planar, side / 2.0, config.max_plane_distance)
+    kind, normals = np.empty(len(points), dtype=np.int8), np.empty((len(points), 3))
+    kind[order], normals[order] = _judged(points[order], side, config)
+    continued = near_tangent_plane(points, normals, kind == PLANAR, side / 2.0, config.max_plane_distance)
+    return continued & (kind != RUGGED)
 
 
-def _votes(
+def _judged(
     points: NDArray[np.float64], side: float, config: RoofSelectionConfig
-) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+) -> tuple[NDArray[np.int8], NDArray[np.float64]]:
     """
-    Return how many more planar than rugged cells cover each point, and the normal of the most planar one.
+    Return what the cells make of each point, and the normal of the most planar one.
 
     """
     limits = (
@@ -89,20 +90,20 @@ def _votes(
         config.min_rugged_deviation,
         math.cos(math.radians(config.max_slope_deg)),
     )
-    votes = np.zeros(len(points), dtype=np.int64)
-    best = np.full(len(points), np.inf)
+    kind = np.full(len(points), UNKNOWN, dtype=np.int8)
+    least = np.full(len(points), np.inf)
     normals = np.zeros((len(points), 3))
     for place in range(SUBSTEPS**2):
         shift = np.array(divmod(place, SUBSTEPS)) / SUBSTEPS
         rows, first = _cells(points, side, shift)
         for_row_blocks(
             lambda begin, end, rows=rows, first=first: _judge(  # type: ignore[misc]
-                points, rows, first, limits, votes, best, normals, begin, end
+                points, rows, first, limits, kind, least, normals, begin, end
             ),
             len(first) - 1,
             CELL_BLOCK,
         )
-    return votes, normals
+    return kind, normals
 
 
 def _cells(
@@ -119,9 +120,9 @@ def _cells(
 
 
 @njit(cache=True, nogil=True)
-def _judge(points, rows, first, limits, votes, best, normals, begin, end):  # type: ignore[no-untyped-def]
+def _judge(points, rows, first, limits, kind, least, normals, begin, end):  # type: ignore[no-untyped-def]
     """
-    Let cells begin to end vote on their points.
+    Let cells begin to end say what their points are.
 
     """
     max_planar, min_rugged, min_upward = limits
@@ -132,15 +133,13 @@ def _judge(points, rows, first, limits, votes, best, normals, begin, end):  # ty
         matrix = _covariance(points, inside)
         deviation = math.sqrt(eigenvalues_3x3(*matrix)[2])
         normal = smallest_eigenvector_3x3(*matrix)
-        vote = 0
+        found = RUGGED if deviation > min_rugged else NEITHER
         if deviation <= max_planar and normal[2] >= min_upward:
-            vote = 1
-        elif deviation > min_rugged:
-            vote = -1
+            found = PLANAR
         for i in inside:
-            votes[i] += vote
-            if vote == 1 and deviation < best[i]:
-                best[i] = deviation
+            kind[i] = max(kind[i], found)
+            if found == PLANAR and deviation < least[i]:
+                least[i] = deviation
                 normals[i, 0], normals[i, 1], normals[i, 2] = normal
 
 
