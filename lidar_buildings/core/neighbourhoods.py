@@ -11,11 +11,10 @@ import numpy as np
 from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
+from lidar_buildings.core.neighbour_windows import first_windows, move_windows, z_range
 from lidar_buildings.core.point_array import checked_points
+from lidar_buildings.core.point_order import sort_by_cell
 from lidar_buildings.core.row_blocks import for_row_blocks
-
-#: Largest number of columns that a key may count.
-MAX_COLUMNS = 2.0**60
 
 
 class CellGrid(NamedTuple):
@@ -73,14 +72,13 @@ def build_grid(points: ArrayLike, size: float) -> CellGrid:
     points = checked_points(points)
     if not (np.isfinite(size) and size > 0):
         raise ValueError(f"size = {size!r}: must be a positive length [m]")
-    key, size, n_rows = _column_keys(points, float(size))
-    order = np.lexsort((points[:, 1], points[:, 0], points[:, 2], key))
-    sorted_key = key[order]
-    begins = np.flatnonzero(np.diff(sorted_key, prepend=-1))
-    first = np.append(begins, len(order))
-    cell = np.repeat(np.arange(len(begins)), np.diff(first))
-    adjacent = _adjacent_columns(sorted_key[begins], n_rows)
-    return CellGrid(points[order], order, cell, first, adjacent, size)
+    cloud = sort_by_cell(points, float(size))
+    cell = np.repeat(np.arange(len(cloud.numbers)), np.diff(cloud.first))
+    adjacent = np.empty((len(cloud.numbers), 9), dtype=np.int64)
+    for_row_blocks(
+        lambda a, b: _list_adjacent(cloud.numbers, cloud.n_columns, adjacent, a, b), len(cloud.numbers)
+    )
+    return CellGrid(cloud.points, cloud.rows, cell, cloud.first, adjacent, cloud.size)
 
 
 def radius_neighbours(
@@ -121,31 +119,6 @@ def radius_neighbours(
 
 
 @njit(cache=True, nogil=True)
-def z_range(z, first, last, low, high):  # type: ignore[no-untyped-def]
-    """
-    Return the part (start, stop) of z[first:last], sorted, that lies within low to high, both inclusive.
-
-    """
-    if low == -np.inf and high == np.inf:
-        return first, last
-    start, end = first, last
-    while start < end:
-        middle = (start + end) // 2
-        if z[middle] < low:
-            start = middle + 1
-        else:
-            end = middle
-    stop, end = start, last
-    while stop < end:
-        middle = (stop + end) // 2
-        if z[middle] <= high:
-            stop = middle + 1
-        else:
-            end = middle
-    return start, stop
-
-
-@njit(cache=True, nogil=True)
 def neighbours_of(grid, cell, x, y, z, radius, in_plan, near):  # type: ignore[no-untyped-def]
     """
     Write the sorted points within a radius of a position in an occupied column to `near`; return how many.
@@ -169,33 +142,20 @@ def neighbours_of(grid, cell, x, y, z, radius, in_plan, near):  # type: ignore[n
     return found
 
 
-def _column_keys(points: NDArray[np.float64], size: float) -> tuple[NDArray[np.int64], float, int]:
+@njit(cache=True, nogil=True)
+def _list_adjacent(numbers, n_columns, adjacent, begin, end):  # type: ignore[no-untyped-def]
     """
-    Number the columns, an empty one left on every side; return the keys, the side and the keys per column.
+    Look up the columns begin to end themselves and their eight neighbours, row by row from the south.
 
     """
-    if len(points) == 0:
-        return np.zeros(0, dtype=np.int64), size, 0
-    low, high = points[:, :2].min(axis=0), points[:, :2].max(axis=0)
-    # The second condition keeps cell numbers within int64 where the origin is very far away.
-    while np.prod((high - low) / size + 4.0) > MAX_COLUMNS or np.abs([low, high]).max() / size > MAX_COLUMNS:
-        size *= 2.0
-    column, row = np.floor(points[:, :2] / size).astype(np.int64).T
-    n_rows = int(row.max() - row.min()) + 3
-    return (column - column.min() + 1) * n_rows + (row - row.min() + 1), size, n_rows
-
-
-def _adjacent_columns(keys: NDArray[np.int64], n_rows: int) -> NDArray[np.int64]:
-    """
-    Look up each occupied column's own number and those of its eight neighbours.
-
-    """
-    if len(keys) == 0:
-        return np.zeros((0, 9), dtype=np.int64)
-    steps = (np.arange(-1, 2)[:, None] * n_rows + np.arange(-1, 2)).ravel()
-    wanted = keys[:, None] + steps
-    found = np.minimum(np.searchsorted(keys, wanted), len(keys) - 1)
-    return np.where(keys[found] == wanted, found, -1)
+    windows = first_windows(numbers, n_columns, 1, begin)
+    for k in range(begin, end):
+        move_windows(numbers, n_columns, 1, k, windows)
+        adjacent[k] = -1
+        for row in range(3):
+            west = numbers[k] + (row - 1) * n_columns - 1
+            for c in range(windows[row, 0], windows[row, 1]):
+                adjacent[k, 3 * row + numbers[c] - west] = c
 
 
 @njit(cache=True, nogil=True)

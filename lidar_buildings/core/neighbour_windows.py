@@ -1,0 +1,88 @@
+"""
+Windows of cells: what lies within reach of a cell, found once for all points of the cell.
+
+Cells are numbered row by row, so a window is one run of occupied cells per row, and as the cell moves on from
+number to number each run only ever moves forward.
+
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+
+@njit(cache=True, nogil=True)
+def first_windows(numbers, n_columns, reach, cell):  # type: ignore[no-untyped-def]
+    """
+    Return the window of an occupied cell, for `move_windows` to start from.
+
+    Parameters
+    ----------
+    numbers : ndarray of int64, shape (n_cells,)
+        The numbers of the occupied cells, rising.
+    n_columns : int
+        By how much the number of a cell's northern neighbour is higher.
+    reach : int
+        How many cells the window extends on each side.
+    cell : int
+        Position in `numbers`.
+
+    Returns
+    -------
+    ndarray of int64, shape (2 reach + 1, 2)
+        Positions in `numbers` where each row's run begins and ends (exclusive), from south to north.
+
+    """
+    windows = np.empty((2 * reach + 1, 2), dtype=np.int64)
+    for row in range(len(windows)):
+        beside = numbers[cell] + (row - reach) * n_columns
+        windows[row] = np.searchsorted(numbers, beside - reach)
+    move_windows(numbers, n_columns, reach, cell, windows)
+    return windows
+
+
+@njit(cache=True, nogil=True)
+def move_windows(numbers, n_columns, reach, cell, windows):  # type: ignore[no-untyped-def]
+    """
+    Move the window of an earlier cell to this one.
+
+    """
+    column = numbers[cell] % n_columns
+    west, east = min(reach, column), min(reach, n_columns - 1 - column)
+    for row in range(len(windows)):
+        beside = numbers[cell] + (row - reach) * n_columns
+        begin, end = windows[row]
+        while begin < len(numbers) and numbers[begin] < beside - west:
+            begin += 1
+        end = max(begin, end)
+        while end < len(numbers) and numbers[end] <= beside + east:
+            end += 1
+        windows[row, 0], windows[row, 1] = begin, end
+
+
+@njit(cache=True, nogil=True)
+def z_range(z, first, last, low, high):  # type: ignore[no-untyped-def]
+    """
+    Return the part (start, stop) of z[first:last], sorted, that lies within low to high, both inclusive.
+
+    """
+    start, end = first, last
+    if z[first] >= low:
+        end = first
+    while start < end:
+        middle = (start + end) // 2
+        if z[middle] < low:
+            start = middle + 1
+        else:
+            end = middle
+    stop, end = start, last
+    if z[last - 1] <= high:
+        stop = last
+    while stop < end:
+        middle = (stop + end) // 2
+        if z[middle] <= high:
+            stop = middle + 1
+        else:
+            end = middle
+    return start, stop
