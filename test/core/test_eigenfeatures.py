@@ -1,11 +1,10 @@
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
-from lidar_buildings.core import row_blocks
+from lidar_buildings.core import eigenfeatures, row_blocks
 from lidar_buildings.core.eigenfeatures import eigen_features
-from lidar_buildings.core.symmetric_eigen import eigenvalues_3x3, smallest_eigenvector_3x3
-
-UPPER = np.triu_indices(3)
 
 
 def disc(n=4000):
@@ -25,41 +24,6 @@ def wavy_cloud(n=3000, seed=0):
     rng = np.random.default_rng(seed)
     xy = rng.uniform(0, 20, (n, 2))
     return np.column_stack([xy, np.where(xy[:, 0] > 10, 3.0, 0.4 * xy[:, 0]) + rng.normal(0, 0.05, n)])
-
-
-def random_covariances():
-    rng = np.random.default_rng(0)
-    for n, scale in [(3, 1.0), (4, 1e-6), (10, 1e6), (50, 1.0), (50, [1, 1, 1e-4]), (50, [1, 1e-3, 1e-3])]:
-        spread = rng.normal(size=(n, 3)) * scale @ np.linalg.qr(rng.normal(size=(3, 3)))[0]
-        yield np.cov(spread.T, bias=True)
-
-
-@pytest.mark.parametrize("covariance", list(random_covariances()))
-def test_closed_form_eigenvalues_and_normals_are_those_of_lapack(covariance):
-    values, _ = np.linalg.eigh(covariance)
-    found = np.array(eigenvalues_3x3(*covariance[UPPER]))
-    assert found == pytest.approx(values[::-1], abs=1e-8 * values[2])
-    normal = smallest_eigenvector_3x3(*covariance[UPPER])
-    assert np.linalg.norm(normal) == pytest.approx(1, abs=1e-12)
-    assert normal[2] >= 0
-    # Two eigenvalues 1e-6 of the largest apart leave a direction known to some 1e-8 of the matrix.
-    assert covariance @ normal == pytest.approx(values[0] * normal, abs=1e-8 * values[2])
-
-
-@pytest.mark.parametrize(
-    ("direction", "expected"),
-    [([1, 0, 0], [0, 0, 1]), ([1, 0, 1], [-(0.5**0.5), 0, 0.5**0.5]), ([0, 0, 1], None)],
-)
-def test_the_normal_of_a_line_is_the_most_upward_one_across_it(direction, expected):
-    normal = smallest_eigenvector_3x3(*np.outer(direction, direction).astype(float)[UPPER])
-    assert normal @ direction == pytest.approx(0, abs=1e-9)
-    if expected:
-        assert normal == pytest.approx(expected, abs=1e-9)
-
-
-def test_no_spread_at_all_gives_a_normal_straight_up():
-    assert smallest_eigenvector_3x3(0.0, 0.0, 0.0, 0.0, 0.0, 0.0).tolist() == [0, 0, 1]
-    assert smallest_eigenvector_3x3(*np.eye(3)[UPPER]).tolist() == [0, 0, 1]
 
 
 # The values are those of Gross & Thoennessen (2006).
@@ -97,38 +61,93 @@ def test_a_line_has_a_third():
     assert middle.linearity[1000] == pytest.approx(1, abs=1e-6)
 
 
-def test_features_are_those_of_the_definition_at_every_radius():
+def brute_force(points, i, radius):
+    """Return the neighbours of one point, their eigenvalues and axes from LAPACK."""
+    near = points[((points - points[i]) ** 2).sum(axis=1) <= radius**2]
+    values, axes = np.linalg.eigh(np.cov(near.T, bias=True).reshape(3, 3))
+    return near, values[::-1], axes[:, ::-1]
+
+
+@pytest.mark.parametrize("radius", [1.0, 2.5, 7.0])
+def test_features_are_those_of_the_definition_at_every_radius(radius):
     points = wavy_cloud(600)
-    for radius in (1.0, 2.5):
-        found = eigen_features(points, [radius])
-        for i in range(0, 600, 50):
-            near = points[((points - points[i]) ** 2).sum(axis=1) <= radius**2]
-            values = np.linalg.eigvalsh(np.cov(near.T, bias=True).reshape(3, 3))[::-1]
-            assert found.n_neighbours[i] == len(near)
-            assert found.eigenvalues[i] == pytest.approx(values, abs=1e-9)
+    found = eigen_features(points, [radius])
+    for i in range(0, 600, 50):
+        near, values, axes = brute_force(points, i, radius)
+        assert found.n_neighbours[i] == len(near)
+        assert found.eigenvalues[i] == pytest.approx(values, abs=1e-12)
+        # Two points, or a disc, leave a direction open.
+        if values[0] - values[1] > 1e-6:
+            assert abs(found.directions[i] @ axes[:, 0]) == pytest.approx(1, abs=1e-9)
+        if values[1] - values[2] > 1e-6:
+            assert abs(found.normals[i] @ axes[:, 2]) == pytest.approx(1, abs=1e-9)
 
 
-def entropy_of(values):
+def test_features_of_a_facade_are_those_of_the_definition():
+    rng = np.random.default_rng(0)
+    # Forty metres of wall above a few square metres of ground: columns are taken apart by elevation.
+    points = np.column_stack([rng.uniform(0, 6, 3000), rng.normal(0, 0.02, 3000), rng.uniform(0, 40, 3000)])
+    found = eigen_features(points, [1.0])
+    for i in range(0, 3000, 250):
+        near, values, _ = brute_force(points, i, 1.0)
+        assert found.n_neighbours[i] == len(near)
+        assert found.eigenvalues[i] == pytest.approx(values, abs=1e-12)
+
+
+def test_neighbours_at_the_very_radius_count_on_a_lattice():
+    lattice = np.stack(np.meshgrid(np.arange(30) * 0.1, np.arange(30) * 0.1, [0.0]), axis=-1).reshape(-1, 3)
+    for radius in (0.1, 0.2, 0.5):
+        square = ((lattice[:, None] - lattice[None]) ** 2).sum(axis=-1)
+        expected = (square <= radius**2).sum(axis=1)
+        assert eigen_features(lattice, [radius]).n_neighbours.tolist() == expected.tolist()
+
+
+def entropy_of(values, kind):
     s = np.sqrt(values)
-    shares = np.array([s[0] - s[1], s[1] - s[2], s[2]]) / s[0]
-    return -sum(a * np.log(a) for a in shares if a > 0)
+    of = (
+        values / values.sum() if kind == "eigenentropy" else np.array([s[0] - s[1], s[1] - s[2], s[2]]) / s[0]
+    )
+    return -sum(a * np.log(a) for a in of if a > 0)
 
 
-def test_the_chosen_radius_is_the_one_of_least_entropy():
+@pytest.mark.parametrize("kind", ["dimensionality", "eigenentropy"])
+def test_the_chosen_radius_is_the_one_of_least_entropy(kind):
     points, radii = wavy_cloud(), [0.7, 1.0, 1.4, 2.0, 2.8]
-    chosen = eigen_features(points, radii, min_neighbours=4)
+    chosen = eigen_features(points, radii, min_neighbours=6, entropy=kind)
     each = [eigen_features(points, [radius]) for radius in radii]
     for i in range(0, len(points), 97):
-        allowed = [one for one in each if one.n_neighbours[i] >= 4 or one is each[-1]]
-        best = min(allowed, key=lambda one: entropy_of(one.eigenvalues[i]))
+        allowed = [one for one in each if one.n_neighbours[i] >= 6 or one is each[-1]]
+        best = min(allowed, key=lambda one: entropy_of(one.eigenvalues[i], kind))
         assert chosen.radius[i] == pytest.approx(best.radius[i])
         assert chosen.eigenvalues[i] == pytest.approx(best.eigenvalues[i], rel=1e-9)
+        assert chosen.entropy[i] == pytest.approx(entropy_of(chosen.eigenvalues[i], kind), abs=1e-7)
+    assert len(np.unique(chosen.radius)) == len(radii)
+
+
+def test_the_two_entropies_choose_differently_and_one_of_them_is_a_feature():
+    points, radii = wavy_cloud(), [0.7, 1.4, 2.8]
+    by_eigenvalues = eigen_features(points, radii, entropy="eigenentropy")
+    by_shape = eigen_features(points, radii)
+    assert (by_eigenvalues.radius != by_shape.radius).mean() > 0.1
+    assert by_eigenvalues.entropy == pytest.approx(by_eigenvalues.eigenentropy, abs=1e-7)
+
+
+def test_radii_that_hold_too_few_points_are_passed_over_but_for_the_largest():
+    points = wavy_cloud()
+    found = eigen_features(points, [0.3, 1.0, 2.0], min_neighbours=12)
+    small = found.radius < 2.0
+    assert 0 < small.sum() < len(points)
+    assert (found.n_neighbours[small] >= 12).all()
+    assert (eigen_features(points, [0.3], min_neighbours=12).radius == 0.3).all()
 
 
 def test_shares_of_line_plane_and_volume_add_up_to_one():
     found = eigen_features(wavy_cloud(), [1.5])
     assert found.linearity + found.planarity + found.scattering == pytest.approx(1)
+    assert found.anisotropy + found.scattering == pytest.approx(1)
     assert np.all(found.surface_variation <= 1 / 3)
+    assert found.omnivariance**3 == pytest.approx(found.eigenvalues.prod(axis=1), abs=1e-12)
+    assert np.all((found.eigenentropy >= 0) & (found.eigenentropy <= np.log(3)))
 
 
 def test_a_wall_is_vertical_and_a_flat_roof_is_not():
@@ -138,23 +157,46 @@ def test_a_wall_is_vertical_and_a_flat_roof_is_not():
     assert eigen_features(wall, [1.0]).verticality.min() == pytest.approx(1)
 
 
-def test_the_order_of_rows_does_not_change_a_bit():
-    points = wavy_cloud()
-    shuffle = np.random.default_rng(1).permutation(len(points))
-    straight, shuffled = eigen_features(points, [1.0, 2.0]), eigen_features(points[shuffle], [1.0, 2.0])
-    assert np.array_equal(straight.eigenvalues[shuffle], shuffled.eigenvalues)
-    assert np.array_equal(straight.normals[shuffle], shuffled.normals)
+COLUMNS = ("eigenvalues", "normals", "radius", "n_neighbours", "directions", "entropy")
 
 
-@pytest.mark.parametrize("n_threads", [1, 3])
-def test_the_number_of_threads_does_not_change_a_bit(monkeypatch, n_threads):
+def assert_same_bits(found, rows, expected, expected_rows):
+    """Compare all that there is of some points."""
+    for name in COLUMNS:
+        assert np.array_equal(getattr(found, name)[rows], getattr(expected, name)[expected_rows]), name
+
+
+@settings(max_examples=20, deadline=None)
+@given(st.integers(1, 500), st.integers(0, 2**32 - 1), st.sampled_from(["dimensionality", "eigenentropy"]))
+def test_the_order_of_rows_does_not_change_a_bit(n, seed, kind):
+    points = np.repeat(wavy_cloud(n, seed), 1 + seed % 3, axis=0)
+    shuffle = np.random.default_rng(seed).permutation(len(points))
+    straight = eigen_features(points, [1.0, 1.5, 2.0], entropy=kind)
+    assert_same_bits(
+        eigen_features(points[shuffle], [1.0, 1.5, 2.0], entropy=kind), slice(None), straight, shuffle
+    )
+
+
+@pytest.mark.parametrize("n_threads", [1, 2, 7])
+@pytest.mark.parametrize("block", [1, 5, 10_000])
+def test_neither_threads_nor_blocks_change_a_bit(monkeypatch, n_threads, block):
     points = wavy_cloud()
-    expected = eigen_features(points, [1.0, 2.0])
-    monkeypatch.setattr(row_blocks, "BLOCK", 100)
+    expected = eigen_features(points, [1.0, 1.5, 2.0])
+    monkeypatch.setattr(eigenfeatures, "CELLS_A_BLOCK", block)
     monkeypatch.setattr(row_blocks.os, "cpu_count", lambda: n_threads)
-    found = eigen_features(points, [1.0, 2.0])
-    assert np.array_equal(found.eigenvalues, expected.eigenvalues)
-    assert np.array_equal(found.normals, expected.normals)
+    assert_same_bits(eigen_features(points, [1.0, 1.5, 2.0]), slice(None), expected, slice(None))
+
+
+@settings(max_examples=20, deadline=None)
+@given(st.floats(0, 12), st.floats(0, 12), st.floats(4, 10), st.floats(4, 10), st.integers(0, 100))
+def test_a_tile_has_the_features_of_the_whole_where_it_holds_all_neighbours(x, y, width, depth, seed):
+    points, reach = wavy_cloud(seed=seed), 1.6
+    low, high = np.array([x, y]), np.array([x + width, y + depth])
+    inside = ((points[:, :2] >= low) & (points[:, :2] <= high)).all(axis=1)
+    to_border = np.minimum(points[:, :2] - low, high - points[:, :2]).min(axis=1)
+    whole = np.flatnonzero(to_border[inside] > reach)
+    tile, radii = eigen_features(points[inside], [0.8, 1.2, reach]), [0.8, 1.2, reach]
+    assert_same_bits(tile, whole, eigen_features(points, radii), np.flatnonzero(inside)[whole])
 
 
 def test_features_do_not_lose_digits_far_from_the_origin():
@@ -193,7 +235,83 @@ def test_an_extreme_density_is_thinned_evenly():
     assert thinned.eigenvalues[0] == pytest.approx(found.eigenvalues[0], abs=0.005)
 
 
-@pytest.mark.parametrize("radii", [[], [0.0, 1.0], [1.0, 1.0], [2.0, 1.0], [np.nan]])
+def test_points_that_coincide_have_no_shape_however_many():
+    found = eigen_features(np.ones((50, 3)), [0.5, 1.0])
+    assert not found.eigenvalues.any()
+    assert found.n_neighbours.tolist() == [50] * 50
+    assert found.radius.tolist() == [1.0] * 50
+    assert found.entropy == pytest.approx(np.log(3))
+    for values in (
+        found.linearity,
+        found.planarity,
+        found.scattering,
+        found.omnivariance,
+        found.eigenentropy,
+    ):
+        assert not values.any()
+
+
+def test_tenfold_points_have_the_features_of_single_ones():
+    points = wavy_cloud(500)
+    single = eigen_features(points, [1.0, 2.0], min_neighbours=5)
+    tenfold = eigen_features(np.repeat(points, 10, axis=0), [1.0, 2.0], min_neighbours=50)
+    assert np.array_equal(tenfold.radius[::10], single.radius)
+    assert np.array_equal(tenfold.n_neighbours[::10], 10 * single.n_neighbours)
+    assert tenfold.eigenvalues[::10] == pytest.approx(single.eigenvalues, abs=1e-13)
+
+
+def test_a_plane_without_noise_has_its_exact_normal_and_no_roughness():
+    rng = np.random.default_rng(0)
+    plan = rng.uniform(0, 20, (2000, 2))
+    plane = np.column_stack([plan, 0.5 * plan[:, 0] - 0.25 * plan[:, 1] + 7.0])
+    found = eigen_features(plane, [1.5, 3.0])
+    normal = np.array([-0.5, 0.25, 1.0]) / np.linalg.norm([-0.5, 0.25, 1.0])
+    assert found.normals @ normal == pytest.approx(1, abs=1e-12)
+    assert found.roughness.max() < 1e-6
+    assert found.scattering.max() < 1e-12
+
+
+def test_a_line_without_noise_is_all_linear_along_its_direction():
+    direction = np.array([2.0, -1.0, 2.0]) / 3.0
+    found = eigen_features(np.arange(100)[:, None] * 0.1 * direction + 5.0, [0.5, 1.0])
+    assert found.directions @ direction == pytest.approx(1, abs=1e-12)
+    assert found.normals @ direction == pytest.approx(0, abs=1e-9)
+    assert found.linearity == pytest.approx(1, abs=1e-12)
+
+
+def test_a_coordinate_that_is_not_a_number_is_refused_by_name():
+    points = np.zeros((5, 3))
+    points[3, 1] = np.nan
+    with pytest.raises(ValueError, match=r"points\[3\]"):
+        eigen_features(points, [1.0])
+
+
+@pytest.mark.parametrize("entropy", ["shannon", "", None])
+def test_an_entropy_that_is_not_known_is_refused_by_name(entropy):
+    with pytest.raises(ValueError, match=r"entropy = .*dimensionality, eigenentropy"):
+        eigen_features(np.zeros((3, 3)), [1.0], entropy=entropy)
+
+
+def test_a_neighbourhood_of_no_points_is_refused_by_name():
+    with pytest.raises(ValueError, match="min_neighbours = 0"):
+        eigen_features(np.zeros((3, 3)), [1.0], min_neighbours=0)
+
+
+def test_more_radii_than_a_batch_holds_are_refused_by_name():
+    with pytest.raises(ValueError, match="radii has 600 entries"):
+        eigen_features(np.zeros((3, 3)), np.linspace(1, 2, 600))
+
+
+def test_as_many_radii_as_a_batch_holds_are_served():
+    points = wavy_cloud(200)
+    found = eigen_features(points, np.geomspace(0.5, 5.0, 512))
+    assert (np.diff(np.unique(found.radius)) > 0).all()
+    near, values, _ = brute_force(points, 50, found.radius[50] * (1 + 1e-12))
+    assert found.n_neighbours[50] == len(near)
+    assert found.eigenvalues[50] == pytest.approx(values, abs=1e-12)
+
+
+@pytest.mark.parametrize("radii", [[], [0.0, 1.0], [1.0, 1.0], [2.0, 1.0], [np.nan], [np.inf]])
 def test_radii_that_do_not_rise_are_refused_by_name(radii):
     with pytest.raises(ValueError, match="radii"):
         eigen_features(np.zeros((3, 3)), radii)
