@@ -8,6 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 from lidar_buildings.core.edge_labelling.config import EdgeLabellingConfig
@@ -78,10 +79,39 @@ def _groups(
     """
     if roof_id is None:
         return [(ALL_ROOFS, rows)] if n_points else []
-    numbers = np.unique(roof_id)
-    order = rows[np.argsort(roof_id[rows], kind="stable")]
-    limits = np.searchsorted(roof_id[order], numbers[1:])
-    return list(zip(numbers.tolist(), np.split(order, limits), strict=True)) if len(numbers) else []
+    numbers, dense = _numbered(roof_id)
+    counts = np.bincount(dense[rows], minlength=len(numbers))
+    ends = np.cumsum(counts)
+    ordered = np.empty_like(rows)
+    _collect(rows, dense, ends - counts, ordered)
+    return list(zip(numbers.tolist(), np.split(ordered, ends[:-1]), strict=True)) if len(numbers) else []
+
+
+def _numbered(roof_id: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """
+    Return the roofs' numbers, rising, and each point's place among them.
+
+    """
+    low, high = (int(roof_id.min()), int(roof_id.max())) if len(roof_id) else (0, 0)
+    if high - low >= len(roof_id):
+        numbers, dense = np.unique(roof_id, return_inverse=True)
+        return numbers, dense.reshape(-1)
+    numbers = np.flatnonzero(np.bincount(roof_id - low)) + low
+    place = np.zeros(high - low + 1, dtype=np.int64)
+    place[numbers - low] = np.arange(len(numbers))
+    return numbers, place[roof_id - low]
+
+
+@njit(cache=True, nogil=True)
+def _collect(rows, number, place, ordered):  # type: ignore[no-untyped-def]
+    """
+    Put rows of one number together; place[k], where number k begins, moves on with each of its rows.
+
+    """
+    for row in rows:
+        k = number[row]
+        ordered[place[k]] = row
+        place[k] += 1
 
 
 def _cluster(

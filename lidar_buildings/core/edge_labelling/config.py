@@ -58,14 +58,6 @@ class EdgeLabellingConfig(StageConfig):
         minimum=2,
         maximum=100_000,
     )
-    roof_gap: float = parameter(
-        2.0,
-        "Side of the cells in plan by whose neighbourhood points make a roof where none are given; raising "
-        "it joins roofs.",
-        unit="spacings",
-        minimum=1.0,
-        maximum=50.0,
-    )
     min_radius: float = parameter(
         1.6,
         "Smallest radius that the entropy can choose; raising it makes edges broader and steadier.",
@@ -99,7 +91,7 @@ class EdgeLabellingConfig(StageConfig):
         choices=("outline", "surface", "none"),
     )
     rim_radius: float = parameter(
-        1.3,
+        1.25,
         "A point is on a rim if an empty disc of this radius touches it; raising it bridges larger gaps and "
         "rounds notches off.",
         unit="spacings",

@@ -14,8 +14,9 @@ from numpy.typing import ArrayLike, NDArray
 from lidar_buildings.core.edge_labelling.clusters import Clusters, cluster_edges
 from lidar_buildings.core.edge_labelling.config import EdgeLabellingConfig
 from lidar_buildings.core.edge_labelling.measures import eigenvalues_by_area
+from lidar_buildings.core.edge_labelling.plan_cells import PlanCells, plan_cells, roofs_in_plan
 from lidar_buildings.core.edge_labelling.rims import on_rims
-from lidar_buildings.core.edge_labelling.roofs import roofs_in_plan, set_apart
+from lidar_buildings.core.edge_labelling.roofs import set_apart
 from lidar_buildings.core.edge_labelling.status import OK, TOO_FEW_POINTS, overall
 from lidar_buildings.core.edge_labelling.theoretical_shapes import discriminant_edges
 from lidar_buildings.core.eigenfeatures import EigenFeatures, eigen_features
@@ -120,8 +121,10 @@ def label_edges(
     roofs = None if roof_id is None else checked_column("roof_id", roof_id, len(points), np.int64)
     spacing = _spacing(points, point_spacing)
     found = _features(points, roofs, spacing, config)
-    band, clusters, groups = _band(points, roofs, spacing, found, config)
-    edge = _thinned(points, roofs, spacing, band, config)
+    cells = _cells(points, spacing, config)
+    groups = _groups(cells, roofs, config)
+    band, clusters = _band(found, groups, config)
+    edge = _thinned(cells, roofs, spacing, band, config)
     if config.method == "discriminant_analysis":
         status = OK if found.eigenvalues.any() else TOO_FEW_POINTS
     else:
@@ -166,28 +169,42 @@ def _features(
     return eigen_features(apart, list(radii), min_neighbours=config.min_neighbours)
 
 
-def _band(
-    points: NDArray[np.float64],
-    roofs: NDArray[np.int64] | None,
-    spacing: float,
-    found: EigenFeatures,
-    config: EdgeLabellingConfig,
-) -> tuple[NDArray[np.bool_], tuple[Clusters, ...], NDArray[np.int64] | None]:
+def _cells(points: NDArray[np.float64], spacing: float, config: EdgeLabellingConfig) -> PlanCells | None:
     """
-    Label the band along edges; return the clusters and the roofs that they are of, too.
+    Sort the points into cells where roofs or rims have to be found.
+
+    """
+    if config.thinning == "none" and config.scope != "roof":
+        return None
+    return plan_cells(points, max(2.0 * config.rim_radius, config.band_reach) * spacing)
+
+
+def _groups(
+    cells: PlanCells | None, roofs: NDArray[np.int64] | None, config: EdgeLabellingConfig
+) -> NDArray[np.int64] | None:
+    """
+    Number the points that share their clusters; None if all do, or there are no clusters.
+
+    """
+    if config.scope != "roof" or config.method != "k_means":
+        return None
+    return roofs if roofs is not None or cells is None else roofs_in_plan(cells)
+
+
+def _band(
+    found: EigenFeatures, groups: NDArray[np.int64] | None, config: EdgeLabellingConfig
+) -> tuple[NDArray[np.bool_], tuple[Clusters, ...]]:
+    """
+    Label the band along edges; return the clusters, too.
 
     """
     if config.method == "discriminant_analysis":
-        return discriminant_edges(eigenvalues_by_area(found)), (), None
-    groups = None
-    if config.scope == "roof":
-        groups = roofs_in_plan(points, config.roof_gap * spacing) if roofs is None else roofs
-    band, clusters = cluster_edges(found, groups, config)
-    return band, clusters, groups
+        return discriminant_edges(eigenvalues_by_area(found)), ()
+    return cluster_edges(found, groups, config)
 
 
 def _thinned(
-    points: NDArray[np.float64],
+    cells: PlanCells | None,
     roofs: NDArray[np.int64] | None,
     spacing: float,
     band: NDArray[np.bool_],
@@ -197,10 +214,10 @@ def _thinned(
     Return the rims in and near the band, or the band itself.
 
     """
-    if config.thinning == "none":
+    if config.thinning == "none" or cells is None:
         return band
     return on_rims(
-        points,
+        cells,
         band,
         roofs,
         radius=config.rim_radius * spacing,

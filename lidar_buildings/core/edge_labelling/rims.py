@@ -11,17 +11,24 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from lidar_buildings.core.neighbourhoods import build_grid
+from lidar_buildings.core.edge_labelling.plan_cells import PlanCells
 from lidar_buildings.core.row_blocks import for_row_blocks
 
 #: Points nearer than this part of the disc's radius are at the same place: which side they lie on is chance.
 SAME_PLACE = 1e-6
-#: What is left open by less than this is closed, so that points of a lattice tie everywhere or nowhere [rad].
+#: What is left open by less than this part of a quarter turn is closed, so that points of a lattice tie
+#: everywhere or nowhere.
 TIE = 1e-6
+#: Open arcs that are kept apart; a point with more of them is surely on a rim.
+MAX_OPEN = 128
+#: Cells a block of work: some ten thousand points.
+CELLS_A_BLOCK = 1024
+#: A full turn, see `_direction`.
+TURN = 4.0
 
 
 def on_rims(
-    points: NDArray[np.float64],
+    cells: PlanCells,
     band: NDArray[np.bool_],
     roof_id: NDArray[np.int64] | None,
     *,
@@ -37,10 +44,10 @@ def on_rims(
 
     Parameters
     ----------
-    points : ndarray of shape (n_points, 3)
-        In any order [m].
+    cells : PlanCells
+        The points, in cells no smaller than twice the radius and than the reach.
     band : ndarray of bool, shape (n_points,)
-        Points that an edge is near to.
+        Points that an edge is near to, per input row.
     roof_id : ndarray of int64, shape (n_points,), or None
         Points of other roofs are not seen.
     radius : float
@@ -50,97 +57,145 @@ def on_rims(
     max_step : float
         Points farther up or down than this are not seen [m].
 
+    Returns
+    -------
+    ndarray of bool, shape (n_points,)
+        Per input row.
+
     """
-    rim = np.zeros(len(points), dtype=np.bool_)
-    if not band.any():
-        return rim
-    grid = build_grid(points, max(2.0 * radius, reach))
-    near = band[grid.rows]
-    roof = np.zeros(1, dtype=np.int64) if roof_id is None else roof_id[grid.rows]
+    rim = np.zeros(len(band), dtype=np.bool_)
+    in_band = np.flatnonzero(band[cells.rows])
+    first = np.searchsorted(in_band, cells.first)
+    roof = np.zeros(0, dtype=np.int64) if roof_id is None else roof_id[cells.rows]
+    lengths = (radius, reach, max_step)
     for_row_blocks(
-        lambda begin, end: _find_rims(grid, near, roof, radius, reach, max_step, rim, begin, end), len(points)
+        lambda begin, end: _find_rims(cells, in_band, first, roof, lengths, rim, begin, end),
+        len(cells.around),
+        CELLS_A_BLOCK,
     )
     return rim
 
 
 @njit(cache=True, nogil=True)
-def _find_rims(grid, band, roof, radius, reach, max_step, rim, begin, end):  # type: ignore[no-untyped-def]
+def _find_rims(cells, in_band, first, roof, lengths, rim, begin, end):  # type: ignore[no-untyped-def]
     """
-    Fill the rows of sorted points begin to end.
+    Fill the rows of the points of cells begin to end; in_band[first[k]] is cell k's first point of the band.
 
     """
-    arcs = np.empty((64, 2))
-    for i in range(begin, end):
-        if not _is_near_band(grid, band, roof, reach, i):
+    radius, reach, max_step = lengths
+    arcs = np.empty((MAX_OPEN, 2))
+    for cell in range(begin, end):
+        around = cells.around[cell]
+        is_near = False
+        for c in around:
+            is_near |= c >= 0 and first[c + 1] > first[c]
+        if not is_near:
             continue
-        n_arcs, arcs = _blocked_arcs(grid, roof, radius, max_step, i, arcs)
-        rim[grid.rows[i]] = _is_open(arcs[:n_arcs])
+        for i in range(cells.first[cell], cells.first[cell + 1]):
+            if _is_near_band(cells, around, in_band, first, roof, reach, i):
+                rim[cells.rows[i]] = _is_touched(cells, around, roof, radius, max_step, i, arcs)
 
 
 @njit(cache=True, nogil=True)
-def _is_near_band(grid, band, roof, reach, i):  # type: ignore[no-untyped-def]
+def _is_near_band(cells, around, in_band, first, roof, reach, i):  # type: ignore[no-untyped-def]
     """
     Whether sorted point i, or one of its roof within reach, is of the band.
 
     """
-    if band[i]:
-        return True
-    points = grid.points
-    for c in grid.adjacent[grid.cell[i]]:
+    x, y, z = cells.points[i]
+    for c in around:
         if c < 0:
             continue
-        for j in range(grid.first[c], grid.first[c + 1]):
-            if not band[j] or (len(roof) > 1 and roof[j] != roof[i]):
+        for k in range(first[c], first[c + 1]):
+            j = in_band[k]
+            if len(roof) > 0 and roof[j] != roof[i]:
                 continue
-            dx, dy, dz = points[j, 0] - points[i, 0], points[j, 1] - points[i, 1], points[j, 2] - points[i, 2]
+            dx, dy, dz = cells.points[j, 0] - x, cells.points[j, 1] - y, cells.points[j, 2] - z
             if dx * dx + dy * dy + dz * dz <= reach * reach:
                 return True
     return False
 
 
 @njit(cache=True, nogil=True)
-def _blocked_arcs(grid, roof, radius, max_step, i, arcs):  # type: ignore[no-untyped-def]
+def _is_touched(cells, around, roof, radius, max_step, i, arcs):  # type: ignore[no-untyped-def]
     """
-    Write the directions in which a neighbour of sorted point i lies within the disc; return how many.
-
-    Arcs begin within ± π and end up to 2 π later; `arcs` is replaced by a longer one where it is full.
+    Whether an empty disc touches sorted point i; `arcs` is room to work in.
 
     """
-    points = grid.points
-    found = 0
-    for c in grid.adjacent[grid.cell[i]]:
+    x, y, z = cells.points[i]
+    arcs[0] = 0.0, TURN
+    n_open = 1
+    for c in around:
         if c < 0:
             continue
-        for j in range(grid.first[c], grid.first[c + 1]):
-            if len(roof) > 1 and roof[j] != roof[i]:
+        for j in range(cells.first[c], cells.first[c + 1]):
+            if len(roof) > 0 and roof[j] != roof[i]:
                 continue
-            dx, dy, dz = points[j, 0] - points[i, 0], points[j, 1] - points[i, 1], points[j, 2] - points[i, 2]
-            distance = math.sqrt(dx * dx + dy * dy)
-            if distance >= 2.0 * radius or distance <= SAME_PLACE * radius or abs(dz) > max_step:
+            dx, dy, dz = cells.points[j, 0] - x, cells.points[j, 1] - y, cells.points[j, 2] - z
+            square = dx * dx + dy * dy
+            if square >= 4.0 * radius * radius or abs(dz) > max_step:
                 continue
-            if found == len(arcs):
-                arcs = np.concatenate((arcs, np.empty_like(arcs)))
-            half = math.acos(distance / (2.0 * radius))
-            begin = math.atan2(dy, dx) - half
-            arcs[found, 0] = begin + 2.0 * math.pi if begin < -math.pi else begin
-            arcs[found, 1] = 2.0 * half
-            found += 1
-    return found, arcs
+            if square <= (SAME_PLACE * radius) ** 2:
+                continue
+            first, last = _blocked(dx, dy, math.sqrt(square), math.sqrt(4.0 * radius * radius - square))
+            n_open = _without(arcs, n_open, first, TURN if last < first else last)
+            if last < first:
+                n_open = _without(arcs, n_open, 0.0, last)
+            if n_open == 0:
+                return False
+    return True
 
 
 @njit(cache=True, nogil=True)
-def _is_open(arcs):  # type: ignore[no-untyped-def]
+def _blocked(dx, dy, distance, across):  # type: ignore[no-untyped-def]
     """
-    Whether arcs, given by where they begin and how far they go, leave a part of the circle open.
+    Return where the arc begins and ends in which a neighbour keeps the disc's centre out.
+
+    The disc's diameter is the hypotenuse of the neighbour's distance and `across`: from the neighbour's
+    direction (dx, dy) to either end the arc goes by the angle between diameter and distance.
 
     """
-    if len(arcs) == 0:
-        return True
-    order = np.argsort(arcs[:, 0])
-    start = arcs[order[0], 0]
-    covered = start
-    for k in order:
-        if arcs[k, 0] > covered + TIE:
-            return True
-        covered = max(covered, arcs[k, 0] + arcs[k, 1])
-    return covered < start + 2.0 * math.pi - TIE
+    first = _direction(dx * distance + dy * across, dy * distance - dx * across)
+    return first, _direction(dx * distance - dy * across, dy * distance + dx * across)
+
+
+@njit(cache=True, nogil=True)
+def _direction(east, north):  # type: ignore[no-untyped-def]
+    """
+    Return a number from 0 to 4 that rises with a vector's direction, anticlockwise from the east.
+
+    Quarter turns that are not quite even: it saves the arc tangent.
+
+    """
+    along = north / (abs(east) + abs(north))
+    if east < 0.0:
+        return 2.0 - along
+    return along if along >= 0.0 else 4.0 + along
+
+
+@njit(cache=True, nogil=True)
+def _without(arcs, n_open, first, last):  # type: ignore[no-untyped-def]
+    """
+    Take the arc first to last out of the open ones; return how many are left.
+
+    """
+    k = 0
+    while k < n_open:
+        begin, end = arcs[k]
+        has_before, has_after = first - begin > TIE, end - last > TIE
+        if end <= first or begin >= last:
+            k += 1
+        elif has_before:
+            arcs[k, 1] = first
+            if has_after and n_open < MAX_OPEN:
+                # Put at the end, where it is met again and left alone.
+                arcs[n_open] = last, end
+                n_open += 1
+            k += 1
+        elif has_after:
+            arcs[k, 0] = last
+            k += 1
+        else:
+            n_open -= 1
+            arcs[k] = arcs[n_open]
+    return n_open
