@@ -68,7 +68,7 @@ def _hedge(site: RoofSite, box: Box, height: float) -> None:
     )
 
 
-def forest_edge(*, density=8.0, noise=0.03, rotation_deg=0.0, seed=0) -> RoofScene:
+def forest_edge(*, density=7.0, noise=0.03, rotation_deg=0.0, seed=0) -> RoofScene:
     """
     Dense wood of leafy trees and conifers, clipped planes with flat crowns, an orchard; one hut among them.
 

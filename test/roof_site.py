@@ -5,15 +5,12 @@ A piece of town under the scanner, with leaning beams and several returns: what 
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from roof_site_beams import Crown, Sheet, World, returns_of
-
-Array = NDArray[np.float64]
-Elevation = Callable[[Array, Array], Array]
+from roof_site_beams import Array, Elevation, World
+from roof_site_echoes import Crown, Hits, Sheet, returns_of
 
 #: Elevation of level ground [m].
 GROUND = 20.0
@@ -81,6 +78,13 @@ class Box(NamedTuple):
         along, across = self.local(x, y)
         return np.minimum(self.length / 2 - abs(along), self.width / 2 - abs(across))
 
+    def extent(self) -> tuple[float, float, float]:
+        """
+        Middle, and how far from it the shape reaches.
+
+        """
+        return self.x, self.y, float(np.hypot(self.length, self.width)) / 2
+
 
 class Disc(NamedTuple):
     """
@@ -99,6 +103,13 @@ class Disc(NamedTuple):
         """
         return self.radius - np.hypot(x - self.x, y - self.y)
 
+    def extent(self) -> tuple[float, float, float]:
+        """
+        Middle, and how far from it the shape reaches.
+
+        """
+        return self.x, self.y, self.radius
+
 
 class Hollow(NamedTuple):
     """
@@ -115,6 +126,13 @@ class Hollow(NamedTuple):
 
         """
         return np.minimum(self.shape.depth(x, y), -self.court.depth(x, y))
+
+    def extent(self) -> tuple[float, float, float]:
+        """
+        Middle, and how far from it the shape reaches.
+
+        """
+        return self.shape.extent()
 
 
 Shape = Box | Disc | Hollow
@@ -149,7 +167,7 @@ class RoofSite:
         Put something solid; of several the highest is seen.
 
         """
-        self.world.add(shape.depth, top if callable(top) else (lambda x, y: top + 0 * x), kind)
+        self.world.add(shape, top if callable(top) else (lambda x, y: top + 0 * x), kind)
 
     def house(
         self,
@@ -196,7 +214,7 @@ class RoofSite:
         Hang a sheet that gives an echo with one probability, and then lets light pass with another.
 
         """
-        self.sheets.append(Sheet(shape.depth, elevation, echo, passes, kind))
+        self.sheets.append(Sheet(shape, elevation, echo, passes, kind))
 
     def lose(self, shape: Shape, share: float) -> None:
         """
@@ -211,14 +229,17 @@ class RoofSite:
         """
         Measure, and turn the whole site about its middle.
 
-        `noise` is σ along each axis. Beams lean across the rows, from one side of the site to the other.
+        `noise` is σ along each axis. Two strips see the site from either side, row by row, under angles that
+        grow from a third of the largest one at y = 0 to it; with no angle all beams are upright.
 
         """
-        x, y = self._feet()
-        lean = np.tan(np.deg2rad(max_angle_deg)) * (2 * y / self.size[1] - 1)
+        x, y, strip = self._feet(np.tan(np.deg2rad(max_angle_deg)))
+        lean = strip * np.tan(np.deg2rad(max_angle_deg)) * (1 + 2 * np.clip(y / self.size[1], 0, 1)) / 3
         hits = returns_of(self.world, self.crowns, self.sheets, x, y, lean, self.random)
+        last = np.arange(len(hits.of)) + hits.of - hits.number
         kind = np.where(hits.is_wall, self._wall_kinds(hits), hits.kind)
-        kept = np.ones(len(kind), dtype=bool)
+        # Whole pulses, by where they end.
+        kept = ((hits.points[last, :2] >= 0) & (hits.points[last, :2] < self.size)).all(axis=1)
         for shape, share in self.lost:
             inside = (shape.depth(*hits.points[:, :2].T) > 0) & (kind != BARE)
             kept &= ~inside | (self.random.random(len(kind)) >= share)
@@ -239,19 +260,21 @@ class RoofSite:
             self._turned(points[kept], rotation_deg), columns, kind == ROOF, kind == WALL, kind != EITHER
         )
 
-    def _feet(self) -> tuple[Array, Array]:
+    def _feet(self, lean: float) -> tuple[Array, Array, Array]:
         """
-        Where beams meet level ground: one somewhere in every square of 1/density.
+        Where beams meet level ground: one somewhere in every square of 1/density; and from which side, ±1.
 
         """
         spacing = 1 / np.sqrt(self.density)
+        beyond = int(np.ceil(lean * self.world.relief(*self.size) / spacing))
         columns, rows = np.ceil(self.size / spacing).astype(int)
-        cell = np.stack(np.meshgrid(np.arange(columns), np.arange(rows)), axis=-1).reshape(-1, 2)
+        cell = np.stack(np.meshgrid(np.arange(columns), np.arange(-beyond, rows + beyond)), axis=-1)
+        cell = cell.reshape(-1, 2)
         x, y = ((cell + self.random.random(cell.shape)) * spacing).T
-        return x, y
+        return x, y, 1 - 2.0 * (cell[:, 1] % 2)
 
     @staticmethod
-    def _wall_kinds(hits: Any) -> NDArray[np.int64]:
+    def _wall_kinds(hits: Hits) -> NDArray[np.int64]:
         """
         Walls of buildings are walls; over another roof, or just below the eave, both answers are right.
 

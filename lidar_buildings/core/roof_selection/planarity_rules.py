@@ -12,6 +12,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from lidar_buildings.core.roof_selection.config import RoofSelectionConfig
+from lidar_buildings.core.roof_selection.roof_patches import MAX_LINEARITY
 from lidar_buildings.core.roof_selection.surroundings import near_tangent_plane
 from lidar_buildings.core.row_blocks import for_row_blocks
 from lidar_buildings.core.symmetric_eigen import eigenvalues_3x3, smallest_eigenvector_3x3
@@ -131,10 +132,12 @@ def _judge(points, rows, first, limits, kind, least, normals, begin, end):  # ty
         if len(inside) < MIN_CELL_POINTS:
             continue
         matrix = _covariance(points, inside)
-        deviation = math.sqrt(eigenvalues_3x3(*matrix)[2])
+        first_value, second_value, third_value = eigenvalues_3x3(*matrix)
+        deviation = math.sqrt(third_value)
         normal = smallest_eigenvector_3x3(*matrix)
         found = RUGGED if deviation > min_rugged else NEITHER
-        if deviation <= max_planar and normal[2] >= min_upward:
+        is_line = first_value - second_value > MAX_LINEARITY * first_value or first_value == 0.0
+        if deviation <= max_planar and normal[2] >= min_upward and not is_line:
             found = PLANAR
         for i in inside:
             kind[i] = max(kind[i], found)

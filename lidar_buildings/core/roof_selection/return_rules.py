@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from lidar_buildings.core.eigenfeatures import eigen_features
 from lidar_buildings.core.roof_selection.config import RoofSelectionConfig
+from lidar_buildings.core.roof_selection.roof_patches import MAX_LINEARITY
 from lidar_buildings.core.roof_selection.surroundings import near_tangent_plane
 from lidar_buildings.core.surface_patches import smooth_patches
 
@@ -76,6 +77,7 @@ def _planes(
     """
     features = eigen_features(points, [radius], min_neighbours=MIN_PLANE_POINTS)
     is_flat = (features.roughness <= config.max_roughness) & (features.n_neighbours >= MIN_PLANE_POINTS)
+    is_flat &= (features.linearity <= MAX_LINEARITY) & (features.eigenvalues[:, 0] > 0)
     is_flat &= features.normals[:, 2] >= math.cos(math.radians(config.max_slope_deg))
     rows = np.flatnonzero(is_flat)
     patch = smooth_patches(
