@@ -174,3 +174,8 @@ def test_sheets_let_pulses_through_and_lost_places_return_nothing():
     # Half of the pulses, none of which goes on.
     assert 0.45 < hit.mean() < 0.55
     assert not (Box(22, 15, 3.9, 3.9).depth(*scene.points[:, :2].T) > 0).any()
+
+
+def test_a_box_knows_how_deep_positions_lie_inside():
+    depth = Box(2, 1, 4, 2, 90).depth(np.array([2.0, 2.0, 4.0]), np.array([1.0, 2.5, 1.0]))
+    np.testing.assert_allclose(depth, [1.0, 0.5, -1.0], atol=1e-12)
