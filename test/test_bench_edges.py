@@ -3,6 +3,7 @@ The benchmark of edge labels, on houses small enough for a test.
 
 """
 
+import edge_outlines
 import edges
 import laspy
 import numpy as np
@@ -157,3 +158,22 @@ def test_parameters_are_used_and_what_the_methods_choose_is_refused():
 def test_a_folder_without_clouds_is_refused_in_one_line(tmp_path):
     with pytest.raises(SystemExit, match="holds none of delft, montpellier, fusa, toronto"):
         edges.main(["--data", str(tmp_path)])
+
+
+def test_labels_are_compared_with_exact_outlines_too(capsys):
+    arguments = ["--scenes", "single_house", "--density", "6", "--methods", "k_means_linearity"]
+    edge_outlines.main(arguments)
+    published, default = capsys.readouterr().out.split("Default:")
+    scores = [lines_of(text, "k_means_linearity")[0] for text in (published, default)]
+    assert [words[1:3] for words in scores] == [["single_house", "6"]] * 2
+    assert float(scores[1][4]) > float(scores[0][4])
+    assert float(scores[1][5]) > 85
+
+
+def test_outline_scores_count_what_should_and_what_may_be_an_edge():
+    distance = np.array([0.1, 0.4, 0.8, 0.9, 2.0, 3.0])
+    score = edge_outlines.score_of(np.array([1, 0, 1, 0, 1, 0], dtype=bool), distance, 1.0)
+    assert (score.completeness, score.correctness) == (1 / 2, 2 / 3)
+    assert score.f_score == pytest.approx(4 / 7)
+    with pytest.raises(SystemExit):
+        edge_outlines.main(["--methods", "nonsense"])
