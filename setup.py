@@ -37,8 +37,16 @@ ROS_WHEELS = [
     "ros-std-srvs==5.3.6",
 ]
 TEST = ["pytest>=8", "pytest-xdist", "hypothesis", "startinpy", "cjio", "ruff", "mypy", "matplotlib"]
-# peers of the benchmarks, all of permissive licences (bench/filters.py)
-BENCH = ["cloth-simulation-filter", "whitebox-workflows", "matplotlib"]
+# peers of the benchmarks, all of permissive licences (bench/filters.py, bench/feature_peers.py)
+BENCH = [
+    "cloth-simulation-filter",
+    "whitebox-workflows",
+    # jakteristics has no wheel for later ones
+    "jakteristics; python_version < '3.13'",
+    "pgeof",
+    "open3d",
+    "matplotlib",
+]
 
 setup(
     name=PACKAGE,
