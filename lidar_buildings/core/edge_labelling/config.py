@@ -78,6 +78,12 @@ class EdgeLabellingConfig(StageConfig):
         minimum=1,
         maximum=50,
     )
+    entropy: str = parameter(
+        "dimensionality",
+        "What is least at the radius chosen: the entropy of line, plane and volume (Demantké and others, "
+        "2011), or that of the eigenvalues (Weinmann and others, 2015), which favours lines.",
+        choices=("dimensionality", "eigenentropy"),
+    )
     min_neighbours: int = parameter(
         9,
         "Points that a radius has to hold to be chosen; raising it suppresses edges seen by chance.",

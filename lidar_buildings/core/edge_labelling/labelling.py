@@ -166,7 +166,7 @@ def _features(
     largest = max(config.max_radius, config.min_radius)
     radii = np.unique(np.geomspace(config.min_radius, largest, config.n_radii)) * spacing
     apart = set_apart(points, roofs, float(radii[-1]))
-    return eigen_features(apart, list(radii), min_neighbours=config.min_neighbours)
+    return eigen_features(apart, list(radii), min_neighbours=config.min_neighbours, entropy=config.entropy)
 
 
 def _cells(points: NDArray[np.float64], spacing: float, config: EdgeLabellingConfig) -> PlanCells | None:

@@ -13,9 +13,9 @@ from lidar_buildings.core.eigenfeatures import EigenFeatures
 #: Feature set → centres of surfaces and of edges where a roof's own are not to be had: means over the roofs
 #: of four areas, of 2 to 26 points/m², at the default radii.
 TYPICAL_CENTRES: dict[str, tuple[tuple[float, ...], tuple[float, ...]]] = {
-    "eigenvalues": ((0.27, 0.20, 0.01), (0.22, 0.09, 0.01)),
-    "linearity_planarity": ((0.15, 0.82), (0.60, 0.35)),
-    "linearity": ((0.15,), (0.62,)),
+    "eigenvalues": ((0.26, 0.23, 0.005), (0.225, 0.10, 0.01)),
+    "linearity_planarity": ((0.11, 0.87), (0.59, 0.36)),
+    "linearity": ((0.11,), (0.60,)),
 }
 
 
