@@ -46,6 +46,9 @@ bench: setup
 	@$(BIN)/python bench/providers.py
 	@echo "Gross errors:"
 	@$(BIN)/python bench/noise.py
+	@echo "Edges of roofs:"
+	@$(BIN)/python bench/edges.py
+	@$(BIN)/python bench/edge_outlines.py
 	@echo "Speed and memory:"
 	@$(BIN)/python bench/ground.py
 
