@@ -106,9 +106,7 @@ def _figures_per_roof(
     }
 
 
-def _middles(
-    points: NDArray[np.float64], roof: NDArray[np.int64], n_roofs: int
-) -> list[list[float] | None]:
+def _middles(points: NDArray[np.float64], roof: NDArray[np.int64], n_roofs: int) -> list[list[float] | None]:
     """
     Return the mean position in plan of each roof's points [m], None for a roof without.
 
