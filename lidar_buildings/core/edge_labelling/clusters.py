@@ -17,11 +17,10 @@ from lidar_buildings.core.edge_labelling.status import OK, ONE_CLUSTER, TOO_FEW_
 from lidar_buildings.core.edge_labelling.two_means import in_second, two_means, weights
 from lidar_buildings.core.eigenfeatures import EigenFeatures
 
-#: Two clusters whose mean linearities are nearer than this are halves of one. Theory has 0 for a plane and
-#: 0.72 for its edge; a noisy plane without edges, split by force, gives 0.05 to 0.13.
-MIN_LINEARITY_GAP = 0.2
-#: Mean linearity from which on a single cluster is one of edges: a quarter plane, the least linear edge.
-SINGLE_CLUSTER_EDGE = 0.46
+#: Two clusters whose mean linearities are nearer than this are halves of one. Theory has 0 for a plane and 0.72
+#: for its edge; roofs give 0.36 and more, surfaces without edges, split by force, 0.05 to 0.15, and points
+#: scattered at random 0.20 to 0.23.
+MIN_LINEARITY_GAP = 0.25
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,7 +37,8 @@ class Clusters:
     status : str
         ``"ok"``, ``"one_cluster"`` or ``"too_few_points"``.
     centres : ndarray of shape (2, n_features)
-        Of surfaces and of edges; NaN where there was nothing to cluster.
+        Of surfaces and of edges: the points' own if the status is ``"ok"``, else typical ones; NaN where
+        there was nothing to label.
 
     """
 
@@ -130,15 +130,28 @@ def _cluster(
         return Clusters(number, len(rows), TOO_FEW_POINTS, np.full((2, features.shape[1]), np.nan))
     own, lin = features[rows], linearity[rows]
     weight = weights(own, config.distance)
-    is_few = len(rows) < config.min_roof_points and config.scope == "roof"
-    if is_few or config.scope == "given":
-        centres = centres_of(config.features, config.given_centres())
-        edge[rows] = in_second(own, centres, weight)
-        return Clusters(number, len(rows), TOO_FEW_POINTS if is_few else OK, centres)
-    centres = two_means(own, lin, config.distance)
-    found = in_second(own, centres, weight)
-    if not found.any() or not abs(lin[found].mean() - lin[~found].mean()) >= MIN_LINEARITY_GAP:
-        edge[rows] = lin.mean() >= SINGLE_CLUSTER_EDGE
-        return Clusters(number, len(rows), ONE_CLUSTER, centres)
-    edge[rows] = found
-    return Clusters(number, len(rows), OK, centres)
+    centres, status = _centres(own, lin, weight, config)
+    edge[rows] = in_second(own, centres, weight)
+    return Clusters(number, len(rows), status, centres)
+
+
+def _centres(
+    features: NDArray[np.float64],
+    linearity: NDArray[np.float64],
+    weight: NDArray[np.float64] | None,
+    config: EdgeLabellingConfig,
+) -> tuple[NDArray[np.float64], str]:
+    """
+    Return the centres of surfaces and edges, and whether they are the points' own.
+
+    """
+    typical = centres_of(config.features, ())
+    if config.scope == "given":
+        return centres_of(config.features, config.given_centres()), OK
+    if len(features) < config.min_roof_points and config.scope == "roof":
+        return typical, TOO_FEW_POINTS
+    centres = two_means(features, linearity, config.distance)
+    second = in_second(features, centres, weight)
+    if not second.any() or not linearity[second].mean() - linearity[~second].mean() >= MIN_LINEARITY_GAP:
+        return typical, ONE_CLUSTER
+    return centres, OK

@@ -40,9 +40,9 @@ class EdgeLabels:
     neighbourhood_radius : ndarray of shape (n_points,)
         The radius chosen [m].
     status : str
-        The best that a roof came to: ``"ok"``; ``"one_cluster"``: the points cannot be told apart, all are
-        edges or none is; ``"too_few_points"``: too few for clusters of their own, told apart by typical
-        centres; of fewer than two distinct ones none is an edge.
+        The best that a roof came to: ``"ok"``; ``"one_cluster"``: its points are all alike, and were held to
+        typical centres instead of being split in halves; ``"too_few_points"``: so were too few points for
+        clusters of their own; of fewer than two distinct ones none is an edge.
     clusters : tuple of Clusters
         Each roof's status and centres by rising number, or those of all points; empty for discriminant
         analysis.

@@ -9,7 +9,7 @@ from collections.abc import Iterable
 
 #: There were two clusters, edges and surfaces.
 OK = "ok"
-#: The points cannot be told apart: all are edges, or none is.
+#: What k-means parts are halves of one cluster: typical centres stood for its own.
 ONE_CLUSTER = "one_cluster"
 #: A small roof: typical centres stood for its own. Of fewer than two distinct points none is an edge.
 TOO_FEW_POINTS = "too_few_points"
