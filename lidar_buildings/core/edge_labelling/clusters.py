@@ -17,9 +17,9 @@ from lidar_buildings.core.edge_labelling.status import OK, ONE_CLUSTER, TOO_FEW_
 from lidar_buildings.core.edge_labelling.two_means import in_second, two_means, weights
 from lidar_buildings.core.eigenfeatures import EigenFeatures
 
-#: Two clusters whose mean linearities are nearer than this are halves of one. Theory has 0 for a plane and 0.72
-#: for its edge; roofs give 0.36 and more, surfaces without edges, split by force, 0.05 to 0.15, and points
-#: scattered at random 0.20 to 0.23.
+#: Two clusters whose mean linearities are nearer than this are halves of one. Theory has 0 for a plane and
+#: 0.72 for its edge. Roofs give 0.36 and more; surfaces without edges, split by force, 0.05 to 0.15, and
+#: points scattered at random 0.20 to 0.23.
 MIN_LINEARITY_GAP = 0.25
 
 

@@ -53,7 +53,7 @@ def on_rims(
     radius : float
         Of the disc [m].
     reach : float
-        How far from the band rims are looked for, in space [m]; 0 for the band alone.
+        How far from the band in plan rims are looked for [m]; 0 for the band alone.
     max_step : float
         Points farther up or down than this are not seen [m].
 
@@ -92,12 +92,12 @@ def _find_rims(cells, in_band, first, roof, lengths, rim, begin, end):  # type: 
         if not is_near:
             continue
         for i in range(cells.first[cell], cells.first[cell + 1]):
-            if _is_near_band(cells, around, in_band, first, roof, reach, i):
+            if _is_near_band(cells, around, in_band, first, roof, reach, max_step, i):
                 rim[cells.rows[i]] = _is_touched(cells, around, roof, radius, max_step, i, arcs)
 
 
 @njit(cache=True, nogil=True)
-def _is_near_band(cells, around, in_band, first, roof, reach, i):  # type: ignore[no-untyped-def]
+def _is_near_band(cells, around, in_band, first, roof, reach, max_step, i):  # type: ignore[no-untyped-def]
     """
     Whether sorted point i, or one of its roof within reach, is of the band.
 
@@ -111,7 +111,7 @@ def _is_near_band(cells, around, in_band, first, roof, reach, i):  # type: ignor
             if len(roof) > 0 and roof[j] != roof[i]:
                 continue
             dx, dy, dz = cells.points[j, 0] - x, cells.points[j, 1] - y, cells.points[j, 2] - z
-            if dx * dx + dy * dy + dz * dz <= reach * reach:
+            if dx * dx + dy * dy <= reach * reach and abs(dz) <= max_step:
                 return True
     return False
 
