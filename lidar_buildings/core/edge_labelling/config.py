@@ -106,8 +106,8 @@ class EdgeLabellingConfig(StageConfig):
     )
     band_reach: float = parameter(
         1.5,
-        "A rim point is an edge if the band comes this near in plan; raising it closes gaps in edges and lets "
-        "holes in roofs be edges.",
+        "A rim point is an edge if the band comes this near in plan; raising it closes gaps in edges and "
+        "lets holes in roofs be edges.",
         unit="spacings",
         minimum=0.0,
         maximum=20.0,
