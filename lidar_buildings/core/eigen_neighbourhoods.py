@@ -20,12 +20,14 @@ from lidar_buildings.core.eigen_moments import (
     gather_window,
     rows_within,
     sum_shells,
+    sum_sphere,
 )
 from lidar_buildings.core.neighbour_windows import first_windows, move_windows
 from lidar_buildings.core.symmetric_eigen import principal_axes
 
-#: Cells that a window extends on each side: they are half as wide as the largest radius.
-WINDOW_REACH = 2
+#: Cells that a window extends on each side: they are as wide as the largest radius. With smaller ones there
+#: are fewer candidates, but fewer points share them, which takes longer in all.
+WINDOW_REACH = 1
 #: Neighbourhoods that are judged together, one for each radius of some points; as many radii are allowed.
 BATCH_ROWS = 512
 #: Numbers of a covariance, and of what `principal_axes` makes of it.
@@ -40,7 +42,7 @@ def describe_cells(cloud, squares, lookup, min_neighbours, dimensionality, found
     Parameters
     ----------
     cloud : SortedPoints
-        Points in cells of half the largest radius, or more.
+        Points in cells as wide as the largest radius, or more.
     squares : ndarray of shape (n_radii,)
         Rising squares of the radii [m²].
     lookup : ndarray of uint64
@@ -72,7 +74,10 @@ def describe_cells(cloud, squares, lookup, min_neighbours, dimensionality, found
             for i in range(start, stop):
                 position = (cloud.points[i, 0], cloud.points[i, 1], z[i])
                 n_rows = rows_within(near, n_near, position, squares[-1], square, rows)
-                sum_shells(near, rows[:n_rows], position, square, squares, lookup, shells)
+                if len(squares) == 1:
+                    sum_sphere(near, rows[:n_rows], position, shells[0])
+                else:
+                    sum_shells(near, rows[:n_rows], position, square, squares, lookup, shells)
                 _add_to_batch(shells, batch, n_waiting)
                 waiting[n_waiting] = cloud.rows[i]
                 n_waiting += 1
