@@ -17,13 +17,11 @@ from numpy.typing import NDArray
 
 from lidar_buildings.core.eigenfeatures import EigenFeatures, eigen_features
 
-#: Fewest neighbours with which peers compute anything.
+#: Fewest neighbours with which all peers compute something.
 FEWEST = 4
 #: λ1 − λ2 and λ2 − λ3, in parts of λ1, from which on axes are well defined: where the two are the same they
 #: may point anywhere.
 MIN_GAP = 0.01
-#: jakteristics takes eigenvalues that differ by less than this for one, and may swap their axes [m²].
-JAKTERISTICS_GAP = 1e-5
 #: What pgeof adds to denominators and to what it takes a logarithm of.
 PGEOF_EPSILON = 1e-3
 
@@ -71,13 +69,12 @@ def _largest(difference: NDArray[np.float64], kept: NDArray[np.bool_]) -> tuple[
     return float(np.abs(difference[kept]).max(initial=0.0)), int(kept.sum())
 
 
-def _distinct(own: EigenFeatures, gap: float = 0.0) -> NDArray[np.bool_]:
+def _distinct(own: EigenFeatures) -> NDArray[np.bool_]:
     """
-    Tell where all three eigenvalues differ by more than `MIN_GAP` and a gap [m²].
+    Tell where all three eigenvalues differ enough.
 
     """
-    least = np.minimum(-np.diff(own.eigenvalues, axis=1).max(axis=1), np.inf)
-    return least > np.maximum(MIN_GAP * own.eigenvalues[:, 0], gap)
+    return -np.diff(own.eigenvalues, axis=1).max(axis=1) > MIN_GAP * own.eigenvalues[:, 0]
 
 
 def _of_jakteristics(task: Task, own: EigenFeatures) -> Iterator[Difference]:
@@ -90,7 +87,6 @@ def _of_jakteristics(task: Task, own: EigenFeatures) -> Iterator[Difference]:
     used = n >= FEWEST
     yield Difference("jakteristics", "neighbours", *_largest(n - peer["number_of_neighbors"], used), "")
     used &= n == peer["number_of_neighbors"]
-    # Both columns are compared where there are enough points to divide by one less.
     share = (n - 1) / n / np.maximum(own.eigenvalues[:, 0], 1e-300)
     sample = "theirs divides by n − 1: corrected"
     for k in range(3):
@@ -99,8 +95,7 @@ def _of_jakteristics(task: Task, own: EigenFeatures) -> Iterator[Difference]:
     for name in ("linearity", "planarity", "sphericity", "anisotropy", "surface_variation"):
         mine = getattr(own, "scattering" if name == "sphericity" else name)
         yield Difference("jakteristics", name, *_largest(peer[name] - mine, used), "")
-    sure = used & _distinct(own, JAKTERISTICS_GAP)
-    remark = "where λ differ by 1 % and 1e-5 m²: nearer ones are mixed up"
+    sure, remark = used & _distinct(own), "where λ differ by 1 %"
     yield Difference(
         "jakteristics", "verticality", *_largest(peer["verticality"] - own.verticality, sure), remark
     )
