@@ -61,7 +61,8 @@ def cluster_edges(
     Points that lie where all their neighbours do have no shape: they are no edges and move no centre.
 
     """
-    features, linearity = measures_of(found, config.features), found.linearity
+    features = measures_of(found, config.features)
+    linearity = found.linearity if config.features == "eigenvalues" else features[:, 0]
     edge = np.zeros(len(features), dtype=np.bool_)
     rows = np.flatnonzero(found.eigenvalues[:, 0] > 0.0)
     clusters = []
