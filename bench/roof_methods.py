@@ -29,13 +29,17 @@ def roof_mask(
     columns: Mapping[str, Any],
     method: str,
     settings: Mapping[str, Any] | None = None,
+    *,
+    with_facades: bool = True,
 ) -> NDArray[np.bool_]:
     """
-    Return which points a method takes for roof.
+    Return which points a method takes for building, or for roof alone.
 
     """
     config = RoofSelectionConfig(**{**(settings or {}), "method": method})
-    return select_roofs(points, config, **columns).classification == PointClass.BUILDING
+    found = select_roofs(points, config, **columns)
+    is_building = found.classification == PointClass.BUILDING
+    return is_building if with_facades else is_building & ~found.is_facade
 
 
 def point_score(

@@ -66,7 +66,7 @@ def rows_of(
     for name, scene in found.items():
         cells = []
         for method in methods:
-            mask = roof_mask(scene.points, scene.columns, method, settings)
+            mask = roof_mask(scene.points, scene.columns, method, settings, with_facades=False)
             scores[method][name] = point_score(mask, scene.is_building, scene.is_judged)
             cells += point_cells(scores[method][name])
             if pictures is not None:

@@ -14,11 +14,14 @@ from numpy.typing import NDArray
 from lidar_buildings.core.linked_sets import flatten, link
 from lidar_buildings.core.neighbourhoods import build_grid, neighbours_of
 
+#: Longest link where there are no points to say it [m].
+MIN_LINK = 1e-3
+
 
 def smooth_patches(
     points: NDArray[np.float64],
     normals: NDArray[np.float64],
-    radius: float,
+    radius: float | NDArray[np.float64],
     *,
     max_angle_deg: float,
     max_offset: float,
@@ -26,9 +29,9 @@ def smooth_patches(
     """
     Number the patches of points that are linked by smooth steps.
 
-    Two points within the radius are linked if their normals differ by no more than an angle and each lies
-    near the other's tangent plane; a patch is whatever links connect (smoothness constraint of Rabbani and
-    others, 2006, without its seeds: the result does not depend on where growing starts).
+    Two points within the radius of either are linked if their normals differ by no more than an angle and
+    each lies near the other's tangent plane; a patch is whatever links connect (smoothness constraint of
+    Rabbani and others, 2006, without its seeds: the result does not depend on where growing starts).
 
     Parameters
     ----------
@@ -36,8 +39,8 @@ def smooth_patches(
         In any order [m].
     normals : ndarray of shape (n_points, 3)
         Unit normals.
-    radius : float
-        Longest link [m].
+    radius : float or ndarray of shape (n_points,)
+        Longest link, of all points or of each [m], > 0.
     max_angle_deg : float
         Largest angle between linked normals [deg].
     max_offset : float
@@ -49,9 +52,12 @@ def smooth_patches(
         0, 1, … ; every point is in a patch, if only its own.
 
     """
-    grid = build_grid(points, radius)
+    reach = np.broadcast_to(np.asarray(radius, dtype=np.float64), len(points))
+    grid = build_grid(points, float(reach.max(initial=MIN_LINK)))
     parent = np.arange(len(grid.points))
-    _link_smooth(grid, normals[grid.rows], radius, math.cos(math.radians(max_angle_deg)), max_offset, parent)
+    _link_smooth(
+        grid, normals[grid.rows], reach[grid.rows], math.cos(math.radians(max_angle_deg)), max_offset, parent
+    )
     return _numbered(parent, grid.rows)
 
 
@@ -106,9 +112,9 @@ def _link_near(grid, radius, in_plan, parent):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _link_smooth(grid, normals, radius, min_cosine, max_offset, parent):  # type: ignore[no-untyped-def]
+def _link_smooth(grid, normals, reach, min_cosine, max_offset, parent):  # type: ignore[no-untyped-def]
     """
-    Link points within the radius whose tangent planes agree.
+    Link points within the reach of either whose tangent planes agree.
 
     """
     points = grid.points
@@ -116,9 +122,10 @@ def _link_smooth(grid, normals, radius, min_cosine, max_offset, parent):  # type
     for i in range(len(points)):
         x, y, z = points[i]
         a, b, c = normals[i]
-        for k in range(neighbours_of(grid, grid.cell[i], x, y, z, radius, False, near)):
+        for k in range(neighbours_of(grid, grid.cell[i], x, y, z, reach[i], False, near)):
             j = near[k]
-            if j <= i:
+            # One that reaches back finds this link itself.
+            if j == i or (j < i and reach[j] >= reach[i]):
                 continue
             u, v, w = normals[j]
             dx, dy, dz = points[j, 0] - x, points[j, 1] - y, points[j, 2] - z

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from lidar_buildings.core.asprs import PointClass
 from lidar_buildings.core.map_frame import MapFrame
 
 #: Column name → dtype, in the order in which messages carry them after x, y, z.
@@ -32,6 +33,7 @@ COLUMNS: dict[str, np.dtype[Any]] = {
         "normalised_intensity": "<f4",
         "dark_limit": "<f4",
         "height_above_ground": "<f4",
+        "facade": "u1",
         "linearity": "<f4",
         "planarity": "<f4",
         "normal_x": "<f4",
@@ -104,6 +106,7 @@ class PointTile:
     normalised_intensity: NDArray[np.float32] | None = None
     dark_limit: NDArray[np.float32] | None = None
     height_above_ground: NDArray[np.float32] | None = None
+    facade: NDArray[np.uint8] | None = None
     linearity: NDArray[np.float32] | None = None
     planarity: NDArray[np.float32] | None = None
     normal_x: NDArray[np.float32] | None = None
@@ -159,6 +162,17 @@ class PointTile:
 
         """
         return np.ones(len(self), dtype=bool) if self.buffer is None else self.buffer == 0
+
+    @property
+    def is_roof(self) -> NDArray[np.bool_]:
+        """
+        True for points of class 6 that are no façade, and for all where nothing is classified.
+
+        """
+        if self.classification is None:
+            return np.ones(len(self), dtype=bool)
+        is_building = self.classification == PointClass.BUILDING
+        return is_building if self.facade is None else is_building & (self.facade == 0)
 
     @property
     def spacing(self) -> float | None:

@@ -14,7 +14,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lidar_buildings.core.asprs import PointClass
 from lidar_buildings.core.boundary_tracing import BoundaryTracingConfig, trace_boundary
 from lidar_buildings.core.building_id import anchor_row
 from lidar_buildings.core.building_model import BuildingModel, BuildingModelConfig, build_model
@@ -103,7 +102,7 @@ def filter_ground(tile: PointTile, config: GroundFilterConfig) -> PointTile:
 
 def select_roof_points(tile: PointTile, config: RoofSelectionConfig) -> PointTile:
     """
-    Give every point of a tile its final class.
+    Give every point of a tile its final class, and say which of class 6 are `facade`.
 
     """
     result = select_roofs(
@@ -121,17 +120,15 @@ def select_roof_points(tile: PointTile, config: RoofSelectionConfig) -> PointTil
         dark_limit=tile.darkness,
         point_spacing=tile.spacing,
     )
-    return tile.with_columns(classification=result.classification)
+    return tile.with_columns(classification=result.classification, facade=result.is_facade)
 
 
 def roof_points(tile: PointTile) -> PointTile:
     """
-    Return the points of class 6 alone.
+    Return the points of class 6 alone, and of these the roofs.
 
     """
-    if tile.classification is None:
-        return tile
-    return tile.select(tile.classification == PointClass.BUILDING)
+    return tile.select(tile.is_roof)
 
 
 def label_roof_edges(tile: PointTile, config: EdgeLabellingConfig) -> PointTile:

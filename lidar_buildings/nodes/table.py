@@ -97,9 +97,10 @@ CLASSIFIED_POINTS = Topic(
     _CLOUD,
     "CLOUD",
     "every point with its final ASPRS class: 1 undecided, 2 ground, 3 to 5 low, medium and high vegetation, "
-    "6 roof, 7 and 18 noise, 11 road, and the source's own that are kept",
+    "6 building (`facade` = 1: walls and what is under the eaves), 7 and 18 noise, 11 road, and the "
+    "source's own that are kept",
 )
-ROOF_POINTS = Topic("roof_points", _CLOUD, "CLOUD", "the points of class 6")
+ROOF_POINTS = Topic("roof_points", _CLOUD, "CLOUD", "the points of class 6 that are no façade")
 EDGE_POINTS = Topic(
     "edge_points",
     _CLOUD,

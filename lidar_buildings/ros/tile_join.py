@@ -11,7 +11,6 @@ from typing import Any
 
 import numpy as np
 
-from lidar_buildings.core.asprs import PointClass
 from lidar_buildings.core.outline import BuildingOutline
 from lidar_buildings.core.tile import PointTile
 
@@ -76,14 +75,14 @@ def agree_on_buildings(parts: dict[str, Any]) -> bool:
 
 def agree_on_roofs(classified: PointTile, *roofs: PointTile) -> bool:
     """
-    Whether a tile's clouds are of one sending: every one of the later stages has all points of class 6.
+    Whether a tile's clouds are of one sending: every one of the later stages has all roof points.
 
     A tile that was sent again with a larger buffer has more points under the same stamp.
 
     """
     if classified.classification is None:
         return True
-    n_roofs = int(np.count_nonzero(classified.classification == PointClass.BUILDING))
+    n_roofs = int(np.count_nonzero(classified.is_roof))
     return all(len(cloud) == n_roofs for cloud in roofs)
 
 

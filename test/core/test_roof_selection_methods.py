@@ -15,7 +15,7 @@ from lidar_buildings.core import row_blocks
 from lidar_buildings.core.parameters import spec_of
 from lidar_buildings.core.roof_selection import RoofSelectionConfig, select_roofs
 
-ROOF = 6
+BUILDING = 6
 METHODS = next(spec_of(field).choices for field in fields(RoofSelectionConfig) if field.name == "method")
 #: Height and area of the Villalba study (Mancera-Taboada and others, 2012).
 VILLALBA = {
@@ -34,7 +34,8 @@ def roofs(points, method="smooth_patches", columns=None, **settings):
 
     """
     config = RoofSelectionConfig(method=method, **settings)
-    return select_roofs(points, config, **(columns or {})).classification == ROOF
+    found = select_roofs(points, config, **(columns or {}))
+    return (found.classification == BUILDING) & ~found.is_facade
 
 
 def of_rows(columns, rows):

@@ -80,14 +80,14 @@ class RoofSelectionConfig(StageConfig):
         maximum=1000.0,
     )
     max_penetration: float = parameter(
-        0.2,
+        0.25,
         "Share of returns around a patch that are not the last of their pulse, from which on it is foliage; "
         "raising it keeps roofs among trees, and more trees. Not used where there are no return numbers.",
         minimum=0.0,
         maximum=1.0,
     )
     max_plane_distance: float = parameter(
-        0.3,
+        0.25,
         "Distance from the plane of a nearby roof up to which a point belongs to it; raising it completes "
         "edges and takes in what touches them.",
         unit="m",
@@ -139,6 +139,30 @@ class RoofSelectionConfig(StageConfig):
         unit="m",
         minimum=0.005,
         maximum=10.0,
+    )
+    min_roof_width: float = parameter(
+        2.5,
+        "Narrowest part of a roof, with smooth_patches; raising it drops balconies, carports and more "
+        "hedges. Not used where it is less than two spacings.",
+        unit="m",
+        minimum=0.0,
+        maximum=20.0,
+    )
+    min_building_width: float = parameter(
+        3.0,
+        "Least width of a building at its widest place, with smooth_patches; raising it drops lorries, buses "
+        "and containers, and small garages. Not used where it is less than two spacings.",
+        unit="m",
+        minimum=0.0,
+        maximum=50.0,
+    )
+    facade_reach: float = parameter(
+        0.2,
+        "How far from a roof in plan the points below its edge are façade, of the building's class; raising "
+        "it takes in what stands beside walls, and 0 leaves façades unclassified.",
+        unit="m",
+        minimum=0.0,
+        maximum=5.0,
     )
     roof_returns: str = parameter(
         "single",

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from lidar_buildings.core.eigenfeatures import eigen_features
 from lidar_buildings.core.roof_selection.config import RoofSelectionConfig
+from lidar_buildings.core.roof_selection.foliage import Patches, is_foliage
 from lidar_buildings.core.roof_selection.surroundings import share_around
 from lidar_buildings.core.surface_patches import connected_parts, plan_areas, smooth_patches
 
@@ -60,6 +61,7 @@ def find_roof_surface(
     points: NDArray[np.float64],
     height: NDArray[np.float64],
     is_last: NDArray[np.bool_],
+    is_only: NDArray[np.bool_],
     radius: float,
     cell: float,
     config: RoofSelectionConfig,
@@ -70,11 +72,11 @@ def find_roof_surface(
     Parameters
     ----------
     points : ndarray of shape (n_points, 3)
-        Everything that is high enough to be roof [m].
+        Everything that rises above ground, from half of `min_height` on [m].
     height : ndarray of shape (n_points,)
         Height above ground [m].
-    is_last : ndarray of bool, shape (n_points,)
-        Whether the pulse ended there.
+    is_last, is_only : ndarray of bool, shape (n_points,)
+        Whether the pulse ended there, and whether that is all that came back of it.
     radius : float
         Smallest radius of a neighbourhood, and longest step within a patch [m].
     cell : float
@@ -84,7 +86,7 @@ def find_roof_surface(
 
     """
     n = len(points)
-    rows = np.flatnonzero(is_last)
+    rows = np.flatnonzero(is_last & (height >= config.min_height))
     features = eigen_features(points[rows], list(radius * RADIUS_STEPS), min_neighbours=MIN_PLANE_POINTS)
     # As it would be if the surface lay level.
     roughness = features.roughness / np.hypot(
@@ -100,37 +102,49 @@ def find_roof_surface(
     patch = smooth_patches(
         points[rows],
         normals,
-        radius,
+        _link_lengths(features.n_neighbours[roof], features.radius[roof], radius),
         max_angle_deg=config.max_angle_deg,
         max_offset=PATCH_OFFSET * config.max_roughness,
     )
+    patches = Patches(rows, patch, normals, plan_areas(points[rows], patch, cell))
     penetration = share_around(points, ~is_last, radius)[rows]
-    area = plan_areas(points[rows], patch, cell)
-    starts, touches = _judged(area, roughness, penetration, height[rows], patch, config)
-    accepted = _touching(points[rows], patch, starts, touches, radius)
+    starts, touches = _judged(patches, roughness, penetration, height[rows], config)
+    small_area = PATCH_SIZES[1] * config.min_patch_area
+    is_opaque = ~is_foliage(points, height, is_only, patches, small_area, radius, config)
+    accepted = _touching(points[rows], patch, starts & is_opaque, touches & is_opaque, radius)
     surface.is_surface[rows[accepted]] = True
     surface.normals[rows[accepted]] = normals[accepted]
     return surface
 
 
+def _link_lengths(
+    n_neighbours: NDArray[np.int64], chosen: NDArray[np.float64], radius: float
+) -> NDArray[np.float64]:
+    """
+    Return the longest link of each point: its own radius where few points lie, as on wet or dark roofs.
+
+    """
+    is_sparse = n_neighbours * (radius / chosen) ** 2 < MIN_PLANE_POINTS
+    return np.where(is_sparse, chosen, radius)
+
+
 def _judged(
-    area: NDArray[np.float64],
+    patches: Patches,
     roughness: NDArray[np.float64],
     penetration: NDArray[np.float64],
     height: NDArray[np.float64],
-    patch: NDArray[np.int64],
     config: RoofSelectionConfig,
 ) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
     """
     Tell which patches start a roof, and which are part of one if they touch it.
 
     """
-    relative = _mean(roughness, patch) / config.max_roughness
-    limit = PATCH_ROUGHNESS[np.digitize(area, PATCH_SIZES * config.min_patch_area)]
-    hard = (_mean(penetration, patch) <= config.max_penetration) & (_mean(height, patch) >= config.min_height)
-    starts = hard & (relative <= limit) & (area >= config.min_patch_area)
+    relative = patches.mean(roughness) / config.max_roughness
+    limit = PATCH_ROUGHNESS[np.digitize(patches.area, PATCH_SIZES * config.min_patch_area)]
+    hard = (patches.mean(penetration) <= config.max_penetration) & (patches.mean(height) >= config.min_height)
+    starts = hard & (relative <= limit) & (patches.area >= config.min_patch_area)
     touches = hard & (relative <= np.maximum(limit, PATCH_ROUGHNESS[1]))
-    return starts, touches & (area >= TOUCHING_PATCH * config.min_patch_area)
+    return starts, touches & (patches.area >= TOUCHING_PATCH * config.min_patch_area)
 
 
 def _touching(
@@ -157,11 +171,3 @@ def _sine(normals: NDArray[np.float64]) -> NDArray[np.float64]:
 
     """
     return np.hypot(normals[:, 0], normals[:, 1])
-
-
-def _mean(values: NDArray[np.float64], label: NDArray[np.int64]) -> NDArray[np.float64]:
-    """
-    Return the mean of the values of each label, from 0 on.
-
-    """
-    return np.bincount(label, values) / np.bincount(label)

@@ -16,11 +16,11 @@ from lidar_buildings.core.intensity import strip_scales
 from lidar_buildings.core.minimum_surface import height_above_minimum
 from lidar_buildings.core.point_array import checked_column, checked_points
 from lidar_buildings.core.point_spacing import quantised_spacing
-from lidar_buildings.core.roof_selection import planarity_rules, return_rules
+from lidar_buildings.core.roof_selection import planarity_rules, return_rules, smooth_roofs
 from lidar_buildings.core.roof_selection.config import RoofSelectionConfig
+from lidar_buildings.core.roof_selection.facades import find_facades
 from lidar_buildings.core.roof_selection.roads import find_roads
-from lidar_buildings.core.roof_selection.roof_patches import find_roof_surface
-from lidar_buildings.core.roof_selection.surroundings import below_roof, near_tangent_plane, surrounded_by
+from lidar_buildings.core.roof_selection.surroundings import below_roof
 from lidar_buildings.core.roof_selection.vegetation import vegetation_classes
 from lidar_buildings.core.surface_patches import connected_parts, plan_areas
 
@@ -34,17 +34,17 @@ OPEN = (
     PointClass.BUILDING,
     PointClass.MODEL_KEY_POINT,
 )
-#: Method → its function, beside the default one.
-RULES = {"lasclassify": planarity_rules.find_roofs, "single_returns": return_rules.find_roofs}
+#: Method → its function.
+METHODS = {
+    "smooth_patches": smooth_roofs.find_roofs,
+    "lasclassify": planarity_rules.find_roofs,
+    "single_returns": return_rules.find_roofs,
+}
+#: Methods that look at lower parts of objects, too, and from which share of `min_height` on.
+LOOKS_LOWER = ("smooth_patches",)
+CONTEXT = 0.5
 #: Cells in which areas are counted, in spacings: four points each, so that few cells of a roof stay empty.
 AREA_CELL = 2.0
-#: How far to look for roof around a part [m], and at least in neighbourhood radii.
-PART_REACH = 2.0
-PART_REACH_RADII = 2.0
-#: How far a part may lie below the lowest roof around it [m].
-PART_SINK = 0.5
-#: Share of a part's points that have to have roof around them.
-PART_SHARE = 0.7
 #: Heights up to which points are taken for ground where no ground filter has spoken [m].
 GROUND_TOLERANCE = 0.2
 
@@ -57,11 +57,14 @@ class RoofSelection:
     Attributes
     ----------
     classification : ndarray of uint8, shape (n_points,)
-        `lidar_buildings.core.asprs.PointClass`; 6 = roof.
+        `lidar_buildings.core.asprs.PointClass`; 6 = building: roofs and façades.
+    is_facade : ndarray of bool, shape (n_points,)
+        Which of the building's points are no roof: walls, windows, what is under the eaves.
 
     """
 
     classification: NDArray[np.uint8]
+    is_facade: NDArray[np.bool_]
 
 
 def select_roofs(
@@ -117,7 +120,7 @@ def select_roofs(
     Returns
     -------
     RoofSelection
-        Classes 1 (façades, what is under roofs, the undecided), 2, 3, 4, 5, 6, 11 and those kept.
+        Classes 1 (what is under roofs, the undecided), 2, 3, 4, 5, 6, 11 and those kept.
 
     Raises
     ------
@@ -126,7 +129,7 @@ def select_roofs(
 
     Notes
     -----
-    Walls are not roof. Neither the order of the points nor the number of threads changes the result.
+    Neither the order of the points nor the number of threads changes the result.
     A roof's own points decide on it, so a tile's limits do not, but for buildings that they cut.
 
     """
@@ -135,7 +138,7 @@ def select_roofs(
     height, classes = _prepared(points, height_above_ground, classification)
     is_last, is_only = _last_and_only_returns(len(points), return_number, number_of_returns)
     settled = ~np.isin(classes, OPEN)
-    raised = np.flatnonzero((height >= config.min_height) & ~settled)
+    raised = np.flatnonzero((height >= CONTEXT * config.min_height) & ~settled)
     spacing = point_spacing or quantised_spacing(points)
     radius = max(config.neighbourhood_radius * spacing, config.min_neighbourhood_radius)
     is_roof = np.zeros(len(points), dtype=bool)
@@ -144,8 +147,9 @@ def select_roofs(
     )
     others = np.flatnonzero(~settled & ~is_roof)
     classes[others] = vegetation_classes(height[others], config)
-    classes[is_roof] = PointClass.BUILDING
     classes[below_roof(points, is_roof, radius) & ~settled] = PointClass.UNCLASSIFIED
+    is_facade = find_facades(points, height, is_roof, ~settled, is_last, config.facade_reach, spacing)
+    classes[is_roof | is_facade] = PointClass.BUILDING
     brightness = _brightness(len(points), intensity, normalised_intensity, point_source_id, is_only)
     if brightness is not None:
         ground = np.flatnonzero(classes == PointClass.GROUND)
@@ -159,7 +163,7 @@ def select_roofs(
             dark_limit=dark_limit,
         )
         classes[ground[is_road]] = PointClass.ROAD_SURFACE
-    return RoofSelection(classes)
+    return RoofSelection(classes, is_facade)
 
 
 def _prepared(
@@ -230,38 +234,13 @@ def _roofs(
     Tell which of the points high enough are roof, by the method asked for.
 
     """
-    if config.method in RULES:
-        roof = RULES[config.method](points, height, is_last, is_only, radius, cell, config)
-        return roof & _in_large_building(points, roof, radius, cell, config.min_building_area)
-    surface = find_roof_surface(points, height, is_last, radius, cell, config)
-    roof = near_tangent_plane(points, surface.normals, surface.is_surface, radius, config.max_plane_distance)
-    roof &= ~surface.is_wall
-    reach = max(PART_REACH, PART_REACH_RADII * radius)
-    held = surrounded_by(points, roof, reach, PART_SINK, config.max_part_height)
-    roof |= _small_parts(points, roof, held, radius, cell, config) | (held & is_last)
-    roof &= ~surface.is_wall
+    lowest = CONTEXT * config.min_height if config.method in LOOKS_LOWER else config.min_height
+    rows = np.flatnonzero(height >= lowest)
+    roof = np.zeros(len(points), dtype=bool)
+    roof[rows] = METHODS[config.method](
+        points[rows], height[rows], is_last[rows], is_only[rows], radius, cell, config
+    )
     return roof & _in_large_building(points, roof, radius, cell, config.min_building_area)
-
-
-def _small_parts(
-    points: NDArray[np.float64],
-    roof: NDArray[np.bool_],
-    held: NDArray[np.bool_],
-    radius: float,
-    cell: float,
-    config: RoofSelectionConfig,
-) -> NDArray[np.bool_]:
-    """
-    Tell which points are of connected parts, not roof yet, that are small and mostly held by roof around.
-
-    """
-    rows = np.flatnonzero(~roof)
-    part = connected_parts(points[rows], radius)
-    share = np.bincount(part, held[rows]) / np.bincount(part)
-    small = plan_areas(points[rows], part, cell) <= config.max_part_area
-    kept = np.zeros(len(points), dtype=bool)
-    kept[rows] = (small & (share >= PART_SHARE))[part]
-    return kept
 
 
 def _in_large_building(

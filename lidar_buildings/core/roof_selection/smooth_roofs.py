@@ -1,0 +1,118 @@
+"""
+The default method: smooth patches, completed to roofs.
+
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lidar_buildings.core.roof_selection.config import RoofSelectionConfig
+from lidar_buildings.core.roof_selection.narrow_parts import half_widths, wide_enough
+from lidar_buildings.core.roof_selection.roof_patches import find_roof_surface
+from lidar_buildings.core.roof_selection.surroundings import near_tangent_plane, surrounded_by
+from lidar_buildings.core.surface_patches import connected_parts, plan_areas
+
+#: How far to look for roof around a part [m], and at least in neighbourhood radii.
+PART_REACH = 2.0
+PART_REACH_RADII = 2.0
+#: How far a part may lie below the lowest roof around it [m].
+PART_SINK = 0.5
+#: Share of a part's points that have to have roof around them.
+PART_SHARE = 0.7
+#: Side of the cells in which narrow parts are found: half of an area's cell, but no smaller than this [m].
+MIN_PLAN_CELL = 0.25
+
+
+def find_roofs(
+    points: NDArray[np.float64],
+    height: NDArray[np.float64],
+    is_last: NDArray[np.bool_],
+    is_only: NDArray[np.bool_],
+    radius: float,
+    cell: float,
+    config: RoofSelectionConfig,
+) -> NDArray[np.bool_]:
+    """
+    Tell which of the points above ground are roof.
+
+    Patches start roofs, which grow to their edges along tangent planes, whichever the return, and take in
+    what stands on them: last returns with roof all around, and small parts. What is too narrow goes.
+
+    Parameters
+    ----------
+    points : ndarray of shape (n_points, 3)
+        Everything that rises above ground, from half of `min_height` on [m].
+    height : ndarray of shape (n_points,)
+        Above ground [m].
+    is_last, is_only : ndarray of bool, shape (n_points,)
+        Whether the point is the last, and whether it is the only return of its pulse.
+    radius : float
+        Smallest radius of a neighbourhood, and longest step within a patch [m].
+    cell : float
+        Side of the cells in which areas are counted, two spacings [m].
+    config : RoofSelectionConfig
+        The stage's parameters.
+
+    Returns
+    -------
+    ndarray of bool, shape (n_points,)
+        Roofs of any size; the caller drops small buildings.
+
+    """
+    surface = find_roof_surface(points, height, is_last, is_only, radius, cell, config)
+    roof = near_tangent_plane(points, surface.normals, surface.is_surface, radius, config.max_plane_distance)
+    roof &= ~surface.is_wall
+    too_low = height < config.min_height
+    roof &= ~too_low
+    reach = max(PART_REACH, PART_REACH_RADII * radius)
+    held = surrounded_by(points, roof, reach, PART_SINK, config.max_part_height)
+    roof |= _small_parts(points, roof, held, radius, cell, config) | (held & is_last)
+    roof &= ~surface.is_wall
+    roof &= ~too_low
+    _drop_narrow(points, roof, radius, max(MIN_PLAN_CELL, cell / 2), config)
+    return roof
+
+
+def _drop_narrow(
+    points: NDArray[np.float64],
+    roof: NDArray[np.bool_],
+    radius: float,
+    cell: float,
+    config: RoofSelectionConfig,
+) -> None:
+    """
+    Take narrow parts out of the roofs, and then what is nowhere as wide as a building.
+
+    """
+    rows = np.flatnonzero(roof)
+    roof[rows] = wide_enough(points[rows], cell, config.min_roof_width)
+    rows = np.flatnonzero(roof)
+    if len(rows) == 0 or config.min_building_width < 2.0 * cell:
+        return
+    building = connected_parts(points[rows], radius, in_plan=True)
+    widest = np.zeros(building.max() + 1)
+    np.maximum.at(widest, building, half_widths(points[rows], cell, config.min_building_width))
+    roof[rows] = (2.0 * widest >= config.min_building_width)[building]
+
+
+def _small_parts(
+    points: NDArray[np.float64],
+    roof: NDArray[np.bool_],
+    held: NDArray[np.bool_],
+    radius: float,
+    cell: float,
+    config: RoofSelectionConfig,
+) -> NDArray[np.bool_]:
+    """
+    Tell which points are of connected parts, not roof yet, that are small and mostly held by roof around.
+
+    """
+    rows = np.flatnonzero(~roof)
+    part = connected_parts(points[rows], radius)
+    share = np.bincount(part, held[rows]) / np.bincount(part)
+    small = plan_areas(points[rows], part, cell) <= config.max_part_area
+    kept = np.zeros(len(points), dtype=bool)
+    kept[rows] = (small & (share >= PART_SHARE))[part]
+    return kept

@@ -1,0 +1,68 @@
+"""
+Façades lie below the edges of roofs, and light wells between roofs.
+
+"""
+
+import numpy as np
+import pytest
+
+from lidar_buildings.core.roof_selection.facades import find_facades
+
+SPACING = 0.25
+
+
+def roof(x_from, x_to, z=8.0):
+    x, y = np.meshgrid(np.arange(x_from, x_to, SPACING), np.arange(0.0, 10.0, SPACING))
+    return np.column_stack([x.ravel(), y.ravel(), np.full(x.size, z)])
+
+
+def facades(roofs, others, *, is_last=True, reach=0.2, order=None):
+    points = np.vstack([roofs, others])
+    order = np.arange(len(points)) if order is None else order
+    is_roof = np.arange(len(points)) < len(roofs)
+    found = find_facades(
+        points[order], points[order, 2], is_roof[order], ~is_roof[order],
+        np.full(len(points), is_last), reach, SPACING,
+    )  # fmt: skip
+    back = np.empty(len(points), dtype=bool)
+    back[order] = found
+    assert not back[: len(roofs)].any()
+    return back[len(roofs) :]
+
+
+def column(x, z_from=0.0, z_to=8.0, y=5.0):
+    z = np.arange(z_from, z_to, 0.1)
+    return np.column_stack([np.full(len(z), x), np.full(len(z), y), z])
+
+
+def test_a_wall_under_the_edge_is_facade_from_its_foot_to_the_eave():
+    wall = column(9.9)
+    found = facades(roof(0.0, 10.0), wall)
+    assert found[(wall[:, 2] > 0.9) & (wall[:, 2] < 7.6)].all()
+    assert not found[(wall[:, 2] < 0.7) | (wall[:, 2] > 7.8)].any()
+
+
+def test_what_stands_away_from_the_roof_in_plan_is_none():
+    assert not facades(roof(0.0, 10.0), column(10.6)).any()
+
+
+def test_without_a_reach_there_are_none():
+    assert not facades(roof(0.0, 10.0), column(9.9), reach=0.0).any()
+
+
+def test_a_light_well_is_of_the_building_if_the_pulse_ends_there():
+    well = column(10.75, 1.0, 7.0)
+    roofs = np.vstack([roof(0.0, 10.0), roof(11.5, 20.0)])
+    assert facades(roofs, well).all()
+    assert not facades(roofs, well, is_last=False).any()
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+def test_the_order_of_points_does_not_matter(seed):
+    roofs, others = roof(0.0, 10.0), np.vstack([column(9.9), column(9.95, y=3.3), column(4.0)])
+    order = np.random.default_rng(seed).permutation(len(roofs) + len(others))
+    assert (facades(roofs, others) == facades(roofs, others, order=order)).all()
+
+
+def test_no_roof_has_no_facade():
+    assert not facades(np.zeros((0, 3)), column(1.0)).any()

@@ -1,0 +1,74 @@
+"""
+Flat spots of foliage are told from roofs by what pulses do there and by what lies around them.
+
+"""
+
+import numpy as np
+
+from lidar_buildings.core.roof_selection.config import RoofSelectionConfig
+from lidar_buildings.core.roof_selection.foliage import Patches, is_foliage
+
+AREA = 20.0
+
+
+def patch(z=2.5):
+    x, y = np.meshgrid(np.arange(0.0, 5.0, 0.25), np.arange(0.0, 4.0, 0.25))
+    return np.column_stack([x.ravel(), y.ravel(), np.full(x.size, z)])
+
+
+def judged(top, others, is_only=None, area=AREA):
+    points = np.vstack([top, others])
+    rows = np.arange(len(top))
+    normals = np.tile([0.0, 0.0, 1.0], (len(top), 1))
+    patches = Patches(rows, np.zeros(len(top), dtype=np.int64), normals, np.array([area]))
+    only = np.ones(len(points), dtype=bool) if is_only is None else is_only
+    return bool(is_foliage(points, points[:, 2], only, patches, 40.0, 0.75, RoofSelectionConfig())[0])
+
+
+def flanks(n, top, drop=(0.4, 1.2)):
+    """Return loose points below the rim of a patch."""
+    random = np.random.default_rng(0)
+    points = np.column_stack([random.uniform(0.0, 5.0, n), random.choice([-0.3, 4.0], n), np.zeros(n)])
+    points[:, 2] = top[0, 2] - random.uniform(*drop, n)
+    return points
+
+
+def test_an_opaque_patch_with_clear_sides_is_no_foliage():
+    assert not judged(patch(), flanks(20, patch()))
+
+
+def test_a_low_patch_with_loose_points_all_around_is_a_hedge():
+    assert judged(patch(), flanks(250, patch()))
+
+
+def test_a_high_one_is_not():
+    top = patch(z=6.0)
+    assert not judged(top, flanks(250, top))
+
+
+def test_a_large_one_is_not():
+    assert not judged(patch(), flanks(250, patch()), area=60.0)
+
+
+def test_a_patch_where_most_pulses_are_split_is_foliage_at_any_height():
+    top = patch(z=9.0)
+    others = flanks(20, top)
+    split = np.arange(len(top) + len(others)) % 4 == 0
+    assert judged(top, others, is_only=split)
+    assert not judged(top, others, is_only=~split)
+
+
+def test_the_wall_under_a_large_roof_is_nothing_loose():
+    low, large = patch(), patch(z=7.0)
+    large[:, 1] += 4.25
+    wall = flanks(250, low)
+    wall[:, 1] = 4.1
+    points = np.vstack([low, large, wall])
+    n, m = len(low), len(large)
+    label = np.repeat([0, 1], [n, m])
+    normals = np.tile([0.0, 0.0, 1.0], (n + m, 1))
+    only = np.ones(len(points), dtype=bool)
+    for area, expected in ((80.0, False), (20.0, True)):
+        patches = Patches(np.arange(n + m), label, normals, np.array([AREA, area]))
+        found = is_foliage(points, points[:, 2], only, patches, 40.0, 0.75, RoofSelectionConfig())
+        assert found[0] == expected
