@@ -187,7 +187,7 @@ class _Chain:
         self.roofs = roof_points(self.classified)
 
     def edge_labelling(self) -> None:
-        self.roofs = label_roof_edges(self.roofs, self.config.edge_labelling)
+        self.roofs = label_roof_edges(self.roofs, self.config.edge_labelling).tile
 
     def boundary_tracing(self) -> None:
         found = trace_buildings(self.roofs, self.config.segmentation, self.config.boundary_tracing)

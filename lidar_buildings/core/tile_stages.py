@@ -35,6 +35,24 @@ _MARKER_SIZE = 0.5
 
 
 @dataclass(frozen=True, eq=False)
+class LabelledTile:
+    """
+    A tile's roof points after edge labelling.
+
+    Attributes
+    ----------
+    tile : PointTile
+        With `edge` and the features.
+    n_roofs : dict
+        Status of the clusters → how many roofs, or how many tiles where the tile is clustered as one.
+
+    """
+
+    tile: PointTile
+    n_roofs: dict[str, int]
+
+
+@dataclass(frozen=True, eq=False)
 class TracedTile:
     """
     A tile's buildings after segmentation and tracing.
@@ -131,13 +149,13 @@ def roof_points(tile: PointTile) -> PointTile:
     return tile.select(tile.is_roof)
 
 
-def label_roof_edges(tile: PointTile, config: EdgeLabellingConfig) -> PointTile:
+def label_roof_edges(tile: PointTile, config: EdgeLabellingConfig) -> LabelledTile:
     """
     Append edge labels, features, normals and the chosen radius to a tile of roof points.
 
     """
     result = label_edges(tile.points, config, point_spacing=tile.spacing)
-    return tile.with_columns(
+    labelled = tile.with_columns(
         linearity=result.linearity,
         planarity=result.planarity,
         normal_x=result.normals[:, 0],
@@ -146,6 +164,7 @@ def label_roof_edges(tile: PointTile, config: EdgeLabellingConfig) -> PointTile:
         neighbourhood_radius=result.neighbourhood_radius,
         edge=result.edge,
     )
+    return LabelledTile(labelled, result.n_roofs)
 
 
 def trace_buildings(

@@ -30,12 +30,14 @@ class EdgeLabeller(StageNode):
         self._edge_points = self.create_publisher(PointCloud2, "edge_points", CLOUD)
         self.subscribe_tiles("roof_points", self.on_tile)
 
-    def on_tile(self, tile: PointTile) -> None:
+    def on_tile(self, tile: PointTile) -> dict[str, int]:
         """
-        Label one tile.
+        Label one tile; report how many of its roofs came to which status.
 
         """
-        self._edge_points.publish(to_message(label_roof_edges(tile, self.parameters[EdgeLabellingConfig])))
+        labelled = label_roof_edges(tile, self.parameters[EdgeLabellingConfig])
+        self._edge_points.publish(to_message(labelled.tile))
+        return {f"roofs_{status}": number for status, number in labelled.n_roofs.items()}
 
 
 def main() -> int:

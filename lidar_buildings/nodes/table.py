@@ -68,7 +68,7 @@ DIAGNOSTICS = Topic(
     "diagnostics",
     "diagnostic_msgs/DiagnosticArray",
     "EVENT",
-    "per tile: seconds, points, status, parameters as JSON",
+    "per tile: seconds, points, what else the node counts, status, parameters as JSON",
 )
 POINTS = Topic(
     "points",

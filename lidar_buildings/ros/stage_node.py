@@ -43,12 +43,15 @@ class TileReport:
         Points that came in.
     warnings : list of str
         What was wrong but did not keep the tile.
+    counts : dict
+        What the node counted beside points, by name.
 
     """
 
     stamp: int
     n_points: int = 0
     warnings: list[str] = field(default_factory=list)
+    counts: dict[str, int] = field(default_factory=dict)
 
 
 class StageNode(Node):
@@ -91,9 +94,11 @@ class StageNode(Node):
             raise
         self._diagnostics = self.create_publisher(DiagnosticArray, "diagnostics", EVENT)
 
-    def subscribe_tiles(self, topic: str, work: Callable[[PointTile], None]) -> None:
+    def subscribe_tiles(self, topic: str, work: Callable[[PointTile], Mapping[str, int] | None]) -> None:
         """
         Have `work` called with every tile of a topic; what it raises ends that tile alone.
+
+        What it returns, if anything, are counts for `diagnostics`.
 
         """
 
@@ -105,7 +110,7 @@ class StageNode(Node):
                     report.warnings.append(
                         f"{reading.n_dropped} points of {topic} were left out: x, y or z is not finite"
                     )
-                work(reading.tile)
+                report.counts.update(work(reading.tile) or {})
 
         self.create_subscription(PointCloud2, topic, on_message, CLOUD)
 
@@ -186,6 +191,7 @@ class StageNode(Node):
             "tile": str(report.stamp),
             "seconds": f"{seconds:.6f}",
             "points": str(report.n_points),
+            **{name: str(count) for name, count in report.counts.items()},
             "parameters": json.dumps(self.parameters.as_dict()),
         }
         status = DiagnosticStatus(

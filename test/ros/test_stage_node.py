@@ -32,6 +32,7 @@ class Doubler(StageNode):
         if len(tile) == 3:
             raise ZeroDivisionError("three\nis too much")
         self._out.publish(to_message(PointTile(tile.points * 2, stamp=tile.stamp)))
+        return {"doubled": len(tile)} if len(tile) > 4 else None
 
 
 class Listener(StageNode):
@@ -95,6 +96,16 @@ def test_diagnostics_tell_tile_seconds_points_and_parameters(graph):
     assert values["points"] == "2"
     assert float(values["seconds"]) >= 0.0
     assert json.loads(values["parameters"]).keys() == {"ground_filter"}
+
+
+def test_diagnostics_tell_what_else_a_node_counted(graph):
+    publisher, listener = graph
+    publisher.publish(to_message(tile(2, 7)))
+    publisher.publish(to_message(tile(5, 8)))
+    wait_until(lambda: len(listener.statuses) == 2)
+    few, many = ({pair.key: pair.value for pair in status.values} for status in listener.statuses)
+    assert "doubled" not in few
+    assert many["doubled"] == "5"
 
 
 def test_a_cloud_without_coordinates_is_an_error_and_no_tile(graph):
