@@ -10,6 +10,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
+from zipfile import BadZipFile
 
 import numpy as np
 from numpy.typing import NDArray
@@ -133,7 +134,8 @@ class OutputFolder:
         }
         claim_folder(self.path, identity, self.inputs, overwrite=overwrite)
         for fragment in self._partial.glob(f"*{_ENDING}"):
-            if not _is_whole(fragment):  # a power cut can leave a name without its content
+            # A killed process leaves a part, a power cut a name without its content.
+            if not _is_whole(fragment):
                 fragment.unlink()
 
     def write_tile(self, products: TileProducts) -> None:
@@ -333,6 +335,6 @@ def _is_whole(fragment: Path) -> bool:
     """
     try:
         load_rows(fragment, "stamp")
-    except (OSError, ValueError, KeyError, EOFError, RuntimeError):
+    except (OSError, ValueError, KeyError, EOFError, RuntimeError, BadZipFile):
         return False
     return True

@@ -217,12 +217,18 @@ def test_an_unfinished_run_is_taken_up_again(tmp_path, survey):
     assert everything(tmp_path / "out") == everything(tmp_path / "whole")
 
 
-def test_a_tile_that_a_power_cut_left_empty_is_done_again(tmp_path, survey):
+@pytest.mark.parametrize("share", [0.0, 0.001, 0.5, 0.99])
+@pytest.mark.parametrize("name", ["{}.npz", ".{}.part.npz"])
+def test_a_tile_that_a_kill_or_a_power_cut_left_unfinished_is_done_again(tmp_path, survey, share, name):
     source, tiles = survey
     output = OutputFolder(tmp_path / "out", source.inputs, source.frame)
     output.write_tile(products_of(tiles[0]))
-    (tmp_path / "out" / ".partial" / f"{tiles[0].stamp}.npz").write_bytes(b"")
+    partial = tmp_path / "out" / ".partial"
+    whole = (partial / f"{tiles[0].stamp}.npz").read_bytes()
+    (partial / f"{tiles[0].stamp}.npz").unlink()
+    (partial / name.format(tiles[0].stamp)).write_bytes(whole[: int(share * len(whole))])
     assert OutputFolder(tmp_path / "out", source.inputs, source.frame).done_stamps() == set()
+    assert not list(partial.glob("*.npz"))
 
 
 def test_products_come_back_from_disk_as_they_were(tmp_path, survey):
