@@ -13,7 +13,6 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from lidar_buildings.core.asprs import PointClass
 from lidar_buildings.core.ground_filter import GroundFilterConfig
 from lidar_buildings.core.map_frame import MapFrame
 from lidar_buildings.core.point_spacing import measure_spacing
@@ -145,10 +144,10 @@ def read_tile(folder: Path) -> tuple[PointTile, MapFrame]:
 
 def _class_6(tile: PointTile) -> NDArray[np.float64]:
     """
-    Return the tile's building points.
+    Return the tile's building points without those that are known to be façade.
 
     """
-    return tile.points[tile.classification == PointClass.BUILDING]
+    return tile.points[tile.is_roof]
 
 
 def _parts(points: NDArray[np.float64]) -> RoofArea:

@@ -43,7 +43,7 @@ def edge_figures(result: Path, reference: Path, options: ScoreOptions) -> dict[s
 
     """
     cloud, roof, n_roofs = _roofs_of_reference(result, reference, options)
-    labelled, inside = np.isin(cloud.labels[0], BUILDING), is_inside(cloud.points, options.area)
+    labelled, inside = _labelled(cloud), is_inside(cloud.points, options.area)
     rows = np.flatnonzero((roof != NO_ROOF) & labelled)
     points, spacing = cloud.points[rows], measure_spacing(cloud.points[rows])
     alpha, number = options.alpha or alpha_of_spacing(spacing), roof[rows]
@@ -63,6 +63,15 @@ def edge_figures(result: Path, reference: Path, options: ScoreOptions) -> dict[s
     }
 
 
+def _labelled(cloud: LabelledPoints) -> NDArray[np.bool_]:
+    """
+    Tell which points the result has on roofs: façades are of class 6, too, but have no label and no building.
+
+    """
+    is_building, has_id = np.isin(cloud.labels[0], BUILDING), cloud.labels[2] > 0
+    return is_building & has_id if has_id.any() else is_building
+
+
 def _roofs_of_reference(
     result: Path, reference: Path, options: ScoreOptions
 ) -> tuple[LabelledPoints, NDArray[np.int64], int]:
@@ -77,7 +86,7 @@ def _roofs_of_reference(
         return cloud, roofs_of_polygons(cloud.points, layer.polygons), len(layer.polygons)
     cloud = read_label_pairs(result, reference, edges=True)
     check_same_system(cloud.crs, "", options.area)
-    rows = np.flatnonzero(np.isin(cloud.labels[2], list(options.reference_classes or BUILDING)))
+    rows = np.flatnonzero(np.isin(cloud.labels[3], list(options.reference_classes or BUILDING)))
     points, spacing = cloud.points[rows], measure_spacing(cloud.points[rows])
     roof = np.full(len(cloud.points), NO_ROOF, dtype=np.int64)
     roof[rows] = roofs_of_points(points, 2.0 * alpha_of_spacing(spacing), min_points=fewest_points(spacing))

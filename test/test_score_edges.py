@@ -18,19 +18,23 @@ from lidar_buildings.score import run_score
 STEP = 0.5
 
 
-def write_labels(path, points, classes, edge):
+def write_labels(path, points, classes, edge, building=None):
     """
-    A classified file with edge labels.
+    A classified file with edge labels, and the ids of buildings if given.
 
     """
     path.parent.mkdir(parents=True, exist_ok=True)
     header = laspy.LasHeader(point_format=6, version="1.4")
     header.scales, header.offsets = [0.001] * 3, ORIGIN
     header.add_extra_dim(laspy.ExtraBytesParams(name="EdgeLabel", type=np.uint8))
+    if building is not None:
+        header.add_extra_dim(laspy.ExtraBytesParams(name="BuildingId", type=np.uint32))
     cloud = laspy.LasData(header)
     cloud.x, cloud.y, cloud.z = (np.asarray(points, dtype=float) + ORIGIN).T
     cloud.classification = np.asarray(classes, dtype=np.uint8)
     cloud.EdgeLabel = np.asarray(edge, dtype=np.uint8)
+    if building is not None:
+        cloud.BuildingId = np.asarray(building, dtype=np.uint32)
     cloud.write(path)
     return path
 
@@ -104,6 +108,24 @@ def test_roof_points_that_the_result_does_not_have_are_counted_and_not_judged(tm
         assert figures["n_unlabelled"] == lost.sum() == 4 * 16
         assert figures["n_points"] == BOTH - lost.sum()
         assert figures["edge_f_score"] == 1.0
+
+
+@pytest.mark.parametrize("building_id", [256, 2**32 - 1])
+def test_facades_are_no_roof_points_where_the_result_knows_buildings(tmp_path, houses, building_id):
+    points, classes, rim = houses
+    wall = (points[:, 0] > 15) & (points[:, 0] < 16) & (points[:, 1] > 6) & (points[:, 1] < 14)
+    mine, building = np.where(wall, 6, classes), np.where(classes == 6, building_id, 0)
+    reference = write_cloud(tmp_path / "b.laz", points, mine)
+    result = write_labels(tmp_path / "a.laz", points, mine, rim, building)
+    figures = run_score("edges", result, reference).figures
+    assert figures["n_unlabelled"] == wall.sum() == 2 * 16
+    assert figures["n_points"] == BOTH
+    assert figures["edge_f_score"] == 1.0
+    # Without ids, as up to the stage of edges, nothing tells them from roofs.
+    result = write_labels(tmp_path / "c.laz", points, mine, rim, np.zeros(len(points)))
+    figures = run_score("edges", result, reference).figures
+    assert figures["n_points"] == BOTH + wall.sum()
+    assert figures["edge_f_score"] < 0.9
 
 
 def test_the_area_of_interest_takes_points_and_cuts_no_roof(tmp_path, houses):

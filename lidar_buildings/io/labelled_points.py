@@ -19,8 +19,8 @@ from lidar_buildings.io.las import Cloud, open_cloud, xyz_of
 
 #: Extra dimension of a simulated survey: the class that each point has in truth.
 TRUE_CLASS = "TrueClass"
-#: Dimensions that a result is read from: its classes, and whether a roof point lies on an edge.
-CLASS, EDGE = "classification", "EdgeLabel"
+#: Dimensions that a result is read from: its classes, whether a roof point lies on an edge, and its building.
+CLASS, EDGE, BUILDING_ID = "classification", "EdgeLabel", "BuildingId"
 #: Folder of an output folder in which the clouds stand.
 CLASSIFIED = "classified"
 
@@ -35,7 +35,7 @@ class LabelledPoints:
     points : ndarray of shape (n_points, 3)
         In the clouds' reference system, but in metres.
     labels : tuple of ndarray of uint8, shape (n_points,)
-        ASPRS classes, or 1 for edges; one array per source and kind.
+        ASPRS classes, 1 for edges, or 1 for roofs of buildings; one array per source and kind.
     crs : str
         Name of the reference system, empty if the clouds do not say.
 
@@ -82,7 +82,8 @@ def read_labels(path: Path, *, prefer_truth: bool, edges: bool = False) -> Label
     prefer_truth : bool
         Whether the true class of a simulated survey counts where a cloud has it.
     edges : bool
-        Whether to read edge labels, too; they come after the classes.
+        Whether to read edge labels, too, and which points have a building's id, as roofs have and façades
+        have not; they come after the classes.
 
     Raises
     ------
@@ -94,7 +95,7 @@ def read_labels(path: Path, *, prefer_truth: bool, edges: bool = False) -> Label
     parts = [
         part for cloud in clouds for part in _parts(cloud, (_class_of(cloud, prefer_truth), *_edge_of(edges)))
     ]
-    return _joined(parts, clouds, 1 + edges)
+    return _joined(parts, clouds, 1 + len(_edge_of(edges)))
 
 
 def read_label_pairs(result: Path, reference: Path, *, edges: bool = False) -> LabelledPoints:
@@ -106,13 +107,13 @@ def read_label_pairs(result: Path, reference: Path, *, edges: bool = False) -> L
     result, reference : Path
         A cloud each, or folders of clouds that carry the same names up to their endings.
     edges : bool
-        Whether to read the result's edge labels, too.
+        Whether to read the result's edge labels, too, and which of its points have a building's id.
 
     Returns
     -------
     LabelledPoints
-        With the result's classes first, its edge labels next if asked for, and then the reference's classes:
-        those of the truth of a simulated survey where there is one.
+        With the result's classes first, its edge labels and which points have a building next if asked for,
+        and then the reference's classes: those of the truth of a simulated survey where there is one.
 
     Raises
     ------
@@ -127,7 +128,7 @@ def read_label_pairs(result: Path, reference: Path, *, edges: bool = False) -> L
         pair = open_cloud(mine), open_cloud(theirs)
         clouds.append(pair[0])
         parts.extend(_paired_parts(*pair, (CLASS, *_edge_of(edges))))
-    return _joined(parts, clouds, 2 + edges)
+    return _joined(parts, clouds, 2 + len(_edge_of(edges)))
 
 
 def _matched(result: Path, reference: Path) -> list[tuple[Path, Path]]:
@@ -168,10 +169,10 @@ def _class_of(cloud: Cloud, prefer_truth: bool) -> str:
 
 def _edge_of(edges: bool) -> tuple[str, ...]:
     """
-    Return the dimension that holds edge labels, if they are asked for.
+    Return the dimensions that hold edge labels and buildings, if they are asked for.
 
     """
-    return (EDGE,) if edges else ()
+    return (EDGE, BUILDING_ID) if edges else ()
 
 
 def _parts(cloud: Cloud, dimensions: tuple[str, ...]) -> Iterator[tuple[NDArray[Any], ...]]:
@@ -185,8 +186,20 @@ def _parts(cloud: Cloud, dimensions: tuple[str, ...]) -> Iterator[tuple[NDArray[
             "which labels the edges of roofs"
         )
     for chunk in cloud.chunks():
-        labels = (np.asarray(chunk[name], dtype=np.uint8) for name in dimensions)
+        labels = (_label_of(cloud, chunk, name) for name in dimensions)
         yield xyz_of(chunk) * cloud.units, *labels
+
+
+def _label_of(cloud: Cloud, chunk: Any, name: str) -> NDArray[np.uint8]:
+    """
+    Return a dimension's labels: of buildings 1 where there is one, none where the cloud knows of none.
+
+    """
+    if name != BUILDING_ID:
+        return np.asarray(chunk[name], dtype=np.uint8)
+    if name not in cloud.header.point_format.extra_dimension_names:
+        return np.zeros(len(chunk), dtype=np.uint8)
+    return (np.asarray(chunk[name]) > 0).astype(np.uint8)
 
 
 def _paired_parts(
