@@ -21,6 +21,8 @@ from lidar_buildings.core.row_blocks import for_row_blocks
 
 #: Cells a block of work: some thousand points.
 CELLS_A_BLOCK = 512
+#: Radii whose squares are numbers, and can be divided by [m].
+SMALLEST_RADIUS, LARGEST_RADIUS = 1e-100, 1e100
 #: Cells are wider than they need be by so much, lest rounding puts a point at the very radius out of reach.
 SLACK = 1.0 + 1e-9
 
@@ -206,8 +208,11 @@ def _checked_radii(radii: Sequence[float]) -> NDArray[np.float64]:
     """
     steps = np.asarray(radii, dtype=np.float64)
     rising = steps.ndim == 1 and len(steps) > 0 and steps[0] > 0 and bool(np.all(np.diff(steps) > 0))
-    if not (rising and np.isfinite(steps[-1])):
-        raise ValueError(f"radii = {list(radii)!r}: must be positive, rising lengths [m]")
+    if not (rising and steps[0] >= SMALLEST_RADIUS and steps[-1] <= LARGEST_RADIUS):
+        raise ValueError(
+            f"radii = {list(radii)!r}: must be positive, rising lengths within {SMALLEST_RADIUS:g} to "
+            f"{LARGEST_RADIUS:g} m"
+        )
     if len(steps) > BATCH_ROWS:
         raise ValueError(f"radii has {len(steps)} entries: must be at most {BATCH_ROWS}")
     return steps

@@ -311,7 +311,9 @@ def test_as_many_radii_as_a_batch_holds_are_served():
     assert found.eigenvalues[50] == pytest.approx(values, abs=1e-12)
 
 
-@pytest.mark.parametrize("radii", [[], [0.0, 1.0], [1.0, 1.0], [2.0, 1.0], [np.nan], [np.inf]])
+@pytest.mark.parametrize(
+    "radii", [[], [0.0, 1.0], [1.0, 1.0], [2.0, 1.0], [np.nan], [np.inf], [1e-200], [1.0, 1e200]]
+)
 def test_radii_that_do_not_rise_are_refused_by_name(radii):
     with pytest.raises(ValueError, match="radii"):
         eigen_features(np.zeros((3, 3)), radii)
