@@ -40,7 +40,8 @@ def checked_column(name: str, column: ArrayLike, n_points: int, dtype: Any) -> N
     Raises
     ------
     ValueError
-        If there is not exactly one value per point, or one is not a number.
+        If there is not exactly one value per point, one is not a number, or whole numbers are wanted and one
+        is broken or out of their range.
 
     """
     array = np.asarray(column)
@@ -48,7 +49,27 @@ def checked_column(name: str, column: ArrayLike, n_points: int, dtype: Any) -> N
         raise ValueError(f"{name} has shape {array.shape}: must be ({n_points},)")
     if array.dtype.kind == "f" and np.isnan(array).any():
         raise ValueError(f"{name}[{int(np.argmax(np.isnan(array)))}] = nan: must be a number")
+    if array.dtype.kind in "iuf" and np.dtype(dtype).kind in "iu":
+        return _as_whole(name, array, np.dtype(dtype))
     return np.ascontiguousarray(array, dtype=dtype)
+
+
+def _as_whole(name: str, array: NDArray[Any], dtype: np.dtype[Any]) -> NDArray[Any]:
+    """
+    Return numbers as whole ones of `dtype`, none of them changed.
+
+    """
+    if np.can_cast(array.dtype, dtype):
+        return np.ascontiguousarray(array, dtype=dtype)
+    with np.errstate(invalid="ignore"):
+        whole = np.ascontiguousarray(array, dtype=dtype)
+    changed = whole != array
+    if changed.any():
+        row, limits = int(np.argmax(changed)), np.iinfo(dtype)
+        raise ValueError(
+            f"{name}[{row}] = {array[row]}: must be a whole number within {limits.min} to {limits.max}"
+        )
+    return whole
 
 
 def checked_columns(n_points: int, **columns: ArrayLike | None) -> dict[str, NDArray[Any] | None]:
