@@ -9,7 +9,7 @@ STAMP := $(VENV)/.installed
 help:
 	@echo "make demo   a virtual survey through the ROS 2 graph: what was found against the truth"
 	@echo "make test   lint, types and all tests"
-	@echo "make bench  ground filters against their peers: errors, speed, memory (needs the real clouds)"
+	@echo "make bench  ground, roofs, edges and features beside their peers: errors, speed (needs the real clouds)"
 	@echo "make reference   write config/pipeline.param.yaml and doc/nodes.md anew from the configs"
 
 setup: $(STAMP)
@@ -29,6 +29,7 @@ demo: setup
 	@echo "Against the truth:"
 	@$(BIN)/python -m lidar_buildings.cli score ground demo/result demo/survey
 	@$(BIN)/python -m lidar_buildings.cli score buildings demo/result demo/survey
+	@$(BIN)/python -m lidar_buildings.cli score edges demo/result demo/survey
 	@$(BIN)/python -m lidar_buildings.cli score outlines demo/result demo/survey --merge-touching
 	@echo "Results: demo/result (buildings.gpkg, city_model.city.jsonl, classified/, run.json)"
 	@echo "Survey and truth: demo/survey (*.laz, truth.gpkg, truth.city.jsonl)"
@@ -46,10 +47,16 @@ bench: setup
 	@$(BIN)/python bench/providers.py
 	@echo "Gross errors:"
 	@$(BIN)/python bench/noise.py
+	@echo "Roof scenes:"
+	@$(BIN)/python bench/roof_scenes.py
+	@echo "Buildings on real clouds:"
+	@$(BIN)/python bench/roofs.py
 	@echo "Edges of roofs:"
 	@$(BIN)/python bench/edges.py
 	@$(BIN)/python bench/edge_outlines.py
-	@echo "Speed and memory:"
+	@echo "Eigenvalue features:"
+	@$(BIN)/python bench/features.py
+	@echo "Speed and memory of ground filters:"
 	@$(BIN)/python bench/ground.py
 
 lint: setup
