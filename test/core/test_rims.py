@@ -1,9 +1,12 @@
 import numpy as np
 import pytest
+from scipy.sparse.csgraph import connected_components
 
 from lidar_buildings.core.alpha_shape import alpha_shape
-from lidar_buildings.core.edge_labelling.plan_cells import plan_cells, roofs_in_plan
+from lidar_buildings.core.edge_labelling.open_arcs import N_SECTORS, N_SQUARES, sector_table, square_at
+from lidar_buildings.core.edge_labelling.plan_cells import roofs_in_plan
 from lidar_buildings.core.edge_labelling.rims import on_rims
+from lidar_buildings.core.point_order import sort_by_cell
 from lidar_buildings.core.surface_patches import connected_parts
 
 
@@ -16,7 +19,7 @@ def cloud(n=3000, seed=0):
 
 
 def rims(points, band=None, roof_id=None, *, radius=1.0, reach=0.0, max_step=np.inf):
-    cells = plan_cells(points, max(2 * radius, reach))
+    cells = sort_by_cell(points, max(2 * radius, reach))
     band = np.ones(len(points), dtype=bool) if band is None else band
     return on_rims(cells, band, roof_id, radius=radius, reach=reach, max_step=max_step)
 
@@ -63,20 +66,48 @@ def test_a_point_alone_is_on_a_rim():
     assert len(rims(np.zeros((0, 3)))) == 0
 
 
+def test_roofs_numbered_beyond_what_a_float_can_tell_apart_are_not_seen():
+    points = cloud()
+    roof_id = 2**60 + (points[:, 1] > 0).astype(np.int64)
+    assert np.array_equal(rims(points, roof_id=roof_id), rims(points, roof_id=roof_id - 2**60))
+
+
+def test_sectors_looked_up_are_those_that_a_neighbour_blocks():
+    table = sector_table()
+    east, north = np.random.default_rng(0).uniform(-2.5, 2.5, (2, 2000))
+    scale = N_SQUARES / 4.0
+    square = np.array([int(square_at(x * scale, y * scale)) for x, y in zip(east, north, strict=True)])
+    surely, perhaps = (
+        (table[square, k][:, None] >> np.arange(N_SECTORS, dtype=np.uint64)) & 1 > 0 for k in range(2)
+    )
+    turn = 2 * np.pi * np.arange(N_SECTORS * 16) / (N_SECTORS * 16)
+    blocked = (east[:, None] - np.cos(turn)) ** 2 + (north[:, None] - np.sin(turn)) ** 2 < 1
+    blocked = blocked.reshape(len(square), N_SECTORS, 16)
+    assert not (surely & ~blocked.all(axis=2)).any()
+    assert not (~perhaps & blocked.any(axis=2)).any()
+    # They are worth having: few sectors are in doubt.
+    assert (perhaps & ~surely).mean() < 0.1
+
+
 @pytest.mark.parametrize("size", [0.3, 1.0, 7.0])
-def test_cells_have_all_their_neighbours(size):
+def test_roofs_are_the_connected_cells(size):
     points = cloud(400)
-    cells = plan_cells(points, size)
+    cells = sort_by_cell(points, size)
     corner = np.floor(cells.points[cells.first[:-1], :2] / size)
-    for k, around in enumerate(cells.around):
-        expected = set(np.flatnonzero(np.abs(corner - corner[k]).max(axis=1) <= 1))
-        assert set(around[around >= 0]) == expected
-        assert around[0] == k
+    touching = np.abs(corner[:, None] - corner[None]).max(axis=2) <= 1
+    expected = connected_components(touching)[1]
+    roof = roofs_in_plan(cells)[cells.rows[cells.first[:-1]]]
+    assert (
+        len(np.unique(roof))
+        == len(np.unique(expected))
+        == len(np.unique(np.stack([roof, expected]), axis=1).T)
+    )
+    assert set(roof) == set(range(len(np.unique(roof))))
 
 
 def test_points_nearer_than_a_cell_are_of_one_roof_and_distant_ones_are_not():
     points = np.vstack([cloud(600) + np.array([x, 0, 0]) for x in (0, 66, 140)])
-    roof = roofs_in_plan(plan_cells(points, 2.0))
+    roof = roofs_in_plan(sort_by_cell(points, 2.0))
     part = connected_parts(points, 2.0, in_plan=True)
     for number in np.unique(part):
         assert len(np.unique(roof[part == number])) == 1

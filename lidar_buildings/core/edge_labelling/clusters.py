@@ -12,10 +12,11 @@ from numba import njit
 from numpy.typing import NDArray
 
 from lidar_buildings.core.edge_labelling.config import EdgeLabellingConfig
-from lidar_buildings.core.edge_labelling.measures import centres_of, measures_of
+from lidar_buildings.core.edge_labelling.measures import centres_of
+from lidar_buildings.core.edge_labelling.roofs import numbered
 from lidar_buildings.core.edge_labelling.status import OK, ONE_CLUSTER, TOO_FEW_POINTS
-from lidar_buildings.core.edge_labelling.two_means import in_second, two_means, weights
-from lidar_buildings.core.eigenfeatures import EigenFeatures
+from lidar_buildings.core.edge_labelling.two_means import in_second, mean_by_part, two_means, weights
+from lidar_buildings.core.row_blocks import for_row_blocks
 
 #: Two clusters whose mean linearities are nearer than this are halves of one. Theory has 0 for a plane and
 #: 0.72 for its edge. Roofs give 0.36 and more; surfaces without edges, split by force, 0.05 to 0.15, and
@@ -50,10 +51,16 @@ class Clusters:
 
 #: What stands for all points of a tile in place of a roof's number.
 ALL_ROOFS = -1
+#: Roofs a block of work.
+ROOFS_A_BLOCK = 8
 
 
 def cluster_edges(
-    found: EigenFeatures, roof_id: NDArray[np.int64] | None, config: EdgeLabellingConfig
+    measures: tuple[NDArray[np.float64], ...],
+    linearity: NDArray[np.float64],
+    has_shape: NDArray[np.bool_],
+    roof_id: NDArray[np.int64] | None,
+    config: EdgeLabellingConfig,
 ) -> tuple[NDArray[np.bool_], tuple[Clusters, ...]]:
     """
     Label the points of each roof, or of all together where there is no `roof_id`; return the clusters, too.
@@ -61,79 +68,101 @@ def cluster_edges(
     Points that lie where all their neighbours do have no shape: they are no edges and move no centre.
 
     """
-    features = measures_of(found, config.features)
-    linearity = found.linearity if config.features == "eigenvalues" else features[:, 0]
-    edge = np.zeros(len(features), dtype=np.bool_)
-    rows = np.flatnonzero(found.eigenvalues[:, 0] > 0.0)
-    clusters = []
-    for number, members in _groups(rows, len(features), roof_id):
-        clusters.append(_cluster(number, members, features, linearity, config, edge))
-    return edge, tuple(clusters)
+    edge = np.zeros(len(linearity), dtype=np.bool_)
+    numbers, rows, first = _groups(has_shape, roof_id)
+    own = np.empty((len(rows), len(measures)))
+    lin, ordered = np.empty(len(rows)), np.empty(len(rows), dtype=np.bool_)
+    for_row_blocks(lambda a, b: _gather(measures, linearity, rows, own, lin, a, b), len(rows))
+    clusters: list[Clusters | None] = [None] * len(numbers)
+
+    def cluster(begin: int, end: int) -> None:
+        for k in range(begin, end):
+            part = slice(first[k], first[k + 1])
+            clusters[k] = _cluster(int(numbers[k]), own[part], lin[part], config, ordered[part])
+
+    for_row_blocks(cluster, len(numbers), ROOFS_A_BLOCK)
+    for_row_blocks(lambda a, b: _scatter(ordered, rows, edge, a, b), len(rows))
+    return edge, tuple(one for one in clusters if one is not None)
 
 
 def _groups(
-    rows: NDArray[np.int64], n_points: int, roof_id: NDArray[np.int64] | None
-) -> list[tuple[int, NDArray[np.int64]]]:
+    has_shape: NDArray[np.bool_], roof_id: NDArray[np.int64] | None
+) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
     """
-    Return (number, those of `rows` that are of this roof) by rising number, roofs without any of them, too.
+    Return the roofs' numbers, rising, the rows with a shape roof by roof, and where those of each begin.
 
     """
     if roof_id is None:
-        return [(ALL_ROOFS, rows)] if n_points else []
-    numbers, dense = _numbered(roof_id)
-    counts = np.bincount(dense[rows], minlength=len(numbers))
-    ends = np.cumsum(counts)
-    ordered = np.empty_like(rows)
-    _collect(rows, dense, ends - counts, ordered)
-    return list(zip(numbers.tolist(), np.split(ordered, ends[:-1]), strict=True)) if len(numbers) else []
-
-
-def _numbered(roof_id: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """
-    Return the roofs' numbers, rising, and each point's place among them.
-
-    """
-    low, high = (int(roof_id.min()), int(roof_id.max())) if len(roof_id) else (0, 0)
-    if high - low >= len(roof_id):
-        numbers, dense = np.unique(roof_id, return_inverse=True)
-        return numbers, dense.reshape(-1)
-    numbers = np.flatnonzero(np.bincount(roof_id - low)) + low
-    place = np.zeros(high - low + 1, dtype=np.int64)
-    place[numbers - low] = np.arange(len(numbers))
-    return numbers, place[roof_id - low]
+        rows = np.flatnonzero(has_shape)
+        numbers = np.full(min(len(has_shape), 1), ALL_ROOFS)
+        return numbers, rows, np.array([0, len(rows)])
+    numbers, dense = numbered(roof_id)
+    first = np.zeros(len(numbers) + 1, dtype=np.int64)
+    rows = _collect(has_shape, dense, first) if len(numbers) else np.zeros(0, dtype=np.int64)
+    return numbers, rows, first
 
 
 @njit(cache=True, nogil=True)
-def _collect(rows, number, place, ordered):  # type: ignore[no-untyped-def]
+def _collect(kept, number, first):  # type: ignore[no-untyped-def]
     """
-    Put rows of one number together; place[k], where number k begins, moves on with each of its rows.
+    Return the rows kept, those of one number together, and write to `first` where each begins.
 
     """
-    for row in rows:
-        k = number[row]
-        ordered[place[k]] = row
-        place[k] += 1
+    for i in range(len(kept)):
+        first[number[i] + 1] += kept[i]
+    for k in range(1, len(first)):
+        first[k] += first[k - 1]
+    place = first.copy()
+    rows = np.empty(first[-1], dtype=np.int64)
+    for i in range(len(kept)):
+        if kept[i]:
+            rows[place[number[i]]] = i
+            place[number[i]] += 1
+    return rows
+
+
+@njit(cache=True, nogil=True)
+def _gather(measures, linearity, rows, own, lin, begin, end):  # type: ignore[no-untyped-def]
+    """
+    Fill the rows begin to end with features and linearity of the points collected.
+
+    """
+    for k in range(len(measures)):
+        for i in range(begin, end):
+            own[i, k] = measures[k][rows[i]]
+    for i in range(begin, end):
+        lin[i] = linearity[rows[i]]
+
+
+@njit(cache=True, nogil=True)
+def _scatter(ordered, rows, edge, begin, end):  # type: ignore[no-untyped-def]
+    """
+    Write labels begin to end of the points collected to their rows.
+
+    """
+    for i in range(begin, end):
+        edge[rows[i]] = ordered[i]
 
 
 def _cluster(
     number: int,
-    rows: NDArray[np.int64],
     features: NDArray[np.float64],
     linearity: NDArray[np.float64],
     config: EdgeLabellingConfig,
     edge: NDArray[np.bool_],
 ) -> Clusters:
     """
-    Label some rows in `edge`.
+    Label a roof's points in `edge`.
 
     """
-    if len(rows) < 2:
-        return Clusters(number, len(rows), TOO_FEW_POINTS, np.full((2, features.shape[1]), np.nan))
-    own, lin = features[rows], linearity[rows]
-    weight = weights(own, config.distance)
-    centres, status = _centres(own, lin, weight, config)
-    edge[rows] = in_second(own, centres, weight)
-    return Clusters(number, len(rows), status, centres)
+    edge[:] = False
+    if len(features) < 2:
+        nothing = np.full((2, features.shape[1]), np.nan)
+        return Clusters(number, len(features), TOO_FEW_POINTS, nothing)
+    weight = weights(features, config.distance)
+    centres, status = _centres(features, linearity, weight, config)
+    edge[:] = in_second(features, centres, weight)
+    return Clusters(number, len(features), status, centres)
 
 
 def _centres(
@@ -152,7 +181,7 @@ def _centres(
     if len(features) < config.min_roof_points and config.scope == "roof":
         return typical, TOO_FEW_POINTS
     centres = two_means(features, linearity, config.distance)
-    second = in_second(features, centres, weight)
-    if not second.any() or not linearity[second].mean() - linearity[~second].mean() >= MIN_LINEARITY_GAP:
+    first, second = mean_by_part(linearity, in_second(features, centres, weight))
+    if not second - first >= MIN_LINEARITY_GAP:
         return typical, ONE_CLUSTER
     return centres, OK

@@ -13,14 +13,19 @@ from numpy.typing import ArrayLike, NDArray
 
 from lidar_buildings.core.edge_labelling.clusters import Clusters, cluster_edges
 from lidar_buildings.core.edge_labelling.config import EdgeLabellingConfig
-from lidar_buildings.core.edge_labelling.measures import eigenvalues_by_area
-from lidar_buildings.core.edge_labelling.plan_cells import PlanCells, plan_cells, roofs_in_plan
+from lidar_buildings.core.edge_labelling.measures import (
+    eigenvalues_by_area,
+    linearity_and_planarity,
+    measures_of,
+)
+from lidar_buildings.core.edge_labelling.plan_cells import roofs_in_plan
 from lidar_buildings.core.edge_labelling.rims import on_rims
 from lidar_buildings.core.edge_labelling.roofs import set_apart
 from lidar_buildings.core.edge_labelling.status import OK, TOO_FEW_POINTS, overall
 from lidar_buildings.core.edge_labelling.theoretical_shapes import discriminant_edges
 from lidar_buildings.core.eigenfeatures import EigenFeatures, eigen_features
 from lidar_buildings.core.point_array import checked_column, checked_points
+from lidar_buildings.core.point_order import SortedPoints, sort_by_cell
 from lidar_buildings.core.point_spacing import quantised_spacing
 
 
@@ -123,7 +128,8 @@ def label_edges(
     found = _features(points, roofs, spacing, config)
     cells = _cells(points, spacing, config)
     groups = _groups(cells, roofs, config)
-    band, clusters = _band(found, groups, config)
+    linearity, planarity = linearity_and_planarity(found)
+    band, clusters = _band(found, linearity, planarity, groups, config)
     edge = _thinned(cells, roofs, spacing, band, config)
     if config.method == "discriminant_analysis":
         status = OK if found.eigenvalues.any() else TOO_FEW_POINTS
@@ -131,8 +137,8 @@ def label_edges(
         status = overall(one.status for one in clusters)
     return EdgeLabels(
         edge.astype(np.uint8),
-        found.linearity,
-        found.planarity,
+        linearity,
+        planarity,
         found.normals,
         found.radius,
         status,
@@ -169,18 +175,18 @@ def _features(
     return eigen_features(apart, list(radii), min_neighbours=config.min_neighbours, entropy=config.entropy)
 
 
-def _cells(points: NDArray[np.float64], spacing: float, config: EdgeLabellingConfig) -> PlanCells | None:
+def _cells(points: NDArray[np.float64], spacing: float, config: EdgeLabellingConfig) -> SortedPoints | None:
     """
     Sort the points into cells where roofs or rims have to be found.
 
     """
     if config.thinning == "none" and config.scope != "roof":
         return None
-    return plan_cells(points, max(2.0 * config.rim_radius, config.band_reach) * spacing)
+    return sort_by_cell(points, max(2.0 * config.rim_radius, config.band_reach) * spacing)
 
 
 def _groups(
-    cells: PlanCells | None, roofs: NDArray[np.int64] | None, config: EdgeLabellingConfig
+    cells: SortedPoints | None, roofs: NDArray[np.int64] | None, config: EdgeLabellingConfig
 ) -> NDArray[np.int64] | None:
     """
     Number the points that share their clusters; None if all do, or there are no clusters.
@@ -192,7 +198,11 @@ def _groups(
 
 
 def _band(
-    found: EigenFeatures, groups: NDArray[np.int64] | None, config: EdgeLabellingConfig
+    found: EigenFeatures,
+    linearity: NDArray[np.float64],
+    planarity: NDArray[np.float64],
+    groups: NDArray[np.int64] | None,
+    config: EdgeLabellingConfig,
 ) -> tuple[NDArray[np.bool_], tuple[Clusters, ...]]:
     """
     Label the band along edges; return the clusters, too.
@@ -200,11 +210,12 @@ def _band(
     """
     if config.method == "discriminant_analysis":
         return discriminant_edges(eigenvalues_by_area(found)), ()
-    return cluster_edges(found, groups, config)
+    measures = measures_of(found, linearity, planarity, config.features)
+    return cluster_edges(measures, linearity, found.eigenvalues[:, 0] > 0.0, groups, config)
 
 
 def _thinned(
-    cells: PlanCells | None,
+    cells: SortedPoints | None,
     roofs: NDArray[np.int64] | None,
     spacing: float,
     band: NDArray[np.bool_],

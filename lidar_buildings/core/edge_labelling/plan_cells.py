@@ -1,99 +1,60 @@
 """
-Roof points in square cells in plan, each with the cells round it.
+Roofs in plan: what hangs together in square cells.
 
 """
 
 from __future__ import annotations
-
-from typing import NamedTuple
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
 from lidar_buildings.core.linked_sets import flatten, link
-from lidar_buildings.core.point_order import sort_by_cell
+from lidar_buildings.core.neighbour_windows import first_windows, move_windows
+from lidar_buildings.core.point_order import SortedPoints
+from lidar_buildings.core.row_blocks import for_row_blocks
+
+#: Cells a block of work: some ten thousand points.
+CELLS_A_BLOCK = 2048
 
 
-class PlanCells(NamedTuple):
-    """
-    Points sorted by cell, the same sequence whatever the order of the rows.
-
-    Attributes
-    ----------
-    points : ndarray of shape (n_points, 3)
-        Sorted points [m].
-    rows : ndarray of shape (n_points,), intp
-        The input row of each.
-    first : ndarray of int64, shape (n_cells + 1,)
-        Occupied cell k holds the sorted points first[k] to first[k + 1] (exclusive).
-    around : ndarray of int64, shape (n_cells, 9)
-        The cell itself, then its eight neighbours; −1 where empty.
-
-    """
-
-    points: NDArray[np.float64]
-    rows: NDArray[np.intp]
-    first: NDArray[np.int64]
-    around: NDArray[np.int64]
-
-
-def plan_cells(points: NDArray[np.float64], size: float) -> PlanCells:
-    """
-    Sort points into cells at multiples of `size` [m] from the map origin.
-
-    """
-    cloud = sort_by_cell(points, size)
-    around = np.full((len(cloud.numbers), 9), -1, dtype=np.int64)
-    _look_around(cloud.numbers, cloud.n_columns, around)
-    return PlanCells(cloud.points, cloud.rows, cloud.first, around)
-
-
-def roofs_in_plan(cells: PlanCells) -> NDArray[np.int64]:
+def roofs_in_plan(cells: SortedPoints) -> NDArray[np.int64]:
     """
     Number roofs from 0, per input row: points in cells that touch, be it at a corner, are of one.
 
     """
-    parent = np.arange(len(cells.around))
-    _link_neighbours(cells.around, parent)
-    numbers = np.unique(parent, return_inverse=True)[1].reshape(-1)
+    parent = np.arange(len(cells.numbers))
+    _link_neighbours(cells.numbers, cells.n_columns, parent)
+    # The first cell of a roof is its root: roofs are numbered in the order of their first cells.
+    number = (np.cumsum(parent == np.arange(len(parent))) - 1)[parent]
     roof = np.empty(len(cells.points), dtype=np.int64)
-    roof[cells.rows] = np.repeat(numbers, np.diff(cells.first))
+    for_row_blocks(lambda a, b: _spread(cells, number, roof, a, b), len(number), CELLS_A_BLOCK)
     return roof
 
 
 @njit(cache=True, nogil=True)
-def _look_around(numbers, n_columns, around):  # type: ignore[no-untyped-def]
+def _link_neighbours(numbers, n_columns, parent):  # type: ignore[no-untyped-def]
     """
-    Fill `around` from rising cell numbers; `n_columns` of them make a row.
+    Link every cell to those round it, of which those before it are enough.
 
     """
-    begin = np.zeros(3, dtype=np.int64)
-    for k in range(len(numbers)):
-        around[k, 0] = k
-        column = numbers[k] % n_columns
-        slot = 1
-        for row in range(3):
-            beside = numbers[k] + (row - 1) * n_columns
-            while begin[row] < len(numbers) and numbers[begin[row]] < beside - 1:
-                begin[row] += 1
-            other = begin[row]
-            while other < len(numbers) and numbers[other] <= beside + 1:
-                # The first cell of a row follows the last one of the row before, far from it.
-                if other != k and abs(numbers[other] % n_columns - column) <= 1:
-                    around[k, slot] = other
-                    slot += 1
-                other += 1
+    if len(numbers) == 0:
+        return
+    windows = first_windows(numbers, n_columns, 1, 0)
+    for cell in range(len(numbers)):
+        move_windows(numbers, n_columns, 1, cell, windows)
+        for row in range(2):
+            for other in range(windows[row, 0], min(windows[row, 1], cell)):
+                link(parent, cell, other)
+    flatten(parent)
 
 
 @njit(cache=True, nogil=True)
-def _link_neighbours(around, parent):  # type: ignore[no-untyped-def]
+def _spread(cells, number, roof, begin, end):  # type: ignore[no-untyped-def]
     """
-    Link every cell to those round it.
+    Write the numbers of cells begin to end to the rows of their points.
 
     """
-    for cell in range(len(parent)):
-        for other in around[cell]:
-            if other > cell:
-                link(parent, cell, other)
-    flatten(parent)
+    for cell in range(begin, end):
+        for i in range(cells.first[cell], cells.first[cell + 1]):
+            roof[cells.rows[i]] = number[cell]

@@ -6,29 +6,36 @@ Thinning: of the band that clusters label along edges, the points on the rim sta
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from lidar_buildings.core.edge_labelling.plan_cells import PlanCells
+from lidar_buildings.core.edge_labelling.open_arcs import (
+    ALL_SECTORS,
+    MAX_OPEN,
+    N_SQUARES,
+    TURN,
+    sector_table,
+    square_at,
+    without_neighbour,
+)
+from lidar_buildings.core.edge_labelling.roofs import numbered
+from lidar_buildings.core.neighbour_windows import first_windows, move_windows
+from lidar_buildings.core.point_order import SortedPoints
 from lidar_buildings.core.row_blocks import for_row_blocks
 
 #: Points nearer than this part of the disc's radius are at the same place: which side they lie on is chance.
 SAME_PLACE = 1e-6
-#: What is left open by less than this part of a quarter turn is closed, so that points of a lattice tie
-#: everywhere or nowhere.
-TIE = 1e-6
-#: Open arcs that are kept apart; a point with more of them is surely on a rim.
-MAX_OPEN = 128
+#: What is gathered of a neighbour: x, y, z, roof; and room for the number of its square.
+N_COLUMNS = 5
 #: Cells a block of work: some ten thousand points.
-CELLS_A_BLOCK = 1024
-#: A full turn, see `_direction`.
-TURN = 4.0
+CELLS_A_BLOCK = 2048
 
 
 def on_rims(
-    cells: PlanCells,
+    cells: SortedPoints,
     band: NDArray[np.bool_],
     roof_id: NDArray[np.int64] | None,
     *,
@@ -44,7 +51,7 @@ def on_rims(
 
     Parameters
     ----------
-    cells : PlanCells
+    cells : SortedPoints
         The points, in cells no smaller than twice the radius and than the reach.
     band : ndarray of bool, shape (n_points,)
         Points that an edge is near to, per input row.
@@ -64,138 +71,148 @@ def on_rims(
 
     """
     rim = np.zeros(len(band), dtype=np.bool_)
-    in_band = np.flatnonzero(band[cells.rows])
-    first = np.searchsorted(in_band, cells.first)
-    roof = np.zeros(0, dtype=np.int64) if roof_id is None else roof_id[cells.rows]
-    lengths = (radius, reach, max_step)
+    roof = np.zeros(len(band), dtype=np.int64) if roof_id is None else _sorted(numbered(roof_id)[1], cells)
+    in_band = np.flatnonzero(_sorted(band, cells))
+    band_first = np.searchsorted(in_band, cells.first)
+    everything = (cells.points, roof, cells.first)
+    of_band = (cells.points[in_band], roof[in_band], band_first)
+    lengths, table = (radius, reach, max_step), sector_table()
     for_row_blocks(
-        lambda begin, end: _find_rims(cells, in_band, first, roof, lengths, rim, begin, end),
-        len(cells.around),
+        lambda begin, end: _find_rims(cells, everything, of_band, lengths, table, rim, begin, end),
+        len(cells.numbers),
         CELLS_A_BLOCK,
     )
     return rim
 
 
-@njit(cache=True, nogil=True)
-def _find_rims(cells, in_band, first, roof, lengths, rim, begin, end):  # type: ignore[no-untyped-def]
+def _sorted(values: NDArray[Any], cells: SortedPoints) -> NDArray[Any]:
     """
-    Fill the rows of the points of cells begin to end; in_band[first[k]] is cell k's first point of the band.
+    Return one value per input row in the order of the sorted points.
 
     """
+    ordered = np.empty_like(values)
+    for_row_blocks(lambda begin, end: _gather(values, cells.rows, ordered, begin, end), len(values))
+    return ordered
+
+
+@njit(cache=True, nogil=True)
+def _gather(values, rows, ordered, begin, end):  # type: ignore[no-untyped-def]
+    """
+    Fill the sorted points begin to end.
+
+    """
+    for i in range(begin, end):
+        ordered[i] = values[rows[i]]
+
+
+@njit(cache=True, nogil=True)
+def _find_rims(cells, everything, of_band, lengths, table, rim, begin, end):  # type: ignore[no-untyped-def]
+    """
+    Fill the rows of the points of cells begin to end.
+
+    `everything` and `of_band` are points, their roofs, and where those of each cell begin.
+
+    """
+    points, roof, first = everything
     radius, reach, max_step = lengths
     arcs = np.empty((MAX_OPEN, 2))
+    near = band = np.empty((N_COLUMNS, 0))
+    windows = first_windows(cells.numbers, cells.n_columns, 1, begin)
     for cell in range(begin, end):
-        around = cells.around[cell]
-        is_near = False
-        for c in around:
-            is_near |= c >= 0 and first[c + 1] > first[c]
-        if not is_near:
+        move_windows(cells.numbers, cells.n_columns, 1, cell, windows)
+        band, n_band = _gathered(of_band, windows, band)
+        if n_band == 0:
             continue
-        for i in range(cells.first[cell], cells.first[cell + 1]):
-            if _is_near_band(cells, around, in_band, first, roof, reach, max_step, i):
-                rim[cells.rows[i]] = _is_touched(cells, around, roof, radius, max_step, i, arcs)
+        near, n_near = _gathered(everything, windows, near)
+        for i in range(first[cell], first[cell + 1]):
+            place = (points[i, 0], points[i, 1], points[i, 2], float(roof[i]))
+            if _is_near(band, n_band, place, reach, max_step):
+                rim[cells.rows[i]] = _is_on_rim(near, n_near, place, radius, max_step, table, arcs)
 
 
 @njit(cache=True, nogil=True)
-def _is_near_band(cells, around, in_band, first, roof, reach, max_step, i):  # type: ignore[no-untyped-def]
+def _gathered(sorted_points, windows, near):  # type: ignore[no-untyped-def]
     """
-    Whether sorted point i, or one of its roof within reach, is of the band.
+    Write x, y, z and roof of the points in a window of cells to the rows of `near`, or of larger ones.
+
+    Returns
+    -------
+    near : ndarray of shape (N_COLUMNS, at least n_near)
+        What is beyond the last point is rubbish.
+    n_near : int
+        How many points there are.
 
     """
-    x, y, z = cells.points[i]
-    for c in around:
-        if c < 0:
-            continue
-        for k in range(first[c], first[c + 1]):
-            j = in_band[k]
-            if len(roof) > 0 and roof[j] != roof[i]:
-                continue
-            dx, dy, dz = cells.points[j, 0] - x, cells.points[j, 1] - y, cells.points[j, 2] - z
-            if dx * dx + dy * dy <= reach * reach and abs(dz) <= max_step:
-                return True
-    return False
+    points, roof, first = sorted_points
+    n_near = 0
+    for begin, end in windows:
+        n_near += first[end] - first[begin]
+    if n_near > near.shape[1]:
+        near = np.empty((N_COLUMNS, 2 * n_near))
+    k = 0
+    for begin, end in windows:
+        for j in range(first[begin], first[end]):
+            near[0, k], near[1, k], near[2, k] = points[j]
+            near[3, k] = roof[j]
+            k += 1
+    return near, n_near
 
 
 @njit(cache=True, nogil=True)
-def _is_touched(cells, around, roof, radius, max_step, i, arcs):  # type: ignore[no-untyped-def]
+def _is_near(band, n_band, place, reach, max_step):  # type: ignore[no-untyped-def]
     """
-    Whether an empty disc touches sorted point i; `arcs` is room to work in.
+    Whether one of the first points of the band, of the same roof, is within reach of a place.
 
     """
-    x, y, z = cells.points[i]
+    x, y, z, roof = place
+    found = False
+    for j in range(n_band):
+        dx, dy, dz = band[0, j] - x, band[1, j] - y, band[2, j] - z
+        # No branch, so that it becomes a vector instruction.
+        found |= (dx * dx + dy * dy <= reach * reach) & (abs(dz) <= max_step) & (band[3, j] == roof)
+    return found
+
+
+@njit(cache=True, nogil=True)
+def _is_on_rim(near, n_near, place, radius, max_step, table, arcs):  # type: ignore[no-untyped-def]
+    """
+    Whether an empty disc touches a place: by sectors if they tell, else exactly; `arcs` is room to work in.
+
+    """
+    x, y, z, roof = place
+    scale, same = N_SQUARES / (4.0 * radius), (SAME_PLACE * radius) ** 2
+    squares = near[4]
+    for j in range(n_near):
+        dx, dy, dz = near[0, j] - x, near[1, j] - y, near[2, j] - z
+        seen = (abs(dz) <= max_step) & (near[3, j] == roof) & (dx * dx + dy * dy > same)
+        squares[j] = square_at(dx * scale, dy * scale) if seen else 0.0
+    surely, perhaps = np.uint64(0), np.uint64(0)
+    for j in range(n_near):
+        square = int(squares[j])
+        surely |= table[square, 0]
+        perhaps |= table[square, 1]
+    if surely == ALL_SECTORS:
+        return False
+    return perhaps != ALL_SECTORS or _is_touched(near, n_near, place, radius, max_step, arcs)
+
+
+@njit(cache=True, nogil=True)
+def _is_touched(near, n_near, place, radius, max_step, arcs):  # type: ignore[no-untyped-def]
+    """
+    Tell the same by cutting out arc after arc.
+
+    """
+    x, y, z, roof = place
     arcs[0] = 0.0, TURN
     n_open = 1
-    for c in around:
-        if c < 0:
+    for j in range(n_near):
+        dx, dy, dz = near[0, j] - x, near[1, j] - y, near[2, j] - z
+        square = dx * dx + dy * dy
+        if square >= 4.0 * radius * radius or abs(dz) > max_step or near[3, j] != roof:
             continue
-        for j in range(cells.first[c], cells.first[c + 1]):
-            if len(roof) > 0 and roof[j] != roof[i]:
-                continue
-            dx, dy, dz = cells.points[j, 0] - x, cells.points[j, 1] - y, cells.points[j, 2] - z
-            square = dx * dx + dy * dy
-            if square >= 4.0 * radius * radius or abs(dz) > max_step:
-                continue
-            if square <= (SAME_PLACE * radius) ** 2:
-                continue
-            first, last = _blocked(dx, dy, math.sqrt(square), math.sqrt(4.0 * radius * radius - square))
-            n_open = _without(arcs, n_open, first, TURN if last < first else last)
-            if last < first:
-                n_open = _without(arcs, n_open, 0.0, last)
-            if n_open == 0:
-                return False
+        if square <= (SAME_PLACE * radius) ** 2:
+            continue
+        n_open = without_neighbour(arcs, n_open, dx, dy, 2.0 * radius)
+        if n_open == 0:
+            return False
     return True
-
-
-@njit(cache=True, nogil=True)
-def _blocked(dx, dy, distance, across):  # type: ignore[no-untyped-def]
-    """
-    Return where the arc begins and ends in which a neighbour keeps the disc's centre out.
-
-    The disc's diameter is the hypotenuse of the neighbour's distance and `across`: from the neighbour's
-    direction (dx, dy) to either end the arc goes by the angle between diameter and distance.
-
-    """
-    first = _direction(dx * distance + dy * across, dy * distance - dx * across)
-    return first, _direction(dx * distance - dy * across, dy * distance + dx * across)
-
-
-@njit(cache=True, nogil=True)
-def _direction(east, north):  # type: ignore[no-untyped-def]
-    """
-    Return a number from 0 to 4 that rises with a vector's direction, anticlockwise from the east.
-
-    Quarter turns that are not quite even: it saves the arc tangent.
-
-    """
-    along = north / (abs(east) + abs(north))
-    if east < 0.0:
-        return 2.0 - along
-    return along if along >= 0.0 else 4.0 + along
-
-
-@njit(cache=True, nogil=True)
-def _without(arcs, n_open, first, last):  # type: ignore[no-untyped-def]
-    """
-    Take the arc first to last out of the open ones; return how many are left.
-
-    """
-    k = 0
-    while k < n_open:
-        begin, end = arcs[k]
-        has_before, has_after = first - begin > TIE, end - last > TIE
-        if end <= first or begin >= last:
-            k += 1
-        elif has_before:
-            arcs[k, 1] = first
-            if has_after and n_open < MAX_OPEN:
-                # Put at the end, where it is met again and left alone.
-                arcs[n_open] = last, end
-                n_open += 1
-            k += 1
-        elif has_after:
-            arcs[k, 0] = last
-            k += 1
-        else:
-            n_open -= 1
-            arcs[k] = arcs[n_open]
-    return n_open

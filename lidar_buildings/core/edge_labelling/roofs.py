@@ -1,5 +1,5 @@
 """
-How roofs are kept from seeing one another.
+How roofs are numbered, and kept from seeing one another.
 
 """
 
@@ -22,6 +22,23 @@ def set_apart(
     """
     if roof_id is None or len(points) == 0:
         return points
-    number = np.unique(roof_id, return_inverse=True)[1].reshape(-1)
+    number = numbered(roof_id)[1]
     lift = 2.0 ** math.ceil(math.log2(np.ptp(points[:, 2]) + 2.0 * reach))
     return points + np.outer(number * lift, [0.0, 0.0, 1.0])
+
+
+def numbered(roof_id: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """
+    Return the roofs' numbers, rising, and each point's place among them.
+
+    """
+    low, high = (int(roof_id.min()), int(roof_id.max())) if len(roof_id) else (0, 0)
+    if high - low >= len(roof_id):
+        numbers, dense = np.unique(roof_id, return_inverse=True)
+        return numbers, dense.reshape(-1)
+    numbers = np.flatnonzero(np.bincount(roof_id - low)) + low
+    if len(numbers) == high - low + 1:
+        return numbers, roof_id if low == 0 else roof_id - low
+    place = np.zeros(high - low + 1, dtype=np.int64)
+    place[numbers - low] = np.arange(len(numbers))
+    return numbers, place[roof_id - low]

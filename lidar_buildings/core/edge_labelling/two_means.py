@@ -12,8 +12,14 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from lidar_buildings.core.row_blocks import for_row_blocks
+
 #: Features are rounded to this part of their range, and summed as whole numbers.
 STEPS = 1 << 16
+#: The same of linearities whose means are compared.
+FINE_STEPS = 1 << 32
+#: Rows a block of work.
+ROWS_A_BLOCK = 65_536
 #: Rounds after which clusters that still change are taken as they are; some ten are usual.
 MAX_ROUNDS = 100
 #: The start parts the points half-way between these percentiles of their linearity: among surface and edge.
@@ -46,21 +52,96 @@ def two_means(
         If a feature is not finite.
 
     """
-    if not np.isfinite(features).all():
+    # Quick, and surely finite where the sum is.
+    if not np.isfinite(features.sum()):
         raise ValueError("features: must be finite")
-    whole = np.rint(features * STEPS).astype(np.int64)
-    second = linearity > np.percentile(linearity, START_PERCENTILES).mean()
+    second = linearity > _start(linearity)
     if second.all() or not second.any():
         second = linearity > 0.5 * (linearity.min() + linearity.max())
     weight = weights(features, distance)
-    for _ in range(MAX_ROUNDS):
-        centres = _medians(whole, second) if distance == "manhattan" else _means(whole, second)
-        before, second = second, in_second(features, centres, weight)
-        if np.array_equal(before, second):
-            break
+    if weight is None:
+        centres, second = _parted_by_medians(features, second)
+    else:
+        centres, second = _parted(features, second, weight)
     if not second.any() or second.all():
         return np.repeat(centres[:1], 2, axis=0)
-    return centres if linearity[second].mean() >= linearity[~second].mean() else centres[::-1]
+    low, high = mean_by_part(linearity, second)
+    return centres if high >= low else centres[::-1]
+
+
+def mean_by_part(values: NDArray[np.float64], second: NDArray[np.bool_]) -> tuple[float, float]:
+    """
+    Return the means of the first and the second part, NaN where it is empty, whatever the order of the rows.
+
+    Values are within 0 to 1.
+
+    """
+    sums, counts = np.zeros((2, 2), dtype=np.int64)
+    _sum_finely(values, second, sums, counts)
+    first, other = np.divide(sums, counts * float(FINE_STEPS), out=np.full(2, np.nan), where=counts > 0)
+    return float(first), float(other)
+
+
+@njit(cache=True, nogil=True)
+def _sum_finely(values, second, sums, counts):  # type: ignore[no-untyped-def]
+    """
+    Add every value, as a whole number, to the sum of its part.
+
+    """
+    for i in range(len(values)):
+        part = 1 if second[i] else 0
+        counts[part] += 1
+        sums[part] += np.int64(np.rint(values[i] * FINE_STEPS))
+
+
+def _start(linearity: NDArray[np.float64]) -> float:
+    """
+    Return the limit in linearity that the iteration starts from.
+
+    """
+    return float(np.percentile(linearity, START_PERCENTILES).mean())
+
+
+def _parted(
+    features: NDArray[np.float64], second: NDArray[np.bool_], weight: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+    """
+    Iterate with means for centres; return the last ones, and the rows that are nearer to the second one.
+
+    Parting and summing up are one pass, on all cores where there are many points.
+
+    """
+    n_blocks = max(1, -(-len(features) // ROWS_A_BLOCK))
+    sums = np.empty((n_blocks, 2, features.shape[1] + 1), dtype=np.int64)
+    changed = np.ones(n_blocks, dtype=np.bool_)
+    for_row_blocks(lambda a, b: _add_up(features, second, sums, a, b), len(features), ROWS_A_BLOCK)
+    for _ in range(MAX_ROUNDS):
+        centres = _means(sums.sum(axis=0))
+        plane = _middle_plane(centres, weight)
+        for_row_blocks(
+            lambda a, b, plane=plane: _part_again(features, plane, second, sums, changed, a, b),  # type: ignore[misc]
+            len(features),
+            ROWS_A_BLOCK,
+        )
+        if not changed.any():
+            break
+    return centres, second
+
+
+def _parted_by_medians(
+    features: NDArray[np.float64], second: NDArray[np.bool_]
+) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+    """
+    Iterate with medians for centres and the Manhattan distance.
+
+    """
+    whole = np.rint(features * STEPS).astype(np.int64)
+    for _ in range(MAX_ROUNDS):
+        centres = _medians(whole, second)
+        before, second = second, in_second(features, centres, None)
+        if np.array_equal(before, second):
+            break
+    return centres, second
 
 
 def weights(features: NDArray[np.float64], distance: str) -> NDArray[np.float64] | None:
@@ -92,24 +173,33 @@ def in_second(
     if weight is None:
         first, second = (np.abs(features - centre).sum(axis=1) for centre in centres)
         return second < first
-    # Squared distances differ by a linear function: which side of a plane between the centres a point is on.
-    across = weight @ (centres[1] - centres[0])
-    middle = 0.5 * float(centres[1] @ weight @ centres[1] - centres[0] @ weight @ centres[0])
     found = np.empty(len(features), dtype=np.bool_)
-    _beyond(features, across, middle, found)
+    plane = _middle_plane(centres, weight)
+    for_row_blocks(lambda a, b: _beyond(features, plane, found, a, b), len(features), ROWS_A_BLOCK)
     return found
 
 
-def _means(whole: NDArray[np.int64], second: NDArray[np.bool_]) -> NDArray[np.float64]:
+def _middle_plane(
+    centres: NDArray[np.float64], weight: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], float]:
     """
-    Return the means of both clusters; that of all points for one that has none.
+    Return the direction across the plane between the centres, and how far along it the plane lies.
+
+    Squared distances differ by a linear function: which side of the plane a point is on.
 
     """
-    sums, counts = np.zeros((2, whole.shape[1]), dtype=np.int64), np.zeros(2, dtype=np.int64)
-    _add_up(whole, second, sums, counts)
-    if not counts.all():
-        sums[:], counts[:] = sums.sum(axis=0), counts.sum()
-    return sums / (counts[:, None] * float(STEPS))
+    across = weight @ (centres[1] - centres[0])
+    return across, 0.5 * float(centres[1] @ weight @ centres[1] - centres[0] @ weight @ centres[0])
+
+
+def _means(sums: NDArray[np.int64]) -> NDArray[np.float64]:
+    """
+    Return the means of both clusters from what `_add_up` found; that of all points for one that has none.
+
+    """
+    if not sums[:, -1].all():
+        sums = np.repeat(sums.sum(axis=0)[None], 2, axis=0)
+    return sums[:, :-1] / (sums[:, -1:] * float(STEPS))
 
 
 def _medians(whole: NDArray[np.int64], second: NDArray[np.bool_]) -> NDArray[np.float64]:
@@ -122,26 +212,45 @@ def _medians(whole: NDArray[np.int64], second: NDArray[np.bool_]) -> NDArray[np.
 
 
 @njit(cache=True, nogil=True)
-def _add_up(whole, second, sums, counts):  # type: ignore[no-untyped-def]
+def _add_up(features, second, sums, begin, end):  # type: ignore[no-untyped-def]
     """
-    Add every row to the sums of its cluster.
+    Sum the rows begin to end, a block, of each cluster as whole numbers; their count comes last.
 
     """
-    for i in range(len(whole)):
-        part = 1 if second[i] else 0
-        counts[part] += 1
-        for k in range(whole.shape[1]):
-            sums[part, k] += whole[i, k]
+    block = sums[begin // ROWS_A_BLOCK]
+    block[:] = 0
+    for i in range(begin, end):
+        part = block[1 if second[i] else 0]
+        for k in range(features.shape[1]):
+            part[k] += np.int64(np.rint(features[i, k] * STEPS))
+        part[-1] += 1
 
 
 @njit(cache=True, nogil=True)
-def _beyond(features, across, middle, found):  # type: ignore[no-untyped-def]
+def _beyond(features, plane, found, begin, end):  # type: ignore[no-untyped-def]
     """
-    Tell which rows lie beyond the middle in the direction across.
+    Tell which of the rows begin to end lie beyond a plane.
 
     """
-    for i in range(len(features)):
+    across, middle = plane
+    for i in range(begin, end):
         along = 0.0
         for k in range(features.shape[1]):
             along += features[i, k] * across[k]
         found[i] = along > middle
+
+
+@njit(cache=True, nogil=True)
+def _part_again(features, plane, second, sums, changed, begin, end):  # type: ignore[no-untyped-def]
+    """
+    Do both for one block of rows, and note whether any changed sides.
+
+    """
+    before = second[begin:end].copy()
+    _beyond(features, plane, second, begin, end)
+    different = False
+    for i in range(begin, end):
+        different |= before[i - begin] != second[i]
+    changed[begin // ROWS_A_BLOCK] = different
+    if different:
+        _add_up(features, second, sums, begin, end)
