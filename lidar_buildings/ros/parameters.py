@@ -177,9 +177,7 @@ class NodeParameters:
 
         """
         try:
-            for one in parameters:
-                if one.name in self._fields:
-                    self._checked(one.name, one.value)
+            self._changed(parameters)
         except ParameterError as error:
             return SetParametersResult(successful=False, reason=str(error))
         return SetParametersResult(successful=True)
@@ -189,12 +187,23 @@ class NodeParameters:
         Use the new values from the next tile on.
 
         """
-        for one in parameters:
-            if one.name not in self._fields:
-                continue
-            stage, member = self._fields[one.name]
-            self._values[one.name] = self._checked(one.name, one.value)
-            self._configs[stage] = replace(self._configs[stage], **{member.name: self._values[one.name]})
+        values, configs = self._changed(parameters)
+        self._values.update(values)
+        self._configs.update(configs)
+
+    def _changed(self, parameters: list[Parameter]) -> tuple[dict[str, Any], dict[str, StageConfig]]:
+        """
+        Return the new values by name, and the configs that they make, which check them against one another.
+
+        """
+        values = {
+            one.name: self._checked(one.name, one.value) for one in parameters if one.name in self._fields
+        }
+        members: dict[str, dict[str, Any]] = {}
+        for name, value in values.items():
+            stage, member = self._fields[name]
+            members.setdefault(stage, {})[member.name] = value
+        return values, {stage: replace(self._configs[stage], **new) for stage, new in members.items()}
 
 
 def _fields_by_name(configs: Mapping[str, type[StageConfig]]) -> dict[str, tuple[str, Field[Any]]]:

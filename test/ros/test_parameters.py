@@ -26,6 +26,18 @@ class WallConfig(StageConfig):
     max_distance: float = parameter(0.1, "Raising it takes more.", unit="m", maximum=1.0)
 
 
+@dataclass(frozen=True)
+class RangeConfig(StageConfig):
+    stage: ClassVar[str] = "ranges"
+    low: int = parameter(1, "Raising it narrows the range.")
+    high: int = parameter(5, "Raising it widens the range.")
+
+    def __post_init__(self):
+        super().__post_init__()
+        if self.low > self.high:
+            raise ParameterError(f"ranges.low = {self.low}: must be at most {self.high}")
+
+
 ONE = {"roofs": RoofConfig}
 TWO = {"roofs": RoofConfig, "walls": WallConfig}
 
@@ -122,6 +134,18 @@ def test_a_change_that_is_not_allowed_is_refused_with_its_reason(make, name, val
     assert not result.successful
     assert reason in result.reason
     assert parameters[RoofConfig] == RoofConfig()
+
+
+def test_changes_that_do_not_go_together_are_refused_and_change_nothing(make):
+    node, parameters = make({"ranges": RangeConfig})
+    result = node.set_parameters_atomically([Parameter("low", value=7)])
+    assert not result.successful
+    assert "ranges.low = 7" in result.reason
+    assert node.get_parameter("low").value == parameters[RangeConfig].low == 1
+    both = [Parameter("low", value=7), Parameter("high", value=9)]
+    assert node.set_parameters_atomically(both).successful
+    assert parameters[RangeConfig] == RangeConfig(low=7, high=9)
+    assert parameters.as_dict() == {"ranges": {"low": 7, "high": 9}}
 
 
 def test_overrides_of_a_node_are_made_from_settings_by_stage(make):
