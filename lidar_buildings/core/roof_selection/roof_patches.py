@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from lidar_buildings.core.eigenfeatures import eigen_features
 from lidar_buildings.core.roof_selection.config import RoofSelectionConfig
+from lidar_buildings.core.roof_selection.decks import is_deck
 from lidar_buildings.core.roof_selection.foliage import Patches, is_foliage
 from lidar_buildings.core.roof_selection.surroundings import share_around
 from lidar_buildings.core.surface_patches import connected_parts, plan_areas, smooth_patches
@@ -65,6 +66,7 @@ def find_roof_surface(
     radius: float,
     cell: float,
     config: RoofSelectionConfig,
+    ground: NDArray[np.float64],
 ) -> RoofSurface:
     """
     Find smooth patches among the last returns, and accept those that are large, or touch a large one.
@@ -83,6 +85,8 @@ def find_roof_surface(
         Side of the cells in which areas are counted [m].
     config : RoofSelectionConfig
         The stage's parameters.
+    ground : ndarray of shape (n_ground, 3)
+        Ground and what is low, by which decks are told [m].
 
     """
     n = len(points)
@@ -110,8 +114,9 @@ def find_roof_surface(
     penetration = share_around(points, ~is_last, radius)[rows]
     starts, touches = _judged(patches, roughness, penetration, height[rows], config)
     small_area = PATCH_SIZES[1] * config.min_patch_area
-    is_opaque = ~is_foliage(points, height, is_only, patches, small_area, radius, config)
-    accepted = _touching(points[rows], patch, starts & is_opaque, touches & is_opaque, radius)
+    is_other = is_foliage(points, height, is_only, patches, small_area, radius, config)
+    is_other |= is_deck(points[rows], patch, ground, cell)
+    accepted = _touching(points[rows], patch, starts & ~is_other, touches & ~is_other, radius)
     surface.is_surface[rows[accepted]] = True
     surface.normals[rows[accepted]] = normals[accepted]
     return surface

@@ -34,6 +34,8 @@ OPEN = (
     PointClass.BUILDING,
     PointClass.MODEL_KEY_POINT,
 )
+#: Classes of points that are no part of the scene.
+NOISE = (PointClass.LOW_NOISE, PointClass.HIGH_NOISE)
 #: Method → its function.
 METHODS = {
     "smooth_patches": smooth_roofs.find_roofs,
@@ -142,8 +144,16 @@ def select_roofs(
     spacing = point_spacing or quantised_spacing(points)
     radius = max(config.neighbourhood_radius * spacing, config.min_neighbourhood_radius)
     is_roof = np.zeros(len(points), dtype=bool)
+    low = points[(height < CONTEXT * config.min_height) & ~np.isin(classes, NOISE)]
     is_roof[raised] = _roofs(
-        points[raised], height[raised], is_last[raised], is_only[raised], radius, AREA_CELL * spacing, config
+        points[raised],
+        height[raised],
+        is_last[raised],
+        is_only[raised],
+        radius,
+        AREA_CELL * spacing,
+        config,
+        low,
     )
     others = np.flatnonzero(~settled & ~is_roof)
     classes[others] = vegetation_classes(height[others], config)
@@ -229,16 +239,18 @@ def _roofs(
     radius: float,
     cell: float,
     config: RoofSelectionConfig,
+    low: NDArray[np.float64],
 ) -> NDArray[np.bool_]:
     """
     Tell which of the points high enough are roof, by the method asked for.
 
     """
-    lowest = CONTEXT * config.min_height if config.method in LOOKS_LOWER else config.min_height
-    rows = np.flatnonzero(height >= lowest)
+    looks_lower = config.method in LOOKS_LOWER
+    rows = np.flatnonzero(height >= (CONTEXT * config.min_height if looks_lower else config.min_height))
+    context = {"ground": low} if looks_lower else {}
     roof = np.zeros(len(points), dtype=bool)
     roof[rows] = METHODS[config.method](
-        points[rows], height[rows], is_last[rows], is_only[rows], radius, cell, config
+        points[rows], height[rows], is_last[rows], is_only[rows], radius, cell, config, **context
     )
     return roof & _in_large_building(points, roof, radius, cell, config.min_building_area)
 

@@ -33,6 +33,7 @@ def find_roofs(
     radius: float,
     cell: float,
     config: RoofSelectionConfig,
+    ground: NDArray[np.float64] | None = None,
 ) -> NDArray[np.bool_]:
     """
     Tell which of the points above ground are roof.
@@ -54,6 +55,8 @@ def find_roofs(
         Side of the cells in which areas are counted, two spacings [m].
     config : RoofSelectionConfig
         The stage's parameters.
+    ground : ndarray of shape (n_ground, 3), optional
+        Ground and what is low [m]; without it decks of bridges are roofs.
 
     Returns
     -------
@@ -61,7 +64,8 @@ def find_roofs(
         Roofs of any size; the caller drops small buildings.
 
     """
-    surface = find_roof_surface(points, height, is_last, is_only, radius, cell, config)
+    ground = np.zeros((0, 3)) if ground is None else ground
+    surface = find_roof_surface(points, height, is_last, is_only, radius, cell, config, ground)
     roof = near_tangent_plane(points, surface.normals, surface.is_surface, radius, config.max_plane_distance)
     roof &= ~surface.is_wall
     too_low = height < config.min_height
