@@ -40,7 +40,7 @@ def half_widths(points: NDArray[np.float64], cell: float, max_width: float) -> N
         than the width and some cells.
 
     """
-    return _measured(points, cell, max_width, lambda plan: (_to_edge(plan) - 0.5) * cell)
+    return _measured(points, cell, max_width, lambda plan: (to_edge(plan) - 0.5) * cell)
 
 
 def wide_enough(points: NDArray[np.float64], cell: float, min_width: float) -> NDArray[np.bool_]:
@@ -59,14 +59,16 @@ def wide_enough(points: NDArray[np.float64], cell: float, min_width: float) -> N
     """
     if min_width < 2.0 * cell:
         return np.ones(len(points), dtype=bool)
-    reach = min_width / 2.0 + cell
+    return _measured(points, cell, min_width, lambda plan: opened(to_edge(plan), min_width / cell) * 1.0) > 0
 
-    def opened(plan: NDArray[np.bool_]) -> NDArray[np.float64]:
-        core = _to_edge(plan) * cell >= min_width / 2.0
-        near = ndimage.distance_transform_edt(~core) * cell <= reach if core.any() else core
-        return near.astype(np.float64)
 
-    return _measured(points, cell, min_width, opened) > 0
+def opened(depth: NDArray[np.float64], width: float) -> NDArray[np.bool_]:
+    """
+    Tell which cells lie within a disc, of a diameter in cells, within a plan given by distances to its edge.
+
+    """
+    core = depth >= width / 2.0
+    return ndimage.distance_transform_edt(~core) <= width / 2.0 + 1.0 if core.any() else core
 
 
 def _measured(points, cell, width, measure):  # type: ignore[no-untyped-def]
@@ -83,13 +85,21 @@ def _measured(points, cell, width, measure):  # type: ignore[no-untyped-def]
         near = np.flatnonzero(((cells >= corner) & (cells < corner + side)).all(axis=1))
         plan = np.zeros((side, side), dtype=bool)
         plan[tuple((cells[near] - corner).T)] = True
-        plan |= ndimage.binary_closing(plan, CLOSING)
+        plan = closed(plan)
         own = near[block.ravel()[near] == number]
         values[own] = measure(plan)[tuple((cells[own] - corner).T)]
     return values
 
 
-def _to_edge(plan: NDArray[np.bool_]) -> NDArray[np.float64]:
+def closed(plan: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """
+    Return a plan with cells filled that are empty by chance.
+
+    """
+    return plan | ndimage.binary_closing(plan, CLOSING)
+
+
+def to_edge(plan: NDArray[np.bool_]) -> NDArray[np.float64]:
     """
     Return the distance of each cell from the nearest empty one in cells; the window's limits are no edges.
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from lidar_buildings.core.roof_selection.attached_parts import wide_levels
 from lidar_buildings.core.roof_selection.config import RoofSelectionConfig
 from lidar_buildings.core.roof_selection.narrow_parts import half_widths, wide_enough
 from lidar_buildings.core.roof_selection.roof_patches import find_roof_surface
@@ -92,6 +93,8 @@ def _drop_narrow(
     """
     rows = np.flatnonzero(roof)
     roof[rows] = wide_enough(points[rows], cell, config.min_roof_width)
+    rows = np.flatnonzero(roof)
+    roof[rows] = wide_levels(points[rows], radius, cell, config)
     rows = np.flatnonzero(roof)
     if len(rows) == 0 or config.min_building_width < 2.0 * cell:
         return
