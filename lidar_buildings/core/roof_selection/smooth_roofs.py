@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lidar_buildings.core.roof_selection.attached_parts import wide_levels
+from lidar_buildings.core.roof_selection.canopies import is_canopy
 from lidar_buildings.core.roof_selection.config import RoofSelectionConfig
 from lidar_buildings.core.roof_selection.narrow_parts import half_widths, wide_enough
 from lidar_buildings.core.roof_selection.roof_patches import find_roof_surface
@@ -73,7 +74,8 @@ def find_roofs(
     roof &= ~too_low
     reach = max(PART_REACH, PART_REACH_RADII * radius)
     held = surrounded_by(points, roof, reach, PART_SINK, config.max_part_height)
-    roof |= _small_parts(points, roof, held, radius, cell, config) | (held & is_last)
+    stands = _small_parts(points, roof, held, radius, cell, config) | (held & is_last)
+    roof |= stands & ~is_canopy(points, roof, stands, radius)
     roof &= ~surface.is_wall
     roof &= ~too_low
     _drop_narrow(points, roof, radius, max(MIN_PLAN_CELL, cell / 2), config)
