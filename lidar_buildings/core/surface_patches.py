@@ -81,9 +81,12 @@ def plan_areas(points: NDArray[np.float64], labels: NDArray[np.int64], cell: flo
     """
     if len(points) == 0:
         return np.zeros(0)
-    occupied = np.unique(np.column_stack([labels, np.floor(points[:, :2] / cell)]), axis=0)
-    n_cells = np.bincount(occupied[:, 0].astype(np.int64))
-    return n_cells.astype(np.float64) * cell**2
+    x, y = np.floor(points[:, :2] / cell).T
+    order = np.lexsort((y, x, labels))
+    x, y, labels = x[order], y[order], labels[order]
+    is_new = np.ones(len(points), dtype=bool)
+    is_new[1:] = (np.diff(x) != 0) | (np.diff(y) != 0) | (np.diff(labels) != 0)
+    return np.bincount(labels[is_new]).astype(np.float64) * cell**2
 
 
 def _numbered(parent: NDArray[np.int64], rows: NDArray[np.int64]) -> NDArray[np.int64]:
@@ -93,7 +96,9 @@ def _numbered(parent: NDArray[np.int64], rows: NDArray[np.int64]) -> NDArray[np.
     """
     flatten(parent)
     numbers = np.empty(len(parent), dtype=np.int64)
-    numbers[rows] = np.unique(parent, return_inverse=True)[1]
+    is_root = np.zeros(len(parent), dtype=bool)
+    is_root[parent] = True
+    numbers[rows] = (np.cumsum(is_root) - 1)[parent]
     return numbers
 
 

@@ -5,13 +5,12 @@ Canopies: what stands above a roof and lets pulses through to it, as crowns do a
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
 from lidar_buildings.core.neighbourhoods import build_grid, neighbours_of
+from lidar_buildings.core.roof_selection.sectors import N_SECTORS, sector_of
 from lidar_buildings.core.surface_patches import connected_parts
 
 #: Roof so far below other points is below a canopy and not beside it [m].
@@ -19,7 +18,6 @@ MIN_GAP = 0.8
 #: How far around a roof point to look for the canopy in plan, in smallest radii of neighbourhoods.
 REACH_RADII = 1.0
 #: Sectors of eight that have to show canopy: a point at the foot of a straight wall sees it in five.
-N_SECTORS = 8
 MIN_SECTORS = 6
 #: Roof points below a part per point of it, from which on it is a canopy.
 MAX_SEEN_THROUGH = 0.1
@@ -85,8 +83,7 @@ def _count_seen(grid, part, reach, counts):  # type: ignore[no-untyped-def]
         for k in range(found):
             j = near[k]
             if part[j] >= 0 and points[j, 2] >= z + MIN_GAP:
-                turn = math.atan2(points[j, 1] - y, points[j, 0] - x) / (2.0 * math.pi) + 0.5
-                seen[int(turn * N_SECTORS) % N_SECTORS] = True
+                seen[sector_of(points[j, 0] - x, points[j, 1] - y)] = True
         if seen.sum() < MIN_SECTORS:
             continue
         for k in range(found):

@@ -5,13 +5,12 @@ Decks: bridges and viaducts, which meet the ground at their own level at two opp
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
 from lidar_buildings.core.neighbourhoods import build_grid, neighbours_of
+from lidar_buildings.core.roof_selection.sectors import N_SECTORS, sector_of
 
 #: Surfaces and ground are compared in cells of this side [m], or of the side in which areas are counted.
 CELL = 1.0
@@ -19,8 +18,6 @@ CELL = 1.0
 REACH = 5.0
 #: How far the ground there may lie above or below the end: a kerb, and a road of 5 % over the reach [m].
 MAX_STEP = 0.5
-#: Compass sectors in which ends are looked for.
-N_SECTORS = 8
 #: Share of the cells at either end that have to meet the ground.
 MIN_SHARE = 0.6
 
@@ -63,7 +60,7 @@ def is_deck(
     _count_ends(grid, owner, REACH + cell, ends, met)
     is_end = (met >= MIN_SHARE * ends) & (met > 0)
     half = N_SECTORS // 2
-    return (is_end[:, :half] & is_end[:, half:]).any(axis=1)
+    return np.asarray((is_end[:, :half] & is_end[:, half:]).any(axis=1))
 
 
 def _top_of_cells(
@@ -73,11 +70,12 @@ def _top_of_cells(
     Return the middle of each cell that a surface occupies, as high as its highest point, and the surface.
 
     """
-    keys = np.column_stack([label, np.floor(points[:, :2] / cell).astype(np.int64)])
-    cells, number = np.unique(keys, axis=0, return_inverse=True)
-    top = np.full(len(cells), -np.inf)
-    np.maximum.at(top, number.ravel(), points[:, 2])
-    return np.column_stack([(cells[:, 1:] + 0.5) * cell, top]), cells[:, 0]
+    cells = np.floor(points[:, :2] / cell)
+    order = np.lexsort((points[:, 2], cells[:, 1], cells[:, 0], label))
+    keys = np.column_stack([label, cells])[order]
+    last = np.append((keys[1:] != keys[:-1]).any(axis=1), [True][: len(keys)])
+    top = order[last]
+    return np.column_stack([(cells[top] + 0.5) * cell, points[top, 2]]), label[top]
 
 
 def _voxels(points: NDArray[np.float64], cell: float) -> NDArray[np.float64]:
@@ -86,7 +84,10 @@ def _voxels(points: NDArray[np.float64], cell: float) -> NDArray[np.float64]:
 
     """
     size = np.array([cell, cell, MAX_STEP / 2.0])
-    return (np.unique(np.floor(points / size), axis=0) + 0.5) * size
+    voxels = np.floor(points / size)
+    voxels = voxels[np.lexsort(voxels.T)]
+    is_new = np.append([True][: len(voxels)], (voxels[1:] != voxels[:-1]).any(axis=1))
+    return (voxels[is_new] + 0.5) * size
 
 
 @njit(cache=True, nogil=True)
@@ -107,7 +108,7 @@ def _count_ends(grid, owner, reach, ends, met):  # type: ignore[no-untyped-def]
             dx, dy = grid.points[j, 0] - x, grid.points[j, 1] - y
             if dx == 0.0 and dy == 0.0:
                 continue
-            sector = int((math.atan2(dy, dx) / (2.0 * math.pi) + 0.5) * N_SECTORS) % N_SECTORS
+            sector = sector_of(dx, dy)
             if owner[j] == owner[i]:
                 goes_on[sector] = True
             elif owner[j] < 0 and abs(grid.points[j, 2] - z) <= MAX_STEP:

@@ -5,13 +5,12 @@ Façades: what of a building lies below the edges of its roofs, and between them
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
 from lidar_buildings.core.neighbourhoods import build_grid, neighbours_of
+from lidar_buildings.core.roof_selection.sectors import N_SECTORS, sector_of
 from lidar_buildings.core.row_blocks import for_row_blocks
 
 #: A façade lies within this many spacings of its roof's points in plan: an edge is missed by half a spacing.
@@ -79,7 +78,7 @@ def _hang(grid, is_roof, is_last, reach, around, hangs, begin, end):  # type: ig
     """
     points = grid.points
     near = np.empty(len(points), dtype=np.int64)
-    seen = np.zeros(8, dtype=np.bool_)
+    seen = np.zeros(N_SECTORS, dtype=np.bool_)
     for i in range(begin, end):
         row = grid.rows[i]
         if is_roof[row]:
@@ -96,6 +95,6 @@ def _hang(grid, is_roof, is_last, reach, around, hangs, begin, end):  # type: ig
             if square <= TOP_REACH * TOP_REACH:
                 top = max(top, other)
             highest = max(highest, other)
-            seen[int((math.atan2(dy, dx) / (2.0 * math.pi) + 0.5) * 8) % 8] = True
+            seen[sector_of(dx, dy)] = True
         is_well = is_last[row] and seen.sum() >= MIN_SECTORS and z <= highest
         hangs[row] = is_well or (is_near and z <= top - MIN_DROP)

@@ -12,6 +12,7 @@ from lidar_buildings.core.roof_selection.attached_parts import wide_levels
 from lidar_buildings.core.roof_selection.canopies import is_canopy
 from lidar_buildings.core.roof_selection.config import RoofSelectionConfig
 from lidar_buildings.core.roof_selection.narrow_parts import half_widths, wide_enough
+from lidar_buildings.core.roof_selection.parapets import find_parapets
 from lidar_buildings.core.roof_selection.roof_patches import find_roof_surface
 from lidar_buildings.core.roof_selection.surroundings import near_tangent_plane, surrounded_by
 from lidar_buildings.core.surface_patches import connected_parts, plan_areas
@@ -41,7 +42,8 @@ def find_roofs(
     Tell which of the points above ground are roof.
 
     Patches start roofs, which grow to their edges along tangent planes, whichever the return, and take in
-    what stands on them: last returns with roof all around, and small parts. What is too narrow goes.
+    what stands on them: last returns with roof all around, and small parts, unless the roof is seen through
+    them; and parapets. What is too narrow goes, on its level and as a whole.
 
     Parameters
     ----------
@@ -77,6 +79,7 @@ def find_roofs(
     stands = _small_parts(points, roof, held, radius, cell, config) | (held & is_last)
     roof |= stands & ~is_canopy(points, roof, stands, radius)
     roof &= ~surface.is_wall
+    roof |= find_parapets(points, roof, surface.is_surface, is_last, radius)
     roof &= ~too_low
     _drop_narrow(points, roof, radius, max(MIN_PLAN_CELL, cell / 2), config)
     return roof

@@ -5,18 +5,15 @@ What lies around each point: a surface it continues, roof on all sides, roof abo
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
 from lidar_buildings.core.neighbourhoods import build_grid, neighbours_of
+from lidar_buildings.core.roof_selection.sectors import N_SECTORS, sector_of
 from lidar_buildings.core.row_blocks import for_row_blocks
 
-#: Compass sectors in which a part looks for roof around it.
-N_SECTORS = 8
-#: Sectors that have to show roof: a part at a straight roof edge sees it in five.
+#: Sectors of eight that have to show roof: a part at a straight roof edge sees it in five.
 MIN_SECTORS = 6
 
 
@@ -153,8 +150,7 @@ def _surrounded(grid, is_roof, radius, max_below, max_above, held, begin, end): 
             if not is_roof[grid.rows[near[k]]]:
                 continue
             p = grid.points[near[k]]
-            turn = math.atan2(p[1] - y, p[0] - x) / (2.0 * math.pi) + 0.5
-            seen[min(int(turn * N_SECTORS), N_SECTORS - 1)] = True
+            seen[sector_of(p[0] - x, p[1] - y)] = True
             lowest, highest = min(lowest, p[2]), max(highest, p[2])
         held[row] = seen.sum() >= MIN_SECTORS and lowest - max_below <= z <= highest + max_above
 
