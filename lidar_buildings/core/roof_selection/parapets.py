@@ -28,11 +28,12 @@ def find_parapets(
     points: NDArray[np.float64],
     roof: NDArray[np.bool_],
     surface: NDArray[np.bool_],
-    is_last: NDArray[np.bool_],
     radius: float,
 ) -> NDArray[np.bool_]:
     """
     Tell which points are of connected rims, all along about as high above the roof beside them.
+
+    Whichever the return: pulses are split at edges.
 
     Parameters
     ----------
@@ -42,8 +43,6 @@ def find_parapets(
         Which points are roof already; the answer for them is False.
     surface : ndarray of bool, shape (n_points,)
         Which of them are smooth roof, above which rims rise.
-    is_last : ndarray of bool, shape (n_points,)
-        Whether the pulse ended there; other points are no rims.
     radius : float
         Longest step along a rim [m].
 
@@ -52,7 +51,7 @@ def find_parapets(
     reach = max(REACH, radius)
     grid = build_grid(points, reach)
     for_row_blocks(lambda begin, end: _rises(grid, roof, surface, reach, rise, begin, end), len(points))
-    rows = np.flatnonzero((rise >= MIN_RISE) & (rise <= MAX_RISE) & is_last)
+    rows = np.flatnonzero((rise >= MIN_RISE) & (rise <= MAX_RISE))
     found = np.zeros(len(points), dtype=bool)
     if len(rows) == 0:
         return found

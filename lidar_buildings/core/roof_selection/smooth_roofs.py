@@ -79,7 +79,7 @@ def find_roofs(
     stands = _small_parts(points, roof, held, radius, cell, config) | (held & is_last)
     roof |= stands & ~is_canopy(points, roof, stands, radius)
     roof &= ~surface.is_wall
-    roof |= find_parapets(points, roof, surface.is_surface, is_last, radius)
+    roof |= find_parapets(points, roof, surface.is_surface, radius)
     roof &= ~too_low
     _drop_narrow(points, roof, radius, max(MIN_PLAN_CELL, cell / 2), config)
     return roof
