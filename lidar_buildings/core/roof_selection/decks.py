@@ -73,7 +73,8 @@ def _top_of_cells(
     cells = np.floor(points[:, :2] / cell)
     order = np.lexsort((points[:, 2], cells[:, 1], cells[:, 0], label))
     keys = np.column_stack([label, cells])[order]
-    last = np.append((keys[1:] != keys[:-1]).any(axis=1), [True][: len(keys)])
+    last = np.ones(len(keys), dtype=bool)
+    last[:-1] = (keys[1:] != keys[:-1]).any(axis=1)
     top = order[last]
     return np.column_stack([(cells[top] + 0.5) * cell, points[top, 2]]), label[top]
 
@@ -86,7 +87,8 @@ def _voxels(points: NDArray[np.float64], cell: float) -> NDArray[np.float64]:
     size = np.array([cell, cell, MAX_STEP / 2.0])
     voxels = np.floor(points / size)
     voxels = voxels[np.lexsort(voxels.T)]
-    is_new = np.append([True][: len(voxels)], (voxels[1:] != voxels[:-1]).any(axis=1))
+    is_new = np.ones(len(voxels), dtype=bool)
+    is_new[1:] = (voxels[1:] != voxels[:-1]).any(axis=1)
     return (voxels[is_new] + 0.5) * size
 
 

@@ -1,0 +1,56 @@
+import numpy as np
+import pytest
+
+from lidar_buildings.core.roof_selection import RoofSelectionConfig
+from lidar_buildings.core.roof_selection.attached_parts import wide_levels
+
+CELL, RADIUS = 0.4, 1.0
+
+
+def box(x, y, z, step=0.3):
+    """A level sheet over x from, to and y from, to."""
+    a, b = np.meshgrid(np.arange(*x, step), np.arange(*y, step))
+    return np.column_stack([a.ravel(), b.ravel(), np.full(a.size, z)])
+
+
+HOUSE = box((0, 20), (0, 12), 9.0)
+
+
+def kept(part, house=HOUSE, config=None):
+    """Return how much of a part and of the house beside it stays."""
+    points = np.vstack([house, part])
+    found = wide_levels(points, RADIUS, CELL, config or RoofSelectionConfig())
+    return found[len(house) :].mean(), found[: len(house)].mean()
+
+
+@pytest.mark.parametrize(
+    ("part", "share"),
+    [
+        (box((4, 10), (12, 13.5), 5.0), 0.0),
+        (box((4, 10), (12, 16), 5.0), 1.0),
+        (box((4, 5), (4, 5), 11.0), 1.0),
+        (box((2, 12), (4, 4.6), 10.5), 1.0),
+        (box((20.4, 34), (4, 6.3), 4.0), 0.0),
+        (box((20.4, 34), (4, 8.5), 4.0), 1.0),
+        (box((2, 16), (12, 14.3), 4.0), 1.0),
+    ],
+    ids=["balcony", "annex", "chimney", "duct", "lorry at a dock", "wing", "lean-to"],
+)
+def test_what_is_narrow_on_its_level_goes_unless_it_stands_on_a_roof_or_leans_on_one(part, share):
+    assert kept(part) == (share, 1.0)
+
+
+def test_the_order_of_points_and_how_far_others_are_do_not_matter():
+    points = np.vstack([HOUSE, box((4, 10), (12, 13.5), 5.0), HOUSE + np.array([5000, 0, 0])])
+    shuffle = np.random.default_rng(1).permutation(len(points))
+    straight = wide_levels(points, RADIUS, CELL, RoofSelectionConfig())
+    np.testing.assert_array_equal(
+        wide_levels(points[shuffle], RADIUS, CELL, RoofSelectionConfig()), straight[shuffle]
+    )
+    assert (~straight).sum() == len(box((4, 10), (12, 13.5), 5.0))
+
+
+def test_widths_below_two_cells_are_not_looked_at():
+    narrow = RoofSelectionConfig(min_roof_width=0.5)
+    assert kept(box((4, 10), (12, 13.5), 5.0), config=narrow) == (1.0, 1.0)
+    assert len(wide_levels(np.zeros((0, 3)), RADIUS, CELL, RoofSelectionConfig())) == 0
