@@ -26,7 +26,7 @@ METHODS = ("smooth_patches", "lasclassify", "single_returns")
 #: Scene → the window that is shown: x from, to, y from, to [m].
 SCENES = {
     "trees_over_roofs": (2, 62, 2, 25),
-    "dormers_and_chimneys": (4, 52, 5, 24),
+    "bridges": (2, 78, 4, 38),
     "forest_edge": (26, 64, 4, 24),
     "vehicles": (2, 62, 3, 36),
 }
@@ -70,7 +70,8 @@ def draw(axes: plt.Axes, scene: RoofScene, method: str, window: tuple[float, ...
 
     """
     config = RoofSelectionConfig(method=method)
-    found = select_roofs(scene.points, config, **scene.columns).classification == 6
+    result = select_roofs(scene.points, config, **scene.columns)
+    found = (result.classification == 6) & ~result.is_facade
     x, y, z = scene.points.T
     low_x, high_x, low_y, high_y = window
     shown = (x > low_x) & (x < high_x) & (y > low_y) & (y < high_y) & scene.is_judged
