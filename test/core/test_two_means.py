@@ -3,7 +3,6 @@ import pytest
 from sklearn.cluster import KMeans
 
 from lidar_buildings.core.edge_labelling.two_means import (
-    ROWS_A_BLOCK,
     in_second,
     mean_by_part,
     two_means,
@@ -109,12 +108,3 @@ def test_means_by_part_are_those_of_numpy_and_the_same_in_any_order():
     assert found == pytest.approx((linearity[~second].mean(), linearity[second].mean()), abs=1e-9)
     assert mean_by_part(linearity[::-1], second[::-1]) == found
     assert np.isnan(mean_by_part(linearity, np.zeros_like(second))[1])
-
-
-@pytest.mark.parametrize("distance", ["euclidean", "mahalanobis"])
-def test_blocks_of_rows_add_up_to_the_whole(distance):
-    features, linearity = points_of(2)
-    many = np.tile(features, (40, 1))
-    centres = two_means(many, np.tile(linearity, 40), distance)
-    assert len(many) > 2 * ROWS_A_BLOCK
-    assert np.array_equal(centres, two_means(features, linearity, distance))

@@ -12,14 +12,10 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from lidar_buildings.core.row_blocks import for_row_blocks
-
 #: Features are rounded to this part of their range, and summed as whole numbers.
 STEPS = 1 << 16
 #: The same of linearities whose means are compared.
 FINE_STEPS = 1 << 32
-#: Rows a block of work.
-ROWS_A_BLOCK = 65_536
 #: Rounds after which clusters that still change are taken as they are; some ten are usual.
 MAX_ROUNDS = 100
 #: The start parts the points half-way between these percentiles of their linearity: among surface and edge.
@@ -62,7 +58,7 @@ def two_means(
     if weight is None:
         centres, second = _parted_by_medians(features, second)
     else:
-        centres, second = _parted(features, second, weight)
+        centres, second = _parted(np.ascontiguousarray(features), second, weight)
     if not second.any() or second.all():
         return np.repeat(centres[:1], 2, axis=0)
     low, high = mean_by_part(linearity, second)
@@ -102,30 +98,102 @@ def _start(linearity: NDArray[np.float64]) -> float:
     return float(np.percentile(linearity, START_PERCENTILES).mean())
 
 
-def _parted(
-    features: NDArray[np.float64], second: NDArray[np.bool_], weight: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+@njit(cache=True, nogil=True)
+def _parted(features, second, weight):  # type: ignore[no-untyped-def]
     """
     Iterate with means for centres; return the last ones, and the rows that are nearer to the second one.
 
-    Parting and summing up are one pass, on all cores where there are many points.
+    Sums follow the rows that change sides, which soon are few.
 
     """
-    n_blocks = max(1, -(-len(features) // ROWS_A_BLOCK))
-    sums = np.empty((n_blocks, 2, features.shape[1] + 1), dtype=np.int64)
-    changed = np.ones(n_blocks, dtype=np.bool_)
-    for_row_blocks(lambda a, b: _add_up(features, second, sums, a, b), len(features), ROWS_A_BLOCK)
+    sums = np.zeros((2, features.shape[1] + 1), dtype=np.int64)
+    for i in range(len(features)):
+        _add(features, i, sums[1 if second[i] else 0], 1)
+    centres = _means(sums)
     for _ in range(MAX_ROUNDS):
-        centres = _means(sums.sum(axis=0))
-        plane = _middle_plane(centres, weight)
-        for_row_blocks(
-            lambda a, b, plane=plane: _part_again(features, plane, second, sums, changed, a, b),  # type: ignore[misc]
-            len(features),
-            ROWS_A_BLOCK,
-        )
-        if not changed.any():
+        centres = _means(sums)
+        across, middle = _middle_plane(centres, weight)
+        changed = False
+        for i in range(len(features)):
+            found = _is_beyond(features, i, across, middle)
+            if found != second[i]:
+                _add(features, i, sums[1 if second[i] else 0], -1)
+                _add(features, i, sums[1 if found else 0], 1)
+                second[i] = found
+                changed = True
+        if not changed:
             break
     return centres, second
+
+
+@njit(cache=True, nogil=True)
+def _add(features, i, total, sign):  # type: ignore[no-untyped-def]
+    """
+    Add a row to a cluster's sums, of whole numbers, or take it away; how many rows there are comes last.
+
+    """
+    for k in range(features.shape[1]):
+        total[k] += sign * np.int64(np.rint(features[i, k] * STEPS))
+    total[-1] += sign
+
+
+@njit(cache=True, nogil=True)
+def _means(sums):  # type: ignore[no-untyped-def]
+    """
+    Return the means of both clusters; that of all points for one that has none.
+
+    """
+    centres = np.empty((2, sums.shape[1] - 1))
+    both = sums[0] + sums[1]
+    for k in range(2):
+        total = both if sums[0, -1] == 0 or sums[1, -1] == 0 else sums[k]
+        for axis in range(centres.shape[1]):
+            centres[k, axis] = total[axis] / (total[-1] * float(STEPS))
+    return centres
+
+
+@njit(cache=True, nogil=True)
+def _middle_plane(centres, weight):  # type: ignore[no-untyped-def]
+    """
+    Return the direction across the plane between the centres, and how far along it the plane lies.
+
+    Squared distances differ by a linear function: which side of the plane a point is on.
+
+    """
+    n = centres.shape[1]
+    across = np.zeros(n)
+    squares = np.zeros(2)
+    for a in range(n):
+        for b in range(n):
+            across[a] += weight[a, b] * (centres[1, b] - centres[0, b])
+            for k in range(2):
+                squares[k] += centres[k, a] * weight[a, b] * centres[k, b]
+    return across, 0.5 * (squares[1] - squares[0])
+
+
+@njit(cache=True, nogil=True, forceinline=True)
+def _is_beyond(features, i, across, middle):  # type: ignore[no-untyped-def]
+    """
+    Tell whether a row lies beyond a plane.
+
+    """
+    along = features[i, 0] * across[0]
+    for k in range(1, features.shape[1]):
+        along += features[i, k] * across[k]
+    return along > middle
+
+
+@njit(cache=True, nogil=True)
+def _beyond(features, centres, weight):  # type: ignore[no-untyped-def]
+    """
+    Tell which rows lie beyond the plane between the centres.
+
+    """
+    across, middle = _middle_plane(centres, weight)
+    found = np.empty(len(features), dtype=np.bool_)
+    for i in range(len(features)):
+        found[i] = _is_beyond(features, i, across, middle)
+    return found
 
 
 def _parted_by_medians(
@@ -173,33 +241,7 @@ def in_second(
     if weight is None:
         first, second = (np.abs(features - centre).sum(axis=1) for centre in centres)
         return second < first
-    found = np.empty(len(features), dtype=np.bool_)
-    plane = _middle_plane(centres, weight)
-    for_row_blocks(lambda a, b: _beyond(features, plane, found, a, b), len(features), ROWS_A_BLOCK)
-    return found
-
-
-def _middle_plane(
-    centres: NDArray[np.float64], weight: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], float]:
-    """
-    Return the direction across the plane between the centres, and how far along it the plane lies.
-
-    Squared distances differ by a linear function: which side of the plane a point is on.
-
-    """
-    across = weight @ (centres[1] - centres[0])
-    return across, 0.5 * float(centres[1] @ weight @ centres[1] - centres[0] @ weight @ centres[0])
-
-
-def _means(sums: NDArray[np.int64]) -> NDArray[np.float64]:
-    """
-    Return the means of both clusters from what `_add_up` found; that of all points for one that has none.
-
-    """
-    if not sums[:, -1].all():
-        sums = np.repeat(sums.sum(axis=0)[None], 2, axis=0)
-    return sums[:, :-1] / (sums[:, -1:] * float(STEPS))
+    return _beyond(np.ascontiguousarray(features), np.ascontiguousarray(centres), weight)
 
 
 def _medians(whole: NDArray[np.int64], second: NDArray[np.bool_]) -> NDArray[np.float64]:
@@ -209,48 +251,3 @@ def _medians(whole: NDArray[np.int64], second: NDArray[np.bool_]) -> NDArray[np.
     """
     parts = (whole[~second], whole[second])
     return np.array([np.median(part if len(part) else whole, axis=0) for part in parts]) / STEPS
-
-
-@njit(cache=True, nogil=True)
-def _add_up(features, second, sums, begin, end):  # type: ignore[no-untyped-def]
-    """
-    Sum the rows begin to end, a block, of each cluster as whole numbers; their count comes last.
-
-    """
-    block = sums[begin // ROWS_A_BLOCK]
-    block[:] = 0
-    for i in range(begin, end):
-        part = block[1 if second[i] else 0]
-        for k in range(features.shape[1]):
-            part[k] += np.int64(np.rint(features[i, k] * STEPS))
-        part[-1] += 1
-
-
-@njit(cache=True, nogil=True)
-def _beyond(features, plane, found, begin, end):  # type: ignore[no-untyped-def]
-    """
-    Tell which of the rows begin to end lie beyond a plane.
-
-    """
-    across, middle = plane
-    for i in range(begin, end):
-        along = 0.0
-        for k in range(features.shape[1]):
-            along += features[i, k] * across[k]
-        found[i] = along > middle
-
-
-@njit(cache=True, nogil=True)
-def _part_again(features, plane, second, sums, changed, begin, end):  # type: ignore[no-untyped-def]
-    """
-    Do both for one block of rows, and note whether any changed sides.
-
-    """
-    before = second[begin:end].copy()
-    _beyond(features, plane, second, begin, end)
-    different = False
-    for i in range(begin, end):
-        different |= before[i - begin] != second[i]
-    changed[begin // ROWS_A_BLOCK] = different
-    if different:
-        _add_up(features, second, sums, begin, end)
