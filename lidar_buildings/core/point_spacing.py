@@ -8,10 +8,13 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from numba import njit
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial import cKDTree
 
+from lidar_buildings.core.nth_neighbour import nth_distances
 from lidar_buildings.core.point_array import checked_points
+from lidar_buildings.core.row_blocks import for_row_blocks
 
 #: Spacing of a cloud that has none (fewer than two distinct positions) [m].
 FALLBACK_SPACING = 1.0
@@ -23,6 +26,8 @@ NEIGHBOURS = 16
 MAX_PROBES = 20_000
 #: Distances beyond this multiple of the median weigh no more: a few strays far off have no say.
 MAX_STRAY = 3.0
+#: Points of the strips that positions are sorted in, on average, and the most that are sorted by insertion.
+POINTS_A_STRIP, LARGE_STRIP = 8, 64
 
 #: A spacing within this factor of the expected one is taken for it: two strips on one another are √2 denser.
 MAX_DEVIATION = 1.6
@@ -58,31 +63,105 @@ def measure_spacing(points: ArrayLike) -> float:
 
     """
     x, y, _ = checked_points(points).T
-    positions = _distinct(x + 1j * y)
+    positions = _distinct(x, y)
     if len(positions) < 2:
         return FALLBACK_SPACING
     # In a small cloud most points lie near its edge: fewer neighbours reach less far beyond it.
     k = min(NEIGHBOURS, max(1, len(positions) // 10))
     plan = positions.view(np.float64).reshape(-1, 2)
-    tree = cKDTree(plan, balanced_tree=False, compact_nodes=False)
     probes = plan[:: math.ceil(len(plan) / MAX_PROBES)]
     # The nearest one found is the point itself.
-    distance = np.sort(tree.query(probes, [k + 1])[0].ravel())
-    area = np.cumsum(np.minimum(distance, MAX_STRAY * np.median(distance)) ** 2)
-    middle = distance[np.searchsorted(area, 0.5 * area[-1])]
+    distance, reach = nth_distances(plan, probes, k + 1)
+    middle = _middle(distance)
+    if not (math.isfinite(middle) and reach >= MAX_STRAY * np.median(distance)):
+        # Too many have their neighbours farther off than is usual for it not to matter how far.
+        tree = cKDTree(plan, balanced_tree=False, compact_nodes=False)
+        middle = _middle(tree.query(probes, [k + 1])[0].ravel())
     # Between a lattice (k) and the area-weighted median of a Poisson process (k + 2/3).
-    return float(middle * math.sqrt(math.pi / (k + 1 / 3)))
+    return middle * math.sqrt(math.pi / (k + 1 / 3))
 
 
-def _distinct(positions: NDArray[np.complex128]) -> NDArray[np.complex128]:
+def _middle(distance: NDArray[np.float64]) -> float:
     """
-    Return the distinct positions by x, then y; some times faster than numpy's unique.
+    Return the median weighted by area, infinite if that of a stray whose distance is not known.
 
     """
-    positions = np.sort(positions)
+    median = np.median(distance)
+    if not math.isfinite(median):
+        return math.inf
+    distance = np.sort(distance)
+    area = np.cumsum(np.minimum(distance, MAX_STRAY * median) ** 2)
+    return float(distance[np.searchsorted(area, 0.5 * area[-1])])
+
+
+def _distinct(x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.complex128]:
+    """
+    Return the distinct positions x + iy by x, then y; many times faster than numpy's unique.
+
+    Points are put into narrow strips by x, which are sorted one by one, on all cores.
+
+    """
+    if len(x) == 0:
+        return np.zeros(0, dtype=np.complex128)
+    low, n_strips = float(x.min()), 1 + len(x) // POINTS_A_STRIP
+    width = (float(x.max()) - low) / n_strips
+    first = np.zeros(n_strips + 1, dtype=np.int64)
+    positions = _by_strip(x, y, low, width, first)
+    for_row_blocks(lambda a, b: _sort_strips(positions, first, a, b), n_strips)
+    for k in np.flatnonzero(np.diff(first) > LARGE_STRIP):
+        positions[first[k] : first[k + 1]].sort()
     differs = np.ones(len(positions), dtype=np.bool_)
     differs[1:] = positions[1:] != positions[:-1]
-    return positions[differs]
+    return positions if differs.all() else positions[differs]
+
+
+@njit(cache=True, nogil=True)
+def _by_strip(x, y, low, width, first):  # type: ignore[no-untyped-def]
+    """
+    Return positions strip by strip, and write to `first` where each strip begins.
+
+    """
+    last = len(first) - 2
+    strip = np.zeros(len(x), dtype=np.int32)
+    for i in range(len(x)):
+        if 0.0 < width < np.inf:
+            strip[i] = min(np.int64((x[i] - low) / width), last)
+        first[strip[i] + 1] += 1
+    for k in range(1, len(first)):
+        first[k] += first[k - 1]
+    place = first[:-1].copy()
+    positions = np.empty(len(x), dtype=np.complex128)
+    for i in range(len(x)):
+        positions[place[strip[i]]] = complex(x[i], y[i])
+        place[strip[i]] += 1
+    return positions
+
+
+@njit(cache=True, nogil=True)
+def _sort_strips(positions, first, begin, end):  # type: ignore[no-untyped-def]
+    """
+    Sort the positions within the strips begin to end, but for large ones, by insertion.
+
+    """
+    for k in range(begin, end):
+        if first[k + 1] - first[k] > LARGE_STRIP:
+            continue
+        for i in range(first[k] + 1, first[k + 1]):
+            one = positions[i]
+            j = i
+            while j > first[k] and _comes_first(one, positions[j - 1]):
+                positions[j] = positions[j - 1]
+                j -= 1
+            positions[j] = one
+
+
+@njit(cache=True, nogil=True)
+def _comes_first(one, other):  # type: ignore[no-untyped-def]
+    """
+    Whether a position comes before another by x, then y.
+
+    """
+    return one.real < other.real or (one.real == other.real and one.imag < other.imag)
 
 
 def steady_spacing(points: ArrayLike, expected: float | None) -> float:

@@ -1,6 +1,7 @@
 import numpy as np
 import pytest
 
+from lidar_buildings.core import point_spacing
 from lidar_buildings.core.point_spacing import FALLBACK_SPACING, measure_spacing, quantised_spacing
 
 
@@ -97,3 +98,21 @@ def test_a_few_strays_far_off_have_no_say():
     cloud = poisson_cloud(4.0, 40)
     strays = np.column_stack([np.arange(20) * 500.0 + 1000, np.zeros(20), np.zeros(20)])
     assert measure_spacing(np.vstack([cloud, strays])) == pytest.approx(0.5, rel=0.05)
+
+
+@pytest.mark.parametrize("kind", ["even", "strays", "half of it sparse", "columns", "line", "lattice"])
+def test_the_spacing_is_the_one_found_by_a_tree_of_all_points(kind, monkeypatch):
+    cloud = poisson_cloud(4.0, 120)
+    cloud = {
+        "even": cloud,
+        "strays": np.vstack([cloud, [[1e7, 3.0, 0.0], [-1e9, 1e8, 0.0]]]),
+        "half of it sparse": np.vstack([cloud, poisson_cloud(0.001, 4000)]),
+        "columns": np.repeat(cloud[:500], 90, axis=0) * [0.0, 1.0, 1.0] + cloud[0],
+        "line": cloud[:3000] * [0.0, 1.0, 0.0],
+        "lattice": square_lattice(0.5, 90),
+    }[kind]
+    found = measure_spacing(cloud)
+    monkeypatch.setattr(
+        point_spacing, "nth_distances", lambda plan, probes, n: (np.full(len(probes), np.inf), 0.0)
+    )
+    assert measure_spacing(cloud) == found
