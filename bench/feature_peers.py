@@ -26,6 +26,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from lidar_buildings.core.edge_labelling import EdgeLabellingConfig, label_edges
 from lidar_buildings.core.eigenfeatures import EigenFeatures, eigen_features
 
 # Threads that wait in a loop for one another slow down whatever is measured next.
@@ -196,4 +197,30 @@ CHOSEN = {
         "lidar_buildings", None, lambda task, _: own_features(task, "eigenentropy")
     ),
     "pgeof optimal": Library("pgeof", pgeof_neighbours, pgeof_optimal),
+}
+
+
+def edge_radii(spacing: float) -> NDArray[np.float64]:
+    """
+    Return the radii that edge labelling chooses from by default.
+
+    """
+    config = EdgeLabellingConfig()
+    return np.geomspace(config.min_radius, config.max_radius, config.n_radii) * spacing
+
+
+def own_edges(task: Task, is_given: bool) -> NDArray[np.uint8]:
+    """
+    Label edges with the default parameters; the spacing is measured if it is not given.
+
+    """
+    spacing = float(task.radii[0]) / EdgeLabellingConfig().min_radius
+    return label_edges(task.points, point_spacing=spacing if is_given else None).edge
+
+
+#: Edge labelling as a whole, beside the features that are a part of it.
+LABELS = {
+    OWN: FIXED[OWN],
+    "label_edges": Library("lidar_buildings", None, lambda task, _: own_edges(task, True)),
+    "label_edges, spacing measured": Library("lidar_buildings", None, lambda task, _: own_edges(task, False)),
 }

@@ -4,9 +4,9 @@ Speed of eigenvalue features, and how far libraries agree on them.
     python bench/features.py [--data DIR] [--radius SPACINGS] [--radii LEAST MOST NUMBER] [--repeats N]
 
 Roof points of Delft (class 6), or where that is not there of a simulated village. First with a fixed radius,
-then with one chosen for each point. All libraries run in one process on all cores, in turns; the best of the
-repeats counts, and the time includes the search for neighbours. Peers that are not installed are named and
-left out.
+then with one chosen for each point; last the whole of edge labelling, of which features are a part. All
+libraries run in one process on all cores, in turns; the best of the repeats counts, and the time includes the
+search for neighbours. Peers that are not installed are named and left out.
 
 """
 
@@ -23,7 +23,7 @@ import numpy as np
 from agreement import table
 from clouds import data_folder
 from feature_agreement import differences
-from feature_peers import CHOSEN, FIXED, OWN, Library, Task, task_of
+from feature_peers import CHOSEN, FIXED, LABELS, OWN, Library, Task, edge_radii, task_of
 from numpy.typing import NDArray
 from roof_areas import read_tile
 
@@ -67,6 +67,15 @@ def roof_points(data: Path | None, density: float = DENSITY) -> tuple[str, NDArr
         return "Delft, class 6", tile.points[tile.classification == PointClass.BUILDING]
     tile, truth = simulate_tile(SCENE, density=density)
     return f"simulated {SCENE}", tile.points[truth.classification == PointClass.BUILDING]
+
+
+def side_by_side(points: NDArray[np.float64], copies: int) -> NDArray[np.float64]:
+    """
+    Return several copies of the points, each beside the last one, too far off to be seen from there.
+
+    """
+    width = np.ceil(np.ptp(points[:, 0])) + 100.0
+    return np.concatenate([points + np.array([k * width, 0.0, 0.0]) for k in range(copies)])
 
 
 def time_one(library: Library, task: Task) -> Timing:
@@ -140,6 +149,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     options = _parser().parse_args(arguments)
     name, points = roof_points(data_folder(options.data), options.density)
     spacing = quantised_spacing(points)
+    points = side_by_side(points, options.copies)
     # A peer takes the radius in float32: one that is the same in both.
     radius = float(np.float32(options.radius * spacing))
     least, most, number = options.radii
@@ -150,6 +160,11 @@ def main(arguments: Sequence[str] | None = None) -> None:
     print(table(SPEED_HEADINGS, speed_rows(FIXED, time_all(FIXED, fixed, options.repeats), len(points))))
     print(f"\n{len(radii)} radii from {radii[0]:.3f} to {radii[-1]:.3f} m, at most {chosen.most} neighbours")
     print(table(SPEED_HEADINGS, speed_rows(CHOSEN, time_all(CHOSEN, chosen, options.repeats), len(points))))
+    labels = task_of(points, edge_radii(spacing))
+    print(
+        f"\nEdge labelling, {len(labels.radii)} radii from {labels.radii[0]:.3f} to {labels.radii[-1]:.3f} m"
+    )
+    print(table(SPEED_HEADINGS, speed_rows(LABELS, time_all(LABELS, labels, options.repeats), len(points))))
     print(f"\nDifferences from {OWN} with the fixed radius")
     print(table(AGREEMENT_HEADINGS, agreement_rows(fixed)))
 
@@ -164,6 +179,7 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("--data", help="folder of the real clouds (default: LIDAR_BUILDINGS_DATA)")
     parser.add_argument("--density", type=float, default=DENSITY, help="pulses/m² of the simulation")
+    parser.add_argument("--copies", type=int, default=1, help="of the points, side by side: a larger tile")
     parser.add_argument("--radius", type=float, default=3.0, help="fixed radius [spacings]")
     parser.add_argument(
         "--radii",

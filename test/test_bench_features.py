@@ -10,7 +10,7 @@ import laspy
 import numpy as np
 import pytest
 from agreement import table
-from feature_peers import CHOSEN, FIXED, OWN
+from feature_peers import CHOSEN, FIXED, LABELS, OWN
 
 
 @pytest.fixture(scope="module")
@@ -56,7 +56,7 @@ def test_points_are_those_of_delft_s_class_6_or_simulated_roofs(tmp_path):
     assert len(points) == 100
 
 
-@pytest.mark.parametrize("libraries", [FIXED, CHOSEN], ids=["fixed", "chosen"])
+@pytest.mark.parametrize("libraries", [FIXED, CHOSEN, LABELS], ids=["fixed", "chosen", "labels"])
 def test_every_library_that_is_installed_is_timed(libraries, task):
     timings = features.time_all(libraries, task, repeats=2)
     assert OWN in timings
@@ -106,7 +106,8 @@ def test_peers_that_are_absent_are_left_out_and_named(monkeypatch, tmp_path, cap
     )
     features.main(["--data", str(tmp_path), "--density", "0.5", "--repeats", "1"])
     output = capsys.readouterr().out
-    assert len(lines_of(output, OWN)) == 2
+    assert len(lines_of(output, OWN)) == 3
+    assert len(lines_of(output, "label_edges")) == 1
     for name in ("jakteristics", "pgeof selected", "pgeof", "open3d", "pgeof optimal"):
         assert [line.split()[-2:] for line in lines_of(output, name)] == [["not", "installed"]]
 
@@ -122,3 +123,13 @@ def test_ratios_are_of_the_best_runs():
     words = [line.split() for line in table(features.SPEED_HEADINGS, rows).splitlines()[2:]]
     assert words[0][1:] == ["1.000", "1.000–2.000", "–", "3.000", "1.0"]
     assert words[1][1:] == ["4.000", "4.000–7.000", "2.000", "0.750", "4.0"]
+
+
+def test_copies_lie_side_by_side_and_do_not_see_one_another(task):
+    both = features.side_by_side(task.points, 2)
+    n = len(task.points)
+    assert len(both) == 2 * n
+    assert both[n:, 0].min() > both[:n, 0].max() + 50
+    labels = feature_peers.own_edges(task._replace(points=both), True)
+    assert np.array_equal(labels[:n], labels[n:])
+    assert 0 < labels.sum() < n
