@@ -5,6 +5,7 @@ The score of edges: a result's edge labels against the alpha shapes of a referen
 
 from __future__ import annotations
 
+import json
 import math
 from dataclasses import asdict, fields
 from pathlib import Path
@@ -13,6 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from lidar_buildings.core.errors import InputError
 from lidar_buildings.core.point_spacing import measure_spacing
 from lidar_buildings.core.scores.edges import (
     EdgeScore,
@@ -29,6 +31,7 @@ from lidar_buildings.core.scores.roofs import (
     roofs_of_polygons,
     split_at_steps,
 )
+from lidar_buildings.core.stage_names import STAGES
 from lidar_buildings.io.labelled_points import LabelledPoints, has_clouds, read_label_pairs, read_labels
 from lidar_buildings.io.metric_polygons import read_metric_polygons
 from lidar_buildings.score_sides import BUILDING, ScoreOptions, check_same_system, is_inside
@@ -42,6 +45,7 @@ def edge_figures(result: Path, reference: Path, options: ScoreOptions) -> dict[s
     labels are judged by the points they were made of. Alpha shapes go beyond the area of interest.
 
     """
+    _check_labels_were_made(result)
     cloud, roof, n_roofs = _roofs_of_reference(result, reference, options)
     labelled, inside = _labelled(cloud), is_inside(cloud.points, options.area)
     rows = np.flatnonzero((roof != NO_ROOF) & labelled)
@@ -63,13 +67,25 @@ def edge_figures(result: Path, reference: Path, options: ScoreOptions) -> dict[s
     }
 
 
-def _labelled(cloud: LabelledPoints) -> NDArray[np.bool_]:
+def _check_labels_were_made(result: Path) -> None:
     """
-    Tell which points the result has on roofs: façades are of class 6, too, but have no label and no building.
+    Refuse the output folder of a run that ended before the edges.
 
     """
-    is_building, has_id = np.isin(cloud.labels[0], BUILDING), cloud.labels[2] > 0
-    return is_building & has_id if has_id.any() else is_building
+    try:
+        until = json.loads((result / "run.json").read_text())["until"]
+    except (OSError, ValueError, KeyError, TypeError):
+        return
+    if until in STAGES and STAGES.index(until) < STAGES.index("edge_labelling"):
+        raise InputError(f"{result}: the run ended after {until}: run it again with --until edge_labelling")
+
+
+def _labelled(cloud: LabelledPoints) -> NDArray[np.bool_]:
+    """
+    Tell which points the result has on roofs: façades are of class 6, too, but have no label.
+
+    """
+    return np.isin(cloud.labels[0], BUILDING) & (cloud.labels[2] == 0)
 
 
 def _roofs_of_reference(

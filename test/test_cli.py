@@ -190,7 +190,7 @@ def test_a_run_gives_every_file_of_the_contract(roofs, result):
     assert files_in(result) == FILES
     assert_complete(roofs, result, min_tiles=10)
     names = set(laspy.open(result / FILES[2]).header.point_format.dimension_names)
-    assert {"HeightAboveGround", "BuildingId", "PlaneId", "EdgeLabel"} <= names
+    assert {"HeightAboveGround", "Facade", "BuildingId", "PlaneId", "EdgeLabel"} <= names
     layers = dict(pyogrio.list_layers(result / "buildings.gpkg"))
     assert set(layers) == {"outlines", "traced", "roof_faces"}
     assert layers["roof_faces"].endswith("Z")

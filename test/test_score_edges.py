@@ -18,23 +18,23 @@ from lidar_buildings.score import run_score
 STEP = 0.5
 
 
-def write_labels(path, points, classes, edge, building=None):
+def write_labels(path, points, classes, edge, facade=None):
     """
-    A classified file with edge labels, and the ids of buildings if given.
+    A classified file with edge labels, and marks of façades if given.
 
     """
     path.parent.mkdir(parents=True, exist_ok=True)
     header = laspy.LasHeader(point_format=6, version="1.4")
     header.scales, header.offsets = [0.001] * 3, ORIGIN
     header.add_extra_dim(laspy.ExtraBytesParams(name="EdgeLabel", type=np.uint8))
-    if building is not None:
-        header.add_extra_dim(laspy.ExtraBytesParams(name="BuildingId", type=np.uint32))
+    if facade is not None:
+        header.add_extra_dim(laspy.ExtraBytesParams(name="Facade", type=np.uint8))
     cloud = laspy.LasData(header)
     cloud.x, cloud.y, cloud.z = (np.asarray(points, dtype=float) + ORIGIN).T
     cloud.classification = np.asarray(classes, dtype=np.uint8)
     cloud.EdgeLabel = np.asarray(edge, dtype=np.uint8)
-    if building is not None:
-        cloud.BuildingId = np.asarray(building, dtype=np.uint32)
+    if facade is not None:
+        cloud.Facade = np.asarray(facade, dtype=np.uint8)
     cloud.write(path)
     return path
 
@@ -110,22 +110,34 @@ def test_roof_points_that_the_result_does_not_have_are_counted_and_not_judged(tm
         assert figures["edge_f_score"] == 1.0
 
 
-@pytest.mark.parametrize("building_id", [256, 2**32 - 1])
-def test_facades_are_no_roof_points_where_the_result_knows_buildings(tmp_path, houses, building_id):
+def test_facades_are_no_roof_points(tmp_path, houses):
     points, classes, rim = houses
     wall = (points[:, 0] > 15) & (points[:, 0] < 16) & (points[:, 1] > 6) & (points[:, 1] < 14)
-    mine, building = np.where(wall, 6, classes), np.where(classes == 6, building_id, 0)
+    mine = np.where(wall, 6, classes)
     reference = write_cloud(tmp_path / "b.laz", points, mine)
-    result = write_labels(tmp_path / "a.laz", points, mine, rim, building)
+    result = write_labels(tmp_path / "a.laz", points, mine, rim, wall)
     figures = run_score("edges", result, reference).figures
     assert figures["n_unlabelled"] == wall.sum() == 2 * 16
     assert figures["n_points"] == BOTH
     assert figures["edge_f_score"] == 1.0
-    # Without ids, as up to the stage of edges, nothing tells them from roofs.
-    result = write_labels(tmp_path / "c.laz", points, mine, rim, np.zeros(len(points)))
+    # Where no dimension says so, nothing tells them from roofs.
+    result = write_labels(tmp_path / "c.laz", points, mine, rim)
     figures = run_score("edges", result, reference).figures
     assert figures["n_points"] == BOTH + wall.sum()
     assert figures["edge_f_score"] < 0.9
+
+
+@pytest.mark.parametrize(("until", "refused"), [("roof_selection", True), ("edge_labelling", False)])
+def test_a_run_that_ended_before_the_edges_is_refused(tmp_path, houses, until, refused):
+    points, classes, rim = houses
+    reference = write_cloud(tmp_path / "b.laz", points, classes)
+    write_labels(tmp_path / "run" / "classified" / "b.laz", points, classes, rim)
+    (tmp_path / "run" / "run.json").write_text(json.dumps({"until": until}))
+    if refused:
+        with pytest.raises(InputError, match="the run ended after roof_selection"):
+            run_score("edges", tmp_path / "run", reference)
+    else:
+        assert run_score("edges", tmp_path / "run", reference).figures["edge_f_score"] == 1.0
 
 
 def test_the_area_of_interest_takes_points_and_cuts_no_roof(tmp_path, houses):

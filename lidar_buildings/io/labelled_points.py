@@ -19,8 +19,8 @@ from lidar_buildings.io.las import Cloud, open_cloud, xyz_of
 
 #: Extra dimension of a simulated survey: the class that each point has in truth.
 TRUE_CLASS = "TrueClass"
-#: Dimensions that a result is read from: its classes, whether a roof point lies on an edge, and its building.
-CLASS, EDGE, BUILDING_ID = "classification", "EdgeLabel", "BuildingId"
+#: Dimensions that a result is read from: classes, which points of buildings are façade, and edges of roofs.
+CLASS, FACADE, EDGE = "classification", "Facade", "EdgeLabel"
 #: Folder of an output folder in which the clouds stand.
 CLASSIFIED = "classified"
 
@@ -35,7 +35,7 @@ class LabelledPoints:
     points : ndarray of shape (n_points, 3)
         In the clouds' reference system, but in metres.
     labels : tuple of ndarray of uint8, shape (n_points,)
-        ASPRS classes, 1 for edges, or 1 for roofs of buildings; one array per source and kind.
+        ASPRS classes, 1 for edges, or 1 for façades; one array per source and kind.
     crs : str
         Name of the reference system, empty if the clouds do not say.
 
@@ -82,8 +82,8 @@ def read_labels(path: Path, *, prefer_truth: bool, edges: bool = False) -> Label
     prefer_truth : bool
         Whether the true class of a simulated survey counts where a cloud has it.
     edges : bool
-        Whether to read edge labels, too, and which points have a building's id, as roofs have and façades
-        have not; they come after the classes.
+        Whether to read edge labels, too, and which points are façade, which have none; they come after the
+        classes.
 
     Raises
     ------
@@ -107,12 +107,12 @@ def read_label_pairs(result: Path, reference: Path, *, edges: bool = False) -> L
     result, reference : Path
         A cloud each, or folders of clouds that carry the same names up to their endings.
     edges : bool
-        Whether to read the result's edge labels, too, and which of its points have a building's id.
+        Whether to read the result's edge labels, too, and which of its points are façade.
 
     Returns
     -------
     LabelledPoints
-        With the result's classes first, its edge labels and which points have a building next if asked for,
+        With the result's classes first, its edge labels and which points are façade next if asked for,
         and then the reference's classes: those of the truth of a simulated survey where there is one.
 
     Raises
@@ -169,10 +169,10 @@ def _class_of(cloud: Cloud, prefer_truth: bool) -> str:
 
 def _edge_of(edges: bool) -> tuple[str, ...]:
     """
-    Return the dimensions that hold edge labels and buildings, if they are asked for.
+    Return the dimensions that hold edge labels and façades, if they are asked for.
 
     """
-    return (EDGE, BUILDING_ID) if edges else ()
+    return (EDGE, FACADE) if edges else ()
 
 
 def _parts(cloud: Cloud, dimensions: tuple[str, ...]) -> Iterator[tuple[NDArray[Any], ...]]:
@@ -192,14 +192,12 @@ def _parts(cloud: Cloud, dimensions: tuple[str, ...]) -> Iterator[tuple[NDArray[
 
 def _label_of(cloud: Cloud, chunk: Any, name: str) -> NDArray[np.uint8]:
     """
-    Return a dimension's labels: of buildings 1 where there is one, none where the cloud knows of none.
+    Return a dimension's labels; no façades where the cloud knows of none.
 
     """
-    if name != BUILDING_ID:
-        return np.asarray(chunk[name], dtype=np.uint8)
-    if name not in cloud.header.point_format.extra_dimension_names:
+    if name == FACADE and name not in cloud.header.point_format.extra_dimension_names:
         return np.zeros(len(chunk), dtype=np.uint8)
-    return (np.asarray(chunk[name]) > 0).astype(np.uint8)
+    return np.asarray(chunk[name], dtype=np.uint8)
 
 
 def _paired_parts(

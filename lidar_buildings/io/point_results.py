@@ -21,6 +21,7 @@ RESULT = np.dtype(
         ("known", "u1"),
         ("classification", "u1"),
         ("height_above_ground", "<f4"),
+        ("facade", "u1"),
         ("building_id", "<u4"),
         ("plane_id", "<u2"),
         ("edge", "u1"),
@@ -116,11 +117,11 @@ class PointResults:
 
     def _enter_core(self, rows: NDArray[Any]) -> None:
         """
-        Enter classes and heights.
+        Enter classes, heights and façades.
 
         """
         self._table["known"][rows["index"]] = 1
-        for name in ("classification", "height_above_ground"):
+        for name in ("classification", "height_above_ground", "facade"):
             self._table[name][rows["index"]] = rows[name]
 
     def _enter_edges(self, rows: NDArray[Any]) -> None:

@@ -25,7 +25,11 @@ _WINDOW, _RASTERS = "window", ("dtm", "dsm", "distance")
 #: Rows of a tile's core points, of its buildings' points, and of its core roof points.
 CORE, ROOFS, EDGES = (
     np.dtype([(name, COLUMNS[name]) for name in (*_NAME, *columns)])
-    for columns in (("classification", "height_above_ground"), ("building_id", "plane_id", "edge"), ("edge",))
+    for columns in (
+        ("classification", "height_above_ground", "facade"),
+        ("building_id", "plane_id", "edge"),
+        ("edge",),
+    )
 )
 
 
@@ -57,7 +61,7 @@ class TileProducts:
     stamp : int
         The tile's key [ns].
     core : structured ndarray
-        `source`, `index`, `classification`, `height_above_ground` of every core point.
+        `source`, `index`, `classification`, `height_above_ground`, `facade` of every core point.
     roofs : structured ndarray
         `source`, `index`, `building_id`, `plane_id`, `edge` of all points, core and buffer, of the tile's own
         buildings.

@@ -16,7 +16,7 @@ from lidar_buildings.io.las import open_cloud
 from lidar_buildings.io.las_records import read_raw_header
 from lidar_buildings.io.point_results import RESULT
 
-NEW = ("HeightAboveGround", "BuildingId", "PlaneId", "EdgeLabel")
+NEW = ("HeightAboveGround", "Facade", "BuildingId", "PlaneId", "EdgeLabel")
 LEGACY_CLASSES = np.array([1, 2, 3, 6, 7, 9, 11, 18], dtype=np.uint8)
 
 
@@ -55,11 +55,12 @@ def assert_new(after, results):
     used = np.asarray(after.withheld) == 0
     assert np.array_equal(after.classification[used], results["classification"][used])
     assert np.array_equal(after["HeightAboveGround"], results["height_above_ground"])
+    assert np.array_equal(after["Facade"], results["facade"])
     assert np.array_equal(after["BuildingId"], results["building_id"])
     assert np.array_equal(after["PlaneId"], results["plane_id"])
     assert np.array_equal(after["EdgeLabel"], results["edge"])
     kinds = [after.points.array.dtype[name].str for name in NEW]
-    assert kinds == ["<f4", "<u4", "<u2", "|u1"]
+    assert kinds == ["<f4", "|u1", "<u4", "<u2", "|u1"]
 
 
 @pytest.mark.parametrize(
