@@ -211,9 +211,30 @@ def quantised_spacing(points: ArrayLike) -> float:
     return _quantised(measure_spacing(points))
 
 
+def given_or_measured(points: ArrayLike, point_spacing: float | None) -> float:
+    """
+    Return the spacing that a stage's lengths are multiples of: as given, or else measured and rounded [m].
+
+    Raises
+    ------
+    ValueError
+        If the spacing given is no positive length, or `points` are not as for `measure_spacing`.
+
+    """
+    if point_spacing is None:
+        return quantised_spacing(points)
+    if not (math.isfinite(point_spacing) and point_spacing > 0):
+        raise ValueError(f"point_spacing = {point_spacing!r}: must be a positive length [m]")
+    return float(point_spacing)
+
+
 def _quantised(spacing: float) -> float:
     """
     Round to the nearest power of the quantum.
 
     """
+    if spacing == 0.0:  # distances so small that their squares are
+        return FALLBACK_SPACING
+    if not math.isfinite(spacing):
+        raise ValueError("points lie so far apart that squares of distances overflow: give metres")
     return float(QUANTUM ** round(math.log(spacing, QUANTUM)))

@@ -15,7 +15,7 @@ from lidar_buildings.core.building_id import building_id
 from lidar_buildings.core.parameters import StageConfig, parameter
 from lidar_buildings.core.point_array import checked_column, checked_points
 from lidar_buildings.core.point_order import cell_numbers
-from lidar_buildings.core.point_spacing import quantised_spacing
+from lidar_buildings.core.point_spacing import given_or_measured
 from lidar_buildings.core.segmentation_windows import chain_windows
 
 #: Share of cells of the spacing's size that random points fill: 1 − 1/e.
@@ -118,7 +118,7 @@ def segment_buildings(
     for name, column in (("scan_angle", scan_angle), ("gps_time", gps_time)):
         if column is not None:
             checked_column(name, column, len(cloud), np.float64)
-    spacing = point_spacing or quantised_spacing(cloud)
+    spacing = given_or_measured(cloud, point_spacing)
     window = config.window * spacing
     component, n_components = chain_windows(cloud[:, :2], (window / 2, window / 2))
     n_points = np.bincount(component, minlength=n_components)

@@ -145,6 +145,20 @@ def test_clusters_of_one_tile_can_be_given_to_the_next():
     assert np.array_equal(given.clusters[0].centres, clusters.centres)
 
 
+@pytest.mark.parametrize(
+    ("features", "centres"),
+    [
+        ("linearity_planarity", "0.6 0.3 0.1 0.8"),
+        ("linearity", "0.4 0.4"),
+        ("eigenvalues", "0.7 0.2 0.1 0.5 0.5 0.0"),
+        ("eigenvalues", "0 0 0 0 0 0"),
+    ],
+)
+def test_centres_of_edges_have_to_be_the_more_linear_ones(features, centres):
+    with pytest.raises(ParameterError, match="that of edges, must be more linear"):
+        EdgeLabellingConfig(features=features, centres=centres)
+
+
 @pytest.mark.parametrize("centres", ["0.1 0.9 0.6", "0.1 0.9 0.6 much", "0.1 0.9 0.6 nan", "0.1 0.9 0.6 3"])
 def test_centres_that_do_not_fit_the_features_are_refused(centres):
     with pytest.raises(ParameterError, match=r"edge_labelling\.centres.*4 numbers within 0 to 1"):

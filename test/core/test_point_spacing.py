@@ -2,7 +2,12 @@ import numpy as np
 import pytest
 
 from lidar_buildings.core import point_spacing
-from lidar_buildings.core.point_spacing import FALLBACK_SPACING, measure_spacing, quantised_spacing
+from lidar_buildings.core.point_spacing import (
+    FALLBACK_SPACING,
+    given_or_measured,
+    measure_spacing,
+    quantised_spacing,
+)
 
 
 def square_lattice(step, side=40):
@@ -116,3 +121,18 @@ def test_the_spacing_is_the_one_found_by_a_tree_of_all_points(kind, monkeypatch)
         point_spacing, "nth_distances", lambda plan, probes, n: (np.full(len(probes), np.inf), 0.0)
     )
     assert measure_spacing(cloud) == found
+
+
+def test_a_given_spacing_is_taken_and_must_be_a_length():
+    cloud = square_lattice(0.5, 20)
+    assert given_or_measured(cloud, 0.7) == 0.7
+    assert given_or_measured(cloud, None) == quantised_spacing(cloud)
+    for wrong in (0.0, -1.0, np.nan, np.inf):
+        with pytest.raises(ValueError, match="point_spacing"):
+            given_or_measured(cloud, wrong)
+
+
+def test_distances_beyond_all_numbers_are_refused_or_none():
+    assert quantised_spacing([[0.0, 0.0, 0.0], [5e-324, 0.0, 0.0]]) == 1.0
+    with pytest.raises(ValueError, match="overflow"):
+        quantised_spacing(np.random.default_rng(0).uniform(-1e200, 1e200, (50, 3)))

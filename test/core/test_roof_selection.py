@@ -198,6 +198,22 @@ def test_a_column_of_the_wrong_length_is_refused_by_name(name):
         select_roofs(np.zeros((4, 3)), **columns)
 
 
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("height_above_ground", [1.0, np.inf, 2.0, 3.0]),
+        ("point_spacing", 0.0),
+        ("point_spacing", np.nan),
+        ("point_spacing", -1.0),
+        ("dark_limit", np.inf),
+        ("classification", [1, 2, 300, 1]),
+    ],
+)
+def test_a_value_that_means_nothing_is_refused_by_name(name, value):
+    with pytest.raises(ValueError, match=name):
+        select_roofs(np.zeros((4, 3)), **{name: value})
+
+
 def provider_cloud(files):
     """Return points, heights over the provider's ground, classes, returns; and the provider's roofs."""
     clouds = [laspy.read(file) for file in sorted(files)]
@@ -224,7 +240,7 @@ def provider_cloud(files):
 
 # Measured 0.97 and 0.88; the providers count façades and low sheds as building, which are no roofs here.
 @pytest.mark.real_data
-@pytest.mark.parametrize(("folder", "least"), [("fusa", 0.95), ("lowdensity", 0.85)])
+@pytest.mark.parametrize(("folder", "least"), [("fusa", 0.96), ("lowdensity", 0.91), ("montpellier", 0.95)])
 def test_roofs_agree_with_the_providers(data_folder, folder, least):
     points, columns, truth = provider_cloud((data_folder / folder).glob("*.laz"))
     recall, precision = recall_and_precision(
@@ -240,7 +256,7 @@ def base_map(file, origin):
     return shapely.transform(polygons, lambda corners: corners - origin[:2])
 
 
-# Measured 0.84; the provider's own class 6 reaches 0.84, height and last return alone 0.82.
+# Measured 0.85; the provider's own class 6 reaches 0.84, height and last return alone 0.82.
 @pytest.mark.real_data
 @pytest.mark.slow
 def test_roof_cells_agree_with_the_base_map(data_folder):
@@ -253,6 +269,6 @@ def test_roof_cells_agree_with_the_base_map(data_folder):
         cells_of_polygons(base_map(folder / "blocks_nw.gpkg", origin), 0.5),
         area=base_map(folder / "aoi_nw.gpkg", origin),
     )
-    assert score.iou > 0.82
+    assert score.iou > 0.83
     assert score.recall > 0.94
     assert score.precision > 0.85

@@ -135,7 +135,7 @@ class EdgeLabellingConfig(StageConfig):
         Raises
         ------
         ParameterError
-            If there are not two centres of finite numbers for the feature set.
+            If there are not two centres of finite numbers for the feature set, the second one more linear.
 
         """
         wanted = 2 * N_FEATURES[self.features]
@@ -148,7 +148,20 @@ class EdgeLabellingConfig(StageConfig):
                 f"{self.stage}.centres = {self.centres!r}: must be empty or {wanted} numbers within 0 to 1 "
                 f"for features {self.features}"
             )
+        if numbers and not self._linearity(numbers[: wanted // 2]) < self._linearity(numbers[wanted // 2 :]):
+            raise ParameterError(
+                f"{self.stage}.centres = {self.centres!r}: the second, that of edges, must be more linear"
+            )
         return numbers
+
+    def _linearity(self, centre: tuple[float, ...]) -> float:
+        """
+        Return the linearity that a centre has.
+
+        """
+        if self.features != "eigenvalues":
+            return centre[0]
+        return (centre[0] - centre[1]) / centre[0] if centre[0] > 0.0 else 0.0
 
 
 #: The method as published: clusters of a whole tile, the band of edges as it is.

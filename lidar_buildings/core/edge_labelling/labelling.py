@@ -26,7 +26,7 @@ from lidar_buildings.core.edge_labelling.theoretical_shapes import discriminant_
 from lidar_buildings.core.eigenfeatures import EigenFeatures, eigen_features
 from lidar_buildings.core.point_array import checked_column, checked_points
 from lidar_buildings.core.point_order import SortedPoints, sort_by_cell
-from lidar_buildings.core.point_spacing import quantised_spacing
+from lidar_buildings.core.point_spacing import given_or_measured
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,7 +124,7 @@ def label_edges(
     config = config or EdgeLabellingConfig()
     points = checked_points(points)
     roofs = None if roof_id is None else checked_column("roof_id", roof_id, len(points), np.int64)
-    spacing = _spacing(points, point_spacing)
+    spacing = given_or_measured(points, point_spacing)
     found = _features(points, roofs, spacing, config)
     cells = _cells(points, spacing, config)
     groups = _groups(cells, roofs, config)
@@ -145,18 +145,6 @@ def label_edges(
         clusters,
         groups,
     )
-
-
-def _spacing(points: NDArray[np.float64], given: float | None) -> float:
-    """
-    Return the spacing that lengths are multiples of [m].
-
-    """
-    if given is None:
-        return quantised_spacing(points)
-    if not (np.isfinite(given) and given > 0):
-        raise ValueError(f"point_spacing = {given!r}: must be a positive length [m]")
-    return float(given)
 
 
 def _features(

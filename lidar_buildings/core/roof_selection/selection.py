@@ -15,7 +15,7 @@ from lidar_buildings.core.intensity import normalised_intensity as normalised_by
 from lidar_buildings.core.intensity import strip_scales
 from lidar_buildings.core.minimum_surface import height_above_minimum
 from lidar_buildings.core.point_array import checked_column, checked_points
-from lidar_buildings.core.point_spacing import quantised_spacing
+from lidar_buildings.core.point_spacing import given_or_measured
 from lidar_buildings.core.roof_selection import planarity_rules, return_rules, smooth_roofs
 from lidar_buildings.core.roof_selection.config import RoofSelectionConfig
 from lidar_buildings.core.roof_selection.facades import find_facades
@@ -136,12 +136,14 @@ def select_roofs(
 
     """
     config = config or RoofSelectionConfig()
+    if dark_limit is not None and not np.isfinite(dark_limit):
+        raise ValueError(f"dark_limit = {dark_limit!r}: must be a normalised intensity")
     points = checked_points(points)
     height, classes = _prepared(points, height_above_ground, classification)
     is_last, is_only = _last_and_only_returns(len(points), return_number, number_of_returns)
     settled = ~np.isin(classes, OPEN)
     raised = np.flatnonzero((height >= CONTEXT * config.min_height) & ~settled)
-    spacing = point_spacing or quantised_spacing(points)
+    spacing = given_or_measured(points, point_spacing)
     radius = max(config.neighbourhood_radius * spacing, config.min_neighbourhood_radius)
     is_roof = np.zeros(len(points), dtype=bool)
     low = points[(height < CONTEXT * config.min_height) & ~np.isin(classes, NOISE)]
@@ -188,6 +190,9 @@ def _prepared(
         height = height_above_minimum(points)
     else:
         height = checked_column("height_above_ground", height_above_ground, n, np.float64)
+        if not np.isfinite(height).all():
+            row = int(np.argmin(np.isfinite(height)))
+            raise ValueError(f"height_above_ground[{row}] = {height[row]}: must be finite")
     if classification is None:
         is_ground = np.abs(height) <= GROUND_TOLERANCE
         return height, np.where(is_ground, PointClass.GROUND, PointClass.UNCLASSIFIED).astype(np.uint8)

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from lidar_buildings.core.asprs import PointClass
 from lidar_buildings.core.point_array import checked_column, checked_points
-from lidar_buildings.core.point_spacing import quantised_spacing
+from lidar_buildings.core.point_spacing import given_or_measured
 from lidar_buildings.core.terrain.cells import Cells
 from lidar_buildings.core.terrain.config import RasterConfig
 from lidar_buildings.core.terrain.footprint import closed, squared_distance
@@ -135,7 +135,7 @@ def make_rasters(
     ground = cells.means(points[np.isin(classes, GROUND_CLASSES)])
     dtm = np.full(window.shape, np.nan, dtype=np.float32)
     dtm[known] = cells.tin_at(ground, known)
-    spacing = point_spacing or quantised_spacing(points[seen])
+    spacing = given_or_measured(points[seen], point_spacing)
     gap = min(widest_gap(spacing, config.raster_resolution), reach)
     dsm = surface_elevations(cells, points[seen], first[seen], dtm, known, gap)
     distance = squared_distance(own, reach)
