@@ -35,7 +35,7 @@ class RoofSelectionConfig(StageConfig):
         maximum=50.0,
     )
     neighbourhood_radius: float = parameter(
-        2.5,
+        2.25,
         "Smallest radius of the surface that roughness is measured on; raising it suppresses vegetation and "
         "small roofs.",
         unit="spacings",
