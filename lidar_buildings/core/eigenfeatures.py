@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
 from lidar_buildings.core.eigen_entropy import ENTROPIES
@@ -65,7 +66,7 @@ class EigenFeatures:
         (λ1 − λ2)/λ1.
 
         """
-        return _ratio(self.eigenvalues[:, 0] - self.eigenvalues[:, 1], self.eigenvalues[:, 0])
+        return _differences(self.eigenvalues, 0, 1)
 
     @property
     def planarity(self) -> NDArray[np.float64]:
@@ -73,7 +74,7 @@ class EigenFeatures:
         (λ2 − λ3)/λ1.
 
         """
-        return _ratio(self.eigenvalues[:, 1] - self.eigenvalues[:, 2], self.eigenvalues[:, 0])
+        return _differences(self.eigenvalues, 1, 2)
 
     @property
     def scattering(self) -> NDArray[np.float64]:
@@ -89,7 +90,7 @@ class EigenFeatures:
         (λ1 − λ3)/λ1.
 
         """
-        return _ratio(self.eigenvalues[:, 0] - self.eigenvalues[:, 2], self.eigenvalues[:, 0])
+        return _differences(self.eigenvalues, 0, 2)
 
     @property
     def surface_variation(self) -> NDArray[np.float64]:
@@ -216,6 +217,28 @@ def _checked_radii(radii: Sequence[float]) -> NDArray[np.float64]:
     if len(steps) > BATCH_ROWS:
         raise ValueError(f"radii has {len(steps)} entries: must be at most {BATCH_ROWS}")
     return steps
+
+
+def _differences(eigenvalues: NDArray[np.float64], larger: int, smaller: int) -> NDArray[np.float64]:
+    """
+    Return (λ_larger − λ_smaller)/λ1, counted from 0, and 0 where all neighbours coincide; on all cores.
+
+    """
+    shares = np.empty(len(eigenvalues))
+    for_row_blocks(lambda a, b: _fill_differences(eigenvalues, larger, smaller, shares, a, b), len(shares))
+    return shares
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _fill_differences(eigenvalues, larger, smaller, shares, begin, end):  # type: ignore[no-untyped-def]
+    """
+    Fill rows begin to end.
+
+    """
+    for i in range(begin, end):
+        first = eigenvalues[i, 0]
+        difference = eigenvalues[i, larger] - eigenvalues[i, smaller]
+        shares[i] = difference / first if first > 0.0 else 0.0
 
 
 def _ratio(part: NDArray[np.float64], whole: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from lidar_buildings.core.roof_selection import RoofSelectionConfig
-from lidar_buildings.core.roof_selection.attached_parts import wide_levels
+from lidar_buildings.core.roof_selection.smooth_patches.attached_parts import wide_levels
 
 CELL, RADIUS = 0.4, 1.0
 

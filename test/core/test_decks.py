@@ -3,7 +3,7 @@ import pytest
 from roof_scenes import ROOF_SCENES
 
 from lidar_buildings.core.roof_selection import select_roofs
-from lidar_buildings.core.roof_selection.decks import is_deck
+from lidar_buildings.core.roof_selection.smooth_patches.decks import is_deck
 
 
 def sheet(x, y, z, step=0.5):

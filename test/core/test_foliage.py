@@ -5,8 +5,9 @@ Flat spots of foliage are told from roofs by what pulses do there and by what li
 
 import numpy as np
 
+from lidar_buildings.core.roof_selection.candidates import Candidates
 from lidar_buildings.core.roof_selection.config import RoofSelectionConfig
-from lidar_buildings.core.roof_selection.foliage import Patches, is_foliage
+from lidar_buildings.core.roof_selection.smooth_patches.foliage import Patches, is_foliage
 
 AREA = 20.0
 
@@ -16,13 +17,20 @@ def patch(z=2.5):
     return np.column_stack([x.ravel(), y.ravel(), np.full(x.size, z)])
 
 
+def foliage(points, is_only, patches):
+    """Return what is foliage of patches smaller than 40 m², height being z."""
+    is_last = np.ones(len(points), dtype=bool)
+    candidates = Candidates(points, points[:, 2], is_last, is_only, np.zeros((0, 3)), 0.75, 0.5)
+    return is_foliage(candidates, patches, 40.0, RoofSelectionConfig())
+
+
 def judged(top, others, is_only=None, area=AREA):
     points = np.vstack([top, others])
     rows = np.arange(len(top))
     normals = np.tile([0.0, 0.0, 1.0], (len(top), 1))
     patches = Patches(rows, np.zeros(len(top), dtype=np.int64), normals, np.array([area]))
     only = np.ones(len(points), dtype=bool) if is_only is None else is_only
-    return bool(is_foliage(points, points[:, 2], only, patches, 40.0, 0.75, RoofSelectionConfig())[0])
+    return bool(foliage(points, only, patches)[0])
 
 
 def flanks(n, top, drop=(0.4, 1.2)):
@@ -70,5 +78,5 @@ def test_the_wall_under_a_large_roof_is_nothing_loose():
     only = np.ones(len(points), dtype=bool)
     for area, expected in ((80.0, False), (20.0, True)):
         patches = Patches(np.arange(n + m), label, normals, np.array([AREA, area]))
-        found = is_foliage(points, points[:, 2], only, patches, 40.0, 0.75, RoofSelectionConfig())
+        found = foliage(points, only, patches)
         assert found[0] == expected

@@ -13,11 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from lidar_buildings.core.edge_labelling.clusters import Clusters, cluster_edges
 from lidar_buildings.core.edge_labelling.config import EdgeLabellingConfig
-from lidar_buildings.core.edge_labelling.measures import (
-    eigenvalues_by_area,
-    linearity_and_planarity,
-    measures_of,
-)
+from lidar_buildings.core.edge_labelling.measures import eigenvalues_by_area, measures_of
 from lidar_buildings.core.edge_labelling.plan_cells import roofs_in_plan
 from lidar_buildings.core.edge_labelling.rims import on_rims
 from lidar_buildings.core.edge_labelling.roofs import set_apart
@@ -128,7 +124,7 @@ def label_edges(
     found = _features(points, roofs, spacing, config)
     cells = _cells(points, spacing, config)
     groups = _groups(cells, roofs, config)
-    linearity, planarity = linearity_and_planarity(found)
+    linearity, planarity = found.linearity, found.planarity
     band, clusters = _band(found, linearity, planarity, groups, config)
     edge = _thinned(cells, roofs, spacing, band, config)
     if config.method == "discriminant_analysis":

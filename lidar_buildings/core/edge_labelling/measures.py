@@ -6,11 +6,9 @@ The measures that points are clustered by, and centres that are typical of roofs
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from lidar_buildings.core.eigenfeatures import EigenFeatures
-from lidar_buildings.core.row_blocks import for_row_blocks
 
 #: Feature set → centres of surfaces and of edges where a roof's own are not to be had: means over the roofs
 #: of four areas, of 2 to 26 points/m², at the default radii.
@@ -27,28 +25,6 @@ def eigenvalues_by_area(found: EigenFeatures) -> NDArray[np.float64]:
 
     """
     return found.eigenvalues / np.square(found.radius)[:, None]
-
-
-def linearity_and_planarity(found: EigenFeatures) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """
-    Return (λ1 − λ2)/λ1 and (λ2 − λ3)/λ1, 0 where all neighbours coincide; on all cores.
-
-    """
-    linearity, planarity = np.empty((2, len(found.radius)))
-    for_row_blocks(lambda a, b: _shares(found.eigenvalues, linearity, planarity, a, b), len(linearity))
-    return linearity, planarity
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def _shares(eigenvalues, linearity, planarity, begin, end):  # type: ignore[no-untyped-def]
-    """
-    Fill rows begin to end.
-
-    """
-    for i in range(begin, end):
-        first, second, third = eigenvalues[i]
-        linearity[i] = (first - second) / first if first > 0.0 else 0.0
-        planarity[i] = (second - third) / first if first > 0.0 else 0.0
 
 
 def measures_of(

@@ -16,10 +16,12 @@ from lidar_buildings.core.intensity import strip_scales
 from lidar_buildings.core.minimum_surface import height_above_minimum
 from lidar_buildings.core.point_array import checked_column, checked_points
 from lidar_buildings.core.point_spacing import given_or_measured
-from lidar_buildings.core.roof_selection import planarity_rules, return_rules, smooth_roofs
+from lidar_buildings.core.roof_selection import lasclassify, single_returns
+from lidar_buildings.core.roof_selection.candidates import Candidates
 from lidar_buildings.core.roof_selection.config import RoofSelectionConfig
 from lidar_buildings.core.roof_selection.facades import find_facades
 from lidar_buildings.core.roof_selection.roads import find_roads
+from lidar_buildings.core.roof_selection.smooth_patches import roofs as smooth_patches
 from lidar_buildings.core.roof_selection.surroundings import below_roof
 from lidar_buildings.core.roof_selection.vegetation import vegetation_classes
 from lidar_buildings.core.surface_patches import connected_parts, plan_areas
@@ -38,12 +40,11 @@ OPEN = (
 NOISE = (PointClass.LOW_NOISE, PointClass.HIGH_NOISE)
 #: Method → its function.
 METHODS = {
-    "smooth_patches": smooth_roofs.find_roofs,
-    "lasclassify": planarity_rules.find_roofs,
-    "single_returns": return_rules.find_roofs,
+    "smooth_patches": smooth_patches.find_roofs,
+    "lasclassify": lasclassify.find_roofs,
+    "single_returns": single_returns.find_roofs,
 }
-#: Methods that look at lower parts of objects, too, and from which share of `min_height` on.
-LOOKS_LOWER = ("smooth_patches",)
+#: Lower parts tell what object a point is part of: candidates begin at this share of `min_height`.
 CONTEXT = 0.5
 #: Cells in which areas are counted, in spacings: four points each, so that few cells of a roof stay empty.
 AREA_CELL = 2.0
@@ -142,20 +143,23 @@ def select_roofs(
     height, classes = _prepared(points, height_above_ground, classification)
     is_last, is_only = _last_and_only_returns(len(points), return_number, number_of_returns)
     settled = ~np.isin(classes, OPEN)
-    raised = np.flatnonzero((height >= CONTEXT * config.min_height) & ~settled)
     spacing = given_or_measured(points, point_spacing)
     radius = max(config.neighbourhood_radius * spacing, config.min_neighbourhood_radius)
+    is_raised = height >= CONTEXT * config.min_height
+    raised = np.flatnonzero(is_raised & ~settled)
+    low = points[~is_raised & ~np.isin(classes, NOISE)]
     is_roof = np.zeros(len(points), dtype=bool)
-    low = points[(height < CONTEXT * config.min_height) & ~np.isin(classes, NOISE)]
     is_roof[raised] = _roofs(
-        points[raised],
-        height[raised],
-        is_last[raised],
-        is_only[raised],
-        radius,
-        AREA_CELL * spacing,
+        Candidates(
+            points[raised],
+            height[raised],
+            is_last[raised],
+            is_only[raised],
+            low,
+            radius,
+            AREA_CELL * spacing,
+        ),
         config,
-        low,
     )
     others = np.flatnonzero(~settled & ~is_roof)
     classes[others] = vegetation_classes(height[others], config)
@@ -236,28 +240,15 @@ def _brightness(
     return normalised_by_strip(values, strips, strip_scales(values, strips, is_only))
 
 
-def _roofs(
-    points: NDArray[np.float64],
-    height: NDArray[np.float64],
-    is_last: NDArray[np.bool_],
-    is_only: NDArray[np.bool_],
-    radius: float,
-    cell: float,
-    config: RoofSelectionConfig,
-    low: NDArray[np.float64],
-) -> NDArray[np.bool_]:
+def _roofs(candidates: Candidates, config: RoofSelectionConfig) -> NDArray[np.bool_]:
     """
-    Tell which of the points high enough are roof, by the method asked for.
+    Tell which candidates are roof by the method asked for, of buildings that are large enough.
 
     """
-    looks_lower = config.method in LOOKS_LOWER
-    rows = np.flatnonzero(height >= (CONTEXT * config.min_height if looks_lower else config.min_height))
-    context = {"ground": low} if looks_lower else {}
-    roof = np.zeros(len(points), dtype=bool)
-    roof[rows] = METHODS[config.method](
-        points[rows], height[rows], is_last[rows], is_only[rows], radius, cell, config, **context
+    roof = METHODS[config.method](candidates, config)
+    return roof & _in_large_building(
+        candidates.points, roof, candidates.radius, candidates.cell, config.min_building_area
     )
-    return roof & _in_large_building(points, roof, radius, cell, config.min_building_area)
 
 
 def _in_large_building(

@@ -12,9 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lidar_buildings.core.eigenfeatures import eigen_features
+from lidar_buildings.core.roof_selection.candidates import Candidates
 from lidar_buildings.core.roof_selection.config import RoofSelectionConfig
-from lidar_buildings.core.roof_selection.decks import is_deck
-from lidar_buildings.core.roof_selection.foliage import Patches, is_foliage
+from lidar_buildings.core.roof_selection.smooth_patches.decks import is_deck
+from lidar_buildings.core.roof_selection.smooth_patches.foliage import Patches, is_foliage
 from lidar_buildings.core.roof_selection.surroundings import share_around
 from lidar_buildings.core.surface_patches import connected_parts, plan_areas, smooth_patches
 
@@ -58,37 +59,20 @@ class RoofSurface:
     normals: NDArray[np.float64]
 
 
-def find_roof_surface(
-    points: NDArray[np.float64],
-    height: NDArray[np.float64],
-    is_last: NDArray[np.bool_],
-    is_only: NDArray[np.bool_],
-    radius: float,
-    cell: float,
-    config: RoofSelectionConfig,
-    ground: NDArray[np.float64],
-) -> RoofSurface:
+def find_roof_surface(candidates: Candidates, config: RoofSelectionConfig) -> RoofSurface:
     """
     Find smooth patches among the last returns, and accept those that are large, or touch a large one.
 
     Parameters
     ----------
-    points : ndarray of shape (n_points, 3)
-        Everything that rises above ground, from half of `min_height` on [m].
-    height : ndarray of shape (n_points,)
-        Height above ground [m].
-    is_last, is_only : ndarray of bool, shape (n_points,)
-        Whether the pulse ended there, and whether that is all that came back of it.
-    radius : float
-        Smallest radius of a neighbourhood, and longest step within a patch [m].
-    cell : float
-        Side of the cells in which areas are counted [m].
+    candidates : Candidates
+        Smooth are last returns from `min_height` on; the others tell what foliage is, and the ground what
+        decks are.
     config : RoofSelectionConfig
         The stage's parameters.
-    ground : ndarray of shape (n_ground, 3)
-        Ground and what is low, by which decks are told [m].
 
     """
+    points, height, is_last, _, ground, radius, cell = candidates
     n = len(points)
     rows = np.flatnonzero(is_last & (height >= config.min_height))
     features = eigen_features(points[rows], list(radius * RADIUS_STEPS), min_neighbours=MIN_PLANE_POINTS)
@@ -114,7 +98,7 @@ def find_roof_surface(
     penetration = share_around(points, ~is_last, radius)[rows]
     starts, touches = _judged(patches, roughness, penetration, height[rows], config)
     small_area = PATCH_SIZES[1] * config.min_patch_area
-    is_other = is_foliage(points, height, is_only, patches, small_area, radius, config)
+    is_other = is_foliage(candidates, patches, small_area, config)
     is_other |= is_deck(points[rows], patch, ground, cell)
     accepted = _touching(points[rows], patch, starts & ~is_other, touches & ~is_other, radius)
     surface.is_surface[rows[accepted]] = True

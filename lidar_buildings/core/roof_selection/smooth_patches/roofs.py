@@ -8,12 +8,13 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from lidar_buildings.core.roof_selection.attached_parts import wide_levels
-from lidar_buildings.core.roof_selection.canopies import is_canopy
+from lidar_buildings.core.roof_selection.candidates import Candidates
 from lidar_buildings.core.roof_selection.config import RoofSelectionConfig
-from lidar_buildings.core.roof_selection.narrow_parts import half_widths, wide_enough
-from lidar_buildings.core.roof_selection.parapets import find_parapets
-from lidar_buildings.core.roof_selection.roof_patches import find_roof_surface
+from lidar_buildings.core.roof_selection.smooth_patches.attached_parts import wide_levels
+from lidar_buildings.core.roof_selection.smooth_patches.canopies import is_canopy
+from lidar_buildings.core.roof_selection.smooth_patches.narrow_parts import half_widths, wide_enough
+from lidar_buildings.core.roof_selection.smooth_patches.parapets import find_parapets
+from lidar_buildings.core.roof_selection.smooth_patches.roof_patches import find_roof_surface
 from lidar_buildings.core.roof_selection.surroundings import near_tangent_plane, surrounded_by
 from lidar_buildings.core.surface_patches import connected_parts, plan_areas
 
@@ -28,16 +29,7 @@ PART_SHARE = 0.7
 MIN_PLAN_CELL = 0.25
 
 
-def find_roofs(
-    points: NDArray[np.float64],
-    height: NDArray[np.float64],
-    is_last: NDArray[np.bool_],
-    is_only: NDArray[np.bool_],
-    radius: float,
-    cell: float,
-    config: RoofSelectionConfig,
-    ground: NDArray[np.float64] | None = None,
-) -> NDArray[np.bool_]:
+def find_roofs(candidates: Candidates, config: RoofSelectionConfig) -> NDArray[np.bool_]:
     """
     Tell which of the points above ground are roof.
 
@@ -47,20 +39,10 @@ def find_roofs(
 
     Parameters
     ----------
-    points : ndarray of shape (n_points, 3)
-        Everything that rises above ground, from half of `min_height` on [m].
-    height : ndarray of shape (n_points,)
-        Above ground [m].
-    is_last, is_only : ndarray of bool, shape (n_points,)
-        Whether the point is the last, and whether it is the only return of its pulse.
-    radius : float
-        Smallest radius of a neighbourhood, and longest step within a patch [m].
-    cell : float
-        Side of the cells in which areas are counted, two spacings [m].
+    candidates : Candidates
+        Of which those below `min_height` are never roof, but tell what the others are part of.
     config : RoofSelectionConfig
         The stage's parameters.
-    ground : ndarray of shape (n_ground, 3), optional
-        Ground and what is low [m]; without it decks of bridges are roofs.
 
     Returns
     -------
@@ -68,15 +50,15 @@ def find_roofs(
         Roofs of any size; the caller drops small buildings.
 
     """
-    ground = np.zeros((0, 3)) if ground is None else ground
-    surface = find_roof_surface(points, height, is_last, is_only, radius, cell, config, ground)
+    points, radius, cell = candidates.points, candidates.radius, candidates.cell
+    surface = find_roof_surface(candidates, config)
     roof = near_tangent_plane(points, surface.normals, surface.is_surface, radius, config.max_plane_distance)
     roof &= ~surface.is_wall
-    too_low = height < config.min_height
+    too_low = candidates.height < config.min_height
     roof &= ~too_low
     reach = max(PART_REACH, PART_REACH_RADII * radius)
     held = surrounded_by(points, roof, reach, PART_SINK, config.max_part_height)
-    stands = _small_parts(points, roof, held, radius, cell, config) | (held & is_last)
+    stands = _small_parts(points, roof, held, radius, cell, config) | (held & candidates.is_last)
     roof |= stands & ~is_canopy(points, roof, stands, radius)
     roof &= ~surface.is_wall
     roof |= find_parapets(points, roof, surface.is_surface, radius)

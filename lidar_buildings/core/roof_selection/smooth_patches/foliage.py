@@ -12,6 +12,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from lidar_buildings.core.neighbourhoods import build_grid, neighbours_of
+from lidar_buildings.core.roof_selection.candidates import Candidates
 from lidar_buildings.core.roof_selection.config import RoofSelectionConfig
 from lidar_buildings.core.roof_selection.surroundings import below_roof, near_tangent_plane, share_around
 
@@ -60,31 +61,19 @@ class Patches(NamedTuple):
 
 
 def is_foliage(
-    points: NDArray[np.float64],
-    height: NDArray[np.float64],
-    is_only: NDArray[np.bool_],
-    patches: Patches,
-    small_area: float,
-    radius: float,
-    config: RoofSelectionConfig,
+    candidates: Candidates, patches: Patches, small_area: float, config: RoofSelectionConfig
 ) -> NDArray[np.bool_]:
     """
     Tell which patches smaller than an area [m²] are foliage.
 
     Parameters
     ----------
-    points : ndarray of shape (n_points, 3)
-        Everything that rises above ground, from half of `min_height` on [m].
-    height : ndarray of shape (n_points,)
-        Above ground [m].
-    is_only : ndarray of bool, shape (n_points,)
-        Whether the point is all that came back of its pulse.
+    candidates : Candidates
+        Everything that rises above ground.
     patches : Patches
         Of these points.
     small_area : float
         Larger patches are never foliage [m²].
-    radius : float
-        Radius of a neighbourhood [m].
     config : RoofSelectionConfig
         `min_height`, `min_patch_area`, `max_plane_distance`.
 
@@ -94,8 +83,9 @@ def is_foliage(
         Without return numbers only the loose points tell.
 
     """
-    split = patches.mean(share_around(points, ~is_only, SPLIT_REACH * radius)[patches.rows])
-    is_low = patches.mean(height[patches.rows]) < config.min_height + LOW_HEIGHT
+    points, radius = candidates.points, candidates.radius
+    split = patches.mean(share_around(points, ~candidates.is_only, SPLIT_REACH * radius)[patches.rows])
+    is_low = patches.mean(candidates.height[patches.rows]) < config.min_height + LOW_HEIGHT
     is_hedge = is_low & (_loose_per_point(points, patches, small_area, radius, config) > MAX_LOOSE)
     return (patches.area < small_area) & ((split > MAX_SPLIT) | is_hedge)
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from lidar_buildings.core.roof_selection.config import RoofSelectionConfig
-from lidar_buildings.core.roof_selection.narrow_parts import closed, opened, to_edge
+from lidar_buildings.core.roof_selection.smooth_patches.narrow_parts import closed, opened, to_edge
 from lidar_buildings.core.surface_patches import connected_parts, plan_areas
 
 #: Roofs that no step of half a storey connects are of different levels [m].

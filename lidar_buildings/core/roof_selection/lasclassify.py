@@ -11,8 +11,9 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from lidar_buildings.core.roof_selection.candidates import Candidates
 from lidar_buildings.core.roof_selection.config import RoofSelectionConfig
-from lidar_buildings.core.roof_selection.roof_patches import MAX_LINEARITY
+from lidar_buildings.core.roof_selection.smooth_patches.roof_patches import MAX_LINEARITY
 from lidar_buildings.core.roof_selection.surroundings import near_tangent_plane
 from lidar_buildings.core.row_blocks import for_row_blocks
 from lidar_buildings.core.symmetric_eigen import eigenvalues_3x3, smallest_eigenvector_3x3
@@ -30,15 +31,7 @@ CELL_BLOCK = 1024
 UNKNOWN, RUGGED, NEITHER, PLANAR = range(4)
 
 
-def find_roofs(
-    points: NDArray[np.float64],
-    height: NDArray[np.float64],
-    is_last: NDArray[np.bool_],
-    is_only: NDArray[np.bool_],
-    radius: float,
-    cell: float,
-    config: RoofSelectionConfig,
-) -> NDArray[np.bool_]:
+def find_roofs(candidates: Candidates, config: RoofSelectionConfig) -> NDArray[np.bool_]:
     """
     Tell which of the points high enough lie in planar cells, or continue one.
 
@@ -52,14 +45,9 @@ def find_roofs(
 
     Parameters
     ----------
-    points : ndarray of shape (n_points, 3)
-        Everything that is high enough to be roof [m].
-    height, is_last, is_only : ndarray of shape (n_points,)
-        Not used: neither heights beyond the limit nor returns have a say in the published rules.
-    radius : float
-        Spacing-dependent radius of a neighbourhood [m]; not used, cells have a size of their own.
-    cell : float
-        Side of the cells in which areas are counted, twice the spacing [m].
+    candidates : Candidates
+        Of which returns have no say in the published rules, nor heights beyond the limit; cells have a size
+        of their own.
     config : RoofSelectionConfig
         `planarity_cell`, `max_planar_deviation`, `min_rugged_deviation`, `max_slope_deg`, and
         `max_plane_distance` for the edges.
@@ -70,13 +58,17 @@ def find_roofs(
         Roofs of any size; the caller drops small buildings.
 
     """
-    side = max(config.planarity_cell, MIN_CELL_SPACINGS * cell / 2.0)
+    rows = np.flatnonzero(candidates.height >= config.min_height)
+    points = candidates.points[rows]
+    side = max(config.planarity_cell, MIN_CELL_SPACINGS * candidates.cell / 2.0)
     # Sums run in an order of their own, so that they do not depend on that of the rows.
     order = np.lexsort((points[:, 2], points[:, 1], points[:, 0]))
     kind, normals = np.empty(len(points), dtype=np.int8), np.empty((len(points), 3))
     kind[order], normals[order] = _judged(points[order], side, config)
     continued = near_tangent_plane(points, normals, kind == PLANAR, side / 2.0, config.max_plane_distance)
-    return continued & (kind != RUGGED)
+    roof = np.zeros(len(candidates.points), dtype=bool)
+    roof[rows] = continued & (kind != RUGGED)
+    return roof
 
 
 def _judged(

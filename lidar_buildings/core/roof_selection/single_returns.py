@@ -11,8 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lidar_buildings.core.eigenfeatures import eigen_features
+from lidar_buildings.core.roof_selection.candidates import Candidates
 from lidar_buildings.core.roof_selection.config import RoofSelectionConfig
-from lidar_buildings.core.roof_selection.roof_patches import MAX_LINEARITY
+from lidar_buildings.core.roof_selection.smooth_patches.roof_patches import MAX_LINEARITY
 from lidar_buildings.core.roof_selection.surroundings import near_tangent_plane
 from lidar_buildings.core.surface_patches import smooth_patches
 
@@ -22,15 +23,7 @@ MIN_PLANE_POINTS = 4
 MIN_PATCH_POINTS = 6
 
 
-def find_roofs(
-    points: NDArray[np.float64],
-    height: NDArray[np.float64],
-    is_last: NDArray[np.bool_],
-    is_only: NDArray[np.bool_],
-    radius: float,
-    cell: float,
-    config: RoofSelectionConfig,
-) -> NDArray[np.bool_]:
+def find_roofs(candidates: Candidates, config: RoofSelectionConfig) -> NDArray[np.bool_]:
     """
     Tell which of the points high enough are single returns on planes.
 
@@ -41,16 +34,8 @@ def find_roofs(
 
     Parameters
     ----------
-    points : ndarray of shape (n_points, 3)
-        Everything that is high enough to be roof [m].
-    height : ndarray of shape (n_points,)
-        Above ground [m]; not used beyond the limit that the caller keeps.
-    is_last, is_only : ndarray of bool, shape (n_points,)
-        Whether the point is the last, and whether it is the only return of its pulse.
-    radius : float
-        Radius of a neighbourhood, and longest step within a plane [m].
-    cell : float
-        Side of the cells in which areas are counted [m]; not used.
+    candidates : Candidates
+        Of which those below `min_height` are left aside.
     config : RoofSelectionConfig
         `roof_returns`, `max_roughness`, `max_slope_deg`, `max_angle_deg`, `max_plane_distance`.
 
@@ -60,11 +45,16 @@ def find_roofs(
         Roofs of any size; the caller drops small buildings.
 
     """
-    counts = {"single": is_only, "last": is_last, "all": np.ones(len(points), dtype=bool)}
-    rows = np.flatnonzero(counts[config.roof_returns])
-    normals, is_plane = _planes(points[rows], radius, config)
-    found = np.zeros(len(points), dtype=bool)
-    found[rows] = near_tangent_plane(points[rows], normals, is_plane, radius, config.max_plane_distance)
+    counts = {
+        "single": candidates.is_only,
+        "last": candidates.is_last,
+        "all": np.ones(len(candidates.points), dtype=bool),
+    }
+    rows = np.flatnonzero(counts[config.roof_returns] & (candidates.height >= config.min_height))
+    points, radius = candidates.points[rows], candidates.radius
+    normals, is_plane = _planes(points, radius, config)
+    found = np.zeros(len(candidates.points), dtype=bool)
+    found[rows] = near_tangent_plane(points, normals, is_plane, radius, config.max_plane_distance)
     return found
 
 
