@@ -3,8 +3,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from lidar_buildings.core import eigenfeatures, row_blocks
-from lidar_buildings.core.eigenfeatures import eigen_features
+from lidar_buildings.core import row_blocks
+from lidar_buildings.core.eigenfeatures import eigen_features, features
 
 
 def disc(n=4000):
@@ -182,7 +182,7 @@ def test_the_order_of_rows_does_not_change_a_bit(n, seed, kind):
 def test_neither_threads_nor_blocks_change_a_bit(monkeypatch, n_threads, block):
     points = wavy_cloud()
     expected = eigen_features(points, [1.0, 1.5, 2.0])
-    monkeypatch.setattr(eigenfeatures, "CELLS_A_BLOCK", block)
+    monkeypatch.setattr(features, "CELLS_A_BLOCK", block)
     monkeypatch.setattr(row_blocks.os, "cpu_count", lambda: n_threads)
     assert_same_bits(eigen_features(points, [1.0, 1.5, 2.0]), slice(None), expected, slice(None))
 

@@ -13,8 +13,7 @@ from numpy.typing import NDArray
 
 from lidar_buildings.core.roof_selection.candidates import Candidates
 from lidar_buildings.core.roof_selection.config import RoofSelectionConfig
-from lidar_buildings.core.roof_selection.smooth_patches.roof_patches import MAX_LINEARITY
-from lidar_buildings.core.roof_selection.surroundings import near_tangent_plane
+from lidar_buildings.core.roof_selection.surroundings import MAX_LINEARITY, near_tangent_plane
 from lidar_buildings.core.row_blocks import for_row_blocks
 from lidar_buildings.core.symmetric_eigen import eigenvalues_3x3, smallest_eigenvector_3x3
 

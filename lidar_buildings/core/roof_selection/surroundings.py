@@ -13,6 +13,8 @@ from lidar_buildings.core.neighbourhoods import build_grid, neighbours_of
 from lidar_buildings.core.roof_selection.sectors import N_SECTORS, sector_of
 from lidar_buildings.core.row_blocks import for_row_blocks
 
+#: Points more nearly on a line than this span no plane: cables, single scan lines.
+MAX_LINEARITY = 0.95
 #: Sectors of eight that have to show roof: a part at a straight roof edge sees it in five.
 MIN_SECTORS = 6
 

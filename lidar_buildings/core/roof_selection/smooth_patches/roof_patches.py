@@ -16,15 +16,13 @@ from lidar_buildings.core.roof_selection.candidates import Candidates
 from lidar_buildings.core.roof_selection.config import RoofSelectionConfig
 from lidar_buildings.core.roof_selection.smooth_patches.decks import is_deck
 from lidar_buildings.core.roof_selection.smooth_patches.foliage import Patches, is_foliage
-from lidar_buildings.core.roof_selection.surroundings import share_around
+from lidar_buildings.core.roof_selection.surroundings import MAX_LINEARITY, share_around
 from lidar_buildings.core.surface_patches import connected_parts, plan_areas, smooth_patches
 
 #: Radii among which the one of least entropy is taken, as multiples of the smallest one.
 RADIUS_STEPS = np.array([1.0, 1.35, 1.8])
 #: A plane through fewer points says nothing of its roughness.
 MIN_PLANE_POINTS = 6
-#: Points more nearly on a line than this span no plane: cables, single scan lines.
-MAX_LINEARITY = 0.95
 #: Largest mean roughness of small, middling and large patches that start a roof, in parts of `max_roughness`:
 #: flat spots of foliage are small, so the smaller a patch the smoother it has to be.
 PATCH_ROUGHNESS = np.array([0.4, 0.55, 0.85])

@@ -13,8 +13,8 @@ import math
 import numpy as np
 from numba import njit
 
-from lidar_buildings.core.eigen_entropy import MAX_ENTROPY, entropy_of_shape
-from lidar_buildings.core.eigen_moments import (
+from lidar_buildings.core.eigenfeatures.entropy import MAX_ENTROPY, entropy_of_shape
+from lidar_buildings.core.eigenfeatures.moments import (
     MAX_CANDIDATES,
     N_MOMENTS,
     gather_window,

@@ -13,9 +13,9 @@ import numpy as np
 from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
-from lidar_buildings.core.eigen_entropy import ENTROPIES
-from lidar_buildings.core.eigen_moments import shell_lookup
-from lidar_buildings.core.eigen_neighbourhoods import BATCH_ROWS, WINDOW_REACH, describe_cells
+from lidar_buildings.core.eigenfeatures.entropy import ENTROPIES
+from lidar_buildings.core.eigenfeatures.moments import shell_lookup
+from lidar_buildings.core.eigenfeatures.spheres import BATCH_ROWS, WINDOW_REACH, describe_cells
 from lidar_buildings.core.point_array import checked_points
 from lidar_buildings.core.point_order import sort_by_cell
 from lidar_buildings.core.row_blocks import for_row_blocks

@@ -13,7 +13,7 @@ import numpy as np
 import shapely
 from numpy.typing import ArrayLike, NDArray
 
-from lidar_buildings.core.alpha_shape_mesh import (
+from lidar_buildings.core.alpha_shape.mesh import (
     circumradii,
     one_per_place,
     scaled_mesh,
