@@ -20,6 +20,7 @@ from lidar_buildings.core.roof_selection import lasclassify, single_returns
 from lidar_buildings.core.roof_selection.candidates import Candidates
 from lidar_buildings.core.roof_selection.config import RoofSelectionConfig
 from lidar_buildings.core.roof_selection.facades import find_facades
+from lidar_buildings.core.roof_selection.returns import last_and_only_returns
 from lidar_buildings.core.roof_selection.roads import find_roads
 from lidar_buildings.core.roof_selection.smooth_patches import roofs as smooth_patches
 from lidar_buildings.core.roof_selection.surroundings import below_roof
@@ -107,7 +108,8 @@ def select_roofs(
         What is known before: 0, 1, 3 to 6 and 8 are decided here; ground 2 can become road 11; noise, water
         and all others stay. If not given, points within 0.2 m of the ground are ground.
     return_number, number_of_returns : array_like of shape (n_points,), optional
-        Used only if both are given; else every point counts as the only return of its pulse.
+        Used only if both are given; else every point counts as the only return of its pulse. So it does if
+        it was recorded twice, as first and as last return, by scanners that give two for every pulse.
     intensity : array_like of shape (n_points,), optional
         As recorded; without any there are no roads.
     normalised_intensity : array_like of shape (n_points,), optional
@@ -141,7 +143,7 @@ def select_roofs(
         raise ValueError(f"dark_limit = {dark_limit!r}: must be a normalised intensity")
     points = checked_points(points)
     height, classes = _prepared(points, height_above_ground, classification)
-    is_last, is_only = _last_and_only_returns(len(points), return_number, number_of_returns)
+    is_last, is_only = last_and_only_returns(points, return_number, number_of_returns)
     settled = ~np.isin(classes, OPEN)
     spacing = given_or_measured(points, point_spacing)
     radius = max(config.neighbourhood_radius * spacing, config.min_neighbourhood_radius)
@@ -201,20 +203,6 @@ def _prepared(
         is_ground = np.abs(height) <= GROUND_TOLERANCE
         return height, np.where(is_ground, PointClass.GROUND, PointClass.UNCLASSIFIED).astype(np.uint8)
     return height, checked_column("classification", classification, n, np.uint8).copy()
-
-
-def _last_and_only_returns(
-    n_points: int, return_number: ArrayLike | None, number_of_returns: ArrayLike | None
-) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-    """
-    Tell which points are the last return of their pulse, and which are its only one.
-
-    """
-    if return_number is None or number_of_returns is None:
-        return np.ones(n_points, dtype=bool), np.ones(n_points, dtype=bool)
-    number = checked_column("return_number", return_number, n_points, np.int64)
-    of = checked_column("number_of_returns", number_of_returns, n_points, np.int64)
-    return number >= of, of <= 1
 
 
 def _brightness(
