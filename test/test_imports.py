@@ -114,7 +114,7 @@ def test_imports_go_one_way():
         ("lidar_buildings.ros.qos", "lidar_buildings.nodes.tile_player"),
         ("lidar_buildings.nodes.tile_player", "lidar_buildings.cli"),
         ("lidar_buildings.pipeline", "lidar_buildings.io.las"),
-        ("lidar_buildings.core.segmentation_windows", "lidar_buildings.core.boundary_tracing"),
+        ("lidar_buildings.core.segmentation.windows", "lidar_buildings.core.boundary_tracing"),
         ("lidar_buildings.core.point_spacing", "lidar_buildings.core.ground_filter.config"),
         ("lidar_buildings.core.roof_selection", "lidar_buildings.core.tile_stages"),
         ("lidar_buildings.run_local", "lidar_buildings.ros.qos"),
@@ -131,7 +131,7 @@ def test_an_import_against_the_directions_would_be_refused(module, imported):
 @pytest.mark.parametrize(
     ("module", "imported"),
     [
-        ("lidar_buildings.core.segmentation", "lidar_buildings.core.segmentation_windows"),
+        ("lidar_buildings.core.segmentation", "lidar_buildings.core.segmentation.windows"),
         ("lidar_buildings.core.tile_stages", "lidar_buildings.core.ground_filter"),
         ("lidar_buildings.nodes.tile_player", "lidar_buildings.io.las"),
         ("lidar_buildings.run", "lidar_buildings.run_local"),

@@ -8,8 +8,8 @@ from hypothesis.extra.numpy import arrays
 from scenes import GALLERY
 
 from lidar_buildings.core.boundary_tracing import BoundaryTracingConfig, trace_boundary
-from lidar_buildings.core.boundary_tracing_rings import RingTracer
-from lidar_buildings.core.boundary_tracing_triangles import characteristic_ring, empty_discs
+from lidar_buildings.core.boundary_tracing.rings import RingTracer
+from lidar_buildings.core.boundary_tracing.triangles import characteristic_ring, empty_discs
 from lidar_buildings.core.outline import signed_area
 from lidar_buildings.core.segmentation import segment_buildings
 from lidar_buildings.core.status import BuildingStatus

@@ -13,8 +13,8 @@ from lidar_buildings.core.regularisation import (
     measure_outline,
     regularise_outline,
 )
-from lidar_buildings.core.regularisation_lines import Line, free_line, shared_directions, weighted_line
-from lidar_buildings.core.regularisation_segments import FREE, Costs, divide_ring
+from lidar_buildings.core.regularisation.division import FREE, Costs, divide_ring
+from lidar_buildings.core.regularisation.lines import Line, free_line, shared_directions, weighted_line
 from lidar_buildings.core.status import BuildingStatus
 
 CORNERS = {"flat": 4, "gable": 4, "hip": 4, "step_roof": 4, "l_shape": 6, "t_shape": 8, "courtyard": 4}

@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 
 from lidar_buildings.core.outline import Outline
 from lidar_buildings.core.parameters import StageConfig, parameter
-from lidar_buildings.core.regularisation_corners import Fit, corners_of
-from lidar_buildings.core.regularisation_lines import shared_directions
-from lidar_buildings.core.regularisation_segments import Costs, divide_ring
+from lidar_buildings.core.regularisation.corners import Fit, corners_of
+from lidar_buildings.core.regularisation.division import Costs, divide_ring
+from lidar_buildings.core.regularisation.lines import shared_directions
 from lidar_buildings.core.status import BuildingStatus
 
 #: Length of the median edge of a traced ring [spacings], measured on virtual roofs at the default window.

@@ -12,7 +12,7 @@ import numpy as np
 import shapely
 from numpy.typing import ArrayLike, NDArray
 
-from lidar_buildings.core.boundary_tracing_rings import RingTracer
+from lidar_buildings.core.boundary_tracing.rings import RingTracer
 from lidar_buildings.core.outline import Outline
 from lidar_buildings.core.parameters import StageConfig, parameter
 from lidar_buildings.core.point_array import checked_points

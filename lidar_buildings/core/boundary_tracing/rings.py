@@ -12,8 +12,8 @@ import shapely
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from lidar_buildings.core.boundary_tracing_triangles import characteristic_ring, empty_discs
-from lidar_buildings.core.boundary_tracing_walk import prepare_ground, walk_round
+from lidar_buildings.core.boundary_tracing.triangles import characteristic_ring, empty_discs
+from lidar_buildings.core.boundary_tracing.walk import prepare_ground, walk_round
 from lidar_buildings.core.outline import Outline, signed_area
 
 #: Walks tried per ring before another method takes over.

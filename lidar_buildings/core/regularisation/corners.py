@@ -11,8 +11,8 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from lidar_buildings.core.regularisation_lines import Line, free_line, weighted_line
-from lidar_buildings.core.regularisation_segments import FREE, Wall
+from lidar_buildings.core.regularisation.division import FREE, Wall
+from lidar_buildings.core.regularisation.lines import Line, free_line, weighted_line
 
 #: Walls whose directions differ by less are parallel: they meet in a step, not in a corner [rad].
 _PARALLEL = np.deg2rad(15.0)

@@ -16,7 +16,7 @@ from lidar_buildings.core.parameters import StageConfig, parameter
 from lidar_buildings.core.point_array import checked_column, checked_points
 from lidar_buildings.core.point_order import cell_numbers
 from lidar_buildings.core.point_spacing import given_or_measured
-from lidar_buildings.core.segmentation_windows import chain_windows
+from lidar_buildings.core.segmentation.windows import chain_windows
 
 #: Share of cells of the spacing's size that random points fill: 1 − 1/e.
 _FILLED_SHARE = 0.632
