@@ -55,6 +55,42 @@ class SortedPoints(NamedTuple):
     size: float
 
 
+class CellRows(NamedTuple):
+    """
+    Rows by cell, those of one cell in the order given: quicker than sorted points where that is no matter.
+
+    Attributes
+    ----------
+    rows : ndarray of shape (n_points,), intp
+        The rows, cell by cell.
+    numbers, first, n_columns, size
+        As of `SortedPoints`.
+
+    """
+
+    rows: NDArray[np.intp]
+    numbers: NDArray[np.int64]
+    first: NDArray[np.int64]
+    n_columns: int
+    size: float
+
+
+def rows_by_cell(points: NDArray[np.float64], cell: float) -> CellRows:
+    """
+    Gather the rows of points in square cells that start at multiples of `cell` from (0, 0).
+
+    Parameters
+    ----------
+    points : ndarray of shape (n_points, 2 or more)
+        Only x and y are looked at [m].
+    cell : float
+        Side of a cell [m]; doubled until an enormous extent can be numbered.
+
+    """
+    numbers, n_columns, cell = _numbered(points, cell)
+    return CellRows(*_rows_by_number(numbers), n_columns, cell)
+
+
 def sort_by_cell(points: NDArray[np.float64], cell: float) -> SortedPoints:
     """
     Sort points into square cells that start at multiples of `cell` from (0, 0).

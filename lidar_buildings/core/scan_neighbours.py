@@ -1,0 +1,254 @@
+"""
+Neighbours on a scan line and on the lines beside it, cell by cell; kernels of `scan_pattern`.
+
+Sums are of whole numbers, so that they are the same in whatever order points come.
+
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+#: What 1 is in whole numbers.
+UNIT = 2**30
+#: Cells a block of work.
+CELLS_A_BLOCK = 2048
+#: Points nearer than this are of one pulse, or of one that was recorded twice [spacings].
+SAME_PULSE = 0.05
+#: The weight of a neighbour falls with this power of its squared distance beyond the second nearest.
+FALL = 3
+#: Neighbours so little farther than the second nearest are as near.
+TIE = 1.0 + 1e-6
+#: Neighbours on the line lie within this angle of its direction: cosine of 30°.
+ON_LINE = 0.866
+#: Cells on each side in which the lines beside are sought,
+REACH = 3
+#: which are at least this share of what density and step say away from a pulse.
+OFF_LINE = 0.4
+#: Multipliers of the hash that picks probes (xorshift64* of Vigna 2016; golden ratio).
+_MIX, _GOLDEN = np.uint64(2685821657736338717), np.uint64(0x9E3779B97F4A7C15)
+
+
+class Pulses(NamedTuple):
+    """
+    Points and what tells which of them follow each other.
+
+    Attributes
+    ----------
+    points : ndarray of shape (n_points, 3)
+        In any order [m].
+    time : ndarray of shape (n_points,) or (0,)
+        Empty if not known.
+    strip : ndarray of int64, shape (n_points,) or (0,)
+        Empty if not known.
+
+    """
+
+    points: NDArray[np.float64]
+    time: NDArray[np.float64]
+    strip: NDArray[np.int64]
+
+
+@njit(cache=True, nogil=True)
+def mark_probes(points, group, size, most, fewest):  # type: ignore[no-untyped-def]
+    """
+    Pick about `most` points of each group, or all of smaller ones, by their coordinates alone.
+
+    Groups of fewer than `fewest` points have none.
+
+    """
+    is_probe = np.zeros(len(group), dtype=np.bool_)
+    bits = np.empty(2)
+    words = bits.view(np.uint64)
+    for i in range(len(group)):
+        if group[i] < 0 or size[group[i]] < fewest:
+            continue
+        bits[0], bits[1] = points[i, 0], points[i, 1]
+        mixed = words[0] * _GOLDEN + words[1]
+        mixed ^= mixed >> np.uint64(31)
+        mixed *= _MIX
+        mixed ^= mixed >> np.uint64(29)
+        mixed *= _MIX
+        share = np.float64(mixed >> np.uint64(11)) / 2.0**53
+        is_probe[i] = share * size[group[i]] < most
+    return is_probe
+
+
+@njit(cache=True, nogil=True)
+def add_directions(pulses, cells, group, is_probe, spacing, by_time, sums):  # type: ignore[no-untyped-def]
+    """
+    Add up (cos 2φ, sin 2φ, number of probes) of the directions φ to the nearest neighbours, group by group.
+
+    The two nearest count in full and farther ones less and less, so that on a lattice, where many are
+    equally near, all of them count.
+
+    """
+    runs = np.empty((3, 2), dtype=np.int64)
+    for cell in range(len(cells.numbers)):
+        is_found = False
+        for k in range(cells.first[cell], cells.first[cell + 1]):
+            i = cells.rows[k]
+            if not is_probe[i]:
+                continue
+            if not is_found:
+                _find_runs(cells, cell, 1, runs)
+                is_found = True
+            second = _second_nearest(pulses, cells, runs, group, i, spacing, by_time)
+            if second < np.inf:
+                cosine, sine = _mean_direction(pulses, cells, runs, group, i, spacing, by_time, second)
+                sums[group[i], 0] += np.int64(UNIT * cosine)
+                sums[group[i], 1] += np.int64(UNIT * sine)
+                sums[group[i], 2] += 1
+
+
+@njit(cache=True, nogil=True)
+def steps_along(pulses, cells, group, is_probe, spacing, by_time, axis, step, begin, end):  # type: ignore[no-untyped-def]
+    """
+    Write each probe's mean distance along its line to the nearest neighbours on it, of cells begin to end.
+
+    """
+    runs = np.empty((3, 2), dtype=np.int64)
+    for cell in range(begin, end):
+        _find_runs(cells, cell, 1, runs)
+        for k in range(cells.first[cell], cells.first[cell + 1]):
+            i = cells.rows[k]
+            if not is_probe[i]:
+                continue
+            second = _second_nearest(pulses, cells, runs, group, i, spacing, by_time)
+            if second == np.inf:
+                continue
+            cos, sin = axis[group[i]]
+            total, count = 0, 0
+            for run in range(3):
+                for m in range(cells.first[runs[run, 0]], cells.first[runs[run, 1]]):
+                    j = cells.rows[m]
+                    far = _apart(pulses, group, i, j, spacing, by_time)
+                    if far <= second * TIE:
+                        dx = pulses.points[j, 0] - pulses.points[i, 0]
+                        dy = pulses.points[j, 1] - pulses.points[i, 1]
+                        along = abs(dx * cos + dy * sin)
+                        if along >= ON_LINE * math.hypot(dx, dy):
+                            total += np.int64(UNIT * along / spacing)
+                            count += 1
+            if count > 0:
+                step[i] = spacing * (total / UNIT) / count
+
+
+@njit(cache=True, nogil=True)
+def lines_beside(pulses, cells, group, is_probe, spacing, axis, along, sides, begin, end):  # type: ignore[no-untyped-def]
+    """
+    Write each probe's distance to the next line on its left and on its right, of cells begin to end.
+
+    """
+    runs = np.empty((2 * REACH + 1, 2), dtype=np.int64)
+    for cell in range(begin, end):
+        is_found = False
+        for k in range(cells.first[cell], cells.first[cell + 1]):
+            i = cells.rows[k]
+            if not is_probe[i] or not along[group[i]] > 0.0:
+                continue
+            if not is_found:
+                _find_runs(cells, cell, REACH, runs)
+                is_found = True
+            cos, sin = axis[group[i]]
+            step = along[group[i]]
+            least = OFF_LINE * spacing * spacing / step
+            near = np.array([np.inf, np.inf])
+            for run in range(len(runs)):
+                for m in range(cells.first[runs[run, 0]], cells.first[runs[run, 1]]):
+                    j = cells.rows[m]
+                    dx = pulses.points[j, 0] - pulses.points[i, 0]
+                    dy = pulses.points[j, 1] - pulses.points[i, 1]
+                    if abs(dx * cos + dy * sin) > step or not _are_mates(pulses, group, i, j):
+                        continue
+                    beside = dy * cos - dx * sin
+                    side = 0 if beside > 0.0 else 1
+                    if least <= abs(beside) < near[side]:
+                        near[side] = abs(beside)
+            for side in range(2):
+                if near[side] < np.inf:
+                    sides[i, side] = near[side]
+
+
+@njit(cache=True, nogil=True)
+def _find_runs(cells, cell, reach, runs):  # type: ignore[no-untyped-def]
+    """
+    Write the runs of occupied cells (begin, end) of a window about a cell, row by row.
+
+    """
+    number = cells.numbers[cell]
+    column = number % cells.n_columns
+    west, east = min(reach, column), min(reach, cells.n_columns - 1 - column)
+    for row in range(2 * reach + 1):
+        beside = number + (row - reach) * cells.n_columns
+        runs[row, 0] = np.searchsorted(cells.numbers, beside - west)
+        runs[row, 1] = np.searchsorted(cells.numbers, beside + east, side="right")
+
+
+@njit(cache=True, nogil=True)
+def _are_mates(pulses, group, i, j):  # type: ignore[no-untyped-def]
+    """
+    Whether two points are of one group and strip.
+
+    """
+    return group[i] == group[j] and (len(pulses.strip) == 0 or pulses.strip[i] == pulses.strip[j])
+
+
+@njit(cache=True, nogil=True)
+def _apart(pulses, group, i, j, spacing, by_time):  # type: ignore[no-untyped-def]
+    """
+    Return the squared distance of two pulses in time or in plan, infinite where they are no neighbours.
+
+    """
+    dx, dy = pulses.points[j, 0] - pulses.points[i, 0], pulses.points[j, 1] - pulses.points[i, 1]
+    square = dx * dx + dy * dy
+    if square <= (SAME_PULSE * spacing) ** 2 or not _are_mates(pulses, group, i, j):
+        return np.inf
+    if not by_time:
+        return square
+    apart = (pulses.time[j] - pulses.time[i]) ** 2
+    return apart if apart > 0.0 else np.inf
+
+
+@njit(cache=True, nogil=True)
+def _second_nearest(pulses, cells, runs, group, i, spacing, by_time):  # type: ignore[no-untyped-def]
+    """
+    Return the squared distance of the second nearest neighbour, infinite where there is none.
+
+    """
+    nearest, second = np.inf, np.inf
+    for run in range(len(runs)):
+        for m in range(cells.first[runs[run, 0]], cells.first[runs[run, 1]]):
+            far = _apart(pulses, group, i, cells.rows[m], spacing, by_time)
+            if far < nearest:
+                nearest, second = far, nearest
+            elif far < second:
+                second = far
+    return second
+
+
+@njit(cache=True, nogil=True)
+def _mean_direction(pulses, cells, runs, group, i, spacing, by_time, second):  # type: ignore[no-untyped-def]
+    """
+    Return the weighted mean of (cos 2φ, sin 2φ) over a point's neighbours.
+
+    """
+    cosine, sine, total = 0, 0, 0
+    for run in range(len(runs)):
+        for m in range(cells.first[runs[run, 0]], cells.first[runs[run, 1]]):
+            j = cells.rows[m]
+            far = _apart(pulses, group, i, j, spacing, by_time)
+            if far == np.inf:
+                continue
+            weight = UNIT * min(1.0, second / far) ** FALL
+            dx, dy = pulses.points[j, 0] - pulses.points[i, 0], pulses.points[j, 1] - pulses.points[i, 1]
+            square = dx * dx + dy * dy
+            cosine += np.int64(weight * (dx * dx - dy * dy) / square)
+            sine += np.int64(weight * 2.0 * dx * dy / square)
+            total += np.int64(weight)
+    return cosine / total, sine / total

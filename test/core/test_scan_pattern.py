@@ -1,0 +1,146 @@
+import math
+
+import numpy as np
+import pytest
+
+from lidar_buildings.core.scan_pattern import ScanPattern, measure_scan_pattern
+
+
+def scanned(along, across, *, turn=0.0, jitter=0.1, size=12.0, seed=0):
+    """
+    Lines of pulses on a square roof; rows in the order of the scan, every second line backwards.
+
+    """
+    rng = np.random.default_rng(seed)
+    reach = 0.75 * size
+    u, v = np.arange(-reach, reach, along), np.arange(-reach, reach, across)
+    lines = [np.column_stack((u[:: 1 - 2 * (k % 2)], np.full(len(u), one))) for k, one in enumerate(v)]
+    flat = np.vstack(lines)
+    flat += rng.normal(0, jitter * min(along, across), flat.shape)
+    cos, sin = math.cos(turn), math.sin(turn)
+    xy = flat @ np.array([[cos, sin], [-sin, cos]])
+    inside = np.abs(xy).max(axis=1) <= size / 2
+    return np.column_stack((xy, np.full(len(xy), 5.0)))[inside] + np.array([200.0, 300.0, 0.0])
+
+
+def off(direction, truth):
+    """
+    Angle between two directions that have no sense [deg].
+
+    """
+    return abs(math.degrees((direction - truth + math.pi / 2) % math.pi - math.pi / 2))
+
+
+@pytest.mark.parametrize("turn", [0.0, 0.4, 1.2, 2.9])
+@pytest.mark.parametrize(("along", "across"), [(0.3, 0.6), (0.5, 1.5), (0.05, 0.5)])
+def test_lines_are_found_in_bare_points(along, across, turn):
+    size = 12.0 if along > 0.1 else 5.0
+    found = measure_scan_pattern(scanned(along, across, turn=turn, size=size))
+    assert off(found.direction, turn) < 2.0
+    assert 0.0 <= found.direction < math.pi
+    assert found.along == pytest.approx(along, rel=0.1)
+    assert found.across == pytest.approx(across, rel=0.1)
+
+
+@pytest.mark.parametrize("turn", [0.0, 0.7])
+def test_time_tells_lines_that_are_denser_across_than_along(turn):
+    points = scanned(1.0, 0.4, turn=turn, size=20.0)
+    found = measure_scan_pattern(points, gps_time=1e5 + 1e-5 * np.arange(len(points)))
+    assert off(found.direction, turn) < 2.0
+    assert (found.along, found.across) == pytest.approx((1.0, 0.4), rel=0.12)
+    ordered = measure_scan_pattern(points, ordered=True)
+    assert (ordered.direction, ordered.along, ordered.across) == pytest.approx(
+        (found.direction, found.along, found.across), rel=1e-6
+    )
+    bare = measure_scan_pattern(points)
+    assert off(bare.direction, turn + math.pi / 2) < 2.0
+    assert (bare.along, bare.across) == pytest.approx((0.4, 1.0), rel=0.12)
+
+
+@pytest.mark.parametrize("turn", [0.0, 0.3])
+def test_square_lattices_and_random_points_have_no_lines(turn):
+    for jitter in (0.0, 0.05, 0.3):
+        points = scanned(0.5, 0.5, turn=turn, jitter=jitter)
+        assert measure_scan_pattern(points, point_spacing=0.5) == ScanPattern(0.0, 0.5, 0.5)
+    rng = np.random.default_rng(1)
+    for n_points in (25, 100, 3000):
+        points = np.column_stack((rng.uniform(0, 10, (n_points, 2)), np.zeros(n_points)))
+        assert measure_scan_pattern(points).is_isotropic
+        assert measure_scan_pattern(points, gps_time=rng.uniform(0, 1, n_points)).is_isotropic
+
+
+def test_zigzag_lines_have_the_mean_distance():
+    v = np.repeat(np.arange(0, 30, 0.8), 40) + np.tile(np.linspace(0, 0.8, 40), 38)
+    u = np.concatenate([np.linspace(0, 8, 40)[:: 1 - 2 * (k % 2)] for k in range(38)])
+    points = np.column_stack((u, v, np.zeros(len(u))))
+    found = measure_scan_pattern(points, gps_time=np.arange(len(u)))
+    assert off(found.direction, 0.0) < 7.0
+    assert found.along == pytest.approx(8 / 39, rel=0.1)
+    assert found.across == pytest.approx(0.8, rel=0.15)
+
+
+def test_an_overlap_has_the_spacing_of_one_strip():
+    first = scanned(0.3, 0.9, turn=0.5)
+    second = scanned(0.3, 0.9, turn=0.5, seed=4) + np.array([0.13, 0.37, 0.0])
+    points = np.vstack((first, second))
+    strip = np.repeat([7, 9], [len(first), len(second)])
+    found = measure_scan_pattern(points, point_source_id=strip)
+    assert off(found.direction, 0.5) < 2.0
+    assert (found.along, found.across) == pytest.approx((0.3, 0.9), rel=0.1)
+
+
+def test_strips_that_cross_have_no_direction():
+    first, second = scanned(0.3, 0.9, turn=0.2), scanned(0.3, 0.9, turn=0.2 + math.pi / 2, seed=4)
+    strip = np.repeat([1, 2], [len(first), len(second)])
+    assert measure_scan_pattern(np.vstack((first, second)), point_source_id=strip).is_isotropic
+
+
+def test_pulses_recorded_twice_are_no_lines():
+    rng = np.random.default_rng(0)
+    once = np.column_stack((rng.uniform(0, 15, (800, 2)), np.zeros(800)))
+    for step in (0.0, 0.02, 0.08):
+        twice = np.vstack((once, once + np.array([step, 0.0, -0.1])))
+        assert measure_scan_pattern(twice).is_isotropic, step
+
+
+def test_the_scan_angle_backs_weak_signs():
+    points = scanned(0.4, 0.8, turn=0.5, jitter=0.25, size=30.0)
+    angle = points[:, :2] @ np.array([math.cos(0.5), math.sin(0.5)]) / 20.0
+    assert measure_scan_pattern(points).is_isotropic
+    backed = measure_scan_pattern(points, scan_angle=angle)
+    assert off(backed.direction, 0.5) < 5.0
+    assert backed.across / backed.along == pytest.approx(2.0, rel=0.15)
+    other = points[:, :2] @ np.array([math.cos(1.3), math.sin(1.3)]) / 20.0
+    assert measure_scan_pattern(points, scan_angle=other).is_isotropic
+
+
+def test_the_order_of_points_does_not_matter_and_the_pattern_turns_with_them():
+    points = scanned(0.3, 0.7, turn=0.4)
+    time = np.arange(len(points)) * 1e-5
+    order = np.random.default_rng(3).permutation(len(points))
+    for by_time in (None, time):
+        found = measure_scan_pattern(points, gps_time=by_time)
+        shuffled = None if by_time is None else by_time[order]
+        assert measure_scan_pattern(points[order], gps_time=shuffled) == found
+        mirrored = measure_scan_pattern(points * np.array([-1.0, 1.0, 1.0]), gps_time=by_time)
+        assert off(mirrored.direction, -found.direction) < 1.0
+        assert (mirrored.along, mirrored.across) == pytest.approx((found.along, found.across), rel=0.03)
+
+
+@pytest.mark.parametrize("n_points", [0, 1, 2, 3, 50])
+def test_degenerate_clouds_are_isotropic(n_points):
+    column = np.arange(n_points)
+    for points in (np.zeros((n_points, 3)), np.column_stack((column, column, column)).astype(float)):
+        for time in (None, column):
+            found = measure_scan_pattern(points, gps_time=time)
+            assert found.is_isotropic
+            assert found.along > 0.0
+
+
+def test_wrong_arguments_are_named():
+    with pytest.raises(ValueError, match="points"):
+        measure_scan_pattern(np.zeros((3, 2)))
+    with pytest.raises(ValueError, match="gps_time"):
+        measure_scan_pattern(np.zeros((3, 3)), gps_time=np.zeros(2))
+    with pytest.raises(ValueError, match="point_spacing"):
+        measure_scan_pattern(np.zeros((3, 3)), point_spacing=-1.0)
