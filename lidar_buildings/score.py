@@ -24,11 +24,13 @@ CELL, FILL = 0.5, 1.5
 CELL_RANGE, FILL_RANGE = (0.05, 100.0), (0.0, 10.0)
 #: A disc smaller than the precision of points, or larger than buildings, finds no edges [m].
 ALPHA_RANGE = (0.01, 100.0)
+#: Default distance within which two corners are the same [m], and its range: maps to buildings.
+CORNER_TOLERANCE, CORNER_TOLERANCE_RANGE = 1.0, (0.01, 100.0)
 #: Which options apply to which kind.
 _OPTIONS = {
     "ground": {"reference_classes"},
     "buildings": {"cell", "fill", "reference_classes"},
-    "outlines": {"merge_touching"},
+    "outlines": {"merge_touching", "corner_tolerance"},
     "edges": {"alpha", "split_steps", "reference_classes"},
 }
 
@@ -63,6 +65,7 @@ def run_score(
     merge_touching: bool = False,
     alpha: float | None = None,
     split_steps: bool = False,
+    corner_tolerance: float = CORNER_TOLERANCE,
 ) -> Score:
     """
     Compare a result with a reference.
@@ -89,6 +92,8 @@ def run_score(
         Radius of the disc that finds the reference's edges [m]; 1.342 point spacings if not given.
     split_steps : bool
         Whether a step in height parts one roof of the reference from another, and so is an edge.
+    corner_tolerance : float
+        How far an outline's corner may lie from the one that it stands for [m].
 
     Returns
     -------
@@ -99,13 +104,14 @@ def run_score(
     InputError
         If a file cannot be read or the two sides cannot be compared.
     ParameterError
-        If the kind is unknown, or `cell`, `fill` or `alpha` is out of range.
+        If the kind is unknown, or `cell`, `fill`, `alpha` or `corner_tolerance` is out of range.
 
     """
     if kind not in KINDS:
         raise ParameterError(f"score {kind}: must be one of {', '.join(KINDS)}")
     _check_range("cell", cell, *CELL_RANGE)
     _check_range("fill", fill, *FILL_RANGE)
+    _check_range("corner-tolerance", corner_tolerance, *CORNER_TOLERANCE_RANGE)
     if alpha is not None:
         _check_range("alpha", alpha, *ALPHA_RANGE)
     # Imported late: --help answers at once.
@@ -117,7 +123,9 @@ def run_score(
     area = None if aoi is None else read_metric_polygons(Path(aoi))
     if area is not None and not len(area.polygons):
         raise InputError(f"{aoi}: holds no polygon: an area of interest needs one")
-    options = ScoreOptions(area, cell, fill, reference_classes, merge_touching, alpha, split_steps)
+    options = ScoreOptions(
+        area, cell, fill, reference_classes, merge_touching, alpha, split_steps, corner_tolerance
+    )
     found = FIGURES[kind](Path(result_path), Path(reference_path), options)
     figures = {name: None if _is_nan(value) else value for name, value in found.items()}
     title = f"{kind}: {result_path} against {reference_path}" + (f" within {aoi}" if aoi else "")
@@ -160,6 +168,13 @@ def add_score_arguments(parser: argparse.ArgumentParser) -> None:
         help="outlines: compare blocks of buildings that share a wall, since lidar cannot tell these apart",
     )
     parser.add_argument(
+        "--corner-tolerance",
+        type=float,
+        metavar="M",
+        help="outlines: how far a corner may lie from the one that it stands for [m] "
+        f"(default: {CORNER_TOLERANCE})",
+    )
+    parser.add_argument(
         "--alpha",
         type=float,
         metavar="M",
@@ -186,7 +201,15 @@ def score_command(options: argparse.Namespace) -> int:
         If an option is out of range or has no meaning for this kind.
 
     """
-    names = ("cell", "fill", "reference_classes", "merge_touching", "alpha", "split_steps")
+    names = (
+        "cell",
+        "fill",
+        "reference_classes",
+        "merge_touching",
+        "corner_tolerance",
+        "alpha",
+        "split_steps",
+    )
     given = {name: getattr(options, name) for name in names}
     given = {name: value for name, value in given.items() if value is not None}
     for name in given.keys() - _OPTIONS[options.kind]:

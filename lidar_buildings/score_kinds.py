@@ -13,16 +13,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lidar_buildings.core.scores.blocks import merge_touching
 from lidar_buildings.core.scores.buildings import score_buildings
 from lidar_buildings.core.scores.cells import CellSet, cells_of_points, cells_of_polygons
 from lidar_buildings.core.scores.confusion import confusion_of
-from lidar_buildings.core.scores.coverage import score_coverage
 from lidar_buildings.core.scores.ground import REFERENCE_GROUND, score_ground
-from lidar_buildings.core.scores.outlines import score_outlines
 from lidar_buildings.io.labelled_points import LabelledPoints, has_clouds, read_label_pairs, read_labels
 from lidar_buildings.io.metric_polygons import MetricPolygons, read_metric_polygons
 from lidar_buildings.score_edges import edge_figures
+from lidar_buildings.score_outlines import outline_figures
 from lidar_buildings.score_sides import BUILDING, ScoreOptions, check_same_system, is_inside
 
 
@@ -48,37 +46,6 @@ def building_figures(result: Path, reference: Path, options: ScoreOptions) -> di
     ]
     check_same_system(sides[0][1], sides[1][1], options.area)
     return _cell_figures(sides[0][0], sides[1][0], options)
-
-
-def outline_figures(result: Path, reference: Path, options: ScoreOptions) -> dict[str, Any]:
-    """
-    Compare outlines as objects, as area and along their boundaries.
-
-    """
-    sides = [read_metric_polygons(path) for path in (result, reference)]
-    check_same_system(sides[0].crs, sides[1].crs, options.area)
-    area = None if options.area is None else options.area.polygons
-    mine, theirs = (side.polygons for side in sides)
-    coverage = asdict(score_coverage(mine, theirs, area=area))
-    coverage["covered_per_building"] = coverage.pop("covered").tolist()
-    if not options.merge_touching:
-        return {**_object_figures(mine, theirs, area), **coverage}
-    blocks = merge_touching(theirs)
-    figures = _object_figures(merge_touching(mine).polygons, blocks.polygons, area)
-    return {**figures, **coverage, "block_per_building": blocks.block.tolist()}
-
-
-def _object_figures(mine: NDArray[Any], theirs: NDArray[Any], area: NDArray[Any] | None) -> dict[str, Any]:
-    """
-    Compare outlines, or blocks of them, one to one.
-
-    """
-    figures = asdict(score_outlines(mine, theirs, area=area))
-    distances = figures.pop("boundary")
-    vertices = {name: figures.pop(name) for name in ("vertices_result", "vertices_reference")}
-    per_outline = {name: figures.pop(name).tolist() for name in ("partner", "iou")}
-    named = {f"boundary_{name}": value for name, value in distances.items()}
-    return {**figures, **named, **vertices, **{f"{name}_per_reference": v for name, v in per_outline.items()}}
 
 
 FIGURES: dict[str, Callable[[Path, Path, ScoreOptions], dict[str, Any]]] = {

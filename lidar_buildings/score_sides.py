@@ -41,6 +41,8 @@ class ScoreOptions:
         Radius of the disc of the roofs' alpha shapes [m], None for one that follows the spacing.
     split_steps : bool
         Whether a step in height parts one roof from another.
+    corner_tolerance : float
+        How far a corner may lie from the one that it stands for [m].
 
     """
 
@@ -51,6 +53,7 @@ class ScoreOptions:
     merge_touching: bool = False
     alpha: float | None = None
     split_steps: bool = False
+    corner_tolerance: float = 1.0
 
 
 def is_inside(points: NDArray[np.float64], area: MetricPolygons | None) -> NDArray[np.bool_]:

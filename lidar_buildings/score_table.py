@@ -49,6 +49,7 @@ LABELS: dict[str, tuple[str, str]] = {
     "n_extra": ("extra", "n"),
     "completeness": ("completeness, by objects", ""),
     "correctness": ("correctness, by objects", ""),
+    "f1": ("F1, by objects", ""),
     "n_buildings": ("buildings in the reference", "n"),
     "n_covered": ("reference buildings covered (≥ 50 %)", "n"),
     "covered_share": ("share of reference buildings covered", ""),
@@ -57,12 +58,36 @@ LABELS: dict[str, tuple[str, str]] = {
     "area_completeness": ("completeness, by area", ""),
     "area_correctness": ("correctness, by area", ""),
     "area_iou": ("IoU, by area", ""),
-    "boundary_mean": ("boundary distance, mean", "m"),
-    "boundary_rms": ("boundary distance, RMS", "m"),
-    "boundary_percentile_95": ("boundary distance, 95 %", "m"),
-    "boundary_hausdorff": ("boundary distance, largest", "m"),
+    "boundary_mean": ("boundary distance of those found, mean", "m"),
+    "boundary_rms": ("boundary distance of those found, RMS", "m"),
+    "boundary_percentile_95": ("boundary distance of those found, 95 %", "m"),
+    "boundary_hausdorff": ("boundary distance of those found, largest", "m"),
+    "boundary_of_unions_mean": ("boundary distance of the unions, mean", "m"),
+    "boundary_of_unions_rms": ("boundary distance of the unions, RMS", "m"),
+    "boundary_of_unions_percentile_95": ("boundary distance of the unions, 95 %", "m"),
+    "boundary_of_unions_hausdorff": ("boundary distance of the unions, largest", "m"),
+    "corner_tolerance": ("corners: tolerance", "m"),
+    "corner_n_result": ("corners in the result", "n"),
+    "corner_n_reference": ("corners in the reference", "n"),
+    "corner_precision": ("corners: precision", ""),
+    "corner_recall": ("corners: recall", ""),
+    "corner_mean_distance": ("corners: distance of those found, mean", "m"),
+    "angle_median_deg": ("angle errors of those found, median", "°"),
+    "angle_percentile_95_deg": ("angle errors of those found, 95 %", "°"),
+    "angle_matched_share": ("angle errors: share of walls compared", ""),
+    "n_vertices_result": ("vertices in the result", "n"),
+    "n_vertices_reference": ("vertices in the reference", "n"),
+    "n_vertices_reference_simplified": ("vertices in the reference, simplified", "n"),
     "vertices_result": ("vertices of those found", "mean"),
     "vertices_reference": ("vertices of their references", "mean"),
+    "vertices_reference_simplified": ("vertices of their references, simplified", "mean"),
+    "adjusted_n_buildings": ("Table 1: buildings with straight walls", "n"),
+    "adjusted_n_as_traced": ("Table 1: left out, outline as traced", "n"),
+    "adjusted_spacing": ("Table 1: point spacing", "m"),
+    "adjusted_max_offset": ("Table 1: largest offset of a point", "m"),
+    "adjusted_sigma": ("Table 1: σ", "m"),
+    "adjusted_max_offset_share": ("Table 1: largest offset / spacing", ""),
+    "adjusted_sigma_share": ("Table 1: σ / spacing", ""),
 }
 
 
@@ -90,4 +115,6 @@ def _in_words(value: float | None, unit: str) -> str:
         return f"{value:>10d}"
     if unit == "m":
         return f"{value:>10.3f} m"
+    if unit == "°":
+        return f"{value:>10.2f}°"
     return f"{value:>10.2f}" if unit == "mean" else f"{value:>10.4f}"

@@ -5,7 +5,7 @@ The polygons of a result, a reference or an area of interest, in metres.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -37,11 +37,17 @@ class MetricPolygons:
         In the file's reference system, but in metres.
     crs : str
         The horizontal reference system: ``"EPSG:28992"``, a WKT text where no code is known, or empty.
+    attributes : dict of str to ndarray
+        The layer's columns, one value per polygon, in the file's own units.
+    unit : float
+        Metres in the file's unit of length.
 
     """
 
     polygons: NDArray[Any]
     crs: str
+    attributes: dict[str, NDArray[Any]] = field(default_factory=dict)
+    unit: float = 1.0
 
 
 def read_metric_polygons(path: Path) -> MetricPolygons:
@@ -60,12 +66,12 @@ def read_metric_polygons(path: Path) -> MetricPolygons:
 
     """
     file = _file_of(path)
-    polygons, _, crs = read_polygons(file, _layer_of(file))
+    polygons, attributes, crs = read_polygons(file, _layer_of(file))
     flat = shapely.force_2d(np.array(polygons, dtype=object))
     if not np.isfinite(shapely.bounds(flat)).all():
         raise InputError(f"{file}: a coordinate of a polygon is not a finite number: export the file again")
     name, unit = _system(crs)
-    return MetricPolygons(shapely.transform(flat, lambda xy: xy * unit), name)
+    return MetricPolygons(shapely.transform(flat, lambda xy: xy * unit), name, attributes, unit)
 
 
 def _file_of(path: Path) -> Path:

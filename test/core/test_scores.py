@@ -263,7 +263,7 @@ def test_found_missed_and_extra_objects_are_counted():
     result = [box(0, 0, 10, 10), box(26, 0, 10, 10), box(60, 0, 10, 10)]
     score = score_outlines(result, reference)
     assert (score.n_found, score.n_missed, score.n_extra) == (1, 2, 2)
-    assert score.completeness == score.correctness == pytest.approx(1 / 3)
+    assert score.completeness == score.correctness == score.f1 == pytest.approx(1 / 3)
     assert score.iou == pytest.approx([1.0, 40 / 160, 0.0])
     assert score.mean_iou == pytest.approx((1.0 + 0.25 + 0.0) / 3)
     assert score.mean_iou_found == 1.0
@@ -330,6 +330,9 @@ def test_nothing_against_something_and_nothing_against_nothing():
     assert math.isnan(extra.mean_iou)
     assert math.isnan(nothing.completeness)
     assert math.isnan(nothing.boundary.hausdorff)
+    assert (missed.f1, extra.f1) == (0.0, 0.0)
+    for score in (missed, extra, nothing):
+        assert math.isnan(score.boundary_of_unions.mean)
 
 
 @settings(max_examples=25, deadline=None)

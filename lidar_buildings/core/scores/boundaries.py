@@ -77,6 +77,32 @@ def boundary_distances(
     )
 
 
+def distances_of_unions(
+    result: shapely.Geometry, reference: shapely.Geometry, *, limits: shapely.Geometry | None = None
+) -> BoundaryDistances:
+    """
+    Measure the distances between the boundaries of all that a result and a reference cover.
+
+    Parameters
+    ----------
+    result, reference : shapely geometry
+        Each the union of its side's outlines [m].
+    limits : shapely geometry, optional
+        The area that both were cut to: along its edge nothing is measured.
+
+    Returns
+    -------
+    BoundaryDistances
+        NaN if either covers nothing.
+
+    """
+    sides = [[] if side.is_empty else [side] for side in (result, reference)]
+    if not all(sides):
+        sides = [[], []]
+    mine, theirs = (np.array(side, dtype=object) for side in sides)
+    return boundary_distances(mine, theirs, limits=limits)
+
+
 def _samples(boundary: shapely.Geometry) -> NDArray[Any]:
     """
     Return points in equal steps along every ring.

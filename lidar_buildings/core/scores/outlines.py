@@ -13,9 +13,10 @@ import numpy as np
 import shapely
 from numpy.typing import ArrayLike, NDArray
 
-from lidar_buildings.core.scores.boundaries import BoundaryDistances, boundary_distances
+from lidar_buildings.core.scores.boundaries import BoundaryDistances, boundary_distances, distances_of_unions
 from lidar_buildings.core.scores.confusion import ratio
 from lidar_buildings.core.scores.polygons import MIN_INSIDE, cut_to, limits_of, valid_polygons
+from lidar_buildings.core.scores.real_vertices import simplified, vertex_counts
 
 #: An object counts as found from this intersection over union on.
 MIN_IOU = 0.5
@@ -34,6 +35,8 @@ class OutlineScore:
         Reference outlines with a partner of IoU ≥ 0.5, those without, and result outlines without.
     completeness, correctness : float
         Found / reference and found / result, as objects.
+    f1 : float
+        Their harmonic mean: 2 found / (result + reference).
     mean_iou : float
         Mean IoU over all reference outlines; one without any partner counts 0.
     mean_iou_found : float
@@ -42,8 +45,12 @@ class OutlineScore:
         Of the unions of all outlines.
     boundary : BoundaryDistances
         Between the boundaries of the found ones and their partners.
-    vertices_result, vertices_reference : float
-        Mean number of vertices of the found ones.
+    boundary_of_unions : BoundaryDistances
+        Between the boundary of the union of all of the result and that of all of the reference.
+    vertices_result, vertices_reference, vertices_reference_simplified : float
+        Mean number of vertices of the found ones; maps are densified, hence the last.
+    n_vertices_result, n_vertices_reference, n_vertices_reference_simplified : int
+        Vertices of all outlines that count, as they are, not cut to the area of interest.
     partner : ndarray of int, shape (n_given_reference,)
         Row of the result outline that belongs to each given reference outline, −1 if none does.
     iou : ndarray of float, shape (n_given_reference,)
@@ -58,14 +65,20 @@ class OutlineScore:
     n_extra: int
     completeness: float
     correctness: float
+    f1: float
     mean_iou: float
     mean_iou_found: float
     area_completeness: float
     area_correctness: float
     area_iou: float
     boundary: BoundaryDistances
+    boundary_of_unions: BoundaryDistances
     vertices_result: float
     vertices_reference: float
+    vertices_reference_simplified: float
+    n_vertices_result: int
+    n_vertices_reference: int
+    n_vertices_reference_simplified: int
     partner: NDArray[np.int64]
     iou: NDArray[np.float64]
 
@@ -94,15 +107,17 @@ def score_outlines(result: ArrayLike, reference: ArrayLike, *, area: ArrayLike |
 
     """
     limits = limits_of(area)
-    mine, mine_inside = cut_to(valid_polygons(result), limits)
-    theirs, theirs_inside = cut_to(valid_polygons(reference), limits)
+    whole = valid_polygons(result), valid_polygons(reference)
+    mine, mine_inside = cut_to(whole[0], limits)
+    theirs, theirs_inside = cut_to(whole[1], limits)
     partner, iou = match_outlines(mine, theirs)
-    answered = np.isin(np.arange(len(mine)), partner)
-    n_result = int(np.count_nonzero(answered | (mine_inside >= MIN_INSIDE)))
+    mine_counted = np.isin(np.arange(len(mine)), partner) | (mine_inside >= MIN_INSIDE)
+    n_result = int(np.count_nonzero(mine_counted))
     counted = (partner >= 0) | (theirs_inside >= MIN_INSIDE)
     found = np.flatnonzero(iou >= MIN_IOU)
     pairs = mine[partner[found]], theirs[found]
-    common, mine_area, theirs_area = _areas(mine, theirs)
+    unions = shapely.union_all(mine), shapely.union_all(theirs)
+    common, mine_area, theirs_area = unions[0].intersection(unions[1]).area, unions[0].area, unions[1].area
     n_reference = int(np.count_nonzero(counted))
     return OutlineScore(
         n_result=n_result,
@@ -112,14 +127,20 @@ def score_outlines(result: ArrayLike, reference: ArrayLike, *, area: ArrayLike |
         n_extra=n_result - len(found),
         completeness=ratio(len(found), n_reference),
         correctness=ratio(len(found), n_result),
+        f1=ratio(2 * len(found), n_result + n_reference),
         mean_iou=_mean(iou[counted]),
         mean_iou_found=_mean(iou[found]),
         area_completeness=ratio(common, theirs_area),
         area_correctness=ratio(common, mine_area),
         area_iou=ratio(common, mine_area + theirs_area - common),
         boundary=boundary_distances(*pairs, limits=limits),
-        vertices_result=_mean(_vertex_counts(pairs[0])),
-        vertices_reference=_mean(_vertex_counts(pairs[1])),
+        boundary_of_unions=distances_of_unions(*unions, limits=limits),
+        vertices_result=_mean(vertex_counts(pairs[0])),
+        vertices_reference=_mean(vertex_counts(pairs[1])),
+        vertices_reference_simplified=_mean(vertex_counts(simplified(pairs[1]))),
+        n_vertices_result=int(vertex_counts(whole[0][mine_counted]).sum()),
+        n_vertices_reference=int(vertex_counts(whole[1][counted]).sum()),
+        n_vertices_reference_simplified=int(vertex_counts(simplified(whole[1][counted])).sum()),
         partner=partner,
         iou=iou,
     )
@@ -154,25 +175,6 @@ def match_outlines(
             partner[theirs[pair]], best[theirs[pair]] = mine[pair], iou[pair]
             taken[mine[pair]] = True
     return partner, best
-
-
-def _areas(result: NDArray[Any], reference: NDArray[Any]) -> tuple[float, float, float]:
-    """
-    Return the areas of the unions' intersection, of the result's union and of the reference's [m²].
-
-    """
-    mine, theirs = shapely.union_all(result), shapely.union_all(reference)
-    return mine.intersection(theirs).area, mine.area, theirs.area
-
-
-def _vertex_counts(polygons: NDArray[Any]) -> NDArray[np.int64]:
-    """
-    Count each outline's vertices, without the repeated one that closes a ring.
-
-    """
-    owner = shapely.get_rings(polygons, return_index=True)[1]
-    counts = shapely.get_num_coordinates(polygons) - np.bincount(owner, minlength=len(polygons))
-    return np.asarray(counts, dtype=np.int64)
 
 
 def _mean(values: NDArray[Any]) -> float:
