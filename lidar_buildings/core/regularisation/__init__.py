@@ -1,18 +1,15 @@
 """
-Regularisation: straight walls and right angles from a traced outline.
+Regularisation: straight walls, right angles and arcs from a traced outline.
 
 """
 
-from lidar_buildings.core.regularisation.regularising import (
-    OutlineQuality,
-    RegularisationConfig,
-    RegularisedOutline,
-    measure_outline,
-    regularise_outline,
-)
+from lidar_buildings.core.regularisation.config import RegularisationConfig
+from lidar_buildings.core.regularisation.regularising import measure_outline, regularise_outline
+from lidar_buildings.core.regularisation.result import OutlineQuality, OutlineWall, RegularisedOutline
 
 __all__ = [
     "OutlineQuality",
+    "OutlineWall",
     "RegularisationConfig",
     "RegularisedOutline",
     "measure_outline",

@@ -1,38 +1,53 @@
 """
-Where a traced ring turns: its best division into straight walls.
+Where a ring turns: its best division into straight walls and arcs.
 
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-#: Points that one wall may have before it is divided; pieces of a longer wall are joined again later.
-_MAX_WALL_POINTS = 500
-#: Fewest points that define a direction of their own.
-_MIN_FREE_POINTS = 3
-FREE = -1
+from lidar_buildings.core.regularisation.moments import (
+    algebraic_circle,
+    least_scatter,
+    running_sums,
+    scatter_of,
+    way_along,
+)
+
+#: Samples that one wall may have before it is divided; pieces of a longer wall are joined again later.
+_MAX_WALL_SAMPLES = 500
+#: Fewest samples that define a direction of their own, and an arc.
+_MIN_FREE_SAMPLES, _MIN_ARC_SAMPLES = 3, 6
+#: An arc turns at least so far and no further than once round [rad].
+_MIN_ARC_TURN, _MAX_ARC_TURN = 0.5, 7.0
+#: Kinds of walls beside those along one of the given directions.
+FREE, ARC = -1, -2
 
 
-@dataclass(frozen=True)
-class Costs:
+class Costs(NamedTuple):
     """
-    What a division costs, in squared standard deviations of a ring point.
+    What a division costs, in squared standard deviations of a sample of weight 1.
 
     Attributes
     ----------
     noise : float
-        Standard deviation of a ring point across its wall [m].
+        Standard deviation of a sample across its wall [m].
     wall : float
         Cost of a wall.
     own_direction : float
         Added for a wall in none of the building's directions.
     step : float
         Added for the step between two consecutive walls of one direction.
+    arc : float
+        Added for an arc.
+    min_radius, min_arc : float
+        Smallest radius and length of an arc [m].
 
     """
 
@@ -40,187 +55,193 @@ class Costs:
     wall: float
     own_direction: float
     step: float
+    arc: float = np.inf
+    min_radius: float = 0.0
+    min_arc: float = 0.0
 
 
-@dataclass(frozen=True)
-class Wall:
+@dataclass(frozen=True, eq=False)
+class Division:
     """
-    A run of ring points on one straight wall.
+    A closed ring's walls, in its order.
 
     Attributes
     ----------
-    first, last : int
-        Range of ring points, `last` exclusive; beyond the ring's end it goes on at its start.
-    direction : int
-        Which of the given directions, or `FREE`.
+    first, last : ndarray of int64, shape (n_walls,)
+        Range of each wall's samples, `last` exclusive; beyond the ring's end it goes on at its start.
+    kind : ndarray of int64, shape (n_walls,)
+        Which of the given directions, or `FREE`, or `ARC`.
+    cost : float
+        Squared offsets over noise² and the cost of the walls.
 
     """
 
-    first: int
-    last: int
-    direction: int
+    first: NDArray[np.int64]
+    last: NDArray[np.int64]
+    kind: NDArray[np.int64]
+    cost: float
 
-    def rows(self, n_points: int) -> NDArray[np.int64]:
+    def rows(self, wall: int, n_samples: int) -> NDArray[np.int64]:
         """
-        Return the rows of the wall's points in a ring of so many.
+        Return the rows of a wall's samples.
 
         """
-        return np.arange(self.first, self.last) % n_points
+        return np.arange(self.first[wall], self.last[wall]) % n_samples
 
 
-def divide_ring(ring: NDArray[np.float64], angles: NDArray[np.float64], costs: Costs) -> list[Wall]:
+def divide_ring(
+    points: NDArray[np.float64],
+    angles: NDArray[np.float64],
+    costs: Costs,
+    *,
+    weights: NDArray[np.float64] | None = None,
+    start: int | None = None,
+) -> Division:
     """
     Divide a closed ring into walls with the least squared offsets plus the cost of the walls.
 
-    Every division is considered, by dynamic programming over the ring's points: a wall keeps to one of the
-    given directions, or has its own where that is worth its cost. The ring is divided twice, the second
-    time from a corner that the first division found.
+    Every division is considered, by dynamic programming over the ring's samples: a wall keeps to one of the
+    given directions, or has its own, or is an arc, where that is worth its cost. The ring is divided twice,
+    the second time from a corner that the first division found.
 
     Parameters
     ----------
-    ring : ndarray of shape (n_points, 2)
+    points : ndarray of shape (n_samples, 2)
         Open ring about the building's centre [m].
     angles : ndarray of shape (n_directions,)
         Directions of the walls' normals [rad].
     costs : Costs
         What walls cost.
+    weights : ndarray of shape (n_samples,), optional
+        How much each sample counts; 1 if not given.
+    start : int, optional
+        A sample at which a wall begins, if one is known: the ring is then divided once.
 
     Returns
     -------
-    list of Wall
-        In the ring's order.
+    Division
+        Its first wall begins within the ring's first round.
 
     """
-    shift = 0
-    for _ in range(2):
-        first, direction = _divide(
-            np.roll(ring, -shift, axis=0),
-            np.cos(angles),
-            np.sin(angles),
-            costs.noise**2,
-            costs.wall,
-            costs.own_direction,
-            costs.step,
-        )
-        corners = (first + shift).tolist()
+    n = len(points)
+    weights = np.ones(n) if weights is None else weights
+    sums = running_sums(points, weights)
+    shift = 0 if start is None else start % n
+    for _ in range(2 if start is None else 1):
+        first, kind, cost = _divide(sums, n, shift, np.cos(angles), np.sin(angles), *costs)
+        corners = first + shift
         # The corner farthest, along the ring, from where this division began.
-        shift = int(corners[int(np.argmin(np.abs(first - len(ring) / 2)))]) % len(ring)
-    ends = [*corners[1:], corners[0] + len(ring)]
-    return [Wall(a, b, int(k)) for a, b, k in zip(corners, ends, direction, strict=True)]
+        shift = int(corners[int(np.argmin(np.abs(first - n / 2)))]) % n
+    last = np.append(corners[1:], corners[0] + n)
+    return Division(corners, last, kind, float(cost))
 
 
 @njit(cache=True, nogil=True)
-def _divide(ring, cosines, sines, variance, wall_cost, own_cost, step_cost):  # type: ignore[no-untyped-def]
+def _divide(sums, n, shift, cosines, sines, noise, wall, own_direction, step, arc, min_radius, min_arc):  # type: ignore[no-untyped-def]
     """
-    Return the first point and the direction of each wall of an open chain; the last class is `FREE`.
+    Return the first sample and the kind of each wall of an open chain from `shift` on, and the whole cost.
+
+    Columns are the directions, then free walls, then arcs.
 
     """
-    n, free = len(ring), len(cosines)
-    sums = _running_sums(ring)
-    best = np.full((n + 1, free + 1), np.inf)
-    # Cost of everything before a wall of this direction that starts here, the wall's own included.
-    entry = np.full((n + 1, free + 1), np.inf)
-    came_from = np.zeros((n + 1, free + 1), dtype=np.int64)
-    before = np.zeros((n + 1, free + 1), dtype=np.int64)
+    free, bow = len(cosines), len(cosines) + 1
+    variance = noise * noise
+    best = np.full((n + 1, bow + 1), np.inf)
+    # Cost of everything before a wall of this kind that starts here, the wall's own included.
+    entry = np.full((n + 1, bow + 1), np.inf)
+    came_from = np.zeros((n + 1, bow + 1), dtype=np.int64)
+    before = np.zeros((n + 1, bow + 1), dtype=np.int64)
     cheapest = np.full(n + 1, np.inf)
-    entry[0] = wall_cost
-    entry[0, free] += own_cost
+    entry[0] = wall
+    entry[0, free] += own_direction
+    entry[0, bow] += arc
     cheapest[0] = 0.0
     starts = np.zeros(n + 1, dtype=np.int64)
+    least = np.zeros(n + 1)
     n_starts = 1
     for end in range(1, n + 1):
-        kept = 0
-        least = np.zeros(n_starts)
         for s in range(n_starts):
             start = starts[s]
-            count, xx, xy, yy = _scatter(sums, start, end)
-            least[s] = cheapest[start] + _least_scatter(xx, xy, yy) / variance
-            for k in range(free + 1):
-                if k < free:
-                    c, d = cosines[k], sines[k]
-                    offsets = (c * c * xx + 2 * c * d * xy + d * d * yy) / variance
-                elif count >= _MIN_FREE_POINTS:
-                    offsets = _least_scatter(xx, xy, yy) / variance
-                else:
-                    continue
-                cost = entry[start, k] + offsets
+            _, _, _, xx, xy, yy = scatter_of(sums, shift + start, shift + end)
+            straight = least_scatter(xx, xy, yy) / variance
+            least[s] = cheapest[start] + straight
+            for k in range(free):
+                c, d = cosines[k], sines[k]
+                cost = entry[start, k] + (c * c * xx + 2 * c * d * xy + d * d * yy) / variance
                 if cost < best[end, k]:
                     best[end, k] = cost
                     came_from[end, k] = start
+            if end - start >= _MIN_FREE_SAMPLES and entry[start, free] + straight < best[end, free]:
+                best[end, free] = entry[start, free] + straight
+                came_from[end, free] = start
+            # An arc costs more than a free wall: it has to fit better by the difference.
+            if arc < np.inf and end - start >= _MIN_ARC_SAMPLES and straight > arc - own_direction:
+                bent, is_arc = _bent(sums, shift + start, shift + end, min_radius, min_arc)
+                bent /= variance
+                least[s] = min(least[s], cheapest[start] + bent)
+                if is_arc and entry[start, bow] + bent < best[end, bow]:
+                    best[end, bow] = entry[start, bow] + bent
+                    came_from[end, bow] = start
         cheapest[end] = best[end].min()
-        for k in range(free + 1):
-            for last in range(free + 1):
-                cost = best[end, last] + wall_cost
-                if k == free:
-                    cost += own_cost
-                elif k == last:
-                    cost += step_cost
-                if cost < entry[end, k]:
-                    entry[end, k] = cost
-                    before[end, k] = last
+        _enter(best[end], entry[end], before[end], free, wall, own_direction, step, arc)
         # A start that is beaten by a wall from here can never win again.
+        kept = 0
         for s in range(n_starts):
-            if least[s] < cheapest[end] + step_cost and end - starts[s] < _MAX_WALL_POINTS:
+            if least[s] < cheapest[end] + step and end - starts[s] < _MAX_WALL_SAMPLES:
                 starts[kept] = starts[s]
                 kept += 1
         starts[kept] = end
         n_starts = kept + 1
-    return _traced_back(best, came_from, before, n, free)
+    first, kind = _traced_back(best, came_from, before, n, free)
+    return first, kind, cheapest[n]
+
+
+@njit(cache=True, nogil=True)
+def _bent(sums, start, end, min_radius, min_arc):  # type: ignore[no-untyped-def]
+    """
+    Return the squared offsets from the best circle, and whether the stretch may be an arc of it.
+
+    """
+    _, _, radius, offsets = algebraic_circle(sums, start, end)
+    way = way_along(sums, start, end)
+    turn = way / radius
+    is_arc = radius >= min_radius and way >= min_arc and _MIN_ARC_TURN <= turn <= _MAX_ARC_TURN
+    return offsets, is_arc
+
+
+@njit(cache=True, nogil=True)
+def _enter(best, entry, before, free, wall, own_direction, step, arc):  # type: ignore[no-untyped-def]
+    """
+    Find, for each kind of wall that may start here, the kind of wall that it had best follow.
+
+    """
+    for k in range(free + 2):
+        for last in range(free + 2):
+            cost = best[last] + wall
+            if k == free:
+                cost += own_direction
+            elif k > free:
+                cost += arc
+            elif k == last:
+                cost += step
+            if cost < entry[k]:
+                entry[k] = cost
+                before[k] = last
 
 
 @njit(cache=True, nogil=True)
 def _traced_back(best, came_from, before, n, free):  # type: ignore[no-untyped-def]
     """
-    Return the walls' first points and directions from the last one back.
+    Return the walls' first samples and kinds from the last one back.
 
     """
     first = np.zeros(n, dtype=np.int64)
-    direction = np.zeros(n, dtype=np.int64)
+    kind = np.zeros(n, dtype=np.int64)
     n_walls, end, k = 0, n, int(np.argmin(best[n]))
     while end > 0:
         start = came_from[end, k]
         first[n_walls] = start
-        direction[n_walls] = FREE if k == free else k
+        kind[n_walls] = k if k < free else free - 1 - k
         n_walls += 1
         end, k = start, before[start, k]
-    return first[:n_walls][::-1].copy(), direction[:n_walls][::-1].copy()
-
-
-@njit(cache=True, nogil=True)
-def _running_sums(ring):  # type: ignore[no-untyped-def]
-    """
-    Return the sums of x, y, x², xy, y² of the points before each.
-
-    """
-    sums = np.zeros((len(ring) + 1, 5))
-    for i in range(len(ring)):
-        x, y = ring[i]
-        sums[i + 1, 0] = sums[i, 0] + x
-        sums[i + 1, 1] = sums[i, 1] + y
-        sums[i + 1, 2] = sums[i, 2] + x * x
-        sums[i + 1, 3] = sums[i, 3] + x * y
-        sums[i + 1, 4] = sums[i, 4] + y * y
-    return sums
-
-
-@njit(cache=True, nogil=True)
-def _scatter(sums, start, end):  # type: ignore[no-untyped-def]
-    """
-    Return the number of points of a wall and their scatter about their mean.
-
-    """
-    count = end - start
-    x, y = sums[end, 0] - sums[start, 0], sums[end, 1] - sums[start, 1]
-    xx = sums[end, 2] - sums[start, 2] - x * x / count
-    xy = sums[end, 3] - sums[start, 3] - x * y / count
-    yy = sums[end, 4] - sums[start, 4] - y * y / count
-    return count, max(xx, 0.0), xy, max(yy, 0.0)
-
-
-@njit(cache=True, nogil=True)
-def _least_scatter(xx, xy, yy):  # type: ignore[no-untyped-def]
-    """
-    Return the scatter across the best line: the smaller eigenvalue.
-
-    """
-    return max(0.5 * (xx + yy) - np.hypot(0.5 * (xx - yy), xy), 0.0)
+    return first[:n_walls][::-1].copy(), kind[:n_walls][::-1].copy()

@@ -1,158 +1,54 @@
 """
-Straight walls and right angles from a traced outline: hierarchical least squares.
+Straight walls, right angles and arcs from a traced outline: hierarchical least squares.
 
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import ClassVar
+from typing import NamedTuple
 
 import numpy as np
 import shapely
 from numpy.typing import NDArray
 
 from lidar_buildings.core.outline import Outline
-from lidar_buildings.core.parameters import StageConfig, parameter
-from lidar_buildings.core.regularisation.corners import Fit, corners_of
-from lidar_buildings.core.regularisation.division import Costs, divide_ring
-from lidar_buildings.core.regularisation.lines import shared_directions
+from lidar_buildings.core.regularisation.assembly import Fit, WalledRing, assemble
+from lidar_buildings.core.regularisation.config import RegularisationConfig
+from lidar_buildings.core.regularisation.directions import shared_directions, wall_scatters
+from lidar_buildings.core.regularisation.division import Division, divide_ring
+from lidar_buildings.core.regularisation.drawing import DrawnRing, draw_ring
+from lidar_buildings.core.regularisation.moments import running_sums
+from lidar_buildings.core.regularisation.precision import corner_sigmas, fit_quality, outline_walls, unknowns_of
+from lidar_buildings.core.regularisation.result import OutlineQuality, RegularisedOutline
+from lidar_buildings.core.regularisation.samples import SAMPLE_LENGTH, RingSamples, sample_ring
 from lidar_buildings.core.status import BuildingStatus
 
-#: Length of the median edge of a traced ring [spacings], measured on virtual roofs at the default window.
-_EDGE_LENGTH = 1.65
 #: Fewest ring points that are worth fitting walls to.
 _MIN_RING_POINTS = 8
-#: Rounds in which the directions are found anew from the walls that the last ones led to.
-_DIRECTION_ROUNDS = 2
+#: What each bearing point leaves empty between itself and the wall, measured on virtual roofs [spacings²].
+_EMPTY_AREA = 0.8
 
 
-@dataclass(frozen=True)
-class RegularisationConfig(StageConfig):
+class _Fitted(NamedTuple):
     """
-    Settings of the hierarchical least squares adjustment.
-
-    """
-
-    stage: ClassVar[str] = "regularisation"
-
-    noise: float = parameter(
-        0.3,
-        "Scatter of ring points across their wall; raising it gives fewer, longer walls.",
-        unit="spacings",
-        minimum=0.01,
-        maximum=5.0,
-    )
-    finest_spacing: float = parameter(
-        0.2,
-        "Spacing that points are worth at best, by their planimetric accuracy; raising it removes detail.",
-        unit="m",
-        minimum=0.0,
-        maximum=100.0,
-    )
-    wall_cost: float = parameter(
-        10.0,
-        "What a wall must save in squared offsets over noise²; raising it gives fewer walls.",
-        minimum=0.0,
-    )
-    own_direction_cost: float = parameter(
-        15.0,
-        "What a direction of its own must save; raising it turns more walls into the building's directions.",
-        minimum=0.0,
-    )
-    long_wall: float = parameter(
-        8.0,
-        "Length from which a wall helps to find the directions; raising it leaves that to fewer walls.",
-        unit="spacings",
-        minimum=1.0,
-        maximum=1000.0,
-    )
-    max_directions: int = parameter(
-        3,
-        "Most pairs of perpendicular directions a building may have; raising it serves crooked blocks.",
-        minimum=1,
-        maximum=8,
-    )
-    angle_tolerance_deg: float = parameter(
-        10.0,
-        "Largest angle between long walls of one direction; raising it joins more of them.",
-        unit="deg",
-        minimum=0.0,
-        maximum=45.0,
-    )
-    direction_weight: float = parameter(
-        100.0,
-        "Weight of the long walls' directions over a wall's own points; raising it makes angles more exact.",
-        minimum=0.0,
-    )
-    min_step: float = parameter(
-        1.2,
-        "Smallest step or wall; raising it removes more detail.",
-        unit="spacings",
-        minimum=0.0,
-        maximum=100.0,
-    )
-    min_overlap: float = parameter(
-        0.85,
-        "Smallest intersection over union with the traced outline; raising it keeps more outlines as traced.",
-        minimum=0.0,
-        maximum=1.0,
-    )
-
-
-@dataclass(frozen=True, eq=False)
-class RegularisedOutline:
-    """
-    An outline of straight walls and how well it fits.
-
-    Attributes
-    ----------
-    outline : Outline
-        Simple and valid; the traced outline where it could not be regularised.
-    sigma : float
-        Standard deviation of the traced points about the outline [m].
-    max_offset : float
-        Largest distance of a traced point from the outline [m].
-    directions : tuple of float
-        Directions of the long walls within 0 to π/2, each standing for itself and its perpendicular, the
-        most frequent first [rad].
-    status : BuildingStatus
-        OK or TRACED_OUTLINE.
-    reason : str
-        Why it is the traced outline, or what else was out of the ordinary; else empty.
+    One ring on its way: samples about the building's centre, walls, and vertices.
 
     """
 
-    outline: Outline
-    sigma: float
-    max_offset: float
-    directions: tuple[float, ...]
-    status: BuildingStatus
-    reason: str
-
-
-@dataclass(frozen=True)
-class OutlineQuality:
-    """
-    How well an outline fits the ring it was made from; members as in `RegularisedOutline`.
-
-    """
-
-    sigma: float
-    max_offset: float
-    status: BuildingStatus
-    reason: str
+    samples: RingSamples
+    walled: WalledRing
+    drawn: DrawnRing
 
 
 def regularise_outline(traced: Outline, config: RegularisationConfig | None = None) -> RegularisedOutline:
     """
-    Replace a traced outline by straight walls, parallel and perpendicular where the building is.
+    Replace a traced outline by straight walls, parallel and perpendicular where the building is, and arcs.
 
     The rings are divided into walls where they turn. The long walls are adjusted by least squares with their
     directions held parallel or perpendicular; then all walls are, with these directions as heavily weighted
     observations (Sampath & Shan, 2007). Beyond the paper, a building may have several pairs of directions,
-    and a wall keeps its own where it clearly deviates. Lines go through the traced points: the outline lies
-    about half a point spacing inside the roof's edge, as theirs does.
+    as many as an information criterion finds worth their parameters (Schwarz, 1978), a wall keeps its own
+    direction or bends where it clearly does, and dents that are gaps between points are bridged first.
 
     Parameters
     ----------
@@ -171,24 +67,27 @@ def regularise_outline(traced: Outline, config: RegularisationConfig | None = No
     ValueError
         If a ring is not an array of finite x and y.
 
-    Notes
-    -----
-    Some 50,000 ring points a second.
-
     """
     config = config or RegularisationConfig()
     _check(traced)
     if len(traced.exterior) < _MIN_RING_POINTS:
         return _as_traced(traced, (), f"only {len(traced.exterior)} ring points: too few to find walls in")
     centre = traced.exterior.mean(axis=0)
-    rings = [ring - centre for ring in traced.rings]
-    spacing = float(np.hypot(_ring_spacing(rings), config.finest_spacing))
-    directions = _directions(rings, spacing, config)
-    outline, notes = _walled(rings, traced, directions, spacing, config)
-    problem = _problem(outline, traced, config)
-    if problem:
-        return _as_traced(traced, directions, problem)
-    return RegularisedOutline(outline, *_fit_quality(traced, outline), directions, BuildingStatus.OK, notes)
+    spacing = working_spacing(traced, config)
+    samples = [sample_ring(ring - centre, spacing, config.dent_limits(spacing)) for ring in traced.rings]
+    bias = estimated_bias(samples, spacing)
+    directions, divisions = _divided(samples, spacing, config)
+    fit = Fit(
+        _both_ways(directions),
+        config.direction_weight,
+        config.min_step * spacing,
+        bias if config.correct_bias else 0.0,
+    )
+    rings = [
+        _fitted(ring, division, fit, config.chord_error * spacing)
+        for ring, division in zip(samples, divisions, strict=True)
+    ]
+    return _result(traced, rings, centre, directions, bias, config)
 
 
 def measure_outline(
@@ -205,10 +104,37 @@ def measure_outline(
         Settings that `outline` was made with; they tell why an outline was left as traced.
 
     """
+    config = config or RegularisationConfig()
+    own = regularise_outline(traced, config)
+    if outline.same_as(own.outline) or outline.same_as(own.outline.as_carried()):
+        return OutlineQuality(own.sigma, own.max_offset, own.status, own.reason)
     if outline.same_as(traced):
-        reason = regularise_outline(traced, config).reason or "the outline is the traced ring"
-        return OutlineQuality(0.0, 0.0, BuildingStatus.TRACED_OUTLINE, reason)
-    return OutlineQuality(*_fit_quality(traced, outline), BuildingStatus.OK, "")
+        return OutlineQuality(0.0, 0.0, BuildingStatus.TRACED_OUTLINE, "the outline is the traced ring")
+    spacing = working_spacing(traced, config)
+    limits = config.dent_limits(spacing)
+    bearing = np.concatenate([sample_ring(ring, spacing, limits).bearing for ring in traced.rings])
+    quality = fit_quality(bearing, outline, sum(map(len, outline.rings)) + 1)
+    return OutlineQuality(*quality, BuildingStatus.OK, "")
+
+
+def working_spacing(traced: Outline, config: RegularisationConfig) -> float:
+    """
+    Return the point spacing that a traced outline's edges speak of, or what points are worth at best [m].
+
+    """
+    edges = [np.hypot(*(np.roll(ring, -1, axis=0) - ring).T) for ring in traced.rings]
+    spacing = float(np.median(np.concatenate(edges))) / SAMPLE_LENGTH
+    return float(np.hypot(spacing, config.finest_spacing))
+
+
+def estimated_bias(samples: list[RingSamples], spacing: float) -> float:
+    """
+    Return how far bearing points lie inside the edge [m]: the area that each leaves empty over its length.
+
+    """
+    length = sum(ring.length for ring in samples)
+    n_bearing = sum(int(ring.bears.sum()) for ring in samples)
+    return _EMPTY_AREA * spacing**2 * n_bearing / length if length > 0 else 0.0
 
 
 def _check(outline: Outline) -> None:
@@ -223,23 +149,6 @@ def _check(outline: Outline) -> None:
             raise ValueError(f"traced.rings[{number}] has coordinates that are not finite: all must be")
 
 
-def _ring_spacing(rings: list[NDArray[np.float64]]) -> float:
-    """
-    Return the point spacing that a traced ring's edges speak of [m].
-
-    """
-    edges = np.concatenate([np.hypot(*(np.roll(ring, -1, axis=0) - ring).T) for ring in rings])
-    return float(np.median(edges)) / _EDGE_LENGTH
-
-
-def _costs(spacing: float, config: RegularisationConfig) -> Costs:
-    """
-    Return the costs of walls at a point spacing; the step between two parallel ones costs another wall.
-
-    """
-    return Costs(config.noise * spacing, config.wall_cost, config.own_direction_cost, config.wall_cost)
-
-
 def _both_ways(directions: tuple[float, ...]) -> NDArray[np.float64]:
     """
     Return the normals' angles of all walls that go along or across one of the directions [rad].
@@ -248,88 +157,171 @@ def _both_ways(directions: tuple[float, ...]) -> NDArray[np.float64]:
     return np.array([angle + turn for angle in directions for turn in (0.0, np.pi / 2)])
 
 
-def _directions(
-    rings: list[NDArray[np.float64]], spacing: float, config: RegularisationConfig
-) -> tuple[float, ...]:
+def _divided(
+    samples: list[RingSamples], spacing: float, config: RegularisationConfig
+) -> tuple[tuple[float, ...], list[Division]]:
     """
-    Find the directions of the long walls: first from walls of any direction, then from those that follow.
+    Find the building's directions and the walls that follow them.
+
+    The long walls of a division into free walls give the candidates. They are taken on one by one, as long as
+    the squared offsets that they save are worth a further parameter; then the walls found adjust them again.
 
     """
-    costs = _costs(spacing, config)
-    directions: tuple[float, ...] = ()
-    for _ in range(_DIRECTION_ROUNDS):
-        walls = [
-            ring[wall.rows(len(ring))]
-            for ring in rings
-            for wall in divide_ring(ring, _both_ways(directions), costs)
+    costs = config.costs(spacing)
+
+    def divided(directions: tuple[float, ...], near: list[Division] | None) -> list[Division]:
+        starts = [None] * len(samples) if near is None else [_a_corner(one) for one in near]
+        return [
+            divide_ring(ring.points, _both_ways(directions), costs, weights=ring.weights, start=start)
+            for ring, start in zip(samples, starts, strict=True)
         ]
-        directions = shared_directions(
-            _long_walls(walls, config.long_wall * spacing),
-            np.deg2rad(config.angle_tolerance_deg),
-            costs.noise,
-            config.own_direction_cost,
-            config.max_directions,
-        )
-    return directions
+
+    free = divided((), None)
+    candidates = _long_directions(samples, free, spacing, config, config.max_directions)
+    best, directions, least = free, (), _total(free)
+    for count in range(1, len(candidates) + 1):
+        found = divided(candidates[:count], free)
+        total = _total(found) + count * config.direction_cost
+        if total < least:
+            best, directions, least = found, candidates[:count], total
+        elif count > len(directions) + 1:
+            break
+    if directions:
+        directions = _long_directions(samples, best, spacing, config, len(directions)) or directions
+        best = divided(directions, best)
+    return directions, best
 
 
-def _long_walls(walls: list[NDArray[np.float64]], min_length: float) -> list[NDArray[np.float64]]:
+def _a_corner(division: Division) -> int:
     """
-    Return the walls that are long enough, or at least half as long as the longest.
+    Return a sample at which a wall begins, as far as possible from where the division did.
 
     """
-    lengths = np.array([np.hypot(*(wall[-1] - wall[0])) for wall in walls])
-    return [
-        wall
-        for wall, length in zip(walls, lengths, strict=True)
-        if len(wall) > 2 and length >= min(min_length, 0.5 * lengths.max())
-    ]
+    return int(division.first[len(division.first) // 2])
 
 
-def _walled(
-    rings: list[NDArray[np.float64]],
-    traced: Outline,
-    directions: tuple[float, ...],
+def _total(divisions: list[Division]) -> float:
+    """
+    Return the cost of all rings.
+
+    """
+    return sum(division.cost for division in divisions)
+
+
+def _long_directions(
+    samples: list[RingSamples],
+    divisions: list[Division],
     spacing: float,
     config: RegularisationConfig,
-) -> tuple[Outline, str]:
+    max_directions: int,
+) -> tuple[float, ...]:
     """
-    Return the outline of straight walls and what is out of the ordinary about it.
+    Return the directions of the walls that are long enough, or at least half as long as the longest.
 
     """
-    angles = _both_ways(directions)
-    fit = Fit(angles, config.direction_weight, config.min_step * spacing)
-    costs = _costs(spacing, config)
-    centre = traced.exterior.mean(axis=0)
-    walled = [corners_of(ring, divide_ring(ring, angles, costs), fit) for ring in rings]
-    exterior = walled[0][0] + centre
-    holes, n_kept = _fitting_holes(exterior, [hole + centre for hole, _ in walled[1:]], traced.holes)
+    walls = [
+        wall
+        for ring, division in zip(samples, divisions, strict=True)
+        for wall in wall_scatters(ring.points, running_sums(ring.points, ring.weights), division)
+    ]
+    longest = max((wall.length for wall in walls), default=0.0)
+    min_length = min(config.long_wall * spacing, 0.5 * longest)
+    return shared_directions(
+        [wall for wall in walls if wall.length >= min_length],
+        np.deg2rad(config.angle_tolerance_deg),
+        config.noise * spacing,
+        config.own_direction_cost,
+        max_directions,
+    )
+
+
+def _fitted(samples: RingSamples, division: Division, fit: Fit, chord_error: float) -> _Fitted:
+    """
+    Fit one ring's walls and draw them.
+
+    """
+    walled = assemble(samples, division, fit)
+    return _Fitted(samples, walled, draw_ring(samples.points, walled, chord_error))
+
+
+def _result(
+    traced: Outline,
+    rings: list[_Fitted],
+    centre: NDArray[np.float64],
+    directions: tuple[float, ...],
+    bias: float,
+    config: RegularisationConfig,
+) -> RegularisedOutline:
+    """
+    Put the rings together, measure them, and say what is out of the ordinary.
+
+    """
+    exterior = rings[0].drawn.vertices + centre
+    walled = [ring.drawn.vertices + centre for ring in rings[1:]]
+    holes, kept = _fitting_holes(exterior, walled, traced.holes)
+    outline = Outline(exterior, holes)
+    problem = _problem(outline, traced, config)
+    if problem:
+        return _as_traced(traced, directions, problem, bias)
+    bearing = np.concatenate([ring.samples.bearing for ring in rings]) + centre
+    unknowns = unknowns_of([ring.walled for ring in rings], len(directions))
+    sigma, max_offset = fit_quality(bearing, outline, unknowns)
+    shown = [(number, ring) for number, ring in enumerate(rings) if number not in kept]
+    return RegularisedOutline(
+        outline,
+        sigma,
+        max_offset,
+        directions,
+        BuildingStatus.OK,
+        _notes(rings, kept),
+        tuple(
+            wall
+            for number, ring in shown
+            for wall in outline_walls(number, ring.samples, ring.walled, centre, sigma)
+        ),
+        tuple(
+            each
+            for number, (ring, final) in enumerate(zip(rings, outline.rings, strict=True))
+            for each in corner_sigmas(ring.samples, ring.walled, ring.drawn, sigma, config.direction_weight)
+            if number not in kept
+        )
+        if not kept
+        else (),
+        bias,
+    )
+
+
+def _notes(rings: list[_Fitted], kept: list[int]) -> str:
+    """
+    Say what is out of the ordinary about an outline that could be regularised.
+
+    """
     notes = {
         "walls drawn through traced points because straight ones would cross": sum(
-            n_traced for _, n_traced in walled
+            ring.drawn.n_traced for ring in rings
         ),
-        "courtyards left as traced because straight walls would meet other rings": n_kept,
+        "courtyards left as traced because straight walls would meet other rings": len(kept),
     }
-    reason = "; ".join(f"{note}: {number}" for note, number in notes.items() if number)
-    return Outline(exterior, holes).oriented(), reason
+    return "; ".join(f"{note}: {number}" for note, number in notes.items() if number)
 
 
 def _fitting_holes(
     exterior: NDArray[np.float64], walled: list[NDArray[np.float64]], traced: tuple[NDArray[np.float64], ...]
-) -> tuple[tuple[NDArray[np.float64], ...], int]:
+) -> tuple[tuple[NDArray[np.float64], ...], list[int]]:
     """
-    Return the courtyards, those as traced whose walls do not fit into the outer ring or between the others.
+    Return the courtyards, and the numbers of those left as traced: whose walls meet another ring.
 
     """
     holes: list[NDArray[np.float64]] = []
-    n_kept = 0
-    for straight, ring in zip(walled, traced, strict=True):
+    kept = []
+    for number, (straight, ring) in enumerate(zip(walled, traced, strict=True), start=1):
         fits = (
             min(len(straight), len(exterior)) >= 3 and shapely.Polygon(exterior, [*holes, straight]).is_valid
         )
         holes.append(straight if fits else ring)
-        n_kept += not fits
-    return tuple(holes), n_kept
+        if not fits:
+            kept.append(number)
+    return tuple(holes), kept
 
 
 def _problem(outline: Outline, traced: Outline, config: RegularisationConfig) -> str:
@@ -344,7 +336,8 @@ def _problem(outline: Outline, traced: Outline, config: RegularisationConfig) ->
         return "the walls do not make up a valid polygon"
     if not ring.is_valid:
         return "the traced outline is not valid"
-    overlap = polygon.intersection(ring).area / polygon.union(ring).area
+    common = polygon.intersection(ring).area
+    overlap = common / (polygon.area + ring.area - common)
     if overlap < config.min_overlap:
         return f"the walls overlap with only {overlap:.0%} of the traced outline"
     if sum(map(len, outline.rings)) >= sum(map(len, traced.rings)):
@@ -352,23 +345,13 @@ def _problem(outline: Outline, traced: Outline, config: RegularisationConfig) ->
     return ""
 
 
-def _fit_quality(traced: Outline, outline: Outline) -> tuple[float, float]:
-    """
-    Return the standard deviation and the largest of the traced points' distances from the outline [m].
-
-    Every wall takes one unknown, its offset, and the building one more, its direction.
-
-    """
-    boundary = shapely.Polygon(outline.exterior, outline.holes).boundary
-    points = np.concatenate(traced.rings)
-    offsets = shapely.distance(boundary, shapely.points(points))
-    redundancy = max(len(points) - sum(map(len, outline.rings)) - 1, 1)
-    return float(np.sqrt(np.sum(offsets**2) / redundancy)), float(offsets.max())
-
-
-def _as_traced(traced: Outline, directions: tuple[float, ...], reason: str) -> RegularisedOutline:
+def _as_traced(
+    traced: Outline, directions: tuple[float, ...], reason: str, bias: float = 0.0
+) -> RegularisedOutline:
     """
     Return the traced outline as the result.
 
     """
-    return RegularisedOutline(traced, 0.0, 0.0, directions, BuildingStatus.TRACED_OUTLINE, reason)
+    return RegularisedOutline(
+        traced, 0.0, 0.0, directions, BuildingStatus.TRACED_OUTLINE, reason, bias=bias
+    )

@@ -1,0 +1,165 @@
+"""
+Settings of the regularisation.
+
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from lidar_buildings.core.parameters import StageConfig, parameter
+from lidar_buildings.core.regularisation.dents import DentLimits
+from lidar_buildings.core.regularisation.division import Costs
+
+
+@dataclass(frozen=True)
+class RegularisationConfig(StageConfig):
+    """
+    Settings of the hierarchical least squares adjustment.
+
+    """
+
+    stage: ClassVar[str] = "regularisation"
+
+    noise: float = parameter(
+        0.25,
+        "Scatter of bearing points across their wall; raising it gives fewer, longer walls.",
+        unit="spacings",
+        minimum=0.01,
+        maximum=5.0,
+    )
+    finest_spacing: float = parameter(
+        0.2,
+        "Spacing that points are worth at best, by their planimetric accuracy; raising it removes detail.",
+        unit="m",
+        minimum=0.0,
+        maximum=100.0,
+    )
+    max_dent_depth: float = parameter(
+        1.0,
+        "Depth up to which a dent is where scan lines happen to end; raising it straightens walls.",
+        unit="spacings",
+        minimum=0.0,
+        maximum=10.0,
+    )
+    max_dent_length: float = parameter(
+        12.0,
+        "Length up to which a dent is where scan lines happen to end; raising it straightens walls.",
+        unit="spacings",
+        minimum=0.0,
+        maximum=100.0,
+    )
+    max_gap_area: float = parameter(
+        3.0,
+        "Area up to which a gap is left by chance; raising it fills narrow notches.",
+        unit="spacings²",
+        minimum=0.0,
+        maximum=100.0,
+    )
+    wall_cost: float = parameter(
+        10.0,
+        "What a wall must save in squared offsets over noise²; raising it gives fewer walls.",
+        minimum=0.0,
+    )
+    own_direction_cost: float = parameter(
+        15.0,
+        "What a direction of its own must save; raising it turns more walls into the building's directions.",
+        minimum=0.0,
+    )
+    direction_cost: float = parameter(
+        10.0,
+        "What a further pair of directions must save; raising it gives a building fewer of them.",
+        minimum=0.0,
+    )
+    arc_cost: float = parameter(
+        25.0,
+        "What an arc must save over a wall along a direction; raising it draws more curves with straight walls.",
+        minimum=0.0,
+    )
+    curved_walls: bool = parameter(
+        True,
+        "Whether arcs are sought; without them curved walls are drawn with straight ones.",
+    )
+    chord_error: float = parameter(
+        0.1,
+        "Largest distance of an arc from the chords it is drawn with; raising it saves vertices.",
+        unit="spacings",
+        minimum=0.001,
+        maximum=10.0,
+    )
+    long_wall: float = parameter(
+        8.0,
+        "Length from which a wall helps to find the directions; raising it leaves that to fewer walls.",
+        unit="spacings",
+        minimum=1.0,
+        maximum=1000.0,
+    )
+    max_directions: int = parameter(
+        8,
+        "Most pairs of perpendicular directions that are tried; raising it serves crooked blocks.",
+        minimum=0,
+        maximum=32,
+    )
+    angle_tolerance_deg: float = parameter(
+        10.0,
+        "Largest angle between long walls of one direction; raising it joins more of them.",
+        unit="deg",
+        minimum=0.0,
+        maximum=45.0,
+    )
+    direction_weight: float = parameter(
+        100.0,
+        "Weight of the long walls' directions over a wall's own points; raising it makes angles more exact.",
+        minimum=0.0,
+    )
+    min_step: float = parameter(
+        1.0,
+        "Shortest wall and smallest step between parallel ones; raising it removes more detail.",
+        unit="spacings",
+        minimum=0.0,
+        maximum=100.0,
+    )
+    correct_bias: bool = parameter(
+        False,
+        "Whether walls are moved out by what points lie inside them; without it they go through the points.",
+    )
+    min_overlap: float = parameter(
+        0.85,
+        "Smallest intersection over union with the traced outline; raising it keeps more outlines as traced.",
+        minimum=0.0,
+        maximum=1.0,
+    )
+
+    def dent_limits(self, spacing: float) -> DentLimits | None:
+        """
+        Return what a dent may measure at a point spacing [m]; None if there are no dents.
+
+        """
+        if not (self.max_dent_depth or self.max_gap_area):
+            return None
+        return DentLimits(
+            self.max_dent_depth * spacing,
+            self.max_dent_length * spacing,
+            self.max_gap_area * spacing**2,
+            self.max_gap_area * spacing,
+        )
+
+    def costs(self, spacing: float) -> Costs:
+        """
+        Return what walls cost at a point spacing [m]; the step between two parallel ones costs another wall.
+
+        """
+        return Costs(
+            noise=self.noise * spacing,
+            wall=self.wall_cost,
+            own_direction=self.own_direction_cost,
+            step=self.wall_cost,
+            arc=self.arc_cost if self.curved_walls else float("inf"),
+            min_radius=_MIN_RADIUS * spacing,
+            min_arc=_MIN_ARC * spacing,
+        )
+
+
+#: Smallest radius and length of an arc that points can tell from a corner [spacings].
+_MIN_RADIUS, _MIN_ARC = 3.0, 8.0

@@ -1,0 +1,158 @@
+"""
+Dents of a traced ring that are gaps between points, not shape: they are bridged before walls are sought.
+
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+#: A ring keeps at least so many vertices.
+_FEWEST = 4
+#: Where the bridged ring turns inwards by more, a bridge cuts a corner of the building [rad].
+_CORNER_TURN = np.deg2rad(25.0)
+
+
+class DentLimits(NamedTuple):
+    """
+    Up to where a dent is none of the building's.
+
+    Attributes
+    ----------
+    depth, length : float
+        A dent so shallow, and no longer than that, is what a row of points looks like whose scan lines end
+        anywhere [m].
+    area : float
+        A gap no larger than that may well be left empty by chance, however deep it is, up to `gap_depth` [m²].
+    gap_depth : float
+        Depth of the deepest such gap [m].
+
+    """
+
+    depth: float
+    length: float
+    area: float
+    gap_depth: float
+
+
+def bearing_points(ring: NDArray[np.float64], limits: DentLimits) -> NDArray[np.bool_]:
+    """
+    Mark the vertices that bear a ring: all but those in dents that are gaps between points.
+
+    Points are scattered inside a wall, none outside: a ring dips inwards between those that happen to lie near
+    it, and a line through all vertices runs inside the wall by a third of a spacing or more. A dent is bridged
+    if it is shallow, or so small that points leave its area empty by chance, and if the ring goes straight on
+    beside it: otherwise it is a re-entrant corner. All points stay inside the ring.
+
+    Parameters
+    ----------
+    ring : ndarray of shape (n_points, 2)
+        Open and simple, the building on its left (courtyards: clockwise) [m].
+    limits : DentLimits
+        What a dent may measure.
+
+    Returns
+    -------
+    ndarray of bool, shape (n_points,)
+        At least four are marked, if there are so many.
+
+    """
+    return np.asarray(_bridged(np.ascontiguousarray(ring), *map(float, limits)))
+
+
+@njit(cache=True, nogil=True)
+def _bridged(ring, depth, length, area, gap_depth):  # type: ignore[no-untyped-def]
+    """
+    Take vertices out of the ring, always those whose dent is the shallowest round about.
+
+    Where the ring starts has no say: only vertices shallower than both their neighbours go in one sweep.
+
+    """
+    n = len(ring)
+    following, preceding = np.arange(1, n + 1), np.arange(-1, n - 1)
+    following[n - 1], preceding[0] = 0, n - 1
+    bears = np.ones(n, dtype=np.bool_)
+    merit = np.empty(n)
+    for i in range(n):
+        merit[i] = _merit(ring, preceding[i], following[i], depth, length, area, gap_depth)
+    left, changed = n, True
+    while changed and left > _FEWEST:
+        changed = False
+        for i in range(n):
+            first, last = preceding[i], following[i]
+            is_next = bears[i] and merit[i] < merit[first] and merit[i] <= merit[last]
+            if not is_next or left <= _FEWEST:
+                continue
+            bears[i], merit[i] = False, np.inf
+            following[first], preceding[last] = last, first
+            for k in (first, last):
+                merit[k] = _merit(ring, preceding[k], following[k], depth, length, area, gap_depth)
+            left -= 1
+            changed = True
+    _open_corners(ring, bears, following, preceding)
+    return bears
+
+
+@njit(cache=True, nogil=True)
+def _open_corners(ring, bears, following, preceding):  # type: ignore[no-untyped-def]
+    """
+    Take out the bridges beside points at which the ring turns inwards.
+
+    """
+    n = len(ring)
+    bearing = np.flatnonzero(bears)
+    for i in bearing:
+        first, last = preceding[i], following[i]
+        ax, ay = ring[i, 0] - ring[first, 0], ring[i, 1] - ring[first, 1]
+        bx, by = ring[last, 0] - ring[i, 0], ring[last, 1] - ring[i, 1]
+        if np.arctan2(ay * bx - ax * by, ax * bx + ay * by) > _CORNER_TURN:
+            k = first
+            while k != last:
+                bears[k] = True
+                k = k + 1 if k + 1 < n else 0
+
+
+@njit(cache=True, nogil=True)
+def _merit(ring, first, last, depth, length, area, gap_depth):  # type: ignore[no-untyped-def]
+    """
+    Return the depth of the dent between two vertices, infinite if it has to stay.
+
+    """
+    chord, deepest, hollow = _dent(ring, first, last)
+    if (deepest <= depth and chord <= length) or (hollow <= area and deepest <= gap_depth):
+        return deepest
+    return np.inf
+
+
+@njit(cache=True, nogil=True)
+def _dent(ring, first, last):  # type: ignore[no-untyped-def]
+    """
+    Return the chord, the depth and the area of what lies between two vertices; infinite depth if it is no dent.
+
+    A dent lies on the left of its chord and its vertices stand between the chord's ends.
+
+    """
+    n = len(ring)
+    x, y = ring[first]
+    dx, dy = ring[last, 0] - x, ring[last, 1] - y
+    chord = np.hypot(dx, dy)
+    if chord == 0:
+        return 0.0, np.inf, np.inf
+    deepest, doubled = 0.0, 0.0
+    last_along, last_depth = 0.0, 0.0
+    i = first + 1 if first + 1 < n else 0
+    while i != last:
+        along = (dx * (ring[i, 0] - x) + dy * (ring[i, 1] - y)) / chord
+        inside = (dx * (ring[i, 1] - y) - dy * (ring[i, 0] - x)) / chord
+        if inside <= 0 or along < 0 or along > chord:
+            return chord, np.inf, np.inf
+        deepest = max(deepest, inside)
+        doubled += along * last_depth - last_along * inside
+        last_along, last_depth = along, inside
+        i = i + 1 if i + 1 < n else 0
+    doubled += chord * last_depth
+    return chord, deepest, 0.5 * abs(doubled)
