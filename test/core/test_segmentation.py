@@ -9,7 +9,7 @@ from scipy.sparse.csgraph import connected_components
 
 from lidar_buildings.core.building_id import building_id
 from lidar_buildings.core.segmentation import SegmentationConfig, segment_buildings
-from lidar_buildings.core.segmentation.segmentation import distinct_ids
+from lidar_buildings.core.segmentation.members import distinct_ids
 from lidar_buildings.core.segmentation.windows import chain_windows
 
 KEEP_ALL = SegmentationConfig(min_points=1, min_area=0.0)
