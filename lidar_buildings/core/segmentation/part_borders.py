@@ -41,8 +41,8 @@ def measure_borders(
     """
     Measure the borders of parts from the cells that they occupy.
 
-    A cell's side is on a part's rim if the part has points in the cell and not in the one beyond; it is open
-    if nothing is there. A cell with points of several parts is divided where they touch, by one side.
+    A cell is the part's that has most points in it. A side between two parts' cells is on their border, one
+    beside an empty cell is in the open. A part that has most points in no cell lies amid those that have.
 
     Parameters
     ----------
@@ -57,26 +57,27 @@ def measure_borders(
 
     """
     column, row = np.floor(points[:, :2] / cell).T
-    occupied = np.unique(np.column_stack((column, row, part)), axis=0)
-    parts_in: dict[tuple[float, float], list[int]] = {}
-    for x, y, number in occupied.tolist():
-        parts_in.setdefault((x, y), []).append(int(number))
+    occupied, count = np.unique(np.column_stack((column, row, part)), axis=0, return_counts=True)
+    owner: dict[tuple[float, float], int] = {}
+    order = np.argsort(count, kind="stable")
+    for x, y, number in occupied[order[::-1]].tolist():
+        owner.setdefault((x, y), int(number))
     free = np.zeros(n_parts)
     sides: dict[tuple[int, int], int] = {}
-    for (x, y), here in parts_in.items():
-        beside = [parts_in.get(at) for at in ((x + 1, y), (x - 1, y), (x, y + 1), (x, y - 1))]
-        for one in here:
-            for there in beside:
-                if there is None:
-                    free[one] += 1.0
-                elif one not in there:
-                    for other in there:
-                        _count(sides, one, other, 1)
-            for other in here:
-                if other != one:
-                    _count(sides, one, other, 1)
+    for (x, y), one in owner.items():
+        for at in ((x + 1, y), (x - 1, y), (x, y + 1), (x, y - 1)):
+            other = owner.get(at)
+            if other is None:
+                free[one] += 1.0
+            elif other != one:
+                sides[one, other] = sides.get((one, other), 0) + 1
+    owners = set(owner.values())
+    for x, y, number in occupied.tolist():
+        if int(number) not in owners:
+            for pair in ((int(number), owner[x, y]), (owner[x, y], int(number))):
+                sides[pair] = sides.get(pair, 0) + 1
     scale = cell / STAIRS
-    return Borders(free * scale, {pair: count * scale for pair, count in sides.items()})
+    return Borders(free * scale, {pair: n_sides * scale for pair, n_sides in sides.items()})
 
 
 def merge_parts(
@@ -194,11 +195,3 @@ def _width(area: float, perimeter: float) -> float:
     half = perimeter / 2.0
     root = half * half - 4.0 * area
     return (half - math.sqrt(root)) / 2.0 if root > 0.0 else math.sqrt(area)
-
-
-def _count(sides: dict[tuple[int, int], int], one: int, other: int, n: int) -> None:
-    """
-    Add to a pair's count.
-
-    """
-    sides[one, other] = sides.get((one, other), 0) + n
