@@ -6,6 +6,7 @@ Loose points beside a building: too few for one of their own.
 from __future__ import annotations
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
@@ -37,9 +38,8 @@ def building_beside(
     loose = np.flatnonzero(is_loose[component])
     if not len(loose) or reach <= 0.0 or not is_building.any():
         return joined
-    low, high = points[loose, :2].min(axis=0) - reach, points[loose, :2].max(axis=0) + reach
-    inside = ((points[:, :2] >= low) & (points[:, :2] <= high)).all(axis=1)
-    around = np.flatnonzero(is_building[component] & inside)
+    by_x = points[loose[np.argsort(points[loose, 0], kind="stable")], :2]
+    around = np.flatnonzero(is_building[component] & _is_beside(points, by_x, reach))
     if not len(around):
         return joined
     tree = cKDTree(points[around, :2], balanced_tree=False, compact_nodes=False)
@@ -50,3 +50,21 @@ def building_beside(
         if len(buildings) == 1:
             joined[number] = buildings.pop()
     return joined
+
+
+@njit(cache=True, nogil=True)
+def _is_beside(points, others, reach):  # type: ignore[no-untyped-def]
+    """
+    Return which points lie within reach of one of the others in x and in y; the others by rising x.
+
+    """
+    is_beside = np.zeros(len(points), dtype=np.bool_)
+    x = np.ascontiguousarray(others[:, 0])
+    for i in range(len(points)):
+        k = np.searchsorted(x, points[i, 0] - reach)
+        while k < len(x) and x[k] <= points[i, 0] + reach:
+            if abs(points[i, 1] - others[k, 1]) <= reach:
+                is_beside[i] = True
+                break
+            k += 1
+    return is_beside

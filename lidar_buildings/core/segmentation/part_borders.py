@@ -42,7 +42,8 @@ def measure_borders(
     Measure the borders of parts from the cells that they occupy.
 
     A cell is the part's that has most points in it. A side between two parts' cells is on their border, one
-    beside an empty cell is in the open. A part that has most points in no cell lies amid those that have.
+    beside two empty cells is in the open; a single empty one is a gap between points. A part that has most
+    points in no cell lies amid those that have.
 
     Parameters
     ----------
@@ -65,8 +66,8 @@ def measure_borders(
     free = np.zeros(n_parts)
     sides: dict[tuple[int, int], int] = {}
     for (x, y), one in owner.items():
-        for at in ((x + 1, y), (x - 1, y), (x, y + 1), (x, y - 1)):
-            other = owner.get(at)
+        for dx, dy in ((1, 0), (-1, 0), (0, 1), (0, -1)):
+            other = owner.get((x + dx, y + dy), owner.get((x + 2 * dx, y + 2 * dy)))
             if other is None:
                 free[one] += 1.0
             elif other != one:

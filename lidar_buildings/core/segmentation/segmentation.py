@@ -182,7 +182,7 @@ def _identified(
     # The westernmost point of a block is that of one of its parts.
     western = anchor_rows(pulses.points, np.where(block < 0, n_blocks, block), n_blocks + 1)
     id_of_block = np.zeros(n_blocks + 1, dtype=np.uint32)
-    known = np.unique(block_of_part[used])
+    known = block_of_part[used]
     id_of_block[known] = ids[part[western[known]]]
     patterns = {}
     for k in used:
