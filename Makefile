@@ -9,7 +9,7 @@ STAMP := $(VENV)/.installed
 help:
 	@echo "make demo   a virtual survey through the ROS 2 graph: what was found against the truth"
 	@echo "make test   lint, types and all tests"
-	@echo "make bench  ground, roofs, edges and features beside their peers: errors, speed (needs the real clouds)"
+	@echo "make bench  ground, roofs, edges, features and outlines beside their peers: errors, speed (needs the real clouds)"
 	@echo "make reference   write config/pipeline.param.yaml and doc/nodes.md anew from the configs"
 
 setup: $(STAMP)
@@ -56,6 +56,8 @@ bench: setup
 	@$(BIN)/python bench/edge_outlines.py
 	@echo "Eigenvalue features:"
 	@$(BIN)/python bench/features.py
+	@echo "Outlines of buildings:"
+	@$(BIN)/python bench/outlines.py
 	@echo "Speed and memory of ground filters:"
 	@$(BIN)/python bench/ground.py
 

@@ -37,7 +37,7 @@ ROS_WHEELS = [
     "ros-std-srvs==5.3.6",
 ]
 TEST = ["pytest>=8", "pytest-xdist", "hypothesis", "startinpy", "cjio", "ruff", "mypy", "matplotlib"]
-# peers of the benchmarks, all of permissive licences (bench/filters.py, bench/feature_peers.py)
+# peers of the benchmarks, all of permissive licences (bench/filters.py, bench/*_peers.py)
 BENCH = [
     "cloth-simulation-filter",
     "whitebox-workflows",
@@ -45,6 +45,8 @@ BENCH = [
     "jakteristics; python_version < '3.13'",
     "pgeof",
     "open3d",
+    "buildingregulariser",
+    "geopandas",
     "matplotlib",
 ]
 

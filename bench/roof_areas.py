@@ -5,7 +5,7 @@ Areas whose roof points are known well enough to be labelled: each point with th
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -127,7 +127,15 @@ def read_tile(folder: Path) -> tuple[PointTile, MapFrame]:
     Read a folder's clouds as one tile, and where its map frame lies.
 
     """
-    inputs, problems = open_inputs(sorted(folder.glob("*.laz")))
+    return read_files(sorted(folder.glob("*.laz")))
+
+
+def read_files(paths: Sequence[Path]) -> tuple[PointTile, MapFrame]:
+    """
+    Read files as one tile, and where its map frame lies.
+
+    """
+    inputs, problems = open_inputs(list(paths))
     if problems:
         raise SystemExit("\n".join(problems))
     frame = frame_of(inputs)

@@ -20,14 +20,16 @@ UNIT = 2**30
 CELLS_A_BLOCK = 2048
 #: Points nearer than this are of one pulse, or of one that was recorded twice [spacings].
 SAME_PULSE = 0.05
-#: The weight of a neighbour falls with this power of its squared distance beyond the second nearest.
-FALL = 3
+#: Neighbours farther than the second by more than this factor, squared, do not count: they would by 1/64.
+LAST = 4.0
+#: Neighbours there is room for; only in clouds with many points in one place are there more.
+MAX_NEAR = 256
 #: Neighbours so little farther than the second nearest are as near.
 TIE = 1.0 + 1e-6
 #: Neighbours on the line lie within this angle of its direction: cosine of 30°.
 ON_LINE = 0.866
 #: Cells on each side in which the lines beside are sought,
-REACH = 3
+REACH = 4
 #: which are at least this share of what density and step say away from a pulse.
 OFF_LINE = 0.4
 #: Multipliers of the hash that picks probes (xorshift64* of Vigna 2016; golden ratio).
@@ -52,6 +54,14 @@ class Pulses(NamedTuple):
     points: NDArray[np.float64]
     time: NDArray[np.float64]
     strip: NDArray[np.int64]
+
+    def select(self, rows: NDArray[np.intp]) -> Pulses:
+        """
+        Return some of the points.
+
+        """
+        time = self.time[rows] if len(self.time) else self.time
+        return Pulses(self.points[rows], time, self.strip[rows] if len(self.strip) else self.strip)
 
 
 @njit(cache=True, nogil=True)
@@ -89,6 +99,7 @@ def add_directions(pulses, cells, group, is_probe, spacing, by_time, sums):  # t
 
     """
     runs = np.empty((3, 2), dtype=np.int64)
+    near = np.empty((MAX_NEAR, 3))
     for cell in range(len(cells.numbers)):
         is_found = False
         for k in range(cells.first[cell], cells.first[cell + 1]):
@@ -98,9 +109,9 @@ def add_directions(pulses, cells, group, is_probe, spacing, by_time, sums):  # t
             if not is_found:
                 _find_runs(cells, cell, 1, runs)
                 is_found = True
-            second = _second_nearest(pulses, cells, runs, group, i, spacing, by_time)
+            count, second = _gather(pulses, cells, runs, group, i, spacing, by_time, near)
             if second < np.inf:
-                cosine, sine = _mean_direction(pulses, cells, runs, group, i, spacing, by_time, second)
+                cosine, sine = _mean_direction(near[:count], second)
                 sums[group[i], 0] += np.int64(UNIT * cosine)
                 sums[group[i], 1] += np.int64(UNIT * sine)
                 sums[group[i], 2] += 1
@@ -113,30 +124,19 @@ def steps_along(pulses, cells, group, is_probe, spacing, by_time, axis, step, be
 
     """
     runs = np.empty((3, 2), dtype=np.int64)
+    near = np.empty((MAX_NEAR, 3))
     for cell in range(begin, end):
-        _find_runs(cells, cell, 1, runs)
+        is_found = False
         for k in range(cells.first[cell], cells.first[cell + 1]):
             i = cells.rows[k]
             if not is_probe[i]:
                 continue
-            second = _second_nearest(pulses, cells, runs, group, i, spacing, by_time)
-            if second == np.inf:
-                continue
-            cos, sin = axis[group[i]]
-            total, count = 0, 0
-            for run in range(3):
-                for m in range(cells.first[runs[run, 0]], cells.first[runs[run, 1]]):
-                    j = cells.rows[m]
-                    far = _apart(pulses, group, i, j, spacing, by_time)
-                    if far <= second * TIE:
-                        dx = pulses.points[j, 0] - pulses.points[i, 0]
-                        dy = pulses.points[j, 1] - pulses.points[i, 1]
-                        along = abs(dx * cos + dy * sin)
-                        if along >= ON_LINE * math.hypot(dx, dy):
-                            total += np.int64(UNIT * along / spacing)
-                            count += 1
-            if count > 0:
-                step[i] = spacing * (total / UNIT) / count
+            if not is_found:
+                _find_runs(cells, cell, 1, runs)
+                is_found = True
+            count, second = _gather(pulses, cells, runs, group, i, spacing, by_time, near)
+            if second < np.inf:
+                step[i] = spacing * _mean_step(near[:count], second, axis[group[i]], spacing)
 
 
 @njit(cache=True, nogil=True)
@@ -200,55 +200,86 @@ def _are_mates(pulses, group, i, j):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _apart(pulses, group, i, j, spacing, by_time):  # type: ignore[no-untyped-def]
+def _gather(pulses, cells, runs, group, i, spacing, by_time, near):  # type: ignore[no-untyped-def]
     """
-    Return the squared distance of two pulses in time or in plan, infinite where they are no neighbours.
+    Write a point's neighbours (dx, dy, squared distance in time or in plan) to `near`.
+
+    Returns how many there are and the second smallest distance, infinite where there is none. Where there is
+    no more room, those that count least are not written any more.
 
     """
-    dx, dy = pulses.points[j, 0] - pulses.points[i, 0], pulses.points[j, 1] - pulses.points[i, 1]
-    square = dx * dx + dy * dy
-    if square <= (SAME_PULSE * spacing) ** 2 or not _are_mates(pulses, group, i, j):
-        return np.inf
-    if not by_time:
-        return square
-    apart = (pulses.time[j] - pulses.time[i]) ** 2
-    return apart if apart > 0.0 else np.inf
-
-
-@njit(cache=True, nogil=True)
-def _second_nearest(pulses, cells, runs, group, i, spacing, by_time):  # type: ignore[no-untyped-def]
-    """
-    Return the squared distance of the second nearest neighbour, infinite where there is none.
-
-    """
-    nearest, second = np.inf, np.inf
+    count, nearest, second = 0, np.inf, np.inf
+    same = (SAME_PULSE * spacing) ** 2
+    points = pulses.points
+    x, y = points[i, 0], points[i, 1]
     for run in range(len(runs)):
         for m in range(cells.first[runs[run, 0]], cells.first[runs[run, 1]]):
-            far = _apart(pulses, group, i, cells.rows[m], spacing, by_time)
+            j = cells.rows[m]
+            dx, dy = points[j, 0] - x, points[j, 1] - y
+            far = dx * dx + dy * dy
+            if far <= same:
+                continue
+            if by_time:
+                far = (pulses.time[j] - pulses.time[i]) ** 2
+            if far > LAST * second or far == 0.0 or not _are_mates(pulses, group, i, j):
+                continue
             if far < nearest:
                 nearest, second = far, nearest
             elif far < second:
                 second = far
-    return second
+            if count == len(near):
+                count = _keep_near(near, LAST * second)
+            if count < len(near):
+                near[count, 0], near[count, 1], near[count, 2] = dx, dy, far
+                count += 1
+    return count, second
 
 
 @njit(cache=True, nogil=True)
-def _mean_direction(pulses, cells, runs, group, i, spacing, by_time, second):  # type: ignore[no-untyped-def]
+def _keep_near(near, limit):  # type: ignore[no-untyped-def]
     """
-    Return the weighted mean of (cos 2φ, sin 2φ) over a point's neighbours.
+    Move the neighbours within a squared distance to the front and return their number.
+
+    """
+    count = 0
+    for k in range(len(near)):
+        if near[k, 2] <= limit:
+            near[count] = near[k]
+            count += 1
+    return count
+
+
+@njit(cache=True, nogil=True)
+def _mean_direction(near, second):  # type: ignore[no-untyped-def]
+    """
+    Return the weighted mean of (cos 2φ, sin 2φ) over neighbours.
 
     """
     cosine, sine, total = 0, 0, 0
-    for run in range(len(runs)):
-        for m in range(cells.first[runs[run, 0]], cells.first[runs[run, 1]]):
-            j = cells.rows[m]
-            far = _apart(pulses, group, i, j, spacing, by_time)
-            if far == np.inf:
-                continue
-            weight = UNIT * min(1.0, second / far) ** FALL
-            dx, dy = pulses.points[j, 0] - pulses.points[i, 0], pulses.points[j, 1] - pulses.points[i, 1]
-            square = dx * dx + dy * dy
-            cosine += np.int64(weight * (dx * dx - dy * dy) / square)
-            sine += np.int64(weight * 2.0 * dx * dy / square)
-            total += np.int64(weight)
+    for k in range(len(near)):
+        if near[k, 2] > LAST * second:
+            continue
+        dx, dy = near[k, 0], near[k, 1]
+        ratio = min(1.0, second / near[k, 2])
+        weight = UNIT * ratio * ratio * ratio
+        square = dx * dx + dy * dy
+        cosine += np.int64(weight * (dx * dx - dy * dy) / square)
+        sine += np.int64(weight * 2.0 * dx * dy / square)
+        total += np.int64(weight)
     return cosine / total, sine / total
+
+
+@njit(cache=True, nogil=True)
+def _mean_step(near, second, axis, spacing):  # type: ignore[no-untyped-def]
+    """
+    Return the mean distance along an axis of the nearest neighbours that lie on it [spacings], NaN if none.
+
+    """
+    total, count = 0, 0
+    for k in range(len(near)):
+        dx, dy = near[k, 0], near[k, 1]
+        along = abs(dx * axis[0] + dy * axis[1])
+        if near[k, 2] <= second * TIE and along >= ON_LINE * math.hypot(dx, dy):
+            total += np.int64(UNIT * along / spacing)
+            count += 1
+    return total / UNIT / count if count > 0 else np.nan

@@ -27,7 +27,7 @@ from lidar_buildings.core.scan_neighbours import (
 )
 
 #: Points whose neighbours are looked at in a group; a mean direction of so many is known to a few degrees.
-MAX_PROBES = 400
+MAX_PROBES = 160
 #: Fewer tell nothing.
 MIN_PROBES = 20
 #: Length of the mean of doubled directions (1: all parallel, 0: none preferred) from which there are lines,
@@ -41,7 +41,7 @@ MIN_RATIO = 1.5
 #: Beyond it the pairs of a double pulse, or the like, were taken for lines.
 MAX_RATIO = 40.0
 #: Side of the cells in which neighbours are sought [spacings].
-CELL = 2.0
+CELL = 1.5
 
 
 @dataclass(frozen=True)

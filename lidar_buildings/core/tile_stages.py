@@ -173,7 +173,8 @@ def trace_buildings(
     """
     Segment a tile's roof points into buildings and trace those that belong to the tile.
 
-    A building belongs to the tile that holds its anchor as a core point, so that each comes out once.
+    A block of touching buildings belongs to the tile that holds its anchor as a core point, so that each
+    building comes out once.
 
     """
     found = segment_buildings(
@@ -181,13 +182,19 @@ def trace_buildings(
         segmentation,
         scan_angle=tile.scan_angle,
         gps_time=tile.gps_time,
+        point_source_id=tile.point_source_id,
         point_spacing=tile.spacing,
     )
     is_core = tile.is_core
+    blocks = {
+        number
+        for number, rows in rows_by_building(found.block_id)
+        if is_core[rows[anchor_row(tile.points[rows])]]
+    }
     owned = [
         (number, rows)
         for number, rows in rows_by_building(found.building_id)
-        if is_core[rows[anchor_row(tile.points[rows])]]
+        if int(found.block_id[rows[0]]) in blocks
     ]
     building_id = np.zeros(len(tile), dtype=np.uint32)
     outlines = []

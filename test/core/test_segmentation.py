@@ -8,8 +8,8 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
 from lidar_buildings.core.building_id import building_id
-from lidar_buildings.core.segmentation import SegmentationConfig, segment_buildings
-from lidar_buildings.core.segmentation.segmentation import distinct_ids
+from lidar_buildings.core.segmentation import AS_PUBLISHED, SegmentationConfig, segment_buildings
+from lidar_buildings.core.segmentation.members import distinct_ids
 from lidar_buildings.core.segmentation.windows import chain_windows
 
 KEEP_ALL = SegmentationConfig(min_points=1, min_area=0.0)
@@ -125,3 +125,109 @@ def test_wrong_arguments_are_named():
 def test_enormous_coordinates_are_survived():
     found = segment_buildings(np.array([[0.0, 0, 0], [1e9, 0, 0], [-1e9, 1e12, 0]]), KEEP_ALL)
     assert found.building_id.shape == (3,)
+
+
+def lattice(x, y, n_columns, n_rows, step=0.5):
+    column, row = np.meshgrid(np.arange(n_columns), np.arange(n_rows))
+    return np.column_stack(
+        (x + step * column.ravel(), y + step * row.ravel(), np.full(column.size, 5.0))
+    ).astype(float)
+
+
+def test_a_row_of_single_points_joins_two_buildings_unless_necks_are_cut():
+    west, east, neck = lattice(0, 0, 16, 16), lattice(15, 0, 16, 16), lattice(8.0, 4.0, 14, 1)
+    for points in (np.vstack((west, east, neck)), np.vstack((west, lattice(9.5, 0, 16, 16), neck[1:2]))):
+        for deg in (0.0, 27.0):
+            turned = turn(points, deg)
+            joined = segment_buildings(turned, point_spacing=0.5)
+            assert len(joined.patterns) == 1
+            cut = segment_buildings(turned, SegmentationConfig(min_neck=1.5), point_spacing=0.5)
+            assert len(cut.patterns) == 2
+            assert (cut.building_id > 0).all()
+            assert len(np.unique(cut.building_id[:256])) == 1
+            assert np.array_equal(cut.block_id, cut.building_id)
+            order = np.random.default_rng(0).permutation(len(turned))
+            again = segment_buildings(turned[order], SegmentationConfig(min_neck=1.5), point_spacing=0.5)
+            assert np.array_equal(again.building_id, cut.building_id[order])
+
+
+@pytest.mark.parametrize("name", ["gable", "l_shape", "courtyard", "round_tower"])
+def test_no_roof_is_cut_that_has_no_neck(name):
+    scene = GALLERY[name](density=6.0, seed=2)
+    found = segment_buildings(scene.points[scene.is_roof], SegmentationConfig(min_neck=1.5))
+    assert len(found.patterns) == 1
+
+
+def turn(points, deg):
+    cos, sin = np.cos(np.radians(deg)), np.sin(np.radians(deg))
+    return points @ np.array([[cos, sin, 0.0], [-sin, cos, 0.0], [0.0, 0.0, 1.0]])
+
+
+def test_loose_points_go_to_the_one_building_beside_them():
+    points = np.vstack((lattice(0, 0, 16, 16), lattice(12, 0, 16, 16)))
+    # 2.6 spacings and 4 spacings from the one.
+    beside, far = np.array([[-1.3, 3.0, 5.0]]), np.array([[-2.0, 3.0, 5.0]])
+    found = segment_buildings(
+        np.vstack((points, beside, far - np.array([0.0, 60.0, 0.0]))), point_spacing=0.5
+    )
+    assert found.building_id[-2] == found.building_id[0]
+    assert found.building_id[-1] == 0
+    assert segment_buildings(np.vstack((points, far)), point_spacing=0.5).building_id[-1] == 0
+    # Of two buildings none is nearer than the other by so much that it would be sure.
+    between = np.vstack((lattice(0, 0, 16, 16), lattice(10.1, 0, 16, 16), [[8.8, 3.1, 5.0]]))
+    found = segment_buildings(between, point_spacing=0.5)
+    assert found.building_id[-1] == 0
+    assert len(found.patterns) == 2
+    none = SegmentationConfig(loose_reach=0.0)
+    assert segment_buildings(np.vstack((points, beside)), none, point_spacing=0.5).building_id[-1] == 0
+
+
+def test_a_shed_is_not_loose_points():
+    shed = lattice(-2.9, 0, 4, 4)
+    found = segment_buildings(np.vstack((lattice(0, 0, 16, 16), shed)), point_spacing=0.5)
+    assert (found.building_id[-len(shed) :] == 0).all()
+
+
+@pytest.mark.parametrize("deg", [0.0, 30.0])
+def test_a_building_one_window_wide_is_one(deg):
+    for n_rows in (1, 2, 4):
+        points = turn(lattice(0, 0, 60, n_rows), deg)
+        found = segment_buildings(points, point_spacing=0.5)
+        assert len(found.patterns) == 1
+        assert (found.building_id > 0).all()
+
+
+def test_the_published_window_keeps_an_even_scan_together_and_has_no_least_area():
+    points = np.vstack((lattice(0, 0, 12, 12), lattice(7.0, 0, 4, 3), lattice(20, 0, 3, 3)))
+    found = segment_buildings(points, AS_PUBLISHED, point_spacing=0.5)
+    assert len(found.patterns) == 2
+    assert (found.building_id[-9:] == 0).all()
+    assert AS_PUBLISHED.window == 2.2
+
+
+def test_the_result_does_not_depend_on_the_points_order_or_on_what_else_is_in_the_tile():
+    rng = np.random.default_rng(8)
+    near = np.vstack([house(12 * k, 0, seed=k, density=4.0) for k in range(4)])
+    near = np.vstack((near, rng.uniform((-5, -5, 5), (50, 15, 6), (40, 3))))
+    time, strip = rng.uniform(0, 10, len(near)), rng.integers(1, 3, len(near))
+    found = segment_buildings(near, gps_time=time, point_source_id=strip, point_spacing=0.5)
+    order = rng.permutation(len(near))
+    again = segment_buildings(
+        near[order], gps_time=time[order], point_source_id=strip[order], point_spacing=0.5
+    )
+    assert np.array_equal(again.building_id, found.building_id[order])
+    assert again.patterns == found.patterns
+    far = house(300, -200, density=20.0)
+    more = segment_buildings(np.vstack((far, near)), point_spacing=0.5)
+    assert np.array_equal(
+        more.building_id[len(far) :], segment_buildings(near, point_spacing=0.5).building_id
+    )
+
+
+@pytest.mark.parametrize("n_points", [1, 2, 3])
+def test_clusters_of_few_points_are_none_beside_a_building_or_alone(n_points):
+    few = lattice(40, 0, n_points, 1)
+    assert not segment_buildings(few).building_id.any()
+    found = segment_buildings(np.vstack((lattice(0, 0, 16, 16), few)), point_spacing=0.5)
+    assert not found.building_id[-n_points:].any()
+    assert not found.block_id[-n_points:].any()

@@ -23,6 +23,7 @@ from lidar_buildings.core.roof_selection.facades import find_facades
 from lidar_buildings.core.roof_selection.returns import last_and_only_returns
 from lidar_buildings.core.roof_selection.roads import find_roads
 from lidar_buildings.core.roof_selection.smooth_patches import roofs as smooth_patches
+from lidar_buildings.core.roof_selection.smooth_patches.wet_roofs import find_wet_roofs
 from lidar_buildings.core.roof_selection.surroundings import below_roof
 from lidar_buildings.core.roof_selection.vegetation import vegetation_classes
 from lidar_buildings.core.surface_patches import connected_parts, plan_areas
@@ -45,6 +46,8 @@ METHODS = {
     "lasclassify": lasclassify.find_roofs,
     "single_returns": single_returns.find_roofs,
 }
+#: Method → what adds the roofs of which hardly anything came back, once small buildings are gone.
+COMPLETIONS = {"smooth_patches": find_wet_roofs}
 #: Lower parts tell what object a point is part of: candidates begin at this share of `min_height`.
 CONTEXT = 0.5
 #: Cells in which areas are counted, in spacings: four points each, so that few cells of a roof stay empty.
@@ -163,6 +166,8 @@ def select_roofs(
         ),
         config,
     )
+    if config.method in COMPLETIONS:
+        is_roof |= COMPLETIONS[config.method](points, height, ~settled, is_roof, spacing, config)
     others = np.flatnonzero(~settled & ~is_roof)
     classes[others] = vegetation_classes(height[others], config)
     classes[below_roof(points, is_roof, radius) & ~settled] = PointClass.UNCLASSIFIED

@@ -5,52 +5,28 @@ Roof points that belong together: moving-window region growing.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import ClassVar
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from lidar_buildings.core.building_id import building_id
-from lidar_buildings.core.parameters import StageConfig, parameter
 from lidar_buildings.core.point_array import checked_column, checked_points
-from lidar_buildings.core.point_order import cell_numbers
 from lidar_buildings.core.point_spacing import given_or_measured
-from lidar_buildings.core.segmentation.windows import chain_windows
-
-#: Share of cells of the spacing's size that random points fill: 1 − 1/e.
-_FILLED_SHARE = 0.632
-#: Ids are drawn from 1 to this number.
-_LARGEST_ID = 2**32 - 1
-
-
-@dataclass(frozen=True)
-class SegmentationConfig(StageConfig):
-    """
-    Settings of the moving-window region growing.
-
-    """
-
-    stage: ClassVar[str] = "segmentation"
-
-    window: float = parameter(
-        4.5,
-        "Side of the moving window; raising it bridges wider gaps in a roof and joins closer neighbours.",
-        unit="spacings",
-        minimum=2.0,
-        maximum=20.0,
-    )
-    min_points: int = parameter(
-        10,
-        "Fewest points of a building; raising it drops more of the small clusters.",
-        minimum=1,
-    )
-    min_area: float = parameter(
-        6.0,
-        "Smallest area of a building, measured from its number of points; raising it drops more sheds.",
-        unit="m²",
-        minimum=0.0,
-    )
+from lidar_buildings.core.scan_neighbours import Pulses
+from lidar_buildings.core.scan_pattern import ScanPattern, as_pulses
+from lidar_buildings.core.segmentation.config import SegmentationConfig
+from lidar_buildings.core.segmentation.loose_points import building_beside
+from lidar_buildings.core.segmentation.members import (
+    anchor_rows,
+    by_component,
+    distinct_ids,
+    occupied_areas,
+    sizes,
+)
+from lidar_buildings.core.segmentation.necks import cut_necks
+from lidar_buildings.core.segmentation.scan_windows import Chains, chain_along_scan, own_pattern
+from lidar_buildings.core.segmentation.steps import split_blocks
+from lidar_buildings.core.segmentation.windows import turned
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,13 +38,20 @@ class Segmentation:
     ----------
     building_id : ndarray of uint32, shape (n_points,)
         0 = none.
+    block_id : ndarray of uint32, shape (n_points,)
+        The connected block that a building is part of: the id of the building with the block's westernmost
+        point. It is the building's own where nothing was split.
     window : tuple of two float
-        Sides of the window along x and y [m].
+        Greatest extent of the windows along x and y [m].
+    patterns : dict of int to ScanPattern
+        How pulses lie on each building.
 
     """
 
     building_id: NDArray[np.uint32]
+    block_id: NDArray[np.uint32]
     window: tuple[float, float]
+    patterns: dict[int, ScanPattern] = field(default_factory=dict)
 
 
 def segment_buildings(
@@ -77,6 +60,7 @@ def segment_buildings(
     *,
     scan_angle: ArrayLike | None = None,
     gps_time: ArrayLike | None = None,
+    point_source_id: ArrayLike | None = None,
     point_spacing: float | None = None,
 ) -> Segmentation:
     """
@@ -84,7 +68,9 @@ def segment_buildings(
 
     A window is centred at a point, the points in it join, the window moves on to them, and so on until
     nothing is added (Sampath & Shan, 2007); the clusters are the connected components of points that lie in
-    each other's windows, and are found as such. A cluster with too few points or too small an area is none.
+    each other's windows, and are found as such. The window is a rectangle along the scan lines where the
+    points of a place show some, otherwise a square. A cluster with too few points or too small an area is
+    none.
 
     Parameters
     ----------
@@ -92,16 +78,15 @@ def segment_buildings(
         Roof points, in any order [m].
     config : SegmentationConfig, optional
         Settings.
-    scan_angle, gps_time : array_like of shape (n_points,), optional
-        Checked, and otherwise without influence: the window is a square with sides along x and y, sized by
-        the spacing of all points together.
+    scan_angle, gps_time, point_source_id : array_like of shape (n_points,), optional
+        Tell scan lines; see `lidar_buildings.core.scan_pattern.measure_scan_pattern`.
     point_spacing : float, optional
         Spacing of the pulses [m]; measured if not given.
 
     Returns
     -------
     Segmentation
-        Ids are made from each cluster's westernmost point (`lidar_buildings.core.building_id`).
+        Ids are made from each building's westernmost point (`lidar_buildings.core.building_id`).
 
     Raises
     ------
@@ -110,80 +95,109 @@ def segment_buildings(
 
     Notes
     -----
-    Near-linear in the number of points: about a second for a million, the measuring of the spacing included.
+    Linear in the number of points. Splitting at steps takes several times as long as all the rest.
 
     """
     config = config or SegmentationConfig()
     cloud = checked_points(points)
-    for name, column in (("scan_angle", scan_angle), ("gps_time", gps_time)):
-        if column is not None:
-            checked_column(name, column, len(cloud), np.float64)
+    pulses = as_pulses(cloud, gps_time, point_source_id)
+    angle = None if scan_angle is None else checked_column("scan_angle", scan_angle, len(cloud), np.float64)
     spacing = given_or_measured(cloud, point_spacing)
-    window = config.window * spacing
-    component, n_components = chain_windows(cloud[:, :2], (window / 2, window / 2))
-    n_points = np.bincount(component, minlength=n_components)
-    is_building = (n_points >= config.min_points) & (
-        occupied_area(cloud[:, :2], component, n_components, spacing) >= config.min_area
-    )
-    anchors = cloud[_anchor_rows(cloud, component)]
-    ids = np.zeros(n_components, dtype=np.uint32)
-    ids[is_building] = distinct_ids(anchors[is_building])
-    return Segmentation(ids[component], (window, window))
+    chains = chain_along_scan(pulses, config.window, spacing, angle)
+    if config.min_neck > 0.0:
+        chains = _without_necks(cloud, chains, config)
+    block = _buildings(cloud, chains, config, spacing)
+    part, block_of_part = block, np.arange(chains.n_components)
+    if config.split_at_steps:
+        part, block_of_part = split_blocks(
+            cloud,
+            block,
+            chains.n_components,
+            spacing,
+            min_step_height=config.min_step_height,
+            min_area=config.min_area,
+            min_width=config.min_part_width,
+            min_tower_area=config.min_tower_area,
+        )
+    return _identified(pulses, chains, block, part, block_of_part, config.window, spacing)
 
 
-def occupied_area(
-    xy: NDArray[np.float64], component: NDArray[np.int64], n_components: int, spacing: float
-) -> NDArray[np.float64]:
+def _without_necks(cloud: NDArray[np.float64], chains: Chains, config: SegmentationConfig) -> Chains:
     """
-    Return the area [m²] of every component: its occupied square metres, as far as points can tell.
-
-    Points that fall into one cell of the spacing's size count once, so that overlapping strips do not add to
-    the area; a cell that random points leave empty is made up for by the share of cells that they fill.
-
-    """
-    # Points of one cell lie in each other's windows: a cell belongs to one component.
-    _, first = np.unique(cell_numbers(xy, spacing), return_index=True)
-    n_cells = np.bincount(component[first], minlength=n_components).astype(np.float64)
-    return n_cells * (spacing**2 / _FILLED_SHARE)
-
-
-def distinct_ids(anchors: NDArray[np.float64]) -> NDArray[np.uint32]:
-    """
-    Return one id per anchor, all different.
-
-    Where two anchors share a cell, and so an id, the western one keeps it and the other takes the next free.
-
-    Parameters
-    ----------
-    anchors : ndarray of shape (n_buildings, 3)
-        In any order [m].
+    Cut the necks of every component.
 
     """
-    wanted = [building_id(anchor) for anchor in anchors]
-    order = np.lexsort((anchors[:, 2], anchors[:, 1], anchors[:, 0]))
-    ids = np.zeros(len(anchors), dtype=np.uint32)
-    taken = set(wanted)
-    given: set[int] = set()
-    for row in order:
-        number = wanted[row]
-        if number in given:
-            while number in taken:
-                number = number % _LARGEST_ID + 1
-            taken.add(number)
-        given.add(number)
-        ids[row] = number
-    return ids
+    component, patterns = chains.component.copy(), list(chains.patterns)
+    rows, first = by_component(chains.component, chains.n_components)
+    for number, pattern in enumerate(chains.patterns):
+        members = rows[first[number] : first[number + 1]]
+        if len(members) < 2 * config.min_points:
+            continue
+        area = config.min_area / (pattern.along * pattern.across)
+        positions = turned(cloud[members], pattern)
+        part = cut_necks(positions, config.window, config.min_neck, config.min_points, area)
+        component[members] = np.where(part == 0, number, len(patterns) + part - 1)
+        patterns += [pattern] * int(part.max())
+    return Chains(component, len(patterns), patterns)
 
 
-def _anchor_rows(cloud: NDArray[np.float64], component: NDArray[np.int64]) -> NDArray[np.intp]:
+def _buildings(
+    cloud: NDArray[np.float64], chains: Chains, config: SegmentationConfig, spacing: float
+) -> NDArray[np.int64]:
     """
-    Return the row of every component's anchor: its westernmost point, ties broken by y, then z.
+    Return every point's component, with the loose points beside it, and −1 where that is no building.
 
     """
-    order = np.lexsort((cloud[:, 0], component))
-    _, first = np.unique(component[order], return_index=True)
-    west = cloud[order[first], 0]
-    tied = np.flatnonzero(cloud[:, 0] == west[component]) if len(cloud) else np.zeros(0, dtype=np.intp)
-    tied = tied[np.lexsort((cloud[tied, 2], cloud[tied, 1], component[tied]))]
-    _, first = np.unique(component[tied], return_index=True)
-    return tied[first]
+    n_points = sizes(chains.component, chains.n_components)
+    is_building = n_points >= config.min_points
+    is_loose = ~is_building
+    if config.min_area > 0.0:
+        area = occupied_areas(cloud, chains.component, chains.n_components, spacing)
+        is_building &= area >= config.min_area
+    reach = config.loose_reach * spacing
+    joined = building_beside(cloud, chains.component, is_building, is_loose, reach)
+    return np.where(is_building[joined], joined, -1)[chains.component]
+
+
+def _identified(
+    pulses: Pulses,
+    chains: Chains,
+    block: NDArray[np.int64],
+    part: NDArray[np.int64],
+    block_of_part: NDArray[np.int64],
+    window: float,
+    spacing: float,
+) -> Segmentation:
+    """
+    Give every part and block its id and pattern.
+
+    """
+    # Points of no building are counted as the last part, and block.
+    n_parts, n_blocks = len(block_of_part), chains.n_components
+    rows, first = by_component(np.where(part < 0, n_parts, part), n_parts + 1)
+    used = np.flatnonzero(np.diff(first)[:n_parts])
+    anchor = anchor_rows(pulses.points, np.where(part < 0, n_parts, part), n_parts + 1)[used]
+    ids = np.zeros(n_parts + 1, dtype=np.uint32)
+    ids[used] = distinct_ids(pulses.points[anchor])
+    # The westernmost point of a block is that of one of its parts.
+    western = anchor_rows(pulses.points, np.where(block < 0, n_blocks, block), n_blocks + 1)
+    id_of_block = np.zeros(n_blocks + 1, dtype=np.uint32)
+    known = block_of_part[used]
+    id_of_block[known] = ids[part[western[known]]]
+    patterns = {}
+    for k in used:
+        wide = chains.patterns[block_of_part[k]]
+        patterns[int(ids[k])] = own_pattern(pulses, rows[first[k] : first[k + 1]], wide, spacing)
+    return Segmentation(ids[part], id_of_block[block], _extent(chains.patterns, window, spacing), patterns)
+
+
+def _extent(patterns: list[ScanPattern], window: float, spacing: float) -> tuple[float, float]:
+    """
+    Return how far the widest window extends along x and y [m].
+
+    """
+    wide = [ScanPattern.isotropic(spacing), *(one for one in set(patterns) if not one.is_isotropic)]
+    sides = np.array([(one.along, one.across) for one in wide]) * window
+    cos, sin = np.abs([(np.cos(one.direction), np.sin(one.direction)) for one in wide]).T
+    x, y = sides[:, 0] * cos + sides[:, 1] * sin, sides[:, 0] * sin + sides[:, 1] * cos
+    return float(x.max()), float(y.max())

@@ -1,0 +1,198 @@
+"""
+Borders between the parts of a building, and what parts go back to their neighbours.
+
+"""
+
+from __future__ import annotations
+
+import heapq
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+#: A part with less than this share of its perimeter in the open stands on another roof.
+MIN_FREE_SHARE = 0.1
+#: A perimeter counted in cell sides is longer than the line itself by 4/π, on average over directions.
+STAIRS = 1.27
+
+
+class Borders(NamedTuple):
+    """
+    Lengths of borders.
+
+    Attributes
+    ----------
+    free : ndarray of shape (n_parts,)
+        Perimeter in the open [m].
+    shared : dict
+        (part, other part) → length of their border [m], both ways round.
+
+    """
+
+    free: NDArray[np.float64]
+    shared: dict[tuple[int, int], float]
+
+
+def measure_borders(
+    points: NDArray[np.float64], part: NDArray[np.int64], n_parts: int, cell: float
+) -> Borders:
+    """
+    Measure the borders of parts from the cells that they occupy.
+
+    A cell is the part's that has most points in it. A side between two parts' cells is on their border, one
+    beside two empty cells is in the open; a single empty one is a gap between points. A part that has most
+    points in no cell lies amid those that have.
+
+    Parameters
+    ----------
+    points : ndarray of shape (n_points, 3)
+        In any order [m].
+    part : ndarray of int64, shape (n_points,)
+        From 0.
+    n_parts : int
+        Number of parts.
+    cell : float
+        Side of the cells, which start at multiples of it from (0, 0) [m].
+
+    """
+    column, row = np.floor(points[:, :2] / cell).T
+    occupied, count = np.unique(np.column_stack((column, row, part)), axis=0, return_counts=True)
+    owner: dict[tuple[float, float], int] = {}
+    order = np.argsort(count, kind="stable")
+    for x, y, number in occupied[order[::-1]].tolist():
+        owner.setdefault((x, y), int(number))
+    free = np.zeros(n_parts)
+    sides: dict[tuple[int, int], int] = {}
+    for (x, y), one in owner.items():
+        for dx, dy in ((1, 0), (-1, 0), (0, 1), (0, -1)):
+            other = owner.get((x + dx, y + dy), owner.get((x + 2 * dx, y + 2 * dy)))
+            if other is None:
+                free[one] += 1.0
+            elif other != one:
+                sides[one, other] = sides.get((one, other), 0) + 1
+    owners = set(owner.values())
+    for x, y, number in occupied.tolist():
+        if int(number) not in owners:
+            for pair in ((int(number), owner[x, y]), (owner[x, y], int(number))):
+                sides[pair] = sides.get(pair, 0) + 1
+    scale = cell / STAIRS
+    return Borders(free * scale, {pair: n_sides * scale for pair, n_sides in sides.items()})
+
+
+def merge_parts(
+    borders: Borders,
+    area: NDArray[np.float64],
+    block: NDArray[np.int64],
+    *,
+    min_area: float,
+    min_width: float,
+    min_tower_area: float,
+) -> NDArray[np.int64]:
+    """
+    Return into which part each part goes, the smallest first; a part that stays goes into itself.
+
+    A part goes if it is smaller or narrower than a building, or than a tower if nearly all of its rim is
+    another's; it goes to the part of its block with which it shares the longest border, and where there is
+    none to the largest.
+
+    Parameters
+    ----------
+    borders : Borders
+        Of the parts.
+    area : ndarray of shape (n_parts,)
+        Of each part [m²].
+    block : ndarray of int64, shape (n_parts,)
+        Parts of different blocks never merge.
+    min_area, min_width, min_tower_area : float
+        Least area, least width of the rectangle of a part's area and perimeter, and least area of a part amid
+        another [m²], [m], [m²].
+
+    """
+    parts = _Parts(borders, area, block)
+    into = np.arange(len(area))
+    waiting = [(float(one), number) for number, one in enumerate(area)]
+    heapq.heapify(waiting)
+    while waiting:
+        size, number = heapq.heappop(waiting)
+        if into[number] != number or size != parts.area[number]:
+            continue
+        if parts.is_building(number, min_area, min_width, min_tower_area):
+            continue
+        target = parts.neighbour(number)
+        if target is None:
+            continue
+        parts.merge(number, target)
+        into[number] = target
+        heapq.heappush(waiting, (parts.area[target], target))
+    for number in range(len(into)):
+        while into[into[number]] != into[number]:
+            into[number] = into[into[number]]
+    return into
+
+
+class _Parts:
+    """
+    Parts while they merge.
+
+    """
+
+    def __init__(self, borders: Borders, area: NDArray[np.float64], block: NDArray[np.int64]) -> None:
+        self.area = area.tolist()
+        self.free = borders.free.tolist()
+        self.block = block.tolist()
+        self.members: dict[int, set[int]] = {}
+        self.shared: list[dict[int, float]] = [{} for _ in self.area]
+        for number, one in enumerate(self.block):
+            self.members.setdefault(one, set()).add(number)
+        for (one, other), length in sorted(borders.shared.items()):
+            if self.block[one] == self.block[other]:
+                self.shared[one][other] = length
+            else:
+                self.free[one] += length
+
+    def is_building(self, number: int, min_area: float, min_width: float, min_tower_area: float) -> bool:
+        """
+        Whether a part is large, wide and free enough to be one.
+
+        """
+        perimeter = self.free[number] + sum(self.shared[number].values())
+        is_free = self.free[number] >= MIN_FREE_SHARE * perimeter
+        is_large = self.area[number] >= (min_area if is_free else max(min_area, min_tower_area))
+        return is_large and _width(self.area[number], perimeter) >= min_width
+
+    def neighbour(self, number: int) -> int | None:
+        """
+        Return the part with the longest border, or else the largest of the block; the first of equals.
+
+        """
+        shared = self.shared[number]
+        if shared:
+            return max(shared, key=lambda other: (shared[other], self.area[other], -other))
+        others = self.members[self.block[number]] - {number}
+        return max(others, key=lambda other: (self.area[other], -other)) if others else None
+
+    def merge(self, number: int, target: int) -> None:
+        """
+        Count a part to another.
+
+        """
+        self.area[target] += self.area[number]
+        self.free[target] += self.free[number]
+        self.members[self.block[number]].discard(number)
+        for other, length in self.shared[number].items():
+            del self.shared[other][number]
+            if other != target:
+                for one, two in ((target, other), (other, target)):
+                    self.shared[one][two] = self.shared[one].get(two, 0.0) + length
+
+
+def _width(area: float, perimeter: float) -> float:
+    """
+    Return the shorter side of the rectangle with this area and perimeter, of the square where there is none.
+
+    """
+    half = perimeter / 2.0
+    root = half * half - 4.0 * area
+    return (half - math.sqrt(root)) / 2.0 if root > 0.0 else math.sqrt(area)
