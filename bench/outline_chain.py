@@ -5,7 +5,6 @@ From roof points to outlines: this package's three stages, each timed, and what 
 
 from __future__ import annotations
 
-import inspect
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import fields, replace
@@ -121,14 +120,13 @@ def chain_of(roofs: PointTile, configs: Configs) -> Chain:
     )
     buildings = []
     for number, rows in rows_by_building(found.building_id):
-        told = {"pattern": found.patterns.get(number), "point_spacing": roofs.spacing}
         traced = _timed(
             seconds,
             "tracing",
             trace_boundary,
             roofs.points[rows],
             configs.boundary_tracing,
-            **_known(trace_boundary, told),
+            pattern=found.patterns[number],
         )
         regular = _timed(
             seconds, "regularisation", regularise_outline, traced.outline, configs.regularisation
@@ -199,12 +197,3 @@ def _timed(
     result = function(*arguments, **keywords)
     seconds[step] += time.perf_counter() - start
     return result
-
-
-def _known(function: Callable[..., Any], keywords: Mapping[str, Any]) -> dict[str, Any]:
-    """
-    Return those of the keywords that the function takes.
-
-    """
-    taken = inspect.signature(function).parameters
-    return {name: value for name, value in keywords.items() if name in taken}

@@ -114,7 +114,7 @@ def run_validity(options: argparse.Namespace) -> None:
 
     """
     checked = [
-        check(cloud, options.configs)
+        check(cloud, options.configs, options.repeats)
         for cloud in roof_clouds(options.data_folder, own_classes=options.own_classes)
     ]
     print(validity_table(checked))
@@ -192,7 +192,7 @@ def _parser() -> argparse.ArgumentParser:
         "--merge-touching", action="store_true", help="delft: merge outlines that share a wall into blocks"
     )
     parser.add_argument(
-        "--repeats", type=int, default=3, metavar="N", help="delft: runs, the fastest counts (3)"
+        "--repeats", type=int, default=3, metavar="N", help="delft, validity: runs, the fastest counts (3)"
     )
     add_pictures(parser)
     return parser

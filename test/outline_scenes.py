@@ -21,7 +21,7 @@ from shapely.geometry import Polygon
 __all__ = ["PLANS", "ROTATIONS", "Arc", "OutlineScene", "Scan", "outline_scene", "outline_scenes"]
 
 #: Twelve orientations that are all different modulo 90° [deg].
-ROTATIONS = tuple(37.5 * k for k in range(12))
+ROTATIONS = tuple(37.5 * k % 360 for k in range(12))
 #: Elevation of all roofs [m].
 ROOF = 8.0
 #: Buildings stand within so many metres of the map's origin, so that grids cut them anywhere.

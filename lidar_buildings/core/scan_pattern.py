@@ -70,6 +70,14 @@ class ScanPattern:
         """
         return self.along == self.across
 
+    @property
+    def ratio(self) -> float:
+        """
+        How many times the larger spacing is the smaller.
+
+        """
+        return max(self.along, self.across) / min(self.along, self.across)
+
     @classmethod
     def isotropic(cls, spacing: float) -> ScanPattern:
         """
@@ -161,6 +169,7 @@ def measure_scan_patterns(
     spacing: float,
     *,
     scan_angle: NDArray[np.float64] | None = None,
+    cells: CellRows | None = None,
 ) -> list[ScanPattern]:
     """
     Measure the pattern of each group of points from its own points alone.
@@ -177,6 +186,8 @@ def measure_scan_patterns(
         1/√density [m].
     scan_angle : ndarray of shape (n_points,), optional
         See `measure_scan_pattern`.
+    cells : CellRows, optional
+        The points by `scan_cells`, if they are at hand.
 
     """
     patterns = [ScanPattern.isotropic(spacing) for _ in range(n_groups)]
@@ -184,7 +195,7 @@ def measure_scan_patterns(
     if not (size >= MIN_PROBES).any():
         return patterns
     is_probe = mark_probes(pulses.points, group, size, MAX_PROBES, MIN_PROBES)
-    cells = rows_by_cell(pulses.points, CELL * spacing)
+    cells = scan_cells(pulses, spacing) if cells is None else cells
     open_ = np.ones(n_groups, dtype=bool)
     for by_time in (True, False) if len(pulses.time) else (False,):
         has_lines, axis = _lines(pulses, cells, group, is_probe & open_[group], spacing, by_time, scan_angle)
@@ -194,6 +205,14 @@ def measure_scan_patterns(
                 patterns[number] = pattern
                 open_[number] = False
     return patterns
+
+
+def scan_cells(pulses: Pulses, spacing: float) -> CellRows:
+    """
+    Return the cells in which neighbours are sought.
+
+    """
+    return rows_by_cell(pulses.points, CELL * spacing)
 
 
 def _lines(

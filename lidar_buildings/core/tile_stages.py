@@ -24,6 +24,7 @@ from lidar_buildings.core.outline import BuildingOutline, Outline
 from lidar_buildings.core.plane_fitting import PlaneFittingConfig, fit_roof_planes
 from lidar_buildings.core.regularisation import RegularisationConfig, measure_outline, regularise_outline
 from lidar_buildings.core.roof_selection import RoofSelectionConfig, select_roofs
+from lidar_buildings.core.scan_pattern import ScanPattern
 from lidar_buildings.core.segmentation import SegmentationConfig, segment_buildings
 from lidar_buildings.core.status import BuildingStatus
 from lidar_buildings.core.tile import PointTile
@@ -200,7 +201,8 @@ def trace_buildings(
     outlines = []
     for number, rows in owned:
         building_id[rows] = number
-        outlines.append(BuildingOutline(number, _traced(number, tile.points[rows], boundary_tracing)))
+        traced = _traced(number, tile.points[rows], boundary_tracing, found.patterns[number], tile.spacing)
+        outlines.append(BuildingOutline(number, traced))
     clipped = any(_reaches(tile.bounds, tile.points[rows], max(found.window)) for _, rows in owned)
     return TracedTile(tile.with_columns(building_id=building_id), tuple(outlines), clipped)
 
@@ -271,13 +273,20 @@ def rows_by_building(building_id: NDArray[np.uint32]) -> list[tuple[int, NDArray
     return [(int(number), rows) for number, rows in zip(numbers, groups, strict=True) if number]
 
 
-def _traced(number: int, points: NDArray[np.float64], config: BoundaryTracingConfig) -> Outline:
+def _traced(
+    number: int,
+    points: NDArray[np.float64],
+    config: BoundaryTracingConfig,
+    pattern: ScanPattern,
+    point_spacing: float | None,
+) -> Outline:
     """
     Trace one building; whatever goes wrong, a ring comes back.
 
     """
     try:
-        return trace_boundary(points, config).outline.as_carried()
+        traced = trace_boundary(points, config, pattern=pattern, point_spacing=point_spacing)
+        return traced.outline.as_carried()
     except Exception:
         _log.exception("building %d: tracing failed, a square marks its anchor", number)
         square = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]]) * _MARKER_SIZE

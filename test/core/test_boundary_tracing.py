@@ -8,9 +8,11 @@ from hypothesis.extra.numpy import arrays
 from scenes import GALLERY
 
 from lidar_buildings.core.boundary_tracing import BoundaryTracingConfig, trace_boundary
+from lidar_buildings.core.boundary_tracing.ground import prepare_ground
 from lidar_buildings.core.boundary_tracing.rings import RingTracer
-from lidar_buildings.core.boundary_tracing.triangles import characteristic_ring, empty_discs
+from lidar_buildings.core.boundary_tracing.triangles import characteristic_ring
 from lidar_buildings.core.outline import signed_area
+from lidar_buildings.core.scan_pattern import ScanPattern
 from lidar_buildings.core.segmentation import segment_buildings
 from lidar_buildings.core.status import BuildingStatus
 
@@ -174,7 +176,7 @@ def test_where_no_walk_succeeds_the_ring_comes_from_a_triangulation():
     # Two clouds farther apart than the reach may grow: no walk can hold both.
     rng = np.random.default_rng(0)
     positions = np.vstack([rng.uniform(0, 5, (60, 2)), rng.uniform(0, 5, (60, 2)) + np.array([100.0, 0.0])])
-    tracer = RingTracer(positions, reach=2.0, max_reach=4.0)
+    tracer = RingTracer(prepare_ground(positions, ScanPattern.isotropic(1.0), window=4.0), max_reach=2.0)
     tracer.trace_exterior()
     assert any("triangulation" in reason for reason in tracer.reasons)
     ring = shapely.Polygon(tracer.outline().exterior)
@@ -191,15 +193,6 @@ def test_the_characteristic_shape_is_the_hull_or_follows_concave_sides():
     followed = shapely.Polygon(xy[characteristic_ring(xy, 1.0)])
     assert followed.is_valid
     assert 68 < followed.area < 77
-
-
-def test_empty_discs_hold_no_points_and_come_by_size():
-    xy = np.random.default_rng(0).uniform(0, 10, (300, 2))
-    centre, size, corners = empty_discs(xy, 0.5)
-    distance = np.hypot(*(centre[:, None] - xy[None]).transpose(2, 0, 1)).min(axis=1)
-    assert np.allclose(distance, size, atol=1e-3)
-    assert (np.diff(size) <= 0).all()
-    assert corners.shape == (len(centre), 3)
 
 
 def test_a_ring_of_a_hundred_thousand_points_is_traced():

@@ -183,7 +183,7 @@ def test_loose_points_go_to_the_one_building_beside_them():
 
 
 def test_a_shed_is_not_loose_points():
-    shed = lattice(-2.9, 0, 4, 4)
+    shed = lattice(-2.9, 0, 4, 3)
     found = segment_buildings(np.vstack((lattice(0, 0, 16, 16), shed)), point_spacing=0.5)
     assert (found.building_id[-len(shed) :] == 0).all()
 

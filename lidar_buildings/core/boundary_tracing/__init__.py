@@ -3,10 +3,10 @@ Boundary tracing: the rings round a building's points.
 
 """
 
+from lidar_buildings.core.boundary_tracing.config import AS_PUBLISHED, BoundaryTracingConfig
 from lidar_buildings.core.boundary_tracing.tracing import (
-    BoundaryTracingConfig,
     TracedBoundary,
     trace_boundary,
 )
 
-__all__ = ["BoundaryTracingConfig", "TracedBoundary", "trace_boundary"]
+__all__ = ["AS_PUBLISHED", "BoundaryTracingConfig", "TracedBoundary", "trace_boundary"]

@@ -8,20 +8,31 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-import shapely
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
-from lidar_buildings.core.boundary_tracing.triangles import characteristic_ring, empty_discs
-from lidar_buildings.core.boundary_tracing.walk import prepare_ground, walk_round
-from lidar_buildings.core.outline import Outline, signed_area
+from lidar_buildings.core.boundary_tracing.courtyards import CourtyardRules, narrow_share
+from lidar_buildings.core.boundary_tracing.cures import bridge_gap, widen_about
+from lidar_buildings.core.boundary_tracing.edge_cells import (
+    add_edge,
+    no_edges,
+    remove_edges,
+    with_more_room,
+)
+from lidar_buildings.core.boundary_tracing.empty_places import EmptyPlaces, nearest_free
+from lidar_buildings.core.boundary_tracing.ground import Ground
+from lidar_buildings.core.boundary_tracing.insides import holds, misplaced
+from lidar_buildings.core.boundary_tracing.triangles import characteristic_ring
+from lidar_buildings.core.boundary_tracing.walk import ASTRAY, NO_ROOM, STUCK, walk_round
+from lidar_buildings.core.outline import Outline
 
-#: Walks tried per ring before another method takes over.
-_MAX_WALKS = 16
-#: How the reach grows round the place where a walk failed.
-_GROWTH = 1.5
-#: Points closer to the ring than this lie on it [reaches].
-_ON_RING = 1e-6
+#: Walks tried for the outer ring before another method takes over, and for a courtyard's before it is none.
+_MAX_WALKS, _MAX_RIM_WALKS = 40, 8
+#: A walk round a courtyard that takes more than so many times the steps of the outer ring has lost its way.
+_MAX_RIM_STEPS = 2
+#: Points that a walk round an empty place is begun from before the place is given up.
+_MAX_STARTS = 2
+_NO_WALK = "no walk round all points was found: the ring comes from a triangulation"
+_SHARED_RIM = "an empty place shares its rim with the outer ring: it is taken for roof"
 
 
 class RingTracer:
@@ -30,12 +41,10 @@ class RingTracer:
 
     Parameters
     ----------
-    positions : ndarray of shape (n_positions, 2)
-        Distinct, not all on a line [m].
-    reach : float
-        Radius of the neighbourhood that each step looks at [m].
+    ground : Ground
+        Distinct positions, not all on a line.
     max_reach : float
-        Radius that it may grow to where a walk fails [m].
+        How many times the neighbourhood may be enlarged where a walk fails.
 
     Attributes
     ----------
@@ -44,15 +53,15 @@ class RingTracer:
 
     """
 
-    def __init__(self, positions: NDArray[np.float64], reach: float, max_reach: float) -> None:
+    def __init__(self, ground: Ground, max_reach: float) -> None:
         """
-        Sort the positions for walking.
+        Begin without rings.
 
         """
-        self._ground = prepare_ground(positions, reach)
-        self._reach = reach
-        self._max_reach = max(reach, max_reach)
-        self._follower = np.full(len(positions), -1, dtype=np.int64)
+        self._ground = ground
+        self._max_reach = max(1.0, max_reach)
+        self._follower = np.full(len(ground.x), -1, dtype=np.int64)
+        self._edges = no_edges(ground)
         self._exterior = np.zeros(0, dtype=np.int64)
         self._holes: list[NDArray[np.int64]] = []
         self.reasons: list[str] = []
@@ -62,65 +71,61 @@ class RingTracer:
         Return what was traced so far; the rings start at their westernmost vertex.
 
         """
-        rings = [_from_west(self._ground.xy[rows]) for rows in (self._exterior, *self._holes)]
+        rings = [self._from_west(rows) for rows in (self._exterior, *self._holes)]
         return Outline(rings[0], tuple(rings[1:])).oriented()
 
     def trace_exterior(self) -> None:
         """
-        Trace the ring round all points from the westernmost one, or take it from a triangulation.
+        Trace the ring round all points from the one farthest from their middle, or take it from triangles.
 
         """
-        xy = self._ground.xy
-        start = int(np.lexsort((xy[:, 1], xy[:, 0]))[0])
-        ring = self._walk(start, -np.pi / 2, self._left_outside)
+        x, y = self._ground.x, self._ground.y
+        dx, dy = x - x.mean(), y - y.mean()
+        start = int(np.argmax(dx * dx + dy * dy))
+        heading = float(dx[start]), float(dy[start])
+        ring = self._walk(
+            start, heading, _MAX_WALKS, len(x), lambda rows: misplaced(self._ground, rows, False)
+        )
         if ring is None:
-            self.reasons.append("no walk round all points was found: the ring comes from a triangulation")
+            self._note(_NO_WALK)
             ring = self._ring_by_triangles()
-            self._follower[ring] = np.roll(ring, -1)
         self._exterior = ring
 
-    def trace_courtyards(self, min_radius: float, min_area: float) -> None:
+    def trace_courtyards(self, rules: CourtyardRules) -> None:
         """
-        Trace the rims of the empty places inside the outer ring that a disc fits into.
-
-        Parameters
-        ----------
-        min_radius : float
-            The disc's radius [m].
-        min_area : float
-            Smallest area of a courtyard [m²].
+        Trace the rims of the empty places inside the outer ring that are courtyards.
 
         """
-        xy = self._ground.xy
-        ring = shapely.polygons(xy[self._exterior])
-        if not _may_hold_disc(xy, ring, min_radius):
-            return
-        centre, radius, corners = empty_discs(xy, min_radius)
-        shapely.prepare(ring)
-        remaining = shapely.contains_xy(ring, centre)
-        while remaining.any():
-            disc = int(np.argmax(remaining))
-            remaining &= np.hypot(*(centre - centre[disc]).T) > radius[disc]
-            hole = self._rim(corners[disc], centre[disc])
+        ground = self._ground
+        unit = 1.0 / np.sqrt(abs(ground.ux * ground.vy - ground.uy * ground.vx))
+        places = EmptyPlaces(ground, self._exterior, rules.radius)
+        while (centre := places.next_centre()) is not None:
+            before = int(self._edges.size[0])
+            hole = self._rim(centre)
             if hole is None:
-                self.reasons.append("the rim of an empty place could not be traced")
+                self._note(_SHARED_RIM)
+                places.give_up()
                 continue
-            polygon = shapely.polygons(xy[hole])
-            remaining &= ~shapely.contains_xy(polygon, centre)
-            if polygon.area >= min_area:
+            places.close(hole)
+            narrow = narrow_share(ground, hole, self._exterior, rules.min_band / unit)
+            refusal = rules.refusal(self._positions(hole), narrow)
+            if refusal is None:
                 self._holes.append(hole)
             else:
-                self._follower[hole] = -1
+                self._note(refusal)
+                self._give_up(hole, before)
 
-    def _rim(self, corners: NDArray[np.int64], centre: NDArray[np.float64]) -> NDArray[np.int64] | None:
+    def _rim(self, centre: tuple[float, float]) -> NDArray[np.int64] | None:
         """
-        Walk round an empty disc from one of the points on its edge that no other ring has taken.
+        Walk round an empty place from one of the points nearest to it that no other ring has taken.
 
         """
-        free = corners[self._follower[corners] == -1]
-        for start in sorted(free.tolist()):
-            heading = float(np.arctan2(*(centre - self._ground.xy[start])[::-1]))
-            ring = self._walk(start, heading, lambda rows: self._inside_hole(rows, centre))
+        max_steps = _MAX_RIM_STEPS * len(self._exterior)
+        for start in nearest_free(self._ground, self._follower, *centre, _MAX_STARTS).tolist():
+            heading = centre[0] - float(self._ground.x[start]), centre[1] - float(self._ground.y[start])
+            ring = self._walk(
+                start, heading, _MAX_RIM_WALKS, max_steps, lambda rows: self._inside_hole(rows, centre)
+            )
             if ring is not None:
                 return ring
         return None
@@ -128,7 +133,9 @@ class RingTracer:
     def _walk(
         self,
         start: int,
-        heading: float,
+        heading: tuple[float, float],
+        max_walks: int,
+        max_steps: int,
         trouble_with: Callable[[NDArray[np.int64]], NDArray[np.int64] | None],
     ) -> NDArray[np.int64] | None:
         """
@@ -136,108 +143,92 @@ class RingTracer:
 
         Parameters
         ----------
+        start, heading : int, tuple of two float
+            The row to start from, and the direction into the empty side.
+        max_walks, max_steps : int
+            Walks before the ring is given up, and steps before a walk is.
         trouble_with : callable
-            Returns the rows at which a closed ring is wrong, or None if it is beyond cure.
+            Returns the rows on the wrong side of a closed ring, or None if it is beyond cure.
 
         """
-        reach = np.full(len(self._follower), self._reach)
-        for _ in range(_MAX_WALKS):
-            ring, closed = walk_round(self._ground, start, heading, reach, self._max_reach, self._follower)
-            trouble = trouble_with(ring) if closed else ring[-1:]
-            if closed and trouble is not None and not len(trouble):
-                return ring
-            if closed:
-                self._follower[ring] = -1
-            if trouble is None or not self._widen(reach, trouble):
+        ground, before = self._ground, int(self._edges.size[0])
+        reach = np.ones(len(self._follower))
+        for _ in range(max_walks):
+            ring, end = walk_round(
+                ground, self._edges, self._follower, reach, self._max_reach, start, heading, max_steps
+            )
+            if end == NO_ROOM:
+                self._edges = with_more_room(self._edges)
+                continue
+            if end == ASTRAY:
+                break
+            if end == STUCK:
+                is_wider = widen_about(ground, reach, ring[-1], self._max_reach)
+            else:
+                wrong = trouble_with(ring)
+                if wrong is not None and not len(wrong):
+                    return ring
+                self._give_up(ring, before)
+                is_wider = wrong is not None and bridge_gap(ground, reach, wrong, ring, self._max_reach)
+            if not is_wider:
                 break
         return None
 
-    def _widen(self, reach: NDArray[np.float64], trouble: NDArray[np.int64]) -> bool:
-        """
-        Widen the reach of the points about the trouble; False where it cannot grow any more.
-
-        """
-        xy = self._ground.xy
-        widest = float(reach[trouble].max())
-        near = np.unique(np.concatenate(cKDTree(xy).query_ball_point(xy[trouble], 2 * widest))).astype(
-            np.int64
-        )
-        wider = np.minimum(reach[near] * _GROWTH, self._max_reach)
-        if np.array_equal(wider, reach[near]):
-            return False
-        reach[near] = wider
-        return True
-
-    def _left_outside(self, rows: NDArray[np.int64]) -> NDArray[np.int64] | None:
-        """
-        Return the points that lie outside an outer ring.
-
-        """
-        xy = self._ground.xy
-        ring = shapely.polygons(xy[rows])
-        if not ring.is_valid:
-            return None
-        shapely.prepare(ring)
-        outside = np.flatnonzero(~shapely.intersects_xy(ring, xy))
-        on_ring = shapely.dwithin(ring, shapely.points(xy[outside]), _ON_RING * self._reach)
-        return outside[~on_ring]
-
-    def _inside_hole(self, rows: NDArray[np.int64], centre: NDArray[np.float64]) -> NDArray[np.int64] | None:
+    def _inside_hole(self, rows: NDArray[np.int64], centre: tuple[float, float]) -> NDArray[np.int64] | None:
         """
         Return the points that lie inside a courtyard's rim; None if it is no rim round the centre.
 
         """
-        xy = self._ground.xy
-        if signed_area(xy[rows]) <= 0:
+        if not holds(self._ground, rows, *centre):
             return None
-        ring = shapely.polygons(xy[rows])
-        if not ring.is_valid or not shapely.contains_xy(ring, *centre):
-            return None
-        rim = ring.exterior
-        shapely.prepare([ring, rim])
-        inside = np.flatnonzero(shapely.contains_xy(ring, xy))
-        on_ring = shapely.dwithin(rim, shapely.points(xy[inside]), _ON_RING * self._reach)
-        return inside[~on_ring]
+        return misplaced(self._ground, rows, True)
 
     def _ring_by_triangles(self) -> NDArray[np.int64]:
         """
-        Return a ring that is simple and holds all points, whatever they are.
+        Return a ring that is simple and holds all points, whatever they are; its edges are entered.
 
         """
-        xy = self._ground.xy
-        for max_edge in (self._reach, self._max_reach, np.inf):
+        ground = self._ground
+        xy = np.column_stack([ground.x, ground.y])
+        unit = 1.0 / max(np.hypot(ground.ux, ground.uy), np.hypot(ground.vx, ground.vy))
+        for max_edge in (unit, self._max_reach * unit, np.inf):
             ring = characteristic_ring(xy, max_edge)
-            outside = self._left_outside(ring)
-            if outside is not None and not len(outside):
+            if not len(misplaced(ground, ring, False)):
                 break
+        self._follower[ring] = np.roll(ring, -1)
+        for row in ring.tolist():
+            while not add_edge(ground, self._edges, row, self._follower[row]):
+                self._edges = with_more_room(self._edges)
         return ring
 
+    def _give_up(self, ring: NDArray[np.int64], size: int) -> None:
+        """
+        Free a ring's points, and take out the edges entered after the first `size` entries.
 
-def _may_hold_disc(xy: NDArray[np.float64], ring: shapely.Polygon, radius: float) -> bool:
-    """
-    Whether an empty disc may lie inside a ring; quick, and true when in doubt.
+        """
+        self._follower[ring] = -1
+        remove_edges(self._edges, size)
 
-    A disc holds a whole cell of the map's grid whose side is radius / √2: without an empty cell whose centre
-    is inside the ring, there is no disc.
+    def _note(self, reason: str) -> None:
+        """
+        Remember a reason once.
 
-    """
-    side = radius / np.sqrt(2.0)
-    first = np.floor(xy.min(axis=0) / side)
-    n_columns, n_rows = (np.floor(xy.max(axis=0) / side) - first).astype(np.int64) + 1
-    if n_columns * n_rows > 20 * len(xy):
-        return True
-    column, row = (np.floor(xy / side) - first).astype(np.int64).T
-    empty = np.ones((n_rows, n_columns), dtype=bool)
-    empty[row, column] = False
-    row, column = np.nonzero(empty)
-    middle = (first + np.column_stack([column, row]) + 0.5) * side
-    shapely.prepare(ring)
-    return bool(shapely.contains_xy(ring, middle).any())
+        """
+        if reason and reason not in self.reasons:
+            self.reasons.append(reason)
 
+    def _positions(self, rows: NDArray[np.int64]) -> NDArray[np.float64]:
+        """
+        Return the positions of rows, shape (n, 2) [m].
 
-def _from_west(ring: NDArray[np.float64]) -> NDArray[np.float64]:
-    """
-    Return a ring from its westernmost vertex on.
+        """
+        return np.column_stack([self._ground.x[rows], self._ground.y[rows]])
 
-    """
-    return np.roll(ring, -int(np.lexsort((ring[:, 1], ring[:, 0]))[0]), axis=0)
+    def _from_west(self, rows: NDArray[np.int64]) -> NDArray[np.float64]:
+        """
+        Return a ring from its westernmost vertex on.
+
+        """
+        ring = self._positions(rows)
+        west = np.flatnonzero(ring[:, 0] == ring[:, 0].min())
+        return np.roll(ring, -int(west[np.argmin(ring[west, 1])]), axis=0)

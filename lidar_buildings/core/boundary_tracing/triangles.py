@@ -1,5 +1,5 @@
 """
-What a triangulation tells of a cloud's shape: a ring that always exists, and the empty places inside.
+What a triangulation tells of a cloud's shape: a ring that always exists.
 
 """
 
@@ -10,9 +10,6 @@ import heapq
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull, Delaunay, QhullError
-
-#: How far points are moved before they are triangulated [disc radii].
-_JOGGLE = 1e-4
 
 
 def characteristic_ring(xy: NDArray[np.float64], max_edge: float) -> NDArray[np.int64]:
@@ -60,54 +57,6 @@ def characteristic_ring(xy: NDArray[np.float64], max_edge: float) -> NDArray[np.
         add(start, tip, beyond_start)
         add(tip, end, beyond_end)
     return _followed(follower)
-
-
-def empty_discs(
-    xy: NDArray[np.float64], radius: float
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.int64]]:
-    """
-    Return the largest discs that hold no point, the larger ones first.
-
-    They are the circumscribed circles of the Delaunay triangles.
-
-    Parameters
-    ----------
-    xy : ndarray of shape (n_points, 2)
-        Distinct positions [m].
-    radius : float
-        Only discs of at least this radius are returned [m].
-
-    Returns
-    -------
-    centre : ndarray of shape (n_discs, 2)
-        Centres [m].
-    size : ndarray of shape (n_discs,)
-        Radii [m].
-    corners : ndarray of int64, shape (n_discs, 3)
-        The rows of the points on each disc's edge.
-
-    """
-    # Qhull is slow to no end on points of one circle or lattice: they are moved a little, always alike.
-    joggle = np.random.default_rng(0).uniform(-_JOGGLE * radius, _JOGGLE * radius, xy.shape)
-    try:
-        corners = Delaunay(xy + joggle).simplices.astype(np.int64)
-    except QhullError:
-        corners = np.zeros((0, 3), dtype=np.int64)
-    a = xy[corners[:, 0]]
-    b, c = xy[corners[:, 1]] - a, xy[corners[:, 2]] - a
-    double_area = 2.0 * (b[:, 0] * c[:, 1] - b[:, 1] * c[:, 0])
-    flat = double_area == 0
-    double_area[flat] = 1.0
-    bb, cc = (b**2).sum(axis=1), (c**2).sum(axis=1)
-    offset = (
-        np.column_stack([c[:, 1] * bb - b[:, 1] * cc, b[:, 0] * cc - c[:, 0] * bb]) / double_area[:, None]
-    )
-    size = np.hypot(*offset.T)
-    chosen = np.flatnonzero(~flat & (size >= radius))
-    # Ties are broken by the centre, so that the order of triangles has no say.
-    centre = a + offset
-    chosen = chosen[np.lexsort((centre[chosen, 1], centre[chosen, 0], -size[chosen]))]
-    return centre[chosen], size[chosen], corners[chosen]
 
 
 def _followed(follower: dict[int, int]) -> NDArray[np.int64]:

@@ -5,274 +5,223 @@ The walk round a cloud of points: a convex hull's, confined to a neighbourhood.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from lidar_buildings.core.boundary_tracing.edge_cells import EdgeCells, add_edge, meets_edges, remove_edges
+from lidar_buildings.core.boundary_tracing.ground import Ground, cells_within, span_of
+
 #: How the neighbourhood grows at a point from which no step is possible.
-_GROWTH = 1.5
-#: Turns that differ by less are the same, and the nearer point is taken [rad].
-_SAME_TURN = 1e-9
-_NOT_A_STEP = -1
-
-
-@dataclass(frozen=True, eq=False)
-class Ground:
-    """
-    Where a walk takes place: distinct positions, sorted into cells.
-
-    Attributes
-    ----------
-    xy : ndarray of shape (n_points, 2)
-        Cell by cell, row by row [m].
-    number : ndarray of int64, shape (n_points,)
-        Number of each point's cell, rising.
-    n_columns : int
-        Cells in a row.
-    cell : float
-        Side of a cell [m].
-    corner : ndarray of shape (2,)
-        South-western corner of cell 0 [m].
-
-    """
-
-    xy: NDArray[np.float64]
-    number: NDArray[np.int64]
-    n_columns: int
-    cell: float
-    corner: NDArray[np.float64]
-
-
-def prepare_ground(positions: NDArray[np.float64], reach: float) -> Ground:
-    """
-    Sort distinct positions into cells of the neighbourhood's radius.
-
-    The order of the positions does not matter: within a cell they are ordered by x, then y.
-
-    """
-    corner = positions.min(axis=0)
-    # An enormous extent gets larger cells, so that their numbers fit an integer.
-    cell = max(reach, float(np.ptp(positions, axis=0).max()) / 2.0**30)
-    column, row = np.floor((positions - corner) / cell).astype(np.int64).T
-    n_columns = int(column.max()) + 1
-    number = row * n_columns + column
-    order = np.lexsort((positions[:, 1], positions[:, 0], number))
-    return Ground(np.ascontiguousarray(positions[order]), number[order], n_columns, cell, corner)
+GROWTH = 1.5
+#: How a walk may end: back at the start, without a way on, without room for its edges, too long.
+CLOSED, STUCK, NO_ROOM, ASTRAY = 0, 1, 2, 3
+#: Turns are compared in these units, about 1e-9 rad: of points in one direction the nearest is taken.
+_TURN_UNIT = 2.0**-30
+_FULL_TURN = 4 * 2**30
+#: So many points are tried one after the other before all are sorted.
+_FEW = 4
 
 
 def walk_round(
     ground: Ground,
-    start: int,
-    heading: float,
+    edges: EdgeCells,
+    follower: NDArray[np.int64],
     reach: NDArray[np.float64],
     max_reach: float,
-    follower: NDArray[np.int64],
-) -> tuple[NDArray[np.int64], bool]:
+    start: int,
+    heading: tuple[float, float],
+    max_steps: int,
+) -> tuple[NDArray[np.int64], int]:
     """
     Walk from a rim point along the rim of a cloud, the empty side to the left, until back at the start.
 
-    Each step takes the point within reach with the smallest clockwise turn from the direction back to the
-    previous point, whose segment meets none of the rings so far (Sampath & Shan, 2007). Where no step is
-    possible the reach grows, up to `max_reach`.
+    Each step takes the point in the neighbourhood with the smallest clockwise turn from the direction back
+    to the previous point, whose segment meets none of the rings so far (Sampath & Shan, 2007). Where no step
+    is possible the neighbourhood grows, up to `max_reach`.
 
     Parameters
     ----------
     ground : Ground
         The points.
+    edges : EdgeCells
+        The edges of earlier rings. Extended by those of the new ring if it closes.
+    follower : ndarray of int64, shape (n_positions,)
+        Next row in its ring for the points of rings, −1 for all others. Extended likewise.
+    reach : ndarray of shape (n_positions,)
+        How many times the neighbourhood of each point is enlarged.
+    max_reach : float
+        The same, at most.
     start : int
         Row of a point on the rim.
-    heading : float
-        Direction from the start into the empty side [rad].
-    reach : ndarray of shape (n_points,)
-        Radius of the neighbourhood round each point [m].
-    max_reach : float
-        Largest radius [m].
-    follower : ndarray of int64, shape (n_points,)
-        Next row in its ring for the points of earlier rings, −1 for all others. Extended by the new ring
-        if it closes, otherwise left as it was.
+    heading : tuple of two float
+        Direction from the start into the empty side.
+    max_steps : int
+        A walk of more steps is given up.
 
     Returns
     -------
     ring : ndarray of int64
         Rows in walking order, the start first, not repeated at the end.
-    closed : bool
-        False if the walk ended in its last point without a way on.
+    end : int
+        `CLOSED`, `STUCK` in the last row, `NO_ROOM`, or `ASTRAY`.
 
     """
-    return _walk(
-        ground.xy,
-        ground.number,
-        ground.n_columns,
-        ground.cell,
-        ground.corner,
-        start,
-        heading,
-        reach,
-        max_reach,
-        follower,
-    )
+    return _walk(ground, edges, follower, reach, max_reach, start, heading[0], heading[1], max_steps)
 
 
 @njit(cache=True, nogil=True)
-def _walk(xy, number, n_columns, cell, corner, start, heading, reach, max_reach, follower):  # type: ignore[no-untyped-def]
+def _walk(ground, edges, follower, reach, max_reach, start, dx, dy, max_steps):  # type: ignore[no-untyped-def]
     """
     Walk until back at the start or without a way on; ends for certain, since no point is entered twice.
 
     """
-    ring = [start]
-    longest = 0.0
-    for row in range(len(xy)):
-        if follower[row] >= 0:
-            longest = max(longest, _distance(xy, row, follower[row]))
-    current = start
+    ring = np.empty(min(len(follower), max_steps + 1), dtype=np.int64)
+    ring[0], n, size, end = start, 1, edges.size[0], STUCK
     while True:
-        radius = reach[current]
-        chosen = _NOT_A_STEP
-        while chosen == _NOT_A_STEP and radius <= max_reach:
-            chosen = _next_step(xy, number, n_columns, cell, corner, ring, heading, radius, longest, follower)
-            radius *= _GROWTH
-        if chosen == _NOT_A_STEP:
+        current = ring[n - 1]
+        chosen = _step(ground, edges, follower, reach[current], max_reach, ring, n, _direction(dx, dy))
+        if chosen < 0:
+            break
+        if not add_edge(ground, edges, current, chosen):
+            end = NO_ROOM
             break
         follower[current] = chosen
-        longest = max(longest, _distance(xy, current, chosen))
         if chosen == start:
-            return np.array(ring), True
-        heading = np.arctan2(xy[current, 1] - xy[chosen, 1], xy[current, 0] - xy[chosen, 0])
-        ring.append(chosen)
-        current = chosen
-    for row in ring:
-        follower[row] = _NOT_A_STEP
-    return np.array(ring), False
-
-
-@njit(cache=True, nogil=True)
-def _next_step(xy, number, n_columns, cell, corner, ring, heading, radius, longest, follower):  # type: ignore[no-untyped-def]
-    """
-    Return the point with the smallest clockwise turn that can be stepped to, or `_NOT_A_STEP`.
-
-    """
-    current = ring[-1]
-    rows, turns, distances = _within_reach(
-        xy, number, n_columns, cell, corner, ring, heading, radius, follower
-    )
-    for _ in range(len(rows)):
-        best = 0
-        for k in range(1, len(rows)):
-            difference = turns[k] - turns[best]
-            if difference < -_SAME_TURN or (difference <= _SAME_TURN and distances[k] < distances[best]):
-                best = k
-        if turns[best] == np.inf:
+            return ring[:n].copy(), CLOSED
+        dx, dy = ground.x[current] - ground.x[chosen], ground.y[current] - ground.y[chosen]
+        ring[n] = chosen
+        n += 1
+        if n > max_steps:
+            end = ASTRAY
             break
-        if not _meets_ring(xy, number, n_columns, cell, corner, current, rows[best], longest, follower):
-            return rows[best]
-        turns[best] = np.inf
-    return _NOT_A_STEP
+    follower[ring[:n]] = -1
+    remove_edges(edges, size)
+    return ring[:n].copy(), end
 
 
 @njit(cache=True, nogil=True)
-def _within_reach(xy, number, n_columns, cell, corner, ring, heading, radius, follower):  # type: ignore[no-untyped-def]
+def _step(ground, edges, follower, reach, max_reach, ring, n, back):  # type: ignore[no-untyped-def]
     """
-    Return the points that may be stepped to: their rows, clockwise turns in (0, 2π] and distances.
+    Return the next point in the smallest neighbourhood that has one, −1 if even the largest has none.
 
     """
-    current, start = ring[-1], ring[0]
-    rows = [np.int64(0) for _ in range(0)]
-    turns = [0.0 for _ in range(0)]
-    distances = [0.0 for _ in range(0)]
-    x, y = xy[current]
-    first_row, last_row = _cells(y - corner[1], radius, cell)
-    first_column, last_column = _cells(x - corner[0], radius, cell)
-    last_column = min(last_column, n_columns - 1)
-    for line in range(first_row, last_row + 1):
-        i = np.searchsorted(number, line * n_columns + first_column)
-        end = line * n_columns + last_column
-        while i < len(number) and number[i] <= end:
-            is_free = follower[i] == _NOT_A_STEP and i != current
-            if is_free or (i == start and len(ring) >= 3):
-                distance = _distance(xy, current, i)
-                if distance <= radius:
-                    turn = (heading - np.arctan2(xy[i, 1] - y, xy[i, 0] - x)) % (2 * np.pi)
-                    # Straight back is the last thing to try.
+    seen, reach = 0.0, min(reach, max_reach)
+    while True:
+        chosen = _step_within(ground, edges, follower, seen, reach, ring, n, back)
+        if chosen >= 0 or reach >= max_reach:
+            return chosen
+        seen, reach = reach, min(reach * GROWTH, max_reach)
+
+
+@njit(cache=True, nogil=True)
+def _step_within(ground, edges, follower, seen, reach, ring, n, back):  # type: ignore[no-untyped-def]
+    """
+    Return the point with the smallest clockwise turn that can be stepped to, −1 if there is none.
+
+    Mostly the first one can; only where the first few cannot are all sorted by turn.
+
+    """
+    tried, tried_distance = np.int64(-1), 0.0
+    for _ in range(_FEW):
+        best, tried, tried_distance = _next_in_turn(
+            ground, follower, seen, reach, ring, n, back, tried, tried_distance
+        )
+        if best < 0 or not meets_edges(ground, edges, follower, ring[n - 1], best):
+            return best
+    for i in _in_turn(ground, follower, seen, reach, ring, n, back, tried, tried_distance):
+        if not meets_edges(ground, edges, follower, ring[n - 1], i):
+            return i
+    return -1
+
+
+@njit(cache=True, nogil=True)
+def _next_in_turn(ground, follower, seen, reach, ring, n, back, tried, tried_distance):  # type: ignore[no-untyped-def]
+    """
+    Return the first free point in clockwise order after those tried, its turn and its squared distance.
+
+    Written without calls in the loop: this is where a walk spends its time.
+
+    """
+    xs, ys, current, start = ground.x, ground.y, ring[n - 1], ring[0] if n > 2 else ring[n - 1]
+    ux, uy, vx, vy, is_disc = ground.ux, ground.uy, ground.vx, ground.vy, ground.is_disc
+    x, y = xs[current], ys[current]
+    best, best_turn, best_distance = -1, np.int64(2 * _FULL_TURN), np.inf
+    low_row, high_row, low_column, high_column = cells_within(ground, x, y, reach)
+    for row in range(low_row, high_row + 1):
+        cell = row * ground.n_columns
+        for i in range(ground.first[cell + low_column], ground.first[cell + high_column + 1]):
+            dx, dy = xs[i] - x, ys[i] - y
+            u, v = ux * dx + uy * dy, vx * dx + vy * dy
+            span = u * u + v * v if is_disc else max(u * u, v * v)
+            if span > reach * reach or span <= seen * seen or (follower[i] >= 0 and i != start):
+                continue
+            slant = dy / (abs(dx) + abs(dy))
+            angle = back - (slant if dx >= 0 else 2.0 - slant)
+            turn = np.int64((angle if angle >= 0 else angle + 4.0) / _TURN_UNIT + 0.5)
+            turn = turn if turn > 1 else np.int64(_FULL_TURN)
+            distance = dx * dx + dy * dy
+            if turn > best_turn or turn < tried or (turn == tried and distance <= tried_distance):
+                continue
+            if turn < best_turn or distance < best_distance:
+                best, best_turn, best_distance = i, turn, distance
+    return best, best_turn, best_distance
+
+
+@njit(cache=True, nogil=True)
+def _in_turn(ground, follower, seen, reach, ring, n, back, tried, tried_distance):  # type: ignore[no-untyped-def]
+    """
+    Return all free points in clockwise order after those tried.
+
+    """
+    x, y, current = ground.x, ground.y, ring[n - 1]
+    rows, turns, distances = [np.int64(0)], [np.int64(-1)], [0.0]
+    low_row, high_row, low_column, high_column = cells_within(ground, x[current], y[current], reach)
+    for row in range(low_row, high_row + 1):
+        cell = row * ground.n_columns
+        for i in range(ground.first[cell + low_column], ground.first[cell + high_column + 1]):
+            if _may_follow(ground, follower, seen, reach, ring, n, i):
+                dx, dy = x[i] - x[current], y[i] - y[current]
+                turn, distance = _turn(back, _direction(dx, dy)), dx * dx + dy * dy
+                if turn > tried or (turn == tried and distance > tried_distance):
                     rows.append(i)
-                    turns.append(turn if turn > _SAME_TURN else 2 * np.pi)
+                    turns.append(turn)
                     distances.append(distance)
-            i += 1
-    return rows, turns, distances
+    order = np.argsort(np.array(distances), kind="mergesort")
+    order = order[np.argsort(np.array(turns)[order], kind="mergesort")]
+    # The first entry only told the lists what they hold.
+    return np.array(rows)[order[1:]]
 
 
 @njit(cache=True, nogil=True)
-def _meets_ring(xy, number, n_columns, cell, corner, current, target, longest, follower):  # type: ignore[no-untyped-def]
+def _may_follow(ground, follower, seen, reach, ring, n, i):  # type: ignore[no-untyped-def]
     """
-    Whether the segment from `current` to `target` crosses or touches a ring, beyond sharing its ends.
+    Whether a point is free, or the start of a ring that may close, and between two reaches away.
 
     """
-    x = 0.5 * (xy[current, 0] + xy[target, 0]) - corner[0]
-    y = 0.5 * (xy[current, 1] + xy[target, 1]) - corner[1]
-    far = 0.5 * _distance(xy, current, target) + longest
-    first_row, last_row = _cells(y, far, cell)
-    first_column, last_column = _cells(x, far, cell)
-    last_column = min(last_column, n_columns - 1)
-    for line in range(first_row, last_row + 1):
-        i = np.searchsorted(number, line * n_columns + first_column)
-        end = line * n_columns + last_column
-        while i < len(number) and number[i] <= end:
-            if follower[i] >= 0 and _meet(xy, current, target, i, follower[i]):
-                return True
-            i += 1
-    return False
-
-
-@njit(cache=True, nogil=True)
-def _meet(xy, a, b, c, d):  # type: ignore[no-untyped-def]
-    """
-    Whether the segments ab and cd have more in common than an end point.
-
-    """
-    if a in (c, d) or b in (c, d):
-        shared, tip, other = b, a, d if b == c else c
-        if a in (c, d):
-            shared, tip, other = a, b, d if a == c else c
-        if tip == other:
-            return True
-        # Two segments from one point overlap if they leave it in the same direction.
-        dot = (xy[tip, 0] - xy[shared, 0]) * (xy[other, 0] - xy[shared, 0])
-        dot += (xy[tip, 1] - xy[shared, 1]) * (xy[other, 1] - xy[shared, 1])
-        return dot > 0 and _side(xy, shared, tip, other) == 0
-    if max(xy[a, 0], xy[b, 0]) < min(xy[c, 0], xy[d, 0]) or max(xy[c, 0], xy[d, 0]) < min(xy[a, 0], xy[b, 0]):
+    current = ring[n - 1]
+    if i == current or (follower[i] >= 0 and (i != ring[0] or n < 3)):
         return False
-    if max(xy[a, 1], xy[b, 1]) < min(xy[c, 1], xy[d, 1]) or max(xy[c, 1], xy[d, 1]) < min(xy[a, 1], xy[b, 1]):
-        return False
-    return _side(xy, a, b, c) * _side(xy, a, b, d) <= 0 and _side(xy, c, d, a) * _side(xy, c, d, b) <= 0
+    span = span_of(ground, ground.x[i] - ground.x[current], ground.y[i] - ground.y[current])
+    return seen < span <= reach
 
 
 @njit(cache=True, nogil=True)
-def _side(xy, a, b, c):  # type: ignore[no-untyped-def]
+def _direction(dx, dy):  # type: ignore[no-untyped-def]
     """
-    Return the sign of c's side of the line ab: 1 left, −1 right, 0 on it.
+    Return a number from −1 to 3 that grows with the angle of a direction, without trigonometry.
 
     """
-    return np.sign(
-        (xy[b, 0] - xy[a, 0]) * (xy[c, 1] - xy[a, 1]) - (xy[b, 1] - xy[a, 1]) * (xy[c, 0] - xy[a, 0])
-    )
+    slant = dy / (abs(dx) + abs(dy)) if dx != 0 or dy != 0 else 0.0
+    return slant if dx >= 0 else 2.0 - slant
 
 
 @njit(cache=True, nogil=True)
-def _cells(position, radius, cell):  # type: ignore[no-untyped-def]
+def _turn(back, direction):  # type: ignore[no-untyped-def]
     """
-    Return the first and last cell, along one axis, of an interval about a position.
+    Return the clockwise turn from the way back to a direction; straight back is the last thing to try.
 
     """
-    return max(np.int64(np.floor((position - radius) / cell)), 0), np.int64(
-        np.floor((position + radius) / cell)
-    )
-
-
-@njit(cache=True, nogil=True)
-def _distance(xy, a, b):  # type: ignore[no-untyped-def]
-    """
-    Return the distance of two points [m].
-
-    """
-    return np.hypot(xy[a, 0] - xy[b, 0], xy[a, 1] - xy[b, 1])
+    angle = back - direction
+    turn = np.int64((angle if angle >= 0 else angle + 4.0) / _TURN_UNIT + 0.5)
+    return turn if turn > 1 else np.int64(_FULL_TURN)

@@ -69,12 +69,16 @@ def by_component(component, n_components):  # type: ignore[no-untyped-def]
 @njit(cache=True, nogil=True)
 def anchor_rows(points, component, n_components):  # type: ignore[no-untyped-def]
     """
-    Return the row of every component's anchor: its westernmost point, ties broken by y, then z.
+    Return the row of every component's anchor: its westernmost point, ties broken by y, then z; −1 if empty.
+
+    Points of component −1 are of none.
 
     """
     anchor = np.full(n_components, -1, dtype=np.int64)
     for i in range(len(component)):
         k = component[i]
+        if k < 0:
+            continue
         if anchor[k] < 0 or _comes_first(points[i], points[anchor[k]]):
             anchor[k] = i
     return anchor

@@ -12,6 +12,9 @@ from scipy.spatial import cKDTree
 from lidar_buildings.core.segmentation.members import occupied_areas
 from lidar_buildings.core.segmentation.windows import chain_windows
 
+#: Half the side of the square in which a point that joins two roofs all by itself has no other [spacings].
+ALONE = 1.25
+
 
 def cut_necks(
     positions: NDArray[np.float64], window: float, min_neck: float, min_points: int, min_area: float
@@ -19,9 +22,10 @@ def cut_necks(
     """
     Number the parts of one component that only necks join.
 
-    A point is in a neck if its window holds fewer positions than a strip of the least width would; the other
-    points are chained without them, as in DBSCAN (Ester and others, 1996). Where at least two of the chains
-    are as large as a building these are parts, and every other point goes to the part whose point is nearest.
+    A point is in a neck if its window holds fewer positions than a strip of the least width would, or if it
+    stands alone amid a gap; the other points are chained without them, as in DBSCAN (Ester and others, 1996).
+    Where at least two of the chains are as large as a building these are parts, and every other point goes to
+    the part whose point is nearest.
 
     Parameters
     ----------
@@ -40,8 +44,9 @@ def cut_necks(
     places, place = np.unique(positions, axis=0, return_inverse=True)
     tree = cKDTree(places)
     count = tree.query_ball_point(places, half, p=np.inf, return_length=True)
-    # A strip of width w has w points a spacing, and the one in the middle sees half a window each way.
-    is_core = count >= min_neck * window
+    alone = tree.query_ball_point(places, ALONE, p=np.inf, return_length=True) == 1
+    # A strip of width w has w points a spacing.
+    is_core = (count >= min_neck * window) & ~alone
     if is_core.all() or not is_core.any():
         return whole
     core = places[is_core]

@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from lidar_buildings.core.point_order import CellRows
 from lidar_buildings.core.scan_neighbours import Pulses
 from lidar_buildings.core.scan_pattern import MAX_RATIO, ScanPattern, measure_scan_patterns
 from lidar_buildings.core.segmentation.windows import chain_windows, turned
@@ -42,7 +43,11 @@ class Chains(NamedTuple):
 
 
 def chain_along_scan(
-    pulses: Pulses, window: float, spacing: float, scan_angle: NDArray[np.float64] | None = None
+    pulses: Pulses,
+    window: float,
+    spacing: float,
+    scan_angle: NDArray[np.float64] | None = None,
+    cells: CellRows | None = None,
 ) -> Chains:
     """
     Number the connected components of points that lie in each other's windows.
@@ -61,11 +66,13 @@ def chain_along_scan(
         1/√density [m].
     scan_angle : ndarray of shape (n_points,), optional
         See `lidar_buildings.core.scan_pattern.measure_scan_pattern` [deg].
+    cells : CellRows, optional
+        The points by `lidar_buildings.core.scan_pattern.scan_cells`, if they are at hand.
 
     """
     half = window / 2.0 * SLACK
     component, n_components = chain_windows(pulses.points, (half * spacing, half * spacing))
-    group, patterns = _groups(pulses, half, spacing, scan_angle)
+    group, patterns = _groups(pulses, half, spacing, scan_angle, cells)
     has_lines = np.array([not one.is_isotropic for one in patterns], dtype=bool)
     chain_patterns = [ScanPattern.isotropic(spacing)] * n_components
     if not has_lines.any():
@@ -82,20 +89,12 @@ def chain_along_scan(
     return Chains(component, len(used), [chain_patterns[k] for k in used])
 
 
-def own_pattern(pulses: Pulses, rows: NDArray[np.intp], wide: ScanPattern, spacing: float) -> ScanPattern:
-    """
-    Return the pattern of a building alone, or that of its surroundings where it tells none.
-
-    """
-    if wide.is_isotropic:
-        return wide
-    group = np.zeros(len(rows), dtype=np.int64)
-    found = measure_scan_patterns(pulses.select(rows), group, 1, spacing)[0]
-    return wide if found.is_isotropic else found
-
-
 def _groups(
-    pulses: Pulses, half: float, spacing: float, scan_angle: NDArray[np.float64] | None
+    pulses: Pulses,
+    half: float,
+    spacing: float,
+    scan_angle: NDArray[np.float64] | None,
+    cells: CellRows | None,
 ) -> tuple[NDArray[np.int64], list[ScanPattern]]:
     """
     Return each point's group and the groups' patterns; no window of a group reaches another of its kind.
@@ -103,7 +102,7 @@ def _groups(
     """
     reach = max(2.0 * half, MIN_GROUP_REACH) * spacing
     group, n_groups = chain_windows(pulses.points, (reach, reach))
-    patterns = measure_scan_patterns(pulses, group, n_groups, spacing, scan_angle=scan_angle)
+    patterns = measure_scan_patterns(pulses, group, n_groups, spacing, scan_angle=scan_angle, cells=cells)
     is_wide = np.array([half * math.hypot(one.along, one.across) > reach for one in patterns], dtype=bool)
     rows = np.flatnonzero(is_wide[group]) if is_wide.any() else np.zeros(0, dtype=np.intp)
     if not len(rows):

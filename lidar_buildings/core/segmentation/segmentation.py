@@ -12,8 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from lidar_buildings.core.point_array import checked_column, checked_points
 from lidar_buildings.core.point_spacing import given_or_measured
-from lidar_buildings.core.scan_neighbours import Pulses
-from lidar_buildings.core.scan_pattern import ScanPattern, as_pulses
+from lidar_buildings.core.scan_pattern import ScanPattern, as_pulses, measure_scan_patterns, scan_cells
 from lidar_buildings.core.segmentation.config import SegmentationConfig
 from lidar_buildings.core.segmentation.loose_points import building_beside
 from lidar_buildings.core.segmentation.members import (
@@ -24,9 +23,12 @@ from lidar_buildings.core.segmentation.members import (
     sizes,
 )
 from lidar_buildings.core.segmentation.necks import cut_necks
-from lidar_buildings.core.segmentation.scan_windows import Chains, chain_along_scan, own_pattern
+from lidar_buildings.core.segmentation.scan_windows import Chains, chain_along_scan
 from lidar_buildings.core.segmentation.steps import split_blocks
 from lidar_buildings.core.segmentation.windows import turned
+
+#: Lines so many steps apart must not be taken for none [ratio of the spacings].
+FAR_APART = 4.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,7 +105,8 @@ def segment_buildings(
     pulses = as_pulses(cloud, gps_time, point_source_id)
     angle = None if scan_angle is None else checked_column("scan_angle", scan_angle, len(cloud), np.float64)
     spacing = given_or_measured(cloud, point_spacing)
-    chains = chain_along_scan(pulses, config.window, spacing, angle)
+    cells = scan_cells(pulses, spacing)
+    chains = chain_along_scan(pulses, config.window, spacing, angle, cells)
     if config.min_neck > 0.0:
         chains = _without_necks(cloud, chains, config)
     block = _buildings(cloud, chains, config, spacing)
@@ -119,7 +122,15 @@ def segment_buildings(
             min_width=config.min_part_width,
             min_tower_area=config.min_tower_area,
         )
-    return _identified(pulses, chains, block, part, block_of_part, config.window, spacing)
+    ids, id_of_block = _identified(cloud, block, chains.n_components, part, block_of_part)
+    # A building's own points, whatever lies beside it, tell the pattern that outlines are traced with.
+    own = measure_scan_patterns(pulses, part, len(block_of_part), spacing, scan_angle=angle, cells=cells)
+    patterns = {
+        int(ids[k]): _told(own[k], chains.patterns[block_of_part[k]]) for k in np.flatnonzero(ids[:-1])
+    }
+    return Segmentation(
+        ids[part], id_of_block[block], _extent(chains.patterns, config.window, spacing), patterns
+    )
 
 
 def _without_necks(cloud: NDArray[np.float64], chains: Chains, config: SegmentationConfig) -> Chains:
@@ -160,35 +171,35 @@ def _buildings(
 
 
 def _identified(
-    pulses: Pulses,
-    chains: Chains,
+    cloud: NDArray[np.float64],
     block: NDArray[np.int64],
+    n_blocks: int,
     part: NDArray[np.int64],
     block_of_part: NDArray[np.int64],
-    window: float,
-    spacing: float,
-) -> Segmentation:
+) -> tuple[NDArray[np.uint32], NDArray[np.uint32]]:
     """
-    Give every part and block its id and pattern.
+    Return the ids of all parts and of all blocks, 0 for those without points; the last of either is 0.
 
     """
-    # Points of no building are counted as the last part, and block.
-    n_parts, n_blocks = len(block_of_part), chains.n_components
-    rows, first = by_component(np.where(part < 0, n_parts, part), n_parts + 1)
-    used = np.flatnonzero(np.diff(first)[:n_parts])
-    anchor = anchor_rows(pulses.points, np.where(part < 0, n_parts, part), n_parts + 1)[used]
+    n_parts = len(block_of_part)
+    anchor = anchor_rows(cloud, part, n_parts)
+    used = np.flatnonzero(anchor >= 0)
     ids = np.zeros(n_parts + 1, dtype=np.uint32)
-    ids[used] = distinct_ids(pulses.points[anchor])
+    ids[used] = distinct_ids(cloud[anchor[used]])
     # The westernmost point of a block is that of one of its parts.
-    western = anchor_rows(pulses.points, np.where(block < 0, n_blocks, block), n_blocks + 1)
-    id_of_block = np.zeros(n_blocks + 1, dtype=np.uint32)
+    western = anchor_rows(cloud, block, n_blocks)
     known = block_of_part[used]
+    id_of_block = np.zeros(n_blocks + 1, dtype=np.uint32)
     id_of_block[known] = ids[part[western[known]]]
-    patterns = {}
-    for k in used:
-        wide = chains.patterns[block_of_part[k]]
-        patterns[int(ids[k])] = own_pattern(pulses, rows[first[k] : first[k + 1]], wide, spacing)
-    return Segmentation(ids[part], id_of_block[block], _extent(chains.patterns, window, spacing), patterns)
+    return ids, id_of_block
+
+
+def _told(own: ScanPattern, wide: ScanPattern) -> ScanPattern:
+    """
+    Return a building's own pattern, or, where it is too small to show lines far apart, its surroundings'.
+
+    """
+    return wide if own.is_isotropic and wide.ratio >= FAR_APART else own
 
 
 def _extent(patterns: list[ScanPattern], window: float, spacing: float) -> tuple[float, float]:
