@@ -3,11 +3,12 @@ Regularisation: straight walls, right angles and arcs from a traced outline.
 
 """
 
-from lidar_buildings.core.regularisation.config import RegularisationConfig
+from lidar_buildings.core.regularisation.config import AS_PUBLISHED, RegularisationConfig
 from lidar_buildings.core.regularisation.regularising import measure_outline, regularise_outline
 from lidar_buildings.core.regularisation.result import OutlineQuality, OutlineWall, RegularisedOutline
 
 __all__ = [
+    "AS_PUBLISHED",
     "OutlineQuality",
     "OutlineWall",
     "RegularisationConfig",

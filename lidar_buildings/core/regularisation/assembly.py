@@ -110,16 +110,30 @@ def _assembled(points, weights, bears, first, last, kind, angles, direction_weig
     """
     sums = running_sums(points, weights)
     first, last, kind = first.copy(), last.copy(), kind.copy()
-    m = len(first)
+    m, n = len(first), len(points)
     shape = np.empty((m, N_SHAPE))
     for i in range(m):
+        # Walls begin in the first round, so that merged ones end in the second, as far as the sums reach.
+        first[i], last[i] = first[i] % n, first[i] % n + last[i] - first[i]
         shape[i] = fit_wall(
             points, weights, bears, sums, first[i], last[i], kind[i], angles, direction_weight, outwards
         )
     joints = np.zeros((m, 2, 2))
     while True:
         m = _merge_parallels(
-            points, weights, bears, sums, first, last, kind, shape, m, angles, direction_weight, min_step, outwards
+            points,
+            weights,
+            bears,
+            sums,
+            first,
+            last,
+            kind,
+            shape,
+            m,
+            angles,
+            direction_weight,
+            min_step,
+            outwards,
         )
         if m == 1 and shape[0, RADIUS] != 0 and last[0] - first[0] >= len(points):
             break

@@ -12,6 +12,9 @@ from lidar_buildings.core.parameters import StageConfig, parameter
 from lidar_buildings.core.regularisation.dents import DentLimits
 from lidar_buildings.core.regularisation.division import Costs
 
+#: Smallest radius and length of an arc that points can tell from a corner [spacings].
+_MIN_RADIUS, _MIN_ARC = 3.0, 8.0
+
 
 @dataclass(frozen=True)
 class RegularisationConfig(StageConfig):
@@ -22,8 +25,22 @@ class RegularisationConfig(StageConfig):
 
     stage: ClassVar[str] = "regularisation"
 
+    division: str = parameter(
+        "optimal",
+        "How a ring is divided into walls: the best division of all, or where its edges turn, as published "
+        "by Sampath & Shan (2007).",
+        choices=("optimal", "turns"),
+    )
+    max_turn_deg: float = parameter(
+        40.0,
+        "Largest angle between an edge and its wall if the ring is divided at turns; raising it gives fewer "
+        "walls.",
+        unit="deg",
+        minimum=1.0,
+        maximum=90.0,
+    )
     noise: float = parameter(
-        0.25,
+        0.3,
         "Scatter of bearing points across their wall; raising it gives fewer, longer walls.",
         unit="spacings",
         minimum=0.01,
@@ -74,7 +91,7 @@ class RegularisationConfig(StageConfig):
     )
     arc_cost: float = parameter(
         25.0,
-        "What an arc must save over a wall along a direction; raising it draws more curves with straight walls.",
+        "What an arc must save over a wall along a direction; raising it draws more curves straight.",
         minimum=0.0,
     )
     curved_walls: bool = parameter(
@@ -161,5 +178,14 @@ class RegularisationConfig(StageConfig):
         )
 
 
-#: Smallest radius and length of an arc that points can tell from a corner [spacings].
-_MIN_RADIUS, _MIN_ARC = 3.0, 8.0
+#: The method as published: two perpendicular directions of the long walls, and all points of the ring.
+AS_PUBLISHED = RegularisationConfig(
+    division="turns",
+    max_dent_depth=0.0,
+    max_gap_area=0.0,
+    finest_spacing=0.0,
+    max_directions=1,
+    angle_tolerance_deg=45.0,
+    curved_walls=False,
+    min_overlap=0.0,
+)

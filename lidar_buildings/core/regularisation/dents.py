@@ -15,6 +15,8 @@ from numpy.typing import NDArray
 _FEWEST = 4
 #: Where the bridged ring turns inwards by more, a bridge cuts a corner of the building [rad].
 _CORNER_TURN = np.deg2rad(25.0)
+#: Size of the dents that are bridged at first, and beside corners [limits].
+_SIZES = (1.0, 0.6)
 
 
 class DentLimits(NamedTuple):
@@ -27,7 +29,7 @@ class DentLimits(NamedTuple):
         A dent so shallow, and no longer than that, is what a row of points looks like whose scan lines end
         anywhere [m].
     area : float
-        A gap no larger than that may well be left empty by chance, however deep it is, up to `gap_depth` [m²].
+        A gap no larger than that may be left empty by chance, however deep it is, up to `gap_depth` [m²].
     gap_depth : float
         Depth of the deepest such gap [m].
 
@@ -43,10 +45,10 @@ def bearing_points(ring: NDArray[np.float64], limits: DentLimits) -> NDArray[np.
     """
     Mark the vertices that bear a ring: all but those in dents that are gaps between points.
 
-    Points are scattered inside a wall, none outside: a ring dips inwards between those that happen to lie near
-    it, and a line through all vertices runs inside the wall by a third of a spacing or more. A dent is bridged
-    if it is shallow, or so small that points leave its area empty by chance, and if the ring goes straight on
-    beside it: otherwise it is a re-entrant corner. All points stay inside the ring.
+    Points are scattered inside a wall, none outside: a ring dips inwards between those that happen to lie
+    near it, and a line through all vertices runs inside the wall by a third of a spacing or more. A dent is
+    bridged if it is shallow, or so small that points leave its area empty by chance, and if the ring goes
+    straight on beside it: otherwise it is a re-entrant corner. All points stay inside the ring.
 
     Parameters
     ----------
@@ -67,22 +69,40 @@ def bearing_points(ring: NDArray[np.float64], limits: DentLimits) -> NDArray[np.
 @njit(cache=True, nogil=True)
 def _bridged(ring, depth, length, area, gap_depth):  # type: ignore[no-untyped-def]
     """
+    Bridge all dents; where a bridge cuts a corner, take it out and bridge only smaller dents there.
+
+    """
+    bears = np.ones(len(ring), dtype=np.bool_)
+    for size in _SIZES:
+        following, preceding = _bridge(
+            ring, bears, size * depth, size * length, size * size * area, size * gap_depth
+        )
+        if not _open_corners(ring, bears, following, preceding):
+            break
+    return bears
+
+
+@njit(cache=True, nogil=True)
+def _bridge(ring, bears, depth, length, area, gap_depth):  # type: ignore[no-untyped-def]
+    """
     Take vertices out of the ring, always those whose dent is the shallowest round about.
 
     Where the ring starts has no say: only vertices shallower than both their neighbours go in one sweep.
 
     """
     n = len(ring)
-    following, preceding = np.arange(1, n + 1), np.arange(-1, n - 1)
-    following[n - 1], preceding[0] = 0, n - 1
-    bears = np.ones(n, dtype=np.bool_)
-    merit = np.empty(n)
-    for i in range(n):
+    rows = np.flatnonzero(bears)
+    left = len(rows)
+    following, preceding = np.zeros(n, dtype=np.int64), np.zeros(n, dtype=np.int64)
+    merit = np.full(n, np.inf)
+    for k in range(left):
+        following[rows[k]], preceding[rows[k]] = rows[(k + 1) % left], rows[k - 1]
+    for i in rows:
         merit[i] = _merit(ring, preceding[i], following[i], depth, length, area, gap_depth)
-    left, changed = n, True
+    changed = True
     while changed and left > _FEWEST:
         changed = False
-        for i in range(n):
+        for i in rows:
             first, last = preceding[i], following[i]
             is_next = bears[i] and merit[i] < merit[first] and merit[i] <= merit[last]
             if not is_next or left <= _FEWEST:
@@ -93,27 +113,39 @@ def _bridged(ring, depth, length, area, gap_depth):  # type: ignore[no-untyped-d
                 merit[k] = _merit(ring, preceding[k], following[k], depth, length, area, gap_depth)
             left -= 1
             changed = True
-    _open_corners(ring, bears, following, preceding)
-    return bears
+    return following, preceding
 
 
 @njit(cache=True, nogil=True)
 def _open_corners(ring, bears, following, preceding):  # type: ignore[no-untyped-def]
     """
-    Take out the bridges beside points at which the ring turns inwards.
+    Take out the bridges beside points at which the ring turns inwards; return whether there were any.
 
     """
-    n = len(ring)
-    bearing = np.flatnonzero(bears)
-    for i in bearing:
+    opened = False
+    for i in np.flatnonzero(bears):
         first, last = preceding[i], following[i]
         ax, ay = ring[i, 0] - ring[first, 0], ring[i, 1] - ring[first, 1]
         bx, by = ring[last, 0] - ring[i, 0], ring[last, 1] - ring[i, 1]
         if np.arctan2(ay * bx - ax * by, ax * bx + ay * by) > _CORNER_TURN:
-            k = first
-            while k != last:
-                bears[k] = True
-                k = k + 1 if k + 1 < n else 0
+            opened |= _open(bears, first, i)
+            opened |= _open(bears, i, last)
+    return opened
+
+
+@njit(cache=True, nogil=True)
+def _open(bears, first, last):  # type: ignore[no-untyped-def]
+    """
+    Give the ring back what lies under a bridge; return whether it was one.
+
+    """
+    n, opened = len(bears), False
+    i = first + 1 if first + 1 < n else 0
+    while i != last:
+        opened |= not bears[i]
+        bears[i] = True
+        i = i + 1 if i + 1 < n else 0
+    return opened
 
 
 @njit(cache=True, nogil=True)
@@ -131,7 +163,7 @@ def _merit(ring, first, last, depth, length, area, gap_depth):  # type: ignore[n
 @njit(cache=True, nogil=True)
 def _dent(ring, first, last):  # type: ignore[no-untyped-def]
     """
-    Return the chord, the depth and the area of what lies between two vertices; infinite depth if it is no dent.
+    Return chord, depth and area of what lies between two vertices; infinite depth if it is no dent.
 
     A dent lies on the left of its chord and its vertices stand between the chord's ends.
 

@@ -28,13 +28,13 @@ def running_sums(points, weights):  # type: ignore[no-untyped-def]
 
     Returns
     -------
-    ndarray of shape (2 n_points + 1, 10)
+    ndarray of shape (2 n_points + 2, 10)
         Row i is of the points before the i-th; the way is that from point 0 to point i [m].
 
     """
     n = len(points)
-    sums = np.zeros((2 * n + 1, N_SUMS))
-    for i in range(2 * n):
+    sums = np.zeros((2 * n + 2, N_SUMS))
+    for i in range(2 * n + 1):
         k, m = i % n, (i + 1) % n
         x, y, w = points[k, 0], points[k, 1], weights[k]
         z = x * x + y * y
@@ -107,12 +107,7 @@ def algebraic_circle(sums, start, end):  # type: ignore[no-untyped-def]
         return mx, my, np.inf, np.inf
     zz_mean = uu + vv
     square = mx * mx + my * my
-    z = (
-        sums[end, 3]
-        - sums[start, 3]
-        + sums[end, 5]
-        - sums[start, 5]
-    )
+    z = sums[end, 3] - sums[start, 3] + sums[end, 5] - sums[start, 5]
     uz = sums[end, 6] - sums[start, 6] - mx * z - 2.0 * (mx * uu + my * uv)
     vz = sums[end, 7] - sums[start, 7] - my * z - 2.0 * (mx * uv + my * vv)
     zz = (

@@ -5,22 +5,27 @@ How precise walls and corners are, and how well points lie on them.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
 import shapely
+from numba import njit
 from numpy.typing import NDArray
 
 from lidar_buildings.core.outline import Outline
 from lidar_buildings.core.regularisation.assembly import WalledRing
 from lidar_buildings.core.regularisation.division import ARC, FREE
 from lidar_buildings.core.regularisation.drawing import DrawnRing
+from lidar_buildings.core.regularisation.moments import running_sums, scatter_of
 from lidar_buildings.core.regularisation.result import OutlineWall
 from lidar_buildings.core.regularisation.samples import RingSamples
 from lidar_buildings.core.regularisation.walls import ANGLE, CENTRE_X, CENTRE_Y, RADIUS
 
 
-def fit_quality(bearing: NDArray[np.float64], outline: Outline, n_unknowns: int) -> tuple[float, float]:
+def fit_quality(
+    bearing: NDArray[np.float64], outline: Outline, n_unknowns: int, moved: float = 0.0
+) -> tuple[float, float]:
     """
     Return the standard deviation and the largest of the bearing points' distances from an outline [m].
 
@@ -32,10 +37,15 @@ def fit_quality(bearing: NDArray[np.float64], outline: Outline, n_unknowns: int)
         The walls [m].
     n_unknowns : int
         What was adjusted to the points: see `unknowns_of`.
+    moved : float
+        How far the walls were moved outwards after they had been fitted [m].
 
     """
     boundary = shapely.Polygon(outline.exterior, outline.holes).boundary
     offsets = shapely.distance(boundary, shapely.points(bearing))
+    if moved:
+        inside = shapely.contains_xy(shapely.Polygon(outline.exterior, outline.holes), bearing)
+        offsets = np.abs(np.where(inside, offsets, -offsets) - moved)
     redundancy = max(len(bearing) - n_unknowns, 1)
     return float(np.sqrt(np.sum(offsets**2) / redundancy)), float(offsets.max())
 
@@ -58,29 +68,17 @@ def outline_walls(
     """
     walls: list[OutlineWall] = []
     m = len(walled.first)
-    for i in range(m):
-        start, end = walled.joints[i - 1, 1] + centre, walled.joints[i, 0] + centre
-        radius = float(walled.shape[i, RADIUS])
-        count = _n_bearing(samples, walled, i)
-        walls.append(
-            OutlineWall(
-                ring,
-                "arc" if radius else "line",
-                (float(start[0]), float(start[1])),
-                (float(end[0]), float(end[1])),
-                tuple(walled.shape[i, [CENTRE_X, CENTRE_Y]] + centre) if radius else None,  # type: ignore[arg-type]
-                radius,
-                sigma / np.sqrt(count) if count else float("nan"),
-                count,
-            )
-        )
-        if m > 1 and not np.array_equal(*walled.joints[i]):
-            last = walled.joints[i, 1] + centre
-            walls.append(
-                OutlineWall(
-                    ring, "step", walls[-1].end, (float(last[0]), float(last[1])), None, 0.0, float("nan"), 0
-                )
-            )
+    joints = (walled.joints + centre).tolist()
+    counts = _bearing_counts(samples.bears, walled.first, walled.last)
+    for i, (shape, count) in enumerate(zip(walled.shape, counts.tolist(), strict=True)):
+        start, end = joints[i - 1][1], joints[i][0]
+        radius = float(shape[RADIUS])
+        middle = (float(shape[CENTRE_X] + centre[0]), float(shape[CENTRE_Y] + centre[1])) if radius else None
+        precision = sigma / math.sqrt(count) if count else math.nan
+        kind = "arc" if radius else "line"
+        walls.append(OutlineWall(ring, kind, _pair(start), _pair(end), middle, radius, precision, count))
+        if m > 1 and joints[i][0] != joints[i][1]:
+            walls.append(OutlineWall(ring, "step", _pair(end), _pair(joints[i][1]), None, 0.0, math.nan, 0))
     return walls
 
 
@@ -94,47 +92,66 @@ def corner_sigmas(
     distance between the two; the corner's follow from those of its two walls and the angle between them.
 
     """
-    variances = {}
-    for i in range(len(walled.first)):
-        k = (i + 1) % len(walled.first)
-        corner = walled.joints[i, 0]
-        is_corner = np.array_equal(*walled.joints[i]) and not walled.shape[[i, k], RADIUS].any()
-        if is_corner and i != k:
-            sine = np.sin(walled.shape[k, ANGLE] - walled.shape[i, ANGLE])
-            both = sum(
-                _variance_at(samples, walled, wall, corner, direction_weight) for wall in (i, k)
-            )
-            variances[corner.tobytes()] = both / sine**2
-    return [
-        sigma * float(np.sqrt(variances[vertex.tobytes()])) if vertex.tobytes() in variances else float("nan")
-        for vertex in drawn.vertices
-    ]
+    variances = _corner_variances(samples.points, samples.bears, *walled, direction_weight)
+    at = dict(zip(map(tuple, walled.joints[:, 0].tolist()), variances.tolist(), strict=True))
+    return [sigma * math.sqrt(at.get(tuple(vertex), math.nan)) for vertex in drawn.vertices.tolist()]
 
 
-def _n_bearing(samples: RingSamples, walled: WalledRing, wall: int) -> int:
+def _pair(place: list[float]) -> tuple[float, float]:
     """
-    Count the traced points that bear a wall.
+    Return x and y as a tuple.
 
     """
-    rows = np.arange(walled.first[wall], walled.last[wall]) % len(samples.points)
-    return int(np.count_nonzero(samples.bears[rows]))
+    return place[0], place[1]
 
 
-def _variance_at(
-    samples: RingSamples, walled: WalledRing, wall: int, place: NDArray[np.float64], direction_weight: float
-) -> float:
+@njit(cache=True, nogil=True)
+def _bearing_counts(bears, first, last):  # type: ignore[no-untyped-def]
+    """
+    Count the traced points that bear each wall.
+
+    """
+    n = len(bears)
+    counts = np.zeros(len(first), dtype=np.int64)
+    for i in range(len(first)):
+        for row in range(first[i], last[i]):
+            counts[i] += bears[row % n]
+    return counts
+
+
+@njit(cache=True, nogil=True)
+def _corner_variances(points, bears, first, last, kind, shape, joints, direction_weight):  # type: ignore[no-untyped-def]
+    """
+    Return the variance of the corner behind each wall, in units of a point's; NaN where it is none.
+
+    """
+    sums = running_sums(points, bears.astype(np.float64))
+    m = len(first)
+    variances = np.full(m, np.nan)
+    for i in range(m):
+        k = (i + 1) % m
+        x, y = joints[i, 0]
+        is_corner = i != k and x == joints[i, 1, 0] and y == joints[i, 1, 1]
+        if is_corner and shape[i, RADIUS] == 0 and shape[k, RADIUS] == 0:
+            sine = np.sin(shape[k, ANGLE] - shape[i, ANGLE])
+            one = _variance_at(sums, first[i], last[i], kind[i], shape[i, ANGLE], x, y, direction_weight)
+            other = _variance_at(sums, first[k], last[k], kind[k], shape[k, ANGLE], x, y, direction_weight)
+            variances[i] = (one + other) / (sine * sine)
+    return variances
+
+
+@njit(cache=True, nogil=True)
+def _variance_at(sums, first, last, kind, angle, x, y, direction_weight):  # type: ignore[no-untyped-def]
     """
     Return the variance of a wall's offset at a place of it, in units of a point's.
 
     """
-    rows = np.arange(walled.first[wall], walled.last[wall]) % len(samples.points)
-    bearing = samples.points[rows][samples.bears[rows]]
-    if not len(bearing):
-        return float("nan")
-    angle = walled.shape[wall, ANGLE]
-    along = np.array([-np.sin(angle), np.cos(angle)])
-    positions = bearing @ along
-    spread = float(((positions - positions.mean()) ** 2).sum()) * (1.0 + direction_weight)
-    lever = float(place @ along - positions.mean()) ** 2 / spread if spread > 0 else 0.0
-    return 1.0 / len(bearing) + lever
-
+    if sums[last, 0] - sums[first, 0] == 0:
+        return np.nan
+    count, mx, my, xx, xy, yy = scatter_of(sums, first, last)
+    c, s = np.cos(angle), np.sin(angle)
+    spread = s * s * xx - 2.0 * c * s * xy + c * c * yy
+    if kind != FREE:
+        spread *= 1.0 + direction_weight
+    lever = (y - my) * c - (x - mx) * s
+    return 1.0 / count + (lever * lever / spread if spread > 0 else 0.0)

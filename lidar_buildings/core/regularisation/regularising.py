@@ -18,15 +18,21 @@ from lidar_buildings.core.regularisation.directions import shared_directions, wa
 from lidar_buildings.core.regularisation.division import Division, divide_ring
 from lidar_buildings.core.regularisation.drawing import DrawnRing, draw_ring
 from lidar_buildings.core.regularisation.moments import running_sums
-from lidar_buildings.core.regularisation.precision import corner_sigmas, fit_quality, outline_walls, unknowns_of
+from lidar_buildings.core.regularisation.precision import (
+    corner_sigmas,
+    fit_quality,
+    outline_walls,
+    unknowns_of,
+)
 from lidar_buildings.core.regularisation.result import OutlineQuality, RegularisedOutline
 from lidar_buildings.core.regularisation.samples import SAMPLE_LENGTH, RingSamples, sample_ring
+from lidar_buildings.core.regularisation.turns import divide_at_turns
 from lidar_buildings.core.status import BuildingStatus
 
 #: Fewest ring points that are worth fitting walls to.
 _MIN_RING_POINTS = 8
 #: What each bearing point leaves empty between itself and the wall, measured on virtual roofs [spacings²].
-_EMPTY_AREA = 0.8
+_EMPTY_AREA = 0.55
 
 
 class _Fitted(NamedTuple):
@@ -75,8 +81,9 @@ def regularise_outline(traced: Outline, config: RegularisationConfig | None = No
     centre = traced.exterior.mean(axis=0)
     spacing = working_spacing(traced, config)
     samples = [sample_ring(ring - centre, spacing, config.dent_limits(spacing)) for ring in traced.rings]
-    bias = estimated_bias(samples, spacing)
-    directions, divisions = _divided(samples, spacing, config)
+    bias = estimated_bias(samples, ring_spacing(traced))
+    divide = _divided if config.division == "optimal" else _divided_at_turns
+    directions, divisions = divide(samples, spacing, config)
     fit = Fit(
         _both_ways(directions),
         config.direction_weight,
@@ -119,12 +126,19 @@ def measure_outline(
 
 def working_spacing(traced: Outline, config: RegularisationConfig) -> float:
     """
-    Return the point spacing that a traced outline's edges speak of, or what points are worth at best [m].
+    Return the point spacing, made larger by how well points are placed at best [m].
+
+    """
+    return float(np.hypot(ring_spacing(traced), config.finest_spacing))
+
+
+def ring_spacing(traced: Outline) -> float:
+    """
+    Return the point spacing that a traced outline's edges speak of [m].
 
     """
     edges = [np.hypot(*(np.roll(ring, -1, axis=0) - ring).T) for ring in traced.rings]
-    spacing = float(np.median(np.concatenate(edges))) / SAMPLE_LENGTH
-    return float(np.hypot(spacing, config.finest_spacing))
+    return float(np.median(np.concatenate(edges))) / SAMPLE_LENGTH
 
 
 def estimated_bias(samples: list[RingSamples], spacing: float) -> float:
@@ -178,7 +192,8 @@ def _divided(
 
     free = divided((), None)
     candidates = _long_directions(samples, free, spacing, config, config.max_directions)
-    best, directions, least = free, (), _total(free)
+    directions: tuple[float, ...] = ()
+    best, least = free, _total(free)
     for count in range(1, len(candidates) + 1):
         found = divided(candidates[:count], free)
         total = _total(found) + count * config.direction_cost
@@ -190,6 +205,20 @@ def _divided(
         directions = _long_directions(samples, best, spacing, config, len(directions)) or directions
         best = divided(directions, best)
     return directions, best
+
+
+def _divided_at_turns(
+    samples: list[RingSamples], spacing: float, config: RegularisationConfig
+) -> tuple[tuple[float, ...], list[Division]]:
+    """
+    Find the directions of the long walls, and all walls, as published.
+
+    """
+    max_turn = np.deg2rad(config.max_turn_deg)
+    free = [divide_at_turns(ring.points, np.zeros(0), max_turn) for ring in samples]
+    directions = _long_directions(samples, free, spacing, config, config.max_directions)
+    angles = _both_ways(directions)
+    return directions, [divide_at_turns(ring.points, angles, max_turn) for ring in samples]
 
 
 def _a_corner(division: Division) -> int:
@@ -260,12 +289,13 @@ def _result(
     walled = [ring.drawn.vertices + centre for ring in rings[1:]]
     holes, kept = _fitting_holes(exterior, walled, traced.holes)
     outline = Outline(exterior, holes)
-    problem = _problem(outline, traced, config)
+    problem = _problem(outline, traced, bias if config.correct_bias else 0.0, config)
     if problem:
         return _as_traced(traced, directions, problem, bias)
     bearing = np.concatenate([ring.samples.bearing for ring in rings]) + centre
     unknowns = unknowns_of([ring.walled for ring in rings], len(directions))
-    sigma, max_offset = fit_quality(bearing, outline, unknowns)
+    moved = bias if config.correct_bias else 0.0
+    sigma, max_offset = fit_quality(bearing, outline, unknowns, moved)
     shown = [(number, ring) for number, ring in enumerate(rings) if number not in kept]
     return RegularisedOutline(
         outline,
@@ -324,9 +354,9 @@ def _fitting_holes(
     return tuple(holes), kept
 
 
-def _problem(outline: Outline, traced: Outline, config: RegularisationConfig) -> str:
+def _problem(outline: Outline, traced: Outline, moved: float, config: RegularisationConfig) -> str:
     """
-    Say why an outline cannot stand for the traced one; empty if it can.
+    Say why an outline cannot stand for the traced one, moved outwards [m]; empty if it can.
 
     """
     if len(outline.exterior) < 3:
@@ -336,6 +366,8 @@ def _problem(outline: Outline, traced: Outline, config: RegularisationConfig) ->
         return "the walls do not make up a valid polygon"
     if not ring.is_valid:
         return "the traced outline is not valid"
+    if moved:
+        ring = ring.buffer(moved, join_style="mitre")
     common = polygon.intersection(ring).area
     overlap = common / (polygon.area + ring.area - common)
     if overlap < config.min_overlap:
@@ -352,6 +384,4 @@ def _as_traced(
     Return the traced outline as the result.
 
     """
-    return RegularisedOutline(
-        traced, 0.0, 0.0, directions, BuildingStatus.TRACED_OUTLINE, reason, bias=bias
-    )
+    return RegularisedOutline(traced, 0.0, 0.0, directions, BuildingStatus.TRACED_OUTLINE, reason, bias=bias)

@@ -68,8 +68,8 @@ class RegularisedOutline:
     walls : tuple of OutlineWall
         Ring by ring, in order; empty if the outline is the traced one.
     corner_sigma : tuple of float
-        Standard deviation of each vertex's place, √(σx² + σy²), in the order of the rings' vertices; NaN where
-        a vertex is not the corner of two walls [m].
+        Standard deviation of each vertex's place, √(σx² + σy²), in the order of the rings' vertices; NaN
+        where a vertex is not the corner of two straight walls [m].
     bias : float
         How far the bearing points lie inside the building's edge, as estimated from their number [m]. With
         `correct_bias` the walls were moved out by so much.

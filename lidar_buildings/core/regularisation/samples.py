@@ -14,6 +14,8 @@ from lidar_buildings.core.regularisation.dents import DentLimits, bearing_points
 
 #: Longest piece of a bridge between two bearing points that gets no sample of its own [spacings].
 _LONGEST_PIECE = 2.0
+#: Weight of a point that is repeated: next to none, since there is no ring between the two.
+_LEAST_WEIGHT = 1e-6
 #: Length that one sample of weight 1 stands for: the median edge of a traced ring [spacings].
 SAMPLE_LENGTH = 1.65
 
@@ -83,4 +85,5 @@ def sample_ring(ring: NDArray[np.float64], spacing: float, limits: DentLimits | 
     points = corners[edge] + edges[edge] * (step / pieces[edge])[:, None]
     piece = (lengths / pieces)[edge]
     weights = 0.5 * (piece + np.roll(piece, 1)) / (SAMPLE_LENGTH * spacing)
+    np.maximum(weights, _LEAST_WEIGHT, out=weights)
     return RingSamples(points, weights, step == 0)

@@ -64,7 +64,7 @@ def fit_wall(points, weights, bears, sums, first, last, kind, angles, direction_
         c, s = np.cos(angle), np.sin(angle)
         along = s * s * xx - 2.0 * c * s * xy + c * c * yy
         across = c * s * (yy - xx) + (c * c - s * s) * xy
-        # Turning the line by δ lowers its offset at position t by t δ: linear for the small turns that remain.
+        # Turning the line by δ lowers its offset at position t by t δ: linear for the small turns left.
         if along > 0:
             angle -= across / (along * (1.0 + direction_weight))
     shape[ANGLE] = angle

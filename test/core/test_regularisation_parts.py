@@ -1,0 +1,244 @@
+import numpy as np
+import pytest
+import shapely
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from lidar_buildings.core.regularisation.dents import DentLimits, bearing_points
+from lidar_buildings.core.regularisation.directions import WallScatter, shared_directions
+from lidar_buildings.core.regularisation.division import ARC, FREE, Costs, divide_ring
+from lidar_buildings.core.regularisation.moments import algebraic_circle, running_sums
+from lidar_buildings.core.regularisation.samples import sample_ring
+from lidar_buildings.core.regularisation.turns import divide_at_turns
+from lidar_buildings.core.regularisation.walls import (
+    ANGLE,
+    CENTRE_X,
+    CENTRE_Y,
+    N_SHAPE,
+    OFFSET,
+    RADIUS,
+    fit_wall,
+    foot_on,
+    nearest_meeting,
+)
+
+LIMITS = DentLimits(1.0, 12.0, 3.0, 3.0)
+
+
+def line(angle, offset):
+    shape = np.zeros(N_SHAPE)
+    shape[[ANGLE, OFFSET]] = angle, offset
+    return shape
+
+
+def circle(x, y, radius):
+    shape = np.zeros(N_SHAPE)
+    shape[[CENTRE_X, CENTRE_Y, RADIUS]] = x, y, radius
+    return shape
+
+
+def jagged_box(seed, width=30.0, height=20.0):
+    """
+    The ring of a rectangle whose points lie up to a spacing inside.
+
+    """
+    rng = np.random.default_rng(seed)
+    sides = []
+    for start, along, inwards, length in (
+        ((0, 0), (1, 0), (0, 1), width),
+        ((width, 0), (0, 1), (-1, 0), height),
+        ((width, height), (-1, 0), (0, -1), width),
+        ((0, height), (0, -1), (1, 0), height),
+    ):
+        t = np.arange(1.5, length - 1.0, 1.2)[:, None]
+        sides.append(np.array(start) + t * along + rng.uniform(0, 0.9, t.shape) * inwards)
+    return np.vstack(sides)
+
+
+def fitted(points, kind, angles=(), weight=100.0, outwards=0.0):
+    weights, bears = np.ones(len(points)), np.ones(len(points), dtype=bool)
+    sums = running_sums(points, weights)
+    return fit_wall(points, weights, bears, sums, 0, len(points), kind, np.array(angles), weight, outwards)
+
+
+@settings(max_examples=40, deadline=None)
+@given(st.integers(0, 10_000))
+def test_bridging_keeps_all_points_inside_a_simple_ring(seed):
+    ring = jagged_box(seed)
+    bears = bearing_points(ring, LIMITS)
+    bridged = shapely.Polygon(ring[bears])
+    assert bridged.is_valid
+    assert shapely.dwithin(bridged, shapely.points(ring), 1e-9).all()
+    assert 4 <= bears.sum() < len(ring)
+
+
+def test_bridging_does_not_depend_on_where_the_ring_starts():
+    ring = jagged_box(3)
+    bears = bearing_points(ring, LIMITS)
+    for shift in (1, 17, 40):
+        assert np.array_equal(bearing_points(np.roll(ring, shift, axis=0), LIMITS), np.roll(bears, shift))
+
+
+def test_a_notch_that_points_cannot_leave_empty_by_chance_stays_open():
+    notched = shapely.box(0, 0, 30, 20).difference(shapely.box(10, 0, 16, 4))
+    ring = shapely.get_coordinates(shapely.segmentize(shapely.orient_polygons(notched), 1.0).exterior)[:-1]
+    bears = bearing_points(ring, LIMITS)
+    assert shapely.Polygon(ring[bears]).area == pytest.approx(notched.area, abs=1.5)
+    # A notch as shallow as points are apart is what scan lines leave by chance.
+    shallow = shapely.box(0, 0, 30, 20).difference(shapely.box(10, 0, 16, 0.9))
+    ring = shapely.get_coordinates(shapely.segmentize(shapely.orient_polygons(shallow), 1.0).exterior)[:-1]
+    assert shapely.Polygon(ring[bearing_points(ring, LIMITS)]).area == pytest.approx(600.0, abs=2.0)
+
+
+def test_samples_weigh_every_metre_alike():
+    ring = jagged_box(1)
+    samples = sample_ring(ring, 1.0, LIMITS)
+    assert samples.weights.sum() * 1.65 == pytest.approx(samples.length)
+    assert np.isin(samples.bearing.view("c16"), ring.view("c16")).all()
+    alone = sample_ring(ring, 1.0, None)
+    assert np.array_equal(alone.points, ring)
+    assert alone.bears.all()
+
+
+def test_the_circle_from_running_sums_is_that_of_the_points():
+    rng = np.random.default_rng(0)
+    turn = np.linspace(0.3, 2.2, 40)
+    points = np.column_stack([40 + 7 * np.cos(turn), -20 + 7 * np.sin(turn)])
+    sums = running_sums(points, rng.uniform(0.5, 2.0, 40))
+    x, y, radius, offsets = algebraic_circle(sums, 0, 40)
+    assert (x, y, radius) == pytest.approx((40, -20, 7), abs=1e-6)
+    assert offsets == pytest.approx(0.0, abs=1e-6)
+    straight = np.column_stack([turn, 2 * turn])
+    assert algebraic_circle(running_sums(straight, np.ones(40)), 0, 40)[2] == np.inf
+
+
+def test_an_arc_is_fitted_by_the_least_distances():
+    rng = np.random.default_rng(1)
+    turn = np.linspace(0.0, 1.5, 60)
+    radius = 9.0 + rng.normal(0, 0.05, 60)
+    points = np.column_stack([3 + radius * np.cos(turn), 4 + radius * np.sin(turn)])
+    shape = fitted(points, ARC)
+    assert shape[[CENTRE_X, CENTRE_Y]] == pytest.approx((3.0, 4.0), abs=0.15)
+    assert shape[RADIUS] == pytest.approx(9.0, abs=0.15)
+    least = np.sum((np.hypot(*(points - shape[[CENTRE_X, CENTRE_Y]]).T) - shape[RADIUS]) ** 2)
+    for change in np.eye(3) * 0.01:
+        x, y, r = shape[[CENTRE_X, CENTRE_Y, RADIUS]] + change
+        assert np.sum((np.hypot(*(points - (x, y)).T) - r) ** 2) >= least
+    assert fitted(points[::-1].copy(), ARC)[RADIUS] == pytest.approx(-shape[RADIUS])
+    assert fitted(points, ARC, outwards=0.5)[RADIUS] == pytest.approx(shape[RADIUS] + 0.5)
+
+
+def test_the_adjusted_line_lies_between_the_points_and_the_given_direction():
+    along = np.linspace(-5, 5, 50)
+    points = np.column_stack([along, 0.1 * along + 3.0])
+    own = fitted(points, FREE)
+    assert np.allclose(points @ (np.cos(own[ANGLE]), np.sin(own[ANGLE])), own[OFFSET])
+    for weight, share in ((0.0, 1.0), (1.0, 0.5), (1e9, 0.0)):
+        shape = fitted(points, 0, [np.pi / 2], weight)
+        # Half of the way is exact for small angles only.
+        assert shape[ANGLE] - np.pi / 2 == pytest.approx(0.1 * share, abs=1e-3)
+
+
+def test_walls_move_away_from_the_building_on_their_left():
+    points = np.column_stack([np.linspace(0, 10, 20), np.full(20, 3.0)])
+    # The ring comes back above the wall: what lies before and behind it tells the way.
+    ring = np.vstack([points, [[10.0, 8.0], [0.0, 8.0]]])
+    weights, bears = np.ones(22), np.ones(22, dtype=bool)
+    sums = running_sums(ring, weights)
+    for angle in (np.pi / 2, -np.pi / 2):
+        shape = fit_wall(ring, weights, bears, sums, 1, 19, 0, np.array([angle]), 1e9, 0.5)
+        assert foot_on(shape, 5.0, 3.0) == pytest.approx((5.0, 2.5))
+
+
+def test_walls_meet_where_both_equations_hold():
+    x, y, meet = nearest_meeting(line(0.3, 2.0), line(1.9, -1.0), 0.0, 0.0)
+    assert meet
+    assert x * np.cos(0.3) + y * np.sin(0.3) == pytest.approx(2.0)
+    assert x * np.cos(1.9) + y * np.sin(1.9) == pytest.approx(-1.0)
+    assert not nearest_meeting(line(0.3, 2.0), line(0.3, 5.0), 0.0, 0.0)[2]
+    for near in (4.0, -4.0):
+        x, y, meet = nearest_meeting(line(np.pi / 2, 3.0), circle(0, 0, 5), near, 3.0)
+        assert meet
+        assert (x, y) == pytest.approx((near, 3.0))
+        x, y, meet = nearest_meeting(circle(0, 0, 5), circle(0, 6, -5), near, 3.0)
+        assert meet
+        assert (x, y) == pytest.approx((near, 3.0))
+    assert not nearest_meeting(line(np.pi / 2, 6.0), circle(0, 0, 5), 0.0, 6.0)[2]
+
+
+def test_shared_directions_are_those_of_a_joint_adjustment():
+    rng = np.random.default_rng(0)
+    angle = np.deg2rad(20.0)
+    along = np.array([np.cos(angle), np.sin(angle)])
+    across = np.array([-along[1], along[0]])
+    t = np.linspace(0, 20, 60)[:, None]
+    walls = []
+    for wall in (t * along, t * along + 9 * across, t * across, t * across + 20 * along):
+        centred = wall + rng.normal(0, 0.1, wall.shape)
+        centred -= centred.mean(axis=0)
+        (xx, xy), (_, yy) = centred.T @ centred
+        walls.append(WallScatter(xx, xy, yy, 20.0))
+    (found,) = shared_directions(walls, np.deg2rad(10), 0.1, 15.0, 3)
+    assert np.rad2deg(found) == pytest.approx(20.0, abs=0.2)
+
+
+def test_a_ring_is_divided_at_its_turns():
+    box = shapely.segmentize(shapely.box(0, 0, 12, 6), 1.0)
+    ring = shapely.get_coordinates(shapely.orient_polygons(box).exterior)[:-1]
+    found = divide_at_turns(ring - (6, 3), np.array([0.0, np.pi / 2]), np.deg2rad(40))
+    assert sorted((found.last - found.first).tolist()) == [6, 6, 12, 12]
+    assert sorted(found.kind.tolist()) == [0, 0, 1, 1]
+    assert set(divide_at_turns(ring, np.zeros(0), np.deg2rad(40)).kind.tolist()) == {FREE}
+
+
+def test_an_arc_is_found_where_it_is_worth_its_cost():
+    turn = np.linspace(0, np.pi, 40)
+    bow = np.column_stack([8 * np.cos(turn), 10 + 8 * np.sin(turn)])
+    sides = [np.column_stack([np.full(20, x), y]) for x, y in ((-8, np.linspace(9.5, 0, 20)),)]
+    base = np.column_stack([np.linspace(-7.5, 7.5, 30), np.zeros(30)])
+    right = np.column_stack([np.full(20, 8.0), np.linspace(0, 9.5, 20)])
+    ring = np.vstack([bow, *sides, base, right]) + np.random.default_rng(0).normal(0, 0.05, (110, 2))
+    angles = np.array([0.0, np.pi / 2])
+    costs = Costs(0.1, 10.0, 15.0, 10.0, 25.0, 1.0, 3.0)
+    found = divide_ring(ring, angles, costs)
+    assert sorted(found.kind.tolist()) == [ARC, 0, 0, 1]
+    assert ARC not in divide_ring(ring, angles, costs._replace(arc=np.inf)).kind
+
+
+def test_the_division_is_the_best_of_all():
+    """
+    Try every division of a small chain by brute force.
+
+    """
+    rng = np.random.default_rng(0)
+    box = shapely.segmentize(shapely.box(0, 0, 4, 3), 1.0)
+    ring = shapely.get_coordinates(shapely.orient_polygons(box).exterior)[:-1]
+    ring = ring + rng.normal(0, 0.05, ring.shape)
+    angles, costs = np.array([0.0, np.pi / 2]), Costs(0.1, 5.0, 5.0, 5.0)
+
+    def cost(first, end, k):
+        rows = ring[first:end] - ring[first:end].mean(axis=0)
+        if k != FREE:
+            normal = np.cos(angles[k]), np.sin(angles[k])
+            return costs.wall + np.sum((rows @ normal) ** 2) / costs.noise**2
+        if end - first < 3:
+            return np.inf
+        return costs.wall + costs.own_direction + np.linalg.eigvalsh(rows.T @ rows)[0] / costs.noise**2
+
+    def cheapest(start, last):
+        if start == len(ring):
+            return 0.0
+        key = (start, last)
+        if key not in memory:
+            memory[key] = min(
+                cost(start, end, k) + (costs.step if k == last != FREE else 0.0) + cheapest(end, k)
+                for end in range(start + 1, len(ring) + 1)
+                for k in (0, 1, FREE)
+            )
+        return memory[key]
+
+    memory = {}
+    walls = divide_ring(ring, angles, costs)
+    ring = np.roll(ring, -int(walls.first[0]), axis=0)
+    assert walls.cost == pytest.approx(cheapest(0, None))
+    assert len(walls.first) == 4
