@@ -16,7 +16,8 @@ from lidar_buildings.core.outline import Outline
 from lidar_buildings.core.shared_walls.common_lines import on_common_lines
 from lidar_buildings.core.shared_walls.partition import partitioned
 
-#: A building keeps its outline if it would lose or gain more than this share of its area.
+#: A building keeps its outline if it would lose more than this share of its area, or gain more than that and
+#: more than half the gap along all its walls.
 MAX_CHANGE = 0.2
 
 
@@ -63,7 +64,7 @@ def share_walls(
     -------
     SharedWalls
         Outlines that touch no other are the same objects as given. So is a building that sharing would make
-        invalid, part, or change by more than a fifth of its area: then the others share without it.
+        invalid, part, or change by much more than its half of the gaps: then the others share without it.
 
     Raises
     ------
@@ -87,9 +88,7 @@ def share_walls(
         members = np.flatnonzero(reasons == "")
         members = members[_touches(polygons[members], gaps[members])]
         shared = _shared(polygons[members], hints[members], gaps[members])
-        faults = np.array(
-            [_fault(*pair) for pair in zip(polygons[members], shared, strict=True)], dtype=object
-        )
+        faults = np.array(list(map(_fault, polygons[members], shared, gaps[members])), dtype=object)
         if (faults == "").all():
             break
         reasons[members] = faults
@@ -109,10 +108,10 @@ def _shared(
     if len(polygons) == 0:
         return polygons
     laid = on_common_lines(polygons, gaps)
-    is_sound = shapely.is_valid(laid) & (
-        np.abs(shapely.area(laid) / shapely.area(polygons) - 1.0) <= MAX_CHANGE
-    )
-    return partitioned(np.where(is_sound, laid, polygons), hints, gaps, shapely.get_coordinates(polygons))
+    is_laid = shapely.is_valid(laid)
+    is_laid &= np.abs(shapely.area(laid) - shapely.area(polygons)) <= _most_gained(polygons, gaps)
+    laid = np.where(is_laid, laid, polygons)
+    return partitioned(laid, hints, gaps, shapely.get_coordinates(polygons))
 
 
 def _touches(polygons: NDArray[np.object_], gaps: NDArray[np.float64]) -> NDArray[np.bool_]:
@@ -129,7 +128,15 @@ def _touches(polygons: NDArray[np.object_], gaps: NDArray[np.float64]) -> NDArra
     return touches
 
 
-def _fault(before: shapely.Polygon, after: shapely.Polygon | None) -> str:
+def _most_gained(polygons: NDArray[np.object_], gaps: NDArray[np.float64]) -> NDArray[np.float64]:
+    """
+    Return by how much buildings may grow [m²].
+
+    """
+    return np.maximum(MAX_CHANGE * shapely.area(polygons), 0.5 * gaps * shapely.length(polygons))
+
+
+def _fault(before: shapely.Polygon, after: shapely.Polygon | None, gap: float) -> str:
     """
     Say what is wrong with a building's shared outline, nothing if it is sound.
 
@@ -138,10 +145,9 @@ def _fault(before: shapely.Polygon, after: shapely.Polygon | None) -> str:
         return "sharing walls would leave nothing of it or several parts"
     if not after.is_valid:
         return "sharing walls would make it invalid"
-    lost = before.difference(after).area
-    gained = after.difference(before).area
-    if max(lost, gained) > MAX_CHANGE * before.area:
-        return f"sharing walls would change {max(lost, gained) / before.area:.0%} of its area"
+    lost, gained = before.difference(after).area, after.difference(before).area
+    if lost > MAX_CHANGE * before.area or gained > _most_gained(before, gap):
+        return f"sharing walls would take {lost / before.area:.0%} of its area and add {gained / before.area:.0%}"
     return ""
 
 
