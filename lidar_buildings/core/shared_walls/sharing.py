@@ -128,7 +128,9 @@ def _touches(polygons: NDArray[np.object_], gaps: NDArray[np.float64]) -> NDArra
     return touches
 
 
-def _most_gained(polygons: NDArray[np.object_], gaps: NDArray[np.float64]) -> NDArray[np.float64]:
+def _most_gained(
+    polygons: NDArray[np.object_] | shapely.Polygon, gaps: NDArray[np.float64] | float
+) -> NDArray[np.float64]:
     """
     Return by how much buildings may grow [m²].
 
@@ -146,8 +148,9 @@ def _fault(before: shapely.Polygon, after: shapely.Polygon | None, gap: float) -
     if not after.is_valid:
         return "sharing walls would make it invalid"
     lost, gained = before.difference(after).area, after.difference(before).area
-    if lost > MAX_CHANGE * before.area or gained > _most_gained(before, gap):
-        return f"sharing walls would take {lost / before.area:.0%} of its area and add {gained / before.area:.0%}"
+    if lost > MAX_CHANGE * before.area or gained > float(_most_gained(before, gap)):
+        lost, gained = lost / before.area, gained / before.area
+        return f"sharing walls would take {lost:.0%} of its area and add {gained:.0%}"
     return ""
 
 
