@@ -5,6 +5,7 @@ From roof points to outlines: this package's three stages, each timed, and what 
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import fields, replace
@@ -18,6 +19,7 @@ from numpy.typing import NDArray
 from lidar_buildings.core.boundary_tracing import BoundaryTracingConfig, trace_boundary
 from lidar_buildings.core.outline import Outline
 from lidar_buildings.core.regularisation import RegularisationConfig, regularise_outline
+from lidar_buildings.core.scan_pattern import ScanPattern
 from lidar_buildings.core.segmentation import SegmentationConfig, segment_buildings
 from lidar_buildings.core.status import BuildingStatus
 from lidar_buildings.core.tile import PointTile
@@ -50,8 +52,10 @@ class Building(NamedTuple):
         Its points among the roof points.
     traced, outline : Outline
         Before and after regularisation [m].
-    spacing, sigma, max_offset : float
-        Of its points, and of the traced ring's points about the outline [m].
+    spacing : float
+        Of its points, the geometric mean of that along and across the scan lines [m].
+    sigma, max_offset : float
+        Of the traced ring's points about the outline [m].
     is_regular : bool
         Whether the outline is more than the traced one.
     reason : str
@@ -127,6 +131,7 @@ def chain_of(roofs: PointTile, configs: Configs) -> Chain:
             roofs.points[rows],
             configs.boundary_tracing,
             pattern=found.patterns[number],
+            point_spacing=roofs.spacing,
         )
         regular = _timed(
             seconds, "regularisation", regularise_outline, traced.outline, configs.regularisation
@@ -136,7 +141,7 @@ def chain_of(roofs: PointTile, configs: Configs) -> Chain:
                 rows=rows,
                 traced=traced.outline,
                 outline=regular.outline,
-                spacing=traced.point_spacing,
+                spacing=mean_spacing(found.patterns[number]),
                 sigma=regular.sigma,
                 max_offset=regular.max_offset,
                 is_regular=regular.status is BuildingStatus.OK,
@@ -176,6 +181,14 @@ def bias_variants(configs: Configs) -> dict[str, Configs]:
         name: configs._replace(regularisation=replace(configs.regularisation, **{"correct_bias": corrected}))
         for name, corrected in (("through the points", False), ("bias corrected", True))
     }
+
+
+def mean_spacing(pattern: ScanPattern) -> float:
+    """
+    Return the side of the square that each point has, the paper's spacing [m].
+
+    """
+    return math.sqrt(pattern.along * pattern.across)
 
 
 def vertex_count(polygon: shapely.Polygon) -> int:

@@ -119,6 +119,10 @@ def run_validity(options: argparse.Namespace) -> None:
     ]
     print(validity_table(checked))
     print(f"faults: {n_faulty(checked)}\n")
+    for one in checked if options.folder else ():
+        limits = one.cloud.extent.ravel()
+        path = options.folder / f"outlines_{one.cloud.name.replace('/', '_')}.png"
+        draw_map(path, one.cloud.roofs.points, {"outlines": (one.polygons, "black")}, tuple(limits))
 
 
 PARTS: dict[str, Callable[[argparse.Namespace], None]] = {

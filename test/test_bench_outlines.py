@@ -131,11 +131,13 @@ def test_clouds_are_read_by_their_classes_their_own_or_as_roofs(data):
     assert (again.name, again.classes) == ("delft", "own")
 
 
-def test_all_outlines_of_all_clouds_are_checked(data, capsys):
-    outlines.main(["--data", str(data), "--parts", "validity"])
+def test_all_outlines_of_all_clouds_are_checked_and_drawn(data, tmp_path, capsys):
+    outlines.main(["--data", str(data), "--parts", "validity", "--pictures", str(tmp_path)])
     output = capsys.readouterr().out
     assert lines_of(output, "all")[0].split()[2] == "6"
     assert "faults: 0" in output
+    drawn = sorted(path.stem for path in tmp_path.glob("*.png"))
+    assert drawn == ["outlines_delft", "outlines_toronto", "outlines_trondheim_1", "outlines_trondheim_2"]
 
 
 def test_faults_and_overlaps_of_outlines_are_counted():

@@ -2,8 +2,11 @@ import numpy as np
 import pytest
 from scenes import GALLERY, touching_houses
 
+from lidar_buildings.core.boundary_tracing import BoundaryTracingConfig
 from lidar_buildings.core.segmentation import SegmentationConfig, segment_buildings
 from lidar_buildings.core.segmentation.part_borders import measure_borders, merge_parts
+from lidar_buildings.core.tile import PointTile
+from lidar_buildings.core.tile_stages import trace_buildings
 
 SPLIT = SegmentationConfig(split_at_steps=True)
 
@@ -142,3 +145,17 @@ def test_parts_merge_the_smallest_first_and_never_across_blocks():
     assert merge_parts(borders, area, np.zeros(3, dtype=np.int64), **limits).tolist() == [0, 2, 2]
     assert merge_parts(borders, area, np.array([0, 0, 1]), **limits).tolist() == [0, 0, 2]
     assert merge_parts(borders, area, np.array([0, 1, 2]), **limits).tolist() == [0, 1, 2]
+
+
+def test_a_block_of_split_houses_comes_out_whole_in_the_tile_that_holds_its_anchor():
+    points = np.vstack([plane(10 * k, 0, 10 * k + 10, 10, 5.0 + 3 * k, seed=k) for k in range(3)])
+    west = points[:, 0] < 14.0
+    ids = []
+    for is_buffer in (~west, west):
+        tile = PointTile(points, buffer=is_buffer.astype(np.uint8))
+        traced = trace_buildings(tile, SPLIT, BoundaryTracingConfig())
+        ids.append([one.building_id for one in traced.outlines])
+        assert np.array_equal(
+            np.unique(traced.tile.building_id[traced.tile.building_id > 0]), sorted(ids[-1])
+        )
+    assert [len(one) for one in ids] == [3, 0]
