@@ -6,6 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from scenes import GALLERY
+from traced_rings import assert_sound, overlap, polygon
 
 from lidar_buildings.core.boundary_tracing import BoundaryTracingConfig, trace_boundary
 from lidar_buildings.core.boundary_tracing.ground import prepare_ground
@@ -17,29 +18,6 @@ from lidar_buildings.core.segmentation import segment_buildings
 from lidar_buildings.core.status import BuildingStatus
 
 HOUSES = ("flat", "gable", "hip", "l_shape", "t_shape", "courtyard", "round_tower")
-
-
-def polygon(outline):
-    return shapely.Polygon(outline.exterior, outline.holes)
-
-
-def overlap(one, other):
-    return one.intersection(other).area / one.union(other).area
-
-
-def assert_sound(traced, points, tolerance=1e-5):
-    """
-    A ring always exists, is simple and turned the right way, and has every point inside or on it.
-
-    """
-    shape = polygon(traced.outline)
-    assert shape.is_valid
-    assert shape.area > 0
-    assert signed_area(traced.outline.exterior) > 0
-    assert all(signed_area(hole) < 0 for hole in traced.outline.holes)
-    near = tolerance * traced.point_spacing + 1e-9 * np.abs(points).max()
-    shapely.prepare(shape)
-    assert shapely.dwithin(shape, shapely.points(points[:, :2]), near).all()
 
 
 @pytest.mark.parametrize("rotation_deg", [0.0, 20.0, 45.0])

@@ -48,6 +48,8 @@ class Ground(NamedTuple):
         Whether the neighbourhood is a disc.
     rounding : float
         Points nearer to a line than this lie on it [m].
+    hand : int
+        1 = walks keep the empty side to their left, −1 = to their right.
 
     """
 
@@ -65,6 +67,7 @@ class Ground(NamedTuple):
     vy: float
     is_disc: bool
     rounding: float
+    hand: int = 1
 
 
 def prepare_ground(points: NDArray[np.float64], pattern: ScanPattern, window: float) -> Ground:

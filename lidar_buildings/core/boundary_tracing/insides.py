@@ -77,7 +77,7 @@ def filled(u, v, n_columns, n_rows):  # type: ignore[no-untyped-def]
 @njit(cache=True, nogil=True)
 def holds(ground, ring, x, y):  # type: ignore[no-untyped-def]
     """
-    Whether a place lies inside a ring that is walked counter-clockwise.
+    Whether a place lies inside a ring that was walked with it on the empty side.
 
     """
     double_area, is_inside = 0.0, False
@@ -87,7 +87,7 @@ def holds(ground, ring, x, y):  # type: ignore[no-untyped-def]
         double_area += ax * by - bx * ay
         if (ay > 0) != (by > 0) and ax - ay / (by - ay) * (bx - ax) > 0:
             is_inside = not is_inside
-    return is_inside and double_area > 0
+    return is_inside and double_area * ground.hand > 0
 
 
 @njit(cache=True, nogil=True)

@@ -30,7 +30,12 @@ _MAX_WALKS, _MAX_RIM_WALKS = 40, 8
 #: A walk round a courtyard that takes more than so many times the steps of the outer ring has lost its way.
 _MAX_RIM_STEPS = 2
 #: Points that a walk round an empty place is begun from before the place is given up.
-_MAX_STARTS = 2
+_MAX_STARTS = 4
+#: Empty places looked at, and those among them whose rims could not be traced: a cloud with more is no roof,
+#: but has been given a spacing that is not its own.
+_MAX_PLACES, _MAX_FAILURES = 2000, 20
+#: Points in one cell that a walk can still look through, where cells had to be enlarged.
+_MAX_CROWD = 2000
 _NO_WALK = "no walk round all points was found: the ring comes from a triangulation"
 _SHARED_RIM = "an empty place shares its rim with the outer ring: it is taken for roof"
 
@@ -83,9 +88,15 @@ class RingTracer:
         dx, dy = x - x.mean(), y - y.mean()
         start = int(np.argmax(dx * dx + dy * dy))
         heading = float(dx[start]), float(dy[start])
-        ring = self._walk(
-            start, heading, _MAX_WALKS, len(x), lambda rows: misplaced(self._ground, rows, False)
-        )
+        # Mirrored points are walked round the other way, so that their ring is the mirrored ring.
+        across = heading[0] * dy - heading[1] * dx
+        skew = float((across * across * across).sum())
+        self._ground = self._ground._replace(hand=1 if skew >= 0 else -1)
+        ring = None
+        if self._ground.cell == 1.0 or np.diff(self._ground.first).max() <= _MAX_CROWD:
+            ring = self._walk(
+                start, heading, _MAX_WALKS, len(x), lambda rows: misplaced(self._ground, rows, False)
+            )
         if ring is None:
             self._note(_NO_WALK)
             ring = self._ring_by_triangles()
@@ -95,14 +106,23 @@ class RingTracer:
         """
         Trace the rims of the empty places inside the outer ring that are courtyards.
 
+        Where no walk round all points was found there are none: their gaps are wider than the windows.
+
         """
+        if _NO_WALK in self.reasons:
+            return
         ground = self._ground
         unit = 1.0 / np.sqrt(abs(ground.ux * ground.vy - ground.uy * ground.vx))
         places = EmptyPlaces(ground, self._exterior, rules.radius)
-        while (centre := places.next_centre()) is not None:
+        n_failures = 0
+        for _ in range(_MAX_PLACES):
+            centre = places.next_centre()
+            if centre is None or n_failures >= _MAX_FAILURES:
+                break
             before = int(self._edges.size[0])
             hole = self._rim(centre)
             if hole is None:
+                n_failures += 1
                 self._note(_SHARED_RIM)
                 places.give_up()
                 continue
@@ -191,7 +211,7 @@ class RingTracer:
         ground = self._ground
         xy = np.column_stack([ground.x, ground.y])
         unit = 1.0 / max(np.hypot(ground.ux, ground.uy), np.hypot(ground.vx, ground.vy))
-        for max_edge in (unit, self._max_reach * unit, np.inf):
+        for max_edge in (np.sqrt(self._max_reach) * unit, self._max_reach * unit, np.inf):
             ring = characteristic_ring(xy, max_edge)
             if not len(misplaced(ground, ring, False)):
                 break

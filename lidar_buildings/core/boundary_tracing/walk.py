@@ -34,7 +34,7 @@ def walk_round(
     max_steps: int,
 ) -> tuple[NDArray[np.int64], int]:
     """
-    Walk from a rim point along the rim of a cloud, the empty side to the left, until back at the start.
+    Walk from a rim point along the rim of a cloud, the empty side to one hand, until back at the start.
 
     Each step takes the point in the neighbourhood with the smallest clockwise turn from the direction back
     to the previous point, whose segment meets none of the rings so far (Sampath & Shan, 2007). Where no step
@@ -80,7 +80,9 @@ def _walk(ground, edges, follower, reach, max_reach, start, dx, dy, max_steps): 
     ring[0], n, size, end = start, 1, edges.size[0], STUCK
     while True:
         current = ring[n - 1]
-        chosen = _step(ground, edges, follower, reach[current], max_reach, ring, n, _direction(dx, dy))
+        chosen = _step(
+            ground, edges, follower, reach[current], max_reach, ring, n, _direction(dx, ground.hand * dy)
+        )
         if chosen < 0:
             break
         if not add_edge(ground, edges, current, chosen):
@@ -145,6 +147,7 @@ def _next_in_turn(ground, follower, seen, reach, ring, n, back, tried, tried_dis
     """
     xs, ys, current, start = ground.x, ground.y, ring[n - 1], ring[0] if n > 2 else ring[n - 1]
     ux, uy, vx, vy, is_disc = ground.ux, ground.uy, ground.vx, ground.vy, ground.is_disc
+    hand = ground.hand
     x, y = xs[current], ys[current]
     best, best_turn, best_distance = -1, np.int64(2 * _FULL_TURN), np.inf
     low_row, high_row, low_column, high_column = cells_within(ground, x, y, reach)
@@ -156,7 +159,7 @@ def _next_in_turn(ground, follower, seen, reach, ring, n, back, tried, tried_dis
             span = u * u + v * v if is_disc else max(u * u, v * v)
             if span > reach * reach or span <= seen * seen or (follower[i] >= 0 and i != start):
                 continue
-            slant = dy / (abs(dx) + abs(dy))
+            slant = hand * dy / (abs(dx) + abs(dy))
             angle = back - (slant if dx >= 0 else 2.0 - slant)
             turn = np.int64((angle if angle >= 0 else angle + 4.0) / _TURN_UNIT + 0.5)
             turn = turn if turn > 1 else np.int64(_FULL_TURN)
@@ -182,7 +185,7 @@ def _in_turn(ground, follower, seen, reach, ring, n, back, tried, tried_distance
         for i in range(ground.first[cell + low_column], ground.first[cell + high_column + 1]):
             if _may_follow(ground, follower, seen, reach, ring, n, i):
                 dx, dy = x[i] - x[current], y[i] - y[current]
-                turn, distance = _turn(back, _direction(dx, dy)), dx * dx + dy * dy
+                turn, distance = _turn(back, _direction(dx, ground.hand * dy)), dx * dx + dy * dy
                 if turn > tried or (turn == tried and distance > tried_distance):
                     rows.append(i)
                     turns.append(turn)
