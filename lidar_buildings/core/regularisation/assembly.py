@@ -21,7 +21,9 @@ from lidar_buildings.core.regularisation.walls import (
     RADIUS,
     fit_wall,
     foot_on,
+    move_out,
     nearest_meeting,
+    offset_of,
     travel_at,
 )
 
@@ -31,6 +33,8 @@ _PARALLEL = np.deg2rad(15.0)
 _MAX_CORNER_SHIFT = 2.5
 #: or so many times the gap between the last sample of the one and the first of the other.
 _MAX_GAP_SHIFT = 0.8
+#: Corners of walls that were moved lie so many times farther from the samples.
+_MOVED = 1.5
 #: Ends of an arc and its neighbour that lie closer to each other are one corner [smallest steps].
 _SMOOTH = 1.0
 
@@ -47,15 +51,12 @@ class Fit(NamedTuple):
         Weight of these directions, in multiples of the wall's own samples.
     min_step : float
         Smallest step or wall that is kept [m].
-    outwards : float
-        How far walls are moved away from the building [m].
 
     """
 
     angles: NDArray[np.float64]
     direction_weight: float
     min_step: float
-    outwards: float = 0.0
 
 
 class WalledRing(NamedTuple):
@@ -102,8 +103,75 @@ def assemble(samples: RingSamples, division: Division, fit: Fit) -> WalledRing:
     )
 
 
+def through_the_points(samples: RingSamples, walled: WalledRing, fit: Fit) -> tuple[WalledRing, float]:
+    """
+    Move walls from the bearing points to the middle of all points on them; also return how far, in the mean.
+
+    Walls are found by the points that bear the ring, the outermost ones; the line of least squares through
+    all points of a wall, as Sampath & Shan (2007) adjust it, lies inside.
+
+    """
+    offsets = _mean_offsets(samples.ring, samples.is_on_wall, samples.rows, len(samples.points), *walled[:4])
+    lengths = np.hypot(*(walled.joints[:, 0] - np.roll(walled.joints[:, 1], 1, axis=0)).T)
+    moved = _moved(samples.points, *walled[:4], offsets, fit.min_step)
+    whole = float(lengths.sum())
+    return WalledRing(*moved), float(offsets @ lengths) / whole if whole > 0 else 0.0
+
+
+def moved_out(samples: RingSamples, walled: WalledRing, fit: Fit, distance: float) -> WalledRing:
+    """
+    Move all walls away from the building.
+
+    """
+    distances = np.full(len(walled.first), distance)
+    return WalledRing(*_moved(samples.points, *walled[:4], distances, fit.min_step))
+
+
 @njit(cache=True, nogil=True)
-def _assembled(points, weights, bears, first, last, kind, angles, direction_weight, min_step, outwards):  # type: ignore[no-untyped-def]
+def _mean_offsets(ring, is_on_wall, rows, n_samples, first, last, kind, shape):  # type: ignore[no-untyped-def]
+    """
+    Return how far outside each wall its points lie in the mean, negative inside [m].
+
+    """
+    n = len(ring)
+    offsets = np.zeros(len(first))
+    for i in range(len(first)):
+        row, end = rows[first[i]], rows[(last[i] - 1) % n_samples]
+        before, behind = ring[(row - 1) % n], ring[(end + 1) % n]
+        total, count = 0.0, 0
+        while True:
+            if is_on_wall[row]:
+                dx, dy = behind[0] - before[0], behind[1] - before[1]
+                total += offset_of(shape[i], dx, dy, ring[row, 0], ring[row, 1])
+                count += 1
+            if row == end:
+                break
+            row = row + 1 if row + 1 < n else 0
+        if count:
+            offsets[i] = total / count
+    return offsets
+
+
+@njit(cache=True, nogil=True)
+def _moved(points, first, last, kind, shape, distances, min_step):  # type: ignore[no-untyped-def]
+    """
+    Move each wall by its distance and join them anew.
+
+    """
+    m, n = len(first), len(points)
+    shape = shape.copy()
+    for i in range(m):
+        a, b = (first[i] - 1) % n, last[i] % n
+        move_out(shape[i], points[b, 0] - points[a, 0], points[b, 1] - points[a, 1], distances[i])
+    joints = np.zeros((m, 2, 2))
+    if m > 1:
+        for i in range(m):
+            joints[i] = _joint(points, first, last, shape, i, (i + 1) % m, _MOVED * min_step)
+    return first, last, kind, shape, joints
+
+
+@njit(cache=True, nogil=True)
+def _assembled(points, weights, bears, first, last, kind, angles, direction_weight, min_step):  # type: ignore[no-untyped-def]
     """
     Fit, join, drop and fit again until all walls are long enough.
 
@@ -116,7 +184,7 @@ def _assembled(points, weights, bears, first, last, kind, angles, direction_weig
         # Walls begin in the first round, so that merged ones end in the second, as far as the sums reach.
         first[i], last[i] = first[i] % n, first[i] % n + last[i] - first[i]
         shape[i] = fit_wall(
-            points, weights, bears, sums, first[i], last[i], kind[i], angles, direction_weight, outwards
+            points, weights, bears, sums, first[i], last[i], kind[i], angles, direction_weight
         )
     joints = np.zeros((m, 2, 2))
     while True:
@@ -133,7 +201,6 @@ def _assembled(points, weights, bears, first, last, kind, angles, direction_weig
             angles,
             direction_weight,
             min_step,
-            outwards,
         )
         if m == 1 and shape[0, RADIUS] != 0 and last[0] - first[0] >= len(points):
             break
@@ -167,7 +234,7 @@ def _dropped(first, last, kind, shape, m, i):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _merge_parallels(  # type: ignore[no-untyped-def]
-    points, weights, bears, sums, first, last, kind, shape, m, angles, direction_weight, min_step, outwards
+    points, weights, bears, sums, first, last, kind, shape, m, angles, direction_weight, min_step
 ):
     """
     Make consecutive parallel walls one where the step between them is too small; return how many are left.
@@ -186,7 +253,7 @@ def _merge_parallels(  # type: ignore[no-untyped-def]
             end += n
         last[i] = end
         shape[i] = fit_wall(
-            points, weights, bears, sums, first[i], last[i], kind[i], angles, direction_weight, outwards
+            points, weights, bears, sums, first[i], last[i], kind[i], angles, direction_weight
         )
         m = _dropped(first, last, kind, shape, m, k)
         i = max(i - 1, 0) if k else 0

@@ -139,7 +139,7 @@ class RegularisationConfig(StageConfig):
     )
     correct_bias: bool = parameter(
         False,
-        "Whether walls are moved out by what points lie inside them; without it they go through the points.",
+        "Whether walls are moved out to the edge that points lie inside of, or go through the points.",
     )
     min_overlap: float = parameter(
         0.85,

@@ -23,30 +23,23 @@ from lidar_buildings.core.regularisation.samples import RingSamples
 from lidar_buildings.core.regularisation.walls import ANGLE, CENTRE_X, CENTRE_Y, RADIUS
 
 
-def fit_quality(
-    bearing: NDArray[np.float64], outline: Outline, n_unknowns: int, moved: float = 0.0
-) -> tuple[float, float]:
+def fit_quality(points: NDArray[np.float64], outline: Outline, n_unknowns: int) -> tuple[float, float]:
     """
-    Return the standard deviation and the largest of the bearing points' distances from an outline [m].
+    Return the standard deviation and the largest of the points' distances from an outline [m].
 
     Parameters
     ----------
-    bearing : ndarray of shape (n_points, 2)
-        Traced points that bear the walls [m].
+    points : ndarray of shape (n_points, 2)
+        Traced points on walls [m].
     outline : Outline
         The walls [m].
     n_unknowns : int
         What was adjusted to the points: see `unknowns_of`.
-    moved : float
-        How far the walls were moved outwards after they had been fitted [m].
 
     """
     boundary = shapely.Polygon(outline.exterior, outline.holes).boundary
-    offsets = shapely.distance(boundary, shapely.points(bearing))
-    if moved:
-        inside = shapely.contains_xy(shapely.Polygon(outline.exterior, outline.holes), bearing)
-        offsets = np.abs(np.where(inside, offsets, -offsets) - moved)
-    redundancy = max(len(bearing) - n_unknowns, 1)
+    offsets = shapely.distance(boundary, shapely.points(points))
+    redundancy = max(len(points) - n_unknowns, 1)
     return float(np.sqrt(np.sum(offsets**2) / redundancy)), float(offsets.max())
 
 

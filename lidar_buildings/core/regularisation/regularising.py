@@ -5,6 +5,7 @@ Straight walls, right angles and arcs from a traced outline: hierarchical least 
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -12,12 +13,17 @@ import shapely
 from numpy.typing import NDArray
 
 from lidar_buildings.core.outline import Outline
-from lidar_buildings.core.regularisation.assembly import Fit, WalledRing, assemble
+from lidar_buildings.core.regularisation.assembly import (
+    Fit,
+    WalledRing,
+    assemble,
+    moved_out,
+    through_the_points,
+)
+from lidar_buildings.core.regularisation.building_walls import both_ways, divide_building
 from lidar_buildings.core.regularisation.config import RegularisationConfig
-from lidar_buildings.core.regularisation.directions import shared_directions, wall_scatters
-from lidar_buildings.core.regularisation.division import Division, divide_ring
+from lidar_buildings.core.regularisation.division import Division
 from lidar_buildings.core.regularisation.drawing import DrawnRing, draw_ring
-from lidar_buildings.core.regularisation.moments import running_sums
 from lidar_buildings.core.regularisation.precision import (
     corner_sigmas,
     fit_quality,
@@ -26,7 +32,6 @@ from lidar_buildings.core.regularisation.precision import (
 )
 from lidar_buildings.core.regularisation.result import OutlineQuality, RegularisedOutline
 from lidar_buildings.core.regularisation.samples import SAMPLE_LENGTH, RingSamples, sample_ring
-from lidar_buildings.core.regularisation.turns import divide_at_turns
 from lidar_buildings.core.status import BuildingStatus
 
 #: Fewest ring points that are worth fitting walls to.
@@ -39,11 +44,16 @@ class _Fitted(NamedTuple):
     """
     One ring on its way: samples about the building's centre, walls, and vertices.
 
+    `bearing` are the walls on the bearing points, `walled` those where they are drawn; in the mean these lie
+    `move` further out [m].
+
     """
 
     samples: RingSamples
+    bearing: WalledRing
     walled: WalledRing
     drawn: DrawnRing
+    move: float
 
 
 def regularise_outline(traced: Outline, config: RegularisationConfig | None = None) -> RegularisedOutline:
@@ -81,20 +91,20 @@ def regularise_outline(traced: Outline, config: RegularisationConfig | None = No
     centre = traced.exterior.mean(axis=0)
     spacing = working_spacing(traced, config)
     samples = [sample_ring(ring - centre, spacing, config.dent_limits(spacing)) for ring in traced.rings]
-    bias = estimated_bias(samples, ring_spacing(traced))
-    divide = _divided if config.division == "optimal" else _divided_at_turns
-    directions, divisions = divide(samples, spacing, config)
-    fit = Fit(
-        _both_ways(directions),
-        config.direction_weight,
-        config.min_step * spacing,
-        bias if config.correct_bias else 0.0,
-    )
+    directions, divisions = divide_building(samples, spacing, config)
+    fit = Fit(both_ways(directions), config.direction_weight, config.min_step * spacing)
     rings = [
         _fitted(ring, division, fit, config.chord_error * spacing)
         for ring, division in zip(samples, divisions, strict=True)
     ]
-    return _result(traced, rings, centre, directions, bias, config)
+    bias = estimated_bias(samples, ring_spacing(traced)) - _mean_move(rings)
+    result = _result(traced, rings, centre, directions, bias, config)
+    if config.correct_bias and result.status is BuildingStatus.OK:
+        corrected = [_corrected(ring, bias + ring.move, fit, config.chord_error * spacing) for ring in rings]
+        moved = _result(traced, corrected, centre, directions, bias, config, moved=bias)
+        # What was adjusted is the line through the points: its precision is that of the moved one, too.
+        return replace(moved, sigma=result.sigma, max_offset=result.max_offset) if moved.walls else result
+    return result
 
 
 def measure_outline(
@@ -119,8 +129,8 @@ def measure_outline(
         return OutlineQuality(0.0, 0.0, BuildingStatus.TRACED_OUTLINE, "the outline is the traced ring")
     spacing = working_spacing(traced, config)
     limits = config.dent_limits(spacing)
-    bearing = np.concatenate([sample_ring(ring, spacing, limits).bearing for ring in traced.rings])
-    quality = fit_quality(bearing, outline, sum(map(len, outline.rings)) + 1)
+    points = np.concatenate([sample_ring(ring, spacing, limits).on_walls for ring in traced.rings])
+    quality = fit_quality(points, outline, sum(map(len, outline.rings)) + 1)
     return OutlineQuality(*quality, BuildingStatus.OK, "")
 
 
@@ -163,114 +173,33 @@ def _check(outline: Outline) -> None:
             raise ValueError(f"traced.rings[{number}] has coordinates that are not finite: all must be")
 
 
-def _both_ways(directions: tuple[float, ...]) -> NDArray[np.float64]:
-    """
-    Return the normals' angles of all walls that go along or across one of the directions [rad].
-
-    """
-    return np.array([angle + turn for angle in directions for turn in (0.0, np.pi / 2)])
-
-
-def _divided(
-    samples: list[RingSamples], spacing: float, config: RegularisationConfig
-) -> tuple[tuple[float, ...], list[Division]]:
-    """
-    Find the building's directions and the walls that follow them.
-
-    The long walls of a division into free walls give the candidates. They are taken on one by one, as long as
-    the squared offsets that they save are worth a further parameter; then the walls found adjust them again.
-
-    """
-    costs = config.costs(spacing)
-
-    def divided(directions: tuple[float, ...], near: list[Division] | None) -> list[Division]:
-        starts = [None] * len(samples) if near is None else [_a_corner(one) for one in near]
-        return [
-            divide_ring(ring.points, _both_ways(directions), costs, weights=ring.weights, start=start)
-            for ring, start in zip(samples, starts, strict=True)
-        ]
-
-    free = divided((), None)
-    candidates = _long_directions(samples, free, spacing, config, config.max_directions)
-    directions: tuple[float, ...] = ()
-    best, least = free, _total(free)
-    for count in range(1, len(candidates) + 1):
-        found = divided(candidates[:count], free)
-        total = _total(found) + count * config.direction_cost
-        if total < least:
-            best, directions, least = found, candidates[:count], total
-        elif count > len(directions) + 1:
-            break
-    if directions:
-        directions = _long_directions(samples, best, spacing, config, len(directions)) or directions
-        best = divided(directions, best)
-    return directions, best
-
-
-def _divided_at_turns(
-    samples: list[RingSamples], spacing: float, config: RegularisationConfig
-) -> tuple[tuple[float, ...], list[Division]]:
-    """
-    Find the directions of the long walls, and all walls, as published.
-
-    """
-    max_turn = np.deg2rad(config.max_turn_deg)
-    free = [divide_at_turns(ring.points, np.zeros(0), max_turn) for ring in samples]
-    directions = _long_directions(samples, free, spacing, config, config.max_directions)
-    angles = _both_ways(directions)
-    return directions, [divide_at_turns(ring.points, angles, max_turn) for ring in samples]
-
-
-def _a_corner(division: Division) -> int:
-    """
-    Return a sample at which a wall begins, as far as possible from where the division did.
-
-    """
-    return int(division.first[len(division.first) // 2])
-
-
-def _total(divisions: list[Division]) -> float:
-    """
-    Return the cost of all rings.
-
-    """
-    return sum(division.cost for division in divisions)
-
-
-def _long_directions(
-    samples: list[RingSamples],
-    divisions: list[Division],
-    spacing: float,
-    config: RegularisationConfig,
-    max_directions: int,
-) -> tuple[float, ...]:
-    """
-    Return the directions of the walls that are long enough, or at least half as long as the longest.
-
-    """
-    walls = [
-        wall
-        for ring, division in zip(samples, divisions, strict=True)
-        for wall in wall_scatters(ring.points, running_sums(ring.points, ring.weights), division)
-    ]
-    longest = max((wall.length for wall in walls), default=0.0)
-    min_length = min(config.long_wall * spacing, 0.5 * longest)
-    return shared_directions(
-        [wall for wall in walls if wall.length >= min_length],
-        np.deg2rad(config.angle_tolerance_deg),
-        config.noise * spacing,
-        config.own_direction_cost,
-        max_directions,
-    )
-
-
 def _fitted(samples: RingSamples, division: Division, fit: Fit, chord_error: float) -> _Fitted:
     """
     Fit one ring's walls and draw them.
 
     """
-    walled = assemble(samples, division, fit)
-    return _Fitted(samples, walled, draw_ring(samples.points, walled, chord_error))
+    bearing = assemble(samples, division, fit)
+    walled, move = through_the_points(samples, bearing, fit)
+    return _Fitted(samples, bearing, walled, draw_ring(samples.points, walled, chord_error), move)
+
+
+def _corrected(ring: _Fitted, distance: float, fit: Fit, chord_error: float) -> _Fitted:
+    """
+    Move one ring's walls out from the bearing points and draw them anew.
+
+    """
+    walled = moved_out(ring.samples, ring.bearing, fit, distance)
+    drawn = draw_ring(ring.samples.points, walled, chord_error)
+    return ring._replace(walled=walled, drawn=drawn, move=distance)
+
+
+def _mean_move(rings: list[_Fitted]) -> float:
+    """
+    Return how far the walls lie outside the bearing points, over all rings [m].
+
+    """
+    lengths = [ring.samples.length for ring in rings]
+    return float(np.average([ring.move for ring in rings], weights=lengths)) if sum(lengths) > 0 else 0.0
 
 
 def _result(
@@ -280,6 +209,7 @@ def _result(
     directions: tuple[float, ...],
     bias: float,
     config: RegularisationConfig,
+    moved: float = 0.0,
 ) -> RegularisedOutline:
     """
     Put the rings together, measure them, and say what is out of the ordinary.
@@ -289,13 +219,12 @@ def _result(
     walled = [ring.drawn.vertices + centre for ring in rings[1:]]
     holes, kept = _fitting_holes(exterior, walled, traced.holes)
     outline = Outline(exterior, holes)
-    problem = _problem(outline, traced, bias if config.correct_bias else 0.0, config)
+    problem = _problem(outline, traced, moved, config)
     if problem:
         return _as_traced(traced, directions, problem, bias)
-    bearing = np.concatenate([ring.samples.bearing for ring in rings]) + centre
+    points = np.concatenate([ring.samples.on_walls for ring in rings]) + centre
     unknowns = unknowns_of([ring.walled for ring in rings], len(directions))
-    moved = bias if config.correct_bias else 0.0
-    sigma, max_offset = fit_quality(bearing, outline, unknowns, moved)
+    sigma, max_offset = fit_quality(points, outline, unknowns)
     shown = [(number, ring) for number, ring in enumerate(rings) if number not in kept]
     return RegularisedOutline(
         outline,

@@ -55,9 +55,9 @@ class RegularisedOutline:
     outline : Outline
         Simple and valid; the traced outline where it could not be regularised.
     sigma : float
-        Standard deviation of the bearing points about the outline [m].
+        Standard deviation of the points on walls about the lines and arcs through them [m].
     max_offset : float
-        Largest distance of a bearing point from the outline [m].
+        Largest distance of a point on a wall from the outline [m].
     directions : tuple of float
         Directions of the long walls within 0 to π/2, each standing for itself and its perpendicular, the
         most frequent first [rad].
@@ -71,8 +71,8 @@ class RegularisedOutline:
         Standard deviation of each vertex's place, √(σx² + σy²), in the order of the rings' vertices; NaN
         where a vertex is not the corner of two straight walls [m].
     bias : float
-        How far the bearing points lie inside the building's edge, as estimated from their number [m]. With
-        `correct_bias` the walls were moved out by so much.
+        How far the lines through the points lie inside the building's edge, as estimated from how points lie
+        along it [m]. With `correct_bias` the walls were moved out by so much.
 
     """
 

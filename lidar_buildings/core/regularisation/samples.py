@@ -33,20 +33,30 @@ class RingSamples:
         Share of the ring that each stands for [`SAMPLE_LENGTH` spacings].
     bears : ndarray of bool, shape (n_samples,)
         Whether a sample is a point of the ring.
+    rows : ndarray of int64, shape (n_samples,)
+        Row of `ring` of each sample, or of the bearing point before it.
+    ring : ndarray of shape (n_points, 2)
+        All points of the ring [m].
+    is_on_wall : ndarray of bool, shape (n_points,)
+        Whether a point of the ring lies on a wall: it bears one, or lies in a dent no deeper than points
+        of one wall are scattered.
 
     """
 
     points: NDArray[np.float64]
     weights: NDArray[np.float64]
     bears: NDArray[np.bool_]
+    rows: NDArray[np.int64]
+    ring: NDArray[np.float64]
+    is_on_wall: NDArray[np.bool_]
 
     @property
-    def bearing(self) -> NDArray[np.float64]:
+    def on_walls(self) -> NDArray[np.float64]:
         """
-        The bearing points, shape (n_bearing, 2) [m].
+        The points of the ring that lie on walls, shape (n_on_walls, 2) [m].
 
         """
-        return self.points[self.bears]
+        return self.ring[self.is_on_wall]
 
     @property
     def length(self) -> float:
@@ -72,7 +82,8 @@ def sample_ring(ring: NDArray[np.float64], spacing: float, limits: DentLimits | 
 
     """
     if limits is None:
-        return RingSamples(ring, np.ones(len(ring)), np.ones(len(ring), dtype=bool))
+        every = np.ones(len(ring), dtype=bool)
+        return RingSamples(ring, np.ones(len(ring)), every, np.arange(len(ring)), ring, every)
     rows = np.flatnonzero(bearing_points(ring, limits))
     corners = ring[rows]
     edges = np.roll(corners, -1, axis=0) - corners
@@ -86,4 +97,18 @@ def sample_ring(ring: NDArray[np.float64], spacing: float, limits: DentLimits | 
     piece = (lengths / pieces)[edge]
     weights = 0.5 * (piece + np.roll(piece, 1)) / (SAMPLE_LENGTH * spacing)
     np.maximum(weights, _LEAST_WEIGHT, out=weights)
-    return RingSamples(points, weights, step == 0)
+    is_on_wall = _depths(ring, rows) <= limits.depth
+    return RingSamples(points, weights, step == 0, rows[edge], ring, is_on_wall)
+
+
+def _depths(ring: NDArray[np.float64], rows: NDArray[np.int64]) -> NDArray[np.float64]:
+    """
+    Return how far the points of a ring lie inside the bridges between those in `rows`, shape (n_points,) [m].
+
+    """
+    corners = ring[rows]
+    along = np.roll(corners, -1, axis=0) - corners
+    along /= np.maximum(np.hypot(*along.T), 1e-12)[:, None]
+    bridge = np.searchsorted(rows, np.arange(len(ring)), side="right") - 1
+    dx, dy = (ring - corners[bridge]).T
+    return np.asarray(along[bridge, 0] * dy - along[bridge, 1] * dx)

@@ -20,7 +20,7 @@ _CIRCLE_ROUNDS = 8
 
 
 @njit(cache=True, nogil=True)
-def fit_wall(points, weights, bears, sums, first, last, kind, angles, direction_weight, outwards):  # type: ignore[no-untyped-def]
+def fit_wall(points, weights, bears, sums, first, last, kind, angles, direction_weight):  # type: ignore[no-untyped-def]
     """
     Fit the line or arc of one wall.
 
@@ -42,8 +42,6 @@ def fit_wall(points, weights, bears, sums, first, last, kind, angles, direction_
         Directions of normals [rad].
     direction_weight : float
         Zero fits the samples alone, a large value keeps the direction.
-    outwards : float
-        How far the wall is moved away from the building [m].
 
     Returns
     -------
@@ -54,7 +52,6 @@ def fit_wall(points, weights, bears, sums, first, last, kind, angles, direction_
     shape = np.zeros(N_SHAPE)
     if kind == ARC:
         _fit_arc(points, bears, sums, first, last, shape)
-        shape[RADIUS] += outwards
         return shape
     _, x, y, xx, xy, yy = scatter_of(sums, first, last)
     if kind == FREE:
@@ -69,22 +66,7 @@ def fit_wall(points, weights, bears, sums, first, last, kind, angles, direction_
             angle -= across / (along * (1.0 + direction_weight))
     shape[ANGLE] = angle
     shape[OFFSET] = x * np.cos(angle) + y * np.sin(angle)
-    if outwards != 0.0:
-        dx, dy = _chord(points, first, last)
-        # The building is on the left, and so is the normal where the ring goes along (sin θ, −cos θ).
-        shape[OFFSET] += -outwards if dx * np.sin(angle) - dy * np.cos(angle) > 0 else outwards
     return shape
-
-
-@njit(cache=True, nogil=True)
-def _chord(points, first, last):  # type: ignore[no-untyped-def]
-    """
-    Return the way from the sample before a wall to the one behind it.
-
-    """
-    n = len(points)
-    a, b = (first - 1) % n, last % n
-    return points[b, 0] - points[a, 0], points[b, 1] - points[a, 1]
 
 
 @njit(cache=True, nogil=True)
@@ -151,6 +133,34 @@ def travel_at(shape, chord_x, chord_y, x, y):  # type: ignore[no-untyped-def]
     if tx * chord_x + ty * chord_y < 0:
         return -tx, -ty
     return tx, ty
+
+
+@njit(cache=True, nogil=True)
+def offset_of(shape, chord_x, chord_y, x, y):  # type: ignore[no-untyped-def]
+    """
+    Return how far a point lies outside a wall, negative inside, the building being on the left [m].
+
+    """
+    if shape[RADIUS] != 0:
+        away = np.hypot(x - shape[CENTRE_X], y - shape[CENTRE_Y]) - abs(shape[RADIUS])
+        return away if shape[RADIUS] > 0 else -away
+    c, s = np.cos(shape[ANGLE]), np.sin(shape[ANGLE])
+    # The normal points to the left where the ring goes along (sin θ, −cos θ).
+    side = -1.0 if chord_x * s - chord_y * c > 0 else 1.0
+    return side * (x * c + y * s - shape[OFFSET])
+
+
+@njit(cache=True, nogil=True)
+def move_out(shape, chord_x, chord_y, distance):  # type: ignore[no-untyped-def]
+    """
+    Move a wall away from the building, which is on its left, in place.
+
+    """
+    if shape[RADIUS] != 0:
+        shape[RADIUS] += distance
+    else:
+        c, s = np.cos(shape[ANGLE]), np.sin(shape[ANGLE])
+        shape[OFFSET] += -distance if chord_x * s - chord_y * c > 0 else distance
 
 
 @njit(cache=True, nogil=True)
