@@ -251,12 +251,12 @@ def test_a_large_ring_of_points_takes_well_under_a_second():
     points = cloud(5000 * np.column_stack([np.cos(angle), np.sin(angle)]))
     trace_boundary(points[:200], point_spacing=0.3)
     seconds = []
-    for _ in range(2):
+    for _ in range(3):
         start = time.perf_counter()
         traced = trace_boundary(points, point_spacing=0.3)
         seconds.append(time.perf_counter() - start)
     assert len(traced.outline.exterior) == 100_000
-    assert min(seconds) < 3.0
+    assert min(seconds) < 1.0
 
 
 def test_unknown_methods_and_spacings_are_refused():
