@@ -4,6 +4,7 @@ import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from lidar_buildings.core.regularisation.assembly import Fit, assemble, moved_out, through_the_points
 from lidar_buildings.core.regularisation.dents import DentLimits, bearing_points
 from lidar_buildings.core.regularisation.directions import WallScatter, shared_directions
 from lidar_buildings.core.regularisation.division import ARC, FREE, Costs, divide_ring
@@ -19,7 +20,9 @@ from lidar_buildings.core.regularisation.walls import (
     RADIUS,
     fit_wall,
     foot_on,
+    move_out,
     nearest_meeting,
+    offset_of,
 )
 
 LIMITS = DentLimits(1.0, 12.0, 3.0, 3.0)
@@ -55,10 +58,10 @@ def jagged_box(seed, width=30.0, height=20.0):
     return np.vstack(sides)
 
 
-def fitted(points, kind, angles=(), weight=100.0, outwards=0.0):
+def fitted(points, kind, angles=(), weight=100.0):
     weights, bears = np.ones(len(points)), np.ones(len(points), dtype=bool)
     sums = running_sums(points, weights)
-    return fit_wall(points, weights, bears, sums, 0, len(points), kind, np.array(angles), weight, outwards)
+    return fit_wall(points, weights, bears, sums, 0, len(points), kind, np.array(angles), weight)
 
 
 @settings(max_examples=40, deadline=None)
@@ -94,7 +97,10 @@ def test_samples_weigh_every_metre_alike():
     ring = jagged_box(1)
     samples = sample_ring(ring, 1.0, LIMITS)
     assert samples.weights.sum() * 1.65 == pytest.approx(samples.length)
-    assert np.isin(samples.bearing.view("c16"), ring.view("c16")).all()
+    assert np.array_equal(samples.points[samples.bears], ring[samples.rows[samples.bears]])
+    # The lines of the box lie at most a spacing from its points.
+    assert samples.is_on_wall.mean() > 0.9
+    assert samples.is_on_wall[samples.rows].all()
     alone = sample_ring(ring, 1.0, None)
     assert np.array_equal(alone.points, ring)
     assert alone.bears.all()
@@ -125,7 +131,6 @@ def test_an_arc_is_fitted_by_the_least_distances():
         x, y, r = shape[[CENTRE_X, CENTRE_Y, RADIUS]] + change
         assert np.sum((np.hypot(*(points - (x, y)).T) - r) ** 2) >= least
     assert fitted(points[::-1].copy(), ARC)[RADIUS] == pytest.approx(-shape[RADIUS])
-    assert fitted(points, ARC, outwards=0.5)[RADIUS] == pytest.approx(shape[RADIUS] + 0.5)
 
 
 def test_the_adjusted_line_lies_between_the_points_and_the_given_direction():
@@ -140,14 +145,31 @@ def test_the_adjusted_line_lies_between_the_points_and_the_given_direction():
 
 
 def test_walls_move_away_from_the_building_on_their_left():
-    points = np.column_stack([np.linspace(0, 10, 20), np.full(20, 3.0)])
-    # The ring comes back above the wall: what lies before and behind it tells the way.
-    ring = np.vstack([points, [[10.0, 8.0], [0.0, 8.0]]])
-    weights, bears = np.ones(22), np.ones(22, dtype=bool)
-    sums = running_sums(ring, weights)
     for angle in (np.pi / 2, -np.pi / 2):
-        shape = fit_wall(ring, weights, bears, sums, 1, 19, 0, np.array([angle]), 1e9, 0.5)
+        shape = line(angle, 3.0 * np.sin(angle))
+        assert offset_of(shape, 10.0, 0.0, 5.0, 1.0) == pytest.approx(2.0)
+        move_out(shape, 10.0, 0.0, 0.5)
         assert foot_on(shape, 5.0, 3.0) == pytest.approx((5.0, 2.5))
+    for sense in (1.0, -1.0):
+        shape = circle(0.0, 0.0, sense * 5.0)
+        assert offset_of(shape, 0.0, 0.0, 6.0, 0.0) == pytest.approx(sense)
+        move_out(shape, 0.0, 0.0, 0.5)
+        assert shape[RADIUS] == pytest.approx(sense * 5.0 + 0.5)
+
+
+def test_walls_found_by_bearing_points_move_to_the_middle_of_all():
+    ring = jagged_box(5)
+    samples = sample_ring(ring - (15.0, 10.0), 1.0, LIMITS)
+    fit = Fit(np.array([0.0, np.pi / 2]), 100.0, 1.0)
+    bearing = assemble(samples, divide_ring(samples.points, fit.angles, Costs(0.3, 10, 15, 10)), fit)
+    assert len(bearing.first) == 4
+    walled, move = through_the_points(samples, bearing, fit)
+    # Points lie up to 0.9 inside the box, evenly: in the middle 0.45.
+    assert -0.5 < move < -0.15
+    corners = np.abs(walled.joints[:, 0])
+    assert np.allclose(corners, (15.0 - 0.45, 10.0 - 0.45), atol=0.15)
+    back = moved_out(samples, bearing, fit, 0.5)
+    assert np.allclose(np.abs(back.joints[:, 0]), np.abs(bearing.joints[:, 0]) + 0.5, atol=1e-2)
 
 
 def test_walls_meet_where_both_equations_hold():
