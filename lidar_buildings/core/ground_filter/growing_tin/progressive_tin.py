@@ -21,11 +21,15 @@ from lidar_buildings.core.ground_filter.growing_tin.terrain_growth import (
     start_growth,
 )
 from lidar_buildings.core.ground_filter.growing_tin.tin_labels import near_terrain
+from lidar_buildings.core.point_order import lowest_per_cell
 from lidar_buildings.core.point_spacing import quantised_spacing
 from lidar_buildings.core.tin import Tin
 
 #: Largest roof that a seed may fall on, in cells of the seeds' grid.
 MAX_ISLAND_CELLS = 1.0
+#: Side of the cells whose lowest ground starts the terrain that stays, in cells of the candidates: small enough
+#: for a facet to know only what is near, and for growth to have something left to decide.
+LOCAL_CELL = 5.0
 
 
 def densify(candidates: NDArray[np.float64], extent: NDArray[np.float64], config: GroundFilterConfig) -> Tin:
@@ -43,8 +47,12 @@ def densify(candidates: NDArray[np.float64], extent: NDArray[np.float64], config
     with bolder ones, and what it gains is judged part by part: a part that meets the terrain around it as
     terrain does is a landform and stays, one with steps around it is an object and is barred for good.
 
-    Candidates on the decks of bridges, and on roofs that a seed fell on, are taken out at last, and the
-    terrain grows again without them.
+    Candidates on the decks of bridges, and on roofs that a seed fell on, are taken out then, and the terrain
+    grows again without them.
+
+    Which of many candidates that hardly differ join depends on where the large facets began, and so on seeds
+    far away. So the terrain grows once more, from the lowest ground of each small cell: what is beyond some
+    cells has no say any more, and neighbouring tiles agree on what they share.
 
     Parameters
     ----------
@@ -73,8 +81,12 @@ def densify(candidates: NDArray[np.float64], extent: NDArray[np.float64], config
     false = find_islands(candidates, ground, spacing, MAX_ISLAND_CELLS * config.seed_cell**2)
     false |= find_decks(terrain.tin(), candidates, spacing)
     if false.any() and (is_seed & ~false).any():
-        terrain = _grown(candidates[~false], is_seed[~false], extent, spacing, config)
-    return terrain.tin()
+        candidates, is_seed = candidates[~false], is_seed[~false]
+        terrain = _grown(candidates, is_seed, extent, spacing, config)
+    local = np.zeros(len(candidates), dtype=np.bool_)
+    rows = np.flatnonzero(near_terrain(*terrain.height_and_slope(), config))
+    local[rows[lowest_per_cell(candidates[rows], LOCAL_CELL * config.candidate_spacing)]] = True
+    return _grown(candidates, local, extent, spacing, config).tin()
 
 
 def _grown(
