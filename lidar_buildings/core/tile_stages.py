@@ -22,12 +22,18 @@ from lidar_buildings.core.ground_filter import GroundFilterConfig, classify_grou
 from lidar_buildings.core.kept_classes import ON_TERRAIN, is_of_groups
 from lidar_buildings.core.outline import BuildingOutline, Outline
 from lidar_buildings.core.plane_fitting import PlaneFittingConfig, fit_roof_planes
-from lidar_buildings.core.regularisation import RegularisationConfig, measure_outline, regularise_outline
+from lidar_buildings.core.regularisation import (
+    RegularisationConfig,
+    measure_outline,
+    regularise_outline,
+    working_spacing,
+)
 from lidar_buildings.core.roof_selection import RoofSelectionConfig, select_roofs
 from lidar_buildings.core.scan_pattern import ScanPattern
 from lidar_buildings.core.segmentation import SegmentationConfig, segment_buildings
 from lidar_buildings.core.status import BuildingStatus
 from lidar_buildings.core.tile import PointTile
+from lidar_buildings.core.touching_outlines import with_common_walls
 
 _log = logging.getLogger(__name__)
 
@@ -211,10 +217,17 @@ def regularise_outlines(
     outlines: tuple[BuildingOutline, ...], config: RegularisationConfig
 ) -> tuple[BuildingOutline, ...]:
     """
-    Regularise every traced outline; one that cannot be keeps its traced rings.
+    Regularise every traced outline, and let touching ones share walls; one that cannot be keeps its rings.
 
     """
-    return tuple(replace(traced, outline=_regularised(traced, config)) for traced in outlines)
+    traced = [one.outline for one in outlines]
+    regular = [_regularised(one, config) for one in outlines]
+    if config.max_wall_gap and len(outlines) > 1:
+        spacings = [working_spacing(outline, config) if len(outline.exterior) else 0.0 for outline in traced]
+        regular = with_common_walls(regular, traced, spacings, config.max_wall_gap)
+    return tuple(
+        replace(one, outline=outline.as_carried()) for one, outline in zip(outlines, regular, strict=True)
+    )
 
 
 def fit_planes(tile: PointTile, config: PlaneFittingConfig) -> PointTile:

@@ -4,7 +4,11 @@ Regularisation: straight walls, right angles and arcs from a traced outline.
 """
 
 from lidar_buildings.core.regularisation.config import AS_PUBLISHED, RegularisationConfig
-from lidar_buildings.core.regularisation.regularising import measure_outline, regularise_outline
+from lidar_buildings.core.regularisation.regularising import (
+    measure_outline,
+    regularise_outline,
+    working_spacing,
+)
 from lidar_buildings.core.regularisation.result import OutlineQuality, OutlineWall, RegularisedOutline
 
 __all__ = [
@@ -15,4 +19,5 @@ __all__ = [
     "RegularisedOutline",
     "measure_outline",
     "regularise_outline",
+    "working_spacing",
 ]

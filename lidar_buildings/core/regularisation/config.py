@@ -141,6 +141,14 @@ class RegularisationConfig(StageConfig):
         False,
         "Whether walls are moved out to the edge that points lie inside of, or go through the points.",
     )
+    max_wall_gap: float = parameter(
+        2.5,
+        "Gap up to which buildings that were split from one block get a common wall; raising it closes wider "
+        "gaps, 0 leaves all walls apart.",
+        unit="spacings",
+        minimum=0.0,
+        maximum=10.0,
+    )
     min_overlap: float = parameter(
         0.85,
         "Smallest intersection over union with the traced outline; raising it keeps more outlines as traced.",

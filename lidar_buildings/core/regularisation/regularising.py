@@ -131,7 +131,7 @@ def measure_outline(
     limits = config.dent_limits(spacing)
     points = np.concatenate([sample_ring(ring, spacing, limits).on_walls for ring in traced.rings])
     quality = fit_quality(points, outline, sum(map(len, outline.rings)) + 1)
-    return OutlineQuality(*quality, BuildingStatus.OK, "")
+    return OutlineQuality(*quality, own.status, own.reason)
 
 
 def working_spacing(traced: Outline, config: RegularisationConfig) -> float:

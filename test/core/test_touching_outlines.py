@@ -1,0 +1,48 @@
+import numpy as np
+import shapely
+
+from lidar_buildings.core.outline import BuildingOutline, Outline
+from lidar_buildings.core.regularisation import RegularisationConfig
+from lidar_buildings.core.tile_stages import regularise_outlines
+from lidar_buildings.core.touching_outlines import with_common_walls
+
+
+def ring_of(box, step=0.5):
+    """The ring of a rectangle as if traced: points along it."""
+    segments = shapely.segmentize(shapely.orient_polygons(box), step)
+    return Outline(shapely.get_coordinates(segments.exterior)[:-1])
+
+
+def polygons(outlines):
+    return np.array([shapely.Polygon(one.exterior, one.holes) for one in outlines], dtype=object)
+
+
+def test_houses_of_one_block_share_their_wall_and_others_stay_as_they_are():
+    boxes = [shapely.box(0, 0, 10, 8), shapely.box(10.5, 0, 20, 8), shapely.box(30, 0, 40, 8)]
+    traced = [ring_of(box) for box in boxes]
+    plain = [Outline(shapely.get_coordinates(shapely.orient_polygons(box).exterior)[:-1]) for box in boxes]
+    result = with_common_walls(plain, traced, [0.4] * 3, 2.5)
+    covered = polygons(result)
+    assert shapely.coverage_is_valid(covered)
+    assert shapely.length(shapely.intersection(covered[0], covered[1])) > 7.9
+    assert result[2] is plain[2]
+    apart = with_common_walls(plain, traced, [0.2] * 3, 2.5)
+    assert all(one is other for one, other in zip(apart, plain, strict=True))
+
+
+def test_the_stage_shares_walls_unless_told_otherwise():
+    boxes = [shapely.box(0, 0, 12, 8), shapely.box(12.5, 1, 24, 9)]
+    traced = tuple(BuildingOutline(k + 1, ring_of(box)) for k, box in enumerate(boxes))
+    shared = polygons(one.outline for one in regularise_outlines(traced, RegularisationConfig()))
+    assert shapely.coverage_is_valid(shared)
+    assert shapely.length(shapely.intersection(*shared)) > 6.5
+    alone = RegularisationConfig(max_wall_gap=0.0)
+    apart = polygons(one.outline for one in regularise_outlines(traced, alone))
+    assert shapely.distance(*apart) > 0.3
+    assert [one.building_id for one in regularise_outlines(traced, alone)] == [1, 2]
+
+
+def test_empty_rings_and_single_buildings_are_passed_on():
+    empty = Outline(np.zeros((0, 2)))
+    assert with_common_walls([], [], [], 2.5) == []
+    assert with_common_walls([empty, empty], [empty, empty], [1.0, 1.0], 2.5) == [empty, empty]
