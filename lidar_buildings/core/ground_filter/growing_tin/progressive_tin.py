@@ -27,8 +27,8 @@ from lidar_buildings.core.tin import Tin
 
 #: Largest roof that a seed may fall on, in cells of the seeds' grid.
 MAX_ISLAND_CELLS = 1.0
-#: Side of the cells whose lowest ground starts the terrain that stays, in cells of the candidates: small enough
-#: for a facet to know only what is near, and for growth to have something left to decide.
+#: Side of the cells whose lowest ground starts the terrain that stays, in cells of the candidates: facets
+#: know only what is near, and growth has something left to decide.
 LOCAL_CELL = 5.0
 
 
