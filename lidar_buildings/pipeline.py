@@ -24,13 +24,13 @@ from lidar_buildings.core.roof_selection import RoofSelectionConfig
 from lidar_buildings.core.segmentation import SegmentationConfig
 from lidar_buildings.core.stage_names import STAGES
 from lidar_buildings.core.tile import PointTile
+from lidar_buildings.core.tile_outlines import regularise_outlines
 from lidar_buildings.core.tile_stages import (
     TileModel,
     build_models,
     filter_ground,
     fit_planes,
     label_roof_edges,
-    regularise_outlines,
     roof_points,
     select_roof_points,
     trace_buildings,

@@ -8,6 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import shapely
 from numpy.typing import NDArray
 
 
@@ -43,6 +44,16 @@ class Outline:
 
         """
         return float(sum(signed_area(ring) for ring in self.rings))
+
+    @property
+    def polygon(self) -> shapely.Polygon:
+        """
+        The outline as a polygon; empty if the outer ring has fewer than three vertices.
+
+        """
+        if len(self.exterior) < 3:
+            return shapely.Polygon()
+        return shapely.Polygon(self.exterior, [hole for hole in self.holes if len(hole) >= 3])
 
     def oriented(self) -> Outline:
         """

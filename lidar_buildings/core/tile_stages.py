@@ -8,7 +8,7 @@ The nodes and the ROS-free pipeline both call these functions, so that they do t
 from __future__ import annotations
 
 import logging
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -22,18 +22,12 @@ from lidar_buildings.core.ground_filter import GroundFilterConfig, classify_grou
 from lidar_buildings.core.kept_classes import ON_TERRAIN, is_of_groups
 from lidar_buildings.core.outline import BuildingOutline, Outline
 from lidar_buildings.core.plane_fitting import PlaneFittingConfig, fit_roof_planes
-from lidar_buildings.core.regularisation import (
-    RegularisationConfig,
-    measure_outline,
-    regularise_outline,
-    working_spacing,
-)
+from lidar_buildings.core.regularisation import RegularisationConfig, measure_outline
 from lidar_buildings.core.roof_selection import RoofSelectionConfig, select_roofs
 from lidar_buildings.core.scan_pattern import ScanPattern
 from lidar_buildings.core.segmentation import SegmentationConfig, segment_buildings
 from lidar_buildings.core.status import BuildingStatus
 from lidar_buildings.core.tile import PointTile
-from lidar_buildings.core.touching_outlines import with_common_walls
 
 _log = logging.getLogger(__name__)
 
@@ -213,23 +207,6 @@ def trace_buildings(
     return TracedTile(tile.with_columns(building_id=building_id), tuple(outlines), clipped)
 
 
-def regularise_outlines(
-    outlines: tuple[BuildingOutline, ...], config: RegularisationConfig
-) -> tuple[BuildingOutline, ...]:
-    """
-    Regularise every traced outline, and let touching ones share walls; one that cannot be keeps its rings.
-
-    """
-    traced = [one.outline for one in outlines]
-    regular = [_regularised(one, config) for one in outlines]
-    if config.max_wall_gap and len(outlines) > 1:
-        spacings = [working_spacing(outline, config) if len(outline.exterior) else 0.0 for outline in traced]
-        regular = with_common_walls(regular, traced, spacings, config.max_wall_gap)
-    return tuple(
-        replace(one, outline=outline.as_carried()) for one, outline in zip(outlines, regular, strict=True)
-    )
-
-
 def fit_planes(tile: PointTile, config: PlaneFittingConfig) -> PointTile:
     """
     Append `plane_id`, numbered within each building, to a tile of building points.
@@ -304,18 +281,6 @@ def _traced(
         _log.exception("building %d: tracing failed, a square marks its anchor", number)
         square = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]]) * _MARKER_SIZE
         return Outline(points[anchor_row(points), :2] + square).as_carried()
-
-
-def _regularised(traced: BuildingOutline, config: RegularisationConfig) -> Outline:
-    """
-    Regularise one outline, or keep it as it is.
-
-    """
-    try:
-        return regularise_outline(traced.outline, config).outline.as_carried()
-    except Exception:
-        _log.exception("building %d: regularisation failed, the traced ring is kept", traced.building_id)
-        return traced.outline
 
 
 def _reaches(

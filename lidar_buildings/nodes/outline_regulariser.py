@@ -10,7 +10,7 @@ from typing import Any
 from geometry_msgs.msg import PolygonInstanceStamped
 
 from lidar_buildings.core.regularisation import RegularisationConfig
-from lidar_buildings.core.tile_stages import regularise_outlines
+from lidar_buildings.core.tile_outlines import regularise_outlines
 from lidar_buildings.nodes.configs import NODE_CONFIGS
 from lidar_buildings.ros.polygons import outline_messages
 from lidar_buildings.ros.qos import BUILDING

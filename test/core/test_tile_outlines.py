@@ -3,8 +3,7 @@ import shapely
 
 from lidar_buildings.core.outline import BuildingOutline, Outline
 from lidar_buildings.core.regularisation import RegularisationConfig
-from lidar_buildings.core.tile_stages import regularise_outlines
-from lidar_buildings.core.touching_outlines import with_common_walls
+from lidar_buildings.core.tile_outlines import regularise_outlines, with_common_walls
 
 
 def ring_of(box, step=0.5):
@@ -46,3 +45,20 @@ def test_empty_rings_and_single_buildings_are_passed_on():
     empty = Outline(np.zeros((0, 2)))
     assert with_common_walls([], [], [], 2.5) == []
     assert with_common_walls([empty, empty], [empty, empty], [1.0, 1.0], 2.5) == [empty, empty]
+
+
+def test_an_outline_that_rounding_would_spoil_stays_as_traced(monkeypatch):
+    traced = ring_of(shapely.box(0, 0, 12, 8))
+    sliver = np.array([(0, 0), (12, 0), (12, 8), (6, 1e-12), (0, 8)])
+
+    class Result:
+        outline = Outline(sliver)
+
+    assert Outline(sliver).polygon.is_valid
+    monkeypatch.setattr("lidar_buildings.core.tile_outlines.regularise_outline", lambda *_: Result())
+    far = 1e6
+    moved = BuildingOutline(1, Outline(traced.exterior + far))
+    monkeypatch.setattr(Result, "outline", Outline(sliver + far))
+    (result,) = regularise_outlines((moved,), RegularisationConfig())
+    assert result.outline.polygon.is_valid
+    assert len(result.outline.exterior) == len(traced.exterior)

@@ -1,5 +1,5 @@
 """
-Touching buildings of a tile get common walls.
+A tile's outlines made regular, touching buildings with common walls.
 
 """
 
@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 import shapely
@@ -14,7 +15,12 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from lidar_buildings.core.outline import Outline
+from lidar_buildings.core.outline import BuildingOutline, Outline
+from lidar_buildings.core.regularisation import (
+    RegularisationConfig,
+    regularise_outline,
+    working_spacing,
+)
 from lidar_buildings.core.shared_walls import share_walls
 
 _log = logging.getLogger(__name__)
@@ -22,6 +28,24 @@ _log = logging.getLogger(__name__)
 #: Buildings whose traced rings come so near to each other were one block: different blocks are
 #: farther apart, by half the window of the segmentation, 2.25 spacings [spacings].
 _TOUCHING = 1.75
+
+
+def regularise_outlines(
+    outlines: tuple[BuildingOutline, ...], config: RegularisationConfig
+) -> tuple[BuildingOutline, ...]:
+    """
+    Regularise every traced outline, and let touching ones share walls; one that cannot be keeps its rings.
+
+    """
+    traced = [one.outline for one in outlines]
+    regular = [_regularised(one, config) for one in outlines]
+    if config.max_wall_gap and len(outlines) > 1:
+        spacings = [working_spacing(outline, config) if len(outline.exterior) else 0.0 for outline in traced]
+        regular = with_common_walls(regular, traced, spacings, config.max_wall_gap)
+    return tuple(
+        replace(one, outline=_sound(outline.as_carried(), one.outline))
+        for one, outline in zip(outlines, regular, strict=True)
+    )
 
 
 def with_common_walls(
@@ -66,7 +90,7 @@ def _touching_groups(traced: Sequence[Outline], spacings: NDArray[np.float64]) -
     """
     if len(traced) < 2:
         return []
-    rings = np.array([_polygon(outline) for outline in traced], dtype=object)
+    rings = np.array([Outline(outline.exterior).polygon for outline in traced], dtype=object)
     reach = _TOUCHING * spacings
     one, other = shapely.STRtree(rings).query(rings, predicate="dwithin", distance=reach)
     distinct = one < other
@@ -79,9 +103,24 @@ def _touching_groups(traced: Sequence[Outline], spacings: NDArray[np.float64]) -
     return [np.flatnonzero(group == k) for k in np.flatnonzero(sizes > 1)]
 
 
-def _polygon(outline: Outline) -> shapely.Polygon:
+def _regularised(traced: BuildingOutline, config: RegularisationConfig) -> Outline:
     """
-    Return an outline as a polygon, empty if it has no ring.
+    Regularise one outline, or keep it as it is.
 
     """
-    return shapely.Polygon(outline.exterior) if len(outline.exterior) >= 3 else shapely.Polygon()
+    try:
+        return regularise_outline(traced.outline, config).outline.as_carried()
+    except Exception:
+        _log.exception("building %d: regularisation failed, the traced ring is kept", traced.building_id)
+        return traced.outline
+
+
+def _sound(outline: Outline, traced: Outline) -> Outline:
+    """
+    Return an outline that rounding has left valid and without repeated vertices, else the traced one.
+
+    """
+    repeats = any((ring == np.roll(ring, -1, axis=0)).all(axis=1).any() for ring in outline.rings)
+    if repeats or (len(outline.exterior) >= 3 and not outline.polygon.is_valid):
+        return traced
+    return outline
