@@ -13,7 +13,7 @@ from lidar_buildings.core.regularisation.dents import DentLimits
 from lidar_buildings.core.regularisation.division import Costs
 
 #: Smallest radius and length of an arc that points can tell from a corner [spacings].
-_MIN_RADIUS, _MIN_ARC = 3.0, 8.0
+_MIN_RADIUS, _MIN_ARC = 6.0, 10.0
 
 
 @dataclass(frozen=True)
@@ -90,7 +90,7 @@ class RegularisationConfig(StageConfig):
         minimum=0.0,
     )
     arc_cost: float = parameter(
-        25.0,
+        32.0,
         "What an arc must save over a wall along a direction; raising it draws more curves straight.",
         minimum=0.0,
     )

@@ -26,6 +26,8 @@ _MAX_WALL_SAMPLES = 500
 _MIN_FREE_SAMPLES, _MIN_ARC_SAMPLES = 3, 6
 #: An arc turns at least so far and no further than once round [rad].
 _MIN_ARC_TURN, _MAX_ARC_TURN = 0.5, 7.0
+#: Samples of an arc scatter no more than so many times the noise²: an arc through a shed's corners does.
+_MAX_ARC_MISFIT = 0.7
 #: Kinds of walls beside those along one of the given directions.
 FREE, ARC = -1, -2
 
@@ -176,7 +178,7 @@ def _divide(sums, n, shift, cosines, sines, noise, wall, own_direction, step, ar
                 came_from[end, free] = start
             # An arc costs more than a free wall: it has to fit better by the difference.
             if arc < np.inf and end - start >= _MIN_ARC_SAMPLES and straight > arc - own_direction:
-                bent, is_arc = _bent(sums, shift + start, shift + end, min_radius, min_arc)
+                bent, is_arc = _bent(sums, shift + start, shift + end, min_radius, min_arc, variance)
                 bent /= variance
                 least[s] = min(least[s], cheapest[start] + bent)
                 if is_arc and entry[start, bow] + bent < best[end, bow]:
@@ -197,7 +199,7 @@ def _divide(sums, n, shift, cosines, sines, noise, wall, own_direction, step, ar
 
 
 @njit(cache=True, nogil=True)
-def _bent(sums, start, end, min_radius, min_arc):  # type: ignore[no-untyped-def]
+def _bent(sums, start, end, min_radius, min_arc, variance):  # type: ignore[no-untyped-def]
     """
     Return the squared offsets from the best circle, and whether the stretch may be an arc of it.
 
@@ -206,7 +208,8 @@ def _bent(sums, start, end, min_radius, min_arc):  # type: ignore[no-untyped-def
     way = way_along(sums, start, end)
     turn = way / radius
     is_arc = radius >= min_radius and way >= min_arc and _MIN_ARC_TURN <= turn <= _MAX_ARC_TURN
-    return offsets, is_arc
+    weight = sums[end, 0] - sums[start, 0]
+    return offsets, is_arc and offsets <= _MAX_ARC_MISFIT * variance * weight
 
 
 @njit(cache=True, nogil=True)
