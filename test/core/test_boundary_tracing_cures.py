@@ -188,9 +188,9 @@ def test_as_published_has_the_papers_window_and_no_courtyards():
 
 @pytest.mark.parametrize("direction", [0.0, 0.5, 2.0])
 def test_a_window_along_the_scan_follows_a_notch_that_a_disc_closes(direction):
-    along, across = 0.3, 1.2
+    along, across = 0.4, 0.8
     xy = scan(24, 24, along, across, 0.0)
-    xy = without(xy, (10, 12, 11.05, 25)) @ rotation(direction)
+    xy = without(xy, (10, 12, 10.9, 25)) @ rotation(direction)
     spacing = float(np.sqrt(along * across))
     pattern = ScanPattern(direction, along, across)
     config = BoundaryTracingConfig(window=4.2)
@@ -200,6 +200,14 @@ def test_a_window_along_the_scan_follows_a_notch_that_a_disc_closes(direction):
     assert by_pattern.point_spacing == pytest.approx(spacing)
     closed = trace_boundary(cloud(xy), config, point_spacing=spacing)
     assert polygon(closed.outline).area - polygon(by_pattern.outline).area > 6.0
+
+
+def test_lines_much_closer_than_the_points_along_them_do_not_show_in_the_ring():
+    points = cloud(scattered(20, 12))
+    spacing = 8**-0.5
+    plain = trace_boundary(points, pattern=ScanPattern(0.3, spacing, 2.0 * spacing))
+    narrow = trace_boundary(points, pattern=ScanPattern(0.3, 2.0 * spacing / 8.0, 2.0 * spacing))
+    np.testing.assert_array_equal(narrow.outline.exterior, plain.outline.exterior)
 
 
 @pytest.mark.parametrize("pattern", [None, ScanPattern(0.4, 0.3, 0.5)])

@@ -97,6 +97,17 @@ def test_points_of_the_wall_between_do_not_join_two_houses():
     assert (found.building_id > 0).all()
 
 
+def test_points_half_way_up_a_towers_wall_do_not_go_to_a_roof_of_their_height_across_the_yard():
+    rng = np.random.default_rng(5)
+    podium = plane(0, 0, 60, 30, 5.0)
+    podium = podium[~((podium[:, 0] < 14) | ((podium[:, 0] > 26) & (podium[:, 0] < 40)))]
+    tower, other = plane(0, 0, 14, 30, 95.0, seed=1), plane(26, 0, 40, 30, 50.0, seed=2)
+    wall = np.column_stack((rng.uniform(13.95, 14.05, 60), rng.uniform(1, 29, 60), rng.uniform(40, 60, 60)))
+    found = segment_buildings(np.vstack((podium, tower, other, wall)), SPLIT)
+    of_wall = found.building_id[-len(wall) :]
+    assert not np.isin(of_wall, found.building_id[len(podium) + len(tower) : -len(wall)]).any()
+
+
 def test_a_row_of_many_houses_keeps_every_house_and_does_not_depend_on_the_points_order():
     heights = [5.0, 8.0, 6.5, 10.0, 5.0]
     parts = [plane(6 * k, 0, 6 * k + 6, 11, z, seed=k) for k, z in enumerate(heights)]

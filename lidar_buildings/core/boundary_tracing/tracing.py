@@ -5,7 +5,7 @@ The ring round a building's points, and the rims of its courtyards.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import shapely
@@ -27,6 +27,8 @@ from lidar_buildings.core.status import BuildingStatus
 _MIN_POSITIONS = 4
 #: A cloud narrower than this counts as a line [spacings].
 _MIN_WIDTH = 0.1
+#: Sides of the neighbourhood differ by this factor at most: in a narrower one rings follow every line.
+_MAX_RATIO = 2.0
 #: Other points in a courtyard, at least, as a share of what the building's spacing makes expect: ground in
 #: a yard is scanned through the same opening, while glass and wet felt return next to nothing.
 _MIN_OTHER_SHARE = 0.1
@@ -109,7 +111,7 @@ def trace_boundary(
     cloud = checked_points(points)
     others = None if other_points is None else _plan(other_points)
     spacing = _spacing(cloud, pattern, point_spacing)
-    ground = prepare_ground(cloud, pattern or ScanPattern.isotropic(spacing), config.window)
+    ground = prepare_ground(cloud, _widened(pattern or ScanPattern.isotropic(spacing)), config.window)
     why_degenerate = _degeneracy(ground, spacing)
     if why_degenerate:
         outline = Outline(_simple_cover(np.column_stack([ground.x, ground.y]), spacing))
@@ -173,6 +175,15 @@ def _spacing(cloud: NDArray[np.float64], pattern: ScanPattern | None, point_spac
     if pattern is not None:
         return float(np.sqrt(pattern.along * pattern.across))
     return measure_spacing(cloud)
+
+
+def _widened(pattern: ScanPattern) -> ScanPattern:
+    """
+    Return a pattern whose smaller spacing is not much smaller: lines are never so straight and even.
+
+    """
+    least = max(pattern.along, pattern.across) / _MAX_RATIO
+    return replace(pattern, along=max(pattern.along, least), across=max(pattern.across, least))
 
 
 def _degeneracy(ground: Ground, spacing: float) -> str:

@@ -10,7 +10,10 @@ import math
 from typing import NamedTuple
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
+
+from lidar_buildings.core.point_order import rows_by_cell
 
 #: A part with less than this share of its perimeter in the open stands on another roof.
 MIN_FREE_SHARE = 0.1
@@ -57,28 +60,92 @@ def measure_borders(
         Side of the cells, which start at multiples of it from (0, 0) [m].
 
     """
-    column, row = np.floor(points[:, :2] / cell).T
-    occupied, count = np.unique(np.column_stack((column, row, part)), axis=0, return_counts=True)
-    owner: dict[tuple[float, float], int] = {}
-    order = np.argsort(count, kind="stable")
-    for x, y, number in occupied[order[::-1]].tolist():
-        owner.setdefault((x, y), int(number))
-    free = np.zeros(n_parts)
-    sides: dict[tuple[int, int], int] = {}
-    for (x, y), one in owner.items():
-        for dx, dy in ((1, 0), (-1, 0), (0, 1), (0, -1)):
-            other = owner.get((x + dx, y + dy), owner.get((x + 2 * dx, y + 2 * dy)))
-            if other is None:
-                free[one] += 1.0
-            elif other != one:
-                sides[one, other] = sides.get((one, other), 0) + 1
-    owners = set(owner.values())
-    for x, y, number in occupied.tolist():
-        if int(number) not in owners:
-            for pair in ((int(number), owner[x, y]), (owner[x, y], int(number))):
-                sides[pair] = sides.get(pair, 0) + 1
-    scale = cell / STAIRS
-    return Borders(free * scale, {pair: n_sides * scale for pair, n_sides in sides.items()})
+    cells = rows_by_cell(points, cell)
+    owner, one, other = _owners(part, cells.rows, cells.first)
+    code = np.concatenate(
+        (_sides(owner, cells.numbers, cells.n_columns, n_parts), *_within(owner, one, other, n_parts))
+    )
+    pairs, n_sides = np.unique(code, return_counts=True)
+    first, second = np.divmod(pairs, n_parts + 1)
+    scale = cells.size / STAIRS
+    is_free = second == n_parts
+    free = scale * np.bincount(first[is_free], weights=n_sides[is_free], minlength=n_parts).astype(float)
+    shared = {
+        (int(a), int(b)): float(n) * scale
+        for a, b, n in zip(first[~is_free], second[~is_free], n_sides[~is_free], strict=True)
+    }
+    return Borders(free, shared)
+
+
+def _within(
+    owner: NDArray[np.int64], part: NDArray[np.int64], cell: NDArray[np.int64], n_parts: int
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """
+    Return the codes of the borders of parts that own no cell with the owners of those they have points in.
+
+    """
+    has_cell = np.zeros(n_parts, dtype=np.bool_)
+    has_cell[owner] = True
+    amid = ~has_cell[part]
+    inner, outer = part[amid], owner[cell[amid]]
+    return inner * (n_parts + 1) + outer, outer * (n_parts + 1) + inner
+
+
+@njit(cache=True, nogil=True)
+def _owners(part, rows, first):  # type: ignore[no-untyped-def]
+    """
+    Return the part with most points of every cell, the last of equals, and all (part, cell) with points.
+
+    """
+    owner = np.empty(len(first) - 1, dtype=np.int64)
+    number, place = np.empty(len(rows), dtype=np.int64), np.empty(len(rows), dtype=np.int64)
+    n = 0
+    for cell in range(len(owner)):
+        members = np.sort(part[rows[first[cell] : first[cell + 1]]])
+        most, count = 0, 0
+        for k in range(len(members)):
+            count = count + 1 if k > 0 and members[k] == members[k - 1] else 1
+            if count == 1:
+                number[n], place[n] = members[k], cell
+                n += 1
+            if count >= most:
+                most, owner[cell] = count, members[k]
+    return owner, number[:n].copy(), place[:n].copy()
+
+
+@njit(cache=True, nogil=True)
+def _sides(owner, numbers, n_columns, n_parts):  # type: ignore[no-untyped-def]
+    """
+    Return a code, part · (n_parts + 1) + part beside it, or n_parts where it is open, of every side.
+
+    """
+    codes = np.empty(4 * len(owner), dtype=np.int64)
+    n = 0
+    for cell in range(len(owner)):
+        for step in (1, -1, n_columns, -n_columns):
+            beside = _beside(numbers, cell, step, n_columns)
+            other = owner[beside] if beside >= 0 else n_parts
+            if other != owner[cell]:
+                codes[n] = owner[cell] * (n_parts + 1) + other
+                n += 1
+    return codes[:n].copy()
+
+
+@njit(cache=True, nogil=True)
+def _beside(numbers, cell, step, n_columns):  # type: ignore[no-untyped-def]
+    """
+    Return the next occupied cell, one or two steps off, −1 if both are empty.
+
+    """
+    column = numbers[cell] % n_columns
+    for far in (1, 2):
+        if abs(step) == 1 and not 0 <= column + far * step < n_columns:
+            return -1
+        wanted = numbers[cell] + far * step
+        found = np.searchsorted(numbers, wanted)
+        if found < len(numbers) and numbers[found] == wanted:
+            return found
+    return -1
 
 
 def merge_parts(

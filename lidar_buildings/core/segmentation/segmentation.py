@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from lidar_buildings.core.group_spacing import group_spacings
 from lidar_buildings.core.point_array import checked_column, checked_points
 from lidar_buildings.core.point_spacing import given_or_measured
 from lidar_buildings.core.scan_pattern import ScanPattern, as_pulses, measure_scan_patterns, scan_cells
@@ -29,6 +30,9 @@ from lidar_buildings.core.segmentation.windows import turned
 
 #: Lines so many steps apart must not be taken for none [ratio of the spacings].
 FAR_APART = 4.0
+#: A building whose own points are sparser than expected by this factor has its own spacing: strips overlap
+#: elsewhere. Less than that may be the rim, where densities are measured too low.
+MIN_SPARSER = 1.25
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,8 +129,10 @@ def segment_buildings(
     ids, id_of_block = _identified(cloud, block, chains.n_components, part, block_of_part)
     # A building's own points, whatever lies beside it, tell the pattern that outlines are traced with.
     own = measure_scan_patterns(pulses, part, len(block_of_part), spacing, scan_angle=angle, cells=cells)
+    wide = group_spacings(cloud, cells, part, len(block_of_part))
     patterns = {
-        int(ids[k]): _told(own[k], chains.patterns[block_of_part[k]]) for k in np.flatnonzero(ids[:-1])
+        int(ids[k]): _told(own[k], chains.patterns[block_of_part[k]], float(wide[k]), spacing)
+        for k in np.flatnonzero(ids[:-1])
     }
     return Segmentation(
         ids[part], id_of_block[block], _extent(chains.patterns, config.window, spacing), patterns
@@ -194,12 +200,18 @@ def _identified(
     return ids, id_of_block
 
 
-def _told(own: ScanPattern, wide: ScanPattern) -> ScanPattern:
+def _told(own: ScanPattern, around: ScanPattern, own_spacing: float, spacing: float) -> ScanPattern:
     """
     Return a building's own pattern, or, where it is too small to show lines far apart, its surroundings'.
 
+    Without lines its spacing is its own where its points are clearly sparser than they are in general.
+
     """
-    return wide if own.is_isotropic and wide.ratio >= FAR_APART else own
+    if not own.is_isotropic:
+        return own
+    if around.ratio >= FAR_APART:
+        return around
+    return ScanPattern.isotropic(own_spacing if own_spacing > MIN_SPARSER * spacing else spacing)
 
 
 def _extent(patterns: list[ScanPattern], window: float, spacing: float) -> tuple[float, float]:

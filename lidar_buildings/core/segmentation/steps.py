@@ -125,13 +125,15 @@ def _follow_nearest(
     """
     Give points on no plane the root of the nearest that is on one, or their block's first where none is.
 
+    Nearest in plan: half-way up a tower's wall, the roof of another tower may be nearer than its own.
+
     """
     for number in np.unique(block[~is_flat]):
         members = np.flatnonzero(block == number)
         flat, others = members[is_flat[members]], members[~is_flat[members]]
         parent[others] = members[0]
         if len(flat):
-            parent[others] = parent[flat[cKDTree(points[flat]).query(points[others])[1]]]
+            parent[others] = parent[flat[cKDTree(points[flat, :2]).query(points[others, :2])[1]]]
 
 
 @njit(cache=True, nogil=True)

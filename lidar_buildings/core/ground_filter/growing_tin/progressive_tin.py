@@ -21,7 +21,6 @@ from lidar_buildings.core.ground_filter.growing_tin.terrain_growth import (
     start_growth,
 )
 from lidar_buildings.core.ground_filter.growing_tin.tin_labels import near_terrain
-from lidar_buildings.core.point_order import lowest_per_cell
 from lidar_buildings.core.point_spacing import quantised_spacing
 from lidar_buildings.core.tin import Tin
 
@@ -51,8 +50,8 @@ def densify(candidates: NDArray[np.float64], extent: NDArray[np.float64], config
     grows again without them.
 
     Which of many candidates that hardly differ join depends on where the large facets began, and so on seeds
-    far away. So the terrain grows once more, from the lowest ground of each small cell: what is beyond some
-    cells has no say any more, and neighbouring tiles agree on what they share.
+    far away. So the terrain grows once more, from seeds chosen among its ground in small cells: what is
+    beyond some cells has no say any more, and neighbouring tiles agree on what they share.
 
     Parameters
     ----------
@@ -85,7 +84,8 @@ def densify(candidates: NDArray[np.float64], extent: NDArray[np.float64], config
         terrain = _grown(candidates, is_seed, extent, spacing, config)
     local = np.zeros(len(candidates), dtype=np.bool_)
     rows = np.flatnonzero(near_terrain(*terrain.height_and_slope(), config))
-    local[rows[lowest_per_cell(candidates[rows], LOCAL_CELL * config.candidate_spacing)]] = True
+    cell = LOCAL_CELL * config.candidate_spacing
+    local[rows[choose_seeds(candidates[rows], cell, config.max_seed_rise)]] = True
     return _grown(candidates, local, extent, spacing, config).tin()
 
 
