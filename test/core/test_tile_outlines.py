@@ -1,4 +1,5 @@
 import numpy as np
+import pytest
 import shapely
 
 from lidar_buildings.core.outline import BuildingOutline, Outline
@@ -16,6 +17,10 @@ def polygons(outlines):
     return np.array([shapely.Polygon(one.exterior, one.holes) for one in outlines], dtype=object)
 
 
+def _holes(polygon):
+    return [shapely.get_coordinates(ring)[:-1] for ring in polygon.interiors]
+
+
 def test_houses_of_one_block_share_their_wall_and_others_stay_as_they_are():
     boxes = [shapely.box(0, 0, 10, 8), shapely.box(10.5, 0, 20, 8), shapely.box(30, 0, 40, 8)]
     traced = [ring_of(box) for box in boxes]
@@ -27,6 +32,19 @@ def test_houses_of_one_block_share_their_wall_and_others_stay_as_they_are():
     assert result[2] is plain[2]
     apart = with_common_walls(plain, traced, [0.2] * 3, 2.5)
     assert all(one is other for one, other in zip(apart, plain, strict=True))
+
+
+def test_a_round_tower_amid_a_hall_stays_round_and_the_hall_takes_its_wall():
+    tower = shapely.Point(0, 0).buffer(8.0, quad_segs=8)
+    hall = shapely.box(-20, -15, 20, 15).difference(shapely.Point(0, 0).buffer(8.6, quad_segs=6))
+    plain = [
+        Outline(shapely.get_coordinates(one.exterior)[:-1], tuple(_holes(one)))
+        for one in shapely.orient_polygons(np.array([tower, hall], dtype=object))
+    ]
+    result = polygons(with_common_walls(plain, plain, [0.4, 0.4], 2.5))
+    assert shapely.coverage_is_valid(result)
+    assert shapely.equals_exact(result[0].normalize(), tower.normalize(), tolerance=2e-3)
+    assert result[1].interiors[0].length == pytest.approx(result[0].length)
 
 
 def test_the_stage_shares_walls_unless_told_otherwise():

@@ -20,6 +20,9 @@ MAX_ANGLE_DEG = 15.0
 MIN_OVERLAP_GAPS = 1.0
 #: Walls so near each other are one already [m].
 SAME = 2e-3
+#: Chords of one arc have the same length, but for this share, and the same turn from one to the next, but for
+#: this angle; a turn is at least and at most so large [deg].
+SAME_CHORD, SAME_TURN_DEG, LEAST_TURN_DEG, LARGEST_TURN_DEG = 0.02, 1.0, 1.0, 60.0
 #: Lines that meet under a smaller angle give no corner: the one that was there is kept.
 MIN_CORNER_DEG = 20.0
 #: Nor do lines that meet farther from the corner that was there [gaps].
@@ -101,6 +104,9 @@ def on_common_lines(polygons: NDArray[np.object_], gaps: NDArray[np.float64]) ->
     rings, ring_of = shapely.get_rings(polygons, return_index=True)
     walls = _walls_of(rings, ring_of)
     pairs, apart = _facing(walls, gaps)
+    # An arc keeps its shape: what is between it and its neighbour goes to one of them as a whole.
+    is_straight = ~_is_chord(walls)[pairs].any(axis=1)
+    pairs, apart = pairs[is_straight], apart[is_straight]
     if apart.max(initial=0.0) <= SAME:
         return polygons
     lines = _common(walls, pairs, apart, gaps)
@@ -134,6 +140,25 @@ def _walls_of(rings: NDArray[np.object_], ring_of: NDArray[np.int64]) -> Walls:
         building.append(np.full(n, owner))
         first += n
     return Walls(*(np.concatenate(columns) for columns in (starts, ends, building, before)))
+
+
+def _is_chord(walls: Walls) -> NDArray[np.bool_]:
+    """
+    Tell which walls are chords of an arc: one of three or more in a row that are equal and turn equally.
+
+    """
+    after = np.empty_like(walls.before)
+    after[walls.before] = np.arange(len(after))
+    along = walls.end - walls.start
+    length, heading = walls.length, np.arctan2(along[:, 1], along[:, 0])
+    turn = np.rad2deg((heading[after] - heading + np.pi) % (2.0 * np.pi) - np.pi)
+    bends = (np.abs(length[after] - length) <= SAME_CHORD * length) & (np.abs(turn) >= LEAST_TURN_DEG)
+    bends &= np.abs(turn) <= LARGEST_TURN_DEG
+    goes_on = bends & bends[after] & (np.abs(turn[after] - turn) <= SAME_TURN_DEG)
+    is_chord = goes_on.copy()
+    is_chord[after[goes_on]] = True
+    is_chord[after[after[goes_on]]] = True
+    return is_chord
 
 
 def _facing(walls: Walls, gaps: NDArray[np.float64]) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
