@@ -235,8 +235,9 @@ def test_clusters_of_few_points_are_none_beside_a_building_or_alone(n_points):
 
 def test_a_building_in_one_strip_has_that_strips_spacing_where_strips_overlap_elsewhere():
     rng = np.random.default_rng(0)
-    single, double = rng.uniform(0, 20, (800, 2)), rng.uniform(0, 20, (3200, 2)) + np.array([40.0, 0.0])
-    points = np.column_stack((np.concatenate((single, double)), np.full(4000, 7.0)))
+    single, double = lattice(0.0, 0.0, 28, 28, 0.7071), lattice(40.0, 0.0, 56, 56, 0.3536)
+    points = np.concatenate((single, double))
+    points[:, :2] += rng.normal(0.0, 0.05, (len(points), 2))
     found = segment_buildings(points, point_spacing=0.3536)
     sparse, dense = (found.patterns[int(found.building_id[row])].along for row in (0, -1))
     assert sparse == pytest.approx(2**-0.5, rel=0.1)
