@@ -210,7 +210,7 @@ class RingTracer:
         """
         ground = self._ground
         xy = np.column_stack([ground.x, ground.y])
-        unit = 1.0 / max(np.hypot(ground.ux, ground.uy), np.hypot(ground.vx, ground.vy))
+        unit = 1.0 / min(np.hypot(ground.ux, ground.uy), np.hypot(ground.vx, ground.vy))
         for max_edge in (np.sqrt(self._max_reach) * unit, self._max_reach * unit, np.inf):
             ring = characteristic_ring(xy, max_edge)
             if not len(misplaced(ground, ring, False)):
