@@ -6,7 +6,7 @@ The grid of tiles: squares aligned to multiples of their size in the source's co
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -31,6 +31,19 @@ class Rectangle:
     y_min: float
     x_max: float
     y_max: float
+
+    @classmethod
+    def around(cls, rectangles: Sequence[Rectangle]) -> Rectangle:
+        """
+        Return the smallest rectangle that holds others, of which there is at least one.
+
+        """
+        return cls(
+            min(one.x_min for one in rectangles),
+            min(one.y_min for one in rectangles),
+            max(one.x_max for one in rectangles),
+            max(one.y_max for one in rectangles),
+        )
 
     def grown(self, distance: float) -> Rectangle:
         """

@@ -142,22 +142,21 @@ class TileStore:
         ]
         return min(candidates, key=_order_key, default=None)
 
-    def learn_spacing(self, source: int, area: Rectangle) -> None:
+    def learn_spacing(self, area: Rectangle, source: int | None = None) -> None:
         """
         Measure what spacing the survey's tiles are expected to have, unless that is known already.
 
         Parameters
         ----------
-        source : int
-            A file that has been read.
         area : Rectangle
-            Its bounds, source's position [m].
+            In the middle of which it is measured, source's position [m].
+        source : int, optional
+            A file that has been read, and that alone counts; all if not given.
 
         """
-        if self._expected_spacing is not None:
-            return
-        samples = self._within(sample_square(area), source)
-        self._expected_spacing = expected_spacing(_pulses_of(block) for block in samples)
+        if self._expected_spacing is None:
+            samples = self._within(sample_square(area), source)
+            self._expected_spacing = expected_spacing(_pulses_of(block) for block in samples)
 
     def learn_brightness(self, source: int, area: Rectangle) -> None:
         """
@@ -177,15 +176,16 @@ class TileStore:
             if blocks:
                 self._brightness.learn_limit(np.concatenate(blocks))
 
-    def _within(self, square: Rectangle, source: int) -> Iterator[NDArray[Any]]:
+    def _within(self, square: Rectangle, source: int | None) -> Iterator[NDArray[Any]]:
         """
-        Read a file's records within a square at the source's position.
+        Read a file's records, or all, within a square at the source's position.
 
         """
         local = square.moved(-self.frame.origin[0], -self.frame.origin[1])
         for cell in self.grid.cells_touching(square):
             for block in self._blocks(cell):
-                yield block[(block["source"] == source) & local.holds(block["x"], block["y"])]
+                inside = local.holds(block["x"], block["y"])
+                yield block[inside if source is None else inside & (block["source"] == source)]
 
     def count(self, plan: TilePlan, buffer: float) -> int:
         """

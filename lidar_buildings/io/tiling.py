@@ -86,6 +86,7 @@ class TileSource:
         self._grid = TileGrid.fitting(self.config.tile_size, self.config.buffer)
         self._areas = [_area(cloud) for cloud in self._clouds]
         self._unread = set(range(len(self._clouds)))
+        self._read: list[int] = []
         self._expected = self._expected_tiles()
         self._waiting: set[Cell] = set()
         self._planned: set[Cell] = set()
@@ -226,7 +227,8 @@ class TileSource:
                 self._store.drop(source)
                 n_failed += 1
             else:
-                self._learn(source)
+                self._read.append(source)
+                self._learn_brightness(source)
             self._unread.discard(source)
             self._plan_tiles_near(self._areas[source])
             yield True
@@ -236,15 +238,30 @@ class TileSource:
             self._plan(tile)
         yield True
 
-    def _learn(self, source: int) -> None:
+    def _learn_brightness(self, source: int) -> None:
         """
-        Let the first file that can tell what spacing the survey has, and what its intensities mean.
+        Let the first file that can tell what the survey's intensities mean.
 
         """
         area = self._areas[source]
         if area is not None:
-            self._store.learn_spacing(source, area)
             self._store.learn_brightness(source, area)
+
+    def _learn_spacing(self) -> None:
+        """
+        Measure the survey's spacing before the first tile is planned, in the middle of what there is.
+
+        A survey that has been read whole by then is measured as one, so that a small one comes out the same
+        in one file and in many; of a larger one the first file that can tell does.
+
+        """
+        areas = [area for area in self._areas if area is not None]
+        if not self._unread and areas:
+            self._store.learn_spacing(Rectangle.around(areas))
+        for source in self._read:
+            area = self._areas[source]
+            if area is not None:
+                self._store.learn_spacing(area, source)
 
     def _plan_tiles_near(self, read: Rectangle | None) -> None:
         """
@@ -272,6 +289,7 @@ class TileSource:
         Fix a tile's core points and its stamp; a tile without core points is none.
 
         """
+        self._learn_spacing()
         self._waiting.discard(tile)
         self._planned.add(tile)
         core = self._store.take_core(tile)

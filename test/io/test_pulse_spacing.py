@@ -1,3 +1,4 @@
+import laspy
 import numpy as np
 import pytest
 
@@ -41,3 +42,21 @@ def test_all_tiles_of_a_survey_have_one_spacing_whatever_their_size(tmp_path):
         with TileSource(tmp_path, TilingConfig(tile_size=tile_size)) as source:
             found |= {tile.spacing for tile in source}
     assert len(found) == 1
+
+
+def test_a_survey_in_one_file_has_the_spacing_that_it_has_in_many(tmp_path):
+    simulate_survey(tmp_path / "strips", "village", density=2.0)
+    strips = [laspy.read(path) for path in sorted((tmp_path / "strips").glob("*.laz"))]
+    assert len(strips) > 1
+    whole = laspy.LasData(strips[0].header)
+    records = np.concatenate([strip.points.array for strip in strips])
+    whole.points = laspy.ScaleAwarePointRecord(
+        records, strips[0].point_format, strips[0].header.scales, strips[0].header.offsets
+    )
+    whole.write(tmp_path / "whole.laz")
+    found = []
+    for path in (tmp_path / "strips", tmp_path / "whole.laz"):
+        with TileSource(path, TilingConfig(tile_size=100.0)) as source:
+            found.append({tile.spacing for tile in source})
+    assert found[0] == found[1]
+    assert len(found[0]) == 1
