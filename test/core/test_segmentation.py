@@ -134,27 +134,38 @@ def lattice(x, y, n_columns, n_rows, step=0.5):
     ).astype(float)
 
 
-def test_a_row_of_single_points_joins_two_buildings_unless_necks_are_cut():
+@pytest.mark.parametrize("min_neck", [1.5, 2.5])
+def test_a_row_of_single_points_joins_two_buildings_unless_necks_are_cut(min_neck):
     west, east, neck = lattice(0, 0, 16, 16), lattice(15, 0, 16, 16), lattice(8.0, 4.0, 14, 1)
     for points in (np.vstack((west, east, neck)), np.vstack((west, lattice(9.5, 0, 16, 16), neck[1:2]))):
         for deg in (0.0, 27.0):
             turned = turn(points, deg)
-            joined = segment_buildings(turned, point_spacing=0.5)
+            joined = segment_buildings(turned, SegmentationConfig(min_neck=0.0), point_spacing=0.5)
             assert len(joined.patterns) == 1
-            cut = segment_buildings(turned, SegmentationConfig(min_neck=1.5), point_spacing=0.5)
+            cut = segment_buildings(turned, SegmentationConfig(min_neck=min_neck), point_spacing=0.5)
             assert len(cut.patterns) == 2
             assert (cut.building_id > 0).all()
             assert len(np.unique(cut.building_id[:256])) == 1
             assert np.array_equal(cut.block_id, cut.building_id)
             order = np.random.default_rng(0).permutation(len(turned))
-            again = segment_buildings(turned[order], SegmentationConfig(min_neck=1.5), point_spacing=0.5)
+            again = segment_buildings(turned[order], SegmentationConfig(min_neck=min_neck), point_spacing=0.5)
             assert np.array_equal(again.building_id, cut.building_id[order])
 
 
 @pytest.mark.parametrize("name", ["gable", "l_shape", "courtyard", "round_tower"])
 def test_no_roof_is_cut_that_has_no_neck(name):
     scene = GALLERY[name](density=6.0, seed=2)
-    found = segment_buildings(scene.points[scene.is_roof], SegmentationConfig(min_neck=1.5))
+    found = segment_buildings(scene.points[scene.is_roof])
+    assert len(found.patterns) == 1
+
+
+@pytest.mark.parametrize("kept", [0.6, 1.0])
+def test_no_roof_is_cut_where_returns_are_missing_or_strips_overlap(kept):
+    rng = np.random.default_rng(1)
+    once, twice = lattice(0.0, 0.0, 80, 40, 0.4), lattice(12.0, 0.0, 50, 40, 0.4)
+    points = np.concatenate((once, twice))
+    points[:, :2] += rng.uniform(-0.2, 0.2, (len(points), 2))
+    found = segment_buildings(points[rng.random(len(points)) < kept], point_spacing=0.35)
     assert len(found.patterns) == 1
 
 

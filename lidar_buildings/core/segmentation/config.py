@@ -48,9 +48,9 @@ class SegmentationConfig(StageConfig):
         maximum=20.0,
     )
     min_neck: float = parameter(
-        0.0,
+        2.5,
         "Width of a neck of points below which the buildings on its ends are two; raising it cuts wider "
-        "ones, 0 cuts none, as in the paper.",
+        "ones, 0 cuts none, as published.",
         unit="spacings",
         minimum=0.0,
         maximum=4.0,
@@ -83,4 +83,4 @@ class SegmentationConfig(StageConfig):
 
 #: As Sampath and Shan (2007) describe it: a window slightly larger than two spacings, and a least
 #: number of points, of which they do not say how many.
-AS_PUBLISHED = SegmentationConfig(window=2.2, min_area=0.0, loose_reach=0.0)
+AS_PUBLISHED = SegmentationConfig(window=2.2, min_area=0.0, loose_reach=0.0, min_neck=0.0)

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from lidar_buildings.core.group_spacing import group_spacings
 from lidar_buildings.core.point_array import checked_column, checked_points
+from lidar_buildings.core.point_order import CellRows
 from lidar_buildings.core.point_spacing import given_or_measured
 from lidar_buildings.core.scan_pattern import ScanPattern, as_pulses, measure_scan_patterns, scan_cells
 from lidar_buildings.core.segmentation.config import SegmentationConfig
@@ -112,7 +113,7 @@ def segment_buildings(
     cells = scan_cells(pulses, spacing)
     chains = chain_along_scan(pulses, config.window, spacing, angle, cells)
     if config.min_neck > 0.0:
-        chains = _without_necks(cloud, chains, config)
+        chains = _without_necks(cloud, chains, config, cells, spacing)
     block = _buildings(cloud, chains, config, spacing)
     part, block_of_part = block, np.arange(chains.n_components)
     if config.split_at_steps:
@@ -139,19 +140,23 @@ def segment_buildings(
     )
 
 
-def _without_necks(cloud: NDArray[np.float64], chains: Chains, config: SegmentationConfig) -> Chains:
+def _without_necks(
+    cloud: NDArray[np.float64], chains: Chains, config: SegmentationConfig, cells: CellRows, spacing: float
+) -> Chains:
     """
-    Cut the necks of every component.
+    Cut the necks of every component, in units of its own spacing.
 
     """
     component, patterns = chains.component.copy(), list(chains.patterns)
     rows, first = by_component(chains.component, chains.n_components)
+    own = group_spacings(cloud, cells, chains.component, chains.n_components)
     for number, pattern in enumerate(chains.patterns):
         members = rows[first[number] : first[number + 1]]
         if len(members) < 2 * config.min_points:
             continue
-        area = config.min_area / (pattern.along * pattern.across)
-        positions = turned(cloud[members], pattern)
+        unit = _told(pattern, pattern, float(own[number]), spacing)
+        area = config.min_area / (unit.along * unit.across)
+        positions = turned(cloud[members], unit)
         part = cut_necks(positions, config.window, config.min_neck, config.min_points, area)
         component[members] = np.where(part == 0, number, len(patterns) + part - 1)
         patterns += [pattern] * int(part.max())
