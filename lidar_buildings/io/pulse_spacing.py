@@ -14,7 +14,7 @@ from lidar_buildings.core.point_spacing import measure_spacing
 from lidar_buildings.io.tile_grid import Rectangle
 
 #: Side of the square in the middle of a file in which its spacing is measured [m].
-_SAMPLE_SIDE = 200.0
+_SAMPLE_SIDE = 300.0
 #: A square with fewer pulses says too little.
 _MIN_PULSES = 1000
 

@@ -1,11 +1,12 @@
 import numpy as np
 import pytest
 import shapely
+import shapely.affinity
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from outline_scenes import ROTATIONS as ALL_ROTATIONS
-from outline_scenes import outline_scenes
+from outline_scenes import Scan, outline_scenes
 from scenes import GALLERY
 
 from lidar_buildings.core.boundary_tracing import trace_boundary
@@ -311,6 +312,67 @@ def test_the_published_method_knows_two_perpendicular_directions_and_nothing_els
     wrong = regularise_outline(trace_boundary(hexagon.points).outline, AS_PUBLISHED)
     assert len(wrong.directions) == 1
     assert len(wrong.outline.exterior) != 6
+
+
+@pytest.mark.parametrize("bend_deg", [4.0, 8.0, 12.0, 14.0, 20.0])
+def test_a_long_bar_that_bends_a_little_keeps_its_six_corners(bend_deg):
+    turn = np.deg2rad(bend_deg)
+    wing = shapely.affinity.rotate(shapely.box(0, -6, 40, 6), turn, origin=(0, 6), use_radians=True)
+    wedge = shapely.Polygon([(0, 6), (-0.01, -6), (12 * np.sin(turn), 6 - 12 * np.cos(turn))])
+    bar = shapely.union_all([shapely.box(-40, -6, 0, 6), wing, wedge])
+    points = Scan(20.0, 1.3, 0.2).over(bar, 8.0, np.random.default_rng(0))
+    result = regularise_outline(trace_boundary(np.column_stack([points, np.zeros(len(points))])).outline)
+    assert result.status is BuildingStatus.OK
+    assert len(result.outline.exterior) == 6
+    assert overlap(polygon(result.outline), bar) > 0.95
+
+
+def test_no_edge_is_much_shorter_than_the_smallest_step():
+    for scene in outline_scenes(
+        names=["chamfered", "three_wings", "facade_step"], rotations=ALL_ROTATIONS[::2]
+    ):
+        traced = trace_boundary(scene.points)
+        outline = regularise_outline(traced.outline).outline
+        for ring in outline.rings:
+            edges = np.hypot(*(np.roll(ring, -1, axis=0) - ring).T)
+            assert edges.min() > 0.6 * traced.point_spacing
+
+
+def test_repeated_vertices_types_and_orientation_make_no_difference():
+    ring = trace_boundary(GALLERY["l_shape"](rotation_deg=12.0).roof_points()).outline.exterior
+    expected = regularise_outline(Outline(ring))
+    for other in (np.repeat(ring, 2, axis=0), ring.tolist(), np.vstack([ring, ring[:1]])):
+        again = regularise_outline(Outline(other))
+        assert again.outline.same_as(expected.outline)
+        assert again.bias == expected.bias
+    turned_round = regularise_outline(Outline(ring[::-1])).outline
+    assert overlap(polygon(turned_round), polygon(expected.outline)) > 0.995
+
+
+def test_courtyards_of_hardly_any_vertices_leave_the_outline_as_traced():
+    ring = trace_boundary(GALLERY["flat"]().roof_points()).outline.exterior
+    middle = ring.mean(axis=0)
+    for hole in (np.zeros((0, 2)), middle[None], np.array([middle, middle + 1.0])):
+        result = regularise_outline(Outline(ring, (hole,)))
+        assert result.status is BuildingStatus.TRACED_OUTLINE
+        assert "courtyard" in result.reason
+
+
+def test_a_corner_at_a_wall_of_one_point_has_no_precision():
+    for scene in outline_scenes(names=["staircase", "facade_step"], rotations=ALL_ROTATIONS[1::3]):
+        result = regularise_outline(trace_boundary(scene.points).outline)
+        known = np.array(result.corner_sigma)[np.isfinite(result.corner_sigma)]
+        assert len(known) > 0
+        assert known.max() < 2.0 * scene.spacing
+
+
+def test_a_ring_of_a_hundred_thousand_points_is_regularised():
+    turn = np.linspace(0.0, 2.0 * np.pi, 100_000, endpoint=False)
+    radius = 5000.0 + np.random.default_rng(0).uniform(-0.2, 0.0, len(turn))
+    ring = radius[:, None] * np.column_stack([np.cos(turn), np.sin(turn)])
+    result = regularise_outline(Outline(ring))
+    assert result.outline.polygon.is_valid
+    assert overlap(result.outline.polygon, shapely.Polygon(ring)) > 0.99
 
 
 def test_mirrored_rings_give_mirrored_outlines():

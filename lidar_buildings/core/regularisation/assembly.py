@@ -27,14 +27,18 @@ from lidar_buildings.core.regularisation.walls import (
     travel_at,
 )
 
-#: Walls whose directions differ by less are parallel: they meet in a step, not in a corner [rad].
+#: Walls whose directions differ by less go on in one direction, unless they are so long that it shows [rad].
 _PARALLEL = np.deg2rad(15.0)
+#: Straight walls whose directions differ by less are parallel: they meet in a step, not in a corner [rad].
+_NO_CORNER = np.deg2rad(2.0)
 #: A corner may lie this far from where the ring turns from one wall to the next [smallest steps],
 _MAX_CORNER_SHIFT = 2.5
 #: or so many times the gap between the last sample of the one and the first of the other.
 _MAX_GAP_SHIFT = 0.8
 #: Corners of walls that were moved lie so many times farther from the samples.
 _MOVED = 1.5
+#: Walls and steps that are left of this length, when walls were moved, are kept [smallest steps].
+_LEAST_LEFT = 0.7
 #: Ends of an arc and its neighbour that lie closer to each other are one corner [smallest steps].
 _SMOOTH = 1.0
 
@@ -155,19 +159,40 @@ def _mean_offsets(ring, is_on_wall, rows, n_samples, first, last, kind, shape): 
 @njit(cache=True, nogil=True)
 def _moved(points, first, last, kind, shape, distances, min_step):  # type: ignore[no-untyped-def]
     """
-    Move each wall by its distance and join them anew.
+    Move each wall by its distance and join them anew; steps and walls that shrink by it too much are dropped.
 
     """
     m, n = len(first), len(points)
-    shape = shape.copy()
+    first, last, kind, shape = first.copy(), last.copy(), kind.copy(), shape.copy()
     for i in range(m):
         a, b = (first[i] - 1) % n, last[i] % n
         move_out(shape[i], points[b, 0] - points[a, 0], points[b, 1] - points[a, 1], distances[i])
     joints = np.zeros((m, 2, 2))
-    if m > 1:
+    while m > 1:
         for i in range(m):
             joints[i] = _joint(points, first, last, shape, i, (i + 1) % m, _MOVED * min_step)
-    return first, last, kind, shape, joints
+        spoilt = _spoilt(points, first, last, shape, joints, m, _LEAST_LEFT * min_step)
+        if spoilt < 0 or m <= 3:
+            break
+        m = _dropped(first, last, kind, shape, m, spoilt)
+    return first[:m], last[:m], kind[:m], shape[:m], joints[:m]
+
+
+@njit(cache=True, nogil=True)
+def _spoilt(points, first, last, shape, joints, m, least):  # type: ignore[no-untyped-def]
+    """
+    Return a wall that is too short, or the shorter one beside a step that is too small, −1 if there is none.
+
+    """
+    for i in range(m):
+        k, before = (i + 1) % m, i - 1 if i else m - 1
+        if _length(points, first, last, shape, i, joints[before, 1], joints[i, 0]) < least:
+            return i
+        step = np.hypot(joints[i, 0, 0] - joints[i, 1, 0], joints[i, 0, 1] - joints[i, 1, 1])
+        if 0.0 < step < least:
+            shorter = _extent(points, first[i], last[i]) < _extent(points, first[k], last[k])
+            return i if shorter else k
+    return -1
 
 
 @njit(cache=True, nogil=True)
@@ -269,11 +294,23 @@ def _is_continued(points, first, last, shape, i, k, min_step):  # type: ignore[n
     if shape[i, RADIUS] != 0 or shape[k, RADIUS] != 0:
         return False
     x, y, _ = _turning_point(points, first, last, i, k)
-    if _turn(points, first, last, shape, i, k, x, y) > _PARALLEL:
+    turn = _turn(points, first, last, shape, i, k, x, y)
+    shorter = min(_extent(points, first[i], last[i]), _extent(points, first[k], last[k]))
+    if turn > _PARALLEL or np.sin(turn) * shorter >= min_step:
         return False
     ax, ay = foot_on(shape[i], x, y)
     bx, by = foot_on(shape[k], x, y)
     return np.hypot(ax - bx, ay - by) < min_step
+
+
+@njit(cache=True, nogil=True)
+def _extent(points, first, last):  # type: ignore[no-untyped-def]
+    """
+    Return how far the first and the last sample of a wall are apart [m].
+
+    """
+    a, b = first % len(points), (last - 1) % len(points)
+    return np.hypot(points[a, 0] - points[b, 0], points[a, 1] - points[b, 1])
 
 
 @njit(cache=True, nogil=True)
@@ -322,15 +359,19 @@ def _joint(points, first, last, shape, i, k, min_step):  # type: ignore[no-untyp
     joint = np.empty((2, 2))
     x, y, gap = _turning_point(points, first, last, i, k)
     turn = _turn(points, first, last, shape, i, k, x, y)
-    if _PARALLEL < turn < np.pi - _PARALLEL:
+    is_bent = shape[i, RADIUS] != 0 or shape[k, RADIUS] != 0
+    if (_PARALLEL if is_bent else _NO_CORNER) < turn < np.pi - _PARALLEL:
         mx, my, meet = nearest_meeting(shape[i], shape[k], x, y)
         if meet and np.hypot(mx - x, my - y) <= max(_MAX_CORNER_SHIFT * min_step, _MAX_GAP_SHIFT * gap):
             joint[:, 0], joint[:, 1] = mx, my
             return joint
     joint[0] = foot_on(shape[i], x, y)
     joint[1] = foot_on(shape[k], x, y)
-    is_smooth = (shape[i, RADIUS] != 0 or shape[k, RADIUS] != 0) and turn <= _PARALLEL
-    if is_smooth and np.hypot(joint[0, 0] - joint[1, 0], joint[0, 1] - joint[1, 1]) <= _SMOOTH * min_step:
+    if (
+        is_bent
+        and turn <= _PARALLEL
+        and np.hypot(joint[0, 0] - joint[1, 0], joint[0, 1] - joint[1, 1]) <= _SMOOTH * min_step
+    ):
         joint[0] = joint[1] = 0.5 * (joint[0] + joint[1])
     return joint
 

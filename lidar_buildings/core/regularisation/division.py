@@ -20,8 +20,9 @@ from lidar_buildings.core.regularisation.moments import (
     way_along,
 )
 
-#: Samples that one wall may have before it is divided; pieces of a longer wall are joined again later.
-_MAX_WALL_SAMPLES = 500
+#: Most samples of one wall: fewer the larger a ring is, so that time grows no faster than the ring. Pieces of
+#: a longer wall are joined again later.
+_MAX_WALL_SAMPLES, _MIN_WALL_SAMPLES, _MAX_PAIRS = 500, 60, 1_000_000
 #: Fewest samples that define a direction of their own, and an arc.
 _MIN_FREE_SAMPLES, _MIN_ARC_SAMPLES = 3, 6
 #: An arc turns at least so far and no further than once round [rad].
@@ -148,6 +149,7 @@ def _divide(sums, n, shift, cosines, sines, noise, wall, own_direction, step, ar
     """
     free, bow = len(cosines), len(cosines) + 1
     variance = noise * noise
+    longest = min(max(_MAX_PAIRS // n, _MIN_WALL_SAMPLES), _MAX_WALL_SAMPLES)
     best = np.full((n + 1, bow + 1), np.inf)
     # Cost of everything before a wall of this kind that starts here, the wall's own included.
     entry = np.full((n + 1, bow + 1), np.inf)
@@ -189,7 +191,7 @@ def _divide(sums, n, shift, cosines, sines, noise, wall, own_direction, step, ar
         # A start that is beaten by a wall from here can never win again.
         kept = 0
         for s in range(n_starts):
-            if least[s] < cheapest[end] + step and end - starts[s] < _MAX_WALL_SAMPLES:
+            if least[s] < cheapest[end] + step and end - starts[s] < longest:
                 starts[kept] = starts[s]
                 kept += 1
         starts[kept] = end

@@ -139,7 +139,7 @@ def _variance_at(sums, first, last, kind, angle, x, y, direction_weight):  # typ
     Return the variance of a wall's offset at a place of it, in units of a point's.
 
     """
-    if sums[last, 0] - sums[first, 0] == 0:
+    if sums[last, 0] - sums[first, 0] < 2:
         return np.nan
     count, mx, my, xx, xy, yy = scatter_of(sums, first, last)
     c, s = np.cos(angle), np.sin(angle)

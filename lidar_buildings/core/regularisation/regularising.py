@@ -60,11 +60,12 @@ def regularise_outline(traced: Outline, config: RegularisationConfig | None = No
     """
     Replace a traced outline by straight walls, parallel and perpendicular where the building is, and arcs.
 
-    The rings are divided into walls where they turn. The long walls are adjusted by least squares with their
-    directions held parallel or perpendicular; then all walls are, with these directions as heavily weighted
-    observations (Sampath & Shan, 2007). Beyond the paper, a building may have several pairs of directions,
-    as many as an information criterion finds worth their parameters (Schwarz, 1978), a wall keeps its own
-    direction or bends where it clearly does, and dents that are gaps between points are bridged first.
+    The rings are divided into walls, in the best of all ways for what walls cost. The long walls are adjusted
+    by least squares with their directions held parallel or perpendicular; then all walls are, with these
+    directions as heavily weighted observations (Sampath & Shan, 2007). Beyond the paper, a building may have
+    several pairs of directions, as many as an information criterion finds worth their parameters (Schwarz,
+    1978), a wall keeps its own direction or bends where it clearly does, and dents that are gaps between
+    points are bridged first.
 
     Parameters
     ----------
@@ -83,21 +84,28 @@ def regularise_outline(traced: Outline, config: RegularisationConfig | None = No
     ValueError
         If a ring is not an array of finite x and y.
 
+    Notes
+    -----
+    Coordinates are metres: points are worth `finest_spacing` at best, so that much smaller things stay as
+    traced. Some 500 buildings a second; a ring of 100,000 points takes seconds.
+
     """
     config = config or RegularisationConfig()
-    _check(traced)
-    if len(traced.exterior) < _MIN_RING_POINTS:
-        return _as_traced(traced, (), f"only {len(traced.exterior)} ring points: too few to find walls in")
-    centre = traced.exterior.mean(axis=0)
-    spacing = working_spacing(traced, config)
-    samples = [sample_ring(ring - centre, spacing, config.dent_limits(spacing)) for ring in traced.rings]
+    checked = _checked(traced)
+    if len(checked.exterior) < _MIN_RING_POINTS:
+        return _as_traced(traced, (), f"only {len(checked.exterior)} ring points: too few to find walls in")
+    if min(map(len, checked.rings)) < 3:
+        return _as_traced(traced, (), "a courtyard of fewer than three vertices")
+    centre = checked.exterior.mean(axis=0)
+    spacing = working_spacing(checked, config)
+    samples = [sample_ring(ring - centre, spacing, config.dent_limits(spacing)) for ring in checked.rings]
     directions, divisions = divide_building(samples, spacing, config)
     fit = Fit(both_ways(directions), config.direction_weight, config.min_step * spacing)
     rings = [
         _fitted(ring, division, fit, config.chord_error * spacing)
         for ring, division in zip(samples, divisions, strict=True)
     ]
-    bias = estimated_bias(samples, ring_spacing(traced)) - _mean_move(rings)
+    bias = estimated_bias(samples, ring_spacing(checked)) - _mean_move(rings)
     result = _result(traced, rings, centre, directions, bias, config)
     if config.correct_bias and result.status is BuildingStatus.OK:
         corrected = [_corrected(ring, bias + ring.move, fit, config.chord_error * spacing) for ring in rings]
@@ -161,16 +169,26 @@ def estimated_bias(samples: list[RingSamples], spacing: float) -> float:
     return _EMPTY_AREA * spacing**2 * n_bearing / length if length > 0 else 0.0
 
 
-def _check(outline: Outline) -> None:
+def _checked(outline: Outline) -> Outline:
     """
-    Refuse rings that are not arrays of finite x and y.
+    Return the rings as arrays of float64, oriented, without repeated vertices.
+
+    Raises
+    ------
+    ValueError
+        If a ring is not of finite x and y.
 
     """
-    for number, ring in enumerate(outline.rings):
+    rings = []
+    for number, given in enumerate(outline.rings):
+        ring = np.asarray(given, dtype=np.float64)
         if ring.ndim != 2 or ring.shape[1] != 2:
             raise ValueError(f"traced.rings[{number}] has shape {ring.shape}: must be (n_vertices, 2)")
         if not np.isfinite(ring).all():
             raise ValueError(f"traced.rings[{number}] has coordinates that are not finite: all must be")
+        goes_on = (ring != np.roll(ring, -1, axis=0)).any(axis=1)
+        rings.append(ring[goes_on] if len(ring) > 1 else ring)
+    return Outline(rings[0], tuple(rings[1:])).oriented()
 
 
 def _fitted(samples: RingSamples, division: Division, fit: Fit, chord_error: float) -> _Fitted:
@@ -241,11 +259,12 @@ def _result(
         tuple(
             each
             for number, (ring, final) in enumerate(zip(rings, outline.rings, strict=True))
-            for each in corner_sigmas(ring.samples, ring.walled, ring.drawn, sigma, config.direction_weight)
-            if number not in kept
-        )
-        if not kept
-        else (),
+            for each in (
+                [float("nan")] * len(final)
+                if number in kept
+                else corner_sigmas(ring.samples, ring.walled, ring.drawn, sigma, config.direction_weight)
+            )
+        ),
         bias,
     )
 

@@ -66,7 +66,7 @@ class RegularisedOutline:
     reason : str
         Why it is the traced outline, or what else was out of the ordinary; else empty.
     walls : tuple of OutlineWall
-        Ring by ring, in order; empty if the outline is the traced one.
+        Ring by ring, in order, without those of courtyards left as traced.
     corner_sigma : tuple of float
         Standard deviation of each vertex's place, √(σx² + σy²), in the order of the rings' vertices; NaN
         where a vertex is not the corner of two straight walls [m].
