@@ -238,7 +238,8 @@ def _lines(
     has_lines = enough & (concentration >= MIN_CONCENTRATION)
     if scan_angle is not None:
         for number in np.flatnonzero(enough & ~has_lines & (concentration >= MIN_BACKED_CONCENTRATION)):
-            has_lines[number] = _is_backed(pulses, group == number, scan_angle, direction[number])
+            probes = is_probe & (group == number)
+            has_lines[number] = _is_backed(pulses, probes, scan_angle, direction[number])
     return has_lines, direction
 
 
@@ -246,7 +247,7 @@ def _is_backed(
     pulses: Pulses, rows: NDArray[np.bool_], scan_angle: NDArray[np.float64], direction: float
 ) -> bool:
     """
-    Whether the scan angle of the group's largest strip rises along or across a direction.
+    Whether the scan angle of the probes' largest strip rises along or across a direction.
 
     """
     if len(pulses.strip):

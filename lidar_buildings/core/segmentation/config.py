@@ -67,8 +67,8 @@ class SegmentationConfig(StageConfig):
     )
     min_part_width: float = parameter(
         2.5,
-        "Least width of a part that a step parts, from its area and perimeter; raising it gives more dormers "
-        "and ledges back to their buildings.",
+        "Least width of a part that a step parts, from its area and perimeter and from how its points "
+        "scatter; raising it gives more dormers and ledges back to their buildings.",
         unit="m",
         minimum=0.0,
     )

@@ -21,10 +21,16 @@ ALONE = 1.25
 
 
 def cut_necks(
-    positions: NDArray[np.float64], window: float, min_neck: float, min_points: int, min_area: float
-) -> NDArray[np.int64]:
+    positions: NDArray[np.float64],
+    component: NDArray[np.int64],
+    *,
+    window: float,
+    min_neck: float,
+    min_points: int,
+    min_area: float,
+) -> list[tuple[int, NDArray[np.intp]]]:
     """
-    Number the parts of one component that only necks join.
+    Find the parts of components that only necks join.
 
     A point is in a neck if its window holds fewer points than a strip of the least width would, or if it
     stands alone amid a gap; the other points are chained without them, as in DBSCAN (Ester and others, 1996).
@@ -35,6 +41,8 @@ def cut_necks(
     ----------
     positions : ndarray of shape (n_points, 2)
         In units of the spacing, in any order.
+    component : ndarray of int64, shape (n_points,)
+        From 0; no point of one lies in the window of another's.
     window : float
         Side of the window [spacings].
     min_neck : float
@@ -42,39 +50,47 @@ def cut_necks(
     min_points, min_area : int, float
         Of a building; the area in units of the spacing squared.
 
+    Returns
+    -------
+    list of (int, ndarray of int)
+        Component and rows of every part but the first of each component that falls apart.
+
     """
     half = window / 2.0
     # A strip of width w has w points a spacing.
-    needed = math.ceil(min_neck * window)
-    is_core = _core(positions, rows_by_cell(positions, half), half, needed)
+    is_core = _core(positions, rows_by_cell(positions, half), half, math.ceil(min_neck * window))
     if is_core.all() or not is_core.any():
-        return np.zeros(len(positions), dtype=np.int64)
-    return _parts(positions, is_core, half, min_points, min_area)
-
-
-def _parts(
-    positions: NDArray[np.float64], is_core: NDArray[np.bool_], half: float, min_points: int, min_area: float
-) -> NDArray[np.int64]:
-    """
-    Chain the core and give every other point to the nearest part that is as large as a building.
-
-    """
-    number = np.zeros(len(positions), dtype=np.int64)
-    core = positions[is_core]
-    part, n_parts = chain_windows(core, (half, half))
+        return []
+    core = np.flatnonzero(is_core)
+    part, n_parts = chain_windows(positions[core], (half, half))
+    component_of = np.zeros(n_parts, dtype=np.int64)
+    component_of[part] = component[core]
     is_large = np.bincount(part, minlength=n_parts) >= min_points
-    if np.count_nonzero(is_large) > 1:
-        is_large &= occupied_areas(core, part, n_parts, 1.0) >= min_area
-    if np.count_nonzero(is_large) < 2:
-        return number
-    number[is_core] = np.where(is_large, np.cumsum(is_large) - 1, -1)[part]
-    number[~is_core] = -1
-    members = np.flatnonzero(number >= 0)
+    if np.bincount(component_of[is_large], minlength=1).max() > 1:
+        is_large &= occupied_areas(positions[core], part, n_parts, 1.0) >= min_area
+    found = []
+    for number in np.flatnonzero(np.bincount(component_of[is_large], minlength=1) > 1):
+        rows = np.flatnonzero(component == number)
+        label = np.full(len(positions), -1, dtype=np.int64)
+        label[core] = np.where(is_large[part], part, -1)
+        nearest = _nearest_labels(positions[rows], label[rows])
+        # Parts are numbered from the south-west, whatever the points' order.
+        found += [(int(number), rows[nearest == one]) for one in np.unique(nearest)[1:]]
+    return found
+
+
+def _nearest_labels(positions: NDArray[np.float64], label: NDArray[np.int64]) -> NDArray[np.int64]:
+    """
+    Return labels, those of −1 replaced by the label of the nearest point that has one.
+
+    """
+    members = np.flatnonzero(label >= 0)
     # By their coordinates, so that of equally near ones the same is taken in whatever order they come.
     members = members[np.lexsort(positions[members].T)]
-    others = np.flatnonzero(number < 0)
-    number[others] = number[members[cKDTree(positions[members]).query(positions[others])[1]]]
-    return number
+    others = np.flatnonzero(label < 0)
+    labels = label.copy()
+    labels[others] = label[members[cKDTree(positions[members]).query(positions[others])[1]]]
+    return labels
 
 
 @njit(cache=True, nogil=True)

@@ -6,7 +6,6 @@ Borders between the parts of a building, and what parts go back to their neighbo
 from __future__ import annotations
 
 import heapq
-import math
 from typing import NamedTuple
 
 import numpy as np
@@ -14,6 +13,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from lidar_buildings.core.point_order import rows_by_cell
+from lidar_buildings.core.segmentation.part_shape import rectangle_width, spread_width
 
 #: A part with less than this share of its perimeter in the open stands on another roof.
 MIN_FREE_SHARE = 0.1
@@ -156,6 +156,7 @@ def merge_parts(
     min_area: float,
     min_width: float,
     min_tower_area: float,
+    sums: NDArray[np.float64] | None = None,
 ) -> NDArray[np.int64]:
     """
     Return into which part each part goes, the smallest first; a part that stays goes into itself.
@@ -175,9 +176,11 @@ def merge_parts(
     min_area, min_width, min_tower_area : float
         Least area, least width of the rectangle of a part's area and perimeter, and least area of a part amid
         another [m²], [m], [m²].
+    sums : ndarray of shape (n_parts, 6), optional
+        See `part_shape.plan_sums`: if given, a part's points must scatter as over the least width, too.
 
     """
-    parts = _Parts(borders, area, block)
+    parts = _Parts(borders, area, block, sums)
     into = np.arange(len(area))
     waiting = [(float(one), number) for number, one in enumerate(area)]
     heapq.heapify(waiting)
@@ -205,8 +208,15 @@ class _Parts:
 
     """
 
-    def __init__(self, borders: Borders, area: NDArray[np.float64], block: NDArray[np.int64]) -> None:
+    def __init__(
+        self,
+        borders: Borders,
+        area: NDArray[np.float64],
+        block: NDArray[np.int64],
+        sums: NDArray[np.float64] | None,
+    ) -> None:
         self.area = area.tolist()
+        self.sums = None if sums is None else sums.copy()
         self.free = borders.free.tolist()
         self.block = block.tolist()
         self.members: dict[int, set[int]] = {}
@@ -227,7 +237,9 @@ class _Parts:
         perimeter = self.free[number] + sum(self.shared[number].values())
         is_free = self.free[number] >= MIN_FREE_SHARE * perimeter
         is_large = self.area[number] >= (min_area if is_free else max(min_area, min_tower_area))
-        return is_large and _width(self.area[number], perimeter) >= min_width
+        if not is_large or rectangle_width(self.area[number], perimeter) < min_width:
+            return False
+        return self.sums is None or spread_width(self.sums[number]) >= min_width
 
     def neighbour(self, number: int) -> int | None:
         """
@@ -246,6 +258,8 @@ class _Parts:
 
         """
         self.area[target] += self.area[number]
+        if self.sums is not None:
+            self.sums[target] += self.sums[number]
         self.free[target] += self.free[number]
         self.members[self.block[number]].discard(number)
         for other, length in self.shared[number].items():
@@ -253,13 +267,3 @@ class _Parts:
             if other != target:
                 for one, two in ((target, other), (other, target)):
                     self.shared[one][two] = self.shared[one].get(two, 0.0) + length
-
-
-def _width(area: float, perimeter: float) -> float:
-    """
-    Return the shorter side of the rectangle with this area and perimeter, of the square where there is none.
-
-    """
-    half = perimeter / 2.0
-    root = half * half - 4.0 * area
-    return (half - math.sqrt(root)) / 2.0 if root > 0.0 else math.sqrt(area)

@@ -148,19 +148,39 @@ def _without_necks(
 
     """
     component, patterns = chains.component.copy(), list(chains.patterns)
-    rows, first = by_component(chains.component, chains.n_components)
-    own = group_spacings(cloud, cells, chains.component, chains.n_components)
-    for number, pattern in enumerate(chains.patterns):
-        members = rows[first[number] : first[number + 1]]
-        if len(members) < 2 * config.min_points:
-            continue
-        unit = _told(pattern, pattern, float(own[number]), spacing)
-        area = config.min_area / (unit.along * unit.across)
-        positions = turned(cloud[members], unit)
-        part = cut_necks(positions, config.window, config.min_neck, config.min_points, area)
-        component[members] = np.where(part == 0, number, len(patterns) + part - 1)
-        patterns += [pattern] * int(part.max())
+    for unit, rows in _by_unit(cloud, chains, cells, spacing):
+        parts = cut_necks(
+            turned(cloud[rows], unit),
+            chains.component[rows],
+            window=config.window,
+            min_neck=config.min_neck,
+            min_points=config.min_points,
+            min_area=config.min_area / (unit.along * unit.across),
+        )
+        for number, members in parts:
+            component[rows[members]] = len(patterns)
+            patterns.append(patterns[number])
     return Chains(component, len(patterns), patterns)
+
+
+def _by_unit(
+    cloud: NDArray[np.float64], chains: Chains, cells: CellRows, spacing: float
+) -> list[tuple[ScanPattern, NDArray[np.intp]]]:
+    """
+    Return the rows of components with their units; those with the general one, which keep apart, together.
+
+    """
+    own = group_spacings(cloud, cells, chains.component, chains.n_components)
+    general = ScanPattern.isotropic(spacing)
+    units = [
+        _told(pattern, pattern, float(one), spacing)
+        for pattern, one in zip(chains.patterns, own, strict=True)
+    ]
+    is_general = np.array([unit == general for unit in units], dtype=bool)
+    groups = [(general, np.flatnonzero(is_general[chains.component]))] if is_general.any() else []
+    rows, first = by_component(chains.component, chains.n_components)
+    groups += [(units[k], rows[first[k] : first[k + 1]]) for k in np.flatnonzero(~is_general)]
+    return groups
 
 
 def _buildings(

@@ -15,6 +15,7 @@ from lidar_buildings.core.neighbourhoods import build_grid, neighbours_of
 from lidar_buildings.core.row_blocks import for_row_blocks
 from lidar_buildings.core.segmentation.members import occupied_areas
 from lidar_buildings.core.segmentation.part_borders import measure_borders, merge_parts
+from lidar_buildings.core.segmentation.part_shape import plan_sums
 
 #: Radius within which planes are fitted and neighbours linked [spacings].
 REACH = 2.25
@@ -85,6 +86,7 @@ def split_blocks(
             min_area=min_area,
             min_width=min_width,
             min_tower_area=min_tower_area,
+            sums=plan_sums(some, linked, n_linked),
         )
         kept, linked = np.unique(into[linked], return_inverse=True)
         block_of_linked = block_of_linked[kept]

@@ -1,0 +1,223 @@
+"""
+From roof points to outlines, the three stages together, on what real clouds hold that no book shows.
+
+Whatever comes in, every building gets one valid polygon, no point is lost, and where straight walls are not
+to be had the outline is the traced one and says why.
+
+"""
+
+import numpy as np
+import pytest
+import shapely
+
+from lidar_buildings.core.boundary_tracing import BoundaryTracingConfig, trace_boundary
+from lidar_buildings.core.outline import signed_area
+from lidar_buildings.core.regularisation import RegularisationConfig, measure_outline
+from lidar_buildings.core.segmentation import SegmentationConfig
+from lidar_buildings.core.status import BuildingStatus
+from lidar_buildings.core.tile import PointTile
+from lidar_buildings.core.tile_outlines import regularise_outlines
+from lidar_buildings.core.tile_stages import trace_buildings
+
+SPACING = 0.35
+#: Every cluster is a building, however small.
+KEEP_ALL = SegmentationConfig(min_points=1, min_area=0.0, loose_reach=0.0)
+
+
+def roof(west, south, east, north, spacing=SPACING, seed=0):
+    """
+    Points on a rectangle, not quite on a lattice.
+
+    """
+    rng = np.random.default_rng(seed)
+    xy = np.stack(np.meshgrid(np.arange(west, east, spacing), np.arange(south, north, spacing)), axis=-1)
+    xy = xy.reshape(-1, 2) + rng.uniform(-0.3, 0.3, (xy.size // 2, 2)) * spacing
+    return at_height(xy)
+
+
+def at_height(xy):
+    return np.column_stack((xy, np.full(len(xy), 6.0)))
+
+
+def without(points, west, south, east, north):
+    inside = (points[:, 0] > west) & (points[:, 0] < east) & (points[:, 1] > south) & (points[:, 1] < north)
+    return points[~inside]
+
+
+def circle(n_points, radius):
+    angle = np.linspace(0.0, 2.0 * np.pi, n_points, endpoint=False)
+    return at_height(radius * np.column_stack((np.cos(angle), np.sin(angle))))
+
+
+def polygon(outline):
+    return shapely.Polygon(outline.exterior, outline.holes)
+
+
+def outlines_of(points, segmentation=None, spacing=SPACING):
+    """
+    Run the three stages, check what must hold of every result, and return the tile and its polygons.
+
+    """
+    tile = PointTile(points=points, point_spacing=np.full(len(points), spacing))
+    traced = trace_buildings(tile, segmentation or SegmentationConfig(), BoundaryTracingConfig())
+    outlines = regularise_outlines(traced.outlines, RegularisationConfig())
+    assert [one.building_id for one in outlines] == sorted(set(traced.tile.building_id.tolist()) - {0})
+    for before, after in zip(traced.outlines, outlines, strict=True):
+        assert_sound(after.outline)
+        own = traced.tile.points[traced.tile.building_id == after.building_id, :2]
+        # Nothing lost: all points are in the traced outline, as it is carried (millimetres).
+        assert shapely.distance(polygon(before.outline), shapely.points(own)).max() < 0.005
+        if after.outline.same_as(before.outline):
+            quality = measure_outline(before.outline, after.outline)
+            assert quality.status is BuildingStatus.TRACED_OUTLINE
+            assert quality.reason
+    return traced.tile, [polygon(one.outline) for one in outlines]
+
+
+def assert_sound(outline):
+    shape = polygon(outline)
+    assert shape.is_valid, shapely.is_valid_reason(shape)
+    assert shape.area > 0.0
+    assert signed_area(outline.exterior) > 0.0
+    assert all(signed_area(hole) < 0.0 for hole in outline.holes)
+    assert all(len(np.unique(ring, axis=0)) == len(ring) for ring in outline.rings)
+
+
+def test_no_points_have_no_outlines():
+    assert outlines_of(np.zeros((0, 3)))[1] == []
+
+
+@pytest.mark.parametrize("n_points", [1, 2, 3])
+def test_a_cluster_of_a_few_points_is_covered(n_points):
+    points = at_height(np.array([(10.0, 4.0), (10.3, 4.1), (10.1, 4.4)])[:n_points])
+    _, found = outlines_of(points, KEEP_ALL)
+    assert len(found) == 1
+    # By default so few are no building.
+    assert outlines_of(points)[1] == []
+
+
+def test_points_on_a_line_are_covered_by_a_strip():
+    points = at_height(np.column_stack((np.linspace(0.0, 12.0, 60), np.linspace(0.0, 5.0, 60))))
+    _, found = outlines_of(points, KEEP_ALL)
+    assert len(found) == 1
+    assert found[0].area < 13.0 * 2.0 * SPACING
+
+
+@pytest.mark.parametrize("n_copies", [2, 500])
+def test_copies_of_one_point_are_covered_by_a_square(n_copies):
+    _, found = outlines_of(np.tile((3.0, -2.0, 6.0), (n_copies, 1)), KEEP_ALL)
+    assert len(found) == 1
+    assert found[0].area < 4.0 * SPACING**2
+
+
+def test_copies_of_all_points_change_no_outline():
+    points = roof(0, 0, 14, 9)
+    once, thrice = outlines_of(points)[1], outlines_of(np.concatenate((points,) * 3))[1]
+    assert len(once) == 1
+    assert once[0].equals(thrice[0])
+
+
+def test_a_ring_of_100_000_points_is_one_round_building():
+    _, found = outlines_of(circle(100_000, 40.0), KEEP_ALL, spacing=0.002)
+    assert len(found) == 1
+    assert shapely.Polygon(found[0].exterior).area == pytest.approx(np.pi * 40.0**2, rel=0.01)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_scattered_points_whose_rings_would_touch_themselves_are_traced_without(seed):
+    rng = np.random.default_rng(seed)
+    # Clumps on a coarse lattice: rings pass between them by single points, to and fro.
+    clumps = rng.permutation(np.stack(np.meshgrid(np.arange(8), np.arange(8)), -1).reshape(-1, 2))[:45]
+    xy = np.repeat(clumps * 0.75, 4, axis=0) + rng.choice([-0.1, 0.0, 0.1], (180, 2))
+    tile, found = outlines_of(at_height(xy), KEEP_ALL)
+    assert (tile.building_id > 0).all()
+    assert found
+
+
+@pytest.mark.parametrize("deg", [0.0, 20.0, 45.0, 77.0])
+def test_a_building_one_window_wide_is_one_and_keeps_its_length(deg):
+    width = SegmentationConfig().window * SPACING
+    points = turned(roof(0, 0, 20, width), deg)
+    _, found = outlines_of(points)
+    assert len(found) == 1
+    rectangle = shapely.oriented_envelope(found[0])
+    assert rectangle.length / 2 == pytest.approx(20 + width, rel=0.1)
+
+
+def test_two_buildings_that_one_point_joins_are_two():
+    points = np.concatenate(
+        (roof(0, 0, 8, 8), roof(9.2, 0, 17, 8, seed=1), at_height(np.array([(8.42, 4.0)])))
+    )
+    tile, found = outlines_of(points)
+    assert len(found) == 2
+    assert (tile.building_id > 0).all()
+    # As published they are one, and that has a valid outline, too.
+    joined = outlines_of(points, SegmentationConfig(min_neck=0.0))[1]
+    assert len(joined) == 1
+    assert joined[0].area == pytest.approx(sum(one.area for one in found), rel=0.15)
+
+
+@pytest.mark.parametrize("deg", [0.0, 30.0])
+def test_a_hole_narrower_than_the_window_is_no_courtyard_and_a_wide_one_is(deg):
+    narrow = 0.8 * BoundaryTracingConfig().window * SPACING
+    for side, n_holes in ((narrow, 0), (6.0, 1)):
+        middle = (10 - side / 2, 8 - side / 2, 10 + side / 2, 8 + side / 2)
+        _, found = outlines_of(turned(without(roof(0, 0, 20, 16), *middle), deg))
+        assert [len(one.interiors) for one in found] == [n_holes]
+
+
+@pytest.mark.parametrize("deg", [15.0, 45.0, 90.0, 133.0])
+def test_outlines_turn_with_the_points(deg):
+    points = l_shaped()
+    assert_alike(
+        outlines_of(points)[1], [turned_back(one, deg) for one in outlines_of(turned(points, deg))[1]]
+    )
+
+
+def test_outlines_mirror_with_the_points():
+    points = l_shaped()
+    mirrored = outlines_of(points * (-1.0, 1.0, 1.0))[1]
+    back = [shapely.transform(one, lambda xy: xy * (-1.0, 1.0)) for one in mirrored]
+    assert_alike(outlines_of(points)[1], back)
+
+
+def test_the_order_of_points_changes_nothing():
+    points = np.concatenate((l_shaped(), roof(40, 0, 50, 8, seed=3)))
+    shuffled = points[np.random.default_rng(0).permutation(len(points))]
+    for one, other in zip(outlines_of(points)[1], outlines_of(shuffled)[1], strict=True):
+        assert one.equals(other)
+
+
+def test_walls_with_many_points_above_each_other_do_not_make_a_ring_of_every_point():
+    rng = np.random.default_rng(2)
+    along = rng.uniform(0.0, 1.0, (1500, 1))
+    wall = np.concatenate((along * (20.0, 0.0), along * (0.0, 12.0) + (20.0, 0.0)))
+    points = np.concatenate((roof(0, 0, 20, 12), at_height(wall + rng.normal(0.0, 0.05, wall.shape))))
+    _, found = outlines_of(points)
+    assert len(found) == 1
+    assert len(found[0].exterior.coords) - 1 <= 8
+    assert len(trace_boundary(points, point_spacing=SPACING).outline.exterior) < 0.1 * len(points)
+
+
+def l_shaped():
+    return without(roof(0, 0, 24, 18), 10, 8, 30, 30)
+
+
+def turned(points, deg):
+    cos, sin = np.cos(np.radians(deg)), np.sin(np.radians(deg))
+    return np.column_stack((points[:, :2] @ np.array([[cos, sin], [-sin, cos]]), points[:, 2]))
+
+
+def turned_back(shape, deg):
+    return shapely.transform(shape, lambda xy: turned(at_height(xy), -deg)[:, :2])
+
+
+def assert_alike(polygons, others):
+    """
+    One outline each, of as many corners, that differ by less than a tenth of the spacing along the walls.
+
+    """
+    assert len(polygons) == len(others) == 1
+    one, other = polygons[0], others[0]
+    assert len(one.exterior.coords) == len(other.exterior.coords)
+    assert shapely.symmetric_difference(one, other).area < 0.1 * SPACING * one.length
