@@ -13,6 +13,7 @@ from lidar_buildings.core.boundary_tracing.ground import prepare_ground
 from lidar_buildings.core.boundary_tracing.rings import RingTracer
 from lidar_buildings.core.boundary_tracing.triangles import characteristic_ring
 from lidar_buildings.core.outline import signed_area
+from lidar_buildings.core.point_spacing import measure_spacing
 from lidar_buildings.core.scan_pattern import ScanPattern
 from lidar_buildings.core.segmentation import segment_buildings
 from lidar_buildings.core.status import BuildingStatus
@@ -199,3 +200,11 @@ def test_every_real_building_has_a_sound_ring_from_a_walk(data_folder, name):
         traced = trace_boundary(points[found == number])
         assert_sound(traced, points[found == number])
         assert traced.reason == ""
+
+
+@pytest.mark.parametrize("density", [0.5, 8.0, 40.0])
+def test_the_spacing_measured_from_a_sample_is_that_of_all_points_and_copies_do_not_count(density):
+    points = GALLERY["l_shape"](density=density).roof_points()
+    spacing = trace_boundary(points).point_spacing
+    assert spacing == pytest.approx(measure_spacing(points), rel=0.05)
+    assert trace_boundary(np.concatenate((points, points))).point_spacing == pytest.approx(spacing, rel=0.05)

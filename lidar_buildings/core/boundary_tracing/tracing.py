@@ -17,8 +17,10 @@ from lidar_buildings.core.boundary_tracing.config import BoundaryTracingConfig
 from lidar_buildings.core.boundary_tracing.courtyards import CourtyardRules
 from lidar_buildings.core.boundary_tracing.ground import Ground, prepare_ground
 from lidar_buildings.core.boundary_tracing.rings import RingTracer
+from lidar_buildings.core.group_spacing import group_spacings
 from lidar_buildings.core.outline import Outline
 from lidar_buildings.core.point_array import checked_points
+from lidar_buildings.core.point_order import rows_by_cell
 from lidar_buildings.core.point_spacing import given_or_measured, measure_spacing
 from lidar_buildings.core.scan_pattern import ScanPattern
 from lidar_buildings.core.status import BuildingStatus
@@ -29,6 +31,8 @@ _MIN_POSITIONS = 4
 _MIN_WIDTH = 0.1
 #: Sides of the neighbourhood differ by this factor at most: in a narrower one rings follow every line.
 _MAX_RATIO = 2.0
+#: Window of the cells in which copies of points are sought before the spacing is known [guessed spacings].
+_GUESS_WINDOW = 4.0
 #: Other points in a courtyard, at least, as a share of what the building's spacing makes expect: ground in
 #: a yard is scanned through the same opening, while glass and wet felt return next to nothing.
 _MIN_OTHER_SHARE = 0.1
@@ -174,7 +178,24 @@ def _spacing(cloud: NDArray[np.float64], pattern: ScanPattern | None, point_spac
         return given_or_measured(cloud, point_spacing)
     if pattern is not None:
         return float(np.sqrt(pattern.along * pattern.across))
-    return measure_spacing(cloud)
+    return _sampled_spacing(cloud)
+
+
+def _sampled_spacing(cloud: NDArray[np.float64]) -> float:
+    """
+    Measure the spacing from a sample of the distinct positions, or from all of them where that fails [m].
+
+    """
+    width, height = np.ptp(cloud[:, :2], axis=0) if len(cloud) else (0.0, 0.0)
+    # As if the points filled their bounding box: cells a little too large only cost time.
+    guess = float(np.sqrt(width / max(len(cloud), 1)) * np.sqrt(height))
+    if not 0.0 < guess < np.inf:
+        return measure_spacing(cloud)
+    ground = prepare_ground(cloud, ScanPattern.isotropic(guess), _GUESS_WINDOW)
+    positions = np.column_stack((ground.x, ground.y))
+    group = np.zeros(len(positions), dtype=np.int64)
+    spacing = float(group_spacings(positions, rows_by_cell(positions, 1.5 * guess), group, 1)[0])
+    return spacing if np.isfinite(spacing) else measure_spacing(cloud)
 
 
 def _widened(pattern: ScanPattern) -> ScanPattern:
