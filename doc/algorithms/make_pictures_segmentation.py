@@ -161,8 +161,8 @@ def draw_necks(axes: plt.Axes) -> None:
     """
     neck = np.column_stack((np.arange(8.0, 13.0, 0.5), np.full(10, 4.0)))
     points = raised(np.vstack((lattice(0, 0, 8, 8), lattice(13, 0, 21, 8), neck)), 5.0)
-    found = segment_buildings(points, SegmentationConfig(min_neck=1.5)).building_id
-    draw(axes, points, found, "min_neck 1.5 (0: one building); buildings")
+    found = segment_buildings(points).building_id
+    draw(axes, points, found, "a neck (min_neck 0: one building); buildings")
 
 
 def draw_slanting_step(axes: plt.Axes) -> None:
