@@ -12,7 +12,8 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from lidar_buildings.core.regularisation.assembly import WalledRing, swept
+from lidar_buildings.core.regularisation.assembly import WalledRing
+from lidar_buildings.core.regularisation.joints import swept
 from lidar_buildings.core.regularisation.walls import CENTRE_X, CENTRE_Y, RADIUS, foot_on
 
 #: How a wall is drawn: its line or arc, the chord from its first to its last sample, or all its samples.

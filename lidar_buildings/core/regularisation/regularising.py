@@ -13,13 +13,7 @@ import shapely
 from numpy.typing import NDArray
 
 from lidar_buildings.core.outline import Outline
-from lidar_buildings.core.regularisation.assembly import (
-    Fit,
-    WalledRing,
-    assemble,
-    moved_out,
-    through_the_points,
-)
+from lidar_buildings.core.regularisation.assembly import Fit, WalledRing, assemble
 from lidar_buildings.core.regularisation.building_walls import both_ways, divide_building
 from lidar_buildings.core.regularisation.config import RegularisationConfig
 from lidar_buildings.core.regularisation.division import Division
@@ -32,6 +26,7 @@ from lidar_buildings.core.regularisation.precision import (
 )
 from lidar_buildings.core.regularisation.result import OutlineQuality, RegularisedOutline
 from lidar_buildings.core.regularisation.samples import SAMPLE_LENGTH, RingSamples, sample_ring
+from lidar_buildings.core.regularisation.settling import moved_out, through_the_points
 from lidar_buildings.core.status import BuildingStatus
 
 #: Fewest ring points that are worth fitting walls to.
