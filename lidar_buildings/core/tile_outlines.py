@@ -28,6 +28,8 @@ _log = logging.getLogger(__name__)
 #: Buildings whose traced rings come so near to each other were one block: different blocks are
 #: farther apart, by half the window of the segmentation, 2.25 spacings [spacings].
 _TOUCHING = 1.75
+#: What rounding may leave of an overlap of buildings that share a wall [m²].
+_MAX_OVERLAP = 1e-2
 
 
 def regularise_outlines(
@@ -42,10 +44,10 @@ def regularise_outlines(
     if config.max_wall_gap and len(outlines) > 1:
         spacings = [working_spacing(outline, config) if len(outline.exterior) else 0.0 for outline in traced]
         regular = with_common_walls(regular, traced, spacings, config.max_wall_gap)
-    return tuple(
-        replace(one, outline=_sound(outline.as_carried(), one.outline))
-        for one, outline in zip(outlines, regular, strict=True)
+    regular = _apart(
+        [_sound(outline.as_carried(), ring) for outline, ring in zip(regular, traced, strict=True)], traced
     )
+    return tuple(replace(one, outline=outline) for one, outline in zip(outlines, regular, strict=True))
 
 
 def with_common_walls(
@@ -124,3 +126,19 @@ def _sound(outline: Outline, traced: Outline) -> Outline:
     if repeats or (len(outline.exterior) >= 3 and not outline.polygon.is_valid):
         return traced
     return outline
+
+
+def _apart(outlines: list[Outline], traced: list[Outline]) -> list[Outline]:
+    """
+    Let a building whose walls lie over a neighbour's keep its traced outline, the smaller of the two first.
+
+    """
+    result = list(outlines)
+    polygons = [outline.polygon for outline in outlines]
+    one, other = shapely.STRtree(polygons).query(np.array(polygons, dtype=object), predicate="intersects")
+    for i, k in zip(one[one < other].tolist(), other[one < other].tolist(), strict=True):
+        for row in sorted((i, k), key=lambda row: (polygons[row].area, row)):
+            if polygons[i].intersection(polygons[k]).area <= _MAX_OVERLAP:
+                break
+            result[row], polygons[row] = traced[row], traced[row].polygon
+    return result

@@ -80,3 +80,23 @@ def test_an_outline_that_rounding_would_spoil_stays_as_traced(monkeypatch):
     (result,) = regularise_outlines((moved,), RegularisationConfig())
     assert result.outline.polygon.is_valid
     assert len(result.outline.exterior) == len(traced.exterior)
+
+
+def test_walls_that_would_lie_over_a_neighbour_leave_the_smaller_one_as_traced(monkeypatch):
+    large, small = ring_of(shapely.box(0, 0, 20, 10)), ring_of(shapely.box(22, 2, 28, 8))
+    grown = {
+        len(large.exterior): shapely.box(0, 0, 24, 10),
+        len(small.exterior): shapely.box(22, 2, 28, 8),
+    }
+
+    class Result:
+        def __init__(self, traced, _):
+            box = shapely.orient_polygons(grown[len(traced.exterior)])
+            self.outline = Outline(shapely.get_coordinates(box.exterior)[:-1])
+
+    monkeypatch.setattr("lidar_buildings.core.tile_outlines.regularise_outline", Result)
+    given = tuple(BuildingOutline(k + 1, one) for k, one in enumerate((large, small)))
+    result = polygons(one.outline for one in regularise_outlines(given, RegularisationConfig()))
+    # The small one alone does not part them: the large one keeps its ring, too.
+    assert result[0].intersection(result[1]).area == 0.0
+    assert result[1].equals(shapely.box(22, 2, 28, 8))

@@ -129,7 +129,12 @@ def measure_outline(
     if outline.same_as(own.outline) or outline.same_as(own.outline.as_carried()):
         return OutlineQuality(own.sigma, own.max_offset, own.status, own.reason)
     if outline.same_as(traced):
-        return OutlineQuality(0.0, 0.0, BuildingStatus.TRACED_OUTLINE, "the outline is the traced ring")
+        return OutlineQuality(
+            0.0,
+            0.0,
+            BuildingStatus.TRACED_OUTLINE,
+            "straight walls would lie over a neighbour's, or be spoilt by rounding",
+        )
     spacing = working_spacing(traced, config)
     limits = config.dent_limits(spacing)
     points = np.concatenate([sample_ring(ring, spacing, limits).on_walls for ring in traced.rings])
