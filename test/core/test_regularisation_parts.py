@@ -8,6 +8,7 @@ from lidar_buildings.core.regularisation.assembly import Fit, assemble
 from lidar_buildings.core.regularisation.dents import DentLimits, bearing_points
 from lidar_buildings.core.regularisation.directions import WallScatter, shared_directions
 from lidar_buildings.core.regularisation.division import ARC, FREE, Costs, divide_ring
+from lidar_buildings.core.regularisation.joints import joint_of
 from lidar_buildings.core.regularisation.moments import algebraic_circle, running_sums
 from lidar_buildings.core.regularisation.samples import sample_ring
 from lidar_buildings.core.regularisation.settling import moved_out, through_the_points
@@ -187,6 +188,20 @@ def test_walls_meet_where_both_equations_hold():
         assert meet
         assert (x, y) == pytest.approx((near, 3.0))
     assert not nearest_meeting(line(np.pi / 2, 6.0), circle(0, 0, 5), 0.0, 6.0)[2]
+
+
+@pytest.mark.parametrize(("turn_deg", "is_corner"), [(90.0, True), (120.0, True), (160.0, False)])
+def test_a_sharp_corner_does_not_stick_out_beyond_its_points(turn_deg, is_corner):
+    turn = np.deg2rad(90.0 - turn_deg)
+    up = np.column_stack([np.zeros(11), np.arange(11.0)])
+    away = np.array([0.9, 9.6]) + np.arange(11.0)[:, None] * (np.cos(turn), np.sin(turn))
+    points = np.vstack([up, away, [[20.0, -20.0]]])
+    shapes = np.array([fitted(up, FREE), fitted(away, FREE)])
+    first, last = np.array([0, 11]), np.array([11, 22])
+    joint = joint_of(points, first, last, shapes, 0, 1, 1.0)
+    assert np.array_equal(*joint) == is_corner
+    # A sharp corner would be 2.3 from the turn; its blunt end is beside the points.
+    assert np.hypot(*(joint - (0.45, 9.8)).T).max() < 1.5
 
 
 def test_shared_directions_are_those_of_a_joint_adjustment():

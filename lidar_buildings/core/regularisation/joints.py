@@ -88,7 +88,10 @@ def joint_of(points, first, last, shape, i, k, min_step):  # type: ignore[no-unt
     is_bent = shape[i, RADIUS] != 0 or shape[k, RADIUS] != 0
     if (PARALLEL if is_bent else _NO_CORNER) < turn < np.pi - PARALLEL:
         mx, my, meet = nearest_meeting(shape[i], shape[k], x, y)
-        if meet and np.hypot(mx - x, my - y) <= max(_MAX_CORNER_SHIFT * min_step, _MAX_GAP_SHIFT * gap):
+        # The sharper a corner, the farther it would stick out beyond the points that speak for it.
+        sharp = np.sin(turn) if turn > 0.5 * np.pi else 1.0
+        limit = max(_MAX_CORNER_SHIFT * min_step * sharp, _MAX_GAP_SHIFT * gap)
+        if meet and np.hypot(mx - x, my - y) <= limit:
             joint[:, 0], joint[:, 1] = mx, my
             return joint
     joint[0] = foot_on(shape[i], x, y)
