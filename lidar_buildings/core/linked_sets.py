@@ -7,7 +7,26 @@ A forest is an int array, at first each member's own number; the lowest number o
 
 from __future__ import annotations
 
+import numpy as np
 from numba import njit
+from numpy.typing import NDArray
+
+
+def sets_of_pairs(count: int, one: NDArray[np.integer], other: NDArray[np.integer]) -> NDArray[np.int64]:
+    """
+    Return, for each of `count` members, the lowest number of the set that pairs link it to.
+
+    Parameters
+    ----------
+    count : int
+        Members are 0 to `count` (exclusive).
+    one, other : ndarray of int, shape (n_pairs,)
+        Linked members.
+
+    """
+    parent = np.arange(count)
+    _link_pairs(parent, np.asarray(one, dtype=np.int64), np.asarray(other, dtype=np.int64))
+    return parent
 
 
 @njit(cache=True, nogil=True)
@@ -40,3 +59,14 @@ def flatten(parent):  # type: ignore[no-untyped-def]
     """
     for i in range(len(parent)):
         parent[i] = root(parent, i)
+
+
+@njit(cache=True, nogil=True)
+def _link_pairs(parent, one, other):  # type: ignore[no-untyped-def]
+    """
+    Link members pair by pair, and let each name its root.
+
+    """
+    for i in range(len(one)):
+        link(parent, one[i], other[i])
+    flatten(parent)

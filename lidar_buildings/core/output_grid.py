@@ -44,10 +44,7 @@ def repaired_outlines(outline: Outline) -> list[tuple[Outline, str]]:
     Crossing rings are cut apart and the largest part is kept; rings that touch are drawn in by a centimetre.
 
     """
-    polygon = (
-        shapely.Polygon(outline.exterior, outline.holes) if len(outline.exterior) >= 3 else shapely.Polygon()
-    )
-    parts = shapely.make_valid(polygon)
+    parts = shapely.make_valid(outline.polygon)
     sound = _largest(parts)
     drawn_in = _largest(sound.buffer(-_INSET, join_style="mitre"))
     candidates = [

@@ -11,14 +11,13 @@ from dataclasses import replace
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
+from lidar_buildings.core.linked_sets import sets_of_pairs
 from lidar_buildings.core.outline import BuildingOutline, Outline
 from lidar_buildings.core.regularisation import (
     RegularisationConfig,
     regularise_outline,
+    ring_spacing,
     working_spacing,
 )
 from lidar_buildings.core.shared_walls import share_walls
@@ -38,71 +37,61 @@ def regularise_outlines(
     """
     Regularise every traced outline, and let touching ones share walls; one that cannot be keeps its rings.
 
+    What becomes of an outline depends on those of its own block alone, which is never cut by a tile's edge.
+
     """
     traced = [one.outline for one in outlines]
     regular = [_regularised(one, config) for one in outlines]
-    if config.max_wall_gap and len(outlines) > 1:
-        spacings = [working_spacing(outline, config) if len(outline.exterior) else 0.0 for outline in traced]
-        regular = with_common_walls(regular, traced, spacings, config.max_wall_gap)
-    regular = _apart(
-        [_sound(outline.as_carried(), ring) for outline, ring in zip(regular, traced, strict=True)], traced
-    )
+    groups = touching_groups(traced)
+    if config.max_wall_gap:
+        for members in groups:
+            _share_walls(regular, traced, members, config)
+    regular = [_sound(outline.as_carried(), ring) for outline, ring in zip(regular, traced, strict=True)]
+    for members in groups:
+        _part(regular, traced, members)
     return tuple(replace(one, outline=outline) for one, outline in zip(outlines, regular, strict=True))
 
 
-def with_common_walls(
-    outlines: Sequence[Outline], traced: Sequence[Outline], spacings: Sequence[float], max_gap: float
-) -> list[Outline]:
+def touching_groups(traced: Sequence[Outline]) -> list[list[int]]:
     """
-    Let buildings that were split from one block share their walls; all others stay as they are.
+    Return the rows of buildings that were split from one block, group by group.
 
     Parameters
     ----------
-    outlines, traced : sequence of Outline
-        After and before regularisation [m].
-    spacings : sequence of float
-        Point spacing of each building [m].
-    max_gap : float
-        How far walls of touching buildings may be apart to become one [spacings].
-
-    Returns
-    -------
-    list of Outline
-        In the order given.
+    traced : sequence of Outline
+        Rings through the points [m].
 
     """
-    result = list(outlines)
-    for members in _touching_groups(traced, np.asarray(spacings, dtype=np.float64)):
-        shared = share_walls(
-            [outlines[k] for k in members],
-            [traced[k] for k in members],
-            [max_gap * spacings[k] for k in members],
-        )
-        for k, outline, reason in zip(members, shared.outlines, shared.reasons, strict=True):
-            result[k] = outline
-            if reason:
-                _log.info("building at (%.1f, %.1f): %s", *outlines[k].exterior[0], reason)
-    return result
-
-
-def _touching_groups(traced: Sequence[Outline], spacings: NDArray[np.float64]) -> list[NDArray[np.int64]]:
-    """
-    Return the rows of buildings that touch others, group by group.
-
-    """
-    if len(traced) < 2:
+    known = [row for row, outline in enumerate(traced) if len(outline.exterior) >= 3]
+    if len(known) < 2:
         return []
-    rings = np.array([Outline(outline.exterior).polygon for outline in traced], dtype=object)
-    reach = _TOUCHING * spacings
+    rings = np.array([Outline(traced[row].exterior).polygon for row in known], dtype=object)
+    reach = _TOUCHING * np.array([ring_spacing(traced[row]) for row in known])
     one, other = shapely.STRtree(rings).query(rings, predicate="dwithin", distance=reach)
-    distinct = one < other
-    one, other = one[distinct], other[distinct]
     near = shapely.distance(rings[one], rings[other]) <= 0.5 * (reach[one] + reach[other])
-    one, other = one[near], other[near]
-    graph = coo_array((np.ones(len(one), dtype=np.int8), (one, other)), shape=(len(rings),) * 2)
-    group = connected_components(graph, directed=False)[1]
-    sizes = np.bincount(group)
-    return [np.flatnonzero(group == k) for k in np.flatnonzero(sizes > 1)]
+    group = sets_of_pairs(len(known), one[near], other[near])
+    return [
+        [known[k] for k in np.flatnonzero(group == number)]
+        for number in np.flatnonzero(np.bincount(group) > 1)
+    ]
+
+
+def _share_walls(
+    outlines: list[Outline], traced: list[Outline], members: list[int], config: RegularisationConfig
+) -> None:
+    """
+    Let the buildings of one block share their walls, in place.
+
+    """
+    shared = share_walls(
+        [outlines[row] for row in members],
+        [traced[row] for row in members],
+        [config.max_wall_gap * working_spacing(traced[row], config) for row in members],
+    )
+    for row, outline, reason in zip(members, shared.outlines, shared.reasons, strict=True):
+        if reason:
+            _log.info("building at (%.1f, %.1f): %s", *outlines[row].exterior[0], reason)
+        outlines[row] = outline
 
 
 def _regularised(traced: BuildingOutline, config: RegularisationConfig) -> Outline:
@@ -111,7 +100,7 @@ def _regularised(traced: BuildingOutline, config: RegularisationConfig) -> Outli
 
     """
     try:
-        return regularise_outline(traced.outline, config).outline.as_carried()
+        return regularise_outline(traced.outline, config).outline
     except Exception:
         _log.exception("building %d: regularisation failed, the traced ring is kept", traced.building_id)
         return traced.outline
@@ -128,17 +117,16 @@ def _sound(outline: Outline, traced: Outline) -> Outline:
     return outline
 
 
-def _apart(outlines: list[Outline], traced: list[Outline]) -> list[Outline]:
+def _part(outlines: list[Outline], traced: list[Outline], members: list[int]) -> None:
     """
-    Let a building whose walls lie over a neighbour's keep its traced outline, the smaller of the two first.
+    Give buildings of one block that still lie over each other their traced outlines, the smaller one first.
 
     """
-    result = list(outlines)
-    polygons = [outline.polygon for outline in outlines]
-    one, other = shapely.STRtree(polygons).query(np.array(polygons, dtype=object), predicate="intersects")
-    for i, k in zip(one[one < other].tolist(), other[one < other].tolist(), strict=True):
-        for row in sorted((i, k), key=lambda row: (polygons[row].area, row)):
-            if polygons[i].intersection(polygons[k]).area <= _MAX_OVERLAP:
+    polygons = [outlines[row].polygon for row in members]
+    pairs = shapely.STRtree(polygons).query(np.array(polygons, dtype=object), predicate="intersects")
+    for one, other in sorted(pairs[:, pairs[0] < pairs[1]].T.tolist()):
+        for k in sorted((one, other), key=lambda k: (traced[members[k]].area, k)):
+            if polygons[one].intersection(polygons[other]).area <= _MAX_OVERLAP:
                 break
-            result[row], polygons[row] = traced[row], traced[row].polygon
-    return result
+            outlines[members[k]] = traced[members[k]]
+            polygons[k] = traced[members[k]].polygon

@@ -3,18 +3,20 @@ import pytest
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
-from lidar_buildings.core.linked_sets import flatten, link, root
+from lidar_buildings.core.linked_sets import flatten, link, root, sets_of_pairs
 
 
 def sets_of(n, links):
     """
-    The forest that the links make of n members, flattened.
+    The forest that the links make of n members, flattened; link by link and all at once.
 
     """
     parent = np.arange(n)
     for i, j in links:
         link(parent, i, j)
     flatten(parent)
+    one, other = np.reshape(links, (-1, 2)).T
+    np.testing.assert_array_equal(sets_of_pairs(n, one, other), parent)
     return parent
 
 

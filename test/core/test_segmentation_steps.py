@@ -172,3 +172,15 @@ def test_a_block_of_split_houses_comes_out_whole_in_the_tile_that_holds_its_anch
             np.unique(traced.tile.building_id[traced.tile.building_id > 0]), sorted(ids[-1])
         )
     assert [len(one) for one in ids] == [3, 0]
+
+
+def test_buildings_on_both_ends_of_a_neck_come_out_of_the_same_tile():
+    neck = np.column_stack([np.arange(10.3, 15.0, 0.4), np.full(12, 5.0), np.full(12, 5.0)])
+    points = np.vstack([plane(0, 0, 10, 10, 5.0), neck, plane(15, 0, 25, 10, 5.0, seed=1)])
+    config = SegmentationConfig(min_neck=2.5)
+    west = points[:, 0] < 12.5
+    counts = []
+    for is_buffer in (~west, west):
+        tile = PointTile(points, buffer=is_buffer.astype(np.uint8))
+        counts.append(len(trace_buildings(tile, config, BoundaryTracingConfig()).outlines))
+    assert counts == [2, 0]

@@ -4,7 +4,8 @@ import shapely
 
 from lidar_buildings.core.outline import BuildingOutline, Outline
 from lidar_buildings.core.regularisation import RegularisationConfig
-from lidar_buildings.core.tile_outlines import regularise_outlines, with_common_walls
+from lidar_buildings.core.shared_walls import share_walls
+from lidar_buildings.core.tile_outlines import regularise_outlines, touching_groups
 
 
 def ring_of(box, step=0.5):
@@ -21,17 +22,11 @@ def _holes(polygon):
     return [shapely.get_coordinates(ring)[:-1] for ring in polygon.interiors]
 
 
-def test_houses_of_one_block_share_their_wall_and_others_stay_as_they_are():
+def test_houses_whose_rings_are_a_spacing_apart_are_of_one_block_and_others_are_not():
     boxes = [shapely.box(0, 0, 10, 8), shapely.box(10.5, 0, 20, 8), shapely.box(30, 0, 40, 8)]
-    traced = [ring_of(box) for box in boxes]
-    plain = [Outline(shapely.get_coordinates(shapely.orient_polygons(box).exterior)[:-1]) for box in boxes]
-    result = with_common_walls(plain, traced, [0.4] * 3, 2.5)
-    covered = polygons(result)
-    assert shapely.coverage_is_valid(covered)
-    assert shapely.length(shapely.intersection(covered[0], covered[1])) > 7.9
-    assert result[2] is plain[2]
-    apart = with_common_walls(plain, traced, [0.2] * 3, 2.5)
-    assert all(one is other for one, other in zip(apart, plain, strict=True))
+    assert touching_groups([ring_of(box) for box in boxes]) == [[0, 1]]
+    assert touching_groups([ring_of(box, 0.25) for box in boxes]) == []
+    assert touching_groups([ring_of(boxes[1]), ring_of(boxes[2]), ring_of(boxes[0])]) == [[0, 2]]
 
 
 def test_a_round_tower_amid_a_hall_stays_round_and_the_hall_takes_its_wall():
@@ -41,7 +36,7 @@ def test_a_round_tower_amid_a_hall_stays_round_and_the_hall_takes_its_wall():
         Outline(shapely.get_coordinates(one.exterior)[:-1], tuple(_holes(one)))
         for one in shapely.orient_polygons(np.array([tower, hall], dtype=object))
     ]
-    result = polygons(with_common_walls(plain, plain, [0.4, 0.4], 2.5))
+    result = polygons(share_walls(plain, plain, 1.0).outlines)
     assert shapely.coverage_is_valid(result)
     assert shapely.equals_exact(result[0].normalize(), tower.normalize(), tolerance=2e-3)
     assert result[1].interiors[0].length == pytest.approx(result[0].length)
@@ -59,10 +54,11 @@ def test_the_stage_shares_walls_unless_told_otherwise():
     assert [one.building_id for one in regularise_outlines(traced, alone)] == [1, 2]
 
 
-def test_empty_rings_and_single_buildings_are_passed_on():
+def test_empty_rings_are_passed_on():
     empty = Outline(np.zeros((0, 2)))
-    assert with_common_walls([], [], [], 2.5) == []
-    assert with_common_walls([empty, empty], [empty, empty], [1.0, 1.0], 2.5) == [empty, empty]
+    assert touching_groups([]) == touching_groups([empty, empty]) == []
+    given = tuple(BuildingOutline(k, empty) for k in (1, 2))
+    assert [len(one.outline.exterior) for one in regularise_outlines(given, RegularisationConfig())] == [0, 0]
 
 
 def test_an_outline_that_rounding_would_spoil_stays_as_traced(monkeypatch):
@@ -83,10 +79,10 @@ def test_an_outline_that_rounding_would_spoil_stays_as_traced(monkeypatch):
 
 
 def test_walls_that_would_lie_over_a_neighbour_leave_the_smaller_one_as_traced(monkeypatch):
-    large, small = ring_of(shapely.box(0, 0, 20, 10)), ring_of(shapely.box(22, 2, 28, 8))
+    large, small = ring_of(shapely.box(0, 0, 20, 10)), ring_of(shapely.box(20.5, 2, 26.5, 8))
     grown = {
-        len(large.exterior): shapely.box(0, 0, 24, 10),
-        len(small.exterior): shapely.box(22, 2, 28, 8),
+        len(large.exterior): shapely.box(0, 0, 23, 10),
+        len(small.exterior): shapely.box(20.5, 2, 26.5, 8),
     }
 
     class Result:
@@ -96,7 +92,8 @@ def test_walls_that_would_lie_over_a_neighbour_leave_the_smaller_one_as_traced(m
 
     monkeypatch.setattr("lidar_buildings.core.tile_outlines.regularise_outline", Result)
     given = tuple(BuildingOutline(k + 1, one) for k, one in enumerate((large, small)))
-    result = polygons(one.outline for one in regularise_outlines(given, RegularisationConfig()))
+    alone = RegularisationConfig(max_wall_gap=0.0)
+    result = polygons(one.outline for one in regularise_outlines(given, alone))
     # The small one alone does not part them: the large one keeps its ring, too.
     assert result[0].intersection(result[1]).area == 0.0
-    assert result[1].equals(shapely.box(22, 2, 28, 8))
+    assert result[1].equals(shapely.box(20.5, 2, 26.5, 8))

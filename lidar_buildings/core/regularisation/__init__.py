@@ -7,6 +7,7 @@ from lidar_buildings.core.regularisation.config import AS_PUBLISHED, Regularisat
 from lidar_buildings.core.regularisation.regularising import (
     measure_outline,
     regularise_outline,
+    ring_spacing,
     working_spacing,
 )
 from lidar_buildings.core.regularisation.result import OutlineQuality, OutlineWall, RegularisedOutline
@@ -19,5 +20,6 @@ __all__ = [
     "RegularisedOutline",
     "measure_outline",
     "regularise_outline",
+    "ring_spacing",
     "working_spacing",
 ]

@@ -37,8 +37,7 @@ def fit_quality(points: NDArray[np.float64], outline: Outline, n_unknowns: int) 
         What was adjusted to the points: see `unknowns_of`.
 
     """
-    boundary = shapely.Polygon(outline.exterior, outline.holes).boundary
-    offsets = shapely.distance(boundary, shapely.points(points))
+    offsets = shapely.distance(outline.polygon.boundary, shapely.points(points))
     redundancy = max(len(points) - n_unknowns, 1)
     return float(np.sqrt(np.sum(offsets**2) / redundancy)), float(offsets.max())
 

@@ -100,14 +100,18 @@ def regularise_outline(traced: Outline, config: RegularisationConfig | None = No
         _fitted(ring, division, fit, config.chord_error * spacing)
         for ring, division in zip(samples, divisions, strict=True)
     ]
-    bias = estimated_bias(samples, ring_spacing(checked)) - _mean_move(rings)
+    empty = estimated_bias(samples, ring_spacing(checked))
+    bias = empty - _mean_move(rings)
     result = _result(traced, rings, centre, directions, bias, config)
-    if config.correct_bias and result.status is BuildingStatus.OK:
-        corrected = [_corrected(ring, bias + ring.move, fit, config.chord_error * spacing) for ring in rings]
-        moved = _result(traced, corrected, centre, directions, bias, config, moved=bias)
-        # What was adjusted is the line through the points: its precision is that of the moved one, too.
-        return replace(moved, sigma=result.sigma, max_offset=result.max_offset) if moved.walls else result
-    return result
+    if not config.correct_bias or result.status is not BuildingStatus.OK:
+        return result
+    corrected = [_corrected(ring, empty, fit, config.chord_error * spacing) for ring in rings]
+    moved = _result(traced, corrected, centre, directions, bias, config, moved=bias)
+    if moved.status is not BuildingStatus.OK:
+        reason = f"walls are where the points are, since moved out to the edge: {moved.reason}"
+        return replace(result, reason="; ".join(filter(None, (result.reason, reason))))
+    # What was adjusted is the line through the points: its precision is that of the moved one, too.
+    return replace(moved, sigma=result.sigma, max_offset=result.max_offset)
 
 
 def measure_outline(
@@ -309,7 +313,7 @@ def _problem(outline: Outline, traced: Outline, moved: float, config: Regularisa
     """
     if len(outline.exterior) < 3:
         return "fewer than three walls were found"
-    polygon, ring = (shapely.Polygon(one.exterior, one.holes) for one in (outline, traced))
+    polygon, ring = outline.polygon, traced.polygon
     if not polygon.is_valid:
         return "the walls do not make up a valid polygon"
     if not ring.is_valid:

@@ -11,9 +11,8 @@ from typing import Any
 import numpy as np
 import shapely
 from numpy.typing import ArrayLike, NDArray
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
+from lidar_buildings.core.linked_sets import sets_of_pairs
 from lidar_buildings.core.scores.polygons import valid_polygons
 
 #: Walls so near to each other are one: maps are drawn to centimetres [m].
@@ -60,7 +59,8 @@ def merge_touching(buildings: ArrayLike, *, tolerance: float = TOUCHING) -> Bloc
 
     """
     given = valid_polygons(buildings)
-    block = _in_order_of_rows(_components(len(given), *_touching_pairs(given, tolerance)))
+    # A set is named by its first row: blocks come in the order of these.
+    block = np.unique(sets_of_pairs(len(given), *_touching_pairs(given, tolerance)), return_inverse=True)[1]
     members = [given[rows] for rows in np.split(np.argsort(block, kind="stable"), _ends(block))]
     merged = [one[0] if len(one) == 1 else _closed(one, tolerance) for one in members if len(one)]
     return Blocks(np.array(merged, dtype=object), block)
@@ -76,24 +76,6 @@ def _touching_pairs(polygons: NDArray[Any], tolerance: float) -> tuple[NDArray[n
     near = shapely.intersection(shapely.boundary(polygons[one]), shapely.buffer(polygons[other], tolerance))
     shares_wall = shapely.length(near) >= MIN_WALL
     return one[shares_wall], other[shares_wall]
-
-
-def _components(count: int, one: NDArray[np.int64], other: NDArray[np.int64]) -> NDArray[np.int64]:
-    """
-    Number the connected components of a graph.
-
-    """
-    graph = coo_array((np.ones(len(one), dtype=np.int8), (one, other)), shape=(count, count))
-    return np.asarray(connected_components(graph, directed=False)[1], dtype=np.int64)
-
-
-def _in_order_of_rows(labels: NDArray[np.int64]) -> NDArray[np.int64]:
-    """
-    Number labels anew, by their first row.
-
-    """
-    _, first, inverse = np.unique(labels, return_index=True, return_inverse=True)
-    return np.asarray(np.argsort(np.argsort(first))[inverse.reshape(-1)], dtype=np.int64)
 
 
 def _ends(block: NDArray[np.int64]) -> NDArray[np.int64]:

@@ -46,8 +46,8 @@ class Segmentation:
     building_id : ndarray of uint32, shape (n_points,)
         0 = none.
     block_id : ndarray of uint32, shape (n_points,)
-        The connected block that a building is part of: the id of the building with the block's westernmost
-        point. It is the building's own where nothing was split.
+        The connected block that a building is part of, before necks were cut and steps split: the id of the
+        building with the block's westernmost point. It is the building's own where nothing was.
     window : tuple of two float
         Greatest extent of the windows along x and y [m].
     patterns : dict of int to ScanPattern
@@ -112,14 +112,17 @@ def segment_buildings(
     spacing = given_or_measured(cloud, point_spacing)
     cells = scan_cells(pulses, spacing)
     chains = chain_along_scan(pulses, config.window, spacing, angle, cells)
+    n_blocks, block_of_chain = chains.n_components, np.arange(chains.n_components)
     if config.min_neck > 0.0:
-        chains = _without_necks(cloud, chains, config, cells, spacing)
-    block = _buildings(cloud, chains, config, spacing)
-    part, block_of_part = block, np.arange(chains.n_components)
+        chains, block_of_chain = _without_necks(cloud, chains, config, cells, spacing)
+    building = _buildings(cloud, chains, config, spacing)
+    # Buildings on both ends of a neck touch there: they are of one block, as are the parts at a step.
+    block = np.where(building >= 0, block_of_chain[building], -1)
+    part, chain_of_part = building, np.arange(chains.n_components)
     if config.split_at_steps:
-        part, block_of_part = split_blocks(
+        part, chain_of_part = split_blocks(
             cloud,
-            block,
+            building,
             chains.n_components,
             spacing,
             min_step_height=config.min_step_height,
@@ -127,12 +130,12 @@ def segment_buildings(
             min_width=config.min_part_width,
             min_tower_area=config.min_tower_area,
         )
-    ids, id_of_block = _identified(cloud, block, chains.n_components, part, block_of_part)
+    ids, id_of_block = _identified(cloud, block, n_blocks, part, block_of_chain[chain_of_part])
     # A building's own points, whatever lies beside it, tell the pattern that outlines are traced with.
-    own = measure_scan_patterns(pulses, part, len(block_of_part), spacing, scan_angle=angle, cells=cells)
-    wide = group_spacings(cloud, cells, part, len(block_of_part))
+    own = measure_scan_patterns(pulses, part, len(chain_of_part), spacing, scan_angle=angle, cells=cells)
+    wide = group_spacings(cloud, cells, part, len(chain_of_part))
     patterns = {
-        int(ids[k]): _told(own[k], chains.patterns[block_of_part[k]], float(wide[k]), spacing)
+        int(ids[k]): _told(own[k], chains.patterns[chain_of_part[k]], float(wide[k]), spacing)
         for k in np.flatnonzero(ids[:-1])
     }
     return Segmentation(
@@ -142,12 +145,13 @@ def segment_buildings(
 
 def _without_necks(
     cloud: NDArray[np.float64], chains: Chains, config: SegmentationConfig, cells: CellRows, spacing: float
-) -> Chains:
+) -> tuple[Chains, NDArray[np.int64]]:
     """
-    Cut the necks of every component, in units of its own spacing.
+    Cut the necks of every component, in units of its own spacing; also return what each was cut from.
 
     """
     component, patterns = chains.component.copy(), list(chains.patterns)
+    cut_from = list(range(chains.n_components))
     for unit, rows in _by_unit(cloud, chains, cells, spacing):
         parts = cut_necks(
             turned(cloud[rows], unit),
@@ -160,7 +164,8 @@ def _without_necks(
         for number, members in parts:
             component[rows[members]] = len(patterns)
             patterns.append(patterns[number])
-    return Chains(component, len(patterns), patterns)
+            cut_from.append(number)
+    return Chains(component, len(patterns), patterns), np.array(cut_from, dtype=np.int64)
 
 
 def _by_unit(

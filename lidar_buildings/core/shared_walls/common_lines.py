@@ -11,8 +11,8 @@ from typing import NamedTuple
 import numpy as np
 import shapely
 from numpy.typing import NDArray
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
+
+from lidar_buildings.core.linked_sets import sets_of_pairs
 
 #: Walls facing each other under a larger angle are no common wall.
 MAX_ANGLE_DEG = 15.0
@@ -198,8 +198,7 @@ def _common(
 
     """
     n = len(walls.building)
-    links = coo_array((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(n, n))
-    label = connected_components(links, directed=False)[1]
+    label = sets_of_pairs(n, pairs[:, 0], pairs[:, 1])
     along = (walls.end - walls.start) / np.maximum(walls.length, 1e-12)[:, None]
     lines = Lines(walls.start.copy(), along, np.full(n, -1))
     for group in np.unique(label[pairs[apart > SAME, 0]]):

@@ -191,9 +191,7 @@ def _polygon(outline: Outline) -> shapely.Polygon:
     Return an outline as a polygon whose rings begin with their westernmost vertices, empty without a ring.
 
     """
-    if len(outline.exterior) < 3:
-        return shapely.Polygon()
-    return shapely.Polygon(outline.exterior, [hole for hole in outline.holes if len(hole) >= 3]).normalize()
+    return outline.polygon.normalize()
 
 
 def _key(outline: Outline) -> tuple[float, ...]:
