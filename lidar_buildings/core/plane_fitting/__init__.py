@@ -25,6 +25,7 @@ from lidar_buildings.core.plane_fitting.plane_geometry import local_normals
 from lidar_buildings.core.plane_fitting.search import extract
 from lidar_buildings.core.point_array import checked_points
 from lidar_buildings.core.point_spacing import measure_spacing
+from lidar_buildings.core.roof_planes import RoofPlane
 from lidar_buildings.core.status import BuildingStatus
 
 __all__ = ["PlaneFittingConfig", "RoofPlane", "RoofPlanes", "fit_roof_planes", "samples_needed"]
@@ -37,30 +38,6 @@ _NORMAL_NEIGHBOURS = 12
 _SAMPLE_SETS = 64
 #: The largest number that `plane_id` can hold.
 _MAX_PLANES = 65535
-
-
-@dataclass(frozen=True, eq=False)
-class RoofPlane:
-    """
-    One plane of a roof.
-
-    Attributes
-    ----------
-    normal : ndarray of shape (3,)
-        Unit normal, pointing upwards.
-    centroid : ndarray of shape (3,)
-        Mean of the plane's points, map frame [m].
-    rms : float
-        Root mean square of the points' orthogonal distances [m].
-    n_points : int
-        Number of points.
-
-    """
-
-    normal: NDArray[np.float64]
-    centroid: NDArray[np.float64]
-    rms: float
-    n_points: int
 
 
 @dataclass(frozen=True, eq=False)
