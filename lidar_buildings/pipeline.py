@@ -24,10 +24,9 @@ from lidar_buildings.core.roof_selection import RoofSelectionConfig
 from lidar_buildings.core.segmentation import SegmentationConfig
 from lidar_buildings.core.stage_names import STAGES
 from lidar_buildings.core.tile import PointTile
+from lidar_buildings.core.tile_models import TileModel, build_models
 from lidar_buildings.core.tile_outlines import regularise_outlines
 from lidar_buildings.core.tile_stages import (
-    TileModel,
-    build_models,
     filter_ground,
     fit_planes,
     label_roof_edges,

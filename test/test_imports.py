@@ -45,7 +45,11 @@ STAGES = (
     "building_model",
 )
 #: Where the stages are put together for a tile: they may import stages, and the core does not import them.
-TILE_MODULES = {"lidar_buildings.core.tile_stages", "lidar_buildings.core.tile_outlines"}
+TILE_MODULES = {
+    "lidar_buildings.core.tile_models",
+    "lidar_buildings.core.tile_outlines",
+    "lidar_buildings.core.tile_stages",
+}
 #: Third-party packages that the core is made of.
 CORE_LIBRARIES = {"numpy", "scipy", "numba", "sklearn", "shapely", "mapbox_earcut"}
 

@@ -9,24 +9,20 @@ from __future__ import annotations
 
 import logging
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lidar_buildings.core.boundary_tracing import BoundaryTracingConfig, trace_boundary
 from lidar_buildings.core.building_id import anchor_row
-from lidar_buildings.core.building_model import BuildingModel, BuildingModelConfig, build_model
 from lidar_buildings.core.edge_labelling import EdgeLabellingConfig, label_edges
 from lidar_buildings.core.ground_filter import GroundFilterConfig, classify_ground
 from lidar_buildings.core.kept_classes import ON_TERRAIN, is_of_groups
 from lidar_buildings.core.outline import BuildingOutline, Outline
 from lidar_buildings.core.plane_fitting import PlaneFittingConfig, fit_roof_planes
-from lidar_buildings.core.regularisation import RegularisationConfig, measure_outline
 from lidar_buildings.core.roof_selection import RoofSelectionConfig, select_roofs
 from lidar_buildings.core.scan_pattern import ScanPattern
 from lidar_buildings.core.segmentation import SegmentationConfig, segment_buildings
-from lidar_buildings.core.status import BuildingStatus
 from lidar_buildings.core.tile import PointTile
 
 _log = logging.getLogger(__name__)
@@ -72,30 +68,6 @@ class TracedTile:
     tile: PointTile
     outlines: tuple[BuildingOutline, ...]
     clipped: bool
-
-
-@dataclass(frozen=True, eq=False)
-class TileModel:
-    """
-    One building's model with everything that files say about it.
-
-    Attributes
-    ----------
-    building_id : int
-        See `lidar_buildings.core.building_id`.
-    anchor : tuple of two float
-        The anchor point's x and y in the map frame [m].
-    model : BuildingModel
-        Solids and roof faces.
-    attributes : dict
-        The attributes of DESIGN.md section 3, by name.
-
-    """
-
-    building_id: int
-    anchor: tuple[float, float]
-    model: BuildingModel
-    attributes: dict[str, Any]
 
 
 def filter_ground(tile: PointTile, config: GroundFilterConfig) -> PointTile:
@@ -222,36 +194,6 @@ def fit_planes(tile: PointTile, config: PlaneFittingConfig) -> PointTile:
     return tile.with_columns(plane_id=plane_id)
 
 
-def build_models(
-    tile: PointTile,
-    traced: tuple[BuildingOutline, ...],
-    outlines: tuple[BuildingOutline, ...],
-    config: BuildingModelConfig,
-    regularisation: RegularisationConfig,
-) -> tuple[TileModel, ...]:
-    """
-    Build the model of every outline from the tile's points that carry its id.
-
-    Parameters
-    ----------
-    tile : PointTile
-        Building points with `building_id` and `plane_id`.
-    traced, outlines : tuple of BuildingOutline
-        Before and after regularisation; a building missing from `traced` is not measured against its ring.
-    config, regularisation : BuildingModelConfig, RegularisationConfig
-        `regularisation` as it was for the outlines, to say why an outline was kept as traced.
-
-    """
-    rows_of = dict(rows_by_building(tile.building_id)) if tile.building_id is not None else {}
-    traced_of = {one.building_id: one.outline for one in traced}
-    nobody = np.zeros(0, dtype=np.intp)
-    models = []
-    for one in sorted(outlines, key=lambda each: each.building_id):
-        building = tile.select(rows_of.get(one.building_id, nobody))
-        models.append(_model(building, one, traced_of.get(one.building_id), config, regularisation))
-    return tuple(models)
-
-
 def rows_by_building(building_id: NDArray[np.uint32]) -> list[tuple[int, NDArray[np.intp]]]:
     """
     Return (id, rows) of every building by rising id, rows rising; id 0 is left out.
@@ -300,52 +242,3 @@ def _reaches(
         or east - x.max() < window
         or north - y.max() < window
     )
-
-
-def _model(
-    building: PointTile,
-    one: BuildingOutline,
-    traced: Outline | None,
-    config: BuildingModelConfig,
-    regularisation: RegularisationConfig,
-) -> TileModel:
-    """
-    Build one model and gather its attributes.
-
-    """
-    model = build_model(
-        building.points,
-        one.outline,
-        config,
-        plane_id=building.plane_id,
-        ground_elevation=_ground_elevation(building),
-    )
-    attributes = {"building_id": one.building_id, **model.attributes}
-    attributes.update(status=model.status.value, reason=model.reason)
-    if traced is not None:
-        attributes.update(_outline_attributes(model, measure_outline(traced, one.outline, regularisation)))
-    west = building.points[anchor_row(building.points)] if len(building) else one.outline.exterior.min(axis=0)
-    return TileModel(one.building_id, (float(west[0]), float(west[1])), model, attributes)
-
-
-def _outline_attributes(model: BuildingModel, quality: Any) -> dict[str, Any]:
-    """
-    Return what the outline's quality adds; the model's own failure outweighs the outline's.
-
-    """
-    attributes = {"outline_sigma": quality.sigma, "outline_max_offset": quality.max_offset}
-    if quality.status is not BuildingStatus.OK:
-        reasons = [reason for reason in (model.reason, quality.reason) if reason]
-        status = quality.status if model.status is BuildingStatus.OK else model.status
-        attributes.update(status=status.value, reason="; ".join(reasons))
-    return attributes
-
-
-def _ground_elevation(building: PointTile) -> float | None:
-    """
-    Return the lowest ground under a building's points [m], None where no heights are known.
-
-    """
-    if building.height_above_ground is None or not len(building):
-        return None
-    return float(np.min(building.points[:, 2] - building.height_above_ground))

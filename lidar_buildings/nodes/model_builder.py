@@ -17,7 +17,7 @@ from lidar_buildings.core.building_model import BuildingModelConfig
 from lidar_buildings.core.map_frame import MapFrame
 from lidar_buildings.core.regularisation import RegularisationConfig
 from lidar_buildings.core.tile import PointTile
-from lidar_buildings.core.tile_stages import TileModel, build_models
+from lidar_buildings.core.tile_models import TileModel, build_models
 from lidar_buildings.io.cityjson import feature_line, header_line
 from lidar_buildings.nodes.configs import NODE_CONFIGS, FlowControlConfig
 from lidar_buildings.ros.map_frames import frame_of

@@ -6,17 +6,17 @@ The model of one building: heights, attributes and the LoD1.2 solid.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 import shapely
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial import cKDTree
 
+from lidar_buildings.core.building_model.config import ELEVATIONS, BuildingModelConfig
+from lidar_buildings.core.building_model.result import BuildingModel, RoofFaces
 from lidar_buildings.core.outline import Outline
 from lidar_buildings.core.output_grid import gridded_outline, on_grid, repaired_outlines
-from lidar_buildings.core.parameters import StageConfig, parameter
 from lidar_buildings.core.point_array import checked_column, checked_points
 from lidar_buildings.core.point_spacing import measure_spacing
 from lidar_buildings.core.roof_type import roof_type
@@ -25,75 +25,10 @@ from lidar_buildings.core.status import BuildingStatus
 from lidar_buildings.core.validity import check_solid
 
 LOD = "1.2"
-#: Name of an elevation → percentile of the roof points' elevations.
-ELEVATIONS = {"min": 0.0, "50p": 50.0, "70p": 70.0, "max": 100.0}
 #: A spot of the outline is covered if a point lies within so many spacings.
 _COVERAGE_RADIUS = 2.0
 #: Most spots at which coverage is probed.
 _MAX_PROBES = 20_000
-
-
-@dataclass(frozen=True)
-class BuildingModelConfig(StageConfig):
-    """
-    How models are built.
-
-    """
-
-    stage: ClassVar[str] = "building_model"
-
-    roof_elevation: str = parameter(
-        "70p",
-        "Which elevation of the roof points the flat top of the LoD1.2 solid takes: the lowest, a percentile "
-        "or the highest.",
-        choices=tuple(ELEVATIONS),
-    )
-    assumed_height: float = parameter(
-        3.0,
-        "Height of the lowest roof point above the ground where the ground's elevation is unknown; raising "
-        "it lowers the foot of such models.",
-        unit="m",
-        minimum=0.0,
-        maximum=100.0,
-    )
-    min_height: float = parameter(
-        0.1,
-        "Least height of a solid; raising it leaves low buildings without one.",
-        unit="m",
-        minimum=0.001,
-        maximum=100.0,
-    )
-
-
-#: The faces of a roof: each its rings of shape (n, 3), the exterior first and then its holes.
-RoofFaces = tuple[tuple[NDArray[np.float64], ...], ...]
-
-
-@dataclass(frozen=True, eq=False)
-class BuildingModel:
-    """
-    What is known of one building.
-
-    Attributes
-    ----------
-    solids : dict of str to Solid
-        By level of detail ("1.2"); valid ones only.
-    attributes : dict
-        By the names of DESIGN.md section 3; elevations [m] in the map frame, None where unknown.
-    roof_faces : RoofFaces
-        The faces of the finest solid's roof.
-    status : BuildingStatus
-        OK, NO_SOLID or DEGENERATE.
-    reason : str
-        Why not OK, or what was assumed or repaired.
-
-    """
-
-    solids: dict[str, Solid]
-    attributes: dict[str, Any]
-    roof_faces: RoofFaces = ()
-    status: BuildingStatus = BuildingStatus.OK
-    reason: str = ""
 
 
 def build_model(

@@ -1,0 +1,46 @@
+"""
+The parameters of building models.
+
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from lidar_buildings.core.parameters import StageConfig, parameter
+
+#: Name of an elevation → percentile of the roof points' elevations.
+ELEVATIONS = {"min": 0.0, "50p": 50.0, "70p": 70.0, "max": 100.0}
+
+
+@dataclass(frozen=True)
+class BuildingModelConfig(StageConfig):
+    """
+    How models are built.
+
+    """
+
+    stage: ClassVar[str] = "building_model"
+
+    roof_elevation: str = parameter(
+        "70p",
+        "Which elevation of the roof points the flat top of the LoD1.2 solid takes: the lowest, a percentile "
+        "or the highest.",
+        choices=tuple(ELEVATIONS),
+    )
+    assumed_height: float = parameter(
+        3.0,
+        "Height of the lowest roof point above the ground where the ground's elevation is unknown; raising "
+        "it lowers the foot of such models.",
+        unit="m",
+        minimum=0.0,
+        maximum=100.0,
+    )
+    min_height: float = parameter(
+        0.1,
+        "Least height of a solid; raising it leaves low buildings without one.",
+        unit="m",
+        minimum=0.001,
+        maximum=100.0,
+    )

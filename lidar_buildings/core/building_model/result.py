@@ -1,0 +1,45 @@
+"""
+What is known of one building.
+
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lidar_buildings.core.solid import Solid
+from lidar_buildings.core.status import BuildingStatus
+
+#: The faces of a roof: each its rings of shape (n, 3), the exterior first and then its holes.
+RoofFaces = tuple[tuple[NDArray[np.float64], ...], ...]
+
+
+@dataclass(frozen=True, eq=False)
+class BuildingModel:
+    """
+    What is known of one building.
+
+    Attributes
+    ----------
+    solids : dict of str to Solid
+        By level of detail ("1.2"); valid ones only.
+    attributes : dict
+        By the names of DESIGN.md section 3; elevations [m] in the map frame, None where unknown.
+    roof_faces : RoofFaces
+        The faces of the finest solid's roof.
+    status : BuildingStatus
+        OK, NO_SOLID or DEGENERATE.
+    reason : str
+        Why not OK, or what was assumed or repaired.
+
+    """
+
+    solids: dict[str, Solid]
+    attributes: dict[str, Any]
+    roof_faces: RoofFaces = ()
+    status: BuildingStatus = BuildingStatus.OK
+    reason: str = ""
