@@ -11,6 +11,7 @@ import numpy as np
 
 from lidar_buildings.core.errors import ParameterError
 from lidar_buildings.simulation import roof_shapes as shapes
+from lidar_buildings.simulation import special_roofs as special
 from lidar_buildings.simulation.building import Building
 from lidar_buildings.simulation.scene import Road, VirtualScene
 from lidar_buildings.simulation.site import Site
@@ -45,6 +46,22 @@ def roof_types(seed: int) -> VirtualScene:
         x, y = 25 + 50 * (row % 4), 20 + 40 * (row // 4)
         site.add_building(kind, x, y, site.random.uniform(0, 360))
     return site.scene("roof_types")
+
+
+def special_roofs(seed: int) -> VirtualScene:
+    """
+    Return one building of every special roof shape in rows on flat ground, turned at random.
+
+    """
+    kinds = [
+        *(special.half_hip(), special.pyramid(), special.gambrel(), special.mansard()),
+        *(special.cross_gable(), special.hipped_l(), special.double_gable(), special.gable_dormer()),
+        *(special.sawtooth(), special.barrel(), special.church(), special.parapet()),
+    ]
+    site = Site((200.0, 130.0), Terrain(50.0), seed)
+    for row, kind in enumerate(kinds):
+        site.add_building(kind, 25 + 50 * (row % 4), 25 + 40 * (row // 4), site.random.uniform(0, 360))
+    return site.scene("special_roofs")
 
 
 def courtyards(seed: int) -> VirtualScene:
@@ -98,6 +115,7 @@ SCENES: dict[str, Callable[[int], VirtualScene]] = {
     "village": village,
     "single_house": single_house,
     "roof_types": roof_types,
+    "special_roofs": special_roofs,
     "courtyards": courtyards,
     "flat_terrain_empty": flat_terrain_empty,
     "dense_block": dense_block,

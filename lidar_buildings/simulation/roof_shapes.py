@@ -10,9 +10,14 @@ import shapely
 from numpy.typing import NDArray
 
 from lidar_buildings.simulation.building import GRID, Building, RoofFace, building_of, face_over
-
-#: Larger than any building [m].
-FAR = 1e4
+from lidar_buildings.simulation.roof_cutting import (
+    box,
+    gable_faces,
+    highest_of,
+    lowest,
+    rim_planes,
+    slope_of,
+)
 
 
 def flat(length: float = 14.0, width: float = 10.0, eave: float = 6.0) -> Building:
@@ -20,7 +25,7 @@ def flat(length: float = 14.0, width: float = 10.0, eave: float = 6.0) -> Buildi
     Return a box.
 
     """
-    return building_of("flat", (face_over(_box(length, width), (0.0, 0.0, eave)),))
+    return building_of("flat", (face_over(box(length, width), (0.0, 0.0, eave)),))
 
 
 def shed(length: float = 12.0, width: float = 8.0, eave: float = 4.0, pitch_deg: float = 15.0) -> Building:
@@ -28,8 +33,8 @@ def shed(length: float = 12.0, width: float = 8.0, eave: float = 4.0, pitch_deg:
     Return a building with one sloping face that rises towards +y.
 
     """
-    slope = _slope(pitch_deg)
-    return building_of("shed", (face_over(_box(length, width), (0.0, slope, eave + slope * width / 2)),))
+    slope = slope_of(pitch_deg)
+    return building_of("shed", (face_over(box(length, width), (0.0, slope, eave + slope * width / 2)),))
 
 
 def gable(length: float = 14.0, width: float = 9.0, eave: float = 5.0, pitch_deg: float = 35.0) -> Building:
@@ -37,7 +42,7 @@ def gable(length: float = 14.0, width: float = 9.0, eave: float = 5.0, pitch_deg
     Return a building with a ridge along x from wall to wall.
 
     """
-    return building_of("gable", _gable_faces(_box(length, width), width / 2, eave, _slope(pitch_deg)))
+    return building_of("gable", gable_faces(box(length, width), width / 2, eave, slope_of(pitch_deg)))
 
 
 def hip(length: float = 15.0, width: float = 10.0, eave: float = 5.0, pitch_deg: float = 35.0) -> Building:
@@ -46,7 +51,7 @@ def hip(length: float = 15.0, width: float = 10.0, eave: float = 5.0, pitch_deg:
 
     """
     return building_of(
-        "hip", _lowest(_box(length, width), _rim_planes(length, width, eave, _slope(pitch_deg)))
+        "hip", lowest(box(length, width), rim_planes(length, width, eave, slope_of(pitch_deg)))
     )
 
 
@@ -113,7 +118,7 @@ def dormer(
         If the dormer would reach the ridge.
 
     """
-    slope = _slope(pitch_deg)
+    slope = slope_of(pitch_deg)
     front = -width / 2 + setback
     top = eave + slope * setback + dormer_height
     back = front + dormer_height / slope
@@ -122,7 +127,7 @@ def dormer(
             f"dormer_height = {dormer_height:g} m: must be less than {-front * slope:.2f} m here"
         )
     cut = shapely.box(-dormer_width / 2, front, dormer_width / 2, back)
-    south, north = _gable_faces(_box(length, width), width / 2, eave, slope)
+    south, north = gable_faces(box(length, width), width / 2, eave, slope)
     return building_of(
         "dormer", (face_over(south.polygon - cut, south.plane), north, face_over(cut, (0.0, 0.0, top)))
     )
@@ -135,14 +140,14 @@ def courtyard(
     Return four wings of this depth round a court; flat, or with a ridge along the middle of each wing.
 
     """
-    outer, inner = _box(length, width), _box(length - 2 * depth, width - 2 * depth)
-    slope = _slope(pitch_deg)
+    outer, inner = box(length, width), box(length - 2 * depth, width - 2 * depth)
+    slope = slope_of(pitch_deg)
     if slope == 0:
         return building_of("courtyard", (face_over(outer - inner, (0.0, 0.0, eave)),))
-    middle = _box(length - depth, width - depth)
-    outward = _lowest(outer - middle, _rim_planes(length, width, eave, slope))
-    court_rim = _rim_planes(length - 2 * depth, width - 2 * depth, eave, -slope)
-    inward = _lowest(middle - inner, court_rim, highest=True)
+    middle = box(length - depth, width - depth)
+    outward = lowest(outer - middle, rim_planes(length, width, eave, slope))
+    court_rim = rim_planes(length - 2 * depth, width - 2 * depth, eave, -slope)
+    inward = lowest(middle - inner, court_rim, highest=True)
     return building_of("courtyard", outward + inward)
 
 
@@ -155,114 +160,12 @@ def round_tower(
     """
     angle = 2 * np.pi * np.arange(n_sides) / n_sides
     rim = np.round(diameter / 2 * np.column_stack([np.cos(angle), np.sin(angle)]) / GRID) * GRID
-    slope = _slope(pitch_deg)
+    slope = slope_of(pitch_deg)
     if slope == 0:
         return building_of("round_tower", (face_over(shapely.Polygon(rim), (0.0, 0.0, eave)),))
     apex = eave + slope * diameter / 2
     sides = zip(rim, np.roll(rim, -1, axis=0), strict=True)
     return building_of("round_tower", tuple(_side_of_cone(a, b, eave, apex) for a, b in sides))
-
-
-def _slope(pitch_deg: float) -> float:
-    """
-    Rise over run.
-
-    """
-    return float(np.tan(np.deg2rad(pitch_deg)))
-
-
-def _box(length: float, width: float) -> shapely.Polygon:
-    """
-    Rectangle centred on the origin.
-
-    """
-    return shapely.box(-length / 2, -width / 2, length / 2, width / 2)
-
-
-def _rim_planes(length: float, width: float, eave: float, slope: float) -> list[tuple[float, float, float]]:
-    """
-    Planes that rise inwards from the four sides of a centred rectangle (outwards if `slope` is negative).
-
-    """
-    along, across = eave + slope * length / 2, eave + slope * width / 2
-    return [(0.0, slope, across), (-slope, 0.0, along), (0.0, -slope, across), (slope, 0.0, along)]
-
-
-def _gable_faces(
-    polygon: shapely.Polygon, half_width: float, eave: float, slope: float
-) -> tuple[RoofFace, ...]:
-    """
-    Southern and northern face of a roof whose ridge is the x axis.
-
-    """
-    top = eave + slope * half_width
-    return _lowest(polygon, [(0.0, slope, top), (0.0, -slope, top)])
-
-
-def _lowest(
-    polygon: shapely.Polygon, planes: list[tuple[float, float, float]], highest: bool = False
-) -> tuple[RoofFace, ...]:
-    """
-    Cut a polygon into the pieces over which each plane is the lowest (or the highest) of all.
-
-    """
-    faces = []
-    for plane in planes:
-        piece = polygon
-        for other in planes:
-            if other is not plane:
-                low, high = (other, plane) if highest else (plane, other)
-                piece = shapely.intersection(piece, _where_higher(high, low), grid_size=GRID)
-        faces.extend(face_over(part, plane) for part in _polygons(piece))
-    return tuple(faces)
-
-
-def _highest_of(first: tuple[RoofFace, ...], second: tuple[RoofFace, ...]) -> tuple[RoofFace, ...]:
-    """
-    Join two roofs: where both cover a position the higher one stays.
-
-    """
-    return (*_not_under(first, second), *_not_under(second, first))
-
-
-def _not_under(faces: tuple[RoofFace, ...], others: tuple[RoofFace, ...]) -> list[RoofFace]:
-    """
-    The parts of faces over which no other face is higher.
-
-    """
-    kept = []
-    for face in faces:
-        piece = face.polygon
-        for other in others:
-            above = shapely.intersection(
-                other.polygon, _where_higher(other.plane, face.plane), grid_size=GRID
-            )
-            piece = shapely.difference(piece, above, grid_size=GRID)
-        kept.extend(face_over(part, face.plane) for part in _polygons(piece))
-    return kept
-
-
-def _where_higher(plane: tuple[float, float, float], other: tuple[float, float, float]) -> shapely.Polygon:
-    """
-    Half-plane over which `plane` is at least as high as `other`, as a large rectangle.
-
-    """
-    a, b, c = np.subtract(plane, other)
-    steepness = np.hypot(a, b)
-    uphill = np.array([a, b]) / steepness
-    along = np.array([-uphill[1], uphill[0]])
-    foot = -c / steepness * uphill
-    near, far = foot - FAR * along, foot + FAR * along
-    return shapely.Polygon([near, far, far + FAR * uphill, near + FAR * uphill])
-
-
-def _polygons(geometry: shapely.Geometry) -> list[shapely.Polygon]:
-    """
-    The polygons of a geometry; lines, points and slivers of the cutting are left out.
-
-    """
-    parts = shapely.get_parts(shapely.get_parts(geometry))
-    return [part for part in parts if isinstance(part, shapely.Polygon) and part.area > 1e-2]
 
 
 def _winged(
@@ -279,15 +182,15 @@ def _winged(
     Join a gable house and a gable wing whose axis is the line x = `wing_x`.
 
     """
-    main = _box(length, width)
+    main = box(length, width)
     end = -width / 2 - wing_length
     wing = shapely.box(wing_x - wing_width / 2, end, wing_x + wing_width / 2, 0.0)
-    slope = _slope(pitch_deg)
+    slope = slope_of(pitch_deg)
     if slope == 0:
         return building_of(roof_type, (face_over(main | wing, (0.0, 0.0, eave)),))
     top = eave + slope * wing_width / 2
     wing_planes = [(slope, 0.0, top - slope * wing_x), (-slope, 0.0, top + slope * wing_x)]
-    faces = _highest_of(_gable_faces(main, width / 2, eave, slope), _lowest(wing, wing_planes))
+    faces = highest_of(gable_faces(main, width / 2, eave, slope), lowest(wing, wing_planes))
     return building_of(roof_type, faces)
 
 

@@ -11,6 +11,7 @@ import shapely
 
 from lidar_buildings.core.outline import signed_area
 from lidar_buildings.simulation import roof_shapes as shapes
+from lidar_buildings.simulation import special_roofs as special
 from lidar_buildings.simulation.shell import shell_of
 
 #: Shape → number of roof planes.
@@ -30,6 +31,18 @@ SHAPES = {
     "pitched_courtyard": (shapes.courtyard(pitch_deg=30), 8),
     "round_tower": (shapes.round_tower(), 1),
     "pointed_tower": (shapes.round_tower(pitch_deg=40, n_sides=24), 24),
+    "half_hip": (special.half_hip(), 4),
+    "square": (special.pyramid(), 4),
+    "gambrel": (special.gambrel(), 4),
+    "mansard": (special.mansard(), 5),
+    "cross_gable": (special.cross_gable(), 8),
+    "hipped_l": (special.hipped_l(), 6),
+    "double_gable": (special.double_gable(), 4),
+    "gable_dormer": (special.gable_dormer(), 4),
+    "sawtooth": (special.sawtooth(), 4),
+    "barrel": (special.barrel(), 12),
+    "church": (special.church(), 6),
+    "parapet": (special.parapet(), 2),
 }
 
 
@@ -96,6 +109,16 @@ def test_turned_by_a_right_angle_a_roof_has_the_same_heights():
     turned_id, turned_elevation = turned.roof_at(np.column_stack([3 - xy[:, 1], 4 + xy[:, 0]]))
     assert np.array_equal(plane_id, turned_id)
     assert np.allclose(elevation, turned_elevation, equal_nan=True)
+
+
+def test_arms_of_a_hipped_corner_and_of_a_cross_have_one_ridge_height():
+    assert special.hipped_l().height == pytest.approx(5.0 + 4.0 * np.tan(np.deg2rad(35)))
+    assert special.cross_gable().height == pytest.approx(special.hipped_l().height)
+
+
+def test_a_barrel_touches_its_arc_and_a_spire_stands_on_the_tower():
+    assert special.barrel(rise=4.0, eave=5.0, n_facets=12).height == pytest.approx(9.0)
+    assert special.church(tower_eave=20.0, spire=14.0).height == pytest.approx(34.0)
 
 
 def test_a_dormer_above_the_ridge_is_refused():
