@@ -139,7 +139,7 @@ def gable_dormer(
     """
     slope = slope_of(pitch_deg)
     rise = slope_of(dormer_pitch_deg) * dormer_width / 2
-    # Where eave and ridge of the dormer meet the face lies on the grid, so that neighbours share these corners.
+    # Eave and ridge of the dormer meet the face on the grid, so that neighbours share these corners.
     run = np.round(np.array([dormer_eave, dormer_eave + rise]) / slope / GRID) * GRID
     top = eave + float(run[1]) * slope
     pitch = float(run[1] - run[0]) * slope / (dormer_width / 2)
