@@ -12,7 +12,7 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from lidar_buildings.core.solid import Face, Solid
+from lidar_buildings.core.shell import Face, Solid
 
 #: Code → name. Not looked for: 103 (rings are open by definition here), 204 (203 is the stricter one for what
 #: is built here), 304 and 306 (faces cannot cross in a prism whose plan is valid), 4xx and above (one shell).
