@@ -19,21 +19,10 @@ from lidar_buildings.core.plane_fitting.plane_geometry import (
     normal_of,
     plane_through,
 )
+from lidar_buildings.core.plane_fitting.surroundings import Cloud
 
 #: Times that a hypothesis is refined at most; three or four mostly suffice.
 _MAX_REFINEMENTS = 8
-
-
-class Cloud(NamedTuple):
-    """
-    The points of one building with what the search needs to know of them.
-
-    """
-
-    points: NDArray[np.float64]
-    normals: NDArray[np.float64]
-    #: Rows of the nearest points within the connection radius, −1 where there are no more.
-    neighbours: NDArray[np.int32]
 
 
 class Limits(NamedTuple):
@@ -113,7 +102,9 @@ def propose(
     near = np.empty(cloud.neighbours.shape[1], np.int64)
     n = 0
     for j in cloud.neighbours[seed]:
-        if j >= 0 and labels[j] == 0:
+        if j < 0:
+            break
+        if labels[j] == 0:
             near[n] = j
             n += 1
     best = 0.0
@@ -203,7 +194,9 @@ def grow(
             refit(moments, origin, plane)
             next_fit *= 2
         for j in cloud.neighbours[i]:
-            if j >= 0 and visit[j] != number and labels[j] == 0 and belongs(cloud, limits, plane, j):
+            if j < 0:
+                break
+            if visit[j] != number and labels[j] == 0 and belongs(cloud, limits, plane, j):
                 queue[tail], visit[j] = j, number
                 tail += 1
     if refine:

@@ -122,22 +122,21 @@ def distance_to(plane: NDArray[np.float64], point: NDArray[np.float64]) -> float
 
 
 @njit(cache=True, nogil=True)
-def local_normals(
-    points: NDArray[np.float64], neighbours: NDArray[np.int32], n_neighbours: int
-) -> NDArray[np.float64]:
+def residual_of(moments: NDArray[np.float64]) -> float:
     """
-    Return the normal of every point's surroundings, zero where they are a line or too few.
+    Return the sum of the squared distances of the summed points from their least-squares plane [m²].
 
     """
-    normals = np.zeros((len(points), 3))
-    plane = np.zeros(4)
-    for i in range(len(points)):
-        moments = np.zeros(N_MOMENTS)
-        add_point(moments, 0.0, 0.0, 0.0)
-        for j in neighbours[i, :n_neighbours]:
-            if j >= 0:
-                d = points[j] - points[i]
-                add_point(moments, d[0], d[1], d[2])
-        if normal_of(moments, plane):
-            normals[i] = plane[:3]
-    return normals
+    n = moments[0]
+    if n < 3.0:
+        return 0.0
+    mx, my, mz = moments[1] / n, moments[2] / n, moments[3] / n
+    least = smallest_eigenvalue(
+        moments[4] / n - mx * mx,
+        moments[5] / n - mx * my,
+        moments[6] / n - mx * mz,
+        moments[7] / n - my * my,
+        moments[8] / n - my * mz,
+        moments[9] / n - mz * mz,
+    )
+    return max(least, 0.0) * n

@@ -12,7 +12,6 @@ from numba import njit
 from numpy.typing import NDArray
 
 from lidar_buildings.core.plane_fitting.consensus import (
-    Cloud,
     Limits,
     Scratch,
     grow,
@@ -20,6 +19,7 @@ from lidar_buildings.core.plane_fitting.consensus import (
     refine,
     samples_needed,
 )
+from lidar_buildings.core.plane_fitting.surroundings import Cloud
 
 
 class Pool(NamedTuple):

@@ -1,0 +1,73 @@
+"""
+Connected planes: found by samples of near points, settled against one another, and as many as pay.
+
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lidar_buildings.core.plane_fitting.config import PlaneFittingConfig
+from lidar_buildings.core.plane_fitting.consensus import Limits, samples_needed
+from lidar_buildings.core.plane_fitting.economy import dissolve_planes, merge_planes, prices_of
+from lidar_buildings.core.plane_fitting.parts import split_planes
+from lidar_buildings.core.plane_fitting.search import extract
+from lidar_buildings.core.plane_fitting.settling import settle
+from lidar_buildings.core.plane_fitting.surroundings import Cloud, survey_points
+
+#: Different sets of random samples; seeds share them in turn.
+_SAMPLE_SETS = 64
+#: Rounds of joining, settling and splitting; little changes in the second.
+_ROUNDS = 2
+
+
+def connected_planes(
+    points: NDArray[np.float64], spacing: float, min_points: int, config: PlaneFittingConfig
+) -> NDArray[np.int32]:
+    """
+    Number the points of each plane, 0 = none.
+
+    Parameters
+    ----------
+    points : ndarray of shape (n_points, 3)
+        In any order, repetitions allowed [m].
+    spacing : float
+        Point spacing [m].
+    min_points : int
+        Fewest points of a plane.
+    config : PlaneFittingConfig
+
+    """
+    cloud, row_of, noise = survey_points(points, config.connection_radius * spacing)
+    distance = max(config.max_plane_distance, config.max_noise_ratio * noise)
+    prices = prices_of(distance, noise, spacing, config.plane_cost, config.unevenness, config.grain)
+    labels = _extracted(cloud, distance, min_points, config)
+    for _ in range(_ROUNDS):
+        labels = merge_planes(cloud, labels, prices)
+        labels = dissolve_planes(cloud, labels, prices)
+        labels = settle(cloud, labels, distance, config.smoothness)
+        labels = split_planes(cloud, labels, min_points, config.bridge * spacing)
+    return labels[row_of]
+
+
+def _extracted(
+    cloud: Cloud, distance: float, min_points: int, config: PlaneFittingConfig
+) -> NDArray[np.int32]:
+    """
+    Take planes out of the cloud one after the other.
+
+    """
+    limits = Limits(
+        distance,
+        math.cos(math.radians(config.max_normal_angle_deg)),
+        math.cos(math.radians(config.max_slope_deg)),
+        min_points,
+        config.probability,
+    )
+    chance = np.random.default_rng(config.random_state)
+    n_samples = samples_needed(config.probability, config.outlier_share)
+    samples = chance.random((_SAMPLE_SETS, n_samples, 2))
+    return extract(cloud, limits, chance.permutation(len(cloud.points)), samples)

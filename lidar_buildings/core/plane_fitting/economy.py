@@ -1,0 +1,249 @@
+"""
+How many planes there are: planes join or dissolve wherever that describes the points more briefly.
+
+A plane costs as much as it takes to write it down; points cost the squares of their distances. Two planes
+stay two if the points gain more by it than a plane costs.
+
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from lidar_buildings.core.linked_sets import root
+from lidar_buildings.core.plane_fitting.plane_geometry import (
+    N_MOMENTS,
+    add_point,
+    distance_to,
+    normal_of,
+    residual_of,
+)
+from lidar_buildings.core.plane_fitting.surroundings import Cloud
+
+
+class Prices(NamedTuple):
+    """
+    What describing points costs.
+
+    """
+
+    #: Cost of a plane, in natural units of information.
+    plane: float
+    #: Cost of a point, per squared metre of its distance from its plane.
+    point: float
+    #: Cost that each point of a plane adds to the price of the plane: real roofs are not quite plane.
+    unevenness: float
+    #: Largest distance of a point from its plane [m].
+    distance: float
+
+
+def prices_of(
+    distance: float, noise: float, spacing: float, plane_cost: float, unevenness: float, grain: float
+) -> Prices:
+    """
+    Return the prices for a cloud.
+
+    Parameters
+    ----------
+    distance : float
+        Largest distance of a point from its plane [m].
+    noise : float
+        Standard deviation of points about the surface [m].
+    spacing : float
+        Point spacing [m].
+    plane_cost : float
+        Cost of a plane.
+    unevenness : float
+        By how much real roof surfaces swell and sag [m].
+    grain : float
+        Points nearer than this to one another err alike: together they count as one [m].
+
+    """
+    deviation = max(noise, distance / 3.0)
+    weight = min(1.0, (spacing / grain) ** 2)
+    point = weight / (2.0 * deviation**2)
+    return Prices(plane_cost, point, point * unevenness**2, distance)
+
+
+def merge_planes(cloud: Cloud, labels: NDArray[np.int32], prices: Prices) -> NDArray[np.int32]:
+    """
+    Join neighbouring planes, the best pair first, as long as that saves.
+
+    """
+    size = int(labels.max(initial=0)) + 1
+    moments = plane_sums(cloud.points, labels, size)
+    pairs = near_planes(cloud.neighbours, labels)
+    return _merged(moments, pairs, prices, np.arange(size))[labels].astype(np.int32)
+
+
+def near_planes(neighbours: NDArray[np.int32], labels: NDArray[np.int32]) -> NDArray[np.int64]:
+    """
+    Return the pairs of planes, shape (n_pairs, 2), that have points in the neighbourhood of one point.
+
+    """
+    size = int(labels.max(initial=0)) + 1
+    codes = np.unique(_pair_codes(neighbours, labels, size))
+    return np.column_stack([codes // size, codes % size])
+
+
+def dissolve_planes(cloud: Cloud, labels: NDArray[np.int32], prices: Prices) -> NDArray[np.int32]:
+    """
+    Give up planes whose points lie nearly as well on the planes around, the smallest first.
+
+    """
+    size = int(labels.max(initial=0)) + 1
+    moments = plane_sums(cloud.points, labels, size)
+    pairs = near_planes(cloud.neighbours, labels)
+    if not len(pairs):
+        return labels
+    both = np.concatenate([pairs, pairs[:, ::-1]])
+    both = both[np.argsort(both[:, 0], kind="stable")]
+    first = np.searchsorted(both[:, 0], np.arange(size + 1))
+    rows = np.argsort(labels, kind="stable")
+    begin = np.searchsorted(labels[rows], np.arange(size + 1))
+    return _dissolved(
+        cloud.points, labels, moments, first, np.ascontiguousarray(both[:, 1]), rows, begin, prices
+    )
+
+
+@njit(cache=True, nogil=True)
+def plane_sums(points: NDArray[np.float64], labels: NDArray[np.int32], size: int) -> NDArray[np.float64]:
+    """
+    Return the sums of every plane's points by its number.
+
+    """
+    moments = np.zeros((size, N_MOMENTS))
+    for i in range(len(labels)):
+        if labels[i] > 0:
+            add_point(moments[labels[i]], points[i, 0], points[i, 1], points[i, 2])
+    return moments
+
+
+@njit(cache=True, nogil=True)
+def _pair_codes(neighbours: NDArray[np.int32], labels: NDArray[np.int32], size: int) -> NDArray[np.int64]:
+    """
+    Return first × size + second of planes that meet around a point, the smaller number first.
+
+    """
+    codes = np.empty(64 + 6 * len(labels), np.int64)
+    here = np.empty(4, np.int64)
+    n, last = 0, -1
+    for i in range(len(labels)):
+        found = _planes_around(neighbours, labels, i, here)
+        for a in range(found):
+            for b in range(a):
+                code = min(here[a], here[b]) * size + max(here[a], here[b])
+                if code != last:
+                    codes[n] = last = code
+                    n += 1
+    return codes[:n]
+
+
+@njit(cache=True, nogil=True)
+def _planes_around(
+    neighbours: NDArray[np.int32], labels: NDArray[np.int32], i: int, here: NDArray[np.int64]
+) -> int:
+    """
+    Write the planes of a point and its neighbours to `here`, the first few; return how many.
+
+    """
+    n, last = 0, 0
+    if labels[i] > 0:
+        here[0], last = labels[i], labels[i]
+        n = 1
+    for j in neighbours[i]:
+        if j < 0 or n == len(here):
+            break
+        if labels[j] == last or labels[j] == 0:
+            continue
+        last = labels[j]
+        is_new = True
+        for k in range(n):
+            is_new &= here[k] != last
+        if is_new:
+            here[n] = last
+            n += 1
+    return n
+
+
+@njit(cache=True, nogil=True)
+def _saving(moments: NDArray[np.float64], a: int, b: int, prices: Prices) -> float:
+    """
+    Return what is saved by one plane in place of two.
+
+    """
+    joint = moments[a] + moments[b]
+    loss = residual_of(joint) - residual_of(moments[a]) - residual_of(moments[b])
+    fewer = min(moments[a, 0], moments[b, 0])
+    return prices.plane + prices.unevenness * fewer - prices.point * loss
+
+
+@njit(cache=True, nogil=True)
+def _merged(
+    moments: NDArray[np.float64], pairs: NDArray[np.int64], prices: Prices, parent: NDArray[np.int64]
+) -> NDArray[np.int64]:
+    """
+    Return the number that each plane has after all joins.
+
+    """
+    saving = np.empty(len(pairs))
+    for k in range(len(pairs)):
+        saving[k] = _saving(moments, pairs[k, 0], pairs[k, 1], prices)
+    while len(pairs):
+        best = int(np.argmax(saving))
+        if saving[best] <= 0.0:
+            break
+        a, b = min(pairs[best, 0], pairs[best, 1]), max(pairs[best, 0], pairs[best, 1])
+        moments[a] += moments[b]
+        parent[b] = a
+        for k in range(len(pairs)):
+            for side in range(2):
+                if pairs[k, side] == b:
+                    pairs[k, side] = a
+            if pairs[k, 0] == pairs[k, 1]:
+                saving[k] = -math.inf
+            elif pairs[k, 0] == a or pairs[k, 1] == a:
+                saving[k] = _saving(moments, pairs[k, 0], pairs[k, 1], prices)
+    for k in range(len(parent)):
+        parent[k] = root(parent, k)
+    return parent
+
+
+@njit(cache=True, nogil=True)
+def _dissolved(points, labels, moments, first, beside, rows, begin, prices):  # type: ignore[no-untyped-def]
+    """
+    Return the labels without the planes that do not pay; see `dissolve_planes`.
+
+    """
+    labels = labels.copy()
+    size = len(moments)
+    equations = np.zeros((size, 4))
+    for a in range(1, size):
+        normal_of(moments[a], equations[a])
+    alive = moments[:, 0] > 0.0
+    for a in np.argsort(moments[:, 0]):
+        if a == 0 or not alive[a] or first[a] == first[a + 1]:
+            continue
+        loss, n = 0.0, begin[a + 1] - begin[a]
+        for i in rows[begin[a] : begin[a + 1]]:
+            best = prices.distance
+            for b in beside[first[a] : first[a + 1]]:
+                if alive[b]:
+                    best = min(best, distance_to(equations[b], points[i]))
+            own = min(prices.distance, distance_to(equations[a], points[i]))
+            loss += best**2 - own**2
+        if prices.point * loss >= prices.plane + prices.unevenness * n:
+            continue
+        alive[a] = False
+        for i in rows[begin[a] : begin[a + 1]]:
+            best, taken = prices.distance, 0
+            for b in beside[first[a] : first[a + 1]]:
+                if alive[b] and distance_to(equations[b], points[i]) < best:
+                    best, taken = distance_to(equations[b], points[i]), b
+            labels[i] = taken
+    return labels

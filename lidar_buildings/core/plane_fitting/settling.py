@@ -1,0 +1,148 @@
+"""
+Where planes meet: points move to the plane that fits them best, beside neighbours of the same plane.
+
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from lidar_buildings.core.plane_fitting.economy import plane_sums
+from lidar_buildings.core.plane_fitting.plane_geometry import distance_to, normal_of
+from lidar_buildings.core.plane_fitting.surroundings import MAX_NEIGHBOURS, Cloud
+
+#: Times that planes are fitted anew to their points, and rounds of moves with the same planes.
+_MAX_FITS, _MAX_ROUNDS = 3, 4
+
+
+@njit(cache=True, nogil=True)
+def settle(
+    cloud: Cloud, labels: NDArray[np.int32], max_distance: float, smoothness: float
+) -> NDArray[np.int32]:
+    """
+    Let every point choose among the planes around it, until none moves.
+
+    The first plane extracted takes a strip of its neighbours where they meet; here these points go to the
+    plane that they are nearest to, and points that no plane took join the one beside them. Each move lowers
+    Σ (distance / largest distance)² − smoothness × share of neighbours in the same plane (iterated
+    conditional modes, Besag 1986).
+
+    Parameters
+    ----------
+    cloud : Cloud
+    labels : ndarray of shape (n_points,), int32
+        Plane numbers, 0 = none.
+    max_distance : float
+        Largest distance of a point to its plane [m].
+    smoothness : float
+        Weight of the neighbours' planes against the squared relative distance.
+
+    """
+    labels = labels.copy()
+    size = int(labels.max()) + 1 if len(labels) else 1
+    equations = np.zeros((size, 4))
+    for _ in range(_MAX_FITS):
+        moments = plane_sums(cloud.points, labels, size)
+        for k in range(1, size):
+            normal_of(moments[k], equations[k])
+        moved = move_points(cloud, labels, equations, max_distance, smoothness)
+        if moved <= len(labels) // 1000:
+            break
+    return labels
+
+
+@njit(cache=True, nogil=True)
+def move_points(
+    cloud: Cloud,
+    labels: NDArray[np.int32],
+    equations: NDArray[np.float64],
+    max_distance: float,
+    smoothness: float,
+) -> int:
+    """
+    Move points to other planes where that costs less; return how many moved.
+
+    """
+    number, count = np.empty(MAX_NEIGHBOURS + 1, np.int32), np.empty(MAX_NEIGHBOURS + 1, np.int64)
+    waiting = np.ones(len(labels), np.bool_)
+    moved = 0
+    for _ in range(_MAX_ROUNDS):
+        before = moved
+        for i in range(len(labels)):
+            if not waiting[i]:
+                continue
+            waiting[i] = False
+            n = labels_around(cloud.neighbours[i], labels, labels[i], number, count)
+            best = cheapest(cloud.points[i], number, count, n, equations, max_distance, smoothness)
+            if best != labels[i]:
+                labels[i] = best
+                moved += 1
+                for j in cloud.neighbours[i]:
+                    if j < 0:
+                        break
+                    waiting[j] = True
+        if moved == before:
+            break
+    return moved
+
+
+@njit(cache=True, nogil=True)
+def labels_around(
+    neighbours: NDArray[np.int32],
+    labels: NDArray[np.int32],
+    own: int,
+    number: NDArray[np.int32],
+    count: NDArray[np.int64],
+) -> int:
+    """
+    Write the planes around a point to `number`, and to `count` how many neighbours have each.
+
+    The first place is that of the point's own label, 0 included. Returns how many there are.
+
+    """
+    number[0], count[0] = own, 0
+    n, last = 1, 0
+    for j in neighbours:
+        if j < 0:
+            break
+        if labels[j] != number[last]:
+            last = 0
+            while last < n and number[last] != labels[j]:
+                last += 1
+            if last == n:
+                number[n], count[n] = labels[j], 0
+                n += 1
+        count[last] += 1
+    return n
+
+
+@njit(cache=True, nogil=True)
+def cheapest(
+    point: NDArray[np.float64],
+    number: NDArray[np.int32],
+    count: NDArray[np.int64],
+    n: int,
+    equations: NDArray[np.float64],
+    max_distance: float,
+    smoothness: float,
+) -> int:
+    """
+    Return the plane of least cost within reach of a point, 0 if there is none.
+
+    """
+    total = 0
+    for k in range(n):
+        total += count[k]
+    best, chosen = np.inf, 0
+    for k in range(n):
+        if number[k] == 0:
+            continue
+        distance = distance_to(equations[number[k]], point) / max_distance
+        if distance > 1.0:
+            continue
+        cost = distance**2 - smoothness * count[k] / max(total, 1)
+        if cost < best:
+            best, chosen = cost, number[k]
+    return chosen

@@ -1,0 +1,202 @@
+"""
+The points of one building with what lies around each: neighbours, and the plane of the smoothest piece there.
+
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from lidar_buildings.core.neighbourhoods import build_grid, neighbours_of
+from lidar_buildings.core.plane_fitting.plane_geometry import (
+    N_MOMENTS,
+    add_point,
+    distance_to,
+    normal_of,
+    residual_of,
+)
+from lidar_buildings.core.row_blocks import for_row_blocks
+
+#: Neighbours kept of a point; of more, as in the overlap of strips, every second, third, … is taken.
+MAX_NEIGHBOURS = 32
+#: Share of the connection radius that a point's own plane is taken from: little, to blur ridges little.
+OWN_SHARE = 0.75
+#: Fewest neighbours that a point's own plane is taken from; where fewer are that near, all are taken.
+_FEWEST = 8
+#: Surroundings no rougher than this times the noise hold no ridge: their point keeps their normal.
+_SMOOTH = 1.3
+#: A point may take the plane of surroundings that it lies no farther from than this times the noise.
+_ON_PLANE = 3.0
+#: The noise is the roughness that this share of all surroundings does not reach: the others hold ridges.
+_NOISE_QUANTILE = 0.35
+#: The noise is never taken to be less, nor more: that is a tree's roughness, or a heap of small planes' [m].
+NOISE_RANGE = (0.005, 0.2)
+#: Surroundings reach this many times as far as the noise, so that their planes do not tumble.
+REACH_OF_NOISE = 5.0
+
+
+class Cloud(NamedTuple):
+    """
+    The points of one building with what the search needs to know of them.
+
+    """
+
+    points: NDArray[np.float64]
+    normals: NDArray[np.float64]
+    #: Rows of near points within the connection radius, first those that there are, then −1.
+    neighbours: NDArray[np.int32]
+
+
+class Survey(NamedTuple):
+    """
+    A cloud of distinct points, where they came from, and how noisy it is.
+
+    """
+
+    cloud: Cloud
+    #: Row of the distinct point that stands for each given one.
+    row_of: NDArray[np.int64]
+    #: Standard deviation of points about the surface [m].
+    noise: float
+
+
+def survey_points(points: NDArray[np.float64], radius: float) -> Survey:
+    """
+    Sort distinct points, list the neighbours of each, estimate the noise and find the normals.
+
+    Parameters
+    ----------
+    points : ndarray of shape (n_points, 3)
+        In any order, repetitions allowed [m].
+    radius : float
+        Points closer than this are connected [m]; farther ones, too, where the noise is as large.
+
+    """
+    survey = _surveyed(points, radius)
+    reach = REACH_OF_NOISE * survey.noise / OWN_SHARE
+    return survey if reach <= radius else _surveyed(points, reach)
+
+
+def _surveyed(points: NDArray[np.float64], radius: float) -> Survey:
+    """
+    Survey with a fixed radius.
+
+    """
+    distinct, row_of = sorted_distinct(points, radius)
+    grid = build_grid(distinct, radius)
+    # Sorted points stay in their order.
+    neighbours = np.full((len(distinct), MAX_NEIGHBOURS), -1, dtype=np.int32)
+    for_row_blocks(lambda a, b: _list_near(grid, radius, neighbours, a, b), len(distinct))
+    planes, roughness = np.empty((len(distinct), 4)), np.empty(len(distinct))
+    own = OWN_SHARE * radius
+    for_row_blocks(lambda a, b: _fit_own(distinct, neighbours, own, planes, roughness, a, b), len(distinct))
+    noise = _noise_of(roughness)
+    normals = np.empty_like(distinct)
+    for_row_blocks(
+        lambda a, b: _take_smoothest(distinct, neighbours, planes, roughness, noise, normals, a, b),
+        len(distinct),
+    )
+    return Survey(Cloud(distinct, normals, neighbours), row_of, noise)
+
+
+def sorted_distinct(
+    points: NDArray[np.float64], size: float
+) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    """
+    Return the distinct points in an order of their own, and each given point's row among them.
+
+    """
+    grid = build_grid(points, size)
+    is_new = np.ones(len(points), dtype=bool)
+    is_new[1:] = (grid.points[1:] != grid.points[:-1]).any(axis=1)
+    row_of = np.empty(len(points), dtype=np.int64)
+    row_of[grid.rows] = np.cumsum(is_new) - 1
+    return (grid.points if is_new.all() else grid.points[is_new]), row_of
+
+
+def _noise_of(roughness: NDArray[np.float64]) -> float:
+    """
+    Return the noise that most surroundings show [m].
+
+    """
+    known = roughness[np.isfinite(roughness)]
+    if not len(known):
+        return NOISE_RANGE[0]
+    at = int(_NOISE_QUANTILE * len(known))
+    return min(max(math.sqrt(np.partition(known, at)[at]), NOISE_RANGE[0]), NOISE_RANGE[1])
+
+
+@njit(cache=True, nogil=True)
+def _list_near(grid, radius, neighbours, begin, end):  # type: ignore[no-untyped-def]
+    """
+    Fill in the neighbours of points begin to end, evenly thinned where there are too many.
+
+    """
+    near = np.empty(len(grid.points), dtype=np.int64)
+    for i in range(begin, end):
+        x, y, z = grid.points[i]
+        found = neighbours_of(grid, grid.cell[i], x, y, z, radius, False, near)
+        step = (found + MAX_NEIGHBOURS - 1) // MAX_NEIGHBOURS
+        n = 0
+        for k in range(0, found, step):
+            if near[k] != i:
+                neighbours[i, n] = near[k]
+                n += 1
+
+
+@njit(cache=True, nogil=True)
+def _fit_own(points, neighbours, radius, planes, roughness, begin, end):  # type: ignore[no-untyped-def]
+    """
+    Fit a plane to the surroundings of points begin to end, and say how rough they are [m²].
+
+    """
+    for i in range(begin, end):
+        moments = np.zeros(N_MOMENTS)
+        if _sum_near(points, neighbours, i, radius, moments) < _FEWEST:
+            _sum_near(points, neighbours, i, np.inf, moments)
+        planes[i] = 0.0
+        roughness[i] = np.inf
+        if moments[0] > 3.0 and normal_of(moments, planes[i]):
+            roughness[i] = residual_of(moments) / (moments[0] - 3.0)
+            x, y, z = points[i]
+            planes[i, 3] -= planes[i, 0] * x + planes[i, 1] * y + planes[i, 2] * z
+
+
+@njit(cache=True, nogil=True)
+def _sum_near(points, neighbours, i, radius, moments):  # type: ignore[no-untyped-def]
+    """
+    Sum point i and its neighbours within a radius, about the point; return how many.
+
+    """
+    moments[:] = 0.0
+    add_point(moments, 0.0, 0.0, 0.0)
+    x, y, z = points[i]
+    for j in neighbours[i]:
+        if j < 0:
+            break
+        dx, dy, dz = points[j, 0] - x, points[j, 1] - y, points[j, 2] - z
+        if dx * dx + dy * dy + dz * dz <= radius * radius:
+            add_point(moments, dx, dy, dz)
+    return moments[0]
+
+
+@njit(cache=True, nogil=True)
+def _take_smoothest(points, neighbours, planes, roughness, noise, normals, begin, end):  # type: ignore[no-untyped-def]
+    """
+    Give points begin to end the normal of the smoothest surroundings on whose plane they lie.
+
+    """
+    for i in range(begin, end):
+        best = i
+        if roughness[i] > (_SMOOTH * noise) ** 2:
+            for j in neighbours[i]:
+                if j < 0:
+                    break
+                if roughness[j] < roughness[best] and distance_to(planes[j], points[i]) <= _ON_PLANE * noise:
+                    best = j
+        normals[i] = planes[best, :3]
