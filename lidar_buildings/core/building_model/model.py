@@ -1,34 +1,60 @@
 """
-The model of one building: heights, attributes and the LoD1.2 solid.
+The model of one building: solids at three levels of detail, and its attributes.
 
 """
 
 from __future__ import annotations
 
+import logging
 import math
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import shapely
 from numpy.typing import ArrayLike, NDArray
-from scipy.spatial import cKDTree
 
 from lidar_buildings.core.building_model.config import ELEVATIONS, BuildingModelConfig
+from lidar_buildings.core.building_model.heights import settle_planes
+from lidar_buildings.core.building_model.levels import (
+    LOD12,
+    LOD13,
+    LOD22,
+    Level,
+    level_12,
+    level_13,
+    level_22,
+    part_elevations,
+)
+from lidar_buildings.core.building_model.partition import RoofFacePatch, partition_outline
+from lidar_buildings.core.building_model.quality import measure_model
 from lidar_buildings.core.building_model.result import BuildingModel, RoofFaces
 from lidar_buildings.core.outline import Outline
-from lidar_buildings.core.output_grid import gridded_outline, on_grid, repaired_outlines
+from lidar_buildings.core.output_grid import gridded_outline, on_grid
 from lidar_buildings.core.point_array import checked_column, checked_points
 from lidar_buildings.core.point_spacing import measure_spacing
-from lidar_buildings.core.roof_type import roof_type
-from lidar_buildings.core.solid import ROOF_SURFACE, Solid, extrude
+from lidar_buildings.core.roof_topology import RoofTopology, find_topology
+from lidar_buildings.core.solid import ROOF_SURFACE, Solid
 from lidar_buildings.core.status import BuildingStatus
-from lidar_buildings.core.validity import check_solid
 
-LOD = "1.2"
-#: A spot of the outline is covered if a point lies within so many spacings.
-_COVERAGE_RADIUS = 2.0
-#: Most spots at which coverage is probed.
-_MAX_PROBES = 20_000
+_log = logging.getLogger(__name__)
+
+#: Spacing of points too few to measure it [m].
+_ASSUMED_SPACING = 1.0
+
+
+@dataclass(frozen=True, eq=False)
+class _Roof:
+    """
+    What is known of a building before solids are made.
+
+    """
+
+    points: NDArray[np.float64]
+    outline: Outline
+    ground: float
+    spacing: float
+    topology: RoofTopology
+    plane_id: NDArray[np.uint16]
 
 
 def build_model(
@@ -38,12 +64,15 @@ def build_model(
     *,
     plane_id: ArrayLike | None = None,
     ground_elevation: float | None = None,
+    point_spacing: float | None = None,
 ) -> BuildingModel:
     """
-    Build a building's LoD1.2 model: its outline raised from the ground to the roof.
+    Build a building's model at the levels of detail 1.2, 1.3 and 2.2 (Biljecki et al. 2016).
 
-    The coordinates are rounded as they will be written before the solid is built, so that what is checked
-    is what is written.
+    LoD1.2 is the outline raised to one height, LoD1.3 has one height for each part of the roof, LoD2.2 has
+    the roof's planes: ridges, hips, valleys and steps divide the outline into faces. The coordinates are
+    rounded as they will be written before a solid is built, so that what is checked is what is written.
+    A level that fails its checks is left out, and the reason says so.
 
     Parameters
     ----------
@@ -53,9 +82,11 @@ def build_model(
         In the map frame [m].
     config : BuildingModelConfig, optional
     plane_id : array_like of shape (n_points,), optional
-        Number of each point's roof plane, 0 = none.
+        Number of each point's roof plane, 0 = none; without any the roof is one plane.
     ground_elevation : float, optional
         Elevation of the ground at the building [m]; without it a height is assumed, and the reason says so.
+    point_spacing : float, optional
+        Measured from the points if not given [m].
 
     Returns
     -------
@@ -69,42 +100,164 @@ def build_model(
     """
     config = config or BuildingModelConfig()
     points = checked_points(points)
-    if plane_id is not None:
-        plane_id = checked_column("plane_id", plane_id, len(points), np.uint16)
+    known_planes = plane_id is not None
+    plane_id = np.zeros(len(points)) if plane_id is None else plane_id
+    plane_id = checked_column("plane_id", plane_id, len(points), np.uint16)
     if ground_elevation is not None and not math.isfinite(ground_elevation):
         raise ValueError(f"ground_elevation = {ground_elevation}: must be finite, or None if unknown")
+    order = np.lexsort((plane_id, *points.T))
+    points, plane_id = points[order], plane_id[order]
     outline = gridded_outline(outline)
-    attributes = _attributes(points, outline, plane_id)
-    if not _has_extent(points):
-        reason = f"{len(points)} roof points, too few or all on a line"
+    spacing = point_spacing or (measure_spacing(points) if len(points) > 1 else _ASSUMED_SPACING)
+    attributes = _attributes(points, outline, plane_id if known_planes else None, spacing)
+    if not len(points) or len(outline.exterior) < 3:
+        reason = "no roof points" if not len(points) else "the outline has no area"
         return _without_solid(attributes, ground_elevation, BuildingStatus.DEGENERATE, reason)
     ground, remark = _ground(points, ground_elevation, config)
-    roof = float(on_grid(np.percentile(points[:, 2], ELEVATIONS[config.roof_elevation])))
-    if roof - ground < config.min_height:
-        reason = f"the roof at {roof:.2f} m is not above the ground at {ground:.2f} m"
+    flat = _Flat.of(points, ground, config)
+    lowest, outline = level_12(outline, ground, flat.elevation)
+    attributes |= {"ground_elevation": ground, "height": float(on_grid(flat.elevation - ground))}
+    if lowest.solid is None:
+        reason = "the solid fails checks " + ", ".join(map(str, lowest.codes))
+        attributes |= {"validity": str(list(lowest.codes))}
         return _without_solid(attributes, ground, BuildingStatus.NO_SOLID, reason)
-    solid, codes, repair = _sound_solid(outline, ground, roof)
-    attributes |= {
-        "ground_elevation": ground,
-        "height": float(on_grid(roof - ground)),
-        "validity": str(list(codes)),
+    topology = find_topology(points, plane_id, outline, point_spacing=spacing)
+    roof = _Roof(points, outline, ground, spacing, topology, plane_id)
+    levels, faces, why = _finer_levels(roof, config)
+    return _finished(roof, {LOD12: lowest} | levels, faces, attributes, [remark, flat.remark, why])
+
+
+@dataclass(frozen=True)
+class _Flat:
+    """
+    The elevation of a flat top [m], and what to remark about it.
+
+    """
+
+    elevation: float
+    remark: str = ""
+
+    @classmethod
+    def of(cls, points: NDArray[np.float64], ground: float, config: BuildingModelConfig) -> _Flat:
+        """
+        Return the top of LoD1.2.
+
+        """
+        roof = _top(points[:, 2], config)
+        least = float(on_grid(ground + config.min_height))
+        if roof >= least:
+            return cls(roof)
+        return cls(least, f"the roof at {roof:.2f} m is not above the ground at {ground:.2f} m: raised")
+
+
+def _top(z: NDArray[np.float64], config: BuildingModelConfig) -> float:
+    """
+    Return the elevation of a flat top over points [m].
+
+    """
+    return float(on_grid(np.percentile(z, ELEVATIONS[config.roof_elevation])))
+
+
+def _finer_levels(
+    roof: _Roof, config: BuildingModelConfig
+) -> tuple[dict[str, Level], dict[str, list[RoofFacePatch]], str]:
+    """
+    Return LoD1.3 and LoD2.2, the faces of each, and why one is missing.
+
+    """
+    try:
+        faces = _roof_faces_of(roof, config)
+    except Exception as error:
+        _log.exception("building at (%.1f, %.1f): its roof was not divided", *roof.outline.exterior[0])
+        return {}, {}, f"the roof could not be divided into faces: {error!r}"
+    tops = part_elevations(faces, roof.points, config.min_part_step, lambda z: _top(z, config))
+    flat = [RoofFacePatch(f.rings, np.array([0.0, 0.0, z]), f.rows) for f, z in zip(faces, tops, strict=True)]
+    levels = {
+        LOD13: level_13(faces, np.maximum(tops, on_grid(roof.ground + config.min_height)), roof.ground),
+        LOD22: level_22(faces, roof.ground),
     }
-    if codes:
-        reason = "the solid fails checks " + ", ".join(map(str, codes))
-        return _without_solid(attributes, ground, BuildingStatus.NO_SOLID, reason)
-    attributes |= {"lod": LOD, "rmse": _rounded(np.sqrt(np.mean((points[:, 2] - roof) ** 2)))}
-    reason = "; ".join(text for text in (remark, repair) if text)
-    return BuildingModel({LOD: solid}, attributes, _roof_faces(solid), BuildingStatus.OK, reason)
+    missing = [
+        f"LoD{lod} fails checks {', '.join(map(str, level.codes))}"
+        for lod, level in levels.items()
+        if level.solid is None
+    ]
+    return levels, {LOD13: flat, LOD22: faces}, "; ".join(missing)
+
+
+def _roof_faces_of(roof: _Roof, config: BuildingModelConfig) -> list[RoofFacePatch]:
+    """
+    Divide the outline into faces with planes that the points bear out.
+
+    """
+    planes = np.array([_equation(plane.normal, plane.centroid) for plane in roof.topology.planes])
+    segments = [one.segment[:, :2] for one in roof.topology.intersections]
+    segments += [one.segment for one in roof.topology.steps]
+    plane_id = roof.plane_id
+    if not len(planes):
+        planes = np.array([[0.0, 0.0, np.median(roof.points[:, 2])]])
+        plane_id = np.ones_like(plane_id)
+    lines = np.array(segments).reshape(-1, 2, 2)
+    faces = partition_outline(roof.outline, roof.points, plane_id, planes, lines, roof.spacing, config)
+    return settle_planes(faces, roof.points, roof.spacing)
+
+
+def _equation(normal: NDArray[np.float64], point: NDArray[np.float64]) -> NDArray[np.float64]:
+    """
+    Return a, b, c of z = a·x + b·y + c.
+
+    """
+    a, b = -normal[:2] / normal[2]
+    return np.array([a, b, point[2] - a * point[0] - b * point[1]])
+
+
+def _finished(
+    roof: _Roof,
+    levels: dict[str, Level],
+    faces: dict[str, list[RoofFacePatch]],
+    attributes: dict[str, Any],
+    remarks: list[str],
+) -> BuildingModel:
+    """
+    Gather the solids and what is measured on the finest.
+
+    """
+    solids = {lod: level.solid for lod, level in levels.items() if level.solid is not None}
+    finest = max(solids)
+    whole = np.array([0.0, 0.0, solids[LOD12].vertices[:, 2].max()])
+    flat = [RoofFacePatch(roof.outline.rings, whole, np.arange(len(roof.points)))]
+    quality = measure_model(faces.get(finest, flat), roof.points, roof.outline, roof.spacing)
+    attributes = attributes | {
+        "roof_type": roof.topology.roof_type,
+        "rmse": None if quality.rmse is None else _rounded(quality.rmse),
+        "coverage": _rounded(quality.coverage),
+        "no_data_share": _rounded(quality.no_data_share),
+        "plane_sigma": _plane_sigma(roof.topology),
+        "volume": _rounded(solids[finest].volume),
+        "lod": finest,
+        "validity": "[]",
+    }
+    reason = "; ".join(text for text in (*remarks, levels[LOD12].remark) if text)
+    return BuildingModel(solids, attributes, _roof_faces(solids[finest]), BuildingStatus.OK, reason)
+
+
+def _plane_sigma(topology: RoofTopology) -> float | None:
+    """
+    Return the root mean square distance of all planes' points to their planes [m].
+
+    """
+    n = sum(plane.n_points for plane in topology.planes)
+    if not n:
+        return None
+    return _rounded(math.sqrt(sum(plane.n_points * plane.rms**2 for plane in topology.planes) / n))
 
 
 def _attributes(
-    points: NDArray[np.float64], outline: Outline, plane_id: NDArray[np.uint16] | None
+    points: NDArray[np.float64], outline: Outline, plane_id: NDArray[np.uint16] | None, spacing: float
 ) -> dict[str, Any]:
     """
     Return all attributes, those that need a solid still unknown.
 
     """
-    spacing = measure_spacing(points) if len(points) > 1 else None
     elevations = {
         f"roof_elevation_{name}": float(on_grid(np.percentile(points[:, 2], share))) if len(points) else None
         for name, share in ELEVATIONS.items()
@@ -115,11 +268,14 @@ def _attributes(
         "height": None,
         "area": _rounded(outline.area),
         "n_points": len(points),
-        "point_spacing": None if spacing is None else _rounded(spacing),
+        "point_spacing": _rounded(spacing) if len(points) > 1 else None,
         "n_planes": None if plane_id is None else len(np.unique(plane_id[plane_id > 0])),
-        "roof_type": "unknown" if plane_id is None else roof_type(points, plane_id),
+        "roof_type": "unknown",
         "rmse": None,
-        "coverage": None if spacing is None else _rounded(_coverage(points, outline, spacing)),
+        "coverage": None,
+        "no_data_share": None,
+        "plane_sigma": None,
+        "volume": None,
         "lod": "",
         "validity": "",
     }
@@ -147,55 +303,6 @@ def _ground(
         return float(on_grid(ground_elevation)), ""
     assumed = float(on_grid(points[:, 2].min() - config.assumed_height))
     return assumed, f"ground elevation unknown: taken {config.assumed_height:g} m below the lowest roof point"
-
-
-def _sound_solid(outline: Outline, ground: float, roof: float) -> tuple[Solid, tuple[int, ...], str]:
-    """
-    Return a solid, the codes of what is wrong with it, and the repair that its outline took.
-
-    Repairs are tried only where the outline as it is will not do; if none helps, the codes are those of
-    the outline as it is.
-
-    """
-    solid = extrude(outline, ground, roof)
-    codes = check_solid(solid)
-    if codes:
-        for repaired, what in repaired_outlines(outline):
-            candidate = extrude(repaired, ground, roof)
-            if not check_solid(candidate):
-                return candidate, (), what
-    return solid, codes, ""
-
-
-def _has_extent(points: NDArray[np.float64]) -> bool:
-    """
-    Whether points span an area in plan.
-
-    """
-    if len(points) < 3:
-        return False
-    spread = np.linalg.svd(points[:, :2] - points[:, :2].mean(axis=0), compute_uv=False)
-    return bool(spread[1] > 1e-6 * spread[0])
-
-
-def _coverage(points: NDArray[np.float64], outline: Outline, spacing: float) -> float:
-    """
-    Return the share of an outline's area that has a point near, from spots on a regular grid.
-
-    """
-    if len(outline.exterior) < 3 or outline.area <= 0:
-        return 0.0
-    low, high = outline.exterior.min(axis=0), outline.exterior.max(axis=0)
-    step = max(spacing, math.sqrt(float(np.prod(high - low)) / _MAX_PROBES))
-    x, y = (np.arange(a + 0.5 * min(step, b - a), b, step) for a, b in zip(low, high, strict=True))
-    spots = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
-    polygon = shapely.Polygon(outline.exterior, outline.holes)
-    shapely.prepare(polygon)
-    inside = spots[shapely.contains_xy(polygon, spots)]
-    if not len(inside):
-        return 0.0
-    distance = cKDTree(points[:, :2]).query(inside, distance_upper_bound=_COVERAGE_RADIUS * spacing)[0]
-    return float(np.mean(np.isfinite(distance)))
 
 
 def _roof_faces(solid: Solid) -> RoofFaces:

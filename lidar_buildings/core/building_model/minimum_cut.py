@@ -1,0 +1,154 @@
+"""
+Minimum cuts of small graphs.
+
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+#: Capacities below this are used up [m³].
+_EPSILON = 1e-12
+
+
+@njit(cache=True, nogil=True)
+def source_side(
+    excess: NDArray[np.float64],
+    links: NDArray[np.int64],
+    forward: NDArray[np.float64],
+    backward: NDArray[np.float64],
+) -> NDArray[np.bool_]:
+    """
+    Cut a graph in two parts at the least cost.
+
+    Maximum flow along shortest augmenting paths, level by level (Dinic 1970).
+
+    Parameters
+    ----------
+    excess : ndarray of shape (n_nodes,)
+        Capacity from the source to the node; to the sink where negative.
+    links : ndarray of shape (n_links, 2), int64
+        Pairs of nodes.
+    forward, backward : ndarray of shape (n_links,)
+        Capacities from the first node to the second and back. A link from i to j is paid for if i is on
+        the source's side and j is not.
+
+    Returns
+    -------
+    ndarray of shape (n_nodes,), bool
+        Whether a node is on the source's side.
+
+    """
+    n = len(excess)
+    source, sink = n, n + 1
+    n_arcs = 2 * (len(links) + n)
+    head = np.empty(n_arcs, np.int64)
+    capacity = np.empty(n_arcs)
+    degree = np.zeros(n + 3, np.int64)
+    tail = np.empty(n_arcs, np.int64)
+    for k in range(len(links)):
+        tail[2 * k], head[2 * k], capacity[2 * k] = links[k, 0], links[k, 1], forward[k]
+        tail[2 * k + 1], head[2 * k + 1], capacity[2 * k + 1] = links[k, 1], links[k, 0], backward[k]
+    for i in range(n):
+        k = 2 * (len(links) + i)
+        if excess[i] >= 0:
+            tail[k], head[k], capacity[k] = source, i, excess[i]
+            tail[k + 1], head[k + 1], capacity[k + 1] = i, source, 0.0
+        else:
+            tail[k], head[k], capacity[k] = i, sink, -excess[i]
+            tail[k + 1], head[k + 1], capacity[k + 1] = sink, i, 0.0
+    for k in range(n_arcs):
+        degree[tail[k] + 1] += 1
+    first = np.cumsum(degree)
+    arcs = np.empty(n_arcs, np.int64)
+    filled = first[:-1].copy()
+    for k in range(n_arcs):
+        arcs[filled[tail[k]]] = k
+        filled[tail[k]] += 1
+    level = np.empty(n + 2, np.int64)
+    while _set_levels(source, sink, first, arcs, head, capacity, level):
+        _saturate(source, sink, first, arcs, head, capacity, level)
+    return level[:n] >= 0
+
+
+@njit(cache=True, nogil=True)
+def _set_levels(
+    source: int,
+    sink: int,
+    first: NDArray[np.int64],
+    arcs: NDArray[np.int64],
+    head: NDArray[np.int64],
+    capacity: NDArray[np.float64],
+    level: NDArray[np.int64],
+) -> bool:
+    """
+    Write each node's distance from the source, -1 = not reached; return whether the sink is reached.
+
+    """
+    level[:] = -1
+    level[source] = 0
+    queue = np.empty(len(level), np.int64)
+    queue[0] = source
+    start, stop = 0, 1
+    while start < stop:
+        node = queue[start]
+        start += 1
+        for at in range(first[node], first[node + 1]):
+            k = arcs[at]
+            if capacity[k] > _EPSILON and level[head[k]] < 0:
+                level[head[k]] = level[node] + 1
+                queue[stop] = head[k]
+                stop += 1
+    return bool(level[sink] >= 0)
+
+
+@njit(cache=True, nogil=True)
+def _saturate(
+    source: int,
+    sink: int,
+    first: NDArray[np.int64],
+    arcs: NDArray[np.int64],
+    head: NDArray[np.int64],
+    capacity: NDArray[np.float64],
+    level: NDArray[np.int64],
+) -> None:
+    """
+    Send flow along paths of rising level until every such path is used up.
+
+    """
+    at = first[:-1].copy()
+    path = np.empty(len(level), np.int64)
+    depth, node = 0, source
+    while True:
+        if node == sink:
+            least = capacity[path[0]]
+            for d in range(1, depth):
+                least = min(least, capacity[path[d]])
+            back = depth
+            for d in range(depth - 1, -1, -1):
+                capacity[path[d]] -= least
+                capacity[path[d] ^ 1] += least
+                if capacity[path[d]] <= _EPSILON:
+                    back = d
+            depth = back
+            node = head[path[depth] ^ 1]
+            continue
+        moved = False
+        while at[node] < first[node + 1]:
+            k = arcs[at[node]]
+            if capacity[k] > _EPSILON and level[head[k]] == level[node] + 1:
+                path[depth] = k
+                depth += 1
+                node = head[k]
+                moved = True
+                break
+            at[node] += 1
+        if moved:
+            continue
+        if node == source:
+            return
+        depth -= 1
+        node = head[path[depth] ^ 1]
+        at[node] += 1

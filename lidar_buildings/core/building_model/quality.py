@@ -1,0 +1,112 @@
+"""
+How well a model agrees with its points.
+
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from lidar_buildings.core.building_model.cell_costs import EMPTY_DISTANCE
+from lidar_buildings.core.building_model.partition import RoofFacePatch
+from lidar_buildings.core.outline import Outline
+
+#: A point agrees with the model if it is nearer than this [m].
+_AGREES = 0.3
+#: Most spots at which an outline is probed.
+_MAX_SPOTS = 10_000
+
+
+@dataclass(frozen=True)
+class ModelQuality:
+    """
+    Agreement of one level of detail with the points.
+
+    Attributes
+    ----------
+    rmse : float or None
+        Root mean square of the points' vertical distances to the roof [m].
+    coverage : float
+        Share of the outline's area with a point near that agrees with the model.
+    no_data_share : float
+        Share of the outline's area without any point near.
+
+    """
+
+    rmse: float | None
+    coverage: float
+    no_data_share: float
+
+
+def measure_model(
+    faces: list[RoofFacePatch], points: NDArray[np.float64], outline: Outline, spacing: float
+) -> ModelQuality:
+    """
+    Measure how well roof faces agree with the points.
+
+    Parameters
+    ----------
+    faces : list of RoofFacePatch
+        Of the level of detail; points over none of them are measured against the nearest one.
+    points : ndarray of shape (n_points, 3)
+        The building's points [m].
+    outline : Outline
+        The building's [m].
+    spacing : float
+        Point spacing [m].
+
+    """
+    misfit = _misfits(faces, points)
+    rmse = float(np.sqrt(np.mean(misfit**2))) if len(points) else None
+    spots = _spots(outline, spacing)
+    if not len(spots) or not len(points):
+        return ModelQuality(rmse, 0.0, 1.0)
+    reach = EMPTY_DISTANCE * spacing
+    agrees = np.abs(misfit) <= _AGREES
+    no_data = np.isinf(cKDTree(points[:, :2]).query(spots, distance_upper_bound=reach)[0])
+    covered = np.zeros(len(spots), dtype=bool)
+    if agrees.all():
+        covered = ~no_data
+    elif agrees.any():
+        near = cKDTree(points[agrees, :2]).query(spots, distance_upper_bound=reach)[0]
+        covered = np.isfinite(near)
+    return ModelQuality(rmse, float(covered.mean()), float(no_data.mean()))
+
+
+def _misfits(faces: list[RoofFacePatch], points: NDArray[np.float64]) -> NDArray[np.float64]:
+    """
+    Return every point's height above the model's roof [m].
+
+    """
+    number = np.full(len(points), -1, dtype=np.int64)
+    for k, face in enumerate(faces):
+        number[face.rows] = k
+    beside = np.flatnonzero(number < 0)
+    if len(beside) and len(faces) > 1:
+        tree = shapely.STRtree([face.polygon for face in faces])
+        number[beside] = tree.nearest(shapely.points(points[beside, :2]))
+    elif len(beside):
+        number[beside] = 0
+    planes = np.array([face.plane for face in faces])[number]
+    return np.asarray(points[:, 2] - np.einsum("ij,ij->i", planes[:, :2], points[:, :2]) - planes[:, 2])
+
+
+def _spots(outline: Outline, spacing: float) -> NDArray[np.float64]:
+    """
+    Return places inside an outline on a regular grid.
+
+    """
+    if len(outline.exterior) < 3 or outline.area <= 0:
+        return np.zeros((0, 2))
+    low, high = outline.exterior.min(axis=0), outline.exterior.max(axis=0)
+    step = max(spacing, float(np.prod(high - low) / _MAX_SPOTS) ** 0.5)
+    x, y = (np.arange(a + 0.5 * min(step, b - a), b, step) for a, b in zip(low, high, strict=True))
+    spots = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
+    polygon = outline.polygon
+    shapely.prepare(polygon)
+    return spots[shapely.contains_xy(polygon, spots)]
