@@ -20,7 +20,7 @@ class BuildingStatus(str, Enum):
     CUT_OFF = "cut_off"
     #: No solid passed the validity checks; the outline is given.
     NO_SOLID = "no_solid"
-    #: Points too few or all on a line: neither ring nor solid.
+    #: Points too few or all on a line: a marker for a ring, one height at most.
     DEGENERATE = "degenerate"
     #: An unexpected error, named in the reason; the other buildings are not touched by it.
     FAILED = "failed"

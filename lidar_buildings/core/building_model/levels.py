@@ -88,7 +88,10 @@ def level_22(faces: list[RoofFacePatch], ground: float) -> Level:
     Raise every face to its plane.
 
     """
-    pieces = [RoofPiece(face.rings, tuple(map(float, face.plane))) for face in faces]
+    pieces = [
+        RoofPiece(face.rings, (float(face.plane[0]), float(face.plane[1]), float(face.plane[2])))
+        for face in faces
+    ]
     return _checked(roof_solid(pieces, ground))
 
 

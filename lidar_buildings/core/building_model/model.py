@@ -110,9 +110,8 @@ def build_model(
     outline = gridded_outline(outline)
     spacing = point_spacing or (measure_spacing(points) if len(points) > 1 else _ASSUMED_SPACING)
     attributes = _attributes(points, outline, plane_id if known_planes else None, spacing)
-    if not len(points) or len(outline.exterior) < 3:
-        reason = "no roof points" if not len(points) else "the outline has no area"
-        return _without_solid(attributes, ground_elevation, BuildingStatus.DEGENERATE, reason)
+    if not len(points):
+        return _without_solid(attributes, ground_elevation, BuildingStatus.DEGENERATE, "no roof points")
     ground, remark = _ground(points, ground_elevation, config)
     flat = _Flat.of(points, ground, config)
     lowest, outline = level_12(outline, ground, flat.elevation)
@@ -165,6 +164,8 @@ def _finer_levels(
     Return LoD1.3 and LoD2.2, the faces of each, and why one is missing.
 
     """
+    if not _has_extent(roof.points):
+        return {}, {}, f"{len(roof.points)} roof points, too few or all on a line: one height"
     try:
         faces = _roof_faces_of(roof, config)
     except Exception as error:
@@ -237,7 +238,20 @@ def _finished(
         "validity": "[]",
     }
     reason = "; ".join(text for text in (*remarks, levels[LOD12].remark) if text)
-    return BuildingModel(solids, attributes, _roof_faces(solids[finest]), BuildingStatus.OK, reason)
+    status = BuildingStatus.OK if _has_extent(roof.points) else BuildingStatus.DEGENERATE
+    return BuildingModel(solids, attributes, _roof_faces(solids[finest]), status, reason)
+
+
+def _has_extent(points: NDArray[np.float64]) -> bool:
+    """
+    Whether points span an area in plan.
+
+    """
+    if len(points) < 3:
+        return False
+    offsets = points[:, :2] - points[:, :2].mean(axis=0)
+    least, most = np.linalg.eigvalsh(offsets.T @ offsets)
+    return bool(least > 1e-12 * most)
 
 
 def _plane_sigma(topology: RoofTopology) -> float | None:
