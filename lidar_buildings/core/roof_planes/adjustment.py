@@ -1,51 +1,239 @@
 """
-Least squares of all planes of a roof.
+Least squares of all planes of a roof together.
 
 """
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from lidar_buildings.core.outline import Outline
-from lidar_buildings.core.roof_planes.moments import centroids_and_scatters, plane_moments
+from lidar_buildings.core.point_array import checked_column, checked_points
+from lidar_buildings.core.roof_planes.directions import main_directions, outline_directions
+from lidar_buildings.core.roof_planes.free_planes import FreePlanes, free_planes
+from lidar_buildings.core.roof_planes.moments import plane_moments
+from lidar_buildings.core.roof_planes.normal_equations import Meeting, Unknowns, solve, unknowns_of
+from lidar_buildings.core.roof_planes.relations import Relations, allowed_move, find_relations
 from lidar_buildings.core.roof_planes.roof_plane import RoofPlane
+
+#: A meeting may move a plane by this at its points, or by its own roughness if that is more [m].
+_LEAST_MOVE, _MOST_MOVE = 0.03, 0.06
+#: Rounds in which relations that move planes too far are given up.
+_MAX_ROUNDS = 6
+#: Rounds in which the positions of meetings follow the planes.
+_FOLLOW_ROUNDS = 2
+
+
+@dataclass(frozen=True, eq=False)
+class Adjustment:
+    """
+    Planes under relations, to which meetings can be added.
+
+    Attributes
+    ----------
+    free : FreePlanes
+        Each plane by itself.
+    unknowns : Unknowns
+        How the planes depend on one another.
+    coefficients : ndarray of shape (n_planes, 3)
+        a, b, c of z = a x + b y + c about the building's centre, after the adjustment.
+    meetings : tuple of Meeting
+        Those imposed.
+
+    """
+
+    free: FreePlanes
+    unknowns: Unknowns
+    coefficients: NDArray[np.float64]
+    meetings: tuple[Meeting, ...] = ()
+
+    @property
+    def centre(self) -> NDArray[np.float64]:
+        """
+        Where coefficients have their origin [m].
+
+        """
+        return self.free.moments.centre
+
+    @property
+    def planes(self) -> tuple[RoofPlane, ...]:
+        """
+        The planes; number k is item k - 1.
+
+        """
+        return tuple(_roof_plane(self.free, self.coefficients, k) for k in range(len(self.coefficients)))
+
+    def with_meetings(self, meetings: Sequence[Meeting]) -> Adjustment:
+        """
+        Return the adjustment with all those meetings imposed that the points allow.
+
+        """
+        kept = [meeting for meeting in meetings if all(self.free.roof[k - 1] for k in meeting.planes)]
+        coefficients = self.coefficients
+        allowed = np.clip(self.free.rms, _LEAST_MOVE, _MOST_MOVE)
+        while kept:
+            coefficients, kept, pull = self._settled(kept)
+            excess = self.free.offsets(coefficients) / allowed
+            culprits = _culprits(pull, np.flatnonzero(self.free.roof & (excess > 1.0)))
+            if not culprits:
+                break
+            kept = [meeting for k, meeting in enumerate(kept) if k not in culprits]
+        return Adjustment(self.free, self.unknowns, coefficients if kept else self.coefficients, tuple(kept))
+
+    def _settled(
+        self, meetings: list[Meeting]
+    ) -> tuple[NDArray[np.float64], list[Meeting], NDArray[np.float64]]:
+        """
+        Solve, let meetings whose position is not given follow the planes, and solve again.
+
+        """
+        coefficients, pull = solve(self.free, self.unknowns, meetings)
+        if all(meeting.fixed for meeting in meetings):
+            return coefficients, meetings, pull
+        for _ in range(_FOLLOW_ROUNDS - 1):
+            meetings = [self._following(meeting) for meeting in meetings]
+            coefficients, pull = solve(self.free, self.unknowns, meetings)
+        return coefficients, meetings, pull
+
+    def _following(self, meeting: Meeting) -> Meeting:
+        """
+        Move a meeting whose position is not given to where the planes without it are nearest to meeting.
+
+        """
+        if meeting.fixed:
+            return meeting
+        xy, _ = common_point(self.coefficients[np.array(meeting.planes) - 1])
+        return meeting._replace(xy=(float(xy[0] + self.centre[0]), float(xy[1] + self.centre[1])))
 
 
 def adjust_planes(
-    points: NDArray[np.float64],
-    plane_id: NDArray[np.uint16],
+    points: ArrayLike,
+    plane_id: ArrayLike,
     *,
     outline: Outline | None = None,
-    point_spacing: float | None = None,
+    meetings: Sequence[Meeting] = (),
 ) -> tuple[RoofPlane, ...]:
     """
-    Fit the planes of a roof by orthogonal least squares.
+    Fit all planes of a roof together by least squares, with the relations that the points allow.
+
+    Every plane is fitted by orthogonal least squares. Then planes that are nearly so become exactly level,
+    face common directions (the outline's where they can) or their opposites or perpendiculars, are equally
+    steep, and parallel ones nearly in one plane become it, as long as no plane moves by more than a part of
+    its roughness at its own points. So ridges of symmetric gables are level, and hips run at 45°.
 
     Parameters
     ----------
-    points : ndarray of shape (n_points, 3)
-        In any order [m].
-    plane_id : ndarray of shape (n_points,)
+    points : array_like of shape (n_points, 3)
+        The building's roof points, in any order [m].
+    plane_id : array_like of shape (n_points,)
         Number of each point's plane, 0 = none.
     outline : Outline, optional
-        Its main directions are those that planes may face.
-    point_spacing : float, optional
-        [m].
+        Its main directions are preferred.
+    meetings : sequence of Meeting, optional
+        Where planes should meet exactly: imposed where no plane moves too far by it.
 
     Returns
     -------
     tuple of RoofPlane
-        Plane number k is item k - 1; a number without points has a level plane at the centre.
+        Plane number k is item k - 1; a number without points has a level plane.
+
+    Raises
+    ------
+    ValueError
+        If an array has another shape, or a value is not finite.
+
+    """
+    points = checked_points(points)
+    numbers = checked_column("plane_id", plane_id, len(points), np.uint16)
+    adjustment = adjust(points, numbers, outline)
+    return (adjustment.with_meetings(meetings) if meetings else adjustment).planes
+
+
+def adjust(points: NDArray[np.float64], plane_id: NDArray[np.uint16], outline: Outline | None) -> Adjustment:
+    """
+    Fit all planes together under the relations that the points allow; see `adjust_planes`.
 
     """
     n_planes = int(plane_id.max()) if len(plane_id) else 0
-    moments = plane_moments(points, plane_id, n_planes)
-    mean, scatter = centroids_and_scatters(moments)
-    values, axes = np.linalg.eigh(scatter)
-    normals = axes[:, :, 0] * np.where(axes[:, 2:, 0] < 0, -1.0, 1.0)
-    counts = moments.sums[:, 0]
-    rms = np.sqrt(np.maximum(values[:, 0], 0.0) / np.maximum(counts, 1.0))
-    centroids = mean + moments.centre
-    return tuple(RoofPlane(normals[k], centroids[k], float(rms[k]), int(counts[k])) for k in range(n_planes))
+    free = free_planes(plane_moments(points, plane_id, n_planes))
+    if not n_planes:
+        return Adjustment(free, Unknowns(np.zeros((0, 3), int), np.zeros((0, 3, 3)), 0), np.zeros((0, 3)))
+    rings = outline.rings if outline is not None else ()
+    relations = find_relations(free, main_directions(*outline_directions(rings)))
+    unknowns, coefficients = _with_relations(free, relations)
+    return Adjustment(free, unknowns, coefficients)
+
+
+def _with_relations(free: FreePlanes, relations: Relations) -> tuple[Unknowns, NDArray[np.float64]]:
+    """
+    Solve under relations, giving up those of planes that move too far.
+
+    """
+    limit = 1.5 * allowed_move(free.rms)
+    for _ in range(_MAX_ROUNDS):
+        unknowns = unknowns_of(relations)
+        coefficients, _ = solve(free, unknowns, ())
+        moved = np.flatnonzero(free.roof & (free.offsets(coefficients) > limit))
+        if not len(moved):
+            break
+        relations = relations.without(moved)
+    return unknowns, coefficients
+
+
+def _culprits(pull: NDArray[np.float64], planes: NDArray[np.int64]) -> set[int]:
+    """
+    Return the meetings that pull most at planes that have moved too far, one for each of these.
+
+    """
+    return {int(np.argmax(pull[:, k])) for k in planes if pull[:, k].any()}
+
+
+def common_point(coefficients: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
+    """
+    Return where planes are nearest to meeting, x, y, z, and the root mean square of their misses there [m].
+
+    """
+    design = np.column_stack([coefficients[:, :2], -np.ones(len(coefficients))])
+    point = np.asarray(np.linalg.lstsq(design, -coefficients[:, 2], rcond=1e-6)[0], dtype=np.float64)
+    return point, float(np.sqrt(np.mean((design @ point + coefficients[:, 2]) ** 2)))
+
+
+def _roof_plane(free: FreePlanes, coefficients: NDArray[np.float64], k: int) -> RoofPlane:
+    """
+    Return one plane after the adjustment; walls stay as they were fitted.
+
+    """
+    mean, n = free.mean[k], free.counts[k]
+    normal, place = free.normals[k], mean
+    if free.roof[k]:
+        a, b, c = coefficients[k]
+        normal = np.array([-a, -b, 1.0]) / math.sqrt(a * a + b * b + 1.0)
+        place = np.array([mean[0], mean[1], a * mean[0] + b * mean[1] + c])
+    squares = normal @ free.scatter[k] @ normal / n + float(normal @ (mean - place)) ** 2
+    rms = math.sqrt(max(squares, 0.0))
+    slope_sigma, height_sigma = _sigmas(free, k, rms, normal)
+    n_points = int(free.moments.sums[k, 0])
+    return RoofPlane(normal, place + free.moments.centre, rms, n_points, slope_sigma, height_sigma)
+
+
+def _sigmas(free: FreePlanes, k: int, rms: float, normal: NDArray[np.float64]) -> tuple[float, float]:
+    """
+    Standard deviations of slope [deg] and elevation [m] from the scatter of a plane's points alone.
+
+    """
+    n = float(free.counts[k])
+    if n <= 3 or not free.roof[k]:
+        return math.nan, math.nan
+    sigma = rms * math.sqrt(n / (n - 3.0))
+    slopes = np.hypot(*normal[:2])
+    along = normal[:2] / slopes if slopes > 1e-9 else np.array([1.0, 0.0])
+    spread = free.scatter[k, :2, :2]
+    depth = max(float(along @ spread @ along), 1e-12)
+    upright = max(float(normal[2]), 1e-6)
+    # The slope s = tan(angle) has the deviation sigma / (cos(angle) √depth), the angle cos² of it.
+    return math.degrees(sigma * upright / math.sqrt(depth)), sigma / (upright * math.sqrt(n))

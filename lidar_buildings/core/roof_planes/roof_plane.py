@@ -5,10 +5,14 @@ One plane of a roof.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+
+#: Normals are taken for no more level than this when elevations are asked for: a wall has none.
+_LEAST_UPRIGHT = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -21,11 +25,15 @@ class RoofPlane:
     normal : ndarray of shape (3,)
         Unit normal, pointing upwards.
     centroid : ndarray of shape (3,)
-        Mean of the plane's points, map frame [m].
+        Mean of the plane's points, map frame [m]; if the plane was adjusted, its own place above or below.
     rms : float
         Root mean square of the points' orthogonal distances [m].
     n_points : int
         Number of points.
+    slope_sigma_deg : float
+        Standard deviation of the slope [deg], NaN if unknown.
+    height_sigma : float
+        Standard deviation of the elevation at the centroid [m], NaN if unknown.
 
     """
 
@@ -33,3 +41,20 @@ class RoofPlane:
     centroid: NDArray[np.float64]
     rms: float
     n_points: int
+    slope_sigma_deg: float = math.nan
+    height_sigma: float = math.nan
+
+    @property
+    def gradient(self) -> NDArray[np.float64]:
+        """
+        By how much the plane rises towards x and y [m/m].
+
+        """
+        return -self.normal[:2] / max(float(self.normal[2]), _LEAST_UPRIGHT)
+
+    def elevation(self, xy: NDArray[np.float64]) -> NDArray[np.float64]:
+        """
+        Elevation of the plane [m] at positions of shape (n, 2).
+
+        """
+        return np.asarray(self.centroid[2] + (xy - self.centroid[:2]) @ self.gradient)

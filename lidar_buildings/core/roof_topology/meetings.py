@@ -1,229 +1,138 @@
 """
-Where along its border a pair of planes meets: pieces of the exact intersection line.
+Positions where planes should meet: outline corners that lines pass, and points that four or more planes pass.
 
 """
 
 from __future__ import annotations
 
-import math
-from typing import NamedTuple
-
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 
-from lidar_buildings.core.roof_topology.borders import Borders
-from lidar_buildings.core.roof_topology.region_raster import RegionRaster
+from lidar_buildings.core.roof_planes import Meeting, common_point
+from lidar_buildings.core.roof_topology.pieces import Pieces, intersection_line
 
-#: Planes whose slopes differ by less [m/m] have no line of intersection worth the name.
-LEAST_BEND = 0.03
-#: A border lies on the line if it is no farther from it than the gap between the points and so many spacings,
-_TOLERANCE = 0.75
-#: or than where the planes are so far apart [m]: points of either plane may be taken for the other's.
-_NOISE = 0.06
-#: Shortest piece, and longest gap within one, in spacings.
-_LEAST_LENGTH, _LONGEST_GAP = 2.0, 4.0
-#: Least share of a piece along which the regions do border on one another.
-_LEAST_SUPPORT = 0.4
-#: Regions are looked up so many cells off the line to tell which plane lies on which side.
-_PROBES = (2, 3, 4)
+#: A line passes through a corner if no farther off it and ending no farther from it, in spacings.
+_BESIDE_CORNER, _BEFORE_CORNER = 1.0, 2.0
+#: Ends of lines within so many spacings of one another, directly or by way of others, may be one point.
+_SAME_POINT = 3.0
+#: Planes miss their common point by no more than this, root mean square [m].
+_MOST_MISS = 0.08
+#: Three planes meet in a point anyway.
+_LEAST_PLANES = 4
 
 
-class Pieces(NamedTuple):
+def piece_ends(pieces: Pieces, gradients: NDArray[np.float64]) -> NDArray[np.float64]:
     """
-    Pieces of intersection lines.
-
-    Attributes
-    ----------
-    pair : ndarray of shape (n,), int64
-        Pair of the borders.
-    first, second : ndarray of shape (n,), int32
-        Numbers of the planes.
-    t : ndarray of shape (n, 2)
-        Ends as distances along the line from its foot, the position nearest to the centre [m].
-    length : ndarray of shape (n,)
-        Length of the border along it [m].
-    convex : ndarray of shape (n,), bool
-        Whether the planes descend away from the line.
-    n_points : ndarray of shape (n,), int64
-        Distinct points nearest to the border.
-    on_line : ndarray of shape (n_sides,), bool
-        Which sides of the borders are accounted for by a piece.
+    Return both ends of every piece in plan about the centre, shape (n_pieces, 2, 2) [m].
 
     """
-
-    pair: NDArray[np.int64]
-    first: NDArray[np.int32]
-    second: NDArray[np.int32]
-    t: NDArray[np.float64]
-    length: NDArray[np.float64]
-    convex: NDArray[np.bool_]
-    n_points: NDArray[np.int64]
-    on_line: NDArray[np.bool_]
+    ends = np.empty((len(pieces.pair), 2, 2))
+    for k, (i, j) in enumerate(zip(pieces.first, pieces.second, strict=True)):
+        fx, fy, ux, uy, _ = intersection_line(gradients[i - 1], gradients[j - 1])
+        ends[k] = np.array([fx, fy]) + pieces.t[k][:, None] * np.array([ux, uy])
+    return ends
 
 
-def find_pieces(
-    borders: Borders,
-    raster: RegionRaster,
+def find_meetings(
+    pieces: Pieces,
     gradients: NDArray[np.float64],
     centre: NDArray[np.float64],
+    rings: tuple[NDArray[np.float64], ...],
     spacing: float,
-) -> Pieces:
+) -> list[Meeting]:
     """
-    Find where pairs of planes meet.
+    Collect the meetings that lines hint at; the adjustment finds out which of them the points allow.
 
     Parameters
     ----------
-    borders : Borders
-    raster : RegionRaster
+    pieces : Pieces
     gradients : ndarray of shape (n_planes, 3)
-        a, b [m/m] and c [m] of each plane z = a x + b y + c about the centre.
+        a, b, c of the planes about the centre.
     centre : ndarray of shape (2 or more,)
         [m].
+    rings : tuple of ndarray of shape (n, 2)
+        The outline's [m].
     spacing : float
         Point spacing [m].
 
     """
-    n = len(borders.first)
-    numbers = np.empty((n, 2), dtype=np.int64)
-    values = np.empty((n, 4))
-    on_line = np.zeros(n, dtype=np.bool_)
-    origin = np.array([raster.west - centre[0], raster.south - centre[1]])
-    n_pieces = _all_pieces(
-        borders.xy, borders.upright, borders.first, borders.second, borders.near_first, borders.near_second,
-        borders.gap, borders.start, borders.cell, gradients, spacing, raster.label, origin,
-        numbers, values, on_line,
-    )  # fmt: skip
-    numbers, values = numbers[:n_pieces], values[:n_pieces]
-    at = borders.start[numbers[:, 0]]
-    return Pieces(
-        numbers[:, 0],
-        borders.first[at],
-        borders.second[at],
-        values[:, :2],
-        values[:, 2],
-        values[:, 3] > 0,
-        numbers[:, 1],
-        on_line,
-    )
+    if not len(pieces.pair):
+        return []
+    ends = piece_ends(pieces, gradients)
+    meetings = _common_points(pieces, ends, gradients, centre, spacing)
+    if rings:
+        meetings += _corners(pieces, ends, np.concatenate(rings) - centre[:2], centre, spacing)
+    return meetings
 
 
-@njit(cache=True, nogil=True)
-def intersection_line(p, q):  # type: ignore[no-untyped-def]
+def _corners(
+    pieces: Pieces,
+    ends: NDArray[np.float64],
+    corners: NDArray[np.float64],
+    centre: NDArray[np.float64],
+    spacing: float,
+) -> list[Meeting]:
     """
-    Return foot, direction and bend of the line in which two planes meet, seen from above.
-
-    Parameters
-    ----------
-    p, q : ndarray of shape (3,)
-        a, b, c of z = a x + b y + c.
-
-    Returns
-    -------
-    x, y, ux, uy, bend : float
-        Position nearest to the origin, unit direction, and the difference of the planes' gradients; a bend
-        less than `LEAST_BEND` means that there is no line.
+    Pair the ends of lines with the outline's corners that they nearly pass through.
 
     """
-    gx, gy, d = p[0] - q[0], p[1] - q[1], p[2] - q[2]
-    bend = math.hypot(gx, gy)
-    if bend < LEAST_BEND:
-        return 0.0, 0.0, 1.0, 0.0, bend
-    return -d * gx / bend**2, -d * gy / bend**2, -gy / bend, gx / bend, bend
+    along = ends[:, 1] - ends[:, 0]
+    along /= np.maximum(np.hypot(along[:, 0], along[:, 1]), 1e-12)[:, None]
+    away = corners[None, None] - ends[:, :, None]
+    beside = np.abs(away[..., 0] * along[:, None, None, 1] - away[..., 1] * along[:, None, None, 0])
+    distance = np.hypot(away[..., 0], away[..., 1])
+    distance[(beside > _BESIDE_CORNER * spacing) | (distance > _BEFORE_CORNER * spacing)] = np.inf
+    meetings = []
+    for k, end in np.argwhere(np.isfinite(distance.min(axis=2))):
+        x, y = corners[int(np.argmin(distance[k, end]))] + centre[:2]
+        pair = int(pieces.first[k]), int(pieces.second[k])
+        meetings.append(Meeting(pair, (float(x), float(y)), True))
+    return list(dict.fromkeys(meetings))
 
 
-@njit(cache=True, nogil=True)
-def _all_pieces(  # type: ignore[no-untyped-def]
-    xy, upright, first, second, near_first, near_second, gap, start, cell, gradients, spacing, label, origin,
-    numbers, values, on_line,
-):  # fmt: skip
+def _common_points(
+    pieces: Pieces,
+    ends: NDArray[np.float64],
+    gradients: NDArray[np.float64],
+    centre: NDArray[np.float64],
+    spacing: float,
+) -> list[Meeting]:
     """
-    Write pair and number of points, ends, length and vote on convexity of each piece; return how many.
+    Find where the ends of lines between four or more planes come together.
 
     """
-    n_pieces = 0
-    for pair in range(len(start) - 1):
-        a, b = start[pair], start[pair + 1]
-        p, q = gradients[first[a] - 1], gradients[second[a] - 1]
-        fx, fy, ux, uy, bend = intersection_line(p, q)
-        if bend < LEAST_BEND:
+    positions = ends.reshape(-1, 2)
+    gap = np.hypot(*(positions[:, None] - positions[None]).transpose(2, 0, 1))
+    near = np.argwhere(gap <= _SAME_POINT * spacing)
+    links = coo_array((np.ones(len(near)), (near[:, 0], near[:, 1])), shape=gap.shape)
+    _, cluster = connected_components(links, directed=False)
+    pairs = np.repeat(np.column_stack([pieces.first, pieces.second]), 2, axis=0)
+    meetings = []
+    for number in np.unique(cluster):
+        mine = cluster == number
+        planes = np.unique(pairs[mine])
+        if len(planes) < _LEAST_PLANES:
             continue
-        least = max(_TOLERANCE * spacing, _NOISE / bend)
-        t = np.empty(b - a)
-        rows = np.empty(b - a, dtype=np.int64)
-        n = 0
-        for k in range(a, b):
-            off = (xy[k, 0] - fx) * -uy + (xy[k, 1] - fy) * ux
-            if abs(off) <= least + gap[k]:
-                t[n] = xy[k, 0] * ux + xy[k, 1] * uy
-                rows[n] = k
-                n += 1
-        order = np.argsort(t[:n])
-        begin = 0
-        for m in range(1, n + 1):
-            if m < n and t[order[m]] - t[order[m - 1]] <= _LONGEST_GAP * spacing:
-                continue
-            t0, t1 = t[order[begin]], t[order[m - 1]]
-            members = rows[order[begin:m]]
-            begin = m
-            length = 0.0
-            for k in members:
-                length += cell * (abs(uy) if upright[k] else abs(ux))
-            if length < _LEAST_LENGTH * spacing or length < _LEAST_SUPPORT * (t1 - t0):
-                continue
-            on_line[members] = True
-            numbers[n_pieces, 0] = pair
-            numbers[n_pieces, 1] = _distinct(near_first[members]) + _distinct(near_second[members])
-            values[n_pieces, 0], values[n_pieces, 1], values[n_pieces, 2] = t0, t1, length
-            values[n_pieces, 3] = _convexity(
-                t[order[begin - len(members) : begin]],
-                fx,
-                fy,
-                ux,
-                uy,
-                first[a],
-                second[a],
-                label,
-                origin,
-                cell,
-            )
-            n_pieces += 1
-    return n_pieces
+        point, planes = _agreeing(gradients, planes)
+        apart = np.hypot(*(positions[mine] - point[:2]).T).min()
+        if len(planes) >= _LEAST_PLANES and apart <= _SAME_POINT * spacing:
+            x, y = point[:2] + centre[:2]
+            meetings.append(Meeting(tuple(int(k) for k in planes), (float(x), float(y)), False))
+    return meetings
 
 
-@njit(cache=True, nogil=True)
-def _distinct(numbers):  # type: ignore[no-untyped-def]
+def _agreeing(
+    gradients: NDArray[np.float64], planes: NDArray[np.int32]
+) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
     """
-    Count distinct numbers.
+    Leave out the planes that miss the common point of the others most until they agree on one.
 
     """
-    ordered = np.sort(numbers)
-    n = 1
-    for k in range(1, len(ordered)):
-        if ordered[k] != ordered[k - 1]:
-            n += 1
-    return n
-
-
-@njit(cache=True, nogil=True)
-def _convexity(t, fx, fy, ux, uy, first, second, label, origin, cell):  # type: ignore[no-untyped-def]
-    """
-    Vote on whether each plane lies on the side of the line on which it is the lower one.
-
-    The first plane is the higher one on the side of (uy, -ux): that is where its gradient less the other's
-    points to.
-
-    """
-    votes = 0
-    for k in range(len(t)):
-        x, y = fx + t[k] * ux, fy + t[k] * uy
-        for probe in _PROBES:
-            for side in (-1, 1):
-                c = math.floor((x + side * probe * cell * uy - origin[0]) / cell)
-                r = math.floor((y - side * probe * cell * ux - origin[1]) / cell)
-                if 0 <= r < label.shape[0] and 0 <= c < label.shape[1]:
-                    if label[r, c] == first:
-                        votes -= side
-                    elif label[r, c] == second:
-                        votes += side
-    return votes
+    while True:
+        point, miss = common_point(gradients[planes - 1])
+        if miss <= _MOST_MISS or len(planes) < _LEAST_PLANES:
+            return point, planes
+        left_out = [common_point(gradients[np.delete(planes, k) - 1])[1] for k in range(len(planes))]
+        planes = np.delete(planes, int(np.argmin(left_out)))

@@ -10,12 +10,12 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from lidar_buildings.core.roof_topology.borders import Borders
-from lidar_buildings.core.roof_topology.directions import (
+from lidar_buildings.core.roof_planes.directions import (
     main_directions,
     outline_directions,
     plane_directions,
 )
+from lidar_buildings.core.roof_topology.borders import Borders
 from lidar_buildings.core.roof_topology.result import StepEdge
 from lidar_buildings.core.roof_topology.straight_runs import straight_runs
 

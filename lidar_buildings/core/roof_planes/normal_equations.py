@@ -1,0 +1,204 @@
+"""
+Joint least squares of planes under relations and meetings.
+
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+import scipy.linalg
+from numpy.typing import NDArray
+
+from lidar_buildings.core.roof_planes.free_planes import FreePlanes
+from lidar_buildings.core.roof_planes.relations import Relations
+
+#: Equations that depend on others to within this share of their size are left out.
+_DEPENDENT = 1e-6
+#: A plane smoother than this counts for no more [m].
+_LEAST_RMS = 0.02
+
+
+class Meeting(NamedTuple):
+    """
+    Planes that are to have one elevation at a position.
+
+    Attributes
+    ----------
+    planes : tuple of int
+        Numbers of the planes, two or more.
+    xy : tuple of two float
+        Position in plan [m].
+    fixed : bool
+        Whether the position is given, such as an outline's corner; otherwise it follows the planes.
+
+    """
+
+    planes: tuple[int, ...]
+    xy: tuple[float, float]
+    fixed: bool
+
+
+class Unknowns(NamedTuple):
+    """
+    How planes depend on what is to be found.
+
+    Attributes
+    ----------
+    number : ndarray of shape (n_planes, 3), int64
+        Numbers of the three unknowns that a plane depends on.
+    share : ndarray of shape (n_planes, 3, 3)
+        Plane k is ``share[k] @ unknowns[number[k]]``.
+    n : int
+        Number of unknowns.
+
+    """
+
+    number: NDArray[np.int64]
+    share: NDArray[np.float64]
+    n: int
+
+
+def unknowns_of(relations: Relations) -> Unknowns:
+    """
+    Number the unknowns: slopes (shared or not), free gradients, heights (shared or not).
+
+    """
+    n_planes = len(relations.level)
+    facing = np.isfinite(relations.azimuth) & ~relations.level
+    number = np.zeros((n_planes, 3), dtype=np.int64)
+    share = np.zeros((n_planes, 3, 3))
+    slopes, n_slopes = _numbered(relations.slope, facing)
+    free = ~facing & ~relations.level
+    number[:, 0] = np.where(facing, slopes, 0)
+    number[free, 0] = n_slopes + 2 * np.arange(free.sum())
+    number[free, 1] = number[free, 0] + 1
+    first_height = n_slopes + 2 * int(free.sum())
+    heights, n_heights = _numbered(relations.surface, np.ones(n_planes, dtype=np.bool_))
+    number[:, 2] = first_height + heights
+    share[facing, 0, 0] = np.cos(relations.azimuth[facing])
+    share[facing, 1, 0] = np.sin(relations.azimuth[facing])
+    share[free, 0, 0] = share[free, 1, 1] = 1.0
+    share[:, 2, 2] = 1.0
+    return Unknowns(number, share, first_height + n_heights)
+
+
+def _numbered(group: NDArray[np.int64], kept: NDArray[np.bool_]) -> tuple[NDArray[np.int64], int]:
+    """
+    Number groups and what is in none from 0; return each one's number and how many there are.
+
+    """
+    own = np.where(group >= 0, group, group.max(initial=-1) + 1 + np.arange(len(group)))
+    distinct, inverse = np.unique(own[kept], return_inverse=True)
+    number = np.zeros(len(group), dtype=np.int64)
+    number[kept] = inverse
+    return number, len(distinct)
+
+
+def solve(
+    planes: FreePlanes, unknowns: Unknowns, meetings: Sequence[Meeting]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """
+    Find the planes nearest to the free ones that obey all relations and meet where they should.
+
+    Least squares with equality constraints: the normal equations bordered by the constraints' (KKT system).
+
+    Returns
+    -------
+    coefficients : ndarray of shape (n_planes, 3)
+        a, b, c about the centre.
+    pull : ndarray of shape (n_meetings, n_planes)
+        By how much each meeting alone moves each plane at its points, roughly [m].
+
+    """
+    weight = 1.0 / np.maximum(planes.rms, _LEAST_RMS) ** 2
+    cost = planes.cost * weight[:, None, None]
+    cost_share = np.matmul(cost, unknowns.share)
+    blocks = np.matmul(unknowns.share.transpose(0, 2, 1), cost_share)
+    right = np.einsum("kji,kj->ki", cost_share, planes.coefficients)
+    normal = np.zeros((unknowns.n, unknowns.n))
+    np.add.at(normal, (unknowns.number[:, :, None], unknowns.number[:, None, :]), blocks)
+    target = np.zeros(unknowns.n)
+    np.add.at(target, unknowns.number, right)
+    normal[np.diag_indices(unknowns.n)] += 1e-9 * (1.0 + normal.diagonal())
+    rows, owner = _equations(planes, meetings)
+    bordering = np.zeros((len(rows), unknowns.n))
+    for row, k in np.argwhere(np.any(rows != 0, axis=2)):
+        np.add.at(bordering[row], unknowns.number[k], rows[row, k] @ unknowns.share[k])
+    kept = _independent(bordering)
+    solution, force = _kkt(normal, target, bordering[kept])
+    coefficients = np.einsum("kij,kj->ki", unknowns.share, solution[unknowns.number])
+    return coefficients, _pulls(planes, weight, rows[kept], owner[kept], force, len(meetings))
+
+
+def _equations(
+    planes: FreePlanes, meetings: Sequence[Meeting]
+) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    """
+    Return one equation for every plane of a meeting but the first, shape (n, n_planes, 3), and its meeting.
+
+    """
+    n = sum(len(meeting.planes) - 1 for meeting in meetings)
+    rows = np.zeros((n, len(planes.rms), 3))
+    owner = np.zeros(n, dtype=np.int64)
+    row = 0
+    for number, meeting in enumerate(meetings):
+        x, y = np.asarray(meeting.xy) - planes.moments.centre[:2]
+        for other in meeting.planes[1:]:
+            rows[row, meeting.planes[0] - 1] = x, y, 1.0
+            rows[row, other - 1] = -x, -y, -1.0
+            owner[row] = number
+            row += 1
+    return rows, owner
+
+
+def _independent(rows: NDArray[np.float64]) -> NDArray[np.int64]:
+    """
+    Return equations that do not follow from one another.
+
+    """
+    if not len(rows):
+        return np.zeros(0, dtype=np.int64)
+    scaled = rows / np.maximum(np.linalg.norm(rows, axis=1), 1e-12)[:, None]
+    triangle, order = scipy.linalg.qr(scaled.T, mode="r", pivoting=True)
+    size = np.abs(np.diagonal(triangle))
+    return np.sort(order[: len(size)][size > _DEPENDENT])
+
+
+def _kkt(
+    normal: NDArray[np.float64], target: NDArray[np.float64], rows: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """
+    Minimise ½ xᵀ N x - tᵀ x under R x = 0; return x and the multipliers.
+
+    """
+    factor = scipy.linalg.cho_factor(normal, check_finite=False)
+    free = scipy.linalg.cho_solve(factor, target, check_finite=False)
+    if not len(rows):
+        return free, np.zeros(0)
+    response = scipy.linalg.cho_solve(factor, rows.T, check_finite=False)
+    force = np.linalg.solve(rows @ response, rows @ free)
+    return free - response @ force, force
+
+
+def _pulls(
+    planes: FreePlanes,
+    weight: NDArray[np.float64],
+    rows: NDArray[np.float64],
+    owner: NDArray[np.int64],
+    force: NDArray[np.float64],
+    n_meetings: int,
+) -> NDArray[np.float64]:
+    """
+    Return by how much the multipliers of each meeting's equations would move each plane if it were free [m].
+
+    """
+    pull = np.zeros((n_meetings, len(weight)))
+    for row, number, multiplier in zip(rows, owner, force, strict=True):
+        for k in np.flatnonzero(np.any(row != 0, axis=1)):
+            change = np.linalg.solve(planes.cost[k], row[k]) * multiplier / weight[k]
+            moved = np.sqrt(max(float(change @ planes.cost[k] @ change), 0.0) / planes.counts[k])
+            pull[number, k] += moved
+    return pull

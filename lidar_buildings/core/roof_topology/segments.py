@@ -1,0 +1,169 @@
+"""
+Pieces of intersection lines as segments in space, their ends where the line meets something.
+
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from lidar_buildings.core.roof_topology.pieces import LEAST_BEND, Pieces, intersection_line
+from lidar_buildings.core.roof_topology.result import HIP, RIDGE, VALLEY, IntersectionSegment, StepEdge
+
+#: A convex line is a ridge if it is less steep than this share of the steeper plane.
+_RIDGE_SHARE = 0.3
+#: Ends move to a third plane's, to a corner, to the outline or a step edge within so many spacings.
+_REACH = 2.5
+#: What is left shorter is nothing but a point, in spacings.
+_SHORTEST = 0.5
+#: A corner within so many spacings of the end of the line on the outline is that end.
+_CORNER = 0.5
+
+
+def finished(
+    pieces: Pieces,
+    gradients: NDArray[np.float64],
+    centre: NDArray[np.float64],
+    rings: tuple[NDArray[np.float64], ...],
+    steps: list[StepEdge],
+    spacing: float,
+) -> list[IntersectionSegment]:
+    """
+    Return the pieces as segments, their ends moved along the line to what they nearly reach.
+
+    A third plane that meets both has precedence, then the outline and step edges.
+
+    Parameters
+    ----------
+    pieces : Pieces
+    gradients : ndarray of shape (n_planes, 3)
+        a, b, c of the planes about the centre.
+    centre : ndarray of shape (3,)
+        [m].
+    rings : tuple of ndarray of shape (n, 2)
+        The outline's [m].
+    steps : list of StepEdge
+    spacing : float
+        Point spacing [m].
+
+    """
+    walls = [np.stack([ring, np.roll(ring, -1, axis=0)], axis=1) for ring in rings]
+    walls += [step.segment[None] for step in steps]
+    stops = np.concatenate(walls) - centre[:2] if walls else np.zeros((0, 2, 2))
+    partners = _partners(pieces, len(gradients))
+    t = _moved_ends(
+        pieces.first, pieces.second, pieces.t, gradients, partners, stops, _REACH * spacing, spacing
+    )
+    return [
+        _segment(pieces, k, t[k], gradients, centre)
+        for k in range(len(t))
+        if t[k, 1] - t[k, 0] > _SHORTEST * spacing
+    ]
+
+
+def _partners(pieces: Pieces, n_planes: int) -> NDArray[np.bool_]:
+    """
+    Return which planes meet, as a table.
+
+    """
+    table = np.zeros((n_planes + 1, n_planes + 1), dtype=np.bool_)
+    table[pieces.first, pieces.second] = table[pieces.second, pieces.first] = True
+    return table
+
+
+@njit(cache=True, nogil=True)
+def _moved_ends(first, second, t, gradients, partners, stops, reach, spacing):  # type: ignore[no-untyped-def]
+    """
+    Return the places of all ends along their lines.
+
+    """
+    moved = t.copy()
+    for k in range(len(first)):
+        i, j = first[k], second[k]
+        p, q = gradients[i - 1], gradients[j - 1]
+        fx, fy, ux, uy, _ = intersection_line(p, q)
+        for end in range(2):
+            at = _third_plane(t[k, end], i, j, fx, fy, ux, uy, gradients, partners, reach)
+            if math.isnan(at):
+                at = _stop(t[k, end], fx, fy, ux, uy, stops, reach, spacing)
+            if not math.isnan(at):
+                moved[k, end] = at
+    return moved
+
+
+@njit(cache=True, nogil=True)
+def _third_plane(t, i, j, fx, fy, ux, uy, gradients, partners, reach):  # type: ignore[no-untyped-def]
+    """
+    Return where on the line of planes i and j the nearest plane that meets both passes, NaN if none does.
+
+    """
+    best, place = reach, math.nan
+    p = gradients[i - 1]
+    for k in range(1, len(gradients) + 1):
+        if k in (i, j) or not (partners[i, k] and partners[j, k]):
+            continue
+        q = gradients[k - 1]
+        rate = (p[0] - q[0]) * ux + (p[1] - q[1]) * uy
+        if abs(rate) < LEAST_BEND:
+            continue
+        at = -((p[0] - q[0]) * fx + (p[1] - q[1]) * fy + p[2] - q[2]) / rate
+        if abs(at - t) < best:
+            best, place = abs(at - t), at
+    return place
+
+
+@njit(cache=True, nogil=True)
+def _stop(t, fx, fy, ux, uy, stops, reach, spacing):  # type: ignore[no-untyped-def]
+    """
+    Return where the line crosses the nearest wall or step edge, NaN if there is none near.
+
+    Walls are taken for a little longer than they are: a line through a corner has to hit one of them.
+
+    """
+    best, place = reach, math.nan
+    for m in range(len(stops)):
+        wx, wy = stops[m, 1, 0] - stops[m, 0, 0], stops[m, 1, 1] - stops[m, 0, 1]
+        length = math.hypot(wx, wy)
+        across = ux * wy - uy * wx
+        if length == 0.0 or abs(across) < 0.1 * length:
+            continue
+        dx, dy = stops[m, 0, 0] - fx, stops[m, 0, 1] - fy
+        at = (dx * wy - dy * wx) / across
+        along = (dx * uy - dy * ux) / across * length
+        if -_CORNER * spacing <= along <= length + _CORNER * spacing and abs(at - t) < best:
+            best, place = abs(at - t), at
+    return place
+
+
+def _segment(
+    pieces: Pieces,
+    k: int,
+    t: NDArray[np.float64],
+    gradients: NDArray[np.float64],
+    centre: NDArray[np.float64],
+) -> IntersectionSegment:
+    """
+    Return a piece as a segment in space.
+
+    """
+    i, j = int(pieces.first[k]), int(pieces.second[k])
+    p, q = gradients[i - 1], gradients[j - 1]
+    fx, fy, ux, uy, _ = intersection_line(p, q)
+    xy = np.array([fx, fy]) + t[:, None] * np.array([ux, uy])
+    kind = _kind(bool(pieces.convex[k]), p[0] * ux + p[1] * uy, max(np.hypot(*p[:2]), np.hypot(*q[:2])))
+    segment = np.column_stack([xy, xy @ p[:2] + p[2]]) + centre
+    return IntersectionSegment(i, j, kind, segment, float(pieces.length[k]), int(pieces.n_points[k]))
+
+
+def _kind(convex: bool, rise: float, steepness: float) -> str:
+    """
+    Name the kind of line by its shape and its own slope.
+
+    """
+    if not convex:
+        return VALLEY
+    return RIDGE if abs(rise) < _RIDGE_SHARE * steepness else HIP
