@@ -15,9 +15,9 @@ from typing import Any
 
 from lidar_buildings.core.errors import InputError, ParameterError
 
-KINDS = ("ground", "buildings", "outlines", "edges")
+KINDS = ("ground", "buildings", "outlines", "edges", "models")
 #: Kinds that the command's contract names and a later version brings.
-LATER_KINDS = ("planes", "models")
+LATER_KINDS = ("planes",)
 #: Default side of a cell [m] and default reach of an empty one [spacings].
 CELL, FILL = 0.5, 1.5
 #: Cells below the precision of maps, or larger than buildings, say nothing.
@@ -26,12 +26,15 @@ CELL_RANGE, FILL_RANGE = (0.05, 100.0), (0.0, 10.0)
 ALPHA_RANGE = (0.01, 100.0)
 #: Default distance within which two corners are the same [m], and its range: maps to buildings.
 CORNER_TOLERANCE, CORNER_TOLERANCE_RANGE = 1.0, (0.01, 100.0)
+#: The levels of detail of models.
+LODS = ("1.2", "1.3", "2.2")
 #: Which options apply to which kind.
 _OPTIONS = {
     "ground": {"reference_classes"},
     "buildings": {"cell", "fill", "reference_classes"},
     "outlines": {"merge_touching", "corner_tolerance"},
     "edges": {"alpha", "split_steps", "reference_classes"},
+    "models": {"lod", "corner_tolerance", "reference_classes"},
 }
 
 
@@ -66,6 +69,7 @@ def run_score(
     alpha: float | None = None,
     split_steps: bool = False,
     corner_tolerance: float = CORNER_TOLERANCE,
+    lod: str = LODS[-1],
 ) -> Score:
     """
     Compare a result with a reference.
@@ -73,10 +77,11 @@ def run_score(
     Parameters
     ----------
     kind : str
-        ``"ground"``, ``"buildings"``, ``"outlines"`` or ``"edges"``.
+        ``"ground"``, ``"buildings"``, ``"outlines"``, ``"edges"`` or ``"models"``.
     result_path, reference_path : path
         A LAS or LAZ file, a folder of them or the output folder of a run; or a file of polygons. Ground needs
         clouds, outlines need polygons, buildings take either on both sides, edges take either as reference.
+        Models need CityJSON, and CityJSON or clouds as reference.
         Two clouds must hold the same points in the same order.
     aoi : path, optional
         File of polygons: only what lies inside counts.
@@ -93,7 +98,9 @@ def run_score(
     split_steps : bool
         Whether a step in height parts one roof of the reference from another, and so is an edge.
     corner_tolerance : float
-        How far an outline's corner may lie from the one that it stands for [m].
+        How far a corner of an outline or of a roof may lie from the one that it stands for [m].
+    lod : str
+        The finest level of detail that is looked at: ``"1.2"``, ``"1.3"`` or ``"2.2"``.
 
     Returns
     -------
@@ -104,7 +111,7 @@ def run_score(
     InputError
         If a file cannot be read or the two sides cannot be compared.
     ParameterError
-        If the kind is unknown, or `cell`, `fill`, `alpha` or `corner_tolerance` is out of range.
+        If the kind or the level is unknown, or `cell`, `fill`, `alpha` or `corner_tolerance` is out of range.
 
     """
     if kind not in KINDS:
@@ -114,6 +121,8 @@ def run_score(
     _check_range("corner-tolerance", corner_tolerance, *CORNER_TOLERANCE_RANGE)
     if alpha is not None:
         _check_range("alpha", alpha, *ALPHA_RANGE)
+    if lod not in LODS:
+        raise ParameterError(f"score --lod {lod}: must be one of {', '.join(LODS)}")
     # Imported late: --help answers at once.
     from lidar_buildings.io.metric_polygons import read_metric_polygons
     from lidar_buildings.score_kinds import FIGURES
@@ -124,7 +133,7 @@ def run_score(
     if area is not None and not len(area.polygons):
         raise InputError(f"{aoi}: holds no polygon: an area of interest needs one")
     options = ScoreOptions(
-        area, cell, fill, reference_classes, merge_touching, alpha, split_steps, corner_tolerance
+        area, cell, fill, reference_classes, merge_touching, alpha, split_steps, corner_tolerance, lod
     )
     found = FIGURES[kind](Path(result_path), Path(reference_path), options)
     figures = {name: None if _is_nan(value) else value for name, value in found.items()}
@@ -159,7 +168,7 @@ def add_score_arguments(parser: argparse.ArgumentParser) -> None:
         "--reference-classes",
         type=_classes,
         metavar="N[,N...]",
-        help="ground, buildings, edges: the reference's classes of that kind, as in 2,9,11 (default: 2 or 6)",
+        help="all but outlines: the reference's classes of that kind, as in 2,9,11 (default: 2 or 6)",
     )
     parser.add_argument(
         "--merge-touching",
@@ -171,7 +180,7 @@ def add_score_arguments(parser: argparse.ArgumentParser) -> None:
         "--corner-tolerance",
         type=float,
         metavar="M",
-        help="outlines: how far a corner may lie from the one that it stands for [m] "
+        help="outlines, models: how far a corner may lie from the one that it stands for [m] "
         f"(default: {CORNER_TOLERANCE})",
     )
     parser.add_argument(
@@ -185,6 +194,9 @@ def add_score_arguments(parser: argparse.ArgumentParser) -> None:
         action="store_true",
         default=None,
         help="edges: let a step in height part one roof of the reference from another",
+    )
+    parser.add_argument(
+        "--lod", choices=LODS, help=f"models: the finest level of detail to look at (default: {LODS[-1]})"
     )
     parser.add_argument("--json", action="store_true", help="print JSON with unrounded numbers")
 
@@ -209,6 +221,7 @@ def score_command(options: argparse.Namespace) -> int:
         "corner_tolerance",
         "alpha",
         "split_steps",
+        "lod",
     )
     given = {name: getattr(options, name) for name in names}
     given = {name: value for name, value in given.items() if value is not None}

@@ -20,6 +20,7 @@ from lidar_buildings.core.scores.ground import REFERENCE_GROUND, score_ground
 from lidar_buildings.io.labelled_points import LabelledPoints, has_clouds, read_label_pairs, read_labels
 from lidar_buildings.io.metric_polygons import MetricPolygons, read_metric_polygons
 from lidar_buildings.score_edges import edge_figures
+from lidar_buildings.score_models import model_figures
 from lidar_buildings.score_outlines import outline_figures
 from lidar_buildings.score_sides import BUILDING, ScoreOptions, check_same_system, is_inside
 
@@ -53,6 +54,7 @@ FIGURES: dict[str, Callable[[Path, Path, ScoreOptions], dict[str, Any]]] = {
     "buildings": building_figures,
     "outlines": outline_figures,
     "edges": edge_figures,
+    "models": model_figures,
 }
 
 

@@ -43,6 +43,8 @@ class ScoreOptions:
         Whether a step in height parts one roof from another.
     corner_tolerance : float
         How far a corner may lie from the one that it stands for [m].
+    lod : str
+        The finest level of detail of models that is looked at.
 
     """
 
@@ -54,6 +56,7 @@ class ScoreOptions:
     alpha: float | None = None
     split_steps: bool = False
     corner_tolerance: float = 1.0
+    lod: str = "2.2"
 
 
 def is_inside(points: NDArray[np.float64], area: MetricPolygons | None) -> NDArray[np.bool_]:

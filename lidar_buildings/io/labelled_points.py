@@ -5,7 +5,7 @@ What clouds say their points are, one cloud alone or two of the same points side
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -96,6 +96,33 @@ def read_labels(path: Path, *, prefer_truth: bool, edges: bool = False) -> Label
         part for cloud in clouds for part in _parts(cloud, (_class_of(cloud, prefer_truth), *_edge_of(edges)))
     ]
     return _joined(parts, clouds, 1 + len(_edge_of(edges)))
+
+
+def read_roof_points(path: Path, classes: Collection[int]) -> tuple[NDArray[np.float64], str]:
+    """
+    Read the points of some classes that are no façades, and the name of their reference system.
+
+    Parameters
+    ----------
+    path : Path
+        A cloud, or a folder of them; the true classes of a simulated survey count where it has them.
+    classes : collection of int
+        ASPRS classes of roofs.
+
+    Raises
+    ------
+    InputError
+        If a cloud cannot be read.
+
+    """
+    clouds = [open_cloud(file) for file in find_clouds(path)]
+    parts = [
+        points[np.isin(labels, list(classes)) & (facade == 0)]
+        for cloud in clouds
+        for points, labels, facade in _parts(cloud, (_class_of(cloud, True), FACADE))
+    ]
+    crs = next((cloud.crs.name for cloud in clouds if cloud.crs.name), "")
+    return np.concatenate([*parts, np.empty((0, 3))]), crs
 
 
 def read_label_pairs(result: Path, reference: Path, *, edges: bool = False) -> LabelledPoints:
