@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
 from lidar_buildings.core.outline import Outline
@@ -193,14 +194,32 @@ def _culprits(pull: NDArray[np.float64], planes: NDArray[np.int64]) -> set[int]:
     return {int(np.argmax(pull[:, k])) for k in planes if pull[:, k].any()}
 
 
-def common_point(coefficients: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
+@njit(cache=True, nogil=True)
+def common_point(coefficients):  # type: ignore[no-untyped-def]
     """
     Return where planes are nearest to meeting, x, y, z, and the root mean square of their misses there [m].
 
+    Parameters
+    ----------
+    coefficients : ndarray of shape (n_planes, 3)
+        a, b, c of z = a x + b y + c; planes that share a direction have their point far off.
+
     """
-    design = np.column_stack([coefficients[:, :2], -np.ones(len(coefficients))])
-    point = np.asarray(np.linalg.lstsq(design, -coefficients[:, 2], rcond=1e-6)[0], dtype=np.float64)
-    return point, float(np.sqrt(np.mean((design @ point + coefficients[:, 2]) ** 2)))
+    n = len(coefficients)
+    a, b, c = 0.0, 0.0, 0.0
+    for p in coefficients:
+        a, b, c = a + p[0] / n, b + p[1] / n, c + p[2] / n
+    aa, ab, bb, ac, bc = 1e-9, 0.0, 1e-9, 0.0, 0.0
+    for p in coefficients:
+        u, v, w = p[0] - a, p[1] - b, p[2] - c
+        aa, ab, bb, ac, bc = aa + u * u, ab + u * v, bb + v * v, ac + u * w, bc + v * w
+    determinant = aa * bb - ab * ab
+    x, y = (ab * bc - bb * ac) / determinant, (ab * ac - aa * bc) / determinant
+    z = a * x + b * y + c
+    miss = 0.0
+    for p in coefficients:
+        miss += (p[0] * x + p[1] * y + p[2] - z) ** 2 / n
+    return np.array([x, y, z]), math.sqrt(miss)
 
 
 def _roof_plane(free: FreePlanes, coefficients: NDArray[np.float64], k: int) -> RoofPlane:

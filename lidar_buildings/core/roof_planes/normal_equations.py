@@ -9,14 +9,12 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-import scipy.linalg
 from numpy.typing import NDArray
 
 from lidar_buildings.core.roof_planes.free_planes import FreePlanes
 from lidar_buildings.core.roof_planes.relations import Relations
+from lidar_buildings.core.roof_planes.sparse_least_squares import constrained_minimum
 
-#: Equations that depend on others to within this share of their size are left out.
-_DEPENDENT = 1e-6
 #: A plane smoother than this counts for no more [m].
 _LEAST_RMS = 0.02
 
@@ -63,26 +61,25 @@ class Unknowns(NamedTuple):
 
 def unknowns_of(relations: Relations) -> Unknowns:
     """
-    Number the unknowns: slopes (shared or not), free gradients, heights (shared or not).
+    Number the unknowns: heights (shared or not), free gradients, slopes (shared or not).
 
     """
     n_planes = len(relations.level)
     facing = np.isfinite(relations.azimuth) & ~relations.level
+    free = ~facing & ~relations.level
     number = np.zeros((n_planes, 3), dtype=np.int64)
     share = np.zeros((n_planes, 3, 3))
-    slopes, n_slopes = _numbered(relations.slope, facing)
-    free = ~facing & ~relations.level
-    number[:, 0] = np.where(facing, slopes, 0)
-    number[free, 0] = n_slopes + 2 * np.arange(free.sum())
+    number[:, 2], n_heights = _numbered(relations.surface, np.ones(n_planes, dtype=np.bool_))
+    number[free, 0] = n_heights + 2 * np.arange(free.sum())
     number[free, 1] = number[free, 0] + 1
-    first_height = n_slopes + 2 * int(free.sum())
-    heights, n_heights = _numbered(relations.surface, np.ones(n_planes, dtype=np.bool_))
-    number[:, 2] = first_height + heights
+    first_slope = n_heights + 2 * int(free.sum())
+    slopes, n_slopes = _numbered(relations.slope, facing)
+    number[facing, 0] = first_slope + slopes[facing]
     share[facing, 0, 0] = np.cos(relations.azimuth[facing])
     share[facing, 1, 0] = np.sin(relations.azimuth[facing])
     share[free, 0, 0] = share[free, 1, 1] = 1.0
     share[:, 2, 2] = 1.0
-    return Unknowns(number, share, first_height + n_heights)
+    return Unknowns(number, share, first_slope + n_slopes)
 
 
 def _numbered(group: NDArray[np.int64], kept: NDArray[np.bool_]) -> tuple[NDArray[np.int64], int]:
@@ -127,10 +124,9 @@ def solve(
     bordering = np.zeros((len(rows), unknowns.n))
     for row, k in np.argwhere(np.any(rows != 0, axis=2)):
         np.add.at(bordering[row], unknowns.number[k], rows[row, k] @ unknowns.share[k])
-    kept = _independent(bordering)
-    solution, force = _kkt(normal, target, bordering[kept])
+    solution, force = constrained_minimum(normal, target, bordering)
     coefficients = np.einsum("kij,kj->ki", unknowns.share, solution[unknowns.number])
-    return coefficients, _pulls(planes, weight, rows[kept], owner[kept], force, len(meetings))
+    return coefficients, _pulls(planes, weight, rows, owner, force, len(meetings))
 
 
 def _equations(
@@ -154,35 +150,6 @@ def _equations(
     return rows, owner
 
 
-def _independent(rows: NDArray[np.float64]) -> NDArray[np.int64]:
-    """
-    Return equations that do not follow from one another.
-
-    """
-    if not len(rows):
-        return np.zeros(0, dtype=np.int64)
-    scaled = rows / np.maximum(np.linalg.norm(rows, axis=1), 1e-12)[:, None]
-    triangle, order = scipy.linalg.qr(scaled.T, mode="r", pivoting=True)
-    size = np.abs(np.diagonal(triangle))
-    return np.sort(order[: len(size)][size > _DEPENDENT])
-
-
-def _kkt(
-    normal: NDArray[np.float64], target: NDArray[np.float64], rows: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """
-    Minimise ½ xᵀ N x - tᵀ x under R x = 0; return x and the multipliers.
-
-    """
-    factor = scipy.linalg.cho_factor(normal, check_finite=False)
-    free = scipy.linalg.cho_solve(factor, target, check_finite=False)
-    if not len(rows):
-        return free, np.zeros(0)
-    response = scipy.linalg.cho_solve(factor, rows.T, check_finite=False)
-    force = np.linalg.solve(rows @ response, rows @ free)
-    return free - response @ force, force
-
-
 def _pulls(
     planes: FreePlanes,
     weight: NDArray[np.float64],
@@ -196,9 +163,9 @@ def _pulls(
 
     """
     pull = np.zeros((n_meetings, len(weight)))
-    for row, number, multiplier in zip(rows, owner, force, strict=True):
-        for k in np.flatnonzero(np.any(row != 0, axis=1)):
-            change = np.linalg.solve(planes.cost[k], row[k]) * multiplier / weight[k]
-            moved = np.sqrt(max(float(change @ planes.cost[k] @ change), 0.0) / planes.counts[k])
-            pull[number, k] += moved
+    at, plane = np.nonzero(np.any(rows != 0, axis=2))
+    pushed = rows[at, plane]
+    give = np.linalg.inv(planes.cost)[plane]
+    moved = np.sqrt(np.maximum(np.einsum("ri,rij,rj->r", pushed, give, pushed), 0.0) / planes.counts[plane])
+    np.add.at(pull, (owner[at], plane), moved * np.abs(force[at]) / weight[plane])
     return pull

@@ -1,0 +1,161 @@
+"""
+Least squares with equality constraints for matrices that are mostly zero.
+
+Written out rather than left to LAPACK: its threads cost more than such small systems do, and their number shows
+in the last digits.
+
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+#: Pivots below this share of the diagonal belong to equations that follow from others.
+_DEPENDENT = 1e-8
+
+
+def constrained_minimum(
+    normal: NDArray[np.float64], target: NDArray[np.float64], rows: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """
+    Minimise ½ xᵀ N x - tᵀ x under R x = 0.
+
+    The multipliers f follow from R N⁻¹ Rᵀ f = R N⁻¹ t, and x = N⁻¹ (t - Rᵀ f). Unknowns that share equations
+    with few others should come first: so the factor stays as sparse as N.
+
+    Parameters
+    ----------
+    normal : ndarray of shape (n, n)
+        N, symmetric and positive definite; overwritten.
+    target : ndarray of shape (n,)
+        t.
+    rows : ndarray of shape (m, n)
+        R; rows that follow from those before them get no multiplier.
+
+    Returns
+    -------
+    x : ndarray of shape (n,)
+    multipliers : ndarray of shape (m,)
+
+    """
+    start, row, value = _factor(normal)
+    right = np.vstack([target[None], rows])
+    for one in right:
+        _back_substitute(start, row, value, one)
+    if not len(rows):
+        return right[0], np.zeros(0)
+    free, response = right[0], right[1:]
+    force = _solve_semidefinite(_products(rows, response), _products(rows, free[None])[:, 0])
+    return free - _combination(force, response), force
+
+
+@njit(cache=True, nogil=True)
+def _factor(normal):  # type: ignore[no-untyped-def]
+    """
+    Return the Cholesky factor L of N = L Lᵀ column by column: starts, rows and values, the diagonal first.
+
+    """
+    n = len(normal)
+    start = np.zeros(n + 1, dtype=np.int64)
+    row = np.empty(n * (n + 1) // 2, dtype=np.int64)
+    value = np.empty(len(row))
+    size = 0
+    for j in range(n):
+        pivot = math.sqrt(max(normal[j, j], 1e-300))
+        first = size
+        row[size], value[size] = j, pivot
+        size += 1
+        for i in range(j + 1, n):
+            if normal[j, i] != 0.0:
+                row[size], value[size] = i, normal[j, i] / pivot
+                size += 1
+        for a in range(first + 1, size):
+            for b in range(a, size):
+                normal[row[a], row[b]] -= value[a] * value[b]
+        start[j + 1] = size
+    return start, row[:size], value[:size]
+
+
+@njit(cache=True, nogil=True)
+def _back_substitute(start, row, value, x):  # type: ignore[no-untyped-def]
+    """
+    Replace x by (L Lᵀ)⁻¹ x.
+
+    """
+    n = len(x)
+    for j in range(n):
+        if x[j] != 0.0:
+            x[j] /= value[start[j]]
+            for k in range(start[j] + 1, start[j + 1]):
+                x[row[k]] -= value[k] * x[j]
+    for j in range(n - 1, -1, -1):
+        for k in range(start[j] + 1, start[j + 1]):
+            x[j] -= value[k] * x[row[k]]
+        x[j] /= value[start[j]]
+
+
+@njit(cache=True, nogil=True)
+def _products(rows, others):  # type: ignore[no-untyped-def]
+    """
+    Return the scalar products of sparse rows with other rows.
+
+    """
+    products = np.zeros((len(rows), len(others)))
+    for a in range(len(rows)):
+        for k in range(rows.shape[1]):
+            if rows[a, k] != 0.0:
+                for b in range(len(others)):
+                    products[a, b] += rows[a, k] * others[b, k]
+    return products
+
+
+@njit(cache=True, nogil=True)
+def _combination(factors, rows):  # type: ignore[no-untyped-def]
+    """
+    Return the sum of rows times factors.
+
+    """
+    total = np.zeros(rows.shape[1])
+    for a in range(len(rows)):
+        total += factors[a] * rows[a]
+    return total
+
+
+@njit(cache=True, nogil=True)
+def _solve_semidefinite(matrix, right):  # type: ignore[no-untyped-def]
+    """
+    Solve a symmetric system by Cholesky; unknowns that depend on earlier ones become 0.
+
+    """
+    n = len(matrix)
+    lower = np.zeros((n, n))
+    kept = np.ones(n, dtype=np.bool_)
+    x = np.zeros(n)
+    for i in range(n):
+        for j in range(i):
+            if kept[j]:
+                total = matrix[i, j]
+                for k in range(j):
+                    total -= lower[i, k] * lower[j, k]
+                lower[i, j] = total / lower[j, j]
+        pivot = matrix[i, i]
+        total = right[i]
+        for k in range(i):
+            pivot -= lower[i, k] ** 2
+            total -= lower[i, k] * x[k]
+        kept[i] = pivot > _DEPENDENT * matrix[i, i]
+        if kept[i]:
+            lower[i, i] = math.sqrt(pivot)
+            x[i] = total / lower[i, i]
+        else:
+            lower[i] = 0.0
+    for i in range(n - 1, -1, -1):
+        if kept[i]:
+            for k in range(i + 1, n):
+                x[i] -= lower[k, i] * x[k]
+            x[i] /= lower[i, i]
+    return x
