@@ -1,0 +1,9 @@
+"""
+Checks of solids by ISO 19107.
+
+"""
+
+from lidar_buildings.core.validity.checking import check_solid
+from lidar_buildings.core.validity.codes import CODES, MAX_PLANE_DISTANCE
+
+__all__ = ["CODES", "MAX_PLANE_DISTANCE", "check_solid"]

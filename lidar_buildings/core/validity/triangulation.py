@@ -1,0 +1,243 @@
+"""
+Faces cut into triangles: ears first, then flipped until every edge is as Delaunay wants it.
+
+Holes are joined to the exterior by bridges (Eberly 2002), ears are cut off best first (Meisters 1975), and
+diagonals are flipped (Lawson 1977), which gives the constrained Delaunay triangulation of the face.
+
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from lidar_buildings.core.validity.face_arrays import FaceArrays
+from lidar_buildings.core.validity.flips import flip_to_delaunay
+
+#: A corner whose ear is lower than this is straight [m].
+_STRAIGHT = 1e-9
+#: Rings with more corners than this get the first ear found, not the best.
+_MANY = 64
+
+
+def triangulate(faces: FaceArrays, flat: NDArray[np.float64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """
+    Return the triangles of all faces, counter-clockwise seen from outside.
+
+    Returns
+    -------
+    triangles : ndarray of shape (n_triangles, 3)
+        Rows of the vertices.
+    face_of : ndarray of shape (n_triangles,)
+        The face of each triangle.
+
+    """
+    n_holes = np.diff(faces.face_starts) - 1
+    counts = np.diff(faces.corner_starts) - 2 + 2 * n_holes
+    starts = np.concatenate(([0], np.cumsum(counts)))
+    triangles = np.empty((starts[-1], 3), dtype=np.int64)
+    _triangulate_all(flat, faces.corners, faces.ring_starts, faces.face_starts, starts, triangles)
+    used = triangles[:, 0] >= 0
+    return triangles[used], np.repeat(np.arange(len(counts)), counts)[used]
+
+
+@njit(cache=True, nogil=True)
+def _triangulate_all(
+    flat: NDArray[np.float64],
+    corners: NDArray[np.int64],
+    ring_starts: NDArray[np.int64],
+    face_starts: NDArray[np.int64],
+    starts: NDArray[np.int64],
+    triangles: NDArray[np.int64],
+) -> None:
+    """
+    Triangulate face by face into the rows reserved for each.
+
+    """
+    for face in range(len(face_starts) - 1):
+        rings = ring_starts[face_starts[face] : face_starts[face + 1] + 1]
+        rows = triangles[starts[face] : starts[face + 1]]
+        if len(rings) == 2 and rings[1] - rings[0] == 3:
+            rows[0] = corners[rings[0] : rings[1]]
+            continue
+        loop = _joined_rings(flat, corners, rings)
+        # A hole that touches another ring needs no bridge: two triangles fewer.
+        rows[len(loop) - 2 :] = -1
+        rows = rows[: len(loop) - 2]
+        _cut_ears(flat, loop, rows)
+        flip_to_delaunay(flat, corners, rows)
+        for row in rows:
+            for k in range(3):
+                row[k] = corners[row[k]]
+
+
+@njit(cache=True, nogil=True)
+def _joined_rings(
+    flat: NDArray[np.float64], corners: NDArray[np.int64], rings: NDArray[np.int64]
+) -> NDArray[np.int64]:
+    """
+    Return one closed loop of corners that runs along all rings of a face, with bridges to the holes.
+
+    """
+    loop = np.arange(rings[0], rings[1])
+    n_holes = len(rings) - 2
+    reach = np.empty(n_holes)
+    for k in range(n_holes):
+        reach[k] = flat[rings[k + 1] : rings[k + 2], 0].max()
+    for k in np.argsort(-reach):
+        hole = np.arange(rings[k + 1], rings[k + 2])
+        loop = _with_hole(flat, corners, loop, hole)
+    return loop
+
+
+@njit(cache=True, nogil=True)
+def _with_hole(
+    flat: NDArray[np.float64], corners: NDArray[np.int64], loop: NDArray[np.int64], hole: NDArray[np.int64]
+) -> NDArray[np.int64]:
+    """
+    Return a loop with a hole joined to it: at a common vertex, else by the shortest bridge in sight.
+
+    """
+    best = np.inf
+    at, entry = 0, 0
+    for i in range(len(loop)):
+        for j in range(len(hole)):
+            gap = _squared(flat[loop[i]], flat[hole[j]])
+            if corners[loop[i]] == corners[hole[j]]:
+                gap = -1.0
+            if gap >= best:
+                continue
+            ahead = hole[(j + 1) % len(hole)] if gap < 0.0 else hole[j]
+            if _in_cone(flat, loop, i, flat[ahead]) and (
+                gap < 0.0 or _in_sight(flat, loop, hole, loop[i], hole[j])
+            ):
+                best, at, entry = gap, i, j
+    turned = np.concatenate((hole[entry:], hole[:entry]))
+    if best < 0.0:
+        return np.concatenate((loop[: at + 1], turned[1:], turned[:1], loop[at + 1 :]))
+    return np.concatenate((loop[: at + 1], turned, turned[:1], loop[at:]))
+
+
+@njit(cache=True, nogil=True)
+def _in_cone(flat: NDArray[np.float64], loop: NDArray[np.int64], i: int, p: NDArray[np.float64]) -> bool:
+    """
+    Whether a point is seen from a corner of a loop in the direction of its inside.
+
+    """
+    before, here, after = flat[loop[i - 1]], flat[loop[i]], flat[loop[(i + 1) % len(loop)]]
+    left_of_in, left_of_out = turn(before, here, p) > 0.0, turn(here, after, p) > 0.0
+    if turn(before, here, after) > 0.0:
+        return left_of_in and left_of_out
+    return left_of_in or left_of_out
+
+
+@njit(cache=True, nogil=True)
+def _in_sight(
+    flat: NDArray[np.float64], loop: NDArray[np.int64], hole: NDArray[np.int64], start: int, end: int
+) -> bool:
+    """
+    Whether no edge of a loop or of a hole lies between two corners.
+
+    """
+    for ring in (loop, hole):
+        for k in range(len(ring)):
+            if _separates(flat[start], flat[end], flat[ring[k - 1]], flat[ring[k]]):
+                return False
+    return True
+
+
+@njit(cache=True, nogil=True)
+def _separates(
+    a: NDArray[np.float64], b: NDArray[np.float64], c: NDArray[np.float64], d: NDArray[np.float64]
+) -> bool:
+    """
+    Whether segment cd meets segment ab elsewhere than in a common end.
+
+    """
+    if _squared(a, c) == 0.0 or _squared(a, d) == 0.0 or _squared(b, c) == 0.0 or _squared(b, d) == 0.0:
+        return False
+    return turn(a, b, c) * turn(a, b, d) <= 0.0 and turn(c, d, a) * turn(c, d, b) <= 0.0
+
+
+@njit(cache=True, nogil=True)
+def _cut_ears(flat: NDArray[np.float64], loop: NDArray[np.int64], rows: NDArray[np.int64]) -> None:
+    """
+    Cut a loop into triangles, ear by ear.
+
+    """
+    left = loop.copy()
+    n = len(left)
+    count = 0
+    start = 0
+    while n > 3:
+        k = _next_ear(flat, left[:n], start)
+        rows[count, 0], rows[count, 1], rows[count, 2] = (
+            left[k - 1 if k else n - 1],
+            left[k],
+            left[(k + 1) % n],
+        )
+        count += 1
+        left[k : n - 1] = left[k + 1 : n].copy()
+        n -= 1
+        start = k % n
+    rows[count] = left[:3]
+
+
+@njit(cache=True, nogil=True)
+def _next_ear(flat: NDArray[np.float64], loop: NDArray[np.int64], start: int) -> int:
+    """
+    Return the corner with the best ear, in long loops the first good one; a straight corner if there is none.
+
+    """
+    n = len(loop)
+    best, chosen = -np.inf, start
+    for step in range(n):
+        k = (start + step) % n
+        quality = _ear_quality(flat, loop, k)
+        if quality > best:
+            best, chosen = quality, k
+            if n > _MANY and quality > 0.1:
+                break
+    return chosen
+
+
+@njit(cache=True, nogil=True)
+def _ear_quality(flat: NDArray[np.float64], loop: NDArray[np.int64], k: int) -> float:
+    """
+    Return an ear's height over its longest side as a share of that side; −1 for straight, −2 for no ear.
+
+    """
+    n = len(loop)
+    a, b, c = flat[loop[k - 1]], flat[loop[k]], flat[loop[(k + 1) % n]]
+    longest = np.sqrt(max(_squared(a, b), _squared(b, c), _squared(c, a)))
+    if longest == 0.0:
+        return -1.0
+    height = turn(a, b, c) / longest
+    if height < -_STRAIGHT:
+        return -3.0
+    for j in range(n):
+        p = flat[loop[j]]
+        if _squared(p, a) == 0.0 or _squared(p, b) == 0.0 or _squared(p, c) == 0.0:
+            continue
+        if turn(a, b, p) >= 0.0 and turn(b, c, p) >= 0.0 and turn(c, a, p) >= 0.0:
+            return -2.0
+    return height / longest if height > _STRAIGHT else -1.0
+
+
+@njit(cache=True, nogil=True)
+def turn(a: NDArray[np.float64], b: NDArray[np.float64], c: NDArray[np.float64]) -> float:
+    """
+    Return twice the area of a triangle, positive if counter-clockwise.
+
+    """
+    return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
+
+
+@njit(cache=True, nogil=True)
+def _squared(a: NDArray[np.float64], b: NDArray[np.float64]) -> float:
+    """
+    Return the squared distance of two points.
+
+    """
+    return (a[0] - b[0]) ** 2 + (a[1] - b[1]) ** 2
