@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from difflib import get_close_matches
 from typing import Any
 
@@ -15,6 +15,7 @@ from lidar_buildings.core.boundary_tracing import BoundaryTracingConfig
 from lidar_buildings.core.building_model import BuildingModelConfig
 from lidar_buildings.core.edge_labelling import EdgeLabellingConfig
 from lidar_buildings.core.errors import ParameterError
+from lidar_buildings.core.footprints import FootprintConfig, Footprints
 from lidar_buildings.core.ground_filter import GroundFilterConfig
 from lidar_buildings.core.outline import BuildingOutline
 from lidar_buildings.core.parameters import StageConfig
@@ -33,6 +34,7 @@ from lidar_buildings.core.tile_stages import (
     roof_points,
     select_roof_points,
     trace_buildings,
+    trace_footprints,
 )
 
 
@@ -48,6 +50,7 @@ class PipelineConfig:
     edge_labelling: EdgeLabellingConfig = field(default_factory=EdgeLabellingConfig)
     segmentation: SegmentationConfig = field(default_factory=SegmentationConfig)
     boundary_tracing: BoundaryTracingConfig = field(default_factory=BoundaryTracingConfig)
+    footprints: FootprintConfig = field(default_factory=FootprintConfig)
     regularisation: RegularisationConfig = field(default_factory=RegularisationConfig)
     plane_fitting: PlaneFittingConfig = field(default_factory=PlaneFittingConfig)
     building_model: BuildingModelConfig = field(default_factory=BuildingModelConfig)
@@ -124,7 +127,11 @@ class TileResult:
 
 
 def reconstruct_tile(
-    tile: PointTile, config: PipelineConfig | None = None, *, until: str = STAGES[-1]
+    tile: PointTile,
+    config: PipelineConfig | None = None,
+    *,
+    until: str = STAGES[-1],
+    footprints: Footprints | None = None,
 ) -> TileResult:
     """
     Take one tile from raw points to models.
@@ -137,6 +144,8 @@ def reconstruct_tile(
         All defaults if not given.
     until : str
         The last stage to run, one of `STAGES`.
+    footprints : Footprints, optional
+        Outlines to use as they are instead of tracing and regularising.
 
     Returns
     -------
@@ -152,7 +161,9 @@ def reconstruct_tile(
     config = config or PipelineConfig()
     if until not in STAGES:
         raise ValueError(f"until = {until!r}: must be one of {', '.join(STAGES)}")
-    chain = _Chain(tile, config)
+    if footprints is not None:
+        config = replace(config, regularisation=replace(config.regularisation, keep_outlines=True))
+    chain = _Chain(tile, config, footprints)
     for stage in STAGES[: STAGES.index(until) + 1]:
         started = time.perf_counter()
         getattr(chain, stage)()
@@ -168,9 +179,10 @@ class _Chain:
 
     """
 
-    def __init__(self, tile: PointTile, config: PipelineConfig) -> None:
+    def __init__(self, tile: PointTile, config: PipelineConfig, footprints: Footprints | None) -> None:
         self.classified = tile
         self.config = config
+        self.footprints = footprints
         self.roofs: PointTile | None = None
         self.traced: tuple[BuildingOutline, ...] = ()
         self.outlines: tuple[BuildingOutline, ...] = ()
@@ -189,7 +201,16 @@ class _Chain:
         self.roofs = label_roof_edges(self.roofs, self.config.edge_labelling).tile
 
     def boundary_tracing(self) -> None:
-        found = trace_buildings(self.roofs, self.config.segmentation, self.config.boundary_tracing)
+        if self.footprints is None:
+            found = trace_buildings(self.roofs, self.config.segmentation, self.config.boundary_tracing)
+        else:
+            found = trace_footprints(
+                self.classified,
+                self.roofs,
+                self.footprints,
+                self.config.footprints,
+                self.config.edge_labelling,
+            )
         self.roofs, self.traced, self.clipped = found.tile, found.outlines, found.clipped
 
     def regularisation(self) -> None:

@@ -37,6 +37,39 @@ def building_id(anchor: NDArray[np.float64]) -> int:
     return (column << 16 | row) or 0xFFFFFFFF
 
 
+def anchor_near(number: int, place: NDArray[np.float64]) -> tuple[float, float]:
+    """
+    Return the position that a building's id was made from, as far as the id tells.
+
+    Parameters
+    ----------
+    number : int
+        The building's id.
+    place : ndarray
+        x and y of a place less than 16 km away, its westernmost point for instance [m].
+
+    Returns
+    -------
+    tuple of two float
+        The place itself if it lies in the id's cell, else the middle of that cell, map frame [m].
+
+    """
+    x, y = float(place[0]), float(place[1])
+    if building_id(np.array([x, y])) == number:
+        return x, y
+    return _middle(number >> 16, x), _middle(number & 0xFFFF, y)
+
+
+def _middle(low_half: int, near: float) -> float:
+    """
+    Return the middle of the cell nearest to a coordinate whose number ends with these 16 bits [m].
+
+    """
+    cell = int(np.floor(near / CELL))
+    away = ((low_half - cell + 0x8000) & 0xFFFF) - 0x8000
+    return (cell + away + 0.5) * CELL
+
+
 def readable_id(anchor_x: float, anchor_y: float) -> str:
     """
     Return the id that files carry, made from the anchor's coordinates in the source's reference system.

@@ -91,11 +91,14 @@ class BuildingOutline:
         See `lidar_buildings.core.building_id`.
     outline : Outline
         Rings in the map frame [m].
+    ground_elevation : float or None
+        Of the ground at the building, map frame [m]; None where it is left to the building's points.
 
     """
 
     building_id: int
     outline: Outline
+    ground_elevation: float | None = None
 
 
 def signed_area(ring: NDArray[np.float64]) -> float:

@@ -214,3 +214,21 @@ class PointTile:
         """
         chosen = {name: column[rows] for name, column in self.columns.items()}
         return replace(self, points=self.points[rows], **chosen)
+
+    def joined(self, other: PointTile) -> PointTile:
+        """
+        Return the tile with another one's points after its own, in the columns that it has.
+
+        Raises
+        ------
+        ValueError
+            If the other tile lacks one of these columns.
+
+        """
+        missing = sorted(self.columns.keys() - other.columns.keys())
+        if missing:
+            raise ValueError(f"other lacks {', '.join(missing)}: must have the columns of the tile")
+        both: dict[str, Any] = {
+            name: np.concatenate([column, getattr(other, name)]) for name, column in self.columns.items()
+        }
+        return replace(self, points=np.concatenate([self.points, other.points]), **both)

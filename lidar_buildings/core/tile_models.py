@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from lidar_buildings.core.building_id import anchor_row
+from lidar_buildings.core.building_id import anchor_near, anchor_row
 from lidar_buildings.core.building_model import BuildingModel, BuildingModelConfig, build_model
 from lidar_buildings.core.outline import BuildingOutline, Outline
 from lidar_buildings.core.regularisation import RegularisationConfig, measure_outline
@@ -96,7 +96,7 @@ def _model(
     if traced is not None:
         attributes.update(_outline_attributes(model, measure_outline(traced, one.outline, regularisation)))
     west = building.points[anchor_row(building.points)] if len(building) else one.outline.exterior.min(axis=0)
-    return TileModel(one.building_id, (float(west[0]), float(west[1])), model, attributes)
+    return TileModel(one.building_id, anchor_near(one.building_id, west), model, attributes)
 
 
 def _outline_attributes(model: BuildingModel, quality: Any) -> dict[str, Any]:

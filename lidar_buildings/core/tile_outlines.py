@@ -37,9 +37,13 @@ def regularise_outlines(
     """
     Regularise every traced outline, and let touching ones share walls; one that cannot be keeps its rings.
 
+    With `keep_outlines` all stay as they are, given footprints for instance.
+
     What becomes of an outline depends on those of its own block alone, which is never cut by a tile's edge.
 
     """
+    if config.keep_outlines:
+        return outlines
     traced = [one.outline for one in outlines]
     regular = [_regularised(one, config) for one in outlines]
     groups = touching_groups(traced)

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from lidar_buildings.core.boundary_tracing import BoundaryTracingConfig, trace_boundary
 from lidar_buildings.core.building_id import anchor_row
 from lidar_buildings.core.edge_labelling import EdgeLabellingConfig, label_edges
+from lidar_buildings.core.footprints import FootprintConfig, Footprints, assign_footprints
 from lidar_buildings.core.ground_filter import GroundFilterConfig, classify_ground
 from lidar_buildings.core.kept_classes import ON_TERRAIN, is_of_groups
 from lidar_buildings.core.outline import BuildingOutline, Outline
@@ -179,6 +180,35 @@ def trace_buildings(
     return TracedTile(tile.with_columns(building_id=building_id), tuple(outlines), clipped)
 
 
+def trace_footprints(
+    classified: PointTile,
+    roofs: PointTile,
+    footprints: Footprints,
+    config: FootprintConfig,
+    edge_labelling: EdgeLabellingConfig,
+) -> TracedTile:
+    """
+    Take given footprints for a tile's outlines, and give their points their ids.
+
+    Parameters
+    ----------
+    classified : PointTile
+        All points of the tile.
+    roofs : PointTile
+        Its roof points with edge labels, as `label_roof_edges` returns them.
+    footprints : Footprints
+    config : FootprintConfig
+    edge_labelling : EdgeLabellingConfig
+        For the points that are taken at footprints next to without roof points.
+
+    """
+    found = assign_footprints(classified, footprints, config)
+    is_other = (found.building_id > 0) & ~classified.is_roof
+    tile = _with_others(classified, roofs, is_other, found.building_id, edge_labelling)
+    chosen = np.flatnonzero(classified.is_roof | is_other)
+    return TracedTile(tile.with_columns(building_id=found.building_id[chosen]), found.outlines, found.clipped)
+
+
 def fit_planes(tile: PointTile, config: PlaneFittingConfig) -> PointTile:
     """
     Append `plane_id`, numbered within each building, to a tile of building points.
@@ -203,6 +233,27 @@ def rows_by_building(building_id: NDArray[np.uint32]) -> list[tuple[int, NDArray
     numbers, first = np.unique(building_id[order], return_index=True)
     groups = np.split(order, first[1:]) if len(numbers) else []
     return [(int(number), rows) for number, rows in zip(numbers, groups, strict=True) if number]
+
+
+def _with_others(
+    classified: PointTile,
+    roofs: PointTile,
+    is_other: NDArray[np.bool_],
+    building_id: NDArray[np.uint32],
+    edge_labelling: EdgeLabellingConfig,
+) -> PointTile:
+    """
+    Return a tile's roof points with others among them in their places, labelled as well.
+
+    """
+    if not is_other.any():
+        return roofs
+    # what stands in a footprint is labelled together with the few roof points there
+    together = np.flatnonzero(np.isin(building_id, building_id[is_other]))
+    labelled = label_roof_edges(classified.select(together), edge_labelling).tile
+    others = labelled.select(is_other[together])
+    rows = np.concatenate([np.flatnonzero(classified.is_roof), np.flatnonzero(is_other)])
+    return roofs.joined(others).select(np.argsort(rows, kind="stable"))
 
 
 def _traced(

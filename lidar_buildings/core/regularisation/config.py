@@ -155,6 +155,10 @@ class RegularisationConfig(StageConfig):
         minimum=0.0,
         maximum=1.0,
     )
+    keep_outlines: bool = parameter(
+        False,
+        "Whether all outlines stay as they are: set where footprints are given.",
+    )
 
     def dent_limits(self, spacing: float) -> DentLimits | None:
         """

@@ -129,6 +129,8 @@ def measure_outline(
 
     """
     config = config or RegularisationConfig()
+    if config.keep_outlines:
+        return OutlineQuality(0.0, 0.0, BuildingStatus.OK, "")
     own = regularise_outline(traced, config)
     if outline.same_as(own.outline) or outline.same_as(own.outline.as_carried()):
         return OutlineQuality(own.sigma, own.max_offset, own.status, own.reason)

@@ -1,0 +1,200 @@
+"""
+Which points of a tile belong to which of the given footprints, and which footprints to the tile.
+
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from lidar_buildings.core.asprs import PointClass
+from lidar_buildings.core.building_id import anchor_row
+from lidar_buildings.core.footprints.config import FootprintConfig
+from lidar_buildings.core.footprints.footprints import Footprints
+from lidar_buildings.core.footprints.inside import last_outline_around
+from lidar_buildings.core.outline import BuildingOutline
+from lidar_buildings.core.tile import PointTile
+
+#: Classes of what may be a building that was not recognised as one.
+_STANDING = (0, 1, PointClass.LOW_VEGETATION, PointClass.MEDIUM_VEGETATION, PointClass.HIGH_VEGETATION)
+#: So many last returns are enough to do without the others.
+_MIN_LAST = 3
+#: Points so much farther away than the nearest one still tell of the ground at a footprint [m].
+_GROUND_RING = 1.0
+
+
+@dataclass(frozen=True, eq=False)
+class AssignedPoints:
+    """
+    The footprints of a tile and their points.
+
+    Attributes
+    ----------
+    building_id : ndarray of shape (n_points,), uint32
+        0 for points of no footprint of this tile.
+    outlines : tuple of BuildingOutline
+        The footprints of this tile as they are given, by rising id.
+    clipped : bool
+        Whether one of them reaches beyond the tile's `bounds`.
+
+    """
+
+    building_id: NDArray[np.uint32]
+    outlines: tuple[BuildingOutline, ...]
+    clipped: bool
+
+
+def assign_footprints(
+    tile: PointTile, footprints: Footprints, config: FootprintConfig | None = None
+) -> AssignedPoints:
+    """
+    Find a tile's footprints and give their points their building's id.
+
+    A footprint's points are the roof points within it. Where these are next to none, all that stands within
+    it is taken: points undecided or of vegetation, of last returns if there are any. Where footprints lie
+    over each other, the smaller one has the points. A footprint belongs to the tile that holds the
+    westernmost of all points within it as a core point, or of those around it if there are none within.
+
+    Parameters
+    ----------
+    tile : PointTile
+        All points with their final class and height above ground.
+    footprints : Footprints
+    config : FootprintConfig, optional
+
+    """
+    config = config or FootprintConfig()
+    building_id = np.zeros(len(tile), dtype=np.uint32)
+    if not len(tile) or not len(footprints):
+        return AssignedPoints(building_id, (), False)
+    places = footprints.touching(_box(tile.points, config.search_distance))
+    owner = last_outline_around(tile.points[:, :2], [footprints.outlines[row] for row in places])
+    outlines, clipped = [], False
+    surroundings = _Surroundings(tile.points, config.search_distance)
+    for place, rows in zip(places, _rows_of(owner, len(places)), strict=True):
+        outline, number = footprints.outlines[place], int(footprints.building_id[place])
+        near = rows if len(rows) else surroundings.rows_around(outline.polygon)
+        if not len(near) or not tile.is_core[near[anchor_row(tile.points[near])]]:
+            continue
+        reach = 0.0 if len(rows) else config.search_distance
+        clipped |= not _is_within(footprints.bounds[place], tile.bounds, reach)
+        building_id[_building_rows(tile, rows, config)] = number
+        next_to_it = rows if len(rows) else surroundings.nearest(near, outline.polygon)
+        ground = _ground_elevation(tile, next_to_it)
+        outlines.append(BuildingOutline(number, outline, ground))
+    outlines.sort(key=lambda one: one.building_id)
+    return AssignedPoints(building_id, tuple(outlines), clipped)
+
+
+class _Surroundings:
+    """
+    Finds the points around a place.
+
+    Parameters
+    ----------
+    points : ndarray of shape (n_points, 3)
+        Map frame [m].
+    distance : float
+        How far around [m].
+
+    """
+
+    def __init__(self, points: NDArray[np.float64], distance: float) -> None:
+        self._points, self._distance = points, distance
+        self._order: NDArray[np.intp] | None = None
+
+    def rows_around(self, polygon: shapely.Polygon) -> NDArray[np.intp]:
+        """
+        Return the points near a polygon that has some on all sides, none for one beyond the points' edge.
+
+        """
+        if self._order is None:
+            self._order = np.argsort(self._points[:, 0], kind="stable")
+            self._x = self._points[self._order, 0]
+        west, south, east, north = polygon.buffer(self._distance).bounds
+        rows = self._order[np.searchsorted(self._x, west) : np.searchsorted(self._x, east, side="right")]
+        rows = rows[(self._points[rows, 1] >= south) & (self._points[rows, 1] <= north)]
+        near = shapely.points(self._points[rows, :2])
+        rows = np.sort(rows[shapely.dwithin(near, polygon, self._distance)])
+        hull = shapely.convex_hull(shapely.multipoints(self._points[rows, :2]))
+        return rows if hull.contains(polygon.centroid) else rows[:0]
+
+    def nearest(self, rows: NDArray[np.intp], polygon: shapely.Polygon) -> NDArray[np.intp]:
+        """
+        Return those of some points that are next to a polygon.
+
+        """
+        distance = shapely.distance(shapely.points(self._points[rows, :2]), polygon)
+        return rows[distance <= distance.min() + _GROUND_RING]
+
+
+def _box(points: NDArray[np.float64], margin: float) -> tuple[float, float, float, float]:
+    """
+    Return the limits of points with a margin around.
+
+    """
+    west, south = points[:, :2].min(axis=0) - margin
+    east, north = points[:, :2].max(axis=0) + margin
+    return float(west), float(south), float(east), float(north)
+
+
+def _rows_of(owner: NDArray[np.int32], n_owners: int) -> list[NDArray[np.intp]]:
+    """
+    Return the rows that each owner has, rising.
+
+    """
+    order = np.argsort(owner, kind="stable")
+    return np.split(order, np.searchsorted(owner[order], np.arange(n_owners)))[1:]
+
+
+def _is_within(
+    bounds: NDArray[np.float64], limits: tuple[float, float, float, float] | None, reach: float
+) -> bool:
+    """
+    Whether a footprint with what is around it lies within a tile's limits.
+
+    """
+    if limits is None:
+        return True
+    west, south, east, north = limits
+    return bool(
+        bounds[0] - reach >= west
+        and bounds[1] - reach >= south
+        and bounds[2] + reach <= east
+        and bounds[3] + reach <= north
+    )
+
+
+def _building_rows(tile: PointTile, rows: NDArray[np.intp], config: FootprintConfig) -> NDArray[np.intp]:
+    """
+    Return those of the points within a footprint that are its building.
+
+    """
+    is_roof = tile.is_roof[rows]
+    if tile.classification is None or tile.height_above_ground is None:
+        return rows[is_roof]
+    stands = np.isin(tile.classification[rows], _STANDING) & (
+        tile.height_above_ground[rows] >= config.min_height
+    )
+    n_roof, n_standing = int(np.count_nonzero(is_roof)), int(np.count_nonzero(stands))
+    if n_roof >= config.min_roof_share * (n_roof + n_standing):
+        return rows[is_roof]
+    if tile.return_number is not None and tile.number_of_returns is not None:
+        is_last = tile.return_number[rows] >= tile.number_of_returns[rows]
+        if np.count_nonzero(stands & is_last) >= _MIN_LAST:
+            stands &= is_last
+    return rows[is_roof | stands]
+
+
+def _ground_elevation(tile: PointTile, rows: NDArray[np.intp]) -> float | None:
+    """
+    Return the lowest ground under some points [m] as a message carries it, None where no heights are known.
+
+    """
+    if tile.height_above_ground is None:
+        return None
+    return float(np.float32(np.min(tile.points[rows, 2] - tile.height_above_ground[rows])))
