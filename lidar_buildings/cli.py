@@ -89,6 +89,20 @@ def _add_run(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--until", metavar="STAGE", help="end with this stage")
     parser.add_argument("--tile-size", type=float, metavar="M", help="side of a tile [m]")
+    parser.add_argument(
+        "--footprints",
+        type=Path,
+        metavar="FILE",
+        help="take the polygons of this file (GeoPackage, Shapefile, GeoJSON …) instead of traced outlines",
+    )
+    parser.add_argument(
+        "--footprints-layer", metavar="NAME", help="the file's layer, where it has several of polygons"
+    )
+    parser.add_argument(
+        "--footprint-id",
+        metavar="COLUMN",
+        help="column that names a footprint in the results (default: one that looks like it)",
+    )
     parser.add_argument("--no-ros", action="store_true", help="call the stages directly, without ROS")
     parser.add_argument("--overwrite", action="store_true", help="replace what is in DIR")
     parser.add_argument(

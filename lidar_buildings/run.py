@@ -14,10 +14,13 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from tqdm import tqdm
 
 from lidar_buildings.core.errors import LidarBuildingsError
+from lidar_buildings.io.footprints import FootprintFile, check_overlap, read_footprints
+from lidar_buildings.io.las import frame_of, open_inputs
 from lidar_buildings.io.output_folder import OutputFolder, RunSummary
 from lidar_buildings.io.run_folder import BUILDINGS, discard_unfinished
 from lidar_buildings.io.tiling import TileSource
@@ -60,7 +63,8 @@ def run_command(options: argparse.Namespace) -> int:
     if request.overwrite:
         discard_unfinished(request.output)
     started = time.perf_counter()
-    outcome = _run_local(request) if options.no_ros else _run_graph(request)
+    footprints = _footprints(request)
+    outcome = _run_local(request, footprints) if options.no_ros else _run_graph(request)
     _report_trouble(outcome)
     _report(request.output, outcome.summary, time.perf_counter() - started)
     if outcome.failed or (outcome.summary.n_unclassified and not outcome.summary.problems):
@@ -90,7 +94,24 @@ def progress_bar(tile_count: Callable[[], int]) -> Iterator[Callable[[int], None
         yield show
 
 
-def _run_local(request: RunRequest) -> RunOutcome:
+def _footprints(request: RunRequest) -> FootprintFile | None:
+    """
+    Read the footprints, if any are given, and refuse them if none lies within the clouds.
+
+    """
+    if request.footprints is None:
+        return None
+    clouds, _ = open_inputs(request.inputs)
+    frame = frame_of(clouds)
+    found = read_footprints(request.footprints, frame)
+    limits = [(*cloud.mins[:2], *cloud.maxs[:2]) for cloud in clouds if cloud.point_count]
+    if limits:
+        west, south, east, north = zip(*limits, strict=True)
+        check_overlap(found, (min(west), min(south), max(east), max(north)), frame)
+    return found
+
+
+def _run_local(request: RunRequest, footprints: FootprintFile | None) -> RunOutcome:
     """
     Run without ROS.
 
@@ -107,11 +128,18 @@ def _run_local(request: RunRequest) -> RunOutcome:
             overwrite=request.overwrite,
             until=request.until,
             parameters=request.parameters(),
+            footprints=footprints,
         )
         skip |= folder.done_stamps()
         with progress_bar(lambda: source.tile_count - len(skip)) as progress:
             seconds, failed = process_tiles(
-                source, folder, request.config, request.until, progress, request.rasters
+                source,
+                folder,
+                request.config,
+                request.until,
+                progress,
+                request.rasters,
+                None if footprints is None else footprints.footprints,
             )
         seconds = {"wall": time.perf_counter() - started, **seconds}
         info = run_info(seconds, request.parameters(), failed, source.problems)
@@ -163,8 +191,22 @@ def _report(output: Path, summary: RunSummary, wall: float) -> None:
     counts = ", ".join(f"{n} {status}" for status, n in sorted(summary.buildings.items())) or "none"
     print(f"{_count(summary.n_points, 'point')} in {_count(summary.n_tiles, 'tile')}, {wall:.1f} s")
     print(f"buildings: {sum(summary.buildings.values())} ({counts})")
+    if summary.footprints:
+        print(_told_of_footprints(summary.footprints))
     for name in summary.files:
         print(f"  {output / name}")
+
+
+def _told_of_footprints(record: Mapping[str, Any]) -> str:
+    """
+    Say in one line what became of the footprints.
+
+    """
+    told = [f"{record['n_read']:,} read"]
+    told += [f"{record['n_repaired']:,} repaired"] * bool(record["n_repaired"])
+    told += [f"{number:,} {reason} left out" for reason, number in record["left_out"].items()]
+    told += [f"{record['n_outside']:,} outside the points"] * bool(record["n_outside"])
+    return f"footprints: {', '.join(told)}"
 
 
 def _count(number: int, what: str) -> str:

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lidar_buildings.core.errors import LidarBuildingsError
+from lidar_buildings.core.footprints import Footprints
 from lidar_buildings.core.map_frame import MapFrame
 from lidar_buildings.core.terrain import RasterConfig
 from lidar_buildings.core.tile import PointTile
@@ -33,6 +34,7 @@ def process_tiles(
     until: str,
     progress: Callable[[int], None],
     rasters: RasterConfig | None = None,
+    footprints: Footprints | None = None,
 ) -> tuple[dict[str, float], dict[int, str]]:
     """
     Take every tile of a source to disk.
@@ -51,6 +53,8 @@ def process_tiles(
         Told the number of finished tiles after each.
     rasters : RasterConfig, optional
         Of the rasters.
+    footprints : Footprints, optional
+        Outlines to use instead of tracing.
 
     Returns
     -------
@@ -64,7 +68,7 @@ def process_tiles(
     failed: dict[int, str] = {}
     for number, tile in enumerate(source, start=1):
         try:
-            result = whole_result(source, tile, config, until)
+            result = whole_result(source, tile, config, until, footprints)
             products = products_of(result, source.frame, rasters or RasterConfig())
         except LidarBuildingsError:
             raise
@@ -96,17 +100,23 @@ def run_info(
     }
 
 
-def whole_result(source: TileSource, tile: PointTile, config: PipelineConfig, until: str) -> TileResult:
+def whole_result(
+    source: TileSource,
+    tile: PointTile,
+    config: PipelineConfig,
+    until: str,
+    footprints: Footprints | None = None,
+) -> TileResult:
     """
     Process a tile, with a larger buffer as long as one of its buildings is not whole.
 
     """
-    result = reconstruct_tile(tile, config, until=until)
+    result = reconstruct_tile(tile, config, until=until, footprints=footprints)
     while result.clipped:
         larger = source.grown(tile.stamp)
         # What cannot grow is all there is: no limit is left to reach.
         tile = larger if larger is not None else replace(tile, bounds=None)
-        result = reconstruct_tile(tile, config, until=until)
+        result = reconstruct_tile(tile, config, until=until, footprints=footprints)
     return result
 
 

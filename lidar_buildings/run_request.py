@@ -11,9 +11,12 @@ from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 from typing import Any, TypeVar
 
-from lidar_buildings.core.errors import ParameterError
+from lidar_buildings.core.errors import InputError, ParameterError
+from lidar_buildings.core.footprints import FootprintConfig
 from lidar_buildings.core.parameters import StageConfig
+from lidar_buildings.core.regularisation import RegularisationConfig
 from lidar_buildings.core.terrain import RasterConfig
+from lidar_buildings.io.footprints import FootprintSource
 from lidar_buildings.io.tiling import TilingConfig
 from lidar_buildings.nodes.configs import NODE_CONFIGS
 from lidar_buildings.pipeline import STAGE_CONFIGS, STAGES, PipelineConfig
@@ -32,6 +35,11 @@ _OWN = {
     ("model_writer", "overwrite"): "--overwrite",
     ("model_writer", "until"): "--until",
     ("model_writer", "settings"): "--set and --params",
+    ("model_writer", "footprints"): "--footprints",
+    ("model_writer", "footprints_layer"): "--footprints-layer",
+    ("model_writer", "footprint_id"): "--footprint-id",
+    ("footprints", "file"): "--footprints",
+    ("footprints", "layer"): "--footprints-layer",
     ("flow_control", "publish_tile_done"): "--output",
 }
 #: A namespace of ROS: words of letters, digits and underscores that begin with no digit.
@@ -63,6 +71,8 @@ class RunRequest:
         Whether earlier results may be replaced.
     namespace : str or None
         ROS namespace, None for one of its own.
+    footprints : FootprintSource or None
+        Where given footprints come from, None to trace outlines.
 
     """
 
@@ -75,13 +85,24 @@ class RunRequest:
     until: str
     overwrite: bool
     namespace: str | None
+    footprints: FootprintSource | None = None
 
     def parameters(self) -> dict[str, Any]:
         """
         Return everything that results depend on, as plain values.
 
         """
-        return {**asdict(self.config), _TILING: asdict(self.tiling), RasterConfig.stage: asdict(self.rasters)}
+        stages = {
+            **asdict(self.config),
+            _TILING: asdict(self.tiling),
+            RasterConfig.stage: asdict(self.rasters),
+        }
+        if self.footprints is None:
+            return stages
+        given = self.footprints
+        file = {"file": str(given.path.resolve()), "layer": given.layer, "id_column": given.id_column}
+        changed = {"changed": given.path.stat().st_mtime_ns}
+        return stages | {FootprintConfig.stage: stages[FootprintConfig.stage] | file | changed}
 
 
 def request_of(options: argparse.Namespace) -> RunRequest:
@@ -101,6 +122,9 @@ def request_of(options: argparse.Namespace) -> RunRequest:
         settings.setdefault(_TILING, {})["tile_size"] = options.tile_size
     _check_own(settings)
     _check_namespace(options.namespace)
+    footprints = _footprints(options)
+    if footprints is not None:
+        _use_footprints(settings, footprints)
     return RunRequest(
         inputs=tuple(options.input),
         output=options.output,
@@ -111,6 +135,37 @@ def request_of(options: argparse.Namespace) -> RunRequest:
         until=_last_stage(options.until),
         overwrite=options.overwrite,
         namespace=options.namespace,
+        footprints=footprints,
+    )
+
+
+def _footprints(options: argparse.Namespace) -> FootprintSource | None:
+    """
+    Return where footprints are to come from.
+
+    """
+    layer, column = options.footprints_layer, options.footprint_id
+    if options.footprints is None:
+        if layer is not None or column is not None:
+            option = "--footprints-layer" if layer is not None else "--footprint-id"
+            raise ParameterError(
+                f"{option}: says something of a file that is not named: add --footprints FILE"
+            )
+        return None
+    if not options.footprints.exists():
+        raise InputError(f"{options.footprints}: no such file: check the path of --footprints")
+    return FootprintSource(options.footprints, layer or "", column or "")
+
+
+def _use_footprints(settings: Settings, source: FootprintSource) -> None:
+    """
+    Tell the nodes of the footprints.
+
+    """
+    settings.setdefault(FootprintConfig.stage, {}).update(file=str(source.path), layer=source.layer)
+    settings.setdefault(RegularisationConfig.stage, {})["keep_outlines"] = True
+    settings.setdefault("model_writer", {}).update(
+        footprints=str(source.path), footprints_layer=source.layer, footprint_id=source.id_column
     )
 
 

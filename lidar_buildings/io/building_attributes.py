@@ -13,6 +13,7 @@ from lidar_buildings.core.map_frame import MapFrame
 #: Name → type of every attribute of DESIGN.md section 3, in the order of the columns.
 BUILDING_FIELDS: dict[str, type] = {
     "building_id": int,
+    "footprint_id": str,
     "status": str,
     "reason": str,
     "ground_elevation": float,

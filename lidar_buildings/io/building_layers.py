@@ -6,18 +6,19 @@ The buildings of all tiles as the layers of ``buildings.gpkg`` and the lines of 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Iterable, Mapping
 from typing import Any, TypeVar
 
 import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from lidar_buildings.core.building_id import anchor_row, readable_id
+from lidar_buildings.core.building_id import anchor_near, anchor_row, readable_id
 from lidar_buildings.core.map_frame import MapFrame
 from lidar_buildings.core.outline import BuildingOutline
 from lidar_buildings.io.building_attributes import BUILDING_FIELDS, in_source_units
 from lidar_buildings.io.cityjson import CityFeature, parse_feature
+from lidar_buildings.io.footprint_results import FOOTPRINT_ID
 from lidar_buildings.io.geopackage import GeoPackageLayer
 from lidar_buildings.io.tile_products import RoofFace, Shapes
 
@@ -38,12 +39,21 @@ class BuildingLayers:
         Of the tiles.
     without : collection of int
         Ids of buildings to leave out.
+    footprint_id : mapping or None
+        Building id → what the file of footprints calls it; None where outlines were traced.
 
     """
 
-    def __init__(self, frame: MapFrame, *, without: Collection[int] = ()) -> None:
+    def __init__(
+        self,
+        frame: MapFrame,
+        *,
+        without: Collection[int] = (),
+        footprint_id: Mapping[int, str] | None = None,
+    ) -> None:
         self._frame = frame
         self._without = frozenset(without)
+        self._footprint_id = footprint_id
         self._traced: list[tuple[dict[str, Any], shapely.Polygon]] = []
         self._outlines: list[tuple[dict[str, Any], shapely.Polygon]] = []
         self._faces: list[tuple[dict[str, Any], shapely.Polygon]] = []
@@ -110,15 +120,18 @@ class BuildingLayers:
         """
         feature = features.get(one.building_id)
         rings = one.outline.rings if isinstance(one, BuildingOutline) else one.rings
-        name = feature.readable_id if feature else self._name_of(rings[0])
+        name = feature.readable_id if feature else self._name_of(one.building_id, rings[0])
         return {"building_id": one.building_id, READABLE_ID: name}
 
-    def _name_of(self, ring: NDArray[np.float64]) -> str:
+    def _name_of(self, number: int, ring: NDArray[np.float64]) -> str:
         """
-        Name a building that has no feature by its westernmost vertex.
+        Name a building that has no feature by its westernmost vertex, or by the place a footprint's id is of.
 
         """
         vertices = self._in_source(ring)
+        if self._footprint_id is not None and len(ring):
+            place = np.array([[*anchor_near(number, ring[0]), 0.0]])
+            return readable_id(*self._frame.to_source(place)[0][:2])
         return readable_id(*vertices[anchor_row(vertices)][:2]) if len(vertices) else ""
 
     def _attributes(self, one: BuildingOutline, feature: CityFeature | None) -> dict[str, Any]:
@@ -128,7 +141,10 @@ class BuildingLayers:
         """
         if feature is not None:
             return feature.attributes
-        return in_source_units({"area": one.outline.area}, self._frame)
+        known: dict[str, Any] = {"area": one.outline.area}
+        if self._footprint_id is not None:
+            known[FOOTPRINT_ID] = self._footprint_id.get(one.building_id, "")
+        return in_source_units(known, self._frame)
 
     def _polygon(self, rings: Iterable[NDArray[np.float64]]) -> shapely.Polygon:
         """

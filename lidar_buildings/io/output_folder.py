@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 from zipfile import BadZipFile
@@ -21,6 +21,8 @@ from lidar_buildings.core.map_frame import MapFrame
 from lidar_buildings.io.building_layers import BuildingLayers
 from lidar_buildings.io.cityjson import header_line
 from lidar_buildings.io.classified_las import suffix_for, write_classified
+from lidar_buildings.io.footprint_results import FootprintResults
+from lidar_buildings.io.footprints import FootprintFile
 from lidar_buildings.io.geopackage import write_geopackage
 from lidar_buildings.io.las import InputFile, open_cloud
 from lidar_buildings.io.point_results import PointResults
@@ -67,6 +69,9 @@ class RunSummary:
         File name → its columns, rows, side of a cell in the source's unit, and known cells.
     problems : tuple of str
         One line per input that could not be read to its end.
+    footprints : dict
+        What became of the footprints that were given: how many were read, used, repaired, left out for which
+        reason, and outside the data. Empty where outlines were traced.
 
     """
 
@@ -79,6 +84,7 @@ class RunSummary:
     n_seam_pieces: int
     rasters: dict[str, dict[str, Any]]
     problems: tuple[str, ...]
+    footprints: dict[str, Any] = field(default_factory=dict)
 
 
 class OutputFolder:
@@ -100,6 +106,8 @@ class OutputFolder:
         The last stage of the run; files that a later stage would fill are not made.
     parameters : mapping
         All settings that results depend on; they must be equal for a run to be taken up again.
+    footprints : FootprintFile or None
+        The footprints that were given.
 
     Raises
     ------
@@ -117,11 +125,13 @@ class OutputFolder:
         overwrite: bool = False,
         until: str = "building_model",
         parameters: Mapping[str, Any] | None = None,
+        footprints: FootprintFile | None = None,
     ) -> None:
         self.path = Path(path)
         self.inputs = list(inputs)
         self.frame = frame
         self.until = until
+        self._footprints = FootprintResults.of(footprints)
         identity = {
             "version": __version__,
             "inputs": [
@@ -179,10 +189,14 @@ class OutputFolder:
         """
         info = dict(run_info or {})
         fragments = [self._partial / f"{stamp}{_ENDING}" for stamp in sorted(self.done_stamps())]
-        shapes = [load_shapes(fragment) for fragment in fragments]
-        pieces = seam_pieces([one.outlines or one.traced for one in shapes])
+        shapes = list(self._footprints.named(load_shapes(fragment) for fragment in fragments))
+        # footprints are what they are, also where one lies within another
+        given = bool(self._footprints)
+        pieces = set() if given else seam_pieces([one.outlines or one.traced for one in shapes])
         outputs, problems, per_class, n_known = self._write_clouds(fragments, pieces)
-        layers = BuildingLayers(self.frame, without=pieces)
+        layers = BuildingLayers(
+            self.frame, without=pieces, footprint_id=self._footprints.names if given else None
+        )
         for one in shapes:
             layers.add(one)
         files = [*filter(None, outputs), *self._write_buildings(layers)]
@@ -198,6 +212,7 @@ class OutputFolder:
             n_seam_pieces=len(pieces),
             rasters=rasters,
             problems=tuple(dict.fromkeys([*info.get("problems", ()), *problems])),
+            footprints=self._footprints.summary(sum(layers.statuses().values())),
         )
         self._write_run(summary, outputs, info)
         self._discard_tiles(fragments)

@@ -7,43 +7,60 @@ from __future__ import annotations
 
 from collections import OrderedDict
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
-from geometry_msgs.msg import PolygonInstanceStamped, PolygonStamped
+from geometry_msgs.msg import PointStamped, PolygonInstanceStamped, PolygonStamped, Vector3Stamped
 from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Header
 
 from lidar_buildings.core.boundary_tracing import BoundaryTracingConfig
+from lidar_buildings.core.edge_labelling import EdgeLabellingConfig
+from lidar_buildings.core.map_frame import MapFrame
 from lidar_buildings.core.segmentation import SegmentationConfig
 from lidar_buildings.core.tile import PointTile
-from lidar_buildings.core.tile_stages import trace_buildings
-from lidar_buildings.nodes.configs import NODE_CONFIGS
+from lidar_buildings.core.tile_stages import TracedTile, trace_buildings, trace_footprints
+from lidar_buildings.io.footprints import FootprintSource, read_footprints
+from lidar_buildings.nodes.configs import NODE_CONFIGS, FootprintNodeConfig
+from lidar_buildings.ros.map_frames import frame_of
 from lidar_buildings.ros.point_cloud import to_message
 from lidar_buildings.ros.polygons import Bounds, bounds_of, outline_messages
-from lidar_buildings.ros.qos import BUILDING, CLOUD, EVENT, LATCHED_TILE
+from lidar_buildings.ros.qos import BUILDING, CLOUD, EVENT, LATCHED, LATCHED_TILE
 from lidar_buildings.ros.runner import run_node
 from lidar_buildings.ros.stage_node import StageNode
 from lidar_buildings.ros.stamps import header_of
+from lidar_buildings.ros.tile_join import TileJoin, agree_on_roofs
 
+_EDGES, _ALL = "edge_points", "classified_points"
+#: Topic → what it said of a tile.
+Parts = dict[str, PointTile]
 #: How many tiles' bounds are remembered; many more than can be in flight.
 _MAX_BOUNDS = 64
 
 
 class BuildingTracer(StageNode):
     """
-    Traces the buildings of each tile; holds a tile back that cuts one of its buildings off.
+    Traces the buildings of each tile, or takes given footprints; holds a tile back that cuts one off.
 
     """
 
     def __init__(self, **kwargs: Any) -> None:
         super().__init__("building_tracer", NODE_CONFIGS["building_tracer"], **kwargs)
         self._bounds: OrderedDict[int, Bounds | None] = OrderedDict()
-        self._waiting: dict[int, PointTile] = {}
+        self._waiting: dict[int, Parts] = {}
+        self._origin: PointStamped | None = None
+        self._units: Vector3Stamped | None = None
+        self._has_footprints = bool(self.parameters[FootprintNodeConfig].file)
+        self._join = TileJoin((_EDGES, _ALL) if self._has_footprints else (_EDGES,), _are_of_one_sending)
         self._building_points = self.create_publisher(PointCloud2, "building_points", CLOUD)
         self._traced = self.create_publisher(PolygonInstanceStamped, "traced_outlines", BUILDING)
         self._clipped = self.create_publisher(Header, "tile_clipped", EVENT)
         self.create_subscription(PolygonStamped, "tile_bounds", self.on_bounds, LATCHED_TILE)
-        self.subscribe_tiles("edge_points", self.on_tile)
+        if self._has_footprints:
+            self.create_subscription(Vector3Stamped, "map_units", self.on_units, LATCHED)
+            self.create_subscription(PointStamped, "map_origin", self.on_origin, LATCHED)
+            self.subscribe_tiles(_ALL, lambda tile: self.on_tile(_ALL, tile))
+        self.subscribe_tiles(_EDGES, lambda tile: self.on_tile(_EDGES, tile))
 
     def on_bounds(self, message: PolygonStamped) -> None:
         """
@@ -55,29 +72,111 @@ class BuildingTracer(StageNode):
         self._bounds.move_to_end(stamp)
         while len(self._bounds) > _MAX_BOUNDS:
             self._bounds.popitem(last=False)
-        if stamp in self._waiting:
-            with self.reporting(stamp) as report:
-                tile = self._waiting.pop(stamp)
-                report.n_points = len(tile)
-                self.on_tile(tile)
+        self._go_on_with(stamp)
 
-    def on_tile(self, tile: PointTile) -> None:
+    def on_units(self, message: Vector3Stamped) -> None:
         """
-        Trace one tile's buildings, or ask for more of the tile.
+        Learn the source's units, and go on with the tiles that came before.
 
         """
-        if tile.stamp not in self._bounds and self.count_publishers("tile_bounds"):
-            self._waiting[tile.stamp] = tile
+        self._units = message
+        for stamp in list(self._waiting):
+            self._go_on_with(stamp)
+
+    def on_origin(self, message: PointStamped) -> None:
+        """
+        Learn where the map lies, and go on with the tiles that came before.
+
+        """
+        self._origin = message
+        for stamp in list(self._waiting):
+            self._go_on_with(stamp)
+
+    def on_tile(self, topic: str, tile: PointTile) -> None:
+        """
+        Take one tile's points, and trace its buildings when all is there.
+
+        """
+        parts = self._join.add(tile.stamp, topic, tile)
+        if parts is None:
             return
-        bounded = replace(tile, bounds=self._bounds.get(tile.stamp))
-        traced = trace_buildings(
-            bounded, self.parameters[SegmentationConfig], self.parameters[BoundaryTracingConfig]
-        )
+        if self._must_wait(tile.stamp):
+            self._waiting[tile.stamp] = parts
+            return
+        self._trace(tile.stamp, parts)
+
+    def _must_wait(self, stamp: int) -> bool:
+        """
+        Whether a tile's limits are still to come, or with footprints the map frame.
+
+        """
+        if self._has_footprints and self._frame is None:
+            return True
+        return stamp not in self._bounds and bool(self.count_publishers("tile_bounds"))
+
+    @property
+    def _frame(self) -> MapFrame | None:
+        """
+        Where the map lies, None as long as it is not known.
+
+        """
+        if self._origin is None or (self._units is None and self.count_publishers("map_units")):
+            return None
+        return frame_of(self._origin, self._units)
+
+    def _go_on_with(self, stamp: int) -> None:
+        """
+        Trace a tile that has waited, if nothing is missing any more.
+
+        """
+        if stamp in self._waiting and not self._must_wait(stamp):
+            with self.reporting(stamp) as report:
+                parts = self._waiting.pop(stamp)
+                report.n_points = len(parts[_EDGES])
+                self._trace(stamp, parts)
+
+    def _trace(self, stamp: int, parts: Parts) -> None:
+        """
+        Publish one tile's buildings, or ask for more of the tile.
+
+        """
+        traced = self._traced_tile({topic: self._bounded(tile) for topic, tile in parts.items()})
         if traced.clipped and self._clipped.get_subscription_count():
-            self._clipped.publish(header_of(tile.stamp))
+            self._clipped.publish(header_of(stamp))
             return
         self._building_points.publish(to_message(traced.tile))
-        self.publish_rings(self._traced, outline_messages(tile.stamp, traced.outlines))
+        self.publish_rings(self._traced, outline_messages(stamp, traced.outlines))
+
+    def _bounded(self, tile: PointTile) -> PointTile:
+        """
+        Return a tile with its limits.
+
+        """
+        return replace(tile, bounds=self._bounds.get(tile.stamp))
+
+    def _traced_tile(self, parts: Parts) -> TracedTile:
+        """
+        Trace one tile's buildings, or take the footprints for them.
+
+        """
+        config = self.parameters[FootprintNodeConfig]
+        frame = self._frame
+        if not self._has_footprints or frame is None:
+            return trace_buildings(
+                parts[_EDGES], self.parameters[SegmentationConfig], self.parameters[BoundaryTracingConfig]
+            )
+        given = read_footprints(FootprintSource(Path(config.file), config.layer), frame)
+        return trace_footprints(
+            parts[_ALL], parts[_EDGES], given.footprints, config, self.parameters[EdgeLabellingConfig]
+        )
+
+
+def _are_of_one_sending(parts: Parts) -> bool:
+    """
+    Whether a tile's clouds fit together: one that was sent larger has more points under the same stamp.
+
+    """
+    return _ALL not in parts or agree_on_roofs(parts[_ALL], parts[_EDGES])
 
 
 def main() -> int:

@@ -13,6 +13,7 @@ from typing import ClassVar
 from lidar_buildings.core.boundary_tracing import BoundaryTracingConfig
 from lidar_buildings.core.building_model import BuildingModelConfig
 from lidar_buildings.core.edge_labelling import EdgeLabellingConfig
+from lidar_buildings.core.footprints import FootprintConfig
 from lidar_buildings.core.ground_filter import GroundFilterConfig
 from lidar_buildings.core.parameters import StageConfig, parameter
 from lidar_buildings.core.plane_fitting import PlaneFittingConfig
@@ -106,6 +107,24 @@ class GroundFilterNodeConfig(GroundFilterConfig):
 
 
 @dataclass(frozen=True)
+class FootprintNodeConfig(FootprintConfig):
+    """
+    Where footprints come from, and which points belong to them.
+
+    """
+
+    stage: ClassVar[str] = FootprintConfig.stage
+
+    file: str = parameter(
+        "",
+        "File of polygons to use as outlines instead of tracing; the same for `model_writer`, and with it "
+        "`regularisation.keep_outlines`. Empty: outlines are traced.",
+        read_only=True,
+    )
+    layer: str = parameter("", "Layer of the file; empty: its only one of polygons.", read_only=True)
+
+
+@dataclass(frozen=True)
 class FlowControlConfig(StageConfig):
     """
     Who tells the player that a tile is done.
@@ -143,6 +162,18 @@ class ModelWriterConfig(RasterConfig):
         "All settings that results depend on, as JSON; an unfinished run goes on only with the same.",
         read_only=True,
     )
+    footprints: str = parameter(
+        "", "File of the footprints that `building_tracer` was given, empty if none.", read_only=True
+    )
+    footprints_layer: str = parameter(
+        "", "Layer of the footprints' file; empty: its only one of polygons.", read_only=True
+    )
+    footprint_id: str = parameter(
+        "",
+        "Column of the footprints' file that names them in the results; empty: one that looks like it, or "
+        "the features' numbers.",
+        read_only=True,
+    )
 
 
 #: Node → stage → config class. A node's parameters carry the stage's name as a prefix where it has several.
@@ -153,7 +184,12 @@ NODE_CONFIGS: dict[str, dict[str, type[StageConfig]]] = {
         "ground_filter": (GroundFilterNodeConfig,),
         "roof_selector": (RoofSelectionConfig,),
         "edge_labeller": (EdgeLabellingConfig,),
-        "building_tracer": (SegmentationConfig, BoundaryTracingConfig),
+        "building_tracer": (
+            SegmentationConfig,
+            BoundaryTracingConfig,
+            FootprintNodeConfig,
+            EdgeLabellingConfig,
+        ),
         "outline_regulariser": (RegularisationConfig,),
         "plane_fitter": (PlaneFittingConfig,),
         "model_builder": (BuildingModelConfig, RegularisationConfig, FlowControlConfig),

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import fields
+from pathlib import Path
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
@@ -15,10 +16,12 @@ from rclpy.timer import Timer
 from std_msgs.msg import Header, String
 
 from lidar_buildings.core.errors import OutputError, ParameterError
+from lidar_buildings.core.map_frame import MapFrame
 from lidar_buildings.core.terrain import RasterConfig
 from lidar_buildings.core.tile import PointTile
 from lidar_buildings.core.tile_rasters import rasterise_tile
 from lidar_buildings.io.cityjson import parse_feature
+from lidar_buildings.io.footprints import FootprintFile, FootprintSource, read_footprints
 from lidar_buildings.io.las import InputFile, frame_of, open_inputs
 from lidar_buildings.io.output_folder import OutputFolder
 from lidar_buildings.io.tile_products import RoofFace, TileProducts
@@ -166,6 +169,7 @@ class ModelWriter(StageNode):
             overwrite=config.overwrite,
             until=config.until,
             parameters=_settings(config.settings) | {RasterConfig.stage: _raster_settings(config)},
+            footprints=_footprints(config, frame_of(clouds)),
         )
         self._on_disk = self._folder.done_stamps()
         self._record = RunRecord()
@@ -269,6 +273,17 @@ def _settings(text: str) -> dict[str, Any]:
     if not isinstance(settings, dict):
         raise ParameterError("model_writer.settings must be a JSON object")
     return settings
+
+
+def _footprints(config: ModelWriterConfig, frame: MapFrame) -> FootprintFile | None:
+    """
+    Read the footprints, if any are given.
+
+    """
+    if not config.footprints:
+        return None
+    source = FootprintSource(Path(config.footprints), config.footprints_layer, config.footprint_id)
+    return read_footprints(source, frame)
 
 
 def _raster_settings(config: RasterConfig) -> dict[str, Any]:

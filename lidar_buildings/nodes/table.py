@@ -107,9 +107,20 @@ EDGE_POINTS = Topic(
     "CLOUD",
     "roof points with `linearity`, `planarity`, `normal_x` `_y` `_z`, `neighbourhood_radius`, `edge` (0, 1)",
 )
-BUILDING_POINTS = Topic("building_points", _CLOUD, "CLOUD", "edge points with `building_id` (0 = none)")
+BUILDING_POINTS = Topic(
+    "building_points",
+    _CLOUD,
+    "CLOUD",
+    "edge points with `building_id` (0 = none); in footprints next to without roof points what else stands "
+    "there, of other classes than 6",
+)
 PLANE_POINTS = Topic("plane_points", _CLOUD, "CLOUD", "building points with `plane_id` (0 = none)")
-TRACED_OUTLINES = Topic("traced_outlines", _RINGS, "BUILDING", "outlines as traced")
+TRACED_OUTLINES = Topic(
+    "traced_outlines",
+    _RINGS,
+    "BUILDING",
+    "outlines as traced, or footprints as given; z is the ground's elevation where it is known, else 0",
+)
 OUTLINES = Topic("outlines", _RINGS, "BUILDING", "regularised outlines")
 ROOF_FACES = Topic("roof_faces", _RINGS, "BUILDING", "the models' roofs in 3D; ids are the buildings'")
 CITY_MODEL = Topic("city_model", "std_msgs/String", "BUILDING", "one CityJSONFeature per building")
@@ -182,10 +193,11 @@ NODE_TABLE: tuple[NodeCard, ...] = (
     ),
     NodeCard(
         "building_tracer",
-        "Gathers roof points into buildings and traces their outlines and courtyards. "
+        "Gathers roof points into buildings and traces their outlines and courtyards, or takes given "
+        "footprints for which it listens to all points. "
         "A tile that cuts one of its buildings off is held back and asked for with a larger buffer.",
         "boundary_tracing",
-        (TILE_BOUNDS, EDGE_POINTS),
+        (TILE_BOUNDS, EDGE_POINTS, MAP_ORIGIN, MAP_UNITS, CLASSIFIED_POINTS),
         (BUILDING_POINTS, TRACED_OUTLINES, TILE_CLIPPED),
     ),
     NodeCard(
@@ -269,6 +281,7 @@ def topics_until(stage: str, *, has_writer: bool = True) -> tuple[str, ...]:
     """
     nodes = nodes_until(stage)
     read = {topic.name for card in NODE_TABLE if card.name in nodes[1:-1] for topic in card.subscribes}
+    read -= {CLASSIFIED_POINTS.name}  # building_tracer listens to it only where footprints are given
     if has_writer:
         read |= {topic.name for topic in WRITER_TOPICS[stage]}
     return tuple(sorted(read))

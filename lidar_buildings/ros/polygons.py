@@ -20,6 +20,8 @@ from lidar_buildings.ros.stamps import header_of, to_stamp
 
 #: The id of the message that closes a tile.
 CLOSING_ID = -1
+#: An outline at z = 0 is one whose ground is not known; ground at 0 itself is sent as a micrometre [m].
+_NOT_ZERO = 1e-6
 
 Bounds = tuple[float, float, float, float]
 
@@ -43,12 +45,13 @@ def closing_message(stamp: int) -> PolygonInstanceStamped:
 
 def outline_messages(stamp: int, outlines: Iterable[BuildingOutline]) -> Iterator[PolygonInstanceStamped]:
     """
-    Yield every ring of a tile's outlines, then the closing message.
+    Yield every ring of a tile's outlines, at the elevation of the ground if known, then the closing message.
 
     """
     for one in outlines:
+        z = 0.0 if one.ground_elevation is None else one.ground_elevation or _NOT_ZERO
         for ring in one.outline.rings:
-            yield ring_message(stamp, one.building_id, ring)
+            yield ring_message(stamp, one.building_id, np.insert(ring, 2, z, axis=1))
     yield closing_message(stamp)
 
 

@@ -90,7 +90,8 @@ def outlines_of(rings: Rings) -> tuple[BuildingOutline, ...]:
         polygons = _polygons([ring[:, :2] for ring in rings[number]])
         if polygons:
             exterior, *holes = polygons[-1]
-            outlines.append(BuildingOutline(number, Outline(exterior, tuple(holes))))
+            ground = float(rings[number][-1][0, 2]) or None
+            outlines.append(BuildingOutline(number, Outline(exterior, tuple(holes)), ground))
     return tuple(outlines)
 
 

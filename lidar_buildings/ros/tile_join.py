@@ -64,18 +64,25 @@ class TileJoin:
 
 def agree_on_buildings(parts: dict[str, Any]) -> bool:
     """
-    Whether points and outlines of a tile name the same buildings.
+    Whether all outlines of a tile are of the same buildings, and its points of no others.
 
-    They do not where a node was restarted in the middle of a tile and missed its first rings.
+    They are not where a node was restarted in the middle of a tile and missed its first rings. A building
+    may have no point: a footprint that was given.
 
     """
-    named = [ids for ids in map(_building_ids, parts.values()) if ids is not None]
-    return all(ids == named[0] for ids in named)
+    clouds = [_building_ids(part) for part in parts.values() if isinstance(part, PointTile)]
+    rings = [_building_ids(part) for part in parts.values() if not isinstance(part, PointTile)]
+    outlined = [ids for ids in rings if ids is not None]
+    if any(ids != outlined[0] for ids in outlined):
+        return False
+    return all(ids is None or not outlined or ids <= outlined[0] for ids in clouds)
 
 
 def agree_on_roofs(classified: PointTile, *roofs: PointTile) -> bool:
     """
     Whether a tile's clouds are of one sending: every one of the later stages has all roof points.
+
+    A cloud may have others beside them, which stand in footprints without roof points.
 
     A tile that was sent again with a larger buffer has more points under the same stamp.
 
@@ -83,7 +90,7 @@ def agree_on_roofs(classified: PointTile, *roofs: PointTile) -> bool:
     if classified.classification is None:
         return True
     n_roofs = int(np.count_nonzero(classified.is_roof))
-    return all(len(cloud) == n_roofs for cloud in roofs)
+    return all(int(np.count_nonzero(cloud.is_roof)) == n_roofs for cloud in roofs)
 
 
 def _building_ids(part: Any) -> set[int] | None:

@@ -57,7 +57,10 @@ def start(context, tmp_path):
     """
     cloud = tmp_path / "cloud.laz"
     random_cloud(50).write(cloud)
+    footprints = tmp_path / "footprints.gpkg"
+    footprints.touch()
     given = {
+        "building_tracer": {"footprints.file": str(footprints)},
         "tile_player": {"input": [str(cloud)], "publish_clock": True},
         "ground_filter": {"publish_dtm": True},
         "model_builder": {"flow_control.publish_tile_done": True},
@@ -185,8 +188,12 @@ def declared(configs):
 @pytest.mark.graph
 @pytest.mark.parametrize("name", [name for name in CARDS if name not in ("tile_player", "model_writer")])
 def test_declared_parameters_have_the_defaults_and_ranges_of_the_configs(start, name):
-    switched_on = {"model_builder": "flow_control.publish_tile_done", "ground_filter": "publish_dtm"}
-    node = start(name, **({switched_on[name]: False} if name in switched_on else {}))
+    switched_off = {
+        "building_tracer": {"footprints.file": ""},
+        "model_builder": {"flow_control.publish_tile_done": False},
+        "ground_filter": {"publish_dtm": False},
+    }
+    node = start(name, **switched_off.get(name, {}))
     for parameter, (value, one) in declared(NODE_CONFIGS[name]).items():
         assert node.get_parameter(parameter).value == value
         descriptor = node.describe_parameter(parameter)
