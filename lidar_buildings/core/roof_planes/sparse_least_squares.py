@@ -1,8 +1,8 @@
 """
 Least squares with equality constraints for matrices that are mostly zero.
 
-Written out rather than left to LAPACK: its threads cost more than such small systems do, and their number shows
-in the last digits.
+Written out rather than left to LAPACK, whose threads cost more than such small systems do: their number
+shows in the last digits.
 
 """
 

@@ -12,10 +12,14 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from lidar_buildings.core.roof_topology.specks import absorb_specks
+
 #: Side of a cell in point spacings.
 CELL = 0.5
 #: Cells are enlarged until so many suffice.
 _MAX_CELLS = 4_000_000
+#: Pieces of regions smaller than this are specks [square spacings].
+_SPECK = 4.0
 #: Without an outline a cell belongs to the roof if a point lies within so many spacings.
 _REACH = 1.5
 #: Where the outline reaches beyond the points by more than their extent and so much [m], it is cut.
@@ -100,6 +104,7 @@ def region_raster(
     else:
         reached = (distance <= _REACH * spacing) & (nearest >= 0)
         label[reached] = plane_id[nearest[reached]]
+    absorb_specks(label, int(_SPECK / CELL**2))
     return RegionRaster(label, nearest, distance, west, south, cell)
 
 

@@ -12,7 +12,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from lidar_buildings.core.roof_topology.pieces import LEAST_BEND, Pieces, intersection_line
-from lidar_buildings.core.roof_topology.result import HIP, RIDGE, VALLEY, IntersectionSegment, StepEdge
+from lidar_buildings.core.roof_topology.result import HIP, RIDGE, VALLEY, IntersectionSegment
 
 #: A convex line is a ridge if it is less steep than this share of the steeper plane.
 _RIDGE_SHARE = 0.3
@@ -29,7 +29,7 @@ def finished(
     gradients: NDArray[np.float64],
     centre: NDArray[np.float64],
     rings: tuple[NDArray[np.float64], ...],
-    steps: list[StepEdge],
+    steps: NDArray[np.float64],
     spacing: float,
 ) -> list[IntersectionSegment]:
     """
@@ -46,14 +46,13 @@ def finished(
         [m].
     rings : tuple of ndarray of shape (n, 2)
         The outline's [m].
-    steps : list of StepEdge
+    steps : ndarray of shape (n_steps, 2, 2)
+        Ends of the step edges about the centre [m].
     spacing : float
         Point spacing [m].
 
     """
-    walls = [np.stack([ring, np.roll(ring, -1, axis=0)], axis=1) for ring in rings]
-    walls += [step.segment[None] for step in steps]
-    stops = np.concatenate(walls) - centre[:2] if walls else np.zeros((0, 2, 2))
+    stops = np.concatenate([walls_about(rings, centre), steps])
     partners = _partners(pieces, len(gradients))
     t = _moved_ends(
         pieces.first, pieces.second, pieces.t, gradients, partners, stops, _REACH * spacing, spacing
@@ -63,6 +62,15 @@ def finished(
         for k in range(len(t))
         if t[k, 1] - t[k, 0] > _SHORTEST * spacing
     ]
+
+
+def walls_about(rings: tuple[NDArray[np.float64], ...], centre: NDArray[np.float64]) -> NDArray[np.float64]:
+    """
+    Return the edges of rings about the centre, shape (n, 2, 2) [m].
+
+    """
+    walls = [np.stack([ring, np.roll(ring, -1, axis=0)], axis=1) for ring in rings]
+    return np.concatenate(walls) - centre[:2] if walls else np.zeros((0, 2, 2))
 
 
 def _partners(pieces: Pieces, n_planes: int) -> NDArray[np.bool_]:
@@ -89,7 +97,7 @@ def _moved_ends(first, second, t, gradients, partners, stops, reach, spacing):  
         for end in range(2):
             at = _third_plane(t[k, end], i, j, fx, fy, ux, uy, gradients, partners, reach)
             if math.isnan(at):
-                at = _stop(t[k, end], fx, fy, ux, uy, stops, reach, spacing)
+                at = stop(t[k, end], fx, fy, ux, uy, stops, reach, _CORNER * spacing, -1)
             if not math.isnan(at):
                 moved[k, end] = at
     return moved
@@ -117,11 +125,12 @@ def _third_plane(t, i, j, fx, fy, ux, uy, gradients, partners, reach):  # type: 
 
 
 @njit(cache=True, nogil=True)
-def _stop(t, fx, fy, ux, uy, stops, reach, spacing):  # type: ignore[no-untyped-def]
+def stop(t, fx, fy, ux, uy, stops, reach, beyond, but):  # type: ignore[no-untyped-def]
     """
     Return where the line crosses the nearest wall or step edge, NaN if there is none near.
 
-    Walls are taken for a little longer than they are: a line through a corner has to hit one of them.
+    Stops are taken for longer than they are by `beyond` at either end: a line through a corner has to hit one
+    of its walls. Stop number `but` is left out.
 
     """
     best, place = reach, math.nan
@@ -129,12 +138,12 @@ def _stop(t, fx, fy, ux, uy, stops, reach, spacing):  # type: ignore[no-untyped-
         wx, wy = stops[m, 1, 0] - stops[m, 0, 0], stops[m, 1, 1] - stops[m, 0, 1]
         length = math.hypot(wx, wy)
         across = ux * wy - uy * wx
-        if length == 0.0 or abs(across) < 0.1 * length:
+        if m == but or length == 0.0 or abs(across) < 0.1 * length:
             continue
         dx, dy = stops[m, 0, 0] - fx, stops[m, 0, 1] - fy
         at = (dx * wy - dy * wx) / across
         along = (dx * uy - dy * ux) / across * length
-        if -_CORNER * spacing <= along <= length + _CORNER * spacing and abs(at - t) < best:
+        if -beyond <= along <= length + beyond and abs(at - t) < best:
             best, place = abs(at - t), at
     return place
 

@@ -6,6 +6,7 @@ Step edges: straight pieces of borders between planes that do not meet there.
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,29 +20,64 @@ from lidar_buildings.core.roof_topology.borders import Borders
 from lidar_buildings.core.roof_topology.result import StepEdge
 from lidar_buildings.core.roof_topology.straight_runs import straight_runs
 
-#: Pieces of a line between one pair of planes that are shorter are given to their neighbours [spacings].
-_LEAST_PIECE = 1.5
-#: Angles tried for what runs in none of the main directions [deg].
+#: Shorter pieces of a line between one pair of planes are left out, longer gaps divide them [spacings].
+_LEAST_PIECE, _LONGEST_GAP = 1.5, 4.0
+#: Angles tried for what runs in none of the main directions [deg], and the shortest run there [spacings].
 _OTHER_ANGLES_DEG = np.arange(0.0, 180.0, 7.5)
+_LEAST_OTHER = 4.0
+#: Where points on either side keep farther from the border, the lower ones are hidden [spacings].
+_OPEN_GAP = 0.6
 
 
-def find_steps(
+class StepLines(NamedTuple):
+    """
+    Straight lines in plan, and the pieces of them that are steps.
+
+    Attributes
+    ----------
+    angle : ndarray of shape (n_lines,)
+        Direction [rad].
+    offset : ndarray of shape (n_lines,)
+        Distance from the centre to the left of that direction [m].
+    line : ndarray of shape (n_steps,), int64
+        Line that each step lies on.
+    t : ndarray of shape (n_steps, 2)
+        Its ends along the line [m].
+    planes : ndarray of shape (n_steps, 2), int32
+        Numbers of the upper and the lower plane.
+    length : ndarray of shape (n_steps,)
+        Length of the border along it [m].
+
+    """
+
+    angle: NDArray[np.float64]
+    offset: NDArray[np.float64]
+    line: NDArray[np.int64]
+    t: NDArray[np.float64]
+    planes: NDArray[np.int32]
+    length: NDArray[np.float64]
+
+
+def find_step_lines(
     borders: Borders,
     on_line: NDArray[np.bool_],
+    points: NDArray[np.float64],
     gradients: NDArray[np.float64],
     n_points: NDArray[np.float64],
     rings: tuple[NDArray[np.float64], ...],
     centre: NDArray[np.float64],
     spacing: float,
-) -> list[StepEdge]:
+) -> StepLines:
     """
-    Fit straight segments to the borders where planes do not meet.
+    Fit straight lines to the borders where planes do not meet.
 
     Parameters
     ----------
     borders : Borders
     on_line : ndarray of shape (n_sides,), bool
         Sides that lie on an intersection line already.
+    points : ndarray of shape (n_points, 3)
+        [m].
     gradients : ndarray of shape (n_planes, 3)
         a, b, c of the planes about the centre.
     n_points : ndarray of shape (n_planes,)
@@ -55,21 +91,26 @@ def find_steps(
 
     """
     rows = np.flatnonzero(~on_line)
-    if not len(rows):
-        return []
     xy, upright = borders.xy[rows], borders.upright[rows]
-    angles = _candidate_angles(gradients, n_points * spacing**2, rings)
     free = np.ones(len(rows), dtype=np.bool_)
-    first, run = straight_runs(xy, upright, borders.cell, angles, spacing, free)
-    others, other_run = straight_runs(xy, upright, borders.cell, np.radians(_OTHER_ANGLES_DEG), spacing, free)
-    runs = np.concatenate([first, others])
-    run = np.where(other_run >= 0, other_run + len(first), run)
-    planes = np.column_stack([borders.first[rows], borders.second[rows]])
-    steps: list[StepEdge] = []
-    for number in range(len(runs)):
-        mine = np.flatnonzero(run == number)
-        steps.extend(_edges_of_run(runs[number], xy[mine], planes[mine], gradients, centre, spacing))
-    return steps
+    angles = _candidate_angles(gradients, n_points * spacing**2, rings)
+    runs, run = straight_runs(xy, upright, borders.cell, angles, spacing, free)
+    angles = np.radians(_OTHER_ANGLES_DEG)
+    others, other_run = straight_runs(xy, upright, borders.cell, angles, spacing, free, _LEAST_OTHER)
+    run = np.where(other_run >= 0, other_run + len(runs), run)
+    runs = np.concatenate([runs, others])
+    taken = np.flatnonzero(run >= 0)
+    rows, run, xy = rows[taken], run[taken], xy[taken]
+    angle, offset = runs[run, 0], runs[run, 1]
+    t = xy[:, 0] * np.cos(angle) + xy[:, 1] * np.sin(angle)
+    higher = _first_is_higher(borders, rows, gradients)
+    moved = _towards_upper(borders, rows, points, centre, angle, offset, higher, spacing)
+    weight = np.bincount(run, minlength=len(runs))
+    shift = np.bincount(run, moved, len(runs)) / np.maximum(weight, 1)
+    first, second = borders.first[rows], borders.second[rows]
+    planes = np.where(higher[:, None], np.column_stack([first, second]), np.column_stack([second, first]))
+    line, ends, planes, length = _pieces(run, t, planes, borders.cell, spacing)
+    return StepLines(runs[:, 0], runs[:, 1] + shift, line, ends, planes, length)
 
 
 def _candidate_angles(
@@ -85,40 +126,112 @@ def _candidate_angles(
     return np.concatenate([main, main + math.pi / 2])
 
 
-def _edges_of_run(
-    run: NDArray[np.float64],
-    xy: NDArray[np.float64],
-    planes: NDArray[np.int32],
-    gradients: NDArray[np.float64],
-    centre: NDArray[np.float64],
-    spacing: float,
-) -> list[StepEdge]:
+def _first_is_higher(
+    borders: Borders, rows: NDArray[np.int64], gradients: NDArray[np.float64]
+) -> NDArray[np.bool_]:
     """
-    Divide a run among the pairs of planes along it.
+    Whether the first plane of each side is the higher one there.
 
     """
-    angle, offset, _, _ = run
-    along = np.array([math.cos(angle), math.sin(angle)])
-    foot = offset * np.array([-along[1], along[0]])
-    t = xy @ along
-    order = np.argsort(t, kind="stable")
-    t, planes = t[order], planes[order]
-    key = planes[:, 0].astype(np.int64) << 32 | planes[:, 1]
+    difference = gradients[borders.first[rows] - 1] - gradients[borders.second[rows] - 1]
+    rise = np.einsum("ki,ki->k", difference[:, :2], borders.xy[rows]) + difference[:, 2]
+    return np.asarray(rise >= 0)
+
+
+def _towards_upper(
+    borders: Borders,
+    rows: NDArray[np.int64],
+    points: NDArray[np.float64],
+    centre: NDArray[np.float64],
+    angle: NDArray[np.float64],
+    offset: NDArray[np.float64],
+    higher: NDArray[np.bool_],
+    spacing: float,
+) -> NDArray[np.float64]:
+    """
+    Return how far each side's line should move towards the upper roof, to the left of it positive [m].
+
+    A border lies in the middle between points. The upper roof hides a strip of the lower one: where both keep
+    farther from the border than points usually do, the edge is where the upper points end.
+
+    """
+    near = np.where(higher, borders.near_first[rows], borders.near_second[rows])
+    away = points[near, :2] - centre[:2]
+    beside = away[:, 1] * np.cos(angle) - away[:, 0] * np.sin(angle) - offset
+    excess = np.maximum(np.abs(beside) - _OPEN_GAP * spacing, 0.0)
+    return np.asarray(np.sign(beside) * excess)
+
+
+def _pieces(
+    run: NDArray[np.int64],
+    t: NDArray[np.float64],
+    planes: NDArray[np.int32],
+    cell: float,
+    spacing: float,
+) -> tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.int32], NDArray[np.float64]]:
+    """
+    Divide runs where the pair of planes changes: return run, ends, planes and length of every piece.
+
+    """
+    order = np.lexsort((t, planes[:, 1], planes[:, 0], run))
+    run, t, planes = run[order], t[order], planes[order]
+    if not len(run):
+        return run, np.zeros((0, 2)), planes, t
+    new = (run[1:] != run[:-1]) | np.any(planes[1:] != planes[:-1], axis=1)
+    new |= t[1:] - t[:-1] > _LONGEST_GAP * spacing
+    begin = np.concatenate([[0], np.flatnonzero(new) + 1])
+    end = np.concatenate([begin[1:], [len(run)]]) - 1
+    ends = np.column_stack([t[begin] - 0.5 * cell, t[end] + 0.5 * cell])
+    length = ends[:, 1] - ends[:, 0]
+    kept = length >= _LEAST_PIECE * spacing
+    line, ends, planes = run[begin][kept], ends[kept], planes[begin][kept]
+    return line, _closed_up(line, ends, spacing), planes, length[kept]
+
+
+def _closed_up(line: NDArray[np.int64], ends: NDArray[np.float64], spacing: float) -> NDArray[np.float64]:
+    """
+    Let pieces of one line that nearly touch do so half-way.
+
+    """
+    order = np.lexsort((ends[:, 0], line))
+    before, after = order[:-1], order[1:]
+    gap = ends[after, 0] - ends[before, 1]
+    nested = ends[after, 1] <= ends[before, 1]
+    near = (line[before] == line[after]) & (np.abs(gap) <= _LONGEST_GAP * spacing) & ~nested
+    middle = 0.5 * (ends[after, 0] + ends[before, 1])
+    ends = ends.copy()
+    ends[before[near], 1] = middle[near]
+    ends[after[near], 0] = middle[near]
+    return ends
+
+
+def step_edges(
+    steps: StepLines, gradients: NDArray[np.float64], centre: NDArray[np.float64]
+) -> list[StepEdge]:
+    """
+    Return the pieces as segments in plan with the heights of their ends.
+
+    """
+    segments = step_segments(steps)
     edges = []
-    for pair in np.unique(key):
-        mine = np.flatnonzero(key == pair)
-        low, high = float(t[mine[0]]), float(t[mine[-1]])
-        if high - low < _LEAST_PIECE * spacing:
+    for segment, (upper, lower), length in zip(segments, steps.planes, steps.length, strict=True):
+        if not np.hypot(*(segment[1] - segment[0])) > 0:
             continue
-        segment = foot + np.array([[low], [high]]) * along
-        i, j = planes[mine[0]]
-        rise = [
-            float(v) for v in _elevation(gradients[i - 1], segment) - _elevation(gradients[j - 1], segment)
-        ]
-        if sum(rise) < 0:
-            i, j, rise = j, i, [-v for v in rise]
-        edges.append(StepEdge(int(i), int(j), segment + centre[:2], (rise[0], rise[1]), high - low))
+        rise = _elevation(gradients[upper - 1], segment) - _elevation(gradients[lower - 1], segment)
+        height = float(rise[0]), float(rise[1])
+        edges.append(StepEdge(int(upper), int(lower), segment + centre[:2], height, float(length)))
     return edges
+
+
+def step_segments(steps: StepLines) -> NDArray[np.float64]:
+    """
+    Return the ends of all steps about the centre, shape (n_steps, 2, 2) [m].
+
+    """
+    angle, offset = steps.angle[steps.line], steps.offset[steps.line]
+    along = np.column_stack([np.cos(angle), np.sin(angle)])
+    left = np.column_stack([-along[:, 1], along[:, 0]])
+    return np.asarray((offset[:, None] * left)[:, None] + steps.t[:, :, None] * along[:, None])
 
 
 def _elevation(plane: NDArray[np.float64], xy: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -14,9 +14,11 @@ from numpy.typing import NDArray
 #: Bins across the lines, and how many a line takes up, in cells.
 _BIN, _WINDOW = 0.5, 5
 #: Sides within so many spacings of a line belong to it, and within so many no longer begin others.
-_HALF_WIDTH, _TAKEN = 0.65, 1.0
-#: Longest gap in a run, shortest run, in spacings, and least share of it that has sides.
-_LONGEST_GAP, _LEAST_LENGTH, _LEAST_SUPPORT = 2.5, 2.5, 0.6
+_HALF_WIDTH, _TAKEN = 0.7, 1.3
+#: Longest gap in a run in spacings, and least share of it that has sides.
+_LONGEST_GAP, _LEAST_SUPPORT = 3.0, 0.5
+#: Length of the shortest run in spacings.
+LEAST_LENGTH = 2.5
 
 
 def straight_runs(
@@ -26,6 +28,7 @@ def straight_runs(
     angles: NDArray[np.float64],
     spacing: float,
     free: NDArray[np.bool_],
+    least_length: float = LEAST_LENGTH,
 ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
     """
     Find straight runs of sides of cells, the longest first.
@@ -44,6 +47,8 @@ def straight_runs(
         Point spacing [m].
     free : ndarray of shape (n_sides,), bool
         Which sides are still to be accounted for; those taken are cleared.
+    least_length : float
+        Length of the shortest run [spacings].
 
     Returns
     -------
@@ -56,11 +61,11 @@ def straight_runs(
     run = np.full(len(xy), -1, dtype=np.int64)
     if not len(xy) or not len(angles):
         return np.zeros((0, 4)), run
-    return _greedy(xy, upright, cell, angles, spacing, free, run), run
+    return _greedy(xy, upright, cell, angles, spacing, free, run, least_length * spacing), run
 
 
 @njit(cache=True, nogil=True)
-def _greedy(xy, upright, cell, angles, spacing, free, run):  # type: ignore[no-untyped-def]
+def _greedy(xy, upright, cell, angles, spacing, free, run, least):  # type: ignore[no-untyped-def]
     """
     Take the line with the longest sides near it, then its runs from the sides, and so on.
 
@@ -81,7 +86,7 @@ def _greedy(xy, upright, cell, angles, spacing, free, run):  # type: ignore[no-u
     t = np.empty(len(xy))
     while True:
         d, b, most = _peak(votes)
-        if most < _LEAST_LENGTH * spacing:
+        if most < least:
             break
         offset = (b + 0.5 * _WINDOW - n_bins // 2) * size
         for _ in range(2):
@@ -98,7 +103,7 @@ def _greedy(xy, upright, cell, angles, spacing, free, run):  # type: ignore[no-u
             for i in range(begin, m):
                 length += _along(upright[rows[order[i]]], cell, cosine[d], sine[d])
             begin = m
-            if length < _LEAST_LENGTH * spacing or length < _LEAST_SUPPORT * (t1 - t0):
+            if length < least or length < _LEAST_SUPPORT * (t1 - t0):
                 continue
             runs[n_runs] = angles[d], offset, t0, t1
             _take(xy, upright, cell, cosine, sine, d, offset, t0, t1, spacing, free, run, n_runs, votes, size)
@@ -179,7 +184,7 @@ def _take(xy, upright, cell, cosine, sine, d, offset, t0, t1, spacing, free, run
             continue
         r = xy[k, 1] * cosine[d] - xy[k, 0] * sine[d]
         t = xy[k, 0] * cosine[d] + xy[k, 1] * sine[d]
-        if abs(r - offset) <= _TAKEN * spacing and t0 <= t <= t1:
+        if abs(r - offset) <= _TAKEN * spacing and t0 - spacing <= t <= t1 + spacing:
             free[k] = False
             run[k] = number
             _vote(votes, xy[k, 0], xy[k, 1], upright[k], cell, cosine, sine, size, -1.0)

@@ -13,7 +13,7 @@ from lidar_buildings.core.point_array import checked_column, checked_points
 from lidar_buildings.core.point_spacing import given_or_measured
 from lidar_buildings.core.roof_planes import adjust
 from lidar_buildings.core.roof_topology.borders import find_borders
-from lidar_buildings.core.roof_topology.meetings import find_meetings
+from lidar_buildings.core.roof_topology.meetings import find_meetings, piece_ends
 from lidar_buildings.core.roof_topology.pieces import find_pieces
 from lidar_buildings.core.roof_topology.region_raster import region_raster
 from lidar_buildings.core.roof_topology.result import (
@@ -24,7 +24,8 @@ from lidar_buildings.core.roof_topology.result import (
     StepEdge,
 )
 from lidar_buildings.core.roof_topology.segments import finished
-from lidar_buildings.core.roof_topology.steps import find_steps
+from lidar_buildings.core.roof_topology.snapping import extended, snapped
+from lidar_buildings.core.roof_topology.steps import find_step_lines, step_edges, step_segments
 from lidar_buildings.core.roof_type import roof_type
 
 
@@ -78,8 +79,12 @@ def find_topology(
         adjustment = adjustment.with_meetings(meetings)
         pieces = find_pieces(borders, raster, adjustment.coefficients, centre, spacing)
     gradients = adjustment.coefficients
-    steps = find_steps(borders, pieces.on_line, gradients, adjustment.free.counts, rings, centre, spacing)
-    intersections = finished(pieces, gradients, centre, rings, steps, spacing)
+    counts = adjustment.free.counts
+    lines = find_step_lines(borders, pieces.on_line, points, gradients, counts, rings, centre, spacing)
+    lines = snapped(lines, rings, centre, spacing)
+    lines = extended(lines, piece_ends(pieces, gradients), rings, centre, spacing)
+    intersections = finished(pieces, gradients, centre, rings, step_segments(lines), spacing)
+    steps = step_edges(lines, gradients, centre)
     return RoofTopology(
         adjustment.planes,
         tuple(intersections),
