@@ -1,0 +1,74 @@
+"""
+Slope, direction and area of planar faces.
+
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+#: A face less steep than this has no direction [deg]: at a millimetre's rounding there is nothing in it.
+_LEVEL = 0.05
+
+
+class FaceShape(NamedTuple):
+    """
+    How a face lies in space.
+
+    Attributes
+    ----------
+    slope_deg : float
+        Angle between the face and the horizontal plane, 0 to 180: above 90 it faces down.
+    azimuth_deg : float or None
+        Where the face looks, clockwise from the y axis (grid north), 0 to 360; None for level faces.
+    area : float
+        In the face's own plane [m²].
+
+    """
+
+    slope_deg: float
+    azimuth_deg: float | None
+    area: float
+
+
+def face_shape(rings: Sequence[NDArray[np.float64]]) -> FaceShape:
+    """
+    Measure a face.
+
+    Parameters
+    ----------
+    rings : sequence of ndarray of shape (n_vertices, 3)
+        The exterior, counter-clockwise seen from the side that the face looks to, then its holes [m].
+
+    """
+    x, y, z = area_vector(rings)
+    plan = math.hypot(x, y)
+    slope = math.degrees(math.atan2(plan, z))
+    is_level = min(slope, 180.0 - slope) < _LEVEL
+    azimuth = None if is_level else math.degrees(math.atan2(x, y)) % 360.0
+    return FaceShape(slope, azimuth, math.hypot(plan, z))
+
+
+def area_vector(rings: Sequence[NDArray[np.float64]]) -> tuple[float, float, float]:
+    """
+    Return the normal of a face, as long as its area is large (Newell's method) [m²].
+
+    Parameters
+    ----------
+    rings : sequence of ndarray of shape (n_vertices, 3)
+        The exterior and the holes, which run the other way round [m].
+
+    """
+    x = y = z = 0.0
+    for ring in rings:
+        corners = (ring - ring[0]).tolist()
+        for (ax, ay, az), (bx, by, bz) in zip(corners, [*corners[1:], corners[0]], strict=True):
+            x += ay * bz - az * by
+            y += az * bx - ax * bz
+            z += ax * by - ay * bx
+    return 0.5 * x, 0.5 * y, 0.5 * z
