@@ -6,8 +6,13 @@ The attributes of a building as files carry them: their types, and their values 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
+from lidar_buildings.core.face_shape import face_shape
 from lidar_buildings.core.map_frame import MapFrame
 
 #: Name → type of every attribute of DESIGN.md section 3, in the order of the columns.
@@ -30,12 +35,21 @@ BUILDING_FIELDS: dict[str, type] = {
     "n_planes": int,
     "roof_type": str,
     "rmse": float,
+    "plane_sigma": float,
     "coverage": float,
+    "no_data_share": float,
+    "volume": float,
     "lod": str,
     "validity": str,
 }
+#: Name → type of what is said of each face of a roof.
+FACE_FIELDS: dict[str, type] = {
+    "slope_deg": float,
+    "azimuth_deg": float,
+    "area": float,
+}
 _ELEVATIONS = {name for name in BUILDING_FIELDS if "_elevation" in name}
-_HEIGHTS = {"height", "rmse"}
+_HEIGHTS = {"height", "rmse", "plane_sigma"}
 _LENGTHS = {"point_spacing", "outline_sigma", "outline_max_offset"}
 #: Decimals that are written: a tenth of a millimetre or finer, and no noise of the last bit.
 _DECIMALS = 4
@@ -61,6 +75,21 @@ def in_source_units(attributes: dict[str, Any], frame: MapFrame) -> dict[str, An
     return {name: _converted(name, value, frame) for name, value in attributes.items()}
 
 
+def face_attributes(rings: Sequence[NDArray[np.float64]], frame: MapFrame) -> dict[str, Any]:
+    """
+    Return what the geometry of a roof's face tells, by the names of `FACE_FIELDS`.
+
+    Parameters
+    ----------
+    rings : sequence of ndarray of shape (n_vertices, 3)
+        The exterior and the holes in the map frame [m].
+    frame : MapFrame
+        Where the map frame lies, and the source's units.
+
+    """
+    return in_source_units(face_shape(rings)._asdict(), frame)
+
+
 def _converted(name: str, value: Any, frame: MapFrame) -> Any:
     """
     Return one attribute in the source's units.
@@ -79,4 +108,6 @@ def _converted(name: str, value: Any, frame: MapFrame) -> Any:
         value /= frame.horizontal_unit
     elif name == "area":
         value /= frame.horizontal_unit**2
+    elif name == "volume":
+        value /= frame.horizontal_unit**2 * frame.vertical_unit
     return round(value, _DECIMALS)

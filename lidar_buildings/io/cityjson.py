@@ -14,6 +14,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+import pyproj
+from numpy.typing import NDArray
 
 from lidar_buildings.core.building_id import readable_id
 from lidar_buildings.core.building_model import BuildingModel
@@ -21,11 +23,13 @@ from lidar_buildings.core.errors import InputError
 from lidar_buildings.core.map_frame import MapFrame
 from lidar_buildings.core.output_grid import GRID
 from lidar_buildings.core.solid import GROUND_SURFACE, ROOF_SURFACE, WALL_SURFACE, Solid
-from lidar_buildings.io.building_attributes import in_source_units
+from lidar_buildings.io.building_attributes import face_attributes, in_source_units
 
-#: The surfaces that every solid lists, whether it has them or not, so that values mean the same everywhere.
-_SURFACES = (GROUND_SURFACE, ROOF_SURFACE, WALL_SURFACE)
+#: The surfaces that every solid lists first, whether it has them or not; each roof face has one of its own.
+_SHARED = (GROUND_SURFACE, WALL_SURFACE)
 _EPSG = re.compile(r"EPSG:(\d+)")
+#: Decimals of the extent's coordinates.
+_DECIMALS = 6
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,12 +55,38 @@ class CityFeature:
     attributes: dict[str, Any]
     solids: dict[str, Solid]
 
+    @property
+    def finest(self) -> str:
+        """
+        The finest level of detail that the building has, empty if it has no solid.
 
-def header_line(frame: MapFrame) -> str:
+        """
+        return max(self.solids, default="")
+
+
+def header_line(
+    frame: MapFrame,
+    *,
+    crs: str = "",
+    extent: NDArray[np.float64] | None = None,
+    title: str = "",
+) -> str:
     """
-    Return the first line of a CityJSONSeq: version, transform and coordinate reference system.
+    Return the first line of a CityJSONSeq: version, transform and metadata.
 
     The reference system is left out where no EPSG code is known, since CityJSON has no other way to name it.
+
+    Parameters
+    ----------
+    frame : MapFrame
+        Where the map frame lies.
+    crs : str
+        The frame's reference system together with a vertical one, where that is known; of a pair that has no
+        code the horizontal one is named.
+    extent : ndarray of shape (2, 3), optional
+        Least and greatest coordinates of all buildings in the map frame [m].
+    title : str
+        What the model is of.
 
     """
     translate = frame.to_source(np.zeros((1, 3)))[0]
@@ -67,10 +97,16 @@ def header_line(frame: MapFrame) -> str:
         "CityObjects": {},
         "vertices": [],
     }
-    code = _EPSG.fullmatch(frame.crs)
+    metadata: dict[str, Any] = {}
+    if extent is not None:
+        metadata["geographicalExtent"] = np.round(frame.to_source(extent), _DECIMALS).ravel().tolist()
+    code = _code_of(crs) or _code_of(frame.crs)
     if code:
-        system = f"https://www.opengis.net/def/crs/EPSG/0/{code[1]}"
-        header["metadata"] = {"referenceSystem": system}
+        metadata["referenceSystem"] = f"https://www.opengis.net/def/crs/EPSG/0/{code}"
+    if title:
+        metadata["title"] = title
+    if metadata:
+        header["metadata"] = metadata
     return _line(header)
 
 
@@ -107,7 +143,7 @@ def feature_line(
     x, y, _ = frame.to_source(np.array([[*anchor, 0.0]]))[0]
     name = readable_id(x, y)
     vertices: dict[tuple[int, int, int], int] = {}
-    geometry = [_geometry(lod, model.solids[lod], vertices) for lod in sorted(model.solids)]
+    geometry = [_geometry(lod, model.solids[lod], vertices, frame) for lod in sorted(model.solids)]
     state = {"building_id": int(building_id), "status": model.status.value, "reason": model.reason}
     written = in_source_units(state | attributes | {"building_id": int(building_id)}, frame)
     building = {"type": "Building", "attributes": dict(sorted(written.items())), "geometry": geometry}
@@ -144,7 +180,24 @@ def parse_feature(line: str) -> CityFeature:
         raise InputError(f"line {line[:60]!r}: no CityJSONFeature of a building: {error!r}") from error
 
 
-def _geometry(lod: str, solid: Solid, vertices: dict[tuple[int, int, int], int]) -> dict[str, Any]:
+def _code_of(crs: str) -> str:
+    """
+    Return the EPSG code of a reference system, empty if it has none.
+
+    """
+    named = _EPSG.fullmatch(crs)
+    if named or not crs:
+        return named[1] if named else ""
+    try:
+        code = pyproj.CRS.from_user_input(crs).to_epsg()
+    except pyproj.exceptions.CRSError:
+        return ""
+    return str(code or "")
+
+
+def _geometry(
+    lod: str, solid: Solid, vertices: dict[tuple[int, int, int], int], frame: MapFrame
+) -> dict[str, Any]:
     """
     Return a solid as CityJSON geometry; its vertices are added to the feature's, each once.
 
@@ -152,15 +205,16 @@ def _geometry(lod: str, solid: Solid, vertices: dict[tuple[int, int, int], int])
     steps = np.rint(solid.vertices / GRID).astype(np.int64).tolist()
     rows = [vertices.setdefault((x, y, z), len(vertices)) for x, y, z in steps]
     shell = [[[rows[i] for i in ring] for ring in face] for face in solid.faces]
-    return {
-        "type": "Solid",
-        "lod": lod,
-        "boundaries": [shell],
-        "semantics": {
-            "surfaces": [{"type": surface} for surface in _SURFACES],
-            "values": [[_SURFACES.index(kind) for kind in solid.semantics]],
-        },
-    }
+    surfaces: list[dict[str, Any]] = [{"type": surface} for surface in _SHARED]
+    values = []
+    for face, kind in zip(solid.faces, solid.semantics, strict=True):
+        if kind == ROOF_SURFACE:
+            values.append(len(surfaces))
+            surfaces.append({"type": kind} | face_attributes(solid.face_rings(face), frame))
+        else:
+            values.append(_SHARED.index(kind))
+    semantics = {"surfaces": surfaces, "values": [values]}
+    return {"type": "Solid", "lod": lod, "boundaries": [shell], "semantics": semantics}
 
 
 def _solid(geometry: dict[str, Any], vertices: np.ndarray) -> Solid:
