@@ -22,8 +22,8 @@ from lidar_buildings.core.solid.plan_graph import (
 )
 from lidar_buildings.core.solid.roof_piece import RoofPiece
 
-#: Vertices nearer to each other than this become one; so do gaps and overlaps narrower than it [grid steps].
-SNAPPED_WITHIN = 3.0
+#: Vertices and edges of a plan that lie nearer to each other than this are brought together [grid steps].
+LEAST_DISTANCE = 3.0
 
 
 def matched_coverage(pieces: Sequence[RoofPiece]) -> PlanGraph:
@@ -35,7 +35,7 @@ def matched_coverage(pieces: Sequence[RoofPiece]) -> PlanGraph:
     graph = labelled_graph(list(enumerate(rings)))
     if graph is not None and _matches(graph, rings):
         return graph
-    return _noded(rings)
+    return noded_coverage(pieces, LEAST_DISTANCE, 1.0)
 
 
 def _matches(graph: PlanGraph, rings: list[list[list[Vertex]]]) -> bool:
@@ -58,7 +58,7 @@ def _has_slit(edges: NDArray[np.float64]) -> bool:
     lines = shapely.linestrings(edges)
     ends = np.unique(edges[:, 0], axis=0)
     points = shapely.points(ends)
-    near = shapely.STRtree(lines).query(points, predicate="dwithin", distance=SNAPPED_WITHIN)
+    near = shapely.STRtree(lines).query(points, predicate="dwithin", distance=LEAST_DISTANCE)
     apart = (edges[near[1]] != ends[near[0], None, :]).any(axis=2).all(axis=1)
     if apart.any():
         return True
@@ -66,20 +66,30 @@ def _has_slit(edges: NDArray[np.float64]) -> bool:
     return bool(crossing.size)
 
 
-def _noded(rings: list[list[list[Vertex]]]) -> PlanGraph:
+def noded_coverage(pieces: Sequence[RoofPiece], within: float, grid: float) -> PlanGraph:
     """
-    Return the graph of the faces into which the rings divide the plan, each given to one piece.
+    Return the graph of the faces into which the pieces' rings divide the plan, each given to one piece.
+
+    Parameters
+    ----------
+    pieces : sequence of RoofPiece
+        The pieces, however badly they match.
+    within : float
+        Vertices, gaps and overlaps narrower than this vanish [grid steps].
+    grid : float
+        All vertices come to lie on multiples of this, edges nearer than half of it to a vertex run through it
+        (snap rounding, Hobby 1999) [grid steps].
 
     """
-    rings = _snapped(rings)
+    rings = _snapped([piece_rings(piece) for piece in pieces], within)
     polygons = [shapely.make_valid(shapely.Polygon(group[0], group[1:])) for group in rings if group]
     owners = [number for number, group in enumerate(rings) if group]
     if not polygons:
         return PlanGraph({})
     lines = [shapely.LineString([*ring, ring[0]]) for group in rings for ring in group]
-    noded = shapely.union_all(lines, grid_size=1.0)
+    noded = shapely.union_all(lines, grid_size=grid)
     faces = shapely.get_parts(shapely.polygonize([noded]))
-    labels = _labels(faces, polygons, owners)
+    labels = _labels(faces, polygons, owners, within)
     labelled = [
         (
             int(label),
@@ -91,16 +101,16 @@ def _noded(rings: list[list[list[Vertex]]]) -> PlanGraph:
     return labelled_graph(labelled) or PlanGraph({})
 
 
-def _snapped(rings: list[list[list[Vertex]]]) -> list[list[list[Vertex]]]:
+def _snapped(rings: list[list[list[Vertex]]], within: float) -> list[list[list[Vertex]]]:
     """
-    Move vertices onto others, or onto edges, that are nearer than `SNAPPED_WITHIN`.
+    Move vertices onto others, or onto edges, that are nearer than `within`.
 
     """
     places = np.array(
         sorted({vertex for group in rings for ring in group for vertex in ring}), dtype=np.float64
     )
     leader = np.arange(len(places))
-    for first, second in sorted(cKDTree(places).query_pairs(SNAPPED_WITHIN)):
+    for first, second in sorted(cKDTree(places).query_pairs(within)):
         leader[leader == leader[second]] = leader[first]
     target = {
         (int(x), int(y)): (int(places[to, 0]), int(places[to, 1]))
@@ -109,7 +119,7 @@ def _snapped(rings: list[list[list[Vertex]]]) -> list[list[list[Vertex]]]:
     kept = np.unique(places[leader], axis=0)
     moved = [
         [
-            grid_ring(np.array(_with_vertices([target[v] for v in ring], kept)), ccw=k == 0)
+            grid_ring(np.array(_with_vertices([target[v] for v in ring], kept, within)), ccw=k == 0)
             for k, ring in enumerate(group)
         ]
         for group in rings
@@ -117,7 +127,7 @@ def _snapped(rings: list[list[list[Vertex]]]) -> list[list[list[Vertex]]]:
     return [[ring for ring in group if ring] if group and group[0] else [] for group in moved]
 
 
-def _with_vertices(ring: list[Vertex], places: NDArray[np.float64]) -> list[Vertex]:
+def _with_vertices(ring: list[Vertex], places: NDArray[np.float64], within: float) -> list[Vertex]:
     """
     Put all places that lie next to an edge of a ring into it.
 
@@ -128,7 +138,7 @@ def _with_vertices(ring: list[Vertex], places: NDArray[np.float64]) -> list[Vert
         full.append(start)
         if start == end:
             continue
-        near = tree.query(shapely.LineString([start, end]), predicate="dwithin", distance=SNAPPED_WITHIN)
+        near = tree.query(shapely.LineString([start, end]), predicate="dwithin", distance=within)
         along = (
             (places[near] - start)
             @ np.subtract(end, start)
@@ -142,7 +152,7 @@ def _with_vertices(ring: list[Vertex], places: NDArray[np.float64]) -> list[Vert
 
 
 def _labels(
-    faces: NDArray[np.object_], polygons: list[shapely.Geometry], owners: list[int]
+    faces: NDArray[np.object_], polygons: list[shapely.Geometry], owners: list[int], within: float
 ) -> NDArray[np.int64]:
     """
     Return the piece that each face belongs to: the first that covers it; slivers go to a neighbour.
@@ -154,7 +164,7 @@ def _labels(
     for face, polygon in sorted(hits.T.tolist(), reverse=True):
         labels[face] = owners[polygon]
     widths = 2.0 * shapely.area(faces) / shapely.length(faces)
-    for face in np.flatnonzero((labels == OUTSIDE) & (widths < SNAPPED_WITHIN)):
+    for face in np.flatnonzero((labels == OUTSIDE) & (widths < within)):
         others = np.flatnonzero(labels != OUTSIDE)
         shared = shapely.length(
             shapely.intersection(shapely.boundary(faces[others]), shapely.boundary(faces[face]))

@@ -8,13 +8,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from lidar_buildings.core.output_grid import GRID
+from lidar_buildings.core.solid.clearance import MIN_HEIGHT
 from lidar_buildings.core.solid.plan_graph import OUTSIDE, PlanGraph, Vertex
 from lidar_buildings.core.solid.roof_piece import RoofPiece
 
 #: Elevations at one vertex within this become one: no face leaves its plane by more than half of it [m].
 MERGED_WITHIN = 0.008
-#: Least height of a roof above the ground [m].
-MIN_HEIGHT = 0.1
 
 
 class Posts:

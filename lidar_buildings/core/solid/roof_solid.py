@@ -8,19 +8,23 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-import numpy as np
-
 from lidar_buildings.core.output_grid import GRID
 from lidar_buildings.core.shell import Solid
 from lidar_buildings.core.solid.assembly import assemble
-from lidar_buildings.core.solid.coverage import matched_coverage
+from lidar_buildings.core.solid.clearance import cleared_pieces
+from lidar_buildings.core.solid.coverage import matched_coverage, noded_coverage
 from lidar_buildings.core.solid.crossings import split_crossings
 from lidar_buildings.core.solid.manifold import open_pinched_posts
+from lidar_buildings.core.solid.plan_graph import PlanGraph
 from lidar_buildings.core.solid.posts import Posts
 from lidar_buildings.core.solid.roof_piece import RoofPiece, check_pieces
+from lidar_buildings.core.validity import check_solid
 
 #: Repairs may make others necessary; no more rounds than this.
 _MAX_ROUNDS = 10
+#: What is tried if a solid fails its checks: details narrower than the first vanish, on a grid of the second
+#: [steps of the output grid].
+_SIMPLER = ((5.0, 1.0), (10.0, 5.0), (20.0, 10.0), (50.0, 25.0), (150.0, 50.0))
 
 
 def roof_solid(pieces: Sequence[RoofPiece], ground_elevation: float) -> Solid:
@@ -50,10 +54,24 @@ def roof_solid(pieces: Sequence[RoofPiece], ground_elevation: float) -> Solid:
     if not math.isfinite(ground_elevation):
         raise ValueError(f"ground_elevation = {ground_elevation}: must be finite")
     check_pieces(pieces)
-    graph = matched_coverage(pieces)
-    if not graph.left:
-        return Solid(np.empty((0, 3)), (), ())
-    posts = Posts(graph, pieces, round(ground_elevation / GRID))
+    ground = round(ground_elevation / GRID)
+    pieces = cleared_pieces(pieces, ground * GRID)
+    first = _raised(matched_coverage(pieces), pieces, ground)
+    if not check_solid(first):
+        return first
+    for within, grid in _SIMPLER:
+        simpler = _raised(noded_coverage(pieces, within, grid), pieces, ground)
+        if not check_solid(simpler):
+            return simpler
+    return first
+
+
+def _raised(graph: PlanGraph, pieces: Sequence[RoofPiece], ground: int) -> Solid:
+    """
+    Return the solid above a plan, repaired where roofs cross or posts are pinched.
+
+    """
+    posts = Posts(graph, pieces, ground)
     for _ in range(_MAX_ROUNDS):
         crossed = split_crossings(posts)
         if not open_pinched_posts(posts) and not crossed:

@@ -78,7 +78,7 @@ def _check_shell(faces: FaceArrays, triangles: NDArray[np.int64], face_of: NDArr
     """
     if len(faces.face_starts) <= 4:
         return {301}
-    codes = broken_edges(faces)
+    codes = broken_edges(triangles)
     if codes:
         return codes
     if self_intersects(faces.vertices, triangles, face_of):

@@ -9,17 +9,22 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from lidar_buildings.core.validity.face_arrays import FaceArrays
 
-
-def broken_edges(faces: FaceArrays) -> set[int]:
+def broken_edges(triangles: NDArray[np.int64]) -> set[int]:
     """
-    Return the codes 302, 303, 305 and 307 of a shell of sound faces.
+    Return the codes 302, 303, 305 and 307 of a shell whose faces are cut into triangles.
+
+    Triangles, and not rings, because a hole may touch the exterior of its face at a vertex.
+
+    Parameters
+    ----------
+    triangles : ndarray of shape (n_triangles, 3)
+        Rows of the vertices, counter-clockwise seen from outside.
 
     """
-    starts, ends = _half_edges(faces)
+    starts, ends = triangles.ravel(), np.roll(triangles, -1, axis=1).ravel()
     low, high = np.minimum(starts, ends), np.maximum(starts, ends)
-    keys = low * len(faces.vertices) + high
+    keys = low * (high.max() + 1) + high
     order = np.argsort(keys, kind="stable")
     first = np.flatnonzero(np.diff(keys[order], prepend=-1))
     uses = np.diff(np.append(first, len(keys)))
@@ -31,32 +36,21 @@ def broken_edges(faces: FaceArrays) -> set[int]:
     pairs = order[first[uses == 2][:, None] + [0, 1]]
     if (starts[pairs[:, 0]] == starts[pairs[:, 1]]).any():
         codes.add(307)
-    face_of = np.repeat(np.arange(len(faces.face_starts) - 1), np.diff(faces.corner_starts))
-    if _n_parts(face_of[pairs], len(faces.face_starts) - 1) > 1:
+    if _n_parts(pairs // 3, len(triangles)) > 1:
         codes.add(305)
-    if codes <= {305} and _n_umbrellas(faces.ring_starts, pairs) > len(np.unique(faces.corners)):
+    if codes <= {305} and _n_umbrellas(pairs, len(keys)) > len(np.unique(starts)):
         codes.add(303)
     return codes
 
 
-def _half_edges(faces: FaceArrays) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """
-    Return where each directed edge begins and ends, one per corner.
-
-    """
-    following = np.arange(1, len(faces.corners) + 1)
-    following[faces.ring_starts[1:] - 1] = faces.ring_starts[:-1]
-    return faces.corners, faces.corners[following]
-
-
 @njit(cache=True, nogil=True)
-def _n_parts(joined: NDArray[np.int64], n_faces: int) -> int:
+def _n_parts(joined: NDArray[np.int64], n_triangles: int) -> int:
     """
-    Return the number of parts of a shell that share no edge.
+    Return the number of parts of a shell that share no edge; rows of joined triangles are given.
 
     """
-    leader = np.arange(n_faces)
-    parts = n_faces
+    leader = np.arange(n_triangles)
+    parts = n_triangles
     for i in range(len(joined)):
         a, b = joined[i, 0], joined[i, 1]
         while leader[a] != a:
@@ -72,20 +66,16 @@ def _n_parts(joined: NDArray[np.int64], n_faces: int) -> int:
 
 
 @njit(cache=True, nogil=True)
-def _n_umbrellas(ring_starts: NDArray[np.int64], pairs: NDArray[np.int64]) -> int:
+def _n_umbrellas(pairs: NDArray[np.int64], n: int) -> int:
     """
-    Return the number of closed fans of faces: one per vertex unless parts meet in a single vertex.
+    Return the number of closed fans of triangles: one per vertex unless parts meet in a single vertex.
 
-    From a half-edge one comes to the next of its fan by taking the one before it in its ring, backwards.
+    From a half-edge one comes to the next of its fan by taking the one before it in its triangle, backwards.
 
     """
-    n = ring_starts[-1]
     opposite = np.empty(n, dtype=np.int64)
     for i in range(len(pairs)):
         opposite[pairs[i, 0]], opposite[pairs[i, 1]] = pairs[i, 1], pairs[i, 0]
-    before = np.arange(-1, n - 1)
-    for k in range(len(ring_starts) - 1):
-        before[ring_starts[k]] = ring_starts[k + 1] - 1
     seen = np.zeros(n, dtype=np.bool_)
     count = 0
     for start in range(n):
@@ -94,5 +84,5 @@ def _n_umbrellas(ring_starts: NDArray[np.int64], pairs: NDArray[np.int64]) -> in
             edge = start
             while not seen[edge]:
                 seen[edge] = True
-                edge = opposite[before[edge]]
+                edge = opposite[edge - 1 if edge % 3 else edge + 2]
     return count

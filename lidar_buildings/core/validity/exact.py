@@ -1,8 +1,8 @@
 """
 On which side points lie, decided in whole numbers.
 
-Coordinates are whole multiples of a unit (see `whole_numbers`), so few that no product overflows 64 bits: signs
-are exact.
+Coordinates are whole multiples of a unit (see `whole_numbers`), so few that no product overflows 64 bits:
+signs are exact.
 
 """
 

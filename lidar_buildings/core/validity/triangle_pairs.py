@@ -147,10 +147,11 @@ def _segment_meets_flat(p: NDArray[np.int64], q: int, r: int, t: NDArray[np.int6
     axis = steepest_axis(p, t[0], t[1], t[2])
     if axis < 0:
         return False
-    for k in range(3):
-        if _segments_meet_flat(p, q, r, t[k], t[(k + 1) % 3], axis):
-            return True
-    return False
+    return (
+        _segments_meet_flat(p, q, r, t[0], t[1], axis)
+        or _segments_meet_flat(p, q, r, t[1], t[2], axis)
+        or _segments_meet_flat(p, q, r, t[2], t[0], axis)
+    )
 
 
 @njit(cache=True, nogil=True)

@@ -87,13 +87,17 @@ def _joined_rings(
         reach[k] = flat[rings[k + 1] : rings[k + 2], 0].max()
     for k in np.argsort(-reach):
         hole = np.arange(rings[k + 1], rings[k + 2])
-        loop = _with_hole(flat, corners, loop, hole)
+        loop = _with_hole(flat, corners, loop, hole, rings)
     return loop
 
 
 @njit(cache=True, nogil=True)
 def _with_hole(
-    flat: NDArray[np.float64], corners: NDArray[np.int64], loop: NDArray[np.int64], hole: NDArray[np.int64]
+    flat: NDArray[np.float64],
+    corners: NDArray[np.int64],
+    loop: NDArray[np.int64],
+    hole: NDArray[np.int64],
+    rings: NDArray[np.int64],
 ) -> NDArray[np.int64]:
     """
     Return a loop with a hole joined to it: at a common vertex, else by the shortest bridge in sight.
@@ -110,7 +114,7 @@ def _with_hole(
                 continue
             ahead = hole[(j + 1) % len(hole)] if gap < 0.0 else hole[j]
             if _in_cone(flat, loop, i, flat[ahead]) and (
-                gap < 0.0 or _in_sight(flat, loop, hole, loop[i], hole[j])
+                gap < 0.0 or _in_sight(flat, loop, rings, loop[i], hole[j])
             ):
                 best, at, entry = gap, i, j
     turned = np.concatenate((hole[entry:], hole[:entry]))
@@ -134,16 +138,21 @@ def _in_cone(flat: NDArray[np.float64], loop: NDArray[np.int64], i: int, p: NDAr
 
 @njit(cache=True, nogil=True)
 def _in_sight(
-    flat: NDArray[np.float64], loop: NDArray[np.int64], hole: NDArray[np.int64], start: int, end: int
+    flat: NDArray[np.float64], loop: NDArray[np.int64], rings: NDArray[np.int64], start: int, end: int
 ) -> bool:
     """
-    Whether no edge of a loop or of a hole lies between two corners.
+    Whether no edge of a loop or of the face's rings lies between two corners.
 
     """
-    for ring in (loop, hole):
-        for k in range(len(ring)):
-            if _separates(flat[start], flat[end], flat[ring[k - 1]], flat[ring[k]]):
+    for k in range(len(loop)):
+        if _separates(flat[start], flat[end], flat[loop[k - 1]], flat[loop[k]]):
+            return False
+    for number in range(1, len(rings) - 1):
+        before = rings[number + 1] - 1
+        for here in range(rings[number], rings[number + 1]):
+            if _separates(flat[start], flat[end], flat[before], flat[here]):
                 return False
+            before = here
     return True
 
 
