@@ -21,6 +21,8 @@ LEAST_BEND = 0.03
 _TOLERANCE = 0.75
 #: or than where the planes are so far apart [m]: points of either plane may be taken for the other's.
 _NOISE = 0.06
+#: Borders so near beside a piece of the line [spacings] are no steps.
+_BESIDE = 2.5
 #: Shortest piece, and longest gap within one, in spacings.
 _LEAST_LENGTH, _LONGEST_GAP = 2.0, 4.0
 #: Least share of a piece along which the regions do border on one another.
@@ -159,7 +161,7 @@ def _all_pieces(  # type: ignore[no-untyped-def]
                 rows[n] = k
                 n += 1
         order = np.argsort(t[:n])
-        begin = 0
+        begin, first_piece = 0, n_pieces
         for m in range(1, n + 1):
             if m < n and t[order[m]] - t[order[m - 1]] <= _LONGEST_GAP * spacing:
                 continue
@@ -188,7 +190,22 @@ def _all_pieces(  # type: ignore[no-untyped-def]
                 cell,
             )
             n_pieces += 1
+        for piece in range(first_piece, n_pieces):
+            _swallow(xy, fx, fy, ux, uy, a, b, gap, values[piece, 0], values[piece, 1], spacing, on_line)
     return n_pieces
+
+
+@njit(cache=True, nogil=True)
+def _swallow(xy, fx, fy, ux, uy, a, b, gap, t0, t1, spacing, on_line):  # type: ignore[no-untyped-def]
+    """
+    Account for sides that run beside a piece: its planes' points are mixed there, but there is no step.
+
+    """
+    for k in range(a, b):
+        t = xy[k, 0] * ux + xy[k, 1] * uy
+        off = abs((xy[k, 0] - fx) * uy - (xy[k, 1] - fy) * ux)
+        if off <= _BESIDE * spacing + gap[k] and t0 + spacing <= t <= t1 - spacing:
+            on_line[k] = True
 
 
 @njit(cache=True, nogil=True)

@@ -16,8 +16,8 @@ from lidar_buildings.core.roof_topology.result import HIP, RIDGE, VALLEY, Inters
 
 #: A convex line is a ridge if it is less steep than this share of the steeper plane.
 _RIDGE_SHARE = 0.3
-#: Ends move to a third plane's, to a corner, to the outline or a step edge within so many spacings.
-_REACH = 2.5
+#: Ends move to a third plane, or else to the outline or a step edge, within so many spacings.
+_PLANE_REACH, _REACH = 4.5, 2.5
 #: What is left shorter is nothing but a point, in spacings.
 _SHORTEST = 0.5
 #: A corner within so many spacings of the end of the line on the outline is that end.
@@ -54,9 +54,7 @@ def finished(
     """
     stops = np.concatenate([walls_about(rings, centre), steps])
     partners = _partners(pieces, len(gradients))
-    t = _moved_ends(
-        pieces.first, pieces.second, pieces.t, gradients, partners, stops, _REACH * spacing, spacing
-    )
+    t = _moved_ends(pieces.first, pieces.second, pieces.t, gradients, partners, stops, spacing)
     return [
         _segment(pieces, k, t[k], gradients, centre)
         for k in range(len(t))
@@ -84,7 +82,7 @@ def _partners(pieces: Pieces, n_planes: int) -> NDArray[np.bool_]:
 
 
 @njit(cache=True, nogil=True)
-def _moved_ends(first, second, t, gradients, partners, stops, reach, spacing):  # type: ignore[no-untyped-def]
+def _moved_ends(first, second, t, gradients, partners, stops, spacing):  # type: ignore[no-untyped-def]
     """
     Return the places of all ends along their lines.
 
@@ -95,9 +93,9 @@ def _moved_ends(first, second, t, gradients, partners, stops, reach, spacing):  
         p, q = gradients[i - 1], gradients[j - 1]
         fx, fy, ux, uy, _ = intersection_line(p, q)
         for end in range(2):
-            at = _third_plane(t[k, end], i, j, fx, fy, ux, uy, gradients, partners, reach)
+            at = _third_plane(t[k, end], i, j, fx, fy, ux, uy, gradients, partners, _PLANE_REACH * spacing)
             if math.isnan(at):
-                at = stop(t[k, end], fx, fy, ux, uy, stops, reach, _CORNER * spacing, -1)
+                at = stop(t[k, end], fx, fy, ux, uy, stops, _REACH * spacing, _CORNER * spacing, -1)
             if not math.isnan(at):
                 moved[k, end] = at
     return moved

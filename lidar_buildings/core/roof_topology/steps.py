@@ -205,6 +205,27 @@ def _closed_up(line: NDArray[np.int64], ends: NDArray[np.float64], spacing: floa
     return ends
 
 
+def merged(steps: StepLines, spacing: float) -> StepLines:
+    """
+    Join pieces between the same planes that have come to lie on one line, and nearly touch.
+
+    """
+    line = steps.line
+    _, inverse = np.unique(np.column_stack([steps.angle, steps.offset])[line], axis=0, return_inverse=True)
+    order = np.lexsort((steps.t[:, 0], steps.planes[:, 1], steps.planes[:, 0], inverse.reshape(-1)))
+    same = np.column_stack([inverse.reshape(-1), steps.planes])[order]
+    line, t, length = line[order], steps.t[order], steps.length[order]
+    new = np.any(same[1:] != same[:-1], axis=1) | (t[1:, 0] - t[:-1, 1] > _LONGEST_GAP * spacing)
+    begin = np.concatenate([[0], np.flatnonzero(new) + 1])[: len(line)]
+    if not len(begin):
+        return steps
+    t = np.column_stack([t[begin, 0], np.maximum.reduceat(t[:, 1], begin)])
+    length = np.add.reduceat(length, begin)
+    line = line[begin]
+    planes = same[begin, 1:].astype(np.int32)
+    return StepLines(steps.angle, steps.offset, line, _closed_up(line, t, spacing), planes, length)
+
+
 def step_edges(
     steps: StepLines, gradients: NDArray[np.float64], centre: NDArray[np.float64]
 ) -> list[StepEdge]:

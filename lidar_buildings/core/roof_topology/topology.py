@@ -25,7 +25,7 @@ from lidar_buildings.core.roof_topology.result import (
 )
 from lidar_buildings.core.roof_topology.segments import finished
 from lidar_buildings.core.roof_topology.snapping import extended, snapped
-from lidar_buildings.core.roof_topology.steps import find_step_lines, step_edges, step_segments
+from lidar_buildings.core.roof_topology.steps import find_step_lines, merged, step_edges, step_segments
 from lidar_buildings.core.roof_type import roof_type
 
 
@@ -81,7 +81,7 @@ def find_topology(
     gradients = adjustment.coefficients
     counts = adjustment.free.counts
     lines = find_step_lines(borders, pieces.on_line, points, gradients, counts, rings, centre, spacing)
-    lines = snapped(lines, rings, centre, spacing)
+    lines = merged(snapped(lines, rings, centre, spacing), spacing)
     lines = extended(lines, piece_ends(pieces, gradients), rings, centre, spacing)
     intersections = finished(pieces, gradients, centre, rings, step_segments(lines), spacing)
     steps = step_edges(lines, gradients, centre)
