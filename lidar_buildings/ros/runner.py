@@ -5,14 +5,15 @@ One node as a process of its own.
 
 from __future__ import annotations
 
-import signal
 import sys
 from collections.abc import Callable
 
 import rclpy
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.signals import SignalHandlerOptions
 
 from lidar_buildings.core.errors import LidarBuildingsError
+from lidar_buildings.ros.interruption import Interruption
 from lidar_buildings.ros.middleware import prepare_middleware
 from lidar_buildings.ros.parameter_files import check_parameter_files
 from lidar_buildings.ros.stage_node import StageNode
@@ -23,7 +24,7 @@ DONE, WRONG_USE = 0, 2
 
 def run_node(node_class: Callable[[], StageNode]) -> int:
     """
-    Run one node until it is done or interrupted.
+    Run one node until it is done or interrupted by SIGINT or SIGTERM.
 
     Parameters
     ----------
@@ -36,12 +37,28 @@ def run_node(node_class: Callable[[], StageNode]) -> int:
         The node's exit status, or 2 with one line on stderr where a user's mistake keeps it from running.
 
     """
-    prepare_middleware()
+    interruption = Interruption()
     try:
+        return _run(node_class, interruption)
+    except KeyboardInterrupt:
+        return DONE
+    finally:
+        interruption.take_no_more()
+        rclpy.try_shutdown()
+        interruption.outlive_python()
+
+
+def _run(node_class: Callable[[], StageNode], interruption: Interruption) -> int:
+    """
+    Start ROS and spin the node; say in one line what of the user's kept it from running.
+
+    """
+    try:
+        prepare_middleware()
         check_parameter_files(sys.argv)
-        rclpy.init()
-        return _spin(node_class())
-    except (KeyboardInterrupt, ExternalShutdownException):
+        rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
+        return _spin(node_class(), interruption)
+    except ExternalShutdownException:
         return DONE
     except LidarBuildingsError as error:
         return _complain(error)
@@ -50,12 +67,10 @@ def run_node(node_class: Callable[[], StageNode]) -> int:
             raise
         return _complain(error)
     finally:
-        # a launch system sends SIGINT twice
-        signal.signal(signal.SIGINT, signal.SIG_IGN)
-        rclpy.try_shutdown()
+        interruption.take_no_more()
 
 
-def _spin(node: StageNode) -> int:
+def _spin(node: StageNode, interruption: Interruption) -> int:
     """
     Spin until the node has its outcome; return its exit status.
 
@@ -63,12 +78,13 @@ def _spin(node: StageNode) -> int:
     executor = SingleThreadedExecutor()
     executor.add_node(node)
     try:
-        executor.spin_until_future_complete(node.outcome)
+        with interruption.waking(executor.wake):
+            executor.spin_until_future_complete(node.outcome)
         if node.outcome.done():
             node.outcome.result()
         return node.exit_status
     finally:
-        signal.signal(signal.SIGINT, signal.SIG_IGN)
+        interruption.take_no_more()
         executor.shutdown()
         node.destroy_node()
 

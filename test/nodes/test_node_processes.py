@@ -8,10 +8,14 @@ import signal
 import subprocess
 import sys
 import time
+from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
 from cloud_files import random_cloud
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.parameter_client import AsyncParameterClient
 from ros_domain import use_own_domain
 
 pytestmark = pytest.mark.graph
@@ -29,7 +33,7 @@ def command(node, *arguments):
 
 def run(node, *arguments):
     line, environment = command(node, *arguments)
-    return subprocess.run(line, env=environment, capture_output=True, text=True, timeout=60, check=False)
+    return subprocess.run(line, env=environment, capture_output=True, text=True, timeout=120, check=False)
 
 
 def assert_one_line(result, *words):
@@ -84,31 +88,69 @@ def test_a_writer_refuses_a_folder_that_is_not_empty(tmp_path):
     assert (tmp_path / "out" / "mine.txt").read_text() == "keep me"
 
 
-def wait_until_caught(pid, number, timeout=60.0):
+def is_caught(pid, number):
     """
-    Wait until a process handles a signal; before, it would be lost or deadly on a busy machine.
+    Whether a process has a handler for a signal.
 
     """
+    caught = Path(f"/proc/{pid}/status").read_text().split("SigCgt:")[1].split()[0]
+    return bool(int(caught, 16) >> (number - 1) & 1)
+
+
+def wait_until(condition, timeout=120.0):
     end = time.monotonic() + timeout
-    while time.monotonic() < end:
-        status = Path(f"/proc/{pid}/status").read_text()
-        if int(status.split("SigCgt:")[1].split()[0], 16) >> (number - 1) & 1:
-            return
-        time.sleep(0.1)
-    raise AssertionError(f"signal {number} is not handled after {timeout:g} s")
+    while not condition():
+        assert time.monotonic() < end, f"not within {timeout:g} s"
+        time.sleep(0.01)
+
+
+def wait_until_spinning(name, context, timeout=120.0):
+    """
+    Wait until a node answers a service.
+
+    """
+    asking = Node("asking", context=context)
+    executor = SingleThreadedExecutor(context=context)
+    executor.add_node(asking)
+    client = AsyncParameterClient(asking, name)
+    assert client.wait_for_services(timeout)
+
+    def answers():
+        answer = client.list_parameters()
+        executor.spin_until_future_complete(answer, 5.0)
+        return answer.done()
+
+    wait_until(answers, timeout)
+    executor.shutdown()
+    asking.destroy_node()
+
+
+def assert_ends_quietly(process, number):
+    process.send_signal(number)
+    process.send_signal(number)  # as a launch system does
+    _, errors = process.communicate(timeout=120)
+    assert errors == ""
+    assert process.returncode == 0
+
+
+@contextmanager
+def started(node):
+    line, environment = command(node)
+    with subprocess.Popen(line, env=environment, stderr=subprocess.PIPE, text=True) as process:
+        try:
+            yield process
+        finally:
+            process.kill()
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_a_node_that_is_interrupted_ends_quietly(number):
-    line, environment = command("outline_regulariser")
-    with subprocess.Popen(line, env=environment, stderr=subprocess.PIPE, text=True) as process:
-        wait_until_caught(process.pid, number)
-        time.sleep(1.0)
-        process.send_signal(number)
-        process.send_signal(number)
-        try:
-            _, errors = process.communicate(timeout=30)
-        finally:
-            process.kill()
-    assert process.returncode == 0
-    assert errors == ""
+def test_a_node_that_is_interrupted_ends_quietly(number, context):
+    with started("outline_regulariser") as process:
+        wait_until_spinning("outline_regulariser", context)
+        assert_ends_quietly(process, number)
+
+
+def test_a_node_that_is_interrupted_while_it_starts_ends_quietly():
+    with started("outline_regulariser") as process:
+        wait_until(lambda: is_caught(process.pid, signal.SIGTERM))
+        assert_ends_quietly(process, signal.SIGTERM)
