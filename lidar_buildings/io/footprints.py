@@ -20,7 +20,7 @@ from lidar_buildings.core.errors import InputError
 from lidar_buildings.core.footprints import Footprints, footprints_of, repaired_polygons
 from lidar_buildings.core.map_frame import MapFrame
 from lidar_buildings.io.polygon_file import PolygonLayer, read_layer
-from lidar_buildings.io.projection import to_system
+from lidar_buildings.io.projection import is_in_degrees, to_system
 from lidar_buildings.io.warn_once import warn_once
 
 #: Columns that name an object, the most telling first; in any case.
@@ -204,6 +204,11 @@ def _in_map(layer: PolygonLayer, frame: MapFrame) -> NDArray[Any]:
 
     """
     flat = shapely.force_2d(layer.geometries)
+    if not frame.crs and is_in_degrees(layer.crs):
+        raise InputError(
+            f"{layer.label}: is in degrees ({layer.crs[:20]}) and the clouds name no coordinate reference "
+            "system: give the footprints in that of the clouds, or clouds that name theirs"
+        )
     if not layer.crs or not frame.crs:
         what = "the footprints" if not layer.crs else "the clouds"
         warn_once(

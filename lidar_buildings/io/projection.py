@@ -54,6 +54,17 @@ def to_system(geometries: NDArray[Any], source: str, target: str, label: str) ->
     return shapely.transform(geometries, moved)
 
 
+def is_in_degrees(crs: str) -> bool:
+    """
+    Whether a reference system is known to have longitude and latitude.
+
+    """
+    try:
+        return bool(crs) and bool(_horizontal(crs).is_geographic)
+    except CRSError:
+        return False
+
+
 def _horizontal(text: str) -> Any:
     """
     Return the horizontal part of a reference system.

@@ -71,6 +71,7 @@ def town(*houses, step=0.5, side=40.0, **columns):
         (shapely.Point(1, 2), 0, 0.0, {"no polygon": 1}),
         (shapely.LineString([(0, 0), (5, 5)]), 0, 0.0, {"no polygon": 1}),
         (shapely.Polygon([(0, 0), (5, 5), (9, 9)]), 0, 0.0, {"too small or too narrow": 1}),
+        (shapely.box(4.36, 52.01, 4.3602, 52.0101), 0, 0.0, {"too small or too narrow": 1}),
         (shapely.box(0, 0, 30, 0.02), 0, 0.0, {"too small or too narrow": 1}),
         (shapely.box(0, 0, np.inf, 3), 0, 0.0, {"with coordinates that are no numbers": 1}),
     ],

@@ -230,6 +230,14 @@ def test_footprints_somewhere_else_are_refused_with_both_extents(expected):
         check_overlap(expected, (0.0, 0.0, 9.0, 9.0), FRAME)
 
 
+def test_degrees_are_refused_where_the_clouds_name_no_reference_system(tmp_path):
+    path = written(tmp_path / "degrees.gpkg", in_degrees(HOUSES), crs="EPSG:4326")
+    with pytest.raises(
+        InputError, match=r"is in degrees .* and the clouds name no coordinate reference system"
+    ):
+        read(path, frame=MapFrame("", FRAME.origin))
+
+
 def test_coordinates_that_no_projection_knows_are_left_out(tmp_path):
     shapes = [*in_degrees(HOUSES), shapely.box(85_000, 447_000, 85_010, 447_010)]
     found = read(written(tmp_path / "mixed.gpkg", shapes, crs="EPSG:4326"))

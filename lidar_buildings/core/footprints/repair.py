@@ -22,6 +22,8 @@ _MIN_WIDTH, _MIN_AREA = 0.05, 0.1
 _MIN_PIECE = 0.01
 #: Two footprints that share so much of what they cover together are the same one, drawn twice.
 _SAME = 0.98
+#: Vertices of the smallest ring, the first one again at its end.
+_MIN_RING = 4
 #: How often rounding may spoil a polygon and be tried again.
 _MAX_ROUNDS = 4
 
@@ -106,7 +108,7 @@ def _sound(polygon: shapely.Polygon, dropped: Counter[str]) -> list[shapely.Poly
     """
     pieces = [polygon]
     for _ in range(_MAX_ROUNDS):
-        pieces = [_rounded(piece) for piece in pieces]
+        pieces = [rounded for piece in pieces if not (rounded := _rounded(piece)).is_empty]
         if all(shapely.is_valid(piece) for piece in pieces):
             break
         pieces = [part for piece in pieces for part in _polygons_in(_made_valid(piece))]
@@ -124,10 +126,20 @@ def _rounded(polygon: shapely.Polygon) -> shapely.Polygon:
 
     """
 
-    def carried(xy: NDArray[np.float64]) -> NDArray[np.float64]:
-        return (np.round(xy / _GRID) * _GRID).astype(np.float32).astype(np.float64)
+    shell, *holes = [_ring(one) for one in (polygon.exterior, *polygon.interiors)]
+    if len(shell) < _MIN_RING:
+        return shapely.Polygon()
+    return shapely.Polygon(shell, [hole for hole in holes if len(hole) >= _MIN_RING])
 
-    return shapely.remove_repeated_points(shapely.transform(polygon, carried), 0.0)
+
+def _ring(ring: shapely.LinearRing) -> NDArray[np.float64]:
+    """
+    Return a ring's vertices on the grid, closed.
+
+    """
+    xy = np.round(shapely.get_coordinates(ring) / _GRID) * _GRID
+    xy = xy.astype(np.float32).astype(np.float64)
+    return xy[np.append(True, (xy[1:] != xy[:-1]).any(axis=1))]
 
 
 def _made_valid(polygon: shapely.Polygon) -> Any:
