@@ -226,7 +226,7 @@ def _finished(
     finest = max(solids)
     whole = np.array([0.0, 0.0, solids[LOD12].vertices[:, 2].max()])
     flat = [RoofFacePatch(roof.outline.rings, whole, np.arange(len(roof.points)))]
-    quality = measure_model(faces.get(finest, flat), roof.points, roof.outline, roof.spacing)
+    quality = measure_model(faces.get(finest, flat), solids[finest], roof.points, roof.outline, roof.spacing)
     attributes = attributes | {
         "roof_type": roof.topology.roof_type,
         "rmse": None if quality.rmse is None else _rounded(quality.rmse),

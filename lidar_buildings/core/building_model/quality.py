@@ -14,10 +14,14 @@ from scipy.spatial import cKDTree
 
 from lidar_buildings.core.building_model.cell_costs import EMPTY_DISTANCE
 from lidar_buildings.core.building_model.partition import RoofFacePatch
+from lidar_buildings.core.building_model.surface_distance import distance_to_surface
 from lidar_buildings.core.outline import Outline
+from lidar_buildings.core.solid import Solid
 
 #: A point agrees with the model if it is nearer than this [m].
 _AGREES = 0.3
+#: A point so near to the plane of its face is measured against that only [m].
+_NEAR = 0.05
 #: Most spots at which an outline is probed.
 _MAX_SPOTS = 10_000
 
@@ -30,7 +34,7 @@ class ModelQuality:
     Attributes
     ----------
     rmse : float or None
-        Root mean square of the points' vertical distances to the roof [m].
+        Root mean square of the points' distances to the surface of the solid, walls included [m].
     coverage : float
         Share of the outline's area with a point near that agrees with the model.
     no_data_share : float
@@ -44,7 +48,11 @@ class ModelQuality:
 
 
 def measure_model(
-    faces: list[RoofFacePatch], points: NDArray[np.float64], outline: Outline, spacing: float
+    faces: list[RoofFacePatch],
+    solid: Solid,
+    points: NDArray[np.float64],
+    outline: Outline,
+    spacing: float,
 ) -> ModelQuality:
     """
     Measure how well roof faces agree with the points.
@@ -53,6 +61,8 @@ def measure_model(
     ----------
     faces : list of RoofFacePatch
         Of the level of detail; points over none of them are measured against the nearest one.
+    solid : Solid
+        Of the level of detail.
     points : ndarray of shape (n_points, 3)
         The building's points [m].
     outline : Outline
@@ -62,12 +72,14 @@ def measure_model(
 
     """
     misfit = _misfits(faces, points)
+    far = np.flatnonzero(misfit > _NEAR)
+    misfit[far] = distance_to_surface(points[far], solid, misfit[far])
     rmse = float(np.sqrt(np.mean(misfit**2))) if len(points) else None
     spots = _spots(outline, spacing)
     if not len(spots) or not len(points):
         return ModelQuality(rmse, 0.0, 1.0)
     reach = EMPTY_DISTANCE * spacing
-    agrees = np.abs(misfit) <= _AGREES
+    agrees = misfit <= _AGREES
     no_data = np.isinf(cKDTree(points[:, :2]).query(spots, distance_upper_bound=reach)[0])
     covered = np.zeros(len(spots), dtype=bool)
     if agrees.all():
@@ -80,20 +92,20 @@ def measure_model(
 
 def _misfits(faces: list[RoofFacePatch], points: NDArray[np.float64]) -> NDArray[np.float64]:
     """
-    Return every point's height above the model's roof [m].
+    Return every point's distance to the plane of the face over or under it [m].
 
     """
     number = np.full(len(points), -1, dtype=np.int64)
     for k, face in enumerate(faces):
         number[face.rows] = k
     beside = np.flatnonzero(number < 0)
-    if len(beside) and len(faces) > 1:
-        tree = shapely.STRtree([face.polygon for face in faces])
-        number[beside] = tree.nearest(shapely.points(points[beside, :2]))
-    elif len(beside):
-        number[beside] = 0
+    number[beside] = 0
     planes = np.array([face.plane for face in faces])[number]
-    return np.asarray(points[:, 2] - np.einsum("ij,ij->i", planes[:, :2], points[:, :2]) - planes[:, 2])
+    above = points[:, 2] - np.einsum("ij,ij->i", planes[:, :2], points[:, :2]) - planes[:, 2]
+    distance = np.abs(above) / np.sqrt(1.0 + planes[:, 0] ** 2 + planes[:, 1] ** 2)
+    # The plane goes on beside the outline, the roof does not.
+    distance[beside] = np.inf
+    return np.asarray(distance)
 
 
 def _spots(outline: Outline, spacing: float) -> NDArray[np.float64]:
