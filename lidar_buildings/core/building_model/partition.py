@@ -26,10 +26,13 @@ from lidar_buildings.core.building_model.faces import (
     join_equal_cells,
     without_straight_vertices,
 )
+from lidar_buildings.core.building_model.missed_parts import borders_of_missed_parts
 from lidar_buildings.core.outline import Outline
 
 #: Walls of a re-entrant corner run on into the roof where they turn by more than this [rad].
 _REENTRANT = 0.35
+#: How often the partition is looked at again for parts that no line divided from their neighbours.
+_SECOND_LOOKS = 2
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,8 +97,63 @@ def partition_outline(
     config : BuildingModelConfig
 
     """
-    cells = _cells(outline, segments) if len(planes) > 1 else cut_into_cells(outline, segments[:0])
     samples = make_samples(points, plane_id, outline.polygon.bounds, spacing)
+    roof = _Roof(outline, points, samples, planes, spacing, config)
+    found = _label(roof, segments)
+    for _ in range(_SECOND_LOOKS if len(planes) > 1 else 0):
+        missed = borders_of_missed_parts(
+            points, plane_id, found.misfit(roof), outline, spacing, config.min_face_area
+        )
+        if not len(missed):
+            break
+        segments = np.concatenate([segments, missed])
+        found = _label(roof, segments)
+    return _faces(roof, found)
+
+
+@dataclass(frozen=True, eq=False)
+class _Roof:
+    """
+    What every attempt at a partition starts from.
+
+    """
+
+    outline: Outline
+    points: NDArray[np.float64]
+    samples: Samples
+    planes: NDArray[np.float64]
+    spacing: float
+    config: BuildingModelConfig
+
+
+@dataclass(frozen=True, eq=False)
+class _Labelled:
+    """
+    Cells with the row of each one's plane, and the cell of every point, -1 beside the outline.
+
+    """
+
+    cells: Cells
+    labels: NDArray[np.int64]
+    cell: NDArray[np.int64]
+
+    def misfit(self, roof: _Roof) -> NDArray[np.float64]:
+        """
+        Return every point's vertical distance to its face, 0 for points beside the outline [m].
+
+        """
+        plane = roof.planes[self.labels[self.cell]]
+        above = roof.points[:, 2] - np.einsum("ij,ij->i", plane[:, :2], roof.points[:, :2]) - plane[:, 2]
+        return np.where(self.cell >= 0, np.abs(above), 0.0)
+
+
+def _label(roof: _Roof, segments: NDArray[np.float64]) -> _Labelled:
+    """
+    Cut the outline and give every cell a plane.
+
+    """
+    outline, samples, planes, config = roof.outline, roof.samples, roof.planes, roof.config
+    cells = _cells(outline, segments) if len(planes) > 1 else cut_into_cells(outline, segments[:0])
     cell = _places(cells, samples)
     costs = sum_misfits(samples.points, samples.weight, samples.plane, cell, planes, len(cells.polygons))
     labels = label_cells(
@@ -103,16 +161,25 @@ def partition_outline(
         cells.edges,
         cells.ends,
         planes,
-        config.border_cost * spacing,
+        config.border_cost * roof.spacing,
         config.step_cost,
         config.max_step_cost_height,
     )
     labels = absorb_small_faces(cells, labels, config.min_face_area)
-    face = join_equal_cells(cells, labels)
-    rings = without_straight_vertices(face_polygons(cells, face), np.concatenate(outline.rings))
+    return _Labelled(cells, labels, cell[: len(roof.points)])
+
+
+def _faces(roof: _Roof, found: _Labelled) -> list[RoofFacePatch]:
+    """
+    Join cells of one plane to faces.
+
+    """
+    face = join_equal_cells(found.cells, found.labels)
+    polygons = face_polygons(found.cells, face)
+    rings = without_straight_vertices(polygons, np.concatenate(roof.outline.rings))
     first = np.unique(face, return_index=True)[1]
-    rows = _rows_by_face(face, cell[: len(points)], len(rings))
-    return [RoofFacePatch(rings[k], planes[labels[first[k]]], rows[k]) for k in range(len(rings))]
+    rows = _rows_by_face(face, found.cell, len(rings))
+    return [RoofFacePatch(rings[k], roof.planes[found.labels[first[k]]], rows[k]) for k in range(len(rings))]
 
 
 def _cells(outline: Outline, segments: NDArray[np.float64]) -> Cells:
