@@ -5,33 +5,59 @@ Parts of a roof that got the plane of their neighbour because no line parted the
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 import shapely
 from numpy.typing import NDArray
-from scipy.sparse import coo_matrix
-from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
+from lidar_buildings.core.linked_sets import sets_of_pairs
 from lidar_buildings.core.outline import Outline
 
 #: A point so far off the face it lies in was missed [m].
 _MISSED = 0.2
+#: A point without plane so far above its face belongs to something that stands on the roof [m], and the
+#: middle part of its points spreads over no more than this [m].
+_STANDS_OUT, _MAX_SPREAD = 0.3, 0.6
 #: Missed points of one plane nearer than this belong together [spacings].
 _TOGETHER = 2.0
 #: Points lie inside their part by about so much [spacings].
 _MARGIN = 0.4
 
 
-def borders_of_missed_parts(
+@dataclass(frozen=True, eq=False)
+class MissedParts:
+    """
+    What a second look at a roof adds.
+
+    Attributes
+    ----------
+    sides : ndarray of shape (n_sides, 2, 2)
+        Sides of rectangles round the missed parts, their ends in plan [m].
+    planes : ndarray of shape (n_planes, 3)
+        z = a·x + b·y + c of the tops of those that had no plane: chimneys and the like.
+
+    """
+
+    sides: NDArray[np.float64]
+    planes: NDArray[np.float64]
+
+
+def find_missed_parts(
     points: NDArray[np.float64],
     plane_id: NDArray[np.uint16],
-    misfit: NDArray[np.float64],
+    above: NDArray[np.float64],
     outline: Outline,
     spacing: float,
     min_area: float,
-) -> NDArray[np.float64]:
+) -> MissedParts:
     """
-    Return the sides of rectangles round the parts that a partition missed.
+    Find the parts of a roof that a partition missed.
+
+    Points of a plane that lie in the face of another one make a part; so do points without plane that
+    stand above their face at one level, such as those of a chimney. Points at all levels, as of a tree, do
+    not.
 
     Parameters
     ----------
@@ -39,8 +65,8 @@ def borders_of_missed_parts(
         Roof points [m].
     plane_id : ndarray of shape (n_points,)
         Number of each point's plane, 0 = none.
-    misfit : ndarray of shape (n_points,)
-        Distance from each point to the face it lies in [m].
+    above : ndarray of shape (n_points,)
+        Height of each point above the face it lies in [m].
     outline : Outline
         Its longest walls give the rectangles' directions.
     spacing : float
@@ -48,34 +74,45 @@ def borders_of_missed_parts(
     min_area : float
         Smallest part, as the area that its points stand for [m²].
 
-    Returns
-    -------
-    ndarray of shape (n_sides, 2, 2)
-        Ends in plan [m].
-
     """
-    missed = np.flatnonzero((misfit > _MISSED) & (plane_id > 0))
     fewest = max(3, int(np.ceil(min_area / spacing**2)))
-    if len(missed) < fewest:
-        return np.zeros((0, 2, 2))
-    part = _parts(points[missed, :2], plane_id[missed], _TOGETHER * spacing)
+    planar = np.flatnonzero((np.abs(above) > _MISSED) & (plane_id > 0))
+    loose = np.flatnonzero((above > _STANDS_OUT) & (plane_id == 0))
+    parts = _parts(points[planar, :2], plane_id[planar], _TOGETHER * spacing, fewest)
+    groups = [planar[rows] for rows in parts]
+    level = np.zeros(len(loose), dtype=np.uint16)
+    tops = [loose[rows] for rows in _parts(points[loose, :2], level, _TOGETHER * spacing, fewest)]
+    tops = [rows for rows in tops if _is_level(points[rows, 2])]
     directions = _directions(outline)
-    sides = [
-        _rectangle(points[missed[part == number], :2], directions, _MARGIN * spacing)
-        for number in np.flatnonzero(np.bincount(part) >= fewest)
-    ]
-    return np.concatenate([np.zeros((0, 2, 2)), *sides])
+    sides = [_rectangle(points[rows, :2], directions, _MARGIN * spacing) for rows in groups + tops]
+    planes = [[0.0, 0.0, float(np.median(points[rows, 2]))] for rows in tops]
+    return MissedParts(
+        np.concatenate([np.zeros((0, 2, 2)), *sides]), np.array(planes, dtype=np.float64).reshape(-1, 3)
+    )
 
 
-def _parts(xy: NDArray[np.float64], plane_id: NDArray[np.uint16], reach: float) -> NDArray[np.int64]:
+def _is_level(z: NDArray[np.float64]) -> bool:
     """
-    Number the connected groups of points of one plane from 0.
+    Whether most points of a part are at one level.
 
     """
+    low, high = np.percentile(z, [20, 80])
+    return bool(high - low <= _MAX_SPREAD)
+
+
+def _parts(
+    xy: NDArray[np.float64], plane_id: NDArray[np.uint16], reach: float, fewest: int
+) -> list[NDArray[np.int64]]:
+    """
+    Return the rows of connected groups of at least so many points of one plane.
+
+    """
+    if len(xy) < fewest:
+        return []
     one, other = cKDTree(xy).query_pairs(reach, output_type="ndarray").T
     same = plane_id[one] == plane_id[other]
-    links = coo_matrix((np.ones(same.sum()), (one[same], other[same])), shape=(len(xy), len(xy)))
-    return np.asarray(connected_components(links, directed=False)[1], dtype=np.int64)
+    part = sets_of_pairs(len(xy), one[same], other[same])
+    return [np.flatnonzero(part == number) for number in np.flatnonzero(np.bincount(part) >= fewest)]
 
 
 def _directions(outline: Outline) -> NDArray[np.float64]:

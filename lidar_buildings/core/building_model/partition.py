@@ -5,7 +5,7 @@ The partition of an outline into roof faces.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import shapely
@@ -26,7 +26,7 @@ from lidar_buildings.core.building_model.faces import (
     join_equal_cells,
     without_straight_vertices,
 )
-from lidar_buildings.core.building_model.missed_parts import borders_of_missed_parts
+from lidar_buildings.core.building_model.missed_parts import find_missed_parts
 from lidar_buildings.core.outline import Outline
 
 #: Walls of a re-entrant corner run on into the roof where they turn by more than this [rad].
@@ -100,13 +100,14 @@ def partition_outline(
     samples = make_samples(points, plane_id, outline.polygon.bounds, spacing)
     roof = _Roof(outline, points, samples, planes, spacing, config)
     found = _label(roof, segments)
-    for _ in range(_SECOND_LOOKS if len(planes) > 1 else 0):
-        missed = borders_of_missed_parts(
-            points, plane_id, found.misfit(roof), outline, spacing, config.min_face_area
+    for _ in range(_SECOND_LOOKS):
+        missed = find_missed_parts(
+            points, plane_id, found.above(roof), outline, spacing, config.min_face_area
         )
-        if not len(missed):
+        if not len(missed.sides):
             break
-        segments = np.concatenate([segments, missed])
+        segments = np.concatenate([segments, missed.sides])
+        roof = replace(roof, planes=np.concatenate([roof.planes, missed.planes]))
         found = _label(roof, segments)
     return _faces(roof, found)
 
@@ -137,14 +138,14 @@ class _Labelled:
     labels: NDArray[np.int64]
     cell: NDArray[np.int64]
 
-    def misfit(self, roof: _Roof) -> NDArray[np.float64]:
+    def above(self, roof: _Roof) -> NDArray[np.float64]:
         """
-        Return every point's vertical distance to its face, 0 for points beside the outline [m].
+        Return every point's height above its face, 0 for points beside the outline [m].
 
         """
         plane = roof.planes[self.labels[self.cell]]
         above = roof.points[:, 2] - np.einsum("ij,ij->i", plane[:, :2], roof.points[:, :2]) - plane[:, 2]
-        return np.where(self.cell >= 0, np.abs(above), 0.0)
+        return np.where(self.cell >= 0, above, 0.0)
 
 
 def _label(roof: _Roof, segments: NDArray[np.float64]) -> _Labelled:
