@@ -119,75 +119,114 @@ def _expand(
     Give `label` to the set of cells that gains most; return whether any cell changed.
 
     """
-    n = len(labels)
-    # A cell that would lose more by its points than its borders could ever gain stays.
-    gain = np.zeros(n)
-    for e in range(len(edges)):
-        a, b = edges[e]
-        if labels[a] != label:
-            gain[a] += _border(ends[e], planes[labels[a]], planes[label], weights)
-        if labels[b] != label:
-            gain[b] += _border(ends[e], planes[labels[b]], planes[label], weights)
-    node = np.full(n, -1, np.int64)
-    n_nodes = 0
-    for c in range(n):
-        if labels[c] != label and costs[c, label] - costs[c, labels[c]] <= gain[c]:
-            node[c] = n_nodes
-            n_nodes += 1
+    borders = _borders(edges, ends, planes, weights, labels, label)
+    node = _number_candidates(costs, edges, borders, labels, label)
+    n_nodes = node.max() + 1
     if n_nodes == 0:
         return False
-    keep = np.zeros(n_nodes)
-    take = np.zeros(n_nodes)
-    for c in range(n):
+    keep, take = np.zeros(n_nodes), np.zeros(n_nodes)
+    for c in range(len(labels)):
         if node[c] >= 0:
             keep[node[c]] += costs[c, labels[c]]
             take[node[c]] += costs[c, label]
-    links = np.empty((len(edges), 2), np.int64)
-    forward = np.empty(len(edges))
-    backward = np.empty(len(edges))
-    n_links = 0
-    for e in range(len(edges)):
-        a, b = edges[e]
-        i, j = node[a], node[b]
-        if i < 0 and j < 0:
-            continue
-        both = (
-            0.0 if labels[a] == labels[b] else _border(ends[e], planes[labels[a]], planes[labels[b]], weights)
-        )
-        a_stays = 0.0 if labels[a] == label else _border(ends[e], planes[labels[a]], planes[label], weights)
-        b_stays = 0.0 if labels[b] == label else _border(ends[e], planes[labels[b]], planes[label], weights)
-        if j < 0:
-            keep[i] += both
-            take[i] += b_stays
-        elif i < 0:
-            keep[j] += both
-            take[j] += a_stays
-        else:
-            # E(keep, keep) = both, E(keep, take) = a_stays, E(take, keep) = b_stays, E(take, take) = 0
-            # (Kolmogorov & Zabih 2004): unary terms, and one link for what both may save together.
-            keep[i] += both
-            take[i] += b_stays
-            take[j] += a_stays - both
-            w = max(a_stays + b_stays - both, 0.0)
-            take[i] -= w
-            links[n_links, 0] = i
-            links[n_links, 1] = j
-            forward[n_links] = 0.0
-            backward[n_links] = w
-            n_links += 1
-    keeps = source_side(take - keep, links[:n_links], forward[:n_links], backward[:n_links])
-    before = 0.0
-    after = 0.0
+    links, capacity = _link_candidates(edges, borders, node, keep, take)
+    keeps = source_side(take - keep, links, np.zeros(len(links)), capacity)
+    change = 0.0
     for i in range(n_nodes):
-        before += keep[i]
-        after += keep[i] if keeps[i] else take[i]
-    for k in range(n_links):
-        i, j = links[k]
-        if not keeps[i] and keeps[j]:
-            after += backward[k]
-    if after >= before - _EPSILON:
+        change += 0.0 if keeps[i] else take[i] - keep[i]
+    for k in range(len(links)):
+        change += capacity[k] if not keeps[links[k, 0]] and keeps[links[k, 1]] else 0.0
+    if change >= -_EPSILON:
         return False
-    for c in range(n):
+    for c in range(len(labels)):
         if node[c] >= 0 and not keeps[node[c]]:
             labels[c] = label
     return True
+
+
+@njit(cache=True, nogil=True)
+def _borders(
+    edges: NDArray[np.int64],
+    ends: NDArray[np.float64],
+    planes: NDArray[np.float64],
+    weights: NDArray[np.float64],
+    labels: NDArray[np.int64],
+    label: int,
+) -> NDArray[np.float64]:
+    """
+    Return each edge's cost if both cells keep their planes, only the first does, or only the second.
+
+    """
+    borders = np.zeros((len(edges), 3))
+    for e in range(len(edges)):
+        a, b = labels[edges[e, 0]], labels[edges[e, 1]]
+        if a != b:
+            borders[e, 0] = _border(ends[e], planes[a], planes[b], weights)
+        if a != label:
+            borders[e, 1] = _border(ends[e], planes[a], planes[label], weights)
+        if b != label:
+            borders[e, 2] = _border(ends[e], planes[b], planes[label], weights)
+    return borders
+
+
+@njit(cache=True, nogil=True)
+def _number_candidates(
+    costs: NDArray[np.float64],
+    edges: NDArray[np.int64],
+    borders: NDArray[np.float64],
+    labels: NDArray[np.int64],
+    label: int,
+) -> NDArray[np.int64]:
+    """
+    Number the cells that might take a label; -1 for those that lose more than their borders could ever gain.
+
+    """
+    gain = np.zeros(len(labels))
+    for e in range(len(edges)):
+        gain[edges[e, 0]] += borders[e, 1]
+        gain[edges[e, 1]] += borders[e, 2]
+    node = np.full(len(labels), -1, np.int64)
+    n = 0
+    for c in range(len(labels)):
+        if labels[c] != label and costs[c, label] - costs[c, labels[c]] <= gain[c]:
+            node[c] = n
+            n += 1
+    return node
+
+
+@njit(cache=True, nogil=True)
+def _link_candidates(
+    edges: NDArray[np.int64],
+    borders: NDArray[np.float64],
+    node: NDArray[np.int64],
+    keep: NDArray[np.float64],
+    take: NDArray[np.float64],
+) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    """
+    Add the borders to what keeping and taking cost, and return what only pairs can tell.
+
+    With i and j the cells of an edge, E(keep, keep) = both, E(keep, take) = first, E(take, keep) = second
+    and E(take, take) = 0 are a cost of each cell alone and of the pair where i takes and j keeps: first +
+    second − both, which is not negative as borders obey the triangle inequality (Kolmogorov & Zabih 2004).
+
+    """
+    links = np.empty((len(edges), 2), np.int64)
+    capacity = np.empty(len(edges))
+    n = 0
+    for e in range(len(edges)):
+        i, j = node[edges[e, 0]], node[edges[e, 1]]
+        both, first, second = borders[e]
+        if i >= 0 and j >= 0:
+            pair = max(first + second - both, 0.0)
+            keep[i] += both
+            take[i] += second - pair
+            take[j] += first - both
+            links[n, 0], links[n, 1], capacity[n] = i, j, pair
+            n += 1
+        elif i >= 0:
+            keep[i] += both
+            take[i] += second
+        elif j >= 0:
+            keep[j] += both
+            take[j] += first
+    return links[:n], capacity[:n]

@@ -1,0 +1,232 @@
+"""
+The steps by which a roof is divided into faces, each against brute force or exact geometry.
+
+"""
+
+import itertools
+
+import numpy as np
+import pytest
+import shapely
+from scipy.sparse import csr_matrix
+from scipy.sparse.csgraph import maximum_flow
+
+from lidar_buildings.core.building_model.arrangement import cut_into_cells, extend_segments
+from lidar_buildings.core.building_model.cell_costs import cells_of_samples
+from lidar_buildings.core.building_model.cell_labels import label_cells
+from lidar_buildings.core.building_model.faces import (
+    absorb_small_faces,
+    face_polygons,
+    join_equal_cells,
+    without_straight_vertices,
+)
+from lidar_buildings.core.building_model.heights import parts_of_one_height, settle_planes
+from lidar_buildings.core.building_model.minimum_cut import source_side
+from lidar_buildings.core.building_model.missed_parts import find_missed_parts
+from lidar_buildings.core.building_model.partition import RoofFacePatch
+from lidar_buildings.core.building_model.surface_distance import distance_to_surface
+from lidar_buildings.core.outline import Outline
+from lidar_buildings.core.solid import extrude
+
+SQUARE = np.array([[0.0, 0.0], [10.0, 0.0], [10.0, 10.0], [0.0, 10.0]])
+COURT = np.array([[4.0, 4.0], [4.0, 6.0], [6.0, 6.0], [6.0, 4.0]])
+
+
+def random_segments(n, seed):
+    return np.round(np.random.default_rng(seed).uniform(-1, 11, (n, 2, 2)), 3)
+
+
+def walls_of(outline):
+    return np.concatenate([np.stack([r, np.roll(r, -1, axis=0)], axis=1) for r in outline.rings])
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_cells_cover_the_outline_exactly_and_share_whole_edges(seed):
+    outline = Outline(SQUARE, (COURT,))
+    segments = extend_segments(random_segments(12, seed), walls_of(outline))
+    cells = cut_into_cells(outline, segments)
+    assert len(cells.polygons) > 10
+    assert shapely.coverage_is_valid(cells.polygons)
+    assert shapely.area(cells.polygons).sum() == pytest.approx(96.0, abs=0.05)
+    inner = sum(polygon.length for polygon in cells.polygons) - outline.polygon.length
+    assert cells.lengths.sum() == pytest.approx(inner / 2, rel=1e-3)
+    for (one, other), end in zip(cells.edges, cells.ends, strict=True):
+        line = shapely.LineString(end.reshape(2, 2))
+        assert cells.polygons[one].boundary.covers(line)
+        assert cells.polygons[other].boundary.covers(line)
+
+
+def test_a_segment_runs_on_to_the_next_one_at_both_ends():
+    segments = np.array([[[4.0, 5.0], [6.0, 5.0]], [[8.0, 2.0], [8.0, 8.0]]])
+    extended = extend_segments(segments, walls_of(Outline(SQUARE)))
+    assert extended[0] == pytest.approx(np.array([[0.0, 5.0], [8.0, 5.0]]))
+    assert extended[1] == pytest.approx(np.array([[8.0, 0.0], [8.0, 10.0]]))
+
+
+def test_a_segment_without_length_stays_where_it_is():
+    segments = np.array([[[4.0, 5.0], [4.0, 5.0]]])
+    assert np.array_equal(extend_segments(segments, walls_of(Outline(SQUARE))), segments)
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_the_cut_is_as_cheap_as_the_flow_of_scipy_is_large(seed):
+    random = np.random.default_rng(seed)
+    n = int(random.integers(2, 12))
+    links = np.array([pair for pair in itertools.combinations(range(n), 2) if random.random() < 0.4])
+    links = links.reshape(-1, 2).astype(np.int64)
+    forward, backward = random.integers(0, 20, (2, len(links))).astype(float)
+    excess = random.integers(-30, 30, n).astype(float)
+    keeps = source_side(excess, links, forward, backward)
+    cost = np.where(keeps, np.maximum(-excess, 0), np.maximum(excess, 0)).sum()
+    cost += sum(f for (i, j), f in zip(links, forward, strict=True) if keeps[i] and not keeps[j])
+    cost += sum(b for (i, j), b in zip(links, backward, strict=True) if keeps[j] and not keeps[i])
+    graph = np.zeros((n + 2, n + 2), dtype=np.int32)
+    graph[links[:, 0], links[:, 1]] += forward.astype(np.int32)
+    graph[links[:, 1], links[:, 0]] += backward.astype(np.int32)
+    graph[n, :n], graph[:n, n + 1] = np.maximum(excess, 0), np.maximum(-excess, 0)
+    assert cost == maximum_flow(csr_matrix(graph), n, n + 1).flow_value
+
+
+def energy(labels, costs, edges, ends, planes, border, step, most):
+    total = costs[np.arange(len(labels)), labels].sum()
+    for (a, b), end in zip(edges, ends, strict=True):
+        if labels[a] != labels[b]:
+            difference = planes[labels[a]] - planes[labels[b]]
+            heights = np.abs(end.reshape(2, 2) @ difference[:2] + difference[2])
+            length = np.hypot(*(end[2:] - end[:2]))
+            total += length * (border + step * np.minimum(heights, most).mean())
+    return total
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_labels_of_two_planes_have_the_least_energy_of_all(seed):
+    random = np.random.default_rng(seed)
+    n = 9
+    edges = np.array([(i, j) for i, j in itertools.combinations(range(n), 2) if random.random() < 0.35])
+    ends = random.uniform(0, 5, (len(edges), 4))
+    planes = np.column_stack([random.normal(0, 0.4, (2, 2)), random.uniform(3, 6, 2)])
+    costs = random.uniform(0, 3, (n, 2))
+    weights = 0.1, 0.2, 1.0
+    found = energy(label_cells(costs, edges, ends, planes, *weights), costs, edges, ends, planes, *weights)
+    least = min(
+        energy(np.array(labels), costs, edges, ends, planes, *weights)
+        for labels in itertools.product(range(2), repeat=n)
+    )
+    assert found == pytest.approx(least, abs=1e-9)
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_labels_of_many_planes_are_near_the_least_energy(seed):
+    random = np.random.default_rng(100 + seed)
+    n = 6
+    edges = np.array([(i, j) for i, j in itertools.combinations(range(n), 2) if random.random() < 0.5])
+    ends = random.uniform(0, 5, (len(edges), 4))
+    planes = np.column_stack([random.normal(0, 0.4, (4, 2)), random.uniform(3, 6, 4)])
+    costs = random.uniform(0, 3, (n, 4))
+    weights = 0.1, 0.2, 1.0
+    found = energy(label_cells(costs, edges, ends, planes, *weights), costs, edges, ends, planes, *weights)
+    least = min(
+        energy(np.array(labels), costs, edges, ends, planes, *weights)
+        for labels in itertools.product(range(4), repeat=n)
+    )
+    # Expansion moves find a minimum within a known factor of two of the least; mostly the least itself.
+    assert least - 1e-9 <= found <= 1.2 * least
+
+
+def test_places_are_found_in_their_cells_and_courtyards_are_beside_all():
+    outline = Outline(SQUARE, (COURT,))
+    cells = cut_into_cells(outline, np.array([[[-1.0, 5.0], [11.0, 5.2]]]))
+    places = np.random.default_rng(3).uniform(-1, 11, (2000, 2))
+    rings, owner = shapely.get_rings(cells.polygons, return_index=True)
+    corners, ring_of = shapely.get_coordinates(rings, return_index=True)
+    first = np.searchsorted(ring_of, np.arange(len(rings) + 1))
+    order = np.argsort(places[:, 0], kind="stable")
+    x, y = (np.ascontiguousarray(column) for column in places[order].T)
+    found = cells_of_samples(x, y, order, corners, first, owner, len(cells.polygons))
+    points = shapely.points(places)
+    for number, polygon in enumerate(cells.polygons):
+        assert np.array_equal(found == number, shapely.contains(polygon, points))
+
+
+def strips(xs):
+    cells = cut_into_cells(Outline(SQUARE), np.array([[[x, -1.0], [x, 11.0]] for x in xs]))
+    return cells, np.argsort(np.argsort(shapely.bounds(cells.polygons)[:, 0]))
+
+
+def test_cells_of_one_plane_make_one_face_without_the_vertices_between_them():
+    cells, order = strips([2.0, 4.0, 6.0])
+    labels = np.array([0, 0, 1, 1])[order]
+    face = join_equal_cells(cells, labels)
+    rings = without_straight_vertices(face_polygons(cells, face), SQUARE)
+    assert sorted(len(group[0]) for group in rings) == [4, 4]
+    assert sorted(shapely.Polygon(group[0]).area for group in rings) == pytest.approx([40.0, 60.0])
+
+
+def test_a_small_face_goes_to_the_neighbour_with_the_longest_border():
+    cells, order = strips([4.0, 4.05])
+    labels = np.array([0, 1, 2])[order]
+    assert set(absorb_small_faces(cells, labels, 1.0)) in ({0, 2}, {0, 1, 2} - {1})
+    assert set(absorb_small_faces(cells, labels, 0.1)) == {0, 1, 2}
+
+
+def patch(x0, x1, plane, rows=()):
+    ring = np.array([[x0, 0.0], [x1, 0.0], [x1, 10.0], [x0, 10.0]])
+    return RoofFacePatch((ring,), np.array(plane, dtype=float), np.array(rows, dtype=np.int64))
+
+
+def test_faces_that_meet_are_one_part_and_a_high_step_makes_two():
+    faces = [patch(0, 3, (1.0, 0, 0)), patch(3, 6, (-1.0, 0, 6.0)), patch(6, 10, (0, 0, 5.0))]
+    assert parts_of_one_height(faces, 1.0).tolist() == [0, 0, 1]
+    assert parts_of_one_height(faces, 6.0).tolist() == [0, 0, 0]
+
+
+def test_a_plane_that_rises_above_all_points_is_replaced_by_one_that_fits_them():
+    points = np.column_stack([np.random.default_rng(0).uniform(0, 10, (200, 2)), np.full(200, 5.0)])
+    steep = patch(0, 10, (2.0, 0.0, 0.0), range(200))
+    (settled,) = settle_planes([steep], points, 0.5)
+    assert settled.plane == pytest.approx([0.0, 0.0, 5.0], abs=1e-6)
+
+
+def test_a_plane_without_points_of_its_own_stays_within_the_heights_that_were_seen():
+    points = np.array([[0.0, 0.0, 4.0], [1.0, 0.0, 6.0]])
+    (settled,) = settle_planes([patch(0, 10, (3.0, 0.0, 0.0))], points, 0.5)
+    assert settled.plane == pytest.approx([0.0, 0.0, 6.0])
+
+
+def test_a_step_without_line_is_found_as_a_rectangle_round_its_points():
+    grid = np.stack(np.meshgrid(np.arange(0.25, 10, 0.5), np.arange(0.25, 10, 0.5)), axis=-1).reshape(-1, 2)
+    high = (np.abs(grid - 5.0) < 2.0).all(axis=1)
+    points = np.column_stack([grid, np.where(high, 7.0, 5.0)])
+    above = points[:, 2] - 5.0
+    missed = find_missed_parts(points, 1 + high.astype(np.uint16), above, Outline(SQUARE), 0.5, 1.0)
+    assert missed.sides.shape == (4, 2, 2)
+    assert np.abs(np.abs(missed.sides - 5.0).max(axis=(1, 2)) - 2.0).max() < 0.1
+    assert len(missed.planes) == 0
+    loose = find_missed_parts(
+        points, np.where(high, 0, 1).astype(np.uint16), above, Outline(SQUARE), 0.5, 1.0
+    )
+    assert loose.planes == pytest.approx(np.array([[0.0, 0.0, 7.0]]))
+
+
+def test_points_of_a_tree_on_a_roof_make_no_part():
+    random = np.random.default_rng(1)
+    points = np.column_stack([random.uniform(3, 7, (300, 2)), random.uniform(5.5, 9.0, 300)])
+    nothing = np.zeros(300, dtype=np.uint16)
+    missed = find_missed_parts(points, nothing, points[:, 2] - 5.0, Outline(SQUARE), 0.3, 1.0)
+    assert len(missed.sides) == 0
+
+
+def test_distances_to_a_box_are_those_of_geometry():
+    box = extrude(Outline(SQUARE), 0.0, 5.0)
+    points = np.random.default_rng(2).uniform(-5, 15, (500, 3))
+    outside = np.maximum(np.maximum(-points, points - [10.0, 10.0, 5.0]), 0.0)
+    inside = np.minimum(points, [10.0, 10.0, 5.0] - points).min(axis=1)
+    expected = np.where(inside > 0, inside, np.linalg.norm(outside, axis=1))
+    found = distance_to_surface(points, box, np.full(500, np.inf))
+    assert found == pytest.approx(expected, abs=1e-9)
+
+
+def test_a_distance_that_is_known_is_never_raised():
+    box = extrude(Outline(SQUARE, (COURT,)), 0.0, 5.0)
+    points = np.array([[5.0, 5.0, 5.0], [1.0, 1.0, 9.0]])
+    assert distance_to_surface(points, box, np.array([0.3, np.inf])) == pytest.approx([0.3, 4.0])
