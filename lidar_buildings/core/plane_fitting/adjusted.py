@@ -8,10 +8,13 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from lidar_buildings.core.point_order import sort_by_cell
 from lidar_buildings.core.roof_planes import RoofPlane
 
 #: The largest number that `plane_id` can hold.
 MAX_PLANES = 65535
+#: Side of the cells in whose order points are summed [m].
+_CELL = 1.0
 
 
 def numbered_by_size(points: NDArray[np.float64], labels: NDArray[np.int32]) -> NDArray[np.uint16]:
@@ -44,8 +47,8 @@ def adjusted_planes(points: NDArray[np.float64], plane_id: NDArray[np.uint16]) -
     Fit every plane to its points by orthogonal least squares, whatever the order of the points.
 
     """
-    ordered = np.lexsort(points.T)
-    points, plane_id = points[ordered], plane_id[ordered]
+    ordered = sort_by_cell(points, _CELL)
+    points, plane_id = ordered.points, plane_id[ordered.rows]
     size = int(plane_id.max(initial=0)) + 1
     count = np.bincount(plane_id, minlength=size)
     divisor = np.maximum(count, 1)

@@ -27,7 +27,7 @@ class PlaneFittingConfig(StageConfig):
         choices=("connected", "ransac"),
     )
     max_plane_distance: float = parameter(
-        0.15,
+        0.18,
         "Largest distance of a point to its plane, about three times the vertical accuracy of the scan; "
         "raising it makes planes swallow small steps.",
         unit="m",
@@ -58,12 +58,12 @@ class PlaneFittingConfig(StageConfig):
         maximum=10.0,
     )
     bridge: float = parameter(
-        4.0,
-        "Parts of a plane this near to one another are one plane even where another comes between; raising "
-        "it joins separate parts (connected).",
-        unit="spacings",
+        1.6,
+        "Parts of a plane this near to one another are one plane even where another comes between, as at the "
+        "foot of two valleys; raising it joins separate parts (connected).",
+        unit="m",
         minimum=0.0,
-        maximum=20.0,
+        maximum=10.0,
     )
     min_plane_area: float = parameter(
         1.5,

@@ -10,9 +10,10 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from lidar_buildings.core.plane_fitting.adjacency import seam_points
 from lidar_buildings.core.plane_fitting.config import PlaneFittingConfig
 from lidar_buildings.core.plane_fitting.consensus import Limits, samples_needed
-from lidar_buildings.core.plane_fitting.economy import dissolve_planes, merge_planes, prices_of
+from lidar_buildings.core.plane_fitting.economy import economise, prices_of
 from lidar_buildings.core.plane_fitting.parts import split_planes
 from lidar_buildings.core.plane_fitting.search import extract
 from lidar_buildings.core.plane_fitting.settling import settle
@@ -46,10 +47,12 @@ def connected_planes(
     prices = prices_of(distance, noise, spacing, config.plane_cost, config.unevenness, config.grain)
     labels = _extracted(cloud, distance, min_points, config)
     for _ in range(_ROUNDS):
-        labels = merge_planes(cloud, labels, prices)
-        labels = dissolve_planes(cloud, labels, prices)
-        labels = settle(cloud, labels, distance, config.smoothness)
-        labels = split_planes(cloud, labels, min_points, config.bridge * spacing)
+        seam = seam_points(cloud.neighbours, labels)
+        labels = economise(cloud, labels, seam, prices, config.bridge)
+        labels = settle(cloud, labels, seam, distance, config.smoothness)
+        labels = split_planes(cloud.neighbours, labels, min_points)
+    seam = seam_points(cloud.neighbours, labels)
+    labels = economise(cloud, labels, seam, prices, config.bridge)
     return labels[row_of]
 
 

@@ -16,6 +16,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from lidar_buildings.core.linked_sets import root
+from lidar_buildings.core.plane_fitting.adjacency import bridged_planes, touching_planes
 from lidar_buildings.core.plane_fitting.plane_geometry import (
     N_MOMENTS,
     add_point,
@@ -70,45 +71,48 @@ def prices_of(
     return Prices(plane_cost, point, point * unevenness**2, distance)
 
 
-def merge_planes(cloud: Cloud, labels: NDArray[np.int32], prices: Prices) -> NDArray[np.int32]:
+def economise(
+    cloud: Cloud, labels: NDArray[np.int32], seam: NDArray[np.int64], prices: Prices, bridge: float
+) -> NDArray[np.int32]:
     """
-    Join neighbouring planes, the best pair first, as long as that saves.
+    Join neighbouring planes, the best pair first, and give up planes, the smallest first, where that saves.
+
+    A plane is given up if its points lie nearly as well on the planes around.
+
+    Parameters
+    ----------
+    cloud : Cloud
+    labels : ndarray of shape (n_points,), int32
+        Plane numbers, 0 = none.
+    seam : ndarray of shape (n_seam_points,), int64
+        Rows of the points that have neighbours of another label.
+    prices : Prices
+    bridge : float
+        Parts of a plane this near to one another may be joined even where another plane comes between [m].
 
     """
     size = int(labels.max(initial=0)) + 1
+    touching = touching_planes(cloud.neighbours, labels, seam)
     moments = plane_sums(cloud.points, labels, size)
-    pairs = near_planes(cloud.neighbours, labels)
-    return _merged(moments, pairs, prices, np.arange(size))[labels].astype(np.int32)
-
-
-def near_planes(neighbours: NDArray[np.int32], labels: NDArray[np.int32]) -> NDArray[np.int64]:
-    """
-    Return the pairs of planes, shape (n_pairs, 2), that have points in the neighbourhood of one point.
-
-    """
-    size = int(labels.max(initial=0)) + 1
-    codes = np.unique(_pair_codes(neighbours, labels, size))
-    return np.column_stack([codes // size, codes % size])
-
-
-def dissolve_planes(cloud: Cloud, labels: NDArray[np.int32], prices: Prices) -> NDArray[np.int32]:
-    """
-    Give up planes whose points lie nearly as well on the planes around, the smallest first.
-
-    """
-    size = int(labels.max(initial=0)) + 1
-    moments = plane_sums(cloud.points, labels, size)
-    pairs = near_planes(cloud.neighbours, labels)
-    if not len(pairs):
-        return labels
-    both = np.concatenate([pairs, pairs[:, ::-1]])
-    both = both[np.argsort(both[:, 0], kind="stable")]
-    first = np.searchsorted(both[:, 0], np.arange(size + 1))
+    bridged = bridged_planes(cloud.points, labels, seam, equations_of(moments), bridge, prices.distance)
+    parent = _merged(moments, np.concatenate([touching, bridged]), prices, np.arange(size))
+    labels = parent[labels].astype(np.int32)
+    first, beside = _neighbours_of_planes(parent[touching], size)
     rows = np.argsort(labels, kind="stable")
     begin = np.searchsorted(labels[rows], np.arange(size + 1))
-    return _dissolved(
-        cloud.points, labels, moments, first, np.ascontiguousarray(both[:, 1]), rows, begin, prices
-    )
+    moments = plane_sums(cloud.points, labels, size)
+    return _dissolved(cloud.points, labels, moments, first, beside, rows, begin, prices)
+
+
+def _neighbours_of_planes(pairs: NDArray[np.int64], size: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """
+    Return the planes beside each: those of plane k are ``beside[first[k]:first[k + 1]]``.
+
+    """
+    pairs = pairs[pairs[:, 0] != pairs[:, 1]]
+    both = np.unique(np.concatenate([pairs, pairs[:, ::-1]]) @ np.array([size, 1]))
+    first = np.searchsorted(both // size, np.arange(size + 1))
+    return first, both % size
 
 
 @njit(cache=True, nogil=True)
@@ -125,50 +129,15 @@ def plane_sums(points: NDArray[np.float64], labels: NDArray[np.int32], size: int
 
 
 @njit(cache=True, nogil=True)
-def _pair_codes(neighbours: NDArray[np.int32], labels: NDArray[np.int32], size: int) -> NDArray[np.int64]:
+def equations_of(moments: NDArray[np.float64]) -> NDArray[np.float64]:
     """
-    Return first × size + second of planes that meet around a point, the smaller number first.
+    Return a, b, c, d of every plane's least-squares plane; zeros where it has no points.
 
     """
-    codes = np.empty(64 + 6 * len(labels), np.int64)
-    here = np.empty(4, np.int64)
-    n, last = 0, -1
-    for i in range(len(labels)):
-        found = _planes_around(neighbours, labels, i, here)
-        for a in range(found):
-            for b in range(a):
-                code = min(here[a], here[b]) * size + max(here[a], here[b])
-                if code != last:
-                    codes[n] = last = code
-                    n += 1
-    return codes[:n]
-
-
-@njit(cache=True, nogil=True)
-def _planes_around(
-    neighbours: NDArray[np.int32], labels: NDArray[np.int32], i: int, here: NDArray[np.int64]
-) -> int:
-    """
-    Write the planes of a point and its neighbours to `here`, the first few; return how many.
-
-    """
-    n, last = 0, 0
-    if labels[i] > 0:
-        here[0], last = labels[i], labels[i]
-        n = 1
-    for j in neighbours[i]:
-        if j < 0 or n == len(here):
-            break
-        if labels[j] == last or labels[j] == 0:
-            continue
-        last = labels[j]
-        is_new = True
-        for k in range(n):
-            is_new &= here[k] != last
-        if is_new:
-            here[n] = last
-            n += 1
-    return n
+    equations = np.zeros((len(moments), 4))
+    for k in range(1, len(moments)):
+        normal_of(moments[k], equations[k])
+    return equations
 
 
 @njit(cache=True, nogil=True)
@@ -222,9 +191,7 @@ def _dissolved(points, labels, moments, first, beside, rows, begin, prices):  # 
     """
     labels = labels.copy()
     size = len(moments)
-    equations = np.zeros((size, 4))
-    for a in range(1, size):
-        normal_of(moments[a], equations[a])
+    equations = equations_of(moments)
     alive = moments[:, 0] > 0.0
     for a in np.argsort(moments[:, 0]):
         if a == 0 or not alive[a] or first[a] == first[a + 1]:

@@ -9,8 +9,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from lidar_buildings.core.plane_fitting.economy import plane_sums
-from lidar_buildings.core.plane_fitting.plane_geometry import distance_to, normal_of
+from lidar_buildings.core.plane_fitting.economy import equations_of, plane_sums
+from lidar_buildings.core.plane_fitting.plane_geometry import distance_to
 from lidar_buildings.core.plane_fitting.surroundings import MAX_NEIGHBOURS, Cloud
 
 #: Times that planes are fitted anew to their points, and rounds of moves with the same planes.
@@ -19,7 +19,11 @@ _MAX_FITS, _MAX_ROUNDS = 3, 4
 
 @njit(cache=True, nogil=True)
 def settle(
-    cloud: Cloud, labels: NDArray[np.int32], max_distance: float, smoothness: float
+    cloud: Cloud,
+    labels: NDArray[np.int32],
+    seam: NDArray[np.int64],
+    max_distance: float,
+    smoothness: float,
 ) -> NDArray[np.int32]:
     """
     Let every point choose among the planes around it, until none moves.
@@ -34,6 +38,8 @@ def settle(
     cloud : Cloud
     labels : ndarray of shape (n_points,), int32
         Plane numbers, 0 = none.
+    seam : ndarray of shape (n_seam_points,), int64
+        Rows of the points that have neighbours of another label: others stay where they are.
     max_distance : float
         Largest distance of a point to its plane [m].
     smoothness : float
@@ -41,13 +47,14 @@ def settle(
 
     """
     labels = labels.copy()
-    size = int(labels.max()) + 1 if len(labels) else 1
-    equations = np.zeros((size, 4))
+    size = 1
+    for label in labels:
+        size = max(size, label + 1)
+    waiting = np.zeros(len(labels), np.bool_)
+    waiting[seam] = True
     for _ in range(_MAX_FITS):
-        moments = plane_sums(cloud.points, labels, size)
-        for k in range(1, size):
-            normal_of(moments[k], equations[k])
-        moved = move_points(cloud, labels, equations, max_distance, smoothness)
+        equations = equations_of(plane_sums(cloud.points, labels, size))
+        moved = move_points(cloud, labels, equations, max_distance, smoothness, waiting)
         if moved <= len(labels) // 1000:
             break
     return labels
@@ -60,13 +67,16 @@ def move_points(
     equations: NDArray[np.float64],
     max_distance: float,
     smoothness: float,
+    waiting: NDArray[np.bool_],
 ) -> int:
     """
     Move points to other planes where that costs less; return how many moved.
 
+    Only points that are `waiting` are looked at; those by a seam wait again for the planes' next fit.
+
     """
     number, count = np.empty(MAX_NEIGHBOURS + 1, np.int32), np.empty(MAX_NEIGHBOURS + 1, np.int64)
-    waiting = np.ones(len(labels), np.bool_)
+    by_seam = np.zeros(len(labels), np.bool_)
     moved = 0
     for _ in range(_MAX_ROUNDS):
         before = moved
@@ -76,6 +86,7 @@ def move_points(
             waiting[i] = False
             n = labels_around(cloud.neighbours[i], labels, labels[i], number, count)
             best = cheapest(cloud.points[i], number, count, n, equations, max_distance, smoothness)
+            by_seam[i] = n > 1 or best != labels[i]
             if best != labels[i]:
                 labels[i] = best
                 moved += 1
@@ -85,6 +96,7 @@ def move_points(
                     waiting[j] = True
         if moved == before:
             break
+    waiting |= by_seam
     return moved
 
 

@@ -12,7 +12,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from lidar_buildings.core.neighbourhoods import build_grid, neighbours_of
+from lidar_buildings.core.neighbourhoods import build_grid
 from lidar_buildings.core.plane_fitting.plane_geometry import (
     N_MOMENTS,
     add_point,
@@ -20,10 +20,11 @@ from lidar_buildings.core.plane_fitting.plane_geometry import (
     normal_of,
     residual_of,
 )
+from lidar_buildings.core.point_order import CELLS_A_BLOCK
 from lidar_buildings.core.row_blocks import for_row_blocks
 
-#: Neighbours kept of a point; of more, as in the overlap of strips, every second, third, … is taken.
-MAX_NEIGHBOURS = 32
+#: Neighbours kept of a point; of more, as many are taken evenly.
+MAX_NEIGHBOURS = 24
 #: Share of the connection radius that a point's own plane is taken from: little, to blur ridges little.
 OWN_SHARE = 0.75
 #: Fewest neighbours that a point's own plane is taken from; where fewer are that near, all are taken.
@@ -91,10 +92,12 @@ def _surveyed(points: NDArray[np.float64], radius: float) -> Survey:
     grid = build_grid(distinct, radius)
     # Sorted points stay in their order.
     neighbours = np.full((len(distinct), MAX_NEIGHBOURS), -1, dtype=np.int32)
-    for_row_blocks(lambda a, b: _list_near(grid, radius, neighbours, a, b), len(distinct))
     planes, roughness = np.empty((len(distinct), 4)), np.empty(len(distinct))
-    own = OWN_SHARE * radius
-    for_row_blocks(lambda a, b: _fit_own(distinct, neighbours, own, planes, roughness, a, b), len(distinct))
+    for_row_blocks(
+        lambda a, b: _look_around(grid, radius, neighbours, planes, roughness, a, b),
+        len(grid.first) - 1,
+        CELLS_A_BLOCK,
+    )
     noise = _noise_of(roughness)
     normals = np.empty_like(distinct)
     for_row_blocks(
@@ -132,54 +135,89 @@ def _noise_of(roughness: NDArray[np.float64]) -> float:
 
 
 @njit(cache=True, nogil=True)
-def _list_near(grid, radius, neighbours, begin, end):  # type: ignore[no-untyped-def]
+def _look_around(grid, radius, neighbours, planes, roughness, begin, end):  # type: ignore[no-untyped-def]
     """
-    Fill in the neighbours of points begin to end, evenly thinned where there are too many.
+    Fill in neighbours, evenly thinned where there are too many, and own planes of points in cells begin to end.
 
     """
-    near = np.empty(len(grid.points), dtype=np.int64)
-    for i in range(begin, end):
-        x, y, z = grid.points[i]
-        found = neighbours_of(grid, grid.cell[i], x, y, z, radius, False, near)
-        step = (found + MAX_NEIGHBOURS - 1) // MAX_NEIGHBOURS
-        n = 0
-        for k in range(0, found, step):
-            if near[k] != i:
-                neighbours[i, n] = near[k]
+    most = 0
+    for c in range(begin, end):
+        most = max(most, _count_around(grid, c))
+    rows, xyz = np.empty(most, np.int64), np.empty((most, 3))
+    near = np.empty(most + 1, np.int64)
+    moments = np.empty(N_MOMENTS)
+    for c in range(begin, end):
+        around = _gather_around(grid, c, rows, xyz)
+        for i in range(grid.first[c], grid.first[c + 1]):
+            x, y, z = grid.points[i]
+            found = _within(xyz[:around], x, y, z, radius, near)
+            n, kept = 0, min(found, MAX_NEIGHBOURS)
+            for k in range(kept):
+                j = rows[near[k * found // kept]]
+                if j != i:
+                    neighbours[i, n] = j
+                    n += 1
+            if _sum_near(xyz, near[:found], x, y, z, OWN_SHARE * radius, moments) < _FEWEST:
+                _sum_near(xyz, near[:found], x, y, z, radius, moments)
+            planes[i] = 0.0
+            roughness[i] = np.inf
+            if moments[0] > 3.0 and normal_of(moments, planes[i]):
+                roughness[i] = residual_of(moments) / (moments[0] - 3.0)
+                planes[i, 3] -= planes[i, 0] * x + planes[i, 1] * y + planes[i, 2] * z
+
+
+@njit(cache=True, nogil=True)
+def _count_around(grid, c):  # type: ignore[no-untyped-def]
+    """
+    Return how many points a cell and the cells around it have.
+
+    """
+    n = 0
+    for beside in grid.adjacent[c]:
+        if beside >= 0:
+            n += grid.first[beside + 1] - grid.first[beside]
+    return n
+
+
+@njit(cache=True, nogil=True)
+def _gather_around(grid, c, rows, xyz):  # type: ignore[no-untyped-def]
+    """
+    Put the points of a cell and the cells around it side by side; return how many.
+
+    """
+    n = 0
+    for beside in grid.adjacent[c]:
+        if beside >= 0:
+            for j in range(grid.first[beside], grid.first[beside + 1]):
+                rows[n] = j
+                xyz[n] = grid.points[j]
                 n += 1
+    return n
 
 
 @njit(cache=True, nogil=True)
-def _fit_own(points, neighbours, radius, planes, roughness, begin, end):  # type: ignore[no-untyped-def]
+def _within(xyz, x, y, z, radius, near):  # type: ignore[no-untyped-def]
     """
-    Fit a plane to the surroundings of points begin to end, and say how rough they are [m²].
+    Write which points lie within a radius of a position to `near`; return how many.
 
     """
-    for i in range(begin, end):
-        moments = np.zeros(N_MOMENTS)
-        if _sum_near(points, neighbours, i, radius, moments) < _FEWEST:
-            _sum_near(points, neighbours, i, np.inf, moments)
-        planes[i] = 0.0
-        roughness[i] = np.inf
-        if moments[0] > 3.0 and normal_of(moments, planes[i]):
-            roughness[i] = residual_of(moments) / (moments[0] - 3.0)
-            x, y, z = points[i]
-            planes[i, 3] -= planes[i, 0] * x + planes[i, 1] * y + planes[i, 2] * z
+    n = 0
+    for k in range(len(xyz)):
+        dx, dy, dz = xyz[k, 0] - x, xyz[k, 1] - y, xyz[k, 2] - z
+        near[n] = k
+        n += dx * dx + dy * dy + dz * dz <= radius * radius
+    return n
 
 
 @njit(cache=True, nogil=True)
-def _sum_near(points, neighbours, i, radius, moments):  # type: ignore[no-untyped-def]
+def _sum_near(xyz, near, x, y, z, radius, moments):  # type: ignore[no-untyped-def]
     """
-    Sum point i and its neighbours within a radius, about the point; return how many.
+    Sum the near points within a radius of a position about it; return how many.
 
     """
     moments[:] = 0.0
-    add_point(moments, 0.0, 0.0, 0.0)
-    x, y, z = points[i]
-    for j in neighbours[i]:
-        if j < 0:
-            break
-        dx, dy, dz = points[j, 0] - x, points[j, 1] - y, points[j, 2] - z
+    for j in near:
+        dx, dy, dz = xyz[j, 0] - x, xyz[j, 1] - y, xyz[j, 2] - z
         if dx * dx + dy * dy + dz * dz <= radius * radius:
             add_point(moments, dx, dy, dz)
     return moments[0]

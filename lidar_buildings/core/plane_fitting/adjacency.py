@@ -1,0 +1,186 @@
+"""
+Which planes are near each other: where they meet, and across what lies between parts of one plane.
+
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from lidar_buildings.core.plane_fitting.plane_geometry import distance_to
+
+#: Pairs of planes that are remembered while pairs are listed.
+_LATELY = 1021
+#: Planes that are looked at around a point: more meet at no corner.
+_MOST_AROUND = 4
+#: Cosine of the angle between planes beyond which they are not one: 10°.
+_ALIKE = 0.985
+
+
+@njit(cache=True, nogil=True)
+def seam_points(neighbours: NDArray[np.int32], labels: NDArray[np.int32]) -> NDArray[np.int64]:
+    """
+    Return the rows of the points that have neighbours of another label.
+
+    """
+    rows = np.empty(len(labels), np.int64)
+    n = 0
+    for i in range(len(labels)):
+        for j in neighbours[i]:
+            if j < 0:
+                break
+            if labels[j] != labels[i]:
+                rows[n] = i
+                n += 1
+                break
+    return rows[:n].copy()
+
+
+def touching_planes(
+    neighbours: NDArray[np.int32], labels: NDArray[np.int32], seam: NDArray[np.int64]
+) -> NDArray[np.int64]:
+    """
+    Return the pairs of planes, shape (n_pairs, 2), that have points in the neighbourhood of one point.
+
+    """
+    size = int(labels.max(initial=0)) + 1
+    codes = np.unique(_pair_codes(neighbours, labels, seam, size))
+    return np.column_stack([codes // size, codes % size])
+
+
+def bridged_planes(
+    points: NDArray[np.float64],
+    labels: NDArray[np.int32],
+    seam: NDArray[np.int64],
+    equations: NDArray[np.float64],
+    bridge: float,
+    max_distance: float,
+) -> NDArray[np.int64]:
+    """
+    Return the pairs of planes, shape (n_pairs, 2), that may be one that another comes between.
+
+    Parameters
+    ----------
+    points : ndarray of shape (n_points, 3)
+        [m].
+    labels : ndarray of shape (n_points,), int32
+        Plane numbers, 0 = none.
+    seam : ndarray of shape (n_seam_points,), int64
+        Rows of the points that have neighbours of another label.
+    equations : ndarray of shape (n_planes + 1, 4)
+        a, b, c, d of each plane by its number.
+    bridge : float
+        Seams of parts of one plane are no farther apart than this [m].
+    max_distance : float
+        Largest distance from either plane of the other's seam where they are nearest [m].
+
+    """
+    rows = seam[np.argsort(labels[seam], kind="stable")]
+    first = np.searchsorted(labels[rows], np.arange(len(equations) + 1))
+    return _bridged(points, rows, first, equations, bridge, max_distance)
+
+
+@njit(cache=True, nogil=True)
+def _pair_codes(
+    neighbours: NDArray[np.int32], labels: NDArray[np.int32], seam: NDArray[np.int64], size: int
+) -> NDArray[np.int64]:
+    """
+    Return first × size + second of planes that meet around a point, the smaller number first.
+
+    """
+    codes = np.empty(6 * len(seam), np.int64)
+    here = np.empty(_MOST_AROUND, np.int64)
+    # Mostly the same pairs come again and again: those met lately are passed over.
+    lately = np.full(_LATELY, -1, np.int64)
+    n = 0
+    for i in seam:
+        found = _planes_around(neighbours, labels, i, here)
+        for a in range(found):
+            for b in range(a):
+                code = min(here[a], here[b]) * size + max(here[a], here[b])
+                if lately[code % _LATELY] != code:
+                    lately[code % _LATELY] = codes[n] = code
+                    n += 1
+    return codes[:n]
+
+
+@njit(cache=True, nogil=True)
+def _planes_around(
+    neighbours: NDArray[np.int32], labels: NDArray[np.int32], i: int, here: NDArray[np.int64]
+) -> int:
+    """
+    Write the planes of a point and its neighbours to `here`, the first few; return how many.
+
+    """
+    n, last = 0, 0
+    if labels[i] > 0:
+        here[0], last = labels[i], labels[i]
+        n = 1
+    for j in neighbours[i]:
+        if j < 0 or n == len(here):
+            break
+        if labels[j] == last or labels[j] == 0:
+            continue
+        last = labels[j]
+        is_new = True
+        for k in range(n):
+            is_new &= here[k] != last
+        if is_new:
+            here[n] = last
+            n += 1
+    return n
+
+
+@njit(cache=True, nogil=True)
+def _bridged(points, rows, first, equations, bridge, max_distance):  # type: ignore[no-untyped-def]
+    """
+    Compare all planes that have seams; see `bridged_planes`.
+
+    """
+    size = len(equations)
+    low, high = np.full((size, 3), np.inf), np.full((size, 3), -np.inf)
+    for k in range(1, size):
+        for i in rows[first[k] : first[k + 1]]:
+            for axis in range(3):
+                low[k, axis] = min(low[k, axis], points[i, axis])
+                high[k, axis] = max(high[k, axis], points[i, axis])
+    pairs = [(0, 0) for _ in range(0)]
+    for a in range(1, size):
+        for b in range(a + 1, size):
+            apart = False
+            for axis in range(3):
+                apart |= low[a, axis] > high[b, axis] + bridge or low[b, axis] > high[a, axis] + bridge
+            if apart or abs((equations[a, :3] * equations[b, :3]).sum()) < _ALIKE:
+                continue
+            one, other = rows[first[a] : first[a + 1]], rows[first[b] : first[b + 1]]
+            if _is_near(points, one, other, equations[a], equations[b], bridge, max_distance):
+                pairs.append((a, b))
+    found = np.empty((len(pairs), 2), np.int64)
+    for k in range(len(pairs)):
+        found[k, 0], found[k, 1] = pairs[k]
+    return found
+
+
+@njit(cache=True, nogil=True)
+def _is_near(points, one, other, first_plane, second_plane, bridge, max_distance):  # type: ignore[no-untyped-def]
+    """
+    Whether points of two planes lie within reach of one another and each on the other's plane.
+
+    """
+    for i in one:
+        if distance_to(second_plane, points[i]) > max_distance:
+            continue
+        for j in other:
+            dx, dy, dz = (
+                points[i, 0] - points[j, 0],
+                points[i, 1] - points[j, 1],
+                points[i, 2] - points[j, 2],
+            )
+            if (
+                dx * dx + dy * dy + dz * dz <= bridge * bridge
+                and distance_to(first_plane, points[j]) <= max_distance
+            ):
+                return True
+    return False
