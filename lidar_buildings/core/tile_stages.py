@@ -8,6 +8,8 @@ The nodes and the ROS-free pipeline both call these functions, so that they do t
 from __future__ import annotations
 
 import logging
+import os
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
@@ -211,16 +213,24 @@ def trace_footprints(
 
 def fit_planes(tile: PointTile, config: PlaneFittingConfig) -> PointTile:
     """
-    Append `plane_id`, numbered within each building, to a tile of building points.
+    Append `plane_id`, numbered within each building, to a tile of building points; buildings on all cores.
 
     """
     plane_id = np.zeros(len(tile), dtype=np.uint16)
-    if tile.building_id is not None:
-        for number, rows in rows_by_building(tile.building_id):
-            try:
-                plane_id[rows] = fit_roof_planes(tile.points[rows], config).plane_id
-            except Exception:
-                _log.exception("building %d: no planes were fitted", number)
+    buildings = [] if tile.building_id is None else rows_by_building(tile.building_id)
+    # The largest first, so that no core is left with one at the end.
+    buildings.sort(key=lambda building: -len(building[1]))
+
+    def fit(building: tuple[int, NDArray[np.intp]]) -> None:
+        number, rows = building
+        try:
+            planes = fit_roof_planes(tile.points[rows], config, point_spacing=tile.spacing)
+            plane_id[rows] = planes.plane_id
+        except Exception:
+            _log.exception("building %d: no planes were fitted", number)
+
+    with ThreadPoolExecutor(max_workers=os.cpu_count()) as pool:
+        list(pool.map(fit, buildings))
     return tile.with_columns(plane_id=plane_id)
 
 
