@@ -41,7 +41,9 @@ def _cleared(piece: RoofPiece, floor: float) -> list[RoofPiece]:
     flat = (0.0, 0.0, floor)
     if max(elevations) <= floor + _TOLERATED or not (a or b):
         return [RoofPiece(piece.rings, flat)]
-    polygon = shapely.make_valid(shapely.Polygon(piece.rings[0], piece.rings[1:]))
+    polygon = shapely.make_valid(
+        shapely.Polygon(piece.rings[0], piece.rings[1:]), method="structure", keep_collapsed=False
+    )
     upper = polygon.intersection(_half_plane(piece, floor))
     return [
         *(RoofPiece(rings, piece.plane) for rings in _polygons(upper)),

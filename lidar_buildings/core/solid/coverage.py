@@ -82,7 +82,7 @@ def noded_coverage(pieces: Sequence[RoofPiece], within: float, grid: float) -> P
 
     """
     rings = _snapped([piece_rings(piece) for piece in pieces], within)
-    polygons = [shapely.make_valid(shapely.Polygon(group[0], group[1:])) for group in rings if group]
+    polygons = [_sound(shapely.Polygon(group[0], group[1:])) for group in rings if group]
     owners = [number for number, group in enumerate(rings) if group]
     if not polygons:
         return PlanGraph({})
@@ -172,6 +172,14 @@ def _labels(
         if len(shared) and shared.max() > 0.0:
             labels[face] = labels[others[int(np.argmax(shared))]]
     return labels
+
+
+def _sound(polygon: shapely.Polygon) -> shapely.Geometry:
+    """
+    Return a polygon whose holes stay holes even where they have come to cross its exterior.
+
+    """
+    return shapely.make_valid(polygon, method="structure", keep_collapsed=False)
 
 
 def _rings(polygon: shapely.Polygon) -> list[shapely.LinearRing]:

@@ -94,7 +94,8 @@ class PlanGraph:
         """
         Return the rings around every piece and around what is outside, with the piece to their left.
 
-        No ring passes a vertex twice: where a piece touches itself, its ring is divided.
+        No ring passes a vertex twice: where a piece touches itself, its ring is divided. Nothing is returned
+        if a ring has different pieces to its left: its edges cross.
 
         """
         following = {}
@@ -107,6 +108,8 @@ class PlanGraph:
             edge = next(iter(pending))
             piece, ring = self.left[edge], []
             while edge in pending:
+                if self.left[edge] != piece:
+                    return {}
                 del pending[edge]
                 ring.append(edge[0])
                 edge = following[edge]

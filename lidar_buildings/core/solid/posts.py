@@ -27,10 +27,13 @@ class Posts:
 
     """
 
-    def __init__(self, graph: PlanGraph, pieces: Sequence[RoofPiece], ground: int) -> None:
+    def __init__(
+        self, graph: PlanGraph, pieces: Sequence[RoofPiece], ground: int, merged_within: float = MERGED_WITHIN
+    ) -> None:
         self.graph = graph
         self.pieces = pieces
         self.ground = ground
+        self.merged_within = merged_within
         self.joined: set[Vertex] = set()
         self._levels: dict[Vertex, dict[int, int]] = {}
 
@@ -80,7 +83,7 @@ class Posts:
         found = set(self.graph.sectors(vertex))
         levels = {OUTSIDE: self.ground} if OUTSIDE in found else {}
         raw = sorted((self.raw(vertex, piece), piece) for piece in found if piece != OUTSIDE)
-        within = float("inf") if vertex in self.joined else MERGED_WITHIN / GRID
+        within = float("inf") if vertex in self.joined else self.merged_within / GRID
         first = 0
         for last in range(1, len(raw) + 1):
             if last == len(raw) or raw[last][0] - raw[first][0] > within:

@@ -6,7 +6,9 @@ The solid of a building whose roof is given in pieces.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+
+import numpy as np
 
 from lidar_buildings.core.output_grid import GRID
 from lidar_buildings.core.shell import Solid
@@ -16,12 +18,15 @@ from lidar_buildings.core.solid.coverage import matched_coverage, noded_coverage
 from lidar_buildings.core.solid.crossings import split_crossings
 from lidar_buildings.core.solid.manifold import open_pinched_posts
 from lidar_buildings.core.solid.plan_graph import PlanGraph
-from lidar_buildings.core.solid.posts import Posts
+from lidar_buildings.core.solid.posts import MERGED_WITHIN, Posts
 from lidar_buildings.core.solid.roof_piece import RoofPiece, check_pieces
+from lidar_buildings.core.solid.unfolding import without_folds
 from lidar_buildings.core.validity import check_solid
 
 #: Repairs may make others necessary; no more rounds than this.
 _MAX_ROUNDS = 10
+#: Elevations at one vertex that lie within this become one where merging more folds a small face [m].
+_MERGED_LITTLE = 0.002
 #: What is tried if a solid fails its checks: details narrower than the first vanish, on a grid of the second
 #: [steps of the output grid].
 _SIMPLER = ((5.0, 1.0), (10.0, 5.0), (20.0, 10.0), (50.0, 25.0), (150.0, 50.0))
@@ -56,22 +61,33 @@ def roof_solid(pieces: Sequence[RoofPiece], ground_elevation: float) -> Solid:
     check_pieces(pieces)
     ground = round(ground_elevation / GRID)
     pieces = cleared_pieces(pieces, ground * GRID)
-    first = _raised(matched_coverage(pieces), pieces, ground)
-    if not check_solid(first):
-        return first
-    for within, grid in _SIMPLER:
-        simpler = _raised(noded_coverage(pieces, within, grid), pieces, ground)
-        if not check_solid(simpler):
-            return simpler
-    return first
+    first = None
+    for candidate in _candidates(pieces, ground):
+        if not check_solid(candidate):
+            return candidate
+        first = first or candidate
+    return first or Solid(np.empty((0, 3)), (), ())
 
 
-def _raised(graph: PlanGraph, pieces: Sequence[RoofPiece], ground: int) -> Solid:
+def _candidates(pieces: Sequence[RoofPiece], ground: int) -> Iterator[Solid]:
+    """
+    Yield what to try, the most faithful first.
+
+    """
+    for within, grid in ((0.0, 0.0), *_SIMPLER):
+        for merged_within in (MERGED_WITHIN, _MERGED_LITTLE):
+            graph = noded_coverage(pieces, within, grid) if grid else matched_coverage(pieces)
+            solid = _raised(graph, pieces, ground, merged_within)
+            yield solid
+            yield without_folds(solid)
+
+
+def _raised(graph: PlanGraph, pieces: Sequence[RoofPiece], ground: int, merged_within: float) -> Solid:
     """
     Return the solid above a plan, repaired where roofs cross or posts are pinched.
 
     """
-    posts = Posts(graph, pieces, ground)
+    posts = Posts(graph, pieces, ground, merged_within)
     for _ in range(_MAX_ROUNDS):
         crossed = split_crossings(posts)
         if not open_pinched_posts(posts) and not crossed:
