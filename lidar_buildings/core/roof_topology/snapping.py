@@ -188,8 +188,8 @@ def _extended(t, angle, offset, walls, others, reach):  # type: ignore[no-untype
         for end in range(2):
             wall = stop(t[k, end], fx, fy, ux, uy, walls, reach, 0.2 * reach, -1)
             other = stop(t[k, end], fx, fy, ux, uy, others, reach, reach, k)
+            if math.isnan(wall) or abs(other - t[k, end]) < abs(wall - t[k, end]):
+                wall = other
             if not math.isnan(wall):
                 moved[k, end] = wall
-            elif not math.isnan(other):
-                moved[k, end] = other
     return moved

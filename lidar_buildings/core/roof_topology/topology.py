@@ -6,12 +6,12 @@ The verb: planes of a building in, adjusted planes and the lines between them ou
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from lidar_buildings.core.outline import Outline
 from lidar_buildings.core.point_array import checked_column, checked_points
 from lidar_buildings.core.point_spacing import given_or_measured
-from lidar_buildings.core.roof_planes import adjust
+from lidar_buildings.core.roof_planes import Adjustment, adjust
 from lidar_buildings.core.roof_topology.borders import find_borders
 from lidar_buildings.core.roof_topology.meetings import find_meetings, piece_ends
 from lidar_buildings.core.roof_topology.pieces import find_pieces
@@ -23,10 +23,13 @@ from lidar_buildings.core.roof_topology.result import (
     RoofTopology,
     StepEdge,
 )
+from lidar_buildings.core.roof_topology.roof_type import roof_type
 from lidar_buildings.core.roof_topology.segments import finished
 from lidar_buildings.core.roof_topology.snapping import extended, snapped
 from lidar_buildings.core.roof_topology.steps import find_step_lines, merged, step_edges, step_segments
-from lidar_buildings.core.roof_type import roof_type
+
+#: Decimals to which the coefficients of planes that are one agree.
+_SAME_DECIMALS = 9
 
 
 def find_topology(
@@ -64,11 +67,9 @@ def find_topology(
     numbers = checked_column("plane_id", plane_id, len(points), np.uint16)
     spacing = given_or_measured(points, point_spacing)
     adjustment = adjust(points, numbers, outline)
-    kind = roof_type(points, numbers)
-    roofs = np.concatenate([[False], adjustment.free.roof])
-    seen = np.where(roofs[numbers], numbers, 0).astype(np.uint16)
+    seen = _regions_of(adjustment)[numbers]
     if np.count_nonzero(seen) < 3:
-        return RoofTopology(adjustment.planes, (), (), (), kind)
+        return RoofTopology(adjustment.planes, (), (), (), "unknown")
     rings = tuple(ring for ring in outline.rings if len(ring) >= 3) if outline is not None else ()
     raster = region_raster(points, seen, rings, spacing)
     centre = adjustment.centre
@@ -85,6 +86,7 @@ def find_topology(
     lines = extended(lines, piece_ends(pieces, gradients), rings, centre, spacing)
     intersections = finished(pieces, gradients, centre, rings, step_segments(lines), spacing)
     steps = step_edges(lines, gradients, centre)
+    kind = roof_type(points, seen, gradients, intersections, steps, spacing)
     return RoofTopology(
         adjustment.planes,
         tuple(intersections),
@@ -92,6 +94,21 @@ def find_topology(
         _adjacency(intersections, steps),
         kind,
     )
+
+
+def _regions_of(adjustment: Adjustment) -> NDArray[np.uint16]:
+    """
+    Return the number under which each plane's points are seen from above, item 0 being for no plane.
+
+    Walls have none, and planes that have become one all have that of the first.
+
+    """
+    region = np.zeros(len(adjustment.coefficients) + 1, dtype=np.uint16)
+    roofs = np.flatnonzero(adjustment.free.roof)
+    rounded = np.round(adjustment.coefficients[roofs], _SAME_DECIMALS)
+    _, first, inverse = np.unique(rounded, axis=0, return_index=True, return_inverse=True)
+    region[roofs + 1] = roofs[first][inverse.reshape(-1)] + 1
+    return region
 
 
 def _adjacency(intersections: list[IntersectionSegment], steps: list[StepEdge]) -> tuple[Adjacency, ...]:
