@@ -36,7 +36,17 @@ ROS_WHEELS = [
     "ros-shape-msgs==5.3.6",
     "ros-std-srvs==5.3.6",
 ]
-TEST = ["pytest>=8", "pytest-xdist", "hypothesis", "startinpy", "cjio", "ruff", "mypy", "matplotlib"]
+TEST = [
+    "pytest>=8",
+    "pytest-xdist",
+    "hypothesis",
+    "startinpy",
+    "cjio",
+    "trimesh",
+    "ruff",
+    "mypy",
+    "matplotlib",
+]
 # peers of the benchmarks, all of permissive licences (bench/filters.py, bench/*_peers.py)
 BENCH = [
     "cloth-simulation-filter",
@@ -74,6 +84,7 @@ setup(
         "pyogrio>=0.9",
         "rasterio>=1.4",
         "mapbox-earcut>=1.0",
+        "ezdxf>=1.0",
         "pyyaml>=6",
         "tqdm>=4.66",
         "rosbags>=0.10",

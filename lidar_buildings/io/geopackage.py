@@ -9,7 +9,7 @@ import math
 import os
 import threading
 import warnings
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -81,21 +81,78 @@ def write_geopackage(path: str | Path, layers: Sequence[GeoPackageLayer], crs: s
         If the file cannot be written.
 
     """
-    path = Path(path)
-    partial = path.with_name(f".{path.stem}.{os.getpid()}.{threading.get_ident()}.partial.gpkg")
-    try:
-        with _fixed_date():
-            for number, layer in enumerate(layers):
-                _write_layer(partial, layer, crs, append=number > 0)
-        _check_complete(partial, layers)
-        os.replace(partial, path)
-    except _FAILURES as error:
-        raise OutputError(
-            f"{path}: cannot be written: {error}: check the folder and the free space"
-        ) from error
-    finally:
-        for left in path.parent.glob(f"{partial.name}*"):
-            left.unlink(missing_ok=True)
+    with GeoPackageWriter(path, crs) as writer:
+        for layer in layers:
+            writer.append(layer)
+
+
+class GeoPackageWriter:
+    """
+    Writes layers of polygons in any number of portions; the file appears when all is written.
+
+    Parameters
+    ----------
+    path : str or Path
+        An existing file is replaced.
+    crs : str
+        ``"EPSG:28992"``, a WKT text, or empty if unknown.
+
+    """
+
+    def __init__(self, path: str | Path, crs: str) -> None:
+        self._path = Path(path)
+        name = f".{self._path.stem}.{os.getpid()}.{threading.get_ident()}.partial.gpkg"
+        self._partial = self._path.with_name(name)
+        self._crs = crs
+        self._counts: dict[str, int] = {}
+
+    def append(self, layer: GeoPackageLayer) -> None:
+        """
+        Add a layer, or polygons to a layer that is there.
+
+        Raises
+        ------
+        OutputError
+            If the file cannot be written.
+
+        """
+        with self._failing_in_words(), _fixed_date():
+            _write_layer(self._partial, layer, self._crs, append=bool(self._counts))
+        self._counts[layer.name] = self._counts.get(layer.name, 0) + len(layer.polygons)
+
+    def __enter__(self) -> GeoPackageWriter:
+        """
+        Return itself.
+
+        """
+        return self
+
+    def __exit__(self, error: object, *_: object) -> None:
+        """
+        Give the file its name if all went well, else leave nothing behind.
+
+        """
+        try:
+            if error is None:
+                with self._failing_in_words():
+                    _check_complete(self._partial, self._counts)
+                    os.replace(self._partial, self._path)
+        finally:
+            for left in self._path.parent.glob(f"{self._partial.name}*"):
+                left.unlink(missing_ok=True)
+
+    @contextmanager
+    def _failing_in_words(self) -> Iterator[None]:
+        """
+        Turn the libraries' errors into one line.
+
+        """
+        try:
+            yield
+        except _FAILURES as error:
+            raise OutputError(
+                f"{self._path}: cannot be written: {error}: check the folder and the free space"
+            ) from error
 
 
 def read_polygons(
@@ -229,15 +286,15 @@ def _column(values: list[Any], missing: NDArray[np.bool_], kind: type) -> NDArra
     return np.array(present, dtype=_DTYPES[kind])
 
 
-def _check_complete(path: Path, layers: Sequence[GeoPackageLayer]) -> None:
+def _check_complete(path: Path, counts: Mapping[str, int]) -> None:
     """
     Read back how many polygons each layer has: a full disk may show no sooner.
 
     """
-    for layer in layers:
-        found = pyogrio.read_info(path, layer=layer.name)["features"]
-        if found != len(layer.polygons):
-            raise OSError(f"layer {layer.name} holds {found} of {len(layer.polygons)} polygons")
+    for name, count in counts.items():
+        found = pyogrio.read_info(path, layer=name)["features"]
+        if found != count:
+            raise OSError(f"layer {name} holds {found} of {count} polygons")
 
 
 @contextmanager

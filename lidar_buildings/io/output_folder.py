@@ -6,7 +6,7 @@ The output folder of a run: tiles as they come, and at the end the files.
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
@@ -18,17 +18,13 @@ from numpy.typing import NDArray
 from lidar_buildings import __version__
 from lidar_buildings.core.errors import InputError
 from lidar_buildings.core.map_frame import MapFrame
-from lidar_buildings.io.building_layers import BuildingLayers
-from lidar_buildings.io.cityjson import header_line
+from lidar_buildings.io.building_files import FILES, OF_OUTLINES, ModelHeading, write_buildings
 from lidar_buildings.io.classified_las import suffix_for, write_classified
 from lidar_buildings.io.footprint_results import FootprintResults
 from lidar_buildings.io.footprints import FootprintFile
-from lidar_buildings.io.geopackage import write_geopackage
 from lidar_buildings.io.las import InputFile, open_cloud
 from lidar_buildings.io.point_results import PointResults
 from lidar_buildings.io.run_folder import (
-    BUILDINGS,
-    CITY_MODEL,
     CLASSIFIED,
     PARTIAL,
     RUN,
@@ -36,11 +32,14 @@ from lidar_buildings.io.run_folder import (
     output_names,
 )
 from lidar_buildings.io.seams import seam_pieces
-from lidar_buildings.io.terrain_files import RasterExtentError, write_rasters
-from lidar_buildings.io.tile_products import TileProducts, load_rows, load_shapes
+from lidar_buildings.io.survey_buildings import SurveyBuildings
+from lidar_buildings.io.terrain_files import RasterExtentError, crs_with_heights, write_rasters
+from lidar_buildings.io.tile_products import TileProducts, load_outlines, load_rows, load_shapes
 from lidar_buildings.io.whole_files import cannot_write, whole_file
 
 _ENDING = ".npz"
+#: File among the tiles in which the models' lines wait for their turn.
+_LINES = "features.jsonl"
 #: Last stage of a run that ends before there are outlines, or before there are models.
 _WITHOUT_OUTLINES = ("ground_filter", "roof_selection", "edge_labelling")
 _WITHOUT_MODELS = (*_WITHOUT_OUTLINES, "boundary_tracing", "regularisation", "plane_fitting")
@@ -108,6 +107,8 @@ class OutputFolder:
         All settings that results depend on; they must be equal for a run to be taken up again.
     footprints : FootprintFile or None
         The footprints that were given.
+    formats : collection of str
+        Which files tell of the buildings, names of `lidar_buildings.io.building_files.FILES`.
 
     Raises
     ------
@@ -126,11 +127,13 @@ class OutputFolder:
         until: str = "building_model",
         parameters: Mapping[str, Any] | None = None,
         footprints: FootprintFile | None = None,
+        formats: Collection[str] = tuple(FILES),
     ) -> None:
         self.path = Path(path)
         self.inputs = list(inputs)
         self.frame = frame
         self.until = until
+        self.formats = tuple(formats)
         self._footprints = FootprintResults.of(footprints)
         identity = {
             "version": __version__,
@@ -189,17 +192,11 @@ class OutputFolder:
         """
         info = dict(run_info or {})
         fragments = [self._partial / f"{stamp}{_ENDING}" for stamp in sorted(self.done_stamps())]
-        shapes = list(self._footprints.named(load_shapes(fragment) for fragment in fragments))
         # footprints are what they are, also where one lies within another
-        given = bool(self._footprints)
-        pieces = set() if given else seam_pieces([one.outlines or one.traced for one in shapes])
+        pieces = set() if self._footprints else seam_pieces([load_outlines(one) for one in fragments])
         outputs, problems, per_class, n_known = self._write_clouds(fragments, pieces)
-        layers = BuildingLayers(
-            self.frame, without=pieces, footprint_id=self._footprints.names if given else None
-        )
-        for one in shapes:
-            layers.add(one)
-        files = [*filter(None, outputs), *self._write_buildings(layers)]
+        buildings, statuses = self._write_buildings(fragments, pieces)
+        files = [*filter(None, outputs), *buildings]
         rasters = self._write_rasters(fragments, problems)
         n_points = sum(file.point_count for file in self.inputs)
         summary = RunSummary(
@@ -208,11 +205,11 @@ class OutputFolder:
             n_points=n_points,
             n_unclassified=n_points - n_known,
             classes={int(code): int(per_class[code]) for code in np.flatnonzero(per_class)},
-            buildings=layers.statuses(),
+            buildings=statuses,
             n_seam_pieces=len(pieces),
             rasters=rasters,
             problems=tuple(dict.fromkeys([*info.get("problems", ()), *problems])),
-            footprints=self._footprints.summary(sum(layers.statuses().values())),
+            footprints=self._footprints.summary(sum(statuses.values())),
         )
         self._write_run(summary, outputs, info)
         self._discard_tiles(fragments)
@@ -277,23 +274,31 @@ class OutputFolder:
         except OSError as error:
             raise cannot_write(self.path / name, error) from error
 
-    def _write_buildings(self, layers: BuildingLayers) -> list[str]:
+    def _write_buildings(self, fragments: list[Path], pieces: set[int]) -> tuple[list[str], dict[str, int]]:
         """
-        Write outlines and models as far as the run went; return the files' names.
+        Write outlines and models as far as the run went; return the files' names, and buildings per status.
 
         """
-        files = []
-        if self.until not in _WITHOUT_OUTLINES:
-            write_geopackage(self.path / BUILDINGS, layers.layers(), self.frame.crs)
-            files.append(BUILDINGS)
-        if self.until not in _WITHOUT_MODELS:
-            with (
-                whole_file(self.path / CITY_MODEL) as temporary,
-                open(temporary, "w", encoding="utf-8") as file,
-            ):
-                file.writelines(f"{line}\n" for line in (header_line(self.frame), *layers.lines()))
-            files.append(CITY_MODEL)
-        return files
+        names = self._footprints.names if self._footprints else None
+        formats = self.formats
+        if self.until in _WITHOUT_MODELS:
+            formats = () if self.until in _WITHOUT_OUTLINES else tuple(set(formats) & set(OF_OUTLINES))
+        with SurveyBuildings(
+            self._partial / _LINES, self.frame, without=pieces, footprint_id=names
+        ) as buildings:
+            for shapes in self._footprints.named(load_shapes(one) for one in fragments):
+                buildings.add(shapes)
+            return write_buildings(self.path, buildings, formats, self._heading())
+
+    def _heading(self) -> ModelHeading:
+        """
+        Return what the city model says of itself.
+
+        """
+        names = output_names(self.inputs)
+        more = f" and {len(names) - 1} more" if len(names) > 1 else ""
+        title = f"Buildings of {names[0]}{more}" if names else ""
+        return ModelHeading(title, crs_with_heights(self.inputs, self.frame))
 
     def _write_rasters(self, fragments: list[Path], problems: list[str]) -> dict[str, dict[str, Any]]:
         """

@@ -21,6 +21,7 @@ RUN = "run.json"
 CLASSIFIED = "classified"
 BUILDINGS = "buildings.gpkg"
 CITY_MODEL = "city_model.city.jsonl"
+MESH, MATERIALS, DRAWING = "city_model.obj", "city_model.mtl", "city_model.dxf"
 DTM, DSM, NDSM = "dtm.tif", "dsm.tif", "ndsm.tif"
 #: What identifies the unfinished run, beside its tiles.
 _IDENTITY = "identity.json"
@@ -137,7 +138,7 @@ def _clear(path: Path) -> None:
     """
     earlier = _read(path / RUN) or {}
     names = [name for name in earlier.get("files", []) if isinstance(name, str)]
-    for name in (RUN, BUILDINGS, CITY_MODEL, DTM, DSM, NDSM, *names):
+    for name in (RUN, BUILDINGS, CITY_MODEL, MESH, MATERIALS, DRAWING, DTM, DSM, NDSM, *names):
         file = path / name
         if path.resolve() in file.resolve().parents:
             file.unlink(missing_ok=True)

@@ -142,8 +142,6 @@ class TileProducts:
         polygons = {"traced": self.traced, "outlines": self.outlines}
         shapes: dict[str, Any] = {name: _outlines_as_lists(group) for name, group in polygons.items()}
         shapes["roof_faces"] = [[f.building_id, [ring.tolist() for ring in f.rings]] for f in self.roof_faces]
-        shapes["features"] = list(self.features)
-        text = np.frombuffer(json.dumps(shapes).encode(), dtype=np.uint8)
         sources = np.unique(np.concatenate([rows["source"] for rows in (self.core, self.roofs, self.edges)]))
         with whole_file(path) as temporary, open(temporary, "wb") as file:
             np.savez(
@@ -153,7 +151,8 @@ class TileProducts:
                 core=self.core,
                 roofs=self.roofs,
                 edges=self.edges,
-                shapes=text,
+                shapes=_as_bytes(shapes),
+                features=_as_bytes(list(self.features)),
                 **_raster_arrays(self.rasters),
             )
 
@@ -186,13 +185,23 @@ def load_shapes(path: Path) -> Shapes:
 
     """
     with np.load(path) as held:
-        shapes = json.loads(held["shapes"].tobytes())
+        shapes, features = (json.loads(held[name].tobytes()) for name in ("shapes", "features"))
     return Shapes(
         _outlines_from_lists(shapes["traced"]),
         _outlines_from_lists(shapes["outlines"]),
         tuple(RoofFace(number, _rings(rings, 3)) for number, rings in shapes["roof_faces"]),
-        tuple(shapes["features"]),
+        tuple(features),
     )
+
+
+def load_outlines(path: Path) -> tuple[BuildingOutline, ...]:
+    """
+    Read the outlines of a saved tile, the traced ones of a run that ended before they were regularised.
+
+    """
+    with np.load(path) as held:
+        shapes = json.loads(held["shapes"].tobytes())
+    return _outlines_from_lists(shapes["outlines"] or shapes["traced"])
 
 
 def load_raster_window(path: Path) -> RasterWindow | None:
@@ -227,6 +236,14 @@ def load_rows(path: Path, name: str) -> NDArray[Any]:
     with np.load(path) as held:
         table: NDArray[Any] = held[name]
         return table
+
+
+def _as_bytes(content: Any) -> NDArray[np.uint8]:
+    """
+    Return what JSON holds as an array of its bytes.
+
+    """
+    return np.frombuffer(json.dumps(content).encode(), dtype=np.uint8)
 
 
 def _raster_arrays(rasters: TerrainRasters | None) -> dict[str, NDArray[Any]]:

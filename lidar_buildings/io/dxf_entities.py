@@ -1,0 +1,142 @@
+"""
+The entities of a DXF drawing as text: faces, closed polylines with arcs, points, each with data of its own.
+
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import chain
+
+#: Decimals of coordinates: a tenth of a millimetre, and finer in feet; and of bulges.
+_DECIMALS, _DECIMALS_OF_BULGES = 4, 9
+#: Most characters of one text of an entity's data.
+_LONGEST_TEXT = 255
+
+Corner = tuple[float, float, float]
+
+
+class DxfEntities:
+    """
+    Writes entities one after the other, each with a handle of its own.
+
+    Parameters
+    ----------
+    owner : str
+        Handle of the model space.
+    application : str
+        Name under which entities carry data.
+    first_handle : int
+        Of the first entity.
+
+    """
+
+    def __init__(self, owner: str, application: str, first_handle: int) -> None:
+        self._owner = owner
+        self._application = application
+        self.next_handle = first_handle
+
+    def face(
+        self, layer: str, corners: Sequence[Corner], data: str, hidden: Sequence[bool] = (False,) * 4
+    ) -> str:
+        """
+        Return a face of three or four corners.
+
+        Parameters
+        ----------
+        layer : str
+        corners : sequence of (x, y, z)
+            In one plane.
+        data : str
+            What `extended_data` returns.
+        hidden : sequence of bool
+            Whether the edge from each corner to the next is not drawn.
+
+        """
+        # three corners are written as four, of which the last two are one
+        four = corners if len(corners) == 4 else [*corners, corners[2]]
+        places = "".join(
+            f" 1{k}\n{_text(x)}\n 2{k}\n{_text(y)}\n 3{k}\n{_text(z)}\n" for k, (x, y, z) in enumerate(four)
+        )
+        flags = sum(1 << k for k, one in enumerate(hidden[: len(corners) - 1]) if one)
+        # with three corners the last edge is the fourth, and the third has no length
+        flags |= 8 if hidden[len(corners) - 1] else 0
+        mark = f" 70\n{flags}\n" if flags else ""
+        return f"{self._begun('3DFACE', layer)}100\nAcDbFace\n{places}{mark}{data}"
+
+    def closed_polyline(
+        self,
+        layer: str,
+        corners: Sequence[tuple[float, float]],
+        bulges: Sequence[float],
+        elevation: float,
+        data: str,
+    ) -> str:
+        """
+        Return a closed polyline of lines and arcs in a horizontal plane.
+
+        Parameters
+        ----------
+        layer : str
+        corners : sequence of (x, y)
+            Open.
+        bulges : sequence of float
+            Of the segment from each corner to the next: tangent of a quarter of its angle, 0 for a line.
+        elevation : float
+            Of the plane.
+        data : str
+            What `extended_data` returns.
+
+        """
+        places = "".join(
+            f" 10\n{_text(x)}\n 20\n{_text(y)}\n"
+            + (f" 42\n{round(bulge, _DECIMALS_OF_BULGES)!r}\n" if bulge else "")
+            for (x, y), bulge in zip(corners, bulges, strict=True)
+        )
+        begun = self._begun("LWPOLYLINE", layer)
+        height = f" 38\n{_text(elevation)}\n"
+        return f"{begun}100\nAcDbPolyline\n 90\n{len(corners)}\n 70\n1\n{height}{places}{data}"
+
+    def point(self, layer: str, place: Corner, data: str) -> str:
+        """
+        Return a point.
+
+        """
+        x, y, z = place
+        begun = self._begun("POINT", layer)
+        return f"{begun}100\nAcDbPoint\n 10\n{_text(x)}\n 20\n{_text(y)}\n 30\n{_text(z)}\n{data}"
+
+    def extended_data(self, texts: Sequence[str]) -> str:
+        """
+        Return texts as the data of an entity.
+
+        """
+        lines = chain.from_iterable(("1000\n", _plain(text), "\n") for text in texts)
+        return f"1001\n{self._application}\n" + "".join(lines)
+
+    def _begun(self, kind: str, layer: str) -> str:
+        """
+        Return an entity's beginning.
+
+        """
+        handle = self.next_handle
+        self.next_handle += 1
+        return f"  0\n{kind}\n  5\n{handle:X}\n330\n{self._owner}\n100\nAcDbEntity\n  8\n{layer}\n"
+
+
+def _text(coordinate: float) -> str:
+    """
+    Return a coordinate as text, the same for the same value everywhere.
+
+    """
+    return repr(round(coordinate, _DECIMALS) + 0.0)  # no minus zero
+
+
+def _plain(text: str) -> str:
+    """
+    Return a text on one line in ASCII; other characters are written by their number, as DXF has it.
+
+    """
+    line = " ".join(text.split())
+    plain = "".join(c if c.isascii() else f"\\U+{ord(c):04X}" if ord(c) < 0x10000 else "?" for c in line)
+    return plain[:_LONGEST_TEXT]

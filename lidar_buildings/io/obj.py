@@ -1,0 +1,129 @@
+"""
+City models as meshes: Wavefront OBJ, an object per building, a material per kind of surface.
+
+Coordinates are local, in the source's units, with z up: viewers hold them as float32, in which those of a
+country's grid have steps of decimetres. The header says what to add.
+
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TextIO
+
+import numpy as np
+
+from lidar_buildings.core.face_triangles import face_triangles
+from lidar_buildings.core.map_frame import MapFrame
+from lidar_buildings.core.solid import GROUND_SURFACE, ROOF_SURFACE, WALL_SURFACE, Solid
+from lidar_buildings.io.survey_buildings import SurveyBuilding
+from lidar_buildings.io.whole_files import whole_file
+
+#: Surface → its material's name and colour.
+_MATERIALS = {
+    ROOF_SURFACE: ("roof", (0.72, 0.29, 0.22)),
+    WALL_SURFACE: ("wall", (0.85, 0.82, 0.76)),
+    GROUND_SURFACE: ("ground", (0.45, 0.45, 0.42)),
+}
+#: Decimals of coordinates: the grid's millimetres, and as fine where a unit is no metre.
+_DECIMALS, _DECIMALS_OF_OTHER_UNITS = 3, 5
+
+
+@contextmanager
+def obj_file(path: Path, frame: MapFrame) -> Iterator[Callable[[SurveyBuilding], None]]:
+    """
+    Give a function that adds a building's finest solid to an OBJ file; its materials stand beside it.
+
+    Solids are closed as meshes, too: triangles share their vertices, and neighbours their edges.
+
+    Parameters
+    ----------
+    path : Path
+        It appears when the block ends well, and so does the file of materials of the same name in ``.mtl``.
+    frame : MapFrame
+        Of the buildings.
+
+    Raises
+    ------
+    OutputError
+        If a file cannot be written.
+
+    """
+    materials = path.with_suffix(".mtl")
+    with whole_file(materials) as temporary:
+        temporary.write_text("".join(_material(*one) for one in _MATERIALS.values()), encoding="utf-8")
+    with whole_file(path) as temporary, open(temporary, "w", encoding="utf-8") as file:
+        file.write(_header(frame, materials.name))
+        yield _Mesh(file, frame).add
+
+
+class _Mesh:
+    """
+    Writes buildings one after the other; vertices are numbered through the file.
+
+    """
+
+    def __init__(self, file: TextIO, frame: MapFrame) -> None:
+        self._file = file
+        self._units = frame.units
+        self._decimals = _DECIMALS if (frame.units == 1.0).all() else _DECIMALS_OF_OTHER_UNITS
+        self._n_vertices = 0
+
+    def add(self, building: SurveyBuilding) -> None:
+        """
+        Write a building, or why it has no solid.
+
+        """
+        feature = building.feature
+        level = feature.finest if feature else ""
+        if feature is None or not level:
+            reason = " ".join(str(building.attributes.get("reason") or "unknown").split())
+            self._file.write(f"# {building.readable_id}: no solid: {reason}\n")
+            return
+        self._file.write(f"o {building.readable_id}\n# LoD{level}\n")
+        self._write(feature.solids[level])
+
+    def _write(self, solid: Solid) -> None:
+        """
+        Write a solid's vertices, and its triangles by material.
+
+        """
+        places = np.round(solid.vertices / self._units, self._decimals) + 0.0  # no minus zero
+        lines = [f"v {x!r} {y!r} {z!r}\n" for x, y, z in places.tolist()]
+        first = self._n_vertices + 1
+        for kind, (name, _) in _MATERIALS.items():
+            faces = [f for f, own in zip(solid.faces, solid.semantics, strict=True) if own == kind]
+            lines.append(f"usemtl {name}\n")
+            lines += [
+                f"f {a + first} {b + first} {c + first}\n"
+                for face in faces
+                for a, b, c in face_triangles(solid.vertices, face)
+            ]
+        self._file.writelines(lines)
+        self._n_vertices += len(solid.vertices)
+
+
+def _header(frame: MapFrame, materials: str) -> str:
+    """
+    Return what stands above the first building.
+
+    """
+    offset = " ".join(repr(c) for c in frame.to_source(np.zeros((1, 3)))[0].tolist())
+    crs = " ".join(frame.crs.split()) or "unknown"
+    return (
+        "# The finest solid of each building; z is up.\n"
+        f"# Reference system: {crs}\n"
+        f"# Offset to add to all coordinates: {offset}\n"
+        f"mtllib {materials}\n"
+    )
+
+
+def _material(name: str, colour: tuple[float, float, float]) -> str:
+    """
+    Return a material that looks the same from both sides and does not shine.
+
+    """
+    red, green, blue = colour
+    return f"newmtl {name}\nKd {red} {green} {blue}\nKa {red} {green} {blue}\nillum 1\n"
