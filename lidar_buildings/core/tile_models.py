@@ -12,6 +12,7 @@ import numpy as np
 
 from lidar_buildings.core.building_id import anchor_near, anchor_row
 from lidar_buildings.core.building_model import BuildingModel, BuildingModelConfig, build_model
+from lidar_buildings.core.footprints import remark_on_points
 from lidar_buildings.core.outline import BuildingOutline, Outline
 from lidar_buildings.core.regularisation import RegularisationConfig, measure_outline
 from lidar_buildings.core.status import BuildingStatus
@@ -89,34 +90,37 @@ def _model(
         one.outline,
         config,
         plane_id=building.plane_id,
-        ground_elevation=_ground_elevation(building),
+        ground_elevation=_ground_elevation(building, one),
     )
+    reason = "; ".join(text for text in (remark_on_points(building), model.reason) if text)
     attributes = {"building_id": one.building_id, **model.attributes}
-    attributes.update(status=model.status.value, reason=model.reason)
+    attributes.update(status=model.status.value, reason=reason)
     if traced is not None:
-        attributes.update(_outline_attributes(model, measure_outline(traced, one.outline, regularisation)))
+        attributes.update(
+            _outline_attributes(model, reason, measure_outline(traced, one.outline, regularisation))
+        )
     west = building.points[anchor_row(building.points)] if len(building) else one.outline.exterior.min(axis=0)
     return TileModel(one.building_id, anchor_near(one.building_id, west), model, attributes)
 
 
-def _outline_attributes(model: BuildingModel, quality: Any) -> dict[str, Any]:
+def _outline_attributes(model: BuildingModel, reason: str, quality: Any) -> dict[str, Any]:
     """
     Return what the outline's quality adds; the model's own failure outweighs the outline's.
 
     """
     attributes = {"outline_sigma": quality.sigma, "outline_max_offset": quality.max_offset}
     if quality.status is not BuildingStatus.OK:
-        reasons = [reason for reason in (model.reason, quality.reason) if reason]
+        reasons = [each for each in (reason, quality.reason) if each]
         status = quality.status if model.status is BuildingStatus.OK else model.status
         attributes.update(status=status.value, reason="; ".join(reasons))
     return attributes
 
 
-def _ground_elevation(building: PointTile) -> float | None:
+def _ground_elevation(building: PointTile, one: BuildingOutline) -> float | None:
     """
-    Return the lowest ground under a building's points [m], None where no heights are known.
+    Return the lowest ground under a building's points [m], else what its outline knows of the ground.
 
     """
     if building.height_above_ground is None or not len(building):
-        return None
+        return one.ground_elevation
     return float(np.min(building.points[:, 2] - building.height_above_ground))

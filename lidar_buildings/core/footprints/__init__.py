@@ -6,6 +6,7 @@ Given footprints instead of traced outlines: repaired, numbered, and the points 
 from lidar_buildings.core.footprints.assignment import AssignedPoints, assign_footprints
 from lidar_buildings.core.footprints.config import FootprintConfig
 from lidar_buildings.core.footprints.footprints import Footprints, footprints_of
+from lidar_buildings.core.footprints.remark import remark_on_points
 from lidar_buildings.core.footprints.repair import Repairs, repaired_polygons
 
 __all__ = [
@@ -15,5 +16,6 @@ __all__ = [
     "Repairs",
     "assign_footprints",
     "footprints_of",
+    "remark_on_points",
     "repaired_polygons",
 ]

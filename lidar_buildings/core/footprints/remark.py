@@ -1,0 +1,27 @@
+"""
+What to remark about a building whose points were not recognised as a roof.
+
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from lidar_buildings.core.tile import PointTile
+
+
+def remark_on_points(building: PointTile) -> str:
+    """
+    Say how many of a building's points are of another class than 6; nothing if none is.
+
+    Parameters
+    ----------
+    building : PointTile
+        The points that carry the building's id.
+
+    """
+    n_others = int(np.count_nonzero(~building.is_roof))
+    if not n_others:
+        return ""
+    share = f"{n_others} of {len(building)} points are of other classes"
+    return f"the footprint has next to no roof points: {share}"
