@@ -51,6 +51,14 @@ class PlanGraph:
         """
         return [self.left[vertex, end] for end in self.around[vertex]]
 
+    def pieces_at(self, vertex: Vertex) -> set[int]:
+        """
+        Return the pieces on both sides of all edges at a vertex.
+
+        """
+        ends = self.around[vertex]
+        return {self.left[vertex, end] for end in ends} | {self.left[end, vertex] for end in ends}
+
     def split_edge(self, start: Vertex, end: Vertex, middle: Vertex) -> None:
         """
         Put a vertex into an edge.

@@ -80,7 +80,7 @@ class Posts:
         Measure the elevations at a vertex and make almost equal ones one, from the lowest on.
 
         """
-        found = set(self.graph.sectors(vertex))
+        found = self.graph.pieces_at(vertex)
         levels = {OUTSIDE: self.ground} if OUTSIDE in found else {}
         raw = sorted((self.raw(vertex, piece), piece) for piece in found if piece != OUTSIDE)
         within = float("inf") if vertex in self.joined else self.merged_within / GRID

@@ -6,7 +6,7 @@ The solid of a building whose roof is given in pieces.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -27,6 +27,8 @@ from lidar_buildings.core.validity import check_solid
 _MAX_ROUNDS = 10
 #: Elevations at one vertex that lie within this become one where merging more folds a small face [m].
 _MERGED_LITTLE = 0.002
+#: Codes of faces that are not flat.
+_FOLDED = {203, 204}
 #: What is tried if a solid fails its checks: details narrower than the first vanish, on a grid of the second
 #: [steps of the output grid].
 _SIMPLER = ((5.0, 1.0), (10.0, 5.0), (20.0, 10.0), (50.0, 25.0), (150.0, 50.0))
@@ -62,24 +64,18 @@ def roof_solid(pieces: Sequence[RoofPiece], ground_elevation: float) -> Solid:
     ground = round(ground_elevation / GRID)
     pieces = cleared_pieces(pieces, ground * GRID)
     first = None
-    for candidate in _candidates(pieces, ground):
-        if not check_solid(candidate):
-            return candidate
-        first = first or candidate
-    return first or Solid(np.empty((0, 3)), (), ())
-
-
-def _candidates(pieces: Sequence[RoofPiece], ground: int) -> Iterator[Solid]:
-    """
-    Yield what to try, the most faithful first.
-
-    """
     for within, grid in ((0.0, 0.0), *_SIMPLER):
         for merged_within in (MERGED_WITHIN, _MERGED_LITTLE):
             graph = noded_coverage(pieces, within, grid) if grid else matched_coverage(pieces)
             solid = _raised(graph, pieces, ground, merged_within)
-            yield solid
-            yield without_folds(solid)
+            codes = check_solid(solid)
+            if codes and _FOLDED.issuperset(codes):
+                unfolded = without_folds(solid)
+                solid, codes = (solid, codes) if check_solid(unfolded) else (unfolded, ())
+            if not codes:
+                return solid
+            first = first or solid
+    return first or Solid(np.empty((0, 3)), (), ())
 
 
 def _raised(graph: PlanGraph, pieces: Sequence[RoofPiece], ground: int, merged_within: float) -> Solid:

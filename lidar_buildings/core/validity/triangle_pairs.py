@@ -67,9 +67,10 @@ def _meet_beyond_vertex(p: NDArray[np.int64], s: NDArray[np.int64], t: NDArray[n
     for i in range(3):
         for j in range(3):
             if s[i] == t[j]:
-                return _segment_meets(p, s[(i + 1) % 3], s[(i + 2) % 3], t) or _segment_meets(
-                    p, t[(j + 1) % 3], t[(j + 2) % 3], s
-                )
+                a, b, c, d = s[(i + 1) % 3], s[(i + 2) % 3], t[(j + 1) % 3], t[(j + 2) % 3]
+                if side_of_plane(p, t[0], t[1], t[2], a) * side_of_plane(p, t[0], t[1], t[2], b) > 0:
+                    return False
+                return _segment_meets(p, a, b, t) or _segment_meets(p, c, d, s)
     return False
 
 

@@ -18,7 +18,7 @@ from lidar_buildings.core.validity.flips import flip_to_delaunay
 #: A corner whose ear is lower than this is straight [m].
 _STRAIGHT = 1e-9
 #: Rings with more corners than this get the first ear found, not the best.
-_MANY = 64
+_MANY = 24
 
 
 def triangulate(faces: FaceArrays, flat: NDArray[np.float64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
