@@ -19,6 +19,8 @@ _BESIDE_CORNER, _BEFORE_CORNER = 1.0, 2.0
 _SAME_POINT = 3.0
 #: Planes miss their common point by no more than this, root mean square [m].
 _MOST_MISS = 0.08
+#: Further planes whose lines end within so many spacings of a common point may pass it, too.
+POINT_REACH = 8.0
 #: Three planes meet in a point anyway.
 _LEAST_PLANES = 4
 
@@ -118,6 +120,10 @@ def _common_points(
         point, planes = _agreeing(gradients, planes)
         apart = np.hypot(*(positions[mine] - point[:2]).T).min()
         if len(planes) >= _LEAST_PLANES and apart <= _SAME_POINT * spacing:
+            near = np.hypot(*(positions - point[:2]).T) <= POINT_REACH * spacing
+            others = np.setdiff1d(np.unique(pairs[near]), planes)
+            miss = gradients[others - 1, :2] @ point[:2] + gradients[others - 1, 2] - point[2]
+            planes = np.union1d(planes, others[np.abs(miss) <= _MOST_MISS])
             x, y = point[:2] + centre[:2]
             meetings.append(Meeting(tuple(int(k) for k in planes), (float(x), float(y)), False))
     return meetings

@@ -18,7 +18,7 @@ from lidar_buildings.core.roof_topology.region_raster import RegionRaster
 #: Planes whose slopes differ by less [m/m] have no line of intersection worth the name.
 LEAST_BEND = 0.03
 #: A border lies on the line if it is no farther from it than the gap between the points and so many spacings,
-_TOLERANCE = 0.75
+_TOLERANCE = 0.35
 #: or than where the planes are so far apart [m]: points of either plane may be taken for the other's.
 _NOISE = 0.06
 #: Borders so near beside a piece of the line [spacings] are no steps.

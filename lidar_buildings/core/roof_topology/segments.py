@@ -11,6 +11,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from lidar_buildings.core.roof_planes import Meeting
+from lidar_buildings.core.roof_topology.meetings import POINT_REACH
 from lidar_buildings.core.roof_topology.pieces import LEAST_BEND, Pieces, intersection_line
 from lidar_buildings.core.roof_topology.result import HIP, RIDGE, VALLEY, IntersectionSegment
 
@@ -30,6 +32,7 @@ def finished(
     centre: NDArray[np.float64],
     rings: tuple[NDArray[np.float64], ...],
     steps: NDArray[np.float64],
+    meetings: tuple[Meeting, ...],
     spacing: float,
 ) -> list[IntersectionSegment]:
     """
@@ -48,13 +51,18 @@ def finished(
         The outline's [m].
     steps : ndarray of shape (n_steps, 2, 2)
         Ends of the step edges about the centre [m].
+    meetings : tuple of Meeting
+        Where planes have been made to meet.
     spacing : float
         Point spacing [m].
 
     """
     stops = np.concatenate([walls_about(rings, centre), steps])
     partners = _partners(pieces, len(gradients))
-    t = _moved_ends(pieces.first, pieces.second, pieces.t, gradients, partners, stops, spacing)
+    positions, members = _points_of(meetings, len(gradients), centre)
+    t = _moved_ends(
+        pieces.first, pieces.second, pieces.t, gradients, partners, stops, positions, members, spacing
+    )
     return [
         _segment(pieces, k, t[k], gradients, centre)
         for k in range(len(t))
@@ -81,8 +89,23 @@ def _partners(pieces: Pieces, n_planes: int) -> NDArray[np.bool_]:
     return table
 
 
+def _points_of(
+    meetings: tuple[Meeting, ...], n_planes: int, centre: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+    """
+    Return where planes meet in points about the centre, and which planes each time, as a table.
+
+    """
+    points = [meeting for meeting in meetings if not meeting.fixed]
+    members = np.zeros((len(points), n_planes + 1), dtype=np.bool_)
+    for row, meeting in zip(members, points, strict=True):
+        row[list(meeting.planes)] = True
+    positions = np.array([meeting.xy for meeting in points]).reshape(-1, 2)
+    return positions - centre[:2], members
+
+
 @njit(cache=True, nogil=True)
-def _moved_ends(first, second, t, gradients, partners, stops, spacing):  # type: ignore[no-untyped-def]
+def _moved_ends(first, second, t, gradients, partners, stops, positions, members, spacing):  # type: ignore[no-untyped-def]
     """
     Return the places of all ends along their lines.
 
@@ -93,12 +116,30 @@ def _moved_ends(first, second, t, gradients, partners, stops, spacing):  # type:
         p, q = gradients[i - 1], gradients[j - 1]
         fx, fy, ux, uy, _ = intersection_line(p, q)
         for end in range(2):
-            at = _third_plane(t[k, end], i, j, fx, fy, ux, uy, gradients, partners, _PLANE_REACH * spacing)
+            at = _point(t[k, end], i, j, ux, uy, positions, members, POINT_REACH * spacing)
+            if math.isnan(at):
+                at = _third_plane(
+                    t[k, end], i, j, fx, fy, ux, uy, gradients, partners, _PLANE_REACH * spacing
+                )
             if math.isnan(at):
                 at = stop(t[k, end], fx, fy, ux, uy, stops, _REACH * spacing, _CORNER * spacing, -1)
             if not math.isnan(at):
                 moved[k, end] = at
     return moved
+
+
+@njit(cache=True, nogil=True)
+def _point(t, i, j, ux, uy, positions, members, reach):  # type: ignore[no-untyped-def]
+    """
+    Return where on the line of planes i and j the nearest point lies in which both meet others, or NaN.
+
+    """
+    best, place = reach, math.nan
+    for m in range(len(positions)):
+        at = positions[m, 0] * ux + positions[m, 1] * uy
+        if members[m, i] and members[m, j] and abs(at - t) < best:
+            best, place = abs(at - t), at
+    return place
 
 
 @njit(cache=True, nogil=True)

@@ -18,7 +18,7 @@ _HALF_WIDTH, _TAKEN = 0.7, 1.3
 #: Longest gap in a run in spacings, and least share of it that has sides.
 _LONGEST_GAP, _LEAST_SUPPORT = 3.0, 0.5
 #: Length of the shortest run in spacings.
-LEAST_LENGTH = 2.5
+LEAST_LENGTH = 2.0
 
 
 def straight_runs(

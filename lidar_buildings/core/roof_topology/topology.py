@@ -84,7 +84,9 @@ def find_topology(
     lines = find_step_lines(borders, pieces.on_line, points, gradients, counts, rings, centre, spacing)
     lines = merged(snapped(lines, rings, centre, spacing), spacing)
     lines = extended(lines, piece_ends(pieces, gradients), rings, centre, spacing)
-    intersections = finished(pieces, gradients, centre, rings, step_segments(lines), spacing)
+    intersections = finished(
+        pieces, gradients, centre, rings, step_segments(lines), adjustment.meetings, spacing
+    )
     steps = step_edges(lines, gradients, centre)
     kind = roof_type(points, seen, gradients, intersections, steps, spacing)
     return RoofTopology(
