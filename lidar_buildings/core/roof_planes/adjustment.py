@@ -27,7 +27,7 @@ _LEAST_MOVE, _MOST_MOVE = 0.03, 0.06
 #: Rounds in which relations that move planes too far are given up.
 _MAX_ROUNDS = 6
 #: Rounds in which the positions of meetings follow the planes.
-_FOLLOW_ROUNDS = 2
+_FOLLOW_ROUNDS = 3
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,25 +90,24 @@ class Adjustment:
         self, meetings: list[Meeting]
     ) -> tuple[NDArray[np.float64], list[Meeting], NDArray[np.float64]]:
         """
-        Solve, let meetings whose position is not given follow the planes, and solve again.
+        Solve, let meetings whose position is not given follow the planes, solve again, and so on.
 
         """
-        coefficients, pull = solve(self.free, self.unknowns, meetings)
-        if all(meeting.fixed for meeting in meetings):
-            return coefficients, meetings, pull
-        for _ in range(_FOLLOW_ROUNDS - 1):
-            meetings = [self._following(meeting) for meeting in meetings]
-            coefficients, pull = solve(self.free, self.unknowns, meetings)
+        coefficients = self.coefficients
+        rounds = 1 if all(meeting.fixed for meeting in meetings) else _FOLLOW_ROUNDS
+        for _ in range(rounds):
+            meetings = [self._following(meeting, coefficients) for meeting in meetings]
+            coefficients, pull = solve(self.free, self.unknowns, meetings, coefficients[:, :2])
         return coefficients, meetings, pull
 
-    def _following(self, meeting: Meeting) -> Meeting:
+    def _following(self, meeting: Meeting, coefficients: NDArray[np.float64]) -> Meeting:
         """
-        Move a meeting whose position is not given to where the planes without it are nearest to meeting.
+        Move a meeting whose position is not given to where planes are nearest to meeting.
 
         """
         if meeting.fixed:
             return meeting
-        xy, _ = common_point(self.coefficients[np.array(meeting.planes) - 1])
+        xy, _ = common_point(coefficients[np.array(meeting.planes) - 1])
         return meeting._replace(xy=(float(xy[0] + self.centre[0]), float(xy[1] + self.centre[1])))
 
 
@@ -178,7 +177,7 @@ def _with_relations(free: FreePlanes, relations: Relations) -> tuple[Unknowns, N
     limit = 1.5 * allowed_move(free.rms)
     for _ in range(_MAX_ROUNDS):
         unknowns = unknowns_of(relations)
-        coefficients, _ = solve(free, unknowns, ())
+        coefficients, _ = solve(free, unknowns, (), free.coefficients[:, :2])
         moved = np.flatnonzero(free.roof & (free.offsets(coefficients) > limit))
         if not len(moved):
             break

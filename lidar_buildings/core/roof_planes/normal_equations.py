@@ -95,12 +95,23 @@ def _numbered(group: NDArray[np.int64], kept: NDArray[np.bool_]) -> tuple[NDArra
 
 
 def solve(
-    planes: FreePlanes, unknowns: Unknowns, meetings: Sequence[Meeting]
+    planes: FreePlanes,
+    unknowns: Unknowns,
+    meetings: Sequence[Meeting],
+    slopes: NDArray[np.float64],
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """
     Find the planes nearest to the free ones that obey all relations and meet where they should.
 
     Least squares with equality constraints: the normal equations bordered by the constraints' (KKT system).
+
+    Parameters
+    ----------
+    planes : FreePlanes
+    unknowns : Unknowns
+    meetings : sequence of Meeting
+    slopes : ndarray of shape (n_planes, 2)
+        Approximate gradients, for meetings whose position is not given.
 
     Returns
     -------
@@ -120,7 +131,7 @@ def solve(
     target = np.zeros(unknowns.n)
     np.add.at(target, unknowns.number, right)
     normal[np.diag_indices(unknowns.n)] += 1e-9 * (1.0 + normal.diagonal())
-    rows, owner = _equations(planes, meetings)
+    rows, owner = _equations(planes, meetings, slopes)
     bordering = np.zeros((len(rows), unknowns.n))
     for row, k in np.argwhere(np.any(rows != 0, axis=2)):
         np.add.at(bordering[row], unknowns.number[k], rows[row, k] @ unknowns.share[k])
@@ -130,24 +141,29 @@ def solve(
 
 
 def _equations(
-    planes: FreePlanes, meetings: Sequence[Meeting]
+    planes: FreePlanes, meetings: Sequence[Meeting], slopes: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
     """
-    Return one equation for every plane of a meeting but the first, shape (n, n_planes, 3), and its meeting.
+    Return the equations of meetings, shape (n, n_planes, 3), and the meeting that each belongs to.
+
+    At a given position all planes have the elevation of the first. Elsewhere the position is unknown, too:
+    combinations of elevations in which it cancels out are zero, three fewer than there are planes.
 
     """
-    n = sum(len(meeting.planes) - 1 for meeting in meetings)
-    rows = np.zeros((n, len(planes.rms), 3))
-    owner = np.zeros(n, dtype=np.int64)
-    row = 0
+    rows, owner = [np.zeros((0, len(planes.rms), 3))], []
     for number, meeting in enumerate(meetings):
         x, y = np.asarray(meeting.xy) - planes.moments.centre[:2]
-        for other in meeting.planes[1:]:
-            rows[row, meeting.planes[0] - 1] = x, y, 1.0
-            rows[row, other - 1] = -x, -y, -1.0
-            owner[row] = number
-            row += 1
-    return rows, owner
+        members = np.array(meeting.planes) - 1
+        if meeting.fixed:
+            combination = np.column_stack([np.ones(len(members) - 1), -np.eye(len(members) - 1)])
+        else:
+            position = np.column_stack([slopes[members], np.ones(len(members))])
+            combination = np.linalg.qr(position, mode="complete")[0][:, 3:].T
+        equations = np.zeros((len(combination), len(planes.rms), 3))
+        equations[:, members] = combination[:, :, None] * np.array([x, y, 1.0])
+        rows.append(equations)
+        owner += [number] * len(equations)
+    return np.concatenate(rows), np.array(owner, dtype=np.int64)
 
 
 def _pulls(

@@ -15,7 +15,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 #: Pivots below this share of the diagonal belong to equations that follow from others.
-_DEPENDENT = 1e-8
+_DEPENDENT = 1e-6
 
 
 def constrained_minimum(
