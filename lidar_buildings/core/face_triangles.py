@@ -20,9 +20,9 @@ Triangle = tuple[int, int, int]
 _Edge = tuple[int, int]
 
 
-def face_triangles(vertices: NDArray[np.float64], face: Face) -> list[Triangle]:
+def face_pieces(vertices: NDArray[np.float64], face: Face) -> list[tuple[int, ...]]:
     """
-    Divide a face into triangles that have every edge of its rings as an edge.
+    Divide a face into convex pieces that have every edge of its rings as an edge.
 
     Ears are cut off in the plane that shows the face largest (mapbox-earcut). That leaves out vertices in the
     middle of a straight edge, at which the next face would not match; the triangles beside them are divided.
@@ -36,36 +36,58 @@ def face_triangles(vertices: NDArray[np.float64], face: Face) -> list[Triangle]:
 
     Returns
     -------
-    list of tuple of three int
-        Rows of `vertices`; empty for a face without area.
+    list of tuple of int
+        Rows of `vertices`: the face itself if it is a triangle or a convex quadrilateral, else triangles;
+        empty for a face without area.
 
     """
-    if len(face) == 1 and len(face[0]) == 3:
-        return [(face[0][0], face[0][1], face[0][2])]
-    if is_convex_quadrilateral(vertices, face):
-        a, b, c, d = face[0]
-        return [(a, b, c), (a, c, d)]
+    if len(face) == 1 and (len(face[0]) == 3 or _is_convex_quadrilateral(vertices, face[0])):
+        return [face[0]]
+    return list(_triangles(vertices, face))
+
+
+def triangles_of(pieces: Sequence[tuple[int, ...]]) -> list[Triangle]:
+    """
+    Divide convex pieces of three or four corners into triangles.
+
+    """
+    return [(piece[0], piece[k], piece[k + 1]) for piece in pieces for k in range(1, len(piece) - 1)]
+
+
+def _triangles(vertices: NDArray[np.float64], face: Face) -> list[Triangle]:
+    """
+    Divide any face into triangles.
+
+    """
     rows = list(chain.from_iterable(face))
     plan = _largest_view(vertices, face)
     ends = np.cumsum([len(ring) for ring in face]).astype(np.uint32)
-    cut = mapbox_earcut.triangulate_float64(plan, ends).reshape(-1, 3)
-    triangles = [_counter_clockwise(plan, *corners) for corners in cut.tolist()]
-    return _mended([(rows[a], rows[b], rows[c]) for a, b, c in triangles], face, vertices)
+    cut = mapbox_earcut.triangulate_float64(plan, ends).reshape(-1, 3).tolist()
+    places = plan.tolist()
+    turned = [_counter_clockwise(places, *corners) for corners in cut]
+    return _mended([(rows[a], rows[b], rows[c]) for a, b, c in turned], face, vertices)
 
 
-def is_convex_quadrilateral(vertices: NDArray[np.float64], face: Face) -> bool:
+def _is_convex_quadrilateral(vertices: NDArray[np.float64], ring: Sequence[int]) -> bool:
     """
-    Whether a face has four corners, all of which turn the same way.
+    Whether a ring has four corners, all of which turn the same way.
 
     """
-    if len(face) != 1 or len(face[0]) != 4:
+    if len(ring) != 4:
         return False
-    corners = vertices[list(face[0])].tolist()
-    sides = [
-        [q - p for p, q in zip(corners[k], corners[k - 3], strict=True)] for k in range(4)
-    ]  # from each corner to the next
-    normals = [_cross(sides[k - 1], sides[k]) for k in range(4)]
-    return all(sum(a * b for a, b in zip(normals[0], one, strict=True)) > 0.0 for one in normals)
+    a, b, c, d = vertices[list(ring)].tolist()
+    sides = [_step(a, b), _step(b, c), _step(c, d), _step(d, a)]
+    x, y, z = _cross(sides[3], sides[0])
+    others = (_cross(sides[k], sides[k + 1]) for k in range(3))
+    return all(x * u + y * v + z * w > 0.0 for u, v, w in others)
+
+
+def _step(a: Sequence[float], b: Sequence[float]) -> tuple[float, float, float]:
+    """
+    Return the way from one place to another.
+
+    """
+    return b[0] - a[0], b[1] - a[1], b[2] - a[2]
 
 
 def _cross(a: Sequence[float], b: Sequence[float]) -> tuple[float, float, float]:
@@ -89,12 +111,12 @@ def _largest_view(vertices: NDArray[np.float64], face: Face) -> NDArray[np.float
     return np.ascontiguousarray(np.concatenate(rings)[:, columns])
 
 
-def _counter_clockwise(plan: NDArray[np.float64], a: int, b: int, c: int) -> Triangle:
+def _counter_clockwise(places: Sequence[Sequence[float]], a: int, b: int, c: int) -> Triangle:
     """
     Return three corners counter-clockwise.
 
     """
-    (ax, ay), (bx, by), (cx, cy) = plan[a].tolist(), plan[b].tolist(), plan[c].tolist()
+    (ax, ay), (bx, by), (cx, cy) = places[a], places[b], places[c]
     return (a, b, c) if (bx - ax) * (cy - ay) >= (cx - ax) * (by - ay) else (a, c, b)
 
 

@@ -5,7 +5,7 @@ City models as CAD drawings: DXF with a layer per level of detail and surface, a
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -14,12 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lidar_buildings.core.arcs import ring_arcs
-from lidar_buildings.core.face_triangles import Triangle, face_triangles, is_convex_quadrilateral
 from lidar_buildings.core.map_frame import MapFrame
-from lidar_buildings.core.solid import GROUND_SURFACE, ROOF_SURFACE, WALL_SURFACE, Face, Solid
-from lidar_buildings.io.dxf_entities import Corner, DxfEntities
+from lidar_buildings.core.solid import GROUND_SURFACE, ROOF_SURFACE, WALL_SURFACE
+from lidar_buildings.io.dxf_entities import Corner, DxfEntities, corner_text
 from lidar_buildings.io.dxf_frame import FIRST_HANDLE, dxf_frame
-from lidar_buildings.io.survey_buildings import SurveyBuilding
+from lidar_buildings.io.survey_buildings import SolidMesh, SurveyBuilding
 from lidar_buildings.io.whole_files import whole_file
 
 #: Name under which entities carry their building's id, and outlines its attributes.
@@ -87,10 +86,8 @@ class _Drawing:
 
         """
         parts = self._outline(building)
-        feature = building.feature
-        if feature is not None and feature.finest:
-            data = self._entities.extended_data([building.readable_id])
-            parts += self._solid(feature.solids[feature.finest], feature.finest, data)
+        if building.mesh is not None:
+            parts += self._solid(building.mesh, building.readable_id)
         self._file.write("".join(parts).encode("ascii"))
 
     def _outline(self, building: SurveyBuilding) -> list[str]:
@@ -115,16 +112,19 @@ class _Drawing:
                 drawn.append(self._entities.point(layer, (*places[0][:2], ground), data))
         return drawn
 
-    def _solid(self, solid: Solid, level: str, data: str) -> list[str]:
+    def _solid(self, mesh: SolidMesh, name: str) -> list[str]:
         """
         Draw a solid's faces; edges within a face are hidden.
 
         """
-        corners = self._in_source(solid.vertices)
+        data = self._entities.extended_data([name])
+        corners = [corner_text(corner) for corner in self._in_source(mesh.solid.vertices)]
         drawn = []
-        for face, kind in zip(solid.faces, solid.semantics, strict=True):
-            layer = layer_name(level, kind)
-            for rows, hidden in _pieces(solid.vertices, face):
+        for face, pieces, kind in zip(mesh.solid.faces, mesh.pieces, mesh.solid.semantics, strict=True):
+            layer = layer_name(mesh.lod, kind)
+            seen = set(_edges(face[0])).union(*map(_edges, face[1:])) if len(pieces) > 1 else None
+            for rows in pieces:
+                hidden = [seen is not None and edge not in seen for edge in _edges(rows)]
                 drawn.append(self._entities.face(layer, [corners[k] for k in rows], data, hidden))
         return drawn
 
@@ -138,24 +138,12 @@ class _Drawing:
         return [(x, y, z) for x, y, z in self._frame.to_source(full).tolist()]
 
 
-def _pieces(vertices: NDArray[np.float64], face: Face) -> list[tuple[tuple[int, ...], list[bool]]]:
+def _edges(ring: Sequence[int]) -> list[tuple[int, int]]:
     """
-    Return the rows of triangles, or of one quadrilateral, and which of their edges lie within the face.
+    Return the pairs of consecutive members, the last with the first.
 
     """
-    if is_convex_quadrilateral(vertices, face):
-        return [(face[0], [False] * 4)]
-    seen = {edge for ring in face for edge in zip(ring, (*ring[1:], ring[0]), strict=True)}
-    return [(rows, [edge not in seen for edge in _edges(rows)]) for rows in face_triangles(vertices, face)]
-
-
-def _edges(triangle: Triangle) -> list[tuple[int, int]]:
-    """
-    Return a triangle's edges.
-
-    """
-    a, b, c = triangle
-    return [(a, b), (b, c), (c, a)]
+    return list(zip(ring, (*ring[1:], ring[0]), strict=True))
 
 
 def _told(attributes: Mapping[str, Any]) -> list[str]:

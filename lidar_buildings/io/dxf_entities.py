@@ -14,6 +14,8 @@ _DECIMALS, _DECIMALS_OF_BULGES = 4, 9
 _LONGEST_TEXT = 255
 
 Corner = tuple[float, float, float]
+#: A corner's coordinates as text: one corner belongs to many faces.
+CornerText = tuple[str, str, str]
 
 
 class DxfEntities:
@@ -36,16 +38,14 @@ class DxfEntities:
         self._application = application
         self.next_handle = first_handle
 
-    def face(
-        self, layer: str, corners: Sequence[Corner], data: str, hidden: Sequence[bool] = (False,) * 4
-    ) -> str:
+    def face(self, layer: str, corners: Sequence[CornerText], data: str, hidden: Sequence[bool]) -> str:
         """
         Return a face of three or four corners.
 
         Parameters
         ----------
         layer : str
-        corners : sequence of (x, y, z)
+        corners : sequence of CornerText
             In one plane.
         data : str
             What `extended_data` returns.
@@ -55,9 +55,7 @@ class DxfEntities:
         """
         # three corners are written as four, of which the last two are one
         four = corners if len(corners) == 4 else [*corners, corners[2]]
-        places = "".join(
-            f" 1{k}\n{_text(x)}\n 2{k}\n{_text(y)}\n 3{k}\n{_text(z)}\n" for k, (x, y, z) in enumerate(four)
-        )
+        places = "".join(f" 1{k}\n{x}\n 2{k}\n{y}\n 3{k}\n{z}\n" for k, (x, y, z) in enumerate(four))
         flags = sum(1 << k for k, one in enumerate(hidden[: len(corners) - 1]) if one)
         # with three corners the last edge is the fourth, and the third has no length
         flags |= 8 if hidden[len(corners) - 1] else 0
@@ -102,9 +100,9 @@ class DxfEntities:
         Return a point.
 
         """
-        x, y, z = place
+        x, y, z = corner_text(place)
         begun = self._begun("POINT", layer)
-        return f"{begun}100\nAcDbPoint\n 10\n{_text(x)}\n 20\n{_text(y)}\n 30\n{_text(z)}\n{data}"
+        return f"{begun}100\nAcDbPoint\n 10\n{x}\n 20\n{y}\n 30\n{z}\n{data}"
 
     def extended_data(self, texts: Sequence[str]) -> str:
         """
@@ -122,6 +120,15 @@ class DxfEntities:
         handle = self.next_handle
         self.next_handle += 1
         return f"  0\n{kind}\n  5\n{handle:X}\n330\n{self._owner}\n100\nAcDbEntity\n  8\n{layer}\n"
+
+
+def corner_text(corner: Corner) -> CornerText:
+    """
+    Return a corner as text.
+
+    """
+    x, y, z = corner
+    return _text(x), _text(y), _text(z)
 
 
 def _text(coordinate: float) -> str:

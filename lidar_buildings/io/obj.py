@@ -15,10 +15,10 @@ from typing import TextIO
 
 import numpy as np
 
-from lidar_buildings.core.face_triangles import face_triangles
+from lidar_buildings.core.face_triangles import triangles_of
 from lidar_buildings.core.map_frame import MapFrame
-from lidar_buildings.core.solid import GROUND_SURFACE, ROOF_SURFACE, WALL_SURFACE, Solid
-from lidar_buildings.io.survey_buildings import SurveyBuilding
+from lidar_buildings.core.solid import GROUND_SURFACE, ROOF_SURFACE, WALL_SURFACE
+from lidar_buildings.io.survey_buildings import SolidMesh, SurveyBuilding
 from lidar_buildings.io.whole_files import whole_file
 
 #: Surface → its material's name and colour.
@@ -76,33 +76,32 @@ class _Mesh:
         Write a building, or why it has no solid.
 
         """
-        feature = building.feature
-        level = feature.finest if feature else ""
-        if feature is None or not level:
+        if building.mesh is None:
             reason = " ".join(str(building.attributes.get("reason") or "unknown").split())
             self._file.write(f"# {building.readable_id}: no solid: {reason}\n")
             return
-        self._file.write(f"o {building.readable_id}\n# LoD{level}\n")
-        self._write(feature.solids[level])
+        self._file.write(f"o {building.readable_id}\n# LoD{building.mesh.lod}\n")
+        self._write(building.mesh)
 
-    def _write(self, solid: Solid) -> None:
+    def _write(self, mesh: SolidMesh) -> None:
         """
         Write a solid's vertices, and its triangles by material.
 
         """
-        places = np.round(solid.vertices / self._units, self._decimals) + 0.0  # no minus zero
+        vertices = mesh.solid.vertices
+        places = np.round(vertices / self._units, self._decimals) + 0.0  # no minus zero
         lines = [f"v {x!r} {y!r} {z!r}\n" for x, y, z in places.tolist()]
         first = self._n_vertices + 1
         for kind, (name, _) in _MATERIALS.items():
-            faces = [f for f, own in zip(solid.faces, solid.semantics, strict=True) if own == kind]
+            own = (p for p, of in zip(mesh.pieces, mesh.solid.semantics, strict=True) if of == kind)
             lines.append(f"usemtl {name}\n")
             lines += [
                 f"f {a + first} {b + first} {c + first}\n"
-                for face in faces
-                for a, b, c in face_triangles(solid.vertices, face)
+                for pieces in own
+                for a, b, c in triangles_of(pieces)
             ]
         self._file.writelines(lines)
-        self._n_vertices += len(solid.vertices)
+        self._n_vertices += len(vertices)
 
 
 def _header(frame: MapFrame, materials: str) -> str:

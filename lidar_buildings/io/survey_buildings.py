@@ -9,6 +9,7 @@ import json
 import os
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -17,14 +18,36 @@ from numpy.typing import NDArray
 
 from lidar_buildings.core.building_id import anchor_near, anchor_row, readable_id
 from lidar_buildings.core.errors import InputError
+from lidar_buildings.core.face_triangles import face_pieces
 from lidar_buildings.core.map_frame import MapFrame
 from lidar_buildings.core.outline import Outline
 from lidar_buildings.core.output_grid import GRID
+from lidar_buildings.core.solid import Solid
 from lidar_buildings.io.building_attributes import in_source_units
 from lidar_buildings.io.cityjson import CityFeature, parse_feature
 from lidar_buildings.io.footprint_results import FOOTPRINT_ID
 from lidar_buildings.io.tile_products import Shapes
 from lidar_buildings.io.whole_files import cannot_write
+
+
+@dataclass(frozen=True, eq=False)
+class SolidMesh:
+    """
+    A solid with its faces divided into convex pieces of three or four corners.
+
+    Attributes
+    ----------
+    lod : str
+        The solid's level of detail.
+    solid : Solid
+    pieces : tuple of tuple of tuple of int
+        Per face its pieces, as rows of the solid's vertices.
+
+    """
+
+    lod: str
+    solid: Solid
+    pieces: tuple[tuple[tuple[int, ...], ...], ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,6 +79,18 @@ class SurveyBuilding:
     line: str
     feature: CityFeature | None
     attributes: dict[str, Any]
+
+    @cached_property
+    def mesh(self) -> SolidMesh | None:
+        """
+        The finest solid with its faces divided, None if there is no solid.
+
+        """
+        if self.feature is None or not self.feature.finest:
+            return None
+        solid = self.feature.solids[self.feature.finest]
+        pieces = tuple(tuple(face_pieces(solid.vertices, face)) for face in solid.faces)
+        return SolidMesh(self.feature.finest, solid, pieces)
 
 
 @dataclass(frozen=True, eq=False)
