@@ -64,8 +64,10 @@ def test_a_segment_runs_on_to_the_next_one_at_both_ends():
 
 
 def test_a_segment_without_length_stays_where_it_is():
-    segments = np.array([[[4.0, 5.0], [4.0, 5.0]]])
-    assert np.array_equal(extend_segments(segments, walls_of(Outline(SQUARE))), segments)
+    segments = np.array([[[4.0, 5.0], [4.0, 5.0]], [[8.0, 2.0], [8.0, 8.0]]])
+    extended = extend_segments(segments, walls_of(Outline(SQUARE)))
+    assert np.array_equal(extended[0], segments[0])
+    assert extended[1] == pytest.approx(np.array([[8.0, 0.0], [8.0, 10.0]]))
 
 
 @pytest.mark.parametrize("seed", range(20))

@@ -153,7 +153,7 @@ def _reach(x: float, y: float, dx: float, dy: float, own: int, obstacles: NDArra
         ax, ay = obstacles[j, 0]
         ex, ey = obstacles[j, 1, 0] - ax, obstacles[j, 1, 1] - ay
         cross = dx * ey - dy * ex
-        if abs(cross) < 1e-9 * np.hypot(ex, ey):
+        if abs(cross) <= 1e-9 * np.hypot(ex, ey):
             continue
         t = ((ax - x) * ey - (ay - y) * ex) / cross
         u = ((ax - x) * dy - (ay - y) * dx) / cross
