@@ -23,7 +23,7 @@ from lidar_buildings.core.building_model.faces import (
 from lidar_buildings.core.building_model.heights import parts_of_one_height, settle_planes
 from lidar_buildings.core.building_model.minimum_cut import source_side
 from lidar_buildings.core.building_model.missed_parts import find_missed_parts
-from lidar_buildings.core.building_model.partition import RoofFacePatch
+from lidar_buildings.core.building_model.roof_face import RoofFacePatch
 from lidar_buildings.core.building_model.surface_distance import distance_to_surface
 from lidar_buildings.core.outline import Outline
 from lidar_buildings.core.solid import extrude
@@ -182,17 +182,24 @@ def test_faces_that_meet_are_one_part_and_a_high_step_makes_two():
     assert parts_of_one_height(faces, 6.0).tolist() == [0, 0, 0]
 
 
-def test_a_plane_that_rises_above_all_points_is_replaced_by_one_that_fits_them():
+def test_a_face_that_does_not_fit_its_points_gets_a_plane_that_does():
     points = np.column_stack([np.random.default_rng(0).uniform(0, 10, (200, 2)), np.full(200, 5.0)])
     steep = patch(0, 10, (2.0, 0.0, 0.0), range(200))
     (settled,) = settle_planes([steep], points, 0.5)
     assert settled.plane == pytest.approx([0.0, 0.0, 5.0], abs=1e-6)
 
 
-def test_a_plane_without_points_of_its_own_stays_within_the_heights_that_were_seen():
-    points = np.array([[0.0, 0.0, 4.0], [1.0, 0.0, 6.0]])
-    (settled,) = settle_planes([patch(0, 10, (3.0, 0.0, 0.0))], points, 0.5)
-    assert settled.plane == pytest.approx([0.0, 0.0, 6.0])
+def test_a_plane_is_cut_off_level_where_it_rises_above_and_falls_below_all_that_was_seen():
+    points = np.array([[4.0, 5.0, 4.0], [5.0, 5.0, 5.0], [6.0, 5.0, 6.0]])
+    pieces = settle_planes([patch(0, 10, (1.0, 0.0, 0.0), range(3))], points, 0.5)
+    assert sum(piece.polygon.area for piece in pieces) == pytest.approx(100.0)
+    below, sloping, above = pieces
+    # A margin of 0.3 m above and 1 m below, and half a metre more at this slope and spacing.
+    assert below.plane == pytest.approx([0.0, 0.0, 2.5])
+    assert below.polygon.bounds == pytest.approx((0.0, 0.0, 2.5, 10.0))
+    assert sloping.polygon.bounds == pytest.approx((2.5, 0.0, 6.8, 10.0))
+    assert sloping.rows.tolist() == [0, 1, 2]
+    assert above.plane == pytest.approx([0.0, 0.0, 6.8])
 
 
 def test_a_step_without_line_is_found_as_a_rectangle_round_its_points():

@@ -84,7 +84,8 @@ def without_straight_vertices(
     Returns
     -------
     list of tuple of ndarray of shape (n_vertices, 2)
-        Per polygon its outer ring counter-clockwise, then its holes clockwise, open.
+        Per polygon its outer ring counter-clockwise, then its holes clockwise, open; none for a polygon
+        without corners.
 
     """
     rings = [
@@ -97,7 +98,10 @@ def without_straight_vertices(
             neighbours.setdefault(here, set()).update((before, after))
     keep = set(map(tuple, corners.tolist()))
     dropped = _straight(neighbours, keep)
-    return [tuple(np.array([xy for xy in ring if xy not in dropped]) for ring in group) for group in rings]
+    kept = [[[xy for xy in ring if xy not in dropped] for ring in group] for group in rings]
+    # A ring thinner than what counts as straight has no corners left: the solid closes such gaps.
+    whole = [[ring for ring in group if len(ring) >= 3] if len(group[0]) >= 3 else [] for group in kept]
+    return [tuple(np.array(ring) for ring in group) for group in whole]
 
 
 def _straight(

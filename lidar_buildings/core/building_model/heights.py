@@ -5,14 +5,15 @@ Heights of roof faces that the points bear out, and the parts of a roof that sha
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from lidar_buildings.core.building_model.partition import RoofFacePatch
+from lidar_buildings.core.building_model.roof_face import RoofFacePatch, open_rings
 from lidar_buildings.core.linked_sets import sets_of_pairs
+from lidar_buildings.core.output_grid import GRID
 
 #: A face whose points lie farther off in the middle than this gets a plane of its own [m].
 _MAX_MEDIAN_MISFIT = 0.25
@@ -22,14 +23,50 @@ _MIN_POINTS, _MAX_RISE = 10, 2.0
 _ABOVE, _BELOW = 0.3, 1.0
 
 
+@dataclass(frozen=True)
+class Limits:
+    """
+    Elevations that a roof keeps to.
+
+    Attributes
+    ----------
+    low, high : float
+        Of the lowest and the highest return, with a margin [m].
+    per_rise : float
+        Margin beyond for each unit of slope: a roof runs on for one spacing beyond its points [m].
+
+    """
+
+    low: float
+    high: float
+    per_rise: float
+
+    @classmethod
+    def of(cls, points: NDArray[np.float64], spacing: float) -> Limits:
+        """
+        Return the limits of a building's points.
+
+        """
+        return cls(float(points[:, 2].min()) - _BELOW, float(points[:, 2].max()) + _ABOVE, spacing)
+
+    def excess(self, planes: NDArray[np.float64], xy: NDArray[np.float64]) -> NDArray[np.float64]:
+        """
+        Return how far planes, shape (n, 3), lie beyond the limits at places, shape (n, 2) [m].
+
+        """
+        z = np.einsum("ij,ij->i", planes[:, :2], xy) + planes[:, 2]
+        beyond = np.maximum(z - self.high, self.low - z) - self.per_rise * np.hypot(*planes[:, :2].T)
+        return np.maximum(beyond, 0.0)
+
+
 def settle_planes(
     faces: list[RoofFacePatch], points: NDArray[np.float64], spacing: float
 ) -> list[RoofFacePatch]:
     """
-    Give faces that do not fit their points, or reach beyond all points, a plane of their own.
+    Give faces that do not fit their points a plane of their own, and cut off what reaches beyond all points.
 
-    A plane is good where its points are. Beyond them it may rise above everything that was seen; such a
-    face gets the least-squares plane of the points over it, or lies flat at their median.
+    A plane is good where its points are. Beyond them it may rise above everything that was seen: there the
+    roof is level, at the height of the highest return.
 
     Parameters
     ----------
@@ -40,49 +77,71 @@ def settle_planes(
         Point spacing [m].
 
     """
-    low, high = float(points[:, 2].min()), float(points[:, 2].max())
-    return [_settled(face, points, low, high, spacing) for face in faces]
+    limits = Limits.of(points, spacing)
+    fitting = [_fitted(face, points[face.rows], spacing) for face in faces]
+    return [piece for face in fitting for piece in _within(face, points, limits)]
 
 
-def _settled(
-    face: RoofFacePatch, points: NDArray[np.float64], low: float, high: float, spacing: float
-) -> RoofFacePatch:
+def _fitted(face: RoofFacePatch, own: NDArray[np.float64], spacing: float) -> RoofFacePatch:
     """
-    Return the face with the first plane that fits and stays within limits.
+    Return a face with the first plane that fits its points.
 
     """
-    own = points[face.rows]
-    if _is_good(face.plane, face, own, low, high, spacing):
+    if not len(own) or _fits(face.plane, own, spacing):
         return face
     if len(own) >= _MIN_POINTS:
         plane = _least_squares(own)
-        if np.hypot(*plane[:2]) <= _MAX_RISE and _is_good(plane, face, own, low, high, spacing):
+        if np.hypot(*plane[:2]) <= _MAX_RISE and _fits(plane, own, spacing):
             return replace(face, plane=plane)
-    if len(own):
-        return replace(face, plane=np.array([0.0, 0.0, np.median(own[:, 2])]))
-    elevation = np.clip(_elevations(face.plane, face.rings[0]).mean(), low, high)
-    return replace(face, plane=np.array([0.0, 0.0, elevation]))
+    return replace(face, plane=np.array([0.0, 0.0, np.median(own[:, 2])]))
 
 
-def _is_good(
-    plane: NDArray[np.float64],
-    face: RoofFacePatch,
-    own: NDArray[np.float64],
-    low: float,
-    high: float,
-    spacing: float,
-) -> bool:
+def _fits(plane: NDArray[np.float64], own: NDArray[np.float64], spacing: float) -> bool:
     """
-    Whether a plane fits a face's points and keeps within the heights that were seen.
+    Whether half of a face's points are near its plane.
 
     """
-    slack = np.hypot(*plane[:2]) * spacing
-    z = np.concatenate([_elevations(plane, ring) for ring in face.rings])
-    if z.max() > high + _ABOVE + slack or z.min() < low - _BELOW - slack:
-        return False
-    if not len(own):
-        return True
-    return bool(np.median(np.abs(own[:, 2] - _elevations(plane, own))) <= _MAX_MEDIAN_MISFIT + 0.5 * slack)
+    misfit = np.abs(own[:, 2] - _elevations(plane, own))
+    return bool(np.median(misfit) <= _MAX_MEDIAN_MISFIT + 0.5 * spacing * np.hypot(*plane[:2]))
+
+
+def _within(face: RoofFacePatch, points: NDArray[np.float64], limits: Limits) -> list[RoofFacePatch]:
+    """
+    Return a face, or its pieces where it reaches beyond the limits: the part between them, and level ones.
+
+    """
+    corners = np.concatenate(face.rings)
+    if not limits.excess(np.tile(face.plane, (len(corners), 1)), corners).any():
+        return [face]
+    slack = limits.per_rise * float(np.hypot(*face.plane[:2]))
+    levels = limits.low - slack, limits.high + slack
+    own = _elevations(face.plane, points[face.rows])
+    whole, pieces = face.polygon, []
+    bands = ((-np.inf, levels[0]), levels, (levels[1], np.inf))
+    for (low, high), level in zip(bands, (levels[0], None, levels[1]), strict=True):
+        plane = face.plane if level is None else np.array([0.0, 0.0, level])
+        band = shapely.intersection(whole, _between(face, low, high), grid_size=GRID)
+        rows = face.rows[(own > low) & (own <= high)]
+        parts = [part for part in shapely.get_parts(band) if part.area > 0.0]
+        for number, part in enumerate(sorted(parts, key=lambda one: -one.area)):
+            pieces.append(RoofFacePatch(open_rings(part), plane, rows if number == 0 else rows[:0]))
+    return pieces or [face]
+
+
+def _between(face: RoofFacePatch, low: float, high: float) -> shapely.Polygon:
+    """
+    Return a strip in plan that holds all of a face whose plane lies between two elevations.
+
+    """
+    rise = float(np.hypot(*face.plane[:2]))
+    uphill = face.plane[:2] / rise
+    along = np.array([-uphill[1], uphill[0]])
+    centre = np.concatenate(face.rings).mean(axis=0)
+    reach = 2.0 * float(np.hypot(*(np.concatenate(face.rings) - centre).T).max()) + 1.0
+    start = float(centre @ face.plane[:2] + face.plane[2])
+    a, b = (np.clip((z - start) / rise, -reach, reach) for z in (low, high))
+    corners = [(a, -reach), (b, -reach), (b, reach), (a, reach)]
+    return shapely.Polygon([centre + u * uphill + v * along for u, v in corners])
 
 
 def _elevations(plane: NDArray[np.float64], xy: NDArray[np.float64]) -> NDArray[np.float64]:

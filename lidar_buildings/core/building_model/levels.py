@@ -13,9 +13,9 @@ import shapely
 from numpy.typing import NDArray
 
 from lidar_buildings.core.building_model.heights import parts_of_one_height
-from lidar_buildings.core.building_model.partition import RoofFacePatch
+from lidar_buildings.core.building_model.roof_face import RoofFacePatch, open_rings
 from lidar_buildings.core.outline import Outline
-from lidar_buildings.core.output_grid import on_grid, repaired_outlines
+from lidar_buildings.core.output_grid import GRID, on_grid, repaired_outlines
 from lidar_buildings.core.solid import RoofPiece, Solid, extrude, roof_solid
 from lidar_buildings.core.validity import check_solid
 
@@ -72,11 +72,11 @@ def level_13(faces: list[RoofFacePatch], elevations: NDArray[np.float64], ground
 
     """
     merged = [
-        (shapely.coverage_union_all([faces[k].polygon for k in np.flatnonzero(elevations == z)]), z)
+        (_united([faces[k].polygon for k in np.flatnonzero(elevations == z)]), z)
         for z in np.unique(elevations)
     ]
     pieces = [
-        RoofPiece(_rings(polygon), (0.0, 0.0, float(z)))
+        RoofPiece(open_rings(polygon), (0.0, 0.0, float(z)))
         for union, z in merged
         for polygon in shapely.get_parts(union)
     ]
@@ -138,10 +138,9 @@ def _checked(solid: Solid) -> Level:
     return Level(None, codes) if codes else Level(solid)
 
 
-def _rings(polygon: shapely.Polygon) -> tuple[NDArray[np.float64], ...]:
+def _united(polygons: list[shapely.Polygon]) -> shapely.Geometry:
     """
-    Return a polygon's rings, outer counter-clockwise, holes clockwise, open.
+    Unite faces; those that were cut at a level do not share whole edges with their neighbours.
 
     """
-    oriented = shapely.geometry.polygon.orient(polygon)
-    return tuple(np.asarray(ring.coords)[:-1] for ring in (oriented.exterior, *oriented.interiors))
+    return polygons[0] if len(polygons) == 1 else shapely.union_all(polygons, grid_size=GRID)

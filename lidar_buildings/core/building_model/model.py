@@ -25,9 +25,10 @@ from lidar_buildings.core.building_model.levels import (
     level_22,
     part_elevations,
 )
-from lidar_buildings.core.building_model.partition import RoofFacePatch, partition_outline
+from lidar_buildings.core.building_model.partition import partition_outline
 from lidar_buildings.core.building_model.quality import measure_model
 from lidar_buildings.core.building_model.result import BuildingModel, RoofFaces
+from lidar_buildings.core.building_model.roof_face import RoofFacePatch
 from lidar_buildings.core.outline import Outline
 from lidar_buildings.core.output_grid import gridded_outline, on_grid
 from lidar_buildings.core.point_array import checked_column, checked_points

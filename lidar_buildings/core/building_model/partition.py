@@ -26,42 +26,17 @@ from lidar_buildings.core.building_model.faces import (
     join_equal_cells,
     without_straight_vertices,
 )
+from lidar_buildings.core.building_model.heights import Limits
 from lidar_buildings.core.building_model.missed_parts import find_missed_parts
+from lidar_buildings.core.building_model.roof_face import RoofFacePatch
 from lidar_buildings.core.outline import Outline
 
 #: Walls of a re-entrant corner run on into the roof where they turn by more than this [rad].
 _REENTRANT = 0.35
+#: Planes steeper than this are walls [m/m]: about 83 degrees; roofing with one costs so much [m].
+_MAX_RISE, _WALL_COST = 8.0, 100.0
 #: How often the partition is looked at again for parts that no line divided from their neighbours.
 _SECOND_LOOKS = 2
-
-
-@dataclass(frozen=True, eq=False)
-class RoofFacePatch:
-    """
-    A roof face: a polygon in plan with one plane, and its points.
-
-    Attributes
-    ----------
-    rings : tuple of ndarray of shape (n_vertices, 2)
-        Outer ring counter-clockwise, then holes clockwise, open [m].
-    plane : ndarray of shape (3,)
-        z = a·x + b·y + c.
-    rows : ndarray of shape (n_points,), int64
-        Rows of the building's points over the face.
-
-    """
-
-    rings: tuple[NDArray[np.float64], ...]
-    plane: NDArray[np.float64]
-    rows: NDArray[np.int64]
-
-    @property
-    def polygon(self) -> shapely.Polygon:
-        """
-        The face in plan.
-
-        """
-        return shapely.Polygon(self.rings[0], self.rings[1:])
 
 
 def partition_outline(
@@ -157,6 +132,7 @@ def _label(roof: _Roof, segments: NDArray[np.float64]) -> _Labelled:
     cells = _cells(outline, segments) if len(planes) > 1 else cut_into_cells(outline, segments[:0])
     cell = _places(cells, samples)
     costs = sum_misfits(samples.points, samples.weight, samples.plane, cell, planes, len(cells.polygons))
+    costs += _impossible(cells, planes, Limits.of(roof.points, roof.spacing))
     labels = label_cells(
         costs,
         cells.edges,
@@ -170,6 +146,19 @@ def _label(roof: _Roof, segments: NDArray[np.float64]) -> _Labelled:
     return _Labelled(cells, labels, cell[: len(roof.points)])
 
 
+def _impossible(cells: Cells, planes: NDArray[np.float64], limits: Limits) -> NDArray[np.float64]:
+    """
+    Return what it costs that planes lie beyond what was seen or are walls [m³], shape (n_cells, n_planes).
+
+    """
+    corners, cell = shapely.get_coordinates(cells.polygons, return_index=True)
+    worst = np.zeros((len(cells.polygons), len(planes)))
+    for k, plane in enumerate(planes):
+        np.maximum.at(worst[:, k], cell, limits.excess(np.tile(plane, (len(corners), 1)), corners))
+    worst[:, np.hypot(*planes[:, :2].T) > _MAX_RISE] += _WALL_COST
+    return worst * shapely.area(cells.polygons)[:, None]
+
+
 def _faces(roof: _Roof, found: _Labelled) -> list[RoofFacePatch]:
     """
     Join cells of one plane to faces.
@@ -180,7 +169,11 @@ def _faces(roof: _Roof, found: _Labelled) -> list[RoofFacePatch]:
     rings = without_straight_vertices(polygons, np.concatenate(roof.outline.rings))
     first = np.unique(face, return_index=True)[1]
     rows = _rows_by_face(face, found.cell, len(rings))
-    return [RoofFacePatch(rings[k], roof.planes[found.labels[first[k]]], rows[k]) for k in range(len(rings))]
+    return [
+        RoofFacePatch(rings[k], roof.planes[found.labels[first[k]]], rows[k])
+        for k in range(len(rings))
+        if rings[k]
+    ]
 
 
 def _cells(outline: Outline, segments: NDArray[np.float64]) -> Cells:

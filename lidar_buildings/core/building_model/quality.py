@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from lidar_buildings.core.building_model.cell_costs import EMPTY_DISTANCE
-from lidar_buildings.core.building_model.partition import RoofFacePatch
+from lidar_buildings.core.building_model.roof_face import RoofFacePatch
 from lidar_buildings.core.building_model.surface_distance import distance_to_surface
 from lidar_buildings.core.outline import Outline
 from lidar_buildings.core.solid import Solid
