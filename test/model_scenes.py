@@ -48,6 +48,8 @@ class ModelScene:
         What a stage is given: the true one unless the scene is about a bad one.
     ground_elevation : float or None
         What a stage is told; None where no ground is known [m].
+    given_planes : ndarray of uint16, shape (n,), optional
+        Planes that the model is to be built from, where it is not to fit its own.
 
     """
 
@@ -57,6 +59,7 @@ class ModelScene:
     building: Building
     outline: Outline
     ground_elevation: float | None = GROUND
+    given_planes: NDArray[np.uint16] | None = None
 
     @cached_property
     def solid(self) -> Solid:
@@ -100,7 +103,7 @@ class ModelScene:
 
     def select(self, rows: NDArray) -> ModelScene:
         """
-        Return the scene with only these points, by mask or indices.
+        Return the scene with only these points, by mask or indices; for scenes without given planes.
 
         """
         return replace(self, points=self.points[rows], plane_id=self.plane_id[rows])
@@ -182,24 +185,15 @@ ROOF_WORDS: dict[str, tuple[str, ...]] = {
     "hipped_l": ("L", "l", "l-shape", "l_shape", "complex"),
     "cross_gable": ("complex", "cross-gable", "cross_gable", "T", "t"),
     "step": ("flat", "complex", "step"),
+    "dormer": ("gable", "complex", "dormer"),
+    "gable_dormer": ("gable", "complex", "dormer"),
+    "church": ("gable", "complex", "church"),
     "courtyard": ("flat",),
     "round_tower": ("flat",),
     "pointed_tower": ("pyramid", "complex"),
     "parapet": ("flat", "complex"),
 }
-_COMPLEX = {
-    *(
-        "double_gable",
-        "dormer",
-        "gable_dormer",
-        "pitched_courtyard",
-        "gambrel",
-        "mansard",
-        "sawtooth",
-        "barrel",
-    ),
-    "church",
-}
+_COMPLEX = {"double_gable", "pitched_courtyard", "gambrel", "mansard", "sawtooth", "barrel"}
 
 
 def roof_words(name: str) -> tuple[str, ...]:
@@ -313,7 +307,7 @@ def coincident_planes(*, density=8.0, noise=0.03, rotation_deg=0.0, seed=0) -> M
     """
     scene = model_scene("flat", density=density, noise=noise, rotation_deg=rotation_deg, seed=seed)
     ids = 1 + np.random.default_rng(seed + 1).integers(0, 10, len(scene.points))
-    return replace(scene, name="coincident_planes", plane_id=ids.astype(np.uint16))
+    return replace(scene, name="coincident_planes", given_planes=ids.astype(np.uint16))
 
 
 def touching_courtyard(*, density=8.0, noise=0.03, rotation_deg=0.0, seed=0) -> ModelScene:

@@ -50,7 +50,7 @@ def test_bad_scenes_are_bad_in_the_way_that_they_say():
     yard = BAD_SCENES["touching_courtyard"](rotation_deg=25.0).outline
     ring = shapely.LinearRing(yard.exterior)
     assert shapely.distance(ring, shapely.points(yard.holes[0])).min() < 1e-9
-    assert len(np.unique(BAD_SCENES["coincident_planes"]().plane_id)) == 10
+    assert len(np.unique(BAD_SCENES["coincident_planes"]().given_planes)) == 10
     assert np.bincount(BAD_SCENES["small_plane"]().plane_id)[2] < 8
     assert (BAD_SCENES["tree_grown_in"]().plane_id == 0).sum() > 50
     assert BAD_SCENES["no_ground"]().ground_elevation is None
