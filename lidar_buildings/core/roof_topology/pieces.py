@@ -18,7 +18,9 @@ from lidar_buildings.core.roof_topology.region_raster import RegionRaster
 #: Planes whose slopes differ by less [m/m] have no line of intersection worth the name.
 LEAST_BEND = 0.03
 #: A border lies on the line if it is no farther from it than the gap between the points and so many spacings,
-_TOLERANCE = 0.35
+_TOLERANCE = 0.75
+#: at the ends of a piece no farther than so many spacings more than the gap,
+_END_TOLERANCE = 0.35
 #: or than where the planes are so far apart [m]: points of either plane may be taken for the other's.
 _NOISE = 0.06
 #: Borders so near beside a piece of the line [spacings] are no steps.
@@ -151,23 +153,29 @@ def _all_pieces(  # type: ignore[no-untyped-def]
         if bend < LEAST_BEND:
             continue
         least = max(_TOLERANCE * spacing, _NOISE / bend)
+        strict = max(_END_TOLERANCE * spacing, _NOISE / bend)
         t = np.empty(b - a)
         rows = np.empty(b - a, dtype=np.int64)
+        sure = np.empty(b - a, dtype=np.bool_)
         n = 0
         for k in range(a, b):
-            off = (xy[k, 0] - fx) * -uy + (xy[k, 1] - fy) * ux
-            if abs(off) <= least + gap[k]:
-                t[n] = xy[k, 0] * ux + xy[k, 1] * uy
-                rows[n] = k
+            off = abs((xy[k, 0] - fx) * uy - (xy[k, 1] - fy) * ux)
+            if off <= least + gap[k]:
+                t[n], rows[n], sure[n] = xy[k, 0] * ux + xy[k, 1] * uy, k, off <= strict + gap[k]
                 n += 1
         order = np.argsort(t[:n])
         begin, first_piece = 0, n_pieces
         for m in range(1, n + 1):
             if m < n and t[order[m]] - t[order[m - 1]] <= _LONGEST_GAP * spacing:
                 continue
-            t0, t1 = t[order[begin]], t[order[m - 1]]
-            members = rows[order[begin:m]]
+            low, high = begin, m - 1
             begin = m
+            while low < high and not sure[order[low]]:
+                low += 1
+            while low < high and not sure[order[high]]:
+                high -= 1
+            t0, t1 = t[order[low]], t[order[high]]
+            members = rows[order[low : high + 1]]
             length = 0.0
             for k in members:
                 length += cell * (abs(uy) if upright[k] else abs(ux))
@@ -178,16 +186,7 @@ def _all_pieces(  # type: ignore[no-untyped-def]
             numbers[n_pieces, 1] = _distinct(near_first[members]) + _distinct(near_second[members])
             values[n_pieces, 0], values[n_pieces, 1], values[n_pieces, 2] = t0, t1, length
             values[n_pieces, 3] = _convexity(
-                t[order[begin - len(members) : begin]],
-                fx,
-                fy,
-                ux,
-                uy,
-                first[a],
-                second[a],
-                label,
-                origin,
-                cell,
+                t[order[low : high + 1]], fx, fy, ux, uy, first[a], second[a], label, origin, cell
             )
             n_pieces += 1
         for piece in range(first_piece, n_pieces):
