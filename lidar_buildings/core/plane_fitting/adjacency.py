@@ -77,9 +77,27 @@ def bridged_planes(
         Largest distance from either plane of the other's seam where they are nearest [m].
 
     """
-    rows = seam[np.argsort(labels[seam], kind="stable")]
-    first = np.searchsorted(labels[rows], np.arange(len(equations) + 1))
-    return _bridged(points, rows, first, equations, bridge, max_distance)
+    rows, first = rows_of_planes(labels[seam], len(equations))
+    return _bridged(points, seam[rows], first, equations, bridge, max_distance)
+
+
+@njit(cache=True, nogil=True)
+def rows_of_planes(labels: NDArray[np.int32], size: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """
+    Return the rows plane by plane: those of plane k are ``rows[first[k]:first[k + 1]]``, rising.
+
+    """
+    first = np.zeros(size + 1, np.int64)
+    for label in labels:
+        first[label + 1] += 1
+    for k in range(size):
+        first[k + 1] += first[k]
+    place = first.copy()
+    rows = np.empty(len(labels), np.int64)
+    for i in range(len(labels)):
+        rows[place[labels[i]]] = i
+        place[labels[i]] += 1
+    return rows, first
 
 
 @njit(cache=True, nogil=True)

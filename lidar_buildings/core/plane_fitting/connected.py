@@ -21,8 +21,6 @@ from lidar_buildings.core.plane_fitting.surroundings import Cloud, survey_points
 
 #: Different sets of random samples; seeds share them in turn.
 _SAMPLE_SETS = 64
-#: Rounds of joining, settling and splitting; little changes in the second.
-_ROUNDS = 2
 
 
 def connected_planes(
@@ -46,13 +44,12 @@ def connected_planes(
     distance = max(config.max_plane_distance, config.max_noise_ratio * noise)
     prices = prices_of(distance, noise, spacing, config.plane_cost, config.unevenness, config.grain)
     labels = _extracted(cloud, distance, min_points, config)
-    for _ in range(_ROUNDS):
-        seam = seam_points(cloud.neighbours, labels)
-        labels = economise(cloud, labels, seam, prices, config.bridge)
-        labels = settle(cloud, labels, seam, distance, config.smoothness)
-        labels = split_planes(cloud.neighbours, labels, min_points)
     seam = seam_points(cloud.neighbours, labels)
     labels = economise(cloud, labels, seam, prices, config.bridge)
+    labels = settle(cloud, labels, seam, distance, config.smoothness)
+    labels = split_planes(cloud.neighbours, labels, min_points)
+    # What fell apart where another plane comes between is one plane all the same.
+    labels = economise(cloud, labels, seam_points(cloud.neighbours, labels), prices, config.bridge)
     return labels[row_of]
 
 
@@ -73,4 +70,7 @@ def _extracted(
     chance = np.random.default_rng(config.random_state)
     n_samples = samples_needed(config.probability, config.outlier_share)
     samples = chance.random((_SAMPLE_SETS, n_samples, 2))
-    return extract(cloud, limits, chance.permutation(len(cloud.points)), samples)
+    order = chance.permutation(len(cloud.points))
+    # Planes are found from the inside: what lies by ridges and rims comes last.
+    order = np.concatenate([order[cloud.is_smooth[order]], order[~cloud.is_smooth[order]]])
+    return extract(cloud, limits, order, samples)

@@ -22,7 +22,7 @@ from lidar_buildings.core.plane_fitting.plane_geometry import (
 from lidar_buildings.core.plane_fitting.surroundings import Cloud
 
 #: Times that a hypothesis is refined at most; three or four mostly suffice.
-_MAX_REFINEMENTS = 8
+_MAX_REFINEMENTS = 2
 
 
 class Limits(NamedTuple):
@@ -52,7 +52,9 @@ class Scratch(NamedTuple):
     queue: NDArray[np.int64]
     #: Points that were a seed already: they are not worth a second try.
     tried: NDArray[np.bool_]
-    #: One cell: the number of the current growth.
+    #: Points that were drawn as seeds in this round, tried or not.
+    drawn: NDArray[np.bool_]
+    #: The number of the current growth, of free points, and of free points drawn in this round.
     counter: NDArray[np.int64]
 
 

@@ -16,7 +16,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from lidar_buildings.core.linked_sets import root
-from lidar_buildings.core.plane_fitting.adjacency import bridged_planes, touching_planes
+from lidar_buildings.core.plane_fitting.adjacency import bridged_planes, rows_of_planes, touching_planes
 from lidar_buildings.core.plane_fitting.plane_geometry import (
     N_MOMENTS,
     add_point,
@@ -98,8 +98,7 @@ def economise(
     parent = _merged(moments, np.concatenate([touching, bridged]), prices, np.arange(size))
     labels = parent[labels].astype(np.int32)
     first, beside = _neighbours_of_planes(parent[touching], size)
-    rows = np.argsort(labels, kind="stable")
-    begin = np.searchsorted(labels[rows], np.arange(size + 1))
+    rows, begin = rows_of_planes(labels, size)
     moments = plane_sums(cloud.points, labels, size)
     return _dissolved(cloud.points, labels, moments, first, beside, rows, begin, prices)
 
@@ -190,7 +189,6 @@ def _dissolved(points, labels, moments, first, beside, rows, begin, prices):  # 
 
     """
     labels = labels.copy()
-    size = len(moments)
     equations = equations_of(moments)
     alive = moments[:, 0] > 0.0
     for a in np.argsort(moments[:, 0]):

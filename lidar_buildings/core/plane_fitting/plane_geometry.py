@@ -60,13 +60,22 @@ def normal_of(moments: NDArray[np.float64], plane: NDArray[np.float64]) -> bool:
     """
     Write the orthogonal least-squares plane of the summed points to `plane`; False if they lie on a line.
 
+    """
+    return fitted_plane(moments, plane) >= 0.0
+
+
+@njit(cache=True, nogil=True)
+def fitted_plane(moments: NDArray[np.float64], plane: NDArray[np.float64]) -> float:
+    """
+    Write the plane of `normal_of` to `plane`; return the sum of squared distances [m²], −1 if there is none.
+
     The normal is the eigenvector of the smallest eigenvalue λ of the covariance matrix: the longest cross
     product of two rows of (Σ − λI).
 
     """
     n = moments[0]
     if n < 3.0:
-        return False
+        return -1.0
     mx, my, mz = moments[1] / n, moments[2] / n, moments[3] / n
     xx, xy, xz = moments[4] / n - mx * mx, moments[5] / n - mx * my, moments[6] / n - mx * mz
     yy, yz, zz = moments[7] / n - my * my, moments[8] / n - my * mz, moments[9] / n - mz * mz
@@ -83,12 +92,12 @@ def normal_of(moments: NDArray[np.float64], plane: NDArray[np.float64]) -> bool:
         ax, ay, az, a2 = cx, cy, cz, c2
     length = math.sqrt(a2)
     if length <= _DEGENERATE * scatter * scatter:
-        return False
+        return -1.0
     if az < 0.0:
         length = -length
     plane[0], plane[1], plane[2] = ax / length, ay / length, az / length
     plane[3] = -(plane[0] * mx + plane[1] * my + plane[2] * mz)
-    return True
+    return max(smallest, 0.0) * n
 
 
 @njit(cache=True, nogil=True)

@@ -63,7 +63,11 @@ def extract(
     n = len(order)
     labels = np.zeros(n, np.int32)
     scratch = Scratch(
-        np.zeros(n, np.int64), np.empty(n, np.int64), np.zeros(n, np.bool_), np.zeros(1, np.int64)
+        np.zeros(n, np.int64),
+        np.empty(n, np.int64),
+        np.zeros(n, np.bool_),
+        np.zeros(n, np.bool_),
+        np.array([0, n, 0]),
     )
     n_planes, before = 0, -1
     while n_planes > before:
@@ -92,17 +96,35 @@ def search_round(
     """
     pool = new_pool(len(order))
     cursor = 0
+    scratch.drawn[:] = False
+    scratch.counter[2] = 0
     while True:
         cursor = draw_seeds(cloud, limits, labels, order, samples, cursor, pool, scratch)
-        best = int(np.argmax(pool.score))
+        best = best_of(pool)
         if pool.score[best] <= 0.0:
             return n_planes
         before = pool.score[best]
         count = recount(cloud, limits, labels, best, pool, scratch)
         if pool.score[best] > 0.0 and pool.score[best] >= before:
             n_planes += 1
-            labels[scratch.queue[:count]] = n_planes
             pool.score[best] = 0.0
+            for i in scratch.queue[:count]:
+                labels[i] = n_planes
+                scratch.counter[2] -= scratch.drawn[i]
+            scratch.counter[1] -= count
+
+
+@njit(cache=True, nogil=True)
+def best_of(pool: Pool) -> int:
+    """
+    Return the hypothesis with the highest score, of several the first.
+
+    """
+    best = 0
+    for k in range(1, pool.size[0]):
+        if pool.score[k] > pool.score[best]:
+            best = k
+    return best
 
 
 @njit(cache=True, nogil=True)
@@ -136,19 +158,18 @@ def draw_seeds(
     Draw seeds until the best hypothesis is likely the largest of all; return the place in `order`.
 
     """
-    n_free = int(np.sum(labels == 0))
-    n_drawn = int(np.sum(labels[order[:cursor]] == 0))
-    best = int(np.argmax(pool.score))
+    best = best_of(pool)
     while cursor < len(order):
-        if pool.score[best] > 0.0 and n_drawn >= samples_needed(
-            limits.probability, max(0.0, 1.0 - pool.n_points[best] / max(1, n_free)), 1
+        if pool.score[best] > 0.0 and scratch.counter[2] >= samples_needed(
+            limits.probability, max(0.0, 1.0 - pool.n_points[best] / max(1, scratch.counter[1])), 1
         ):
             break
         seed = order[cursor]
         cursor += 1
         if labels[seed] != 0:
             continue
-        n_drawn += 1
+        scratch.drawn[seed] = True
+        scratch.counter[2] += 1
         if scratch.tried[seed] or (pool.holder[seed] >= 0 and pool.score[pool.holder[seed]] > 0.0):
             continue
         scratch.tried[seed] = True

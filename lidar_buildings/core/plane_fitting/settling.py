@@ -14,7 +14,7 @@ from lidar_buildings.core.plane_fitting.plane_geometry import distance_to
 from lidar_buildings.core.plane_fitting.surroundings import MAX_NEIGHBOURS, Cloud
 
 #: Times that planes are fitted anew to their points, and rounds of moves with the same planes.
-_MAX_FITS, _MAX_ROUNDS = 3, 4
+_MAX_FITS, _MAX_ROUNDS = 2, 4
 
 
 @njit(cache=True, nogil=True)

@@ -13,13 +13,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from lidar_buildings.core.neighbourhoods import build_grid
-from lidar_buildings.core.plane_fitting.plane_geometry import (
-    N_MOMENTS,
-    add_point,
-    distance_to,
-    normal_of,
-    residual_of,
-)
+from lidar_buildings.core.plane_fitting.plane_geometry import N_MOMENTS, distance_to, fitted_plane
 from lidar_buildings.core.point_order import CELLS_A_BLOCK
 from lidar_buildings.core.row_blocks import for_row_blocks
 
@@ -49,6 +43,8 @@ class Cloud(NamedTuple):
 
     points: NDArray[np.float64]
     normals: NDArray[np.float64]
+    #: Whether the surroundings hold no ridge and no step.
+    is_smooth: NDArray[np.bool_]
     #: Rows of near points within the connection radius, first those that there are, then −1.
     neighbours: NDArray[np.int32]
 
@@ -99,12 +95,15 @@ def _surveyed(points: NDArray[np.float64], radius: float) -> Survey:
         CELLS_A_BLOCK,
     )
     noise = _noise_of(roughness)
+    is_smooth = roughness <= (_SMOOTH * noise) ** 2
     normals = np.empty_like(distinct)
     for_row_blocks(
-        lambda a, b: _take_smoothest(distinct, neighbours, planes, roughness, noise, normals, a, b),
+        lambda a, b: _take_smoothest(
+            distinct, neighbours, planes, roughness, is_smooth, noise, normals, a, b
+        ),
         len(distinct),
     )
-    return Survey(Cloud(distinct, normals, neighbours), row_of, noise)
+    return Survey(Cloud(distinct, normals, is_smooth, neighbours), row_of, noise)
 
 
 def sorted_distinct(
@@ -137,14 +136,14 @@ def _noise_of(roughness: NDArray[np.float64]) -> float:
 @njit(cache=True, nogil=True)
 def _look_around(grid, radius, neighbours, planes, roughness, begin, end):  # type: ignore[no-untyped-def]
     """
-    Fill in neighbours, evenly thinned where there are too many, and own planes of points in cells begin to end.
+    Fill in the neighbours, evenly thinned if too many, and own planes of the points in cells begin to end.
 
     """
     most = 0
     for c in range(begin, end):
         most = max(most, _count_around(grid, c))
-    rows, xyz = np.empty(most, np.int64), np.empty((most, 3))
-    near = np.empty(most + 1, np.int64)
+    rows, xyz = np.empty(most, np.int32), np.empty((most, 3))
+    near = np.empty(most + 1, np.int32)
     moments = np.empty(N_MOMENTS)
     for c in range(begin, end):
         around = _gather_around(grid, c, rows, xyz)
@@ -161,9 +160,11 @@ def _look_around(grid, radius, neighbours, planes, roughness, begin, end):  # ty
                 _sum_near(xyz, near[:found], x, y, z, radius, moments)
             planes[i] = 0.0
             roughness[i] = np.inf
-            if moments[0] > 3.0 and normal_of(moments, planes[i]):
-                roughness[i] = residual_of(moments) / (moments[0] - 3.0)
-                planes[i, 3] -= planes[i, 0] * x + planes[i, 1] * y + planes[i, 2] * z
+            if moments[0] > 3.0:
+                residual = fitted_plane(moments, planes[i])
+                if residual >= 0.0:
+                    roughness[i] = residual / (moments[0] - 3.0)
+                    planes[i, 3] -= planes[i, 0] * x + planes[i, 1] * y + planes[i, 2] * z
 
 
 @njit(cache=True, nogil=True)
@@ -215,23 +216,29 @@ def _sum_near(xyz, near, x, y, z, radius, moments):  # type: ignore[no-untyped-d
     Sum the near points within a radius of a position about it; return how many.
 
     """
-    moments[:] = 0.0
+    n, sx, sy, sz = 0, 0.0, 0.0, 0.0
+    xx, xy, xz, yy, yz, zz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     for j in near:
         dx, dy, dz = xyz[j, 0] - x, xyz[j, 1] - y, xyz[j, 2] - z
         if dx * dx + dy * dy + dz * dz <= radius * radius:
-            add_point(moments, dx, dy, dz)
-    return moments[0]
+            n += 1
+            sx, sy, sz = sx + dx, sy + dy, sz + dz
+            xx, xy, xz = xx + dx * dx, xy + dx * dy, xz + dx * dz
+            yy, yz, zz = yy + dy * dy, yz + dy * dz, zz + dz * dz
+    moments[0], moments[1], moments[2], moments[3] = n, sx, sy, sz
+    moments[4], moments[5], moments[6], moments[7], moments[8], moments[9] = xx, xy, xz, yy, yz, zz
+    return n
 
 
 @njit(cache=True, nogil=True)
-def _take_smoothest(points, neighbours, planes, roughness, noise, normals, begin, end):  # type: ignore[no-untyped-def]
+def _take_smoothest(points, neighbours, planes, roughness, is_smooth, noise, normals, begin, end):  # type: ignore[no-untyped-def]
     """
     Give points begin to end the normal of the smoothest surroundings on whose plane they lie.
 
     """
     for i in range(begin, end):
         best = i
-        if roughness[i] > (_SMOOTH * noise) ** 2:
+        if not is_smooth[i]:
             for j in neighbours[i]:
                 if j < 0:
                     break
