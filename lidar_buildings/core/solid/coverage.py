@@ -81,7 +81,10 @@ def noded_coverage(pieces: Sequence[RoofPiece], within: float, grid: float) -> P
         (snap rounding, Hobby 1999) [grid steps].
 
     """
-    rings = _snapped([piece_rings(piece) for piece in pieces], within)
+    rings = [piece_rings(piece) for piece in pieces]
+    if not any(rings):
+        return PlanGraph({})
+    rings = _snapped(rings, within)
     polygons = [_sound(shapely.Polygon(group[0], group[1:])) for group in rings if group]
     owners = [number for number, group in enumerate(rings) if group]
     if not polygons:

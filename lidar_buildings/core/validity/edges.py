@@ -36,7 +36,8 @@ def broken_edges(triangles: NDArray[np.int64]) -> set[int]:
     pairs = order[first[uses == 2][:, None] + [0, 1]]
     if (starts[pairs[:, 0]] == starts[pairs[:, 1]]).any():
         codes.add(307)
-    if _n_parts(pairs // 3, len(triangles)) > 1:
+    same = np.flatnonzero(np.diff(keys[order]) == 0)
+    if _n_parts(np.column_stack([order[same], order[same + 1]]) // 3, len(triangles)) > 1:
         codes.add(305)
     if codes <= {305} and _n_umbrellas(pairs, len(keys)) > len(np.unique(starts)):
         codes.add(303)

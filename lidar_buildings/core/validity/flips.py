@@ -51,23 +51,14 @@ def _neighbours(corners: NDArray[np.int64], rows: NDArray[np.int64]) -> NDArray[
     """
     n = len(rows)
     across = np.full((n, 3), -1)
-    keys = np.empty(3 * n, dtype=np.int64)
-    base = corners.max() + 1
     for t in range(n):
         for k in range(3):
             a, b = corners[rows[t, k]], corners[rows[t, (k + 1) % 3]]
-            keys[3 * t + k] = min(a, b) * base + max(a, b)
-    order = np.argsort(keys)
-    i = 0
-    while i < 3 * n:
-        j = i + 1
-        while j < 3 * n and keys[order[j]] == keys[order[i]]:
-            j += 1
-        if j == i + 2:
-            first, second = order[i], order[i + 1]
-            across[first // 3, first % 3] = second // 3
-            across[second // 3, second % 3] = first // 3
-        i = j
+            for other in range(t + 1, n):
+                for j in range(3):
+                    if corners[rows[other, j]] == b and corners[rows[other, (j + 1) % 3]] == a:
+                        across[t, k] = other
+                        across[other, j] = t
     return across
 
 

@@ -8,13 +8,14 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from lidar_buildings.core.validity.codes import MARGIN, MAX_NORMAL_DEVIATION_DEG
 
-#: Cosine of the largest angle allowed between two triangles of a face.
-_LEAST_COSINE = math.cos(math.radians(MAX_NORMAL_DEVIATION_DEG * (1.0 - MARGIN)))
+#: Largest angle allowed between two triangles of a face [rad].
+_MAX_ANGLE = math.radians(MAX_NORMAL_DEVIATION_DEG * (1.0 - MARGIN))
+_LEAST_COSINE = math.cos(_MAX_ANGLE)
+_COSINE_OF_HALF = math.cos(0.5 * _MAX_ANGLE)
 
 
 def folds(
@@ -38,23 +39,14 @@ def folds(
     sizes = np.linalg.norm(normals, axis=1)
     # A triangle without area has no normal: what it is given deviates from all.
     unit = np.divide(normals, sizes[:, None], out=np.zeros_like(normals), where=sizes[:, None] > 0.0)
-    return _folded(unit, face_of)
-
-
-@njit(cache=True, nogil=True)
-def _folded(unit: NDArray[np.float64], face_of: NDArray[np.int64]) -> NDArray[np.bool_]:
-    """
-    Compare each triangle's normal with those of all others of its face.
-
-    """
-    folded = np.zeros(face_of[-1] + 1, dtype=np.bool_)
-    for i in range(len(unit)):
-        j = i - 1
-        while j >= 0 and face_of[j] == face_of[i] and not folded[face_of[i]]:
-            cosine = 0.0
-            for axis in range(3):
-                cosine += unit[i, axis] * unit[j, axis]
-            if cosine < _LEAST_COSINE:
-                folded[face_of[i]] = True
-            j -= 1
+    starts = np.flatnonzero(np.diff(face_of, prepend=-1))
+    counts = np.diff(np.append(starts, len(face_of)))
+    means = np.add.reduceat(normals, starts)
+    means /= np.maximum(np.linalg.norm(means, axis=1), 1e-300)[:, None]
+    cosines = np.einsum("ij,ij->i", unit, np.repeat(means, counts, axis=0))
+    # Within half the angle of the mean all lie within the angle of each other.
+    folded = np.minimum.reduceat(cosines, starts) < _COSINE_OF_HALF
+    for number in np.flatnonzero(folded):
+        own = unit[starts[number] : starts[number] + counts[number]]
+        folded[number] = (own @ own.T).min() < _LEAST_COSINE
     return folded

@@ -38,13 +38,28 @@ def _repetitions(corners: NDArray[np.int64], ring_starts: NDArray[np.int64]) -> 
     codes = np.zeros(len(ring_starts) - 1, dtype=np.int64)
     for number in range(len(codes)):
         ring = corners[ring_starts[number] : ring_starts[number + 1]]
-        if len(np.unique(ring)) < 3:
+        if not _has_three(ring):
             codes[number] = 101
             continue
         for k in range(len(ring)):
             if ring[k] == ring[k - 1]:
                 codes[number] = 102
     return codes
+
+
+@njit(cache=True, nogil=True)
+def _has_three(ring: NDArray[np.int64]) -> bool:
+    """
+    Whether a ring has three different vertices.
+
+    """
+    second = 0
+    while second < len(ring) and ring[second] == ring[0]:
+        second += 1
+    third = second + 1
+    while third < len(ring) and (ring[third] == ring[0] or ring[third] == ring[second]):
+        third += 1
+    return third < len(ring)
 
 
 @njit(cache=True, nogil=True)

@@ -59,7 +59,8 @@ def _triangulate_all(
         rings = ring_starts[face_starts[face] : face_starts[face + 1] + 1]
         rows = triangles[starts[face] : starts[face + 1]]
         if len(rings) == 2 and rings[1] - rings[0] == 3:
-            rows[0] = corners[rings[0] : rings[1]]
+            for k in range(3):
+                rows[0, k] = corners[rings[0] + k]
             continue
         loop = _joined_rings(flat, corners, rings)
         # A hole that touches another ring needs no bridge: two triangles fewer.
@@ -79,48 +80,64 @@ def _joined_rings(
     """
     Return one closed loop of corners that runs along all rings of a face, with bridges to the holes.
 
+    The rightmost of the holes that are left is the next one: it can be seen from what it is joined to.
+
     """
-    loop = np.arange(rings[0], rings[1])
     n_holes = len(rings) - 2
-    reach = np.empty(n_holes)
-    for k in range(n_holes):
-        reach[k] = flat[rings[k + 1] : rings[k + 2], 0].max()
-    for k in np.argsort(-reach):
-        hole = np.arange(rings[k + 1], rings[k + 2])
-        loop = _with_hole(flat, corners, loop, hole, rings)
-    return loop
+    loop = np.empty(rings[-1] - rings[0] + 2 * n_holes, dtype=np.int64)
+    n = rings[1] - rings[0]
+    for k in range(n):
+        loop[k] = rings[0] + k
+    joined = np.zeros(n_holes, dtype=np.bool_)
+    for _ in range(n_holes):
+        best, chosen = -np.inf, 0
+        for hole in range(n_holes):
+            for corner in range(rings[hole + 1], rings[hole + 2]):
+                if not joined[hole] and flat[corner, 0] > best:
+                    best, chosen = flat[corner, 0], hole
+        joined[chosen] = True
+        n = _join_hole(flat, corners, loop, n, rings, chosen + 1)
+    return loop[:n]
 
 
 @njit(cache=True, nogil=True)
-def _with_hole(
+def _join_hole(
     flat: NDArray[np.float64],
     corners: NDArray[np.int64],
     loop: NDArray[np.int64],
-    hole: NDArray[np.int64],
+    n: int,
     rings: NDArray[np.int64],
-) -> NDArray[np.int64]:
+    number: int,
+) -> int:
     """
-    Return a loop with a hole joined to it: at a common vertex, else by the shortest bridge in sight.
+    Join a hole to the first n corners of a loop and return how many it has then.
+
+    At a common vertex if there is one, else by the shortest bridge in sight.
 
     """
+    first, size = rings[number], rings[number + 1] - rings[number]
     best = np.inf
     at, entry = 0, 0
-    for i in range(len(loop)):
-        for j in range(len(hole)):
-            gap = _squared(flat[loop[i]], flat[hole[j]])
-            if corners[loop[i]] == corners[hole[j]]:
-                gap = -1.0
+    for i in range(n):
+        for j in range(size):
+            touches = corners[loop[i]] == corners[first + j]
+            gap = -1.0 if touches else _squared(flat[loop[i]], flat[first + j])
             if gap >= best:
                 continue
-            ahead = hole[(j + 1) % len(hole)] if gap < 0.0 else hole[j]
-            if _in_cone(flat, loop, i, flat[ahead]) and (
-                gap < 0.0 or _in_sight(flat, loop, rings, loop[i], hole[j])
+            ahead = first + ((j + 1) % size if touches else j)
+            if _in_cone(flat, loop[:n], i, flat[ahead]) and (
+                touches or _in_sight(flat, loop[:n], rings, loop[i], first + j)
             ):
                 best, at, entry = gap, i, j
-    turned = np.concatenate((hole[entry:], hole[:entry]))
-    if best < 0.0:
-        return np.concatenate((loop[: at + 1], turned[1:], turned[:1], loop[at + 1 :]))
-    return np.concatenate((loop[: at + 1], turned, turned[:1], loop[at:]))
+    added = size if best < 0.0 else size + 2
+    for k in range(n - 1, at, -1):
+        loop[k + added] = loop[k]
+    for k in range(added):
+        # Once around the hole from the entry on, and, over a bridge, back to where it began.
+        loop[at + 1 + k] = first + (entry + k + (1 if best < 0.0 else 0)) % size
+    if best >= 0.0:
+        loop[at + added] = loop[at]
+    return n + added
 
 
 @njit(cache=True, nogil=True)
@@ -187,10 +204,12 @@ def _cut_ears(flat: NDArray[np.float64], loop: NDArray[np.int64], rows: NDArray[
             left[(k + 1) % n],
         )
         count += 1
-        left[k : n - 1] = left[k + 1 : n].copy()
+        for j in range(k, n - 1):
+            left[j] = left[j + 1]
         n -= 1
         start = k % n
-    rows[count] = left[:3]
+    for k in range(3):
+        rows[count, k] = left[k]
 
 
 @njit(cache=True, nogil=True)
