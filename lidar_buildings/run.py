@@ -129,6 +129,7 @@ def _run_local(request: RunRequest, footprints: FootprintFile | None) -> RunOutc
             until=request.until,
             parameters=request.parameters(),
             footprints=footprints,
+            formats=request.files.formats,
         )
         skip |= folder.done_stamps()
         with progress_bar(lambda: source.tile_count - len(skip)) as progress:
@@ -138,7 +139,7 @@ def _run_local(request: RunRequest, footprints: FootprintFile | None) -> RunOutc
                 request.config,
                 request.until,
                 progress,
-                request.rasters,
+                request.files,
                 None if footprints is None else footprints.footprints,
             )
         seconds = {"wall": time.perf_counter() - started, **seconds}

@@ -15,8 +15,8 @@ from lidar_buildings.core.errors import InputError, ParameterError
 from lidar_buildings.core.footprints import FootprintConfig
 from lidar_buildings.core.parameters import StageConfig
 from lidar_buildings.core.regularisation import RegularisationConfig
-from lidar_buildings.core.terrain import RasterConfig
 from lidar_buildings.io.footprints import FootprintSource
+from lidar_buildings.io.output_config import OutputConfig
 from lidar_buildings.io.tiling import TilingConfig
 from lidar_buildings.nodes.configs import NODE_CONFIGS
 from lidar_buildings.pipeline import STAGE_CONFIGS, STAGES, PipelineConfig
@@ -63,8 +63,8 @@ class RunRequest:
         All stages' configs.
     tiling : TilingConfig
         How the input is cut.
-    rasters : RasterConfig
-        How ground and surface are rasterised.
+    files : OutputConfig
+        Which files are made, and how ground and surface are rasterised.
     until : str
         The last stage.
     overwrite : bool
@@ -81,7 +81,7 @@ class RunRequest:
     settings: Settings
     config: PipelineConfig
     tiling: TilingConfig
-    rasters: RasterConfig
+    files: OutputConfig
     until: str
     overwrite: bool
     namespace: str | None
@@ -95,7 +95,7 @@ class RunRequest:
         stages = {
             **asdict(self.config),
             _TILING: asdict(self.tiling),
-            RasterConfig.stage: asdict(self.rasters),
+            OutputConfig.stage: asdict(self.files),
         }
         if self.footprints is None:
             return stages
@@ -131,7 +131,7 @@ def request_of(options: argparse.Namespace) -> RunRequest:
         settings=settings,
         config=PipelineConfig(**{stage: _shared(kind, settings) for stage, kind in STAGE_CONFIGS.items()}),
         tiling=_shared(TilingConfig, settings),
-        rasters=_shared(RasterConfig, settings),
+        files=_shared(OutputConfig, settings),
         until=_last_stage(options.until),
         overwrite=options.overwrite,
         namespace=options.namespace,

@@ -15,17 +15,15 @@ from lidar_buildings.io.building_layers import building_layers_file
 from lidar_buildings.io.cityjson import header_line
 from lidar_buildings.io.dxf import dxf_file
 from lidar_buildings.io.obj import obj_file
+from lidar_buildings.io.output_config import FORMATS
 from lidar_buildings.io.run_folder import BUILDINGS, CITY_MODEL, DRAWING, MATERIALS, MESH
 from lidar_buildings.io.survey_buildings import SurveyBuilding, SurveyBuildings
 from lidar_buildings.io.whole_files import whole_file
 
 #: Format → the files that it makes.
-FILES: dict[str, tuple[str, ...]] = {
-    "gpkg": (BUILDINGS,),
-    "cityjson": (CITY_MODEL,),
-    "obj": (MESH, MATERIALS),
-    "dxf": (DRAWING,),
-}
+FILES: dict[str, tuple[str, ...]] = dict(
+    zip(FORMATS, ((BUILDINGS,), (CITY_MODEL,), (MESH, MATERIALS), (DRAWING,)), strict=True)
+)
 #: Formats that tell of outlines, also where there are no models.
 OF_OUTLINES = ("gpkg",)
 _NO_FEATURE = "unknown"

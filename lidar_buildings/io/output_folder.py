@@ -18,11 +18,12 @@ from numpy.typing import NDArray
 from lidar_buildings import __version__
 from lidar_buildings.core.errors import InputError
 from lidar_buildings.core.map_frame import MapFrame
-from lidar_buildings.io.building_files import FILES, OF_OUTLINES, ModelHeading, write_buildings
+from lidar_buildings.io.building_files import OF_OUTLINES, ModelHeading, write_buildings
 from lidar_buildings.io.classified_las import suffix_for, write_classified
 from lidar_buildings.io.footprint_results import FootprintResults
 from lidar_buildings.io.footprints import FootprintFile
 from lidar_buildings.io.las import InputFile, open_cloud
+from lidar_buildings.io.output_config import FORMATS
 from lidar_buildings.io.point_results import PointResults
 from lidar_buildings.io.run_folder import (
     CLASSIFIED,
@@ -108,7 +109,7 @@ class OutputFolder:
     footprints : FootprintFile or None
         The footprints that were given.
     formats : collection of str
-        Which files tell of the buildings, names of `lidar_buildings.io.building_files.FILES`.
+        Which files tell of the buildings, of `lidar_buildings.io.output_config.FORMATS`.
 
     Raises
     ------
@@ -127,7 +128,7 @@ class OutputFolder:
         until: str = "building_model",
         parameters: Mapping[str, Any] | None = None,
         footprints: FootprintFile | None = None,
-        formats: Collection[str] = tuple(FILES),
+        formats: Collection[str] = FORMATS,
     ) -> None:
         self.path = Path(path)
         self.inputs = list(inputs)

@@ -21,7 +21,7 @@ from lidar_buildings.core.regularisation import RegularisationConfig
 from lidar_buildings.core.roof_selection import RoofSelectionConfig
 from lidar_buildings.core.segmentation import SegmentationConfig
 from lidar_buildings.core.stage_names import STAGES
-from lidar_buildings.core.terrain import RasterConfig
+from lidar_buildings.io.output_config import OutputConfig
 from lidar_buildings.io.tiling_config import TilingConfig
 
 
@@ -141,13 +141,13 @@ class FlowControlConfig(StageConfig):
 
 
 @dataclass(frozen=True)
-class ModelWriterConfig(RasterConfig):
+class ModelWriterConfig(OutputConfig):
     """
     What to write, and where.
 
     """
 
-    stage: ClassVar[str] = RasterConfig.stage
+    stage: ClassVar[str] = OutputConfig.stage
 
     input: tuple[str, ...] = parameter(
         (), "The same files, folders and globs as of `tile_player`.", read_only=True

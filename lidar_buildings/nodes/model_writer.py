@@ -17,12 +17,12 @@ from std_msgs.msg import Header, String
 
 from lidar_buildings.core.errors import OutputError, ParameterError
 from lidar_buildings.core.map_frame import MapFrame
-from lidar_buildings.core.terrain import RasterConfig
 from lidar_buildings.core.tile import PointTile
 from lidar_buildings.core.tile_rasters import rasterise_tile
 from lidar_buildings.io.cityjson import parse_feature
 from lidar_buildings.io.footprints import FootprintFile, FootprintSource, read_footprints
 from lidar_buildings.io.las import InputFile, frame_of, open_inputs
+from lidar_buildings.io.output_config import OutputConfig
 from lidar_buildings.io.output_folder import OutputFolder
 from lidar_buildings.io.tile_products import RoofFace, TileProducts
 from lidar_buildings.nodes.configs import NODE_CONFIGS, ModelWriterConfig
@@ -168,8 +168,9 @@ class ModelWriter(StageNode):
             frame_of(clouds),
             overwrite=config.overwrite,
             until=config.until,
-            parameters=_settings(config.settings) | {RasterConfig.stage: _raster_settings(config)},
+            parameters=_settings(config.settings) | {OutputConfig.stage: _output_settings(config)},
             footprints=_footprints(config, frame_of(clouds)),
+            formats=config.formats,
         )
         self._on_disk = self._folder.done_stamps()
         self._record = RunRecord()
@@ -286,12 +287,12 @@ def _footprints(config: ModelWriterConfig, frame: MapFrame) -> FootprintFile | N
     return read_footprints(source, frame)
 
 
-def _raster_settings(config: RasterConfig) -> dict[str, Any]:
+def _output_settings(config: OutputConfig) -> dict[str, Any]:
     """
-    Return the parameters of the rasters, on which an unfinished run depends as well.
+    Return the parameters of what is written, on which an unfinished run depends as well.
 
     """
-    return {one.name: getattr(config, one.name) for one in fields(RasterConfig)}
+    return {one.name: getattr(config, one.name) for one in fields(OutputConfig)}
 
 
 def main() -> int:
