@@ -16,6 +16,8 @@ from numpy.typing import NDArray
 _WIDEST_TURN = 44.0
 #: How many times its coordinates' rounding a chord's length, or a vertex's distance from the arc, may differ.
 _TOLERANCE = 4.0
+#: A half circle whose rounded chords turn by this share more is still one.
+_OVER = 1e-2
 #: An arc that leaves its chord by fewer roundings than this is a straight line.
 _LEAST_BULGE = 20.0
 
@@ -30,7 +32,7 @@ class ArcRing(NamedTuple):
         The ring's vertices at which a segment begins, ascending; it ends where the next one begins.
     bulges : ndarray of float64, shape (n_segments,)
         Tangent of a quarter of the angle that the segment sweeps, as drawings have it: 0 for straight ones,
-        positive where the arc turns left, at most 1 (half a circle).
+        positive where the arc turns left, at most about 1 (half a circle).
 
     """
 
@@ -120,7 +122,7 @@ def _halves(first: int, n_chords: int, turn: float) -> list[tuple[int, int]]:
     Divide a run into (first vertex, chords) of at most half a circle each.
 
     """
-    n_parts = math.ceil(n_chords * abs(turn) / math.pi - 1e-9)
+    n_parts = math.ceil(n_chords * abs(turn) / math.pi - _OVER)
     ends = [first + n_chords * k // n_parts for k in range(n_parts + 1)]
     return [(start, end - start) for start, end in pairwise(ends)]
 
