@@ -9,6 +9,7 @@ import math
 from typing import NamedTuple
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 from lidar_buildings.core.roof_planes.free_planes import FreePlanes
@@ -164,31 +165,34 @@ def _to_right_angle(angle: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.asarray(angle - _RIGHT_ANGLE * np.rint(angle / _RIGHT_ANGLE))
 
 
-def _groups(
-    values: NDArray[np.float64],
-    reach: NDArray[np.float64],
-    weight: NDArray[np.float64],
-    candidates: NDArray[np.bool_],
-) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+@njit(cache=True, nogil=True)
+def _groups(values, reach, weight, candidates):  # type: ignore[no-untyped-def]
     """
     Group values round the weightiest within their reach; return each one's group of several, and its mean.
 
     """
     group = np.full(len(values), -1, dtype=np.int64)
     means = values.copy()
-    remaining = np.flatnonzero(candidates)
-    remaining = remaining[np.argsort(-weight[remaining], kind="stable")]
+    pending = candidates.copy()
     n_groups = 0
-    while len(remaining):
-        first = remaining[0]
-        near = np.abs(values[remaining] - values[first]) <= reach[remaining] + reach[first]
-        rows = remaining[near]
-        mean = np.average(values[rows], weights=np.maximum(weight[rows], 1e-12))
-        rows = rows[(np.abs(values[rows] - mean) <= reach[rows]) | (rows == first)]
-        if len(rows) > 1:
-            group[rows], means[rows] = n_groups, mean
+    while pending.any():
+        first = -1
+        for k in range(len(values)):
+            if pending[k] and (first < 0 or weight[k] > weight[first]):
+                first = k
+        total, mass = 0.0, 0.0
+        for k in range(len(values)):
+            if pending[k] and abs(values[k] - values[first]) <= reach[k] + reach[first]:
+                total += max(weight[k], 1e-12) * (values[k] - values[first])
+                mass += max(weight[k], 1e-12)
+        mean = values[first] + total / mass
+        members = pending & (np.abs(values - mean) <= reach)
+        members[first] = True
+        pending &= ~members
+        if members.sum() > 1:
+            group[members] = n_groups
+            means[members] = mean
             n_groups += 1
-        remaining = remaining[~np.isin(remaining, rows)]
     return group, means
 
 
@@ -210,11 +214,13 @@ def _common_surfaces(
     steep = np.where(level, 0.0, rise)
     slopes = steep[:, None] * np.column_stack([np.cos(kept), np.sin(kept)])
     heights = planes.mean[:, 2] - np.einsum("ki,ki->k", slopes, planes.mean[:, :2])
+    # Planes of one kind that look in one direction, to a hundredth of a degree, are parallel.
+    turns = np.rint(np.degrees(kept) % 360.0 * 100.0).astype(np.int64) % 36_000
+    parallel = np.where(kinds >= 0, kinds * 36_000 + turns, -1)
     n_groups = 0
-    for kind in np.unique(kinds[kinds >= 0]):
-        turns = np.where(kinds == kind, np.rint(np.degrees(kept) % 360.0 * 100.0) % 36_000.0, -1.0)
-        for turn in np.unique(turns[turns >= 0]):
-            same, _ = _groups(heights, move, planes.counts, turns == turn)
+    for key in np.unique(parallel[parallel >= 0]):
+        if np.count_nonzero(parallel == key) > 1:
+            same, _ = _groups(heights, move, planes.counts, parallel == key)
             surface = np.where(same >= 0, same + n_groups, surface)
-            n_groups += int(same.max(initial=-1)) + 1
+            n_groups += int(same.max()) + 1
     return surface

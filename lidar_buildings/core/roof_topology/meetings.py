@@ -7,9 +7,8 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
+from lidar_buildings.core.linked_sets import sets_of_pairs
 from lidar_buildings.core.roof_planes import Meeting, common_point
 from lidar_buildings.core.roof_topology.pieces import Pieces, intersection_line
 
@@ -107,9 +106,7 @@ def _common_points(
     """
     positions = ends.reshape(-1, 2)
     gap = np.hypot(*(positions[:, None] - positions[None]).transpose(2, 0, 1))
-    near = np.argwhere(gap <= _SAME_POINT * spacing)
-    links = coo_array((np.ones(len(near)), (near[:, 0], near[:, 1])), shape=gap.shape)
-    _, cluster = connected_components(links, directed=False)
+    cluster = sets_of_pairs(len(positions), *np.nonzero(gap <= _SAME_POINT * spacing))
     pairs = np.repeat(np.column_stack([pieces.first, pieces.second]), 2, axis=0)
     meetings = []
     for number in np.unique(cluster):

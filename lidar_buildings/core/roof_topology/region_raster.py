@@ -24,8 +24,6 @@ _SPECK = 4.0
 _REACH = 1.5
 #: Where the outline reaches beyond the points by more than their extent and so much [m], it is cut.
 _LEAST_MARGIN = 20.0
-#: Nearest points are handed on over the raster so many times, forth and back.
-_SWEEPS = 2
 
 
 class RegionRaster(NamedTuple):
@@ -95,8 +93,8 @@ def region_raster(
     nearest = np.full((n_rows, n_columns), -1, dtype=np.int32)
     distance = np.full((n_rows, n_columns), np.inf)
     _plant(points, plane_id, west, south, cell, nearest, distance)
-    for _ in range(_SWEEPS):
-        _sweep(points, plane_id, west, south, cell, nearest, distance)
+    _sweep(points, plane_id, west, south, cell, nearest, distance)
+    distance = np.sqrt(distance)
     label = np.zeros((n_rows, n_columns), dtype=np.int32)
     if rings:
         ends = np.cumsum([len(ring) for ring in rings])
@@ -120,7 +118,7 @@ def _squared(points, i, x, y):  # type: ignore[no-untyped-def]
 @njit(cache=True, nogil=True)
 def _plant(points, plane_id, west, south, cell, nearest, distance):  # type: ignore[no-untyped-def]
     """
-    Give every cell that holds points of planes the one nearest to its middle.
+    Give every cell that holds points of planes the one nearest to its middle, and the square of its distance.
 
     """
     for i in range(len(points)):
@@ -128,7 +126,7 @@ def _plant(points, plane_id, west, south, cell, nearest, distance):  # type: ign
             continue
         c = int((points[i, 0] - west) / cell)
         r = int((points[i, 1] - south) / cell)
-        d = math.sqrt(_squared(points, i, west + (c + 0.5) * cell, south + (r + 0.5) * cell))
+        d = _squared(points, i, west + (c + 0.5) * cell, south + (r + 0.5) * cell)
         if d < distance[r, c] or (d == distance[r, c] and plane_id[i] < plane_id[nearest[r, c]]):
             distance[r, c] = d
             nearest[r, c] = i
@@ -161,7 +159,7 @@ def _sweep(points, plane_id, west, south, cell, nearest, distance):  # type: ign
                         i = nearest[pr, pc]
                         if i < 0 or i == nearest[r, c]:
                             continue
-                        d = math.sqrt(_squared(points, i, x, y))
+                        d = _squared(points, i, x, y)
                         if d < distance[r, c] or (
                             d == distance[r, c] and plane_id[i] < plane_id[nearest[r, c]]
                         ):

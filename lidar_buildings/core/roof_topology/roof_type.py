@@ -11,9 +11,8 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
+from lidar_buildings.core.linked_sets import sets_of_pairs
 from lidar_buildings.core.roof_topology.result import HIP, RIDGE, STEP, VALLEY, IntersectionSegment, StepEdge
 from lidar_buildings.core.roof_topology.wings import l_or_t
 
@@ -165,8 +164,7 @@ def _largest_detail(
     meeting = [(line.first - 1, line.second - 1) for line in intersections]
     links = [(i, j) for i, j in meeting if not {i + 1, j + 1} & set(large)]
     rows, columns = np.array(links, dtype=np.int64).reshape(-1, 2).T
-    graph = coo_array((np.ones(len(rows)), (rows, columns)), shape=(len(counts), len(counts)))
-    _, group = connected_components(graph, directed=False)
+    group = sets_of_pairs(len(counts), rows, columns)
     small = counts.copy()
     small[np.array(large) - 1] = 0
     return float(np.bincount(group, small).max() / counts.sum())

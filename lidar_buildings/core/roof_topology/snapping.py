@@ -43,6 +43,8 @@ def snapped(
 
     """
     n = len(steps.angle)
+    if not n:
+        return steps
     low, high = np.full(n, math.inf), np.full(n, -math.inf)
     np.minimum.at(low, steps.line, steps.t[:, 0])
     np.maximum.at(high, steps.line, steps.t[:, 1])

@@ -91,6 +91,10 @@ def find_step_lines(
 
     """
     rows = np.flatnonzero(~on_line)
+    if not len(rows):
+        nothing = np.zeros(0)
+        planes = np.zeros((0, 2), dtype=np.int32)
+        return StepLines(nothing, nothing, np.zeros(0, dtype=np.int64), np.zeros((0, 2)), planes, nothing)
     xy, upright = borders.xy[rows], borders.upright[rows]
     free = np.ones(len(rows), dtype=np.bool_)
     angles = _candidate_angles(gradients, n_points * spacing**2, rings)
@@ -211,14 +215,14 @@ def merged(steps: StepLines, spacing: float) -> StepLines:
 
     """
     line = steps.line
+    if not len(line):
+        return steps
     _, inverse = np.unique(np.column_stack([steps.angle, steps.offset])[line], axis=0, return_inverse=True)
     order = np.lexsort((steps.t[:, 0], steps.planes[:, 1], steps.planes[:, 0], inverse.reshape(-1)))
     same = np.column_stack([inverse.reshape(-1), steps.planes])[order]
     line, t, length = line[order], steps.t[order], steps.length[order]
     new = np.any(same[1:] != same[:-1], axis=1) | (t[1:, 0] - t[:-1, 1] > _LONGEST_GAP * spacing)
-    begin = np.concatenate([[0], np.flatnonzero(new) + 1])[: len(line)]
-    if not len(begin):
-        return steps
+    begin = np.concatenate([[0], np.flatnonzero(new) + 1])
     t = np.column_stack([t[begin, 0], np.maximum.reduceat(t[:, 1], begin)])
     length = np.add.reduceat(length, begin)
     line = line[begin]
