@@ -42,7 +42,7 @@ TEST = [
     "hypothesis",
     "startinpy",
     "cjio",
-    "trimesh",
+    "trimesh>=5",
     "ruff",
     "mypy",
     "matplotlib",
