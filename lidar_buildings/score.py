@@ -15,9 +15,7 @@ from typing import Any
 
 from lidar_buildings.core.errors import InputError, ParameterError
 
-KINDS = ("ground", "buildings", "outlines", "edges", "models")
-#: Kinds that the command's contract names and a later version brings.
-LATER_KINDS = ("planes",)
+KINDS = ("ground", "buildings", "outlines", "edges", "planes", "models")
 #: Default side of a cell [m] and default reach of an empty one [spacings].
 CELL, FILL = 0.5, 1.5
 #: Cells below the precision of maps, or larger than buildings, say nothing.
@@ -34,6 +32,7 @@ _OPTIONS = {
     "buildings": {"cell", "fill", "reference_classes"},
     "outlines": {"merge_touching", "corner_tolerance"},
     "edges": {"alpha", "split_steps", "reference_classes"},
+    "planes": set(),
     "models": {"lod", "corner_tolerance", "reference_classes"},
 }
 
@@ -77,11 +76,12 @@ def run_score(
     Parameters
     ----------
     kind : str
-        ``"ground"``, ``"buildings"``, ``"outlines"``, ``"edges"`` or ``"models"``.
+        ``"ground"``, ``"buildings"``, ``"outlines"``, ``"edges"``, ``"planes"`` or ``"models"``.
     result_path, reference_path : path
         A LAS or LAZ file, a folder of them or the output folder of a run; or a file of polygons. Ground needs
         clouds, outlines need polygons, buildings take either on both sides, edges take either as reference.
-        Models need CityJSON, and CityJSON or clouds as reference.
+        Planes need clouds: with PlaneId, and with TruePlane, PlaneId or colours as reference. Models need
+        CityJSON, and CityJSON or clouds as reference.
         Two clouds must hold the same points in the same order.
     aoi : path, optional
         File of polygons: only what lies inside counts.
@@ -239,8 +239,6 @@ def _kind(text: str) -> str:
     Check the kind of a score for argparse.
 
     """
-    if text in LATER_KINDS:
-        raise argparse.ArgumentTypeError(f"{text!r} cannot be scored yet: choose {', '.join(KINDS)}")
     if text not in KINDS:
         raise argparse.ArgumentTypeError(f"there is no kind {text!r}: choose {', '.join(KINDS)}")
     return text

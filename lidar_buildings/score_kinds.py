@@ -22,6 +22,7 @@ from lidar_buildings.io.metric_polygons import MetricPolygons, read_metric_polyg
 from lidar_buildings.score_edges import edge_figures
 from lidar_buildings.score_models import model_figures
 from lidar_buildings.score_outlines import outline_figures
+from lidar_buildings.score_planes import plane_figures
 from lidar_buildings.score_sides import BUILDING, ScoreOptions, check_same_system, is_inside
 
 
@@ -54,6 +55,7 @@ FIGURES: dict[str, Callable[[Path, Path, ScoreOptions], dict[str, Any]]] = {
     "buildings": building_figures,
     "outlines": outline_figures,
     "edges": edge_figures,
+    "planes": plane_figures,
     "models": model_figures,
 }
 

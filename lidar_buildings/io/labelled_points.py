@@ -151,14 +151,14 @@ def read_label_pairs(result: Path, reference: Path, *, edges: bool = False) -> L
     """
     parts: list[tuple[NDArray[Any], ...]] = []
     clouds = []
-    for mine, theirs in _matched(result, reference):
+    for mine, theirs in matched_clouds(result, reference):
         pair = open_cloud(mine), open_cloud(theirs)
         clouds.append(pair[0])
         parts.extend(_paired_parts(*pair, (CLASS, *_edge_of(edges))))
     return _joined(parts, clouds, 2 + len(_edge_of(edges)))
 
 
-def _matched(result: Path, reference: Path) -> list[tuple[Path, Path]]:
+def matched_clouds(result: Path, reference: Path) -> list[tuple[Path, Path]]:
     """
     Pair the files of both sides: one with one as they are, else by name.
 
