@@ -5,7 +5,9 @@ CityJSONSeq: what stands in the lines, what comes back, and what cjio says.
 
 import json
 
+import model_survey
 import numpy as np
+import pyproj
 import pytest
 import scenes
 from cjio_process import cjio
@@ -56,8 +58,8 @@ def test_written_coordinates_are_those_of_the_source(frame):
     header, feature = json.loads(header_line(frame)), json.loads(line_of(model, frame=frame))
     transform = header["transform"]
     written = np.array(feature["vertices"]) * transform["scale"] + transform["translate"]
-    expected = frame.to_source(model.solids["1.2"].vertices)
-    assert sorted(map(tuple, np.round(written, 6))) == sorted(map(tuple, np.round(expected, 6)))
+    expected = frame.to_source(np.vstack([solid.vertices for solid in model.solids.values()]))
+    assert set(map(tuple, np.round(written, 6))) == set(map(tuple, np.round(expected, 6)))
 
 
 def test_a_feature_has_its_solid_with_semantics_and_sorted_attributes():
@@ -66,7 +68,7 @@ def test_a_feature_has_its_solid_with_semantics_and_sorted_attributes():
     assert feature["id"] == "building-84912.3-447456.8"
     building = feature["CityObjects"][feature["id"]]
     assert building["type"] == "Building"
-    (solid,) = building["geometry"]
+    solid = building["geometry"][0]
     assert (solid["type"], solid["lod"]) == ("Solid", "1.2")
     (shell,), (values,) = solid["boundaries"], solid["semantics"]["values"]
     assert len(shell) == len(values)
@@ -79,6 +81,69 @@ def test_a_feature_has_its_solid_with_semantics_and_sorted_attributes():
     assert attributes["building_id"] == 7
     assert attributes["status"] == "ok"
     assert all(isinstance(c, int) for vertex in feature["vertices"] for c in vertex)
+
+
+def by_hand(name="gable", frame=DUTCH, number=5):
+    """
+    The line of a model made by hand, at LoD1.2 and LoD2.2.
+
+    """
+    _, model = getattr(model_survey, name)()
+    return line_of(model, number, frame)
+
+
+def test_every_level_of_detail_is_a_solid_of_its_own():
+    feature = json.loads(by_hand())
+    geometry = feature["CityObjects"][feature["id"]]["geometry"]
+    assert [one["lod"] for one in geometry] == ["1.2", "2.2"]
+    assert {one["type"] for one in geometry} == {"Solid"}
+    # the levels share vertices, and each vertex stands once
+    assert len({tuple(v) for v in feature["vertices"]}) == len(feature["vertices"])
+    read = parse_feature(by_hand())
+    assert read.finest == "2.2"
+    assert read.solids["1.2"].volume == pytest.approx(10 * 8 * 3)
+    assert read.solids["2.2"].volume == pytest.approx(10 * 8 * 3 * 1.5)
+
+
+def test_each_roof_face_has_a_surface_with_slope_azimuth_and_area():
+    feature = json.loads(by_hand())
+    semantics = feature["CityObjects"][feature["id"]]["geometry"][1]["semantics"]
+    roofs = [surface for surface in semantics["surfaces"] if surface["type"] == "RoofSurface"]
+    assert [surface["azimuth_deg"] for surface in roofs] == [180.0, 0.0]
+    assert [surface["slope_deg"] for surface in roofs] == pytest.approx([36.8699] * 2, abs=1e-4)
+    assert [surface["area"] for surface in roofs] == pytest.approx([50.0, 50.0])
+    flat = feature["CityObjects"][feature["id"]]["geometry"][0]["semantics"]["surfaces"][-1]
+    assert flat == {"type": "RoofSurface", "slope_deg": 0.0, "azimuth_deg": None, "area": 80.0}
+    used = [value for shell in semantics["values"] for value in shell]
+    assert sorted(set(used)) == list(range(len(semantics["surfaces"])))
+
+
+def test_volumes_and_areas_of_faces_follow_the_units():
+    metres, feet = (parse_feature(by_hand(frame=frame)).attributes for frame in (DUTCH, FEET))
+    assert metres["volume"] == pytest.approx(360.0)
+    assert feet["volume"] == pytest.approx(360.0 / FOOT**3, abs=1e-3)
+    assert feet["plane_sigma"] == pytest.approx(0.02 / FOOT, abs=1e-4)
+    assert feet["no_data_share"] == metres["no_data_share"] == 0.125
+    feature = json.loads(by_hand(frame=FEET))
+    surfaces = feature["CityObjects"][feature["id"]]["geometry"][1]["semantics"]["surfaces"]
+    assert surfaces[-1]["area"] == pytest.approx(50.0 / FOOT**2, abs=1e-3)
+    assert surfaces[-1]["slope_deg"] == pytest.approx(36.8699, abs=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("horizontal", "vertical", "named"), [(28992, 5709, 7415), (2154, 5720, 5698), (26917, 5713, 26917)]
+)
+def test_a_known_vertical_system_is_named_where_the_pair_has_a_code(horizontal, vertical, named):
+    pair = pyproj.crs.CompoundCRS("pair", [f"EPSG:{horizontal}", f"EPSG:{vertical}"]).to_wkt()
+    header = json.loads(header_line(MapFrame(f"EPSG:{horizontal}"), crs=pair))
+    assert header["metadata"]["referenceSystem"] == f"https://www.opengis.net/def/crs/EPSG/0/{named}"
+
+
+def test_the_header_tells_title_and_extent_in_source_coordinates():
+    extent = np.array([[0.0, 0.0, 1.0], [10.0, 8.0, 7.0]])
+    metadata = json.loads(header_line(FEET, extent=extent, title="Buildings of a"))["metadata"]
+    assert metadata["title"] == "Buildings of a"
+    assert metadata["geographicalExtent"] == pytest.approx(FEET.to_source(extent).ravel(), abs=1e-6)
 
 
 def test_what_is_read_back_is_what_was_checked():
@@ -105,7 +170,7 @@ def test_lengths_in_feet_are_written_in_feet():
 
 
 def test_a_building_without_solid_keeps_its_line_with_the_reason():
-    model = build_model(np.ones((2, 3)), scenes.flat().buildings[0].outline)
+    model = build_model(np.zeros((0, 3)), scenes.flat().buildings[0].outline)
     feature = json.loads(line_of(model))
     building = feature["CityObjects"][feature["id"]]
     assert building["geometry"] == []
@@ -145,7 +210,7 @@ def sequence(frame=DUTCH):
 
     """
     models = [house(name) for name in ("courtyard", "gable", "round_tower")]
-    models.append(build_model(np.ones((2, 3)), scenes.flat().buildings[0].outline))
+    models.append(build_model(np.zeros((0, 3)), scenes.flat().buildings[0].outline))
     lines = [
         line_of(m, number, frame, anchor=(30.0 * number, 0.0)) for number, m in enumerate(models, start=1)
     ]
