@@ -26,8 +26,17 @@ LAYERS = {
     "score_sides": {"core", "io"},
     "score_edges": {"core", "io", "score_sides"},
     "score_models": {"core", "io", "score_sides"},
+    "score_planes": {"core", "io", "score_sides"},
     "score_outlines": {"core", "io", "score_sides"},
-    "score_kinds": {"core", "io", "score_edges", "score_models", "score_outlines", "score_sides"},
+    "score_kinds": {
+        "core",
+        "io",
+        "score_edges",
+        "score_models",
+        "score_outlines",
+        "score_planes",
+        "score_sides",
+    },
     "score": {"core", "io", "score_kinds", "score_sides", "score_table"},
 }
 #: Layers of the modules that carry out ``lidar-buildings run``: run.py, run_*.py (without ROS: run_local.py).

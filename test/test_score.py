@@ -335,7 +335,7 @@ def test_what_a_user_can_do_wrong_gives_one_line_and_status_2(tmp_path, capsys, 
 
 def test_an_unknown_kind_is_refused_by_the_function_too():
     with pytest.raises(ParameterError, match="must be one of ground, buildings, outlines, edges"):
-        run_score("planes", "a", "b")
+        run_score("nonsense", "a", "b")
 
 
 @pytest.mark.real_data
