@@ -68,7 +68,7 @@ class BuildingModelConfig(StageConfig):
         maximum=100.0,
     )
     min_face_area: float = parameter(
-        1.0,
+        0.5,
         "Smallest roof face; raising it drops dormers and chimneys.",
         unit="m²",
         minimum=0.0,
