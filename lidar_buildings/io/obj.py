@@ -52,11 +52,11 @@ def obj_file(path: Path, frame: MapFrame) -> Iterator[Callable[[SurveyBuilding],
 
     """
     materials = path.with_suffix(".mtl")
-    with whole_file(materials) as temporary:
-        temporary.write_text("".join(_material(*one) for one in _MATERIALS.values()), encoding="utf-8")
     with whole_file(path) as temporary, open(temporary, "w", encoding="utf-8") as file:
         file.write(_header(frame, materials.name))
         yield _Mesh(file, frame).add
+        with whole_file(materials) as beside:
+            beside.write_text("".join(_material(*one) for one in _MATERIALS.values()), encoding="utf-8")
 
 
 class _Mesh:
