@@ -200,6 +200,35 @@ def test_what_stands_in_a_footprint_without_roof_points_is_taken():
     assert assign_footprints(low, given, FootprintConfig(min_height=0.5)).building_id.any()
 
 
+def test_what_stands_where_a_footprint_has_no_roof_points_completes_it():
+    tile = town(HOUSE)
+    x = tile.points[:, 0]
+    is_house = tile.classification == 6
+    for code, facade in ((1, 0), (5, 0), (6, 1)):
+        annexe = is_house & (x > 16)
+        half = tile.with_columns(
+            classification=np.where(annexe, code, tile.classification), facade=np.where(annexe, facade, 0)
+        )
+        found = assign_footprints(half, footprints(HOUSE))
+        # but for the points next to the roof's last ones
+        assert (found.building_id[is_house & (x > 17.5)] > 0).all()
+        assert (found.building_id[~is_house] == 0).all()
+        coarse = FootprintConfig(min_gap_area=100.0)
+        assert not assign_footprints(half, footprints(HOUSE), coarse).building_id[annexe].any()
+
+
+def test_walls_and_branches_beside_roof_points_are_not_taken():
+    tile = town(HOUSE)
+    x, y = tile.points[:, 0], tile.points[:, 1]
+    wall = (tile.classification == 6) & (x > 19)
+    branch = (tile.classification == 6) & (np.hypot(x - 14, y - 14) < 0.9)
+    other = tile.with_columns(
+        classification=np.where(branch, 5, tile.classification), facade=wall.astype(np.uint8)
+    )
+    found = assign_footprints(other, footprints(HOUSE))
+    assert not found.building_id[wall | branch].any()
+
+
 def test_of_what_stands_there_last_returns_come_first():
     tile = town(HOUSE)
     n = len(tile)

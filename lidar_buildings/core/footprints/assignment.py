@@ -15,6 +15,7 @@ from lidar_buildings.core.asprs import PointClass
 from lidar_buildings.core.building_id import anchor_row
 from lidar_buildings.core.footprints.config import FootprintConfig
 from lidar_buildings.core.footprints.footprints import Footprints
+from lidar_buildings.core.footprints.gaps import in_gaps
 from lidar_buildings.core.footprints.inside import last_outline_around
 from lidar_buildings.core.outline import BuildingOutline
 from lidar_buildings.core.tile import PointTile
@@ -54,10 +55,11 @@ def assign_footprints(
     """
     Find a tile's footprints and give their points their building's id.
 
-    A footprint's points are the roof points within it. Where these are next to none, all that stands within
-    it is taken: points undecided or of vegetation, of last returns if there are any. Where footprints lie
-    over each other, the smaller one has the points. A footprint belongs to the tile that holds the
-    westernmost of all points within it as a core point, or of those around it if there are none within.
+    A footprint's points are the roof points within it, and where these leave a gap what stands there: points
+    undecided, of vegetation or façades. Where roof points are next to none, all that stands within it is
+    taken, of last returns if there are any. Where footprints lie over each other, the smaller one has the
+    points. A footprint belongs to the tile that holds the westernmost of all points within it as a core
+    point, or of those around it if there are none within.
 
     Parameters
     ----------
@@ -177,17 +179,38 @@ def _building_rows(tile: PointTile, rows: NDArray[np.intp], config: FootprintCon
     is_roof = tile.is_roof[rows]
     if tile.classification is None or tile.height_above_ground is None:
         return rows[is_roof]
-    stands = np.isin(tile.classification[rows], _STANDING) & (
-        tile.height_above_ground[rows] >= config.min_height
-    )
+    stands = _stands(tile, rows) & (tile.height_above_ground[rows] >= config.min_height)
     n_roof, n_standing = int(np.count_nonzero(is_roof)), int(np.count_nonzero(stands))
     if n_roof >= config.min_roof_share * (n_roof + n_standing):
-        return rows[is_roof]
-    if tile.return_number is not None and tile.number_of_returns is not None:
-        is_last = tile.return_number[rows] >= tile.number_of_returns[rows]
-        if np.count_nonzero(stands & is_last) >= _MIN_LAST:
-            stands &= is_last
-    return rows[is_roof | stands]
+        if n_standing:
+            # walls and branches have roof points beside them, parts that were not recognised have none
+            counts = is_roof | stands
+            xy = tile.points[rows[counts], :2]
+            stands[counts] &= in_gaps(xy, is_roof[counts], tile.spacing, config.min_gap_area)
+        return rows[is_roof | stands]
+    return rows[is_roof | _last_ones(tile, rows, stands)]
+
+
+def _stands(tile: PointTile, rows: NDArray[np.intp]) -> NDArray[np.bool_]:
+    """
+    Tell which points may be a building that was not recognised: undecided, vegetation or façade.
+
+    """
+    if tile.classification is None:
+        return np.zeros(len(rows), dtype=bool)
+    is_facade = (tile.classification[rows] == PointClass.BUILDING) & ~tile.is_roof[rows]
+    return np.isin(tile.classification[rows], _STANDING) | is_facade
+
+
+def _last_ones(tile: PointTile, rows: NDArray[np.intp], stands: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """
+    Return those of the standing points that are last returns, or all where these are too few.
+
+    """
+    if tile.return_number is None or tile.number_of_returns is None:
+        return stands
+    last = stands & (tile.return_number[rows] >= tile.number_of_returns[rows])
+    return last if np.count_nonzero(last) >= _MIN_LAST else stands
 
 
 def _ground_elevation(tile: PointTile, rows: NDArray[np.intp]) -> float | None:

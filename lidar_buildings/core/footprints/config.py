@@ -35,6 +35,14 @@ class FootprintConfig(StageConfig):
         minimum=0.0,
         maximum=100.0,
     )
+    min_gap_area: float = parameter(
+        2.0,
+        "Area without roof points from which on a footprint's points are completed by what stands there; "
+        "raising it leaves more parts of buildings without points, and fewer trees to be taken for such.",
+        unit="m²",
+        minimum=0.0,
+        maximum=1_000_000.0,
+    )
     search_distance: float = parameter(
         5.0,
         "How near points must lie around a footprint that holds none for it to be inside the data; raising "

@@ -12,7 +12,7 @@ from lidar_buildings.core.tile import PointTile
 
 def remark_on_points(building: PointTile) -> str:
     """
-    Say how many of a building's points are of another class than 6; nothing if none is.
+    Say how many of a building's points are no roof points; nothing if all are.
 
     Parameters
     ----------
@@ -23,5 +23,4 @@ def remark_on_points(building: PointTile) -> str:
     n_others = int(np.count_nonzero(~building.is_roof))
     if not n_others:
         return ""
-    share = f"{n_others} of {len(building)} points are of other classes"
-    return f"the footprint has next to no roof points: {share}"
+    return f"{n_others} of {len(building)} points are what stands in the footprint where no roof points are"
