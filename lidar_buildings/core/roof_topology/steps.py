@@ -18,13 +18,15 @@ from lidar_buildings.core.roof_planes.directions import (
 )
 from lidar_buildings.core.roof_topology.borders import Borders
 from lidar_buildings.core.roof_topology.result import StepEdge
-from lidar_buildings.core.roof_topology.straight_runs import straight_runs
+from lidar_buildings.core.roof_topology.straight_runs import closing, run_segments, straight_runs
 
 #: Shorter pieces of a line between one pair of planes are left out, longer gaps divide them [spacings].
-_LEAST_PIECE, _LONGEST_GAP = 1.5, 4.0
+_LEAST_PIECE, _LONGEST_GAP = 1.0, 4.0
 #: Angles tried for what runs in none of the main directions [deg], and the shortest run there [spacings].
 _OTHER_ANGLES_DEG = np.arange(0.0, 180.0, 7.5)
 _LEAST_OTHER = 4.0
+#: The shortest run that goes from line to line [spacings].
+_LEAST_CLOSING = 0.8
 #: Where points on either side keep farther from the border, the lower ones are hidden [spacings].
 _OPEN_GAP = 0.6
 
@@ -65,6 +67,7 @@ def find_step_lines(
     gradients: NDArray[np.float64],
     n_points: NDArray[np.float64],
     rings: tuple[NDArray[np.float64], ...],
+    stops: NDArray[np.float64],
     centre: NDArray[np.float64],
     spacing: float,
 ) -> StepLines:
@@ -84,6 +87,8 @@ def find_step_lines(
         Points of each plane.
     rings : tuple of ndarray of shape (n, 2)
         The outline's [m].
+    stops : ndarray of shape (n, 2, 2)
+        Ends of the outline's walls and of the pieces of intersection lines, about the centre [m].
     centre : ndarray of shape (2 or more,)
         [m].
     spacing : float
@@ -96,18 +101,13 @@ def find_step_lines(
         planes = np.zeros((0, 2), dtype=np.int32)
         return StepLines(nothing, nothing, np.zeros(0, dtype=np.int64), np.zeros((0, 2)), planes, nothing)
     xy, upright = borders.xy[rows], borders.upright[rows]
-    free = np.ones(len(rows), dtype=np.bool_)
     angles = _candidate_angles(gradients, n_points * spacing**2, rings)
-    runs, run = straight_runs(xy, upright, borders.cell, angles, spacing, free)
-    angles = np.radians(_OTHER_ANGLES_DEG)
-    others, other_run = straight_runs(xy, upright, borders.cell, angles, spacing, free, _LEAST_OTHER)
-    run = np.where(other_run >= 0, other_run + len(runs), run)
-    runs = np.concatenate([runs, others])
+    runs, run = _all_runs(xy, upright, borders.cell, angles, stops, spacing)
     taken = np.flatnonzero(run >= 0)
     rows, run, xy = rows[taken], run[taken], xy[taken]
     angle, offset = runs[run, 0], runs[run, 1]
     t = xy[:, 0] * np.cos(angle) + xy[:, 1] * np.sin(angle)
-    higher = _first_is_higher(borders, rows, gradients)
+    higher = _first_is_higher(borders, rows, run, gradients)
     moved = _towards_upper(borders, rows, points, centre, angle, offset, higher, spacing)
     weight = np.bincount(run, minlength=len(runs))
     shift = np.bincount(run, moved, len(runs)) / np.maximum(weight, 1)
@@ -115,6 +115,35 @@ def find_step_lines(
     planes = np.where(higher[:, None], np.column_stack([first, second]), np.column_stack([second, first]))
     line, ends, planes, length = _pieces(run, t, planes, borders.cell, spacing)
     return StepLines(runs[:, 0], runs[:, 1] + shift, line, ends, planes, length)
+
+
+def _all_runs(
+    xy: NDArray[np.float64],
+    upright: NDArray[np.bool_],
+    cell: float,
+    angles: NDArray[np.float64],
+    stops: NDArray[np.float64],
+    spacing: float,
+) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    """
+    Return straight runs and which of them each side lies on, -1 = none.
+
+    First long ones in the main directions, then long ones in any; and last short ones in the main directions
+    that run from line to line, such as the side walls of dormers.
+
+    """
+    free = np.ones(len(xy), dtype=np.bool_)
+    runs, run = straight_runs(xy, upright, cell, angles, spacing, free)
+    others, other_run = straight_runs(
+        xy, upright, cell, np.radians(_OTHER_ANGLES_DEG), spacing, free, _LEAST_OTHER
+    )
+    run = np.where(other_run >= 0, other_run + len(runs), run)
+    runs = np.concatenate([runs, others])
+    short, short_run = straight_runs(xy, upright, cell, angles, spacing, free, _LEAST_CLOSING)
+    stops = np.concatenate([stops, run_segments(runs)])
+    number = np.where(closing(short, stops, spacing), len(runs) + np.arange(len(short)), -1)
+    run = np.where(short_run >= 0, np.append(number, -1)[short_run], run)
+    return np.concatenate([runs, short]), run
 
 
 def _candidate_angles(
@@ -131,15 +160,18 @@ def _candidate_angles(
 
 
 def _first_is_higher(
-    borders: Borders, rows: NDArray[np.int64], gradients: NDArray[np.float64]
+    borders: Borders, rows: NDArray[np.int64], run: NDArray[np.int64], gradients: NDArray[np.float64]
 ) -> NDArray[np.bool_]:
     """
-    Whether the first plane of each side is the higher one there.
+    Whether, of the planes of each side, the first is the higher one along the run, on average.
 
     """
     difference = gradients[borders.first[rows] - 1] - gradients[borders.second[rows] - 1]
     rise = np.einsum("ki,ki->k", difference[:, :2], borders.xy[rows]) + difference[:, 2]
-    return np.asarray(rise >= 0)
+    key = np.column_stack([run, borders.first[rows], borders.second[rows]])
+    _, group = np.unique(key, axis=0, return_inverse=True)
+    group = group.reshape(-1)
+    return np.asarray(np.bincount(group, rise)[group] >= 0)
 
 
 def _towards_upper(

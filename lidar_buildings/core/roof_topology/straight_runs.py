@@ -11,12 +11,16 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from lidar_buildings.core.roof_topology.obstacles import stop
+
 #: Bins across the lines, and how many a line takes up, in cells.
 _BIN, _WINDOW = 0.5, 5
 #: Sides within so many spacings of a line belong to it, and within so many no longer begin others.
 _HALF_WIDTH, _TAKEN = 0.7, 1.3
 #: Longest gap in a run in spacings, and least share of it that has sides.
 _LONGEST_GAP, _LEAST_SUPPORT = 3.0, 0.5
+#: Lines that stop a run lie within so many spacings of its ends, and so many of one another at least.
+_CLOSED, _SHORTEST = 1.75, 2.0
 #: Length of the shortest run in spacings.
 LEAST_LENGTH = 2.0
 
@@ -62,6 +66,41 @@ def straight_runs(
     if not len(xy) or not len(angles):
         return np.zeros((0, 4)), run
     return _greedy(xy, upright, cell, angles, spacing, free, run, least_length * spacing), run
+
+
+def run_segments(runs: NDArray[np.float64]) -> NDArray[np.float64]:
+    """
+    Return the ends of runs, shape (n_runs, 2, 2) [m].
+
+    """
+    along = np.column_stack([np.cos(runs[:, 0]), np.sin(runs[:, 0])])
+    left = np.column_stack([-along[:, 1], along[:, 0]])
+    return np.asarray((runs[:, 1:2] * left)[:, None] + runs[:, 2:, None] * along[:, None])
+
+
+@njit(cache=True, nogil=True)
+def closing(runs, stops, spacing):  # type: ignore[no-untyped-def]
+    """
+    Return which runs go from one line to another.
+
+    Parameters
+    ----------
+    runs : ndarray of shape (n_runs, 4)
+        As returned by `straight_runs`.
+    stops : ndarray of shape (n, 2, 2)
+        Ends of the lines [m].
+    spacing : float
+        Point spacing [m].
+
+    """
+    closed = np.zeros(len(runs), dtype=np.bool_)
+    for k in range(len(runs)):
+        angle, offset, t0, t1 = runs[k]
+        ux, uy = math.cos(angle), math.sin(angle)
+        low = stop(t0, -offset * uy, offset * ux, ux, uy, stops, _CLOSED * spacing, _CLOSED * spacing, -1)
+        high = stop(t1, -offset * uy, offset * ux, ux, uy, stops, _CLOSED * spacing, _CLOSED * spacing, -1)
+        closed[k] = not math.isnan(low) and not math.isnan(high) and high - low > _SHORTEST * spacing
+    return closed
 
 
 @njit(cache=True, nogil=True)

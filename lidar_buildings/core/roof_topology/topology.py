@@ -14,6 +14,7 @@ from lidar_buildings.core.point_spacing import given_or_measured
 from lidar_buildings.core.roof_planes import Adjustment, adjust
 from lidar_buildings.core.roof_topology.borders import find_borders
 from lidar_buildings.core.roof_topology.meetings import find_meetings, piece_ends
+from lidar_buildings.core.roof_topology.obstacles import walls_about
 from lidar_buildings.core.roof_topology.pieces import find_pieces
 from lidar_buildings.core.roof_topology.region_raster import region_raster
 from lidar_buildings.core.roof_topology.result import (
@@ -81,9 +82,11 @@ def find_topology(
         pieces = find_pieces(borders, raster, adjustment.coefficients, centre, spacing)
     gradients = adjustment.coefficients
     counts = adjustment.free.counts
-    lines = find_step_lines(borders, pieces.on_line, points, gradients, counts, rings, centre, spacing)
+    ends = piece_ends(pieces, gradients)
+    stops = np.concatenate([walls_about(rings, centre), ends])
+    lines = find_step_lines(borders, pieces.on_line, points, gradients, counts, rings, stops, centre, spacing)
     lines = merged(snapped(lines, rings, centre, spacing), spacing)
-    lines = extended(lines, piece_ends(pieces, gradients), rings, centre, spacing)
+    lines = extended(lines, ends, rings, centre, spacing)
     intersections = finished(
         pieces, gradients, centre, rings, step_segments(lines), adjustment.meetings, spacing
     )

@@ -1,0 +1,45 @@
+"""
+What lines end at: walls of the outline and other lines.
+
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+
+def walls_about(rings: tuple[NDArray[np.float64], ...], centre: NDArray[np.float64]) -> NDArray[np.float64]:
+    """
+    Return the edges of rings about the centre, shape (n, 2, 2) [m].
+
+    """
+    walls = [np.stack([ring, np.roll(ring, -1, axis=0)], axis=1) for ring in rings]
+    return np.concatenate(walls) - centre[:2] if walls else np.zeros((0, 2, 2))
+
+
+@njit(cache=True, nogil=True)
+def stop(t, fx, fy, ux, uy, stops, reach, beyond, but):  # type: ignore[no-untyped-def]
+    """
+    Return where the line crosses the nearest wall or step edge, NaN if there is none near.
+
+    Stops are taken for longer than they are by `beyond` at either end: a line through a corner has to hit one
+    of its walls. Stop number `but` is left out.
+
+    """
+    best, place = reach, math.nan
+    for m in range(len(stops)):
+        wx, wy = stops[m, 1, 0] - stops[m, 0, 0], stops[m, 1, 1] - stops[m, 0, 1]
+        length = math.hypot(wx, wy)
+        across = ux * wy - uy * wx
+        if m == but or length == 0.0 or abs(across) < 0.1 * length:
+            continue
+        dx, dy = stops[m, 0, 0] - fx, stops[m, 0, 1] - fy
+        at = (dx * wy - dy * wx) / across
+        along = (dx * uy - dy * ux) / across * length
+        if -beyond <= along <= length + beyond and abs(at - t) < best:
+            best, place = abs(at - t), at
+    return place
