@@ -12,7 +12,6 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from lidar_buildings.core.building_model.heights import parts_of_one_height
 from lidar_buildings.core.building_model.roof_face import RoofFacePatch, open_rings
 from lidar_buildings.core.outline import Outline
 from lidar_buildings.core.output_grid import GRID, on_grid, repaired_outlines
@@ -97,8 +96,8 @@ def level_22(faces: list[RoofFacePatch], ground: float) -> Level:
 
 def part_elevations(
     faces: list[RoofFacePatch],
+    part: NDArray[np.int64],
     points: NDArray[np.float64],
-    min_step: float,
     elevation_of: Callable[[NDArray[np.float64]], float],
 ) -> NDArray[np.float64]:
     """
@@ -107,15 +106,14 @@ def part_elevations(
     Parameters
     ----------
     faces : list of RoofFacePatch
+    part : ndarray of shape (n_faces,), int64
+        Number of each face's part, from 0.
     points : ndarray of shape (n_points, 3)
         The building's points [m].
-    min_step : float
-        Smallest step between two parts [m].
     elevation_of : callable
         Turns elevations of points into the one of their part.
 
     """
-    part = parts_of_one_height(faces, min_step)
     elevations = np.empty(len(faces))
     for number in range(int(part.max()) + 1):
         members = np.flatnonzero(part == number)

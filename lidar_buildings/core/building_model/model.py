@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from lidar_buildings.core.building_model.config import ELEVATIONS, BuildingModelConfig
-from lidar_buildings.core.building_model.heights import settle_planes
+from lidar_buildings.core.building_model.heights import parts_of_one_height, settle_planes
 from lidar_buildings.core.building_model.levels import (
     LOD12,
     LOD13,
@@ -123,7 +123,7 @@ def build_model(
         return _without_solid(attributes, ground, BuildingStatus.NO_SOLID, reason)
     topology = find_topology(points, plane_id, outline, point_spacing=spacing)
     roof = _Roof(points, outline, ground, spacing, topology, plane_id)
-    levels, faces, why = _finer_levels(roof, config)
+    levels, faces, why = _finer_levels(roof, lowest, config)
     return _finished(roof, {LOD12: lowest} | levels, faces, attributes, [remark, flat.remark, why])
 
 
@@ -159,7 +159,7 @@ def _top(z: NDArray[np.float64], config: BuildingModelConfig) -> float:
 
 
 def _finer_levels(
-    roof: _Roof, config: BuildingModelConfig
+    roof: _Roof, lowest: Level, config: BuildingModelConfig
 ) -> tuple[dict[str, Level], dict[str, list[RoofFacePatch]], str]:
     """
     Return LoD1.3 and LoD2.2, the faces of each, and why one is missing.
@@ -169,15 +169,16 @@ def _finer_levels(
         return {}, {}, f"{len(roof.points)} roof points, too few or all on a line: one height"
     try:
         faces = _roof_faces_of(roof, config)
+        part = parts_of_one_height(faces, config.min_part_step)
+        tops = part_elevations(faces, part, roof.points, lambda z: _top(z, config))
+        tops = np.maximum(tops, on_grid(roof.ground + config.min_height))
+        # A roof in one part is the same at both levels.
+        parts = level_13(faces, tops, roof.ground) if part.any() else lowest
+        levels = {LOD13: parts, LOD22: level_22(faces, roof.ground)}
     except Exception as error:
         _log.exception("building at (%.1f, %.1f): its roof was not divided", *roof.outline.exterior[0])
         return {}, {}, f"the roof could not be divided into faces: {error!r}"
-    tops = part_elevations(faces, roof.points, config.min_part_step, lambda z: _top(z, config))
     flat = [RoofFacePatch(f.rings, np.array([0.0, 0.0, z]), f.rows) for f, z in zip(faces, tops, strict=True)]
-    levels = {
-        LOD13: level_13(faces, np.maximum(tops, on_grid(roof.ground + config.min_height)), roof.ground),
-        LOD22: level_22(faces, roof.ground),
-    }
     missing = [
         f"LoD{lod} fails checks {', '.join(map(str, level.codes))}"
         for lod, level in levels.items()
