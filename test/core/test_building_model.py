@@ -79,8 +79,8 @@ def test_every_house_of_the_gallery_gets_a_valid_solid(name):
         ("shed", "shed"),
         ("gable", "gable"),
         ("hip", "hip"),
-        ("l_shape", "complex"),
-        ("t_shape", "complex"),
+        ("l_shape", "L"),
+        ("t_shape", "T"),
         ("round_tower", "flat"),
     ],
 )
