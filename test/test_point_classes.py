@@ -17,7 +17,7 @@ RUN = ("--no-ros", "--until", "roof_selection")
 @pytest.fixture(scope="module")
 def survey(tmp_path_factory):
     folder = tmp_path_factory.mktemp("survey")
-    simulate_survey(folder, "village", density=3.0)
+    simulate_survey(folder, "village", density=2.0)
     return folder
 
 
@@ -73,9 +73,14 @@ def survey_with_classes(survey, tmp_path_factory):
     return folder
 
 
-def test_water_bridges_and_classes_of_ones_own_come_out_as_they_went_in(survey_with_classes, tmp_path):
+@pytest.fixture(scope="module")
+def kept_classes(survey_with_classes, tmp_path_factory):
+    return classified(survey_with_classes, tmp_path_factory.mktemp("kept") / "out")
+
+
+def test_water_bridges_and_classes_of_ones_own_come_out_as_they_went_in(kept_classes):
     n_kept = 0
-    for before, after in classified(survey_with_classes, tmp_path / "out"):
+    for before, after in kept_classes:
         kept = np.isin(before.classification, (9, 17, 70))
         np.testing.assert_array_equal(after.classification[kept], before.classification[kept])
         assert not np.isin(after.classification[~kept], (9, 17, 70)).any()
@@ -85,8 +90,8 @@ def test_water_bridges_and_classes_of_ones_own_come_out_as_they_went_in(survey_w
     assert n_kept > 1000
 
 
-def test_withheld_points_keep_their_class_and_flags_are_kept(survey_with_classes, tmp_path):
-    for before, after in classified(survey_with_classes, tmp_path / "out"):
+def test_withheld_points_keep_their_class_and_flags_are_kept(kept_classes):
+    for before, after in kept_classes:
         withheld = np.asarray(before.withheld) == 1
         np.testing.assert_array_equal(after.classification[withheld], before.classification[withheld])
         np.testing.assert_array_equal(after.withheld, before.withheld)

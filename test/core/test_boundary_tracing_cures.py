@@ -254,17 +254,17 @@ def test_a_stray_a_hundred_kilometres_off_does_not_stop_the_tracing():
     assert_sound(traced, points)
 
 
-def test_a_large_ring_of_points_takes_well_under_a_second():
+def test_a_large_ring_of_points_takes_about_a_second_at_most():
     angle = np.linspace(0, 2 * np.pi, 100_000, endpoint=False)
     points = cloud(5000 * np.column_stack([np.cos(angle), np.sin(angle)]))
     trace_boundary(points[:200], point_spacing=0.3)
     seconds = []
     for _ in range(3):
-        start = time.perf_counter()
+        start = time.process_time()
         traced = trace_boundary(points, point_spacing=0.3)
-        seconds.append(time.perf_counter() - start)
+        seconds.append(time.process_time() - start)
     assert len(traced.outline.exterior) == 100_000
-    assert min(seconds) < 1.0
+    assert min(seconds) < 2.0  # 0.3 on a machine at rest; what grew with the square took minutes
 
 
 def test_unknown_methods_and_spacings_are_refused():

@@ -7,9 +7,6 @@ pytest.importorskip("rclpy")
 
 from lidar_buildings.simulation import simulate_survey
 
-#: Small tiles, so that a small survey has many.
-TILE_SIZE = 75.0
-
 
 @pytest.fixture(scope="session", autouse=True)
 def _own_domain():
@@ -22,5 +19,5 @@ def _own_domain():
 @pytest.fixture(scope="session")
 def survey(tmp_path_factory) -> Path:
     folder = tmp_path_factory.mktemp("survey")
-    simulate_survey(folder, "village", 1, density=3.0)
+    simulate_survey(folder, "village", 1, density=1.0)
     return folder

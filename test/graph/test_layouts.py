@@ -13,7 +13,8 @@ from results import assert_buildings_once, assert_complete, contents
 
 from lidar_buildings.cli import main
 
-TILE_SIZE = 75.0
+#: Cuts the survey into sixteen tiles [m].
+TILE_SIZE = 100.0
 
 pytestmark = [pytest.mark.graph, pytest.mark.slow]
 
@@ -40,7 +41,7 @@ def test_a_process_per_node_gives_the_same_files(survey, without_ros, tmp_path):
     files = sorted(survey.glob("*.laz"))
     with NodeProcesses(files, output, "apart", tmp_path, tile_size=TILE_SIZE) as graph:
         graph.start_all()
-        assert graph.wait_until_written(240) == 0, graph.tails()
+        assert graph.wait_until_written(400) == 0, graph.tails()
     assert contents(output) == contents(without_ros)
 
 
@@ -48,13 +49,13 @@ def test_two_instances_run_side_by_side_under_different_namespaces(survey, witho
     command = [sys.executable, "-m", "lidar_buildings.cli", "run"]
     options = {
         "left": [str(survey), "--tile-size", str(TILE_SIZE)],
-        "right": [str(sorted(survey.glob("*.laz"))[0]), "--tile-size", "100"],
+        "right": [str(sorted(survey.glob("*.laz"))[0]), "--tile-size", "150"],
     }
     both = [
         subprocess.Popen([*command, *given, "--output", str(tmp_path / name), "--namespace", name])
         for name, given in options.items()
     ]
-    assert [run.wait(240) for run in both] == [0, 0]
+    assert [run.wait(400) for run in both] == [0, 0]
     assert contents(tmp_path / "left") == contents(without_ros)
     assert len(list((tmp_path / "right" / "classified").iterdir())) == 1
     assert_buildings_once(tmp_path / "right")

@@ -41,7 +41,7 @@ class Bench(StageNode):
         self.statuses += [status for status in message.status if status.name == "edge_labeller"]
 
 
-def wait_until(condition, seconds=60.0):
+def wait_until(condition, seconds=120.0):
     end = time.monotonic() + seconds
     while not condition():
         assert time.monotonic() < end

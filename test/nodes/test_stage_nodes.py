@@ -40,7 +40,7 @@ STAMP = 77_000_000_000
 HOUSE, SHED = 11, 12
 
 
-def wait_until(condition, seconds=20.0):
+def wait_until(condition, seconds=120.0):
     end = time.monotonic() + seconds
     while not condition():
         assert time.monotonic() < end
@@ -427,7 +427,7 @@ def test_a_run_may_end_with_any_stage(context, tmp_path, until):
     composition = Composition(*nodes.values())
     composition.start()
     try:
-        assert composition.wait(nodes["model_writer"], timeout=60.0)
+        assert composition.wait(nodes["model_writer"], timeout=120.0)
     finally:
         composition.stop()
     summary = nodes["model_writer"].outcome.result()

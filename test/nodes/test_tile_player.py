@@ -71,7 +71,7 @@ class GraphEnd(StageNode):
         self.survey_done.append(to_stamp(message.stamp))
 
 
-def wait_until(condition, seconds=20.0):
+def wait_until(condition, seconds=120.0):
     end = time.monotonic() + seconds
     while not condition():
         assert time.monotonic() < end
@@ -133,7 +133,7 @@ def test_a_slow_graph_gets_no_more_tiles_than_it_has_credits(play):
 
 
 def test_a_tile_that_got_lost_is_sent_again(play):
-    _, end = play({"forgets": {2: 1, 4: 2}}, tile_timeout=0.5)
+    _, end = play({"forgets": {2: 1, 4: 2}}, tile_timeout=2.0)
     wait_until(lambda: end.survey_done)
     counts = Counter(tile.stamp for tile in end.received)
     assert sorted(counts.values()) == [1, 1, 1, 2, 3]
@@ -142,7 +142,7 @@ def test_a_tile_that_got_lost_is_sent_again(play):
 
 
 def test_a_graph_that_answers_nothing_gets_a_tile_again_when_its_time_is_up(play):
-    _, end = play({}, tile_timeout=0.5, max_tiles_in_flight=1)
+    _, end = play({}, tile_timeout=2.0, max_tiles_in_flight=1)
     wait_until(lambda: end.received)
     end.is_silent = True
     wait_until(lambda: Counter(tile.stamp for tile in end.received).most_common(1)[0][1] >= 2)
@@ -152,7 +152,7 @@ def test_a_graph_that_answers_nothing_gets_a_tile_again_when_its_time_is_up(play
 
 
 def test_a_tile_that_is_never_done_is_given_up_and_the_others_are_done(play):
-    player, end = play({"forgets": {3: 99}}, tile_timeout=0.5, max_attempts=2)
+    player, end = play({"forgets": {3: 99}}, tile_timeout=2.0, max_attempts=2)
     wait_until(lambda: end.survey_done)
     assert len(end.failed) == 1
     assert len(set(end.done)) == 4

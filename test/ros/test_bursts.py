@@ -55,7 +55,7 @@ def spin(node, context):
 
 def send_burst(node):
     publisher = node.create_publisher(PolygonInstanceStamped, "rings", BUILDING)
-    end = time.monotonic() + 20.0
+    end = time.monotonic() + 120.0
     while not publisher.get_subscription_count():
         assert time.monotonic() < end
         time.sleep(0.01)
@@ -70,7 +70,7 @@ def test_a_burst_of_rings_within_one_process_loses_nothing(context):
     thread = threading.Thread(target=spin, args=(listener.node, context))
     thread.start()
     send_burst(sender)
-    end = time.monotonic() + 40.0
+    end = time.monotonic() + 120.0
     while len(listener.ids) <= N_RINGS and time.monotonic() < end:
         time.sleep(0.02)
     rclpy.try_shutdown(context=context)
@@ -87,7 +87,7 @@ def test_a_burst_of_rings_to_another_process_loses_nothing(context):
     )
     executor = SingleThreadedExecutor(context=context)
     executor.add_node(listener.node)
-    end = time.monotonic() + 60.0
+    end = time.monotonic() + 120.0
     while len(listener.ids) <= N_RINGS and time.monotonic() < end:
         executor.spin_once(timeout_sec=0.1)
     child.communicate()
