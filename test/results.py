@@ -12,7 +12,9 @@ import laspy
 import numpy as np
 import pyogrio
 
-RESULTS = ("buildings.gpkg", "city_model.city.jsonl", "dtm.tif", "dsm.tif", "ndsm.tif")
+#: Files that tell of buildings.
+MODELS = ["city_model.city.jsonl", "city_model.dxf", "city_model.mtl", "city_model.obj"]
+RESULTS = ("buildings.gpkg", *MODELS, "dtm.tif", "dsm.tif", "ndsm.tif")
 
 
 def contents(output: Path) -> dict[str, bytes]:

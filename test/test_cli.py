@@ -14,7 +14,7 @@ import pyogrio
 import pytest
 import shapely
 from cli_runs import Command, files_in
-from results import assert_complete, contents
+from results import MODELS, assert_complete, contents
 
 from lidar_buildings import cli, run_local
 from lidar_buildings.io.building_attributes import BUILDING_FIELDS
@@ -24,7 +24,7 @@ from lidar_buildings.simulation import simulate_survey
 
 RASTERS = ["dsm.tif", "dtm.tif", "ndsm.tif"]
 ALWAYS = ["classified/strip_01.laz", *RASTERS, "run.json"]
-FILES = ["buildings.gpkg", "city_model.city.jsonl", *ALWAYS]
+FILES = ["buildings.gpkg", *MODELS, *ALWAYS]
 #: Stage → the files of a run that ends with it.
 FILES_UNTIL = {
     "ground_filter": ALWAYS,
@@ -189,7 +189,7 @@ def test_a_reader_that_stops_listening_is_no_error(house, unbuffered):
 def test_a_run_gives_every_file_of_the_contract(roofs, result):
     assert files_in(result) == FILES
     assert_complete(roofs, result, min_tiles=10)
-    names = set(laspy.open(result / FILES[2]).header.point_format.dimension_names)
+    names = set(laspy.open(result / ALWAYS[0]).header.point_format.dimension_names)
     assert {"HeightAboveGround", "Facade", "BuildingId", "PlaneId", "EdgeLabel"} <= names
     layers = dict(pyogrio.list_layers(result / "buildings.gpkg"))
     assert set(layers) == {"outlines", "traced", "roof_faces"}
@@ -203,7 +203,7 @@ def test_run_json_tells_what_was_done(roofs, result):
     told = json.loads((result / "run.json").read_text())
     cloud = roofs / "strip_01.laz"
     count = laspy.open(cloud).header.point_count
-    assert told["inputs"] == [{"path": str(cloud), "point_count": count, "output": FILES[2]}]
+    assert told["inputs"] == [{"path": str(cloud), "point_count": count, "output": ALWAYS[0]}]
     assert sorted(told["files"]) == FILES
     assert told["n_points"] == count == sum(told["classes"].values())
     assert sum(told["buildings"].values()) == 14

@@ -11,11 +11,12 @@ import laspy
 import numpy as np
 import pytest
 from cli_runs import Command, bad_clouds, files_in
+from results import MODELS
 
 from lidar_buildings.simulation import simulate_survey
 
-FILES = ["buildings.gpkg", "city_model.city.jsonl", "dsm.tif", "dtm.tif", "ndsm.tif", "run.json"]
-WITHOUT_POINTS = ["buildings.gpkg", "city_model.city.jsonl", "run.json"]
+FILES = ["buildings.gpkg", *MODELS, "dsm.tif", "dtm.tif", "ndsm.tif", "run.json"]
+WITHOUT_POINTS = ["buildings.gpkg", *MODELS, "run.json"]
 CASES = [
     "missing file",
     "missing folder",

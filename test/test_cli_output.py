@@ -11,14 +11,15 @@ import cloud_files
 import pyogrio
 import pytest
 from cli_runs import Command, files_in
-from results import assert_rest_is_complete, contents
+from results import MODELS, assert_rest_is_complete, contents
 
 from lidar_buildings import pipeline
 from lidar_buildings.cli import main
 from lidar_buildings.simulation import simulate_survey
 
 RASTERS = ["dsm.tif", "dtm.tif", "ndsm.tif"]
-FILES = ["buildings.gpkg", "city_model.city.jsonl", "classified/strip_01.laz", *RASTERS, "run.json"]
+CLASSIFIED = "classified/strip_01.laz"
+FILES = ["buildings.gpkg", *MODELS, CLASSIFIED, *RASTERS, "run.json"]
 #: Cuts the house's survey into nine tiles.
 SMALL_TILES = ["--no-ros", "--tile-size", "25", "--set", "tile_player.buffer=10"]
 
@@ -76,7 +77,7 @@ def test_a_finished_run_is_replaced_only_on_request(command, survey, result, tmp
     assert contents(out) == contents(result)
     spoken = command("run", survey, "--output", out, "--overwrite", "--until", "ground_filter")
     assert spoken.status == 0
-    assert files_in(out) == FILES[2:], "nothing of the earlier run is left"
+    assert files_in(out) == [CLASSIFIED, *RASTERS, "run.json"], "nothing of the earlier run is left"
 
 
 def test_an_unfinished_run_of_other_parameters_is_not_mixed_in(
@@ -98,7 +99,9 @@ FULL = {
     "npz": [],
     "results": [],
     "strip_01.part": [],
-    "city_model": [FILES[0], FILES[2]],
+    "features": [CLASSIFIED],
+    "city_model": [CLASSIFIED],
+    "city_model.part.dxf": [CLASSIFIED],
     "run.part": FILES[:-1],
 }
 
@@ -144,7 +147,7 @@ def test_a_full_disk_in_the_geopackage_leaves_no_part_of_it(command, survey, res
     assert spoken.status == 2
     assert len(spoken.err) == 1
     assert f"{out / 'buildings.gpkg'}: cannot be written" in spoken.err[0]
-    assert [path for path in files_in(out) if not path.startswith(".partial/")] == [FILES[2]]
+    assert [path for path in files_in(out) if not path.startswith(".partial/")] == [CLASSIFIED]
     assert command("run", survey, "--output", out).status == 0
     assert contents(out) == contents(result)
 

@@ -18,7 +18,7 @@ from lidar_buildings.io.obj import obj_file
 from lidar_buildings.io.output_config import FORMATS
 from lidar_buildings.io.run_folder import BUILDINGS, CITY_MODEL, DRAWING, MATERIALS, MESH
 from lidar_buildings.io.survey_buildings import SurveyBuilding, SurveyBuildings
-from lidar_buildings.io.whole_files import whole_file
+from lidar_buildings.io.whole_files import cannot_write, whole_file
 
 #: Format → the files that it makes.
 FILES: dict[str, tuple[str, ...]] = dict(
@@ -84,8 +84,11 @@ def write_buildings(
     with ExitStack() as stack:
         writers = [stack.enter_context(_writer(name, folder, buildings, heading)) for name in chosen]
         for building in buildings:
-            for add in writers:
-                add(building)
+            for name, add in zip(chosen, writers, strict=True):
+                try:
+                    add(building)
+                except OSError as error:  # else the file that was opened last would have to answer for it
+                    raise cannot_write(folder / FILES[name][0], error) from error
             status = building.attributes.get("status") or _NO_FEATURE
             outlined[status] += building.outline is not None
             traced[status] += building.traced is not None

@@ -8,6 +8,7 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Collection, Iterator, Mapping
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -137,17 +138,17 @@ class SurveyBuildings:
         self._entries: dict[tuple[int, str], _Entry] = {}
         self._low, self._high = np.full(3, np.inf), np.full(3, -np.inf)
         self._path = path
-        try:
+        with self._failing_in_words():
             self._file = open(path, "w+b")  # noqa: SIM115 (open as long as the object)
-        except OSError as error:
-            raise cannot_write(path, error) from error
 
     def close(self) -> None:
         """
         Close the file of lines.
 
         """
-        self._file.close()
+        # what could not be written was said when the tile was added, and closing tries to write it again
+        with suppress(OSError):
+            self._file.close()
 
     def __enter__(self) -> SurveyBuildings:
         """
@@ -184,6 +185,8 @@ class SurveyBuildings:
             key = number, model.readable_id if model else self._name_of(number, before or after)
             if key not in self._entries:
                 self._entries[key] = _Entry(before, after, *self._kept(model))
+        with self._failing_in_words():
+            self._file.flush()
 
     def __len__(self) -> int:
         """
@@ -213,11 +216,9 @@ class SurveyBuildings:
             return 0, 0
         self._low = np.minimum(self._low, model.low)
         self._high = np.maximum(self._high, model.high)
-        try:
+        with self._failing_in_words():
             start = self._file.seek(0, os.SEEK_END)
             return start, self._file.write(model.line.encode())
-        except OSError as error:
-            raise cannot_write(self._path, error) from error
 
     def _line(self, entry: _Entry) -> str:
         """
@@ -226,6 +227,17 @@ class SurveyBuildings:
         """
         self._file.seek(entry.start)
         return self._file.read(entry.length).decode()
+
+    @contextmanager
+    def _failing_in_words(self) -> Iterator[None]:
+        """
+        Say which file it is that cannot be written.
+
+        """
+        try:
+            yield
+        except OSError as error:
+            raise cannot_write(self._path, error) from error
 
     def _name_of(self, number: int, outline: Outline | None) -> str:
         """

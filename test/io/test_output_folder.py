@@ -11,6 +11,7 @@ import laspy
 import numpy as np
 import pyogrio
 import pytest
+from results import MODELS
 
 from lidar_buildings.core.building_model import BuildingModel
 from lidar_buildings.core.errors import OutputError
@@ -27,7 +28,7 @@ from lidar_buildings.io.tile_products import RoofFace, TileProducts
 from lidar_buildings.io.tiling import TileSource, TilingConfig
 
 WEST, SOUTH = 85000.0, 447000.0
-FILES = ["buildings.gpkg", "city_model.city.jsonl", "classified", "run.json"]
+FILES = ["buildings.gpkg", *MODELS, "classified", "run.json"]
 
 
 @pytest.fixture
@@ -101,7 +102,8 @@ def test_a_run_makes_every_file_and_leaves_nothing_else(tmp_path, survey):
     summary = run(tmp_path / "deep" / "out", source, tiles)
     assert sorted(p.name for p in (tmp_path / "deep" / "out").iterdir()) == FILES
     assert summary.files == (
-        "classified/0.laz", "classified/1.laz", "buildings.gpkg", "city_model.city.jsonl", "run.json",
+        "classified/0.laz", "classified/1.laz", "buildings.gpkg", "city_model.city.jsonl", "city_model.obj",
+        "city_model.mtl", "city_model.dxf", "run.json",
     )  # fmt: skip
     assert (summary.n_tiles, summary.n_points, summary.n_unclassified) == (len(tiles), 1200, 0)
     assert sum(summary.classes.values()) == 1200
@@ -342,6 +344,15 @@ def test_equal_names_of_different_folders_are_both_written(tmp_path, survey):
             assert np.array_equal(laspy.read(tmp_path / "out" / "classified" / name).X, mine.X)
 
 
+def test_formats_that_are_not_wanted_are_not_made(tmp_path, survey):
+    source, tiles = survey
+    summary = run(tmp_path / "out", source, tiles, formats=["cityjson"])
+    assert sorted(p.name for p in (tmp_path / "out").iterdir()) == [MODELS[0], "classified", "run.json"]
+    assert "city_model.city.jsonl" in summary.files
+    assert "buildings.gpkg" not in summary.files
+    assert summary.buildings == {"no_solid": len(tiles)}
+
+
 @pytest.mark.parametrize(
     ("until", "files"),
     [
@@ -417,7 +428,7 @@ def test_a_full_disk_in_the_geopackage_keeps_the_tiles(tmp_path, survey, monkeyp
         def fail(path, *_):
             raise OutputError(f"{path}: cannot be written: disk full: check the free space")
 
-        full.setattr(output_folder, "write_geopackage", fail)
+        full.setattr(output_folder, "write_buildings", fail)
         with pytest.raises(OutputError, match="disk full"):
             run(tmp_path / "out", source, tiles)
     assert OutputFolder(tmp_path / "out", source.inputs, source.frame).done_stamps() == {
