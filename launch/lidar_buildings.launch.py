@@ -37,6 +37,11 @@ ARGUMENTS = (
         description="Parameters of all nodes.",
     ),
     DeclareLaunchArgument(
+        "footprints",
+        default_value="",
+        description="File of polygons to use instead of traced outlines; empty: outlines are traced.",
+    ),
+    DeclareLaunchArgument(
         "tile_size", default_value="", description="Side of a tile [m]; empty: as in params_file."
     ),
     DeclareLaunchArgument(
@@ -95,9 +100,26 @@ def start_nodes(context) -> list:
             "overwrite": value("overwrite").lower() == "true",
         },
     }
+    for node, given in _footprints(value("footprints")).items():
+        own[node] = own.get(node, {}) | given
     names = [name for name in nodes_until("building_model") if writes or name != "model_writer"]
     nodes = {name: _node(name, own.get(name, {}), value) for name in names}
     return [*nodes.values(), *_end_with(nodes.get("model_writer")), _rviz(value("namespace"))]
+
+
+def _footprints(path: str) -> dict[str, dict]:
+    """
+    Return the parameters by which nodes know of footprints.
+
+    """
+    if not path:
+        return {}
+    return {
+        "building_tracer": {"footprints.file": path},
+        "outline_regulariser": {"keep_outlines": True},
+        "model_builder": {"regularisation.keep_outlines": True},
+        "model_writer": {"footprints": path},
+    }
 
 
 def _node(name: str, parameters: dict, value) -> Node:

@@ -75,16 +75,19 @@ def assign_footprints(
         return AssignedPoints(building_id, (), False)
     places = footprints.touching(_box(tile.points, config.search_distance))
     owner = last_outline_around(tile.points[:, :2], [footprints.outlines[row] for row in places])
+    is_core, is_roof, stands = tile.is_core, tile.is_roof, _may_stand(tile, config.min_height)
+    tile_spacing = tile.spacing
     outlines, clipped = [], False
     surroundings = _Surroundings(tile.points, config.search_distance)
     for place, rows in zip(places, _rows_of(owner, len(places)), strict=True):
         outline, number = footprints.outlines[place], int(footprints.building_id[place])
         near = rows if len(rows) else surroundings.rows_around(outline.polygon)
-        if not len(near) or not tile.is_core[near[anchor_row(tile.points[near])]]:
+        if not len(near) or not is_core[near[anchor_row(tile.points[near])]]:
             continue
         reach = 0.0 if len(rows) else config.search_distance
         clipped |= not _is_within(footprints.bounds[place], tile.bounds, reach)
-        building_id[_building_rows(tile, rows, config)] = number
+        chosen = _building_rows(tile, rows, is_roof[rows], stands[rows], tile_spacing, config)
+        building_id[chosen] = number
         next_to_it = rows if len(rows) else surroundings.nearest(near, outline.polygon)
         ground = _ground_elevation(tile, next_to_it)
         outlines.append(BuildingOutline(number, outline, ground))
@@ -171,35 +174,40 @@ def _is_within(
     )
 
 
-def _building_rows(tile: PointTile, rows: NDArray[np.intp], config: FootprintConfig) -> NDArray[np.intp]:
-    """
-    Return those of the points within a footprint that are its building.
-
-    """
-    is_roof = tile.is_roof[rows]
-    if tile.classification is None or tile.height_above_ground is None:
-        return rows[is_roof]
-    stands = _stands(tile, rows) & (tile.height_above_ground[rows] >= config.min_height)
-    n_roof, n_standing = int(np.count_nonzero(is_roof)), int(np.count_nonzero(stands))
-    if n_roof >= config.min_roof_share * (n_roof + n_standing):
-        if n_standing:
-            # walls and branches have roof points beside them, parts that were not recognised have none
-            counts = is_roof | stands
-            xy = tile.points[rows[counts], :2]
-            stands[counts] &= in_gaps(xy, is_roof[counts], tile.spacing, config.min_gap_area)
-        return rows[is_roof | stands]
-    return rows[is_roof | _last_ones(tile, rows, stands)]
-
-
-def _stands(tile: PointTile, rows: NDArray[np.intp]) -> NDArray[np.bool_]:
+def _may_stand(tile: PointTile, min_height: float) -> NDArray[np.bool_]:
     """
     Tell which points may be a building that was not recognised: undecided, vegetation or façade.
 
     """
-    if tile.classification is None:
-        return np.zeros(len(rows), dtype=bool)
-    is_facade = (tile.classification[rows] == PointClass.BUILDING) & ~tile.is_roof[rows]
-    return np.isin(tile.classification[rows], _STANDING) | is_facade
+    if tile.classification is None or tile.height_above_ground is None:
+        return np.zeros(len(tile), dtype=bool)
+    is_facade = (tile.classification == PointClass.BUILDING) & ~tile.is_roof
+    is_candidate = np.isin(tile.classification, _STANDING) | is_facade
+    return is_candidate & (tile.height_above_ground >= min_height)
+
+
+def _building_rows(
+    tile: PointTile,
+    rows: NDArray[np.intp],
+    is_roof: NDArray[np.bool_],
+    stands: NDArray[np.bool_],
+    spacing: float | None,
+    config: FootprintConfig,
+) -> NDArray[np.intp]:
+    """
+    Return those of the points within a footprint that are its building.
+
+    """
+    n_roof, n_standing = int(np.count_nonzero(is_roof)), int(np.count_nonzero(stands))
+    if not n_standing:
+        return rows[is_roof]
+    if n_roof < config.min_roof_share * (n_roof + n_standing):
+        return rows[is_roof | _last_ones(tile, rows, stands)]
+    # walls and branches have roof points beside them, parts that were not recognised have none
+    counted = np.flatnonzero(is_roof | stands)
+    xy = tile.points[rows[counted], :2]
+    is_gap = in_gaps(xy, is_roof[counted], spacing, config.min_gap_area)
+    return rows[counted[is_roof[counted] | is_gap]]
 
 
 def _last_ones(tile: PointTile, rows: NDArray[np.intp], stands: NDArray[np.bool_]) -> NDArray[np.bool_]:
