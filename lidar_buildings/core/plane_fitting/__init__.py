@@ -16,8 +16,8 @@ from lidar_buildings.core.plane_fitting.config import AS_PUBLISHED, PlaneFitting
 from lidar_buildings.core.plane_fitting.connected import connected_planes
 from lidar_buildings.core.plane_fitting.consensus import samples_needed
 from lidar_buildings.core.plane_fitting.ransac import ransac_planes
+from lidar_buildings.core.plane_fitting.spacing import building_spacing
 from lidar_buildings.core.point_array import checked_points
-from lidar_buildings.core.point_spacing import measure_spacing
 from lidar_buildings.core.roof_planes import RoofPlane
 from lidar_buildings.core.status import BuildingStatus
 
@@ -98,7 +98,7 @@ def fit_roof_planes(
     if reason:
         nothing = np.zeros(len(given), dtype=np.uint16)
         return RoofPlanes(nothing, (), BuildingStatus.DEGENERATE, reason)
-    spacing = point_spacing or measure_spacing(near)
+    spacing = point_spacing or building_spacing(near)
     min_points = max(config.min_plane_points, math.ceil(config.min_plane_area / spacing**2))
     find = ransac_planes if config.method == "ransac" else connected_planes
     plane_id = numbered_by_size(near, find(near, spacing, min_points, config))

@@ -1,0 +1,38 @@
+"""
+The point spacing of a building where nobody says it.
+
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lidar_buildings.core.group_spacing import group_spacings
+from lidar_buildings.core.plane_fitting.surroundings import sorted_distinct
+from lidar_buildings.core.point_order import rows_by_cell
+from lidar_buildings.core.point_spacing import measure_spacing
+
+#: Side of the cells in which points are sorted, and in which neighbours are sought [guessed spacings].
+_SORTED, _SOUGHT = 4.0, 1.5
+
+
+def building_spacing(points: NDArray[np.float64]) -> float:
+    """
+    Measure the spacing from a sample of the distinct points, or from all of them where that fails [m].
+
+    Parameters
+    ----------
+    points : ndarray of shape (n_points, 3)
+        In any order, repetitions allowed [m].
+
+    """
+    width, height = np.ptp(points[:, :2], axis=0)
+    # As if the points filled their bounding box: cells a little too large only cost time.
+    guess = float(np.sqrt(width / len(points)) * np.sqrt(height))
+    if not 0.0 < guess < np.inf:
+        return measure_spacing(points)
+    distinct, _ = sorted_distinct(points, _SORTED * guess)
+    group = np.zeros(len(distinct), dtype=np.int64)
+    spacing = float(group_spacings(distinct, rows_by_cell(distinct, _SOUGHT * guess), group, 1)[0])
+    return spacing if np.isfinite(spacing) else measure_spacing(points)
