@@ -21,6 +21,8 @@ from lidar_buildings.core.plane_fitting.surroundings import Cloud, survey_points
 
 #: Different sets of random samples; seeds share them in turn.
 _SAMPLE_SETS = 64
+#: Where points are sparse, parts of a plane that are as far apart as this are still near [spacings].
+_LEAST_BRIDGE = 4.0
 
 
 def connected_planes(
@@ -43,13 +45,14 @@ def connected_planes(
     cloud, row_of, noise = survey_points(points, config.connection_radius * spacing)
     distance = max(config.max_plane_distance, config.max_noise_ratio * noise)
     prices = prices_of(distance, noise, spacing, config.plane_cost, config.unevenness, config.grain)
+    bridge = max(config.bridge, _LEAST_BRIDGE * spacing)
     labels = _extracted(cloud, distance, min_points, config)
     seam = seam_points(cloud.neighbours, labels)
-    labels = economise(cloud, labels, seam, prices, config.bridge)
+    labels = economise(cloud, labels, seam, prices, bridge)
     labels = settle(cloud, labels, seam, distance, config.smoothness)
     labels = split_planes(cloud.neighbours, labels, min_points)
     # What fell apart where another plane comes between is one plane all the same.
-    labels = economise(cloud, labels, seam_points(cloud.neighbours, labels), prices, config.bridge)
+    labels = economise(cloud, labels, seam_points(cloud.neighbours, labels), prices, bridge)
     return labels[row_of]
 
 
