@@ -22,3 +22,12 @@ def data_folder() -> Path:
     if not folder.is_dir():
         pytest.skip("real lidar data are absent: set LIDAR_BUILDINGS_DATA to their folder")
     return folder
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """
+    Put files with slow tests first: a worker that gets one last keeps the others waiting.
+
+    """
+    slow = {item.path for item in items if item.get_closest_marker("slow")}
+    items.sort(key=lambda item: item.path not in slow)

@@ -13,6 +13,8 @@ from lidar_buildings.simulation import make_scene, simulate_survey
 ROAD, GROUND = 11, 2
 RUN = ("--no-ros", "--until", "roof_selection")
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(scope="module")
 def survey(tmp_path_factory):

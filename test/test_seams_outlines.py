@@ -32,6 +32,7 @@ def assert_same_outlines(found, expected):
 
 
 @pytest.mark.real_data
+@pytest.mark.slow
 def test_montpellier_in_six_tiles_has_the_outlines_of_montpellier_as_one(data_folder):
     paths = sorted((data_folder / "montpellier").glob("*.laz"))
     as_one = outlines_of(paths, 1000.0)
