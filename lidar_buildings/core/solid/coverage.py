@@ -10,7 +10,6 @@ from collections.abc import Sequence
 import numpy as np
 import shapely
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from lidar_buildings.core.solid.plan_graph import (
     OUTSIDE,
@@ -21,6 +20,7 @@ from lidar_buildings.core.solid.plan_graph import (
     piece_rings,
 )
 from lidar_buildings.core.solid.roof_piece import RoofPiece
+from lidar_buildings.core.validity.welding import weld
 
 #: Vertices and edges of a plan that lie nearer to each other than this are brought together [grid steps].
 LEAST_DISTANCE = 3.0
@@ -112,9 +112,7 @@ def _snapped(rings: list[list[list[Vertex]]], within: float) -> list[list[list[V
     places = np.array(
         sorted({vertex for group in rings for ring in group for vertex in ring}), dtype=np.float64
     )
-    leader = np.arange(len(places))
-    for first, second in sorted(cKDTree(places).query_pairs(within)):
-        leader[leader == leader[second]] = leader[first]
+    leader = weld(places, within)
     target = {
         (int(x), int(y)): (int(places[to, 0]), int(places[to, 1]))
         for (x, y), to in zip(places, leader, strict=True)

@@ -44,6 +44,14 @@ class PlanGraph:
             neighbours[start].append(end)
         self.around = {vertex: _by_angle(vertex, ends) for vertex, ends in neighbours.items()}
 
+    @property
+    def area(self) -> int:
+        """
+        Twice the area of all pieces together [square steps of the grid].
+
+        """
+        return sum(a[0] * b[1] - b[0] * a[1] for (a, b), piece in self.left.items() if piece != OUTSIDE)
+
     def sectors(self, vertex: Vertex) -> list[int]:
         """
         Return the pieces around a vertex: entry k lies between neighbours k and k + 1.

@@ -6,7 +6,7 @@ The solid of a building whose roof is given in pieces.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
@@ -34,6 +34,10 @@ _FOLDED = {203, 204}
 _SIMPLER = ((5.0, 1.0), (10.0, 5.0), (20.0, 10.0), (50.0, 25.0), (150.0, 50.0))
 
 
+#: Share of its area that a plan may gain or lose by being simplified.
+_MAX_CHANGE = 0.05
+
+
 def roof_solid(pieces: Sequence[RoofPiece], ground_elevation: float) -> Solid:
     """
     Raise the pieces of a roof from the ground to their planes.
@@ -50,12 +54,26 @@ def roof_solid(pieces: Sequence[RoofPiece], ground_elevation: float) -> Solid:
     -------
     Solid
         Ground faces, roof faces and walls, outer ones and those at height steps, with all coordinates on the
-        output grid.
+        output grid. Empty if there are no pieces with an area.
 
     Raises
     ------
     ValueError
         If the elevation, a plane or a ring is not finite or has another shape.
+
+    Notes
+    -----
+    The solid is checked. If it is not valid, folded faces are cut into triangles and details are left out,
+    the smallest first, until it is. If it never is, the solid of the plan as given is returned:
+    `checked_roof_solid` says what is wrong with it.
+
+    """
+    return checked_roof_solid(pieces, ground_elevation)[0]
+
+
+def checked_roof_solid(pieces: Sequence[RoofPiece], ground_elevation: float) -> tuple[Solid, tuple[int, ...]]:
+    """
+    Return what `roof_solid` does and the codes of what is wrong with it, as of `check_solid`.
 
     """
     if not math.isfinite(ground_elevation):
@@ -64,18 +82,50 @@ def roof_solid(pieces: Sequence[RoofPiece], ground_elevation: float) -> Solid:
     ground = round(ground_elevation / GRID)
     pieces = cleared_pieces(pieces, ground * GRID)
     first = None
-    for within, grid in ((0.0, 0.0), *_SIMPLER):
-        for merged_within in (MERGED_WITHIN, _MERGED_LITTLE):
-            graph = noded_coverage(pieces, within, grid) if grid else matched_coverage(pieces)
-            solid = _raised(graph, pieces, ground, merged_within)
-            codes = check_solid(solid)
-            if codes and _FOLDED.issuperset(codes):
-                unfolded = without_folds(solid)
-                solid, codes = (solid, codes) if check_solid(unfolded) else (unfolded, ())
-            if not codes:
-                return solid
-            first = first or solid
-    return first or Solid(np.empty((0, 3)), (), ())
+    for candidate in _candidates(pieces, ground):
+        solid, codes = _checked(candidate)
+        if not codes:
+            return solid, codes
+        first = first or (solid, codes)
+    return first or _checked(Solid(np.empty((0, 3)), (), ()))
+
+
+def _candidates(pieces: Sequence[RoofPiece], ground: int) -> Iterator[Solid]:
+    """
+    Yield what to try, the most faithful first.
+
+    """
+    for graph in _plans(pieces):
+        left = graph.left.copy()
+        yield _raised(graph, pieces, ground, MERGED_WITHIN)
+        yield _raised(PlanGraph(left), pieces, ground, _MERGED_LITTLE)
+
+
+def _plans(pieces: Sequence[RoofPiece]) -> Iterator[PlanGraph]:
+    """
+    Yield the plan of the pieces and simpler ones, those left out that change its area much.
+
+    """
+    given = matched_coverage(pieces)
+    if given.left:
+        yield given
+    for within, grid in _SIMPLER if given.left else ():
+        simpler = noded_coverage(pieces, within, grid)
+        if abs(simpler.area - given.area) <= _MAX_CHANGE * given.area:
+            yield simpler
+
+
+def _checked(solid: Solid) -> tuple[Solid, tuple[int, ...]]:
+    """
+    Return a solid, its folded faces cut into triangles if that is all that is wrong, and its codes.
+
+    """
+    codes = check_solid(solid)
+    if codes and _FOLDED.issuperset(codes):
+        unfolded = without_folds(solid)
+        if not check_solid(unfolded):
+            return unfolded, ()
+    return solid, codes
 
 
 def _raised(graph: PlanGraph, pieces: Sequence[RoofPiece], ground: int, merged_within: float) -> Solid:

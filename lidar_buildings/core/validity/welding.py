@@ -18,10 +18,9 @@ def weld(vertices: NDArray[np.float64], tolerance: float) -> NDArray[np.int64]:
 
     Parameters
     ----------
-    vertices : ndarray of shape (n, 3)
-        Map frame [m].
+    vertices : ndarray of shape (n, 3) or (n, 2)
     tolerance : float
-        Distance [m].
+        Distance, in the unit of the vertices.
 
     """
     leader = np.arange(len(vertices))
