@@ -6,6 +6,7 @@ Footprints from files of every kind, good and bad.
 import logging
 import warnings
 
+import laspy
 import numpy as np
 import pyogrio
 import pyproj
@@ -13,7 +14,9 @@ import pytest
 import shapely
 
 from lidar_buildings.core.errors import InputError
+from lidar_buildings.core.footprints import assign_footprints
 from lidar_buildings.core.map_frame import MapFrame
+from lidar_buildings.core.tile import PointTile
 from lidar_buildings.io.footprints import FootprintSource, check_overlap, read_footprints
 from lidar_buildings.io.warn_once import warn_once
 
@@ -228,6 +231,19 @@ def test_footprints_somewhere_else_are_refused_with_both_extents(expected):
     check_overlap(expected, (85_000.0, 447_000.0, 85_015.0, 447_015.0), FRAME)
     with pytest.raises(InputError, match=r"x 85010 to 85060 and y 447010 to 447060.*x 0 to 9 and y 0 to 9"):
         check_overlap(expected, (0.0, 0.0, 9.0, 9.0), FRAME)
+
+
+@pytest.mark.real_data
+def test_every_building_of_a_real_map_has_its_points(data_folder):
+    cloud = laspy.read(data_folder / "delft" / "ahn3_cropped_1.laz")
+    found = read(data_folder / "delft" / "buildings_nw.gpkg", frame=MapFrame("", (84_800.0, 447_400.0, 0.0)))
+    points = np.column_stack([cloud.x, cloud.y, cloud.z]) - (84_800.0, 447_400.0, 0.0)
+    tile = PointTile(points, classification=np.asarray(cloud.classification))
+    assigned = assign_footprints(tile, found.footprints)
+    assert len(assigned.outlines) == len(found.footprints) == 87
+    numbers, n_points = np.unique(assigned.building_id, return_counts=True)
+    assert sorted(numbers.tolist()) == [0, *sorted(found.footprints.building_id.tolist())]
+    assert n_points.min() > 30
 
 
 def test_degrees_are_refused_where_the_clouds_name_no_reference_system(tmp_path):
