@@ -101,12 +101,14 @@ class NodeProcesses:
 
     def tails(self) -> str:
         """
-        The last lines of every node's log.
+        The last lines of every node's log, and which nodes have ended.
 
         """
+        ended = {name: process.poll() for name, process in self._processes.items()}
         lines = [
             f"{log.stem}: {line}"
             for log in self._logs.glob("*.log")
             for line in log.read_text().splitlines()[-4:]
         ]
+        lines += [f"{name} ended with {status}" for name, status in ended.items() if status is not None]
         return "\n" + "\n".join(lines)
