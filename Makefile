@@ -58,6 +58,8 @@ bench: setup
 	@$(BIN)/python bench/features.py
 	@echo "Outlines of buildings:"
 	@$(BIN)/python bench/outlines.py
+	@echo "Planes of roofs:"
+	@$(BIN)/python bench/planes.py
 	@echo "Speed and memory of ground filters:"
 	@$(BIN)/python bench/ground.py
 

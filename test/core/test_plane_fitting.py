@@ -7,9 +7,6 @@ import laspy
 import numpy as np
 import pytest
 import scenes
-from scipy.sparse import coo_matrix
-from scipy.sparse.csgraph import connected_components
-from scipy.spatial import cKDTree
 
 from lidar_buildings.core.least_squares_plane import least_squares_plane
 from lidar_buildings.core.plane_fitting import PlaneFittingConfig, fit_roof_planes, samples_needed
@@ -19,6 +16,7 @@ from lidar_buildings.core.plane_fitting.plane_geometry import (
     normal_of,
     smallest_eigenvalue,
 )
+from lidar_buildings.core.scores.planes import planes_of_colours, score_planes
 from lidar_buildings.core.status import BuildingStatus
 
 #: Share of gross errors of the columns of the paper's table II.
@@ -214,36 +212,23 @@ def test_the_closed_form_normal_agrees_with_an_eigenvalue_solver():
         assert plane[:3] @ centroid + plane[3] == pytest.approx(0.0, abs=1e-9)
 
 
-def colour_components(path, radius=1.0, min_points=20):
-    """
-    Points of a reference roof and their planes: colour × connected component; 0 for the smallest scraps.
-
-    """
-    las = laspy.read(path)
-    points = np.column_stack([las.x, las.y, las.z])
-    points -= np.floor(points.min(axis=0))
-    colour = np.unique(np.column_stack([las.red, las.green, las.blue]), axis=0, return_inverse=True)[
-        1
-    ].reshape(-1)
-    pairs = cKDTree(points).query_pairs(radius, output_type="ndarray")
-    pairs = pairs[colour[pairs[:, 0]] == colour[pairs[:, 1]]]
-    links = coo_matrix((np.ones(len(pairs)), pairs.T), shape=(len(points),) * 2)
-    part = connected_components(links, directed=False)[1]
-    return points, np.where(np.bincount(part)[part] >= min_points, part + 1, 0)
-
-
 @pytest.mark.real_data
 def test_the_planes_of_real_roofs_are_found(data_folder):
-    n_right = n_reference = n_found = 0
+    scores = []
     for path in sorted((data_folder / "trondheim").glob("*.laz")):
-        points, reference = colour_components(path)
-        result = fit_roof_planes(points)
-        n_right += len(matches(reference, result.plane_id))
-        n_reference += len(np.unique(reference[reference > 0]))
-        n_found += len(result.planes)
-    precision, recall = n_right / n_found, n_right / n_reference
-    f1 = 2 * n_right / (n_found + n_reference)
-    print(f"17 roofs: precision {precision:.3f}, recall {recall:.3f}, F1 {f1:.3f}")
+        las = laspy.read(path)
+        points = np.column_stack([las.x, las.y, las.z])
+        points -= np.floor(points.min(axis=0))
+        colours = np.column_stack([las.red, las.green, las.blue])
+        colour = np.unique(colours, axis=0, return_inverse=True)[1].reshape(-1)
+        reference = planes_of_colours(points, colour)
+        scores.append(score_planes(fit_roof_planes(points).plane_id.astype(int), reference))
+    n_found, n_result, n_reference = (
+        sum(getattr(score, name) for score in scores) for name in ("n_found", "n_result", "n_reference")
+    )
     assert n_reference >= 60
-    # 0.96 was measured; what is lost are seams in bent planes.
-    assert f1 > 0.9
+    # All planes were found and none too many, coverage was 0.959; the targets were 0.95, 0.93, 0.93 and 0.93.
+    assert 2 * n_found / (n_result + n_reference) > 0.98
+    assert n_found / n_result > 0.97
+    assert n_found / n_reference > 0.97
+    assert np.mean([score.weighted_coverage for score in scores]) > 0.95

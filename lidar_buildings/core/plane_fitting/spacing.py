@@ -19,7 +19,7 @@ _SORTED, _SOUGHT = 4.0, 1.5
 
 def building_spacing(points: NDArray[np.float64]) -> float:
     """
-    Measure the spacing from a sample of the distinct points, or from all of them where that fails [m].
+    Measure the spacing from a sample of the distinct positions, or from all of them where that fails [m].
 
     Parameters
     ----------
@@ -32,7 +32,10 @@ def building_spacing(points: NDArray[np.float64]) -> float:
     guess = float(np.sqrt(width / len(points)) * np.sqrt(height))
     if not 0.0 < guess < np.inf:
         return measure_spacing(points)
-    distinct, _ = sorted_distinct(points, _SORTED * guess)
+    # Layers that lie over one another make a cloud no denser.
+    plan = points.copy()
+    plan[:, 2] = 0.0
+    distinct, _ = sorted_distinct(plan, _SORTED * guess)
     group = np.zeros(len(distinct), dtype=np.int64)
     spacing = float(group_spacings(distinct, rows_by_cell(distinct, _SOUGHT * guess), group, 1)[0])
     return spacing if np.isfinite(spacing) else measure_spacing(points)
