@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from lidar_buildings.core.building_model.roof_face import RoofFacePatch, open_rings
 from lidar_buildings.core.outline import Outline
 from lidar_buildings.core.output_grid import GRID, on_grid, repaired_outlines
-from lidar_buildings.core.solid import RoofPiece, Solid, extrude, roof_solid
+from lidar_buildings.core.solid import RoofPiece, Solid, checked_roof_solid, extrude
 from lidar_buildings.core.validity import check_solid
 
 #: Levels of detail (Biljecki et al. 2016), the finest last.
@@ -79,7 +79,7 @@ def level_13(faces: list[RoofFacePatch], elevations: NDArray[np.float64], ground
         for union, z in merged
         for polygon in shapely.get_parts(union)
     ]
-    return _checked(roof_solid(pieces, ground))
+    return _level(*checked_roof_solid(pieces, ground))
 
 
 def level_22(faces: list[RoofFacePatch], ground: float) -> Level:
@@ -91,7 +91,7 @@ def level_22(faces: list[RoofFacePatch], ground: float) -> Level:
         RoofPiece(face.rings, (float(face.plane[0]), float(face.plane[1]), float(face.plane[2])))
         for face in faces
     ]
-    return _checked(roof_solid(pieces, ground))
+    return _level(*checked_roof_solid(pieces, ground))
 
 
 def part_elevations(
@@ -127,12 +127,11 @@ def part_elevations(
     return elevations
 
 
-def _checked(solid: Solid) -> Level:
+def _level(solid: Solid, codes: tuple[int, ...]) -> Level:
     """
     Return a solid if it passes all checks, else what is wrong with it.
 
     """
-    codes = check_solid(solid)
     return Level(None, codes) if codes else Level(solid)
 
 

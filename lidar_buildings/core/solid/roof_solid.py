@@ -82,23 +82,38 @@ def checked_roof_solid(pieces: Sequence[RoofPiece], ground_elevation: float) -> 
     ground = round(ground_elevation / GRID)
     pieces = cleared_pieces(pieces, ground * GRID)
     first = None
-    for candidate in _candidates(pieces, ground):
-        solid, codes = _checked(candidate)
-        if not codes:
-            return solid, codes
-        first = first or (solid, codes)
-    return first or _checked(Solid(np.empty((0, 3)), (), ()))
-
-
-def _candidates(pieces: Sequence[RoofPiece], ground: int) -> Iterator[Solid]:
-    """
-    Yield what to try, the most faithful first.
-
-    """
     for graph in _plans(pieces):
-        left = graph.left.copy()
-        yield _raised(graph, pieces, ground, MERGED_WITHIN)
-        yield _raised(PlanGraph(left), pieces, ground, _MERGED_LITTLE)
+        tried = []
+        for solid in _candidates(graph, pieces, ground):
+            tried.append((solid, check_solid(solid)))
+            if not tried[-1][1]:
+                return tried[-1]
+        for unfolded in _unfolded(tried):
+            if not check_solid(unfolded):
+                return unfolded, ()
+        first = first or tried[0]
+    nothing = Solid(np.empty((0, 3)), (), ())
+    return first or (nothing, check_solid(nothing))
+
+
+def _candidates(graph: PlanGraph, pieces: Sequence[RoofPiece], ground: int) -> Iterator[Solid]:
+    """
+    Yield the solids to try above one plan, the one with the fewest vertices first.
+
+    """
+    left = graph.left.copy()
+    yield _raised(graph, pieces, ground, MERGED_WITHIN)
+    yield _raised(PlanGraph(left), pieces, ground, _MERGED_LITTLE)
+
+
+def _unfolded(tried: Sequence[tuple[Solid, tuple[int, ...]]]) -> Iterator[Solid]:
+    """
+    Yield solids whose only fault are folded faces with these cut into triangles: many faces for one.
+
+    """
+    for solid, codes in tried:
+        if _FOLDED.issuperset(codes):
+            yield without_folds(solid)
 
 
 def _plans(pieces: Sequence[RoofPiece]) -> Iterator[PlanGraph]:
@@ -113,19 +128,6 @@ def _plans(pieces: Sequence[RoofPiece]) -> Iterator[PlanGraph]:
         simpler = noded_coverage(pieces, within, grid)
         if abs(simpler.area - given.area) <= _MAX_CHANGE * given.area:
             yield simpler
-
-
-def _checked(solid: Solid) -> tuple[Solid, tuple[int, ...]]:
-    """
-    Return a solid, its folded faces cut into triangles if that is all that is wrong, and its codes.
-
-    """
-    codes = check_solid(solid)
-    if codes and _FOLDED.issuperset(codes):
-        unfolded = without_folds(solid)
-        if not check_solid(unfolded):
-            return unfolded, ()
-    return solid, codes
 
 
 def _raised(graph: PlanGraph, pieces: Sequence[RoofPiece], ground: int, merged_within: float) -> Solid:
