@@ -221,8 +221,9 @@ def _without_valleys(points: NDArray[np.float64], plane_id: NDArray[np.uint16], 
     if n == 2:
         opposite = faces.turned(0, 1) >= 180.0 - _TOLERANCE_DEG
         return "gable" if (ridges or hips) and opposite else "complex"
-    if not ridges and len(hips) == n and n >= 3:
-        return "pyramid" if _is_ring(hips, n) else "complex"
+    if not ridges and len(hips) >= n >= 3:
+        # Near the point of a spire faces seem to touch others than their neighbours: the longest hips count.
+        return "pyramid" if _is_ring(hips[:n], n) else "complex"
     if len(ridges) != 1 or n not in (3, 4) or len(hips) != 2 * (n - 2):
         return "complex"
     i, j = ridges[0]

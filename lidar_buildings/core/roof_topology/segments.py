@@ -21,6 +21,8 @@ from lidar_buildings.core.roof_topology.result import HIP, RIDGE, VALLEY, Inters
 _RIDGE_SHARE = 0.3
 #: Ends move to a third plane, or else to the outline or a step edge, within so many spacings.
 _PLANE_REACH, _REACH = 4.5, 2.5
+#: Pieces no longer than this that lead from a point to nowhere are none: points taken for another plane's.
+_STUB = 6.0
 #: What is left shorter is nothing but a point, in spacings.
 _SHORTEST = 0.5
 #: A corner within so many spacings of the end of the line on the outline is that end.
@@ -101,6 +103,8 @@ def _moved_ends(first, second, t, gradients, partners, stops, positions, members
     """
     Return the places of all ends along their lines.
 
+    No end moves to where the other one is to end, but for stubs that end nowhere else: they vanish.
+
     """
     moved = t.copy()
     for k in range(len(first)):
@@ -108,13 +112,18 @@ def _moved_ends(first, second, t, gradients, partners, stops, positions, members
         p, q = gradients[i - 1], gradients[j - 1]
         fx, fy, ux, uy, _ = intersection_line(p, q)
         for end in range(2):
-            at = _point(t[k, end], i, j, ux, uy, positions, members, POINT_REACH * spacing)
+            here, there = t[k, end], t[k, 1 - end]
+            point = _point(here, i, j, ux, uy, positions, members, POINT_REACH * spacing)
+            at = math.nan if abs(point - there) < abs(point - here) else point
             if math.isnan(at):
-                at = _third_plane(
-                    t[k, end], i, j, fx, fy, ux, uy, gradients, partners, _PLANE_REACH * spacing
-                )
+                reach = _PLANE_REACH * spacing
+                at = _third_plane(here, i, j, fx, fy, ux, uy, gradients, partners, reach)
+                if abs(at - there) < abs(at - here):
+                    at = math.nan
             if math.isnan(at):
-                at = stop(t[k, end], fx, fy, ux, uy, stops, _REACH * spacing, _CORNER * spacing, -1)
+                at = stop(here, fx, fy, ux, uy, stops, _REACH * spacing, _CORNER * spacing, -1)
+            if math.isnan(at) and abs(there - here) <= _STUB * spacing:
+                at = point
             if not math.isnan(at):
                 moved[k, end] = at
     return moved

@@ -223,7 +223,9 @@ def _take(xy, upright, cell, cosine, sine, d, offset, t0, t1, spacing, free, run
             continue
         r = xy[k, 1] * cosine[d] - xy[k, 0] * sine[d]
         t = xy[k, 0] * cosine[d] + xy[k, 1] * sine[d]
-        if abs(r - offset) <= _TAKEN * spacing and t0 - spacing <= t <= t1 + spacing:
+        # Beside the ends of a run there may be corners: what lies there is left to other runs.
+        inside = t0 + spacing <= t <= t1 - spacing
+        if t0 <= t <= t1 and abs(r - offset) <= (_TAKEN if inside else _HALF_WIDTH) * spacing:
             free[k] = False
             run[k] = number
             _vote(votes, xy[k, 0], xy[k, 1], upright[k], cell, cosine, sine, size, -1.0)

@@ -13,6 +13,7 @@ from lidar_buildings.core.point_array import checked_column, checked_points
 from lidar_buildings.core.point_spacing import given_or_measured
 from lidar_buildings.core.roof_planes import Adjustment, adjust
 from lidar_buildings.core.roof_topology.borders import find_borders
+from lidar_buildings.core.roof_topology.loose_ends import joined
 from lidar_buildings.core.roof_topology.meetings import find_meetings, piece_ends
 from lidar_buildings.core.roof_topology.obstacles import walls_about
 from lidar_buildings.core.roof_topology.pieces import find_pieces
@@ -91,6 +92,7 @@ def find_topology(
         pieces, gradients, centre, rings, step_segments(lines), adjustment.meetings, spacing
     )
     steps = step_edges(lines, gradients, centre)
+    steps = joined(intersections, steps, gradients, rings, centre, spacing)
     kind = roof_type(points, seen, gradients, intersections, steps, spacing)
     return RoofTopology(
         adjustment.planes,
