@@ -122,7 +122,7 @@ def _halves(first: int, n_chords: int, turn: float) -> list[tuple[int, int]]:
     Divide a run into (first vertex, chords) of at most half a circle each.
 
     """
-    n_parts = math.ceil(n_chords * abs(turn) / math.pi - _OVER)
+    n_parts = max(math.ceil(n_chords * abs(turn) / math.pi - _OVER), 1)
     ends = [first + n_chords * k // n_parts for k in range(n_parts + 1)]
     return [(start, end - start) for start, end in pairwise(ends)]
 
