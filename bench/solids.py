@@ -63,6 +63,40 @@ def volume_below(pieces: list[RoofPiece], ground: float) -> float:
     )
 
 
+def block(n: int) -> list[RoofPiece]:
+    """
+    Return n by n flat parts of all heights, a block with some thousand faces.
+
+    """
+    random = np.random.default_rng(0)
+    corners = np.array([[0, 0], [5, 0], [5, 5], [0, 5]], dtype=float)
+    return [
+        RoofPiece((np.add(corners, [5.0 * i, 5.0 * j]),), (0.0, 0.0, float(random.uniform(5, 15))))
+        for i in range(n)
+        for j in range(n)
+    ]
+
+
+def print_speed(name: str, pieces: list[RoofPiece]) -> None:
+    """
+    Print how long one solid takes, the fastest of ten times.
+
+    """
+    solid = roof_solid(pieces, 0.0)
+    seconds = []
+    for work in (lambda: roof_solid(pieces, 0.0), lambda: check_solid(solid)):
+        times = []
+        for _ in range(10):
+            start = time.perf_counter()
+            work()
+            times.append(time.perf_counter() - start)
+        seconds.append(min(times))
+    print(
+        f"{name}: {len(pieces)} pieces, {len(solid.faces)} faces: {seconds[0] * 1e3:.2f} ms, "
+        f"of which {seconds[1] * 1e3:.2f} ms are the checks"
+    )
+
+
 def _outline(random: np.random.Generator) -> shapely.Polygon:
     """
     Return a box with courtyards, a union of boxes, a star, or a box whose courtyard touches its outer ring.
@@ -201,6 +235,8 @@ def main() -> None:
         f"ms each: built and checked {(built - start) / options.number * 1e3:.2f}, "
         f"checked again {(checked - built) / options.number * 1e3:.2f}"
     )
+    print_speed("a building", next(roof for roof in roofs if len(roof) >= 8))
+    print_speed("a block", block(24))
     if options.val3dity:
         print(f"by val3dity: {dict(verdicts(options.val3dity, solids))}")
 

@@ -34,12 +34,14 @@ def _cleared(piece: RoofPiece, floor: float) -> list[RoofPiece]:
     Return a piece itself, or what of it lies above a floor and the flat rest.
 
     """
-    a, b, _ = piece.plane
-    elevations = [piece.elevation(x, y) for ring in piece.rings[:1] for x, y in ring.tolist()]
-    if not elevations or min(elevations) >= floor - _TOLERATED:
+    if not piece.rings or not len(piece.rings[0]):
+        return []
+    a, b, c = piece.plane
+    elevations = piece.rings[0] @ (a, b) + c
+    if elevations.min() >= floor - _TOLERATED:
         return [piece]
     flat = (0.0, 0.0, floor)
-    if max(elevations) <= floor + _TOLERATED or not (a or b):
+    if elevations.max() <= floor + _TOLERATED or not (a or b):
         return [RoofPiece(piece.rings, flat)]
     polygon = shapely.make_valid(
         shapely.Polygon(piece.rings[0], piece.rings[1:]), method="structure", keep_collapsed=False

@@ -41,10 +41,11 @@ def check_solid(solid: Solid) -> tuple[int, ...]:
     """
     if not solid.faces or not len(solid.vertices):
         return (902,)
-    surely, perhaps = (weld(solid.vertices, SNAP_TOLERANCE * share) for share in (1.0 - MARGIN, 1.0 + MARGIN))
-    codes = _check_welded(solid, surely)
-    if not np.array_equal(surely, perhaps):
-        codes |= _check_welded(solid, perhaps)
+    perhaps = weld(solid.vertices, SNAP_TOLERANCE * (1.0 + MARGIN))
+    codes = _check_welded(solid, perhaps)
+    if len(np.unique(perhaps)) < len(perhaps):
+        surely = weld(solid.vertices, SNAP_TOLERANCE * (1.0 - MARGIN))
+        codes |= set() if np.array_equal(surely, perhaps) else _check_welded(solid, surely)
     return tuple(sorted(codes))
 
 
