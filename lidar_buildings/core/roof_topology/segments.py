@@ -21,10 +21,11 @@ from lidar_buildings.core.roof_topology.result import HIP, RIDGE, VALLEY, Inters
 _RIDGE_SHARE = 0.3
 #: Ends move to a third plane, or else to the outline or a step edge, within so many spacings.
 _PLANE_REACH, _REACH = 4.5, 2.5
-#: Pieces no longer than this that lead from a point to nowhere are none: points taken for another plane's.
-_STUB = 6.0
+#: Pieces no longer than this near a point are none, nor those no longer than this that lead from it to nowhere:
+#: they are points taken for another plane's [spacings].
+_SHORT_STUB, _STUB = 2.5, 6.0
 #: What is left shorter is nothing but a point, in spacings.
-_SHORTEST = 0.5
+_SHORTEST = 1.0
 #: A corner within so many spacings of the end of the line on the outline is that end.
 _CORNER = 0.5
 
@@ -114,7 +115,9 @@ def _moved_ends(first, second, t, gradients, partners, stops, positions, members
         for end in range(2):
             here, there = t[k, end], t[k, 1 - end]
             point = _point(here, i, j, ux, uy, positions, members, POINT_REACH * spacing)
-            at = math.nan if abs(point - there) < abs(point - here) else point
+            at, length = point, abs(there - here)
+            if abs(point - there) < abs(point - here) and length > _SHORT_STUB * spacing:
+                at = math.nan
             if math.isnan(at):
                 reach = _PLANE_REACH * spacing
                 at = _third_plane(here, i, j, fx, fy, ux, uy, gradients, partners, reach)
@@ -122,7 +125,7 @@ def _moved_ends(first, second, t, gradients, partners, stops, positions, members
                     at = math.nan
             if math.isnan(at):
                 at = stop(here, fx, fy, ux, uy, stops, _REACH * spacing, _CORNER * spacing, -1)
-            if math.isnan(at) and abs(there - here) <= _STUB * spacing:
+            if math.isnan(at) and length <= _STUB * spacing:
                 at = point
             if not math.isnan(at):
                 moved[k, end] = at

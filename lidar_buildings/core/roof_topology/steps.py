@@ -27,6 +27,8 @@ _OTHER_ANGLES_DEG = np.arange(0.0, 180.0, 7.5)
 _LEAST_OTHER = 4.0
 #: The shortest run that goes from line to line [spacings].
 _LEAST_CLOSING = 0.8
+#: Steps shorter than so many spacings and lower than so much [m] are nothing but noise.
+_SHORT, _LOW = 4.0, 0.25
 #: Where points on either side keep farther from the border, the lower ones are hidden [spacings].
 _OPEN_GAP = 0.6
 
@@ -263,19 +265,20 @@ def merged(steps: StepLines, spacing: float) -> StepLines:
 
 
 def step_edges(
-    steps: StepLines, gradients: NDArray[np.float64], centre: NDArray[np.float64]
+    steps: StepLines, gradients: NDArray[np.float64], centre: NDArray[np.float64], spacing: float
 ) -> list[StepEdge]:
     """
-    Return the pieces as segments in plan with the heights of their ends.
+    Return the pieces as segments in plan with the heights of their ends; what is short and low is left out.
 
     """
     segments = step_segments(steps)
     edges = []
     for segment, (upper, lower), length in zip(segments, steps.planes, steps.length, strict=True):
-        if not np.hypot(*(segment[1] - segment[0])) > 0:
-            continue
+        extent = float(np.hypot(*(segment[1] - segment[0])))
         rise = _elevation(gradients[upper - 1], segment) - _elevation(gradients[lower - 1], segment)
         height = float(rise[0]), float(rise[1])
+        if extent <= 0.0 or (extent < _SHORT * spacing and max(map(abs, height)) < _LOW):
+            continue
         edges.append(StepEdge(int(upper), int(lower), segment + centre[:2], height, float(length)))
     return edges
 

@@ -91,7 +91,7 @@ def find_topology(
     intersections = finished(
         pieces, gradients, centre, rings, step_segments(lines), adjustment.meetings, spacing
     )
-    steps = step_edges(lines, gradients, centre)
+    steps = step_edges(lines, gradients, centre, spacing)
     steps = joined(intersections, steps, gradients, rings, centre, spacing)
     kind = roof_type(points, seen, gradients, intersections, steps, spacing)
     return RoofTopology(
