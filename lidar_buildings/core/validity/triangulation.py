@@ -116,19 +116,14 @@ def _join_hole(
 
     """
     first, size = rings[number], rings[number + 1] - rings[number]
-    best = np.inf
-    at, entry = 0, 0
-    for i in range(n):
-        for j in range(size):
-            touches = corners[loop[i]] == corners[first + j]
-            gap = -1.0 if touches else _squared(flat[loop[i]], flat[first + j])
-            if gap >= best:
-                continue
-            ahead = first + ((j + 1) % size if touches else j)
-            if _in_cone(flat, loop[:n], i, flat[ahead]) and (
-                touches or _in_sight(flat, loop[:n], rings, loop[i], first + j)
-            ):
-                best, at, entry = gap, i, j
+    rightmost = 0
+    for j in range(size):
+        if flat[first + j, 0] > flat[first + rightmost, 0]:
+            rightmost = j
+    best, at, entry = _bridge(flat, corners, loop[:n], rings, number, rightmost)
+    if at < 0:
+        best, at, entry = _bridge(flat, corners, loop[:n], rings, number, -1)
+    at = max(at, 0)
     added = size if best < 0.0 else size + 2
     for k in range(n - 1, at, -1):
         loop[k + added] = loop[k]
@@ -138,6 +133,41 @@ def _join_hole(
     if best >= 0.0:
         loop[at + added] = loop[at]
     return n + added
+
+
+@njit(cache=True, nogil=True)
+def _bridge(
+    flat: NDArray[np.float64],
+    corners: NDArray[np.int64],
+    loop: NDArray[np.int64],
+    rings: NDArray[np.int64],
+    number: int,
+    only: int,
+) -> tuple[float, int, int]:
+    """
+    Return the squared length of the shortest bridge, −1 where none is needed, and its ends in loop and hole.
+
+    Bridges from one corner of the hole only are looked at, or, if it is −1, from all. Without any the end in
+    the loop is −1.
+
+    """
+    first, size = rings[number], rings[number + 1] - rings[number]
+    best = np.inf
+    at, entry = -1, 0
+    for i in range(len(loop)):
+        for j in range(size):
+            touches = corners[loop[i]] == corners[first + j]
+            if not touches and only >= 0 and j != only:
+                continue
+            gap = -1.0 if touches else _squared(flat[loop[i]], flat[first + j])
+            if gap >= best:
+                continue
+            ahead = first + ((j + 1) % size if touches else j)
+            if _in_cone(flat, loop, i, flat[ahead]) and (
+                touches or _in_sight(flat, loop, rings, loop[i], first + j)
+            ):
+                best, at, entry = gap, i, j
+    return best, at, entry
 
 
 @njit(cache=True, nogil=True)
