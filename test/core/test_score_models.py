@@ -183,5 +183,6 @@ def test_words_of_roofs_are_understood_across_vocabularies():
     assert same_roof_type("L", {"roof_type": "l_shape", "n_planes": 4})
     assert same_roof_type("flat", {"roof_type": "l_shape", "n_planes": 1})
     assert same_roof_type("complex", {"roof_type": "church"})
+    assert same_roof_type("gable", {"roof_type": "dormer", "n_planes": 3})
     assert not same_roof_type("gable", {"roof_type": "hip"})
     assert not same_roof_type("flat", {"roof_type": "shed", "n_planes": 1})

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-#: Word of a reference → the words of a result that say the same, beside the word itself.
+#: Word of a reference → the words of a result that say the same, or the same of its largest part.
 _ALSO: dict[str, set[str]] = {
     "hip": {"pyramid"},
     "l": {"l-shape"},
@@ -18,6 +18,11 @@ _ALSO: dict[str, set[str]] = {
     "hipped-l": {"l", "l-shape", "complex"},
     "cross-gable": {"complex", "t", "t-shape"},
     "round-tower": {"pyramid", "complex"},
+    "dormer": {"gable"},
+    "gable-dormer": {"gable"},
+    "church": {"gable"},
+    "parapet": {"flat"},
+    "step": {"flat"},
 }
 #: Shapes that have no word of their own in results.
 _COMPLEX = {
