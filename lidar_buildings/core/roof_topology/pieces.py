@@ -117,6 +117,9 @@ def intersection_line(p, q):  # type: ignore[no-untyped-def]
     """
     Return foot, direction and bend of the line in which two planes meet, seen from above.
 
+    The direction is that of the cross product of the normals (Mancera-Taboada et al., 2012, eq. 5). Their common
+    point is the one nearest to the origin, which is in the building: one at z = 0 may be far off.
+
     Parameters
     ----------
     p, q : ndarray of shape (3,)

@@ -21,8 +21,8 @@ from lidar_buildings.core.roof_topology.result import HIP, RIDGE, VALLEY, Inters
 _RIDGE_SHARE = 0.3
 #: Ends move to a third plane, or else to the outline or a step edge, within so many spacings.
 _PLANE_REACH, _REACH = 4.5, 2.5
-#: Pieces no longer than this near a point are none, nor those no longer than this that lead from it to nowhere:
-#: they are points taken for another plane's [spacings].
+#: Pieces near a point are none, but points taken for another plane's, if they are no longer than this, or
+#: no longer than this and lead to nowhere [spacings].
 _SHORT_STUB, _STUB = 2.5, 6.0
 #: What is left shorter is nothing but a point, in spacings.
 _SHORTEST = 1.0
