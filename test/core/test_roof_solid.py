@@ -13,9 +13,12 @@ from lidar_buildings.core.solid import (
     ROOF_SURFACE,
     WALL_SURFACE,
     RoofPiece,
+    Solid,
+    checked_roof_solid,
     extrude,
     roof_solid,
 )
+from lidar_buildings.core.solid.unfolding import without_folds
 from lidar_buildings.core.validity import check_solid
 
 SQUARE = np.array([[0.0, 0.0], [10.0, 0.0], [10.0, 10.0], [0.0, 10.0]])
@@ -211,6 +214,35 @@ def test_nothing_gives_nothing():
 def test_what_is_no_roof_is_refused(given, ground, word):
     with pytest.raises(ValueError, match=word):
         roof_solid(given, ground)
+
+
+def test_what_cannot_be_one_solid_comes_with_its_codes():
+    apart = [flat(rectangle(0, 0, 5, 5), 3.0), flat(rectangle(7, 0, 12, 5), 4.0)]
+    solid, codes = checked_roof_solid(apart, 0.0)
+    assert codes == check_solid(solid) == (305,)
+    assert solid.volume == pytest.approx(25 * 7)
+    assert checked_roof_solid(apart[:1], 0.0)[1] == ()
+
+
+def test_a_roof_face_that_is_not_planar_is_cut_into_triangles():
+    house = extrude(Outline(SQUARE), 0.0, 3.0)
+    raised = house.vertices.copy()
+    raised[6, 2] += 0.1
+    bent = Solid(raised, house.faces, house.semantics)
+    assert check_solid(bent) == (203,)
+    cut = without_folds(bent)
+    assert check_solid(cut) == ()
+    assert count(cut, ROOF_SURFACE) == 2
+    assert without_folds(house).faces == house.faces
+
+
+def test_pieces_a_millimetre_wide_are_left_out():
+    strip = rectangle(5, 0, 5.001, 10)
+    pieces = [flat(rectangle(0, 0, 5, 10), 4.0), flat(strip, 9.0), flat(rectangle(5.001, 0, 10, 10), 6.0)]
+    solid = roof_solid(pieces, 0.0)
+    assert check_solid(solid) == ()
+    assert solid.vertices[:, 2].max() == 6.0
+    assert solid.volume == pytest.approx(500.0, rel=1e-3)
 
 
 def random_roof(seed):
