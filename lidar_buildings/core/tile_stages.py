@@ -22,7 +22,7 @@ from lidar_buildings.core.footprints import FootprintConfig, Footprints, assign_
 from lidar_buildings.core.ground_filter import GroundFilterConfig, classify_ground
 from lidar_buildings.core.kept_classes import ON_TERRAIN, is_of_groups
 from lidar_buildings.core.outline import BuildingOutline, Outline
-from lidar_buildings.core.plane_fitting import PlaneFittingConfig, fit_roof_planes
+from lidar_buildings.core.plane_fitting import PlaneFittingConfig, number_planes
 from lidar_buildings.core.roof_selection import RoofSelectionConfig, select_roofs
 from lidar_buildings.core.scan_pattern import ScanPattern
 from lidar_buildings.core.segmentation import SegmentationConfig, segment_buildings
@@ -224,8 +224,7 @@ def fit_planes(tile: PointTile, config: PlaneFittingConfig) -> PointTile:
     def fit(building: tuple[int, NDArray[np.intp]]) -> None:
         number, rows = building
         try:
-            planes = fit_roof_planes(tile.points[rows], config, point_spacing=tile.spacing)
-            plane_id[rows] = planes.plane_id
+            plane_id[rows] = number_planes(tile.points[rows], config, point_spacing=tile.spacing)
         except Exception:
             _log.exception("building %d: no planes were fitted", number)
 

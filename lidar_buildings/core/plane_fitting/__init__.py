@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from lidar_buildings.core.plane_fitting.adjusted import adjusted_planes, numbered_by_size
+from lidar_buildings.core.plane_fitting.adjusted import adjusted_planes, numbered_by_size, why_degenerate
 from lidar_buildings.core.plane_fitting.config import AS_PUBLISHED, PlaneFittingConfig
 from lidar_buildings.core.plane_fitting.connected import connected_planes
 from lidar_buildings.core.plane_fitting.consensus import samples_needed
@@ -27,6 +27,7 @@ __all__ = [
     "RoofPlane",
     "RoofPlanes",
     "fit_roof_planes",
+    "number_planes",
     "samples_needed",
 ]
 
@@ -89,36 +90,31 @@ def fit_roof_planes(
     Order of points does not matter, nor do repetitions. Time grows with the number of points.
 
     """
+    given = checked_points(points)
+    reason = why_degenerate(given)
+    if reason:
+        nothing = np.zeros(len(given), dtype=np.uint16)
+        return RoofPlanes(nothing, (), BuildingStatus.DEGENERATE, reason)
+    plane_id = number_planes(given, config, point_spacing=point_spacing)
+    planes = adjusted_planes(given, plane_id)
+    return RoofPlanes(plane_id, planes, reason="" if planes else "no plane has enough points")
+
+
+def number_planes(
+    points: ArrayLike, config: PlaneFittingConfig | None = None, *, point_spacing: float | None = None
+) -> NDArray[np.uint16]:
+    """
+    Return the `plane_id` of `fit_roof_planes` alone, which takes less time.
+
+    """
     config = config or PlaneFittingConfig()
     given = checked_points(points)
     if point_spacing is not None and not (math.isfinite(point_spacing) and point_spacing > 0.0):
         raise ValueError(f"point_spacing = {point_spacing!r}: must be a positive length [m]")
-    near = given - given.min(axis=0) if len(given) else given
-    reason = _why_degenerate(near)
-    if reason:
-        nothing = np.zeros(len(given), dtype=np.uint16)
-        return RoofPlanes(nothing, (), BuildingStatus.DEGENERATE, reason)
+    if why_degenerate(given):
+        return np.zeros(len(given), dtype=np.uint16)
+    near = given - given.min(axis=0)
     spacing = point_spacing or building_spacing(near)
     min_points = max(config.min_plane_points, math.ceil(config.min_plane_area / spacing**2))
     find = ransac_planes if config.method == "ransac" else connected_planes
-    plane_id = numbered_by_size(near, find(near, spacing, min_points, config))
-    planes = adjusted_planes(given, plane_id)
-    return RoofPlanes(plane_id, planes, reason="" if planes else f"no plane has {min_points} points")
-
-
-def _why_degenerate(points: NDArray[np.float64]) -> str:
-    """
-    Say in words why no plane can be fitted, nothing if it can.
-
-    """
-    n_distinct = len(points) if len(points) < 2 else 2
-    if len(points) >= 2:
-        apart = (points != points[0]).any(axis=1)
-        n_distinct = 1 + bool(apart.any())
-    if n_distinct < 2 or len(points) < 3:
-        return f"{n_distinct} distinct points: a plane needs 3"
-    offsets = points - points.mean(axis=0)
-    spread = np.linalg.eigvalsh(offsets.T @ offsets)
-    if spread[1] <= 1e-12 * spread[2]:
-        return f"all {len(points)} points lie on a line"
-    return ""
+    return numbered_by_size(near, find(near, spacing, min_points, config))

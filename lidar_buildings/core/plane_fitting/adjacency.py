@@ -9,7 +9,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from lidar_buildings.core.plane_fitting.plane_geometry import distance_to
+from lidar_buildings.core.plane_fitting.plane_geometry import distance_of
 
 #: Pairs of planes that are remembered while pairs are listed.
 _LATELY = 1021
@@ -22,7 +22,7 @@ _ALIKE = 0.985
 @njit(cache=True, nogil=True)
 def seam_points(neighbours: NDArray[np.int32], labels: NDArray[np.int32]) -> NDArray[np.int64]:
     """
-    Return the rows of the points that have neighbours of another label.
+    Return the rows of the points that have neighbours in a plane, but not in their own.
 
     """
     rows = np.empty(len(labels), np.int64)
@@ -31,7 +31,7 @@ def seam_points(neighbours: NDArray[np.int32], labels: NDArray[np.int32]) -> NDA
         for j in neighbours[i]:
             if j < 0:
                 break
-            if labels[j] != labels[i]:
+            if labels[j] != labels[i] and labels[j] > 0:
                 rows[n] = i
                 n += 1
                 break
@@ -68,7 +68,7 @@ def bridged_planes(
     labels : ndarray of shape (n_points,), int32
         Plane numbers, 0 = none.
     seam : ndarray of shape (n_seam_points,), int64
-        Rows of the points that have neighbours of another label.
+        Rows of the points that have neighbours in another plane.
     equations : ndarray of shape (n_planes + 1, 4)
         a, b, c, d of each plane by its number.
     bridge : float
@@ -188,7 +188,7 @@ def _is_near(points, one, other, first_plane, second_plane, bridge, max_distance
 
     """
     for i in one:
-        if distance_to(second_plane, points[i]) > max_distance:
+        if distance_of(second_plane, points, i) > max_distance:
             continue
         for j in other:
             dx, dy, dz = (
@@ -198,7 +198,7 @@ def _is_near(points, one, other, first_plane, second_plane, bridge, max_distance
             )
             if (
                 dx * dx + dy * dy + dz * dz <= bridge * bridge
-                and distance_to(first_plane, points[j]) <= max_distance
+                and distance_of(first_plane, points, j) <= max_distance
             ):
                 return True
     return False

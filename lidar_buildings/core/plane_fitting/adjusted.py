@@ -8,6 +8,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from lidar_buildings.core.plane_fitting.economy import plane_sums
 from lidar_buildings.core.point_order import sort_by_cell
 from lidar_buildings.core.roof_planes import RoofPlane
 
@@ -15,6 +16,25 @@ from lidar_buildings.core.roof_planes import RoofPlane
 MAX_PLANES = 65535
 #: Side of the cells in whose order points are summed [m].
 _CELL = 1.0
+#: Points whose variance across a line is no larger than this, relative to that along, are on it.
+_LINE = 1e-12
+
+
+def why_degenerate(points: NDArray[np.float64]) -> str:
+    """
+    Say in words why no plane can be fitted to points in any order, nothing if it can.
+
+    """
+    n_distinct = min(len(points), 1) + int(bool((points[1:] != points[:1]).any()))
+    if n_distinct < 2 or len(points) < 3:
+        return f"{n_distinct} distinct points: a plane needs 3"
+    shifted = points - points[0]
+    moments = plane_sums(shifted, np.ones(len(points), dtype=np.int32), 2)[1]
+    mean, products = moments[1:4] / moments[0], np.empty((3, 3))
+    products[np.triu_indices(3)] = moments[4:] / moments[0]
+    products.T[np.triu_indices(3)] = moments[4:] / moments[0]
+    spread = np.linalg.eigvalsh(products - np.outer(mean, mean))
+    return f"all {len(points)} points lie on a line" if spread[1] <= _LINE * spread[2] else ""
 
 
 def numbered_by_size(points: NDArray[np.float64], labels: NDArray[np.int32]) -> NDArray[np.uint16]:

@@ -15,14 +15,11 @@ from numpy.typing import NDArray
 from lidar_buildings.core.plane_fitting.plane_geometry import (
     N_MOMENTS,
     add_point,
-    distance_to,
+    distance_of,
     normal_of,
     plane_through,
 )
 from lidar_buildings.core.plane_fitting.surroundings import Cloud
-
-#: Times that a hypothesis is refined at most; three or four mostly suffice.
-_MAX_REFINEMENTS = 2
 
 
 class Limits(NamedTuple):
@@ -78,10 +75,10 @@ def belongs(cloud: Cloud, limits: Limits, plane: NDArray[np.float64], i: int) ->
     Whether a point lies on a plane, and its surroundings along it.
 
     """
-    if distance_to(plane, cloud.points[i]) > limits.distance:
+    if distance_of(plane, cloud.points, i) > limits.distance:
         return False
-    n = cloud.normals[i]
-    return abs(plane[0] * n[0] + plane[1] * n[1] + plane[2] * n[2]) >= limits.normal_cosine
+    n = cloud.normals
+    return abs(plane[0] * n[i, 0] + plane[1] * n[i, 1] + plane[2] * n[i, 2]) >= limits.normal_cosine
 
 
 @njit(cache=True, nogil=True)
@@ -116,8 +113,9 @@ def propose(
         if n < 3 or q == r or not plane_through(cloud.points[seed], cloud.points[q], cloud.points[r], trial):
             continue
         support = 0.0
-        for j in near[:n]:
-            support += max(0.0, 1.0 - (distance_to(trial, cloud.points[j]) / limits.distance) ** 2)
+        for k in range(n):
+            off = distance_of(trial, cloud.points, near[k]) / limits.distance
+            support += max(0.0, 1.0 - off * off)
         if support > best:
             best = support
             plane[:] = trial
@@ -132,13 +130,13 @@ def fit_near(
     Replace `plane` by the least-squares plane of its inliers among the seed's neighbours.
 
     """
-    origin = cloud.points[seed]
+    origin, points = cloud.points[seed], cloud.points
+    x, y, z = origin
     moments = np.zeros(N_MOMENTS)
     add_point(moments, 0.0, 0.0, 0.0)
     for j in near:
-        if distance_to(plane, cloud.points[j]) <= limits.distance:
-            d = cloud.points[j] - origin
-            add_point(moments, d[0], d[1], d[2])
+        if distance_of(plane, points, j) <= limits.distance:
+            add_point(moments, points[j, 0] - x, points[j, 1] - y, points[j, 2] - z)
     return refit(moments, origin, plane) and belongs(cloud, limits, plane, seed)
 
 
@@ -181,7 +179,8 @@ def grow(
     scratch.counter[0] += 1
     number = scratch.counter[0]
     visit, queue = scratch.visit, scratch.queue
-    origin = cloud.points[seed]
+    origin, points = cloud.points[seed], cloud.points
+    x, y, z = origin
     moments = np.zeros(N_MOMENTS)
     head, tail, score, next_fit = 0, 0, 0.0, cloud.neighbours.shape[1]
     if labels[seed] == 0 and belongs(cloud, limits, plane, seed):
@@ -189,13 +188,14 @@ def grow(
     while head < tail:
         i = queue[head]
         head += 1
-        d = cloud.points[i] - origin
-        add_point(moments, d[0], d[1], d[2])
-        score += 1.0 - (distance_to(plane, cloud.points[i]) / limits.distance) ** 2
+        add_point(moments, points[i, 0] - x, points[i, 1] - y, points[i, 2] - z)
+        off = distance_of(plane, points, i) / limits.distance
+        score += 1.0 - off * off
         if refine and head == next_fit:
             refit(moments, origin, plane)
             next_fit *= 2
-        for j in cloud.neighbours[i]:
+        for k in range(cloud.neighbours.shape[1]):
+            j = cloud.neighbours[i, k]
             if j < 0:
                 break
             if visit[j] != number and labels[j] == 0 and belongs(cloud, limits, plane, j):
@@ -216,13 +216,8 @@ def refine(
     scratch: Scratch,
 ) -> tuple[int, float]:
     """
-    Let a plane grow, refit it to all its points, and repeat while that gains points.
+    Let a plane find its way across the roof; then collect the points of where it came to lie.
 
     """
-    count = 0
-    for _ in range(_MAX_REFINEMENTS):
-        grown, _ = grow(cloud, limits, labels, seed, plane, True, scratch)
-        if grown <= count or grown < 3:
-            break
-        count = grown
+    grow(cloud, limits, labels, seed, plane, True, scratch)
     return grow(cloud, limits, labels, seed, plane, False, scratch)

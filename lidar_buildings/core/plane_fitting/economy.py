@@ -20,7 +20,7 @@ from lidar_buildings.core.plane_fitting.adjacency import bridged_planes, rows_of
 from lidar_buildings.core.plane_fitting.plane_geometry import (
     N_MOMENTS,
     add_point,
-    distance_to,
+    distance_of,
     normal_of,
     residual_of,
 )
@@ -85,7 +85,7 @@ def economise(
     labels : ndarray of shape (n_points,), int32
         Plane numbers, 0 = none.
     seam : ndarray of shape (n_seam_points,), int64
-        Rows of the points that have neighbours of another label.
+        Rows of the points that have neighbours in another plane.
     prices : Prices
     bridge : float
         Parts of a plane this near to one another may be joined even where another plane comes between [m].
@@ -199,8 +199,8 @@ def _dissolved(points, labels, moments, first, beside, rows, begin, prices):  # 
             best = prices.distance
             for b in beside[first[a] : first[a + 1]]:
                 if alive[b]:
-                    best = min(best, distance_to(equations[b], points[i]))
-            own = min(prices.distance, distance_to(equations[a], points[i]))
+                    best = min(best, distance_of(equations[b], points, i))
+            own = min(prices.distance, distance_of(equations[a], points, i))
             loss += best**2 - own**2
         if prices.point * loss >= prices.plane + prices.unevenness * n:
             continue
@@ -208,7 +208,7 @@ def _dissolved(points, labels, moments, first, beside, rows, begin, prices):  # 
         for i in rows[begin[a] : begin[a + 1]]:
             best, taken = prices.distance, 0
             for b in beside[first[a] : first[a + 1]]:
-                if alive[b] and distance_to(equations[b], points[i]) < best:
-                    best, taken = distance_to(equations[b], points[i]), b
+                if alive[b] and distance_of(equations[b], points, i) < best:
+                    best, taken = distance_of(equations[b], points, i), b
             labels[i] = taken
     return labels

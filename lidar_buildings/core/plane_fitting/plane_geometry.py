@@ -122,12 +122,12 @@ def plane_through(
 
 
 @njit(cache=True, nogil=True)
-def distance_to(plane: NDArray[np.float64], point: NDArray[np.float64]) -> float:
+def distance_of(plane: NDArray[np.float64], points: NDArray[np.float64], i: int) -> float:
     """
-    Return the orthogonal distance of a point to a plane [m].
+    Return the orthogonal distance of point i to a plane [m].
 
     """
-    return abs(plane[0] * point[0] + plane[1] * point[1] + plane[2] * point[2] + plane[3])
+    return abs(plane[0] * points[i, 0] + plane[1] * points[i, 1] + plane[2] * points[i, 2] + plane[3])
 
 
 @njit(cache=True, nogil=True)

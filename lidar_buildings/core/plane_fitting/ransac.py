@@ -14,7 +14,7 @@ from lidar_buildings.core.plane_fitting.consensus import samples_needed
 from lidar_buildings.core.plane_fitting.plane_geometry import (
     N_MOMENTS,
     add_point,
-    distance_to,
+    distance_of,
     normal_of,
     plane_through,
 )
@@ -88,7 +88,7 @@ def best_plane(
             continue
         n = 0
         for i in range(len(points)):
-            n += distance_to(trial, points[i]) <= tolerance
+            n += distance_of(trial, points, i) <= tolerance
         if n > most:
             most = n
             best[:] = trial
@@ -97,7 +97,7 @@ def best_plane(
         changed = False
         moments = np.zeros(N_MOMENTS)
         for i in range(len(points)):
-            on_plane = distance_to(best, points[i]) <= tolerance
+            on_plane = distance_of(best, points, i) <= tolerance
             changed |= on_plane != members[i]
             members[i] = on_plane
             if on_plane:

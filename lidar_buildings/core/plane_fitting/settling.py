@@ -10,7 +10,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from lidar_buildings.core.plane_fitting.economy import equations_of, plane_sums
-from lidar_buildings.core.plane_fitting.plane_geometry import distance_to
+from lidar_buildings.core.plane_fitting.plane_geometry import distance_of
 from lidar_buildings.core.plane_fitting.surroundings import MAX_NEIGHBOURS, Cloud
 
 #: Times that planes are fitted anew to their points, and rounds of moves with the same planes.
@@ -39,7 +39,7 @@ def settle(
     labels : ndarray of shape (n_points,), int32
         Plane numbers, 0 = none.
     seam : ndarray of shape (n_seam_points,), int64
-        Rows of the points that have neighbours of another label: others stay where they are.
+        Rows of the points that have neighbours in another plane: others stay where they are.
     max_distance : float
         Largest distance of a point to its plane [m].
     smoothness : float
@@ -85,8 +85,10 @@ def move_points(
                 continue
             waiting[i] = False
             n = labels_around(cloud.neighbours[i], labels, labels[i], number, count)
-            best = cheapest(cloud.points[i], number, count, n, equations, max_distance, smoothness)
-            by_seam[i] = n > 1 or best != labels[i]
+            if n == 1 and labels[i] == 0:
+                continue
+            best = cheapest(cloud.points, i, number, count, n, equations, max_distance, smoothness)
+            by_seam[i] = n > 2 or (n == 2 and number[1] > 0) or best != labels[i]
             if best != labels[i]:
                 labels[i] = best
                 moved += 1
@@ -132,7 +134,8 @@ def labels_around(
 
 @njit(cache=True, nogil=True)
 def cheapest(
-    point: NDArray[np.float64],
+    points: NDArray[np.float64],
+    i: int,
     number: NDArray[np.int32],
     count: NDArray[np.int64],
     n: int,
@@ -141,7 +144,7 @@ def cheapest(
     smoothness: float,
 ) -> int:
     """
-    Return the plane of least cost within reach of a point, 0 if there is none.
+    Return the plane of least cost within reach of point i, 0 if there is none.
 
     """
     total = 0
@@ -151,10 +154,10 @@ def cheapest(
     for k in range(n):
         if number[k] == 0:
             continue
-        distance = distance_to(equations[number[k]], point) / max_distance
-        if distance > 1.0:
+        off = distance_of(equations[number[k]], points, i) / max_distance
+        if off > 1.0:
             continue
-        cost = distance**2 - smoothness * count[k] / max(total, 1)
+        cost = off * off - smoothness * count[k] / max(total, 1)
         if cost < best:
             best, chosen = cost, number[k]
     return chosen

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lidar_buildings.core.group_spacing import group_spacings
-from lidar_buildings.core.plane_fitting.surroundings import sorted_distinct
+from lidar_buildings.core.plane_fitting.surroundings import distinct_grid
 from lidar_buildings.core.point_order import rows_by_cell
 from lidar_buildings.core.point_spacing import measure_spacing
 
@@ -35,7 +35,7 @@ def building_spacing(points: NDArray[np.float64]) -> float:
     # Layers that lie over one another make a cloud no denser.
     plan = points.copy()
     plan[:, 2] = 0.0
-    distinct, _ = sorted_distinct(plan, _SORTED * guess)
+    distinct = distinct_grid(plan, _SORTED * guess)[0].points
     group = np.zeros(len(distinct), dtype=np.int64)
     spacing = float(group_spacings(distinct, rows_by_cell(distinct, _SOUGHT * guess), group, 1)[0])
     return spacing if np.isfinite(spacing) else measure_spacing(points)
