@@ -6,6 +6,7 @@ Solids of roofs in pieces: typical ones vertex by vertex, hard ones valid.
 import numpy as np
 import pytest
 import shapely
+from model_scenes import SHAPES, solid_of
 
 from lidar_buildings.core.outline import Outline
 from lidar_buildings.core.solid import (
@@ -78,6 +79,22 @@ def test_a_gable_has_a_ridge_and_gable_walls_in_two_halves():
     assert [count(solid, k) for k in (GROUND_SURFACE, ROOF_SURFACE, WALL_SURFACE)] == [1, 2, 6]
     assert solid.vertices[:, 2].max() == 5.0
     assert solid.volume == pytest.approx(12 * 8 * 4.0)
+
+
+@pytest.mark.parametrize("turned", [0.0, 17.3])
+@pytest.mark.parametrize("name", SHAPES)
+def test_the_faces_of_a_virtual_building_give_its_solid(name, turned):
+    building = SHAPES[name]().placed(0, 0, turned)
+    truth = solid_of(building)
+    corners = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
+    pieces = []
+    for face in building.faces:
+        z, along_x, along_y = face.elevation(corners)
+        pieces.append(RoofPiece(tuple(face.rings), (along_x - z, along_y - z, z)))
+    solid, codes = checked_roof_solid(pieces, building.ground_elevation)
+    assert codes == ()
+    assert (len(solid.vertices), len(solid.faces)) == (len(truth.vertices), len(truth.faces))
+    assert solid.volume == pytest.approx(truth.volume, rel=1e-3)
 
 
 def test_a_step_has_an_inner_wall():
