@@ -258,6 +258,9 @@ WRITER_TOPICS: dict[str, tuple[Topic, ...]] = {
 }
 
 
+#: Node → what it listens to only where footprints are given.
+ON_REQUEST: dict[str, tuple[Topic, ...]] = {"building_tracer": (MAP_ORIGIN, MAP_UNITS, CLASSIFIED_POINTS)}
+
 #: What a tile passes on its way; a node that subscribes to one of these anew has been restarted.
 GRAPH_TOPICS = tuple(
     dict.fromkeys(topic.name for card in NODE_TABLE[1:] for topic in card.subscribes if topic.type != _HEADER)
@@ -280,8 +283,13 @@ def topics_until(stage: str, *, has_writer: bool = True) -> tuple[str, ...]:
 
     """
     nodes = nodes_until(stage)
-    read = {topic.name for card in NODE_TABLE if card.name in nodes[1:-1] for topic in card.subscribes}
-    read -= {CLASSIFIED_POINTS.name}  # building_tracer listens to it only where footprints are given
+    read = {
+        topic.name
+        for card in NODE_TABLE
+        if card.name in nodes[1:-1]
+        for topic in card.subscribes
+        if topic not in ON_REQUEST.get(card.name, ())
+    }
     if has_writer:
         read |= {topic.name for topic in WRITER_TOPICS[stage]}
     return tuple(sorted(read))

@@ -19,6 +19,7 @@ from lidar_buildings.nodes.graph import node_class
 from lidar_buildings.nodes.table import (
     DIAGNOSTICS,
     NODE_TABLE,
+    ON_REQUEST,
     WRITER_TOPICS,
     nodes_until,
     topics_until,
@@ -170,6 +171,13 @@ def test_a_shorter_run_has_a_listener_for_every_topic_that_it_must_wait_for(stag
     assert nodes[-1] == "model_writer"
     published = {topic.name for name in nodes for topic in CARDS[name].publishes}
     assert set(topics_until(stage)) <= published
+    heard = {
+        topic
+        for name in nodes[1:-1]
+        for topic in CARDS[name].subscribes
+        if topic not in ON_REQUEST.get(name, ())
+    }
+    assert set(topics_until(stage)) == {topic.name for topic in (*heard, *WRITER_TOPICS[stage])}
     assert {topic.name for topic in WRITER_TOPICS[stage]} <= published
 
 
