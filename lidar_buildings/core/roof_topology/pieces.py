@@ -117,8 +117,8 @@ def intersection_line(p, q):  # type: ignore[no-untyped-def]
     """
     Return foot, direction and bend of the line in which two planes meet, seen from above.
 
-    The direction is that of the cross product of the normals (Mancera-Taboada et al., 2012, eq. 5). Their common
-    point is the one nearest to the origin, which is in the building: one at z = 0 may be far off.
+    The direction is that of the cross product of the normals (Mancera-Taboada et al., 2012, eq. 5). The point
+    is that nearest to the origin, which is in the building: one at z = 0 may be far off.
 
     Parameters
     ----------
@@ -155,30 +155,14 @@ def _all_pieces(  # type: ignore[no-untyped-def]
         fx, fy, ux, uy, bend = intersection_line(p, q)
         if bend < LEAST_BEND:
             continue
-        least = max(_TOLERANCE * spacing, _NOISE / bend)
-        strict = max(_END_TOLERANCE * spacing, _NOISE / bend)
-        t = np.empty(b - a)
-        rows = np.empty(b - a, dtype=np.int64)
-        sure = np.empty(b - a, dtype=np.bool_)
-        n = 0
-        for k in range(a, b):
-            off = abs((xy[k, 0] - fx) * uy - (xy[k, 1] - fy) * ux)
-            if off <= least + gap[k]:
-                t[n], rows[n], sure[n] = xy[k, 0] * ux + xy[k, 1] * uy, k, off <= strict + gap[k]
-                n += 1
-        order = np.argsort(t[:n])
+        rows, t, sure = _near_line(xy, gap, a, b, fx, fy, ux, uy, bend, spacing)
         begin, first_piece = 0, n_pieces
-        for m in range(1, n + 1):
-            if m < n and t[order[m]] - t[order[m - 1]] <= _LONGEST_GAP * spacing:
+        for m in range(1, len(rows) + 1):
+            if m < len(rows) and t[m] - t[m - 1] <= _LONGEST_GAP * spacing:
                 continue
-            low, high = begin, m - 1
+            low, high = _trimmed(sure, begin, m - 1)
             begin = m
-            while low < high and not sure[order[low]]:
-                low += 1
-            while low < high and not sure[order[high]]:
-                high -= 1
-            t0, t1 = t[order[low]], t[order[high]]
-            members = rows[order[low : high + 1]]
+            t0, t1, members = t[low], t[high], rows[low : high + 1]
             length = 0.0
             for k in members:
                 length += cell * (abs(uy) if upright[k] else abs(ux))
@@ -189,12 +173,45 @@ def _all_pieces(  # type: ignore[no-untyped-def]
             numbers[n_pieces, 1] = _distinct(near_first[members]) + _distinct(near_second[members])
             values[n_pieces, 0], values[n_pieces, 1], values[n_pieces, 2] = t0, t1, length
             values[n_pieces, 3] = _convexity(
-                t[order[low : high + 1]], fx, fy, ux, uy, first[a], second[a], label, origin, cell
+                t[low : high + 1], fx, fy, ux, uy, first[a], second[a], label, origin, cell
             )
             n_pieces += 1
         for piece in range(first_piece, n_pieces):
             _swallow(xy, fx, fy, ux, uy, a, b, gap, values[piece, 0], values[piece, 1], spacing, on_line)
     return n_pieces
+
+
+@njit(cache=True, nogil=True)
+def _near_line(xy, gap, a, b, fx, fy, ux, uy, bend, spacing):  # type: ignore[no-untyped-def]
+    """
+    Return the sides a to b near a line, their places along it, and whether each is surely on it; in order.
+
+    """
+    least, strict = max(_TOLERANCE * spacing, _NOISE / bend), max(_END_TOLERANCE * spacing, _NOISE / bend)
+    t = np.empty(b - a)
+    rows = np.empty(b - a, dtype=np.int64)
+    sure = np.empty(b - a, dtype=np.bool_)
+    n = 0
+    for k in range(a, b):
+        off = abs((xy[k, 0] - fx) * uy - (xy[k, 1] - fy) * ux)
+        if off <= least + gap[k]:
+            t[n], rows[n], sure[n] = xy[k, 0] * ux + xy[k, 1] * uy, k, off <= strict + gap[k]
+            n += 1
+    order = np.argsort(t[:n])
+    return rows[order], t[order], sure[order]
+
+
+@njit(cache=True, nogil=True)
+def _trimmed(sure, low, high):  # type: ignore[no-untyped-def]
+    """
+    Return the first and the last of a run that are surely on the line.
+
+    """
+    while low < high and not sure[low]:
+        low += 1
+    while low < high and not sure[high]:
+        high -= 1
+    return low, high
 
 
 @njit(cache=True, nogil=True)

@@ -12,7 +12,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from lidar_buildings.core.roof_topology.obstacles import stop, walls_about
-from lidar_buildings.core.roof_topology.steps import StepLines, step_segments
+from lidar_buildings.core.roof_topology.step_lines import StepLines, step_segments
 
 #: Ends move along their line to what they cross within so many spacings; others may end as far off.
 _END_REACH = 2.5

@@ -28,7 +28,8 @@ from lidar_buildings.core.roof_topology.result import (
 from lidar_buildings.core.roof_topology.roof_type import roof_type
 from lidar_buildings.core.roof_topology.segments import finished
 from lidar_buildings.core.roof_topology.snapping import extended, snapped
-from lidar_buildings.core.roof_topology.steps import find_step_lines, merged, step_edges, step_segments
+from lidar_buildings.core.roof_topology.step_lines import merged, step_edges, step_segments
+from lidar_buildings.core.roof_topology.steps import find_step_lines
 
 #: Decimals to which the coefficients of planes that are one agree.
 _SAME_DECIMALS = 9
