@@ -179,8 +179,16 @@ def test_a_courtyard_may_touch_the_outer_ring():
         assert solid.volume == pytest.approx(3 * 94.0, rel=1e-3)
 
 
-def test_elevations_that_hardly_differ_become_one():
+def test_flat_pieces_that_hardly_differ_stay_flat_and_get_one_elevation():
     solid = roof_solid([flat(rectangle(0, 0, 10, 5), 3.0), flat(rectangle(0, 5, 10, 10), 3.006)], 0.0)
+    assert check_solid(solid) == ()
+    assert set(solid.vertices[:, 2]) == {0.0, 3.003}
+    assert count(solid, WALL_SURFACE) == 6
+
+
+def test_where_elevations_hardly_differ_there_is_no_wall():
+    pieces = [flat(rectangle(0, 0, 10, 5), 3.0), piece(rectangle(0, 5, 10, 10), (0.0, 0.4, 1.006))]
+    solid = roof_solid(pieces, 0.0)
     assert check_solid(solid) == ()
     assert set(solid.vertices[solid.vertices[:, 1] == 5.0, 2]) == {0.0, 3.003}
     assert count(solid, WALL_SURFACE) == 6

@@ -16,6 +16,7 @@ from lidar_buildings.core.solid.assembly import assemble
 from lidar_buildings.core.solid.clearance import cleared_pieces
 from lidar_buildings.core.solid.coverage import matched_coverage, noded_coverage
 from lidar_buildings.core.solid.crossings import split_crossings
+from lidar_buildings.core.solid.levelling import levelled_pieces
 from lidar_buildings.core.solid.manifold import open_pinched_posts
 from lidar_buildings.core.solid.plan_graph import PlanGraph
 from lidar_buildings.core.solid.posts import MERGED_WITHIN, Posts
@@ -80,7 +81,7 @@ def checked_roof_solid(pieces: Sequence[RoofPiece], ground_elevation: float) -> 
         raise ValueError(f"ground_elevation = {ground_elevation}: must be finite")
     check_pieces(pieces)
     ground = round(ground_elevation / GRID)
-    pieces = cleared_pieces(pieces, ground * GRID)
+    pieces = levelled_pieces(cleared_pieces(pieces, ground * GRID))
     first = None
     for graph in _plans(pieces):
         tried = []
