@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numba import njit
@@ -39,6 +39,8 @@ class Adjustment:
     ----------
     free : FreePlanes
         Each plane by itself.
+    relations : Relations
+        What planes share.
     unknowns : Unknowns
         How the planes depend on one another.
     coefficients : ndarray of shape (n_planes, 3)
@@ -49,6 +51,7 @@ class Adjustment:
     """
 
     free: FreePlanes
+    relations: Relations
     unknowns: Unknowns
     coefficients: NDArray[np.float64]
     meetings: tuple[Meeting, ...] = ()
@@ -73,21 +76,33 @@ class Adjustment:
         """
         Return the adjustment with all those meetings imposed that the points allow.
 
+        At first under all relations. These and the outline's corners may contradict one another by little, as
+        when a corner is rounded to a millimetre: then planes turn and lift by what is left to be exactly met.
+
         """
-        kept = [meeting for meeting in meetings if all(self.free.roof[k - 1] for k in meeting.planes)]
-        coefficients = self.coefficients
+        wanted = [meeting for meeting in meetings if all(self.free.roof[k - 1] for k in meeting.planes)]
+        related = self._imposed(wanted, self.unknowns, None)
+        return related._imposed(wanted, unknowns_of(self.relations.loosened()), related.coefficients)
+
+    def _imposed(
+        self, meetings: list[Meeting], unknowns: Unknowns, start: NDArray[np.float64] | None
+    ) -> Adjustment:
+        """
+        Impose meetings, giving up those that pull most at planes that move too far.
+
+        """
         allowed = np.clip(self.free.rms, _LEAST_MOVE, _MOST_MOVE)
-        while kept:
-            coefficients, kept, pull = self._settled(kept)
+        while meetings:
+            coefficients, meetings, pull = self._settled(meetings, unknowns, start)
             excess = self.free.offsets(coefficients) / allowed
             culprits = _culprits(pull, np.flatnonzero(self.free.roof & (excess > 1.0)))
             if not culprits:
-                break
-            kept = [meeting for k, meeting in enumerate(kept) if k not in culprits]
-        return Adjustment(self.free, self.unknowns, coefficients if kept else self.coefficients, tuple(kept))
+                return replace(self, coefficients=coefficients, meetings=tuple(meetings))
+            meetings = [meeting for k, meeting in enumerate(meetings) if k not in culprits]
+        return self
 
     def _settled(
-        self, meetings: list[Meeting]
+        self, meetings: list[Meeting], unknowns: Unknowns, start: NDArray[np.float64] | None
     ) -> tuple[NDArray[np.float64], list[Meeting], NDArray[np.float64]]:
         """
         Solve, let meetings whose position is not given follow the planes, solve again, and so on.
@@ -97,7 +112,7 @@ class Adjustment:
         rounds = 1 if all(meeting.fixed for meeting in meetings) else _FOLLOW_ROUNDS
         for _ in range(rounds):
             meetings = [self._following(meeting, coefficients) for meeting in meetings]
-            coefficients, pull = solve(self.free, self.unknowns, meetings, coefficients[:, :2])
+            coefficients, pull = solve(self.free, unknowns, meetings, coefficients[:, :2], start)
         return coefficients, meetings, pull
 
     def _following(self, meeting: Meeting, coefficients: NDArray[np.float64]) -> Meeting:
@@ -161,15 +176,12 @@ def adjust(points: NDArray[np.float64], plane_id: NDArray[np.uint16], outline: O
     """
     n_planes = int(plane_id.max()) if len(plane_id) else 0
     free = free_planes(plane_moments(points, plane_id, n_planes))
-    if not n_planes:
-        return Adjustment(free, Unknowns(np.zeros((0, 3), int), np.zeros((0, 3, 3)), 0), np.zeros((0, 3)))
     rings = outline.rings if outline is not None else ()
     relations = find_relations(free, main_directions(*outline_directions(rings)))
-    unknowns, coefficients = _with_relations(free, relations)
-    return Adjustment(free, unknowns, coefficients)
+    return _with_relations(free, relations)
 
 
-def _with_relations(free: FreePlanes, relations: Relations) -> tuple[Unknowns, NDArray[np.float64]]:
+def _with_relations(free: FreePlanes, relations: Relations) -> Adjustment:
     """
     Solve under relations, giving up those of planes that move too far.
 
@@ -182,7 +194,7 @@ def _with_relations(free: FreePlanes, relations: Relations) -> tuple[Unknowns, N
         if not len(moved):
             break
         relations = relations.without(moved)
-    return unknowns, coefficients
+    return Adjustment(free, relations, unknowns, coefficients)
 
 
 def _culprits(pull: NDArray[np.float64], planes: NDArray[np.int64]) -> set[int]:

@@ -70,9 +70,10 @@ def unknowns_of(relations: Relations) -> Unknowns:
     number = np.zeros((n_planes, 3), dtype=np.int64)
     share = np.zeros((n_planes, 3, 3))
     number[:, 2], n_heights = _numbered(relations.surface, np.ones(n_planes, dtype=np.bool_))
-    number[free, 0] = n_heights + 2 * np.arange(free.sum())
+    gradients, n_gradients = _numbered(relations.surface, free)
+    number[free, 0] = n_heights + 2 * gradients[free]
     number[free, 1] = number[free, 0] + 1
-    first_slope = n_heights + 2 * int(free.sum())
+    first_slope = n_heights + 2 * n_gradients
     slopes, n_slopes = _numbered(relations.slope, facing)
     number[facing, 0] = first_slope + slopes[facing]
     share[facing, 0, 0] = np.cos(relations.azimuth[facing])
@@ -99,6 +100,7 @@ def solve(
     unknowns: Unknowns,
     meetings: Sequence[Meeting],
     slopes: NDArray[np.float64],
+    start: NDArray[np.float64] | None = None,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """
     Find the planes nearest to the free ones that obey all relations and meet where they should.
@@ -112,6 +114,8 @@ def solve(
     meetings : sequence of Meeting
     slopes : ndarray of shape (n_planes, 2)
         Approximate gradients, for meetings whose position is not given.
+    start : ndarray of shape (n_planes, 3), optional
+        Planes to change as little as need be, instead of the free ones; the unknowns are then changes.
 
     Returns
     -------
@@ -125,7 +129,9 @@ def solve(
     cost = planes.cost * weight[:, None, None]
     cost_share = np.matmul(cost, unknowns.share)
     blocks = np.matmul(unknowns.share.transpose(0, 2, 1), cost_share)
-    right = np.einsum("kji,kj->ki", cost_share, planes.coefficients)
+    wanted = planes.coefficients if start is None else np.zeros_like(start)
+    start = np.zeros_like(wanted) if start is None else start
+    right = np.einsum("kji,kj->ki", cost_share, wanted)
     normal = np.zeros((unknowns.n, unknowns.n))
     np.add.at(normal, (unknowns.number[:, :, None], unknowns.number[:, None, :]), blocks)
     target = np.zeros(unknowns.n)
@@ -135,8 +141,9 @@ def solve(
     bordering = np.zeros((len(rows), unknowns.n))
     for row, k in np.argwhere(np.any(rows != 0, axis=2)):
         np.add.at(bordering[row], unknowns.number[k], rows[row, k] @ unknowns.share[k])
-    solution, force = constrained_minimum(normal, target, bordering)
-    coefficients = np.einsum("kij,kj->ki", unknowns.share, solution[unknowns.number])
+    lacking = -np.einsum("rki,ki->r", rows, start)
+    solution, force = constrained_minimum(normal, target, bordering, lacking)
+    coefficients = start + np.einsum("kij,kj->ki", unknowns.share, solution[unknowns.number])
     return coefficients, _pulls(planes, weight, rows, owner, force, len(meetings))
 
 

@@ -63,6 +63,14 @@ class Relations(NamedTuple):
                 azimuth[k], level[k] = math.nan, False
         return Relations(level, azimuth, slope, surface)
 
+    def loosened(self) -> Relations:
+        """
+        Return the relations of level planes and pieces of one plane alone.
+
+        """
+        alone = np.full(len(self.level), -1, dtype=np.int64)
+        return Relations(self.level, np.full(len(self.level), math.nan), alone, self.surface)
+
 
 def allowed_move(rms: NDArray[np.float64]) -> NDArray[np.float64]:
     """

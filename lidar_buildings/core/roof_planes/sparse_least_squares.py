@@ -19,13 +19,16 @@ _DEPENDENT = 1e-6
 
 
 def constrained_minimum(
-    normal: NDArray[np.float64], target: NDArray[np.float64], rows: NDArray[np.float64]
+    normal: NDArray[np.float64],
+    target: NDArray[np.float64],
+    rows: NDArray[np.float64],
+    values: NDArray[np.float64],
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """
-    Minimise ½ xᵀ N x - tᵀ x under R x = 0.
+    Minimise ½ xᵀ N x - tᵀ x under R x = r.
 
-    The multipliers f follow from R N⁻¹ Rᵀ f = R N⁻¹ t, and x = N⁻¹ (t - Rᵀ f). Unknowns that share equations
-    with few others should come first: so the factor stays as sparse as N.
+    The multipliers f follow from R N⁻¹ Rᵀ f = R N⁻¹ t - r, and x = N⁻¹ (t - Rᵀ f). Unknowns that share
+    equations with few others should come first: so the factor stays as sparse as N.
 
     Parameters
     ----------
@@ -35,6 +38,8 @@ def constrained_minimum(
         t.
     rows : ndarray of shape (m, n)
         R; rows that follow from those before them get no multiplier.
+    values : ndarray of shape (m,)
+        r.
 
     Returns
     -------
@@ -49,7 +54,7 @@ def constrained_minimum(
     if not len(rows):
         return right[0], np.zeros(0)
     free, response = right[0], right[1:]
-    force = _solve_semidefinite(_products(rows, response), _products(rows, free[None])[:, 0])
+    force = _solve_semidefinite(_products(rows, response), _products(rows, free[None])[:, 0] - values)
     return free - _combination(force, response), force
 
 
