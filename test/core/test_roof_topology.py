@@ -249,3 +249,13 @@ def test_wrong_arguments_are_refused():
         find_topology(np.zeros((3, 3)), [1, 2])
     with pytest.raises(ValueError, match="point_spacing"):
         find_topology(np.zeros((3, 3)), [1, 1, 1], point_spacing=-1.0)
+
+
+@pytest.mark.parametrize("name", ["hipped_l", "pitched_courtyard"])
+def test_lines_hit_corners_that_are_rounded_to_millimetres(name):
+    scene = model_scene(name, rotation_deg=16, seed=4)
+    outline = Outline(scene.outline.exterior.round(3), tuple(hole.round(3) for hole in scene.outline.holes))
+    topology = find_topology(scene.points, scene.plane_id, outline, point_spacing=SPACING)
+    ends = np.concatenate([line.segment[:, :2] for line in topology.intersections])
+    for corner in np.concatenate(outline.rings):
+        assert np.hypot(*(ends - corner).T).min() < 1e-6
