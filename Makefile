@@ -31,7 +31,9 @@ demo: setup
 	@$(BIN)/python -m lidar_buildings.cli score buildings demo/result demo/survey
 	@$(BIN)/python -m lidar_buildings.cli score edges demo/result demo/survey
 	@$(BIN)/python -m lidar_buildings.cli score outlines demo/result demo/survey --merge-touching
-	@echo "Results: demo/result (buildings.gpkg, city_model.city.jsonl, classified/, run.json)"
+	@$(BIN)/python -m lidar_buildings.cli score planes demo/result demo/survey
+	@$(BIN)/python -m lidar_buildings.cli score models demo/result demo/survey
+	@echo "Results: demo/result (buildings.gpkg, city_model.{city.jsonl,obj,dxf}, classified/, run.json)"
 	@echo "Survey and truth: demo/survey (*.laz, truth.gpkg, truth.city.jsonl)"
 
 test: setup lint
