@@ -7,18 +7,22 @@ from __future__ import annotations
 
 import hashlib
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 from agreement import table
 
+from lidar_buildings.core.footprints import Footprints
 from lidar_buildings.core.tile import PointTile
 from lidar_buildings.core.tile_models import TileModel, build_models
 from lidar_buildings.core.tile_stages import fit_planes
 from lidar_buildings.pipeline import PipelineConfig, TileResult, reconstruct_tile
 
-HEADINGS = ("buildings", "roof points", "planes [s]", "models [s]", "buildings/s", "same bytes")
+HEADINGS = (
+    *("buildings", "roof points", "planes [s]", "models [s]", "buildings/s", "CPU [s]"),
+    *("same bytes", "in any order"),
+)
 
 
 class Speed(NamedTuple):
@@ -31,8 +35,10 @@ class Speed(NamedTuple):
     n_buildings, n_points : int
     planes, models : float
         Least wall time of the repeats [s].
-    is_repeatable : bool
-        Whether all repeats, one of them with the points in another order, gave the same solids.
+    processor : float
+        Least processor time of both stages, of all threads [s]; it tells more where others work beside.
+    is_repeatable, is_free_of_order : bool
+        Whether all repeats gave the same solids, and points in another order, too.
 
     """
 
@@ -41,7 +47,9 @@ class Speed(NamedTuple):
     n_points: int
     planes: float
     models: float
+    processor: float
     is_repeatable: bool
+    is_free_of_order: bool
 
     @property
     def per_second(self) -> float:
@@ -52,22 +60,27 @@ class Speed(NamedTuple):
         return self.n_buildings / (self.planes + self.models)
 
 
-def speed_of(name: str, tile: PointTile, repeats: int) -> Speed:
+def speed_of(name: str, tile: PointTile, repeats: int, footprints: Footprints | None = None) -> Speed:
     """
     Take a tile of raw points to outlines, then planes and models as often as asked for.
 
     """
     config = PipelineConfig()
-    before = reconstruct_tile(tile, config, until="regularisation")
-    _models(before, fit_planes(before.roofs, config.plane_fitting), config)
-    planes, models, prints = [], [], set()
-    for _ in range(max(repeats, 2)):
-        roofs, seconds = _timed(lambda: fit_planes(before.roofs, config.plane_fitting))
-        planes.append(seconds)
-        built, seconds = _timed(lambda roofs=roofs: _models(before, roofs, config))
-        models.append(seconds)
-        prints.add(fingerprint(built))
-    return Speed(name, len(before.outlines), len(before.roofs), min(planes), min(models), len(prints) == 1)
+    before = reconstruct_tile(tile, config, until="regularisation", footprints=footprints)
+    first = _run(before, before.roofs, config)
+    runs = [_run(before, before.roofs, config) for _ in range(repeats)]
+    order = np.random.default_rng(0).permutation(len(before.roofs))
+    shuffled = _run(before, before.roofs.select(order), config)
+    return Speed(
+        name,
+        len(before.outlines),
+        int(np.count_nonzero(before.roofs.building_id)),
+        planes=min(run.planes for run in runs),
+        models=min(run.models for run in runs),
+        processor=min(run.processor for run in runs),
+        is_repeatable={run.digest for run in runs} == {first.digest},
+        is_free_of_order=shuffled.digest == first.digest,
+    )
 
 
 def fingerprint(models: Sequence[TileModel]) -> str:
@@ -99,26 +112,37 @@ def speed_table(speeds: Sequence[Speed]) -> str:
                 f"{one.planes:.3f}",
                 f"{one.models:.3f}",
                 f"{one.per_second:.0f}",
+                f"{one.processor:.2f}",
                 "yes" if one.is_repeatable else "NO",
+                "yes" if one.is_free_of_order else "NO",
             ]
             for one in speeds
         ),
     )
 
 
-def _models(before: TileResult, roofs: PointTile, config: PipelineConfig) -> tuple[TileModel, ...]:
+class _Run(NamedTuple):
     """
-    Build the models of a tile whose outlines are there.
+    Seconds of one run of both stages, and a digest of what it gave.
 
     """
-    return build_models(roofs, before.traced, before.outlines, config.building_model, config.regularisation)
+
+    planes: float
+    models: float
+    processor: float
+    digest: str
 
 
-def _timed(act: Callable[[], PointTile | tuple[TileModel, ...]]) -> tuple:
+def _run(before: TileResult, roofs: PointTile, config: PipelineConfig) -> _Run:
     """
-    Return what an act gives and the seconds it took.
+    Fit planes and build models of a tile whose outlines are there.
 
     """
-    start = time.perf_counter()
-    given = act()
-    return given, time.perf_counter() - start
+    started, used = time.perf_counter(), time.process_time()
+    fitted = fit_planes(roofs, config.plane_fitting)
+    between = time.perf_counter()
+    models = build_models(
+        fitted, before.traced, before.outlines, config.building_model, config.regularisation
+    )
+    ended = time.perf_counter()
+    return _Run(between - started, ended - between, time.process_time() - used, fingerprint(models))

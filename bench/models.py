@@ -35,6 +35,7 @@ from roof_areas import read_tile
 
 from lidar_buildings.core.building_model import BuildingModelConfig
 from lidar_buildings.core.plane_fitting import PlaneFittingConfig
+from lidar_buildings.io.footprints import FootprintSource, read_footprints
 from lidar_buildings.simulation import simulate_tile
 
 #: Virtual surveys whose speed is taken.
@@ -97,10 +98,15 @@ def run_speed(options: argparse.Namespace) -> None:
     Take the times of planes and models.
 
     """
-    tiles = [(name, simulate_tile(name)[0]) for name in VIRTUAL]
-    if (options.data_folder / DELFT).is_dir():
-        tiles.insert(0, (DELFT, read_tile(options.data_folder / DELFT)[0]))
-    print(speed_table([speed_of(name, tile, options.repeats) for name, tile in tiles]), end="\n\n")
+    speeds = [speed_of(name, simulate_tile(name)[0], options.repeats) for name in VIRTUAL]
+    folder = options.data_folder / DELFT
+    if folder.is_dir():
+        tile, frame = read_tile(folder)
+        speeds.append(speed_of(DELFT, tile, options.repeats))
+        if (folder / FOOTPRINTS).is_file():
+            given = read_footprints(FootprintSource(folder / FOOTPRINTS), frame).footprints
+            speeds.append(speed_of(f"{DELFT}, footprints", tile, options.repeats, given))
+    print(speed_table(speeds), end="\n\n")
 
 
 PARTS: dict[str, Callable[[argparse.Namespace], None]] = {
