@@ -111,7 +111,10 @@ def read_faces(result: Path, origin: np.ndarray) -> list[tuple[str, list[np.ndar
         vertices = np.array(feature["vertices"]) * scale + shift - origin
         if not is_inside(vertices[:, :2]).all():
             continue
-        for solid in (s for part in feature["CityObjects"].values() for s in part["geometry"]):
+        for part in feature["CityObjects"].values():
+            if not part["geometry"]:
+                continue
+            solid = max(part["geometry"], key=lambda one: one["lod"])
             kinds = [surface["type"] for surface in solid["semantics"]["surfaces"]]
             for face, kind in zip(solid["boundaries"][0], solid["semantics"]["values"][0], strict=True):
                 if kinds[kind] != "GroundSurface":
