@@ -10,7 +10,7 @@ import scenes
 from lidar_buildings.core.plane_fitting import AS_PUBLISHED, PlaneFittingConfig, fit_roof_planes
 from lidar_buildings.core.plane_fitting.adjacency import bridged_planes, seam_points, touching_planes
 from lidar_buildings.core.plane_fitting.parts import split_planes
-from lidar_buildings.core.plane_fitting.surroundings import survey_points
+from lidar_buildings.core.plane_fitting.surroundings import Cloud, survey_points
 from lidar_buildings.core.scores.planes import score_planes
 from lidar_buildings.simulation import special_roofs
 
@@ -173,14 +173,16 @@ def test_parts_and_neighbours_of_planes_on_a_row_of_points():
     assert touching_planes(neighbours, labels, seam).tolist() == [[1, 2]]
 
 
-def test_parts_of_a_plane_are_bridged_up_to_a_distance():
+def test_parts_of_a_plane_are_bridged_over_points_on_it_up_to_a_distance():
     points = np.column_stack([np.arange(6.0), np.zeros(6), np.zeros(6)])
+    neighbours = np.array([[1, -1], [0, 2], [1, 3], [2, 4], [3, 5], [4, -1]], dtype=np.int32)
+    cloud = Cloud(points, np.zeros((6, 3)), np.ones(6, dtype=bool), neighbours)
     labels = np.array([1, 1, 2, 2, 3, 3], dtype=np.int32)
     seam, equations = np.array([1, 2, 3, 4]), np.array([[0.0] * 4, [0, 0, 1, 0], [0, 1, 0, 0], [0, 0, 1, 0]])
-    assert bridged_planes(points, labels, seam, equations, 3.0, 0.1).tolist() == [[1, 3]]
-    assert bridged_planes(points, labels, seam, equations, 2.9, 0.1).tolist() == []
-    equations[3, 3] = 0.2
-    assert bridged_planes(points, labels, seam, equations, 3.0, 0.1).tolist() == []
+    assert bridged_planes(cloud, labels, seam, equations, 3.0, 0.1).tolist() == [[1, 3]]
+    assert bridged_planes(cloud, labels, seam, equations, 2.9, 0.1).tolist() == []
+    points[2, 2] = 0.2
+    assert bridged_planes(cloud, labels, seam, equations, 4.0, 0.1).tolist() == []
 
 
 def test_as_published_planes_leave_the_cloud_one_after_the_other():

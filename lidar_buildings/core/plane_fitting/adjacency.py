@@ -10,6 +10,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from lidar_buildings.core.plane_fitting.plane_geometry import distance_of
+from lidar_buildings.core.plane_fitting.surroundings import Cloud
 
 #: Pairs of planes that are remembered while pairs are listed.
 _LATELY = 1021
@@ -17,6 +18,8 @@ _LATELY = 1021
 _MOST_AROUND = 4
 #: Cosine of the angle between planes beyond which they are not one: 10°.
 _ALIKE = 0.985
+#: Planes that are farther from the middle of the other's seams are not one [largest distances of points].
+_OFF = 3.0
 
 
 @njit(cache=True, nogil=True)
@@ -51,7 +54,7 @@ def touching_planes(
 
 
 def bridged_planes(
-    points: NDArray[np.float64],
+    cloud: Cloud,
     labels: NDArray[np.int32],
     seam: NDArray[np.int64],
     equations: NDArray[np.float64],
@@ -61,10 +64,12 @@ def bridged_planes(
     """
     Return the pairs of planes, shape (n_pairs, 2), that may be one that another comes between.
 
+    A bridge leads from the one to the other over points that lie on the plane, though they belong to others:
+    such as there are where two valleys end at a ridge.
+
     Parameters
     ----------
-    points : ndarray of shape (n_points, 3)
-        [m].
+    cloud : Cloud
     labels : ndarray of shape (n_points,), int32
         Plane numbers, 0 = none.
     seam : ndarray of shape (n_seam_points,), int64
@@ -72,13 +77,13 @@ def bridged_planes(
     equations : ndarray of shape (n_planes + 1, 4)
         a, b, c, d of each plane by its number.
     bridge : float
-        Seams of parts of one plane are no farther apart than this [m].
+        Longest bridge [m].
     max_distance : float
-        Largest distance from either plane of the other's seam where they are nearest [m].
+        Largest distance of a bridge's points from the plane [m].
 
     """
     rows, first = rows_of_planes(labels[seam], len(equations))
-    return _bridged(points, seam[rows], first, equations, bridge, max_distance)
+    return _bridged(cloud, labels, seam[rows], first, equations, bridge, max_distance)
 
 
 @njit(cache=True, nogil=True)
@@ -152,16 +157,21 @@ def _planes_around(
 
 
 @njit(cache=True, nogil=True)
-def _bridged(points, rows, first, equations, bridge, max_distance):  # type: ignore[no-untyped-def]
+def _bridged(cloud, labels, rows, first, equations, bridge, max_distance):  # type: ignore[no-untyped-def]
     """
     Compare all planes that have seams; see `bridged_planes`.
 
     """
+    points = cloud.points
+    way = np.full(len(points), np.inf)
+    queue = np.empty(len(points), np.int64)
     size = len(equations)
     low, high = np.full((size, 3), np.inf), np.full((size, 3), -np.inf)
+    middle = np.zeros((size, 3))
     for k in range(1, size):
         for i in rows[first[k] : first[k + 1]]:
             for axis in range(3):
+                middle[k, axis] += points[i, axis] / (first[k + 1] - first[k])
                 low[k, axis] = min(low[k, axis], points[i, axis])
                 high[k, axis] = max(high[k, axis], points[i, axis])
     pairs = [(0, 0) for _ in range(0)]
@@ -170,10 +180,12 @@ def _bridged(points, rows, first, equations, bridge, max_distance):  # type: ign
             apart = False
             for axis in range(3):
                 apart |= low[a, axis] > high[b, axis] + bridge or low[b, axis] > high[a, axis] + bridge
-            if apart or abs((equations[a, :3] * equations[b, :3]).sum()) < _ALIKE:
+            if apart or not _alike(equations, middle, a, b, _OFF * max_distance):
                 continue
             one, other = rows[first[a] : first[a + 1]], rows[first[b] : first[b + 1]]
-            if _is_near(points, one, other, equations[a], equations[b], bridge, max_distance):
+            if _leads_to(cloud, labels, one, b, equations[a], bridge, max_distance, way, queue) or _leads_to(
+                cloud, labels, other, a, equations[b], bridge, max_distance, way, queue
+            ):
                 pairs.append((a, b))
     found = np.empty((len(pairs), 2), np.int64)
     for k in range(len(pairs)):
@@ -182,23 +194,51 @@ def _bridged(points, rows, first, equations, bridge, max_distance):  # type: ign
 
 
 @njit(cache=True, nogil=True)
-def _is_near(points, one, other, first_plane, second_plane, bridge, max_distance):  # type: ignore[no-untyped-def]
+def _alike(equations, middle, a, b, max_offset):  # type: ignore[no-untyped-def]
     """
-    Whether points of two planes lie within reach of one another and each on the other's plane.
+    Whether two planes are nearly parallel, and each goes nearly through the middle of the other's seams.
 
     """
-    for i in one:
-        if distance_of(second_plane, points, i) > max_distance:
-            continue
-        for j in other:
-            dx, dy, dz = (
-                points[i, 0] - points[j, 0],
-                points[i, 1] - points[j, 1],
-                points[i, 2] - points[j, 2],
-            )
-            if (
-                dx * dx + dy * dy + dz * dz <= bridge * bridge
-                and distance_of(first_plane, points, j) <= max_distance
-            ):
-                return True
-    return False
+    cosine = 0.0
+    for axis in range(3):
+        cosine += equations[a, axis] * equations[b, axis]
+    return (
+        abs(cosine) >= _ALIKE
+        and distance_of(equations[a], middle, b) <= max_offset
+        and distance_of(equations[b], middle, a) <= max_offset
+    )
+
+
+@njit(cache=True, nogil=True)
+def _leads_to(cloud, labels, start, goal, plane, bridge, max_distance, way, queue):  # type: ignore[no-untyped-def]
+    """
+    Whether a bridge leads from the starting points over others on their plane to the plane numbered `goal`.
+
+    `way` is infinite throughout, before and after, and `queue` is room for as many points as there are.
+
+    """
+    own = labels[start[0]] if len(start) else 0
+    tail, head, found = 0, 0, False
+    for i in start:
+        if distance_of(plane, cloud.points, i) <= max_distance:
+            way[i], queue[tail] = 0.0, i
+            tail += 1
+    while head < tail and not found:
+        i = queue[head]
+        head += 1
+        for j in cloud.neighbours[i]:
+            if j < 0:
+                break
+            if labels[j] == own or way[j] < np.inf or distance_of(plane, cloud.points, j) > max_distance:
+                continue
+            dx = cloud.points[j, 0] - cloud.points[i, 0]
+            dy = cloud.points[j, 1] - cloud.points[i, 1]
+            dz = cloud.points[j, 2] - cloud.points[i, 2]
+            length = way[i] + np.sqrt(dx * dx + dy * dy + dz * dz)
+            if length <= bridge:
+                found |= labels[j] == goal
+                way[j], queue[tail] = length, j
+                tail += 1
+    for k in range(tail):
+        way[queue[k]] = np.inf
+    return found

@@ -58,9 +58,9 @@ class PlaneFittingConfig(StageConfig):
         maximum=10.0,
     )
     bridge: float = parameter(
-        1.6,
-        "Parts of a plane this near to one another are one plane even where another comes between, as at the "
-        "foot of two valleys; raising it joins separate parts (connected).",
+        2.0,
+        "Longest way between parts of a plane over points on it that belong to others, as where two valleys "
+        "end at a ridge, that makes them one plane; raising it joins parts farther apart (connected).",
         unit="m",
         minimum=0.0,
         maximum=10.0,

@@ -21,8 +21,8 @@ from lidar_buildings.core.plane_fitting.surroundings import Cloud, survey_points
 
 #: Different sets of random samples; seeds share them in turn.
 _SAMPLE_SETS = 64
-#: Where points are sparse, parts of a plane that are as far apart as this are still near [spacings].
-_LEAST_BRIDGE = 4.0
+#: Where points are sparse, bridges may be at least this long [spacings].
+_LEAST_BRIDGE = 5.0
 
 
 def connected_planes(

@@ -94,7 +94,7 @@ def economise(
     size = int(labels.max(initial=0)) + 1
     touching = touching_planes(cloud.neighbours, labels, seam)
     moments = plane_sums(cloud.points, labels, size)
-    bridged = bridged_planes(cloud.points, labels, seam, equations_of(moments), bridge, prices.distance)
+    bridged = bridged_planes(cloud, labels, seam, equations_of(moments), bridge, prices.distance)
     parent = _merged(moments, np.concatenate([touching, bridged]), prices, np.arange(size))
     labels = parent[labels].astype(np.int32)
     first, beside = _neighbours_of_planes(parent[touching], size)
