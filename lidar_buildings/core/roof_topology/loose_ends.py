@@ -17,6 +17,8 @@ from lidar_buildings.core.roof_topology.result import IntersectionSegment, StepE
 
 #: Ends are loose if no other line is so near, and two of them belong together if they are so near [spacings].
 _HELD, _TOGETHER = 0.1, 5.0
+#: Cosine of the sharpest angle between a line and what leads on from its end.
+_TURN_BACK = 0.3
 
 
 def joined(
@@ -94,7 +96,7 @@ def _couples(
         (float(np.hypot(*(lines[one] - lines[other]))), one, other)
         for k, one in enumerate(ends)
         for other in ends[:k]
-        if one[0] != other[0]
+        if one[0] != other[0] and _leads_on(lines, one, other) and _leads_on(lines, other, one)
     )
     couples: list[tuple[tuple[int, int], tuple[int, int]]] = []
     used: set[tuple[int, int]] = set()
@@ -103,6 +105,16 @@ def _couples(
             couples.append((one, other))
             used |= {one, other}
     return couples
+
+
+def _leads_on(lines: NDArray[np.float64], one: tuple[int, int], other: tuple[int, int]) -> bool:
+    """
+    Whether the way from one end to the other does not turn back along the line that ends there.
+
+    """
+    outward = lines[one] - lines[one[0], 1 - one[1]]
+    onward = lines[other] - lines[one]
+    return bool(outward @ onward >= -_TURN_BACK * np.hypot(*outward) * np.hypot(*onward))
 
 
 def _edge(

@@ -35,7 +35,7 @@ def find_step_lines(
     on_line: NDArray[np.bool_],
     points: NDArray[np.float64],
     gradients: NDArray[np.float64],
-    n_points: NDArray[np.float64],
+    area: NDArray[np.float64],
     rings: tuple[NDArray[np.float64], ...],
     stops: NDArray[np.float64],
     centre: NDArray[np.float64],
@@ -53,8 +53,8 @@ def find_step_lines(
         [m].
     gradients : ndarray of shape (n_planes, 3)
         a, b, c of the planes about the centre.
-    n_points : ndarray of shape (n_planes,)
-        Points of each plane.
+    area : ndarray of shape (n_planes,)
+        How large each plane is in plan [m²].
     rings : tuple of ndarray of shape (n, 2)
         The outline's [m].
     stops : ndarray of shape (n, 2, 2)
@@ -62,7 +62,7 @@ def find_step_lines(
     centre : ndarray of shape (2 or more,)
         [m].
     spacing : float
-        Point spacing [m].
+        Point spacing, or more if edges are to be straighter [m].
 
     """
     rows = np.flatnonzero(~on_line)
@@ -71,7 +71,7 @@ def find_step_lines(
         planes = np.zeros((0, 2), dtype=np.int32)
         return StepLines(nothing, nothing, np.zeros(0, dtype=np.int64), np.zeros((0, 2)), planes, nothing)
     xy, upright = borders.xy[rows], borders.upright[rows]
-    angles = _candidate_angles(gradients, n_points * spacing**2, rings)
+    angles = _candidate_angles(gradients, area, rings)
     runs, run = _all_runs(xy, upright, borders.cell, angles, stops, spacing)
     taken = np.flatnonzero(run >= 0)
     rows, run, xy = rows[taken], run[taken], xy[taken]

@@ -31,6 +31,8 @@ from lidar_buildings.core.roof_topology.snapping import extended, snapped
 from lidar_buildings.core.roof_topology.step_lines import merged, step_edges, step_segments
 from lidar_buildings.core.roof_topology.steps import find_step_lines
 
+#: What edges of roofs are straighter than, however densely points lie [m].
+_LEAST_DETAIL = 0.3
 #: Decimals to which the coefficients of planes that are one agree.
 _SAME_DECIMALS = 9
 
@@ -83,17 +85,18 @@ def find_topology(
         adjustment = adjustment.with_meetings(meetings)
         pieces = find_pieces(borders, raster, adjustment.coefficients, centre, spacing)
     gradients = adjustment.coefficients
-    counts = adjustment.free.counts
+    area = adjustment.free.counts * spacing**2
     ends = piece_ends(pieces, gradients)
     stops = np.concatenate([walls_about(rings, centre), ends])
-    lines = find_step_lines(borders, pieces.on_line, points, gradients, counts, rings, stops, centre, spacing)
-    lines = merged(snapped(lines, rings, centre, spacing), spacing)
-    lines = extended(lines, ends, rings, centre, spacing)
+    scale = max(spacing, _LEAST_DETAIL)
+    lines = find_step_lines(borders, pieces.on_line, points, gradients, area, rings, stops, centre, scale)
+    lines = merged(snapped(lines, rings, centre, scale), scale)
+    lines = extended(lines, ends, rings, centre, scale)
     intersections = finished(
         pieces, gradients, centre, rings, step_segments(lines), adjustment.meetings, spacing
     )
-    steps = step_edges(lines, gradients, centre, spacing)
-    steps = joined(intersections, steps, gradients, rings, centre, spacing)
+    steps = step_edges(lines, gradients, centre, scale)
+    steps = joined(intersections, steps, gradients, rings, centre, scale)
     kind = roof_type(points, seen, gradients, intersections, steps, spacing)
     return RoofTopology(
         adjustment.planes,
