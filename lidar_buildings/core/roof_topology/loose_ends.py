@@ -92,29 +92,31 @@ def _couples(
     Couple the ends of different lines, the nearest first.
 
     """
-    candidates = sorted(
-        (float(np.hypot(*(lines[one] - lines[other]))), one, other)
-        for k, one in enumerate(ends)
-        for other in ends[:k]
-        if one[0] != other[0] and _leads_on(lines, one, other) and _leads_on(lines, other, one)
-    )
+    candidates = []
+    for k, one in enumerate(ends):
+        for other in ends[:k]:
+            distance = float(np.hypot(*(lines[one] - lines[other])))
+            if one[0] != other[0] and distance <= reach and _lead_on(lines, one, other):
+                candidates.append((distance, one, other))
     couples: list[tuple[tuple[int, int], tuple[int, int]]] = []
     used: set[tuple[int, int]] = set()
-    for distance, one, other in candidates:
-        if distance <= reach and not {one, other} & used:
+    for _, one, other in sorted(candidates):
+        if not {one, other} & used:
             couples.append((one, other))
             used |= {one, other}
     return couples
 
 
-def _leads_on(lines: NDArray[np.float64], one: tuple[int, int], other: tuple[int, int]) -> bool:
+def _lead_on(lines: NDArray[np.float64], one: tuple[int, int], other: tuple[int, int]) -> bool:
     """
-    Whether the way from one end to the other does not turn back along the line that ends there.
+    Whether the way between two ends turns back along neither of the lines that end there.
 
     """
-    outward = lines[one] - lines[one[0], 1 - one[1]]
-    onward = lines[other] - lines[one]
-    return bool(outward @ onward >= -_TURN_BACK * np.hypot(*outward) * np.hypot(*onward))
+    for here, there in ((one, other), (other, one)):
+        outward, onward = lines[here] - lines[here[0], 1 - here[1]], lines[there] - lines[here]
+        if outward @ onward < -_TURN_BACK * np.hypot(*outward) * np.hypot(*onward):
+            return False
+    return True
 
 
 def _edge(
