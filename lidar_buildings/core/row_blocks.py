@@ -9,11 +9,21 @@ process when two threads enter parallel code at once, which is what nodes in one
 from __future__ import annotations
 
 import os
+import threading
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 
 #: Rows a block: large enough to hide the hand-over, small enough to share out evenly.
 BLOCK = 8192
+_thread = threading.local()
+
+
+def work_alone() -> None:
+    """
+    Let the calling thread do all its blocks itself: the other cores have threads of their own.
+
+    """
+    _thread.is_alone = True
 
 
 def for_row_blocks(kernel: Callable[[int, int], object], n_rows: int, block: int = BLOCK) -> None:
@@ -32,9 +42,9 @@ def for_row_blocks(kernel: Callable[[int, int], object], n_rows: int, block: int
 
     """
     starts = range(0, n_rows, block)
-    if len(starts) <= 1:
+    if len(starts) <= 1 or getattr(_thread, "is_alone", False):
         for first in starts:
-            kernel(first, n_rows)
+            kernel(first, min(first + block, n_rows))
         return
     with ThreadPoolExecutor(max_workers=os.cpu_count()) as pool:
         for done in [pool.submit(kernel, first, min(first + block, n_rows)) for first in starts]:

@@ -24,6 +24,7 @@ from lidar_buildings.core.kept_classes import ON_TERRAIN, is_of_groups
 from lidar_buildings.core.outline import BuildingOutline, Outline
 from lidar_buildings.core.plane_fitting import PlaneFittingConfig, number_planes
 from lidar_buildings.core.roof_selection import RoofSelectionConfig, select_roofs
+from lidar_buildings.core.row_blocks import work_alone
 from lidar_buildings.core.scan_pattern import ScanPattern
 from lidar_buildings.core.segmentation import SegmentationConfig, segment_buildings
 from lidar_buildings.core.tile import PointTile
@@ -228,7 +229,7 @@ def fit_planes(tile: PointTile, config: PlaneFittingConfig) -> PointTile:
         except Exception:
             _log.exception("building %d: no planes were fitted", number)
 
-    with ThreadPoolExecutor(max_workers=os.cpu_count()) as pool:
+    with ThreadPoolExecutor(max_workers=os.cpu_count(), initializer=work_alone) as pool:
         list(pool.map(fit, buildings))
     return tile.with_columns(plane_id=plane_id)
 
