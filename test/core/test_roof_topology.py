@@ -259,3 +259,27 @@ def test_lines_hit_corners_that_are_rounded_to_millimetres(name):
     ends = np.concatenate([line.segment[:, :2] for line in topology.intersections])
     for corner in np.concatenate(outline.rings):
         assert np.hypot(*(ends - corner).T).min() < 1e-6
+
+
+def test_numbers_of_planes_may_have_gaps():
+    scene = model_scene("dormer", seed=3)
+    spread = np.array([0, 7, 40_000, 65_535], dtype=np.uint16)
+    dense, sparse = (
+        find_topology(scene.points, ids, scene.outline) for ids in (scene.plane_id, spread[scene.plane_id])
+    )
+    assert len(sparse.planes) == 65_535
+    assert sparse.planes[100].n_points == 0
+    for number, plane in zip(spread[1:], dense.planes, strict=True):
+        assert np.array_equal(sparse.planes[number - 1].normal, plane.normal)
+    assert [(one.first, one.second, one.kind) for one in sparse.intersections] == [
+        (spread[one.first], spread[one.second], one.kind) for one in dense.intersections
+    ]
+    assert [(one.upper, one.lower) for one in sparse.steps] == [
+        (spread[one.upper], spread[one.lower]) for one in dense.steps
+    ]
+
+
+def test_very_many_planes_stay_by_themselves():
+    random = np.random.default_rng(0)
+    topology = find_topology(random.random((8000, 3)) * (100, 100, 1), 1 + np.arange(8000) // 4)
+    assert len(topology.planes) == 2000

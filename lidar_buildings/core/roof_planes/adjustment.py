@@ -19,11 +19,14 @@ from lidar_buildings.core.roof_planes.directions import main_directions, outline
 from lidar_buildings.core.roof_planes.free_planes import FreePlanes, free_planes
 from lidar_buildings.core.roof_planes.moments import plane_moments
 from lidar_buildings.core.roof_planes.normal_equations import Meeting, Unknowns, solve, unknowns_of
-from lidar_buildings.core.roof_planes.relations import Relations, allowed_move, find_relations
+from lidar_buildings.core.roof_planes.numbering import with_gaps, without_gaps
+from lidar_buildings.core.roof_planes.relations import Relations, allowed_move, find_relations, no_relations
 from lidar_buildings.core.roof_planes.roof_plane import RoofPlane
 
 #: A meeting may move a plane by this at its points, or by its own roughness if that is more [m].
 _LEAST_MOVE, _MOST_MOVE = 0.03, 0.06
+#: More planes are not adjusted together: the normal matrix would not fit into memory.
+_MOST_PLANES = 1500
 #: Rounds in which relations that move planes too far are given up.
 _MAX_ROUNDS = 6
 #: Rounds in which the positions of meetings follow the planes.
@@ -41,8 +44,8 @@ class Adjustment:
         Each plane by itself.
     relations : Relations
         What planes share.
-    unknowns : Unknowns
-        How the planes depend on one another.
+    unknowns : Unknowns or None
+        How the planes depend on one another; None if they do not.
     coefficients : ndarray of shape (n_planes, 3)
         a, b, c of z = a x + b y + c about the building's centre, after the adjustment.
     meetings : tuple of Meeting
@@ -52,7 +55,7 @@ class Adjustment:
 
     free: FreePlanes
     relations: Relations
-    unknowns: Unknowns
+    unknowns: Unknowns | None
     coefficients: NDArray[np.float64]
     meetings: tuple[Meeting, ...] = ()
 
@@ -80,6 +83,8 @@ class Adjustment:
         when a corner is rounded to a millimetre: then planes turn and lift by what is left to be exactly met.
 
         """
+        if self.unknowns is None:
+            return self
         wanted = [meeting for meeting in meetings if all(self.free.roof[k - 1] for k in meeting.planes)]
         related = self._imposed(wanted, self.unknowns, None)
         return related._imposed(wanted, unknowns_of(self.relations.loosened()), related.coefficients)
@@ -164,18 +169,27 @@ def adjust_planes(
 
     """
     points = checked_points(points)
-    numbers = checked_column("plane_id", plane_id, len(points), np.uint16)
+    numbers, number = without_gaps(checked_column("plane_id", plane_id, len(points), np.uint16))
     adjustment = adjust(points, numbers, outline)
-    return (adjustment.with_meetings(meetings) if meetings else adjustment).planes
+    if meetings:
+        known = [meeting for meeting in meetings if np.isin(meeting.planes, number[1:]).all()]
+        adjustment = adjustment.with_meetings(
+            [m._replace(planes=tuple(int(np.searchsorted(number, k)) for k in m.planes)) for m in known]
+        )
+    return with_gaps(adjustment.planes, number)
 
 
 def adjust(points: NDArray[np.float64], plane_id: NDArray[np.uint16], outline: Outline | None) -> Adjustment:
     """
     Fit all planes together under the relations that the points allow; see `adjust_planes`.
 
+    Numbers of planes must have no gaps. Of very many planes each stays by itself.
+
     """
     n_planes = int(plane_id.max()) if len(plane_id) else 0
     free = free_planes(plane_moments(points, plane_id, n_planes))
+    if n_planes > _MOST_PLANES:
+        return Adjustment(free, no_relations(n_planes), None, free.coefficients)
     rings = outline.rings if outline is not None else ()
     relations = find_relations(free, main_directions(*outline_directions(rings)))
     return _with_relations(free, relations)

@@ -72,6 +72,15 @@ class Relations(NamedTuple):
         return Relations(self.level, np.full(len(self.level), math.nan), alone, self.surface)
 
 
+def no_relations(n_planes: int) -> Relations:
+    """
+    Return relations of planes that share nothing.
+
+    """
+    alone = np.full(n_planes, -1, dtype=np.int64)
+    return Relations(np.zeros(n_planes, dtype=np.bool_), np.full(n_planes, math.nan), alone, alone)
+
+
 def allowed_move(rms: NDArray[np.float64]) -> NDArray[np.float64]:
     """
     By how much relations may move planes at their points, root mean square [m].

@@ -5,13 +5,15 @@ The verb: planes of a building in, adjusted planes and the lines between them ou
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from lidar_buildings.core.outline import Outline
 from lidar_buildings.core.point_array import checked_column, checked_points
 from lidar_buildings.core.point_spacing import given_or_measured
-from lidar_buildings.core.roof_planes import Adjustment, adjust
+from lidar_buildings.core.roof_planes import Adjustment, adjust, with_gaps, without_gaps
 from lidar_buildings.core.roof_topology.borders import find_borders
 from lidar_buildings.core.roof_topology.loose_ends import joined
 from lidar_buildings.core.roof_topology.meetings import find_meetings, piece_ends
@@ -69,8 +71,19 @@ def find_topology(
 
     """
     points = checked_points(points)
-    numbers = checked_column("plane_id", plane_id, len(points), np.uint16)
+    numbers, number = without_gaps(checked_column("plane_id", plane_id, len(points), np.uint16))
     spacing = given_or_measured(points, point_spacing)
+    topology = _topology(points, numbers, outline, spacing)
+    return topology if number[-1] == len(number) - 1 else _renumbered(topology, number)
+
+
+def _topology(
+    points: NDArray[np.float64], numbers: NDArray[np.uint16], outline: Outline | None, spacing: float
+) -> RoofTopology:
+    """
+    Find the topology of planes whose numbers have no gaps.
+
+    """
     adjustment = adjust(points, numbers, outline)
     seen = _regions_of(adjustment)[numbers]
     if np.count_nonzero(seen) < 3:
@@ -104,6 +117,24 @@ def find_topology(
         tuple(steps),
         _adjacency(intersections, steps),
         kind,
+    )
+
+
+def _renumbered(topology: RoofTopology, number: NDArray[np.int64]) -> RoofTopology:
+    """
+    Return a topology with planes under their old numbers.
+
+    """
+
+    def old(k: int) -> int:
+        return int(number[k])
+
+    return RoofTopology(
+        with_gaps(topology.planes, number),
+        tuple(replace(x, first=old(x.first), second=old(x.second)) for x in topology.intersections),
+        tuple(replace(x, upper=old(x.upper), lower=old(x.lower)) for x in topology.steps),
+        tuple(x._replace(first=old(x.first), second=old(x.second)) for x in topology.adjacency),
+        topology.roof_type,
     )
 
 
