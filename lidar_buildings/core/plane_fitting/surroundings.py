@@ -33,6 +33,8 @@ _NOISE_QUANTILE = 0.35
 NOISE_RANGE = (0.005, 0.2)
 #: Surroundings reach this many times as far as the noise, so that their planes do not tumble.
 REACH_OF_NOISE = 5.0
+#: But no more than this times as far as points are connected: time grows with the square.
+_MAX_WIDENING = 4.0
 
 
 class Cloud(NamedTuple):
@@ -75,7 +77,7 @@ def survey_points(points: NDArray[np.float64], radius: float) -> Survey:
 
     """
     survey = _surveyed(points, radius)
-    reach = REACH_OF_NOISE * survey.noise / OWN_SHARE
+    reach = min(REACH_OF_NOISE * survey.noise / OWN_SHARE, _MAX_WIDENING * radius)
     return survey if reach <= radius else _surveyed(points, reach)
 
 
