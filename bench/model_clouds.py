@@ -9,6 +9,7 @@ import contextlib
 import io
 import json
 import math
+import re
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -33,6 +34,8 @@ from lidar_buildings.io.read_city_model import read_city_model
 from lidar_buildings.pipeline import PipelineConfig
 
 LODS = ("2.2", "1.3", "1.2")
+#: A length, a share or a count in a reason.
+_NUMBER = re.compile(r"(?<![\w.])\d+(?:\.\d+)?")
 #: Reasons that are shown.
 N_REASONS = 12
 HEADINGS = (
@@ -275,17 +278,7 @@ def _models_of_roofs(files: Sequence[Path]) -> list[BuiltModel]:
 
 def _without_numbers(text: str) -> str:
     """
-    Replace numbers so that equal reasons are counted as one; codes of checks stay.
+    Replace numbers so that equal reasons are counted as one; levels and codes of checks stay.
 
     """
-    words = text.split()
-    return " ".join("…" if _is_length(word) else word for word in words)
-
-
-def _is_length(word: str) -> bool:
-    """
-    Whether a word is a number with a decimal point.
-
-    """
-    bare = word.strip("(),;:%")
-    return "." in bare and bare.replace(".", "").replace("-", "").isdigit() and not bare.startswith(("LoD",))
+    return text if "checks" in text else _NUMBER.sub("…", text)
