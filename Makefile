@@ -62,6 +62,8 @@ bench: setup
 	@$(BIN)/python bench/outlines.py
 	@echo "Planes of roofs:"
 	@$(BIN)/python bench/planes.py
+	@echo "Models of buildings:"
+	@$(BIN)/python bench/models.py
 	@echo "Speed and memory of ground filters:"
 	@$(BIN)/python bench/ground.py
 
