@@ -3,6 +3,8 @@ Roof planes where it is hard: small steps, curved roofs, trees, spires, coincide
 
 """
 
+import time
+
 import numpy as np
 import pytest
 import scenes
@@ -119,6 +121,16 @@ def test_a_tree_grown_into_the_roof_has_no_planes():
     plane_id = fit_roof_planes(points).plane_id.astype(int)
     assert score_planes(plane_id, scene.roof_plane[roof | crown].astype(int)).recall == 1.0
     assert np.mean(plane_id[crown[roof | crown]] > 0) < 0.25
+
+
+def test_a_dense_heap_of_points_does_not_hold_up_the_search():
+    heap = np.random.default_rng(0).normal(50.0, 0.3, (6000, 3))
+    config = PlaneFittingConfig(min_plane_area=0.0, min_plane_points=5900, max_normal_angle_deg=90.0)
+    begin = time.thread_time()
+    found = fit_roof_planes(heap, config)
+    # Without bounds every point would visit all others: half a minute.
+    assert time.thread_time() - begin < 10.0
+    assert not found.planes
 
 
 @pytest.mark.parametrize(("slope_deg", "n_planes"), [(70.0, 1), (86.0, 0)])

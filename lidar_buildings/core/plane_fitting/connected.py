@@ -42,6 +42,8 @@ def connected_planes(
     config : PlaneFittingConfig
 
     """
+    if len(points) < min_points:
+        return np.zeros(len(points), dtype=np.int32)
     cloud, row_of, noise = survey_points(points, config.connection_radius * spacing)
     distance = max(config.max_plane_distance, config.max_noise_ratio * noise)
     prices = prices_of(distance, noise, spacing, config.plane_cost, config.unevenness, config.grain)

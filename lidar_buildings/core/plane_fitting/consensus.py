@@ -51,7 +51,7 @@ class Scratch(NamedTuple):
     tried: NDArray[np.bool_]
     #: Points that were drawn as seeds in this round, tried or not.
     drawn: NDArray[np.bool_]
-    #: The number of the current growth, of free points, and of free points drawn in this round.
+    #: Numbers of the current growth, free points, free points drawn in this round, points visited in vain.
     counter: NDArray[np.int64]
 
 

@@ -21,6 +21,10 @@ from lidar_buildings.core.plane_fitting.consensus import (
 )
 from lidar_buildings.core.plane_fitting.surroundings import Cloud
 
+#: Points, per point of the cloud, that failed hypotheses may visit; from then on their points are no seeds any
+#: more. A roof takes a few, a heap of points that are of no plane could take as many as it has points.
+_PATIENCE = 100
+
 
 class Pool(NamedTuple):
     """
@@ -67,7 +71,7 @@ def extract(
         np.empty(n, np.int64),
         np.zeros(n, np.bool_),
         np.zeros(n, np.bool_),
-        np.array([0, n, 0]),
+        np.array([0, n, 0, 0]),
     )
     n_planes, before = 0, -1
     while n_planes > before:
@@ -199,6 +203,10 @@ def add_hypothesis(
         return -1
     count, score = refine(cloud, limits, labels, seed, plane, scratch)
     if count < limits.min_points or plane[2] < limits.min_vertical:
+        scratch.counter[3] += count
+        if scratch.counter[3] > _PATIENCE * len(labels):
+            for i in scratch.queue[:count]:
+                scratch.tried[i] = True
         return -1
     pool.seed[at], pool.n_points[at], pool.score[at] = seed, count, score
     pool.holder[scratch.queue[:count]] = at
