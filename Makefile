@@ -4,7 +4,7 @@ VENV ?= .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 
-.PHONY: help setup demo test lint reference bench clean
+.PHONY: help setup demo test lint compiled-outlines compiled-models reference bench clean
 
 help:
 	@echo "make demo   a virtual survey through the ROS 2 graph: what was found against the truth"
@@ -36,8 +36,13 @@ demo: setup
 	@echo "Results: demo/result (buildings.gpkg, city_model.{city.jsonl,obj,dxf}, classified/, run.json)"
 	@echo "Survey and truth: demo/survey (*.laz, truth.gpkg, truth.city.jsonl)"
 
-test: setup lint
+test: setup
+	@$(MAKE) --no-print-directory --jobs 3 --output-sync=target lint compiled-outlines compiled-models
 	$(BIN)/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder
+
+# Loops are compiled once and cached: test workers that start without would compile most of them twice.
+compiled-outlines compiled-models: setup
+	@$(BIN)/python test/compile_kernels.py $(@:compiled-%=%) > /dev/null
 
 bench: setup
 	@$(BIN)/python -m pip install --quiet --editable '.[bench]'
