@@ -39,6 +39,8 @@ from lidar_buildings.core.status import BuildingStatus
 
 _log = logging.getLogger(__name__)
 
+#: Planes of which a, b and c agree to so many digits are one: they were adjusted as one.
+_EQUAL_DIGITS = 6
 #: Spacing of points too few to measure it [m].
 _ASSUMED_SPACING = 1.0
 
@@ -192,16 +194,31 @@ def _roof_faces_of(roof: _Roof, config: BuildingModelConfig) -> list[RoofFacePat
     Divide the outline into faces with planes that the points bear out.
 
     """
-    planes = np.array([_equation(plane.normal, plane.centroid) for plane in roof.topology.planes])
+    planes, plane_id = _distinct_planes(roof)
     segments = [one.segment[:, :2] for one in roof.topology.intersections]
     segments += [one.segment for one in roof.topology.steps]
-    plane_id = roof.plane_id
-    if not len(planes):
-        planes = np.array([[0.0, 0.0, np.median(roof.points[:, 2])]])
-        plane_id = np.ones_like(plane_id)
     lines = np.array(segments).reshape(-1, 2, 2)
     faces = partition_outline(roof.outline, roof.points, plane_id, planes, lines, roof.spacing, config)
     return settle_planes(faces, roof.points, roof.spacing)
+
+
+def _distinct_planes(roof: _Roof) -> tuple[NDArray[np.float64], NDArray[np.uint16]]:
+    """
+    Return a, b, c of every plane, pieces of one plane once, and the number of each point's; at least one.
+
+    """
+    found = roof.topology.planes
+    if not found:
+        level = np.array([[0.0, 0.0, np.median(roof.points[:, 2])]])
+        return level, np.ones_like(roof.plane_id)
+    equations = np.array([_equation(plane.normal, plane.centroid) for plane in found])
+    _, first, number = np.unique(
+        np.round(equations, _EQUAL_DIGITS), axis=0, return_index=True, return_inverse=True
+    )
+    order = np.argsort(first, kind="stable")
+    rank = np.argsort(order, kind="stable")
+    new = np.concatenate([[0], 1 + rank[number.reshape(-1)]]).astype(np.uint16)
+    return equations[first[order]], new[roof.plane_id]
 
 
 def _equation(normal: NDArray[np.float64], point: NDArray[np.float64]) -> NDArray[np.float64]:
