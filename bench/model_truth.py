@@ -251,7 +251,6 @@ def _cells(verdicts: Sequence[Verdict]) -> list[str]:
 
     """
     n = len(verdicts)
-    ridges = [one.ridge_error for one in verdicts if not math.isnan(one.ridge_error)]
     return [
         str(n),
         str(sum(one.has_finest for one in verdicts)),
@@ -259,13 +258,22 @@ def _cells(verdicts: Sequence[Verdict]) -> list[str]:
         str(sum(one.type_right for one in verdicts)),
         f"{sum(one.n_found for one in verdicts)}/{sum(one.n_faces for one in verdicts)}",
         str(sum(one.n_extra for one in verdicts)),
-        f"{np.nanmax([one.angle_deg for one in verdicts]):.2f}",
-        f"{max(ridges):.3f}" if ridges else "–",
-        f"{np.nanmax([one.score.heights.rmse for one in verdicts]):.3f}",
-        f"{100 * np.nanmax([one.volume_error for one in verdicts]):.2f}",
+        _largest((one.angle_deg for one in verdicts), 2),
+        _largest((one.ridge_error for one in verdicts), 3),
+        _largest((one.score.heights.rmse for one in verdicts), 3),
+        _largest((100 * one.volume_error for one in verdicts), 2),
         str(sum(one.vertices_equal for one in verdicts)),
         str(sum(one.corners_equal for one in verdicts)),
     ]
+
+
+def _largest(values: Iterable[float], digits: int) -> str:
+    """
+    Write the largest of the errors that there are, a dash if there is none.
+
+    """
+    known = [value for value in values if not math.isnan(value)]
+    return f"{max(known):.{digits}f}" if known else "–"
 
 
 def _ridge_error(score: ModelScore) -> float:
