@@ -21,7 +21,7 @@ from lidar_buildings.core.plane_fitting.consensus import (
 )
 from lidar_buildings.core.plane_fitting.surroundings import Cloud
 
-#: Points, per point of the cloud, that failed hypotheses may visit; from then on their points are no seeds any
+#: Points, per point of the cloud, that failed hypotheses may visit; from then on their points are seeds no
 #: more. A roof takes a few, a heap of points that are of no plane could take as many as it has points.
 _PATIENCE = 100
 
