@@ -189,6 +189,16 @@ def test_a_face_that_does_not_fit_its_points_gets_a_plane_that_does():
     assert settled.plane == pytest.approx([0.0, 0.0, 5.0], abs=1e-6)
 
 
+def test_a_small_steep_face_does_not_stand_above_its_points_as_a_blade():
+    points = np.array([[0.1, y, 5.0 + 0.02 * y] for y in np.arange(0.25, 10.0, 0.5)])
+    points = np.concatenate([points, [[9.0, 9.0, 12.0]]])
+    blade = RoofFacePatch(
+        (np.array([[0, 0], [0.4, 0], [0.4, 10], [0, 10.0]]),), np.array([9.0, 0, 4.2]), np.arange(20)
+    )
+    (settled,) = settle_planes([blade], points, 0.4)
+    assert np.abs(blade.rings[0] @ settled.plane[:2] + settled.plane[2] - 5.1).max() < 0.2
+
+
 def test_a_plane_is_cut_off_level_where_it_rises_above_and_falls_below_all_that_was_seen():
     points = np.array([[4.0, 5.0, 4.0], [5.0, 5.0, 5.0], [6.0, 5.0, 6.0]])
     pieces = settle_planes([patch(0, 10, (1.0, 0.0, 0.0), range(3))], points, 0.5)

@@ -19,6 +19,11 @@ from lidar_buildings.core.output_grid import GRID
 _MAX_MEDIAN_MISFIT = 0.25
 #: A face of its own may slope if it has so many points, and rises by no more than this [m/m].
 _MIN_POINTS, _MAX_RISE = 10, 2.0
+#: A face smaller than this [m²] with points all over reaches no farther beyond their heights than this [m],
+#: beside what the spacing explains: else it stands out as a blade.
+_SMALL, _STRAY = 5.0, 0.3
+#: A face of this mean width or less is narrow [spacings].
+_NARROW = 1.5
 #: What a vertex may lie above the highest return and below the lowest [m], beside what the spacing explains.
 _ABOVE, _BELOW = 0.3, 1.0
 
@@ -87,13 +92,30 @@ def _fitted(face: RoofFacePatch, own: NDArray[np.float64], spacing: float) -> Ro
     Return a face with the first plane that fits its points.
 
     """
-    if not len(own) or _fits(face.plane, own, spacing):
+    if not len(own) or _suits(face.plane, face, own, spacing):
         return face
     if len(own) >= _MIN_POINTS:
         plane = _least_squares(own)
-        if np.hypot(*plane[:2]) <= _MAX_RISE and _fits(plane, own, spacing):
+        if np.hypot(*plane[:2]) <= _MAX_RISE and _suits(plane, face, own, spacing):
             return replace(face, plane=plane)
     return replace(face, plane=np.array([0.0, 0.0, np.median(own[:, 2])]))
+
+
+def _suits(plane: NDArray[np.float64], face: RoofFacePatch, own: NDArray[np.float64], spacing: float) -> bool:
+    """
+    Whether a plane fits a face's points and, if the face is small and full of them, keeps to their heights.
+
+    """
+    if not _fits(plane, own, spacing):
+        return False
+    polygon = face.polygon
+    if polygon.area > _SMALL or len(own) * spacing**2 < 0.5 * polygon.area:
+        return True
+    z = _elevations(plane, np.concatenate(face.rings))
+    # Points over a face one or two of them wide tell nothing of its slope.
+    is_narrow = 2.0 * polygon.area < _NARROW * spacing * polygon.length
+    slack = _STRAY + (0.0 if is_narrow else 2.0 * spacing * float(np.hypot(*plane[:2])))
+    return bool(z.max() <= own[:, 2].max() + slack and z.min() >= own[:, 2].min() - slack)
 
 
 def _fits(plane: NDArray[np.float64], own: NDArray[np.float64], spacing: float) -> bool:
