@@ -68,6 +68,7 @@ bench: setup
 	@echo "Planes of roofs:"
 	@$(BIN)/python bench/planes.py
 	@echo "Models of buildings:"
+	@$(BIN)/python bench/solids.py
 	@$(BIN)/python bench/models.py
 	@echo "Speed and memory of ground filters:"
 	@$(BIN)/python bench/ground.py

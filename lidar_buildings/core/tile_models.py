@@ -5,6 +5,9 @@ The models of a tile's buildings, with all that files say about them.
 
 from __future__ import annotations
 
+import logging
+import os
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Any
 
@@ -15,9 +18,12 @@ from lidar_buildings.core.building_model import BuildingModel, BuildingModelConf
 from lidar_buildings.core.footprints import remark_on_points
 from lidar_buildings.core.outline import BuildingOutline, Outline
 from lidar_buildings.core.regularisation import RegularisationConfig, measure_outline
+from lidar_buildings.core.row_blocks import work_alone
 from lidar_buildings.core.status import BuildingStatus
 from lidar_buildings.core.tile import PointTile
 from lidar_buildings.core.tile_stages import rows_by_building
+
+_log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,11 +73,15 @@ def build_models(
     rows_of = dict(rows_by_building(tile.building_id)) if tile.building_id is not None else {}
     traced_of = {one.building_id: one.outline for one in traced}
     nobody = np.zeros(0, dtype=np.intp)
-    models = []
-    for one in sorted(outlines, key=lambda each: each.building_id):
+
+    def model(one: BuildingOutline) -> TileModel:
         building = tile.select(rows_of.get(one.building_id, nobody))
-        models.append(_model(building, one, traced_of.get(one.building_id), config, regularisation))
-    return tuple(models)
+        return _model(building, one, traced_of.get(one.building_id), config, regularisation)
+
+    # The largest first, so that no core is left with one at the end.
+    by_size = sorted(outlines, key=lambda one: -len(rows_of.get(one.building_id, nobody)))
+    with ThreadPoolExecutor(max_workers=os.cpu_count(), initializer=work_alone) as pool:
+        return tuple(sorted(pool.map(model, by_size), key=lambda each: each.building_id))
 
 
 def _model(
@@ -85,13 +95,7 @@ def _model(
     Build one model and gather its attributes.
 
     """
-    model = build_model(
-        building.points,
-        one.outline,
-        config,
-        plane_id=building.plane_id,
-        ground_elevation=_ground_elevation(building, one),
-    )
+    model = _built(building, one, config)
     reason = "; ".join(text for text in (remark_on_points(building), model.reason) if text)
     attributes = {"building_id": one.building_id, **model.attributes}
     attributes.update(status=model.status.value, reason=reason)
@@ -101,6 +105,25 @@ def _model(
         )
     west = building.points[anchor_row(building.points)] if len(building) else one.outline.exterior.min(axis=0)
     return TileModel(one.building_id, anchor_near(one.building_id, west), model, attributes)
+
+
+def _built(building: PointTile, one: BuildingOutline, config: BuildingModelConfig) -> BuildingModel:
+    """
+    Build one model; whatever goes wrong, one comes back that says so.
+
+    """
+    try:
+        return build_model(
+            building.points,
+            one.outline,
+            config,
+            plane_id=building.plane_id,
+            ground_elevation=_ground_elevation(building, one),
+        )
+    except Exception as error:
+        _log.exception("building %d: no model was built", one.building_id)
+        known = {"area": one.outline.area, "n_points": len(building), "lod": "", "validity": ""}
+        return BuildingModel({}, known, (), BuildingStatus.FAILED, f"unexpected error: {error!r}")
 
 
 def _outline_attributes(model: BuildingModel, reason: str, quality: Any) -> dict[str, Any]:

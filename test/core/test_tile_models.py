@@ -1,0 +1,67 @@
+"""
+The models of a tile: every outline gets one, whatever happens to the others.
+
+"""
+
+import numpy as np
+import pytest
+
+from lidar_buildings.core import tile_models
+from lidar_buildings.core.building_model import BuildingModelConfig
+from lidar_buildings.core.outline import BuildingOutline, Outline
+from lidar_buildings.core.regularisation import RegularisationConfig
+from lidar_buildings.core.tile import PointTile
+
+SQUARE = np.array([[0.0, 0.0], [10.0, 0.0], [10.0, 10.0], [0.0, 10.0]])
+
+
+def house(number, n_points=300):
+    random = np.random.default_rng(number)
+    points = np.column_stack([random.uniform(0, 10, (n_points, 2)), random.normal(6.0, 0.02, n_points)])
+    return points + np.array([20.0 * number, 0.0, 0.0])
+
+
+@pytest.fixture
+def tile():
+    """
+    Three flat houses in a row, of which the third has no points.
+
+    """
+    points = np.concatenate([house(1), house(2)])
+    return PointTile(
+        points,
+        height_above_ground=points[:, 2] - 1.0,
+        building_id=np.repeat([1, 2], 300).astype(np.uint32),
+        plane_id=np.ones(600, dtype=np.uint16),
+    )
+
+
+def models(tile):
+    outlines = tuple(BuildingOutline(k, Outline(SQUARE + np.array([20.0 * k, 0.0]))) for k in (3, 1, 2))
+    return tile_models.build_models(tile, (), outlines, BuildingModelConfig(), RegularisationConfig())
+
+
+def test_models_come_by_rising_id_and_one_without_points_says_so(tile):
+    first, second, empty = models(tile)
+    assert [one.building_id for one in (first, second, empty)] == [1, 2, 3]
+    assert [one.attributes["lod"] for one in (first, second, empty)] == ["2.2", "2.2", ""]
+    assert first.attributes["ground_elevation"] == pytest.approx(1.0)
+    assert "no roof points" in empty.attributes["reason"]
+
+
+def test_a_building_that_fails_says_why_and_does_not_touch_the_others(tile, monkeypatch):
+    build = tile_models.build_model
+
+    def fail_at_the_second(points, *arguments, **named):
+        if len(points) and points[:, 0].min() > 35.0:
+            raise RuntimeError("a beam broke")
+        return build(points, *arguments, **named)
+
+    expected = models(tile)
+    monkeypatch.setattr(tile_models, "build_model", fail_at_the_second)
+    first, second, empty = models(tile)
+    assert second.attributes["status"] == "failed"
+    assert "a beam broke" in second.attributes["reason"]
+    assert second.model.solids == {}
+    assert first.attributes == expected[0].attributes
+    assert empty.attributes == expected[2].attributes
