@@ -106,7 +106,7 @@ def options_of(name):
             {"INPUT", "--output", "--params", "--set", "--until", "--tile-size", "--no-ros", "--overwrite"},
         ),
         ("simulate", {"--output", "--scene", "--seed"}),
-        ("score", {"{ground,buildings,outlines,edges}", "RESULT", "REFERENCE"}),
+        ("score", {"{ground,buildings,outlines,edges,planes,models}", "RESULT", "REFERENCE"}),
     ],
 )
 def test_the_commands_have_the_options_of_the_contract(name, expected):
@@ -131,7 +131,8 @@ def test_every_command_explains_itself(command, name):
         (["run", "a.laz", "--output", "out", "--tile-siz", "x"], "'x'"),
         (["run", "a.laz", "--output", "out", "--nonsense"], "--nonsense"),
         (["simulate", "--output", "out", "--seed", "many"], "'many'"),
-        (["score", "planes", "a", "b"], "'planes' cannot be scored yet"),
+        (["score", "planes", "a", "b"], "a: no such file or folder"),
+        (["score", "walls", "a", "b"], "invalid choice: 'walls'"),
     ],
 )
 def test_wrong_use_gives_one_line_and_status_2(command, arguments, words):
