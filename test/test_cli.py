@@ -132,7 +132,7 @@ def test_every_command_explains_itself(command, name):
         (["run", "a.laz", "--output", "out", "--nonsense"], "--nonsense"),
         (["simulate", "--output", "out", "--seed", "many"], "'many'"),
         (["score", "planes", "a", "b"], "a: no such file or folder"),
-        (["score", "walls", "a", "b"], "invalid choice: 'walls'"),
+        (["score", "walls", "a", "b"], "there is no kind 'walls'"),
     ],
 )
 def test_wrong_use_gives_one_line_and_status_2(command, arguments, words):
