@@ -22,7 +22,7 @@ REACHES = (1, 2, 4)
 #: A neighbour this little inside what has been looked at may be beyond it by rounding.
 SLACK = 1.0 - 1e-9
 #: Points that the density is guessed from, and the neighbours of each.
-N_GUESS, NEIGHBOURS_TO_GUESS = 4000, 4
+N_GUESS, NEIGHBOURS_TO_GUESS = 800, 4
 #: Positions a block of work.
 BLOCK = 1024
 

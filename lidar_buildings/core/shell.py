@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections import Counter
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -49,7 +50,10 @@ class Solid:
             return 0.0
         # Gauss: signed tetrahedra over fans of triangles; what a fan adds outside a ring it takes back.
         corners = self.vertices - self.vertices.mean(axis=0)
-        return float(sum(_fan_volume(corners[list(ring)]) for face in self.faces for ring in face))
+        rings = [ring for face in self.faces for ring in face]
+        fans = np.array([(ring[0], a, b) for ring in rings for a, b in pairwise(ring[1:])], dtype=np.int64)
+        tip, one, other = corners[fans.reshape(-1, 3)].transpose(1, 0, 2)
+        return float(np.einsum("ij,ij->", tip, np.cross(one, other))) / 6.0
 
     @property
     def is_watertight(self) -> bool:
@@ -78,13 +82,3 @@ class Solid:
 
         """
         return tuple(self.vertices[list(ring)] for ring in face)
-
-
-def _fan_volume(ring: NDArray[np.float64]) -> float:
-    """
-    Signed volume between the origin and a ring [m³].
-
-    """
-    if len(ring) < 3:
-        return 0.0
-    return float(np.sum(np.cross(ring[1:-1], ring[2:]) @ ring[0])) / 6.0

@@ -25,6 +25,9 @@ from lidar_buildings.core.tile_stages import rows_by_building
 
 _log = logging.getLogger(__name__)
 
+#: A building with so many points is worth a thread of its own.
+_LARGE = 4000
+
 
 @dataclass(frozen=True, eq=False)
 class TileModel:
@@ -78,10 +81,13 @@ def build_models(
         building = tile.select(rows_of.get(one.building_id, nobody))
         return _model(building, one, traced_of.get(one.building_id), config, regularisation)
 
-    # The largest first, so that no core is left with one at the end.
-    by_size = sorted(outlines, key=lambda one: -len(rows_of.get(one.building_id, nobody)))
+    # Numpy's many small calls for a house would only keep each other waiting; blocks are worth a core each.
+    size = {one.building_id: len(rows_of.get(one.building_id, nobody)) for one in outlines}
+    large = [one for one in outlines if size[one.building_id] >= _LARGE]
     with ThreadPoolExecutor(max_workers=os.cpu_count(), initializer=work_alone) as pool:
-        return tuple(sorted(pool.map(model, by_size), key=lambda each: each.building_id))
+        models = list(pool.map(model, sorted(large, key=lambda one: -size[one.building_id])))
+    models += [model(one) for one in outlines if size[one.building_id] < _LARGE]
+    return tuple(sorted(models, key=lambda each: each.building_id))
 
 
 def _model(

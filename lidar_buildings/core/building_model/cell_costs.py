@@ -8,6 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import shapely
 from numba import njit
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
@@ -46,7 +47,7 @@ class Samples:
 def make_samples(
     points: NDArray[np.float64],
     plane_id: NDArray[np.uint16],
-    bounds: tuple[float, float, float, float],
+    outline: shapely.Polygon,
     spacing: float,
 ) -> Samples:
     """
@@ -58,13 +59,14 @@ def make_samples(
         Roof points [m].
     plane_id : ndarray of shape (n_points,)
         Number of each point's plane, 0 = none.
-    bounds : tuple of four float
-        xmin, ymin, xmax, ymax of the outline [m].
+    outline : shapely.Polygon
+        Of the building [m].
     spacing : float
         Point spacing [m].
 
     """
-    west, south, east, north = bounds
+    shapely.prepare(outline)
+    west, south, east, north = outline.bounds
     step = max(spacing, ((east - west) * (north - south) / _MAX_SPOTS) ** 0.5)
     # Whole multiples of the step, so that the raster does not hang on the outline.
     column, row = np.floor(west / step), np.floor(south / step)
@@ -76,6 +78,7 @@ def make_samples(
     weight = np.where(inside, step**2 / np.maximum(count[flat], 1), step**2)
     empty = np.flatnonzero(count == 0)
     spots = (np.column_stack([empty // shape[1] + column, empty % shape[1] + row]) + 0.5) * step
+    spots = spots[shapely.contains_xy(outline, spots)]
     planar = np.flatnonzero(plane_id > 0)
     if not len(spots) or not len(planar):
         return Samples(points, weight, np.full(len(points), -1, dtype=np.int64))

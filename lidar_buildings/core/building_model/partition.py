@@ -72,7 +72,7 @@ def partition_outline(
     config : BuildingModelConfig
 
     """
-    samples = make_samples(points, plane_id, outline.polygon.bounds, spacing)
+    samples = make_samples(points, plane_id, outline.polygon, spacing)
     roof = _Roof(outline, points, samples, planes, spacing, config)
     found = _label(roof, segments)
     for _ in range(_SECOND_LOOKS):

@@ -80,14 +80,26 @@ def measure_model(
         return ModelQuality(rmse, 0.0, 1.0)
     reach = EMPTY_DISTANCE * spacing
     agrees = misfit <= _AGREES
-    no_data = np.isinf(cKDTree(points[:, :2]).query(spots, distance_upper_bound=reach)[0])
-    covered = np.zeros(len(spots), dtype=bool)
-    if agrees.all():
-        covered = ~no_data
-    elif agrees.any():
-        near = cKDTree(points[agrees, :2]).query(spots, distance_upper_bound=reach)[0]
-        covered = np.isfinite(near)
+    no_data = ~_is_near(spots, points[:, :2], reach)
+    covered = ~no_data if agrees.all() else _is_near(spots, points[agrees, :2], reach)
     return ModelQuality(rmse, float(covered.mean()), float(no_data.mean()))
+
+
+def _is_near(spots: NDArray[np.float64], xy: NDArray[np.float64], reach: float) -> NDArray[np.bool_]:
+    """
+    Whether places have a position within reach.
+
+    """
+    # Any position in the same cell of this size is near; the tree is asked about the other places only.
+    size = reach / 1.5
+    low = np.minimum(spots.min(axis=0), xy.min(axis=0, initial=np.inf)) // size
+    cells, own = ((each // size - low).astype(np.int64) for each in (spots, xy))
+    n_rows = max(int(cells[:, 1].max()), int(own[:, 1].max(initial=0))) + 1
+    near = np.isin(cells @ [n_rows, 1], own @ [n_rows, 1])
+    rest = np.flatnonzero(~near)
+    if len(rest) and len(xy):
+        near[rest] = np.isfinite(cKDTree(xy).query(spots[rest], distance_upper_bound=reach)[0])
+    return np.asarray(near)
 
 
 def _misfits(faces: list[RoofFacePatch], points: NDArray[np.float64]) -> NDArray[np.float64]:
