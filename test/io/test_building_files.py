@@ -11,6 +11,7 @@ import pyogrio
 import pytest
 from cjio_process import cjio
 from model_survey import DUTCH, FEET, FOOT
+from source_tree import ROOT
 
 from lidar_buildings.core.building_model import BuildingModel
 from lidar_buildings.core.errors import OutputError
@@ -69,6 +70,11 @@ def test_outlines_have_every_attribute_and_every_building(dutch):
     assert columns["no_data_share"][0] == 0.125
     assert columns["reason"][3] == "no roof points"
     assert [len(polygon.interiors) for polygon in polygons] == [0, 0, 0, 0, 1]
+
+
+def test_every_attribute_is_explained():
+    page = (ROOT / "doc" / "formats.md").read_text(encoding="utf-8")
+    assert [name for name in BUILDING_FIELDS if f"`{name}`" not in page] == []
 
 
 def test_roof_faces_are_those_of_the_finest_solid_with_their_slopes(dutch):
