@@ -8,6 +8,7 @@ import json
 import laspy
 import numpy as np
 import pytest
+from source_tree import ROOT
 from test_score import ORIGIN
 
 from lidar_buildings.cli import main
@@ -109,3 +110,11 @@ def test_clouds_that_say_nothing_of_planes_or_hold_other_points_are_refused(tmp_
         run_score("planes", good, plain)
     with pytest.raises(InputError, match="lies elsewhere"):
         run_score("planes", good, moved)
+
+
+def test_every_figure_of_planes_is_explained(tmp_path, roof):
+    points, plane = roof
+    cloud = write_planes(tmp_path / "roof.laz", points, PlaneId=plane)
+    page = (ROOT / "doc" / "scores.md").read_text(encoding="utf-8")
+    figures = run_score("planes", cloud, cloud).figures
+    assert [name for name in figures if f"`{name}`" not in page] == []
