@@ -25,8 +25,8 @@ class BuildingModelConfig(StageConfig):
 
     roof_elevation: str = parameter(
         "70p",
-        "Which elevation of the roof points the flat top of the LoD1.2 solid takes: the lowest, a percentile "
-        "or the highest.",
+        "Which elevation of the roof points the flat tops of LoD1.2 and LoD1.3 take: the lowest, a "
+        "percentile or the highest.",
         choices=tuple(ELEVATIONS),
     )
     assumed_height: float = parameter(
@@ -39,7 +39,8 @@ class BuildingModelConfig(StageConfig):
     )
     min_height: float = parameter(
         0.1,
-        "Least height of a solid; raising it leaves low buildings without one.",
+        "Least height of the flat tops of LoD1.2 and LoD1.3 above the ground, to which lower ones are "
+        "raised; raising it lifts low buildings.",
         unit="m",
         minimum=0.001,
         maximum=100.0,

@@ -32,7 +32,7 @@ class BuildingModel:
     roof_faces : RoofFaces
         The faces of the finest solid's roof.
     status : BuildingStatus
-        OK, NO_SOLID or DEGENERATE.
+        OK, NO_SOLID or DEGENERATE; FAILED in place of a model that could not be built.
     reason : str
         Why not OK, or what was assumed or repaired.
 
