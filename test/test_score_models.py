@@ -111,6 +111,17 @@ def test_plain_city_json_with_parts_in_feet_and_without_semantics_is_read(tmp_pa
     assert solid.semantics == ("GroundSurface", "RoofSurface", *("WallSurface",) * 4)
 
 
+def test_a_sequence_ends_its_lines_with_line_feeds_alone(tmp_path):
+    building = {"type": "Building", "attributes": {"name": "a\u2028b\x85c"}, "geometry": []}
+    feature = {"type": "CityJSONFeature", "id": "h", "CityObjects": {"h": building}, "vertices": []}
+    header = {"type": "CityJSON", "version": "2.0", "CityObjects": {}, "vertices": []}
+    path = tmp_path / "names.city.jsonl"
+    lines = [json.dumps(one, ensure_ascii=False) for one in (header, feature)]
+    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    (found,) = read_city_model(path).buildings
+    assert found.attributes["name"] == "a\u2028b\x85c"
+
+
 def test_what_is_no_city_model_is_refused(survey, tmp_path):
     with pytest.raises(InputError, match="holds no"):
         run_score("models", tmp_path, survey)

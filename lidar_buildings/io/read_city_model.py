@@ -140,7 +140,8 @@ def _documents(file: Path) -> Iterator[dict[str, Any]]:
 
     """
     text = file.read_text(encoding="utf-8")
-    texts = text.splitlines() if file.suffix.lower() == ".jsonl" else [text]
+    # not splitlines(): texts within a line may hold separators of other kinds
+    texts = text.split("\n") if file.suffix.lower() == ".jsonl" else [text]
     for one in texts:
         if one.strip():
             document = json.loads(one)
