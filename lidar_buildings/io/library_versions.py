@@ -12,7 +12,7 @@ from lidar_buildings import __version__
 
 _LIBRARIES = (
     "numpy", "scipy", "numba", "scikit-learn", "shapely", "laspy", "lazrs", "pyogrio", "pyproj",
-    "rasterio",
+    "rasterio", "mapbox-earcut", "ezdxf",
 )  # fmt: skip
 
 
