@@ -149,10 +149,13 @@ def add_score_arguments(parser: argparse.ArgumentParser) -> None:
     """
     parser.add_argument("kind", type=_kind, metavar="{" + ",".join(KINDS) + "}", help="what to compare")
     parser.add_argument(
-        "result", type=Path, metavar="RESULT", help="output folder of a run, LAZ file or GeoPackage"
+        "result", type=Path, metavar="RESULT", help="output folder of a run, LAZ file, GeoPackage or CityJSON"
     )
     parser.add_argument(
-        "reference", type=Path, metavar="REFERENCE", help="folder of a survey, LAZ file or GeoPackage"
+        "reference",
+        type=Path,
+        metavar="REFERENCE",
+        help="folder of a survey, LAZ file, GeoPackage or CityJSON",
     )
     parser.add_argument("--aoi", type=Path, metavar="FILE", help="polygons: only what lies inside counts")
     parser.add_argument(
@@ -168,7 +171,8 @@ def add_score_arguments(parser: argparse.ArgumentParser) -> None:
         "--reference-classes",
         type=_classes,
         metavar="N[,N...]",
-        help="all but outlines: the reference's classes of that kind, as in 2,9,11 (default: 2 or 6)",
+        help="all but outlines and planes: the reference's classes of that kind, as in 2,9,11 "
+        "(default: 2 or 6)",
     )
     parser.add_argument(
         "--merge-touching",
