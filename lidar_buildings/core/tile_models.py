@@ -12,12 +12,13 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from lidar_buildings.core.building_id import anchor_near, anchor_row
 from lidar_buildings.core.building_model import BuildingModel, BuildingModelConfig, build_model
 from lidar_buildings.core.footprints import remark_on_points
 from lidar_buildings.core.outline import BuildingOutline, Outline
-from lidar_buildings.core.regularisation import RegularisationConfig, measure_outline
+from lidar_buildings.core.regularisation import OutlineQuality, RegularisationConfig, measure_outline
 from lidar_buildings.core.row_blocks import work_alone
 from lidar_buildings.core.status import BuildingStatus
 from lidar_buildings.core.tile import PointTile
@@ -106,11 +107,8 @@ def _model(
     attributes = {"building_id": one.building_id, **model.attributes}
     attributes.update(status=model.status.value, reason=reason)
     if traced is not None:
-        attributes.update(
-            _outline_attributes(model, reason, measure_outline(traced, one.outline, regularisation))
-        )
-    west = building.points[anchor_row(building.points)] if len(building) else one.outline.exterior.min(axis=0)
-    return TileModel(one.building_id, anchor_near(one.building_id, west), model, attributes)
+        attributes.update(_outline_attributes(model, reason, _measured(one, traced, regularisation)))
+    return TileModel(one.building_id, anchor_near(one.building_id, _west(building, one)), model, attributes)
 
 
 def _built(building: PointTile, one: BuildingOutline, config: BuildingModelConfig) -> BuildingModel:
@@ -132,12 +130,34 @@ def _built(building: PointTile, one: BuildingOutline, config: BuildingModelConfi
         return BuildingModel({}, known, (), BuildingStatus.FAILED, f"unexpected error: {error!r}")
 
 
-def _outline_attributes(model: BuildingModel, reason: str, quality: Any) -> dict[str, Any]:
+def _measured(one: BuildingOutline, traced: Outline, regularisation: RegularisationConfig) -> OutlineQuality:
+    """
+    Measure an outline against its traced ring; whatever goes wrong, the quality says so.
+
+    """
+    try:
+        return measure_outline(traced, one.outline, regularisation)
+    except Exception as error:
+        _log.exception("building %d: its outline was not measured", one.building_id)
+        return OutlineQuality(np.nan, np.nan, BuildingStatus.FAILED, f"unexpected error: {error!r}")
+
+
+def _west(building: PointTile, one: BuildingOutline) -> NDArray[np.float64]:
+    """
+    Return the westernmost point of a building, without points the corner of its ring's limits.
+
+    """
+    if len(building):
+        return building.points[anchor_row(building.points)]
+    return one.outline.exterior.min(axis=0) if len(one.outline.exterior) else np.zeros(2)
+
+
+def _outline_attributes(model: BuildingModel, reason: str, quality: OutlineQuality) -> dict[str, Any]:
     """
     Return what the outline's quality adds; the model's own failure outweighs the outline's.
 
     """
-    attributes = {"outline_sigma": quality.sigma, "outline_max_offset": quality.max_offset}
+    attributes: dict[str, Any] = {"outline_sigma": quality.sigma, "outline_max_offset": quality.max_offset}
     if quality.status is not BuildingStatus.OK:
         reasons = [each for each in (reason, quality.reason) if each]
         status = quality.status if model.status is BuildingStatus.OK else model.status

@@ -65,3 +65,18 @@ def test_a_building_that_fails_says_why_and_does_not_touch_the_others(tile, monk
     assert second.model.solids == {}
     assert first.attributes == expected[0].attributes
     assert empty.attributes == expected[2].attributes
+
+
+def test_rings_without_vertices_do_not_touch_the_others(tile):
+    nothing = Outline(np.empty((0, 2)))
+    west, east = (Outline(SQUARE + np.array([20.0 * k, 0.0])) for k in (1, 2))
+    traced = (BuildingOutline(1, west), BuildingOutline(2, nothing))
+    outlines = (BuildingOutline(1, west), BuildingOutline(2, east), BuildingOutline(4, nothing))
+    first, second, empty = tile_models.build_models(
+        tile, traced, outlines, BuildingModelConfig(), RegularisationConfig()
+    )
+    assert [one.attributes["lod"] for one in (first, second, empty)] == ["2.2", "2.2", ""]
+    assert np.isfinite(first.attributes["outline_sigma"])
+    assert second.attributes["status"] == "failed"
+    assert "unexpected error" in second.attributes["reason"]
+    assert empty.attributes["status"] == "degenerate"
