@@ -43,7 +43,8 @@ def test_every_node_may_be_killed_and_restarted_in_mid_run(survey, tmp_path):
         slow = {"ground_filter": ("filter_ground", 0.5)}
         graph.start_all(slow)
         for number, name in enumerate(nodes_until(LAST), start=1):
-            graph.wait_for_tiles(number, 240)
+            # the time of a tile doubles with each attempt: one that lost several nodes waits for minutes
+            graph.wait_for_tiles(number, 450)
             assert not (graph.output / "run.json").exists(), f"the run was over before {name} was killed"
             graph.kill(name)
             graph.start(name, slow.get(name))
