@@ -15,7 +15,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lidar_buildings.core.building_id import anchor_near, anchor_row
-from lidar_buildings.core.building_model import BuildingModel, BuildingModelConfig, build_model
+from lidar_buildings.core.building_model import (
+    ATTRIBUTES,
+    BuildingModel,
+    BuildingModelConfig,
+    build_model,
+)
 from lidar_buildings.core.footprints import remark_on_points
 from lidar_buildings.core.outline import BuildingOutline, Outline
 from lidar_buildings.core.regularisation import OutlineQuality, RegularisationConfig, measure_outline
@@ -126,7 +131,9 @@ def _built(building: PointTile, one: BuildingOutline, config: BuildingModelConfi
         )
     except Exception as error:
         _log.exception("building %d: no model was built", one.building_id)
-        known = {"area": one.outline.area, "n_points": len(building), "lod": "", "validity": ""}
+        known: dict[str, Any] = dict.fromkeys(ATTRIBUTES)
+        known |= {"area": one.outline.area, "n_points": len(building), "roof_type": "unknown"}
+        known |= {"lod": "", "validity": ""}
         return BuildingModel({}, known, (), BuildingStatus.FAILED, f"unexpected error: {error!r}")
 
 

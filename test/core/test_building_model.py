@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 import scenes
 
-from lidar_buildings.core.building_model import BuildingModelConfig, build_model
+from lidar_buildings.core.building_model import ATTRIBUTES, BuildingModelConfig, build_model
+from lidar_buildings.core.building_model import model as model_module
 from lidar_buildings.core.outline import Outline
 from lidar_buildings.core.output_grid import on_grid
 from lidar_buildings.core.plane_fitting import fit_roof_planes
@@ -17,26 +18,6 @@ from lidar_buildings.core.solid import extrude
 from lidar_buildings.core.status import BuildingStatus
 from lidar_buildings.core.validity import check_solid
 
-ATTRIBUTES = {
-    "ground_elevation",
-    "roof_elevation_min",
-    "roof_elevation_50p",
-    "roof_elevation_70p",
-    "roof_elevation_max",
-    "height",
-    "area",
-    "n_points",
-    "point_spacing",
-    "n_planes",
-    "roof_type",
-    "rmse",
-    "coverage",
-    "no_data_share",
-    "plane_sigma",
-    "volume",
-    "lod",
-    "validity",
-}
 SQUARE = np.array([[0.0, 0.0], [10.0, 0.0], [10.0, 10.0], [0.0, 10.0]])
 
 
@@ -60,7 +41,7 @@ def roof(z=6.0, seed=0):
 def test_every_house_of_the_gallery_gets_a_valid_solid(name):
     house, model = modelled(name, rotation_deg=33)
     assert model.status is BuildingStatus.OK
-    assert set(model.attributes) == ATTRIBUTES
+    assert tuple(model.attributes) == ATTRIBUTES
     assert model.attributes["validity"] == "[]"
     solid = model.solids["1.2"]
     assert solid.is_watertight
@@ -201,7 +182,7 @@ def test_too_few_points_give_one_height_and_all_attributes_are_there(points):
     assert model.status is BuildingStatus.DEGENERATE
     assert model.reason
     assert list(model.solids) == (["1.2"] if len(points) else [])
-    assert set(model.attributes) == ATTRIBUTES
+    assert tuple(model.attributes) == ATTRIBUTES
 
 
 @pytest.mark.parametrize("ring", [np.empty((0, 2)), SQUARE[:1], SQUARE[:2], np.zeros((4, 2)), SQUARE * 1e-5])
@@ -209,6 +190,26 @@ def test_an_outline_without_area_has_no_solid(ring):
     model = build_model(roof(), Outline(ring), ground_elevation=0.0)
     assert model.status is BuildingStatus.NO_SOLID
     assert json.loads(model.attributes["validity"])
+
+
+@pytest.mark.parametrize("step", ["find_topology", "partition_outline", "measure_model"])
+def test_whatever_fails_above_it_lod12_is_given_with_the_reason(monkeypatch, step):
+    def fail(*_, **__):
+        raise RuntimeError("a beam broke")
+
+    monkeypatch.setattr(model_module, step, fail)
+    model = build_model(roof(), Outline(SQUARE), plane_id=np.ones(600), ground_elevation=0.0)
+    assert list(model.solids) == ["1.2"]
+    assert check_solid(model.solids["1.2"]) == ()
+    assert model.attributes["lod"] == "1.2"
+    assert "a beam broke" in model.reason
+    assert tuple(model.attributes) == ATTRIBUTES
+
+
+@pytest.mark.parametrize("spacing", [0.0, -1.0, np.nan, np.inf])
+def test_a_spacing_that_is_none_is_refused(spacing):
+    with pytest.raises(ValueError, match="point_spacing"):
+        build_model(roof(), Outline(SQUARE), point_spacing=spacing)
 
 
 def test_the_order_of_points_does_not_matter():

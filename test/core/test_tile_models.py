@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from lidar_buildings.core import tile_models
-from lidar_buildings.core.building_model import BuildingModelConfig
+from lidar_buildings.core.building_model import ATTRIBUTES, BuildingModelConfig
 from lidar_buildings.core.outline import BuildingOutline, Outline
 from lidar_buildings.core.regularisation import RegularisationConfig
 from lidar_buildings.core.tile import PointTile
@@ -63,6 +63,7 @@ def test_a_building_that_fails_says_why_and_does_not_touch_the_others(tile, monk
     assert second.attributes["status"] == "failed"
     assert "a beam broke" in second.attributes["reason"]
     assert second.model.solids == {}
+    assert set(ATTRIBUTES) <= set(second.attributes)
     assert first.attributes == expected[0].attributes
     assert empty.attributes == expected[2].attributes
 

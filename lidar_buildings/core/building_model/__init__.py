@@ -5,6 +5,6 @@ Models of buildings at three levels of detail.
 
 from lidar_buildings.core.building_model.config import BuildingModelConfig
 from lidar_buildings.core.building_model.model import build_model
-from lidar_buildings.core.building_model.result import BuildingModel, RoofFaces
+from lidar_buildings.core.building_model.result import ATTRIBUTES, BuildingModel, RoofFaces
 
-__all__ = ["BuildingModel", "BuildingModelConfig", "RoofFaces", "build_model"]
+__all__ = ["ATTRIBUTES", "BuildingModel", "BuildingModelConfig", "RoofFaces", "build_model"]

@@ -33,6 +33,7 @@ from lidar_buildings.core.outline import Outline
 from lidar_buildings.core.output_grid import gridded_outline, on_grid
 from lidar_buildings.core.point_array import checked_column, checked_points
 from lidar_buildings.core.point_spacing import measure_spacing
+from lidar_buildings.core.roof_planes import RoofPlane
 from lidar_buildings.core.roof_topology import RoofTopology, find_topology
 from lidar_buildings.core.solid import ROOF_SURFACE, Solid
 from lidar_buildings.core.status import BuildingStatus
@@ -106,6 +107,10 @@ def build_model(
     known_planes = plane_id is not None
     plane_id = np.zeros(len(points)) if plane_id is None else plane_id
     plane_id = checked_column("plane_id", plane_id, len(points), np.uint16)
+    if point_spacing is not None and not 0.0 < point_spacing < math.inf:
+        raise ValueError(
+            f"point_spacing = {point_spacing}: must be positive and finite, or None to measure it"
+        )
     if ground_elevation is not None and not math.isfinite(ground_elevation):
         raise ValueError(f"ground_elevation = {ground_elevation}: must be finite, or None if unknown")
     order = np.lexsort((plane_id, *points.T))
@@ -123,10 +128,16 @@ def build_model(
         reason = "the solid fails checks " + ", ".join(map(str, lowest.codes))
         attributes |= {"validity": str(list(lowest.codes))}
         return _without_solid(attributes, ground, BuildingStatus.NO_SOLID, reason)
-    topology = find_topology(points, plane_id, outline, point_spacing=spacing)
-    roof = _Roof(points, outline, ground, spacing, topology, plane_id)
-    levels, faces, why = _finer_levels(roof, lowest, config)
-    return _finished(roof, {LOD12: lowest} | levels, faces, attributes, [remark, flat.remark, why])
+    remarks = [remark, flat.remark]
+    try:
+        topology = find_topology(points, plane_id, outline, point_spacing=spacing)
+        roof = _Roof(points, outline, ground, spacing, topology, plane_id)
+        levels, faces, why = _finer_levels(roof, lowest, config)
+        return _finished(roof, {LOD12: lowest} | levels, faces, attributes, [*remarks, why])
+    except Exception as error:
+        _log.exception("building at (%.1f, %.1f): no finer level than LoD1.2", *outline.exterior[0])
+        remarks = [*remarks, f"no finer level than LoD1.2: {error!r}", lowest.remark]
+        return _lowest_alone(lowest.solid, attributes, remarks)
 
 
 @dataclass(frozen=True)
@@ -211,7 +222,7 @@ def _distinct_planes(roof: _Roof) -> tuple[NDArray[np.float64], NDArray[np.uint1
     if not found:
         level = np.array([[0.0, 0.0, np.median(roof.points[:, 2])]])
         return level, np.ones_like(roof.plane_id)
-    equations = np.array([_equation(plane.normal, plane.centroid) for plane in found])
+    equations = np.array([_equation(plane) for plane in found])
     _, first, number = np.unique(
         np.round(equations, _EQUAL_DIGITS), axis=0, return_index=True, return_inverse=True
     )
@@ -221,13 +232,13 @@ def _distinct_planes(roof: _Roof) -> tuple[NDArray[np.float64], NDArray[np.uint1
     return equations[first[order]], new[roof.plane_id]
 
 
-def _equation(normal: NDArray[np.float64], point: NDArray[np.float64]) -> NDArray[np.float64]:
+def _equation(plane: RoofPlane) -> NDArray[np.float64]:
     """
     Return a, b, c of z = a·x + b·y + c.
 
     """
-    a, b = -normal[:2] / normal[2]
-    return np.array([a, b, point[2] - a * point[0] - b * point[1]])
+    a, b = plane.gradient
+    return np.array([a, b, plane.centroid[2] - a * plane.centroid[0] - b * plane.centroid[1]])
 
 
 def _finished(
@@ -259,6 +270,16 @@ def _finished(
     reason = "; ".join(text for text in (*remarks, levels[LOD12].remark) if text)
     status = BuildingStatus.OK if _has_extent(roof.points) else BuildingStatus.DEGENERATE
     return BuildingModel(solids, attributes, _roof_faces(solids[finest]), status, reason)
+
+
+def _lowest_alone(solid: Solid, attributes: dict[str, Any], remarks: list[str]) -> BuildingModel:
+    """
+    Return the model of a building whose LoD1.2 is sound and of which no more could be told.
+
+    """
+    attributes = attributes | {"volume": _rounded(solid.volume), "lod": LOD12, "validity": "[]"}
+    reason = "; ".join(text for text in remarks if text)
+    return BuildingModel({LOD12: solid}, attributes, _roof_faces(solid), BuildingStatus.OK, reason)
 
 
 def _has_extent(points: NDArray[np.float64]) -> bool:

@@ -14,6 +14,27 @@ from numpy.typing import NDArray
 from lidar_buildings.core.solid import Solid
 from lidar_buildings.core.status import BuildingStatus
 
+#: Names of a model's attributes, whatever becomes of it.
+ATTRIBUTES = (
+    "ground_elevation",
+    "roof_elevation_min",
+    "roof_elevation_50p",
+    "roof_elevation_70p",
+    "roof_elevation_max",
+    "height",
+    "area",
+    "n_points",
+    "point_spacing",
+    "n_planes",
+    "roof_type",
+    "rmse",
+    "coverage",
+    "no_data_share",
+    "plane_sigma",
+    "volume",
+    "lod",
+    "validity",
+)
 #: The faces of a roof: each its rings of shape (n, 3), the exterior first and then its holes.
 RoofFaces = tuple[tuple[NDArray[np.float64], ...], ...]
 
