@@ -36,11 +36,11 @@ demo: setup
 	@echo "Results: demo/result (buildings.gpkg, city_model.{city.jsonl,obj,dxf}, classified/, run.json)"
 	@echo "Survey and truth: demo/survey (*.laz, truth.gpkg, truth.city.jsonl)"
 
+# One more worker than cores on a small machine: tests of the graph wait more than they compute.
 test: setup
 	@$(MAKE) --no-print-directory --jobs 3 --output-sync=target lint compiled-outlines compiled-models
 	$(BIN)/python -m pytest -n 3 --dist loadfile --no-loadscope-reorder
 
-# One more worker than cores on a small machine: tests of the graph wait more than they compute.
 # Loops are compiled once and cached: test workers that start without would compile most of them twice.
 compiled-outlines compiled-models: setup
 	@$(BIN)/python test/compile_kernels.py $(@:compiled-%=%) > /dev/null
