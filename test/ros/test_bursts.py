@@ -53,12 +53,13 @@ def spin(node, context):
         executor.spin()
 
 
-def send_burst(node):
+def send_burst(node, is_known=lambda: None):
     publisher = node.create_publisher(PolygonInstanceStamped, "rings", BUILDING)
     end = time.monotonic() + 120.0
     while not publisher.get_subscription_count():
         assert time.monotonic() < end
         time.sleep(0.01)
+    is_known()
     publish_all(publisher, (ring_message(1, number, RING) for number in range(N_RINGS)))
     publisher.publish(closing_message(1))
     return publisher
@@ -88,6 +89,12 @@ def test_a_burst_of_rings_to_another_process_loses_nothing(context):
     executor = SingleThreadedExecutor(context=context)
     executor.add_node(listener.node)
     end = time.monotonic() + 120.0
+    # What is sent before the listener, too, knows of the sender is not for it.
+    while not listener.node.count_publishers("rings") and time.monotonic() < end:
+        executor.spin_once(timeout_sec=0.1)
+    time.sleep(1.0)
+    child.stdin.write(b"both know of each other\n")
+    child.stdin.flush()
     while len(listener.ids) <= N_RINGS and time.monotonic() < end:
         executor.spin_once(timeout_sec=0.1)
     child.communicate()
@@ -99,6 +106,6 @@ if __name__ == "__main__":
     prepare_middleware()
     rclpy.init()
     sending = rclpy.create_node("sender")
-    kept = send_burst(sending)
+    kept = send_burst(sending, sys.stdin.readline)
     sys.stdin.read()  # until the test has all
     rclpy.shutdown()
