@@ -12,7 +12,7 @@ from clouds import Cloud
 from filters import GroundFilter, ground_mask
 from numpy.typing import NDArray
 
-from lidar_buildings.core.scores.ground import GroundScore, score_ground
+from lidar_buildings.evaluation.scores.ground import GroundScore, score_ground
 
 #: Heading → member of GroundScore, and whether it is shown in percent.
 FIGURES = (("total", "total_error"), ("type I", "type_1_error"), ("type II", "type_2_error"))

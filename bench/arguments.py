@@ -15,8 +15,8 @@ from typing import Any
 from clouds import ROOT
 from filters import PEERS, own_methods, peers
 
-from lidar_buildings.core.ground_filter import GroundFilterConfig
-from lidar_buildings.core.parameters import StageConfig
+from lidar_buildings.core.model.parameters import StageConfig
+from lidar_buildings.core.stages.ground_filter import GroundFilterConfig
 
 
 def parser_of(description: str | None, names: Sequence[str] = ()) -> argparse.ArgumentParser:

@@ -13,8 +13,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lidar_buildings.io.las import frame_of, open_inputs, xyz_of
-from lidar_buildings.io.point_columns import point_columns, without_empty_columns
+from lidar_buildings.io.clouds.las import frame_of, open_inputs, xyz_of
+from lidar_buildings.io.clouds.point_columns import point_columns, without_empty_columns
 
 ROOT = Path(__file__).resolve().parents[1]
 #: Where the real clouds lie unless --data or LIDAR_BUILDINGS_DATA says otherwise: beside the repository.

@@ -12,7 +12,7 @@ import matplotlib
 import numpy as np
 from PIL import Image
 
-from lidar_buildings.core.scores.edges import EdgeScore
+from lidar_buildings.evaluation.scores.edges import EdgeScore
 
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt

@@ -29,10 +29,10 @@ from clouds import data_folder
 from numpy.typing import NDArray
 from roof_areas import RoofArea, areas_in, split
 
-from lidar_buildings.core.alpha_shape import alpha_shape
-from lidar_buildings.core.edge_labelling import AS_PUBLISHED, EdgeLabellingConfig, label_edges
-from lidar_buildings.core.point_spacing import quantised_spacing
-from lidar_buildings.core.scores.edges import EdgeScore, alpha_of_spacing, reference_edges, score_edges
+from lidar_buildings.core.neighbours.point_spacing import quantised_spacing
+from lidar_buildings.core.stages.edge_labelling import AS_PUBLISHED, EdgeLabellingConfig, label_edges
+from lidar_buildings.core.surfaces.alpha_shape import alpha_shape
+from lidar_buildings.evaluation.scores.edges import EdgeScore, alpha_of_spacing, reference_edges, score_edges
 
 #: The methods of the paper's Figure 7, and the parameters that choose them.
 METHODS: dict[str, dict[str, str]] = {

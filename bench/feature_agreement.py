@@ -15,7 +15,7 @@ import numpy as np
 from feature_peers import Task, jakteristics_features, open3d_cloud, pgeof_selected
 from numpy.typing import NDArray
 
-from lidar_buildings.core.eigenfeatures import EigenFeatures, eigen_features
+from lidar_buildings.core.surfaces.eigenfeatures import EigenFeatures, eigen_features
 
 #: Fewest neighbours with which all peers compute something.
 FEWEST = 4

@@ -26,8 +26,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lidar_buildings.core.edge_labelling import EdgeLabellingConfig, label_edges
-from lidar_buildings.core.eigenfeatures import EigenFeatures, eigen_features
+from lidar_buildings.core.stages.edge_labelling import EdgeLabellingConfig, label_edges
+from lidar_buildings.core.surfaces.eigenfeatures import EigenFeatures, eigen_features
 
 # Threads that wait in a loop for one another slow down whatever is measured next.
 os.environ.setdefault("OMP_WAIT_POLICY", "passive")

@@ -27,8 +27,8 @@ from feature_peers import CHOSEN, FIXED, LABELS, OWN, Library, Task, edge_radii,
 from numpy.typing import NDArray
 from roof_areas import read_tile
 
-from lidar_buildings.core.asprs import PointClass
-from lidar_buildings.core.point_spacing import quantised_spacing
+from lidar_buildings.core.model.point_classes import PointClass
+from lidar_buildings.core.neighbours.point_spacing import quantised_spacing
 from lidar_buildings.simulation import simulate_tile
 
 #: The scene that stands in for Delft, and its pulses a square metre.

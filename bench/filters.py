@@ -38,9 +38,9 @@ import numpy as np
 from clouds import Cloud
 from numpy.typing import NDArray
 
-from lidar_buildings.core.ground_filter import GroundFilterConfig, classify_ground
-from lidar_buildings.core.parameters import spec_of
-from lidar_buildings.core.scores.ground import RESULT_GROUND
+from lidar_buildings.core.model.parameters import spec_of
+from lidar_buildings.core.stages.ground_filter import GroundFilterConfig, classify_ground
+from lidar_buildings.evaluation.scores.ground import RESULT_GROUND
 
 # Threads of CSF that wait in a loop for one another take minutes where the machine has other work.
 os.environ.setdefault("OMP_WAIT_POLICY", "passive")

@@ -22,16 +22,16 @@ from outline_clouds import ADJOINING, ROOFS_ONLY, UNREADABLE
 from roof_areas import read_files
 
 from lidar_buildings.cli import main as command
-from lidar_buildings.core.scores.model_points import ModelPointScore, score_model_points
-from lidar_buildings.core.solid import Solid
-from lidar_buildings.core.tile import PointTile
-from lidar_buildings.core.tile_models import build_models
-from lidar_buildings.core.tile_outlines import regularise_outlines
-from lidar_buildings.core.tile_stages import fit_planes, label_roof_edges, trace_buildings
-from lidar_buildings.core.validity import check_solid
-from lidar_buildings.io.labelled_points import read_roof_points
-from lidar_buildings.io.read_city_model import read_city_model
-from lidar_buildings.pipeline import PipelineConfig
+from lidar_buildings.core.model.tile import PointTile
+from lidar_buildings.core.solids.raising import Solid
+from lidar_buildings.core.solids.validity import check_solid
+from lidar_buildings.evaluation.readers.city_model import read_city_model
+from lidar_buildings.evaluation.readers.labelled_points import read_roof_points
+from lidar_buildings.evaluation.scores.model_points import ModelPointScore, score_model_points
+from lidar_buildings.pipeline.reconstruct import PipelineConfig
+from lidar_buildings.pipeline.tile_models import build_models
+from lidar_buildings.pipeline.tile_outlines import regularise_outlines
+from lidar_buildings.pipeline.tile_stages import fit_planes, label_roof_edges, trace_buildings
 
 LODS = ("2.2", "1.3", "1.2")
 #: A length, a share or a count in a reason.

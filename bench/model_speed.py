@@ -13,11 +13,11 @@ from typing import NamedTuple
 import numpy as np
 from agreement import table
 
-from lidar_buildings.core.footprints import Footprints
-from lidar_buildings.core.tile import PointTile
-from lidar_buildings.core.tile_models import TileModel, build_models
-from lidar_buildings.core.tile_stages import fit_planes
-from lidar_buildings.pipeline import PipelineConfig, TileResult, reconstruct_tile
+from lidar_buildings.core.model.tile import PointTile
+from lidar_buildings.core.stages.footprints import Footprints
+from lidar_buildings.pipeline.reconstruct import PipelineConfig, TileResult, reconstruct_tile
+from lidar_buildings.pipeline.tile_models import TileModel, build_models
+from lidar_buildings.pipeline.tile_stages import fit_planes
 
 HEADINGS = (
     *("buildings", "roof points", "planes [s]", "models [s]", "buildings/s", "CPU [s]"),

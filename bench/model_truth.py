@@ -14,10 +14,10 @@ from agreement import table
 from model_gallery import BAD_SCENES, ModelScene, roof_words
 from numpy.typing import NDArray
 
-from lidar_buildings.core.building_model import BuildingModel, BuildingModelConfig, build_model
-from lidar_buildings.core.plane_fitting import PlaneFittingConfig, RoofPlanes, fit_roof_planes
-from lidar_buildings.core.scores.models import ModelScore, score_models
-from lidar_buildings.core.validity import check_solid
+from lidar_buildings.core.solids.validity import check_solid
+from lidar_buildings.core.stages.building_model import BuildingModel, BuildingModelConfig, build_model
+from lidar_buildings.core.stages.plane_fitting import PlaneFittingConfig, RoofPlanes, fit_roof_planes
+from lidar_buildings.evaluation.scores.models import ModelScore, score_models
 
 #: The finest level; the others come in its place.
 FINEST = "2.2"

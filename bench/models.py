@@ -33,9 +33,9 @@ from model_speed import speed_of, speed_table
 from model_truth import Configs, bad_scenes, bad_table, judged, truth_table
 from roof_areas import read_tile
 
-from lidar_buildings.core.building_model import BuildingModelConfig
-from lidar_buildings.core.plane_fitting import PlaneFittingConfig
-from lidar_buildings.io.footprints import FootprintSource, read_footprints
+from lidar_buildings.core.stages.building_model import BuildingModelConfig
+from lidar_buildings.core.stages.plane_fitting import PlaneFittingConfig
+from lidar_buildings.io.vectors.footprints import FootprintSource, read_footprints
 from lidar_buildings.simulation import simulate_tile
 
 #: Virtual surveys whose speed is taken.

@@ -16,8 +16,8 @@ from collections.abc import Sequence
 import numpy as np
 from agreement import table
 
-from lidar_buildings.core.asprs import PointClass
-from lidar_buildings.core.ground_filter import classify_ground
+from lidar_buildings.core.model.point_classes import PointClass
+from lidar_buildings.core.stages.ground_filter import classify_ground
 
 #: Rise over run of planes, and rolling ground.
 TERRAINS = (

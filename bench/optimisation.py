@@ -20,7 +20,7 @@ from clouds import Cloud
 from filters import own_filter
 from numpy.typing import NDArray
 
-from lidar_buildings.core.ground_filter import GroundFilterConfig
+from lidar_buildings.core.stages.ground_filter import GroundFilterConfig
 
 #: Method → its parameters that matter most → multiples of their defaults.
 GRIDS: dict[str, dict[str, tuple[float, ...]]] = {

@@ -16,14 +16,14 @@ import shapely
 from arguments import settings_of
 from numpy.typing import NDArray
 
-from lidar_buildings.core.boundary_tracing import BoundaryTracingConfig, trace_boundary
-from lidar_buildings.core.outline import Outline
-from lidar_buildings.core.regularisation import RegularisationConfig, regularise_outline
-from lidar_buildings.core.scan_pattern import ScanPattern
-from lidar_buildings.core.segmentation import SegmentationConfig, segment_buildings
-from lidar_buildings.core.status import BuildingStatus
-from lidar_buildings.core.tile import PointTile
-from lidar_buildings.core.tile_stages import rows_by_building
+from lidar_buildings.core.model.outline import Outline
+from lidar_buildings.core.model.status import BuildingStatus
+from lidar_buildings.core.model.tile import PointTile
+from lidar_buildings.core.neighbours.scan_pattern import ScanPattern
+from lidar_buildings.core.stages.boundary_tracing import BoundaryTracingConfig, trace_boundary
+from lidar_buildings.core.stages.regularisation import RegularisationConfig, regularise_outline
+from lidar_buildings.core.stages.segmentation import SegmentationConfig, segment_buildings
+from lidar_buildings.pipeline.tile_stages import rows_by_building
 
 #: Columns of a tile that segmentation can be told.
 SCAN_COLUMNS = ("scan_angle", "gps_time", "point_source_id")

@@ -13,13 +13,13 @@ import numpy as np
 from numpy.typing import NDArray
 from roof_areas import read_files
 
-from lidar_buildings.core.asprs import PointClass
-from lidar_buildings.core.ground_filter import GroundFilterConfig
-from lidar_buildings.core.point_spacing import steady_spacing
-from lidar_buildings.core.roof_selection import RoofSelectionConfig
-from lidar_buildings.core.tile import PointTile
-from lidar_buildings.core.tile_stages import filter_ground, select_roof_points
-from lidar_buildings.io.pulse_spacing import pulses
+from lidar_buildings.core.model.point_classes import PointClass
+from lidar_buildings.core.model.tile import PointTile
+from lidar_buildings.core.neighbours.point_spacing import steady_spacing
+from lidar_buildings.core.stages.ground_filter import GroundFilterConfig
+from lidar_buildings.core.stages.roof_selection import RoofSelectionConfig
+from lidar_buildings.io.clouds.pulse_spacing import pulses
+from lidar_buildings.pipeline.tile_stages import filter_ground, select_roof_points
 
 #: Folders whose files adjoin and are read as one cloud; in others every file is one.
 ADJOINING = ("delft", "montpellier", "lowdensity")

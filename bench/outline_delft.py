@@ -17,11 +17,11 @@ from outline_chain import STEPS, Chain, Configs, chain_of
 from outline_clouds import RoofCloud, read_roofs
 from outline_peers import run_peer
 
-from lidar_buildings.core.scores.blocks import merge_touching
-from lidar_buildings.core.scores.corners import score_corners
-from lidar_buildings.core.scores.directions import score_directions
-from lidar_buildings.core.scores.outlines import MIN_IOU, score_outlines
-from lidar_buildings.io.metric_polygons import read_metric_polygons
+from lidar_buildings.evaluation.readers.metric_polygons import read_metric_polygons
+from lidar_buildings.evaluation.scores.blocks import merge_touching
+from lidar_buildings.evaluation.scores.corners import score_corners
+from lidar_buildings.evaluation.scores.directions import score_directions
+from lidar_buildings.evaluation.scores.outlines import MIN_IOU, score_outlines
 
 #: Headings of what `quality_cells` gives.
 HEADINGS = (

@@ -17,7 +17,7 @@ from outline_clouds import RoofCloud
 from outline_gallery import PLANS, ROTATIONS, outline_scene
 from outline_truth import tile_of
 
-from lidar_buildings.core.scores.adjustment import AdjustmentScore, score_adjustment
+from lidar_buildings.evaluation.scores.adjustment import AdjustmentScore, score_adjustment
 
 #: Buildings per data set, as in the paper.
 N_BUILDINGS = 10

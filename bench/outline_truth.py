@@ -16,9 +16,9 @@ from outline_chain import Configs, chain_of, vertex_count
 from outline_gallery import OutlineScene
 from outline_peers import run_peer
 
-from lidar_buildings.core.scores.boundaries import BoundaryDistances, boundary_distances
-from lidar_buildings.core.scores.directions import score_directions
-from lidar_buildings.core.tile import PointTile
+from lidar_buildings.core.model.tile import PointTile
+from lidar_buildings.evaluation.scores.boundaries import BoundaryDistances, boundary_distances
+from lidar_buildings.evaluation.scores.directions import score_directions
 
 #: A building counts as found, and a courtyard, from this intersection over union on.
 MIN_IOU = 0.5

@@ -18,9 +18,9 @@ from numpy.typing import NDArray
 from outline_chain import Configs
 from outline_clouds import RoofCloud
 
-from lidar_buildings.core.outline import Outline, signed_area
-from lidar_buildings.core.tile_outlines import regularise_outlines
-from lidar_buildings.core.tile_stages import trace_buildings
+from lidar_buildings.core.model.outline import Outline, signed_area
+from lidar_buildings.pipeline.tile_outlines import regularise_outlines
+from lidar_buildings.pipeline.tile_stages import trace_buildings
 
 HEADINGS = (
     "classes",

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from plane_roofs import KnownRoof
 
-from lidar_buildings.core.scores.planes import score_planes
+from lidar_buildings.evaluation.scores.planes import score_planes
 
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt

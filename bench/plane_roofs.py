@@ -15,8 +15,8 @@ import laspy
 import numpy as np
 from numpy.typing import NDArray
 
-from lidar_buildings.core.linked_sets import sets_of_pairs
-from lidar_buildings.core.scores.planes import PART_GAP, planes_of_colours
+from lidar_buildings.core.neighbours.union_find import sets_of_pairs
+from lidar_buildings.evaluation.scores.planes import PART_GAP, planes_of_colours
 from lidar_buildings.simulation import roof_shapes, special_roofs
 from lidar_buildings.simulation.building import Building
 

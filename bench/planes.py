@@ -26,9 +26,9 @@ from numpy.typing import NDArray
 from plane_peers import METHODS, Method, own_method
 from plane_roofs import KnownRoof, labelled_roofs, virtual_roofs
 
-from lidar_buildings.core.least_squares_plane import least_squares_plane
-from lidar_buildings.core.plane_fitting import PlaneFittingConfig
-from lidar_buildings.core.scores.planes import PlaneScore, score_planes
+from lidar_buildings.core.stages.plane_fitting import PlaneFittingConfig
+from lidar_buildings.core.surfaces.least_squares_plane import least_squares_plane
+from lidar_buildings.evaluation.scores.planes import PlaneScore, score_planes
 
 OWN = "lidar_buildings"
 HEADINGS = ("method", "planes", "precision", "recall", "F1", "mean F1", "mean coverage", "s", "Mpoints/s")

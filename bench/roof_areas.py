@@ -13,23 +13,23 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from lidar_buildings.core.ground_filter import GroundFilterConfig
-from lidar_buildings.core.map_frame import MapFrame
-from lidar_buildings.core.point_spacing import measure_spacing
-from lidar_buildings.core.roof_selection import RoofSelectionConfig
-from lidar_buildings.core.scores.edges import alpha_of_spacing
-from lidar_buildings.core.scores.roofs import (
+from lidar_buildings.core.model.map_frame import MapFrame
+from lidar_buildings.core.model.tile import PointTile
+from lidar_buildings.core.neighbours.point_spacing import measure_spacing
+from lidar_buildings.core.stages.ground_filter import GroundFilterConfig
+from lidar_buildings.core.stages.roof_selection import RoofSelectionConfig
+from lidar_buildings.evaluation.readers.metric_polygons import read_metric_polygons
+from lidar_buildings.evaluation.scores.edges import alpha_of_spacing
+from lidar_buildings.evaluation.scores.roofs import (
     NO_ROOF,
     fewest_points,
     roofs_of_points,
     roofs_of_polygons,
     split_at_steps,
 )
-from lidar_buildings.core.tile import PointTile
-from lidar_buildings.core.tile_stages import filter_ground, select_roof_points
-from lidar_buildings.io.las import frame_of, open_inputs, xyz_of
-from lidar_buildings.io.metric_polygons import read_metric_polygons
-from lidar_buildings.io.point_columns import point_columns, without_empty_columns
+from lidar_buildings.io.clouds.las import frame_of, open_inputs, xyz_of
+from lidar_buildings.io.clouds.point_columns import point_columns, without_empty_columns
+from lidar_buildings.pipeline.tile_stages import filter_ground, select_roof_points
 
 #: Columns of a file that the ground filter and the selection of roofs look at.
 COLUMNS = (

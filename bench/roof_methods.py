@@ -13,10 +13,10 @@ import numpy as np
 from agreement import percent
 from numpy.typing import NDArray
 
-from lidar_buildings.core.asprs import PointClass
-from lidar_buildings.core.parameters import spec_of
-from lidar_buildings.core.roof_selection import RoofSelectionConfig, select_roofs
-from lidar_buildings.core.scores.confusion import Confusion, confusion_of
+from lidar_buildings.core.model.parameters import spec_of
+from lidar_buildings.core.model.point_classes import PointClass
+from lidar_buildings.core.stages.roof_selection import RoofSelectionConfig, select_roofs
+from lidar_buildings.evaluation.scores.confusion import Confusion, confusion_of
 
 #: The methods there are, the default one first.
 METHODS = next(spec_of(field).choices for field in fields(RoofSelectionConfig) if field.name == "method")

@@ -24,8 +24,8 @@ from clouds import ROOT
 from numpy.typing import NDArray
 from roof_methods import METHODS, POINT_HEADINGS, method_headings, point_cells, point_score, roof_mask
 
-from lidar_buildings.core.roof_selection import RoofSelectionConfig
-from lidar_buildings.core.scores.confusion import Confusion
+from lidar_buildings.core.stages.roof_selection import RoofSelectionConfig
+from lidar_buildings.evaluation.scores.confusion import Confusion
 
 
 def scenes() -> dict[str, Callable[..., Any]]:

@@ -28,20 +28,20 @@ from numpy.typing import NDArray
 from roof_areas import read_tile
 from roof_methods import METHODS, method_headings, point_score
 
-from lidar_buildings.core.asprs import PointClass
-from lidar_buildings.core.ground_filter import GroundFilterConfig
-from lidar_buildings.core.roof_selection import RoofSelectionConfig
-from lidar_buildings.core.scores.buildings import DEFAULT_CELL, score_buildings
-from lidar_buildings.core.scores.cells import (
+from lidar_buildings.core.model.point_classes import PointClass
+from lidar_buildings.core.model.tile import PointTile
+from lidar_buildings.core.stages.ground_filter import GroundFilterConfig
+from lidar_buildings.core.stages.roof_selection import RoofSelectionConfig
+from lidar_buildings.evaluation.readers.metric_polygons import read_metric_polygons
+from lidar_buildings.evaluation.scores.buildings import DEFAULT_CELL, score_buildings
+from lidar_buildings.evaluation.scores.cells import (
     CellSet,
     cell_centres,
     cells_inside,
     cells_of_points,
     cells_of_polygons,
 )
-from lidar_buildings.core.tile import PointTile
-from lidar_buildings.core.tile_stages import filter_ground, select_roof_points
-from lidar_buildings.io.metric_polygons import read_metric_polygons
+from lidar_buildings.pipeline.tile_stages import filter_ground, select_roof_points
 
 #: Headings of a method's columns; the third figure is IoU for cells and F1 for points, all in percent.
 HEADINGS = ("recall", "precision", "IoU/F1", "s")

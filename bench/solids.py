@@ -23,9 +23,9 @@ import numpy as np
 import shapely
 from shapely import affinity
 
-from lidar_buildings.core.solid import RoofPiece, Solid, roof_solid
-from lidar_buildings.core.solid.clearance import cleared_pieces
-from lidar_buildings.core.validity import check_solid
+from lidar_buildings.core.solids.raising import RoofPiece, Solid, roof_solid
+from lidar_buildings.core.solids.raising.minimum_height import cleared_pieces
+from lidar_buildings.core.solids.validity import check_solid
 
 
 def random_roof(seed: int) -> list[RoofPiece]:

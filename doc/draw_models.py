@@ -12,7 +12,7 @@ import mapbox_earcut
 import numpy as np
 from numba import njit
 
-from lidar_buildings.core.solid import GROUND_SURFACE, ROOF_SURFACE, Solid
+from lidar_buildings.core.solids.raising import GROUND_SURFACE, ROOF_SURFACE, Solid
 
 #: Drawn this much larger in each direction and then reduced, which smooths edges.
 OVERSAMPLING = 2

@@ -17,10 +17,10 @@ from PIL import Image, ImageDraw, ImageFont
 sys.path.insert(0, str(Path(__file__).parents[1] / "test"))
 from model_scenes import BAD_SCENES, model_scene
 
-from lidar_buildings.core.building_model import build_model
-from lidar_buildings.core.plane_fitting import fit_roof_planes
-from lidar_buildings.core.solid import Solid
-from lidar_buildings.pipeline import reconstruct_tile
+from lidar_buildings.core.solids.raising import Solid
+from lidar_buildings.core.stages.building_model import build_model
+from lidar_buildings.core.stages.plane_fitting import fit_roof_planes
+from lidar_buildings.pipeline.reconstruct import reconstruct_tile
 from lidar_buildings.simulation import make_scene, simulate_tile
 
 #: Roofs of the first picture, in rows of `PER_ROW`.

@@ -38,7 +38,7 @@ def main(arguments: list[str] | None = None) -> int:
     """
     options = _parser().parse_args(arguments)
     # Imported late: --help answers at once, and malloc can be tuned before ROS allocates.
-    from lidar_buildings.core.errors import LidarBuildingsError
+    from lidar_buildings.core.model.errors import LidarBuildingsError
 
     try:
         status = options.command(options)
@@ -116,7 +116,7 @@ def _run(options: argparse.Namespace) -> int:
     Execute ``lidar-buildings run``.
 
     """
-    from lidar_buildings.run import run_command
+    from lidar_buildings.commands.run import run_command
 
     return run_command(options)
 
@@ -151,7 +151,7 @@ def _add_score(parser: argparse.ArgumentParser) -> None:
     Describe ``lidar-buildings score``.
 
     """
-    from lidar_buildings.score import add_score_arguments, score_command
+    from lidar_buildings.evaluation.command.score import add_score_arguments, score_command
 
     add_score_arguments(parser)
     parser.set_defaults(command=score_command)

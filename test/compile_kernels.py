@@ -15,8 +15,8 @@ from pathlib import Path
 import scenes
 
 from lidar_buildings.cli import main
-from lidar_buildings.core.building_model import build_model
-from lidar_buildings.core.plane_fitting import fit_roof_planes
+from lidar_buildings.core.stages.building_model import build_model
+from lidar_buildings.core.stages.plane_fitting import fit_roof_planes
 
 
 def compile_outlines() -> None:

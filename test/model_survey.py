@@ -7,14 +7,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from lidar_buildings.core.building_model import BuildingModel
-from lidar_buildings.core.map_frame import MapFrame
-from lidar_buildings.core.outline import BuildingOutline, Outline
-from lidar_buildings.core.solid import RoofPiece, extrude, roof_solid
-from lidar_buildings.core.status import BuildingStatus
-from lidar_buildings.io.cityjson import feature_line
-from lidar_buildings.io.survey_buildings import SurveyBuildings
-from lidar_buildings.io.tile_products import Shapes
+from lidar_buildings.core.model.map_frame import MapFrame
+from lidar_buildings.core.model.outline import BuildingOutline, Outline
+from lidar_buildings.core.model.status import BuildingStatus
+from lidar_buildings.core.solids.raising import RoofPiece, extrude, roof_solid
+from lidar_buildings.core.stages.building_model import BuildingModel
+from lidar_buildings.io.models.cityjson import feature_line
+from lidar_buildings.io.results.survey_buildings import SurveyBuildings
+from lidar_buildings.io.results.tile_products import Shapes
 
 DUTCH = MapFrame("EPSG:28992", (84900.0, 447400.0, 0.0))
 FOOT = 0.3048

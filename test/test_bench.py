@@ -29,7 +29,7 @@ import terrain_scenes as scenes_of_the_tests
 from source_tree import ROOT
 from terrain_site import GROUND, TerrainSite
 
-from lidar_buildings.core.ground_filter import GroundFilterConfig
+from lidar_buildings.core.stages.ground_filter import GroundFilterConfig
 
 METHOD = filters.own_methods()[0]
 

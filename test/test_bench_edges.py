@@ -13,7 +13,7 @@ import roof_areas
 import shapely
 from source_tree import ROOT
 
-from lidar_buildings.core.edge_labelling import EdgeLabellingConfig
+from lidar_buildings.core.stages.edge_labelling import EdgeLabellingConfig
 
 #: Where the tiny clouds lie in their reference system.
 CORNER = np.array([85_000.0, 447_000.0])

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from model_scenes import model_scene
 
-from lidar_buildings.core.solid import Solid, extrude
+from lidar_buildings.core.solids.raising import Solid, extrude
 
 
 @pytest.fixture(scope="module")

@@ -21,8 +21,8 @@ from source_tree import ROOT
 from test_bench_edges import HOUSES, houses_on_a_lawn, write_las
 from test_score import write_polygons
 
-from lidar_buildings.core.outline import Outline
-from lidar_buildings.core.tile import PointTile
+from lidar_buildings.core.model.outline import Outline
+from lidar_buildings.core.model.tile import PointTile
 
 CORNER = np.array([85_000.0, 447_000.0])
 

@@ -16,10 +16,11 @@ import shapely
 from cli_runs import Command, files_in
 from results import MODELS, assert_complete, contents
 
-from lidar_buildings import cli, run_local
-from lidar_buildings.io.building_attributes import BUILDING_FIELDS
+from lidar_buildings import cli
+from lidar_buildings.commands import run_local
+from lidar_buildings.io.models.building_attributes import BUILDING_FIELDS
 from lidar_buildings.nodes.reference import parameter_yaml
-from lidar_buildings.pipeline import STAGES
+from lidar_buildings.pipeline.reconstruct import STAGES
 from lidar_buildings.simulation import simulate_survey
 
 RASTERS = ["dsm.tif", "dtm.tif", "ndsm.tif"]

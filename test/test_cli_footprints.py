@@ -14,7 +14,7 @@ import shapely
 from cli_runs import Command
 
 from lidar_buildings.cli import main
-from lidar_buildings.io.geopackage import read_polygons
+from lidar_buildings.io.vectors.geopackage import read_polygons
 from lidar_buildings.simulation import simulate_survey
 
 #: Cuts the house's survey into nine tiles.

@@ -13,8 +13,8 @@ import pytest
 from cli_runs import Command, files_in
 from results import MODELS, assert_rest_is_complete, contents
 
-from lidar_buildings import pipeline
 from lidar_buildings.cli import main
+from lidar_buildings.pipeline import reconstruct as pipeline
 from lidar_buildings.simulation import simulate_survey
 
 RASTERS = ["dsm.tif", "dtm.tif", "ndsm.tif"]

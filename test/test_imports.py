@@ -56,9 +56,9 @@ STAGES = (
 )
 #: Where the stages are put together for a tile: they may import stages, and the core does not import them.
 TILE_MODULES = {
-    "lidar_buildings.core.tile_models",
-    "lidar_buildings.core.tile_outlines",
-    "lidar_buildings.core.tile_stages",
+    "lidar_buildings.pipeline.tile_models",
+    "lidar_buildings.pipeline.tile_outlines",
+    "lidar_buildings.pipeline.tile_stages",
 }
 #: Third-party packages that the core is made of.
 CORE_LIBRARIES = {"numpy", "scipy", "numba", "sklearn", "shapely", "mapbox_earcut"}
@@ -125,20 +125,20 @@ def test_imports_go_one_way():
 @pytest.mark.parametrize(
     ("module", "imported"),
     [
-        ("lidar_buildings.core.tile", "lidar_buildings.io.las"),
-        ("lidar_buildings.core.tile", "lidar_buildings.pipeline"),
-        ("lidar_buildings.io.las", "lidar_buildings.ros.qos"),
+        ("lidar_buildings.core.model.tile", "lidar_buildings.io.clouds.las"),
+        ("lidar_buildings.core.model.tile", "lidar_buildings.pipeline.reconstruct"),
+        ("lidar_buildings.io.clouds.las", "lidar_buildings.ros.qos"),
         ("lidar_buildings.ros.qos", "lidar_buildings.nodes.tile_player"),
         ("lidar_buildings.nodes.tile_player", "lidar_buildings.cli"),
-        ("lidar_buildings.pipeline", "lidar_buildings.io.las"),
-        ("lidar_buildings.core.segmentation.windows", "lidar_buildings.core.boundary_tracing"),
-        ("lidar_buildings.core.point_spacing", "lidar_buildings.core.ground_filter.config"),
-        ("lidar_buildings.core.roof_selection", "lidar_buildings.core.tile_stages"),
-        ("lidar_buildings.run_local", "lidar_buildings.ros.qos"),
-        ("lidar_buildings.run_local", "lidar_buildings.run"),
-        ("lidar_buildings.run", "lidar_buildings.cli"),
-        ("lidar_buildings.io.las", "lidar_buildings.run_local"),
-        ("lidar_buildings.unheard_of", "lidar_buildings.core.tile"),
+        ("lidar_buildings.pipeline.reconstruct", "lidar_buildings.io.clouds.las"),
+        ("lidar_buildings.core.stages.segmentation.windows", "lidar_buildings.core.stages.boundary_tracing"),
+        ("lidar_buildings.core.neighbours.point_spacing", "lidar_buildings.core.stages.ground_filter.config"),
+        ("lidar_buildings.core.stages.roof_selection", "lidar_buildings.pipeline.tile_stages"),
+        ("lidar_buildings.commands.run_local", "lidar_buildings.ros.qos"),
+        ("lidar_buildings.commands.run_local", "lidar_buildings.commands.run"),
+        ("lidar_buildings.commands.run", "lidar_buildings.cli"),
+        ("lidar_buildings.io.clouds.las", "lidar_buildings.commands.run_local"),
+        ("lidar_buildings.unheard_of", "lidar_buildings.core.model.tile"),
     ],
 )
 def test_an_import_against_the_directions_would_be_refused(module, imported):
@@ -148,11 +148,11 @@ def test_an_import_against_the_directions_would_be_refused(module, imported):
 @pytest.mark.parametrize(
     ("module", "imported"),
     [
-        ("lidar_buildings.core.segmentation", "lidar_buildings.core.segmentation.windows"),
-        ("lidar_buildings.core.tile_stages", "lidar_buildings.core.ground_filter"),
-        ("lidar_buildings.nodes.tile_player", "lidar_buildings.io.las"),
-        ("lidar_buildings.run", "lidar_buildings.run_local"),
-        ("lidar_buildings.cli", "lidar_buildings.score"),
+        ("lidar_buildings.core.stages.segmentation", "lidar_buildings.core.stages.segmentation.windows"),
+        ("lidar_buildings.pipeline.tile_stages", "lidar_buildings.core.stages.ground_filter"),
+        ("lidar_buildings.nodes.tile_player", "lidar_buildings.io.clouds.las"),
+        ("lidar_buildings.commands.run", "lidar_buildings.commands.run_local"),
+        ("lidar_buildings.cli", "lidar_buildings.evaluation.command.score"),
     ],
 )
 def test_an_import_along_the_directions_is_allowed(module, imported):
@@ -163,7 +163,12 @@ def test_imports_are_found_however_they_are_written():
     plain = "import a.b as c\nfrom lidar_buildings.core import tile\n"
     code = plain + "def f():\n    from ..io import las\n    from . import x"
     found = set(imports_of(ast.parse(code), "lidar_buildings.core"))
-    assert found == {"a.b", "lidar_buildings.core.tile", "lidar_buildings.io.las", "lidar_buildings.core"}
+    assert found == {
+        "a.b",
+        "lidar_buildings.core.model.tile",
+        "lidar_buildings.io.clouds.las",
+        "lidar_buildings.core",
+    }
 
 
 def is_of_ros(name):

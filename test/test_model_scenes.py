@@ -8,7 +8,7 @@ import pytest
 import shapely
 from model_scenes import BAD_SCENES, GROUND, SHAPES, model_scene, roof_words
 
-from lidar_buildings.core.validity import check_solid
+from lidar_buildings.core.solids.validity import check_solid
 
 
 @pytest.mark.parametrize("name", SHAPES)

@@ -13,8 +13,8 @@ import pytest
 import shapely
 
 from lidar_buildings.cli import main
-from lidar_buildings.core.errors import InputError, ParameterError
-from lidar_buildings.score import KINDS, add_score_arguments, run_score
+from lidar_buildings.core.model.errors import InputError, ParameterError
+from lidar_buildings.evaluation.command.score import KINDS, add_score_arguments, run_score
 
 ORIGIN = np.array([85_000.0, 447_000.0, 0.0])
 

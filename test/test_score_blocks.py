@@ -10,7 +10,7 @@ from shapely import box
 from test_score import write_polygons
 
 from lidar_buildings.cli import main
-from lidar_buildings.score import run_score
+from lidar_buildings.evaluation.command.score import run_score
 
 
 @pytest.fixture

@@ -12,8 +12,8 @@ import shapely
 from test_score import ORIGIN, write_cloud, write_polygons
 
 from lidar_buildings.cli import main
-from lidar_buildings.core.errors import InputError, ParameterError
-from lidar_buildings.score import run_score
+from lidar_buildings.core.model.errors import InputError, ParameterError
+from lidar_buildings.evaluation.command.score import run_score
 
 STEP = 0.5
 

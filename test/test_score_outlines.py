@@ -14,8 +14,8 @@ from source_tree import ROOT
 from test_score import ORIGIN, write_polygons
 
 from lidar_buildings.cli import main
-from lidar_buildings.core.errors import ParameterError
-from lidar_buildings.score import run_score
+from lidar_buildings.core.model.errors import ParameterError
+from lidar_buildings.evaluation.command.score import run_score
 
 
 def write_run(path, polygons, crs="EPSG:28992", **attributes):

@@ -12,8 +12,8 @@ from source_tree import ROOT
 from test_score import ORIGIN
 
 from lidar_buildings.cli import main
-from lidar_buildings.core.errors import InputError
-from lidar_buildings.score import run_score
+from lidar_buildings.core.model.errors import InputError
+from lidar_buildings.evaluation.command.score import run_score
 
 SPACING = 0.3
 

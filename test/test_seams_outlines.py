@@ -6,9 +6,9 @@ A cloud in tiles with buffers gives the outlines that it gives as a whole.
 import numpy as np
 import pytest
 
-from lidar_buildings.io.tiling import TileSource, TilingConfig
-from lidar_buildings.pipeline import PipelineConfig
-from lidar_buildings.run_local import whole_result
+from lidar_buildings.commands.run_local import whole_result
+from lidar_buildings.io.tiling.tiling import TileSource, TilingConfig
+from lidar_buildings.pipeline.reconstruct import PipelineConfig
 
 
 def outlines_of(paths, tile_size):

@@ -5,9 +5,9 @@ What a user sets in a file or on the command line, by stage.
 
 import pytest
 
-from lidar_buildings.core.errors import ParameterError
+from lidar_buildings.commands.settings import read_settings
+from lidar_buildings.core.model.errors import ParameterError
 from lidar_buildings.nodes.configs import NODE_CONFIGS
-from lidar_buildings.settings import read_settings
 
 
 @pytest.fixture

@@ -6,7 +6,7 @@ What every traced outline has to be.
 import numpy as np
 import shapely
 
-from lidar_buildings.core.outline import signed_area
+from lidar_buildings.core.model.outline import signed_area
 
 
 def polygon(outline):

@@ -19,7 +19,7 @@ import shapely
 from matplotlib.collections import LineCollection
 from PIL import Image
 
-from lidar_buildings.core.alpha_shape import AlphaShape, alpha_shape
+from lidar_buildings.core.surfaces.alpha_shape import AlphaShape, alpha_shape
 
 #: Spacing of the points, and the paper's radius for it [m].
 SPACING, ALPHA = 0.5, 0.67

@@ -17,10 +17,10 @@ matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 from PIL import Image
 
-from lidar_buildings.core.ground_filter import GroundFilterConfig
-from lidar_buildings.core.ground_filter.scan_profiles.bidirectional_slope import label_ground
-from lidar_buildings.core.ground_filter.scan_profiles.profile_labelling import net_votes
-from lidar_buildings.core.ground_filter.scan_profiles.profiles import cut_profiles
+from lidar_buildings.core.stages.ground_filter import GroundFilterConfig
+from lidar_buildings.core.stages.ground_filter.scan_profiles.bidirectional_slope import label_ground
+from lidar_buildings.core.stages.ground_filter.scan_profiles.profile_labelling import net_votes
+from lidar_buildings.core.stages.ground_filter.scan_profiles.profiles import cut_profiles
 
 CONFIG = GroundFilterConfig(method="bidirectional_slope")
 #: Colours of the maps.

@@ -17,8 +17,8 @@ matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 from PIL import Image
 
-from lidar_buildings.core.boundary_tracing import trace_boundary
-from lidar_buildings.core.scan_pattern import ScanPattern
+from lidar_buildings.core.neighbours.scan_pattern import ScanPattern
+from lidar_buildings.core.stages.boundary_tracing import trace_boundary
 
 #: Spacing of the scattered points [m].
 SPACING = 0.5

@@ -22,12 +22,12 @@ from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 sys.path.insert(0, str(Path(__file__).parents[2] / "test"))
 import scenes
 
-from lidar_buildings.core.building_model import build_model
-from lidar_buildings.core.building_model.arrangement import cut_into_cells, extend_segments
-from lidar_buildings.core.output_grid import gridded_outline
-from lidar_buildings.core.plane_fitting import fit_roof_planes
-from lidar_buildings.core.roof_topology import find_topology
-from lidar_buildings.core.solid import ROOF_SURFACE, WALL_SURFACE
+from lidar_buildings.core.solids.output_grid import gridded_outline
+from lidar_buildings.core.solids.raising import ROOF_SURFACE, WALL_SURFACE
+from lidar_buildings.core.stages.building_model import build_model
+from lidar_buildings.core.stages.building_model.arrangement import cut_into_cells, extend_segments
+from lidar_buildings.core.stages.plane_fitting import fit_roof_planes
+from lidar_buildings.core.stages.roof_topology import find_topology
 
 POINTS, LINES, ROOF, WALL = "#b4bac4", "#c8472f", "#c8705a", "#d8dbe0"
 

@@ -17,7 +17,7 @@ matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 from PIL import Image
 
-from lidar_buildings.core.edge_labelling import AS_PUBLISHED, EdgeLabellingConfig, label_edges
+from lidar_buildings.core.stages.edge_labelling import AS_PUBLISHED, EdgeLabellingConfig, label_edges
 
 #: Distance of points along and across the scan [m].
 STEPS = (0.45, 0.38)

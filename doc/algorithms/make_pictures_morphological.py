@@ -17,7 +17,7 @@ matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 from PIL import Image
 
-from lidar_buildings.core.ground_filter import GroundFilterConfig, classify_ground
+from lidar_buildings.core.stages.ground_filter import GroundFilterConfig, classify_ground
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "test"))
 from terrain_scenes import TERRAIN_SCENES

@@ -17,7 +17,7 @@ matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 from PIL import Image
 
-from lidar_buildings.core.ground_filter import classify_ground
+from lidar_buildings.core.stages.ground_filter import classify_ground
 
 #: Class → colour and name.
 COLOURS = {

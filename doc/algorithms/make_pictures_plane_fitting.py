@@ -17,8 +17,8 @@ matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 from PIL import Image
 
-from lidar_buildings.core.plane_fitting import AS_PUBLISHED, PlaneFittingConfig, fit_roof_planes
-from lidar_buildings.core.plane_fitting.surroundings import survey_points
+from lidar_buildings.core.stages.plane_fitting import AS_PUBLISHED, PlaneFittingConfig, fit_roof_planes
+from lidar_buildings.core.stages.plane_fitting.surroundings import survey_points
 from lidar_buildings.simulation import roof_shapes, special_roofs
 
 DENSITY, NOISE = 12.0, 0.03

@@ -18,13 +18,13 @@ matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 from PIL import Image
 
-from lidar_buildings.core.brightness import brightness_raster
-from lidar_buildings.core.ground_filter import GroundFilterConfig
-from lidar_buildings.core.intensity import normalised_intensity, strip_scales
-from lidar_buildings.core.roof_selection import RoofSelectionConfig
-from lidar_buildings.core.tile import PointTile
-from lidar_buildings.core.tile_stages import filter_ground, select_roof_points
-from lidar_buildings.io.tiling import TileSource, TilingConfig
+from lidar_buildings.core.model.tile import PointTile
+from lidar_buildings.core.stages.ground_filter import GroundFilterConfig
+from lidar_buildings.core.stages.roof_selection import RoofSelectionConfig
+from lidar_buildings.core.surfaces.brightness import brightness_raster
+from lidar_buildings.core.surfaces.intensity import normalised_intensity, strip_scales
+from lidar_buildings.io.tiling.tiling import TileSource, TilingConfig
+from lidar_buildings.pipeline.tile_stages import filter_ground, select_roof_points
 from lidar_buildings.simulation import simulate_survey
 
 #: ASPRS class → (what it is, colour).

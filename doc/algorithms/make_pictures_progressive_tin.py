@@ -18,7 +18,7 @@ import matplotlib.pyplot as plt
 from make_pictures_morphological import HALF_STRIP, draw
 from PIL import Image
 
-from lidar_buildings.core.ground_filter import classify_ground
+from lidar_buildings.core.stages.ground_filter import classify_ground
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "test"))
 from terrain_scenes import TERRAIN_SCENES

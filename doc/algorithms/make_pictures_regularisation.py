@@ -20,10 +20,10 @@ from PIL import Image
 sys.path.insert(0, str(Path(__file__).parents[2] / "test"))
 from outline_scenes import outline_scene
 
-from lidar_buildings.core.boundary_tracing import trace_boundary
-from lidar_buildings.core.regularisation import AS_PUBLISHED, RegularisationConfig, regularise_outline
-from lidar_buildings.core.regularisation.dents import bearing_points
-from lidar_buildings.core.regularisation.regularising import working_spacing
+from lidar_buildings.core.stages.boundary_tracing import trace_boundary
+from lidar_buildings.core.stages.regularisation import AS_PUBLISHED, RegularisationConfig, regularise_outline
+from lidar_buildings.core.stages.regularisation.concavities import bearing_points
+from lidar_buildings.core.stages.regularisation.regularising import working_spacing
 
 POINTS, TRACED, WALLS, TRUTH = "#b4bac4", "#8d95a3", "#c8472f", "#3f9b58"
 #: One per pair of directions; walls in none of them are black.

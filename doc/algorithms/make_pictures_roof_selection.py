@@ -17,7 +17,7 @@ matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 from PIL import Image
 
-from lidar_buildings.core.roof_selection import RoofSelectionConfig, select_roofs
+from lidar_buildings.core.stages.roof_selection import RoofSelectionConfig, select_roofs
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "test"))
 from roof_scenes import ROOF_SCENES, RoofScene

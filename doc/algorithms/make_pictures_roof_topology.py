@@ -21,7 +21,7 @@ from PIL import Image
 sys.path.insert(0, str(Path(__file__).parents[2] / "test"))
 from model_scenes import ModelScene, model_scene
 
-from lidar_buildings.core.roof_topology import HIP, RIDGE, VALLEY, RoofTopology, find_topology
+from lidar_buildings.core.stages.roof_topology import HIP, RIDGE, VALLEY, RoofTopology, find_topology
 
 COLOURS = {RIDGE: "#c8472f", HIP: "#a03f9b", VALLEY: "#2f5f9f"}
 STEP_COLOUR, OUTLINE_COLOUR = "#1d1f24", "#8d95a3"

@@ -18,11 +18,11 @@ import matplotlib.pyplot as plt
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 from PIL import Image
 
-from lidar_buildings.core.shell import GROUND_SURFACE, ROOF_SURFACE, WALL_SURFACE
-from lidar_buildings.core.solid import RoofPiece, roof_solid
-from lidar_buildings.core.validity import check_solid
-from lidar_buildings.core.validity.face_arrays import face_arrays, fitted_planes
-from lidar_buildings.core.validity.triangulation import triangulate
+from lidar_buildings.core.solids.raising import RoofPiece, roof_solid
+from lidar_buildings.core.solids.shell import GROUND_SURFACE, ROOF_SURFACE, WALL_SURFACE
+from lidar_buildings.core.solids.validity import check_solid
+from lidar_buildings.core.solids.validity.face_arrays import face_arrays, fitted_planes
+from lidar_buildings.core.solids.validity.triangulation import triangulate
 
 COLOURS = {ROOF_SURFACE: "#c8472f", WALL_SURFACE: "#d9dde3", GROUND_SURFACE: "#7f6a4f"}
 #: Light from the south-west, from above.

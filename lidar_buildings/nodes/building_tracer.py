@@ -14,14 +14,14 @@ from geometry_msgs.msg import PointStamped, PolygonInstanceStamped, PolygonStamp
 from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Header
 
-from lidar_buildings.core.boundary_tracing import BoundaryTracingConfig
-from lidar_buildings.core.edge_labelling import EdgeLabellingConfig
-from lidar_buildings.core.map_frame import MapFrame
-from lidar_buildings.core.segmentation import SegmentationConfig
-from lidar_buildings.core.tile import PointTile
-from lidar_buildings.core.tile_stages import TracedTile, trace_buildings, trace_footprints
-from lidar_buildings.io.footprints import FootprintSource, read_footprints
+from lidar_buildings.core.model.map_frame import MapFrame
+from lidar_buildings.core.model.tile import PointTile
+from lidar_buildings.core.stages.boundary_tracing import BoundaryTracingConfig
+from lidar_buildings.core.stages.edge_labelling import EdgeLabellingConfig
+from lidar_buildings.core.stages.segmentation import SegmentationConfig
+from lidar_buildings.io.vectors.footprints import FootprintSource, read_footprints
 from lidar_buildings.nodes.configs import NODE_CONFIGS, FootprintNodeConfig
+from lidar_buildings.pipeline.tile_stages import TracedTile, trace_buildings, trace_footprints
 from lidar_buildings.ros.map_frames import frame_of
 from lidar_buildings.ros.point_cloud import to_message
 from lidar_buildings.ros.polygons import Bounds, bounds_of, outline_messages

@@ -10,19 +10,19 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
-from lidar_buildings.core.boundary_tracing import BoundaryTracingConfig
-from lidar_buildings.core.building_model import BuildingModelConfig
-from lidar_buildings.core.edge_labelling import EdgeLabellingConfig
-from lidar_buildings.core.footprints import FootprintConfig
-from lidar_buildings.core.ground_filter import GroundFilterConfig
-from lidar_buildings.core.parameters import StageConfig, parameter
-from lidar_buildings.core.plane_fitting import PlaneFittingConfig
-from lidar_buildings.core.regularisation import RegularisationConfig
-from lidar_buildings.core.roof_selection import RoofSelectionConfig
-from lidar_buildings.core.segmentation import SegmentationConfig
-from lidar_buildings.core.stage_names import STAGES
-from lidar_buildings.io.output_config import OutputConfig
-from lidar_buildings.io.tiling_config import TilingConfig
+from lidar_buildings.core.model.parameters import StageConfig, parameter
+from lidar_buildings.core.model.stage_names import STAGES
+from lidar_buildings.core.stages.boundary_tracing import BoundaryTracingConfig
+from lidar_buildings.core.stages.building_model import BuildingModelConfig
+from lidar_buildings.core.stages.edge_labelling import EdgeLabellingConfig
+from lidar_buildings.core.stages.footprints import FootprintConfig
+from lidar_buildings.core.stages.ground_filter import GroundFilterConfig
+from lidar_buildings.core.stages.plane_fitting import PlaneFittingConfig
+from lidar_buildings.core.stages.regularisation import RegularisationConfig
+from lidar_buildings.core.stages.roof_selection import RoofSelectionConfig
+from lidar_buildings.core.stages.segmentation import SegmentationConfig
+from lidar_buildings.io.results.output_config import OutputConfig
+from lidar_buildings.io.tiling.tiling_config import TilingConfig
 
 
 @dataclass(frozen=True)

@@ -9,12 +9,12 @@ from typing import Any
 
 from sensor_msgs.msg import PointCloud2
 
-from lidar_buildings.core.map_frame import MapFrame
-from lidar_buildings.core.terrain import RasterConfig
-from lidar_buildings.core.tile import PointTile
-from lidar_buildings.core.tile_rasters import rasterise_tile
-from lidar_buildings.core.tile_stages import filter_ground
+from lidar_buildings.core.model.map_frame import MapFrame
+from lidar_buildings.core.model.tile import PointTile
+from lidar_buildings.core.stages.terrain import RasterConfig
 from lidar_buildings.nodes.configs import NODE_CONFIGS, GroundFilterNodeConfig
+from lidar_buildings.pipeline.tile_rasters import rasterise_tile
+from lidar_buildings.pipeline.tile_stages import filter_ground
 from lidar_buildings.ros.elevation_grid import grid_message
 from lidar_buildings.ros.point_cloud import to_message
 from lidar_buildings.ros.qos import CLOUD

@@ -13,13 +13,13 @@ from rclpy.event_handler import PublisherEventCallbacks
 from std_msgs.msg import Header, String
 from visualization_msgs.msg import MarkerArray
 
-from lidar_buildings.core.building_model import BuildingModelConfig
-from lidar_buildings.core.map_frame import MapFrame
-from lidar_buildings.core.regularisation import RegularisationConfig
-from lidar_buildings.core.tile import PointTile
-from lidar_buildings.core.tile_models import TileModel, build_models
-from lidar_buildings.io.cityjson import feature_line, header_line
+from lidar_buildings.core.model.map_frame import MapFrame
+from lidar_buildings.core.model.tile import PointTile
+from lidar_buildings.core.stages.building_model import BuildingModelConfig
+from lidar_buildings.core.stages.regularisation import RegularisationConfig
+from lidar_buildings.io.models.cityjson import feature_line, header_line
 from lidar_buildings.nodes.configs import NODE_CONFIGS, FlowControlConfig
+from lidar_buildings.pipeline.tile_models import TileModel, build_models
 from lidar_buildings.ros.map_frames import frame_of
 from lidar_buildings.ros.markers import model_markers
 from lidar_buildings.ros.polygons import roof_messages

@@ -15,16 +15,15 @@ from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.timer import Timer
 from std_msgs.msg import Header, String
 
-from lidar_buildings.core.errors import OutputError, ParameterError
-from lidar_buildings.core.map_frame import MapFrame
-from lidar_buildings.core.tile import PointTile
-from lidar_buildings.core.tile_rasters import rasterise_tile
-from lidar_buildings.io.cityjson import parse_feature
-from lidar_buildings.io.footprints import FootprintFile, FootprintSource, read_footprints
-from lidar_buildings.io.las import InputFile, frame_of, open_inputs
-from lidar_buildings.io.output_config import OutputConfig
-from lidar_buildings.io.output_folder import OutputFolder
-from lidar_buildings.io.tile_products import RoofFace, TileProducts
+from lidar_buildings.core.model.errors import OutputError, ParameterError
+from lidar_buildings.core.model.map_frame import MapFrame
+from lidar_buildings.core.model.tile import PointTile
+from lidar_buildings.io.clouds.las import InputFile, frame_of, open_inputs
+from lidar_buildings.io.models.cityjson import parse_feature
+from lidar_buildings.io.results.output_config import OutputConfig
+from lidar_buildings.io.results.output_folder import OutputFolder
+from lidar_buildings.io.results.tile_products import RoofFace, TileProducts
+from lidar_buildings.io.vectors.footprints import FootprintFile, FootprintSource, read_footprints
 from lidar_buildings.nodes.configs import NODE_CONFIGS, ModelWriterConfig
 from lidar_buildings.nodes.run_record import RunRecord
 from lidar_buildings.nodes.table import (
@@ -34,6 +33,7 @@ from lidar_buildings.nodes.table import (
     TRACED_OUTLINES,
     WRITER_TOPICS,
 )
+from lidar_buildings.pipeline.tile_rasters import rasterise_tile
 from lidar_buildings.ros.features import FeaturePool
 from lidar_buildings.ros.qos import BUILDING, EVENT, LATCHED, LATCHED_HISTORY
 from lidar_buildings.ros.ring_collector import Rings, outlines_of, roof_faces_of

@@ -9,9 +9,9 @@ from typing import Any
 
 from geometry_msgs.msg import PolygonInstanceStamped
 
-from lidar_buildings.core.regularisation import RegularisationConfig
-from lidar_buildings.core.tile_outlines import regularise_outlines
+from lidar_buildings.core.stages.regularisation import RegularisationConfig
 from lidar_buildings.nodes.configs import NODE_CONFIGS
+from lidar_buildings.pipeline.tile_outlines import regularise_outlines
 from lidar_buildings.ros.polygons import outline_messages
 from lidar_buildings.ros.qos import BUILDING
 from lidar_buildings.ros.ring_collector import Rings, outlines_of

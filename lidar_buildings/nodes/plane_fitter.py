@@ -9,10 +9,10 @@ from typing import Any
 
 from sensor_msgs.msg import PointCloud2
 
-from lidar_buildings.core.plane_fitting import PlaneFittingConfig
-from lidar_buildings.core.tile import PointTile
-from lidar_buildings.core.tile_stages import fit_planes
+from lidar_buildings.core.model.tile import PointTile
+from lidar_buildings.core.stages.plane_fitting import PlaneFittingConfig
 from lidar_buildings.nodes.configs import NODE_CONFIGS
+from lidar_buildings.pipeline.tile_stages import fit_planes
 from lidar_buildings.ros.point_cloud import to_message
 from lidar_buildings.ros.qos import CLOUD
 from lidar_buildings.ros.runner import run_node

@@ -19,7 +19,7 @@ from typing import Any
 
 import yaml
 
-from lidar_buildings.core.parameters import StageConfig, spec_of
+from lidar_buildings.core.model.parameters import StageConfig, spec_of
 from lidar_buildings.nodes.configs import NODE_CONFIGS
 from lidar_buildings.nodes.table import DIAGNOSTICS, NODE_TABLE, NodeCard, Topic
 from lidar_buildings.ros.depths import CLOUD_DEPTH, EVENT_DEPTH, HISTORY_DEPTH

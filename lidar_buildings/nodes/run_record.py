@@ -12,7 +12,7 @@ from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 
-from lidar_buildings.io.library_versions import library_versions
+from lidar_buildings.io.files.library_versions import library_versions
 from lidar_buildings.nodes.table import NODE_STAGES
 
 

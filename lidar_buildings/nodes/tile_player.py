@@ -15,8 +15,8 @@ from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Header
 from std_srvs.srv import Trigger
 
-from lidar_buildings.core.tile import PointTile
-from lidar_buildings.io.tiling import TileSource
+from lidar_buildings.core.model.tile import PointTile
+from lidar_buildings.io.tiling.tiling import TileSource
 from lidar_buildings.nodes.configs import NODE_CONFIGS, TilePlayerConfig
 from lidar_buildings.nodes.table import GRAPH_TOPICS
 from lidar_buildings.nodes.tile_reader import TileReader

@@ -10,8 +10,8 @@ import threading
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 
-from lidar_buildings.core.tile import PointTile
-from lidar_buildings.io.tiling import TileSource
+from lidar_buildings.core.model.tile import PointTile
+from lidar_buildings.io.tiling.tiling import TileSource
 
 #: Tiles read ahead.
 _AHEAD = 1

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from sensor_msgs.msg import PointCloud2
 
-from lidar_buildings.core.terrain import RasterWindow
+from lidar_buildings.core.stages.terrain import RasterWindow
 from lidar_buildings.ros.point_cloud import cloud_message
 
 _POINT = np.dtype([("x", "<f4"), ("y", "<f4"), ("z", "<f4")])

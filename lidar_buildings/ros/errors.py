@@ -3,7 +3,7 @@ What is wrong with a message.
 
 """
 
-from lidar_buildings.core.errors import InputError
+from lidar_buildings.core.model.errors import InputError
 
 
 class MessageError(InputError):

@@ -9,7 +9,7 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from lidar_buildings.core.tile import PointTile
+from lidar_buildings.core.model.tile import PointTile
 
 #: What a tile gets that should be done by now [s].
 _GRACE = 1.0

@@ -8,7 +8,7 @@ from __future__ import annotations
 from geometry_msgs.msg import Point, PointStamped, Vector3, Vector3Stamped
 from std_msgs.msg import Header
 
-from lidar_buildings.core.map_frame import MapFrame
+from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.ros.stamps import FRAME_ID
 
 

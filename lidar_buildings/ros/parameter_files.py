@@ -11,7 +11,7 @@ from pathlib import Path
 
 import yaml
 
-from lidar_buildings.core.errors import InputError
+from lidar_buildings.core.model.errors import InputError
 
 _OPTION = "--params-file"
 

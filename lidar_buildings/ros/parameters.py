@@ -20,8 +20,8 @@ from rcl_interfaces.msg import (
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from lidar_buildings.core.errors import ParameterError
-from lidar_buildings.core.parameters import ParameterSpec, StageConfig, checked_value, spec_of
+from lidar_buildings.core.model.errors import ParameterError
+from lidar_buildings.core.model.parameters import ParameterSpec, StageConfig, checked_value, spec_of
 
 Config = TypeVar("Config", bound=StageConfig)
 

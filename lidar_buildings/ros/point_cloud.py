@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from sensor_msgs.msg import PointCloud2, PointField
 
-from lidar_buildings.core.tile import COLUMNS, PointTile
+from lidar_buildings.core.model.tile import COLUMNS, PointTile
 from lidar_buildings.ros.errors import MessageError
 from lidar_buildings.ros.stamps import header_of, to_stamp
 

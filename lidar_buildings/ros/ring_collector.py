@@ -13,7 +13,7 @@ import numpy as np
 from geometry_msgs.msg import PolygonInstanceStamped
 from numpy.typing import NDArray
 
-from lidar_buildings.core.outline import BuildingOutline, Outline, signed_area
+from lidar_buildings.core.model.outline import BuildingOutline, Outline, signed_area
 from lidar_buildings.ros.polygons import CLOSING_ID, ring_of
 from lidar_buildings.ros.stamps import to_stamp
 

@@ -12,7 +12,7 @@ import rclpy
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.signals import SignalHandlerOptions
 
-from lidar_buildings.core.errors import LidarBuildingsError
+from lidar_buildings.core.model.errors import LidarBuildingsError
 from lidar_buildings.ros.interruption import Interruption
 from lidar_buildings.ros.middleware import prepare_middleware
 from lidar_buildings.ros.parameter_files import check_parameter_files

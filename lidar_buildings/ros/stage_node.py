@@ -19,9 +19,9 @@ from rclpy.publisher import Publisher
 from rclpy.task import Future
 from sensor_msgs.msg import PointCloud2
 
-from lidar_buildings.core.errors import LidarBuildingsError
-from lidar_buildings.core.parameters import StageConfig
-from lidar_buildings.core.tile import PointTile
+from lidar_buildings.core.model.errors import LidarBuildingsError
+from lidar_buildings.core.model.parameters import StageConfig
+from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.ros.parameters import NodeParameters
 from lidar_buildings.ros.point_cloud import from_message
 from lidar_buildings.ros.publishing import publish_all

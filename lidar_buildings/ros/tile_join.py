@@ -11,8 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from lidar_buildings.core.outline import BuildingOutline
-from lidar_buildings.core.tile import PointTile
+from lidar_buildings.core.model.outline import BuildingOutline
+from lidar_buildings.core.model.tile import PointTile
 
 #: How many tiles may be waiting: those in flight, and copies sent again.
 MAX_WAITING_TILES = 16

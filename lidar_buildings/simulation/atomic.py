@@ -12,7 +12,7 @@ from pathlib import Path
 import laspy
 import pyogrio
 
-from lidar_buildings.core.errors import OutputError
+from lidar_buildings.core.model.errors import OutputError
 
 #: What the writers raise when a file cannot be written.
 WRITE_ERRORS = (OSError, laspy.errors.LaspyException, pyogrio.errors.DataSourceError, RuntimeError)

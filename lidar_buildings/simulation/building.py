@@ -12,7 +12,7 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from lidar_buildings.core.outline import Outline, signed_area
+from lidar_buildings.core.model.outline import Outline, signed_area
 
 #: Faces meet on this grid [m]: far finer than any noise, far coarser than float64.
 GRID = 1e-4

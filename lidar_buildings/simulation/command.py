@@ -9,7 +9,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from lidar_buildings.core.errors import OutputError
+from lidar_buildings.core.model.errors import OutputError
 from lidar_buildings.simulation import simulate_survey
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
-from lidar_buildings.core.parameters import StageConfig, parameter
+from lidar_buildings.core.model.parameters import StageConfig, parameter
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from lidar_buildings.core.errors import ParameterError
+from lidar_buildings.core.model.errors import ParameterError
 from lidar_buildings.simulation import roof_shapes as shapes
 from lidar_buildings.simulation import special_roofs as special
 from lidar_buildings.simulation.building import Building

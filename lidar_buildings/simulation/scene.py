@@ -11,7 +11,7 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from lidar_buildings.core.map_frame import MapFrame
+from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.simulation.building import Building
 from lidar_buildings.simulation.terrain import Terrain
 

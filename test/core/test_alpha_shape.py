@@ -11,7 +11,7 @@ import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from lidar_buildings.core.alpha_shape import alpha_shape
+from lidar_buildings.core.surfaces.alpha_shape import alpha_shape
 
 #: A disc that overlaps a point by so little of an angle is empty [rad].
 TOUCH = 1e-6

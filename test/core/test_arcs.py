@@ -6,7 +6,7 @@ Arcs found in rings of chords, and what is no arc.
 import numpy as np
 import pytest
 
-from lidar_buildings.core.arcs import ring_arcs
+from lidar_buildings.io.models.arcs import ring_arcs
 
 
 def carried(ring):

@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from lidar_buildings.core.roof_selection import RoofSelectionConfig
-from lidar_buildings.core.roof_selection.smooth_patches.attached_parts import wide_levels
+from lidar_buildings.core.stages.roof_selection import RoofSelectionConfig
+from lidar_buildings.core.stages.roof_selection.smooth_patches.attached_parts import wide_levels
 
 CELL, RADIUS = 0.4, 1.0
 

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from lidar_buildings.core.ground_filter.growing_tin.bareness import (
+from lidar_buildings.core.stages.ground_filter.growing_tin.object_density import (
     BARE_SHARE,
     BUILT_SHARE,
     CELL,

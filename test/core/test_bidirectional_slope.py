@@ -11,12 +11,12 @@ import pytest
 import scenes
 from terrain_scenes import TERRAIN_SCENES
 
-from lidar_buildings.core.ground_filter import GroundFilterConfig, classify_ground
-from lidar_buildings.core.ground_filter.scan_profiles.bidirectional_slope import label_ground
-from lidar_buildings.core.ground_filter.scan_profiles.profile_labelling import net_votes
-from lidar_buildings.core.ground_filter.scan_profiles.profile_regression import take_back
-from lidar_buildings.core.ground_filter.scan_profiles.profile_trend import fit_trend
-from lidar_buildings.core.ground_filter.scan_profiles.profiles import cut_profiles
+from lidar_buildings.core.stages.ground_filter import GroundFilterConfig, classify_ground
+from lidar_buildings.core.stages.ground_filter.scan_profiles.bidirectional_slope import label_ground
+from lidar_buildings.core.stages.ground_filter.scan_profiles.profile_labelling import net_votes
+from lidar_buildings.core.stages.ground_filter.scan_profiles.profile_regression import take_back
+from lidar_buildings.core.stages.ground_filter.scan_profiles.profile_trend import fit_trend
+from lidar_buildings.core.stages.ground_filter.scan_profiles.profiles import cut_profiles
 
 CONFIG = GroundFilterConfig(method="bidirectional_slope")
 #: The paper's own method: passes along the scan lines, and the regression.

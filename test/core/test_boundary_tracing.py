@@ -8,15 +8,15 @@ from hypothesis.extra.numpy import arrays
 from scenes import GALLERY
 from traced_rings import assert_sound, overlap, polygon
 
-from lidar_buildings.core.boundary_tracing import BoundaryTracingConfig, trace_boundary
-from lidar_buildings.core.boundary_tracing.ground import prepare_ground
-from lidar_buildings.core.boundary_tracing.rings import RingTracer
-from lidar_buildings.core.boundary_tracing.triangles import characteristic_ring
-from lidar_buildings.core.outline import signed_area
-from lidar_buildings.core.point_spacing import measure_spacing
-from lidar_buildings.core.scan_pattern import ScanPattern
-from lidar_buildings.core.segmentation import segment_buildings
-from lidar_buildings.core.status import BuildingStatus
+from lidar_buildings.core.model.outline import signed_area
+from lidar_buildings.core.model.status import BuildingStatus
+from lidar_buildings.core.neighbours.point_spacing import measure_spacing
+from lidar_buildings.core.neighbours.scan_pattern import ScanPattern
+from lidar_buildings.core.stages.boundary_tracing import BoundaryTracingConfig, trace_boundary
+from lidar_buildings.core.stages.boundary_tracing.ground import prepare_ground
+from lidar_buildings.core.stages.boundary_tracing.rings import RingTracer
+from lidar_buildings.core.stages.boundary_tracing.triangles import characteristic_ring
+from lidar_buildings.core.stages.segmentation import segment_buildings
 
 HOUSES = ("flat", "gable", "hip", "l_shape", "t_shape", "courtyard", "round_tower")
 

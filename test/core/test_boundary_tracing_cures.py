@@ -11,10 +11,10 @@ import shapely
 from scenes import GALLERY
 from traced_rings import assert_sound, overlap, polygon
 
-from lidar_buildings.core.boundary_tracing import AS_PUBLISHED, BoundaryTracingConfig, trace_boundary
-from lidar_buildings.core.errors import ParameterError
-from lidar_buildings.core.scan_pattern import ScanPattern
-from lidar_buildings.core.status import BuildingStatus
+from lidar_buildings.core.model.errors import ParameterError
+from lidar_buildings.core.model.status import BuildingStatus
+from lidar_buildings.core.neighbours.scan_pattern import ScanPattern
+from lidar_buildings.core.stages.boundary_tracing import AS_PUBLISHED, BoundaryTracingConfig, trace_boundary
 
 ALPHA = BoundaryTracingConfig(method="alpha_shape")
 

@@ -9,14 +9,14 @@ import numpy as np
 import pytest
 import scenes
 
-from lidar_buildings.core.building_model import ATTRIBUTES, BuildingModelConfig, build_model
-from lidar_buildings.core.building_model import model as model_module
-from lidar_buildings.core.outline import Outline
-from lidar_buildings.core.output_grid import on_grid
-from lidar_buildings.core.plane_fitting import fit_roof_planes
-from lidar_buildings.core.solid import extrude
-from lidar_buildings.core.status import BuildingStatus
-from lidar_buildings.core.validity import check_solid
+from lidar_buildings.core.model.outline import Outline
+from lidar_buildings.core.model.status import BuildingStatus
+from lidar_buildings.core.solids.output_grid import on_grid
+from lidar_buildings.core.solids.raising import extrude
+from lidar_buildings.core.solids.validity import check_solid
+from lidar_buildings.core.stages.building_model import ATTRIBUTES, BuildingModelConfig, build_model
+from lidar_buildings.core.stages.building_model import model as model_module
+from lidar_buildings.core.stages.plane_fitting import fit_roof_planes
 
 SQUARE = np.array([[0.0, 0.0], [10.0, 0.0], [10.0, 10.0], [0.0, 10.0]])
 

@@ -11,22 +11,22 @@ import shapely
 from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import maximum_flow
 
-from lidar_buildings.core.building_model.arrangement import cut_into_cells, extend_segments
-from lidar_buildings.core.building_model.cell_costs import cells_of_samples
-from lidar_buildings.core.building_model.cell_labels import label_cells
-from lidar_buildings.core.building_model.faces import (
+from lidar_buildings.core.model.outline import Outline
+from lidar_buildings.core.solids.raising import extrude
+from lidar_buildings.core.stages.building_model.arrangement import cut_into_cells, extend_segments
+from lidar_buildings.core.stages.building_model.cell_costs import cells_of_samples
+from lidar_buildings.core.stages.building_model.cell_labels import label_cells
+from lidar_buildings.core.stages.building_model.faces import (
     absorb_small_faces,
     face_polygons,
     join_equal_cells,
     without_straight_vertices,
 )
-from lidar_buildings.core.building_model.heights import parts_of_one_height, settle_planes
-from lidar_buildings.core.building_model.minimum_cut import source_side
-from lidar_buildings.core.building_model.missed_parts import find_missed_parts
-from lidar_buildings.core.building_model.roof_face import RoofFacePatch
-from lidar_buildings.core.building_model.surface_distance import distance_to_surface
-from lidar_buildings.core.outline import Outline
-from lidar_buildings.core.solid import extrude
+from lidar_buildings.core.stages.building_model.heights import parts_of_one_height, settle_planes
+from lidar_buildings.core.stages.building_model.minimum_cut import source_side
+from lidar_buildings.core.stages.building_model.missed_parts import find_missed_parts
+from lidar_buildings.core.stages.building_model.roof_face import RoofFacePatch
+from lidar_buildings.core.stages.building_model.surface_distance import distance_to_surface
 
 SQUARE = np.array([[0.0, 0.0], [10.0, 0.0], [10.0, 10.0], [0.0, 10.0]])
 COURT = np.array([[4.0, 4.0], [4.0, 6.0], [6.0, 6.0], [6.0, 4.0]])

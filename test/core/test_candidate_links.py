@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from lidar_buildings.core.ground_filter.growing_tin.candidate_links import (
+from lidar_buildings.core.stages.ground_filter.growing_tin.candidate_links import (
     ROWS_A_BLOCK,
     SECTORS,
     nearest_by_sector,

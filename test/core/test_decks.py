@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 from roof_scenes import ROOF_SCENES
 
-from lidar_buildings.core.roof_selection import select_roofs
-from lidar_buildings.core.roof_selection.smooth_patches.decks import is_deck
+from lidar_buildings.core.stages.roof_selection import select_roofs
+from lidar_buildings.core.stages.roof_selection.smooth_patches.decks import is_deck
 
 
 def sheet(x, y, z, step=0.5):

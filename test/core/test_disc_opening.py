@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from scipy import ndimage
 
-from lidar_buildings.core.disc_opening import eroded, opened
+from lidar_buildings.core.surfaces.morphology import eroded, opened
 
 
 def disc(radius):

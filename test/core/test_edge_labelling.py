@@ -3,8 +3,8 @@ import pytest
 import scenes
 from edge_scenes import level_roof, roof_and_truth, sphere
 
-from lidar_buildings.core.edge_labelling import AS_PUBLISHED, EdgeLabellingConfig, label_edges
-from lidar_buildings.core.errors import ParameterError
+from lidar_buildings.core.model.errors import ParameterError
+from lidar_buildings.core.stages.edge_labelling import AS_PUBLISHED, EdgeLabellingConfig, label_edges
 
 FEATURES = ("eigenvalues", "linearity_planarity", "linearity")
 

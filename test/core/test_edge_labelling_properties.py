@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from edge_scenes import level_roof, roof_and_truth
 
-from lidar_buildings.core import row_blocks
-from lidar_buildings.core.edge_labelling import AS_PUBLISHED, EdgeLabellingConfig, label_edges, rims
+from lidar_buildings.core.neighbours import parallel as row_blocks
+from lidar_buildings.core.stages.edge_labelling import AS_PUBLISHED, EdgeLabellingConfig, label_edges, rims
 
 CONFIGS = {
     "default": EdgeLabellingConfig(),
@@ -138,7 +138,7 @@ def test_the_edge_of_a_lattice_without_noise_is_its_outer_points():
 def test_labelling_does_not_need_scikit_learn():
     code = (
         "import sys, numpy as np\n"
-        "from lidar_buildings.core.edge_labelling import label_edges\n"
+        "from lidar_buildings.core.stages.edge_labelling import label_edges\n"
         "label_edges(np.random.default_rng(0).random((200, 3)))\n"
         "assert 'sklearn' not in sys.modules"
     )

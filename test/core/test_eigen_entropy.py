@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from lidar_buildings.core.eigenfeatures.entropy import MAX_ENTROPY, entropy_of_shape
+from lidar_buildings.core.surfaces.eigenfeatures.entropy import MAX_ENTROPY, entropy_of_shape
 
 #: Eigenvalues from a line to a ball, those that make a share 0 or 1 included.
 SPECTRA = [(1, 0, 0), (1, 1, 0), (1, 1, 1), (1, 0.5, 0), (1, 0.5, 0.25), (5, 1e-3, 1e-9), (1e-8, 9e-9, 1e-20)]

@@ -3,8 +3,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from lidar_buildings.core import row_blocks
-from lidar_buildings.core.eigenfeatures import eigen_features, features
+from lidar_buildings.core.neighbours import parallel as row_blocks
+from lidar_buildings.core.surfaces.eigenfeatures import eigen_features, features
 
 
 def disc(n=4000):

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from lidar_buildings.core.elevation_raster import cell_bounds, filled, lowest_elevations
+from lidar_buildings.core.surfaces.elevation_raster import cell_bounds, filled, lowest_elevations
 
 
 def test_cells_hold_their_lowest_point_and_infinity_where_there_is_none():

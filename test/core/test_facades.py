@@ -6,7 +6,7 @@ Façades lie below the edges of roofs, and light wells between roofs.
 import numpy as np
 import pytest
 
-from lidar_buildings.core.roof_selection.facades import find_facades
+from lidar_buildings.core.stages.roof_selection.facades import find_facades
 
 SPACING = 0.25
 

@@ -5,9 +5,9 @@ Flat spots of foliage are told from roofs by what pulses do there and by what li
 
 import numpy as np
 
-from lidar_buildings.core.roof_selection.candidates import Candidates
-from lidar_buildings.core.roof_selection.config import RoofSelectionConfig
-from lidar_buildings.core.roof_selection.smooth_patches.foliage import Patches, is_foliage
+from lidar_buildings.core.stages.roof_selection.candidates import Candidates
+from lidar_buildings.core.stages.roof_selection.config import RoofSelectionConfig
+from lidar_buildings.core.stages.roof_selection.smooth_patches.foliage import Patches, is_foliage
 
 AREA = 20.0
 

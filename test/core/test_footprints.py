@@ -7,16 +7,16 @@ import numpy as np
 import pytest
 import shapely
 
-from lidar_buildings.core.building_id import CELL, anchor_near
-from lidar_buildings.core.footprints import (
+from lidar_buildings.core.model.building_id import CELL, anchor_near
+from lidar_buildings.core.model.outline import Outline
+from lidar_buildings.core.model.tile import PointTile
+from lidar_buildings.core.stages.footprints import (
     FootprintConfig,
     assign_footprints,
     footprints_of,
     repaired_polygons,
 )
-from lidar_buildings.core.footprints.inside import last_outline_around
-from lidar_buildings.core.outline import Outline
-from lidar_buildings.core.tile import PointTile
+from lidar_buildings.core.stages.footprints.inside import last_outline_around
 
 HOUSE = shapely.box(10, 10, 20, 18)
 NEIGHBOUR = shapely.box(20, 10, 28, 18)

@@ -3,9 +3,9 @@ import numpy as np
 import pytest
 import scenes
 
-from lidar_buildings.core.asprs import PointClass
-from lidar_buildings.core.errors import ParameterError
-from lidar_buildings.core.ground_filter import GroundFilterConfig, classify_ground
+from lidar_buildings.core.model.errors import ParameterError
+from lidar_buildings.core.model.point_classes import PointClass
+from lidar_buildings.core.stages.ground_filter import GroundFilterConfig, classify_ground
 
 GROUND, LOW, HIGH = PointClass.GROUND, PointClass.LOW_NOISE, PointClass.HIGH_NOISE
 WITHOUT_GROUND = {"single_point", "collinear"}

@@ -6,9 +6,9 @@ The spacing of groups of points against the spacing measured from all points of 
 import numpy as np
 import pytest
 
-from lidar_buildings.core.group_spacing import group_spacings
-from lidar_buildings.core.point_order import rows_by_cell
-from lidar_buildings.core.point_spacing import measure_spacing
+from lidar_buildings.core.neighbours.cell_grid import rows_by_cell
+from lidar_buildings.core.neighbours.group_spacing import group_spacings
+from lidar_buildings.core.neighbours.point_spacing import measure_spacing
 
 
 def scattered(n_points, side, at, seed):

@@ -1,12 +1,12 @@
 import numpy as np
 import pytest
 
-from lidar_buildings.core.ground_filter.growing_tin import growth_rounds
-from lidar_buildings.core.ground_filter.growing_tin.facet_scores import candidate_score
-from lidar_buildings.core.ground_filter.growing_tin.frame import extend_terrain
-from lidar_buildings.core.ground_filter.growing_tin.terrain_growth import GrowthLimits, start_growth
-from lidar_buildings.core.incremental_delaunay import insert_vertex
-from lidar_buildings.core.tin import walk
+from lidar_buildings.core.stages.ground_filter.growing_tin import growth_rounds
+from lidar_buildings.core.stages.ground_filter.growing_tin.facet_scores import candidate_score
+from lidar_buildings.core.stages.ground_filter.growing_tin.frame import extend_terrain
+from lidar_buildings.core.stages.ground_filter.growing_tin.terrain_growth import GrowthLimits, start_growth
+from lidar_buildings.core.surfaces.incremental_delaunay import insert_vertex
+from lidar_buildings.core.surfaces.tin import walk
 
 LIMITS = GrowthLimits(np.radians(9.0), 0.5, 1.4, 1.0)
 

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from lidar_buildings.core.ground_filter.growing_tin.islands import find_islands
+from lidar_buildings.core.stages.ground_filter.growing_tin.roof_terrain import find_islands
 
 MAX_AREA = 2500.0
 

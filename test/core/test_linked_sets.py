@@ -3,7 +3,7 @@ import pytest
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
-from lidar_buildings.core.linked_sets import flatten, link, root, sets_of_pairs
+from lidar_buildings.core.neighbours.union_find import flatten, link, root, sets_of_pairs
 
 
 def sets_of(n, links):

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 import scenes
 
-from lidar_buildings.core.minimum_surface import height_above_minimum
+from lidar_buildings.core.surfaces.minimum_surface import height_above_minimum
 
 
 @pytest.mark.parametrize("name", ["gable", "courtyard", "house_on_slope", "sparse"])

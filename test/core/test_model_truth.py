@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 from model_scenes import BAD_SCENES, model_scene, roof_words
 
-from lidar_buildings.core.building_model import build_model
-from lidar_buildings.core.building_model.levels import Level
-from lidar_buildings.core.plane_fitting import fit_roof_planes
-from lidar_buildings.core.scores.ridges import ridge_errors
-from lidar_buildings.core.scores.wireframe import roof_wireframe
-from lidar_buildings.core.status import BuildingStatus
-from lidar_buildings.core.validity import check_solid
+from lidar_buildings.core.model.status import BuildingStatus
+from lidar_buildings.core.solids.validity import check_solid
+from lidar_buildings.core.stages.building_model import build_model
+from lidar_buildings.core.stages.building_model.levels import Level
+from lidar_buildings.core.stages.plane_fitting import fit_roof_planes
+from lidar_buildings.evaluation.scores.ridges import ridge_errors
+from lidar_buildings.evaluation.scores.wireframe import roof_wireframe
 
 
 def modelled(scene, order=None):
@@ -41,7 +41,7 @@ def test_roofs_of_planes_have_the_volume_the_ridges_and_the_vertices_of_the_trut
 
 
 def test_a_level_that_fails_its_checks_is_left_out_with_the_reason(monkeypatch):
-    module = "lidar_buildings.core.building_model.model"
+    module = "lidar_buildings.core.stages.building_model.model"
     monkeypatch.setattr(f"{module}.level_22", lambda faces, ground: Level(None, (203, 306)))
     model = modelled(model_scene("dormer"))
     assert sorted(model.solids) == ["1.2", "1.3"]

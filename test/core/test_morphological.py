@@ -2,9 +2,9 @@ import laspy
 import numpy as np
 import pytest
 
-from lidar_buildings.core.ground_filter.config import GroundFilterConfig
-from lidar_buildings.core.ground_filter.openings.morphological import label_ground
-from lidar_buildings.core.scores.ground import score_ground
+from lidar_buildings.core.stages.ground_filter.config import GroundFilterConfig
+from lidar_buildings.core.stages.ground_filter.openings.morphological import label_ground
+from lidar_buildings.evaluation.scores.ground import score_ground
 
 CONFIG = GroundFilterConfig(method="morphological")
 

@@ -6,7 +6,7 @@ What is too narrow to be a building is told by an opening in plan.
 import numpy as np
 import pytest
 
-from lidar_buildings.core.roof_selection.smooth_patches.narrow_parts import half_widths, wide_enough
+from lidar_buildings.core.stages.roof_selection.smooth_patches.narrow_parts import half_widths, wide_enough
 
 SPACING = 0.25
 

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from lidar_buildings.core.neighbour_windows import first_windows, move_windows, z_range
+from lidar_buildings.core.neighbours.windows import first_windows, move_windows, z_range
 
 
 def occupied_cells(n_columns, n_rows, share, seed=0):

@@ -3,7 +3,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from lidar_buildings.core.neighbourhoods import build_grid, radius_neighbours
+from lidar_buildings.core.neighbours.neighbourhoods import build_grid, radius_neighbours
 
 
 def cloud(n=400, seed=0, side=6.0, offset=0.0):

@@ -6,10 +6,10 @@ Gross errors among terrain, buildings and trees whose every point is known.
 import numpy as np
 import pytest
 
-from lidar_buildings.core.asprs import PointClass
-from lidar_buildings.core.ground_filter.config import GroundFilterConfig
-from lidar_buildings.core.ground_filter.gross_errors.noise import find_noise
-from lidar_buildings.core.point_order import sort_by_cell
+from lidar_buildings.core.model.point_classes import PointClass
+from lidar_buildings.core.neighbours.cell_grid import sort_by_cell
+from lidar_buildings.core.stages.ground_filter.config import GroundFilterConfig
+from lidar_buildings.core.stages.ground_filter.gross_errors.noise import find_noise
 
 LOW, HIGH = PointClass.LOW_NOISE, PointClass.HIGH_NOISE
 CONFIG = GroundFilterConfig()

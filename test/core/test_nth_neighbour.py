@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
-from lidar_buildings.core.nth_neighbour import nth_distances
+from lidar_buildings.core.neighbours.nearest_neighbours import nth_distances
 
 
 def clouds():

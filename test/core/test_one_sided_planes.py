@@ -3,7 +3,7 @@ import math
 import numpy as np
 import pytest
 
-from lidar_buildings.core.ground_filter.growing_tin.one_sided_planes import (
+from lidar_buildings.core.stages.ground_filter.growing_tin.one_sided_planes import (
     MIN_SPREAD,
     ROWS_A_BLOCK,
     SIDES,

@@ -10,14 +10,14 @@ import numpy as np
 import pytest
 import shapely
 
-from lidar_buildings.core.boundary_tracing import BoundaryTracingConfig, trace_boundary
-from lidar_buildings.core.outline import signed_area
-from lidar_buildings.core.regularisation import RegularisationConfig, measure_outline
-from lidar_buildings.core.segmentation import SegmentationConfig
-from lidar_buildings.core.status import BuildingStatus
-from lidar_buildings.core.tile import PointTile
-from lidar_buildings.core.tile_outlines import regularise_outlines
-from lidar_buildings.core.tile_stages import trace_buildings
+from lidar_buildings.core.model.outline import signed_area
+from lidar_buildings.core.model.status import BuildingStatus
+from lidar_buildings.core.model.tile import PointTile
+from lidar_buildings.core.stages.boundary_tracing import BoundaryTracingConfig, trace_boundary
+from lidar_buildings.core.stages.regularisation import RegularisationConfig, measure_outline
+from lidar_buildings.core.stages.segmentation import SegmentationConfig
+from lidar_buildings.pipeline.tile_outlines import regularise_outlines
+from lidar_buildings.pipeline.tile_stages import trace_buildings
 
 SPACING = 0.35
 #: Every cluster is a building, however small.

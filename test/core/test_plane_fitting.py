@@ -8,16 +8,16 @@ import numpy as np
 import pytest
 import scenes
 
-from lidar_buildings.core.least_squares_plane import least_squares_plane
-from lidar_buildings.core.plane_fitting import PlaneFittingConfig, fit_roof_planes, samples_needed
-from lidar_buildings.core.plane_fitting.plane_geometry import (
+from lidar_buildings.core.model.status import BuildingStatus
+from lidar_buildings.core.stages.plane_fitting import PlaneFittingConfig, fit_roof_planes, samples_needed
+from lidar_buildings.core.stages.plane_fitting.plane_geometry import (
     N_MOMENTS,
     add_point,
     normal_of,
     smallest_eigenvalue,
 )
-from lidar_buildings.core.scores.planes import planes_of_colours, score_planes
-from lidar_buildings.core.status import BuildingStatus
+from lidar_buildings.core.surfaces.least_squares_plane import least_squares_plane
+from lidar_buildings.evaluation.scores.planes import planes_of_colours, score_planes
 
 #: Share of gross errors of the columns of the paper's table II.
 OUTLIER_SHARES = (0.1, 0.2, 0.4, 0.6, 0.8, 0.9)

@@ -6,7 +6,7 @@ The check of columns.
 import numpy as np
 import pytest
 
-from lidar_buildings.core.point_array import checked_column
+from lidar_buildings.core.model.point_array import checked_column
 
 
 @pytest.mark.parametrize("dtype", [np.uint8, np.int16, np.uint64, np.float32, np.float64])

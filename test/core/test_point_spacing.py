@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from lidar_buildings.core import point_spacing
-from lidar_buildings.core.point_spacing import (
+from lidar_buildings.core.neighbours import point_spacing
+from lidar_buildings.core.neighbours.point_spacing import (
     FALLBACK_SPACING,
     given_or_measured,
     measure_spacing,

@@ -3,10 +3,10 @@ import numpy as np
 import pytest
 from terrain_scenes import TERRAIN_SCENES
 
-from lidar_buildings.core.ground_filter import GroundFilterConfig, classify_ground
-from lidar_buildings.core.ground_filter.growing_tin.progressive_tin import densify
-from lidar_buildings.core.ground_filter.growing_tin.tin_labels import MAX_SLOPE
-from lidar_buildings.core.scores.ground import score_ground
+from lidar_buildings.core.stages.ground_filter import GroundFilterConfig, classify_ground
+from lidar_buildings.core.stages.ground_filter.growing_tin.progressive_tin import densify
+from lidar_buildings.core.stages.ground_filter.growing_tin.tin_labels import MAX_SLOPE
+from lidar_buildings.evaluation.scores.ground import score_ground
 
 CONFIG = GroundFilterConfig()
 

@@ -9,15 +9,15 @@ from outline_scenes import ROTATIONS as ALL_ROTATIONS
 from outline_scenes import Scan, outline_scenes
 from scenes import GALLERY
 
-from lidar_buildings.core.boundary_tracing import trace_boundary
-from lidar_buildings.core.outline import Outline, signed_area
-from lidar_buildings.core.regularisation import (
+from lidar_buildings.core.model.outline import Outline, signed_area
+from lidar_buildings.core.model.status import BuildingStatus
+from lidar_buildings.core.stages.boundary_tracing import trace_boundary
+from lidar_buildings.core.stages.regularisation import (
     AS_PUBLISHED,
     RegularisationConfig,
     measure_outline,
     regularise_outline,
 )
-from lidar_buildings.core.status import BuildingStatus
 
 CORNERS = {"flat": 4, "gable": 4, "hip": 4, "step_roof": 4, "l_shape": 6, "t_shape": 8, "courtyard": 4}
 ROTATIONS = (0.0, 17.0, 45.0, 78.0)

@@ -4,16 +4,16 @@ import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from lidar_buildings.core.regularisation.assembly import Fit, assemble
-from lidar_buildings.core.regularisation.dents import DentLimits, bearing_points
-from lidar_buildings.core.regularisation.directions import WallScatter, shared_directions
-from lidar_buildings.core.regularisation.division import ARC, FREE, Costs, divide_ring
-from lidar_buildings.core.regularisation.joints import joint_of
-from lidar_buildings.core.regularisation.moments import algebraic_circle, running_sums
-from lidar_buildings.core.regularisation.samples import sample_ring
-from lidar_buildings.core.regularisation.settling import moved_out, through_the_points
-from lidar_buildings.core.regularisation.turns import divide_at_turns
-from lidar_buildings.core.regularisation.walls import (
+from lidar_buildings.core.stages.regularisation.assembly import Fit, assemble
+from lidar_buildings.core.stages.regularisation.concavities import DentLimits, bearing_points
+from lidar_buildings.core.stages.regularisation.directions import WallScatter, shared_directions
+from lidar_buildings.core.stages.regularisation.division import ARC, FREE, Costs, divide_ring
+from lidar_buildings.core.stages.regularisation.joints import joint_of
+from lidar_buildings.core.stages.regularisation.moments import algebraic_circle, running_sums
+from lidar_buildings.core.stages.regularisation.samples import sample_ring
+from lidar_buildings.core.stages.regularisation.settling import moved_out, through_the_points
+from lidar_buildings.core.stages.regularisation.turns import divide_at_turns
+from lidar_buildings.core.stages.regularisation.walls import (
     ANGLE,
     CENTRE_X,
     CENTRE_Y,

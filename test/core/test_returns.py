@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 import scenes
 
-from lidar_buildings.core.roof_selection import select_roofs
-from lidar_buildings.core.roof_selection.returns import last_and_only_returns
+from lidar_buildings.core.stages.roof_selection import select_roofs
+from lidar_buildings.core.stages.roof_selection.returns import last_and_only_returns
 
 
 def test_without_numbers_every_return_is_the_only_one():

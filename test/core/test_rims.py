@@ -2,12 +2,12 @@ import numpy as np
 import pytest
 from scipy.sparse.csgraph import connected_components
 
-from lidar_buildings.core.alpha_shape import alpha_shape
-from lidar_buildings.core.edge_labelling.open_arcs import N_SECTORS, N_SQUARES, sector_table, square_at
-from lidar_buildings.core.edge_labelling.plan_cells import roofs_in_plan
-from lidar_buildings.core.edge_labelling.rims import on_rims
-from lidar_buildings.core.point_order import sort_by_cell
-from lidar_buildings.core.surface_patches import connected_parts
+from lidar_buildings.core.neighbours.cell_grid import sort_by_cell
+from lidar_buildings.core.stages.edge_labelling.open_arcs import N_SECTORS, N_SQUARES, sector_table, square_at
+from lidar_buildings.core.stages.edge_labelling.plan_cells import roofs_in_plan
+from lidar_buildings.core.stages.edge_labelling.rims import on_rims
+from lidar_buildings.core.surfaces.alpha_shape import alpha_shape
+from lidar_buildings.core.surfaces.surface_patches import connected_parts
 
 
 def cloud(n=3000, seed=0):

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from model_scenes import model_scene
 
-from lidar_buildings.core.outline import Outline
-from lidar_buildings.core.roof_planes import Meeting, adjust, adjust_planes, common_point
-from lidar_buildings.core.roof_planes.moments import plane_moments
-from lidar_buildings.core.roof_planes.sparse_least_squares import constrained_minimum
+from lidar_buildings.core.model.outline import Outline
+from lidar_buildings.core.surfaces.roof_planes import Meeting, adjust, adjust_planes, common_point
+from lidar_buildings.core.surfaces.roof_planes.moments import plane_moments
+from lidar_buildings.core.surfaces.roof_planes.sparse_least_squares import constrained_minimum
 
 
 def angle_deg(one, other):

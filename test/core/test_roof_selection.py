@@ -5,10 +5,10 @@ import scenes
 import shapely
 from scipy.interpolate import LinearNDInterpolator
 
-from lidar_buildings.core import row_blocks
-from lidar_buildings.core.roof_selection import RoofSelectionConfig, select_roofs
-from lidar_buildings.core.scores.buildings import score_buildings
-from lidar_buildings.core.scores.cells import cells_of_points, cells_of_polygons
+from lidar_buildings.core.neighbours import parallel as row_blocks
+from lidar_buildings.core.stages.roof_selection import RoofSelectionConfig, select_roofs
+from lidar_buildings.evaluation.scores.buildings import score_buildings
+from lidar_buildings.evaluation.scores.cells import cells_of_points, cells_of_polygons
 
 BUILDING = 6
 WHOLE = ("flat", "shed", "gable", "hip", "l_shape", "touching_houses", "step_roof", "dormer", "courtyard",

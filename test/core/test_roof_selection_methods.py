@@ -11,9 +11,9 @@ import scenes
 import shapely
 from roof_scenes import ROOF_SCENES
 
-from lidar_buildings.core import row_blocks
-from lidar_buildings.core.parameters import spec_of
-from lidar_buildings.core.roof_selection import RoofSelectionConfig, select_roofs
+from lidar_buildings.core.model.parameters import spec_of
+from lidar_buildings.core.neighbours import parallel as row_blocks
+from lidar_buildings.core.stages.roof_selection import RoofSelectionConfig, select_roofs
 
 BUILDING = 6
 METHODS = next(spec_of(field).choices for field in fields(RoofSelectionConfig) if field.name == "method")

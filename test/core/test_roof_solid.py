@@ -8,8 +8,8 @@ import pytest
 import shapely
 from model_scenes import SHAPES, solid_of
 
-from lidar_buildings.core.outline import Outline
-from lidar_buildings.core.solid import (
+from lidar_buildings.core.model.outline import Outline
+from lidar_buildings.core.solids.raising import (
     GROUND_SURFACE,
     ROOF_SURFACE,
     WALL_SURFACE,
@@ -19,8 +19,8 @@ from lidar_buildings.core.solid import (
     extrude,
     roof_solid,
 )
-from lidar_buildings.core.solid.unfolding import without_folds
-from lidar_buildings.core.validity import check_solid
+from lidar_buildings.core.solids.raising.triangulate_non_planar import without_folds
+from lidar_buildings.core.solids.validity import check_solid
 
 SQUARE = np.array([[0.0, 0.0], [10.0, 0.0], [10.0, 10.0], [0.0, 10.0]])
 

@@ -8,8 +8,8 @@ import pytest
 import shapely
 from model_scenes import BAD_SCENES, model_scene
 
-from lidar_buildings.core.outline import Outline
-from lidar_buildings.core.roof_topology import HIP, RIDGE, STEP, VALLEY, find_topology
+from lidar_buildings.core.model.outline import Outline
+from lidar_buildings.core.stages.roof_topology import HIP, RIDGE, STEP, VALLEY, find_topology
 
 SPACING = 8.0**-0.5
 

@@ -7,7 +7,7 @@ import threading
 
 import numpy as np
 
-from lidar_buildings.core.row_blocks import for_row_blocks, work_alone
+from lidar_buildings.core.neighbours.parallel import for_row_blocks, work_alone
 
 
 def work_on(n_rows, block):

@@ -7,8 +7,8 @@ import laspy
 import numpy as np
 import pytest
 
-from lidar_buildings.core.ground_filter.scan_profiles.profiles import cut_profiles, sorted_profiles
-from lidar_buildings.core.ground_filter.scan_profiles.scan_lines import find_scan_lines
+from lidar_buildings.core.stages.ground_filter.scan_profiles.profiles import cut_profiles, sorted_profiles
+from lidar_buildings.core.stages.ground_filter.scan_profiles.scan_lines import find_scan_lines
 
 SPACING = 1.0
 

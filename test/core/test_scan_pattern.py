@@ -3,7 +3,7 @@ import math
 import numpy as np
 import pytest
 
-from lidar_buildings.core.scan_pattern import ScanPattern, measure_scan_pattern
+from lidar_buildings.core.neighbours.scan_pattern import ScanPattern, measure_scan_pattern
 
 
 def scanned(along, across, *, turn=0.0, jitter=0.1, size=12.0, seed=0):

@@ -10,9 +10,9 @@ import pytest
 import shapely
 from shapely import box
 
-from lidar_buildings.core.scores.blocks import merge_touching
-from lidar_buildings.core.scores.coverage import score_coverage
-from lidar_buildings.core.scores.outlines import score_outlines
+from lidar_buildings.evaluation.scores.blocks import merge_touching
+from lidar_buildings.evaluation.scores.coverage import score_coverage
+from lidar_buildings.evaluation.scores.outlines import score_outlines
 
 
 def row_of_houses(count, gap=0.0):

@@ -11,8 +11,8 @@ import shapely
 from shapely import box
 from shapely.affinity import rotate, translate
 
-from lidar_buildings.core.scores.corners import real_corners, score_corners
-from lidar_buildings.core.scores.polygons import valid_polygons
+from lidar_buildings.evaluation.scores.corners import real_corners, score_corners
+from lidar_buildings.evaluation.scores.polygons import valid_polygons
 
 
 def corners_of(*polygons):

@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 import shapely
 
-from lidar_buildings.core.scores.edges import (
+from lidar_buildings.evaluation.scores.edges import (
     alpha_of_spacing,
     reference_edges,
     score_edges,
     score_edges_per_roof,
 )
-from lidar_buildings.core.scores.roofs import (
+from lidar_buildings.evaluation.scores.roofs import (
     fewest_points,
     roof_rows,
     roofs_of_points,

@@ -7,15 +7,15 @@ import numpy as np
 import pytest
 import shapely
 
-from lidar_buildings.core.outline import Outline
-from lidar_buildings.core.scores.model_points import score_model_points
-from lidar_buildings.core.scores.models import score_models
-from lidar_buildings.core.scores.ridges import ridge_errors
-from lidar_buildings.core.scores.roof_surfaces import footprints, roof_surfaces
-from lidar_buildings.core.scores.roof_words import same_roof_type
-from lidar_buildings.core.scores.wireframe import n_corners, roof_wireframe
-from lidar_buildings.core.scores.wireframe_match import match_corners, score_wireframes
-from lidar_buildings.core.solid import ROOF_SURFACE, Solid, extrude
+from lidar_buildings.core.model.outline import Outline
+from lidar_buildings.core.solids.raising import ROOF_SURFACE, Solid, extrude
+from lidar_buildings.evaluation.scores.model_points import score_model_points
+from lidar_buildings.evaluation.scores.models import score_models
+from lidar_buildings.evaluation.scores.ridges import ridge_errors
+from lidar_buildings.evaluation.scores.roof_surfaces import footprints, roof_surfaces
+from lidar_buildings.evaluation.scores.roof_words import same_roof_type
+from lidar_buildings.evaluation.scores.wireframe import n_corners, roof_wireframe
+from lidar_buildings.evaluation.scores.wireframe_match import match_corners, score_wireframes
 from lidar_buildings.simulation import roof_shapes as shapes
 from lidar_buildings.simulation import special_roofs as special
 from lidar_buildings.simulation.shell import shell_of

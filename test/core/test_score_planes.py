@@ -6,7 +6,7 @@ The score of planes on labels whose figures are worked out by hand.
 import numpy as np
 import pytest
 
-from lidar_buildings.core.scores.planes import planes_of_colours, score_planes
+from lidar_buildings.evaluation.scores.planes import planes_of_colours, score_planes
 
 
 def test_equal_divisions_score_one_whatever_the_numbers():

@@ -8,7 +8,7 @@ import pytest
 import shapely
 from shapely import box
 
-from lidar_buildings.core.scores.outlines import score_outlines
+from lidar_buildings.evaluation.scores.outlines import score_outlines
 
 
 def test_the_boundary_of_the_unions_does_not_see_how_a_block_is_parted():

@@ -11,12 +11,12 @@ import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from lidar_buildings.core.scores.boundaries import boundary_distances
-from lidar_buildings.core.scores.buildings import score_buildings
-from lidar_buildings.core.scores.cells import cells_inside, cells_of_points, cells_of_polygons
-from lidar_buildings.core.scores.confusion import Confusion, confusion_of
-from lidar_buildings.core.scores.ground import score_ground
-from lidar_buildings.core.scores.outlines import score_outlines
+from lidar_buildings.evaluation.scores.boundaries import boundary_distances
+from lidar_buildings.evaluation.scores.buildings import score_buildings
+from lidar_buildings.evaluation.scores.cells import cells_inside, cells_of_points, cells_of_polygons
+from lidar_buildings.evaluation.scores.confusion import Confusion, confusion_of
+from lidar_buildings.evaluation.scores.ground import score_ground
+from lidar_buildings.evaluation.scores.outlines import score_outlines
 
 #: Coordinates of a real national grid: what is right near (0, 0) must be right there.
 FAR = (851_000.0, 6_272_000.0)
@@ -143,7 +143,7 @@ def test_courtyards_are_not_building():
 
 
 def test_cells_agree_with_testing_every_centre_of_a_window(monkeypatch):
-    monkeypatch.setattr("lidar_buildings.core.scores.cells.WINDOW", 50)
+    monkeypatch.setattr("lidar_buildings.evaluation.scores.cells.WINDOW", 50)
     star = shapely.Polygon([(0, 0), (9, -4), (7, 3), (12, 9), (4, 6), (-5, 8.3), (-2, 3)])
     expected = sum(
         star.intersects(shapely.Point(0.3 * (i + 0.5), 0.3 * (j + 0.5)))
@@ -193,7 +193,7 @@ def test_filled_cells_agree_with_asking_every_cell_for_its_nearest_point():
     random = np.random.default_rng(3)
     points = np.column_stack((random.uniform(0, 30, (400, 2)), np.zeros(400)))
     is_building = np.hypot(points[:, 0] - 12, points[:, 1] - 14) < 9
-    from lidar_buildings.core.point_spacing import measure_spacing
+    from lidar_buildings.core.neighbours.point_spacing import measure_spacing
 
     reach = 1.5 * measure_spacing(points)
     expected = set()

@@ -7,10 +7,10 @@ from scenes import GALLERY, touching_houses
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
-from lidar_buildings.core.building_id import building_id
-from lidar_buildings.core.segmentation import AS_PUBLISHED, SegmentationConfig, segment_buildings
-from lidar_buildings.core.segmentation.members import distinct_ids
-from lidar_buildings.core.segmentation.windows import chain_windows
+from lidar_buildings.core.model.building_id import building_id
+from lidar_buildings.core.stages.segmentation import AS_PUBLISHED, SegmentationConfig, segment_buildings
+from lidar_buildings.core.stages.segmentation.members import distinct_ids
+from lidar_buildings.core.stages.segmentation.windows import chain_windows
 
 KEEP_ALL = SegmentationConfig(min_points=1, min_area=0.0)
 

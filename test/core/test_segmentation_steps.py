@@ -2,11 +2,11 @@ import numpy as np
 import pytest
 from scenes import GALLERY, touching_houses
 
-from lidar_buildings.core.boundary_tracing import BoundaryTracingConfig
-from lidar_buildings.core.segmentation import SegmentationConfig, segment_buildings
-from lidar_buildings.core.segmentation.part_borders import measure_borders, merge_parts
-from lidar_buildings.core.tile import PointTile
-from lidar_buildings.core.tile_stages import trace_buildings
+from lidar_buildings.core.model.tile import PointTile
+from lidar_buildings.core.stages.boundary_tracing import BoundaryTracingConfig
+from lidar_buildings.core.stages.segmentation import SegmentationConfig, segment_buildings
+from lidar_buildings.core.stages.segmentation.part_borders import measure_borders, merge_parts
+from lidar_buildings.pipeline.tile_stages import trace_buildings
 
 SPLIT = SegmentationConfig(split_at_steps=True)
 

@@ -5,8 +5,8 @@ import shapely.affinity
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from lidar_buildings.core.outline import Outline
-from lidar_buildings.core.shared_walls import share_walls
+from lidar_buildings.core.model.outline import Outline
+from lidar_buildings.core.stages.regularisation.shared_walls import share_walls
 
 GAP = 0.6
 

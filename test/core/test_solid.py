@@ -8,8 +8,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from lidar_buildings.core.outline import Outline
-from lidar_buildings.core.solid import GROUND_SURFACE, ROOF_SURFACE, WALL_SURFACE, Solid, extrude
+from lidar_buildings.core.model.outline import Outline
+from lidar_buildings.core.solids.raising import GROUND_SURFACE, ROOF_SURFACE, WALL_SURFACE, Solid, extrude
 
 SQUARE = np.array([[0.0, 0.0], [10.0, 0.0], [10.0, 10.0], [0.0, 10.0]])
 COURTYARD = np.array([[4.0, 4.0], [4.0, 7.0], [6.0, 7.0], [6.0, 4.0]])

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from lidar_buildings.core.surface_patches import connected_parts, plan_areas, smooth_patches
+from lidar_buildings.core.surfaces.surface_patches import connected_parts, plan_areas, smooth_patches
 
 LATTICE = np.stack(np.meshgrid(np.arange(10.0), np.arange(10.0)), axis=-1).reshape(-1, 2)
 

@@ -2,7 +2,11 @@ import numpy as np
 import pytest
 from numba import njit
 
-from lidar_buildings.core.symmetric_eigen import eigenvalues_3x3, principal_axes, smallest_eigenvector_3x3
+from lidar_buildings.core.surfaces.symmetric_eigen import (
+    eigenvalues_3x3,
+    principal_axes,
+    smallest_eigenvector_3x3,
+)
 
 UPPER = np.triu_indices(3)
 #: Eigenvalues of all kinds: separate, a double one at either end, all the same, one, two or three of them 0.

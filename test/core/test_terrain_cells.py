@@ -10,10 +10,10 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 from scipy import ndimage
 
-from lidar_buildings.core.terrain.cell_points import highest_points, mean_points
-from lidar_buildings.core.terrain.footprint import closed, squared_distance
-from lidar_buildings.core.terrain.triangulation import triangulate
-from lidar_buildings.core.tin import build_tin
+from lidar_buildings.core.stages.terrain.cell_points import highest_points, mean_points
+from lidar_buildings.core.stages.terrain.footprint import closed, squared_distance
+from lidar_buildings.core.surfaces.tin import build_tin
+from lidar_buildings.core.surfaces.triangulation import triangulate
 
 MASKS = hnp.arrays(bool, st.tuples(st.integers(1, 14), st.integers(1, 14)), elements=st.booleans())
 

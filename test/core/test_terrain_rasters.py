@@ -6,9 +6,9 @@ Rasters of ground and surface: values, alignment, what is known, and that tiles 
 import numpy as np
 import pytest
 
-from lidar_buildings.core import tin
-from lidar_buildings.core.asprs import PointClass
-from lidar_buildings.core.terrain import RasterConfig, RasterWindow, height_above_ground, make_rasters
+from lidar_buildings.core.model.point_classes import PointClass
+from lidar_buildings.core.stages.terrain import RasterConfig, RasterWindow, height_above_ground, make_rasters
+from lidar_buildings.core.surfaces import tin
 from lidar_buildings.simulation.terrain import Terrain, Wave
 
 GROUND, TREE, ROOF = PointClass.GROUND, PointClass.HIGH_VEGETATION, PointClass.BUILDING

@@ -1,8 +1,12 @@
 import numpy as np
 import pytest
 
-from lidar_buildings.core.edge_labelling.theoretical_shapes import SHAPES, discriminant_edges, nearest_shapes
-from lidar_buildings.core.eigenfeatures import eigen_features
+from lidar_buildings.core.stages.edge_labelling.theoretical_shapes import (
+    SHAPES,
+    discriminant_edges,
+    nearest_shapes,
+)
+from lidar_buildings.core.surfaces.eigenfeatures import eigen_features
 
 #: Steps of the integration along a radius, and round a full turn.
 N_STEPS = 400

@@ -6,11 +6,11 @@ The models of a tile: every outline gets one, whatever happens to the others.
 import numpy as np
 import pytest
 
-from lidar_buildings.core import tile_models
-from lidar_buildings.core.building_model import ATTRIBUTES, BuildingModelConfig
-from lidar_buildings.core.outline import BuildingOutline, Outline
-from lidar_buildings.core.regularisation import RegularisationConfig
-from lidar_buildings.core.tile import PointTile
+from lidar_buildings.core.model.outline import BuildingOutline, Outline
+from lidar_buildings.core.model.tile import PointTile
+from lidar_buildings.core.stages.building_model import ATTRIBUTES, BuildingModelConfig
+from lidar_buildings.core.stages.regularisation import RegularisationConfig
+from lidar_buildings.pipeline import tile_models
 
 SQUARE = np.array([[0.0, 0.0], [10.0, 0.0], [10.0, 10.0], [0.0, 10.0]])
 

@@ -2,10 +2,10 @@ import numpy as np
 import pytest
 import shapely
 
-from lidar_buildings.core.outline import BuildingOutline, Outline
-from lidar_buildings.core.regularisation import RegularisationConfig
-from lidar_buildings.core.shared_walls import share_walls
-from lidar_buildings.core.tile_outlines import regularise_outlines, touching_groups
+from lidar_buildings.core.model.outline import BuildingOutline, Outline
+from lidar_buildings.core.stages.regularisation import RegularisationConfig
+from lidar_buildings.core.stages.regularisation.shared_walls import share_walls
+from lidar_buildings.pipeline.tile_outlines import regularise_outlines, touching_groups
 
 
 def ring_of(box, step=0.5):
@@ -69,7 +69,7 @@ def test_an_outline_that_rounding_would_spoil_stays_as_traced(monkeypatch):
         outline = Outline(sliver)
 
     assert Outline(sliver).polygon.is_valid
-    monkeypatch.setattr("lidar_buildings.core.tile_outlines.regularise_outline", lambda *_: Result())
+    monkeypatch.setattr("lidar_buildings.pipeline.tile_outlines.regularise_outline", lambda *_: Result())
     far = 1e6
     moved = BuildingOutline(1, Outline(traced.exterior + far))
     monkeypatch.setattr(Result, "outline", Outline(sliver + far))
@@ -90,7 +90,7 @@ def test_walls_that_would_lie_over_a_neighbour_leave_the_smaller_one_as_traced(m
             box = shapely.orient_polygons(grown[len(traced.exterior)])
             self.outline = Outline(shapely.get_coordinates(box.exterior)[:-1])
 
-    monkeypatch.setattr("lidar_buildings.core.tile_outlines.regularise_outline", Result)
+    monkeypatch.setattr("lidar_buildings.pipeline.tile_outlines.regularise_outline", Result)
     given = tuple(BuildingOutline(k + 1, one) for k, one in enumerate((large, small)))
     alone = RegularisationConfig(max_wall_gap=0.0)
     result = polygons(one.outline for one in regularise_outlines(given, alone))

@@ -4,8 +4,8 @@ import startinpy
 from scipy.interpolate import LinearNDInterpolator
 from scipy.spatial import Delaunay
 
-from lidar_buildings.core.incremental_delaunay import insert_vertex, with_room
-from lidar_buildings.core.tin import build_tin, height_above_ground, walk
+from lidar_buildings.core.surfaces.incremental_delaunay import insert_vertex, with_room
+from lidar_buildings.core.surfaces.tin import build_tin, height_above_ground, walk
 
 
 @pytest.fixture

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from sklearn.cluster import KMeans
 
-from lidar_buildings.core.edge_labelling.two_means import (
+from lidar_buildings.core.stages.edge_labelling.two_means import (
     in_second,
     mean_by_part,
     two_means,

@@ -9,9 +9,9 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from lidar_buildings.core.outline import Outline
-from lidar_buildings.core.solid import Solid, extrude
-from lidar_buildings.core.validity import CODES, check_solid
+from lidar_buildings.core.model.outline import Outline
+from lidar_buildings.core.solids.raising import Solid, extrude
+from lidar_buildings.core.solids.validity import CODES, check_solid
 
 SQUARE = np.array([[0.0, 0.0], [10.0, 0.0], [10.0, 10.0], [0.0, 10.0]])
 #: Clockwise, as holes are.

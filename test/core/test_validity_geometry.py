@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 import shapely
 
-from lidar_buildings.core.outline import Outline
-from lidar_buildings.core.shell import Solid
-from lidar_buildings.core.validity.face_arrays import face_arrays, fitted_planes
-from lidar_buildings.core.validity.triangle_pairs import triangles_meet
-from lidar_buildings.core.validity.triangulation import triangulate
-from lidar_buildings.core.validity.welding import weld
+from lidar_buildings.core.model.outline import Outline
+from lidar_buildings.core.solids.shell import Solid
+from lidar_buildings.core.solids.validity.face_arrays import face_arrays, fitted_planes
+from lidar_buildings.core.solids.validity.triangle_pairs import triangles_meet
+from lidar_buildings.core.solids.validity.triangulation import triangulate
+from lidar_buildings.core.solids.validity.welding import weld
 
 
 def triangulated(*rings, tilt=(0.0, 0.0)):

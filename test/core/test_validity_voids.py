@@ -8,9 +8,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from lidar_buildings.core.outline import Outline
-from lidar_buildings.core.solid import Solid, extrude
-from lidar_buildings.core.validity import check_solid_with_voids
+from lidar_buildings.core.model.outline import Outline
+from lidar_buildings.core.solids.raising import Solid, extrude
+from lidar_buildings.core.solids.validity import check_solid_with_voids
 
 
 def cube(corner, size):

@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from lidar_buildings.core.roof_selection import RoofSelectionConfig, select_roofs
-from lidar_buildings.core.roof_selection.vegetation import vegetation_classes
+from lidar_buildings.core.stages.roof_selection import RoofSelectionConfig, select_roofs
+from lidar_buildings.core.stages.roof_selection.vegetation import vegetation_classes
 
 
 @pytest.mark.parametrize(

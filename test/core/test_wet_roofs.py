@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from lidar_buildings.core.roof_selection import RoofSelectionConfig, select_roofs
-from lidar_buildings.core.roof_selection.smooth_patches.wet_roofs import find_wet_roofs
+from lidar_buildings.core.stages.roof_selection import RoofSelectionConfig, select_roofs
+from lidar_buildings.core.stages.roof_selection.smooth_patches.wet_roofs import find_wet_roofs
 
 SPACING = 0.4
 CONFIG = RoofSelectionConfig()

@@ -19,7 +19,7 @@ from results import MODELS, assert_rest_is_complete, contents
 
 from lidar_buildings.cli import main
 from lidar_buildings.nodes import ground_filter, outline_regulariser
-from lidar_buildings.pipeline import STAGES
+from lidar_buildings.pipeline.reconstruct import STAGES
 from lidar_buildings.simulation import simulate_survey
 
 pytestmark = pytest.mark.graph

@@ -13,7 +13,7 @@ import shapely
 from results import assert_complete
 
 from lidar_buildings.cli import main
-from lidar_buildings.score import run_score
+from lidar_buildings.evaluation.command.score import run_score
 
 pytestmark = [pytest.mark.graph, pytest.mark.slow, pytest.mark.real_data]
 

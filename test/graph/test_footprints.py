@@ -10,7 +10,7 @@ import shapely
 from cli_runs import Command
 from results import contents
 
-from lidar_buildings.io.geopackage import GeoPackageLayer, read_polygons, write_geopackage
+from lidar_buildings.io.vectors.geopackage import GeoPackageLayer, read_polygons, write_geopackage
 from lidar_buildings.simulation import simulate_survey
 
 pytestmark = pytest.mark.graph

@@ -10,9 +10,9 @@ from node_processes import LAST, NodeProcesses
 from results import assert_complete, contents
 
 from lidar_buildings.cli import main
-from lidar_buildings.core.tile_stages import label_roof_edges
 from lidar_buildings.nodes import edge_labeller
 from lidar_buildings.nodes.table import nodes_until
+from lidar_buildings.pipeline.tile_stages import label_roof_edges
 
 #: Small tiles, so that a small survey has many [m].
 TILE_SIZE = 75.0

@@ -13,14 +13,14 @@ from cjio_process import cjio
 from model_survey import DUTCH, FEET, FOOT
 from source_tree import ROOT
 
-from lidar_buildings.core.building_model import BuildingModel
-from lidar_buildings.core.errors import OutputError
-from lidar_buildings.core.outline import BuildingOutline, Outline
-from lidar_buildings.io import building_files
-from lidar_buildings.io.building_attributes import BUILDING_FIELDS
-from lidar_buildings.io.building_files import FILES, ModelHeading, write_buildings
-from lidar_buildings.io.geopackage import read_polygons
-from lidar_buildings.io.tile_products import Shapes
+from lidar_buildings.core.model.errors import OutputError
+from lidar_buildings.core.model.outline import BuildingOutline, Outline
+from lidar_buildings.core.stages.building_model import BuildingModel
+from lidar_buildings.io.models.building_attributes import BUILDING_FIELDS
+from lidar_buildings.io.results import building_files
+from lidar_buildings.io.results.building_files import FILES, ModelHeading, write_buildings
+from lidar_buildings.io.results.tile_products import Shapes
+from lidar_buildings.io.vectors.geopackage import read_polygons
 
 NAMES = ["buildings.gpkg", "city_model.city.jsonl", "city_model.obj", "city_model.mtl", "city_model.dxf"]
 
@@ -149,7 +149,7 @@ def test_the_result_does_not_depend_on_how_buildings_are_cut_into_tiles(dutch, t
 
 
 def test_many_buildings_are_written_in_portions_to_the_same_layers(dutch, tmp_path, monkeypatch):
-    monkeypatch.setattr("lidar_buildings.io.building_layers._PORTION", 3)
+    monkeypatch.setattr("lidar_buildings.io.results.building_layers._PORTION", 3)
     written(tmp_path, model_survey.shapes(), formats=["gpkg"])
     for layer in ("outlines", "traced", "roof_faces"):
         mine, theirs = (read_polygons(f / "buildings.gpkg", layer) for f in (tmp_path, dutch[0]))

@@ -12,13 +12,13 @@ import pytest
 import scenes
 from cjio_process import cjio
 
-from lidar_buildings.core.building_model import build_model
-from lidar_buildings.core.errors import InputError
-from lidar_buildings.core.map_frame import MapFrame
-from lidar_buildings.core.plane_fitting import fit_roof_planes
-from lidar_buildings.core.solid import ROOF_SURFACE
-from lidar_buildings.core.validity import check_solid
-from lidar_buildings.io.cityjson import feature_line, header_line, parse_feature
+from lidar_buildings.core.model.errors import InputError
+from lidar_buildings.core.model.map_frame import MapFrame
+from lidar_buildings.core.solids.raising import ROOF_SURFACE
+from lidar_buildings.core.solids.validity import check_solid
+from lidar_buildings.core.stages.building_model import build_model
+from lidar_buildings.core.stages.plane_fitting import fit_roof_planes
+from lidar_buildings.io.models.cityjson import feature_line, header_line, parse_feature
 
 DUTCH = MapFrame("EPSG:28992", (84900.0, 447400.0, 0.0))
 FOOT = 0.3048

@@ -10,11 +10,11 @@ import laspy
 import numpy as np
 import pytest
 
-from lidar_buildings.core.errors import InputError, OutputError
-from lidar_buildings.io.classified_las import suffix_for, write_classified
-from lidar_buildings.io.las import open_cloud
-from lidar_buildings.io.las_records import read_raw_header
-from lidar_buildings.io.point_results import RESULT
+from lidar_buildings.core.model.errors import InputError, OutputError
+from lidar_buildings.io.clouds.classified_las import suffix_for, write_classified
+from lidar_buildings.io.clouds.las import open_cloud
+from lidar_buildings.io.clouds.las_records import read_raw_header
+from lidar_buildings.io.results.point_results import RESULT
 
 NEW = ("HeightAboveGround", "Facade", "BuildingId", "PlaneId", "EdgeLabel")
 LEGACY_CLASSES = np.array([1, 2, 3, 6, 7, 9, 11, 18], dtype=np.uint8)

@@ -8,7 +8,7 @@ import numpy as np
 import pyproj
 import pytest
 
-from lidar_buildings.io.las import open_cloud
+from lidar_buildings.io.clouds.las import open_cloud
 
 FOOT, SURVEY_FOOT = 0.3048, 1200 / 3937
 

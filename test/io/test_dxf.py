@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from ezdxf.math import bulge_radius
 
-from lidar_buildings.io.dxf import APPLICATION, COURTYARD, OUTLINE, dxf_file
+from lidar_buildings.io.models.dxf import APPLICATION, COURTYARD, OUTLINE, dxf_file
 
 
 def written(folder, frame=model_survey.DUTCH, buildings=None):

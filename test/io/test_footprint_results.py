@@ -8,10 +8,10 @@ import json
 import numpy as np
 import pytest
 
-from lidar_buildings.core.errors import InputError
-from lidar_buildings.core.outline import BuildingOutline, Outline
-from lidar_buildings.io.footprint_results import FootprintResults
-from lidar_buildings.io.tile_products import RoofFace, Shapes
+from lidar_buildings.core.model.errors import InputError
+from lidar_buildings.core.model.outline import BuildingOutline, Outline
+from lidar_buildings.io.results.footprint_results import FootprintResults
+from lidar_buildings.io.results.tile_products import RoofFace, Shapes
 
 RING = np.array([[0.0, 0.0], [4.0, 0.0], [4.0, 3.0]])
 GIVEN = FootprintResults({7: "seven", 8: "ächt"}, {"n_used": 3})

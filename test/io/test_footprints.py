@@ -13,12 +13,12 @@ import pyproj
 import pytest
 import shapely
 
-from lidar_buildings.core.errors import InputError
-from lidar_buildings.core.footprints import assign_footprints
-from lidar_buildings.core.map_frame import MapFrame
-from lidar_buildings.core.tile import PointTile
-from lidar_buildings.io.footprints import FootprintSource, check_overlap, read_footprints
-from lidar_buildings.io.warn_once import warn_once
+from lidar_buildings.core.model.errors import InputError
+from lidar_buildings.core.model.map_frame import MapFrame
+from lidar_buildings.core.model.tile import PointTile
+from lidar_buildings.core.stages.footprints import assign_footprints
+from lidar_buildings.io.files.warn_once import warn_once
+from lidar_buildings.io.vectors.footprints import FootprintSource, check_overlap, read_footprints
 
 RD = "EPSG:28992"
 FRAME = MapFrame(RD, (85_000.0, 447_000.0, 0.0))

@@ -12,10 +12,10 @@ import pyproj
 import pytest
 import shapely
 
-from lidar_buildings.core.errors import InputError, OutputError
-from lidar_buildings.io import geopackage
-from lidar_buildings.io.building_attributes import BUILDING_FIELDS
-from lidar_buildings.io.geopackage import GeoPackageLayer, read_polygons, write_geopackage
+from lidar_buildings.core.model.errors import InputError, OutputError
+from lidar_buildings.io.models.building_attributes import BUILDING_FIELDS
+from lidar_buildings.io.vectors import geopackage
+from lidar_buildings.io.vectors.geopackage import GeoPackageLayer, read_polygons, write_geopackage
 
 HOUSE = shapely.Polygon(
     [(0, 0), (10, 0), (10, 10), (0, 10)], [[(4, 4), (4, 6), (6, 6), (6, 4)], [(1, 1), (1, 2), (2, 2), (2, 1)]]

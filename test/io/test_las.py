@@ -10,10 +10,10 @@ import laspy
 import numpy as np
 import pytest
 
-from lidar_buildings.core.errors import InputError
-from lidar_buildings.io import las
-from lidar_buildings.io.find_inputs import find_inputs
-from lidar_buildings.io.las import frame_of, open_cloud, open_inputs, read_tile, xyz_of
+from lidar_buildings.core.model.errors import InputError
+from lidar_buildings.io.clouds import las
+from lidar_buildings.io.clouds.find_inputs import find_inputs
+from lidar_buildings.io.clouds.las import frame_of, open_cloud, open_inputs, read_tile, xyz_of
 
 VERSIONS_OF_FORMATS = [
     (version, point_format)

@@ -7,7 +7,7 @@ import os
 
 import pytest
 
-from lidar_buildings.io.native_errors import in_words, is_failure, quiet_if, quiet_panics
+from lidar_buildings.io.files.captured_stderr import in_words, is_failure, quiet_if, quiet_panics
 
 
 class PanicException(BaseException):

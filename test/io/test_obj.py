@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from lidar_buildings.io.obj import obj_file
+from lidar_buildings.io.models.obj import obj_file
 
 
 def written(folder, frame=model_survey.DUTCH, buildings=None):

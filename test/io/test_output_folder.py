@@ -13,19 +13,19 @@ import pyogrio
 import pytest
 from results import MODELS
 
-from lidar_buildings.core.building_model import BuildingModel
-from lidar_buildings.core.errors import OutputError
-from lidar_buildings.core.outline import BuildingOutline, Outline
-from lidar_buildings.core.status import BuildingStatus
-from lidar_buildings.core.tile import PointTile
-from lidar_buildings.io import output_folder
-from lidar_buildings.io.cityjson import feature_line
-from lidar_buildings.io.geopackage import read_polygons
-from lidar_buildings.io.las import InputFile
-from lidar_buildings.io.output_folder import OutputFolder
-from lidar_buildings.io.run_folder import output_names
-from lidar_buildings.io.tile_products import RoofFace, TileProducts
-from lidar_buildings.io.tiling import TileSource, TilingConfig
+from lidar_buildings.core.model.errors import OutputError
+from lidar_buildings.core.model.outline import BuildingOutline, Outline
+from lidar_buildings.core.model.status import BuildingStatus
+from lidar_buildings.core.model.tile import PointTile
+from lidar_buildings.core.stages.building_model import BuildingModel
+from lidar_buildings.io.clouds.las import InputFile
+from lidar_buildings.io.models.cityjson import feature_line
+from lidar_buildings.io.results import output_folder
+from lidar_buildings.io.results.output_folder import OutputFolder
+from lidar_buildings.io.results.run_folder import output_names
+from lidar_buildings.io.results.tile_products import RoofFace, TileProducts
+from lidar_buildings.io.tiling.tiling import TileSource, TilingConfig
+from lidar_buildings.io.vectors.geopackage import read_polygons
 
 WEST, SOUTH = 85000.0, 447000.0
 FILES = ["buildings.gpkg", *MODELS, "classified", "run.json"]

@@ -2,9 +2,9 @@ import laspy
 import numpy as np
 import pytest
 
-from lidar_buildings.core.point_spacing import steady_spacing
-from lidar_buildings.io.pulse_spacing import expected_spacing, pulses
-from lidar_buildings.io.tiling import TileSource, TilingConfig
+from lidar_buildings.core.neighbours.point_spacing import steady_spacing
+from lidar_buildings.io.clouds.pulse_spacing import expected_spacing, pulses
+from lidar_buildings.io.tiling.tiling import TileSource, TilingConfig
 from lidar_buildings.simulation import simulate_survey
 
 

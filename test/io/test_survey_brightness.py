@@ -2,11 +2,11 @@ import laspy
 import numpy as np
 import pytest
 
-from lidar_buildings.core.ground_filter import GroundFilterConfig
-from lidar_buildings.core.roof_selection import RoofSelectionConfig
-from lidar_buildings.core.tile_stages import filter_ground, select_roof_points
-from lidar_buildings.io.survey_brightness import SurveyBrightness
-from lidar_buildings.io.tiling import TileSource, TilingConfig
+from lidar_buildings.core.stages.ground_filter import GroundFilterConfig
+from lidar_buildings.core.stages.roof_selection import RoofSelectionConfig
+from lidar_buildings.io.tiling.survey_brightness import SurveyBrightness
+from lidar_buildings.io.tiling.tiling import TileSource, TilingConfig
+from lidar_buildings.pipeline.tile_stages import filter_ground, select_roof_points
 
 SIDE, SPACING = 160.0, 0.8
 GRASS, ASPHALT, ROOF = 150.0, 60.0, 110.0

@@ -13,14 +13,14 @@ import pyproj
 import pytest
 import rasterio
 
-from lidar_buildings.core.map_frame import MapFrame
-from lidar_buildings.core.terrain import RasterConfig, RasterWindow, TerrainRasters
-from lidar_buildings.core.tile import PointTile
-from lidar_buildings.core.tile_rasters import rasterise_tile
-from lidar_buildings.io.las import InputFile, open_cloud
-from lidar_buildings.io.output_folder import OutputFolder
-from lidar_buildings.io.terrain_files import RASTERS, crs_with_heights, merged, write_rasters
-from lidar_buildings.io.tile_products import TileProducts, load_raster_window
+from lidar_buildings.core.model.map_frame import MapFrame
+from lidar_buildings.core.model.tile import PointTile
+from lidar_buildings.core.stages.terrain import RasterConfig, RasterWindow, TerrainRasters
+from lidar_buildings.io.clouds.las import InputFile, open_cloud
+from lidar_buildings.io.results.output_folder import OutputFolder
+from lidar_buildings.io.results.terrain_files import RASTERS, crs_with_heights, merged, write_rasters
+from lidar_buildings.io.results.tile_products import TileProducts, load_raster_window
+from lidar_buildings.pipeline.tile_rasters import rasterise_tile
 
 SURVEY_FOOT = 1200 / 3937
 DUTCH = MapFrame("EPSG:28992", (85_000.0, 447_000.0, 0.0))

@@ -14,11 +14,11 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from lidar_buildings.core.errors import InputError, OutputError, ParameterError
-from lidar_buildings.io import tiling
-from lidar_buildings.io.crs import SourceCrs
-from lidar_buildings.io.spool import RECORD, Spool
-from lidar_buildings.io.tiling import TileSource, TilingConfig
+from lidar_buildings.core.model.errors import InputError, OutputError, ParameterError
+from lidar_buildings.io.clouds.crs import SourceCrs
+from lidar_buildings.io.tiling import tiling
+from lidar_buildings.io.tiling.spool import RECORD, Spool
+from lidar_buildings.io.tiling.tiling import TileSource, TilingConfig
 
 WEST, SOUTH = 84900.0, 447000.0
 

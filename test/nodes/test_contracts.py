@@ -12,7 +12,7 @@ from cloud_files import random_cloud
 from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 
-from lidar_buildings.core.parameters import spec_of
+from lidar_buildings.core.model.parameters import spec_of
 from lidar_buildings.nodes import reference
 from lidar_buildings.nodes.configs import NODE_CONFIGS
 from lidar_buildings.nodes.graph import node_class
@@ -24,7 +24,7 @@ from lidar_buildings.nodes.table import (
     nodes_until,
     topics_until,
 )
-from lidar_buildings.pipeline import STAGE_CONFIGS, STAGES
+from lidar_buildings.pipeline.reconstruct import STAGE_CONFIGS, STAGES
 from lidar_buildings.ros import qos
 from lidar_buildings.ros.parameters import parameter_prefix, ros_value
 

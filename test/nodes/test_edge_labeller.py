@@ -11,7 +11,7 @@ import scenes
 from diagnostic_msgs.msg import DiagnosticArray
 from sensor_msgs.msg import PointCloud2
 
-from lidar_buildings.core.tile import PointTile
+from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.nodes.edge_labeller import EdgeLabeller
 from lidar_buildings.ros.composition import Composition
 from lidar_buildings.ros.point_cloud import from_message, to_message

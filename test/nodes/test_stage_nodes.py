@@ -14,18 +14,18 @@ from rclpy.parameter import Parameter
 from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Header, String
 
-from lidar_buildings.core.map_frame import MapFrame
-from lidar_buildings.core.outline import BuildingOutline, Outline
-from lidar_buildings.core.tile import PointTile
-from lidar_buildings.core.tile_stages import TracedTile
-from lidar_buildings.io.tile_products import TileProducts
+from lidar_buildings.core.model.map_frame import MapFrame
+from lidar_buildings.core.model.outline import BuildingOutline, Outline
+from lidar_buildings.core.model.tile import PointTile
+from lidar_buildings.io.results.tile_products import TileProducts
 from lidar_buildings.nodes import building_tracer
 from lidar_buildings.nodes.building_tracer import BuildingTracer
 from lidar_buildings.nodes.graph import survey_nodes
 from lidar_buildings.nodes.ground_filter import GroundFilter
 from lidar_buildings.nodes.model_builder import ModelBuilder
 from lidar_buildings.nodes.model_writer import ModelWriter
-from lidar_buildings.pipeline import STAGES
+from lidar_buildings.pipeline.reconstruct import STAGES
+from lidar_buildings.pipeline.tile_stages import TracedTile
 from lidar_buildings.ros.composition import Composition
 from lidar_buildings.ros.map_frames import origin_message, units_message
 from lidar_buildings.ros.point_cloud import to_message

@@ -16,7 +16,7 @@ from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Header
 from std_srvs.srv import Trigger
 
-from lidar_buildings.core.errors import InputError
+from lidar_buildings.core.model.errors import InputError
 from lidar_buildings.nodes.tile_player import TilePlayer
 from lidar_buildings.ros.composition import Composition
 from lidar_buildings.ros.point_cloud import from_message

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from lidar_buildings.core.tile import PointTile
+from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.ros.flow_control import FlowControl
 from lidar_buildings.ros.graph_watch import GraphWatch
 from lidar_buildings.ros.playback import Playback

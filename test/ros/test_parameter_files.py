@@ -5,7 +5,7 @@ Parameter files as users and launch files write them.
 
 import pytest
 
-from lidar_buildings.core.errors import InputError
+from lidar_buildings.core.model.errors import InputError
 from lidar_buildings.ros.parameter_files import check_parameter_files
 
 #: As launch_ros writes a list of texts (yaml.dump of a tuple).

@@ -5,8 +5,8 @@ import pytest
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from lidar_buildings.core.errors import ParameterError
-from lidar_buildings.core.parameters import StageConfig, parameter
+from lidar_buildings.core.model.errors import ParameterError
+from lidar_buildings.core.model.parameters import StageConfig, parameter
 from lidar_buildings.ros.parameters import NodeParameters, parameter_overrides
 
 

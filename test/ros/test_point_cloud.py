@@ -6,8 +6,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from sensor_msgs.msg import PointCloud2, PointField
 
-from lidar_buildings.core.errors import InputError
-from lidar_buildings.core.tile import COLUMNS, PointTile
+from lidar_buildings.core.model.errors import InputError
+from lidar_buildings.core.model.tile import COLUMNS, PointTile
 from lidar_buildings.ros.point_cloud import from_message, to_message
 
 NUMBERS = {

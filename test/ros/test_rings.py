@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from lidar_buildings.core.errors import InputError
-from lidar_buildings.core.outline import BuildingOutline, Outline
+from lidar_buildings.core.model.errors import InputError
+from lidar_buildings.core.model.outline import BuildingOutline, Outline
 from lidar_buildings.ros.polygons import (
     bounds_message,
     bounds_of,

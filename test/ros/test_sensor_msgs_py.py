@@ -6,7 +6,7 @@ Our clouds and those of sensor_msgs_py are the same, byte for byte; skipped wher
 import numpy as np
 import pytest
 
-from lidar_buildings.core.tile import COLUMNS, PointTile
+from lidar_buildings.core.model.tile import COLUMNS, PointTile
 from lidar_buildings.ros.point_cloud import from_message, to_message
 
 point_cloud2 = pytest.importorskip("sensor_msgs_py.point_cloud2")

@@ -7,8 +7,8 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rclpy.node import Node
 from sensor_msgs.msg import PointCloud2, PointField
 
-from lidar_buildings.core.ground_filter import GroundFilterConfig
-from lidar_buildings.core.tile import PointTile
+from lidar_buildings.core.model.tile import PointTile
+from lidar_buildings.core.stages.ground_filter import GroundFilterConfig
 from lidar_buildings.ros.composition import Composition
 from lidar_buildings.ros.point_cloud import from_message, to_message
 from lidar_buildings.ros.qos import CLOUD, EVENT

@@ -1,7 +1,7 @@
 import numpy as np
 
-from lidar_buildings.core.outline import BuildingOutline, Outline
-from lidar_buildings.core.tile import PointTile
+from lidar_buildings.core.model.outline import BuildingOutline, Outline
+from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.ros.features import FeaturePool
 from lidar_buildings.ros.tile_join import MAX_WAITING_TILES, TileJoin, agree_on_buildings
 

@@ -8,7 +8,7 @@ import itertools
 import numpy as np
 import pytest
 
-from lidar_buildings.core.errors import ParameterError
+from lidar_buildings.core.model.errors import ParameterError
 from lidar_buildings.simulation import SCENES, make_scene
 
 

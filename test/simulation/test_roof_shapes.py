@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import shapely
 
-from lidar_buildings.core.outline import signed_area
+from lidar_buildings.core.model.outline import signed_area
 from lidar_buildings.simulation import roof_shapes as shapes
 from lidar_buildings.simulation import special_roofs as special
 from lidar_buildings.simulation.shell import shell_of

@@ -12,7 +12,7 @@ import pytest
 import shapely
 from cjio_process import cjio
 
-from lidar_buildings.core.errors import OutputError, ParameterError
+from lidar_buildings.core.model.errors import OutputError, ParameterError
 from lidar_buildings.simulation import make_scene, simulate_survey, simulate_tile
 from lidar_buildings.simulation.scene import FRAME
 

@@ -1,0 +1,1 @@
+"""What `lidar-buildings run` does: the request, the graph or the local run, progress."""

@@ -1,0 +1,218 @@
+"""
+The command ``lidar-buildings run``: files in, output folder out, through the node graph or without ROS.
+
+"""
+
+from __future__ import annotations
+
+import argparse
+import importlib.util
+import logging
+import sys
+import time
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from tqdm import tqdm
+
+from lidar_buildings.commands.run_request import RunRequest, request_of
+from lidar_buildings.core.model.errors import LidarBuildingsError
+from lidar_buildings.io.clouds.las import frame_of, open_inputs
+from lidar_buildings.io.results.output_folder import OutputFolder, RunSummary
+from lidar_buildings.io.results.run_folder import BUILDINGS, discard_unfinished
+from lidar_buildings.io.tiling.tiling import TileSource
+from lidar_buildings.io.vectors.footprints import FootprintFile, check_overlap, read_footprints
+
+#: Exit statuses: users' scripts rely on them.
+DONE, WRONG_USE, TILE_FAILED = 0, 2, 3
+
+
+@dataclass(frozen=True)
+class RunOutcome:
+    """
+    What a run gave.
+
+    Attributes
+    ----------
+    summary : RunSummary
+        What the files hold.
+    failed : mapping
+        Stamp of each tile that was given up → why.
+
+    """
+
+    summary: RunSummary
+    failed: Mapping[int, str]
+
+
+def run_command(options: argparse.Namespace) -> int:
+    """
+    Run the whole job and say what came of it.
+
+    Returns
+    -------
+    int
+        0; 2 if some input could not be read; 3 if a tile failed.
+
+    """
+    logging.basicConfig(format="lidar-buildings: %(message)s", level=logging.WARNING)
+    request = request_of(options)
+    if request.overwrite:
+        discard_unfinished(request.output)
+    started = time.perf_counter()
+    footprints = _footprints(request)
+    outcome = _run_local(request, footprints) if options.no_ros else _run_graph(request)
+    _report_trouble(outcome)
+    _report(request.output, outcome.summary, time.perf_counter() - started)
+    if outcome.failed or (outcome.summary.n_unclassified and not outcome.summary.problems):
+        return TILE_FAILED
+    return WRONG_USE if outcome.summary.problems else DONE
+
+
+@contextmanager
+def progress_bar(tile_count: Callable[[], int]) -> Iterator[Callable[[int], None]]:
+    """
+    Give a function that shows how many tiles are done: a bar on a terminal, plain lines elsewhere.
+
+    """
+    is_terminal = sys.stderr.isatty()
+    bar = tqdm(total=tile_count(), unit="tile", disable=not is_terminal)
+
+    def show(done: int) -> None:
+        bar.total = max(tile_count(), done)
+        bar.update(done - bar.n)
+        if not is_terminal:
+            bar.n = done
+            # in one piece: print() writes the line and its end apart, and other threads run in between
+            sys.stderr.write(f"{done} of {_count(bar.total, 'tile')} done\n")
+            sys.stderr.flush()
+
+    with bar:
+        yield show
+
+
+def _footprints(request: RunRequest) -> FootprintFile | None:
+    """
+    Read the footprints, if any are given, and refuse them if none lies within the clouds.
+
+    """
+    if request.footprints is None:
+        return None
+    clouds, _ = open_inputs(request.inputs)
+    frame = frame_of(clouds)
+    found = read_footprints(request.footprints, frame)
+    limits = [(*cloud.mins[:2], *cloud.maxs[:2]) for cloud in clouds if cloud.point_count]
+    if limits:
+        west, south, east, north = zip(*limits, strict=True)
+        check_overlap(found, (min(west), min(south), max(east), max(north)), frame)
+    return found
+
+
+def _run_local(request: RunRequest, footprints: FootprintFile | None) -> RunOutcome:
+    """
+    Run without ROS.
+
+    """
+    from lidar_buildings.commands.run_local import process_tiles, run_info
+
+    started = time.perf_counter()
+    skip: set[int] = set()
+    with TileSource(request.inputs, request.tiling, skip=skip) as source:
+        folder = OutputFolder(
+            request.output,
+            source.inputs,
+            source.frame,
+            overwrite=request.overwrite,
+            until=request.until,
+            parameters=request.parameters(),
+            footprints=footprints,
+            formats=request.files.formats,
+        )
+        skip |= folder.done_stamps()
+        with progress_bar(lambda: source.tile_count - len(skip)) as progress:
+            seconds, failed = process_tiles(
+                source,
+                folder,
+                request.config,
+                request.until,
+                progress,
+                request.files,
+                None if footprints is None else footprints.footprints,
+            )
+        seconds = {"wall": time.perf_counter() - started, **seconds}
+        info = run_info(seconds, request.parameters(), failed, source.problems)
+        return RunOutcome(folder.finalise(info), failed)
+
+
+def _run_graph(request: RunRequest) -> RunOutcome:
+    """
+    Run through the node graph.
+
+    """
+    if importlib.util.find_spec("rclpy") is None:
+        raise LidarBuildingsError(
+            "rclpy is not installed: source a ROS 2 Jazzy workspace, or pip install '.[ros]' "
+            "in the sources, or add --no-ros"
+        )
+    from lidar_buildings.commands.run_graph import run_graph
+
+    return run_graph(request)
+
+
+def _report_trouble(outcome: RunOutcome) -> None:
+    """
+    Print one line for each file and each tile that was not done.
+
+    """
+    summary = outcome.summary
+    lines = list(summary.problems)
+    lines += [
+        f"tile {stamp} failed ({reason}): the rest is complete" for stamp, reason in outcome.failed.items()
+    ]
+    if summary.n_unclassified and (outcome.failed or not summary.problems):
+        lines.append(
+            f"{_count(summary.n_unclassified, 'point')} kept the class from before: the same command with "
+            "--overwrite tries again"
+        )
+    is_bare = BUILDINGS in summary.files and not summary.buildings
+    if is_bare and summary.n_points and not outcome.failed:
+        lines.append("no building was found: doc/data_requirements.md says what the points must be like")
+    for line in lines:
+        print(f"lidar-buildings: {line}", file=sys.stderr)
+
+
+def _report(output: Path, summary: RunSummary, wall: float) -> None:
+    """
+    Print what was found and where it is.
+
+    """
+    counts = ", ".join(f"{n} {status}" for status, n in sorted(summary.buildings.items())) or "none"
+    print(f"{_count(summary.n_points, 'point')} in {_count(summary.n_tiles, 'tile')}, {wall:.1f} s")
+    print(f"buildings: {sum(summary.buildings.values())} ({counts})")
+    if summary.footprints:
+        print(_told_of_footprints(summary.footprints))
+    for name in summary.files:
+        print(f"  {output / name}")
+
+
+def _told_of_footprints(record: Mapping[str, Any]) -> str:
+    """
+    Say in one line what became of the footprints.
+
+    """
+    told = [f"{record['n_read']:,} read"]
+    told += [f"{record['n_repaired']:,} repaired"] * bool(record["n_repaired"])
+    told += [f"{number:,} {reason} left out" for reason, number in record["left_out"].items()]
+    told += [f"{record['n_outside']:,} outside the points"] * bool(record["n_outside"])
+    return f"footprints: {', '.join(told)}"
+
+
+def _count(number: int, what: str) -> str:
+    """
+    Write how many there are of something.
+
+    """
+    return f"{number:,} {what}" if number == 1 else f"{number:,} {what}s"

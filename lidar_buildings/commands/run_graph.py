@@ -1,0 +1,86 @@
+"""
+A run through the node graph, all nodes in this process.
+
+"""
+
+from __future__ import annotations
+
+import os
+from contextlib import suppress
+from typing import TYPE_CHECKING
+
+from lidar_buildings.ros.middleware import prepare_middleware
+
+if TYPE_CHECKING:
+    from lidar_buildings.commands.run import RunOutcome
+    from lidar_buildings.commands.run_request import RunRequest
+    from lidar_buildings.nodes.tile_player import TilePlayer
+
+#: How often the progress is shown [s].
+_TICK = 0.1
+
+
+def run_graph(request: RunRequest) -> RunOutcome:
+    """
+    Compose the nodes that a run needs, and wait until the writer has made the files.
+
+    Raises
+    ------
+    LidarBuildingsError
+        If a node cannot start or go on.
+
+    """
+    os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+    prepare_middleware()
+    import rclpy  # after the middleware was prepared
+    from rclpy.logging import LoggingSeverity, set_logger_level
+
+    from lidar_buildings.nodes.graph import survey_nodes
+    from lidar_buildings.ros.composition import Composition
+
+    context = rclpy.Context()
+    rclpy.init(args=[], context=context)
+    namespace = (request.namespace or f"lidar_buildings_{os.getpid()}").strip("/")
+    # what the nodes would say, the command says once, in one line
+    set_logger_level(namespace.replace("/", "."), LoggingSeverity.FATAL)
+    composition = None
+    try:
+        nodes = survey_nodes(
+            request.inputs,
+            str(request.output),
+            until=request.until,
+            settings=request.settings,
+            overwrite=request.overwrite,
+            identity=request.parameters(),
+            context=context,
+            namespace=namespace,
+        )
+        composition = Composition(*nodes.values())
+        composition.start()
+        return _outcome(composition, nodes)
+    finally:
+        if composition is not None:
+            composition.stop()
+        with suppress(Exception):
+            rclpy.try_shutdown(context=context)
+
+
+def _outcome(composition, nodes) -> RunOutcome:
+    """
+    Show the progress until the writer has its outcome.
+
+    """
+    from lidar_buildings.commands.run import RunOutcome, progress_bar
+
+    player: TilePlayer = nodes["tile_player"]
+    writer = nodes["model_writer"]
+    shown = -1
+    with progress_bar(lambda: player.progress.n_tiles) as show:
+        while not composition.wait(writer, timeout=_TICK):
+            done = player.progress.n_done
+            if done > max(shown, 0):
+                show(done)
+                shown = done
+        if player.progress.n_done > max(shown, 0):
+            show(player.progress.n_done)
+    return RunOutcome(writer.outcome.result(), writer.failed_tiles)

@@ -1,0 +1,227 @@
+"""
+What the user of ``lidar-buildings run`` asks for, checked before anything is touched.
+
+"""
+
+from __future__ import annotations
+
+import argparse
+import re
+from dataclasses import asdict, dataclass, fields
+from pathlib import Path
+from typing import Any, TypeVar
+
+from lidar_buildings.commands.settings import Settings, read_settings
+from lidar_buildings.core.model.errors import InputError, ParameterError
+from lidar_buildings.core.model.parameters import StageConfig
+from lidar_buildings.core.stages.footprints import FootprintConfig
+from lidar_buildings.core.stages.regularisation import RegularisationConfig
+from lidar_buildings.io.results.output_config import OutputConfig
+from lidar_buildings.io.tiling.tiling import TilingConfig
+from lidar_buildings.io.vectors.footprints import FootprintSource
+from lidar_buildings.nodes.configs import NODE_CONFIGS
+from lidar_buildings.pipeline.reconstruct import STAGE_CONFIGS, STAGES, PipelineConfig
+
+Config = TypeVar("Config", bound=StageConfig)
+
+_TILING = TilingConfig.stage
+#: Parameters of nodes that the command sets itself, and by what the user tells it.
+_OWN = {
+    (_TILING, "input"): "INPUT",
+    (_TILING, "wait_for"): "--until",
+    (_TILING, "loop"): "INPUT",
+    ("model_writer", "input"): "INPUT",
+    ("model_writer", "output"): "--output",
+    ("model_writer", "overwrite"): "--overwrite",
+    ("model_writer", "until"): "--until",
+    ("model_writer", "settings"): "--set and --params",
+    ("model_writer", "footprints"): "--footprints",
+    ("model_writer", "footprints_layer"): "--footprints-layer",
+    ("model_writer", "footprint_id"): "--footprint-id",
+    ("footprints", "file"): "--footprints",
+    ("footprints", "layer"): "--footprints-layer",
+    ("flow_control", "publish_tile_done"): "--output",
+}
+#: A namespace of ROS: words of letters, digits and underscores that begin with no digit.
+_NAMESPACE = re.compile(r"/?[A-Za-z_]\w*(/[A-Za-z_]\w*)*", re.ASCII)
+
+
+@dataclass(frozen=True)
+class RunRequest:
+    """
+    What the user asked for, checked.
+
+    Attributes
+    ----------
+    inputs : tuple of str
+        Files, folders, globs.
+    output : Path
+        The output folder.
+    settings : dict
+        What differs from the defaults, by stage.
+    config : PipelineConfig
+        All stages' configs.
+    tiling : TilingConfig
+        How the input is cut.
+    files : OutputConfig
+        Which files are made, and how ground and surface are rasterised.
+    until : str
+        The last stage.
+    overwrite : bool
+        Whether earlier results may be replaced.
+    namespace : str or None
+        ROS namespace, None for one of its own.
+    footprints : FootprintSource or None
+        Where given footprints come from, None to trace outlines.
+
+    """
+
+    inputs: tuple[str, ...]
+    output: Path
+    settings: Settings
+    config: PipelineConfig
+    tiling: TilingConfig
+    files: OutputConfig
+    until: str
+    overwrite: bool
+    namespace: str | None
+    footprints: FootprintSource | None = None
+
+    def parameters(self) -> dict[str, Any]:
+        """
+        Return everything that results depend on, as plain values.
+
+        """
+        stages = {
+            **asdict(self.config),
+            _TILING: asdict(self.tiling),
+            OutputConfig.stage: asdict(self.files),
+        }
+        if self.footprints is None:
+            return stages
+        given = self.footprints
+        file = {"file": str(given.path.resolve()), "layer": given.layer, "id_column": given.id_column}
+        changed = {"changed": given.path.stat().st_mtime_ns}
+        return stages | {FootprintConfig.stage: stages[FootprintConfig.stage] | file | changed}
+
+
+def request_of(options: argparse.Namespace) -> RunRequest:
+    """
+    Check the options of the command line.
+
+    Raises
+    ------
+    InputError
+        If the parameter file cannot be read.
+    ParameterError
+        If a name is unknown or a value not allowed.
+
+    """
+    settings = read_settings(options.params, options.set, NODE_CONFIGS)
+    if options.tile_size is not None:
+        settings.setdefault(_TILING, {})["tile_size"] = options.tile_size
+    _check_own(settings)
+    _check_namespace(options.namespace)
+    footprints = _footprints(options)
+    if footprints is not None:
+        _use_footprints(settings, footprints)
+    return RunRequest(
+        inputs=tuple(options.input),
+        output=options.output,
+        settings=settings,
+        config=PipelineConfig(**{stage: _shared(kind, settings) for stage, kind in STAGE_CONFIGS.items()}),
+        tiling=_shared(TilingConfig, settings),
+        files=_shared(OutputConfig, settings),
+        until=_last_stage(options.until),
+        overwrite=options.overwrite,
+        namespace=options.namespace,
+        footprints=footprints,
+    )
+
+
+def _footprints(options: argparse.Namespace) -> FootprintSource | None:
+    """
+    Return where footprints are to come from.
+
+    """
+    layer, column = options.footprints_layer, options.footprint_id
+    if options.footprints is None:
+        if layer is not None or column is not None:
+            option = "--footprints-layer" if layer is not None else "--footprint-id"
+            raise ParameterError(
+                f"{option}: says something of a file that is not named: add --footprints FILE"
+            )
+        return None
+    if not options.footprints.exists():
+        raise InputError(f"{options.footprints}: no such file: check the path of --footprints")
+    return FootprintSource(options.footprints, layer or "", column or "")
+
+
+def _use_footprints(settings: Settings, source: FootprintSource) -> None:
+    """
+    Tell the nodes of the footprints.
+
+    """
+    settings.setdefault(FootprintConfig.stage, {}).update(file=str(source.path), layer=source.layer)
+    settings.setdefault(RegularisationConfig.stage, {})["keep_outlines"] = True
+    settings.setdefault("model_writer", {}).update(
+        footprints=str(source.path), footprints_layer=source.layer, footprint_id=source.id_column
+    )
+
+
+def _check_own(settings: Settings) -> None:
+    """
+    Refuse what the command sets itself, and what a run that writes files cannot work with.
+
+    """
+    configs = {stage: config for stages in NODE_CONFIGS.values() for stage, config in stages.items()}
+    for (stage, name), option in _OWN.items():
+        default = next(member.default for member in fields(configs[stage]) if member.name == name)
+        if settings.get(stage, {}).pop(name, default) != default:
+            raise ParameterError(
+                f"{stage}.{name} follows from {option} of the command line: leave the parameter out"
+            )
+    if settings.get(_TILING, {}).get("max_tiles_in_flight") == 0:
+        raise ParameterError(
+            f"{_TILING}.max_tiles_in_flight = 0: a run that writes files has to wait for its tiles: "
+            "give at least 1"
+        )
+
+
+def _check_namespace(namespace: str | None) -> None:
+    """
+    Refuse a namespace that ROS would refuse.
+
+    """
+    if namespace is not None and not _NAMESPACE.fullmatch(namespace):
+        raise ParameterError(
+            f"--namespace {namespace!r}: must be words of letters, digits and _, beginning with no digit, "
+            "with / between them"
+        )
+
+
+def _shared(config: type[Config], settings: Settings) -> Config:
+    """
+    Return what nodes and the local run share of a node's parameters; the others only nodes have.
+
+    """
+    names = {member.name for member in fields(config)}
+    values = settings.get(config.stage, {})
+    return config(**{name: value for name, value in values.items() if name in names})
+
+
+def _last_stage(until: str | None) -> str:
+    """
+    Return the stage to end with; the name of a node stands for its (last) stage.
+
+    """
+    if until is None:
+        return STAGES[-1]
+    by_node = {
+        node: next((s for s in reversed(list(of)) if s in STAGES), "") for node, of in NODE_CONFIGS.items()
+    }
+    by_node |= {"segmentation": "boundary_tracing", "model_builder": "building_model"}
+    stage = until if until in STAGES else by_node.get(until, "")
+    if not stage:
+        raise ParameterError(f"--until {until}: must be one of {', '.join(STAGES)}")
+    return stage

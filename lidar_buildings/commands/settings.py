@@ -1,0 +1,189 @@
+"""
+What the user set: a parameter file in ROS's own form and ``--set STAGE.NAME=VALUE``, checked, by stage.
+
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import fields
+from difflib import get_close_matches
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from lidar_buildings.core.model.errors import InputError, ParameterError
+from lidar_buildings.core.model.parameters import StageConfig, checked_value
+
+#: {stage: {parameter name: value}}
+Settings = dict[str, dict[str, Any]]
+#: {node: {stage: config class}}
+NodeConfigs = Mapping[str, Mapping[str, type[StageConfig]]]
+
+_EXPONENT = re.compile(r"[-+]?\d+(\.\d*)?[eE][-+]?\d+")
+_COMPARE = "compare config/pipeline.param.yaml"
+_FORM = "must be STAGE.NAME=VALUE, as in roof_selection.min_height=2.5"
+
+
+def read_settings(params: Path | None, assignments: list[str], nodes: NodeConfigs) -> Settings:
+    """
+    Merge a parameter file with assignments; assignments win.
+
+    Parameters
+    ----------
+    params : Path or None
+        YAML as ``ros2 run … --params-file`` takes it.
+    assignments : list of str
+        ``STAGE.NAME=VALUE``; the name of a node stands for its stage where it has just one.
+    nodes : mapping
+        Which node has which stages.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read.
+    ParameterError
+        If an assignment is malformed, a name is unknown or a value not allowed, or if the file gives one
+        parameter two values; the message begins with the file's name or with ``--set``.
+
+    """
+    settings: Settings = {}
+    for stage, name, value in _from_file(params, nodes):
+        if settings.setdefault(stage, {}).setdefault(name, value) != value:
+            raise ParameterError(
+                f"{params}: {stage}.{name} is both {settings[stage][name]!r} and {value!r}, since two nodes "
+                "use it: give one value, or leave one of them out"
+            )
+    for text in assignments:
+        stage, name, value = _assignment(text, nodes)
+        settings.setdefault(stage, {})[name] = value
+    return settings
+
+
+def _from_file(path: Path | None, nodes: NodeConfigs) -> Iterator[tuple[str, str, Any]]:
+    """
+    Yield (stage, name, value) for every parameter of a file.
+
+    """
+    if path is None:
+        return
+    for key, body in _content(path).items():
+        node = str(key).rsplit("/", maxsplit=1)[-1]
+        if node not in nodes:
+            raise ParameterError(f"{path}: there is no node {node!r}{_nearest(node, nodes)}")
+        if not isinstance(body, dict) or not isinstance(body.get("ros__parameters"), dict):
+            raise ParameterError(f"{path}: {key} has no ros__parameters: {_COMPARE}")
+        for name, value in _flat(body["ros__parameters"]):
+            yield _checked(str(path), *_stage_of(str(path), node, name, nodes), value, nodes)
+
+
+def _content(path: Path) -> dict[Any, Any]:
+    """
+    Read a file of parameters.
+
+    """
+    try:
+        content = yaml.safe_load(path.read_text(encoding="utf-8")) or {}
+    except OSError as error:
+        raise InputError(f"{path}: {error.strerror}: give --params a readable YAML file") from error
+    except (yaml.YAMLError, UnicodeDecodeError) as error:
+        raise InputError(f"{path}: not valid YAML ({_place(error)}): {_COMPARE}") from error
+    if not isinstance(content, dict):
+        raise InputError(f"{path}: no node names at its top: {_COMPARE}")
+    return content
+
+
+def _place(error: Exception) -> str:
+    """
+    Say in a few words what is wrong with a YAML file, and where.
+
+    """
+    mark, problem = getattr(error, "problem_mark", None), getattr(error, "problem", None)
+    if mark is None:
+        return " ".join(str(error).split())
+    return f"line {mark.line + 1}, column {mark.column + 1}: {problem}"
+
+
+def _assignment(text: str, nodes: NodeConfigs) -> tuple[str, str, Any]:
+    """
+    Split ``STAGE.NAME=VALUE``.
+
+    """
+    path, equals, value = text.partition("=")
+    stage, dot, name = path.strip().partition(".")
+    if not equals or not dot or not name:
+        raise ParameterError(f"--set {text}: {_FORM}")
+    try:
+        parsed = yaml.safe_load(value)
+    except yaml.YAMLError as error:
+        raise ParameterError(f"--set {text}: {value!r} is not a value: {_FORM}") from error
+    if stage in nodes and not any(stage in stages for stages in nodes.values()):
+        stage, name = _stage_of("--set", stage, name, nodes)
+    return _checked("--set", stage, name, parsed, nodes)
+
+
+def _checked(origin: str, stage: str, name: str, value: Any, nodes: NodeConfigs) -> tuple[str, str, Any]:
+    """
+    Return stage, name and the value in its own type, or refuse them.
+
+    """
+    stages = {stage: config for configs in nodes.values() for stage, config in configs.items()}
+    if stage not in stages:
+        raise ParameterError(f"{origin}: there is no stage {stage!r}{_nearest(stage, stages)}")
+    known = {member.name: member for member in fields(stages[stage])}
+    if name not in known:
+        raise ParameterError(f"{origin}: there is no parameter {stage}.{name}{_nearest(name, known)}")
+    try:
+        return stage, name, checked_value(stage, known[name], _as_ros_reads(value))
+    except ParameterError as error:
+        raise ParameterError(f"{origin}: {error}") from error
+
+
+def _as_ros_reads(value: Any) -> Any:
+    """
+    Return a value as ROS understands the same YAML.
+
+    """
+    if isinstance(value, list) and not any(value):
+        return []  # an empty list of texts is written as one empty text
+    if isinstance(value, str) and _EXPONENT.fullmatch(value):
+        return float(value)  # 1e-3 is a text to YAML 1.1
+    return value
+
+
+def _flat(parameters: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
+    """
+    Yield (dotted name, value).
+
+    """
+    for name, value in parameters.items():
+        if isinstance(value, dict):
+            yield from _flat(value, f"{prefix}{name}.")
+        else:
+            yield f"{prefix}{name}", value
+
+
+def _stage_of(origin: str, node: str, name: str, nodes: NodeConfigs) -> tuple[str, str]:
+    """
+    Return (stage, name) of a node's parameter: the stage is named where the node has several.
+
+    """
+    stages = nodes[node]
+    if len(stages) == 1:
+        return next(iter(stages)), name
+    stage, dot, rest = name.partition(".")
+    if not dot or stage not in stages:
+        prefixes = ", ".join(f"{stage}." for stage in stages)
+        raise ParameterError(f"{origin}: {node}.{name}: the name must begin with one of {prefixes}")
+    return stage, rest
+
+
+def _nearest(word: str, known: Mapping[str, Any]) -> str:
+    """
+    Suggest the nearest known name, or list them all.
+
+    """
+    near = get_close_matches(word, known, n=1)
+    return f" (did you mean {near[0]}?)" if near else f" (there are {', '.join(known)})"

@@ -1,0 +1,1 @@
+"""What stages hand on: tiles, outlines, classes, ids, statuses, parameters, errors."""

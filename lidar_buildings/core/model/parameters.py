@@ -1,0 +1,152 @@
+"""
+Parameters written once: default, unit, range and one sentence, beside the stage that uses them.
+
+Node declarations, ``config/pipeline.param.yaml``, ``--set`` and ``doc/nodes.md`` are generated from here.
+
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import Field, dataclass, field, fields
+from typing import Any, ClassVar
+
+from lidar_buildings.core.model.errors import ParameterError
+
+
+@dataclass(frozen=True)
+class ParameterSpec:
+    """
+    What is known of a parameter beside its name, type and default.
+
+    Attributes
+    ----------
+    description : str
+        One sentence; says what raising the value does.
+    unit : str
+        SI symbol, ``"deg"``, ``"spacings"`` (multiples of the measured point spacing) or empty.
+    minimum, maximum : float or None
+        Inclusive range, None where open.
+    choices : tuple of str
+        The allowed words of a text or list parameter, empty where any will do.
+    read_only : bool
+        Whether the value is fixed once the node has started.
+
+    """
+
+    description: str
+    unit: str = ""
+    minimum: float | None = None
+    maximum: float | None = None
+    choices: tuple[str, ...] = ()
+    read_only: bool = False
+
+    def allowed(self) -> str:
+        """
+        Say in words which values are allowed.
+
+        """
+        if self.choices:
+            return "one of " + ", ".join(self.choices)
+        unit = f" [{self.unit}]" if self.unit else ""
+        if self.minimum is not None and self.maximum is not None:
+            return f"within {self.minimum:g} to {self.maximum:g}{unit}"
+        if self.minimum is not None:
+            return f"at least {self.minimum:g}{unit}"
+        if self.maximum is not None:
+            return f"at most {self.maximum:g}{unit}"
+        return f"a finite number{unit}"
+
+
+def parameter(default: Any, description: str, **spec: Any) -> Any:
+    """
+    Declare a config field with its description, unit and range.
+
+    Parameters
+    ----------
+    default : float, int, bool, str or tuple of str
+        Its type is the parameter's type.
+    description : str
+        One sentence; says what raising the value does.
+    **spec
+        The other members of `ParameterSpec`.
+
+    """
+    return field(default=default, metadata={"spec": ParameterSpec(description, **spec)})
+
+
+def spec_of(config_field: Field[Any]) -> ParameterSpec:
+    """
+    Return what was declared of a config field.
+
+    """
+    return config_field.metadata["spec"]
+
+
+@dataclass(frozen=True)
+class StageConfig:
+    """
+    Base of every stage's config: checks types and ranges when made.
+
+    Raises
+    ------
+    ParameterError
+        Naming the dotted parameter, the value and what is allowed.
+
+    """
+
+    stage: ClassVar[str] = ""
+
+    def __post_init__(self) -> None:
+        """
+        Check every value.
+
+        """
+        for config_field in fields(self):
+            value = checked_value(self.stage, config_field, getattr(self, config_field.name))
+            object.__setattr__(self, config_field.name, value)
+
+
+def checked_value(stage: str, config_field: Field[Any], value: Any) -> Any:
+    """
+    Return `value` in the parameter's own type, or say why it cannot be used.
+
+    Raises
+    ------
+    ParameterError
+        If the type is wrong or the value out of range.
+
+    """
+    spec = spec_of(config_field)
+    path = f"{stage}.{config_field.name}"
+    kind: Any = type(config_field.default)
+    wrong = ParameterError(f"{path} = {value!r}: must be {spec.allowed()}")
+    if kind is float and type(value) is int:
+        value = float(value)
+    if kind is tuple:
+        return _checked_texts(path, value, spec)
+    if type(value) is not kind:
+        raise ParameterError(f"{path} = {value!r}: must be of type {kind.__name__}")
+    if kind is str:
+        if spec.choices and value not in spec.choices:
+            raise wrong
+        return value
+    if kind is bool:
+        return value
+    below = spec.minimum is not None and value < spec.minimum
+    above = spec.maximum is not None and value > spec.maximum
+    if not math.isfinite(value) or below or above:
+        raise wrong
+    return value
+
+
+def _checked_texts(path: str, value: Any, spec: ParameterSpec) -> tuple[str, ...]:
+    """
+    Return a list of texts as a tuple.
+
+    """
+    if not isinstance(value, (list, tuple)) or any(type(text) is not str for text in value):
+        raise ParameterError(f"{path} = {value!r}: must be a list of texts")
+    if spec.choices and not set(value) <= set(spec.choices):
+        raise ParameterError(f"{path} = {value!r}: each must be {spec.allowed()}")
+    return tuple(value)

@@ -1,0 +1,234 @@
+"""
+A tile of points: named columns that all stages share and messages carry.
+
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lidar_buildings.core.model.map_frame import MapFrame
+from lidar_buildings.core.model.point_classes import PointClass
+
+#: Column name → dtype, in the order in which messages carry them after x, y, z.
+COLUMNS: dict[str, np.dtype[Any]] = {
+    name: np.dtype(kind)
+    for name, kind in {
+        "intensity": "<f4",
+        "return_number": "u1",
+        "number_of_returns": "u1",
+        "classification": "u1",
+        "scan_angle": "<f4",
+        "scan_direction_flag": "u1",
+        "point_source_id": "<u2",
+        "gps_time": "<f8",
+        "buffer": "u1",
+        "source": "<u2",
+        "index": "<u4",
+        "point_spacing": "<f4",
+        "normalised_intensity": "<f4",
+        "dark_limit": "<f4",
+        "height_above_ground": "<f4",
+        "facade": "u1",
+        "linearity": "<f4",
+        "planarity": "<f4",
+        "normal_x": "<f4",
+        "normal_y": "<f4",
+        "normal_z": "<f4",
+        "neighbourhood_radius": "<f4",
+        "edge": "u1",
+        "building_id": "<u4",
+        "plane_id": "<u2",
+    }.items()
+}
+
+
+@dataclass(frozen=True, eq=False)
+class PointTile:
+    """
+    The points of one tile, holding exactly what a message can carry.
+
+    Coordinates are rounded to float32 and columns cast to their message's dtype when the tile is made, so
+    that a stage sees the same numbers with and without ROS. Rows are in the order of (`source`, `index`).
+
+    Attributes
+    ----------
+    points : ndarray of shape (n_points, 3), float64
+        Map frame [m].
+    intensity, return_number, number_of_returns, classification : ndarray or None
+        As in the source; None where it has none.
+    scan_angle, scan_direction_flag, point_source_id, gps_time : ndarray or None
+        Likewise; `scan_angle` in degrees.
+    buffer : ndarray of uint8 or None
+        1 = belongs to a neighbouring tile, given as context only.
+    source, index : ndarray or None
+        The point is row `index` of input number `source`.
+    point_spacing : ndarray or None
+        Spacing of the pulses [m], the yardstick of other lengths; one value for a tile, mostly for a survey.
+    normalised_intensity : ndarray or None
+        0 to 255, the same in all flight strips of a survey; see `lidar_buildings.core.surfaces.intensity`.
+    dark_limit : ndarray or None
+        Normalised intensity up to which ground is dark: one value for a survey, whose ground has two modes.
+    height_above_ground ... plane_id : ndarray or None
+        What the stages appended.
+    stamp : int
+        The tile's key [ns].
+    bounds : tuple of four float or None
+        West, south, east and north limit of the tile with its buffer [m]; None where nothing lies beyond it.
+        A building that reaches these limits is not whole.
+    frame : MapFrame
+        Where the map frame lies.
+
+    Raises
+    ------
+    ValueError
+        If a column's length differs from the number of points, or `points` is not (n, 3).
+
+    """
+
+    points: NDArray[np.float64]
+    intensity: NDArray[np.float32] | None = None
+    return_number: NDArray[np.uint8] | None = None
+    number_of_returns: NDArray[np.uint8] | None = None
+    classification: NDArray[np.uint8] | None = None
+    scan_angle: NDArray[np.float32] | None = None
+    scan_direction_flag: NDArray[np.uint8] | None = None
+    point_source_id: NDArray[np.uint16] | None = None
+    gps_time: NDArray[np.float64] | None = None
+    buffer: NDArray[np.uint8] | None = None
+    source: NDArray[np.uint16] | None = None
+    index: NDArray[np.uint32] | None = None
+    point_spacing: NDArray[np.float32] | None = None
+    normalised_intensity: NDArray[np.float32] | None = None
+    dark_limit: NDArray[np.float32] | None = None
+    height_above_ground: NDArray[np.float32] | None = None
+    facade: NDArray[np.uint8] | None = None
+    linearity: NDArray[np.float32] | None = None
+    planarity: NDArray[np.float32] | None = None
+    normal_x: NDArray[np.float32] | None = None
+    normal_y: NDArray[np.float32] | None = None
+    normal_z: NDArray[np.float32] | None = None
+    neighbourhood_radius: NDArray[np.float32] | None = None
+    edge: NDArray[np.uint8] | None = None
+    building_id: NDArray[np.uint32] | None = None
+    plane_id: NDArray[np.uint16] | None = None
+    stamp: int = 0
+    bounds: tuple[float, float, float, float] | None = None
+    frame: MapFrame = field(default_factory=MapFrame)
+
+    def __post_init__(self) -> None:
+        """
+        Cast everything to what a message carries and check the lengths.
+
+        """
+        points = np.asarray(self.points)
+        if points.ndim != 2 or points.shape[1] != 3:
+            raise ValueError(f"points has shape {points.shape}: must be (n_points, 3)")
+        object.__setattr__(self, "points", points.astype(np.float32).astype(np.float64))
+        if self.bounds is not None:
+            object.__setattr__(self, "bounds", tuple(float(np.float32(limit)) for limit in self.bounds))
+        for name, dtype in COLUMNS.items():
+            column = getattr(self, name)
+            if column is None:
+                continue
+            column = np.ascontiguousarray(column, dtype=dtype)
+            if column.shape != (len(points),):
+                raise ValueError(f"{name} has shape {column.shape}: must be ({len(points)},)")
+            object.__setattr__(self, name, column)
+
+    def __len__(self) -> int:
+        """
+        Return the number of points.
+
+        """
+        return len(self.points)
+
+    @property
+    def columns(self) -> dict[str, NDArray[Any]]:
+        """
+        The columns that the tile has, in message order.
+
+        """
+        return {name: getattr(self, name) for name in COLUMNS if getattr(self, name) is not None}
+
+    @property
+    def is_core(self) -> NDArray[np.bool_]:
+        """
+        True for the tile's own points, False for the buffer's.
+
+        """
+        return np.ones(len(self), dtype=bool) if self.buffer is None else self.buffer == 0
+
+    @property
+    def is_roof(self) -> NDArray[np.bool_]:
+        """
+        True for points of class 6 that are no façade, and for all where nothing is classified.
+
+        """
+        if self.classification is None:
+            return np.ones(len(self), dtype=bool)
+        is_building = self.classification == PointClass.BUILDING
+        return is_building if self.facade is None else is_building & (self.facade == 0)
+
+    @property
+    def spacing(self) -> float | None:
+        """
+        The tile's point spacing [m], None where it is not known or there is no point.
+
+        """
+        return self._one_value(self.point_spacing)
+
+    @property
+    def darkness(self) -> float | None:
+        """
+        The tile's `dark_limit`, None where it is not known or there is no point.
+
+        """
+        return self._one_value(self.dark_limit)
+
+    def _one_value(self, column: NDArray[Any] | None) -> float | None:
+        """
+        Return a column's median, None where that is no number above 0.
+
+        """
+        if column is None or not len(self):
+            return None
+        value = float(np.median(column))
+        return value if np.isfinite(value) and value > 0 else None
+
+    def with_columns(self, **columns: Any) -> PointTile:
+        """
+        Return the tile with these columns set or replaced.
+
+        """
+        return replace(self, **columns)
+
+    def select(self, rows: NDArray[Any]) -> PointTile:
+        """
+        Return the tile's rows chosen by a mask or by indices.
+
+        """
+        chosen = {name: column[rows] for name, column in self.columns.items()}
+        return replace(self, points=self.points[rows], **chosen)
+
+    def joined(self, other: PointTile) -> PointTile:
+        """
+        Return the tile with another one's points after its own, in the columns that it has.
+
+        Raises
+        ------
+        ValueError
+            If the other tile lacks one of these columns.
+
+        """
+        missing = sorted(self.columns.keys() - other.columns.keys())
+        if missing:
+            raise ValueError(f"other lacks {', '.join(missing)}: must have the columns of the tile")
+        both: dict[str, Any] = {
+            name: np.concatenate([column, getattr(other, name)]) for name, column in self.columns.items()
+        }
+        return replace(self, points=np.concatenate([self.points, other.points]), **both)

@@ -1,0 +1,385 @@
+"""
+Points by cell: neighbours together, whatever the order of the rows.
+
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from lidar_buildings.core.neighbours.parallel import for_row_blocks
+
+#: Largest number of cells that a row-by-column number may count.
+MAX_CELLS = 2.0**60
+#: Up to so many cells a point are counted one by one; where points are farther apart, numbers are sorted.
+MAX_COUNTED_CELLS = 8
+#: Cells with more points than this are sorted by numpy.
+LARGE_CELL = 50_000
+#: Cells a block of work: some ten thousand points.
+CELLS_A_BLOCK = 2048
+#: Steps of the sort within a cell (Ciura 2001, each further one 2.25 times the one before).
+SHELL_STEPS = (85_764, 38_117, 16_941, 7_529, 3_346, 1_487, 661, 294, 132, 57, 23, 10, 4, 1)
+
+
+class SortedPoints(NamedTuple):
+    """
+    Points sorted by cell, and by z, x, y within each: the same sequence whatever the rows' order.
+
+    Attributes
+    ----------
+    points : ndarray of shape (n_points, 3)
+        The sorted points [m].
+    rows : ndarray of shape (n_points,), intp
+        The input row of each.
+    numbers : ndarray of shape (n_cells,), int64
+        The numbers of the occupied cells, rising: row by row from the south-west.
+    first : ndarray of shape (n_cells + 1,), int64
+        Cell k holds the sorted points first[k] to first[k + 1] (exclusive); the first is its lowest.
+    n_columns : int
+        By how much the number of a cell's northern neighbour is higher.
+    size : float
+        Side of a cell [m].
+
+    """
+
+    points: NDArray[np.float64]
+    rows: NDArray[np.intp]
+    numbers: NDArray[np.int64]
+    first: NDArray[np.int64]
+    n_columns: int
+    size: float
+
+
+class CellRows(NamedTuple):
+    """
+    Rows by cell, those of one cell in the order given: quicker than sorted points where that is no matter.
+
+    Attributes
+    ----------
+    rows : ndarray of shape (n_points,), intp
+        The rows, cell by cell.
+    numbers, first, n_columns, size
+        As of `SortedPoints`.
+
+    """
+
+    rows: NDArray[np.intp]
+    numbers: NDArray[np.int64]
+    first: NDArray[np.int64]
+    n_columns: int
+    size: float
+
+
+def rows_by_cell(points: NDArray[np.float64], cell: float) -> CellRows:
+    """
+    Gather the rows of points in square cells that start at multiples of `cell` from (0, 0).
+
+    Parameters
+    ----------
+    points : ndarray of shape (n_points, 2 or more)
+        Only x and y are looked at [m].
+    cell : float
+        Side of a cell [m]; doubled until an enormous extent can be numbered.
+
+    """
+    numbers, n_columns, cell = _numbered(points, cell)
+    return CellRows(*_rows_by_number(numbers), n_columns, cell)
+
+
+def sort_by_cell(points: NDArray[np.float64], cell: float) -> SortedPoints:
+    """
+    Sort points into square cells that start at multiples of `cell` from (0, 0).
+
+    Cells are counted, not compared, so that the time is linear in the number of points; on all cores where it
+    is the larger part.
+
+    Parameters
+    ----------
+    points : ndarray of shape (n_points, 3), C-contiguous
+        In any order [m].
+    cell : float
+        Side of a cell [m]; doubled until an enormous extent can be numbered.
+
+    """
+    numbers, n_columns, cell = _numbered(points, cell)
+    rows, numbers, first = _rows_by_number(numbers)
+    ordered = np.empty_like(points)
+    for_row_blocks(lambda a, b: _fill_cells(points, rows, ordered, first, a, b), len(numbers), CELLS_A_BLOCK)
+    for k in np.flatnonzero(np.diff(first) > LARGE_CELL):
+        _sort_large_cell(ordered, rows, slice(first[k], first[k + 1]))
+    return SortedPoints(ordered, rows, numbers, first, n_columns, cell)
+
+
+def lowest_of_cells(cloud: SortedPoints, kept: NDArray[np.bool_]) -> NDArray[np.int64]:
+    """
+    Return the sorted point that is the lowest kept one of each cell, where there is one, cell by cell.
+
+    Parameters
+    ----------
+    cloud : SortedPoints
+        The points in their cells.
+    kept : ndarray of shape (n_points,), bool
+        Which of the sorted points count.
+
+    """
+    lowest = np.full(len(cloud.numbers), -1, dtype=np.int64)
+    for_row_blocks(lambda a, b: _first_kept(cloud.first, kept, lowest, a, b), len(lowest))
+    return lowest[lowest >= 0]
+
+
+def in_rows_order(cloud: SortedPoints, values: NDArray[Any]) -> NDArray[Any]:
+    """
+    Return one value per sorted point in the order of the input rows.
+
+    """
+    unsorted = np.empty_like(values)
+    for_row_blocks(lambda a, b: _scatter(cloud.rows, values, unsorted, a, b), len(values))
+    return unsorted
+
+
+@njit(cache=True, nogil=True)
+def _scatter(rows, values, unsorted, begin, end):  # type: ignore[no-untyped-def]
+    """
+    Put the values of sorted points `begin` to `end` into their rows.
+
+    """
+    for i in range(begin, end):
+        unsorted[rows[i]] = values[i]
+
+
+@njit(cache=True, nogil=True)
+def _first_kept(first, kept, lowest, begin, end):  # type: ignore[no-untyped-def]
+    """
+    Find the first kept point of the cells `begin` to `end`.
+
+    """
+    for k in range(begin, end):
+        for i in range(first[k], first[k + 1]):
+            if kept[i]:
+                lowest[k] = i
+                break
+
+
+def cell_numbers(points: NDArray[np.float64], cell: float) -> NDArray[np.int64]:
+    """
+    Number the points' cells row by row from the south-west; cells start at multiples of `cell` from (0, 0).
+
+    Parameters
+    ----------
+    points : ndarray of shape (n_points, 2 or more)
+        Only x and y are looked at [m].
+    cell : float
+        Side of a cell [m]; doubled until an enormous extent can be numbered.
+
+    """
+    return _numbered(points, cell)[0]
+
+
+def cell_order(points: NDArray[np.float64], cell: float) -> NDArray[np.intp]:
+    """
+    Return the rows cell by cell, so that consecutive points are near each other.
+
+    """
+    return _rows_by_number(cell_numbers(points, cell))[0]
+
+
+def lowest_per_cell(points: NDArray[np.float64], cell: float) -> NDArray[np.intp]:
+    """
+    Return the row of the lowest point of every occupied cell, cell by cell from the south-west.
+
+    Ties are broken by x, then y, so that the same points come out whatever their order.
+
+    Parameters
+    ----------
+    points : ndarray of shape (n_points, 3)
+        In any order [m].
+    cell : float
+        Side of a cell [m].
+
+    """
+    points = np.ascontiguousarray(points)
+    numbers = cell_numbers(points, cell)
+    if not _can_be_counted(numbers):
+        rows, _, first = _rows_by_number(numbers)
+        return _lowest_of_runs(rows, first, points)
+    lowest = _lowest_of_cells(numbers, int(numbers.max(initial=-1)) + 1, points)
+    return lowest[lowest >= 0]
+
+
+def _numbered(points: NDArray[np.float64], cell: float) -> tuple[NDArray[np.int64], int, float]:
+    """
+    Return the cells' numbers, the number of columns and the cells' side.
+
+    """
+    if len(points) == 0:
+        return np.zeros(0, dtype=np.int64), 1, cell
+    x, y = points[:, 0], points[:, 1]
+    low, high = (float(x.min()), float(y.min())), (float(x.max()), float(y.max()))
+    while _n_across(low[0], high[0], cell) * _n_across(low[1], high[1], cell) > MAX_CELLS:
+        cell *= 2.0
+    # Differences before the cast: a coordinate far from the origin would not fit an integer.
+    west, south = math.floor(low[0] / cell), math.floor(low[1] / cell)
+    n_columns = int(math.floor(high[0] / cell) - west) + 1
+    numbers = np.empty(len(points), dtype=np.int64)
+    start = (float(west), float(south))
+    for_row_blocks(lambda a, b: _number(points, cell, start, n_columns, numbers, a, b), len(points))
+    return numbers, n_columns, cell
+
+
+def _n_across(low: float, high: float, cell: float) -> float:
+    """
+    Return how many cells there may be from `low` to `high`, without overflow.
+
+    """
+    return high / cell - low / cell + 2.0
+
+
+@njit(cache=True, nogil=True)
+def _number(points, cell, start, n_columns, numbers, begin, end):  # type: ignore[no-untyped-def]
+    """
+    Number the cells of the rows `begin` to `end`.
+
+    """
+    for i in range(begin, end):
+        column = np.int64(math.floor(points[i, 0] / cell) - start[0])
+        row = np.int64(math.floor(points[i, 1] / cell) - start[1])
+        numbers[i] = row * n_columns + column
+
+
+def _can_be_counted(numbers: NDArray[np.int64]) -> bool:
+    """
+    Return whether a table of all cells is small enough beside the points.
+
+    """
+    return int(numbers.max(initial=0)) < MAX_COUNTED_CELLS * (len(numbers) + 1024)
+
+
+def _rows_by_number(
+    numbers: NDArray[np.int64],
+) -> tuple[NDArray[np.intp], NDArray[np.int64], NDArray[np.int64]]:
+    """
+    Return the rows by rising number, equal ones in the order given; the numbers; where each begins.
+
+    """
+    if _can_be_counted(numbers):
+        return _counting_sort(numbers, int(numbers.max(initial=-1)) + 1)
+    rows = np.argsort(numbers, kind="stable")
+    in_order = numbers[rows]
+    begins = np.flatnonzero(np.diff(in_order, prepend=-1))
+    return rows, in_order[begins], np.append(begins, len(rows))
+
+
+@njit(cache=True, nogil=True)
+def _counting_sort(numbers, n_cells):  # type: ignore[no-untyped-def]
+    """
+    Sort with one step a point and a cell; see `_rows_by_number`.
+
+    """
+    place = np.zeros(n_cells, dtype=np.int64)
+    for number in numbers:
+        place[number] += 1
+    n_occupied = np.count_nonzero(place)
+    occupied, first = np.empty(n_occupied, dtype=np.int64), np.empty(n_occupied + 1, dtype=np.int64)
+    total, k = 0, 0
+    for number in range(n_cells):
+        if place[number] > 0:
+            occupied[k], first[k] = number, total
+            k += 1
+        place[number], total = total, total + place[number]
+    first[k] = total
+    rows = np.empty(len(numbers), dtype=np.intp)
+    for i in range(len(numbers)):
+        rows[place[numbers[i]]] = i
+        place[numbers[i]] += 1
+    return rows, occupied, first
+
+
+@njit(cache=True, nogil=True)
+def _fill_cells(points, rows, ordered, first, begin, end):  # type: ignore[no-untyped-def]
+    """
+    Sort the rows of the cells `begin` to `end` and copy their points into their places.
+
+    """
+    elevation = np.empty(LARGE_CELL)
+    for k in range(begin, end):
+        if first[k + 1] - first[k] <= LARGE_CELL:
+            _sort_cell(points, rows[first[k] : first[k + 1]], elevation)
+    for i in range(first[begin], first[end]):
+        for axis in range(3):
+            ordered[i, axis] = points[rows[i], axis]
+
+
+@njit(cache=True, nogil=True)
+def _sort_cell(points, rows, elevation):  # type: ignore[no-untyped-def]
+    """
+    Sort a cell's rows by their points' z, x, y (Shell 1959); `elevation` is room for as many numbers.
+
+    """
+    for i in range(len(rows)):
+        elevation[i] = points[rows[i], 2]
+    for step in SHELL_STEPS:
+        for i in range(step, len(rows)):
+            z, row = elevation[i], rows[i]
+            j = i
+            while j >= step and _comes_first(points, z, row, elevation[j - step], rows[j - step]):
+                elevation[j], rows[j] = elevation[j - step], rows[j - step]
+                j -= step
+            elevation[j], rows[j] = z, row
+
+
+@njit(cache=True, nogil=True)
+def _comes_first(points, z, row, other_z, other_row):  # type: ignore[no-untyped-def]
+    """
+    Whether a row's point, of elevation z, comes before another's by z, x, y.
+
+    """
+    if z != other_z:
+        return z < other_z
+    for axis in range(2):
+        if points[row, axis] != points[other_row, axis]:
+            return points[row, axis] < points[other_row, axis]
+    return False
+
+
+def _sort_large_cell(points: NDArray[np.float64], rows: NDArray[np.intp], cell: slice) -> None:
+    """
+    Sort one cell's points in place.
+
+    """
+    order = np.lexsort((points[cell, 1], points[cell, 0], points[cell, 2]))
+    points[cell], rows[cell] = points[cell][order], rows[cell][order]
+
+
+@njit(cache=True, nogil=True)
+def _lowest_of_cells(numbers, n_cells, points):  # type: ignore[no-untyped-def]
+    """
+    Return the row of the lowest point of each cell, −1 where there is none.
+
+    """
+    lowest = np.full(n_cells, -1, dtype=np.intp)
+    for i in range(len(numbers)):
+        k = numbers[i]
+        if lowest[k] < 0 or _comes_first(points, points[i, 2], i, points[lowest[k], 2], lowest[k]):
+            lowest[k] = i
+    return lowest
+
+
+@njit(cache=True, nogil=True)
+def _lowest_of_runs(rows, first, points):  # type: ignore[no-untyped-def]
+    """
+    Return the lowest point of each cell.
+
+    """
+    lowest = np.empty(len(first) - 1, dtype=np.intp)
+    for k in range(len(lowest)):
+        best = rows[first[k]]
+        for i in range(first[k] + 1, first[k + 1]):
+            if _comes_first(points, points[rows[i], 2], rows[i], points[best, 2], best):
+                best = rows[i]
+        lowest[k] = best
+    return lowest

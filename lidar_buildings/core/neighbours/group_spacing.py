@@ -1,0 +1,128 @@
+"""
+The point spacing of each of several groups of points, from a sample of each: quick where there are many.
+
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from lidar_buildings.core.neighbours.cell_grid import CellRows
+from lidar_buildings.core.neighbours.scan_neighbours import mark_probes
+
+#: Points of a group whose neighbours are looked at; the median of so many densities is good to a few percent.
+MAX_PROBES = 200
+#: Neighbours that a density is estimated from, and fewest points that each of these needs in its group.
+NEIGHBOURS, POINTS_A_NEIGHBOUR = 16, 10
+#: Cells on each side in which neighbours are sought.
+REACH = 4
+#: Distances beyond this multiple of the median weigh no more: a few strays far off have no say.
+MAX_STRAY = 3.0
+
+
+def group_spacings(
+    points: NDArray[np.float64], cells: CellRows, group: NDArray[np.int64], n_groups: int
+) -> NDArray[np.float64]:
+    """
+    Measure 1/√density of each group of points from its own points alone.
+
+    As `lidar_buildings.core.neighbours.point_spacing.measure_spacing`, the median by area of k/(π d²), d the distance to
+    the k-th neighbour in plan; but from a sample, and with neighbours sought nearby only.
+
+    Parameters
+    ----------
+    points : ndarray of shape (n_points, 3)
+        In any order; positions that occur twice count twice [m].
+    cells : CellRows
+        The points in cells a few spacings wide, or less.
+    group : ndarray of int64, shape (n_points,)
+        0 to `n_groups` (exclusive), or −1 for points of none.
+    n_groups : int
+        Number of groups.
+
+    Returns
+    -------
+    ndarray of shape (n_groups,)
+        NaN for a group of fewer than 20 points, or most of whose neighbours are not near [m].
+
+    """
+    size = np.bincount(group[group >= 0], minlength=n_groups)
+    is_probe = mark_probes(points, group, size, MAX_PROBES, 2 * POINTS_A_NEIGHBOUR)
+    probes = np.flatnonzero(is_probe)
+    distance = _nth_distances(
+        points, cells, group, np.minimum(NEIGHBOURS, size // POINTS_A_NEIGHBOUR), is_probe
+    )
+    order = probes[np.lexsort((distance[probes], group[probes]))]
+    first = np.searchsorted(group[order], np.arange(n_groups + 1))
+    spacings = np.full(n_groups, np.nan)
+    for number in np.flatnonzero(np.diff(first)):
+        middle = _middle(distance[order[first[number] : first[number + 1]]])
+        k = min(NEIGHBOURS, size[number] // POINTS_A_NEIGHBOUR)
+        spacings[number] = middle * math.sqrt(math.pi / (k + 1 / 3))
+    return spacings
+
+
+def _middle(distance: NDArray[np.float64]) -> float:
+    """
+    Return the median, weighted by area, of rising distances; NaN if it is not known.
+
+    """
+    median = distance[len(distance) // 2]
+    if not 0.0 < median < np.inf:
+        return math.nan
+    area = np.cumsum(np.minimum(distance, MAX_STRAY * median) ** 2)
+    middle = float(distance[np.searchsorted(area, 0.5 * area[-1])])
+    return middle if middle < np.inf else math.nan
+
+
+@njit(cache=True, nogil=True)
+def _nth_distances(points, cells, group, nth, is_probe):  # type: ignore[no-untyped-def]
+    """
+    Return each probe's distance to its n-th neighbour of the same group, infinite if that is not near.
+
+    """
+    distance = np.full(len(group), np.inf)
+    nearest = np.empty(NEIGHBOURS)
+    for cell in range(len(cells.numbers)):
+        for m in range(cells.first[cell], cells.first[cell + 1]):
+            i = cells.rows[m]
+            if not is_probe[i]:
+                continue
+            n = nth[group[i]]
+            for reach in (REACH // 2, REACH):
+                _find_nearest(points, cells, cell, reach, group, i, nearest[:n])
+                if nearest[n - 1] <= (reach * cells.size) ** 2:
+                    distance[i] = np.sqrt(nearest[n - 1])
+                    break
+    return distance
+
+
+@njit(cache=True, nogil=True)
+def _find_nearest(points, cells, cell, reach, group, i, nearest):  # type: ignore[no-untyped-def]
+    """
+    Write the least squared distances, rising, to the group's other points in a window of cells.
+
+    """
+    nearest[:] = np.inf
+    column = cells.numbers[cell] % cells.n_columns
+    west, east = min(reach, column), min(reach, cells.n_columns - 1 - column)
+    for row in range(-reach, reach + 1):
+        beside = cells.numbers[cell] + row * cells.n_columns
+        begin = np.searchsorted(cells.numbers, beside - west)
+        end = np.searchsorted(cells.numbers, beside + east, side="right")
+        for m in range(cells.first[begin], cells.first[end]):
+            j = cells.rows[m]
+            if group[j] != group[i] or j == i:
+                continue
+            square = (points[j, 0] - points[i, 0]) ** 2 + (points[j, 1] - points[i, 1]) ** 2
+            k = len(nearest) - 1
+            if square >= nearest[k]:
+                continue
+            while k > 0 and nearest[k - 1] > square:
+                nearest[k] = nearest[k - 1]
+                k -= 1
+            nearest[k] = square

@@ -1,9 +1,0 @@
-"""
-Roof selection: find the roofs among all points, and give every point its final class.
-
-"""
-
-from lidar_buildings.core.roof_selection.config import RoofSelectionConfig
-from lidar_buildings.core.roof_selection.selection import RoofSelection, select_roofs
-
-__all__ = ["RoofSelection", "RoofSelectionConfig", "select_roofs"]

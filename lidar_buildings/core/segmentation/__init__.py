@@ -1,9 +1,0 @@
-"""
-Segmentation: roof points that belong to one building.
-
-"""
-
-from lidar_buildings.core.segmentation.config import AS_PUBLISHED, SegmentationConfig
-from lidar_buildings.core.segmentation.segmentation import Segmentation, segment_buildings
-
-__all__ = ["AS_PUBLISHED", "Segmentation", "SegmentationConfig", "segment_buildings"]

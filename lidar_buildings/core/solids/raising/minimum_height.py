@@ -1,0 +1,88 @@
+"""
+Roofs that would come down to the ground or below it, cut off at a least height.
+
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import pairwise
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from lidar_buildings.core.solids.raising.roof_piece import RoofPiece
+
+#: Least height of a roof above the ground [m].
+MIN_HEIGHT = 0.1
+#: Pieces that are too low by less than this keep their planes: their posts are lifted [m].
+_TOLERATED = 0.004
+
+
+def cleared_pieces(pieces: Sequence[RoofPiece], ground_elevation: float) -> list[RoofPiece]:
+    """
+    Return the pieces, with what lies lower than `MIN_HEIGHT` above the ground replaced by flat pieces.
+
+    """
+    floor = ground_elevation + MIN_HEIGHT
+    return [part for piece in pieces for part in _cleared(piece, floor)]
+
+
+def _cleared(piece: RoofPiece, floor: float) -> list[RoofPiece]:
+    """
+    Return a piece itself, or what of it lies above a floor and the flat rest.
+
+    """
+    if not piece.rings or not len(piece.rings[0]):
+        return []
+    a, b, c = piece.plane
+    elevations = piece.rings[0] @ (a, b) + c
+    if elevations.min() >= floor - _TOLERATED:
+        return [piece]
+    flat = (0.0, 0.0, floor)
+    if elevations.max() <= floor + _TOLERATED or not (a or b):
+        return [RoofPiece(piece.rings, flat)]
+    polygon = shapely.make_valid(
+        shapely.Polygon(piece.rings[0], piece.rings[1:]), method="structure", keep_collapsed=False
+    )
+    upper = polygon.intersection(_half_plane(piece, floor))
+    return [
+        *(RoofPiece(rings, piece.plane) for rings in _polygons(upper)),
+        *(RoofPiece(rings, flat) for rings in _polygons(polygon.difference(upper))),
+    ]
+
+
+def _half_plane(piece: RoofPiece, floor: float) -> shapely.Polygon:
+    """
+    Return a rectangle that covers the part of a piece above a floor and ends where its plane meets it.
+
+    """
+    uphill = np.array(piece.plane[:2])
+    steepness = float(np.hypot(*uphill))
+    uphill /= steepness
+    ring = piece.rings[0]
+    centre = ring.mean(axis=0)
+    start = centre + (floor - piece.elevation(*centre.tolist())) / steepness * uphill
+    size = 4.0 * float(np.ptp(ring, axis=0).sum() + np.abs(start - centre).sum())
+    across = size * np.array([-uphill[1], uphill[0]])
+    return shapely.Polygon(
+        [start - across, start + across, start + across + size * uphill, start - across + size * uphill]
+    )
+
+
+def _polygons(geometry: shapely.Geometry) -> list[tuple[NDArray[np.float64], ...]]:
+    """
+    Return the rings of all polygons of a geometry.
+
+    """
+    parts = [part for part in shapely.get_parts(geometry) if part.geom_type in ("Polygon", "MultiPolygon")]
+    polygons = [polygon for part in parts for polygon in shapely.get_parts(part)]
+    starts = [
+        np.concatenate(([0], np.cumsum(shapely.get_num_coordinates(shapely.get_rings(polygon)))))
+        for polygon in polygons
+    ]
+    return [
+        tuple(shapely.get_coordinates(polygon)[first : last - 1] for first, last in pairwise(bounds.tolist()))
+        for polygon, bounds in zip(polygons, starts, strict=True)
+    ]

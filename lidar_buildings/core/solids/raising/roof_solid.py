@@ -1,0 +1,144 @@
+"""
+The solid of a building whose roof is given in pieces.
+
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from lidar_buildings.core.solids.output_grid import GRID
+from lidar_buildings.core.solids.raising.assembly import assemble
+from lidar_buildings.core.solids.raising.coverage import matched_coverage, noded_coverage
+from lidar_buildings.core.solids.raising.crossings import split_crossings
+from lidar_buildings.core.solids.raising.flat_heights import levelled_pieces
+from lidar_buildings.core.solids.raising.manifold import open_pinched_posts
+from lidar_buildings.core.solids.raising.minimum_height import cleared_pieces
+from lidar_buildings.core.solids.raising.plan_graph import PlanGraph
+from lidar_buildings.core.solids.raising.roof_piece import RoofPiece, check_pieces
+from lidar_buildings.core.solids.raising.triangulate_non_planar import without_folds
+from lidar_buildings.core.solids.raising.vertex_columns import MERGED_WITHIN, Posts
+from lidar_buildings.core.solids.shell import Solid
+from lidar_buildings.core.solids.validity import check_solid
+
+#: Repairs may make others necessary; no more rounds than this.
+_MAX_ROUNDS = 10
+#: Elevations at one vertex that lie within this become one where merging more folds a small face [m].
+_MERGED_LITTLE = 0.002
+#: Codes of faces that are not flat.
+_FOLDED = {203, 204}
+#: What is tried if a solid fails its checks: details narrower than the first vanish, on a grid of the second
+#: [steps of the output grid].
+_SIMPLER = ((5.0, 1.0), (10.0, 5.0), (20.0, 10.0), (50.0, 25.0), (150.0, 50.0))
+
+
+#: Share of its area that a plan may gain or lose by being simplified.
+_MAX_CHANGE = 0.05
+
+
+def roof_solid(pieces: Sequence[RoofPiece], ground_elevation: float) -> Solid:
+    """
+    Raise the pieces of a roof from the ground to their planes.
+
+    Parameters
+    ----------
+    pieces : sequence of RoofPiece
+        A coverage of the building's plan: pieces that lie beside each other share their edges. Gaps and
+        overlaps of some millimetres and vertices in the middle of a neighbour's edge are put right.
+    ground_elevation : float
+        Elevation of the ground face [m].
+
+    Returns
+    -------
+    Solid
+        Ground faces, roof faces and walls, outer ones and those at height steps, with all coordinates on the
+        output grid. Empty if there are no pieces with an area.
+
+    Raises
+    ------
+    ValueError
+        If the elevation, a plane or a ring is not finite or has another shape.
+
+    Notes
+    -----
+    The solid is checked. If it is not valid, folded faces are cut into triangles and details are left out,
+    the smallest first, until it is. If it never is, the solid of the plan as given is returned:
+    `checked_roof_solid` says what is wrong with it.
+
+    """
+    return checked_roof_solid(pieces, ground_elevation)[0]
+
+
+def checked_roof_solid(pieces: Sequence[RoofPiece], ground_elevation: float) -> tuple[Solid, tuple[int, ...]]:
+    """
+    Return what `roof_solid` does and the codes of what is wrong with it, as of `check_solid`.
+
+    """
+    if not math.isfinite(ground_elevation):
+        raise ValueError(f"ground_elevation = {ground_elevation}: must be finite")
+    check_pieces(pieces)
+    ground = round(ground_elevation / GRID)
+    pieces = levelled_pieces(cleared_pieces(pieces, ground * GRID))
+    first = None
+    for graph in _plans(pieces):
+        tried = []
+        for solid in _candidates(graph, pieces, ground):
+            tried.append((solid, check_solid(solid)))
+            if not tried[-1][1]:
+                return tried[-1]
+        for unfolded in _unfolded(tried):
+            if not check_solid(unfolded):
+                return unfolded, ()
+        first = first or tried[0]
+    nothing = Solid(np.empty((0, 3)), (), ())
+    return first or (nothing, check_solid(nothing))
+
+
+def _candidates(graph: PlanGraph, pieces: Sequence[RoofPiece], ground: int) -> Iterator[Solid]:
+    """
+    Yield the solids to try above one plan, the one with the fewest vertices first.
+
+    """
+    left = graph.left.copy()
+    yield _raised(graph, pieces, ground, MERGED_WITHIN)
+    yield _raised(PlanGraph(left), pieces, ground, _MERGED_LITTLE)
+
+
+def _unfolded(tried: Sequence[tuple[Solid, tuple[int, ...]]]) -> Iterator[Solid]:
+    """
+    Yield solids whose only fault are folded faces with these cut into triangles: many faces for one.
+
+    """
+    for solid, codes in tried:
+        if _FOLDED.issuperset(codes):
+            yield without_folds(solid)
+
+
+def _plans(pieces: Sequence[RoofPiece]) -> Iterator[PlanGraph]:
+    """
+    Yield the plan of the pieces and simpler ones, those left out that change its area much.
+
+    """
+    given = matched_coverage(pieces)
+    if given.left:
+        yield given
+    for within, grid in _SIMPLER if given.left else ():
+        simpler = noded_coverage(pieces, within, grid)
+        if abs(simpler.area - given.area) <= _MAX_CHANGE * given.area:
+            yield simpler
+
+
+def _raised(graph: PlanGraph, pieces: Sequence[RoofPiece], ground: int, merged_within: float) -> Solid:
+    """
+    Return the solid above a plan, repaired where roofs cross or posts are pinched.
+
+    """
+    posts = Posts(graph, pieces, ground, merged_within)
+    for _ in range(_MAX_ROUNDS):
+        crossed = split_crossings(posts)
+        if not open_pinched_posts(posts) and not crossed:
+            break
+    return assemble(posts)

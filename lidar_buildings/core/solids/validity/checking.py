@@ -1,0 +1,97 @@
+"""
+Checks of solids by ISO 19107, named by the codes of val3dity.
+
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lidar_buildings.core.solids.shell import Solid
+from lidar_buildings.core.solids.validity.codes import MARGIN, MAX_PLANE_DISTANCE, SNAP_TOLERANCE
+from lidar_buildings.core.solids.validity.edges import broken_edges
+from lidar_buildings.core.solids.validity.face_arrays import FaceArrays, face_arrays, fitted_planes
+from lidar_buildings.core.solids.validity.intersections import self_intersects
+from lidar_buildings.core.solids.validity.normals import folds
+from lidar_buildings.core.solids.validity.polygons import misplaced_holes
+from lidar_buildings.core.solids.validity.rings import repeated_points, self_intersections
+from lidar_buildings.core.solids.validity.triangulation import triangulate
+from lidar_buildings.core.solids.validity.welding import weld
+
+
+def check_solid(solid: Solid) -> tuple[int, ...]:
+    """
+    Return the codes of everything that is wrong with a solid, rising; empty if it is valid.
+
+    Rings are checked first, then polygons, then the shell; a level is looked at only if the one below it is
+    sound, as errors there would follow from those below (Ledoux 2013, 2018). Vertices nearer to each other
+    than the snap tolerance count as one.
+
+    Parameters
+    ----------
+    solid : Solid
+        With the coordinates that will be written, that is already rounded.
+
+    Notes
+    -----
+    Codes, names and tolerances: `lidar_buildings.core.solids.validity.codes`. Whether vertices exactly one snap
+    tolerance apart count as one depends on others' rounding: such solids have to be valid both ways.
+
+    """
+    if not solid.faces or not len(solid.vertices):
+        return (902,)
+    perhaps = weld(solid.vertices, SNAP_TOLERANCE * (1.0 + MARGIN))
+    codes = _check_welded(solid, perhaps)
+    if len(np.unique(perhaps)) < len(perhaps):
+        surely = weld(solid.vertices, SNAP_TOLERANCE * (1.0 - MARGIN))
+        codes |= set() if np.array_equal(surely, perhaps) else _check_welded(solid, surely)
+    return tuple(sorted(codes))
+
+
+def _check_welded(solid: Solid, leader: NDArray[np.int64]) -> set[int]:
+    """
+    Return the codes of a solid whose vertices count as others.
+
+    """
+    if not all(face and all(face) for face in solid.faces):
+        return {101}
+    faces = face_arrays(solid, leader)
+    codes = repeated_points(faces)
+    if codes:
+        return codes
+    off_plane, flat = fitted_planes(faces)
+    if off_plane.max() > MAX_PLANE_DISTANCE * (1.0 - MARGIN):
+        return {203} | self_intersections(faces, flat)
+    codes = self_intersections(faces, flat) or misplaced_holes(faces, flat)
+    if codes:
+        return codes
+    triangles, face_of = triangulate(faces, flat)
+    if folds(faces.vertices, triangles, face_of).any():
+        return {204}
+    return _check_shell(faces, triangles, face_of) | _unused(leader, faces)
+
+
+def _check_shell(faces: FaceArrays, triangles: NDArray[np.int64], face_of: NDArray[np.int64]) -> set[int]:
+    """
+    Return what is wrong with a shell of sound faces: codes 301 to 307, and 405 if it is inside out.
+
+    """
+    if len(faces.face_starts) <= 4:
+        return {301}
+    codes = broken_edges(triangles)
+    if codes:
+        return codes
+    if self_intersects(faces.vertices, triangles, face_of):
+        return {306}
+    corners = faces.vertices[triangles] - faces.vertices.mean(axis=0)
+    volume = np.einsum("ij,ij->", corners[:, 0], np.cross(corners[:, 1], corners[:, 2]))
+    return {405} if volume <= 0.0 else set()
+
+
+def _unused(leader: NDArray[np.int64], faces: FaceArrays) -> set[int]:
+    """
+    Return 309 if a vertex belongs to no face.
+
+    """
+    return set() if len(np.unique(faces.corners)) == len(np.unique(leader)) else {309}

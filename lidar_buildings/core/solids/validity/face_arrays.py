@@ -1,0 +1,114 @@
+"""
+The faces of a shell as arrays: rings end to end, planes fitted, corners in their planes.
+
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import chain
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lidar_buildings.core.solids.shell import Solid
+
+
+@dataclass(frozen=True, eq=False)
+class FaceArrays:
+    """
+    A shell's faces, flat.
+
+    Attributes
+    ----------
+    vertices : ndarray of shape (n_vertices, 3)
+        Map frame [m].
+    corners : ndarray of shape (n_corners,)
+        Rows of the vertices, ring by ring.
+    ring_starts : ndarray of shape (n_rings + 1,)
+        Where each ring begins among the corners.
+    face_starts : ndarray of shape (n_faces + 1,)
+        Where each face begins among the rings.
+
+    """
+
+    vertices: NDArray[np.float64]
+    corners: NDArray[np.int64]
+    ring_starts: NDArray[np.int64]
+    face_starts: NDArray[np.int64]
+
+    @property
+    def corner_starts(self) -> NDArray[np.int64]:
+        """
+        Where each face begins among the corners, shape (n_faces + 1,).
+
+        """
+        return self.ring_starts[self.face_starts]
+
+
+def face_arrays(solid: Solid, leader: NDArray[np.int64]) -> FaceArrays:
+    """
+    Return the faces of a solid with its vertices replaced by those they count as.
+
+    """
+    rings = list(chain.from_iterable(solid.faces))
+    sizes = np.array([len(ring) for ring in rings], dtype=np.int64)
+    corners = np.fromiter(chain.from_iterable(rings), dtype=np.int64, count=int(sizes.sum()))
+    per_face = np.array([len(face) for face in solid.faces], dtype=np.int64)
+    return FaceArrays(solid.vertices, leader[corners], _starts(sizes), _starts(per_face))
+
+
+def fitted_planes(faces: FaceArrays) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """
+    Return each face's largest distance to its plane [m], and the corners' coordinates in the planes [m].
+
+    The planes are least-squares planes through all corners of a face. In its own plane every exterior runs
+    counter-clockwise.
+
+    Returns
+    -------
+    off_plane : ndarray of shape (n_faces,)
+    flat : ndarray of shape (n_corners, 2)
+
+    """
+    starts = faces.corner_starts
+    counts = np.diff(starts)
+    points = faces.vertices[faces.corners]
+    centres = np.add.reduceat(points, starts[:-1]) / counts[:, None]
+    offsets = points - np.repeat(centres, counts, axis=0)
+    products = (offsets[:, :, None] * offsets[:, None, :]).reshape(-1, 9)
+    moments = np.add.reduceat(products, starts[:-1]).reshape(-1, 3, 3)
+    axes = np.repeat(np.linalg.eigh(moments)[1], counts, axis=0)
+    local = np.einsum("ni,nij->nj", offsets, axes)
+    off_plane = np.maximum.reduceat(np.abs(local[:, 0]), starts[:-1])
+    return off_plane, _counter_clockwise(faces, local[:, 2:0:-1].copy())
+
+
+def ring_areas(faces: FaceArrays, flat: NDArray[np.float64]) -> NDArray[np.float64]:
+    """
+    Return the area inside each ring, positive if it runs counter-clockwise [m²].
+
+    """
+    following = np.arange(1, len(flat) + 1)
+    following[faces.ring_starts[1:] - 1] = faces.ring_starts[:-1]
+    after = flat[following]
+    cross = flat[:, 0] * after[:, 1] - flat[:, 1] * after[:, 0]
+    return 0.5 * np.add.reduceat(cross, faces.ring_starts[:-1])
+
+
+def _counter_clockwise(faces: FaceArrays, flat: NDArray[np.float64]) -> NDArray[np.float64]:
+    """
+    Mirror the faces whose exteriors run clockwise.
+
+    """
+    clockwise = ring_areas(faces, flat)[faces.face_starts[:-1]] < 0.0
+    flat[np.repeat(clockwise, np.diff(faces.corner_starts)), 1] *= -1.0
+    return flat
+
+
+def _starts(sizes: NDArray[np.int64]) -> NDArray[np.int64]:
+    """
+    Return where each of consecutive groups begins, and where the last one ends.
+
+    """
+    return np.concatenate(([0], np.cumsum(sizes)))

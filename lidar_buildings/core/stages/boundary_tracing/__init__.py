@@ -1,0 +1,12 @@
+"""
+Boundary tracing: the rings round a building's points.
+
+"""
+
+from lidar_buildings.core.stages.boundary_tracing.config import AS_PUBLISHED, BoundaryTracingConfig
+from lidar_buildings.core.stages.boundary_tracing.tracing import (
+    TracedBoundary,
+    trace_boundary,
+)
+
+__all__ = ["AS_PUBLISHED", "BoundaryTracingConfig", "TracedBoundary", "trace_boundary"]

@@ -1,0 +1,79 @@
+"""
+Settings of the boundary tracing.
+
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from lidar_buildings.core.model.parameters import StageConfig, parameter
+
+#: The methods that a ring may be traced by.
+METHODS = ("modified_convex_hull", "alpha_shape")
+
+
+@dataclass(frozen=True)
+class BoundaryTracingConfig(StageConfig):
+    """
+    Settings of the boundary tracing.
+
+    """
+
+    stage: ClassVar[str] = "boundary_tracing"
+
+    method: str = parameter(
+        "modified_convex_hull",
+        "Walk round the points like a convex hull in small windows, or take the alpha shape.",
+        choices=METHODS,
+    )
+    window: float = parameter(
+        5.0,
+        "Sides of the neighbourhood of each step; raising it smooths the ring and closes narrow gaps.",
+        unit="spacings",
+        minimum=2.0,
+        maximum=40.0,
+    )
+    max_window: float = parameter(
+        20.0,
+        "Sides up to which the neighbourhood grows where the walk fails; raising it falls back later.",
+        unit="spacings",
+        minimum=2.0,
+        maximum=200.0,
+    )
+    alpha: float = parameter(
+        2.0,
+        "Radius of the alpha shape's disc, where that is the method; raising it smooths the ring.",
+        unit="spacings",
+        minimum=0.5,
+        maximum=100.0,
+    )
+    courtyards: bool = parameter(
+        True,
+        "Whether courtyards are traced as holes.",
+    )
+    min_courtyard_width: float = parameter(
+        8.0,
+        "Width of the disc that has to fit into a courtyard; raising it leaves more gaps inside unmarked.",
+        unit="spacings",
+        minimum=2.0,
+        maximum=200.0,
+    )
+    min_courtyard_area: float = parameter(
+        9.0,
+        "Smallest area of a courtyard; raising it leaves more gaps inside the roof unmarked.",
+        unit="m²",
+        minimum=0.0,
+    )
+    min_courtyard_band: float = parameter(
+        3.0,
+        "Width of the roof round most of a courtyard; raising it takes more rims for roofs without returns.",
+        unit="spacings",
+        minimum=0.0,
+        maximum=40.0,
+    )
+
+
+#: The walk of Sampath & Shan (2007): a window slightly larger than twice the spacing, and no courtyards.
+AS_PUBLISHED = BoundaryTracingConfig(window=2.2, courtyards=False)

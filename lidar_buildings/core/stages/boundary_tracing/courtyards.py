@@ -1,0 +1,122 @@
+"""
+Courtyards: which empty places inside an outer ring are some, and the roof that is left round them.
+
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import shapely
+from numba import njit
+from numpy.typing import NDArray
+
+from lidar_buildings.core.model.outline import signed_area
+from lidar_buildings.core.stages.boundary_tracing.ground import cells_within, span_of
+
+#: A roof that is narrow along more of a courtyard's rim than this is the rim of a roof without returns.
+_MAX_NARROW_SHARE = 0.5
+
+
+@dataclass(frozen=True)
+class CourtyardRules:
+    """
+    What makes an empty place a courtyard.
+
+    Attributes
+    ----------
+    radius : float
+        Of the disc that has to fit in [m].
+    min_area : float
+        Smallest area [m²].
+    min_band : float
+        Width of the roof round most of it [m].
+    min_others : float
+        Points that are not roof and have to lie in it, at least [1/m²].
+    others : ndarray of shape (n_points, 2) or None
+        Points that are not roof; None = not known, and not asked for.
+
+    """
+
+    radius: float
+    min_area: float
+    min_band: float
+    min_others: float = 0.0
+    others: NDArray[np.float64] | None = None
+
+    def refusal(self, ring: NDArray[np.float64], narrow_share: float) -> str | None:
+        """
+        Say why the place inside a ring is no courtyard; nothing to say of small ones, None if it is one.
+
+        Parameters
+        ----------
+        ring : ndarray of shape (n_vertices, 2)
+            The place's rim [m].
+        narrow_share : float
+            Share of the rim along which the roof round it is narrower than `min_band`.
+
+        """
+        area = abs(signed_area(ring))
+        if area < self.min_area:
+            return ""
+        if narrow_share > _MAX_NARROW_SHARE:
+            return "only the rim of the roof has points: the empty place inside is taken for roof"
+        if self.others is not None and self._n_others(ring) < max(1.0, self.min_others * area):
+            return "an empty place without points below is taken for roof"
+        return None
+
+    def _n_others(self, ring: NDArray[np.float64]) -> int:
+        """
+        Count the points that are not roof inside a ring.
+
+        """
+        if self.others is None:
+            return 0
+        near = ((self.others >= ring.min(axis=0)) & (self.others <= ring.max(axis=0))).all(axis=1)
+        return int(shapely.contains_xy(shapely.polygons(ring), self.others[near]).sum())
+
+
+@njit(cache=True, nogil=True)
+def narrow_share(ground, hole, exterior, width):  # type: ignore[no-untyped-def]
+    """
+    Return the share of a courtyard's rim along which the outer ring is nearer than a width.
+
+    Distances are those between vertices, and each vertex of the rim stands for half of its two edges.
+
+    Parameters
+    ----------
+    ground : Ground
+        The points.
+    hole, exterior : ndarray of int64
+        Rows of the rings.
+    width : float
+        Of the roof between them [spacings' half sides of the neighbourhood].
+
+    """
+    is_exterior = np.zeros(len(ground.x), dtype=np.bool_)
+    is_exterior[exterior] = True
+    narrow, total = 0.0, 0.0
+    for k in range(len(hole)):
+        i, before, after = hole[k], hole[k - 1], hole[(k + 1) % len(hole)]
+        length = np.hypot(ground.x[i] - ground.x[before], ground.y[i] - ground.y[before])
+        length += np.hypot(ground.x[i] - ground.x[after], ground.y[i] - ground.y[after])
+        total += length
+        if _has_near(ground, i, is_exterior, width):
+            narrow += length
+    return narrow / total
+
+
+@njit(cache=True, nogil=True)
+def _has_near(ground, row, is_wanted, width):  # type: ignore[no-untyped-def]
+    """
+    Whether one of the points wanted lies within a width of a point.
+
+    """
+    x, y, n = ground.x[row], ground.y[row], ground.n_columns
+    low_row, high_row, low_column, high_column = cells_within(ground, x, y, width)
+    for line in range(low_row, high_row + 1):
+        for i in range(ground.first[line * n + low_column], ground.first[line * n + high_column + 1]):
+            if is_wanted[i] and span_of(ground, ground.x[i] - x, ground.y[i] - y) <= width:
+                return True
+    return False

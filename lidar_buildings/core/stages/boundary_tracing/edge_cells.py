@@ -1,0 +1,184 @@
+"""
+The edges of rings in the cells that they pass, so that a step's crossing is looked for nearby only.
+
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from lidar_buildings.core.stages.boundary_tracing.ground import Ground, column_of, row_of
+
+#: Entries that there is room for at first: this many, and so many a position.
+_ROOM = 256
+_ROOM_A_POSITION = 4
+
+
+class EdgeCells(NamedTuple):
+    """
+    For every cell a list of the edges whose bounding box, in the ground's frame, meets it.
+
+    Attributes
+    ----------
+    head : ndarray of int64, shape (n_cells,)
+        The newest entry of each cell, −1 = none.
+    link, owner, cell : ndarray of int64, shape (room,)
+        Of each entry: the next older one of its cell, the position at which its edge begins, and its cell.
+    size : ndarray of int64, shape (1,)
+        Number of entries.
+
+    """
+
+    head: NDArray[np.int64]
+    link: NDArray[np.int64]
+    owner: NDArray[np.int64]
+    cell: NDArray[np.int64]
+    size: NDArray[np.int64]
+
+
+def no_edges(ground: Ground) -> EdgeCells:
+    """
+    Return empty lists for a ground's cells.
+
+    """
+    room = _ROOM + _ROOM_A_POSITION * len(ground.x)
+    head = np.full(len(ground.first) - 1, -1, dtype=np.int64)
+    link, owner, cell = (np.empty(room, dtype=np.int64) for _ in range(3))
+    return EdgeCells(head, link, owner, cell, np.zeros(1, dtype=np.int64))
+
+
+def with_more_room(edges: EdgeCells) -> EdgeCells:
+    """
+    Return the same lists with room for twice as many entries.
+
+    """
+    link, owner, cell = (np.concatenate([each, each]) for each in (edges.link, edges.owner, edges.cell))
+    return EdgeCells(edges.head, link, owner, cell, edges.size)
+
+
+@njit(cache=True, nogil=True)
+def add_edge(ground, edges, a, b):  # type: ignore[no-untyped-def]
+    """
+    Enter the edge from a to b into its cells; False, and nothing done, if there is no room for it.
+
+    """
+    low_row, high_row, low_column, high_column = _box(ground, a, b)
+    k = edges.size[0]
+    if k + (high_row - low_row + 1) * (high_column - low_column + 1) > len(edges.link):
+        return False
+    for row in range(low_row, high_row + 1):
+        for column in range(low_column, high_column + 1):
+            cell = row * ground.n_columns + column
+            edges.link[k], edges.owner[k], edges.cell[k] = edges.head[cell], a, cell
+            edges.head[cell] = k
+            k += 1
+    edges.size[0] = k
+    return True
+
+
+@njit(cache=True, nogil=True)
+def remove_edges(edges, size):  # type: ignore[no-untyped-def]
+    """
+    Take out the newest entries until `size` are left.
+
+    """
+    for k in range(edges.size[0] - 1, size - 1, -1):
+        edges.head[edges.cell[k]] = edges.link[k]
+    edges.size[0] = size
+
+
+@njit(cache=True, nogil=True)
+def meets_edges(ground, edges, follower, a, b):  # type: ignore[no-untyped-def]
+    """
+    Whether the segment ab crosses or touches an edge, beyond sharing its ends.
+
+    """
+    x, y, rounding, head, link, owner = (
+        ground.x,
+        ground.y,
+        ground.rounding,
+        edges.head,
+        edges.link,
+        edges.owner,
+    )
+    # What is in the way mostly begins near a: a stuck walk has tried hundreds of segments in vain.
+    home = row_of(ground, x[a], y[a]) * ground.n_columns + column_of(ground, x[a], y[a])
+    if _meets_list(x, y, rounding, follower, link, owner, head[home], a, b):
+        return True
+    low_row, high_row, low_column, high_column = _box(ground, a, b)
+    for row in range(low_row, high_row + 1):
+        for cell in range(row * ground.n_columns + low_column, row * ground.n_columns + high_column + 1):
+            if cell != home and _meets_list(x, y, rounding, follower, link, owner, head[cell], a, b):
+                return True
+    return False
+
+
+@njit(cache=True, nogil=True)
+def _meets_list(x, y, rounding, follower, link, owner, k, a, b):  # type: ignore[no-untyped-def]
+    """
+    Whether the segment ab meets one of the edges in the list that begins with the entry k.
+
+    """
+    west, east = min(x[a], x[b]) - rounding, max(x[a], x[b]) + rounding
+    south, north = min(y[a], y[b]) - rounding, max(y[a], y[b]) + rounding
+    while k >= 0:
+        c = owner[k]
+        d = follower[c]
+        is_apart = (x[c] < west and x[d] < west) or (x[c] > east and x[d] > east)
+        is_apart |= (y[c] < south and y[d] < south) or (y[c] > north and y[d] > north)
+        if not is_apart and _meet(x, y, rounding, a, b, c, d):
+            return True
+        k = link[k]
+    return False
+
+
+@njit(cache=True, nogil=True)
+def _box(ground, a, b):  # type: ignore[no-untyped-def]
+    """
+    Return the rows and columns that the bounding box of a segment extends over.
+
+    """
+    row_a, row_b = row_of(ground, ground.x[a], ground.y[a]), row_of(ground, ground.x[b], ground.y[b])
+    column_a = column_of(ground, ground.x[a], ground.y[a])
+    column_b = column_of(ground, ground.x[b], ground.y[b])
+    return min(row_a, row_b), max(row_a, row_b), min(column_a, column_b), max(column_a, column_b)
+
+
+@njit(cache=True, nogil=True)
+def _meet(x, y, rounding, a, b, c, d):  # type: ignore[no-untyped-def]
+    """
+    Whether the segments ab and cd, whose bounding boxes meet, have more in common than an end point.
+
+    """
+    is_shared_a, is_shared_b = a in (c, d), b in (c, d)
+    if is_shared_a or is_shared_b:
+        shared, tip, other = b, a, d if b == c else c
+        if is_shared_a:
+            shared, tip, other = a, b, d if a == c else c
+        if tip == other:
+            return True
+        # Two segments from one point overlap if they leave it in the same direction.
+        dot = (x[tip] - x[shared]) * (x[other] - x[shared]) + (y[tip] - y[shared]) * (y[other] - y[shared])
+        return dot > 0 and (
+            _side(x, y, rounding, shared, tip, other) == 0 or _side(x, y, rounding, shared, other, tip) == 0
+        )
+    if _side(x, y, rounding, a, b, c) * _side(x, y, rounding, a, b, d) > 0:
+        return False
+    return _side(x, y, rounding, c, d, a) * _side(x, y, rounding, c, d, b) <= 0
+
+
+@njit(cache=True, nogil=True)
+def _side(x, y, rounding, a, b, c):  # type: ignore[no-untyped-def]
+    """
+    Return the sign of c's side of the line ab: 1 left, −1 right, 0 on it as far as rounding tells.
+
+    """
+    dx, dy = x[b] - x[a], y[b] - y[a]
+    cross = dx * (y[c] - y[a]) - dy * (x[c] - x[a])
+    if abs(cross) <= rounding * (abs(dx) + abs(dy)):
+        return 0
+    return 1 if cross > 0 else -1

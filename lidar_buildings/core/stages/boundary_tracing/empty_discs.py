@@ -1,0 +1,219 @@
+"""
+Empty places inside a ring: discs without points, and the points that are nearest to them.
+
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from lidar_buildings.core.stages.boundary_tracing.ground import Ground, cells_within
+from lidar_buildings.core.stages.boundary_tracing.point_in_ring import filled
+
+#: A disc counts as fitting if its centre is found to this accuracy [sides of a cell].
+_ACCURACY = 0.01
+#: Cells looked at: at most this many, and so many a point; a vast place is looked at coarsely.
+_MAX_CELLS = 1_000_000
+_MAX_CELLS_A_POINT = 4
+
+
+class EmptyPlaces:
+    """
+    Looks for discs without points inside a ring, one by one.
+
+    Every disc holds the whole of the cell that its centre is in, if a cell's side is radius / √2: only
+    centres in empty cells are sought, and in most roofs there is no such cell.
+
+    Parameters
+    ----------
+    ground : Ground
+        The points.
+    ring : ndarray of int64
+        Rows of the outer ring's vertices.
+    radius : float
+        The discs' radius [m].
+
+    """
+
+    def __init__(self, ground: Ground, ring: NDArray[np.int64], radius: float) -> None:
+        """
+        Mark the cells that a disc's centre may be in.
+
+        """
+        self._ground, self._radius = ground, radius
+        size = np.hypot(ground.ux, ground.uy), np.hypot(ground.vx, ground.vy)
+        # Axes of the ground's frame, in metres.
+        self._axes = (ground.ux / size[0], ground.uy / size[0], ground.vx / size[1], ground.vy / size[1])
+        self._span = radius * max(size)
+        self._side = radius / np.sqrt(2.0)
+        width = ground.n_columns * ground.cell / size[0]
+        height = ground.n_rows * ground.cell / size[1]
+        limit = max(_MAX_CELLS, _MAX_CELLS_A_POINT * len(ground.x))
+        while (width / self._side + 1) * (height / self._side + 1) > limit:
+            self._side *= 2.0
+        self._n_columns, self._n_rows = int(width / self._side) + 1, int(height / self._side) + 1
+        self._west, self._south = ground.west / size[0], ground.south / size[1]
+        self._is_open = self._inside(ring)
+        _close_occupied(
+            ground, self._is_open, *self._axes, self._west, self._south, self._side, self._n_columns
+        )
+        self._is_empty = self._is_open.copy()
+        self._cells = np.flatnonzero(self._is_open)
+        self._last = 0
+
+    def next_centre(self) -> tuple[float, float] | None:
+        """
+        Return the centre of a disc that fits into a place not seen so far, None if there is none.
+
+        """
+        for k, cell in enumerate(self._cells.tolist()):
+            if not self._is_open[cell]:
+                continue
+            row, column = divmod(cell, self._n_columns)
+            u, v = self._west + (column + 0.5) * self._side, self._south + (row + 0.5) * self._side
+            ux, uy, vx, vy = self._axes
+            x, y = u * ux + v * vx, u * uy + v * vy
+            fits, x, y = _disc_in_cell(
+                self._ground, x, y, ux * self._side, uy * self._side, self._radius, self._span
+            )
+            self._is_open[cell] = False
+            if fits:
+                self._cells, self._last = self._cells[k + 1 :], cell
+                return x, y
+        return None
+
+    def close(self, ring: NDArray[np.int64]) -> None:
+        """
+        Look no more inside a ring.
+
+        """
+        self._is_open &= ~self._inside(ring)
+
+    def give_up(self) -> None:
+        """
+        Look no more in the place that the last centre was in: its cells and all connected with them.
+
+        """
+        _close_connected(self._is_open, self._is_empty, self._last, self._n_columns)
+
+    def _inside(self, ring: NDArray[np.int64]) -> NDArray[np.bool_]:
+        """
+        Return the cells whose centres a ring holds.
+
+        """
+        x, y = self._ground.x[ring], self._ground.y[ring]
+        ux, uy, vx, vy = self._axes
+        u = (ux * x + uy * y - self._west) / self._side
+        v = (vx * x + vy * y - self._south) / self._side
+        return filled(u, v, self._n_columns, self._n_rows)
+
+
+@njit(cache=True, nogil=True)
+def nearest_free(ground, follower, x, y, n):  # type: ignore[no-untyped-def]
+    """
+    Return the rows of the up to n nearest points to a place that no ring has taken, the nearest first.
+
+    """
+    size_u, size_v = np.hypot(ground.ux, ground.uy), np.hypot(ground.vx, ground.vy)
+    shortest = 1.0 / max(size_u, size_v)
+    farthest = ground.cell * (ground.n_columns + ground.n_rows) * max(size_u, size_v) / min(size_u, size_v)
+    span, n_found = 1.0, 0
+    found, distance = np.empty(n, dtype=np.int64), np.full(n, np.inf)
+    while True:
+        low_row, high_row, low_column, high_column = cells_within(ground, x, y, span)
+        n_found, distance[:] = 0, np.inf
+        for row in range(low_row, high_row + 1):
+            cell = row * ground.n_columns
+            for i in range(ground.first[cell + low_column], ground.first[cell + high_column + 1]):
+                away = np.hypot(ground.x[i] - x, ground.y[i] - y)
+                if follower[i] < 0 and away <= span * shortest and away < distance[n - 1]:
+                    k = min(n_found, n - 1)
+                    while k > 0 and distance[k - 1] > away:
+                        found[k], distance[k] = found[k - 1], distance[k - 1]
+                        k -= 1
+                    found[k], distance[k] = i, away
+                    n_found = min(n_found + 1, n)
+        if n_found > 0 or span > farthest:
+            return found[:n_found].copy()
+        span *= 2.0
+
+
+@njit(cache=True, nogil=True)
+def _close_occupied(ground, is_open, ux, uy, vx, vy, west, south, side, n_columns):  # type: ignore[no-untyped-def]
+    """
+    Close the cells that hold points.
+
+    """
+    n_rows = len(is_open) // n_columns
+    for i in range(len(ground.x)):
+        u = (ux * ground.x[i] + uy * ground.y[i] - west) / side
+        v = (vx * ground.x[i] + vy * ground.y[i] - south) / side
+        row = np.int64(max(0.0, min(v, n_rows - 1.0)))
+        is_open[row * n_columns + np.int64(max(0.0, min(u, n_columns - 1.0)))] = False
+
+
+@njit(cache=True, nogil=True)
+def _close_connected(is_open, is_empty, cell, n_columns):  # type: ignore[no-untyped-def]
+    """
+    Close an empty cell and all empty ones that are connected with it by sides.
+
+    """
+    is_empty[cell] = is_open[cell] = False
+    waiting = [cell]
+    while len(waiting) > 0:
+        cell = waiting.pop()
+        for step in (-n_columns, -1, 1, n_columns):
+            beside = cell + step
+            wraps = abs(step) == 1 and beside // n_columns != cell // n_columns
+            if 0 <= beside < len(is_empty) and not wraps and is_empty[beside]:
+                is_empty[beside] = is_open[beside] = False
+                waiting.append(beside)
+
+
+@njit(cache=True, nogil=True)
+def _disc_in_cell(ground, x, y, dx, dy, radius, span):  # type: ignore[no-untyped-def]
+    """
+    Return whether a disc without points has its centre in a cell about (x, y) with the side (dx, dy), and it.
+
+    The centre is sought uphill, towards more distance from the nearest point, from nine places.
+
+    """
+    side = np.hypot(dx, dy)
+    if _clearance(ground, x, y, radius, span) + 0.75 * side < radius:
+        return False, x, y
+    for start in range(9):
+        u, v, step = (start % 3 - 1) / 3.0, (start // 3 - 1) / 3.0, 1.0 / 6.0
+        best = _clearance(ground, x + u * dx - v * dy, y + u * dy + v * dx, radius, span)
+        while best < radius and step >= _ACCURACY:
+            is_better = False
+            for k in range(9):
+                p, q = u + (k % 3 - 1) * step, v + (k // 3 - 1) * step
+                if abs(p) <= 0.5 and abs(q) <= 0.5:
+                    found = _clearance(ground, x + p * dx - q * dy, y + p * dy + q * dx, radius, span)
+                    if found > best + 1e-3 * step * side:
+                        best, best_u, best_v, is_better = found, p, q, True
+            if is_better:
+                u, v = best_u, best_v
+            else:
+                step *= 0.5
+        if best >= radius:
+            return True, x + u * dx - v * dy, y + u * dy + v * dx
+    return False, x, y
+
+
+@njit(cache=True, nogil=True)
+def _clearance(ground, x, y, radius, span):  # type: ignore[no-untyped-def]
+    """
+    Return the distance from a place to the nearest point, but no more than `radius` [m].
+
+    """
+    low_row, high_row, low_column, high_column = cells_within(ground, x, y, span)
+    nearest = radius * radius
+    for row in range(low_row, high_row + 1):
+        cell = row * ground.n_columns
+        for i in range(ground.first[cell + low_column], ground.first[cell + high_column + 1]):
+            dx, dy = ground.x[i] - x, ground.y[i] - y
+            nearest = min(nearest, dx * dx + dy * dy)
+    return np.sqrt(nearest)

@@ -1,0 +1,228 @@
+"""
+Where walks take place: a building's positions in cells, and what counts as the neighbourhood of one.
+
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from lidar_buildings.core.neighbours.scan_pattern import ScanPattern
+
+#: Cells that a ground may have: this many, or this many times the number of points.
+_MAX_CELLS = 4096
+_MAX_CELLS_A_POINT = 4
+#: Cells with more points than this are not sorted by insertion.
+_LARGE_CELL = 32
+#: Rounding of coordinates: points nearer to a line than this lie on it [largest coordinate].
+_ROUNDING = 4e-15
+
+
+class Ground(NamedTuple):
+    """
+    Distinct positions sorted into cells, in a frame whose axes are those of the neighbourhood.
+
+    In that frame, whose unit is the neighbourhood's half sides, the neighbourhood is a square from −1 to 1,
+    or the unit disc. Turning and stretching changes neither the order of directions round a point nor
+    whether segments cross.
+
+    Attributes
+    ----------
+    x, y : ndarray of shape (n_positions,)
+        Cell by cell; within a cell by x, then y [m].
+    first : ndarray of int64, shape (n_cells + 1,)
+        Where each cell's positions begin; cells are numbered row by row.
+    n_columns, n_rows : int
+        Cells along the frame's axes.
+    cell : float
+        Side of a cell [half sides of the neighbourhood].
+    west, south : float
+        The frame's coordinates of the corner of cell 0.
+    ux, uy, vx, vy : float
+        The frame's coordinates of a position are u = ux x + uy y and v = vx x + vy y [1/m].
+    is_disc : bool
+        Whether the neighbourhood is a disc.
+    rounding : float
+        Points nearer to a line than this lie on it [m].
+    hand : int
+        1 = walks keep the empty side to their left, −1 = to their right.
+
+    """
+
+    x: NDArray[np.float64]
+    y: NDArray[np.float64]
+    first: NDArray[np.int64]
+    n_columns: int
+    n_rows: int
+    cell: float
+    west: float
+    south: float
+    ux: float
+    uy: float
+    vx: float
+    vy: float
+    is_disc: bool
+    rounding: float
+    hand: int = 1
+
+
+def prepare_ground(points: NDArray[np.float64], pattern: ScanPattern, window: float) -> Ground:
+    """
+    Sort positions into cells, every position once.
+
+    Parameters
+    ----------
+    points : ndarray of shape (n_points, 2 or more)
+        In any order [m].
+    pattern : ScanPattern
+        The spacing along and across the scan lines; a disc where both are the same, else a rectangle.
+    window : float
+        Sides of the neighbourhood [spacings].
+
+    """
+    along, across = 0.5 * window * pattern.along, 0.5 * window * pattern.across
+    cosine, sine = float(np.cos(pattern.direction)), float(np.sin(pattern.direction))
+    frame = (cosine / along, sine / along, -sine / across, cosine / across)
+    low_u, high_u, low_v, high_v, largest = _extent(points, *frame) if len(points) else (0.0,) * 5
+    # A sparse cloud of great extent gets larger cells, so that there are not many more than points.
+    cell, limit = 1.0, max(_MAX_CELLS, _MAX_CELLS_A_POINT * len(points))
+    while ((high_u - low_u) / cell + 1) * ((high_v - low_v) / cell + 1) > limit:
+        cell *= 2.0
+    n_columns, n_rows = int((high_u - low_u) / cell) + 1, int((high_v - low_v) / cell) + 1
+    x, y, first = _sorted_by_cell(points, *frame, low_u, low_v, cell, n_columns, n_rows)
+    is_disc = pattern.along == pattern.across
+    return Ground(x, y, first, n_columns, n_rows, cell, low_u, low_v, *frame, is_disc, _ROUNDING * largest)
+
+
+@njit(cache=True, nogil=True)
+def column_of(ground, x, y):  # type: ignore[no-untyped-def]
+    """
+    Return the column of a place, limited to the ground's.
+
+    """
+    u = (ground.ux * x + ground.uy * y - ground.west) / ground.cell
+    return np.int64(max(0.0, min(u, ground.n_columns - 1.0)))
+
+
+@njit(cache=True, nogil=True)
+def row_of(ground, x, y):  # type: ignore[no-untyped-def]
+    """
+    Return the row of a place, limited to the ground's.
+
+    """
+    v = (ground.vx * x + ground.vy * y - ground.south) / ground.cell
+    return np.int64(max(0.0, min(v, ground.n_rows - 1.0)))
+
+
+@njit(cache=True, nogil=True)
+def cells_within(ground, x, y, span):  # type: ignore[no-untyped-def]
+    """
+    Return the first and last row and the first and last column of the cells within `span` of a place.
+
+    """
+    u = ground.ux * x + ground.uy * y - ground.west
+    v = ground.vx * x + ground.vy * y - ground.south
+    top, right = ground.n_rows - 1.0, ground.n_columns - 1.0
+    return (
+        np.int64(max(0.0, min((v - span) / ground.cell, top))),
+        np.int64(max(0.0, min((v + span) / ground.cell, top))),
+        np.int64(max(0.0, min((u - span) / ground.cell, right))),
+        np.int64(max(0.0, min((u + span) / ground.cell, right))),
+    )
+
+
+@njit(cache=True, nogil=True)
+def span_of(ground, dx, dy):  # type: ignore[no-untyped-def]
+    """
+    Return how many times the neighbourhood has to be enlarged for its rim to pass a place (dx, dy) off.
+
+    """
+    u, v = ground.ux * dx + ground.uy * dy, ground.vx * dx + ground.vy * dy
+    if ground.is_disc:
+        return np.sqrt(u * u + v * v)
+    return max(abs(u), abs(v))
+
+
+@njit(cache=True, nogil=True)
+def _extent(points, ux, uy, vx, vy):  # type: ignore[no-untyped-def]
+    """
+    Return the limits of u and v, and the largest coordinate in size.
+
+    """
+    low_u, high_u, low_v, high_v, largest = np.inf, -np.inf, np.inf, -np.inf, 0.0
+    for i in range(len(points)):
+        x, y = points[i, 0], points[i, 1]
+        u, v = ux * x + uy * y, vx * x + vy * y
+        low_u, high_u = min(low_u, u), max(high_u, u)
+        low_v, high_v = min(low_v, v), max(high_v, v)
+        largest = max(largest, abs(x), abs(y))
+    return low_u, high_u, low_v, high_v, largest
+
+
+@njit(cache=True, nogil=True)
+def _sorted_by_cell(points, ux, uy, vx, vy, west, south, cell, n_columns, n_rows):  # type: ignore[no-untyped-def]
+    """
+    Return distinct positions cell by cell, and where each cell begins.
+
+    """
+    number = np.empty(len(points), dtype=np.int32)
+    first = np.zeros(n_columns * n_rows + 1, dtype=np.int64)
+    for i in range(len(points)):
+        u = (ux * points[i, 0] + uy * points[i, 1] - west) / cell
+        v = (vx * points[i, 0] + vy * points[i, 1] - south) / cell
+        column = np.int64(max(0.0, min(u, n_columns - 1.0)))
+        number[i] = np.int64(max(0.0, min(v, n_rows - 1.0))) * n_columns + column
+        first[number[i] + 1] += 1
+    for k in range(1, len(first)):
+        first[k] += first[k - 1]
+    place = first[:-1].copy()
+    x, y = np.empty(len(points)), np.empty(len(points))
+    for i in range(len(points)):
+        x[place[number[i]]], y[place[number[i]]] = points[i, 0], points[i, 1]
+        place[number[i]] += 1
+    for k in range(len(first) - 1):
+        _sort(x[first[k] : first[k + 1]], y[first[k] : first[k + 1]])
+    n = _drop_copies(x, y, first)
+    return x[:n].copy(), y[:n].copy(), first
+
+
+@njit(cache=True, nogil=True)
+def _sort(x, y):  # type: ignore[no-untyped-def]
+    """
+    Sort positions by x, then y, in place.
+
+    """
+    if len(x) > _LARGE_CELL:
+        order = np.argsort(y, kind="mergesort")
+        order = order[np.argsort(x[order], kind="mergesort")]
+        x[:], y[:] = x[order], y[order]
+        return
+    for i in range(1, len(x)):
+        one_x, one_y = x[i], y[i]
+        j = i
+        while j > 0 and (x[j - 1] > one_x or (x[j - 1] == one_x and y[j - 1] > one_y)):
+            x[j], y[j] = x[j - 1], y[j - 1]
+            j -= 1
+        x[j], y[j] = one_x, one_y
+
+
+@njit(cache=True, nogil=True)
+def _drop_copies(x, y, first):  # type: ignore[no-untyped-def]
+    """
+    Move up the positions that differ from the one before, cell by cell, and return their number.
+
+    """
+    n = 0
+    for k in range(len(first) - 1):
+        begin, end = first[k], first[k + 1]
+        first[k] = n
+        for i in range(begin, end):
+            if i == begin or x[i] != x[n - 1] or y[i] != y[n - 1]:
+                x[n], y[n] = x[i], y[i]
+                n += 1
+    first[-1] = n
+    return n

@@ -1,0 +1,258 @@
+"""
+The ring round a building's points, and the rims of its courtyards.
+
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import shapely
+from numba import njit
+from numpy.typing import ArrayLike, NDArray
+
+from lidar_buildings.core.model.outline import Outline
+from lidar_buildings.core.model.point_array import checked_points
+from lidar_buildings.core.model.status import BuildingStatus
+from lidar_buildings.core.neighbours.cell_grid import rows_by_cell
+from lidar_buildings.core.neighbours.group_spacing import group_spacings
+from lidar_buildings.core.neighbours.point_spacing import given_or_measured, measure_spacing
+from lidar_buildings.core.neighbours.scan_pattern import ScanPattern
+from lidar_buildings.core.stages.boundary_tracing.alpha_rings import alpha_outline
+from lidar_buildings.core.stages.boundary_tracing.config import BoundaryTracingConfig
+from lidar_buildings.core.stages.boundary_tracing.courtyards import CourtyardRules
+from lidar_buildings.core.stages.boundary_tracing.ground import Ground, prepare_ground
+from lidar_buildings.core.stages.boundary_tracing.rings import RingTracer
+
+#: Fewest distinct positions that a walk makes sense for.
+_MIN_POSITIONS = 4
+#: A cloud narrower than this counts as a line [spacings].
+_MIN_WIDTH = 0.1
+#: Sides of the neighbourhood differ by this factor at most: in a narrower one rings follow every line.
+_MAX_RATIO = 2.0
+#: Window of the cells in which copies of points are sought before the spacing is known [guessed spacings].
+_GUESS_WINDOW = 4.0
+#: Other points in a courtyard, at least, as a share of what the building's spacing makes expect: ground in
+#: a yard is scanned through the same opening, while glass and wet felt return next to nothing.
+_MIN_OTHER_SHARE = 0.1
+
+
+@dataclass(frozen=True, eq=False)
+class TracedBoundary:
+    """
+    A building's traced outline.
+
+    Attributes
+    ----------
+    outline : Outline
+        The vertices are points of the building but for degenerate ones; simple and valid.
+    point_spacing : float
+        Spacing of the building's points [m].
+    status : BuildingStatus
+        OK, or DEGENERATE where there are too few points or all lie on a line.
+    reason : str
+        What was out of the ordinary, in words; else empty.
+
+    """
+
+    outline: Outline
+    point_spacing: float
+    status: BuildingStatus
+    reason: str
+
+
+def trace_boundary(
+    points: ArrayLike,
+    config: BoundaryTracingConfig | None = None,
+    *,
+    pattern: ScanPattern | None = None,
+    point_spacing: float | None = None,
+    other_points: ArrayLike | None = None,
+) -> TracedBoundary:
+    """
+    Trace the ring round one building's points, and the rims of its courtyards.
+
+    A convex hull's walk, from a point on the hull on, that looks for its next point only in a neighbourhood
+    of the current one and never crosses its own way (Sampath & Shan, 2007). Where it ends in a dead end or
+    leaves points outside, the neighbourhood is widened there and the walk begins anew; where that does not
+    help, the ring comes from a triangulation. Courtyards are empty discs inside the ring that are wide
+    enough and have roof all round; their rims are walked in the same way. The second method takes the ring
+    and the holes of the alpha shape.
+
+    Parameters
+    ----------
+    points : array_like of shape (n_points, 3)
+        The building's points, in any order [m].
+    config : BoundaryTracingConfig, optional
+        Settings.
+    pattern : ScanPattern, optional
+        Spacing along and across the scan lines: the neighbourhood is a rectangle with sides in these
+        proportions, aligned with the lines. Without it, or where both are the same, it is a disc, since
+        nothing tells how a square should be turned.
+    point_spacing : float, optional
+        The spacing of the building's points [m]; that of the pattern, or measured, if not given.
+    other_points : array_like of shape (n_points, 2 or more), optional
+        Points that are not roof [m]. If given, an empty place is a courtyard only if some of them lie in it.
+
+    Returns
+    -------
+    TracedBoundary
+        All points lie inside or on the ring.
+
+    Raises
+    ------
+    ValueError
+        If `points` has another shape or is not finite, or `point_spacing` is not positive.
+
+    Notes
+    -----
+    Heights have no influence; neither has the order of points. The ring turns with the points if the pattern
+    does.
+
+    """
+    config = config or BoundaryTracingConfig()
+    cloud = checked_points(points)
+    others = None if other_points is None else _plan(other_points)
+    spacing = _spacing(cloud, pattern, point_spacing)
+    ground = prepare_ground(cloud, _widened(pattern or ScanPattern.isotropic(spacing)), config.window)
+    why_degenerate = _degeneracy(ground, spacing)
+    if why_degenerate:
+        outline = Outline(_simple_cover(np.column_stack([ground.x, ground.y]), spacing))
+        return TracedBoundary(outline, spacing, BuildingStatus.DEGENERATE, why_degenerate)
+    rules = CourtyardRules(
+        radius=config.min_courtyard_width * spacing / 2,
+        min_area=config.min_courtyard_area,
+        min_band=config.min_courtyard_band * spacing,
+        min_others=_MIN_OTHER_SHARE / spacing**2,
+        others=others,
+    )
+    outline, reasons = _METHODS[config.method](ground, config, spacing, rules if config.courtyards else None)
+    return TracedBoundary(outline, spacing, BuildingStatus.OK, "; ".join(reasons))
+
+
+def _by_walk(
+    ground: Ground, config: BoundaryTracingConfig, spacing: float, rules: CourtyardRules | None
+) -> tuple[Outline, list[str]]:
+    """
+    Trace by the modified convex hull.
+
+    """
+    tracer = RingTracer(ground, config.max_window / config.window)
+    tracer.trace_exterior()
+    if rules is not None:
+        tracer.trace_courtyards(rules)
+    return tracer.outline(), tracer.reasons
+
+
+def _by_alpha_shape(
+    ground: Ground, config: BoundaryTracingConfig, spacing: float, rules: CourtyardRules | None
+) -> tuple[Outline, list[str]]:
+    """
+    Take the rings of the alpha shape.
+
+    """
+    return alpha_outline(np.column_stack([ground.x, ground.y]), config.alpha * spacing, rules)
+
+
+_METHODS = {"modified_convex_hull": _by_walk, "alpha_shape": _by_alpha_shape}
+
+
+def _plan(other_points: ArrayLike) -> NDArray[np.float64]:
+    """
+    Return x and y of points that are not roof.
+
+    """
+    array = np.asarray(other_points, dtype=np.float64)
+    if array.ndim != 2 or array.shape[1] < 2:
+        raise ValueError(f"other_points has shape {array.shape}: must be (n_points, 2) or (n_points, 3)")
+    return array[:, :2]
+
+
+def _spacing(cloud: NDArray[np.float64], pattern: ScanPattern | None, point_spacing: float | None) -> float:
+    """
+    Return the spacing as given, or the pattern's, or measured [m].
+
+    """
+    if point_spacing is not None:
+        return given_or_measured(cloud, point_spacing)
+    if pattern is not None:
+        return float(np.sqrt(pattern.along * pattern.across))
+    return _sampled_spacing(cloud)
+
+
+def _sampled_spacing(cloud: NDArray[np.float64]) -> float:
+    """
+    Measure the spacing from a sample of the distinct positions, or from all of them where that fails [m].
+
+    """
+    width, height = np.ptp(cloud[:, :2], axis=0) if len(cloud) else (0.0, 0.0)
+    # As if the points filled their bounding box: cells a little too large only cost time.
+    guess = float(np.sqrt(width / max(len(cloud), 1)) * np.sqrt(height))
+    if not 0.0 < guess < np.inf:
+        return measure_spacing(cloud)
+    ground = prepare_ground(cloud, ScanPattern.isotropic(guess), _GUESS_WINDOW)
+    positions = np.column_stack((ground.x, ground.y))
+    group = np.zeros(len(positions), dtype=np.int64)
+    spacing = float(group_spacings(positions, rows_by_cell(positions, 1.5 * guess), group, 1)[0])
+    return spacing if np.isfinite(spacing) else measure_spacing(cloud)
+
+
+def _widened(pattern: ScanPattern) -> ScanPattern:
+    """
+    Return a pattern whose smaller spacing is not much smaller: lines are never so straight and even.
+
+    """
+    least = max(pattern.along, pattern.across) / _MAX_RATIO
+    return replace(pattern, along=max(pattern.along, least), across=max(pattern.across, least))
+
+
+def _degeneracy(ground: Ground, spacing: float) -> str:
+    """
+    Say why positions have no ring worth a walk; empty if they have.
+
+    """
+    if len(ground.x) < _MIN_POSITIONS:
+        return f"only {len(ground.x)} distinct positions"
+    if _width(ground.x, ground.y) < _MIN_WIDTH * spacing:
+        return "all points lie on a line"
+    return ""
+
+
+@njit(cache=True, nogil=True)
+def _width(x, y):  # type: ignore[no-untyped-def]
+    """
+    Return the extent across the main direction of positions [m].
+
+    """
+    middle_x, middle_y = x.mean(), y.mean()
+    xx, xy, yy = 0.0, 0.0, 0.0
+    for i in range(len(x)):
+        dx, dy = x[i] - middle_x, y[i] - middle_y
+        xx, xy, yy = xx + dx * dx, xy + dx * dy, yy + dy * dy
+    angle = 0.5 * np.arctan2(2.0 * xy, xx - yy)
+    cosine, sine = np.cos(angle), np.sin(angle)
+    low, high = np.inf, -np.inf
+    for i in range(len(x)):
+        across = cosine * (y[i] - middle_y) - sine * (x[i] - middle_x)
+        low, high = min(low, across), max(high, across)
+    return high - low
+
+
+def _simple_cover(positions: NDArray[np.float64], spacing: float) -> NDArray[np.float64]:
+    """
+    Return a ring with an area round a few positions: their hull, or a strip or square one spacing wide.
+
+    """
+    if not len(positions):
+        return np.zeros((0, 2))
+    hull = shapely.convex_hull(shapely.multipoints(positions))
+    x, y = np.ascontiguousarray(positions.T)
+    if hull.geom_type != "Polygon" or _width(x, y) < _MIN_WIDTH * spacing:
+        middle = positions.mean(axis=0)
+        centred = positions - middle
+        axes = np.linalg.eigh(centred.T @ centred)[1]
+        extent = np.abs(centred @ axes).max(axis=0) + spacing / 2
+        corners = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]]) * extent
+        return Outline(middle + corners @ axes.T).oriented().exterior
+    return Outline(shapely.get_coordinates(hull)[:-1]).oriented().exterior

@@ -1,0 +1,235 @@
+"""
+The walk round a cloud of points: a convex hull's, confined to a neighbourhood.
+
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from lidar_buildings.core.stages.boundary_tracing.edge_cells import (
+    EdgeCells,
+    add_edge,
+    meets_edges,
+    remove_edges,
+)
+from lidar_buildings.core.stages.boundary_tracing.ground import Ground, cells_within, span_of
+
+#: How the neighbourhood grows at a point from which no step is possible.
+GROWTH = 1.5
+#: How a walk may end: back at the start, without a way on, without room for its edges, too long.
+CLOSED, STUCK, NO_ROOM, ASTRAY = 0, 1, 2, 3
+#: Turns are compared in these units, about 1e-9 rad: of points in one direction the nearest is taken.
+_TURN_UNIT = 2.0**-30
+_FULL_TURN = 4 * 2**30
+#: So many points are tried one after the other before all are sorted.
+_FEW = 4
+
+
+def walk_round(
+    ground: Ground,
+    edges: EdgeCells,
+    follower: NDArray[np.int64],
+    reach: NDArray[np.float64],
+    max_reach: float,
+    start: int,
+    heading: tuple[float, float],
+    max_steps: int,
+) -> tuple[NDArray[np.int64], int]:
+    """
+    Walk from a rim point along the rim of a cloud, the empty side to one hand, until back at the start.
+
+    Each step takes the point in the neighbourhood with the smallest clockwise turn from the direction back
+    to the previous point, whose segment meets none of the rings so far (Sampath & Shan, 2007). Where no step
+    is possible the neighbourhood grows, up to `max_reach`.
+
+    Parameters
+    ----------
+    ground : Ground
+        The points.
+    edges : EdgeCells
+        The edges of earlier rings. Extended by those of the new ring if it closes.
+    follower : ndarray of int64, shape (n_positions,)
+        Next row in its ring for the points of rings, −1 for all others. Extended likewise.
+    reach : ndarray of shape (n_positions,)
+        How many times the neighbourhood of each point is enlarged.
+    max_reach : float
+        The same, at most.
+    start : int
+        Row of a point on the rim.
+    heading : tuple of two float
+        Direction from the start into the empty side.
+    max_steps : int
+        A walk of more steps is given up.
+
+    Returns
+    -------
+    ring : ndarray of int64
+        Rows in walking order, the start first, not repeated at the end.
+    end : int
+        `CLOSED`, `STUCK` in the last row, `NO_ROOM`, or `ASTRAY`.
+
+    """
+    return _walk(ground, edges, follower, reach, max_reach, start, heading[0], heading[1], max_steps)
+
+
+@njit(cache=True, nogil=True)
+def _walk(ground, edges, follower, reach, max_reach, start, dx, dy, max_steps):  # type: ignore[no-untyped-def]
+    """
+    Walk until back at the start or without a way on; ends for certain, since no point is entered twice.
+
+    """
+    ring = np.empty(min(len(follower), max_steps + 1), dtype=np.int64)
+    ring[0], n, size, end = start, 1, edges.size[0], STUCK
+    while True:
+        current = ring[n - 1]
+        chosen = _step(
+            ground, edges, follower, reach[current], max_reach, ring, n, _direction(dx, ground.hand * dy)
+        )
+        if chosen < 0:
+            break
+        if not add_edge(ground, edges, current, chosen):
+            end = NO_ROOM
+            break
+        follower[current] = chosen
+        if chosen == start:
+            return ring[:n].copy(), CLOSED
+        dx, dy = ground.x[current] - ground.x[chosen], ground.y[current] - ground.y[chosen]
+        ring[n] = chosen
+        n += 1
+        if n > max_steps:
+            end = ASTRAY
+            break
+    follower[ring[:n]] = -1
+    remove_edges(edges, size)
+    return ring[:n].copy(), end
+
+
+@njit(cache=True, nogil=True)
+def _step(ground, edges, follower, reach, max_reach, ring, n, back):  # type: ignore[no-untyped-def]
+    """
+    Return the next point in the smallest neighbourhood that has one, −1 if even the largest has none.
+
+    """
+    seen, reach = 0.0, min(reach, max_reach)
+    while True:
+        chosen = _step_within(ground, edges, follower, seen, reach, ring, n, back)
+        if chosen >= 0 or reach >= max_reach:
+            return chosen
+        seen, reach = reach, min(reach * GROWTH, max_reach)
+
+
+@njit(cache=True, nogil=True)
+def _step_within(ground, edges, follower, seen, reach, ring, n, back):  # type: ignore[no-untyped-def]
+    """
+    Return the point with the smallest clockwise turn that can be stepped to, −1 if there is none.
+
+    Mostly the first one can; only where the first few cannot are all sorted by turn.
+
+    """
+    tried, tried_distance = np.int64(-1), 0.0
+    for _ in range(_FEW):
+        best, tried, tried_distance = _next_in_turn(
+            ground, follower, seen, reach, ring, n, back, tried, tried_distance
+        )
+        if best < 0 or not meets_edges(ground, edges, follower, ring[n - 1], best):
+            return best
+    for i in _in_turn(ground, follower, seen, reach, ring, n, back, tried, tried_distance):
+        if not meets_edges(ground, edges, follower, ring[n - 1], i):
+            return i
+    return -1
+
+
+@njit(cache=True, nogil=True)
+def _next_in_turn(ground, follower, seen, reach, ring, n, back, tried, tried_distance):  # type: ignore[no-untyped-def]
+    """
+    Return the first free point in clockwise order after those tried, its turn and its squared distance.
+
+    Written without calls in the loop: this is where a walk spends its time.
+
+    """
+    xs, ys, current, start = ground.x, ground.y, ring[n - 1], ring[0] if n > 2 else ring[n - 1]
+    ux, uy, vx, vy, is_disc = ground.ux, ground.uy, ground.vx, ground.vy, ground.is_disc
+    hand = ground.hand
+    x, y = xs[current], ys[current]
+    best, best_turn, best_distance = -1, np.int64(2 * _FULL_TURN), np.inf
+    low_row, high_row, low_column, high_column = cells_within(ground, x, y, reach)
+    for row in range(low_row, high_row + 1):
+        cell = row * ground.n_columns
+        for i in range(ground.first[cell + low_column], ground.first[cell + high_column + 1]):
+            dx, dy = xs[i] - x, ys[i] - y
+            u, v = ux * dx + uy * dy, vx * dx + vy * dy
+            span = u * u + v * v if is_disc else max(u * u, v * v)
+            if span > reach * reach or span <= seen * seen or (follower[i] >= 0 and i != start):
+                continue
+            slant = hand * dy / (abs(dx) + abs(dy))
+            angle = back - (slant if dx >= 0 else 2.0 - slant)
+            turn = np.int64((angle if angle >= 0 else angle + 4.0) / _TURN_UNIT + 0.5)
+            turn = turn if turn > 1 else np.int64(_FULL_TURN)
+            distance = dx * dx + dy * dy
+            if turn > best_turn or turn < tried or (turn == tried and distance <= tried_distance):
+                continue
+            if turn < best_turn or distance < best_distance:
+                best, best_turn, best_distance = i, turn, distance
+    return best, best_turn, best_distance
+
+
+@njit(cache=True, nogil=True)
+def _in_turn(ground, follower, seen, reach, ring, n, back, tried, tried_distance):  # type: ignore[no-untyped-def]
+    """
+    Return all free points in clockwise order after those tried.
+
+    """
+    x, y, current = ground.x, ground.y, ring[n - 1]
+    rows, turns, distances = [np.int64(0)], [np.int64(-1)], [0.0]
+    low_row, high_row, low_column, high_column = cells_within(ground, x[current], y[current], reach)
+    for row in range(low_row, high_row + 1):
+        cell = row * ground.n_columns
+        for i in range(ground.first[cell + low_column], ground.first[cell + high_column + 1]):
+            if _may_follow(ground, follower, seen, reach, ring, n, i):
+                dx, dy = x[i] - x[current], y[i] - y[current]
+                turn, distance = _turn(back, _direction(dx, ground.hand * dy)), dx * dx + dy * dy
+                if turn > tried or (turn == tried and distance > tried_distance):
+                    rows.append(i)
+                    turns.append(turn)
+                    distances.append(distance)
+    order = np.argsort(np.array(distances), kind="mergesort")
+    order = order[np.argsort(np.array(turns)[order], kind="mergesort")]
+    # The first entry only told the lists what they hold.
+    return np.array(rows)[order[1:]]
+
+
+@njit(cache=True, nogil=True)
+def _may_follow(ground, follower, seen, reach, ring, n, i):  # type: ignore[no-untyped-def]
+    """
+    Whether a point is free, or the start of a ring that may close, and between two reaches away.
+
+    """
+    current = ring[n - 1]
+    if i == current or (follower[i] >= 0 and (i != ring[0] or n < 3)):
+        return False
+    span = span_of(ground, ground.x[i] - ground.x[current], ground.y[i] - ground.y[current])
+    return seen < span <= reach
+
+
+@njit(cache=True, nogil=True)
+def _direction(dx, dy):  # type: ignore[no-untyped-def]
+    """
+    Return a number from −1 to 3 that grows with the angle of a direction, without trigonometry.
+
+    """
+    slant = dy / (abs(dx) + abs(dy)) if dx != 0 or dy != 0 else 0.0
+    return slant if dx >= 0 else 2.0 - slant
+
+
+@njit(cache=True, nogil=True)
+def _turn(back, direction):  # type: ignore[no-untyped-def]
+    """
+    Return the clockwise turn from the way back to a direction; straight back is the last thing to try.
+
+    """
+    angle = back - direction
+    turn = np.int64((angle if angle >= 0 else angle + 4.0) / _TURN_UNIT + 0.5)
+    return turn if turn > 1 else np.int64(_FULL_TURN)

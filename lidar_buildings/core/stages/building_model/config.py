@@ -1,0 +1,85 @@
+"""
+The parameters of building models.
+
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from lidar_buildings.core.model.parameters import StageConfig, parameter
+
+#: Name of an elevation → percentile of the roof points' elevations.
+ELEVATIONS = {"min": 0.0, "50p": 50.0, "70p": 70.0, "max": 100.0}
+
+
+@dataclass(frozen=True)
+class BuildingModelConfig(StageConfig):
+    """
+    How models are built.
+
+    """
+
+    stage: ClassVar[str] = "building_model"
+
+    roof_elevation: str = parameter(
+        "70p",
+        "Which elevation of the roof points the flat tops of LoD1.2 and LoD1.3 take: the lowest, a "
+        "percentile or the highest.",
+        choices=tuple(ELEVATIONS),
+    )
+    assumed_height: float = parameter(
+        3.0,
+        "Height of the lowest roof point above the ground where the ground's elevation is unknown; raising "
+        "it lowers the foot of such models.",
+        unit="m",
+        minimum=0.0,
+        maximum=100.0,
+    )
+    min_height: float = parameter(
+        0.1,
+        "Least height of the flat tops of LoD1.2 and LoD1.3 above the ground, to which lower ones are "
+        "raised; raising it lifts low buildings.",
+        unit="m",
+        minimum=0.001,
+        maximum=100.0,
+    )
+    border_cost: float = parameter(
+        0.15,
+        "Cost of a metre of border between two roof faces, as a misfit over an area; raising it gives fewer "
+        "and simpler faces.",
+        unit="spacings",
+        minimum=0.0,
+        maximum=10.0,
+    )
+    step_cost: float = parameter(
+        0.05,
+        "Cost of a square metre of step between two roof faces, as a misfit over a square metre; raising it "
+        "moves borders to where faces meet.",
+        unit="m",
+        minimum=0.0,
+        maximum=10.0,
+    )
+    max_step_cost_height: float = parameter(
+        2.0,
+        "Steps higher than this cost no more; raising it lets high steps be smoothed away.",
+        unit="m",
+        minimum=0.0,
+        maximum=100.0,
+    )
+    min_face_area: float = parameter(
+        0.5,
+        "Smallest roof face; raising it drops dormers and chimneys.",
+        unit="m²",
+        minimum=0.0,
+        maximum=1000.0,
+    )
+    min_part_step: float = parameter(
+        1.0,
+        "Roofs that differ by more along their whole border are parts with heights of their own in LoD1.3; "
+        "raising it joins parts.",
+        unit="m",
+        minimum=0.1,
+        maximum=100.0,
+    )

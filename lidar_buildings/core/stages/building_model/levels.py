@@ -1,0 +1,143 @@
+"""
+The solids of a building, one for each level of detail, and why a level is missing.
+
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from lidar_buildings.core.model.outline import Outline
+from lidar_buildings.core.solids.output_grid import GRID, on_grid, repaired_outlines
+from lidar_buildings.core.solids.raising import RoofPiece, Solid, checked_roof_solid, extrude
+from lidar_buildings.core.solids.validity import check_solid
+from lidar_buildings.core.stages.building_model.roof_face import RoofFacePatch, open_rings
+
+#: Levels of detail (Biljecki et al. 2016), the finest last.
+LOD12, LOD13, LOD22 = "1.2", "1.3", "2.2"
+
+
+@dataclass(frozen=True, eq=False)
+class Level:
+    """
+    One level of detail: a solid that passes all checks, or why there is none.
+
+    Attributes
+    ----------
+    solid : Solid or None
+    codes : tuple of int
+        What is wrong with the first attempt, empty if there is a solid.
+    remark : str
+        Repair that it took; empty if none.
+
+    """
+
+    solid: Solid | None
+    codes: tuple[int, ...] = ()
+    remark: str = ""
+
+
+def level_12(outline: Outline, ground: float, roof: float) -> tuple[Level, Outline]:
+    """
+    Raise an outline to one elevation, repairing it where its rings touch or cross; return it as it was used.
+
+    """
+    codes = check_solid(first := extrude(outline, ground, roof))
+    if not codes:
+        return Level(first), outline
+    for repaired, what in repaired_outlines(outline):
+        solid = extrude(repaired, ground, roof)
+        if not check_solid(solid):
+            return Level(solid, (), what), repaired
+    return Level(None, codes), outline
+
+
+def level_13(faces: list[RoofFacePatch], elevations: NDArray[np.float64], ground: float) -> Level:
+    """
+    Raise every face to the elevation of its part.
+
+    Parameters
+    ----------
+    faces : list of RoofFacePatch
+    elevations : ndarray of shape (n_faces,)
+        Equal for the faces of one part [m].
+    ground : float
+        Elevation of the ground [m].
+
+    """
+    merged = [
+        (_united([faces[k].polygon for k in np.flatnonzero(elevations == z)]), z)
+        for z in np.unique(elevations)
+    ]
+    pieces = [
+        RoofPiece(open_rings(polygon), (0.0, 0.0, float(z)))
+        for union, z in merged
+        for polygon in shapely.get_parts(union)
+    ]
+    return _level(*checked_roof_solid(pieces, ground))
+
+
+def level_22(faces: list[RoofFacePatch], ground: float) -> Level:
+    """
+    Raise every face to its plane.
+
+    """
+    pieces = [
+        RoofPiece(face.rings, (float(face.plane[0]), float(face.plane[1]), float(face.plane[2])))
+        for face in faces
+    ]
+    return _level(*checked_roof_solid(pieces, ground))
+
+
+def part_elevations(
+    faces: list[RoofFacePatch],
+    part: NDArray[np.int64],
+    points: NDArray[np.float64],
+    elevation_of: Callable[[NDArray[np.float64]], float],
+) -> NDArray[np.float64]:
+    """
+    Return the elevation of each face's part for LoD1.3 [m], on the output grid.
+
+    Parameters
+    ----------
+    faces : list of RoofFacePatch
+    part : ndarray of shape (n_faces,), int64
+        Number of each face's part, from 0.
+    points : ndarray of shape (n_points, 3)
+        The building's points [m].
+    elevation_of : callable
+        Turns elevations of points into the one of their part.
+
+    """
+    elevations = np.empty(len(faces))
+    for number in range(int(part.max()) + 1):
+        members = np.flatnonzero(part == number)
+        rows = np.concatenate([faces[k].rows for k in members])
+        if len(rows):
+            z = elevation_of(points[rows, 2])
+        else:
+            corners = [(faces[k].plane, ring) for k in members for ring in faces[k].rings]
+            z = float(np.mean([np.mean(ring @ plane[:2] + plane[2]) for plane, ring in corners]))
+        elevations[members] = on_grid(z)
+    return elevations
+
+
+def _level(solid: Solid, codes: tuple[int, ...]) -> Level:
+    """
+    Return a solid if it passes all checks, else what is wrong with it.
+
+    """
+    return Level(None, codes) if codes else Level(solid)
+
+
+def _united(polygons: list[shapely.Polygon]) -> shapely.Geometry:
+    """
+    Unite faces; those that were cut at a level do not share whole edges with their neighbours.
+
+    """
+    return polygons[0] if len(polygons) == 1 else shapely.union_all(polygons, grid_size=GRID)

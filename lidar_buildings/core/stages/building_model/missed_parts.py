@@ -1,0 +1,153 @@
+"""
+Parts of a roof that got the plane of their neighbour because no line parted them.
+
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from lidar_buildings.core.model.outline import Outline
+from lidar_buildings.core.neighbours.union_find import sets_of_pairs
+
+#: A point so far off the face it lies in was missed [m].
+_MISSED = 0.2
+#: A point without plane so far above its face belongs to something that stands on the roof [m], and the
+#: middle part of its points spreads over no more than this [m].
+_STANDS_OUT, _MAX_SPREAD = 0.3, 0.6
+#: Missed points of one plane nearer than this belong together [spacings].
+_TOGETHER = 2.0
+#: Points lie inside their part by about so much [spacings].
+_MARGIN = 0.4
+
+
+@dataclass(frozen=True, eq=False)
+class MissedParts:
+    """
+    What a second look at a roof adds.
+
+    Attributes
+    ----------
+    sides : ndarray of shape (n_sides, 2, 2)
+        Sides of rectangles round the missed parts, their ends in plan [m].
+    planes : ndarray of shape (n_planes, 3)
+        z = a·x + b·y + c of the tops of those that had no plane: chimneys and the like.
+
+    """
+
+    sides: NDArray[np.float64]
+    planes: NDArray[np.float64]
+
+
+def find_missed_parts(
+    points: NDArray[np.float64],
+    plane_id: NDArray[np.uint16],
+    above: NDArray[np.float64],
+    outline: Outline,
+    spacing: float,
+    min_area: float,
+) -> MissedParts:
+    """
+    Find the parts of a roof that a partition missed.
+
+    Points of a plane that lie in the face of another one make a part; so do points without plane that
+    stand above their face at one level, such as those of a chimney. Points at all levels, as of a tree, do
+    not.
+
+    Parameters
+    ----------
+    points : ndarray of shape (n_points, 3)
+        Roof points [m].
+    plane_id : ndarray of shape (n_points,)
+        Number of each point's plane, 0 = none.
+    above : ndarray of shape (n_points,)
+        Height of each point above the face it lies in [m].
+    outline : Outline
+        Its longest walls give the rectangles' directions.
+    spacing : float
+        Point spacing [m].
+    min_area : float
+        Smallest part, as the area that its points stand for [m²].
+
+    """
+    fewest = max(3, int(np.ceil(min_area / spacing**2)))
+    planar = np.flatnonzero((np.abs(above) > _MISSED) & (plane_id > 0))
+    loose = np.flatnonzero((above > _STANDS_OUT) & (plane_id == 0))
+    parts = _parts(points[planar, :2], plane_id[planar], _TOGETHER * spacing, fewest)
+    groups = [planar[rows] for rows in parts]
+    level = np.zeros(len(loose), dtype=np.uint16)
+    tops = [loose[rows] for rows in _parts(points[loose, :2], level, _TOGETHER * spacing, fewest)]
+    tops = [rows for rows in tops if _is_level(points[rows, 2])]
+    directions = _directions(outline)
+    sides = [_rectangle(points[rows, :2], directions, _MARGIN * spacing) for rows in groups + tops]
+    planes = [[0.0, 0.0, float(np.median(points[rows, 2]))] for rows in tops]
+    return MissedParts(
+        np.concatenate([np.zeros((0, 2, 2)), *sides]), np.array(planes, dtype=np.float64).reshape(-1, 3)
+    )
+
+
+def _is_level(z: NDArray[np.float64]) -> bool:
+    """
+    Whether most points of a part are at one level.
+
+    """
+    low, high = np.percentile(z, [20, 80])
+    return bool(high - low <= _MAX_SPREAD)
+
+
+def _parts(
+    xy: NDArray[np.float64], plane_id: NDArray[np.uint16], reach: float, fewest: int
+) -> list[NDArray[np.int64]]:
+    """
+    Return the rows of connected groups of at least so many points of one plane.
+
+    """
+    if len(xy) < fewest:
+        return []
+    one, other = cKDTree(xy).query_pairs(reach, output_type="ndarray").T
+    same = plane_id[one] == plane_id[other]
+    part = sets_of_pairs(len(xy), one[same], other[same])
+    return [np.flatnonzero(part == number) for number in np.flatnonzero(np.bincount(part) >= fewest)]
+
+
+def _directions(outline: Outline) -> NDArray[np.float64]:
+    """
+    Return unit vectors along the longest walls, at most three that differ by more than 10 degrees mod 90.
+
+    """
+    walls = np.concatenate([np.roll(ring, -1, axis=0) - ring for ring in outline.rings])
+    length = np.hypot(*walls.T)
+    chosen: list[float] = []
+    for row in np.argsort(-length, kind="stable"):
+        angle = float(np.arctan2(walls[row, 1], walls[row, 0]) % (np.pi / 2))
+        if all(abs((angle - other + np.pi / 4) % (np.pi / 2) - np.pi / 4) > np.pi / 18 for other in chosen):
+            chosen.append(angle)
+        if len(chosen) == 3:
+            break
+    return np.column_stack([np.cos(chosen), np.sin(chosen)])
+
+
+def _rectangle(
+    xy: NDArray[np.float64], directions: NDArray[np.float64], margin: float
+) -> NDArray[np.float64]:
+    """
+    Return the four sides, shape (4, 2, 2), of the smallest rectangle in one of the directions.
+
+    """
+    hull = shapely.get_coordinates(shapely.convex_hull(shapely.multipoints(xy)))
+    best = None
+    for u in directions:
+        v = np.array([-u[1], u[0]])
+        a, b = hull @ u, hull @ v
+        low, high = np.array([a.min(), b.min()]) - margin, np.array([a.max(), b.max()]) + margin
+        area = float(np.prod(high - low))
+        if best is None or area < best[0]:
+            frame = np.array([u, v])
+            corners = np.array([low, [high[0], low[1]], high, [low[0], high[1]]]) @ frame
+            best = area, np.stack([corners, np.roll(corners, -1, axis=0)], axis=1)
+    return np.zeros((0, 2, 2)) if best is None else best[1]

@@ -1,0 +1,379 @@
+"""
+The model of one building: solids at three levels of detail, and its attributes.
+
+"""
+
+from __future__ import annotations
+
+import logging
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from lidar_buildings.core.model.outline import Outline
+from lidar_buildings.core.model.point_array import checked_column, checked_points
+from lidar_buildings.core.model.status import BuildingStatus
+from lidar_buildings.core.neighbours.point_spacing import measure_spacing
+from lidar_buildings.core.solids.output_grid import gridded_outline, on_grid
+from lidar_buildings.core.solids.raising import ROOF_SURFACE, Solid
+from lidar_buildings.core.stages.building_model.config import ELEVATIONS, BuildingModelConfig
+from lidar_buildings.core.stages.building_model.heights import parts_of_one_height, settle_planes
+from lidar_buildings.core.stages.building_model.levels import (
+    LOD12,
+    LOD13,
+    LOD22,
+    Level,
+    level_12,
+    level_13,
+    level_22,
+    part_elevations,
+)
+from lidar_buildings.core.stages.building_model.partition import partition_outline
+from lidar_buildings.core.stages.building_model.quality import measure_model
+from lidar_buildings.core.stages.building_model.result import BuildingModel, RoofFaces
+from lidar_buildings.core.stages.building_model.roof_face import RoofFacePatch
+from lidar_buildings.core.stages.roof_topology import RoofTopology, find_topology
+from lidar_buildings.core.surfaces.roof_planes import RoofPlane
+
+_log = logging.getLogger(__name__)
+
+#: Planes of which a, b and c agree to so many digits are one: they were adjusted as one.
+_EQUAL_DIGITS = 6
+#: Spacing of points too few to measure it [m].
+_ASSUMED_SPACING = 1.0
+
+
+@dataclass(frozen=True, eq=False)
+class _Roof:
+    """
+    What is known of a building before solids are made.
+
+    """
+
+    points: NDArray[np.float64]
+    outline: Outline
+    ground: float
+    spacing: float
+    topology: RoofTopology
+    plane_id: NDArray[np.uint16]
+
+
+def build_model(
+    points: ArrayLike,
+    outline: Outline,
+    config: BuildingModelConfig | None = None,
+    *,
+    plane_id: ArrayLike | None = None,
+    ground_elevation: float | None = None,
+    point_spacing: float | None = None,
+) -> BuildingModel:
+    """
+    Build a building's model at the levels of detail 1.2, 1.3 and 2.2 (Biljecki et al. 2016).
+
+    LoD1.2 is the outline raised to one height, LoD1.3 has one height for each part of the roof, LoD2.2 has
+    the roof's planes: ridges, hips, valleys and steps divide the outline into faces. The coordinates are
+    rounded as they will be written before a solid is built, so that what is checked is what is written.
+    A level that fails its checks is left out, and the reason says so.
+
+    Parameters
+    ----------
+    points : array_like of shape (n_points, 3)
+        The building's roof points, in any order [m].
+    outline : Outline
+        In the map frame [m].
+    config : BuildingModelConfig, optional
+    plane_id : array_like of shape (n_points,), optional
+        Number of each point's roof plane, 0 = none; without any the roof is one plane.
+    ground_elevation : float, optional
+        Elevation of the ground at the building [m]; without it a height is assumed, and the reason says so.
+    point_spacing : float, optional
+        Measured from the points if not given [m].
+
+    Returns
+    -------
+    BuildingModel
+
+    Raises
+    ------
+    ValueError
+        If an array has another shape, or a value is not finite.
+
+    """
+    config = config or BuildingModelConfig()
+    points = checked_points(points)
+    known_planes = plane_id is not None
+    plane_id = np.zeros(len(points)) if plane_id is None else plane_id
+    plane_id = checked_column("plane_id", plane_id, len(points), np.uint16)
+    if point_spacing is not None and not 0.0 < point_spacing < math.inf:
+        raise ValueError(
+            f"point_spacing = {point_spacing}: must be positive and finite, or None to measure it"
+        )
+    if ground_elevation is not None and not math.isfinite(ground_elevation):
+        raise ValueError(f"ground_elevation = {ground_elevation}: must be finite, or None if unknown")
+    order = np.lexsort((plane_id, *points.T))
+    points, plane_id = points[order], plane_id[order]
+    outline = gridded_outline(outline)
+    spacing = point_spacing or (measure_spacing(points) if len(points) > 1 else _ASSUMED_SPACING)
+    attributes = _attributes(points, outline, plane_id if known_planes else None, spacing)
+    if not len(points):
+        return _without_solid(attributes, ground_elevation, BuildingStatus.DEGENERATE, "no roof points")
+    ground, remark = _ground(points, ground_elevation, config)
+    flat = _Flat.of(points, ground, config)
+    lowest, outline = level_12(outline, ground, flat.elevation)
+    attributes |= {"ground_elevation": ground, "height": float(on_grid(flat.elevation - ground))}
+    if lowest.solid is None:
+        reason = "the solid fails checks " + ", ".join(map(str, lowest.codes))
+        attributes |= {"validity": str(list(lowest.codes))}
+        return _without_solid(attributes, ground, BuildingStatus.NO_SOLID, reason)
+    remarks = [remark, flat.remark]
+    try:
+        topology = find_topology(points, plane_id, outline, point_spacing=spacing)
+        roof = _Roof(points, outline, ground, spacing, topology, plane_id)
+        levels, faces, why = _finer_levels(roof, lowest, config)
+        return _finished(roof, {LOD12: lowest} | levels, faces, attributes, [*remarks, why])
+    except Exception as error:
+        _log.exception("building at (%.1f, %.1f): no finer level than LoD1.2", *outline.exterior[0])
+        remarks = [*remarks, f"no finer level than LoD1.2: {error!r}", lowest.remark]
+        return _lowest_alone(lowest.solid, attributes, remarks)
+
+
+@dataclass(frozen=True)
+class _Flat:
+    """
+    The elevation of a flat top [m], and what to remark about it.
+
+    """
+
+    elevation: float
+    remark: str = ""
+
+    @classmethod
+    def of(cls, points: NDArray[np.float64], ground: float, config: BuildingModelConfig) -> _Flat:
+        """
+        Return the top of LoD1.2.
+
+        """
+        roof = _top(points[:, 2], config)
+        least = float(on_grid(ground + config.min_height))
+        if roof >= least:
+            return cls(roof)
+        return cls(least, f"the roof at {roof:.2f} m is not above the ground at {ground:.2f} m: raised")
+
+
+def _top(z: NDArray[np.float64], config: BuildingModelConfig) -> float:
+    """
+    Return the elevation of a flat top over points [m].
+
+    """
+    return float(on_grid(np.percentile(z, ELEVATIONS[config.roof_elevation])))
+
+
+def _finer_levels(
+    roof: _Roof, lowest: Level, config: BuildingModelConfig
+) -> tuple[dict[str, Level], dict[str, list[RoofFacePatch]], str]:
+    """
+    Return LoD1.3 and LoD2.2, the faces of each, and why one is missing.
+
+    """
+    if not _has_extent(roof.points):
+        return {}, {}, f"{len(roof.points)} roof points, too few or all on a line: one height"
+    try:
+        faces = _roof_faces_of(roof, config)
+        part = parts_of_one_height(faces, config.min_part_step)
+        tops = part_elevations(faces, part, roof.points, lambda z: _top(z, config))
+        tops = np.maximum(tops, on_grid(roof.ground + config.min_height))
+        # A roof in one part is the same at both levels.
+        parts = level_13(faces, tops, roof.ground) if part.any() else lowest
+        levels = {LOD13: parts, LOD22: level_22(faces, roof.ground)}
+    except Exception as error:
+        _log.exception("building at (%.1f, %.1f): its roof was not divided", *roof.outline.exterior[0])
+        return {}, {}, f"the roof could not be divided into faces: {error!r}"
+    flat = [RoofFacePatch(f.rings, np.array([0.0, 0.0, z]), f.rows) for f, z in zip(faces, tops, strict=True)]
+    missing = [
+        f"LoD{lod} fails checks {', '.join(map(str, level.codes))}"
+        for lod, level in levels.items()
+        if level.solid is None
+    ]
+    return levels, {LOD13: flat, LOD22: faces}, "; ".join(missing)
+
+
+def _roof_faces_of(roof: _Roof, config: BuildingModelConfig) -> list[RoofFacePatch]:
+    """
+    Divide the outline into faces with planes that the points bear out.
+
+    """
+    planes, plane_id = _distinct_planes(roof)
+    segments = [one.segment[:, :2] for one in roof.topology.intersections]
+    segments += [one.segment for one in roof.topology.steps]
+    lines = np.array(segments).reshape(-1, 2, 2)
+    faces = partition_outline(roof.outline, roof.points, plane_id, planes, lines, roof.spacing, config)
+    return settle_planes(faces, roof.points, roof.spacing)
+
+
+def _distinct_planes(roof: _Roof) -> tuple[NDArray[np.float64], NDArray[np.uint16]]:
+    """
+    Return a, b, c of every plane, pieces of one plane once, and the number of each point's; at least one.
+
+    """
+    found = roof.topology.planes
+    if not found:
+        level = np.array([[0.0, 0.0, np.median(roof.points[:, 2])]])
+        return level, np.ones_like(roof.plane_id)
+    equations = np.array([_equation(plane) for plane in found])
+    _, first, number = np.unique(
+        np.round(equations, _EQUAL_DIGITS), axis=0, return_index=True, return_inverse=True
+    )
+    order = np.argsort(first, kind="stable")
+    rank = np.argsort(order, kind="stable")
+    new = np.concatenate([[0], 1 + rank[number.reshape(-1)]]).astype(np.uint16)
+    return equations[first[order]], new[roof.plane_id]
+
+
+def _equation(plane: RoofPlane) -> NDArray[np.float64]:
+    """
+    Return a, b, c of z = a·x + b·y + c.
+
+    """
+    a, b = plane.gradient
+    return np.array([a, b, plane.centroid[2] - a * plane.centroid[0] - b * plane.centroid[1]])
+
+
+def _finished(
+    roof: _Roof,
+    levels: dict[str, Level],
+    faces: dict[str, list[RoofFacePatch]],
+    attributes: dict[str, Any],
+    remarks: list[str],
+) -> BuildingModel:
+    """
+    Gather the solids and what is measured on the finest.
+
+    """
+    solids = {lod: level.solid for lod, level in levels.items() if level.solid is not None}
+    finest = max(solids)
+    whole = np.array([0.0, 0.0, solids[LOD12].vertices[:, 2].max()])
+    flat = [RoofFacePatch(roof.outline.rings, whole, np.arange(len(roof.points)))]
+    quality = measure_model(faces.get(finest, flat), solids[finest], roof.points, roof.outline, roof.spacing)
+    attributes = attributes | {
+        "roof_type": roof.topology.roof_type,
+        "rmse": None if quality.rmse is None else _rounded(quality.rmse),
+        "coverage": _rounded(quality.coverage),
+        "no_data_share": _rounded(quality.no_data_share),
+        "plane_sigma": _plane_sigma(roof.topology),
+        "volume": _rounded(solids[finest].volume),
+        "lod": finest,
+        "validity": "[]",
+    }
+    reason = "; ".join(text for text in (*remarks, levels[LOD12].remark) if text)
+    status = BuildingStatus.OK if _has_extent(roof.points) else BuildingStatus.DEGENERATE
+    return BuildingModel(solids, attributes, _roof_faces(solids[finest]), status, reason)
+
+
+def _lowest_alone(solid: Solid, attributes: dict[str, Any], remarks: list[str]) -> BuildingModel:
+    """
+    Return the model of a building whose LoD1.2 is sound and of which no more could be told.
+
+    """
+    attributes = attributes | {"volume": _rounded(solid.volume), "lod": LOD12, "validity": "[]"}
+    reason = "; ".join(text for text in remarks if text)
+    return BuildingModel({LOD12: solid}, attributes, _roof_faces(solid), BuildingStatus.OK, reason)
+
+
+def _has_extent(points: NDArray[np.float64]) -> bool:
+    """
+    Whether points span an area in plan.
+
+    """
+    if len(points) < 3:
+        return False
+    offsets = points[:, :2] - points[:, :2].mean(axis=0)
+    least, most = np.linalg.eigvalsh(offsets.T @ offsets)
+    return bool(least > 1e-12 * most)
+
+
+def _plane_sigma(topology: RoofTopology) -> float | None:
+    """
+    Return the root mean square distance of all planes' points to their planes [m].
+
+    """
+    n = sum(plane.n_points for plane in topology.planes)
+    if not n:
+        return None
+    return _rounded(math.sqrt(sum(plane.n_points * plane.rms**2 for plane in topology.planes) / n))
+
+
+def _attributes(
+    points: NDArray[np.float64], outline: Outline, plane_id: NDArray[np.uint16] | None, spacing: float
+) -> dict[str, Any]:
+    """
+    Return all attributes, those that need a solid still unknown.
+
+    """
+    elevations = {
+        f"roof_elevation_{name}": float(on_grid(np.percentile(points[:, 2], share))) if len(points) else None
+        for name, share in ELEVATIONS.items()
+    }
+    return {
+        "ground_elevation": None,
+        **elevations,
+        "height": None,
+        "area": _rounded(outline.area),
+        "n_points": len(points),
+        "point_spacing": _rounded(spacing) if len(points) > 1 else None,
+        "n_planes": None if plane_id is None else len(np.unique(plane_id[plane_id > 0])),
+        "roof_type": "unknown",
+        "rmse": None,
+        "coverage": None,
+        "no_data_share": None,
+        "plane_sigma": None,
+        "volume": None,
+        "lod": "",
+        "validity": "",
+    }
+
+
+def _without_solid(
+    attributes: dict[str, Any], ground: float | None, status: BuildingStatus, reason: str
+) -> BuildingModel:
+    """
+    Return the model of a building that gets none.
+
+    """
+    known = None if ground is None else float(on_grid(ground))
+    return BuildingModel({}, attributes | {"ground_elevation": known}, (), status, reason)
+
+
+def _ground(
+    points: NDArray[np.float64], ground_elevation: float | None, config: BuildingModelConfig
+) -> tuple[float, str]:
+    """
+    Return the elevation that the solid stands on, and what to remark about it.
+
+    """
+    if ground_elevation is not None:
+        return float(on_grid(ground_elevation)), ""
+    assumed = float(on_grid(points[:, 2].min() - config.assumed_height))
+    return assumed, f"ground elevation unknown: taken {config.assumed_height:g} m below the lowest roof point"
+
+
+def _roof_faces(solid: Solid) -> RoofFaces:
+    """
+    Return the rings of a solid's roof faces.
+
+    """
+    return tuple(
+        solid.face_rings(face)
+        for face, kind in zip(solid.faces, solid.semantics, strict=True)
+        if kind == ROOF_SURFACE
+    )
+
+
+def _rounded(value: float) -> float:
+    """
+    Round what is measured to a tenth of a millimetre: sums may differ in their last digits with the order.
+
+    """
+    return round(float(value), 4)

@@ -1,0 +1,229 @@
+"""
+The partition of an outline into roof faces.
+
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from lidar_buildings.core.model.outline import Outline
+from lidar_buildings.core.stages.building_model.arrangement import Cells, cut_into_cells, extend_segments
+from lidar_buildings.core.stages.building_model.cell_costs import (
+    Samples,
+    cells_of_samples,
+    make_samples,
+    sum_misfits,
+)
+from lidar_buildings.core.stages.building_model.cell_labels import label_cells
+from lidar_buildings.core.stages.building_model.config import BuildingModelConfig
+from lidar_buildings.core.stages.building_model.faces import (
+    absorb_small_faces,
+    face_polygons,
+    join_equal_cells,
+    without_straight_vertices,
+)
+from lidar_buildings.core.stages.building_model.heights import Limits
+from lidar_buildings.core.stages.building_model.missed_parts import find_missed_parts
+from lidar_buildings.core.stages.building_model.roof_face import RoofFacePatch
+
+#: Walls of a re-entrant corner run on into the roof where they turn by more than this [rad].
+_REENTRANT = 0.35
+#: Planes steeper than this are walls [m/m]: about 83 degrees; roofing with one costs so much [m].
+_MAX_RISE, _WALL_COST = 8.0, 100.0
+#: How often the partition is looked at again for parts that no line divided from their neighbours.
+_SECOND_LOOKS = 2
+
+
+def partition_outline(
+    outline: Outline,
+    points: NDArray[np.float64],
+    plane_id: NDArray[np.uint16],
+    planes: NDArray[np.float64],
+    segments: NDArray[np.float64],
+    spacing: float,
+    config: BuildingModelConfig,
+) -> list[RoofFacePatch]:
+    """
+    Divide an outline into roof faces.
+
+    Ridges, hips, valleys and steps, run on to the next line, cut the outline into cells; every cell gets the
+    plane that fits the points best at the least length of borders and height of steps; cells of one plane
+    are joined.
+
+    Parameters
+    ----------
+    outline : Outline
+        Valid, on the output grid [m].
+    points : ndarray of shape (n_points, 3)
+        Roof points [m].
+    plane_id : ndarray of shape (n_points,)
+        Number of each point's plane, 0 = none.
+    planes : ndarray of shape (n_planes, 3)
+        z = a·x + b·y + c of plane k in row k − 1; at least one.
+    segments : ndarray of shape (n_segments, 2, 2)
+        Candidate borders in plan [m].
+    spacing : float
+        Point spacing [m].
+    config : BuildingModelConfig
+
+    """
+    samples = make_samples(points, plane_id, outline.polygon, spacing)
+    roof = _Roof(outline, points, samples, planes, spacing, config)
+    found = _label(roof, segments)
+    for _ in range(_SECOND_LOOKS):
+        missed = find_missed_parts(
+            points, plane_id, found.above(roof), outline, spacing, config.min_face_area
+        )
+        if not len(missed.sides):
+            break
+        segments = np.concatenate([segments, missed.sides])
+        roof = replace(roof, planes=np.concatenate([roof.planes, missed.planes]))
+        found = _label(roof, segments)
+    return _faces(roof, found)
+
+
+@dataclass(frozen=True, eq=False)
+class _Roof:
+    """
+    What every attempt at a partition starts from.
+
+    """
+
+    outline: Outline
+    points: NDArray[np.float64]
+    samples: Samples
+    planes: NDArray[np.float64]
+    spacing: float
+    config: BuildingModelConfig
+
+
+@dataclass(frozen=True, eq=False)
+class _Labelled:
+    """
+    Cells with the row of each one's plane, and the cell of every point, -1 beside the outline.
+
+    """
+
+    cells: Cells
+    labels: NDArray[np.int64]
+    cell: NDArray[np.int64]
+
+    def above(self, roof: _Roof) -> NDArray[np.float64]:
+        """
+        Return every point's height above its face, 0 for points beside the outline [m].
+
+        """
+        plane = roof.planes[self.labels[self.cell]]
+        above = roof.points[:, 2] - np.einsum("ij,ij->i", plane[:, :2], roof.points[:, :2]) - plane[:, 2]
+        return np.where(self.cell >= 0, above, 0.0)
+
+
+def _label(roof: _Roof, segments: NDArray[np.float64]) -> _Labelled:
+    """
+    Cut the outline and give every cell a plane.
+
+    """
+    outline, samples, planes, config = roof.outline, roof.samples, roof.planes, roof.config
+    cells = _cells(outline, segments) if len(planes) > 1 else cut_into_cells(outline, segments[:0])
+    cell = _places(cells, samples)
+    costs = sum_misfits(samples.points, samples.weight, samples.plane, cell, planes, len(cells.polygons))
+    costs += _impossible(cells, planes, Limits.of(roof.points, roof.spacing))
+    labels = label_cells(
+        costs,
+        cells.edges,
+        cells.ends,
+        planes,
+        config.border_cost * roof.spacing,
+        config.step_cost,
+        config.max_step_cost_height,
+    )
+    labels = absorb_small_faces(cells, labels, config.min_face_area)
+    return _Labelled(cells, labels, cell[: len(roof.points)])
+
+
+def _impossible(cells: Cells, planes: NDArray[np.float64], limits: Limits) -> NDArray[np.float64]:
+    """
+    Return what it costs that planes lie beyond what was seen or are walls [m³], shape (n_cells, n_planes).
+
+    """
+    corners, cell = shapely.get_coordinates(cells.polygons, return_index=True)
+    worst = np.zeros((len(cells.polygons), len(planes)))
+    for k, plane in enumerate(planes):
+        np.maximum.at(worst[:, k], cell, limits.excess(np.tile(plane, (len(corners), 1)), corners))
+    worst[:, np.hypot(*planes[:, :2].T) > _MAX_RISE] += _WALL_COST
+    return worst * shapely.area(cells.polygons)[:, None]
+
+
+def _faces(roof: _Roof, found: _Labelled) -> list[RoofFacePatch]:
+    """
+    Join cells of one plane to faces.
+
+    """
+    face = join_equal_cells(found.cells, found.labels)
+    polygons = face_polygons(found.cells, face)
+    rings = without_straight_vertices(polygons, np.concatenate(roof.outline.rings))
+    first = np.unique(face, return_index=True)[1]
+    rows = _rows_by_face(face, found.cell, len(rings))
+    return [
+        RoofFacePatch(rings[k], roof.planes[found.labels[first[k]]], rows[k])
+        for k in range(len(rings))
+        if rings[k]
+    ]
+
+
+def _cells(outline: Outline, segments: NDArray[np.float64]) -> Cells:
+    """
+    Cut an outline along segments and along the walls of its re-entrant corners, all run on to the next line.
+
+    """
+    walls = np.concatenate([np.stack([r, np.roll(r, -1, axis=0)], axis=1) for r in outline.rings])
+    inward = [_reentrant_walls(ring) for ring in outline.rings]
+    lines = np.concatenate([segments, *inward])
+    return cut_into_cells(outline, extend_segments(lines, walls))
+
+
+def _reentrant_walls(ring: NDArray[np.float64]) -> NDArray[np.float64]:
+    """
+    Return short segments that lead from re-entrant corners along their walls into the building.
+
+    """
+    into = ring - np.roll(ring, 1, axis=0)
+    out = np.roll(ring, -1, axis=0) - ring
+    turn = np.arctan2(into[:, 0] * out[:, 1] - into[:, 1] * out[:, 0], np.sum(into * out, axis=1))
+    corner = turn < -_REENTRANT
+    at, a, b = ring[corner], into[corner], out[corner]
+    steps = np.concatenate([a / np.linalg.norm(a, axis=1)[:, None], -b / np.linalg.norm(b, axis=1)[:, None]])
+    starts = np.concatenate([at, at])
+    return np.stack([starts, starts + 0.01 * steps], axis=1)
+
+
+def _places(cells: Cells, samples: Samples) -> NDArray[np.int64]:
+    """
+    Return the cell of every sample, -1 for those beside the outline.
+
+    """
+    rings, owner = shapely.get_rings(cells.polygons, return_index=True)
+    corners, ring_of = shapely.get_coordinates(rings, return_index=True)
+    first = np.searchsorted(ring_of, np.arange(len(rings) + 1))
+    order = np.argsort(samples.points[:, 0], kind="stable")
+    x, y = samples.points[order, :2].T
+    return cells_of_samples(
+        np.ascontiguousarray(x), np.ascontiguousarray(y), order, corners, first, owner, len(cells.polygons)
+    )
+
+
+def _rows_by_face(face: NDArray[np.int64], cell: NDArray[np.int64], n_faces: int) -> list[NDArray[np.int64]]:
+    """
+    Return the rows of the points over each face.
+
+    """
+    rows = np.flatnonzero(cell >= 0)
+    number = face[cell[rows]]
+    order = np.argsort(number, kind="stable")
+    ends = np.cumsum(np.bincount(number, minlength=n_faces))
+    return np.split(rows[order], ends[:-1])

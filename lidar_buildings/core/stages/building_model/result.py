@@ -1,0 +1,66 @@
+"""
+What is known of one building.
+
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lidar_buildings.core.model.status import BuildingStatus
+from lidar_buildings.core.solids.raising import Solid
+
+#: Names of a model's attributes, whatever becomes of it.
+ATTRIBUTES = (
+    "ground_elevation",
+    "roof_elevation_min",
+    "roof_elevation_50p",
+    "roof_elevation_70p",
+    "roof_elevation_max",
+    "height",
+    "area",
+    "n_points",
+    "point_spacing",
+    "n_planes",
+    "roof_type",
+    "rmse",
+    "coverage",
+    "no_data_share",
+    "plane_sigma",
+    "volume",
+    "lod",
+    "validity",
+)
+#: The faces of a roof: each its rings of shape (n, 3), the exterior first and then its holes.
+RoofFaces = tuple[tuple[NDArray[np.float64], ...], ...]
+
+
+@dataclass(frozen=True, eq=False)
+class BuildingModel:
+    """
+    What is known of one building.
+
+    Attributes
+    ----------
+    solids : dict of str to Solid
+        By level of detail ("1.2"); valid ones only.
+    attributes : dict
+        By the names of DESIGN.md section 3; elevations [m] in the map frame, None where unknown.
+    roof_faces : RoofFaces
+        The faces of the finest solid's roof.
+    status : BuildingStatus
+        OK, NO_SOLID or DEGENERATE; FAILED in place of a model that could not be built.
+    reason : str
+        Why not OK, or what was assumed or repaired.
+
+    """
+
+    solids: dict[str, Solid]
+    attributes: dict[str, Any]
+    roof_faces: RoofFaces = ()
+    status: BuildingStatus = BuildingStatus.OK
+    reason: str = ""

@@ -1,0 +1,221 @@
+"""
+The stage: features, clusters, thinning.
+
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from lidar_buildings.core.model.point_array import checked_column, checked_points
+from lidar_buildings.core.neighbours.cell_grid import SortedPoints, sort_by_cell
+from lidar_buildings.core.neighbours.point_spacing import given_or_measured
+from lidar_buildings.core.stages.edge_labelling.clusters import Clusters, cluster_edges
+from lidar_buildings.core.stages.edge_labelling.config import EdgeLabellingConfig
+from lidar_buildings.core.stages.edge_labelling.measures import eigenvalues_by_area, measures_of
+from lidar_buildings.core.stages.edge_labelling.plan_cells import roofs_in_plan
+from lidar_buildings.core.stages.edge_labelling.rims import on_rims
+from lidar_buildings.core.stages.edge_labelling.roofs import set_apart
+from lidar_buildings.core.stages.edge_labelling.status import OK, TOO_FEW_POINTS, overall
+from lidar_buildings.core.stages.edge_labelling.theoretical_shapes import discriminant_edges
+from lidar_buildings.core.surfaces.eigenfeatures import EigenFeatures, eigen_features
+
+
+@dataclass(frozen=True, eq=False)
+class EdgeLabels:
+    """
+    Labels and features of the points' neighbourhoods.
+
+    Attributes
+    ----------
+    edge : ndarray of uint8, shape (n_points,)
+        1 = edge, 0 = none.
+    linearity, planarity : ndarray of shape (n_points,)
+        (λ1 − λ2)/λ1 and (λ2 − λ3)/λ1.
+    normals : ndarray of shape (n_points, 3)
+        Unit normals, z ≥ 0.
+    neighbourhood_radius : ndarray of shape (n_points,)
+        The radius chosen [m].
+    status : str
+        The best that a roof came to: ``"ok"``; ``"one_cluster"``: its points are all alike, and were held to
+        typical centres instead of being split in halves; ``"too_few_points"``: so were too few points for
+        clusters of their own; of fewer than two distinct ones none is an edge.
+    clusters : tuple of Clusters
+        Each roof's status and centres by rising number, or those of all points; empty for discriminant
+        analysis.
+    roof_id : ndarray of int64, shape (n_points,), or None
+        The roof whose clusters labelled each point: as given, or numbered from 0; None where all points
+        share theirs.
+
+    """
+
+    edge: NDArray[np.uint8]
+    linearity: NDArray[np.float64]
+    planarity: NDArray[np.float64]
+    normals: NDArray[np.float64]
+    neighbourhood_radius: NDArray[np.float64]
+    status: str
+    clusters: tuple[Clusters, ...] = ()
+    roof_id: NDArray[np.int64] | None = None
+
+    @property
+    def n_roofs(self) -> dict[str, int]:
+        """
+        How many roofs came to each status.
+
+        """
+        return dict(Counter(one.status for one in self.clusters))
+
+
+def label_edges(
+    points: ArrayLike,
+    config: EdgeLabellingConfig | None = None,
+    *,
+    point_spacing: float | None = None,
+    roof_id: ArrayLike | None = None,
+) -> EdgeLabels:
+    """
+    Tell roof points on edges from those on surfaces.
+
+    Principal components of each point's sphere, its radius chosen by least entropy, are clustered in two by
+    k-means; the cluster of higher linearity is a band along edges (Santos, Galo and others). No threshold has
+    to be known beforehand. Of the band those points stay, and points close to it become edges, that an empty
+    disc touches in plan: the rims of roofs.
+
+    Parameters
+    ----------
+    points : array_like of shape (n_points, 3)
+        Roof points of any number of buildings, in any order [m].
+    config : EdgeLabellingConfig, optional
+        The stage's parameters; lengths are multiples of the point spacing. `AS_PUBLISHED` is the method
+        without what was added to it.
+    point_spacing : float, optional
+        Spacing of the pulses [m]; measured if not given.
+    roof_id : array_like of int, shape (n_points,), optional
+        Which roof each point is of, any numbers. Roofs do not see one another then, so that the edge between
+        two that touch is one of both. If not given, roofs are what hangs together in plan, and a roof's
+        points are seen from the next.
+
+    Returns
+    -------
+    EdgeLabels
+        Rows as in the input.
+
+    Raises
+    ------
+    ValueError
+        If `points` or `roof_id` has another shape or is not finite, or `point_spacing` is not positive.
+
+    Notes
+    -----
+    Neither the order of the points nor the number of threads changes a label. A roof that lies whole in two
+    tiles is labelled alike in both, given the same spacing. Steps between roofs are labelled with thinning
+    "surface"; ridges only with "none", and few: they bend the surface too little to be told apart.
+
+    """
+    config = config or EdgeLabellingConfig()
+    points = checked_points(points)
+    roofs = None if roof_id is None else checked_column("roof_id", roof_id, len(points), np.int64)
+    spacing = given_or_measured(points, point_spacing)
+    found = _features(points, roofs, spacing, config)
+    cells = _cells(points, spacing, config)
+    groups = _groups(cells, roofs, config)
+    linearity, planarity = found.linearity, found.planarity
+    band, clusters = _band(found, linearity, planarity, groups, config)
+    edge = _thinned(cells, roofs, spacing, band, config)
+    if config.method == "discriminant_analysis":
+        status = OK if found.eigenvalues.any() else TOO_FEW_POINTS
+    else:
+        status = overall(one.status for one in clusters)
+    return EdgeLabels(
+        edge.astype(np.uint8),
+        linearity,
+        planarity,
+        found.normals,
+        found.radius,
+        status,
+        clusters,
+        groups,
+    )
+
+
+def _features(
+    points: NDArray[np.float64],
+    roofs: NDArray[np.int64] | None,
+    spacing: float,
+    config: EdgeLabellingConfig,
+) -> EigenFeatures:
+    """
+    Describe each point's sphere, given roofs each for itself.
+
+    """
+    largest = max(config.max_radius, config.min_radius)
+    radii = np.unique(np.geomspace(config.min_radius, largest, config.n_radii)) * spacing
+    apart = set_apart(points, roofs, float(radii[-1]))
+    return eigen_features(apart, list(radii), min_neighbours=config.min_neighbours, entropy=config.entropy)
+
+
+def _cells(points: NDArray[np.float64], spacing: float, config: EdgeLabellingConfig) -> SortedPoints | None:
+    """
+    Sort the points into cells where roofs or rims have to be found.
+
+    """
+    if config.thinning == "none" and config.scope != "roof":
+        return None
+    return sort_by_cell(points, max(2.0 * config.rim_radius, config.band_reach) * spacing)
+
+
+def _groups(
+    cells: SortedPoints | None, roofs: NDArray[np.int64] | None, config: EdgeLabellingConfig
+) -> NDArray[np.int64] | None:
+    """
+    Number the points that share their clusters; None if all do, or there are no clusters.
+
+    """
+    if config.scope != "roof" or config.method != "k_means":
+        return None
+    return roofs if roofs is not None or cells is None else roofs_in_plan(cells)
+
+
+def _band(
+    found: EigenFeatures,
+    linearity: NDArray[np.float64],
+    planarity: NDArray[np.float64],
+    groups: NDArray[np.int64] | None,
+    config: EdgeLabellingConfig,
+) -> tuple[NDArray[np.bool_], tuple[Clusters, ...]]:
+    """
+    Label the band along edges; return the clusters, too.
+
+    """
+    if config.method == "discriminant_analysis":
+        return discriminant_edges(eigenvalues_by_area(found)), ()
+    measures = measures_of(found, linearity, planarity, config.features)
+    return cluster_edges(measures, linearity, found.eigenvalues[:, 0] > 0.0, groups, config)
+
+
+def _thinned(
+    cells: SortedPoints | None,
+    roofs: NDArray[np.int64] | None,
+    spacing: float,
+    band: NDArray[np.bool_],
+    config: EdgeLabellingConfig,
+) -> NDArray[np.bool_]:
+    """
+    Return the rims in and near the band, or the band itself.
+
+    """
+    if config.thinning == "none" or cells is None:
+        return band
+    return on_rims(
+        cells,
+        band,
+        roofs,
+        radius=config.rim_radius * spacing,
+        reach=config.band_reach * spacing,
+        max_step=config.max_step * spacing if config.thinning == "surface" else np.inf,
+    )

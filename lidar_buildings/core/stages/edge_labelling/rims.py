@@ -1,0 +1,218 @@
+"""
+Thinning: of the band that clusters label along edges, the points on the rim stay.
+
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from lidar_buildings.core.neighbours.cell_grid import SortedPoints
+from lidar_buildings.core.neighbours.parallel import for_row_blocks
+from lidar_buildings.core.neighbours.windows import first_windows, move_windows
+from lidar_buildings.core.stages.edge_labelling.open_arcs import (
+    ALL_SECTORS,
+    MAX_OPEN,
+    N_SQUARES,
+    TURN,
+    sector_table,
+    square_at,
+    without_neighbour,
+)
+from lidar_buildings.core.stages.edge_labelling.roofs import numbered
+
+#: Points nearer than this part of the disc's radius are at the same place: which side they lie on is chance.
+SAME_PLACE = 1e-6
+#: What is gathered of a neighbour: x, y, z, roof; and room for the number of its square.
+N_COLUMNS = 5
+#: Cells a block of work: some ten thousand points.
+CELLS_A_BLOCK = 2048
+
+
+def on_rims(
+    cells: SortedPoints,
+    band: NDArray[np.bool_],
+    roof_id: NDArray[np.int64] | None,
+    *,
+    radius: float,
+    reach: float,
+    max_step: float = math.inf,
+) -> NDArray[np.bool_]:
+    """
+    Tell which points near the band lie on a rim: an empty disc touches them in plan.
+
+    That is Edelsbrunner's (1983) alpha-extreme point, found from the neighbours alone: each of them keeps the
+    disc's centre out of an arc round the point, and what arcs leave open is room for a disc.
+
+    Parameters
+    ----------
+    cells : SortedPoints
+        The points, in cells no smaller than twice the radius and than the reach.
+    band : ndarray of bool, shape (n_points,)
+        Points that an edge is near to, per input row.
+    roof_id : ndarray of int64, shape (n_points,), or None
+        Points of other roofs are not seen.
+    radius : float
+        Of the disc [m].
+    reach : float
+        How far from the band in plan rims are looked for [m]; 0 for the band alone.
+    max_step : float
+        Points farther up or down than this are not seen [m].
+
+    Returns
+    -------
+    ndarray of bool, shape (n_points,)
+        Per input row.
+
+    """
+    rim = np.zeros(len(band), dtype=np.bool_)
+    roof = np.zeros(len(band), dtype=np.int64) if roof_id is None else _sorted(numbered(roof_id)[1], cells)
+    in_band = np.flatnonzero(_sorted(band, cells))
+    band_first = np.searchsorted(in_band, cells.first)
+    everything = (cells.points, roof, cells.first)
+    of_band = (cells.points[in_band], roof[in_band], band_first)
+    lengths, table = (radius, reach, max_step), sector_table()
+    for_row_blocks(
+        lambda begin, end: _find_rims(cells, everything, of_band, lengths, table, rim, begin, end),
+        len(cells.numbers),
+        CELLS_A_BLOCK,
+    )
+    return rim
+
+
+def _sorted(values: NDArray[Any], cells: SortedPoints) -> NDArray[Any]:
+    """
+    Return one value per input row in the order of the sorted points.
+
+    """
+    ordered = np.empty_like(values)
+    for_row_blocks(lambda begin, end: _gather(values, cells.rows, ordered, begin, end), len(values))
+    return ordered
+
+
+@njit(cache=True, nogil=True)
+def _gather(values, rows, ordered, begin, end):  # type: ignore[no-untyped-def]
+    """
+    Fill the sorted points begin to end.
+
+    """
+    for i in range(begin, end):
+        ordered[i] = values[rows[i]]
+
+
+@njit(cache=True, nogil=True)
+def _find_rims(cells, everything, of_band, lengths, table, rim, begin, end):  # type: ignore[no-untyped-def]
+    """
+    Fill the rows of the points of cells begin to end.
+
+    `everything` and `of_band` are points, their roofs, and where those of each cell begin.
+
+    """
+    points, roof, first = everything
+    radius, reach, max_step = lengths
+    arcs = np.empty((MAX_OPEN, 2))
+    near = band = np.empty((N_COLUMNS, 0))
+    windows = first_windows(cells.numbers, cells.n_columns, 1, begin)
+    for cell in range(begin, end):
+        move_windows(cells.numbers, cells.n_columns, 1, cell, windows)
+        band, n_band = _gathered(of_band, windows, band)
+        if n_band == 0:
+            continue
+        near, n_near = _gathered(everything, windows, near)
+        for i in range(first[cell], first[cell + 1]):
+            place = (points[i, 0], points[i, 1], points[i, 2], float(roof[i]))
+            if _is_near(band, n_band, place, reach, max_step):
+                rim[cells.rows[i]] = _is_on_rim(near, n_near, place, radius, max_step, table, arcs)
+
+
+@njit(cache=True, nogil=True)
+def _gathered(sorted_points, windows, near):  # type: ignore[no-untyped-def]
+    """
+    Write x, y, z and roof of the points in a window of cells to the rows of `near`, or of larger ones.
+
+    Returns
+    -------
+    near : ndarray of shape (N_COLUMNS, at least n_near)
+        What is beyond the last point is rubbish.
+    n_near : int
+        How many points there are.
+
+    """
+    points, roof, first = sorted_points
+    n_near = 0
+    for begin, end in windows:
+        n_near += first[end] - first[begin]
+    if n_near > near.shape[1]:
+        near = np.empty((N_COLUMNS, 2 * n_near))
+    k = 0
+    for begin, end in windows:
+        for j in range(first[begin], first[end]):
+            near[0, k], near[1, k], near[2, k] = points[j]
+            near[3, k] = roof[j]
+            k += 1
+    return near, n_near
+
+
+@njit(cache=True, nogil=True)
+def _is_near(band, n_band, place, reach, max_step):  # type: ignore[no-untyped-def]
+    """
+    Whether one of the first points of the band, of the same roof, is within reach of a place.
+
+    """
+    x, y, z, roof = place
+    found = False
+    for j in range(n_band):
+        dx, dy, dz = band[0, j] - x, band[1, j] - y, band[2, j] - z
+        # No branch, so that it becomes a vector instruction.
+        found |= (dx * dx + dy * dy <= reach * reach) & (abs(dz) <= max_step) & (band[3, j] == roof)
+    return found
+
+
+@njit(cache=True, nogil=True)
+def _is_on_rim(near, n_near, place, radius, max_step, table, arcs):  # type: ignore[no-untyped-def]
+    """
+    Whether an empty disc touches a place: by sectors if they tell, else exactly; `arcs` is room to work in.
+
+    """
+    x, y, z, roof = place
+    scale, same = N_SQUARES / (4.0 * radius), (SAME_PLACE * radius) ** 2
+    squares = near[4]
+    for j in range(n_near):
+        dx, dy, dz = near[0, j] - x, near[1, j] - y, near[2, j] - z
+        seen = (abs(dz) <= max_step) & (near[3, j] == roof) & (dx * dx + dy * dy > same)
+        squares[j] = square_at(dx * scale, dy * scale) if seen else 0.0
+    surely, perhaps = np.uint64(0), np.uint64(0)
+    for j in range(n_near):
+        square = int(squares[j])
+        surely |= table[square, 0]
+        perhaps |= table[square, 1]
+    if surely == ALL_SECTORS:
+        return False
+    return perhaps != ALL_SECTORS or _is_touched(near, n_near, place, radius, max_step, arcs)
+
+
+@njit(cache=True, nogil=True)
+def _is_touched(near, n_near, place, radius, max_step, arcs):  # type: ignore[no-untyped-def]
+    """
+    Tell the same by cutting out arc after arc.
+
+    """
+    x, y, z, roof = place
+    arcs[0] = 0.0, TURN
+    n_open = 1
+    for j in range(n_near):
+        dx, dy, dz = near[0, j] - x, near[1, j] - y, near[2, j] - z
+        square = dx * dx + dy * dy
+        if square >= 4.0 * radius * radius or abs(dz) > max_step or near[3, j] != roof:
+            continue
+        if square <= (SAME_PLACE * radius) ** 2:
+            continue
+        n_open = without_neighbour(arcs, n_open, dx, dy, 2.0 * radius)
+        if n_open == 0:
+            return False
+    return True

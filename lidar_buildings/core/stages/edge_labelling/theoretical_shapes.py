@@ -1,0 +1,99 @@
+"""
+The eight theoretical shapes of Gross and Thoennessen (2006), by which discriminant analysis tells edges.
+
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from lidar_buildings.core.neighbours.parallel import for_row_blocks
+
+
+class Shape(NamedTuple):
+    """
+    What a sphere of radius 1 about a point cuts out of an ideal structure.
+
+    Attributes
+    ----------
+    name : str
+        In the words of the paper.
+    eigenvalues : tuple of three float
+        λ1 ≥ λ2 ≥ λ3 of the covariance about the mean, in units of R².
+    is_edge : bool
+        The group that Santos and others put it in.
+
+    """
+
+    name: str
+    eigenvalues: tuple[float, float, float]
+    is_edge: bool
+
+
+# Moments over discs and sectors of radius 1: a half disc's centre lies 4/3π off, a quarter's on both axes.
+_OFF = 4.0 / (3.0 * math.pi)
+# A quarter disc's covariance has this diagonal and this beside it.
+_QUARTER, _BESIDE = 1 / 4 - _OFF**2, 1 / (2 * math.pi) - _OFF**2
+# The same of three quarter discs, one in each plane of coordinates.
+_CORNER, _BESIDE_CORNER = 1 / 6 - (2 * _OFF / 3) ** 2, 1 / (6 * math.pi) - (2 * _OFF / 3) ** 2
+
+#: The eight shapes. Of two planes at a right angle each is a half disc off the other by its own 4/3π.
+SHAPES = (
+    Shape("isolated point", (0.0, 0.0, 0.0), False),
+    Shape("end of a line", (1 / 12, 0.0, 0.0), False),
+    Shape("line", (1 / 3, 0.0, 0.0), True),
+    Shape("half plane", (1 / 4, 1 / 4 - _OFF**2, 0.0), True),
+    Shape("quarter plane", (_QUARTER - _BESIDE, _QUARTER + _BESIDE, 0.0), True),
+    Shape("plane", (1 / 4, 1 / 4, 0.0), False),
+    Shape("two planes", (1 / 4, 1 / 8, 1 / 8 - _OFF**2 / 2), True),
+    Shape(
+        "three planes",
+        (_CORNER - _BESIDE_CORNER, _CORNER - _BESIDE_CORNER, _CORNER + 2 * _BESIDE_CORNER),
+        False,
+    ),
+)
+
+
+def nearest_shapes(eigenvalues: NDArray[np.float64]) -> NDArray[np.uint8]:
+    """
+    Return the row in `SHAPES` of the shape nearest to each point.
+
+    Parameters
+    ----------
+    eigenvalues : ndarray of shape (n_points, 3)
+        λ1 ≥ λ2 ≥ λ3 in units of the neighbourhood's R².
+
+    """
+    shapes = np.array([shape.eigenvalues for shape in SHAPES])
+    nearest = np.empty(len(eigenvalues), dtype=np.uint8)
+    for_row_blocks(lambda a, b: _nearest(eigenvalues, shapes, nearest, a, b), len(nearest))
+    return nearest
+
+
+def discriminant_edges(eigenvalues: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """
+    Tell which points' nearest shape is an edge: line, half plane, quarter plane or two planes.
+
+    """
+    return np.array([shape.is_edge for shape in SHAPES])[nearest_shapes(eigenvalues)]
+
+
+@njit(cache=True, nogil=True)
+def _nearest(eigenvalues, shapes, nearest, begin, end):  # type: ignore[no-untyped-def]
+    """
+    Fill rows begin to end; of two shapes as near the first.
+
+    """
+    for i in range(begin, end):
+        least = np.inf
+        for k in range(len(shapes)):
+            square = 0.0
+            for axis in range(3):
+                square += (eigenvalues[i, axis] - shapes[k, axis]) ** 2
+            if square < least:
+                least, nearest[i] = square, k

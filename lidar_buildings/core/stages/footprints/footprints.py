@@ -1,0 +1,104 @@
+"""
+Footprints in the map frame with the ids of their buildings.
+
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from lidar_buildings.core.model.building_id import CELL, building_id
+from lidar_buildings.core.model.outline import Outline
+
+
+@dataclass(frozen=True, eq=False)
+class Footprints:
+    """
+    Outlines that are given, each of one building.
+
+    Attributes
+    ----------
+    outlines : tuple of Outline
+        As a message carries them, map frame [m].
+    building_id : ndarray of shape (n_footprints,), uint32
+        Unique.
+    bounds : ndarray of shape (n_footprints, 4)
+        West, south, east and north limit of each [m].
+    area : ndarray of shape (n_footprints,)
+        Without courtyards [m²].
+
+    """
+
+    outlines: tuple[Outline, ...]
+    building_id: NDArray[np.uint32]
+    bounds: NDArray[np.float64]
+    area: NDArray[np.float64]
+
+    def __len__(self) -> int:
+        """
+        Return the number of footprints.
+
+        """
+        return len(self.outlines)
+
+    def touching(self, box: tuple[float, float, float, float]) -> NDArray[np.intp]:
+        """
+        Return the footprints whose bounds reach into a box, the largest first, equal ones by falling id.
+
+        """
+        west, south, east, north = box
+        low, high = self.bounds[:, :2], self.bounds[:, 2:]
+        rows = np.flatnonzero((low <= (east, north)).all(axis=1) & (high >= (west, south)).all(axis=1))
+        return rows[np.lexsort((self.building_id[rows], self.area[rows]))[::-1]]
+
+
+def footprints_of(polygons: Sequence[shapely.Polygon]) -> Footprints:
+    """
+    Number polygons: each building's id is that of the cell in which a point inside its footprint lies.
+
+    Where two have their points in one cell, the one further east by its limits takes the next free cell to
+    the east. So the ids depend on the footprints, not on their order nor on how points are cut into tiles.
+
+    Parameters
+    ----------
+    polygons : sequence of shapely.Polygon
+        Valid, map frame [m]; as `repaired_polygons` gives them.
+
+    """
+    shapes = np.array(list(polygons), dtype=object)
+    outlines = tuple(_outline(polygon) for polygon in shapes)
+    bounds = shapely.bounds(shapes).reshape(-1, 4)
+    area = shapely.area(shapes).reshape(-1)
+    anchors = shapely.get_coordinates(shapely.point_on_surface(shapes)).reshape(-1, 2)
+    order = np.lexsort((area, *anchors.T[::-1], *bounds.T[::-1]))
+    return Footprints(outlines, _unique_ids(anchors, order), bounds, area)
+
+
+def _outline(polygon: shapely.Polygon) -> Outline:
+    """
+    Return a polygon's rings, open and oriented, as a message carries them.
+
+    """
+    shell, *holes = [shapely.get_coordinates(ring)[:-1] for ring in (polygon.exterior, *polygon.interiors)]
+    return Outline(shell, tuple(holes)).oriented().as_carried()
+
+
+def _unique_ids(anchors: NDArray[np.float64], order: NDArray[np.intp]) -> NDArray[np.uint32]:
+    """
+    Give every anchor its cell's id, or that of the next cell to the east that is free.
+
+    """
+    numbers = np.zeros(len(anchors), dtype=np.uint32)
+    taken: set[int] = set()
+    for row in order:
+        anchor = anchors[row].copy()
+        while (number := building_id(anchor)) in taken:
+            anchor[0] += CELL
+        taken.add(number)
+        numbers[row] = number
+    return numbers

@@ -1,0 +1,156 @@
+"""
+High gross errors: birds and the like, alone in the air, and clouds.
+
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from lidar_buildings.core.neighbours.parallel import for_row_blocks
+from lidar_buildings.core.stages.ground_filter.gross_errors.noise_layers import (
+    Layers,
+    columns_in_row,
+    high_end,
+    low_end,
+)
+
+#: Most points of a group: crowns, masts and the corners of roofs that a tile cuts off have more.
+MAX_POINTS = 3
+#: Columns around that have to be lower: with fewer there is nothing that a group could be above.
+MIN_LOWER = 6
+#: By what share of the gap those columns are lower.
+LOWER_SHARE = 0.7
+
+
+def find_high_layers(layers: Layers, errors: NDArray[np.bool_], gap: float, radius: int) -> NDArray[np.bool_]:
+    """
+    Return which layers are high gross errors: few points in the air, farther than a gap from everything.
+
+    Parameters
+    ----------
+    layers : Layers
+        Split at less than `gap`.
+    errors : ndarray of shape (n_layers,), bool
+        Which are known as low gross errors: they do not count.
+    gap : float
+        Distance in space to everything else [m].
+    radius : int
+        Within how many columns the surface has to lie below.
+
+    """
+    lonely = np.empty(len(layers.numbers), dtype=np.bool_)
+    for_row_blocks(lambda a, b: _mark_lonely(layers, gap, lonely, a, b), len(lonely))
+    seeds = layers.first[1:][lonely] - 1
+    return _judge_groups(layers, seeds, errors, gap, radius)
+
+
+@njit(cache=True, nogil=True)
+def _mark_lonely(layers, gap, lonely, begin, end):  # type: ignore[no-untyped-def]
+    """
+    Mark the columns, from `begin` to `end`, whose top layer is small and stands far above what is next to it.
+
+    """
+    for k in range(begin, end):
+        top = layers.first[k + 1] - 1
+        low = low_end(layers, top)
+        lonely[k] = False
+        if _n_points(layers, top) > MAX_POINTS:
+            continue
+        if top > layers.first[k]:
+            lonely[k] = low - high_end(layers, top - 1) > gap
+            continue
+        for other in (k - 1, k + 1):
+            if 0 <= other < len(layers.numbers):
+                beside = high_end(layers, layers.first[other + 1] - 1)
+                lonely[k] = lonely[k] or low - beside > LOWER_SHARE * gap
+
+
+@njit(cache=True, nogil=True)
+def _judge_groups(layers, seeds, errors, gap, radius):  # type: ignore[no-untyped-def]
+    """
+    Return which layers are part of a group that is an error, starting from the seeds.
+
+    """
+    high = np.zeros(len(layers.column), dtype=np.bool_)
+    group_of = np.full(len(layers.column), -1, dtype=np.int64)
+    is_large = np.zeros(len(layers.column), dtype=np.bool_)
+    members = np.empty(MAX_POINTS, dtype=np.int64)
+    for seed in seeds:
+        if errors[seed] or is_large[seed] or group_of[seed] >= 0:
+            continue
+        n_members = _gather_group(layers, seed, errors, gap, group_of, is_large, members)
+        group = members[: max(n_members, 0)]
+        if n_members > 0 and _is_in_the_air(layers, group, errors, gap, radius, group_of):
+            high[group] = True
+    return high
+
+
+@njit(cache=True, nogil=True)
+def _gather_group(layers, seed, errors, gap, group_of, is_large, members):  # type: ignore[no-untyped-def]
+    """
+    Fill `members` with what is within the gap of a layer, and so on; return how many, −1 if it is too much.
+
+    """
+    n_members, done, n_points = 1, 0, _n_points(layers, seed)
+    members[0], group_of[seed] = seed, seed
+    reach = math.ceil(gap / layers.size)
+    while done < n_members:
+        layer = members[done]
+        done += 1
+        k = layers.column[layer]
+        for step in range(-reach, reach + 1):
+            start, stop = columns_in_row(layers, k, step, reach)
+            for other in range(start, stop):
+                across = layers.numbers[other] % layers.width - layers.numbers[k] % layers.width
+                upright = gap * gap - layers.size * layers.size * (across * across + step * step)
+                if upright < 0.0:
+                    continue
+                low = low_end(layers, layer) - math.sqrt(upright)
+                high = high_end(layers, layer) + math.sqrt(upright)
+                for j in range(layers.first[other], layers.first[other + 1]):
+                    if low_end(layers, j) > high:
+                        break
+                    if high_end(layers, j) < low or group_of[j] == seed or errors[j]:
+                        continue
+                    n_points += _n_points(layers, j)
+                    if is_large[j] or n_points > MAX_POINTS:
+                        is_large[members[:n_members]] = True
+                        return -1
+                    members[n_members], group_of[j] = j, seed
+                    n_members += 1
+    return n_members
+
+
+@njit(cache=True, nogil=True)
+def _is_in_the_air(layers, group, errors, gap, radius, group_of):  # type: ignore[no-untyped-def]
+    """
+    Whether enough columns around end far below a group.
+
+    """
+    seed = group[0]
+    low = np.inf
+    for layer in group:
+        low = min(low, low_end(layers, layer))
+    k, n_lower = layers.column[seed], 0
+    for step in range(-radius, radius + 1):
+        start, stop = columns_in_row(layers, k, step, radius)
+        for other in range(start, stop):
+            first, j = layers.first[other], layers.first[other + 1] - 1
+            while j >= first and (errors[j] or group_of[j] == seed):
+                j -= 1
+            n_lower += j >= first and high_end(layers, j) < low - LOWER_SHARE * gap
+    return n_lower >= max(MIN_LOWER, len(group))
+
+
+@njit(cache=True, nogil=True)
+def _n_points(layers, layer):  # type: ignore[no-untyped-def]
+    """
+    Return the number of a layer's points.
+
+    """
+    return layers.begin[layer + 1] - layers.begin[layer]

@@ -1,0 +1,253 @@
+"""
+Low gross errors: small groups of points below everything that surrounds them.
+
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from lidar_buildings.core.neighbours.parallel import for_row_blocks
+from lidar_buildings.core.stages.ground_filter.gross_errors.noise_layers import (
+    Layers,
+    columns_in_row,
+    high_end,
+    low_end,
+    rise,
+)
+from lidar_buildings.core.stages.ground_filter.gross_errors.open_pit import is_open_pit
+from lidar_buildings.core.stages.ground_filter.gross_errors.terrain_gradient import terrain_gradient
+
+#: Columns between which layers still touch: ground seen through gaps hangs together over so many.
+REACH = 3
+#: Columns around that bear out the level of a group: fewer may be gross errors themselves ...
+MIN_SUPPORT = 6
+#: ... and most of these from one other small group.
+MAX_OF_SMALL = 2
+#: By what share the radius shrinks per unit of slope: the steeper, the less far terrain is plane.
+SHRINKAGE = 1.0
+#: A group has to be below the larger part of what is around: this many columns for each of its own.
+MIN_SURROUNDINGS = 2
+#: Gross errors below gross errors come to light one after the other.
+MAX_PASSES = 10
+#: What is known of a layer.
+UNKNOWN, LARGE, ERROR = 0, 1, 2
+
+
+def find_low_layers(layers: Layers, gap: float, radius: int, limit: int) -> NDArray[np.bool_]:
+    """
+    Return which layers are low gross errors.
+
+    A group is what hangs together: layers of columns at most three apart whose elevations, the terrain's
+    slope allowed for, are within `gap`. It is an error if it is small, if within the radius hardly
+    anything else reaches down to its level, the slope again allowed for, and if it is no open pit.
+
+    Parameters
+    ----------
+    layers : Layers
+        Split at `gap`.
+    gap : float
+        How far below everything around an error lies at least [m].
+    radius : int
+        How far around is looked, in columns.
+    limit : int
+        Most layers of a group.
+
+    """
+    bottom = layers.first[:-1].copy()
+    seeds = bottom[_alone(layers, gap)]
+    layers = _with_gradient_of_the_rest(layers, seeds, gap, limit)
+    seeds = bottom[_alone(layers, gap)]
+    state, group_of = _unknown(layers)
+    for _ in range(MAX_PASSES):
+        errors, open_cases = _judge_groups(layers, bottom, seeds, gap, radius, limit, state, group_of)
+        if len(errors) == 0:
+            break
+        state[errors] = ERROR
+        seeds = np.append(open_cases, _new_bottoms(layers, bottom, state, np.unique(layers.column[errors])))
+        group_of[:] = -1
+    return state == ERROR
+
+
+def _unknown(layers: Layers) -> tuple[NDArray[np.uint8], NDArray[np.int64]]:
+    """
+    Return what is known of the layers, and the seeds of their groups, before anything is.
+
+    """
+    n_layers = len(layers.column)
+    return np.zeros(n_layers, dtype=np.uint8), np.full(n_layers, -1, dtype=np.int64)
+
+
+def _alone(layers: Layers, gap: float) -> NDArray[np.bool_]:
+    """
+    Return the columns at the western and eastern ends of what lies apart; see `_mark_alone`.
+
+    """
+    alone = np.empty(len(layers.numbers), dtype=np.bool_)
+    for_row_blocks(lambda a, b: _mark_alone(layers, gap, alone, a, b), len(alone))
+    return alone
+
+
+def _with_gradient_of_the_rest(layers: Layers, seeds: NDArray[np.int64], gap: float, limit: int) -> Layers:
+    """
+    Return the layers with the terrain's gradient taken anew, from columns that end in no small group.
+
+    """
+    members, _ = _gather_groups(layers, seeds, gap, limit, *_unknown(layers))
+    counts = np.ones(len(layers.numbers), dtype=np.bool_)
+    counts[layers.column[members]] = False
+    lowest = layers.points[layers.begin[layers.first[:-1]]]
+    return layers._replace(gradient=terrain_gradient(lowest, counts, layers.size))
+
+
+def _new_bottoms(
+    layers: Layers, bottom: NDArray[np.int64], state: NDArray[np.uint8], columns: NDArray[np.int64]
+) -> NDArray[np.int64]:
+    """
+    Raise the bottom of some columns above the errors; −1 where none is left. Return the new ones.
+
+    """
+    for k in columns:
+        left = np.flatnonzero(state[layers.first[k] : layers.first[k + 1]] != ERROR)
+        bottom[k] = layers.first[k] + left[0] if len(left) > 0 else -1
+    raised = bottom[columns]
+    return raised[raised >= 0]
+
+
+@njit(cache=True, nogil=True)
+def _mark_alone(layers, gap, alone, begin, end):  # type: ignore[no-untyped-def]
+    """
+    Mark the columns, from `begin` to `end`, to whose west or east most columns end above their bottom.
+
+    Whatever lies apart has a westernmost and an easternmost column.
+
+    """
+    for k in range(begin, end):
+        top = high_end(layers, layers.first[k]) + gap
+        around, level = np.zeros(2), np.zeros(2)
+        for step in range(-1, 2):
+            start, stop = columns_in_row(layers, k, step, REACH)
+            for other in range(start, stop):
+                across = layers.numbers[other] - layers.numbers[k] - step * layers.width
+                if across != 0:
+                    side = 0 if across < 0 else 1
+                    around[side] += 1
+                    level[side] += low_end(layers, layers.first[other]) - rise(layers, k, other) <= top
+        alone[k] = 2 * level[0] <= around[0] or 2 * level[1] <= around[1]
+
+
+@njit(cache=True, nogil=True)
+def _judge_groups(layers, bottom, seeds, gap, radius, limit, state, group_of):  # type: ignore[no-untyped-def]
+    """
+    Return the layers of groups that are errors, and the seeds of those that others may still hide.
+
+    """
+    members, begins = _gather_groups(layers, seeds, gap, limit, state, group_of)
+    errors, open_cases = [np.int64(0) for _ in range(0)], [np.int64(0) for _ in range(0)]
+    # How many columns of a small group bear out the one under judgement, which is noted beside.
+    counted, judged = np.zeros(len(state), dtype=np.int64), np.full(len(state), -1, dtype=np.int64)
+    for i in range(len(begins) - 1):
+        group = members[begins[i] : begins[i + 1]]
+        if _is_borne_out(layers, bottom, group, gap, radius, state, group_of, counted, judged):
+            open_cases.append(group[0])
+        elif not is_open_pit(layers, group, gap):
+            errors.extend(group)
+    return np.array(errors, dtype=np.int64), np.array(open_cases, dtype=np.int64)
+
+
+@njit(cache=True, nogil=True)
+def _gather_groups(layers, seeds, gap, limit, state, group_of):  # type: ignore[no-untyped-def]
+    """
+    Return the layers of all small groups that a seed belongs to, and where each begins, and the end.
+
+    """
+    members, begins = [np.int64(0) for _ in range(0)], [np.int64(0)]
+    group = np.empty(limit, dtype=np.int64)
+    for seed in seeds:
+        if state[seed] == UNKNOWN and group_of[seed] < 0:
+            n_members = _gather_group(layers, seed, gap, state, group_of, group)
+            if n_members > 0:
+                members.extend(group[:n_members])
+                begins.append(np.int64(len(members)))
+    return np.array(members, dtype=np.int64), np.array(begins, dtype=np.int64)
+
+
+@njit(cache=True, nogil=True)
+def _gather_group(layers, seed, gap, state, group_of, members):  # type: ignore[no-untyped-def]
+    """
+    Fill `members` with what hangs together with a layer; return how many, or −1 if they do not fit.
+
+    `group_of` becomes the seed for each; all of a group that does not fit are marked as LARGE.
+
+    """
+    n_members, done = 1, 0
+    members[0], group_of[seed] = seed, seed
+    while done < n_members:
+        layer = members[done]
+        done += 1
+        k = layers.column[layer]
+        for step in range(-REACH, REACH + 1):
+            start, stop = columns_in_row(layers, k, step, REACH)
+            for other in range(start, stop):
+                up = 0.5 * (rise(layers, k, other) - rise(layers, other, k))
+                low, high = low_end(layers, layer) + up - gap, high_end(layers, layer) + up + gap
+                for j in range(layers.first[other], layers.first[other + 1]):
+                    if low_end(layers, j) > high:
+                        break
+                    if high_end(layers, j) < low or group_of[j] == seed or state[j] == ERROR:
+                        continue
+                    if state[j] == LARGE or n_members == len(members):
+                        state[members[:n_members]] = LARGE
+                        return -1
+                    members[n_members], group_of[j] = j, seed
+                    n_members += 1
+    return n_members
+
+
+@njit(cache=True, nogil=True)
+def _is_borne_out(  # type: ignore[no-untyped-def]
+    layers, bottom, group, gap, radius, state, group_of, counted, judged
+):
+    """
+    Whether enough columns around reach down to a group's level, or too few are there to tell.
+
+    Another small group, which may be an error as well, counts for no more than two of its columns.
+
+    """
+    seed, k = group[0], layers.column[group[0]]
+    top = -np.inf
+    for layer in group:
+        top = max(top, high_end(layers, layer) - rise(layers, k, layers.column[layer]))
+    slope = np.hypot(layers.gradient[k, 0], layers.gradient[k, 1])
+    radius = int(np.ceil(radius / (1.0 + SHRINKAGE * slope)))
+    n_level, n_above = 0, 0
+    for step in range(-radius, radius + 1):
+        start, stop = columns_in_row(layers, k, step, radius)
+        for other in range(start, stop):
+            b = bottom[other]
+            across = layers.numbers[other] % layers.width - layers.numbers[k] % layers.width
+            if b < 0 or group_of[b] == seed or across * across + step * step > radius * radius:
+                continue
+            if low_end(layers, b) - rise(layers, k, other) > top + gap:
+                n_above += 1
+            elif state[b] == LARGE or group_of[b] < 0:
+                n_level += 1
+            else:
+                n_level += _count_small(group_of[b], seed, counted, judged)
+            if n_level >= MIN_SUPPORT:
+                return True
+    return n_above < max(MIN_SUPPORT, MIN_SURROUNDINGS * len(group))
+
+
+@njit(cache=True, nogil=True)
+def _count_small(small, seed, counted, judged):  # type: ignore[no-untyped-def]
+    """
+    Count a column of a small group for the group of a seed: 1 until there are enough of it, then 0.
+
+    """
+    if judged[small] != seed:
+        judged[small], counted[small] = seed, 0
+    counted[small] += 1
+    return 1 if counted[small] <= MAX_OF_SMALL else 0

@@ -1,0 +1,88 @@
+"""
+Gross errors: points far below the surface (multipath) and alone far above it (birds, clouds).
+
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lidar_buildings.core.model.point_classes import PointClass
+from lidar_buildings.core.neighbours.cell_grid import SortedPoints, sort_by_cell
+from lidar_buildings.core.stages.ground_filter.config import GroundFilterConfig
+from lidar_buildings.core.stages.ground_filter.gross_errors.clouds import find_cloud_layers
+from lidar_buildings.core.stages.ground_filter.gross_errors.high_noise import find_high_layers
+from lidar_buildings.core.stages.ground_filter.gross_errors.low_noise import find_low_layers
+from lidar_buildings.core.stages.ground_filter.gross_errors.noise_layers import split_into_layers
+
+#: Side of the blocks in which occupied cells are counted, in cells; doubled until they hold as many.
+BLOCK_CELLS = 16
+#: Most cells that a column of the search may be wide.
+MAX_COLUMN = 64
+#: High errors stand apart by at least this many columns: sparse points are far from each other anyway.
+MIN_GAP_COLUMNS = 10
+
+
+def find_noise(cloud: SortedPoints, config: GroundFilterConfig) -> NDArray[np.uint8]:
+    """
+    Mark gross errors with their class, 7 or 18; 0 elsewhere.
+
+    Points are looked at in columns about as wide as their spacing, and there in layers. Errors are small
+    groups of layers that hang together and lie apart from everything else: low ones below all that
+    surrounds them, high ones in the air.
+
+    Parameters
+    ----------
+    cloud : SortedPoints
+        The points, sorted into cells no larger than the columns have to be.
+    config : GroundFilterConfig
+        Gaps, radius and group size.
+
+    Returns
+    -------
+    ndarray of shape (n_points,), uint8
+        In the order of `cloud`.
+
+    """
+    step = _column_cells(cloud)
+    if step == 1:
+        return _find_in_columns(cloud, config)
+    columns = sort_by_cell(cloud.points, step * cloud.size)
+    noise = np.empty(len(cloud.points), dtype=np.uint8)
+    noise[columns.rows] = _find_in_columns(columns, config)
+    return noise
+
+
+def _find_in_columns(cloud: SortedPoints, config: GroundFilterConfig) -> NDArray[np.uint8]:
+    """
+    Return the points' noise classes, the columns being the cells.
+
+    """
+    layers = split_into_layers(cloud, config.low_point_gap)
+    radius, limit = round(config.noise_radius), config.noise_group
+    low = find_low_layers(layers, config.low_point_gap, radius, limit)
+    high_gap = max(config.high_point_gap, MIN_GAP_COLUMNS * cloud.size)
+    high = find_cloud_layers(layers, low)
+    high |= find_high_layers(layers, low, high_gap, radius)
+    noise = np.zeros(len(low), dtype=np.uint8)
+    noise[high] = PointClass.HIGH_NOISE
+    noise[low] = PointClass.LOW_NOISE
+    return np.repeat(noise, np.diff(layers.begin))
+
+
+def _column_cells(cloud: SortedPoints) -> int:
+    """
+    Return how many cells wide a column is: about as wide as points are apart, whole cells.
+
+    Points are as far apart as in the block in which the middle cell lies: where most of them are.
+
+    """
+    lowest = cloud.points[cloud.first[:-1]]
+    side = BLOCK_CELLS
+    while True:
+        counts = np.diff(sort_by_cell(lowest, side * cloud.size).first)
+        occupied = np.median(np.repeat(counts, counts))
+        if occupied >= BLOCK_CELLS or side >= MAX_COLUMN * BLOCK_CELLS:
+            return int(min(max(round(side / np.sqrt(occupied)), 1), MAX_COLUMN))
+        side *= 2

@@ -1,0 +1,122 @@
+"""
+The cloud as columns of layers: runs of points on top of one another without a larger gap between them.
+
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from lidar_buildings.core.neighbours.cell_grid import SortedPoints
+from lidar_buildings.core.neighbours.parallel import for_row_blocks
+from lidar_buildings.core.stages.ground_filter.gross_errors.terrain_gradient import terrain_gradient
+
+
+class Layers(NamedTuple):
+    """
+    What the search for gross errors looks at instead of points.
+
+    Attributes
+    ----------
+    points : ndarray of shape (n_points, 3)
+        Sorted by column, and by z within it [m].
+    begin : ndarray of shape (n_layers + 1,), int64
+        Layer j holds the points begin[j] to begin[j + 1] (exclusive).
+    first : ndarray of shape (n_columns + 1,), int64
+        Column k holds the layers first[k] to first[k + 1] (exclusive), rising.
+    column : ndarray of shape (n_layers,), int64
+        The column that each layer stands in.
+    numbers : ndarray of shape (n_columns,), int64
+        The columns' numbers, row by row; see `SortedPoints`.
+    width : int
+        By how much the number of a column's northern neighbour is higher.
+    size : float
+        Side of a column [m].
+    gradient : ndarray of shape (n_columns, 2)
+        The terrain's rise over run along x and y; see `terrain_gradient`.
+
+    """
+
+    points: NDArray[np.float64]
+    begin: NDArray[np.int64]
+    first: NDArray[np.int64]
+    column: NDArray[np.int64]
+    numbers: NDArray[np.int64]
+    width: int
+    size: float
+    gradient: NDArray[np.float64]
+
+
+def split_into_layers(cloud: SortedPoints, gap: float) -> Layers:
+    """
+    Split each column where two points on top of one another are more than `gap` [m] apart.
+
+    """
+    starts = np.empty(len(cloud.points), dtype=np.bool_)
+    for_row_blocks(
+        lambda a, b: _mark_starts(cloud.points, cloud.first, gap, starts, a, b), len(cloud.numbers)
+    )
+    begin = np.append(np.flatnonzero(starts), len(cloud.points))
+    first = np.searchsorted(begin, cloud.first)
+    column = np.repeat(np.arange(len(cloud.numbers)), np.diff(first))
+    lowest = cloud.points[cloud.first[:-1]]
+    gradient = terrain_gradient(lowest, np.ones(len(lowest), dtype=np.bool_), cloud.size)
+    return Layers(cloud.points, begin, first, column, cloud.numbers, cloud.n_columns, cloud.size, gradient)
+
+
+@njit(cache=True, nogil=True)
+def _mark_starts(points, first, gap, starts, begin, end):  # type: ignore[no-untyped-def]
+    """
+    Mark each layer's first point in the columns `begin` to `end`.
+
+    """
+    for k in range(begin, end):
+        for i in range(first[k], first[k + 1]):
+            starts[i] = i == first[k] or points[i, 2] - points[i - 1, 2] > gap
+
+
+@njit(cache=True, nogil=True)
+def columns_in_row(layers, k, step, reach):  # type: ignore[no-untyped-def]
+    """
+    Return the columns (start, stop) at most `reach` west and east of column k, in the row `step` north of it.
+
+    """
+    numbers, width = layers.numbers, layers.width
+    across = numbers[k] % width
+    middle = numbers[k] + step * width
+    west, east = middle - min(reach, across), middle + min(reach, width - 1 - across)
+    return np.searchsorted(numbers, west), np.searchsorted(numbers, east + 1)
+
+
+@njit(cache=True, nogil=True)
+def rise(layers, k, other):  # type: ignore[no-untyped-def]
+    """
+    Return by how much the terrain at column k would rise to another column, if it were plane [m].
+
+    """
+    width = layers.width
+    here, there = layers.numbers[k], layers.numbers[other]
+    along = (there % width - here % width) * layers.gradient[k, 0]
+    return layers.size * (along + (there // width - here // width) * layers.gradient[k, 1])
+
+
+@njit(cache=True, nogil=True)
+def low_end(layers, layer):  # type: ignore[no-untyped-def]
+    """
+    Return the elevation of a layer's lowest point [m].
+
+    """
+    return layers.points[layers.begin[layer], 2]
+
+
+@njit(cache=True, nogil=True)
+def high_end(layers, layer):  # type: ignore[no-untyped-def]
+    """
+    Return the elevation of a layer's highest point [m].
+
+    """
+    return layers.points[layers.begin[layer + 1] - 1, 2]

@@ -1,0 +1,160 @@
+"""
+How steep the terrain is, roughly, before anything is known of it: enough to compare places some steps apart.
+
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from lidar_buildings.core.neighbours.cell_grid import sort_by_cell
+from lidar_buildings.core.neighbours.parallel import for_row_blocks
+
+#: Cells along a block's side.
+BLOCK_CELLS = 8
+#: The share of a block's cells whose lowest points lie below the elevation taken for it.
+LOW_SHARE = 0.25
+#: Blocks on each side that take part in the plane through a block.
+REACH = 2
+#: With fewer blocks around than this a block counts as level.
+MIN_BLOCKS = 6
+#: What stands out less than this is terrain [m].
+SMOOTH = 0.5
+#: Times that the blocks standing out above the plane are left out; what stands out is halved each time.
+MAX_PASSES = 6
+#: Terrain is not taken to be steeper; rise over run.
+MAX_GRADIENT = 1.0
+#: Rows a block of work: each stands for a small adjustment.
+ROWS_A_BLOCK = 256
+
+
+def terrain_gradient(
+    lowest: NDArray[np.float64], counts: NDArray[np.bool_], cell: float
+) -> NDArray[np.float64]:
+    """
+    Return the terrain's rise over run along x and y in each cell, shape (n_cells, 2).
+
+    Each block of cells has the elevation below which a quarter of its cells reach. Through the blocks
+    around, a plane is fitted from which those that stand out above, roofs and trees, are left out by and by.
+    It counts as far as it explains how those that remain differ.
+
+    Parameters
+    ----------
+    lowest : ndarray of shape (n_cells, 3)
+        The lowest point of each cell, at most one a cell [m].
+    counts : ndarray of shape (n_cells,), bool
+        Which of them take part.
+    cell : float
+        Side of the cells [m].
+
+    """
+    blocks = sort_by_cell(lowest, BLOCK_CELLS * cell)
+    nodes = _low_points(blocks.points, counts[blocks.rows], blocks.first)
+    by_block = np.zeros((len(nodes), 2))
+    for_row_blocks(
+        lambda a, b: _fit_blocks(nodes, blocks.numbers, blocks.n_columns, by_block, a, b),
+        len(nodes),
+        ROWS_A_BLOCK,
+    )
+    gradient = np.empty((len(lowest), 2))
+    gradient[blocks.rows] = np.repeat(by_block, np.diff(blocks.first), axis=0)
+    return gradient
+
+
+@njit(cache=True, nogil=True)
+def _low_points(points, counts, first):  # type: ignore[no-untyped-def]
+    """
+    Return the point of each block below which the share of those that count lies; NaN if there is none.
+
+    """
+    nodes = np.full((len(first) - 1, 3), np.nan)
+    for k in range(len(nodes)):
+        n_points = np.count_nonzero(counts[first[k] : first[k + 1]])
+        left = min(int(LOW_SHARE * n_points) + (n_points > MIN_BLOCKS), n_points - 1)
+        for i in range(first[k], first[k + 1]):
+            if counts[i]:
+                if left == 0:
+                    nodes[k] = points[i] - points[0]
+                left -= 1
+    return nodes
+
+
+@njit(cache=True, nogil=True)
+def _fit_blocks(nodes, numbers, width, gradient, begin, end):  # type: ignore[no-untyped-def]
+    """
+    Set the gradient of the blocks `begin` to `end`.
+
+    """
+    around = np.empty(((2 * REACH + 1) ** 2, 3))
+    for k in range(begin, end):
+        n_around = 0
+        across = numbers[k] % width
+        west, east = min(REACH, across), min(REACH, width - 1 - across)
+        for step in range(-REACH, REACH + 1):
+            middle = numbers[k] + step * width
+            start, stop = np.searchsorted(numbers, middle - west), np.searchsorted(numbers, middle + east + 1)
+            for j in range(start, stop):
+                if not np.isnan(nodes[j, 2]):
+                    around[n_around] = nodes[j]
+                    n_around += 1
+        if n_around >= MIN_BLOCKS:
+            gradient[k, 0], gradient[k, 1] = _low_plane(around[:n_around] - around[0])
+
+
+@njit(cache=True, nogil=True)
+def _low_plane(around):  # type: ignore[no-untyped-def]
+    """
+    Return the gradient of the plane through the lower ones of some points.
+
+    """
+    kept = np.ones(len(around), dtype=np.bool_)
+    east, north, level = _plane(around, kept)
+    for _ in range(MAX_PASSES):
+        above = around[:, 2] - (level + east * around[:, 0] + north * around[:, 1])
+        fewer = kept & (above <= max(0.5 * np.max(np.where(kept, above, 0.0)), SMOOTH))
+        if fewer.sum() == kept.sum() or fewer.sum() < MIN_BLOCKS:
+            break
+        kept = fewer
+        east, north, level = _plane(around, kept)
+    explained = _explained(around, kept, east, north)
+    return explained * east, explained * north
+
+
+@njit(cache=True, nogil=True)
+def _explained(around, kept, east, north):  # type: ignore[no-untyped-def]
+    """
+    Return which share of the variance of the kept points' elevations a slope explains, 0 to 1.
+
+    """
+    x, y, z = around[kept, 0], around[kept, 1], around[kept, 2]
+    variance = np.var(z)
+    return max(0.0, 1.0 - np.var(z - east * x - north * y) / variance) if variance > 0.0 else 0.0
+
+
+@njit(cache=True, nogil=True)
+def _plane(around, kept):  # type: ignore[no-untyped-def]
+    """
+    Return rise over run along x and y and the elevation at 0 of the least squares plane; level if undefined.
+
+    """
+    n, mean = 0, np.zeros(3)
+    for i in range(len(around)):
+        if kept[i]:
+            n += 1
+            mean += around[i]
+    if n < MIN_BLOCKS:
+        return 0.0, 0.0, mean[2] / max(n, 1)
+    mean /= n
+    xx, xy, yy, xz, yz = 0.0, 0.0, 0.0, 0.0, 0.0
+    for i in range(len(around)):
+        if kept[i]:
+            x, y, z = around[i] - mean
+            xx, xy, yy, xz, yz = xx + x * x, xy + x * y, yy + y * y, xz + x * z, yz + y * z
+    area = xx * yy - xy * xy
+    if area <= 1e-3 * xx * yy or area <= 0.0:
+        return 0.0, 0.0, mean[2]
+    east = min(max((xz * yy - yz * xy) / area, -MAX_GRADIENT), MAX_GRADIENT)
+    north = min(max((yz * xx - xz * xy) / area, -MAX_GRADIENT), MAX_GRADIENT)
+    return east, north, mean[2] - east * mean[0] - north * mean[1]

@@ -1,0 +1,135 @@
+"""
+Bridges: ground that lies between two opposite drops is a deck, not terrain.
+
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from lidar_buildings.core.surfaces.tin import Tin
+
+#: A side of the mesh is a drop if it falls by this much, and by this much over its length [m].
+MIN_DROP, MIN_DROP_SLOPE = 3.0, 3.0
+#: Longest drop, in spacings of the candidates: beyond it, nobody knows what lies between.
+MAX_DROP_LENGTH = 4.0
+#: Widest deck [m].
+MAX_WIDTH = 30.0
+#: Two rims belong together if they look away from each other: largest cosine of the angle between them, and
+#: least cosine between each and the line that joins them.
+MAX_OPPOSITION, MIN_ALIGNMENT = -0.85, 0.85
+#: How much higher one rim may be: so much over the width, and this much at all [m].
+MAX_CROSSFALL, RIM_TOLERANCE = 0.12, 0.5
+#: How far from the line between the rims the deck's points may be [m].
+DECK_TOLERANCE = 0.75
+
+
+def find_decks(terrain: Tin, candidates: NDArray[np.float64], spacing: float) -> NDArray[np.bool_]:
+    """
+    Tell which candidates lie on decks: between two rims that drop to the terrain on opposite sides.
+
+    Growth climbs a bridge along its approach. Across it, the ground falls off in a step on both sides, which
+    an embankment with its slopes does not, nor a terrace, which falls off on one.
+
+    Parameters
+    ----------
+    terrain : Tin
+        The grown terrain.
+    candidates : ndarray of shape (n_candidates, 3)
+        At most one per place [m].
+    spacing : float
+        Spacing of the candidates [m].
+
+    Returns
+    -------
+    ndarray of shape (n_candidates,), bool
+
+    """
+    decks = np.zeros(len(candidates), dtype=np.bool_)
+    rims, outward = _rims(terrain, spacing)
+    first, second = _opposite(rims, outward)
+    if len(first) == 0:
+        return decks
+    across = _along(rims[first], rims[second], spacing)
+    distance, nearest = cKDTree(candidates[:, :2]).query(across[:, :2], 2, distance_upper_bound=spacing)
+    for rows, away in zip(nearest.T, distance.T, strict=True):
+        found = np.flatnonzero(np.isfinite(away))
+        level = np.abs(candidates[rows[found], 2] - across[found, 2]) <= DECK_TOLERANCE
+        decks[rows[found[level]]] = True
+    return decks
+
+
+def _rims(terrain: Tin, spacing: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """
+    Return the vertices above drops (n, 3) and the direction in which it falls off there (n, 2).
+
+    """
+    top, step = _drops(terrain.vertices, terrain.triangles, MAX_DROP_LENGTH * spacing)
+    vertices, place = np.unique(top, return_inverse=True)
+    total = np.column_stack([np.bincount(place, step[:, axis], len(vertices)) for axis in range(2)])
+    size = np.hypot(*total.T)
+    clear = size > 0.0
+    at = terrain.vertices[vertices[clear]] + [*terrain.origin, 0.0]
+    return at, total[clear] / size[clear, None]
+
+
+@njit(cache=True, nogil=True)
+def _drops(vertices, triangles, max_length):  # type: ignore[no-untyped-def]
+    """
+    Return the upper ends of the sides that drop (n,), and the directions that they fall off in (n, 2).
+
+    A side inside the mesh is a side of two triangles, once each way round: every drop is met once at least.
+
+    """
+    top, direction = [np.int64(0) for _ in range(0)], [0.0 for _ in range(0)]
+    for k in range(3):
+        for t in range(len(triangles)):
+            v, w = triangles[t, k], triangles[t, (k + 1) % 3]
+            fall = vertices[v, 2] - vertices[w, 2]
+            if fall < MIN_DROP:
+                continue
+            dx, dy = vertices[w, 0] - vertices[v, 0], vertices[w, 1] - vertices[v, 1]
+            length = math.hypot(dx, dy)
+            if fall >= MIN_DROP_SLOPE * length and 0.0 < length <= max_length:
+                top.append(np.int64(v))
+                direction.append(dx / length)
+                direction.append(dy / length)
+    return np.array(top), np.array(direction).reshape(-1, 2)
+
+
+def _opposite(
+    rims: NDArray[np.float64], outward: NDArray[np.float64]
+) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """
+    Return pairs of rims, about level, that fall off away from each other.
+
+    """
+    pairs = (
+        cKDTree(rims[:, :2]).query_pairs(MAX_WIDTH, output_type="ndarray")
+        if len(rims)
+        else np.zeros((0, 2), int)
+    )
+    first, second = pairs.T
+    across = rims[second] - rims[first]
+    width = np.maximum(np.hypot(across[:, 0], across[:, 1]), 1e-9)
+    facing = (outward[first] * outward[second]).sum(axis=1) <= MAX_OPPOSITION
+    facing &= (outward[second] * across[:, :2]).sum(axis=1) >= MIN_ALIGNMENT * width
+    facing &= (outward[first] * across[:, :2]).sum(axis=1) <= -MIN_ALIGNMENT * width
+    facing &= np.abs(across[:, 2]) <= MAX_CROSSFALL * width + RIM_TOLERANCE
+    return first[facing], second[facing]
+
+
+def _along(start: NDArray[np.float64], end: NDArray[np.float64], step: float) -> NDArray[np.float64]:
+    """
+    Return points along lines, ends included, half a step apart at most.
+
+    """
+    n_steps = np.ceil(2.0 * np.hypot(*(end - start)[:, :2].T) / step).astype(np.intp) + 1
+    line = np.repeat(np.arange(len(start)), n_steps + 1)
+    place = np.arange(len(line)) - np.repeat(np.cumsum(n_steps + 1) - (n_steps + 1), n_steps + 1)
+    return start[line] + (end - start)[line] * (place / n_steps[line])[:, None]

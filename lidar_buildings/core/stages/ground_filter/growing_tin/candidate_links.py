@@ -1,0 +1,153 @@
+"""
+Which candidates are next to each other, the nearest one in each direction, and which hang together.
+
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from lidar_buildings.core.neighbours.cell_grid import sort_by_cell
+from lidar_buildings.core.neighbours.parallel import for_row_blocks
+from lidar_buildings.core.neighbours.union_find import flatten, link
+
+#: Directions in which a candidate looks for its neighbours.
+SECTORS = 8
+#: So near the border of two sectors, relative to the larger offset, rounding decides: left to the angle.
+BORDER = 1e-9
+#: Rows a block of work.
+ROWS_A_BLOCK = 1024
+
+
+def nearest_by_sector(
+    candidates: NDArray[np.float64], rows: NDArray[np.intp], reach: float
+) -> NDArray[np.int32]:
+    """
+    Return for each of the rows the nearest other candidate in each of eight sectors, −1 where there is none.
+
+    Parameters
+    ----------
+    candidates : ndarray of shape (n_candidates, 3)
+        At most one per place [m].
+    rows : ndarray of shape (n_rows,), intp
+        The candidates that neighbours are wanted of.
+    reach : float
+        How far a neighbour may be, in plan [m].
+
+    Returns
+    -------
+    ndarray of shape (n_rows, 8), int32
+
+    """
+    cells = sort_by_cell(candidates, reach)
+    found = np.full((len(rows), SECTORS), -1, dtype=np.int32)
+    runs = _runs_around(cells.numbers, cells.first, cells.n_columns)
+    cell = np.empty(len(candidates), dtype=np.int32)
+    cell[cells.rows] = np.repeat(np.arange(len(cells.numbers), dtype=np.int32), np.diff(cells.first))
+    for_row_blocks(
+        lambda a, b: _look_around(candidates, rows, cell, runs, cells.points, cells.rows, reach, found, a, b),
+        len(rows),
+        ROWS_A_BLOCK,
+    )
+    return found
+
+
+@njit(cache=True, nogil=True)
+def level_parts(candidates, rows, links, max_slope, min_rise):  # type: ignore[no-untyped-def]
+    """
+    Return the part of each row: the lowest of the rows that it hangs together with.
+
+    Parameters
+    ----------
+    candidates : ndarray of shape (n_candidates, 3)
+        At most one per place [m].
+    rows : ndarray of shape (n_rows,), intp
+        The candidates that parts are made of.
+    links : ndarray of shape (n_rows, 8), int32
+        Their neighbours, as `nearest_by_sector` gives them.
+    max_slope, min_rise : float
+        Neighbours hang together if they rise by no more than this over their distance, or by this at all [m].
+
+    """
+    place = np.full(len(candidates), -1, dtype=np.int32)
+    place[rows] = np.arange(len(rows))
+    part = np.arange(len(rows))
+    for r in range(len(rows)):
+        for j in links[r]:
+            if j < 0 or place[j] < 0:
+                continue
+            rise, length = rise_and_length(candidates[j], candidates[rows[r]])
+            if abs(rise) <= max(max_slope * length, min_rise):
+                link(part, r, place[j])
+    flatten(part)
+    return part
+
+
+@njit(cache=True, nogil=True)
+def rise_and_length(start, end):  # type: ignore[no-untyped-def]
+    """
+    Return the rise from one point to another and their distance in plan [m].
+
+    """
+    return end[2] - start[2], math.hypot(end[0] - start[0], end[1] - start[1])
+
+
+@njit(cache=True, nogil=True)
+def _runs_around(numbers, first, n_columns):  # type: ignore[no-untyped-def]
+    """
+    Return between which sorted points those of the cells around lie, south, level and north: (n_cells, 3, 2).
+
+    """
+    runs = np.empty((len(numbers), 3, 2), dtype=np.int64)
+    for line in range(3):
+        begin, end = 0, 0
+        for k in range(len(numbers)):
+            column, middle = numbers[k] % n_columns, numbers[k] + (line - 1) * n_columns
+            west, east = min(column, 1), min(n_columns - 1 - column, 1)
+            while begin < len(numbers) and numbers[begin] < middle - west:
+                begin += 1
+            while end < len(numbers) and numbers[end] <= middle + east:
+                end += 1
+            runs[k, line, 0], runs[k, line, 1] = first[begin], first[end]
+    return runs
+
+
+@njit(cache=True, nogil=True)
+def _look_around(candidates, rows, cell, runs, points, origin, reach, found, begin, end):  # type: ignore[no-untyped-def]
+    """
+    Fill the rows `begin` to `end` of `found`; `points` are the candidates by cell, `origin` their rows.
+
+    """
+    nearest = np.empty(SECTORS)
+    for r in range(begin, end):
+        x, y, k = candidates[rows[r], 0], candidates[rows[r], 1], cell[rows[r]]
+        nearest[:] = reach * reach
+        for line in range(3):
+            for i in range(runs[k, line, 0], runs[k, line, 1]):
+                dx, dy = points[i, 0] - x, points[i, 1] - y
+                squared = dx * dx + dy * dy
+                if squared == 0.0 or squared > reach * reach:
+                    continue
+                sector = _sector(dx, dy)
+                if squared < nearest[sector]:
+                    nearest[sector] = squared
+                    found[r, sector] = origin[i]
+
+
+@njit(cache=True, nogil=True)
+def _sector(dx, dy):  # type: ignore[no-untyped-def]
+    """
+    Return in which eighth of the circle an offset points, counted from west anticlockwise.
+
+    """
+    across, up = abs(dx), abs(dy)
+    if min(across, up, abs(across - up)) <= BORDER * max(across, up):
+        return int((math.atan2(dy, dx) + math.pi) / (2.0 * math.pi) * SECTORS) % SECTORS
+    steep = 1 if up > across else 0
+    if dy < 0.0:
+        return steep if dx < 0.0 else 3 - steep
+    return 4 + steep if dx > 0.0 else 7 - steep

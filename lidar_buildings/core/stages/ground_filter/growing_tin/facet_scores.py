@@ -1,0 +1,170 @@
+"""
+How well a candidate fits a facet of the terrain, or its mirror image the facet beyond (Axelsson 2000).
+
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+
+from lidar_buildings.core.stages.ground_filter.growing_tin.frame import at_frame
+from lidar_buildings.core.surfaces.tin import plane_elevation, plane_slope, walk
+
+#: A facet is left as it is by points this close to it: they add nothing to its shape [m].
+FLAT_DISTANCE = 0.05
+#: Rise over run from which a facet may span a step of the terrain, so that points are tried mirrored as well.
+MIRROR_SLOPE = 0.1
+
+
+@njit(cache=True, nogil=True)
+def candidate_score(p, triangle, vertices, n_real, n_start, triangles, neighbours, limits):  # type: ignore[no-untyped-def]
+    """
+    Return how well a candidate, row p of `vertices`, fits the terrain, the less the better.
+
+    Infinity where it may not join: neither as it is nor mirrored, or since its facet is small enough.
+
+    """
+    a, b, c = corners_of(triangle, vertices, triangles)
+    point = _place(p, vertices)
+    if _squared_longest_side(a, b, c) < limits[3] or _far_above(point, a, b, c, limits[2]):
+        return np.inf
+    score = _facet_score(point, a, b, c, limits)
+    if score == np.inf:
+        score = _mirrored_score(p, triangle, vertices, n_real, n_start, triangles, neighbours, limits)
+    return score
+
+
+@njit(cache=True, nogil=True)
+def _far_above(point, a, b, c, distance):  # type: ignore[no-untyped-def]
+    """
+    Whether a point is beyond reach both as it is and mirrored; costs neither roots nor divisions.
+
+    It is if its height above the highest corner, taken along the facet's normal, is more than the distance.
+
+    """
+    over = point[2] - max(a[2], b[2], c[2])
+    if over <= distance:
+        return False
+    ux, uy, uz = b[0] - a[0], b[1] - a[1], b[2] - a[2]
+    vx, vy, vz = c[0] - a[0], c[1] - a[1], c[2] - a[2]
+    area, gx, gy = ux * vy - uy * vx, uy * vz - uz * vy, uz * vx - ux * vz
+    # A little more, so that rounding cannot turn away what the exact distance would let in.
+    reach = 1.000001 * distance
+    return area > 0.0 and (over * area) ** 2 > reach * reach * (area * area + gx * gx + gy * gy)
+
+
+@njit(cache=True, nogil=True)
+def _facet_score(point, a, b, c, limits):  # type: ignore[no-untyped-def]
+    """
+    Return how well a point fits a facet; infinity where it may not join.
+
+    Below the facet the distance to it, negative; above it the largest angle at a corner.
+
+    """
+    angle, gain, distance, _ = limits
+    slope = plane_slope(a, b, c)
+    above = (point[2] - plane_elevation(point[0], point[1], a, b, c)) / math.hypot(1.0, slope)
+    if above < -FLAT_DISTANCE:
+        return above
+    if above < FLAT_DISTANCE or above > distance:
+        return np.inf
+    seen_at = _angle_at_corners(point, a, b, c, above)
+    return seen_at if seen_at <= angle or seen_at <= angle + gain * math.atan(slope) else np.inf
+
+
+@njit(cache=True, nogil=True)
+def _mirrored_score(p, triangle, vertices, n_real, n_start, triangles, neighbours, limits):  # type: ignore[no-untyped-def]
+    """
+    Return how well a candidate, mirrored at its facet's nearest corner, fits the terrain there.
+
+    Level ground that ends in a step reaches its edge in this way; a roof does not, as its corners are ground.
+
+    """
+    angle, _, distance, _ = limits
+    if plane_slope(*corners_of(triangle, vertices, triangles)) < MIRROR_SLOPE:
+        return np.inf
+    x, y, z = _place(p, vertices)
+    corner = _nearest_corner(x, y, triangle, vertices, triangles)
+    if n_real <= corner < n_start or abs(z - vertices[corner, 2]) > distance:
+        return np.inf
+    x, y = 2.0 * vertices[corner, 0] - x, 2.0 * vertices[corner, 1] - y
+    there = walk(x, y, triangle, vertices, triangles, neighbours)
+    if at_frame(there, triangles, n_real, n_start):
+        return np.inf
+    a, b, c = corners_of(there, vertices, triangles)
+    off = abs(z - plane_elevation(x, y, a, b, c)) / math.hypot(1.0, plane_slope(a, b, c))
+    if off > distance:
+        return np.inf
+    seen_at = _angle_at_corners((x, y, z), a, b, c, off)
+    return seen_at if seen_at <= angle else np.inf
+
+
+@njit(cache=True, nogil=True)
+def _place(v, vertices):  # type: ignore[no-untyped-def]
+    """
+    Return a vertex's coordinates.
+
+    """
+    return vertices[v, 0], vertices[v, 1], vertices[v, 2]
+
+
+@njit(cache=True, nogil=True)
+def corners_of(triangle, vertices, triangles):  # type: ignore[no-untyped-def]
+    """
+    Return the coordinates of a triangle's corners.
+
+    """
+    return (
+        _place(triangles[triangle, 0], vertices),
+        _place(triangles[triangle, 1], vertices),
+        _place(triangles[triangle, 2], vertices),
+    )
+
+
+@njit(cache=True, nogil=True)
+def _angle_at_corners(point, a, b, c, off):  # type: ignore[no-untyped-def]
+    """
+    Return the largest angle between a facet and the lines from its corners to a point `off` it [rad].
+
+    """
+    nearest = math.sqrt(min(_squared(point, a), _squared(point, b), _squared(point, c)))
+    return math.asin(min(1.0, off / nearest)) if nearest > 0.0 else 0.0
+
+
+@njit(cache=True, nogil=True)
+def _nearest_corner(x, y, triangle, vertices, triangles):  # type: ignore[no-untyped-def]
+    """
+    Return the corner of a triangle nearest to a place in plan.
+
+    """
+    nearest, least = triangles[triangle, 0], np.inf
+    for k in range(3):
+        v = triangles[triangle, k]
+        away = (vertices[v, 0] - x) ** 2 + (vertices[v, 1] - y) ** 2
+        if away < least:
+            nearest, least = v, away
+    return nearest
+
+
+@njit(cache=True, nogil=True)
+def _squared_longest_side(a, b, c):  # type: ignore[no-untyped-def]
+    """
+    Return the square of a triangle's longest side in plan [m²].
+
+    """
+    ab = (b[0] - a[0]) ** 2 + (b[1] - a[1]) ** 2
+    bc = (c[0] - b[0]) ** 2 + (c[1] - b[1]) ** 2
+    ca = (a[0] - c[0]) ** 2 + (a[1] - c[1]) ** 2
+    return max(ab, bc, ca)
+
+
+@njit(cache=True, nogil=True)
+def _squared(p, q):  # type: ignore[no-untyped-def]
+    """
+    Return the squared distance of two points in space [m²].
+
+    """
+    return (p[0] - q[0]) ** 2 + (p[1] - q[1]) ** 2 + (p[2] - q[2]) ** 2

@@ -1,0 +1,244 @@
+"""
+The rounds in which candidates join a TIN: each costs as much as there are candidates whose facet changed.
+
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from lidar_buildings.core.neighbours.parallel import for_row_blocks
+from lidar_buildings.core.stages.ground_filter.growing_tin.facet_scores import candidate_score
+from lidar_buildings.core.stages.ground_filter.growing_tin.frame import at_frame, extend_terrain
+from lidar_buildings.core.surfaces.incremental_delaunay import insert_vertex
+from lidar_buildings.core.surfaces.tin import walk
+
+#: A guard, never reached on real data: terrain climbs at least one candidate a round.
+MAX_ROUNDS = 1000
+
+
+class Mesh(NamedTuple):
+    """
+    A mesh that grows, its frame, and the candidates that wait.
+
+    Attributes
+    ----------
+    vertices : ndarray of shape (n_vertices, 3)
+        Real ones, from `n_real` on the frame's, from `n_start` on the waiting candidates [m].
+    triangles, neighbours : ndarray of shape (m, 3), int32
+        See `incremental_delaunay`.
+    n_real, n_start : int
+        See `vertices`.
+    gradient : ndarray of shape (n_start - n_real, 2)
+        The terrain's slope at the frame.
+
+    """
+
+    vertices: NDArray[np.float64]
+    triangles: NDArray[np.int32]
+    neighbours: NDArray[np.int32]
+    n_real: int
+    n_start: int
+    gradient: NDArray[np.float64]
+
+
+class Waiting(NamedTuple):
+    """
+    The candidates that wait, in a list for each triangle.
+
+    Attributes
+    ----------
+    first : ndarray of shape (m,), int32
+        Of each triangle the candidate in it that fits best, −1 where there is none.
+    following : ndarray of shape (n_candidates,), int32
+        Of each candidate another one of the same triangle, −1 after the last.
+    home : ndarray of shape (n_candidates,), int32
+        The triangle in whose list a candidate is, or was last.
+    score : ndarray of shape (n_candidates,)
+        How well it fits there; see `candidate_score`.
+
+    """
+
+    first: NDArray[np.int32]
+    following: NDArray[np.int32]
+    home: NDArray[np.int32]
+    score: NDArray[np.float64]
+
+
+def join_in_rounds(
+    mesh: Mesh,
+    n_triangles: int,
+    limits: tuple[float, ...],
+    rows: NDArray[np.int32],
+    home: NDArray[np.int32],
+    joined: NDArray[np.bool_],
+) -> int:
+    """
+    Let candidates join, in each round the best one of each triangle, until none is left that may.
+
+    Parameters
+    ----------
+    mesh : Mesh
+        Changed in place.
+    n_triangles : int
+        How many triangles are in use.
+    limits : tuple
+        See `GrowthLimits`.
+    rows : ndarray of shape (n_rows,), int32
+        The candidates that may join.
+    home : ndarray of shape (n_candidates,), int32
+        A triangle near each candidate, best the one it is in; kept up to date.
+    joined : ndarray of shape (n_candidates,), bool
+        Set for those that join.
+
+    Returns
+    -------
+    int
+        The number of triangles.
+
+    """
+    waiting = Waiting(
+        np.full(len(mesh.triangles), -1, dtype=np.int32), np.empty_like(home), home, np.empty(len(home))
+    )
+    # Those that have to be looked at: they have not been yet, or their triangle changed.
+    stirred, n_stirred = rows.copy(), len(rows)
+    rim, fresh = np.zeros(0, dtype=np.int32), _at_frame(mesh, np.arange(n_triangles, dtype=np.int32))
+    marks = np.zeros(len(mesh.triangles), dtype=np.int8)
+    for _ in range(MAX_ROUNDS):
+        if len(fresh):
+            rim = _at_frame(mesh, np.union1d(rim, fresh))
+            n_stirred = _extend(mesh, rim, waiting, stirred, n_stirred)
+        # In the candidates' order, which puts neighbours together.
+        stirred[:n_stirred].sort()
+        for_row_blocks(lambda a, b: _look(mesh, limits, waiting, stirred, a, b), n_stirred)
+        facets = np.sort(_file(waiting, stirred[:n_stirred]))
+        if len(facets) == 0:
+            break
+        best = _take_best(waiting, facets)
+        joined[best] = True
+        n_triangles, n_stirred, fresh = _insert(mesh, n_triangles, facets, best, waiting, stirred, marks)
+    return n_triangles
+
+
+def _at_frame(mesh: Mesh, triangles: NDArray[np.int32]) -> NDArray[np.int32]:
+    """
+    Return which of the triangles have a corner in the frame.
+
+    """
+    corners = mesh.triangles[triangles]
+    return triangles[((corners >= mesh.n_real) & (corners < mesh.n_start)).any(axis=1)]
+
+
+@njit(cache=True, nogil=True)
+def _extend(mesh, rim, waiting, stirred, n_stirred):  # type: ignore[no-untyped-def]
+    """
+    Carry the terrain on to the frame; candidates of triangles that move with it are stirred.
+
+    """
+    vertices, triangles, _, n_real, n_start, gradient = mesh
+    moved = extend_terrain(vertices, n_real, n_start, triangles, rim, gradient)
+    for triangle in rim:
+        for k in range(3):
+            v = triangles[triangle, k]
+            if n_real <= v < n_start and moved[v - n_real]:
+                n_stirred = _stir(triangle, waiting, stirred, n_stirred)
+    return n_stirred
+
+
+@njit(cache=True, nogil=True)
+def _stir(triangle, waiting, stirred, n_stirred):  # type: ignore[no-untyped-def]
+    """
+    Empty a triangle's list into `stirred`; return how many are there then.
+
+    """
+    i = waiting.first[triangle]
+    waiting.first[triangle] = -1
+    while i >= 0:
+        stirred[n_stirred] = i
+        n_stirred += 1
+        i = waiting.following[i]
+    return n_stirred
+
+
+@njit(cache=True, nogil=True)
+def _look(mesh, limits, waiting, stirred, begin, end):  # type: ignore[no-untyped-def]
+    """
+    Find the triangles and the scores of some of the stirred candidates.
+
+    """
+    vertices, triangles, neighbours, n_real, n_start, _ = mesh
+    for k in range(begin, end):
+        i = stirred[k]
+        p = n_start + i
+        here = walk(vertices[p, 0], vertices[p, 1], waiting.home[i], vertices, triangles, neighbours)
+        waiting.home[i] = here
+        waiting.score[i] = candidate_score(p, here, vertices, n_real, n_start, triangles, neighbours, limits)
+
+
+@njit(cache=True, nogil=True)
+def _file(waiting, stirred):  # type: ignore[no-untyped-def]
+    """
+    Put candidates into the lists of their triangles, the best first; return the triangles one may join.
+
+    """
+    facets, n_facets = np.empty(len(stirred), dtype=np.int32), 0
+    first, following, home, score = waiting
+    for i in stirred:
+        head = first[home[i]]
+        if score[i] < np.inf and (head < 0 or score[head] == np.inf):
+            facets[n_facets] = home[i]
+            n_facets += 1
+        # Of equals the one that comes first in the candidates' order.
+        if head < 0 or score[i] < score[head] or (score[i] == score[head] and i < head):
+            first[home[i]], following[i] = i, head
+        else:
+            following[i], following[head] = following[head], i
+    return facets[:n_facets]
+
+
+@njit(cache=True, nogil=True)
+def _take_best(waiting, facets):  # type: ignore[no-untyped-def]
+    """
+    Take the best candidate out of each of the triangles' lists.
+
+    """
+    best = np.empty_like(facets)
+    for k in range(len(facets)):
+        best[k] = waiting.first[facets[k]]
+        waiting.first[facets[k]] = waiting.following[best[k]]
+    return best
+
+
+@njit(cache=True, nogil=True)
+def _insert(mesh, n_triangles, facets, best, waiting, stirred, marks):  # type: ignore[no-untyped-def]
+    """
+    Insert the best candidate of each facet; candidates of triangles that change are stirred.
+
+    Return the numbers of triangles and of stirred candidates, and the triangles at the frame that changed.
+
+    """
+    vertices, triangles, neighbours, n_real, n_start, _ = mesh
+    n_stirred, n_fresh, fresh = 0, 0, np.empty(64, dtype=np.int32)
+    for k in range(len(facets)):
+        p = n_start + best[k]
+        # Insertions of this round may have cut the point's triangle off this number.
+        within = walk(vertices[p, 0], vertices[p, 1], facets[k], vertices, triangles, neighbours)
+        n_triangles = insert_vertex(p, within, n_triangles, vertices, triangles, neighbours, marks, 1)
+        waiting.home[best[k]] = within
+        # What changed are the triangles round the new vertex, which is corner 0 of each.
+        triangle = within
+        while True:
+            n_stirred = _stir(triangle, waiting, stirred, n_stirred)
+            if at_frame(triangle, triangles, n_real, n_start):
+                if n_fresh == len(fresh):
+                    fresh = np.concatenate((fresh, np.empty_like(fresh)))
+                fresh[n_fresh] = triangle
+                n_fresh += 1
+            triangle = neighbours[triangle, 1]
+            if triangle == within:
+                break
+    return n_triangles, n_stirred, fresh[:n_fresh]

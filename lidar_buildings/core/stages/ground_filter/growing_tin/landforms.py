@@ -1,0 +1,144 @@
+"""
+Landforms or objects: what a bolder growth gains is judged part by part, by how it meets the terrain around.
+
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from lidar_buildings.core.stages.ground_filter.config import GroundFilterConfig
+from lidar_buildings.core.stages.ground_filter.growing_tin.candidate_links import (
+    level_parts,
+    nearest_by_sector,
+    rise_and_length,
+)
+from lidar_buildings.core.stages.ground_filter.growing_tin.object_density import measure_bareness
+from lidar_buildings.core.stages.ground_filter.growing_tin.one_sided_planes import continues_terrain
+
+#: How far neighbours may be, in spacings of the candidates.
+REACH = 3.0
+
+
+class PartRules(NamedTuple):
+    """
+    What makes parts, and when they are terrain or certainly not.
+
+    Attributes
+    ----------
+    max_link_slope, min_link_rise : float
+        Points of one part rise by no more than this over their distance in plan, or by this at all [m].
+    steep_slope, steep_rise : float
+        A link is steep if it rises by more than this over its length, and at all [m]: walls do, banks do not.
+    level_slope, max_rising_share : float
+        A cliff's rim is level with the ground on one side: so many links may rise by more than this slope.
+    prior_links : float
+        So many steep links are added to each part's: with few links, chance would decide.
+    min_part, min_bare_part : float
+        Smallest part that is judged as a whole, among objects and in bare land [candidates].
+    barred_share, min_barred_part : float
+        Parts with at least this share of steep links, of at least so many candidates, are barred.
+
+    """
+
+    max_link_slope: float = 0.7
+    min_link_rise: float = 0.3
+    steep_slope: float = 0.85
+    steep_rise: float = 0.3
+    level_slope: float = 0.3
+    max_rising_share: float = 0.3
+    prior_links: float = 2.0
+    min_part: float = 15.0
+    min_bare_part: float = 2.0
+    barred_share: float = 0.7
+    min_barred_part: float = 50.0
+
+
+def find_landforms(
+    candidates: NDArray[np.float64],
+    ground: NDArray[np.bool_],
+    gained: NDArray[np.bool_],
+    spacing: float,
+    config: GroundFilterConfig,
+) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """
+    Tell which of the gained candidates are of the terrain, and which are certainly not.
+
+    Neighbours that are gained and nearly level make up a part. Its links to the ground decide: banks, mounds
+    and terraces meet it under slopes, walls in steps (Sithole & Vosselman 2005 judge segments in this way).
+    How many steps are allowed depends on the neighbourhood: where hardly anything stands on the terrain, what
+    rises from it is likely to be terrain. Single candidates are kept where they continue a plane of ground on
+    one side, as at the rim of a cliff, which mirroring (Axelsson 2000) reaches from single corners.
+
+    Parameters
+    ----------
+    candidates : ndarray of shape (n_candidates, 3)
+        At most one per place [m].
+    ground, gained : ndarray of shape (n_candidates,), bool
+        What is ground without doubt, and what a bolder growth would add.
+    spacing : float
+        Spacing of the candidates [m].
+    config : GroundFilterConfig
+        Shares.
+
+    Returns
+    -------
+    landform, barred : ndarray of shape (n_candidates,), bool
+        Parts of `gained`.
+
+    """
+    rows = np.flatnonzero(gained)
+    links = nearest_by_sector(candidates, rows, REACH * spacing)
+    bareness = measure_bareness(candidates, ~(ground | gained))[rows]
+    rules = PartRules()
+    part = level_parts(candidates, rows, links, rules.max_link_slope, rules.min_link_rise)
+    counts = _count_links(candidates, rows, links, ground, part, rules)
+    kept, certain = _judge(counts, np.bincount(part, bareness, len(rows)).astype(np.float64), config, rules)
+    landform, barred = np.zeros_like(ground), np.zeros_like(ground)
+    landform[rows] = kept[part]
+    undecided = np.flatnonzero(gained & ~landform)
+    landform[undecided] = continues_terrain(candidates, undecided, ground | landform, spacing)
+    barred[rows] = certain[part]
+    return landform, barred & ~landform
+
+
+def _judge(
+    counts: NDArray[np.float64], bareness: NDArray[np.float64], config: GroundFilterConfig, rules: PartRules
+) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """
+    Return which parts are terrain, and which are certainly objects.
+
+    """
+    size, n_links, n_steep, n_rising = counts.T
+    bare = bareness / np.maximum(size, 1.0)
+    steep = (n_steep + rules.prior_links) / (n_links + rules.prior_links)
+    rising = (n_rising + rules.prior_links) / (n_links + rules.prior_links)
+    allowed = config.max_steep_share + bare * (config.max_bare_steep_share - config.max_steep_share)
+    large = size >= rules.min_part + bare * (rules.min_bare_part - rules.min_part)
+    kept = large & ((steep <= allowed) | (rising <= rules.max_rising_share))
+    walled = n_steep >= rules.barred_share * np.maximum(n_links, 1.0)
+    return kept, ~kept & walled & (size >= rules.min_barred_part)
+
+
+@njit(cache=True, nogil=True)
+def _count_links(candidates, rows, links, ground, part, rules):  # type: ignore[no-untyped-def]
+    """
+    Return each part's size, its links to the ground, and how many of them are steep, and rise at all.
+
+    """
+    counts = np.zeros((len(rows), 4))
+    for r in range(len(rows)):
+        count = counts[part[r]]
+        count[0] += 1.0
+        for j in links[r]:
+            if j < 0 or not ground[j]:
+                continue
+            rise, length = rise_and_length(candidates[j], candidates[rows[r]])
+            count[1] += 1.0
+            count[2] += 1.0 if rise > max(rules.steep_slope * length, rules.steep_rise) else 0.0
+            count[3] += 1.0 if rise > rules.level_slope * length else 0.0
+    return counts

@@ -1,0 +1,69 @@
+"""
+How bare the land is: how little stands on the terrain around.
+
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from lidar_buildings.core.neighbours.cell_grid import sort_by_cell
+
+#: Side of the cells that are counted [m], and how many of them around count.
+CELL, RADIUS = 10.0, 6
+#: Share of objects up to which land is bare, and from which on it is not at all.
+BARE_SHARE, BUILT_SHARE = 0.04, 0.15
+
+
+def measure_bareness(candidates: NDArray[np.float64], standing: NDArray[np.bool_]) -> NDArray[np.float64]:
+    """
+    Return how bare the land around each candidate is, 0 to 1.
+
+    Cells up to 60 m away along x and y are weighted by a bell curve (σ = 30 m); what counts is the share of
+    their candidates that stand on the terrain beyond doubt.
+
+    Parameters
+    ----------
+    candidates : ndarray of shape (n_candidates, 3)
+        At least one [m].
+    standing : ndarray of shape (n_candidates,), bool
+        Which of them are objects beyond doubt.
+
+    """
+    cells = sort_by_cell(candidates, CELL)
+    n_standing = np.add.reduceat(standing[cells.rows].astype(np.float64), cells.first[:-1])
+    n_all = np.diff(cells.first).astype(np.float64)
+    share = np.divide(*_smoothed(cells.numbers, cells.n_columns, np.stack((n_standing, n_all))))
+    bareness = np.empty(len(candidates))
+    bare = np.clip((BUILT_SHARE - share) / (BUILT_SHARE - BARE_SHARE), 0.0, 1.0)
+    bareness[cells.rows] = np.repeat(bare, np.diff(cells.first))
+    return bareness
+
+
+@njit(cache=True, nogil=True)
+def _smoothed(numbers, n_columns, values):  # type: ignore[no-untyped-def]
+    """
+    Return the weighted sums of values (k, n_cells) over the cells around; only occupied cells take part.
+
+    """
+    total = np.zeros_like(values)
+    for north in range(-RADIUS, RADIUS + 1):
+        # Cells are numbered row by row: as k goes on, so does the first cell in reach.
+        begin = 0
+        for k in range(len(numbers)):
+            column, middle = numbers[k] % n_columns, numbers[k] + north * n_columns
+            west, east = min(column, RADIUS), min(n_columns - 1 - column, RADIUS)
+            while begin < len(numbers) and numbers[begin] < middle - west:
+                begin += 1
+            j = begin
+            while j < len(numbers) and numbers[j] <= middle + east:
+                away = numbers[j] - middle
+                weight = math.exp(-2.0 * (north * north + away * away) / RADIUS**2)
+                for value in range(len(values)):
+                    total[value, k] += weight * values[value, j]
+                j += 1
+    return total

@@ -1,0 +1,168 @@
+"""
+Points that continue the terrain on one side, whatever it does on the other: rims of cliffs and terraces.
+
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from lidar_buildings.core.neighbours.cell_grid import sort_by_cell
+from lidar_buildings.core.neighbours.parallel import for_row_blocks
+
+#: Sides that are tried.
+SIDES = 8
+#: Least 4 λ₁ λ₂ / (λ₁ + λ₂)² of the points' moments in plan: 1 if they lie all round, 0 if on a line.
+MIN_SPREAD = 0.05
+#: Rows a block of work.
+ROWS_A_BLOCK = 1024
+
+
+class PlaneRules(NamedTuple):
+    """
+    What makes a plane of ground, and when a point continues it.
+
+    Attributes
+    ----------
+    reach, nearest : float
+        How far its points may be, and how near the nearest of them has to be, in spacings.
+    min_points : float
+        Fewest points.
+    max_slope, max_residual : float
+        Steepest, rise over run, and its largest root mean square residual [m].
+    max_distance : float
+        How far from it a point may be beyond that residual [m].
+
+    """
+
+    reach: float = 3.5
+    nearest: float = 2.0
+    min_points: float = 6.0
+    max_slope: float = 0.8
+    max_residual: float = 0.25
+    max_distance: float = 0.3
+
+
+def continues_terrain(
+    candidates: NDArray[np.float64], rows: NDArray[np.intp], ground: NDArray[np.bool_], spacing: float
+) -> NDArray[np.bool_]:
+    """
+    Return which of the rows lie on the plane through the ground in a half plane around them.
+
+    A robust form of mirroring (Axelsson 2000): instead of one corner's far side, all ground on one side of
+    the point has to make a plane that the point lies on. A roof has ground below it on every side.
+
+    Parameters
+    ----------
+    candidates : ndarray of shape (n_candidates, 3)
+        At most one per place [m].
+    rows : ndarray of shape (n_rows,), intp
+        The candidates asked for.
+    ground : ndarray of shape (n_candidates,), bool
+        Which are ground.
+    spacing : float
+        Spacing of the candidates [m].
+
+    """
+    rules = PlaneRules()
+    known = candidates[ground]
+    result = np.zeros(len(rows), dtype=np.bool_)
+    if len(known) < rules.min_points:
+        return result
+    cells = sort_by_cell(known, rules.reach * spacing)
+    # A candidate's cell by the same numbering, without sorting again: from the first known point's.
+    table = (cells.points, cells.numbers, cells.first, cells.n_columns, cells.size)
+    column = math.floor(cells.points[0, 0] / cells.size) - cells.numbers[0] % cells.n_columns
+    row = math.floor(cells.points[0, 1] / cells.size) - cells.numbers[0] // cells.n_columns
+    start = (float(column), float(row))
+    for_row_blocks(
+        lambda a, b: _test(candidates, rows, table, start, spacing, rules, result, a, b),
+        len(rows),
+        ROWS_A_BLOCK,
+    )
+    return result
+
+
+@njit(cache=True, nogil=True)
+def _test(candidates, rows, table, start, spacing, rules, result, begin, end):  # type: ignore[no-untyped-def]
+    """
+    Set the rows `begin` to `end` of `result`.
+
+    """
+    points, numbers, first, n_columns, size = table
+    sums = np.empty((SIDES, 11))
+    turns = 2.0 * math.pi * np.arange(SIDES) / SIDES
+    towards = np.column_stack((np.cos(turns), np.sin(turns)))
+    for r in range(begin, end):
+        x, y, z = candidates[rows[r]]
+        sums[:] = 0.0
+        sums[:, 10] = np.inf
+        # Whole numbers before the product: over an enormous extent it would be rounded.
+        column = np.int64(math.floor(x / size) - start[0])
+        line = np.int64(math.floor(y / size) - start[1])
+        west, east = max(column - 1, 0), min(column + 1, n_columns - 1)
+        for step in range(-1, 2):
+            low, high = (line + step) * n_columns + west, (line + step) * n_columns + east
+            k = np.searchsorted(numbers, low)
+            while k < len(numbers) and numbers[k] <= high:
+                for i in range(first[k], first[k + 1]):
+                    dx, dy, dz = points[i, 0] - x, points[i, 1] - y, points[i, 2] - z
+                    _count(dx, dy, dz, rules.reach * spacing, towards, sums)
+                k += 1
+        for side in range(SIDES):
+            if _fits(sums[side], rules.nearest * spacing, rules):
+                result[r] = True
+                break
+
+
+@njit(cache=True, nogil=True)
+def _count(dx, dy, dz, reach, towards, sums):  # type: ignore[no-untyped-def]
+    """
+    Add a ground point, relative to the candidate, to the moments of the sides it lies on.
+
+    """
+    away = math.hypot(dx, dy)
+    if away > reach:
+        return
+    for side in range(SIDES):
+        if dx * towards[side, 0] + dy * towards[side, 1] <= 1e-9:
+            continue
+        s = sums[side]
+        s[0] += 1.0
+        s[1] += dx
+        s[2] += dy
+        s[3] += dz
+        s[4] += dx * dx
+        s[5] += dx * dy
+        s[6] += dy * dy
+        s[7] += dx * dz
+        s[8] += dy * dz
+        s[9] += dz * dz
+        s[10] = min(s[10], away)
+
+
+@njit(cache=True, nogil=True)
+def _fits(s, nearest, rules):  # type: ignore[no-untyped-def]
+    """
+    Whether the moments make a plane that passes near the candidate, which lies at the origin.
+
+    """
+    n = s[0]
+    if n < rules.min_points or s[10] > nearest:
+        return False
+    x, y, z = s[1] / n, s[2] / n, s[3] / n
+    xx, xy, yy = s[4] / n - x * x, s[5] / n - x * y, s[6] / n - y * y
+    xz, yz, zz = s[7] / n - x * z, s[8] / n - y * z, s[9] / n - z * z
+    determinant = xx * yy - xy * xy
+    if determinant <= MIN_SPREAD * 0.25 * (xx + yy) ** 2:
+        return False
+    a, b = (xz * yy - yz * xy) / determinant, (yz * xx - xz * xy) / determinant
+    residual = math.sqrt(max(0.0, zz - a * xz - b * yz))
+    if math.hypot(a, b) > rules.max_slope or residual > rules.max_residual:
+        return False
+    return abs(z - a * x - b * y) <= rules.max_distance + residual

@@ -1,0 +1,78 @@
+"""
+The first, coarse terrain: the lowest points of large cells, less those that lie on buildings.
+
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from lidar_buildings.core.neighbours.cell_grid import lowest_per_cell
+
+#: Neighbouring seeds that a seed is judged by: those of the cells around, roughly.
+NEIGHBOURS = 8
+#: With fewer seeds than this there is nothing to judge one by.
+MIN_SEEDS = 5
+#: A building of several cells is taken away from its sides; more often than this would wear down hills.
+MAX_PASSES = 3
+
+
+def choose_seeds(candidates: NDArray[np.float64], cell: float, max_rise: float) -> NDArray[np.intp]:
+    """
+    Return the rows of the points that start the TIN, rising.
+
+    They are the lowest points of the cells of two grids, one shifted by half a cell against the other, so
+    that less depends on where a grid happens to lie.
+
+    A cell that a building fills has no ground to give: its lowest point stands out above the plane through
+    the seeds around it, weighted by their nearness, and is left out. A hilltop lost in the same way is found
+    again by the densification. Only seeds with others all round are judged: at the edge of the data the plane
+    would be an extrapolation, and a whole plateau could be lost to it.
+
+    Parameters
+    ----------
+    candidates : ndarray of shape (n_candidates, 3)
+        At least one [m].
+    cell : float
+        Side of the cells [m].
+    max_rise : float
+        How far a seed may stand above that plane, in multiples of `cell`.
+
+    """
+    shifted = candidates + np.array([0.5 * cell, 0.5 * cell, 0.0])
+    seeds = np.union1d(lowest_per_cell(candidates, cell), lowest_per_cell(shifted, cell))
+    for _ in range(MAX_PASSES):
+        if len(seeds) < MIN_SEEDS:
+            break
+        stands_out = _stand_out(candidates[seeds], max_rise * cell)
+        if not stands_out.any():
+            break
+        seeds = seeds[~stands_out]
+    return seeds
+
+
+def _stand_out(seeds: NDArray[np.float64], max_rise: float) -> NDArray[np.bool_]:
+    """
+    Return which seeds stand more than `max_rise` above their neighbours' plane, half of which are lower.
+
+    """
+    distance, nearest = cKDTree(seeds[:, :2]).query(seeds[:, :2], min(NEIGHBOURS + 1, len(seeds)))
+    around = seeds[nearest[:, 1:]] - seeds[:, None, :]
+    weight = 1.0 / np.maximum(distance[:, 1:], 1.0)
+    design = np.concatenate((around[..., :2], np.ones_like(around[..., :1])), axis=2)
+    plane = np.linalg.pinv(design * weight[..., None]) @ (around[..., 2] * weight)[..., None]
+    rise = -plane[:, 2, 0]
+    mostly_lower = (around[..., 2] < 0.0).mean(axis=1) >= 0.5
+    return (rise > max_rise) & mostly_lower & _surrounded(around)
+
+
+def _surrounded(around: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """
+    Return where no half plane is free of neighbours; `around` holds their offsets, (n, k, 3).
+
+    """
+    bearing = np.sort(np.arctan2(around[..., 1], around[..., 0]), axis=1)
+    gap = np.diff(bearing, axis=1, append=bearing[:, :1] + 2.0 * np.pi)
+    return gap.max(axis=1) < np.pi

@@ -1,0 +1,219 @@
+"""
+A terrain that grows: candidates join a TIN round by round, as far as the limits given allow.
+
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from lidar_buildings.core.neighbours.parallel import for_row_blocks
+from lidar_buildings.core.stages.ground_filter.growing_tin.facet_scores import corners_of
+from lidar_buildings.core.stages.ground_filter.growing_tin.frame import edge_gradients
+from lidar_buildings.core.stages.ground_filter.growing_tin.growth_rounds import Mesh, join_in_rounds
+from lidar_buildings.core.surfaces.incremental_delaunay import insert_vertex, with_room
+from lidar_buildings.core.surfaces.tin import Tin, build_tin, plane_elevation, plane_slope, walk
+
+
+class GrowthLimits(NamedTuple):
+    """
+    How far from its facet a candidate may be to join.
+
+    Attributes
+    ----------
+    angle : float
+        Largest angle at which it may be seen from the corners of a level facet [rad].
+    slope_gain : float
+        By how much of a facet's own slope that angle grows.
+    distance : float
+        Largest distance above the facet [m].
+    squared_side : float
+        Facets whose longest side is shorter than the root of this are left as they are [m²].
+
+    """
+
+    angle: float
+    slope_gain: float
+    distance: float
+    squared_side: float
+
+
+@dataclass(eq=False)
+class TerrainGrowth:
+    """
+    A TIN and the candidates that wait to join it.
+
+    Attributes
+    ----------
+    start : Tin
+        The TIN of the seeds.
+    is_seed : ndarray of shape (n_candidates,), bool
+        Which candidates are in it; the others wait, in their order.
+    vertices : ndarray of shape (n_vertices, 3)
+        The seeds, the virtual points of the frame, and the waiting candidates, relative to its origin [m].
+    triangles, neighbours : ndarray of shape (m, 3), int32
+        The mesh, with room for every candidate.
+    n_triangles : int
+        How many of those rows are in use.
+    joined, home : ndarray
+        Of each waiting candidate whether it has joined and in which triangle it was seen last.
+    gradient : ndarray of shape (n_frame, 2)
+        The terrain's slope at the frame.
+
+    """
+
+    start: Tin
+    is_seed: NDArray[np.bool_]
+    vertices: NDArray[np.float64]
+    triangles: NDArray[np.int32]
+    neighbours: NDArray[np.int32]
+    n_triangles: int
+    joined: NDArray[np.bool_]
+    home: NDArray[np.int32]
+    gradient: NDArray[np.float64]
+
+    def branch(self) -> TerrainGrowth:
+        """
+        Return a terrain that can grow on without changing this one.
+
+        """
+        return replace(
+            self,
+            vertices=self.vertices.copy(),
+            triangles=self.triangles.copy(),
+            neighbours=self.neighbours.copy(),
+            joined=self.joined.copy(),
+            home=self.home.copy(),
+        )
+
+    def grow(self, limits: GrowthLimits, barred: NDArray[np.bool_] | None = None) -> None:
+        """
+        Let candidates join until none is left that may; those `barred` never may.
+
+        """
+        waiting = ~self.joined if barred is None else ~(self.joined | barred[~self.is_seed])
+        self.n_triangles = join_in_rounds(
+            Mesh(
+                self.vertices,
+                self.triangles,
+                self.neighbours,
+                self.start.n_real,
+                len(self.start.vertices),
+                self.gradient,
+            ),
+            self.n_triangles,
+            tuple(limits),
+            np.flatnonzero(waiting).astype(np.int32),
+            self.home,
+            self.joined,
+        )
+
+    def force(self, chosen: NDArray[np.bool_]) -> None:
+        """
+        Let the chosen candidates join, whatever the limits.
+
+        """
+        rows = np.flatnonzero(chosen[~self.is_seed] & ~self.joined)
+        self.n_triangles = _force(
+            rows,
+            self.vertices,
+            len(self.start.vertices),
+            self.triangles,
+            self.neighbours,
+            self.n_triangles,
+            self.joined,
+            self.home,
+        )
+
+    def height_and_slope(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """
+        Return every candidate's height above the terrain [m], and the terrain's slope there (rise over run).
+
+        """
+        height, slope = np.zeros(len(self.is_seed)), np.zeros(len(self.is_seed))
+        rows = np.flatnonzero(~self.is_seed).astype(np.int32)
+        mesh = (self.vertices, self.triangles, self.neighbours)
+        for_row_blocks(
+            lambda a, b: _heights(*mesh, len(self.start.vertices), self.home, rows, height, slope, a, b),
+            len(rows),
+        )
+        return height, slope
+
+    def tin(self) -> Tin:
+        """
+        Return the terrain as it is.
+
+        """
+        return replace(
+            self.start,
+            vertices=self.vertices,
+            triangles=self.triangles[: self.n_triangles],
+            neighbours=self.neighbours[: self.n_triangles],
+        )
+
+
+def start_growth(
+    candidates: NDArray[np.float64], is_seed: NDArray[np.bool_], extent: NDArray[np.float64]
+) -> TerrainGrowth:
+    """
+    Triangulate the seeds; the other candidates wait.
+
+    Parameters
+    ----------
+    candidates : ndarray of shape (n_candidates, 3)
+        At most one per place, in an order that puts neighbours together [m].
+    is_seed : ndarray of shape (n_candidates,), bool
+        At least one.
+    extent : ndarray of shape (2, 2)
+        Lower left and upper right corner of what the terrain has to cover [m].
+
+    """
+    start = build_tin(candidates[is_seed], extent)
+    waiting = candidates[~is_seed] - [*start.origin, 0.0]
+    vertices = np.vstack((start.vertices, waiting))
+    room = len(start.triangles) + 2 * len(waiting)
+    return TerrainGrowth(
+        start,
+        is_seed,
+        vertices,
+        with_room(start.triangles, room),
+        with_room(start.neighbours, room),
+        len(start.triangles),
+        np.zeros(len(waiting), dtype=np.bool_),
+        start.locate(candidates[~is_seed]),
+        edge_gradients(start.vertices[: start.n_real], start.vertices[start.n_real :]),
+    )
+
+
+@njit(cache=True, nogil=True)
+def _force(rows, vertices, n_start, triangles, neighbours, n_triangles, joined, home):  # type: ignore[no-untyped-def]
+    """
+    Insert these waiting candidates; return the number of triangles.
+
+    """
+    marks = np.zeros(len(triangles), dtype=np.int8)
+    for i in rows:
+        p = n_start + i
+        within = walk(vertices[p, 0], vertices[p, 1], home[i], vertices, triangles, neighbours)
+        n_triangles = insert_vertex(p, within, n_triangles, vertices, triangles, neighbours, marks, 1)
+        joined[i], home[i] = True, within
+    return n_triangles
+
+
+@njit(cache=True, nogil=True)
+def _heights(vertices, triangles, neighbours, n_start, home, rows, height, slope, begin, end):  # type: ignore[no-untyped-def]
+    """
+    Set the height of waiting candidates `begin` to `end` above the mesh, and its slope there, at their rows.
+
+    """
+    for i in range(begin, end):
+        x, y, z = vertices[n_start + i, 0], vertices[n_start + i, 1], vertices[n_start + i, 2]
+        here = walk(x, y, home[i], vertices, triangles, neighbours)
+        a, b, c = corners_of(here, vertices, triangles)
+        height[rows[i]] = z - plane_elevation(x, y, a, b, c)
+        slope[rows[i]] = plane_slope(a, b, c)

@@ -1,0 +1,277 @@
+"""
+The morphological filter: growing discs pushed up from below do not reach what is narrower than they.
+
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from lidar_buildings.core.model.point_array import checked_points
+from lidar_buildings.core.neighbours.cell_grid import cell_numbers, cell_order, lowest_per_cell
+from lidar_buildings.core.neighbours.parallel import for_row_blocks
+from lidar_buildings.core.stages.ground_filter.config import GroundFilterConfig
+from lidar_buildings.core.stages.ground_filter.openings.halls import find_halls
+from lidar_buildings.core.surfaces.elevation_raster import filled
+from lidar_buildings.core.surfaces.morphology import opened
+
+#: Side of the blocks that are worked on at a time, in cells: memory is bounded by them, whatever the extent.
+BLOCK = 512
+#: How far beyond the discs' reach a block looks at the terrain that its holes are filled from, in cells.
+FILL_REACH = 32
+#: Cells are doubled until this share is occupied of those in occupied squares of `SQUARE` by `SQUARE` cells.
+MIN_OCCUPIED, SQUARE = 0.08, 8
+#: A pit steeper than this all round is a false low point, rise over run (Pingel et al. 2013).
+PIT_SLOPE = 5.0
+#: Beyond the opening radius what rises by so much may be a hall [m].
+HALL_HEIGHT = 3.0
+#: Up to the opening radius discs grow by so much, beyond it by this ratio [m].
+RADIUS_STEP, RADIUS_RATIO = 1.0, 1.2
+
+
+class CellMinima(NamedTuple):
+    """
+    The lowest elevation in each occupied cell.
+
+    Attributes
+    ----------
+    numbers : ndarray of shape (n_cells,), int64
+        Row * columns + column of each, rising; counted from `first`.
+    elevation : ndarray of shape (n_cells,)
+        Lowest point [m].
+    first : tuple of two float
+        Row and column of the south-western cell in the grid that starts at (0, 0).
+    shape : tuple of two int
+        Rows and columns from the first to the last occupied cell.
+    cell : float
+        Side of a cell [m].
+
+    """
+
+    numbers: NDArray[np.int64]
+    elevation: NDArray[np.float64]
+    first: tuple[float, float]
+    shape: tuple[int, int]
+    cell: float
+
+
+def label_ground(points: NDArray[np.float64], config: GroundFilterConfig) -> NDArray[np.bool_]:
+    """
+    Return which points are ground, by a progressive morphological filter.
+
+    The raster of cell minima is opened with discs of growing radius (Zhang et al. 2003), in small steps as
+    Pingel et al. (2013) do it; a cell that sinks by more than the terrain can rise over the radius is an
+    object. Cells without points take no part, so nothing is invented before the openings. Discs beyond
+    `opening_radius` reach the size of hills: there only what ends in a step nearly all round is an object
+    (after Chen et al. 2007). The terrain is spanned between the cells left, and points are ground within a
+    distance of it that grows with its slope (Pingel et al. 2013).
+
+    Parameters
+    ----------
+    points : ndarray of shape (n_points, 3)
+        Gross errors removed, in any order [m]; single low ones that are left do no harm.
+    config : GroundFilterConfig
+        Cells, discs and thresholds.
+
+    Returns
+    -------
+    ndarray of shape (n_points,), bool
+
+    Raises
+    ------
+    ValueError
+        If `points` has another shape or is not finite.
+
+    Notes
+    -----
+    Worked on in blocks, each with what lies around it within reach of the largest disc: memory does not
+    depend on the extent, and time is linear in the number of occupied blocks and of points. What lies
+    beyond has no say, but for the doubling of cells in sparse clouds.
+
+    """
+    points = checked_points(points)
+    ground = np.zeros(len(points), dtype=np.bool_)
+    if len(points) == 0:
+        return ground
+    minima = _cell_minima(points, config.opening_cell)
+    order = cell_order(points, BLOCK * minima.cell)
+    starts = np.flatnonzero(np.diff(cell_numbers(points, BLOCK * minima.cell)[order], prepend=-1, append=-1))
+    for_row_blocks(
+        lambda k, _: _label_block(points, order[starts[k] : starts[k + 1]], minima, config, ground),
+        len(starts) - 1,
+        1,
+    )
+    return ground
+
+
+def _cell_minima(points: NDArray[np.float64], cell: float) -> CellMinima:
+    """
+    Return the minima of cells that are large enough for the points' density.
+
+    """
+    lowest = points[lowest_per_cell(points, cell)]
+    while _occupied(lowest, cell) < MIN_OCCUPIED:
+        cell *= 2.0
+        lowest = lowest[lowest_per_cell(lowest, cell)]
+    place = np.floor(lowest[:, 1::-1] / cell)
+    first = place.min(axis=0)
+    row, column = (place - first).astype(np.int64).T
+    shape = int(row.max()) + 1, int(column.max()) + 1
+    numbers = row * shape[1] + column
+    order = np.argsort(numbers, kind="stable")
+    return CellMinima(numbers[order], lowest[order, 2], (float(first[0]), float(first[1])), shape, cell)
+
+
+def _occupied(lowest: NDArray[np.float64], cell: float) -> float:
+    """
+    Return the share of cells that hold a point, of those in squares that do; 1 for a single square.
+
+    """
+    n_squares = len(lowest_per_cell(lowest, SQUARE * cell))
+    return len(lowest) / (n_squares * SQUARE**2) if n_squares > 1 else 1.0
+
+
+def _label_block(
+    points: NDArray[np.float64],
+    rows: NDArray[np.intp],
+    minima: CellMinima,
+    config: GroundFilterConfig,
+    ground: NDArray[np.bool_],
+) -> None:
+    """
+    Label the points of one block.
+
+    """
+    cell = minima.cell
+    radii = _radii(config.opening_radius, config.opening_hall_radius, cell)
+    halo = 2 * radii[-1] + FILL_REACH
+    # The block's first cell, counted from the first occupied one.
+    block = np.floor(points[rows[0], 1::-1] / (BLOCK * cell)) * BLOCK - minima.first
+    south, west = (max(0, int(start) - halo) for start in block)
+    north, east = (min(n, int(start) + BLOCK + halo) for start, n in zip(block, minima.shape, strict=True))
+    lowest = np.full((north - south, east - west), np.inf)
+    _place(minima.numbers, minima.elevation, minima.shape[1], south, west, lowest)
+    bare = _bare_cells(lowest, cell, radii, config)
+    window = minima.first[0] + south, minima.first[1] + west
+    terrain = filled(lowest, bare, (int(window[0]), int(window[1])))
+    limits = config.opening_distance, config.opening_distance_slope
+    _label(points, rows, terrain, _slope(terrain, cell), window, cell, limits, ground)
+
+
+def _radii(largest: float, hall: float, cell: float) -> list[int]:
+    """
+    Return the discs' radii in cells, rising: by steps up to `largest` [m], by a ratio from there to `hall`.
+
+    """
+    radii = [RADIUS_STEP * k for k in range(1, math.ceil(largest / RADIUS_STEP))] + [largest]
+    while radii[-1] < hall:
+        radii.append(min(radii[-1] * RADIUS_RATIO, hall))
+    return sorted({max(1, round(radius / cell)) for radius in radii})
+
+
+def _bare_cells(
+    lowest: NDArray[np.float64], cell: float, radii: list[int], config: GroundFilterConfig
+) -> NDArray[np.bool_]:
+    """
+    Return which cells show the ground; all that hold points if none does.
+
+    """
+    known = np.isfinite(lowest)
+    solid = known & ~_pits(lowest, known, cell)
+    surface = np.where(solid, lowest, np.inf)
+    objects = np.zeros(lowest.shape, dtype=np.bool_)
+    before = surface
+    for radius in radii:
+        after = opened(before, radius)
+        limit = config.opening_slope * radius * cell + config.opening_step
+        if radius * cell <= config.opening_radius + 0.5 * cell:
+            objects |= _sunk(before, after, solid, limit)
+        else:
+            objects |= find_halls(surface, solid, _sunk(surface, after, solid, min(limit, HALL_HEIGHT)))
+        before = after
+    bare = solid & ~objects
+    return bare if bare.any() else known
+
+
+def _pits(lowest: NDArray[np.float64], known: NDArray[np.bool_], cell: float) -> NDArray[np.bool_]:
+    """
+    Return the cells far below all beside them: those that an opening of the surface turned over cuts off.
+
+    """
+    turned = np.where(known, -lowest, np.inf)
+    return _sunk(turned, opened(turned, 1), known, PIT_SLOPE * cell)
+
+
+def _sunk(
+    before: NDArray[np.float64], after: NDArray[np.float64], known: NDArray[np.bool_], limit: float
+) -> NDArray[np.bool_]:
+    """
+    Return the known cells that an opening lowered by more than the limit.
+
+    """
+    return np.subtract(before, after, out=np.zeros_like(before), where=known) > limit
+
+
+@njit(cache=True, nogil=True)
+def _place(numbers, elevation, n_columns, south, west, lowest):  # type: ignore[no-untyped-def]
+    """
+    Set a window of the raster of minima, whose first cell is in row `south` and column `west`.
+
+    """
+    for y in range(lowest.shape[0]):
+        start = (south + y) * n_columns + west
+        k = np.searchsorted(numbers, start)
+        while k < len(numbers) and numbers[k] < start + lowest.shape[1]:
+            lowest[y, numbers[k] - start] = elevation[k]
+            k += 1
+
+
+@njit(cache=True, nogil=True)
+def _slope(terrain, cell):  # type: ignore[no-untyped-def]
+    """
+    Return the slope of a raster, rise over run, by central differences.
+
+    """
+    n_rows, n_columns = terrain.shape
+    slope = np.zeros(terrain.shape)
+    for y in range(n_rows):
+        south, north = max(y - 1, 0), min(y + 1, n_rows - 1)
+        for x in range(n_columns):
+            west, east = max(x - 1, 0), min(x + 1, n_columns - 1)
+            along = (terrain[y, east] - terrain[y, west]) / (max(east - west, 1) * cell)
+            across = (terrain[north, x] - terrain[south, x]) / (max(north - south, 1) * cell)
+            slope[y, x] = math.hypot(along, across)
+    return slope
+
+
+@njit(cache=True, nogil=True)
+def _label(points, rows, terrain, slope, window, cell, limits, ground):  # type: ignore[no-untyped-def]
+    """
+    Set which points lie within a distance of the terrain that grows with its slope; `limits` are both.
+
+    """
+    for p in rows:
+        # Values belong to the middles of cells.
+        y = min(max(points[p, 1] / cell - window[0] - 0.5, 0.0), terrain.shape[0] - 1.0)
+        x = min(max(points[p, 0] / cell - window[1] - 0.5, 0.0), terrain.shape[1] - 1.0)
+        distance = abs(points[p, 2] - _between(terrain, y, x))
+        ground[p] = distance <= limits[0] + limits[1] * _between(slope, y, x)
+
+
+@njit(cache=True, nogil=True)
+def _between(raster, y, x):  # type: ignore[no-untyped-def]
+    """
+    Interpolate a raster linearly between the four cells around a place in it.
+
+    """
+    south, west = int(y), int(x)
+    north, east = min(south + 1, raster.shape[0] - 1), min(west + 1, raster.shape[1] - 1)
+    v, u = y - south, x - west
+    low = (1.0 - u) * raster[south, west] + u * raster[south, east]
+    high = (1.0 - u) * raster[north, west] + u * raster[north, east]
+    return (1.0 - v) * low + v * high

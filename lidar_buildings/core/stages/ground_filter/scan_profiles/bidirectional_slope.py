@@ -1,0 +1,224 @@
+"""
+Ground by slopes along profiles, forth and back (Shan & Sampath 2005), with profiles across where wanted.
+
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+from numpy.typing import ArrayLike, NDArray
+
+from lidar_buildings.core.model.point_array import checked_columns, checked_points
+from lidar_buildings.core.neighbours.cell_grid import SortedPoints, sort_by_cell
+from lidar_buildings.core.neighbours.parallel import for_row_blocks
+from lidar_buildings.core.neighbours.point_spacing import quantised_spacing
+from lidar_buildings.core.stages.ground_filter.config import GroundFilterConfig
+from lidar_buildings.core.stages.ground_filter.scan_profiles.profile_labelling import net_votes
+from lidar_buildings.core.stages.ground_filter.scan_profiles.profile_refinement import (
+    close_gaps,
+    reject_outliers,
+)
+from lidar_buildings.core.stages.ground_filter.scan_profiles.profile_regression import take_back
+from lidar_buildings.core.stages.ground_filter.scan_profiles.profile_trend import Trend, fit_trend
+from lidar_buildings.core.stages.ground_filter.scan_profiles.profiles import Profiles, cut_profiles
+from lidar_buildings.core.stages.ground_filter.scan_profiles.scan_lines import ScanLines, find_scan_lines
+
+#: Cells with no more points keep all of them; of the others the lowest is looked at first.
+SPARSE = 3
+#: Ground further above the first trend is left out of the second: the roofs among it [m].
+MAX_ABOVE_TREND = 1.0
+#: Passes err less where the slope is taken off: so much less agreement is asked of them.
+LESS_ON_TREND = 0.1
+#: Net votes at and below which ground is taken for the roof of an object.
+ISLAND = -0.9
+#: Radius of the planes that say how the terrain runs within a cell [multiples of the spacing].
+LOCAL_RADIUS = 3.0
+
+
+def label_ground(
+    points: ArrayLike,
+    config: GroundFilterConfig | None = None,
+    *,
+    gps_time: ArrayLike | None = None,
+    scan_angle: ArrayLike | None = None,
+    scan_direction_flag: ArrayLike | None = None,
+    point_source_id: ArrayLike | None = None,
+) -> NDArray[np.bool_]:
+    """
+    Tell which points are ground by walking along profiles in both directions.
+
+    Where a profile rises by a step it leaves the ground, and is back on it where it has come down to the
+    elevation it left (Shan & Sampath 2005). Profiles are the scan lines, where the cloud has any, and strips
+    cut in `profile_directions` directions; passes in all directions vote. Ground is then grown along the
+    profiles by local regression, the slope of the terrain taken off, and all repeated.
+
+    Parameters
+    ----------
+    points : array_like of shape (n_points, 3)
+        Without gross errors [m].
+    config : GroundFilterConfig, optional
+        The members that begin with `profile_`, and `candidate_spacing`.
+    gps_time, scan_angle, scan_direction_flag, point_source_id : array_like of shape (n_points,), optional
+        What tells scan lines apart [s], [deg].
+
+    Returns
+    -------
+    ndarray of shape (n_points,), bool
+
+    Raises
+    ------
+    ValueError
+        If `points` has another shape or is not finite, or a column has not one number per point.
+
+    Notes
+    -----
+    O(n log n): some 3 M points/s on two cores in dense clouds, where only the lowest points of cells are
+    walked over; 0.5 M points/s where all are.
+
+    """
+    config = config or GroundFilterConfig(method="bidirectional_slope")
+    cloud = checked_points(points)
+    columns = checked_columns(
+        len(cloud),
+        gps_time=gps_time,
+        scan_angle=scan_angle,
+        scan_direction_flag=scan_direction_flag,
+        point_source_id=point_source_id,
+    )
+    if len(cloud) == 0:
+        return np.zeros(0, dtype=np.bool_)
+    cells = sort_by_cell(cloud, config.candidate_spacing)
+    kept = _kept_of_cells(cells.first)
+    chosen = cells.rows[kept]
+    spacing = quantised_spacing(cloud[chosen])
+    lines = find_scan_lines(cloud, spacing, **columns)
+    if config.profile_directions == 0:
+        return _label_lines(cloud, lines, spacing, config)
+    candidates = cells.points[kept]
+    profiles = [
+        cut_profiles(candidates, config.profile_width * spacing, 180.0 * k / config.profile_directions)
+        for k in range(config.profile_directions)
+    ]
+    if lines is not None:
+        profiles.append(lines.profiles(cloud, chosen))
+    ground = _label_candidates(candidates, profiles, spacing, config)
+    planes = fit_trend(candidates, ground, LOCAL_RADIUS * spacing, cells_per_radius=2.0, far=False)
+    return _label_all(cells, kept[ground], planes, config)
+
+
+def _label_lines(
+    cloud: NDArray[np.float64], lines: ScanLines | None, spacing: float, config: GroundFilterConfig
+) -> NDArray[np.bool_]:
+    """
+    Label every point along the scan lines alone, or along strips from west to east where there are none.
+
+    """
+    if lines is None:
+        profiles = cut_profiles(cloud, config.profile_width * spacing, 0.0)
+    else:
+        profiles = lines.profiles(cloud, np.arange(len(cloud)))
+    return _label_candidates(cloud, [profiles], spacing, config)
+
+
+def _label_candidates(
+    points: NDArray[np.float64], profiles: list[Profiles], spacing: float, config: GroundFilterConfig
+) -> NDArray[np.bool_]:
+    """
+    Vote and grow; once more on heights above the trend that was found; then reject, close gaps, reject.
+
+    """
+    z, radius = points[:, 2], config.profile_trend_radius
+    ground = net_votes(profiles, z, config) > config.profile_agreement
+    ground = take_back(profiles, z, ground, spacing, config)
+    if radius > 0 and ground.any():
+        first = fit_trend(points, ground, radius).elevation_at(points)
+        low = ground & (z - first < MAX_ABOVE_TREND)
+        height = z - fit_trend(points, low, radius).elevation_at(points)
+        ground = net_votes(profiles, height, config) > config.profile_agreement - LESS_ON_TREND
+        ground = take_back(profiles, z, ground, spacing, config)
+    ground = _without_islands(profiles, z, ground, config)
+    if config.profile_gap_tolerance > 0:
+        ground = close_gaps(profiles, z, ground, spacing, config.profile_gap_tolerance)
+    return reject_outliers(profiles, z, ground, spacing, config)
+
+
+def _without_islands(
+    profiles: list[Profiles], z: NDArray[np.float64], ground: NDArray[np.bool_], config: GroundFilterConfig
+) -> NDArray[np.bool_]:
+    """
+    Return the ground without what rises out of it on (nearly) every profile, seen either way.
+
+    Where ground has been taken back from a point on a roof, all of the roof may have become ground. A walk
+    along nothing but the ground meets its edges on all sides.
+
+    """
+    votes = net_votes([one.along_chosen(ground) for one in profiles], z[ground], config)
+    kept = ground.copy()
+    kept[ground] = votes > ISLAND
+    return kept
+
+
+def _label_all(
+    cells: SortedPoints, chosen: NDArray[np.intp], planes: Trend, config: GroundFilterConfig
+) -> NDArray[np.bool_]:
+    """
+    Label the points of crowded cells: those no further above their lowest, if ground, than the terrain rises.
+
+    Parameters
+    ----------
+    chosen : ndarray of intp
+        The candidates that are ground, among the sorted points.
+    planes : Trend
+        How the terrain runs within a cell.
+
+    Returns
+    -------
+    ndarray of shape (n_points,), bool
+        By input row.
+
+    """
+    ground = np.zeros(len(cells.rows), dtype=np.bool_)
+    ground[chosen] = True
+    lowest = cells.points[cells.first[:-1]]
+    gradient = planes.gradient_at(lowest)
+    limits = (config.profile_step, config.profile_tolerance_slope)
+    for_row_blocks(
+        lambda a, b: _near_lowest(cells.points, cells.first, gradient, limits, ground, a, b), len(lowest)
+    )
+    labels = np.empty(len(ground), dtype=np.bool_)
+    labels[cells.rows] = ground
+    return labels
+
+
+@njit(cache=True, nogil=True)
+def _kept_of_cells(first):  # type: ignore[no-untyped-def]
+    """
+    Return the sorted points that are walked over: all of sparse cells, the lowest of crowded ones.
+
+    """
+    kept = np.empty(first[-1], dtype=np.intp)
+    n = 0
+    for k in range(len(first) - 1):
+        last = first[k + 1] if first[k + 1] - first[k] <= SPARSE else first[k] + 1
+        for i in range(first[k], last):
+            kept[n] = i
+            n += 1
+    return kept[:n].copy()
+
+
+@njit(cache=True, nogil=True)
+def _near_lowest(points, first, gradient, limits, ground, begin, end):  # type: ignore[no-untyped-def]
+    """
+    Compare the points of crowded cells with their lowest, carried on along the terrain's gradient.
+
+    """
+    for k in range(begin, end):
+        low = first[k]
+        if first[k + 1] - low <= SPARSE or not ground[low]:
+            continue
+        gx, gy = gradient[k, 0], gradient[k, 1]
+        margin = limits[0] + limits[1] * (abs(gx) + abs(gy))
+        for i in range(low + 1, first[k + 1]):
+            slope = gx * (points[i, 0] - points[low, 0]) + gy * (points[i, 1] - points[low, 1])
+            ground[i] = points[i, 2] - points[low, 2] - slope <= margin

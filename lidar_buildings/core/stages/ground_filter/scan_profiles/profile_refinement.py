@@ -1,0 +1,190 @@
+"""
+The last look along profiles: gaps between ground points are closed, what stands out on all sides is rejected.
+
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from lidar_buildings.core.neighbours.parallel import for_row_blocks
+from lidar_buildings.core.stages.ground_filter.config import GroundFilterConfig
+from lidar_buildings.core.stages.ground_filter.scan_profiles.profiles import Profiles
+
+#: Ground points on either side that a line is fitted to, and how far they may lie [multiples of the spacing].
+POINTS, REACH = 6, 10.0
+#: Least mean square of their distances in which a slope can be seen [m²].
+MIN_SPREAD = 0.05
+#: Sets of profiles that have to agree before a point is rejected, where there are as many.
+MIN_AXES = 3
+#: Rejecting a point may show others.
+ROUNDS = 3
+#: Gaps that are closed: at most so wide [multiples of the spacing].
+MAX_GAP = 10.0
+#: Added to distances so that a neighbour at the same place is not all that counts [m].
+NEAR = 0.1
+
+
+def close_gaps(
+    profiles: Sequence[Profiles],
+    elevation: NDArray[np.float64],
+    ground: NDArray[np.bool_],
+    spacing: float,
+    tolerance: float,
+) -> NDArray[np.bool_]:
+    """
+    Return the ground with the points little above what is interpolated between ground on both sides.
+
+    Elevations that the profiles give are weighted by how near their ground points are.
+
+    Parameters
+    ----------
+    profiles : sequence of Profiles
+        Each with all points.
+    elevation : ndarray of shape (n_points,)
+        Elevations [m].
+    ground : ndarray of shape (n_points,), bool
+        Ground so far.
+    spacing : float
+        Spacing of the points [m].
+    tolerance : float
+        How far above a point may lie [m].
+
+    """
+    height, weight = np.zeros((2, len(profiles), len(ground)))
+
+    def add(begin: int, end: int) -> None:
+        for k in range(begin, end):
+            one = profiles[k]
+            _between(
+                one.rows, one.first, one.along, elevation, ground, MAX_GAP * spacing, height[k], weight[k]
+            )
+
+    for_row_blocks(add, len(profiles), 1)
+    total = weight.sum(axis=0)
+    return ground | ((total > 0) & (height.sum(axis=0) <= tolerance * total))
+
+
+def reject_outliers(
+    profiles: Sequence[Profiles],
+    elevation: NDArray[np.float64],
+    ground: NDArray[np.bool_],
+    spacing: float,
+    config: GroundFilterConfig,
+) -> NDArray[np.bool_]:
+    """
+    Return the ground without the points that stand above it on every profile.
+
+    The local linear regression of Shan & Sampath (2005): a line is fitted to the ground points on both sides,
+    and a point is rejected if it lies further above it than `profile_step` and than `profile_rejection` times
+    the standard deviation of those. With several profiles through a point all have to agree, so that a ridge
+    or the edge of a terrace, which stand out on most, stay.
+
+    Parameters
+    ----------
+    profiles : sequence of Profiles
+        Each with all points.
+    elevation : ndarray of shape (n_points,)
+        Elevations [m].
+    ground : ndarray of shape (n_points,), bool
+        Ground so far.
+    spacing : float
+        Spacing of the points [m].
+    config : GroundFilterConfig
+        The members that begin with `profile_`.
+
+    """
+    ground = ground.copy()
+    limits = (REACH * spacing, config.profile_step, config.profile_rejection)
+    judged, above = np.zeros((2, len(profiles), len(ground)), dtype=np.bool_)
+
+    def judge(begin: int, end: int) -> None:
+        for k in range(begin, end):
+            one = profiles[k]
+            _stand_out(one.rows, one.first, one.along, elevation, ground, limits, judged[k], above[k])
+
+    for _ in range(ROUNDS):
+        for_row_blocks(judge, len(profiles), 1)
+        n_judged = judged.sum(axis=0)
+        outlier = (n_judged >= min(MIN_AXES, len(profiles))) & (above.sum(axis=0) == n_judged)
+        if not outlier.any():
+            break
+        ground[outlier] = False
+    return ground
+
+
+@njit(cache=True, nogil=True)
+def _between(rows, first, along, elevation, ground, max_gap, height, weight):  # type: ignore[no-untyped-def]
+    """
+    Set the weighted height above the line between the nearest ground points of a profile, and the weight.
+
+    """
+    for k in range(len(first) - 1):
+        last, ahead = -1, first[k]
+        for i in range(first[k], first[k + 1]):
+            if ground[rows[i]]:
+                last = i
+                continue
+            ahead = max(ahead, i + 1)
+            while ahead < first[k + 1] and not ground[rows[ahead]]:
+                ahead += 1
+            if last < 0 or ahead == first[k + 1]:
+                continue
+            before, behind = along[i] - along[last], along[ahead] - along[i]
+            gap = before + behind
+            if gap > max_gap:
+                continue
+            share = before / gap if gap > 0.0 else 0.5
+            line = (1.0 - share) * elevation[rows[last]] + share * elevation[rows[ahead]]
+            w = 1.0 / (share * behind + NEAR) ** 2
+            height[rows[i]], weight[rows[i]] = w * (elevation[rows[i]] - line), w
+
+
+@njit(cache=True, nogil=True)
+def _stand_out(rows, first, along, elevation, ground, limits, judged, above):  # type: ignore[no-untyped-def]
+    """
+    Tell of each point whether it is ground with ground on both sides, and well above the line through it.
+
+    """
+    for k in range(len(first) - 1):
+        for i in range(first[k], first[k + 1]):
+            judged[rows[i]] = above[rows[i]] = False
+            if ground[rows[i]]:
+                both, height, sigma = _line_across(
+                    rows, along, elevation, ground, i, first[k], first[k + 1], limits[0]
+                )
+                judged[rows[i]] = both
+                above[rows[i]] = both and height > max(limits[1], limits[2] * sigma)
+
+
+@njit(cache=True, nogil=True)
+def _line_across(rows, along, elevation, ground, i, begin, end, reach):  # type: ignore[no-untyped-def]
+    """
+    Fit a line to the nearest ground points on both sides of point i.
+
+    Returns whether there are enough, the height of point i above the line [m], and the standard deviation of
+    the others from it [m].
+
+    """
+    n, sides, st, sz, stt, stz, szz = 0, 0, 0.0, 0.0, 0.0, 0.0, 0.0
+    for heading in (-1, 1):
+        j, found = i + heading, 0
+        while begin <= j < end and found < POINTS and abs(along[j] - along[i]) <= reach:
+            if ground[rows[j]]:
+                t, dz = along[j] - along[i], elevation[rows[j]] - elevation[rows[i]]
+                found += 1
+                st, sz, stt, stz, szz = st + t, sz + dz, stt + t * t, stz + t * dz, szz + dz * dz
+            j += heading
+        n += found
+        sides += min(found, 1)
+    spread = stt - st * st / n if n > 0 else 0.0
+    if sides < 2 or n < 3 or spread < MIN_SPREAD * n:
+        return False, 0.0, 0.0
+    slope = (stz - st * sz / n) / spread
+    rest = max(szz - sz * sz / n - slope * (stz - st * sz / n), 0.0)
+    return True, -(sz - slope * st) / n, math.sqrt(rest / (n - 2))

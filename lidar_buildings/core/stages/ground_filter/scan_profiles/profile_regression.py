@@ -1,0 +1,198 @@
+"""
+Local regression along profiles: ground points that stand out are rejected, others taken back.
+
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from lidar_buildings.core.neighbours.parallel import for_row_blocks
+from lidar_buildings.core.stages.ground_filter.config import GroundFilterConfig
+from lidar_buildings.core.stages.ground_filter.scan_profiles.profiles import Profiles
+
+#: Ground points on either side that a line is fitted to.
+POINTS = 4
+#: Least mean square of their distances in which a slope can be seen [m²].
+MIN_SPREAD = 0.05
+#: Steepest slope that is carried on beyond the points it was fitted to, rise over run.
+MAX_SLOPE = 1.0
+#: Roughness of the ground adds at most so much to the tolerance [m].
+MAX_ROUGHNESS = 0.5
+#: A point is against ground if it stands so many tolerances above the line; weights in half votes.
+AGAINST = 3.0
+FOR_WEIGHT, AGAINST_WEIGHT = 2, -1
+
+
+def take_back(
+    profiles: Sequence[Profiles],
+    elevation: NDArray[np.float64],
+    ground: NDArray[np.bool_],
+    spacing: float,
+    config: GroundFilterConfig,
+) -> NDArray[np.bool_]:
+    """
+    Return the ground with all points that lines through ground points beside them lead to.
+
+    On every profile a line is fitted to the nearest ground points on either side of a point and carried on to
+    it. A point joins where `profile_support` more lines lead to it than pass well below it, these counting
+    half: at the foot and the top of a slope, one side of it always does. Repeated until no point joins.
+
+    Parameters
+    ----------
+    profiles : sequence of Profiles
+        Each with all points.
+    elevation : ndarray of shape (n_points,)
+        Elevations [m].
+    ground : ndarray of shape (n_points,), bool
+        Ground so far.
+    spacing : float
+        Spacing of the points [m].
+    config : GroundFilterConfig
+        The members that begin with `profile_`.
+
+    """
+    ground = ground.copy()
+    reach = config.profile_reach * spacing
+    limits = (reach, config.profile_tolerance, config.profile_tolerance_slope, config.profile_roughness)
+    votes = np.zeros((len(profiles), len(ground)), dtype=np.int8)
+    axes = [_Axis(one, elevation, ground, votes[k]) for k, one in enumerate(profiles)]
+    new = np.flatnonzero(ground)
+
+    def judge(begin: int, end: int) -> None:
+        for axis in axes[begin:end]:
+            axis.judge(new, limits)
+
+    for _ in range(config.profile_rounds):
+        if not len(new):
+            break
+        for_row_blocks(judge, len(axes), 1)
+        new = _joining(votes, ground, FOR_WEIGHT * config.profile_support)
+        ground[new] = True
+    return ground
+
+
+class _Axis:
+    """
+    One set of profiles with the ground and the votes of its lines so far.
+
+    """
+
+    def __init__(
+        self,
+        profiles: Profiles,
+        elevation: NDArray[np.float64],
+        ground: NDArray[np.bool_],
+        votes: NDArray[np.int8],
+    ) -> None:
+        self.profiles = profiles
+        self.z = elevation[profiles.rows]
+        self.ground = ground[profiles.rows]
+        self.place = np.empty(len(self.z), dtype=np.intp)
+        self.place[profiles.rows] = np.arange(len(self.z))
+        self.line = np.repeat(np.arange(len(profiles.first) - 1), np.diff(profiles.first))
+        #: Half votes for each row of the cloud.
+        self.votes = votes
+
+    def judge(self, new: NDArray[np.intp], limits: tuple[float, ...]) -> None:
+        """
+        Add new ground and count the lines again of all points within its reach.
+
+        """
+        one = self.profiles
+        changed = self.place[new]
+        self.ground[changed] = True
+        stale = np.zeros(len(self.z), dtype=np.bool_)
+        _mark_around(changed, one.along, self.line, self.ground, limits[0], stale)
+        _judge(one.along, self.z, one.first, self.line, self.ground, stale, limits, one.rows, self.votes)
+
+
+@njit(cache=True, nogil=True)
+def _joining(votes, ground, least):  # type: ignore[no-untyped-def]
+    """
+    Return the rows that are no ground yet and have enough half votes of all sets of profiles.
+
+    """
+    rows = np.empty(len(ground), dtype=np.intp)
+    n = 0
+    for i in range(len(ground)):
+        if ground[i]:
+            continue
+        total = 0
+        for k in range(len(votes)):
+            total += votes[k, i]
+        if total >= least:
+            rows[n] = i
+            n += 1
+    return rows[:n].copy()
+
+
+@njit(cache=True, nogil=True)
+def _mark_around(changed, along, line, ground, reach, stale):  # type: ignore[no-untyped-def]
+    """
+    Mark points that are no ground within reach of changed ones, on the same profile.
+
+    """
+    for i in changed:
+        for heading in (-1, 1):
+            j = i + heading
+            while 0 <= j < len(along) and line[j] == line[i] and abs(along[j] - along[i]) <= reach:
+                stale[j] = not ground[j]
+                j += heading
+
+
+@njit(cache=True, nogil=True)
+def _judge(along, z, first, line, ground, stale, limits, rows, votes):  # type: ignore[no-untyped-def]
+    """
+    Count the lines that lead to each marked point.
+
+    """
+    reach, tolerance, tolerance_slope, roughness = limits
+    for i in range(len(rows)):
+        if not stale[i]:
+            continue
+        vote = 0
+        for heading in (-1, 1):
+            n, height, slope, sigma = _line_beyond(
+                along, z, i, heading, first[line[i]], first[line[i] + 1], ground, reach
+            )
+            if n < 2:
+                continue
+            margin = tolerance + tolerance_slope * abs(slope) + min(roughness * sigma, MAX_ROUGHNESS)
+            if height < margin:
+                vote += FOR_WEIGHT
+            elif height > AGAINST * margin:
+                vote += AGAINST_WEIGHT
+        votes[rows[i]] = vote
+
+
+@njit(cache=True, nogil=True)
+def _line_beyond(along, z, i, heading, begin, end, ground, reach):  # type: ignore[no-untyped-def]
+    """
+    Fit a line to the nearest ground points on one side of point i.
+
+    Returns the number of points, 0 if too few for a line, the height of point i above the line [m], the
+    line's slope, and the standard deviation of its points [m].
+
+    """
+    n, st, sz, stt, stz, szz = 0, 0.0, 0.0, 0.0, 0.0, 0.0
+    j = i + heading
+    while begin <= j < end and n < POINTS and abs(along[j] - along[i]) <= reach:
+        if ground[j]:
+            t, dz = along[j] - along[i], z[j] - z[i]
+            n += 1
+            st, sz, stt, stz, szz = st + t, sz + dz, stt + t * t, stz + t * dz, szz + dz * dz
+        j += heading
+    spread = stt - st * st / n if n >= 2 else 0.0
+    if spread < MIN_SPREAD * n or n < 2:
+        return 0, 0.0, 0.0, 0.0
+    slope = (stz - st * sz / n) / spread
+    rest = max(szz - sz * sz / n - slope * (stz - st * sz / n), 0.0)
+    sigma = math.sqrt(rest / (n - 2)) if n > 2 else 0.0
+    slope = min(max(slope, -MAX_SLOPE), MAX_SLOPE)
+    return n, -(sz - slope * st) / n, slope, sigma

@@ -1,0 +1,223 @@
+"""
+RANSAC with connected consensus sets: one hypothesis, grown and refined.
+
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from lidar_buildings.core.stages.plane_fitting.plane_geometry import (
+    N_MOMENTS,
+    add_point,
+    distance_of,
+    normal_of,
+    plane_through,
+)
+from lidar_buildings.core.stages.plane_fitting.surroundings import Cloud
+
+
+class Limits(NamedTuple):
+    """
+    What a plane has to satisfy, and how sure the search has to be.
+
+    """
+
+    distance: float
+    #: Cosine of the largest angle between a plane and a point's own normal.
+    normal_cosine: float
+    #: Least vertical component of a plane's normal.
+    min_vertical: float
+    min_points: int
+    probability: float
+
+
+class Scratch(NamedTuple):
+    """
+    Arrays that are used again and again while planes grow.
+
+    """
+
+    #: Number of the growth that last visited a point.
+    visit: NDArray[np.int64]
+    #: The members of the growing plane.
+    queue: NDArray[np.int64]
+    #: Points that were a seed already: they are not worth a second try.
+    tried: NDArray[np.bool_]
+    #: Points that were drawn as seeds in this round, tried or not.
+    drawn: NDArray[np.bool_]
+    #: Numbers of the current growth, free points, free points drawn in this round, points visited in vain.
+    counter: NDArray[np.int64]
+
+
+@njit(cache=True, nogil=True)
+def samples_needed(probability: float, outlier_share: float, n_unknowns: int = 3) -> int:
+    """
+    Return how many random samples hold one without gross errors with this probability.
+
+    N = ln(1 − P) / ln(1 − (1 − ε)^U), rounded up (Mancera-Taboada et al. 2012, equation 4 and table II).
+
+    """
+    good = (1.0 - outlier_share) ** n_unknowns
+    if good >= probability:
+        return 1
+    return math.ceil(math.log(1.0 - probability) / math.log1p(-good))
+
+
+@njit(cache=True, nogil=True)
+def belongs(cloud: Cloud, limits: Limits, plane: NDArray[np.float64], i: int) -> bool:
+    """
+    Whether a point lies on a plane, and its surroundings along it.
+
+    """
+    if distance_of(plane, cloud.points, i) > limits.distance:
+        return False
+    n = cloud.normals
+    return abs(plane[0] * n[i, 0] + plane[1] * n[i, 1] + plane[2] * n[i, 2]) >= limits.normal_cosine
+
+
+@njit(cache=True, nogil=True)
+def propose(
+    cloud: Cloud,
+    limits: Limits,
+    labels: NDArray[np.int32],
+    seed: int,
+    samples: NDArray[np.float64],
+    plane: NDArray[np.float64],
+) -> bool:
+    """
+    Write the best plane around a seed to `plane`; False if there is none through the seed.
+
+    The seed is the first point of every sample, the others are among its free neighbours (a sample of near
+    points is far likelier to lie on one plane). The sample with the best consensus among them wins, and is
+    replaced by the least-squares plane of its inliers.
+
+    """
+    near = np.empty(cloud.neighbours.shape[1], np.int64)
+    n = 0
+    for j in cloud.neighbours[seed]:
+        if j < 0:
+            break
+        if labels[j] == 0:
+            near[n] = j
+            n += 1
+    best = 0.0
+    trial = np.empty(4)
+    for s in range(len(samples)):
+        q, r = near[int(samples[s, 0] * n)], near[int(samples[s, 1] * n)]
+        if n < 3 or q == r or not plane_through(cloud.points[seed], cloud.points[q], cloud.points[r], trial):
+            continue
+        support = 0.0
+        for k in range(n):
+            off = distance_of(trial, cloud.points, near[k]) / limits.distance
+            support += max(0.0, 1.0 - off * off)
+        if support > best:
+            best = support
+            plane[:] = trial
+    return best > 0.0 and fit_near(cloud, limits, near[:n], seed, plane)
+
+
+@njit(cache=True, nogil=True)
+def fit_near(
+    cloud: Cloud, limits: Limits, near: NDArray[np.int64], seed: int, plane: NDArray[np.float64]
+) -> bool:
+    """
+    Replace `plane` by the least-squares plane of its inliers among the seed's neighbours.
+
+    """
+    origin, points = cloud.points[seed], cloud.points
+    x, y, z = origin
+    moments = np.zeros(N_MOMENTS)
+    add_point(moments, 0.0, 0.0, 0.0)
+    for j in near:
+        if distance_of(plane, points, j) <= limits.distance:
+            add_point(moments, points[j, 0] - x, points[j, 1] - y, points[j, 2] - z)
+    return refit(moments, origin, plane) and belongs(cloud, limits, plane, seed)
+
+
+@njit(cache=True, nogil=True)
+def refit(moments: NDArray[np.float64], origin: NDArray[np.float64], plane: NDArray[np.float64]) -> bool:
+    """
+    Write the plane of sums taken about `origin` to `plane`.
+
+    """
+    if not normal_of(moments, plane):
+        return False
+    plane[3] -= plane[0] * origin[0] + plane[1] * origin[1] + plane[2] * origin[2]
+    return True
+
+
+@njit(cache=True, nogil=True)
+def grow(
+    cloud: Cloud,
+    limits: Limits,
+    labels: NDArray[np.int32],
+    seed: int,
+    plane: NDArray[np.float64],
+    refine: bool,
+    scratch: Scratch,
+) -> tuple[int, float]:
+    """
+    Collect the free points of a plane that hang together with the seed.
+
+    With `refine`, `plane` is fitted anew each time the number of points has doubled, so that a plane known
+    from a few points finds its way across the roof; at the end it is fitted to all of them.
+
+    Returns
+    -------
+    count : int
+        Points, the first so many of the scratch queue.
+    score : float
+        Σ (1 − (distance / limit)²) over them, with the plane as it was when each was met.
+
+    """
+    scratch.counter[0] += 1
+    number = scratch.counter[0]
+    visit, queue = scratch.visit, scratch.queue
+    origin, points = cloud.points[seed], cloud.points
+    x, y, z = origin
+    moments = np.zeros(N_MOMENTS)
+    head, tail, score, next_fit = 0, 0, 0.0, cloud.neighbours.shape[1]
+    if labels[seed] == 0 and belongs(cloud, limits, plane, seed):
+        queue[0], tail, visit[seed] = seed, 1, number
+    while head < tail:
+        i = queue[head]
+        head += 1
+        add_point(moments, points[i, 0] - x, points[i, 1] - y, points[i, 2] - z)
+        off = distance_of(plane, points, i) / limits.distance
+        score += 1.0 - off * off
+        if refine and head == next_fit:
+            refit(moments, origin, plane)
+            next_fit *= 2
+        for k in range(cloud.neighbours.shape[1]):
+            j = cloud.neighbours[i, k]
+            if j < 0:
+                break
+            if visit[j] != number and labels[j] == 0 and belongs(cloud, limits, plane, j):
+                queue[tail], visit[j] = j, number
+                tail += 1
+    if refine:
+        refit(moments, origin, plane)
+    return tail, score
+
+
+@njit(cache=True, nogil=True)
+def refine(
+    cloud: Cloud,
+    limits: Limits,
+    labels: NDArray[np.int32],
+    seed: int,
+    plane: NDArray[np.float64],
+    scratch: Scratch,
+) -> tuple[int, float]:
+    """
+    Let a plane find its way across the roof; then collect the points of where it came to lie.
+
+    """
+    grow(cloud, limits, labels, seed, plane, True, scratch)
+    return grow(cloud, limits, labels, seed, plane, False, scratch)

@@ -1,0 +1,218 @@
+"""
+How many planes there are: planes join or dissolve wherever that describes the points more briefly.
+
+A plane costs as much as it takes to write it down; points cost the squares of their distances. Two planes
+stay two if the points gain more by it than a plane costs.
+
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from lidar_buildings.core.neighbours.union_find import root
+from lidar_buildings.core.stages.plane_fitting.adjacency import (
+    bridged_planes,
+    rows_of_planes,
+    touching_planes,
+)
+from lidar_buildings.core.stages.plane_fitting.plane_geometry import (
+    N_MOMENTS,
+    add_point,
+    distance_of,
+    normal_of,
+    residual_of,
+)
+from lidar_buildings.core.stages.plane_fitting.surroundings import Cloud
+
+
+class Prices(NamedTuple):
+    """
+    What describing points costs.
+
+    """
+
+    #: Cost of a plane, in natural units of information.
+    plane: float
+    #: Cost of a point, per squared metre of its distance from its plane.
+    point: float
+    #: Cost that each point of a plane adds to the price of the plane: real roofs are not quite plane.
+    unevenness: float
+    #: Largest distance of a point from its plane [m].
+    distance: float
+
+
+def prices_of(
+    distance: float, noise: float, spacing: float, plane_cost: float, unevenness: float, grain: float
+) -> Prices:
+    """
+    Return the prices for a cloud.
+
+    Parameters
+    ----------
+    distance : float
+        Largest distance of a point from its plane [m].
+    noise : float
+        Standard deviation of points about the surface [m].
+    spacing : float
+        Point spacing [m].
+    plane_cost : float
+        Cost of a plane.
+    unevenness : float
+        By how much real roof surfaces swell and sag [m].
+    grain : float
+        Points nearer than this to one another err alike: together they count as one [m].
+
+    """
+    deviation = max(noise, distance / 3.0)
+    weight = min(1.0, (spacing / grain) ** 2)
+    point = weight / (2.0 * deviation**2)
+    return Prices(plane_cost, point, point * unevenness**2, distance)
+
+
+def economise(
+    cloud: Cloud, labels: NDArray[np.int32], seam: NDArray[np.int64], prices: Prices, bridge: float
+) -> NDArray[np.int32]:
+    """
+    Join neighbouring planes, the best pair first, and give up planes, the smallest first, where that saves.
+
+    A plane is given up if its points lie nearly as well on the planes around.
+
+    Parameters
+    ----------
+    cloud : Cloud
+    labels : ndarray of shape (n_points,), int32
+        Plane numbers, 0 = none.
+    seam : ndarray of shape (n_seam_points,), int64
+        Rows of the points that have neighbours in another plane.
+    prices : Prices
+    bridge : float
+        Parts of a plane this near to one another may be joined even where another plane comes between [m].
+
+    """
+    size = int(labels.max(initial=0)) + 1
+    touching = touching_planes(cloud.neighbours, labels, seam)
+    moments = plane_sums(cloud.points, labels, size)
+    bridged = bridged_planes(cloud, labels, seam, equations_of(moments), bridge, prices.distance)
+    parent = _merged(moments, np.concatenate([touching, bridged]), prices, np.arange(size))
+    labels = parent[labels].astype(np.int32)
+    first, beside = _neighbours_of_planes(parent[touching], size)
+    rows, begin = rows_of_planes(labels, size)
+    moments = plane_sums(cloud.points, labels, size)
+    return _dissolved(cloud.points, labels, moments, first, beside, rows, begin, prices)
+
+
+def _neighbours_of_planes(pairs: NDArray[np.int64], size: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """
+    Return the planes beside each: those of plane k are ``beside[first[k]:first[k + 1]]``.
+
+    """
+    pairs = pairs[pairs[:, 0] != pairs[:, 1]]
+    both = np.unique(np.concatenate([pairs, pairs[:, ::-1]]) @ np.array([size, 1]))
+    first = np.searchsorted(both // size, np.arange(size + 1))
+    return first, both % size
+
+
+@njit(cache=True, nogil=True)
+def plane_sums(points: NDArray[np.float64], labels: NDArray[np.int32], size: int) -> NDArray[np.float64]:
+    """
+    Return the sums of every plane's points by its number.
+
+    """
+    moments = np.zeros((size, N_MOMENTS))
+    for i in range(len(labels)):
+        if labels[i] > 0:
+            add_point(moments[labels[i]], points[i, 0], points[i, 1], points[i, 2])
+    return moments
+
+
+@njit(cache=True, nogil=True)
+def equations_of(moments: NDArray[np.float64]) -> NDArray[np.float64]:
+    """
+    Return a, b, c, d of every plane's least-squares plane; zeros where it has no points.
+
+    """
+    equations = np.zeros((len(moments), 4))
+    for k in range(1, len(moments)):
+        normal_of(moments[k], equations[k])
+    return equations
+
+
+@njit(cache=True, nogil=True)
+def _saving(moments: NDArray[np.float64], a: int, b: int, prices: Prices) -> float:
+    """
+    Return what is saved by one plane in place of two.
+
+    """
+    joint = moments[a] + moments[b]
+    loss = residual_of(joint) - residual_of(moments[a]) - residual_of(moments[b])
+    fewer = min(moments[a, 0], moments[b, 0])
+    return prices.plane + prices.unevenness * fewer - prices.point * loss
+
+
+@njit(cache=True, nogil=True)
+def _merged(
+    moments: NDArray[np.float64], pairs: NDArray[np.int64], prices: Prices, parent: NDArray[np.int64]
+) -> NDArray[np.int64]:
+    """
+    Return the number that each plane has after all joins.
+
+    """
+    saving = np.empty(len(pairs))
+    for k in range(len(pairs)):
+        saving[k] = _saving(moments, pairs[k, 0], pairs[k, 1], prices)
+    while len(pairs):
+        best = int(np.argmax(saving))
+        if saving[best] <= 0.0:
+            break
+        a, b = min(pairs[best, 0], pairs[best, 1]), max(pairs[best, 0], pairs[best, 1])
+        moments[a] += moments[b]
+        parent[b] = a
+        for k in range(len(pairs)):
+            for side in range(2):
+                if pairs[k, side] == b:
+                    pairs[k, side] = a
+            if pairs[k, 0] == pairs[k, 1]:
+                saving[k] = -math.inf
+            elif pairs[k, 0] == a or pairs[k, 1] == a:
+                saving[k] = _saving(moments, pairs[k, 0], pairs[k, 1], prices)
+    for k in range(len(parent)):
+        parent[k] = root(parent, k)
+    return parent
+
+
+@njit(cache=True, nogil=True)
+def _dissolved(points, labels, moments, first, beside, rows, begin, prices):  # type: ignore[no-untyped-def]
+    """
+    Return the labels without the planes that do not pay; see `dissolve_planes`.
+
+    """
+    labels = labels.copy()
+    equations = equations_of(moments)
+    alive = moments[:, 0] > 0.0
+    for a in np.argsort(moments[:, 0]):
+        if a == 0 or not alive[a] or first[a] == first[a + 1]:
+            continue
+        loss, n = 0.0, begin[a + 1] - begin[a]
+        for i in rows[begin[a] : begin[a + 1]]:
+            best = prices.distance
+            for b in beside[first[a] : first[a + 1]]:
+                if alive[b]:
+                    best = min(best, distance_of(equations[b], points, i))
+            own = min(prices.distance, distance_of(equations[a], points, i))
+            loss += best**2 - own**2
+        if prices.point * loss >= prices.plane + prices.unevenness * n:
+            continue
+        alive[a] = False
+        for i in rows[begin[a] : begin[a + 1]]:
+            best, taken = prices.distance, 0
+            for b in beside[first[a] : first[a + 1]]:
+                if alive[b] and distance_of(equations[b], points, i) < best:
+                    best, taken = distance_of(equations[b], points, i), b
+            labels[i] = taken
+    return labels

@@ -1,0 +1,107 @@
+"""
+RANSAC as published: planes out of all points, one after the other.
+
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from lidar_buildings.core.stages.plane_fitting.config import PlaneFittingConfig
+from lidar_buildings.core.stages.plane_fitting.consensus import samples_needed
+from lidar_buildings.core.stages.plane_fitting.plane_geometry import (
+    N_MOMENTS,
+    add_point,
+    distance_of,
+    normal_of,
+    plane_through,
+)
+
+#: Times that a plane is adjusted to all its points at most; two or three mostly suffice.
+_MAX_ADJUSTMENTS = 20
+
+
+def ransac_planes(
+    points: NDArray[np.float64], spacing: float, min_points: int, config: PlaneFittingConfig
+) -> NDArray[np.int32]:
+    """
+    Number the points of each plane, 0 = none (Mancera-Taboada et al. 2012, section II.D).
+
+    Of N planes through three random points the one with most points within the tolerance is adjusted to
+    these by orthogonal least squares, again and again until they stay the same; they leave the cloud, and the
+    next plane is sought until one has too few points.
+
+    Parameters
+    ----------
+    points : ndarray of shape (n_points, 3)
+        In any order [m].
+    spacing : float
+        Not looked at: planes are not connected.
+    min_points : int
+        Fewest points of a plane.
+    config : PlaneFittingConfig
+
+    """
+    order = np.lexsort(points.T[::-1])
+    ordered = np.ascontiguousarray(points[order])
+    chance = np.random.default_rng(config.random_state)
+    n_samples = samples_needed(config.probability, config.outlier_share)
+    labels = np.zeros(len(points), dtype=np.int32)
+    number = 0
+    while np.count_nonzero(labels == 0) >= min_points:
+        free = np.flatnonzero(labels == 0)
+        samples = chance.random((n_samples, 3))
+        members = best_plane(ordered[free], samples, config.max_plane_distance)
+        if np.count_nonzero(members) < min_points:
+            break
+        number += 1
+        labels[free[members]] = number
+    found = np.empty_like(labels)
+    found[order] = labels
+    return found
+
+
+@njit(cache=True, nogil=True)
+def best_plane(
+    points: NDArray[np.float64], samples: NDArray[np.float64], tolerance: float
+) -> NDArray[np.bool_]:
+    """
+    Return which points lie on the adjusted plane of the sample with the best consensus.
+
+    Parameters
+    ----------
+    points : ndarray of shape (n_points, 3)
+        [m].
+    samples : ndarray of shape (n_samples, 3)
+        Numbers in [0, 1) that choose the points of each sample.
+    tolerance : float
+        Largest distance of a point to the plane [m].
+
+    """
+    best, trial = np.zeros(4), np.empty(4)
+    most = 0
+    for s in range(len(samples)):
+        p, q, r = (samples[s] * len(points)).astype(np.int64)
+        if p in (q, r) or q == r or not plane_through(points[p], points[q], points[r], trial):
+            continue
+        n = 0
+        for i in range(len(points)):
+            n += distance_of(trial, points, i) <= tolerance
+        if n > most:
+            most = n
+            best[:] = trial
+    members = np.zeros(len(points), np.bool_)
+    for _ in range(_MAX_ADJUSTMENTS if most >= 3 else 0):
+        changed = False
+        moments = np.zeros(N_MOMENTS)
+        for i in range(len(points)):
+            on_plane = distance_of(best, points, i) <= tolerance
+            changed |= on_plane != members[i]
+            members[i] = on_plane
+            if on_plane:
+                add_point(moments, points[i, 0], points[i, 1], points[i, 2])
+        if not changed or not normal_of(moments, best):
+            break
+    return members

@@ -1,0 +1,228 @@
+"""
+The search for the next best plane: hypotheses drawn from seeds, compared by their consensus sets.
+
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from lidar_buildings.core.stages.plane_fitting.consensus import (
+    Limits,
+    Scratch,
+    grow,
+    propose,
+    refine,
+    samples_needed,
+)
+from lidar_buildings.core.stages.plane_fitting.surroundings import Cloud
+
+#: Points, per point of the cloud, that failed hypotheses may visit; from then on their points are seeds no
+#: more. A roof takes a few, a heap of points that are of no plane could take as many as it has points.
+_PATIENCE = 100
+
+
+class Pool(NamedTuple):
+    """
+    Hypotheses that wait to be accepted, in the order in which they were found.
+
+    """
+
+    plane: NDArray[np.float64]
+    seed: NDArray[np.int64]
+    #: 0 once accepted or outdated.
+    score: NDArray[np.float64]
+    n_points: NDArray[np.int64]
+    #: Per point the last hypothesis that it belonged to, −1 = none.
+    holder: NDArray[np.int64]
+    #: One cell: the number of hypotheses.
+    size: NDArray[np.int64]
+
+
+@njit(cache=True, nogil=True)
+def extract(
+    cloud: Cloud, limits: Limits, order: NDArray[np.int64], samples: NDArray[np.float64]
+) -> NDArray[np.int32]:
+    """
+    Take planes out of the cloud one after the other until none is left with enough points.
+
+    Parameters
+    ----------
+    cloud, limits : Cloud, Limits
+    order : ndarray of shape (n_points,)
+        A random order in which points become seeds.
+    samples : ndarray of shape (n_sets, n_samples, 2)
+        Random numbers in [0, 1) that choose each seed's samples.
+
+    Returns
+    -------
+    ndarray of shape (n_points,)
+        Number of the plane, 0 = none.
+
+    """
+    n = len(order)
+    labels = np.zeros(n, np.int32)
+    scratch = Scratch(
+        np.zeros(n, np.int64),
+        np.empty(n, np.int64),
+        np.zeros(n, np.bool_),
+        np.zeros(n, np.bool_),
+        np.array([0, n, 0, 0]),
+    )
+    n_planes, before = 0, -1
+    while n_planes > before:
+        before = n_planes
+        n_planes = search_round(cloud, limits, labels, n_planes, order, samples, scratch)
+    return labels
+
+
+@njit(cache=True, nogil=True)
+def search_round(
+    cloud: Cloud,
+    limits: Limits,
+    labels: NDArray[np.int32],
+    n_planes: int,
+    order: NDArray[np.int64],
+    samples: NDArray[np.float64],
+    scratch: Scratch,
+) -> int:
+    """
+    Let every free point be a seed, unless a known hypothesis holds it; return the number of planes.
+
+    A hypothesis is accepted once enough seeds were drawn to have met, with the wanted probability, any
+    plane as large. Hypotheses are kept for later planes; since points only ever leave, a score can only
+    fall, so the one with the highest score after a recount is the best of all.
+
+    """
+    pool = new_pool(len(order))
+    cursor = 0
+    scratch.drawn[:] = False
+    scratch.counter[2] = 0
+    while True:
+        cursor = draw_seeds(cloud, limits, labels, order, samples, cursor, pool, scratch)
+        best = best_of(pool)
+        if pool.score[best] <= 0.0:
+            return n_planes
+        before = pool.score[best]
+        count = recount(cloud, limits, labels, best, pool, scratch)
+        if pool.score[best] > 0.0 and pool.score[best] >= before:
+            n_planes += 1
+            pool.score[best] = 0.0
+            for i in scratch.queue[:count]:
+                labels[i] = n_planes
+                scratch.counter[2] -= scratch.drawn[i]
+            scratch.counter[1] -= count
+
+
+@njit(cache=True, nogil=True)
+def best_of(pool: Pool) -> int:
+    """
+    Return the hypothesis with the highest score, of several the first.
+
+    """
+    best = 0
+    for k in range(1, pool.size[0]):
+        if pool.score[k] > pool.score[best]:
+            best = k
+    return best
+
+
+@njit(cache=True, nogil=True)
+def new_pool(n: int) -> Pool:
+    """
+    Return room for n hypotheses about n points.
+
+    """
+    return Pool(
+        np.empty((n, 4)),
+        np.empty(n, np.int64),
+        np.zeros(n),
+        np.zeros(n, np.int64),
+        np.full(n, -1, np.int64),
+        np.zeros(1, np.int64),
+    )
+
+
+@njit(cache=True, nogil=True)
+def draw_seeds(
+    cloud: Cloud,
+    limits: Limits,
+    labels: NDArray[np.int32],
+    order: NDArray[np.int64],
+    samples: NDArray[np.float64],
+    cursor: int,
+    pool: Pool,
+    scratch: Scratch,
+) -> int:
+    """
+    Draw seeds until the best hypothesis is likely the largest of all; return the place in `order`.
+
+    """
+    best = best_of(pool)
+    while cursor < len(order):
+        if pool.score[best] > 0.0 and scratch.counter[2] >= samples_needed(
+            limits.probability, max(0.0, 1.0 - pool.n_points[best] / max(1, scratch.counter[1])), 1
+        ):
+            break
+        seed = order[cursor]
+        cursor += 1
+        if labels[seed] != 0:
+            continue
+        scratch.drawn[seed] = True
+        scratch.counter[2] += 1
+        if scratch.tried[seed] or (pool.holder[seed] >= 0 and pool.score[pool.holder[seed]] > 0.0):
+            continue
+        scratch.tried[seed] = True
+        added = add_hypothesis(cloud, limits, labels, seed, samples[seed % len(samples)], pool, scratch)
+        if added >= 0 and pool.score[added] > pool.score[best]:
+            best = added
+    return cursor
+
+
+@njit(cache=True, nogil=True)
+def add_hypothesis(
+    cloud: Cloud,
+    limits: Limits,
+    labels: NDArray[np.int32],
+    seed: int,
+    samples: NDArray[np.float64],
+    pool: Pool,
+    scratch: Scratch,
+) -> int:
+    """
+    Find the plane around a seed and put it into the pool if it is large enough and no wall; −1 if not.
+
+    """
+    at = pool.size[0]
+    plane = pool.plane[at]
+    if not propose(cloud, limits, labels, seed, samples, plane):
+        return -1
+    count, score = refine(cloud, limits, labels, seed, plane, scratch)
+    if count < limits.min_points or plane[2] < limits.min_vertical:
+        scratch.counter[3] += count
+        if scratch.counter[3] > _PATIENCE * len(labels):
+            for i in scratch.queue[:count]:
+                scratch.tried[i] = True
+        return -1
+    pool.seed[at], pool.n_points[at], pool.score[at] = seed, count, score
+    pool.holder[scratch.queue[:count]] = at
+    pool.size[0] += 1
+    return at
+
+
+@njit(cache=True, nogil=True)
+def recount(
+    cloud: Cloud, limits: Limits, labels: NDArray[np.int32], at: int, pool: Pool, scratch: Scratch
+) -> int:
+    """
+    Count a hypothesis's points anew among the free ones; one with too few loses its score.
+
+    """
+    count, score = grow(cloud, limits, labels, pool.seed[at], pool.plane[at], False, scratch)
+    pool.n_points[at] = count
+    pool.score[at] = score if count >= limits.min_points else 0.0
+    return count

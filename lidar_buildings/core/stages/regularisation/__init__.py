@@ -1,0 +1,25 @@
+"""
+Regularisation: straight walls, right angles and arcs from a traced outline.
+
+"""
+
+from lidar_buildings.core.stages.regularisation.config import AS_PUBLISHED, RegularisationConfig
+from lidar_buildings.core.stages.regularisation.regularising import (
+    measure_outline,
+    regularise_outline,
+    ring_spacing,
+    working_spacing,
+)
+from lidar_buildings.core.stages.regularisation.result import OutlineQuality, OutlineWall, RegularisedOutline
+
+__all__ = [
+    "AS_PUBLISHED",
+    "OutlineQuality",
+    "OutlineWall",
+    "RegularisationConfig",
+    "RegularisedOutline",
+    "measure_outline",
+    "regularise_outline",
+    "ring_spacing",
+    "working_spacing",
+]

@@ -1,0 +1,144 @@
+"""
+The walls of a whole building: its rings share their directions.
+
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lidar_buildings.core.stages.regularisation.config import RegularisationConfig
+from lidar_buildings.core.stages.regularisation.directions import shared_directions, wall_scatters
+from lidar_buildings.core.stages.regularisation.division import Division, divide_ring
+from lidar_buildings.core.stages.regularisation.moments import running_sums
+from lidar_buildings.core.stages.regularisation.samples import RingSamples
+from lidar_buildings.core.stages.regularisation.turns import divide_at_turns
+
+
+def divide_building(
+    samples: list[RingSamples], spacing: float, config: RegularisationConfig
+) -> tuple[tuple[float, ...], list[Division]]:
+    """
+    Find a building's directions and divide its rings into walls.
+
+    Parameters
+    ----------
+    samples : list of RingSamples
+        The outer ring, then the courtyards, about the building's centre.
+    spacing : float
+        Point spacing [m].
+    config : RegularisationConfig
+        Settings.
+
+    Returns
+    -------
+    directions : tuple of float
+        The most frequent first, each standing for itself and its perpendicular [rad].
+    divisions : list of Division
+        One per ring; their kinds number the directions as `both_ways` lists them.
+
+    """
+    divide = _divided if config.division == "optimal" else _divided_at_turns
+    return divide(samples, spacing, config)
+
+
+def both_ways(directions: tuple[float, ...]) -> NDArray[np.float64]:
+    """
+    Return the normals' angles of all walls that go along or across one of the directions [rad].
+
+    """
+    return np.array([angle + turn for angle in directions for turn in (0.0, np.pi / 2)])
+
+
+def _divided(
+    samples: list[RingSamples], spacing: float, config: RegularisationConfig
+) -> tuple[tuple[float, ...], list[Division]]:
+    """
+    Find the building's directions and the walls that follow them.
+
+    The long walls of a division into free walls give the candidates. They are taken on one by one, as long as
+    the squared offsets that they save are worth a further parameter; then the walls found adjust them again.
+
+    """
+    costs = config.costs(spacing)
+
+    def divided(directions: tuple[float, ...], near: list[Division] | None) -> list[Division]:
+        starts = [None] * len(samples) if near is None else [_a_corner(one) for one in near]
+        return [
+            divide_ring(ring.points, both_ways(directions), costs, weights=ring.weights, start=start)
+            for ring, start in zip(samples, starts, strict=True)
+        ]
+
+    free = divided((), None)
+    candidates = _long_directions(samples, free, spacing, config, config.max_directions)
+    directions: tuple[float, ...] = ()
+    best, least = free, _total(free)
+    for count in range(1, len(candidates) + 1):
+        found = divided(candidates[:count], free)
+        total = _total(found) + count * config.direction_cost
+        if total < least:
+            best, directions, least = found, candidates[:count], total
+        elif count > len(directions) + 1:
+            break
+    if directions:
+        directions = _long_directions(samples, best, spacing, config, len(directions)) or directions
+        best = divided(directions, best)
+    return directions, best
+
+
+def _divided_at_turns(
+    samples: list[RingSamples], spacing: float, config: RegularisationConfig
+) -> tuple[tuple[float, ...], list[Division]]:
+    """
+    Find the directions of the long walls, and all walls, as published.
+
+    """
+    max_turn = np.deg2rad(config.max_turn_deg)
+    free = [divide_at_turns(ring.points, np.zeros(0), max_turn) for ring in samples]
+    directions = _long_directions(samples, free, spacing, config, config.max_directions)
+    angles = both_ways(directions)
+    return directions, [divide_at_turns(ring.points, angles, max_turn) for ring in samples]
+
+
+def _a_corner(division: Division) -> int:
+    """
+    Return a sample at which a wall begins, as far as possible from where the division did.
+
+    """
+    return int(division.first[len(division.first) // 2])
+
+
+def _total(divisions: list[Division]) -> float:
+    """
+    Return the cost of all rings.
+
+    """
+    return sum(division.cost for division in divisions)
+
+
+def _long_directions(
+    samples: list[RingSamples],
+    divisions: list[Division],
+    spacing: float,
+    config: RegularisationConfig,
+    max_directions: int,
+) -> tuple[float, ...]:
+    """
+    Return the directions of the walls that are long enough, or at least half as long as the longest.
+
+    """
+    walls = [
+        wall
+        for ring, division in zip(samples, divisions, strict=True)
+        for wall in wall_scatters(ring.points, running_sums(ring.points, ring.weights), division)
+    ]
+    longest = max((wall.length for wall in walls), default=0.0)
+    min_length = min(config.long_wall * spacing, 0.5 * longest)
+    return shared_directions(
+        [wall for wall in walls if wall.length >= min_length],
+        np.deg2rad(config.angle_tolerance_deg),
+        config.noise * spacing,
+        config.own_direction_cost,
+        max_directions,
+    )

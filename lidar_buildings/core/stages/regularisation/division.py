@@ -1,0 +1,252 @@
+"""
+Where a ring turns: its best division into straight walls and arcs.
+
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from lidar_buildings.core.stages.regularisation.moments import (
+    algebraic_circle,
+    least_scatter,
+    running_sums,
+    scatter_of,
+    way_along,
+)
+
+#: Most samples of one wall: fewer the larger a ring is, so that time grows no faster than the ring. Pieces of
+#: a longer wall are joined again later.
+_MAX_WALL_SAMPLES, _MIN_WALL_SAMPLES, _MAX_PAIRS = 500, 60, 1_000_000
+#: Fewest samples that define a direction of their own, and an arc.
+_MIN_FREE_SAMPLES, _MIN_ARC_SAMPLES = 3, 6
+#: An arc turns at least so far and no further than once round [rad].
+_MIN_ARC_TURN, _MAX_ARC_TURN = 0.5, 7.0
+#: Samples of an arc scatter no more than so many times the noise²: an arc through a shed's corners does.
+_MAX_ARC_MISFIT = 0.7
+#: Kinds of walls beside those along one of the given directions.
+FREE, ARC = -1, -2
+
+
+class Costs(NamedTuple):
+    """
+    What a division costs, in squared standard deviations of a sample of weight 1.
+
+    Attributes
+    ----------
+    noise : float
+        Standard deviation of a sample across its wall [m].
+    wall : float
+        Cost of a wall.
+    own_direction : float
+        Added for a wall in none of the building's directions.
+    step : float
+        Added for the step between two consecutive walls of one direction.
+    arc : float
+        Added for an arc.
+    min_radius, min_arc : float
+        Smallest radius and length of an arc [m].
+
+    """
+
+    noise: float
+    wall: float
+    own_direction: float
+    step: float
+    arc: float = np.inf
+    min_radius: float = 0.0
+    min_arc: float = 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class Division:
+    """
+    A closed ring's walls, in its order.
+
+    Attributes
+    ----------
+    first, last : ndarray of int64, shape (n_walls,)
+        Range of each wall's samples, `last` exclusive; beyond the ring's end it goes on at its start.
+    kind : ndarray of int64, shape (n_walls,)
+        Which of the given directions, or `FREE`, or `ARC`.
+    cost : float
+        Squared offsets over noise² and the cost of the walls.
+
+    """
+
+    first: NDArray[np.int64]
+    last: NDArray[np.int64]
+    kind: NDArray[np.int64]
+    cost: float
+
+    def rows(self, wall: int, n_samples: int) -> NDArray[np.int64]:
+        """
+        Return the rows of a wall's samples.
+
+        """
+        return np.arange(self.first[wall], self.last[wall]) % n_samples
+
+
+def divide_ring(
+    points: NDArray[np.float64],
+    angles: NDArray[np.float64],
+    costs: Costs,
+    *,
+    weights: NDArray[np.float64] | None = None,
+    start: int | None = None,
+) -> Division:
+    """
+    Divide a closed ring into walls with the least squared offsets plus the cost of the walls.
+
+    Every division is considered, by dynamic programming over the ring's samples: a wall keeps to one of the
+    given directions, or has its own, or is an arc, where that is worth its cost. The ring is divided twice,
+    the second time from a corner that the first division found.
+
+    Parameters
+    ----------
+    points : ndarray of shape (n_samples, 2)
+        Open ring about the building's centre [m].
+    angles : ndarray of shape (n_directions,)
+        Directions of the walls' normals [rad].
+    costs : Costs
+        What walls cost.
+    weights : ndarray of shape (n_samples,), optional
+        How much each sample counts; 1 if not given.
+    start : int, optional
+        A sample at which a wall begins, if one is known: the ring is then divided once.
+
+    Returns
+    -------
+    Division
+        Its first wall begins within the ring's first round.
+
+    """
+    n = len(points)
+    weights = np.ones(n) if weights is None else weights
+    sums = running_sums(points, weights)
+    shift = 0 if start is None else start % n
+    for _ in range(2 if start is None else 1):
+        first, kind, cost = _divide(sums, n, shift, np.cos(angles), np.sin(angles), *costs)
+        corners = first + shift
+        # The corner farthest, along the ring, from where this division began.
+        shift = int(corners[int(np.argmin(np.abs(first - n / 2)))]) % n
+    last = np.append(corners[1:], corners[0] + n)
+    return Division(corners, last, kind, float(cost))
+
+
+@njit(cache=True, nogil=True)
+def _divide(sums, n, shift, cosines, sines, noise, wall, own_direction, step, arc, min_radius, min_arc):  # type: ignore[no-untyped-def]
+    """
+    Return the first sample and the kind of each wall of an open chain from `shift` on, and the whole cost.
+
+    Columns are the directions, then free walls, then arcs.
+
+    """
+    free, bow = len(cosines), len(cosines) + 1
+    variance = noise * noise
+    longest = min(max(_MAX_PAIRS // n, _MIN_WALL_SAMPLES), _MAX_WALL_SAMPLES)
+    best = np.full((n + 1, bow + 1), np.inf)
+    # Cost of everything before a wall of this kind that starts here, the wall's own included.
+    entry = np.full((n + 1, bow + 1), np.inf)
+    came_from = np.zeros((n + 1, bow + 1), dtype=np.int64)
+    before = np.zeros((n + 1, bow + 1), dtype=np.int64)
+    cheapest = np.full(n + 1, np.inf)
+    entry[0] = wall
+    entry[0, free] += own_direction
+    entry[0, bow] += arc
+    cheapest[0] = 0.0
+    starts = np.zeros(n + 1, dtype=np.int64)
+    least = np.zeros(n + 1)
+    n_starts = 1
+    for end in range(1, n + 1):
+        for s in range(n_starts):
+            start = starts[s]
+            _, _, _, xx, xy, yy = scatter_of(sums, shift + start, shift + end)
+            straight = least_scatter(xx, xy, yy) / variance
+            least[s] = cheapest[start] + straight
+            for k in range(free):
+                c, d = cosines[k], sines[k]
+                cost = entry[start, k] + (c * c * xx + 2 * c * d * xy + d * d * yy) / variance
+                if cost < best[end, k]:
+                    best[end, k] = cost
+                    came_from[end, k] = start
+            if end - start >= _MIN_FREE_SAMPLES and entry[start, free] + straight < best[end, free]:
+                best[end, free] = entry[start, free] + straight
+                came_from[end, free] = start
+            # An arc costs more than a free wall: it has to fit better by the difference.
+            if arc < np.inf and end - start >= _MIN_ARC_SAMPLES and straight > arc - own_direction:
+                bent, is_arc = _bent(sums, shift + start, shift + end, min_radius, min_arc, variance)
+                bent /= variance
+                least[s] = min(least[s], cheapest[start] + bent)
+                if is_arc and entry[start, bow] + bent < best[end, bow]:
+                    best[end, bow] = entry[start, bow] + bent
+                    came_from[end, bow] = start
+        cheapest[end] = best[end].min()
+        _enter(best[end], entry[end], before[end], free, wall, own_direction, step, arc)
+        # A start that is beaten by a wall from here can never win again.
+        kept = 0
+        for s in range(n_starts):
+            if least[s] < cheapest[end] + step and end - starts[s] < longest:
+                starts[kept] = starts[s]
+                kept += 1
+        starts[kept] = end
+        n_starts = kept + 1
+    first, kind = _traced_back(best, came_from, before, n, free)
+    return first, kind, cheapest[n]
+
+
+@njit(cache=True, nogil=True)
+def _bent(sums, start, end, min_radius, min_arc, variance):  # type: ignore[no-untyped-def]
+    """
+    Return the squared offsets from the best circle, and whether the stretch may be an arc of it.
+
+    """
+    _, _, radius, offsets = algebraic_circle(sums, start, end)
+    way = way_along(sums, start, end)
+    turn = way / radius
+    is_arc = radius >= min_radius and way >= min_arc and _MIN_ARC_TURN <= turn <= _MAX_ARC_TURN
+    weight = sums[end, 0] - sums[start, 0]
+    return offsets, is_arc and offsets <= _MAX_ARC_MISFIT * variance * weight
+
+
+@njit(cache=True, nogil=True)
+def _enter(best, entry, before, free, wall, own_direction, step, arc):  # type: ignore[no-untyped-def]
+    """
+    Find, for each kind of wall that may start here, the kind of wall that it had best follow.
+
+    """
+    for k in range(free + 2):
+        for last in range(free + 2):
+            cost = best[last] + wall
+            if k == free:
+                cost += own_direction
+            elif k > free:
+                cost += arc
+            elif k == last:
+                cost += step
+            if cost < entry[k]:
+                entry[k] = cost
+                before[k] = last
+
+
+@njit(cache=True, nogil=True)
+def _traced_back(best, came_from, before, n, free):  # type: ignore[no-untyped-def]
+    """
+    Return the walls' first samples and kinds from the last one back.
+
+    """
+    first = np.zeros(n, dtype=np.int64)
+    kind = np.zeros(n, dtype=np.int64)
+    n_walls, end, k = 0, n, int(np.argmin(best[n]))
+    while end > 0:
+        start = came_from[end, k]
+        first[n_walls] = start
+        kind[n_walls] = k if k < free else free - 1 - k
+        n_walls += 1
+        end, k = start, before[start, k]
+    return first[:n_walls][::-1].copy(), kind[:n_walls][::-1].copy()

@@ -1,0 +1,138 @@
+"""
+How two walls of a ring meet: in a corner, in a step, or going on as one.
+
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from lidar_buildings.core.stages.regularisation.walls import (
+    CENTRE_X,
+    CENTRE_Y,
+    RADIUS,
+    foot_on,
+    nearest_meeting,
+    travel_at,
+)
+
+#: Walls whose directions differ by less go on in one direction, unless they are so long that it shows [rad].
+PARALLEL = np.deg2rad(15.0)
+#: Straight walls whose directions differ by less are parallel: they meet in a step, not in a corner [rad].
+_NO_CORNER = np.deg2rad(2.0)
+#: A corner may lie this far from where the ring turns from one wall to the next [smallest steps],
+_MAX_CORNER_SHIFT = 2.5
+#: or so many times the gap between the last sample of the one and the first of the other.
+_MAX_GAP_SHIFT = 0.8
+#: Ends of an arc and its neighbour that lie closer to each other are one corner [smallest steps].
+_SMOOTH = 1.0
+
+
+@njit(cache=True, nogil=True)
+def extent_of(points, first, last):  # type: ignore[no-untyped-def]
+    """
+    Return how far the first and the last sample of a wall are apart [m].
+
+    """
+    a, b = first % len(points), (last - 1) % len(points)
+    return np.hypot(points[a, 0] - points[b, 0], points[a, 1] - points[b, 1])
+
+
+@njit(cache=True, nogil=True)
+def turn_at(points, first, last, shape, i, k, x, y):  # type: ignore[no-untyped-def]
+    """
+    Return the angle by which the ring turns from one wall to the next, 0 to π [rad].
+
+    """
+    ax, ay = travel_of(points, first, last, shape, i, x, y)
+    bx, by = travel_of(points, first, last, shape, k, x, y)
+    return np.arccos(min(max(ax * bx + ay * by, -1.0), 1.0))
+
+
+@njit(cache=True, nogil=True)
+def travel_of(points, first, last, shape, i, x, y):  # type: ignore[no-untyped-def]
+    """
+    Return the unit vector along a wall in the ring's sense near a point.
+
+    """
+    n = len(points)
+    a, b = (first[i] - 1) % n, last[i] % n
+    return travel_at(shape[i], points[b, 0] - points[a, 0], points[b, 1] - points[a, 1], x, y)
+
+
+@njit(cache=True, nogil=True)
+def turning_point(points, first, last, i, k):  # type: ignore[no-untyped-def]
+    """
+    Return the middle between the last sample of a wall and the first of the next, and how far they are apart.
+
+    """
+    n = len(points)
+    a, b = (last[i] - 1) % n, first[k] % n
+    return (
+        0.5 * (points[a, 0] + points[b, 0]),
+        0.5 * (points[a, 1] + points[b, 1]),
+        np.hypot(points[a, 0] - points[b, 0], points[a, 1] - points[b, 1]),
+    )
+
+
+@njit(cache=True, nogil=True)
+def joint_of(points, first, last, shape, i, k, min_step):  # type: ignore[no-untyped-def]
+    """
+    Return the corner between two walls twice, or the two ends of the step between them.
+
+    """
+    joint = np.empty((2, 2))
+    x, y, gap = turning_point(points, first, last, i, k)
+    turn = turn_at(points, first, last, shape, i, k, x, y)
+    is_bent = shape[i, RADIUS] != 0 or shape[k, RADIUS] != 0
+    if (PARALLEL if is_bent else _NO_CORNER) < turn < np.pi - PARALLEL:
+        mx, my, meet = nearest_meeting(shape[i], shape[k], x, y)
+        # The sharper a corner, the farther it would stick out beyond the points that speak for it.
+        sharp = np.sin(turn) if turn > 0.5 * np.pi else 1.0
+        limit = max(_MAX_CORNER_SHIFT * min_step * sharp, _MAX_GAP_SHIFT * gap)
+        if meet and np.hypot(mx - x, my - y) <= limit:
+            joint[:, 0], joint[:, 1] = mx, my
+            return joint
+    joint[0] = foot_on(shape[i], x, y)
+    joint[1] = foot_on(shape[k], x, y)
+    if (
+        is_bent
+        and turn <= PARALLEL
+        and np.hypot(joint[0, 0] - joint[1, 0], joint[0, 1] - joint[1, 1]) <= _SMOOTH * min_step
+    ):
+        joint[0] = joint[1] = 0.5 * (joint[0] + joint[1])
+    return joint
+
+
+@njit(cache=True, nogil=True)
+def length_of(points, first, last, shape, i, start, end):  # type: ignore[no-untyped-def]
+    """
+    Return the length of a wall between its ends in the ring's sense, negative if they are in the wrong order.
+
+    """
+    if shape[i, RADIUS] == 0:
+        tx, ty = travel_of(points, first, last, shape, i, start[0], start[1])
+        return (end[0] - start[0]) * tx + (end[1] - start[1]) * ty
+    n = len(points)
+    way = 0.0
+    for s in range(first[i], last[i] - 1):
+        a, b = s % n, (s + 1) % n
+        way += np.hypot(points[a, 0] - points[b, 0], points[a, 1] - points[b, 1])
+    radius = abs(shape[i, RADIUS])
+    sweep = swept(shape[i], start, end)
+    # Ends in the wrong order make a sweep of nearly once round where the samples speak of little.
+    if sweep - way / radius > np.pi:
+        sweep -= 2.0 * np.pi
+    return sweep * radius
+
+
+@njit(cache=True, nogil=True)
+def swept(shape, start, end):  # type: ignore[no-untyped-def]
+    """
+    Return the angle of an arc from one point to another in its sense, 0 to 2π [rad].
+
+    """
+    a = np.arctan2(start[1] - shape[CENTRE_Y], start[0] - shape[CENTRE_X])
+    b = np.arctan2(end[1] - shape[CENTRE_Y], end[0] - shape[CENTRE_X])
+    return (b - a) % (2.0 * np.pi) if shape[RADIUS] > 0 else (a - b) % (2.0 * np.pi)

@@ -1,0 +1,114 @@
+"""
+A traced ring as weighted samples: every metre of it counts alike, however the points are spread.
+
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lidar_buildings.core.stages.regularisation.concavities import DentLimits, bearing_points
+
+#: Longest piece of a bridge between two bearing points that gets no sample of its own [spacings].
+_LONGEST_PIECE = 2.0
+#: Weight of a point that is repeated: next to none, since there is no ring between the two.
+_LEAST_WEIGHT = 1e-6
+#: Length that one sample of weight 1 stands for: the median edge of a traced ring [spacings].
+SAMPLE_LENGTH = 1.65
+
+
+@dataclass(frozen=True, eq=False)
+class RingSamples:
+    """
+    The samples that walls are fitted to.
+
+    Attributes
+    ----------
+    points : ndarray of shape (n_samples, 2)
+        The bearing points of the ring and, evenly spread, points of the long bridges between them [m].
+    weights : ndarray of shape (n_samples,)
+        Share of the ring that each stands for [`SAMPLE_LENGTH` spacings].
+    bears : ndarray of bool, shape (n_samples,)
+        Whether a sample is a point of the ring.
+    rows : ndarray of int64, shape (n_samples,)
+        Row of `ring` of each sample, or of the bearing point before it.
+    ring : ndarray of shape (n_points, 2)
+        All points of the ring [m].
+    is_on_wall : ndarray of bool, shape (n_points,)
+        Whether a point of the ring lies on a wall: it bears one, or lies in a dent no deeper than points
+        of one wall are scattered.
+
+    """
+
+    points: NDArray[np.float64]
+    weights: NDArray[np.float64]
+    bears: NDArray[np.bool_]
+    rows: NDArray[np.int64]
+    ring: NDArray[np.float64]
+    is_on_wall: NDArray[np.bool_]
+
+    @property
+    def on_walls(self) -> NDArray[np.float64]:
+        """
+        The points of the ring that lie on walls, shape (n_on_walls, 2) [m].
+
+        """
+        return self.ring[self.is_on_wall]
+
+    @property
+    def length(self) -> float:
+        """
+        Length of the ring of bearing points [m].
+
+        """
+        return float(np.hypot(*(np.roll(self.points, -1, axis=0) - self.points).T).sum())
+
+
+def sample_ring(ring: NDArray[np.float64], spacing: float, limits: DentLimits | None) -> RingSamples:
+    """
+    Bridge a ring's dents and spread samples along what is left.
+
+    Parameters
+    ----------
+    ring : ndarray of shape (n_points, 2)
+        Open and simple, the building on its left [m].
+    spacing : float
+        Point spacing [m].
+    limits : DentLimits or None
+        What counts as a dent; None: every point of the ring is a sample of weight 1.
+
+    """
+    if limits is None:
+        every = np.ones(len(ring), dtype=bool)
+        return RingSamples(ring, np.ones(len(ring)), every, np.arange(len(ring)), ring, every)
+    rows = np.flatnonzero(bearing_points(ring, limits))
+    corners = ring[rows]
+    edges = np.roll(corners, -1, axis=0) - corners
+    lengths = np.hypot(*edges.T)
+    is_bridge = np.diff(rows, append=rows[0] + len(ring)) > 1
+    n_pieces = np.where(is_bridge, np.ceil(lengths / (_LONGEST_PIECE * spacing)), 1.0)
+    pieces = np.maximum(n_pieces, 1.0).astype(np.int64)
+    edge = np.repeat(np.arange(len(corners)), pieces)
+    step = np.arange(len(edge)) - np.repeat(np.cumsum(pieces) - pieces, pieces)
+    points = corners[edge] + edges[edge] * (step / pieces[edge])[:, None]
+    piece = (lengths / pieces)[edge]
+    weights = 0.5 * (piece + np.roll(piece, 1)) / (SAMPLE_LENGTH * spacing)
+    np.maximum(weights, _LEAST_WEIGHT, out=weights)
+    is_on_wall = _depths(ring, rows) <= limits.depth
+    return RingSamples(points, weights, step == 0, rows[edge], ring, is_on_wall)
+
+
+def _depths(ring: NDArray[np.float64], rows: NDArray[np.int64]) -> NDArray[np.float64]:
+    """
+    Return how far the points of a ring lie inside the bridges between those in `rows`, shape (n_points,) [m].
+
+    """
+    corners = ring[rows]
+    along = np.roll(corners, -1, axis=0) - corners
+    along /= np.maximum(np.hypot(*along.T), 1e-12)[:, None]
+    bridge = np.searchsorted(rows, np.arange(len(ring)), side="right") - 1
+    dx, dy = (ring - corners[bridge]).T
+    return np.asarray(along[bridge, 0] * dy - along[bridge, 1] * dx)

@@ -1,0 +1,89 @@
+"""
+The division as published: a segment ends where the ring's edges change their slope.
+
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from lidar_buildings.core.stages.regularisation.division import FREE, Division
+from lidar_buildings.core.stages.regularisation.moments import normal_angle, running_sums, scatter_of
+
+
+def divide_at_turns(points: NDArray[np.float64], angles: NDArray[np.float64], max_turn: float) -> Division:
+    """
+    Divide a ring into segments of consecutive edges with similar slopes (Sampath & Shan, 2007).
+
+    An edge that deviates from the chord of the segment so far by more than the given angle begins the next
+    segment. Each segment then goes along that of the given directions which is nearest to its own.
+
+    Parameters
+    ----------
+    points : ndarray of shape (n_points, 2)
+        Open ring about the building's centre [m].
+    angles : ndarray of shape (n_directions,)
+        Directions of the walls' normals [rad]; without any, every segment has its own.
+    max_turn : float
+        Largest angle between an edge and its segment [rad].
+
+    Returns
+    -------
+    Division
+        Its cost is 0: nothing was weighed.
+
+    """
+    n = len(points)
+    first = _turns(points, max_turn)
+    last = np.append(first[1:], first[0] + n)
+    return Division(first, last, _nearest(running_sums(points, np.ones(n)), first, last, angles), 0.0)
+
+
+@njit(cache=True, nogil=True)
+def _turns(points, max_turn):  # type: ignore[no-untyped-def]
+    """
+    Return the first point of each segment, from the sharpest turn of the ring on.
+
+    """
+    n = len(points)
+    sharpest, start = -1.0, 0
+    for i in range(n):
+        turn = _between(points, (i - 1) % n, i, i, (i + 1) % n)
+        if turn > sharpest:
+            sharpest, start = turn, i
+    first = [start]
+    for i in range(start + 1, start + n):
+        if i - first[-1] >= 1 and _between(points, first[-1] % n, i % n, i % n, (i + 1) % n) > max_turn:
+            first.append(i)
+    return np.array(first)
+
+
+@njit(cache=True, nogil=True)
+def _between(points, a, b, c, d):  # type: ignore[no-untyped-def]
+    """
+    Return the angle between the ways from a to b and from c to d, 0 to π [rad].
+
+    """
+    ux, uy = points[b, 0] - points[a, 0], points[b, 1] - points[a, 1]
+    vx, vy = points[d, 0] - points[c, 0], points[d, 1] - points[c, 1]
+    return abs(np.arctan2(ux * vy - uy * vx, ux * vx + uy * vy))
+
+
+@njit(cache=True, nogil=True)
+def _nearest(sums, first, last, angles):  # type: ignore[no-untyped-def]
+    """
+    Return the direction that is nearest to each segment's own, `FREE` if there are none.
+
+    """
+    kind = np.full(len(first), FREE)
+    for i in range(len(first)):
+        # The point at which the next segment begins is the end of this one.
+        _, _, _, xx, xy, yy = scatter_of(sums, first[i], last[i] + 1)
+        own, smallest = normal_angle(xx, xy, yy), np.inf
+        for k in range(len(angles)):
+            difference = abs((own - angles[k] + 0.5 * np.pi) % np.pi - 0.5 * np.pi)
+            if difference < smallest:
+                kind[i], smallest = k, difference
+    return kind

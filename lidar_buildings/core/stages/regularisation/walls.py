@@ -1,0 +1,201 @@
+"""
+Lines and arcs fitted to stretches of a ring: least squares in normal form.
+
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from lidar_buildings.core.stages.regularisation.division import ARC, FREE
+from lidar_buildings.core.stages.regularisation.moments import algebraic_circle, normal_angle, scatter_of
+
+#: What is known of a wall's shape: a line x cos θ + y sin θ = ρ has a radius of 0; an arc's is positive where
+#: the ring goes round it counter-clockwise, and negative where clockwise.
+ANGLE, OFFSET, CENTRE_X, CENTRE_Y, RADIUS = range(5)
+N_SHAPE = 5
+#: Rounds of the adjustment of a circle; offsets are small against radii, so that few suffice.
+_CIRCLE_ROUNDS = 8
+
+
+@njit(cache=True, nogil=True)
+def fit_wall(points, weights, bears, sums, first, last, kind, angles, direction_weight):  # type: ignore[no-untyped-def]
+    """
+    Fit the line or arc of one wall.
+
+    A wall along a direction is the line of the second step of Sampath & Shan (2007): one equation
+    x cos θ + y sin θ − ρ = 0 per sample and one θ = direction with `direction_weight` times the weight that
+    all samples together have for it.
+
+    Parameters
+    ----------
+    points, weights : ndarray
+        Samples of the ring about the building's centre [m].
+    bears : ndarray of bool, shape (n_samples,)
+        Whether a sample is a point of the ring: only these lie on an arc, bridges cut it short.
+    sums : ndarray
+        Their running sums.
+    first, last, kind : int
+        The wall.
+    angles : ndarray of shape (n_directions,)
+        Directions of normals [rad].
+    direction_weight : float
+        Zero fits the samples alone, a large value keeps the direction.
+
+    Returns
+    -------
+    ndarray of shape (5,)
+        See `ANGLE` to `RADIUS`.
+
+    """
+    shape = np.zeros(N_SHAPE)
+    if kind == ARC:
+        _fit_arc(points, bears, sums, first, last, shape)
+        return shape
+    _, x, y, xx, xy, yy = scatter_of(sums, first, last)
+    if kind == FREE:
+        angle = normal_angle(xx, xy, yy)
+    else:
+        angle = angles[kind]
+        c, s = np.cos(angle), np.sin(angle)
+        along = s * s * xx - 2.0 * c * s * xy + c * c * yy
+        across = c * s * (yy - xx) + (c * c - s * s) * xy
+        # Turning the line by δ lowers its offset at position t by t δ: linear for the small turns left.
+        if along > 0:
+            angle -= across / (along * (1.0 + direction_weight))
+    shape[ANGLE] = angle
+    shape[OFFSET] = x * np.cos(angle) + y * np.sin(angle)
+    return shape
+
+
+@njit(cache=True, nogil=True)
+def _fit_arc(points, bears, sums, first, last, shape):  # type: ignore[no-untyped-def]
+    """
+    Fit a circle by the least squared distances of bearing points, from the algebraic one on.
+
+    """
+    n = len(points)
+    x, y, radius, _ = algebraic_circle(sums, first, last)
+    for _ in range(_CIRCLE_ROUNDS):
+        normal, right = np.zeros((3, 3)), np.zeros(3)
+        for i in range(first, last):
+            if not bears[i % n]:
+                continue
+            dx, dy = points[i % n, 0] - x, points[i % n, 1] - y
+            distance = max(np.hypot(dx, dy), 1e-12)
+            row = np.array([dx / distance, dy / distance, 1.0])
+            for a in range(3):
+                right[a] += row[a] * (distance - radius)
+                for b in range(3):
+                    normal[a, b] += row[a] * row[b]
+        change = np.linalg.solve(normal + 1e-9 * np.trace(normal) * np.eye(3), right)
+        if not np.isfinite(change).all() or radius + change[2] <= 0:
+            break
+        x, y, radius = x + change[0], y + change[1], radius + change[2]
+        if np.abs(change).max() < 1e-6 * radius:
+            break
+    turned = 0.0
+    for i in range(first, last - 1):
+        a, b = i % n, (i + 1) % n
+        turned += (points[a, 0] - x) * (points[b, 1] - y) - (points[a, 1] - y) * (points[b, 0] - x)
+    shape[CENTRE_X], shape[CENTRE_Y] = x, y
+    shape[RADIUS] = radius if turned >= 0 else -radius
+
+
+@njit(cache=True, nogil=True)
+def foot_on(shape, x, y):  # type: ignore[no-untyped-def]
+    """
+    Return the point of a wall that is nearest to another.
+
+    """
+    if shape[RADIUS] != 0:
+        dx, dy = x - shape[CENTRE_X], y - shape[CENTRE_Y]
+        distance = max(np.hypot(dx, dy), 1e-12)
+        stretch = abs(shape[RADIUS]) / distance
+        return shape[CENTRE_X] + dx * stretch, shape[CENTRE_Y] + dy * stretch
+    c, s = np.cos(shape[ANGLE]), np.sin(shape[ANGLE])
+    off = x * c + y * s - shape[OFFSET]
+    return x - off * c, y - off * s
+
+
+@njit(cache=True, nogil=True)
+def travel_at(shape, chord_x, chord_y, x, y):  # type: ignore[no-untyped-def]
+    """
+    Return the unit vector along a wall, in the ring's sense, nearest to a point.
+
+    """
+    if shape[RADIUS] != 0:
+        dx, dy = x - shape[CENTRE_X], y - shape[CENTRE_Y]
+        distance = max(np.hypot(dx, dy), 1e-12) * np.sign(shape[RADIUS])
+        return -dy / distance, dx / distance
+    tx, ty = -np.sin(shape[ANGLE]), np.cos(shape[ANGLE])
+    if tx * chord_x + ty * chord_y < 0:
+        return -tx, -ty
+    return tx, ty
+
+
+@njit(cache=True, nogil=True)
+def offset_of(shape, chord_x, chord_y, x, y):  # type: ignore[no-untyped-def]
+    """
+    Return how far a point lies outside a wall, negative inside, the building being on the left [m].
+
+    """
+    if shape[RADIUS] != 0:
+        away = np.hypot(x - shape[CENTRE_X], y - shape[CENTRE_Y]) - abs(shape[RADIUS])
+        return away if shape[RADIUS] > 0 else -away
+    c, s = np.cos(shape[ANGLE]), np.sin(shape[ANGLE])
+    # The normal points to the left where the ring goes along (sin θ, −cos θ).
+    side = -1.0 if chord_x * s - chord_y * c > 0 else 1.0
+    return side * (x * c + y * s - shape[OFFSET])
+
+
+@njit(cache=True, nogil=True)
+def move_out(shape, chord_x, chord_y, distance):  # type: ignore[no-untyped-def]
+    """
+    Move a wall away from the building, which is on its left, in place.
+
+    """
+    if shape[RADIUS] != 0:
+        shape[RADIUS] += distance
+    else:
+        c, s = np.cos(shape[ANGLE]), np.sin(shape[ANGLE])
+        shape[OFFSET] += -distance if chord_x * s - chord_y * c > 0 else distance
+
+
+@njit(cache=True, nogil=True)
+def nearest_meeting(one, other, x, y):  # type: ignore[no-untyped-def]
+    """
+    Return where two walls meet, the nearest such point to another, and whether they meet at all.
+
+    """
+    if one[RADIUS] == 0 and other[RADIUS] == 0:
+        sine = np.sin(other[ANGLE] - one[ANGLE])
+        if abs(sine) < 1e-9:
+            return 0.0, 0.0, False
+        mx = one[OFFSET] * np.sin(other[ANGLE]) - other[OFFSET] * np.sin(one[ANGLE])
+        my = other[OFFSET] * np.cos(one[ANGLE]) - one[OFFSET] * np.cos(other[ANGLE])
+        return mx / sine, my / sine, True
+    if one[RADIUS] != 0 and other[RADIUS] != 0:
+        # The common chord of two circles is a line, and the circles meet it where they meet each other.
+        dx, dy = other[CENTRE_X] - one[CENTRE_X], other[CENTRE_Y] - one[CENTRE_Y]
+        distance = np.hypot(dx, dy)
+        if distance == 0:
+            return 0.0, 0.0, False
+        along = 0.5 * (distance + (one[RADIUS] ** 2 - other[RADIUS] ** 2) / distance)
+        line = np.zeros(N_SHAPE)
+        line[ANGLE] = np.arctan2(dy, dx)
+        line[OFFSET] = (one[CENTRE_X] * dx + one[CENTRE_Y] * dy) / distance + along
+        return nearest_meeting(one, line, x, y)
+    line, arc = (one, other) if one[RADIUS] == 0 else (other, one)
+    c, s = np.cos(line[ANGLE]), np.sin(line[ANGLE])
+    off = arc[CENTRE_X] * c + arc[CENTRE_Y] * s - line[OFFSET]
+    square = arc[RADIUS] ** 2 - off * off
+    if square < 0:
+        return 0.0, 0.0, False
+    half = np.sqrt(square)
+    fx, fy = arc[CENTRE_X] - off * c, arc[CENTRE_Y] - off * s
+    # Of the two points, the one on the side of the point asked for.
+    if -(x - fx) * s + (y - fy) * c < 0:
+        half = -half
+    return fx - half * s, fy + half * c, True

@@ -1,0 +1,225 @@
+"""
+Parameters of roof selection.
+
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from lidar_buildings.core.model.parameters import StageConfig, parameter
+
+
+@dataclass(frozen=True)
+class RoofSelectionConfig(StageConfig):
+    """
+    Parameters of roof selection; the defaults serve 1 to 60 pts/m².
+
+    """
+
+    stage: ClassVar[str] = "roof_selection"
+
+    method: str = parameter(
+        "smooth_patches",
+        "How roofs are told from all else: by smooth patches that few pulses penetrate, completed to their "
+        "edges; by the planar cells of lasclassify (Santos and others); or as planes of single returns "
+        "(Mancera-Taboada and others, 2012).",
+        choices=("smooth_patches", "lasclassify", "single_returns"),
+    )
+    min_height: float = parameter(
+        2.0,
+        "Height above ground from which on points can be roof; raising it drops sheds, cars and hedges.",
+        unit="m",
+        minimum=0.1,
+        maximum=50.0,
+    )
+    neighbourhood_radius: float = parameter(
+        2.25,
+        "Smallest radius of the surface that roughness is measured on; raising it suppresses vegetation and "
+        "small roofs.",
+        unit="spacings",
+        minimum=1.5,
+        maximum=20.0,
+    )
+    min_neighbourhood_radius: float = parameter(
+        0.75,
+        "The same in metres, for dense clouds: the scale at which foliage is no longer flat.",
+        unit="m",
+        minimum=0.05,
+        maximum=10.0,
+    )
+    max_roughness: float = parameter(
+        0.125,
+        "Root mean square distance from the plane up to which a level surface is smooth (steep ones may be "
+        "rougher); raising it accepts noisier scans and more vegetation.",
+        unit="m",
+        minimum=0.005,
+        maximum=2.0,
+    )
+    max_slope_deg: float = parameter(
+        75.0,
+        "Steepest roof; raising it lets walls in.",
+        unit="deg",
+        minimum=10.0,
+        maximum=89.0,
+    )
+    max_angle_deg: float = parameter(
+        15.0,
+        "Largest angle between the normals of neighbours on one roof; raising it joins rougher surfaces.",
+        unit="deg",
+        minimum=1.0,
+        maximum=60.0,
+    )
+    min_patch_area: float = parameter(
+        4.0,
+        "Smallest smooth patch that starts a roof; raising it suppresses flat spots of tree crowns. "
+        "Smaller ones count if they touch a roof.",
+        unit="m^2",
+        minimum=0.0,
+        maximum=1000.0,
+    )
+    max_penetration: float = parameter(
+        0.25,
+        "Share of returns around a patch that are not the last of their pulse, from which on it is foliage; "
+        "raising it keeps roofs among trees, and more trees. Not used where there are no return numbers.",
+        minimum=0.0,
+        maximum=1.0,
+    )
+    max_plane_distance: float = parameter(
+        0.25,
+        "Distance from the plane of a nearby roof up to which a point belongs to it; raising it completes "
+        "edges and takes in what touches them.",
+        unit="m",
+        minimum=0.01,
+        maximum=5.0,
+    )
+    max_part_area: float = parameter(
+        12.0,
+        "Largest chimney, dormer or other part on a roof that need not be smooth; raising it keeps more "
+        "vegetation over roofs.",
+        unit="m^2",
+        minimum=0.0,
+        maximum=1000.0,
+    )
+    max_part_height: float = parameter(
+        3.0,
+        "How far such a part may rise above the roof around it.",
+        unit="m",
+        minimum=0.0,
+        maximum=50.0,
+    )
+    min_building_area: float = parameter(
+        12.0,
+        "Smallest building in plan; raising it drops sheds and garages (Mancera-Taboada and others: 40).",
+        unit="m^2",
+        minimum=0.0,
+        maximum=10000.0,
+    )
+    planarity_cell: float = parameter(
+        2.0,
+        "With lasclassify: side of the cells that are planar or rugged, at least 2.8 point spacings; raising "
+        "it finds roofs in sparser data and loses small ones.",
+        unit="m",
+        minimum=0.5,
+        maximum=20.0,
+    )
+    max_planar_deviation: float = parameter(
+        0.1,
+        "With lasclassify: standard deviation from a plane up to which a cell is roof; raising it accepts "
+        "noisier scans and more vegetation.",
+        unit="m",
+        minimum=0.005,
+        maximum=2.0,
+    )
+    min_rugged_deviation: float = parameter(
+        0.4,
+        "With lasclassify: standard deviation from a plane above which a cell is vegetation; raising it "
+        "keeps more of the roof beside trees.",
+        unit="m",
+        minimum=0.005,
+        maximum=10.0,
+    )
+    min_roof_width: float = parameter(
+        2.5,
+        "Narrowest part of a roof, with smooth_patches; raising it drops balconies, carports and more "
+        "hedges. Not used where it is less than two spacings.",
+        unit="m",
+        minimum=0.0,
+        maximum=20.0,
+    )
+    min_building_width: float = parameter(
+        3.0,
+        "Least width of a building at its widest place, with smooth_patches; raising it drops lorries, buses "
+        "and containers, and small garages. Not used where it is less than two spacings.",
+        unit="m",
+        minimum=0.0,
+        maximum=50.0,
+    )
+    facade_reach: float = parameter(
+        0.2,
+        "How far from a roof in plan the points below its edge are façade, of the building's class; raising "
+        "it takes in what stands beside walls, and 0 leaves façades unclassified.",
+        unit="m",
+        minimum=0.0,
+        maximum=5.0,
+    )
+    roof_returns: str = parameter(
+        "single",
+        "With single_returns: the returns that can be roof; the paper's single ones lose roof edges, where "
+        "pulses are split. Where there are no return numbers, all count.",
+        choices=("single", "last", "all"),
+    )
+    low_vegetation_height: float = parameter(
+        0.2,
+        "Height up to which vegetation is low.",
+        unit="m",
+        minimum=0.01,
+        maximum=5.0,
+    )
+    medium_vegetation_height: float = parameter(
+        3.0,
+        "Height up to which vegetation is medium, high from there on.",
+        unit="m",
+        minimum=0.1,
+        maximum=20.0,
+    )
+    max_vegetation_height: float = parameter(
+        150.0,
+        "Height from which on what is no roof stays unclassified.",
+        unit="m",
+        minimum=5.0,
+        maximum=1000.0,
+    )
+    road_method: str = parameter(
+        "automatic",
+        "How roads are told from other ground: by the two modes of the ground's brightness, if it has two; "
+        "by the intensities given; or not at all.",
+        choices=("automatic", "thresholds", "none"),
+    )
+    min_road_intensity: float = parameter(
+        40.0,
+        "With thresholds: darkest normalised intensity of roads; raising it drops the darkest ground.",
+        minimum=0.0,
+        maximum=255.0,
+    )
+    max_road_intensity: float = parameter(
+        100.0,
+        "With thresholds: brightest normalised intensity of roads; raising it takes in more ground.",
+        minimum=0.0,
+        maximum=255.0,
+    )
+    min_road_width: float = parameter(
+        3.0,
+        "Narrowest road; raising it drops paths and the dark rims of walls and hedges.",
+        unit="m",
+        minimum=0.0,
+        maximum=50.0,
+    )
+    min_road_area: float = parameter(
+        100.0,
+        "Smallest connected road; raising it drops driveways and dark yards.",
+        unit="m^2",
+        minimum=0.0,
+        maximum=100000.0,
+    )

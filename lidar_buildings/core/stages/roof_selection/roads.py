@@ -1,0 +1,123 @@
+"""
+Roads: ground that is darker than the rest over an area, not here and there.
+
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from lidar_buildings.core.stages.roof_selection.config import RoofSelectionConfig
+from lidar_buildings.core.surfaces.brightness import BrightnessRaster, brightness_raster
+
+#: Side of the square of cells whose majority decides on ground of unknown brightness, as under trees.
+FILL_CELLS = 5
+#: Cells that touch at a side or a corner are connected.
+_AROUND = np.ones((3, 3), dtype=bool)
+
+
+def find_roads(
+    ground: NDArray[np.float64],
+    normalised: NDArray[np.floating],
+    is_whole: NDArray[np.bool_],
+    spacing: float,
+    config: RoofSelectionConfig,
+    *,
+    cover: NDArray[np.float64] | None = None,
+    dark_limit: float | None = None,
+) -> NDArray[np.bool_]:
+    """
+    Tell which ground points are road.
+
+    Ground whose brightness lies between two thresholds is road (Mancera-Taboada and others, 2012), the
+    thresholds being given, or the upper one found where the ground's brightness has two modes. Brightness is
+    the median over cells, so that single dark points do not count; what is narrower than `min_road_width` or
+    has less than `min_road_area` under the open sky is left out; ground of unknown brightness follows what is
+    around it.
+
+    Parameters
+    ----------
+    ground : ndarray of shape (n_points, 3)
+        Ground points [m].
+    normalised : ndarray of shape (n_points,)
+        Their normalised intensities, 0 to 255.
+    is_whole : ndarray of bool, shape (n_points,)
+        Whether the point is the only return of its pulse.
+    spacing : float
+        Spacing of the pulses [m].
+    config : RoofSelectionConfig
+        The stage's parameters.
+    cover : ndarray of shape (n_cover_points, 3), optional
+        Leaves above the ground [m].
+    dark_limit : float, optional
+        Brightness of the darkest other ground where it is known already; only the automatic search uses it.
+
+    """
+    nothing = np.zeros(len(ground), dtype=bool)
+    if config.road_method == "none" or not is_whole.any():
+        return nothing
+    raster = brightness_raster(ground, normalised, is_whole, spacing, cover)
+    limits = _limits(raster, config, dark_limit)
+    if limits is None:
+        return nothing
+    with np.errstate(invalid="ignore"):
+        dark = (raster.brightness >= limits[0]) & (raster.brightness <= limits[1])
+    wide = _wide(dark, raster.is_known & ~dark, config.min_road_width / raster.cell)
+    road = _large(_filled(wide, raster), ~raster.is_covered, config.min_road_area / raster.cell**2)
+    return road.ravel()[raster.row_of]
+
+
+def _limits(
+    raster: BrightnessRaster, config: RoofSelectionConfig, dark_limit: float | None
+) -> tuple[float, float] | None:
+    """
+    Return the lowest and the highest brightness of roads, None where there are none.
+
+    """
+    if config.road_method == "thresholds":
+        return config.min_road_intensity, config.max_road_intensity
+    limit = raster.dark_limit() if dark_limit is None else dark_limit
+    return None if limit is None else (0.0, limit)
+
+
+def _wide(dark: NDArray[np.bool_], bright: NDArray[np.bool_], width: float) -> NDArray[np.bool_]:
+    """
+    Remove what is narrower than a width [cells] between bright ground on both sides.
+
+    An opening for which cells that are no ground, or of unknown brightness, do not count as bright: cars and
+    walls beside a road do not make it narrower.
+
+    """
+    radius = width / 2
+    reach = math.ceil(radius) - 1
+    if reach < 1:
+        return dark
+    across = np.arange(-reach, reach + 1)
+    disc = np.hypot(*np.meshgrid(across, across)) < radius
+    core = dark & ~ndimage.binary_dilation(bright, disc)
+    return dark & ndimage.binary_dilation(core, disc)
+
+
+def _filled(road: NDArray[np.bool_], raster: BrightnessRaster) -> NDArray[np.bool_]:
+    """
+    Add ground of unknown brightness that has more road than other ground around it.
+
+    """
+    known = raster.is_known
+    share = ndimage.uniform_filter(road.astype(float), FILL_CELLS, mode="constant")
+    among = ndimage.uniform_filter(known.astype(float), FILL_CELLS, mode="constant")
+    return road | (raster.is_ground & ~known & (share > among / 2) & (share > 0.5 / FILL_CELLS**2))
+
+
+def _large(road: NDArray[np.bool_], counts: NDArray[np.bool_], n_cells: float) -> NDArray[np.bool_]:
+    """
+    Keep the connected parts that have so many cells that count.
+
+    """
+    part, _ = ndimage.label(road, structure=_AROUND)
+    size = np.bincount(part[counts], minlength=part.max() + 1)
+    return (size >= n_cells)[part] & road

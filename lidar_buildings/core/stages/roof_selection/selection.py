@@ -1,0 +1,258 @@
+"""
+The public function of roof selection, and its steps.
+
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from lidar_buildings.core.model.point_array import checked_column, checked_points
+from lidar_buildings.core.model.point_classes import PointClass
+from lidar_buildings.core.neighbours.point_spacing import given_or_measured
+from lidar_buildings.core.stages.roof_selection import lasclassify, single_returns
+from lidar_buildings.core.stages.roof_selection.candidates import Candidates
+from lidar_buildings.core.stages.roof_selection.config import RoofSelectionConfig
+from lidar_buildings.core.stages.roof_selection.facades import find_facades
+from lidar_buildings.core.stages.roof_selection.returns import last_and_only_returns
+from lidar_buildings.core.stages.roof_selection.roads import find_roads
+from lidar_buildings.core.stages.roof_selection.smooth_patches import roofs as smooth_patches
+from lidar_buildings.core.stages.roof_selection.smooth_patches.wet_roofs import find_wet_roofs
+from lidar_buildings.core.stages.roof_selection.surroundings import below_roof
+from lidar_buildings.core.stages.roof_selection.vegetation import vegetation_classes
+from lidar_buildings.core.surfaces.intensity import normalised_intensity as normalised_by_strip
+from lidar_buildings.core.surfaces.intensity import strip_scales
+from lidar_buildings.core.surfaces.minimum_surface import height_above_minimum
+from lidar_buildings.core.surfaces.surface_patches import connected_parts, plan_areas
+
+#: Classes that are decided here; what has another one has it for good, but for ground that is road.
+OPEN = (
+    PointClass.NEVER_CLASSIFIED,
+    PointClass.UNCLASSIFIED,
+    PointClass.LOW_VEGETATION,
+    PointClass.MEDIUM_VEGETATION,
+    PointClass.HIGH_VEGETATION,
+    PointClass.BUILDING,
+    PointClass.MODEL_KEY_POINT,
+)
+#: Classes of points that are no part of the scene.
+NOISE = (PointClass.LOW_NOISE, PointClass.HIGH_NOISE)
+#: Method → its function.
+METHODS = {
+    "smooth_patches": smooth_patches.find_roofs,
+    "lasclassify": lasclassify.find_roofs,
+    "single_returns": single_returns.find_roofs,
+}
+#: Method → what adds the roofs of which hardly anything came back, once small buildings are gone.
+COMPLETIONS = {"smooth_patches": find_wet_roofs}
+#: Lower parts tell what object a point is part of: candidates begin at this share of `min_height`.
+CONTEXT = 0.5
+#: Cells in which areas are counted, in spacings: four points each, so that few cells of a roof stay empty.
+AREA_CELL = 2.0
+#: Heights up to which points are taken for ground where no ground filter has spoken [m].
+GROUND_TOLERANCE = 0.2
+
+
+@dataclass(frozen=True, eq=False)
+class RoofSelection:
+    """
+    The points' final classes.
+
+    Attributes
+    ----------
+    classification : ndarray of uint8, shape (n_points,)
+        `lidar_buildings.core.model.point_classes.PointClass`; 6 = building: roofs and façades.
+    is_facade : ndarray of bool, shape (n_points,)
+        Which of the building's points are no roof: walls, windows, what is under the eaves.
+
+    """
+
+    classification: NDArray[np.uint8]
+    is_facade: NDArray[np.bool_]
+
+
+def select_roofs(
+    points: ArrayLike,
+    config: RoofSelectionConfig | None = None,
+    *,
+    height_above_ground: ArrayLike | None = None,
+    classification: ArrayLike | None = None,
+    return_number: ArrayLike | None = None,
+    number_of_returns: ArrayLike | None = None,
+    intensity: ArrayLike | None = None,
+    normalised_intensity: ArrayLike | None = None,
+    point_source_id: ArrayLike | None = None,
+    dark_limit: float | None = None,
+    point_spacing: float | None = None,
+) -> RoofSelection:
+    """
+    Find the points on roofs, and give every point its final class.
+
+    By height, planarity and roughness, as Santos and others do with LAStools: among the last returns
+    `min_height` above ground, neighbourhoods smoother than `max_roughness` are joined to patches wherever
+    neighbouring normals agree; large patches that few pulses penetrate start roofs. Roofs grow to their edges
+    along tangent planes, whichever the return, and take in what stands on them: last returns with roof all
+    around, and chimneys and dormers up to `max_part_area`. Buildings smaller than `min_building_area` are
+    dropped. The rest above ground is vegetation by height, and ground that is darker than other ground over
+    an area is road (Mancera-Taboada and others, 2012).
+
+    Parameters
+    ----------
+    points : array_like of shape (n_points, 3)
+        All points, in any order, near the origin [m].
+    config : RoofSelectionConfig, optional
+        The stage's parameters.
+    height_above_ground : array_like of shape (n_points,), optional
+        [m]; derived from the lowest points around if not given.
+    classification : array_like of shape (n_points,), optional
+        What is known before: 0, 1, 3 to 6 and 8 are decided here; ground 2 can become road 11; noise, water
+        and all others stay. If not given, points within 0.2 m of the ground are ground.
+    return_number, number_of_returns : array_like of shape (n_points,), optional
+        Used only if both are given; else every point counts as the only return of its pulse. So it does if
+        it was recorded twice, as first and as last return, by scanners that give two for every pulse.
+    intensity : array_like of shape (n_points,), optional
+        As recorded; without any there are no roads.
+    normalised_intensity : array_like of shape (n_points,), optional
+        0 to 255, alike in all flight strips; made of `intensity` strip by strip if not given.
+    point_source_id : array_like of int, shape (n_points,), optional
+        The flight strips; one if not given.
+    dark_limit : float, optional
+        Normalised intensity up to which ground is dark, for the automatic search for roads; if not given, it
+        is found between the two modes of these points' ground.
+    point_spacing : float, optional
+        Spacing of the pulses [m]; measured if not given.
+
+    Returns
+    -------
+    RoofSelection
+        Classes 1 (what is under roofs, the undecided), 2, 3, 4, 5, 6, 11 and those kept.
+
+    Raises
+    ------
+    ValueError
+        If an array has another shape, or a number is not finite.
+
+    Notes
+    -----
+    Neither the order of the points nor the number of threads changes the result.
+    A roof's own points decide on it, so a tile's limits do not, but for buildings that they cut.
+
+    """
+    config = config or RoofSelectionConfig()
+    if dark_limit is not None and not np.isfinite(dark_limit):
+        raise ValueError(f"dark_limit = {dark_limit!r}: must be a normalised intensity")
+    points = checked_points(points)
+    height, classes = _prepared(points, height_above_ground, classification)
+    is_last, is_only = last_and_only_returns(points, return_number, number_of_returns)
+    settled = ~np.isin(classes, OPEN)
+    spacing = given_or_measured(points, point_spacing)
+    radius = max(config.neighbourhood_radius * spacing, config.min_neighbourhood_radius)
+    is_raised = height >= CONTEXT * config.min_height
+    raised = np.flatnonzero(is_raised & ~settled)
+    low = points[~is_raised & ~np.isin(classes, NOISE)]
+    is_roof = np.zeros(len(points), dtype=bool)
+    is_roof[raised] = _roofs(
+        Candidates(
+            points[raised],
+            height[raised],
+            is_last[raised],
+            is_only[raised],
+            low,
+            radius,
+            AREA_CELL * spacing,
+        ),
+        config,
+    )
+    if config.method in COMPLETIONS:
+        is_roof |= COMPLETIONS[config.method](points, height, ~settled, is_roof, spacing, config)
+    others = np.flatnonzero(~settled & ~is_roof)
+    classes[others] = vegetation_classes(height[others], config)
+    classes[below_roof(points, is_roof, radius) & ~settled] = PointClass.UNCLASSIFIED
+    is_facade = find_facades(points, height, is_roof, ~settled, is_last, config.facade_reach, spacing)
+    classes[is_roof | is_facade] = PointClass.BUILDING
+    brightness = _brightness(len(points), intensity, normalised_intensity, point_source_id, is_only)
+    if brightness is not None:
+        ground = np.flatnonzero(classes == PointClass.GROUND)
+        is_road = find_roads(
+            points[ground],
+            brightness[ground],
+            is_only[ground],
+            spacing,
+            config,
+            cover=points[classes == PointClass.HIGH_VEGETATION],
+            dark_limit=dark_limit,
+        )
+        classes[ground[is_road]] = PointClass.ROAD_SURFACE
+    return RoofSelection(classes, is_facade)
+
+
+def _prepared(
+    points: NDArray[np.float64], height_above_ground: ArrayLike | None, classification: ArrayLike | None
+) -> tuple[NDArray[np.float64], NDArray[np.uint8]]:
+    """
+    Return heights and classes, derived where they are not given.
+
+    """
+    n = len(points)
+    if height_above_ground is None:
+        height = height_above_minimum(points)
+    else:
+        height = checked_column("height_above_ground", height_above_ground, n, np.float64)
+        if not np.isfinite(height).all():
+            row = int(np.argmin(np.isfinite(height)))
+            raise ValueError(f"height_above_ground[{row}] = {height[row]}: must be finite")
+    if classification is None:
+        is_ground = np.abs(height) <= GROUND_TOLERANCE
+        return height, np.where(is_ground, PointClass.GROUND, PointClass.UNCLASSIFIED).astype(np.uint8)
+    return height, checked_column("classification", classification, n, np.uint8).copy()
+
+
+def _brightness(
+    n_points: int,
+    intensity: ArrayLike | None,
+    normalised: ArrayLike | None,
+    strip: ArrayLike | None,
+    is_only: NDArray[np.bool_],
+) -> NDArray[np.float32] | None:
+    """
+    Return normalised intensities as given, or from the intensities; None without either.
+
+    """
+    if normalised is not None:
+        return checked_column("normalised_intensity", normalised, n_points, np.float32)
+    if intensity is None:
+        return None
+    values = checked_column("intensity", intensity, n_points, np.float32)
+    if strip is None:
+        strips = np.zeros(n_points, dtype=np.int64)
+    else:
+        strips = checked_column("point_source_id", strip, n_points, np.int64)
+    return normalised_by_strip(values, strips, strip_scales(values, strips, is_only))
+
+
+def _roofs(candidates: Candidates, config: RoofSelectionConfig) -> NDArray[np.bool_]:
+    """
+    Tell which candidates are roof by the method asked for, of buildings that are large enough.
+
+    """
+    roof = METHODS[config.method](candidates, config)
+    return roof & _in_large_building(
+        candidates.points, roof, candidates.radius, candidates.cell, config.min_building_area
+    )
+
+
+def _in_large_building(
+    points: NDArray[np.float64], roof: NDArray[np.bool_], radius: float, cell: float, min_area: float
+) -> NDArray[np.bool_]:
+    """
+    Tell which roof points are of buildings, connected in plan, that are large enough.
+
+    """
+    rows = np.flatnonzero(roof)
+    building = connected_parts(points[rows], radius, in_plan=True)
+    large = np.zeros(len(points), dtype=bool)
+    large[rows] = (plan_areas(points[rows], building, cell) >= min_area)[building]
+    return large

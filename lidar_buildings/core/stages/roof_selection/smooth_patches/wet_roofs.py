@@ -1,0 +1,217 @@
+"""
+Wet and dark flat roofs: nothing comes back from them but along their rims.
+
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from lidar_buildings.core.stages.roof_selection.config import RoofSelectionConfig
+
+#: A place is empty if so many cells of a spacing in a row are, either way: by chance that is rare [cells].
+MIN_EMPTY_CELLS = 5
+#: Narrower ones, with their rims, are no building [m].
+MIN_EMPTY_WIDTH = 1.5
+#: Empty places longer than this are gaps between strips, water, or what lies beyond the cloud [m].
+MAX_LENGTH = 30.0
+#: How far from an empty place its rim reaches, in spacings, since lines of a scan may be that far apart; and
+#: how much farther along the plane, since square windows do not reach into the corners of turned roofs.
+RIM_REACH = 2.5
+#: How far from the plane a rim's points may lie [m].
+RIM_DISTANCE = 0.15
+#: Share of an empty place's perimeter that has to have rim beside it: a shadow has roof on one side.
+MIN_PERIMETER = 0.75
+#: Share of the raised points along it that have to lie on one plane: leaves are at any height.
+MIN_COPLANAR = 0.6
+#: Rounds of least squares weighted by 1/residual, which end near the plane that most points lie on.
+ROUNDS = 20
+#: Residuals below this weigh alike [m].
+MIN_RESIDUAL = 0.01
+#: Cells along the side of the blocks in which empty places are looked for, so that far points cost no memory.
+BLOCK = 512
+
+
+def find_wet_roofs(
+    points: NDArray[np.float64],
+    height: NDArray[np.float64],
+    is_open: NDArray[np.bool_],
+    is_roof: NDArray[np.bool_],
+    spacing: float,
+    config: RoofSelectionConfig,
+) -> NDArray[np.bool_]:
+    """
+    Tell which points are the rim of a roof that swallows the pulses: water, wet or dark roofing, glass.
+
+    No return of any class comes from an area of several spacings' width, and what lies next to it is raised
+    and on one plane, along most of its perimeter. Around water it is ground, around gaps between crowns on no
+    plane, beside shadows on one side only.
+
+    Parameters
+    ----------
+    points : ndarray of shape (n_points, 3)
+        All, in any order [m].
+    height : ndarray of shape (n_points,)
+        Above ground [m].
+    is_open : ndarray of bool, shape (n_points,)
+        Which of them may become roof.
+    is_roof : ndarray of bool, shape (n_points,)
+        Which of them are roof already: they count as rim, and the answer for them is False.
+    spacing : float
+        Of the pulses [m].
+    config : RoofSelectionConfig
+        `min_height` of the rim, `min_building_area` of the roof.
+
+    Returns
+    -------
+    ndarray of bool, shape (n_points,)
+        Neither the order of the points matters nor what lies farther away than `MAX_LENGTH` and some cells.
+
+    """
+    found = np.zeros(len(points), dtype=bool)
+    raised = np.flatnonzero((is_open | is_roof) & (height >= config.min_height))
+    asked = np.flatnonzero(is_open & ~is_roof & (height >= config.min_height))
+    half = max(MIN_EMPTY_CELLS // 2, round(0.5 * MIN_EMPTY_WIDTH / spacing - 0.5))
+    reach = half + 2 * math.ceil(RIM_REACH) + 1
+    margin = math.ceil(MAX_LENGTH / spacing) + 2 * reach
+    for own in _blocks(np.floor(points[asked, :2] / spacing).astype(np.int64)):
+        low = own.min(axis=0) - margin
+        plan = np.zeros(own.max(axis=0) + margin + 1 - low, dtype=np.bool_)
+        rim, zone = np.zeros_like(plan), np.zeros_like(plan)
+        _mark(points, spacing, low[0], low[1], plan)
+        rim[tuple((own - low).T)] = True
+        places = list(_empty_places(plan, rim, half, reach, MAX_LENGTH / spacing))
+        for window, _ in places:
+            zone[window] = True
+        near = raised[_is_marked(points, raised, spacing, low[0], low[1], zone)]
+        cells = np.floor(points[near, :2] / spacing).astype(np.int64) - low
+        for window, empty in places:
+            start = np.array([part.start for part in window])
+            inside = ((cells >= start) & (cells < start + empty.shape)).all(axis=1)
+            rows = near[inside]
+            found[rows[_is_rim(points[rows], cells[inside] - start, empty, spacing, config)]] = True
+    return found & ~is_roof
+
+
+def _blocks(cells: NDArray[np.int64]) -> Iterator[NDArray[np.int64]]:
+    """
+    Go through the blocks that hold cells, and the cells in each.
+
+    """
+    if len(cells) == 0:
+        return
+    block = cells // BLOCK
+    order = np.lexsort(block.T)
+    is_new = (np.diff(block[order], axis=0) != 0).any(axis=1)
+    yield from np.split(cells[order], np.flatnonzero(is_new) + 1)
+
+
+def _empty_places(
+    plan: NDArray[np.bool_], rim: NDArray[np.bool_], half: int, reach: int, max_length: float
+) -> Iterator[tuple[tuple[slice, ...], NDArray[np.bool_]]]:
+    """
+    Go through the empty places that touch these rim cells: a window with a margin, and the cells in it.
+
+    An opening: the middles of empty windows, connected, grown by the window again.
+
+    """
+    labels, n = ndimage.label(~_grown(plan, half), structure=np.ones((3, 3)))
+    touched = np.zeros(n + 1, dtype=bool)
+    touched[labels[_grown(rim, reach)]] = True
+    for number, window in enumerate(ndimage.find_objects(labels), start=1):
+        if touched[number] and max(part.stop - part.start for part in window) <= max_length:
+            wide = tuple(slice(max(part.start - reach, 0), part.stop + reach) for part in window)
+            yield wide, _grown(labels[wide] == number, half)
+
+
+def _grown(plan: NDArray[np.bool_], half: int) -> NDArray[np.bool_]:
+    """
+    Return a plan with every cell grown to a square window.
+
+    """
+    sums = np.pad(plan, ((half + 1, half), (half + 1, half))).astype(np.int32).cumsum(0).cumsum(1)
+    width = 2 * half + 1
+    counts = sums[width:, width:] - sums[:-width, width:] - sums[width:, :-width] + sums[:-width, :-width]
+    return np.asarray(counts > 0)
+
+
+def _is_rim(
+    points: NDArray[np.float64],
+    places: NDArray[np.int64],
+    empty: NDArray[np.bool_],
+    spacing: float,
+    config: RoofSelectionConfig,
+) -> NDArray[np.bool_]:
+    """
+    Tell which raised points, given with their cells, are the rim of the roof that the empty place is.
+
+    """
+    is_near = ndimage.distance_transform_edt(~empty)[tuple(places.T)] <= RIM_REACH
+    if is_near.sum() < 3:
+        return np.zeros(len(points), dtype=bool)
+    is_level = np.abs(_off_plane(points, is_near)) <= RIM_DISTANCE
+    rim = np.zeros_like(empty)
+    rim[tuple(places[is_near & is_level].T)] = True
+    is_large = (empty | rim).sum() * spacing**2 >= config.min_building_area
+    is_even = (is_near & is_level).sum() >= MIN_COPLANAR * is_near.sum()
+    if not (is_large and is_even and _perimeter_share(empty, rim) >= MIN_PERIMETER):
+        return np.zeros(len(points), dtype=bool)
+    return is_level & (ndimage.distance_transform_edt(~(empty | rim))[tuple(places.T)] <= RIM_REACH)
+
+
+def _perimeter_share(empty: NDArray[np.bool_], rim: NDArray[np.bool_]) -> float:
+    """
+    Return along which share of an empty place's perimeter rim cells are near.
+
+    """
+    edge = empty & ~ndimage.binary_erosion(empty)
+    return float((ndimage.distance_transform_edt(~rim)[edge] <= RIM_REACH).mean()) if rim.any() else 0.0
+
+
+def _off_plane(points: NDArray[np.float64], chosen: NDArray[np.bool_]) -> NDArray[np.float64]:
+    """
+    Return how far points lie above the plane z = a·x + b·y + c of the chosen ones' least absolute residuals.
+
+    """
+    fitted = points[chosen]
+    fitted = fitted[np.lexsort(fitted.T)]
+    centre = fitted.mean(axis=0)
+    offsets, residuals = fitted - centre, np.zeros(len(fitted))
+    design = np.column_stack([offsets[:, :2], np.ones(len(offsets))])
+    for _ in range(ROUNDS):
+        root = 1.0 / np.sqrt(np.maximum(np.abs(residuals), MIN_RESIDUAL))
+        plane = np.linalg.lstsq(design * root[:, None], offsets[:, 2] * root, rcond=None)[0]
+        residuals = offsets[:, 2] - design @ plane
+    return (points - centre) @ np.append(-plane[:2], 1.0) - plane[2]
+
+
+@njit(cache=True, nogil=True)
+def _mark(points, cell, low_x, low_y, plan):  # type: ignore[no-untyped-def]
+    """
+    Mark the cells of a window that hold points.
+
+    """
+    for i in range(len(points)):
+        x, y = np.floor(points[i, 0] / cell) - low_x, np.floor(points[i, 1] / cell) - low_y
+        if 0 <= x < plan.shape[0] and 0 <= y < plan.shape[1]:
+            plan[int(x), int(y)] = True
+
+
+@njit(cache=True, nogil=True)
+def _is_marked(points, rows, cell, low_x, low_y, plan):  # type: ignore[no-untyped-def]
+    """
+    Tell which rows' points lie in marked cells of a window.
+
+    """
+    marked = np.zeros(len(rows), dtype=np.bool_)
+    for k in range(len(rows)):
+        x, y = np.floor(points[rows[k], 0] / cell) - low_x, np.floor(points[rows[k], 1] / cell) - low_y
+        if 0 <= x < plan.shape[0] and 0 <= y < plan.shape[1]:
+            marked[k] = plan[int(x), int(y)]
+    return marked

@@ -1,0 +1,28 @@
+"""
+How the planes of a roof border on one another: ridges, hips, valleys, step edges, and the kind of roof.
+
+"""
+
+from lidar_buildings.core.stages.roof_topology.result import (
+    HIP,
+    RIDGE,
+    STEP,
+    VALLEY,
+    Adjacency,
+    IntersectionSegment,
+    RoofTopology,
+    StepEdge,
+)
+from lidar_buildings.core.stages.roof_topology.topology import find_topology
+
+__all__ = [
+    "HIP",
+    "RIDGE",
+    "STEP",
+    "VALLEY",
+    "Adjacency",
+    "IntersectionSegment",
+    "RoofTopology",
+    "StepEdge",
+    "find_topology",
+]

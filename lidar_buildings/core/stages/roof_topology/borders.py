@@ -1,0 +1,138 @@
+"""
+Borders between the regions of planes: the sides of cells at which one ends and another begins.
+
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from lidar_buildings.core.stages.roof_topology.region_raster import RegionRaster
+
+
+class Borders(NamedTuple):
+    """
+    Sides of cells between two regions, sorted by the pair of planes.
+
+    Attributes
+    ----------
+    xy : ndarray of shape (n_sides, 2)
+        Middle of the side, about the building's centre [m].
+    upright : ndarray of shape (n_sides,), bool
+        Whether the side runs north-south.
+    first, second : ndarray of shape (n_sides,), int32
+        Numbers of the two planes, ``first < second``.
+    near_first, near_second : ndarray of shape (n_sides,), int32
+        Rows of the two planes' points that are nearest to the cells on either side.
+    gap : ndarray of shape (n_sides,)
+        Distance of the farther of these two points from its cell's middle [m].
+    start : ndarray of shape (n_pairs + 1,), int64
+        Pair k has the sides ``start[k]`` to ``start[k + 1]`` (exclusive).
+    cell : float
+        Length of a side [m].
+
+    """
+
+    xy: NDArray[np.float64]
+    upright: NDArray[np.bool_]
+    first: NDArray[np.int32]
+    second: NDArray[np.int32]
+    near_first: NDArray[np.int32]
+    near_second: NDArray[np.int32]
+    gap: NDArray[np.float64]
+    start: NDArray[np.int64]
+    cell: float
+
+    @property
+    def n_pairs(self) -> int:
+        """
+        Number of pairs of planes that border on one another.
+
+        """
+        return len(self.start) - 1
+
+
+def find_borders(raster: RegionRaster, centre: NDArray[np.float64]) -> Borders:
+    """
+    Collect the sides of cells between different planes.
+
+    Parameters
+    ----------
+    raster : RegionRaster
+    centre : ndarray of shape (2 or more,)
+        Origin of the positions returned [m].
+
+    """
+    n = _count(raster.label)
+    numbers = np.empty((n, 4), dtype=np.int32)
+    place = np.empty((n, 4))
+    _fill(raster.label, raster.nearest, raster.distance, numbers, place)
+    key = numbers[:, 0].astype(np.int64) << 32 | numbers[:, 1]
+    order = np.argsort(key, kind="stable")
+    numbers, place, key = numbers[order], place[order], key[order]
+    changes = np.flatnonzero(key[1:] != key[:-1]) + 1
+    start = np.concatenate([[0], changes, [n]]) if n else np.zeros(1, dtype=np.int64)
+    origin = np.array([raster.west - centre[0], raster.south - centre[1]])
+    return Borders(
+        origin + raster.cell * place[:, :2],
+        place[:, 2] > 0,
+        numbers[:, 0],
+        numbers[:, 1],
+        numbers[:, 2],
+        numbers[:, 3],
+        place[:, 3],
+        start.astype(np.int64),
+        raster.cell,
+    )
+
+
+@njit(cache=True, nogil=True)
+def _count(label):  # type: ignore[no-untyped-def]
+    """
+    Count the sides between different planes.
+
+    """
+    n = 0
+    n_rows, n_columns = label.shape
+    for r in range(n_rows):
+        for c in range(n_columns):
+            a = label[r, c]
+            for upright in range(2):
+                rr, cc = r + 1 - upright, c + upright
+                if a > 0 and rr < n_rows and cc < n_columns and label[rr, cc] > 0 and label[rr, cc] != a:
+                    n += 1
+    return n
+
+
+@njit(cache=True, nogil=True)
+def _fill(label, nearest, distance, numbers, place):  # type: ignore[no-untyped-def]
+    """
+    Write planes and nearest points of each side, and its middle in cells, whether it is upright, and its gap.
+
+    """
+    n = 0
+    n_rows, n_columns = label.shape
+    for r in range(n_rows):
+        for c in range(n_columns):
+            a = label[r, c]
+            if a == 0:
+                continue
+            for upright in range(2):
+                rr, cc = r + 1 - upright, c + upright
+                if rr >= n_rows or cc >= n_columns or label[rr, cc] == 0 or label[rr, cc] == a:
+                    continue
+                b = label[rr, cc]
+                i, j = nearest[r, c], nearest[rr, cc]
+                if a < b:
+                    numbers[n, 0], numbers[n, 1], numbers[n, 2], numbers[n, 3] = a, b, i, j
+                else:
+                    numbers[n, 0], numbers[n, 1], numbers[n, 2], numbers[n, 3] = b, a, j, i
+                place[n, 0] = c + (1.0 if upright else 0.5)
+                place[n, 1] = r + (0.5 if upright else 1.0)
+                place[n, 2] = upright
+                place[n, 3] = max(distance[r, c], distance[rr, cc])
+                n += 1

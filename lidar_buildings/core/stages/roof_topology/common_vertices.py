@@ -1,0 +1,141 @@
+"""
+Positions where planes should meet: outline corners that lines pass, and points that four or more planes pass.
+
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lidar_buildings.core.neighbours.union_find import sets_of_pairs
+from lidar_buildings.core.stages.roof_topology.pieces import Pieces, intersection_line
+from lidar_buildings.core.surfaces.roof_planes import Meeting, common_point
+
+#: A line passes through a corner if no farther off it and ending no farther from it, in spacings.
+_BESIDE_CORNER, _BEFORE_CORNER = 1.0, 2.0
+#: Ends of lines within so many spacings of one another, directly or by way of others, may be one point.
+_SAME_POINT = 3.0
+#: Planes miss their common point by no more than this, root mean square [m].
+_MOST_MISS = 0.08
+#: Further planes whose lines end within so many spacings of a common point may pass it, too.
+POINT_REACH = 8.0
+#: Three planes meet in a point anyway.
+_LEAST_PLANES = 4
+
+
+def piece_ends(pieces: Pieces, gradients: NDArray[np.float64]) -> NDArray[np.float64]:
+    """
+    Return both ends of every piece in plan about the centre, shape (n_pieces, 2, 2) [m].
+
+    """
+    ends = np.empty((len(pieces.pair), 2, 2))
+    for k, (i, j) in enumerate(zip(pieces.first, pieces.second, strict=True)):
+        fx, fy, ux, uy, _ = intersection_line(gradients[i - 1], gradients[j - 1])
+        ends[k] = np.array([fx, fy]) + pieces.t[k][:, None] * np.array([ux, uy])
+    return ends
+
+
+def find_meetings(
+    pieces: Pieces,
+    gradients: NDArray[np.float64],
+    centre: NDArray[np.float64],
+    rings: tuple[NDArray[np.float64], ...],
+    spacing: float,
+) -> list[Meeting]:
+    """
+    Collect the meetings that lines hint at; the adjustment finds out which of them the points allow.
+
+    Parameters
+    ----------
+    pieces : Pieces
+    gradients : ndarray of shape (n_planes, 3)
+        a, b, c of the planes about the centre.
+    centre : ndarray of shape (2 or more,)
+        [m].
+    rings : tuple of ndarray of shape (n, 2)
+        The outline's [m].
+    spacing : float
+        Point spacing [m].
+
+    """
+    if not len(pieces.pair):
+        return []
+    ends = piece_ends(pieces, gradients)
+    meetings = _common_points(pieces, ends, gradients, centre, spacing)
+    if rings:
+        meetings += _corners(pieces, ends, np.concatenate(rings) - centre[:2], centre, spacing)
+    return meetings
+
+
+def _corners(
+    pieces: Pieces,
+    ends: NDArray[np.float64],
+    corners: NDArray[np.float64],
+    centre: NDArray[np.float64],
+    spacing: float,
+) -> list[Meeting]:
+    """
+    Pair the ends of lines with the outline's corners that they nearly pass through.
+
+    """
+    along = ends[:, 1] - ends[:, 0]
+    along /= np.maximum(np.hypot(along[:, 0], along[:, 1]), 1e-12)[:, None]
+    away = corners[None, None] - ends[:, :, None]
+    beside = np.abs(away[..., 0] * along[:, None, None, 1] - away[..., 1] * along[:, None, None, 0])
+    distance = np.hypot(away[..., 0], away[..., 1])
+    distance[(beside > _BESIDE_CORNER * spacing) | (distance > _BEFORE_CORNER * spacing)] = np.inf
+    meetings = []
+    for k, end in np.argwhere(np.isfinite(distance.min(axis=2))):
+        x, y = corners[int(np.argmin(distance[k, end]))] + centre[:2]
+        pair = int(pieces.first[k]), int(pieces.second[k])
+        meetings.append(Meeting(pair, (float(x), float(y)), True))
+    return list(dict.fromkeys(meetings))
+
+
+def _common_points(
+    pieces: Pieces,
+    ends: NDArray[np.float64],
+    gradients: NDArray[np.float64],
+    centre: NDArray[np.float64],
+    spacing: float,
+) -> list[Meeting]:
+    """
+    Find where the ends of lines between four or more planes come together.
+
+    """
+    positions = ends.reshape(-1, 2)
+    gap = np.hypot(*(positions[:, None] - positions[None]).transpose(2, 0, 1))
+    cluster = sets_of_pairs(len(positions), *np.nonzero(gap <= _SAME_POINT * spacing))
+    pairs = np.repeat(np.column_stack([pieces.first, pieces.second]), 2, axis=0)
+    meetings = []
+    for number in np.unique(cluster):
+        mine = cluster == number
+        planes = np.unique(pairs[mine])
+        if len(planes) < _LEAST_PLANES:
+            continue
+        point, planes = _agreeing(gradients, planes)
+        apart = np.hypot(*(positions[mine] - point[:2]).T).min()
+        if len(planes) >= _LEAST_PLANES and apart <= _SAME_POINT * spacing:
+            near = np.hypot(*(positions - point[:2]).T) <= POINT_REACH * spacing
+            others = np.setdiff1d(np.unique(pairs[near]), planes)
+            miss = gradients[others - 1, :2] @ point[:2] + gradients[others - 1, 2] - point[2]
+            planes = np.union1d(planes, others[np.abs(miss) <= _MOST_MISS])
+            x, y = point[:2] + centre[:2]
+            meetings.append(Meeting(tuple(int(k) for k in planes), (float(x), float(y)), False))
+    return meetings
+
+
+def _agreeing(
+    gradients: NDArray[np.float64], planes: NDArray[np.int32]
+) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
+    """
+    Leave out the planes that miss the common point of the others most until they agree on one.
+
+    """
+    while True:
+        point, miss = common_point(gradients[planes - 1])
+        if miss <= _MOST_MISS or len(planes) < _LEAST_PLANES:
+            return point, planes
+        left_out = [common_point(gradients[np.delete(planes, k) - 1])[1] for k in range(len(planes))]
+        planes = np.delete(planes, int(np.argmin(left_out)))

@@ -1,0 +1,134 @@
+"""
+Short steps between ends that nothing holds: the cheeks of small dormers, too short for a line of their own.
+
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from lidar_buildings.core.stages.roof_topology.obstacles import walls_about
+from lidar_buildings.core.stages.roof_topology.result import IntersectionSegment, StepEdge
+
+#: Ends are loose if no other line is so near, and two of them belong together if they are so near [spacings].
+_HELD, _TOGETHER = 0.1, 5.0
+#: Cosine of the sharpest angle between a line and what leads on from its end.
+_TURN_BACK = 0.3
+
+
+def joined(
+    intersections: Sequence[IntersectionSegment],
+    steps: Sequence[StepEdge],
+    gradients: NDArray[np.float64],
+    rings: tuple[NDArray[np.float64], ...],
+    centre: NDArray[np.float64],
+    spacing: float,
+) -> list[StepEdge]:
+    """
+    Return the steps and further ones between loose ends of lines between the same two planes.
+
+    Parameters
+    ----------
+    intersections : sequence of IntersectionSegment
+    steps : sequence of StepEdge
+    gradients : ndarray of shape (n_planes, 3)
+        a, b, c of the planes about the centre.
+    rings : tuple of ndarray of shape (n, 2)
+        The outline's [m].
+    centre : ndarray of shape (2 or more,)
+        [m].
+    spacing : float
+        Point spacing [m].
+
+    """
+    segments = [line.segment[:, :2] for line in intersections] + [step.segment for step in steps]
+    pairs = [(line.first, line.second) for line in intersections]
+    pairs += [(min(step.upper, step.lower), max(step.upper, step.lower)) for step in steps]
+    if not segments:
+        return list(steps)
+    lines = np.array(segments) - centre[:2]
+    loose = _loose(lines, np.concatenate([lines, walls_about(rings, centre)]), _HELD * spacing)
+    by_pair: dict[tuple[int, int], list[tuple[int, int]]] = {}
+    for number, end in np.argwhere(loose):
+        by_pair.setdefault(pairs[number], []).append((int(number), int(end)))
+    edges = list(steps)
+    for (i, j), ends in by_pair.items():
+        for one, other in _couples(lines, ends, _TOGETHER * spacing):
+            edges.append(_edge(np.array([lines[one], lines[other]]), i, j, gradients, centre))
+    return edges
+
+
+@njit(cache=True, nogil=True)
+def _loose(lines, obstacles, reach):  # type: ignore[no-untyped-def]
+    """
+    Return which ends of lines have none of the obstacles near; the first obstacles are the lines themselves.
+
+    """
+    loose = np.ones((len(lines), 2), dtype=np.bool_)
+    for k in range(len(lines)):
+        for end in range(2):
+            x, y = lines[k, end]
+            for m in range(len(obstacles)):
+                ax, ay = obstacles[m, 0]
+                dx, dy = obstacles[m, 1, 0] - ax, obstacles[m, 1, 1] - ay
+                square = dx * dx + dy * dy
+                share = ((x - ax) * dx + (y - ay) * dy) / square if square > 0.0 else 0.0
+                share = min(max(share, 0.0), 1.0)
+                if m != k and math.hypot(ax + share * dx - x, ay + share * dy - y) <= reach:
+                    loose[k, end] = False
+                    break
+    return loose
+
+
+def _couples(
+    lines: NDArray[np.float64], ends: list[tuple[int, int]], reach: float
+) -> list[tuple[tuple[int, int], tuple[int, int]]]:
+    """
+    Couple the ends of different lines, the nearest first.
+
+    """
+    candidates = []
+    for k, one in enumerate(ends):
+        for other in ends[:k]:
+            distance = float(np.hypot(*(lines[one] - lines[other])))
+            if one[0] != other[0] and distance <= reach and _lead_on(lines, one, other):
+                candidates.append((distance, one, other))
+    couples: list[tuple[tuple[int, int], tuple[int, int]]] = []
+    used: set[tuple[int, int]] = set()
+    for _, one, other in sorted(candidates):
+        if not {one, other} & used:
+            couples.append((one, other))
+            used |= {one, other}
+    return couples
+
+
+def _lead_on(lines: NDArray[np.float64], one: tuple[int, int], other: tuple[int, int]) -> bool:
+    """
+    Whether the way between two ends turns back along neither of the lines that end there.
+
+    """
+    for here, there in ((one, other), (other, one)):
+        outward, onward = lines[here] - lines[here[0], 1 - here[1]], lines[there] - lines[here]
+        if outward @ onward < -_TURN_BACK * np.hypot(*outward) * np.hypot(*onward):
+            return False
+    return True
+
+
+def _edge(
+    segment: NDArray[np.float64], i: int, j: int, gradients: NDArray[np.float64], centre: NDArray[np.float64]
+) -> StepEdge:
+    """
+    Return the step between two planes along a segment about the centre.
+
+    """
+    difference = gradients[i - 1] - gradients[j - 1]
+    rise = segment @ difference[:2] + difference[2]
+    if rise.sum() < 0:
+        i, j, rise = j, i, -rise
+    length = float(np.hypot(*(segment[1] - segment[0])))
+    return StepEdge(i, j, segment + centre[:2], (float(rise[0]), float(rise[1])), length)

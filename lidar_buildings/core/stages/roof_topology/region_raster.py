@@ -1,0 +1,208 @@
+"""
+The regions of a roof's planes as a raster: every cell inside the outline has the plane of its nearest point.
+
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from lidar_buildings.core.stages.roof_topology.small_regions import absorb_specks
+
+#: Side of a cell in point spacings.
+CELL = 0.5
+#: Cells are enlarged until so many suffice.
+_MAX_CELLS = 4_000_000
+#: Pieces of regions smaller than this are specks [square spacings].
+_SPECK = 4.0
+#: Without an outline a cell belongs to the roof if a point lies within so many spacings.
+_REACH = 1.5
+#: Where the outline reaches beyond the points by more than their extent and so much [m], it is cut.
+_LEAST_MARGIN = 20.0
+
+
+class RegionRaster(NamedTuple):
+    """
+    Which plane lies where.
+
+    Attributes
+    ----------
+    label : ndarray of shape (n_rows, n_columns), int32
+        Number of the plane, 0 = outside the roof.
+    nearest : ndarray of shape (n_rows, n_columns), int32
+        Row of the nearest point of a plane, -1 = none.
+    distance : ndarray of shape (n_rows, n_columns)
+        Distance from the cell's middle to that point [m].
+    west, south : float
+        Corner of the first cell [m]; a multiple of `cell`.
+    cell : float
+        Side of a cell [m].
+
+    """
+
+    label: NDArray[np.int32]
+    nearest: NDArray[np.int32]
+    distance: NDArray[np.float64]
+    west: float
+    south: float
+    cell: float
+
+
+def region_raster(
+    points: NDArray[np.float64],
+    plane_id: NDArray[np.uint16],
+    rings: tuple[NDArray[np.float64], ...],
+    spacing: float,
+) -> RegionRaster:
+    """
+    Give each cell inside the outline the plane of its nearest point that is in one.
+
+    Parameters
+    ----------
+    points : ndarray of shape (n_points, 3)
+        [m].
+    plane_id : ndarray of shape (n_points,)
+        Number of each point's plane, 0 = none.
+    rings : tuple of ndarray of shape (n, 2)
+        The outline's rings; none: cells near points [m].
+    spacing : float
+        Point spacing [m].
+
+    """
+    low, high = points[:, :2].min(axis=0), points[:, :2].max(axis=0)
+    reach = np.maximum(high - low, _LEAST_MARGIN)
+    for ring in rings[:1]:
+        low, high = (
+            np.maximum(np.minimum(low, ring.min(axis=0)), low - reach),
+            np.minimum(np.maximum(high, ring.max(axis=0)), high + reach),
+        )
+    cell = CELL * spacing
+    while np.prod((high - low) / cell + 5.0) > _MAX_CELLS:
+        cell *= 2.0
+    margin = 2
+    column, row = (math.floor(v / cell) - margin for v in low)
+    n_columns, n_rows = (
+        math.floor(v / cell) - first + 1 + margin for v, first in zip(high, (column, row), strict=True)
+    )
+    west, south = column * cell, row * cell
+    nearest = np.full((n_rows, n_columns), -1, dtype=np.int32)
+    distance = np.full((n_rows, n_columns), np.inf)
+    _plant(points, plane_id, west, south, cell, nearest, distance)
+    _sweep(points, plane_id, west, south, cell, nearest, distance)
+    distance = np.sqrt(distance)
+    label = np.zeros((n_rows, n_columns), dtype=np.int32)
+    if rings:
+        ends = np.cumsum([len(ring) for ring in rings])
+        _label_inside(np.concatenate(rings), ends, west, south, cell, nearest, plane_id, label)
+    else:
+        reached = (distance <= _REACH * spacing) & (nearest >= 0)
+        label[reached] = plane_id[nearest[reached]]
+    absorb_specks(label, int(_SPECK / CELL**2))
+    return RegionRaster(label, nearest, distance, west, south, cell)
+
+
+@njit(cache=True, nogil=True)
+def _squared(points, i, x, y):  # type: ignore[no-untyped-def]
+    """
+    Squared distance of a point from a position in plan.
+
+    """
+    return (points[i, 0] - x) ** 2 + (points[i, 1] - y) ** 2
+
+
+@njit(cache=True, nogil=True)
+def _plant(points, plane_id, west, south, cell, nearest, distance):  # type: ignore[no-untyped-def]
+    """
+    Give every cell that holds points of planes the one nearest to its middle, and the square of its distance.
+
+    """
+    for i in range(len(points)):
+        if plane_id[i] == 0:
+            continue
+        c = int((points[i, 0] - west) / cell)
+        r = int((points[i, 1] - south) / cell)
+        d = _squared(points, i, west + (c + 0.5) * cell, south + (r + 0.5) * cell)
+        if d < distance[r, c] or (d == distance[r, c] and plane_id[i] < plane_id[nearest[r, c]]):
+            distance[r, c] = d
+            nearest[r, c] = i
+
+
+@njit(cache=True, nogil=True)
+def _sweep(points, plane_id, west, south, cell, nearest, distance):  # type: ignore[no-untyped-def]
+    """
+    Hand nearest points on to neighbouring cells, to the north-east and back.
+
+    """
+    n_rows, n_columns = nearest.shape
+    for turn in range(2):
+        step = 1 if turn == 0 else -1
+        for rr in range(n_rows):
+            r = rr if turn == 0 else n_rows - 1 - rr
+            for second in range(2):
+                for cc in range(n_columns):
+                    forth = (turn == 0) == (second == 0)
+                    c = cc if forth else n_columns - 1 - cc
+                    x, y = west + (c + 0.5) * cell, south + (r + 0.5) * cell
+                    along = -1 if forth else 1
+                    for k in range(4):
+                        if k == 0:
+                            pr, pc = r, c + along
+                        else:
+                            pr, pc = r - step, c + k - 2
+                        if pr < 0 or pr >= n_rows or pc < 0 or pc >= n_columns:
+                            continue
+                        i = nearest[pr, pc]
+                        if i < 0 or i == nearest[r, c]:
+                            continue
+                        d = _squared(points, i, x, y)
+                        if d < distance[r, c] or (
+                            d == distance[r, c] and plane_id[i] < plane_id[nearest[r, c]]
+                        ):
+                            distance[r, c] = d
+                            nearest[r, c] = i
+
+
+@njit(cache=True, nogil=True)
+def _label_inside(vertices, ends, west, south, cell, nearest, plane_id, label):  # type: ignore[no-untyped-def]
+    """
+    Label the cells whose middle lies inside an odd number of rings.
+
+    """
+    n_rows, n_columns = label.shape
+    crossings = np.empty(len(vertices))
+    for r in range(n_rows):
+        y = south + (r + 0.5) * cell
+        n = _crossings(vertices, ends, y, crossings)
+        if n == 0:
+            continue
+        crossings[:n].sort()
+        for k in range(0, n - 1, 2):
+            c0 = max(math.ceil((crossings[k] - west) / cell - 0.5), 0)
+            c1 = min(math.floor((crossings[k + 1] - west) / cell - 0.5), n_columns - 1)
+            for c in range(c0, c1 + 1):
+                if nearest[r, c] >= 0:
+                    label[r, c] = plane_id[nearest[r, c]]
+
+
+@njit(cache=True, nogil=True)
+def _crossings(vertices, ends, y, crossings):  # type: ignore[no-untyped-def]
+    """
+    Write where the rings cross a line of constant y, and return how often they do.
+
+    """
+    n, first = 0, 0
+    for end in ends:
+        j = end - 1
+        for i in range(first, end):
+            if (vertices[i, 1] > y) != (vertices[j, 1] > y):
+                t = (y - vertices[i, 1]) / (vertices[j, 1] - vertices[i, 1])
+                crossings[n] = vertices[i, 0] + t * (vertices[j, 0] - vertices[i, 0])
+                n += 1
+            j = i
+        first = end
+    return n

@@ -1,0 +1,272 @@
+"""
+The kind of a roof, told from its large faces and the lines between them.
+
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lidar_buildings.core.neighbours.union_find import sets_of_pairs
+from lidar_buildings.core.stages.roof_topology.result import (
+    HIP,
+    RIDGE,
+    STEP,
+    VALLEY,
+    IntersectionSegment,
+    StepEdge,
+)
+from lidar_buildings.core.stages.roof_topology.wings import l_or_t
+
+#: Faces less steep are flat: water runs off, the eye sees none of it [deg].
+_FLAT_DEG = 8.0
+#: How far directions may differ from what the type asks for [deg].
+_TOLERANCE_DEG = 20.0
+#: Planes with a smaller share of all planes' points, and of the largest plane's, are details.
+_DETAIL_SHARE, _DETAIL_OF_LARGEST = 0.08, 0.3
+#: A roof with more of its points on one detail is complex.
+_MOST_DETAIL = 0.1
+#: Without this share of the points in planes nothing can be said.
+_MIN_EXPLAINED = 0.5
+#: Planes are pieces of one face if their gradients [m/m] and their heights there [m] differ by less.
+_SAME_GRADIENT, _SAME_HEIGHT = 0.06, 0.3
+#: Lines shorter than this share of the roof's size (√area) do not count.
+_LEAST_LINE = 0.08
+#: A hip that ends this share of the roof's height above the eaves is a half-hip.
+_HALF_HIP = 0.25
+
+
+class Faces(NamedTuple):
+    """
+    The large faces of a roof.
+
+    Attributes
+    ----------
+    planes : list of list of int
+        Numbers of the planes that each face consists of.
+    gradient : ndarray of shape (n_faces, 2)
+        By how much each rises towards x and y [m/m].
+    lines : dict of (int, int, str) to float
+        Pair of faces (numbered from 0, the lower first) and kind → length of their lines [m].
+    size : float
+        Square root of the roof's area [m].
+
+    """
+
+    planes: list[list[int]]
+    gradient: NDArray[np.float64]
+    lines: dict[tuple[int, int, str], float]
+    size: float
+
+    @property
+    def slope_deg(self) -> NDArray[np.float64]:
+        """
+        Slope of each face [deg].
+
+        """
+        return np.asarray(np.degrees(np.arctan(np.hypot(self.gradient[:, 0], self.gradient[:, 1]))))
+
+    @property
+    def azimuth_deg(self) -> NDArray[np.float64]:
+        """
+        Direction in which each face rises, mathematically [deg].
+
+        """
+        return np.asarray(np.degrees(np.arctan2(self.gradient[:, 1], self.gradient[:, 0])))
+
+    def pairs(self, kind: str) -> list[tuple[int, int]]:
+        """
+        Pairs of faces that meet in a line of this kind, the longest first; short lines do not count.
+
+        """
+        found = [(-v, i, j) for (i, j, k), v in self.lines.items() if k == kind]
+        return [(i, j) for v, i, j in sorted(found) if -v >= _LEAST_LINE * self.size]
+
+    def turned(self, i: int, j: int) -> float:
+        """
+        Angle between the directions that two faces look in, 0 to 180 [deg].
+
+        """
+        turn = abs(self.azimuth_deg[i] - self.azimuth_deg[j]) % 360.0
+        return float(min(turn, 360.0 - turn))
+
+
+def roof_type(
+    points: NDArray[np.float64],
+    plane_id: NDArray[np.uint16],
+    coefficients: NDArray[np.float64],
+    intersections: Sequence[IntersectionSegment],
+    steps: Sequence[StepEdge],
+    spacing: float,
+) -> str:
+    """
+    Tell a building's kind of roof.
+
+    Parameters
+    ----------
+    points : ndarray of shape (n_points, 3)
+        Roof points [m].
+    plane_id : ndarray of shape (n_points,)
+        Number of each point's plane, 0 = none.
+    coefficients : ndarray of shape (n_planes, 3)
+        a, b, c of the planes z = a x + b y + c about the building's centre.
+    intersections : sequence of IntersectionSegment
+    steps : sequence of StepEdge
+    spacing : float
+        Point spacing [m].
+
+    Returns
+    -------
+    str
+        ``flat`` (at one level or several), ``shed``, ``gable``, ``hip``, ``half-hip`` (hips that end above
+        the eaves), ``pyramid`` (all faces meet in one point), ``L`` or ``T`` (two ridges at right angles),
+        ``complex`` for anything else, ``unknown`` where too few points lie in planes. Details such as
+        dormers and chimneys do not count.
+
+    """
+    counts = np.bincount(plane_id, minlength=len(coefficients) + 1)[1:]
+    n_planar = int(counts.sum())
+    if n_planar == 0 or n_planar < _MIN_EXPLAINED * len(plane_id):
+        return "unknown"
+    large = _large_planes(counts, intersections)
+    faces = _faces(large, coefficients, intersections, steps, spacing * math.sqrt(n_planar))
+    flat = faces.slope_deg < _FLAT_DEG
+    if flat.all():
+        return "flat"
+    if len(flat) == 1:
+        return "shed"
+    if flat.any() or faces.pairs(STEP) or _largest_detail(counts, large, intersections) > _MOST_DETAIL:
+        return "complex"
+    if faces.pairs(VALLEY):
+        return l_or_t(points, plane_id, faces.planes, faces.pairs(VALLEY), intersections)
+    return _without_valleys(points, plane_id, faces)
+
+
+def _large_planes(counts: NDArray[np.int64], intersections: Sequence[IntersectionSegment]) -> list[int]:
+    """
+    Return the numbers of planes that are no details; hipped ends count, however small.
+
+    """
+    large = (counts >= _DETAIL_SHARE * counts.sum()) | (counts >= _DETAIL_OF_LARGEST * counts.max())
+    hips = np.zeros(len(counts), dtype=np.int64)
+    for line in intersections:
+        if line.kind == HIP:
+            hips[line.first - 1] += large[line.second - 1]
+            hips[line.second - 1] += large[line.first - 1]
+    return [int(k) + 1 for k in np.flatnonzero(large | (hips >= 2))]
+
+
+def _largest_detail(
+    counts: NDArray[np.int64], large: list[int], intersections: Sequence[IntersectionSegment]
+) -> float:
+    """
+    Return the largest share of the points on details that meet, such as the faces of a tower.
+
+    """
+    meeting = [(line.first - 1, line.second - 1) for line in intersections]
+    links = [(i, j) for i, j in meeting if not {i + 1, j + 1} & set(large)]
+    rows, columns = np.array(links, dtype=np.int64).reshape(-1, 2).T
+    group = sets_of_pairs(len(counts), rows, columns)
+    small = counts.copy()
+    small[np.array(large) - 1] = 0
+    return float(np.bincount(group, small).max() / counts.sum())
+
+
+def _faces(
+    large: list[int],
+    coefficients: NDArray[np.float64],
+    intersections: Sequence[IntersectionSegment],
+    steps: Sequence[StepEdge],
+    size: float,
+) -> Faces:
+    """
+    Join planes that are pieces of one face, and sum the lines between faces.
+
+    """
+    planes: list[list[int]] = []
+    for number in large:
+        for face in planes:
+            if _same_face(coefficients[face[0] - 1], coefficients[number - 1], size):
+                face.append(number)
+                break
+        else:
+            planes.append([number])
+    face_of = {number: k for k, face in enumerate(planes) for number in face}
+    lines: dict[tuple[int, int, str], float] = {}
+    borders = [(line.first, line.second, line.kind, line.length) for line in intersections]
+    borders += [
+        (step.upper, step.lower, STEP, step.length) for step in steps if max(step.height) > _SAME_HEIGHT
+    ]
+    for first, second, kind, length in borders:
+        i, j = sorted((face_of.get(first, -1), face_of.get(second, -1)))
+        if i >= 0 and i != j:
+            lines[i, j, kind] = lines.get((i, j, kind), 0.0) + length
+    gradient = np.array([coefficients[face[0] - 1, :2] for face in planes])
+    return Faces(planes, gradient, lines, size)
+
+
+def _same_face(one: NDArray[np.float64], other: NDArray[np.float64], size: float) -> bool:
+    """
+    Whether two planes are nearly one, as far as half the roof's size from the centre.
+
+    """
+    turn = math.hypot(*(one[:2] - other[:2]))
+    return turn < _SAME_GRADIENT and abs(one[2] - other[2]) + 0.5 * size * turn < 2 * _SAME_HEIGHT
+
+
+def _without_valleys(points: NDArray[np.float64], plane_id: NDArray[np.uint16], faces: Faces) -> str:
+    """
+    Tell the kind of a pitched roof whose faces meet in ridges and hips only.
+
+    """
+    n, ridges, hips = len(faces.planes), faces.pairs(RIDGE), faces.pairs(HIP)
+    if n == 2:
+        opposite = faces.turned(0, 1) >= 180.0 - _TOLERANCE_DEG
+        return "gable" if (ridges or hips) and opposite else "complex"
+    if not ridges and len(hips) >= n >= 3:
+        # Near the point of a spire faces seem to touch others than their neighbours: the longest hips count.
+        return "pyramid" if _is_ring(hips[:n], n) else "complex"
+    if len(ridges) != 1 or n not in (3, 4) or len(hips) != 2 * (n - 2):
+        return "complex"
+    i, j = ridges[0]
+    ends = [k for k in range(n) if k not in (i, j)]
+    across = all(abs(faces.turned(i, k) - 90.0) <= _TOLERANCE_DEG for k in ends)
+    if faces.turned(i, j) < 180.0 - _TOLERANCE_DEG or not across:
+        return "complex"
+    low, high = _heights(points, plane_id, [*faces.planes[i], *faces.planes[j]])
+    lifted = [_heights(points, plane_id, faces.planes[k])[0] - low for k in ends]
+    return "half-hip" if max(lifted) >= _HALF_HIP * (high - low) else "hip"
+
+
+def _is_ring(pairs: list[tuple[int, int]], n: int) -> bool:
+    """
+    Whether each of n faces meets two others, all in one ring.
+
+    """
+    neighbours: dict[int, list[int]] = {k: [] for k in range(n)}
+    for i, j in pairs:
+        neighbours[i].append(j)
+        neighbours[j].append(i)
+    seen, pending = {0}, [0]
+    while pending:
+        new = [k for k in neighbours[pending.pop()] if k not in seen]
+        seen.update(new)
+        pending.extend(new)
+    return len(seen) == n and all(len(near) == 2 for near in neighbours.values())
+
+
+def _heights(
+    points: NDArray[np.float64], plane_id: NDArray[np.uint16], planes: list[int]
+) -> tuple[float, float]:
+    """
+    Return the elevations near the eaves and the ridge of planes [m]: percentiles, as a few points may be off.
+
+    """
+    z = points[np.isin(plane_id, planes), 2]
+    low, high = np.percentile(z, (2.0, 98.0))
+    return float(low), float(high)

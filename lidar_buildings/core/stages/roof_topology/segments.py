@@ -1,0 +1,197 @@
+"""
+Pieces of intersection lines as segments in space, their ends where the line meets something.
+
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from lidar_buildings.core.stages.roof_topology.common_vertices import POINT_REACH
+from lidar_buildings.core.stages.roof_topology.obstacles import stop, walls_about
+from lidar_buildings.core.stages.roof_topology.pieces import LEAST_BEND, Pieces, intersection_line
+from lidar_buildings.core.stages.roof_topology.result import HIP, RIDGE, VALLEY, IntersectionSegment
+from lidar_buildings.core.surfaces.roof_planes import Meeting
+
+#: A convex line is a ridge if it is less steep than this share of the steeper plane.
+_RIDGE_SHARE = 0.3
+#: Ends move to a third plane, or else to the outline or a step edge, within so many spacings.
+_PLANE_REACH, _REACH = 4.5, 2.5
+#: Pieces near a point are none, but points taken for another plane's, if they are no longer than this, or
+#: no longer than this and lead to nowhere [spacings].
+_SHORT_STUB, _STUB = 2.5, 6.0
+#: What is left shorter is nothing but a point, in spacings.
+_SHORTEST = 1.0
+#: A corner within so many spacings of the end of the line on the outline is that end.
+_CORNER = 0.5
+
+
+def finished(
+    pieces: Pieces,
+    gradients: NDArray[np.float64],
+    centre: NDArray[np.float64],
+    rings: tuple[NDArray[np.float64], ...],
+    steps: NDArray[np.float64],
+    meetings: tuple[Meeting, ...],
+    spacing: float,
+) -> list[IntersectionSegment]:
+    """
+    Return the pieces as segments, their ends moved along the line to what they nearly reach.
+
+    A third plane that meets both has precedence, then the outline and step edges.
+
+    Parameters
+    ----------
+    pieces : Pieces
+    gradients : ndarray of shape (n_planes, 3)
+        a, b, c of the planes about the centre.
+    centre : ndarray of shape (3,)
+        [m].
+    rings : tuple of ndarray of shape (n, 2)
+        The outline's [m].
+    steps : ndarray of shape (n_steps, 2, 2)
+        Ends of the step edges about the centre [m].
+    meetings : tuple of Meeting
+        Where planes have been made to meet.
+    spacing : float
+        Point spacing [m].
+
+    """
+    stops = np.concatenate([walls_about(rings, centre), steps])
+    partners = _partners(pieces, len(gradients))
+    positions, members = _points_of(meetings, len(gradients), centre)
+    t = _moved_ends(
+        pieces.first, pieces.second, pieces.t, gradients, partners, stops, positions, members, spacing
+    )
+    return [
+        _segment(pieces, k, t[k], gradients, centre)
+        for k in range(len(t))
+        if t[k, 1] - t[k, 0] > _SHORTEST * spacing
+    ]
+
+
+def _partners(pieces: Pieces, n_planes: int) -> NDArray[np.bool_]:
+    """
+    Return which planes meet, as a table.
+
+    """
+    table = np.zeros((n_planes + 1, n_planes + 1), dtype=np.bool_)
+    table[pieces.first, pieces.second] = table[pieces.second, pieces.first] = True
+    return table
+
+
+def _points_of(
+    meetings: tuple[Meeting, ...], n_planes: int, centre: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+    """
+    Return where planes meet in points about the centre, and which planes each time, as a table.
+
+    """
+    points = [meeting for meeting in meetings if not meeting.fixed]
+    members = np.zeros((len(points), n_planes + 1), dtype=np.bool_)
+    for row, meeting in zip(members, points, strict=True):
+        row[list(meeting.planes)] = True
+    positions = np.array([meeting.xy for meeting in points]).reshape(-1, 2)
+    return positions - centre[:2], members
+
+
+@njit(cache=True, nogil=True)
+def _moved_ends(first, second, t, gradients, partners, stops, positions, members, spacing):  # type: ignore[no-untyped-def]
+    """
+    Return the places of all ends along their lines.
+
+    No end moves to where the other one is to end, but for stubs that end nowhere else: they vanish.
+
+    """
+    moved = t.copy()
+    for k in range(len(first)):
+        i, j = first[k], second[k]
+        p, q = gradients[i - 1], gradients[j - 1]
+        fx, fy, ux, uy, _ = intersection_line(p, q)
+        for end in range(2):
+            here, there = t[k, end], t[k, 1 - end]
+            point = _point(here, i, j, ux, uy, positions, members, POINT_REACH * spacing)
+            at, length = point, abs(there - here)
+            if abs(point - there) < abs(point - here) and length > _SHORT_STUB * spacing:
+                at = math.nan
+            if math.isnan(at):
+                reach = _PLANE_REACH * spacing
+                at = _third_plane(here, i, j, fx, fy, ux, uy, gradients, partners, reach)
+                if abs(at - there) < abs(at - here):
+                    at = math.nan
+            if math.isnan(at):
+                at = stop(here, fx, fy, ux, uy, stops, _REACH * spacing, _CORNER * spacing, -1)
+            if math.isnan(at) and length <= _STUB * spacing:
+                at = point
+            if not math.isnan(at):
+                moved[k, end] = at
+    return moved
+
+
+@njit(cache=True, nogil=True)
+def _point(t, i, j, ux, uy, positions, members, reach):  # type: ignore[no-untyped-def]
+    """
+    Return where on the line of planes i and j the nearest point lies in which both meet others, or NaN.
+
+    """
+    best, place = reach, math.nan
+    for m in range(len(positions)):
+        at = positions[m, 0] * ux + positions[m, 1] * uy
+        if members[m, i] and members[m, j] and abs(at - t) < best:
+            best, place = abs(at - t), at
+    return place
+
+
+@njit(cache=True, nogil=True)
+def _third_plane(t, i, j, fx, fy, ux, uy, gradients, partners, reach):  # type: ignore[no-untyped-def]
+    """
+    Return where on the line of planes i and j the nearest plane that meets both passes, NaN if none does.
+
+    """
+    best, place = reach, math.nan
+    p = gradients[i - 1]
+    for k in range(1, len(gradients) + 1):
+        if k in (i, j) or not (partners[i, k] and partners[j, k]):
+            continue
+        q = gradients[k - 1]
+        rate = (p[0] - q[0]) * ux + (p[1] - q[1]) * uy
+        if abs(rate) < LEAST_BEND:
+            continue
+        at = -((p[0] - q[0]) * fx + (p[1] - q[1]) * fy + p[2] - q[2]) / rate
+        if abs(at - t) < best:
+            best, place = abs(at - t), at
+    return place
+
+
+def _segment(
+    pieces: Pieces,
+    k: int,
+    t: NDArray[np.float64],
+    gradients: NDArray[np.float64],
+    centre: NDArray[np.float64],
+) -> IntersectionSegment:
+    """
+    Return a piece as a segment in space.
+
+    """
+    i, j = int(pieces.first[k]), int(pieces.second[k])
+    p, q = gradients[i - 1], gradients[j - 1]
+    fx, fy, ux, uy, _ = intersection_line(p, q)
+    xy = np.array([fx, fy]) + t[:, None] * np.array([ux, uy])
+    kind = _kind(bool(pieces.convex[k]), p[0] * ux + p[1] * uy, max(np.hypot(*p[:2]), np.hypot(*q[:2])))
+    segment = np.column_stack([xy, xy @ p[:2] + p[2]]) + centre
+    return IntersectionSegment(i, j, kind, segment, float(pieces.length[k]), int(pieces.n_points[k]))
+
+
+def _kind(convex: bool, rise: float, steepness: float) -> str:
+    """
+    Name the kind of line by its shape and its own slope.
+
+    """
+    if not convex:
+        return VALLEY
+    return RIDGE if abs(rise) < _RIDGE_SHARE * steepness else HIP

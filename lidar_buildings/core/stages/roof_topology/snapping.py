@@ -1,0 +1,197 @@
+"""
+Lines of step edges moved onto walls, into corners and onto one another where they nearly are.
+
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from lidar_buildings.core.stages.roof_topology.obstacles import stop, walls_about
+from lidar_buildings.core.stages.roof_topology.step_lines import StepLines, step_segments
+
+#: Ends move along their line to what they cross within so many spacings; others may end as far off.
+_END_REACH = 2.5
+#: A line moves by no more than so many spacings,
+_MOST_MOVE = 0.75
+#: to a wall or corner that is so near along it, in spacings, and that runs in nearly its direction [deg].
+_REACH, _PARALLEL_DEG = 4.0, 4.0
+
+
+def snapped(
+    steps: StepLines,
+    rings: tuple[NDArray[np.float64], ...],
+    centre: NDArray[np.float64],
+    spacing: float,
+) -> StepLines:
+    """
+    Move lines onto outline walls that they continue, else into corners that they end near.
+
+    Parameters
+    ----------
+    steps : StepLines
+    rings : tuple of ndarray of shape (n, 2)
+        The outline's [m].
+    centre : ndarray of shape (2 or more,)
+        [m].
+    spacing : float
+        Point spacing [m].
+
+    """
+    n = len(steps.angle)
+    if not n:
+        return steps
+    low, high = np.full(n, math.inf), np.full(n, -math.inf)
+    np.minimum.at(low, steps.line, steps.t[:, 0])
+    np.maximum.at(high, steps.line, steps.t[:, 1])
+    angle, offset = steps.angle.copy(), steps.offset.copy()
+    fixed = _onto_walls(angle, offset, low, high, walls_about(rings, centre), spacing)
+    _together(angle, offset, low, high, fixed, spacing)
+    # A line that turned with its wall has its ends a little farther along or back.
+    turn = angle[steps.line] - steps.angle[steps.line]
+    t = steps.t * np.cos(turn)[:, None] + (steps.offset[steps.line] * np.sin(turn))[:, None]
+    return steps._replace(angle=angle, offset=offset, t=t)
+
+
+@njit(cache=True, nogil=True)
+def _onto_walls(angle, offset, low, high, walls, spacing):  # type: ignore[no-untyped-def]
+    """
+    Move lines in place; return which were moved.
+
+    """
+    fixed = np.zeros(len(angle), dtype=np.bool_)
+    most, reach = _MOST_MOVE * spacing, _REACH * spacing
+    for k in range(len(angle)):
+        if not low[k] < high[k]:
+            continue
+        c, s = math.cos(angle[k]), math.sin(angle[k])
+        best, best_angle, best_offset = most, 0.0, 0.0
+        for wall in walls:
+            dx, dy = wall[1, 0] - wall[0, 0], wall[1, 1] - wall[0, 1]
+            length = math.hypot(dx, dy)
+            if length < spacing or abs(dx * s - dy * c) > math.sin(math.radians(_PARALLEL_DEG)) * length:
+                continue
+            t0, t1 = wall[0, 0] * c + wall[0, 1] * s, wall[1, 0] * c + wall[1, 1] * s
+            if min(t0, t1) > high[k] + reach or max(t0, t1) < low[k] - reach:
+                continue
+            turned = math.atan2(dy, dx) if dx * c + dy * s > 0 else math.atan2(-dy, -dx)
+            at = wall[0, 1] * math.cos(turned) - wall[0, 0] * math.sin(turned)
+            off = max(
+                _apart(angle[k], offset[k], low[k], turned, at),
+                _apart(angle[k], offset[k], high[k], turned, at),
+            )
+            if off < best:
+                best, best_angle, best_offset, fixed[k] = off, turned, at, True
+        if fixed[k]:
+            angle[k] = angle[k] + _difference(best_angle, angle[k])
+            offset[k] = best_offset
+            continue
+        best = most
+        for wall in walls:
+            t, r = wall[0, 0] * c + wall[0, 1] * s, wall[0, 1] * c - wall[0, 0] * s
+            if min(abs(t - low[k]), abs(t - high[k])) <= reach and abs(r - offset[k]) < best:
+                best, best_offset, fixed[k] = abs(r - offset[k]), r, True
+        if fixed[k]:
+            offset[k] = best_offset
+    return fixed
+
+
+@njit(cache=True, nogil=True)
+def _difference(one, other):  # type: ignore[no-untyped-def]
+    """
+    Difference of two angles between -π and π.
+
+    """
+    turn = one - other
+    return turn - 2.0 * math.pi * np.rint(turn / (2.0 * math.pi))
+
+
+@njit(cache=True, nogil=True)
+def _apart(angle, offset, t, other_angle, other_offset):  # type: ignore[no-untyped-def]
+    """
+    Distance of a position on one line from another line.
+
+    """
+    x = t * math.cos(angle) - offset * math.sin(angle)
+    y = t * math.sin(angle) + offset * math.cos(angle)
+    return abs(y * math.cos(other_angle) - x * math.sin(other_angle) - other_offset)
+
+
+@njit(cache=True, nogil=True)
+def _together(angle, offset, low, high, fixed, spacing):  # type: ignore[no-untyped-def]
+    """
+    Move shorter lines in place onto longer ones that they continue.
+
+    """
+    most, reach = _MOST_MOVE * spacing, _REACH * spacing
+    order = np.argsort(-(high - low) - 1e6 * fixed)
+    for a in range(len(order)):
+        k = order[a]
+        best = most
+        place = offset[k]
+        if fixed[k] or not low[k] < high[k]:
+            continue
+        for b in range(a):
+            j = order[b]
+            if abs(_difference(angle[j], angle[k])) > 1e-9 or not low[j] < high[j]:
+                continue
+            gap = max(low[j] - high[k], low[k] - high[j])
+            if gap <= reach and abs(offset[j] - offset[k]) < best:
+                best, place = abs(offset[j] - offset[k]), offset[j]
+        offset[k] = place
+
+
+def extended(
+    steps: StepLines,
+    ridges: NDArray[np.float64],
+    rings: tuple[NDArray[np.float64], ...],
+    centre: NDArray[np.float64],
+    spacing: float,
+) -> StepLines:
+    """
+    Move the ends of steps along their lines to walls, other steps and intersection lines that are near.
+
+    Parameters
+    ----------
+    steps : StepLines
+    ridges : ndarray of shape (n, 2, 2)
+        Ends of the pieces of intersection lines about the centre [m].
+    rings : tuple of ndarray of shape (n, 2)
+        The outline's [m].
+    centre : ndarray of shape (2 or more,)
+        [m].
+    spacing : float
+        Point spacing [m].
+
+    """
+    if not len(steps.line):
+        return steps
+    walls = walls_about(rings, centre)
+    angle, offset = steps.angle[steps.line], steps.offset[steps.line]
+    reach = _END_REACH * spacing
+    t = _extended(steps.t, angle, offset, walls, np.concatenate([step_segments(steps), ridges]), reach)
+    return steps._replace(t=t)
+
+
+@njit(cache=True, nogil=True)
+def _extended(t, angle, offset, walls, others, reach):  # type: ignore[no-untyped-def]
+    """
+    Return the new ends; the first of the others are the steps themselves.
+
+    """
+    moved = t.copy()
+    for k in range(len(t)):
+        ux, uy = math.cos(angle[k]), math.sin(angle[k])
+        fx, fy = -offset[k] * uy, offset[k] * ux
+        for end in range(2):
+            wall = stop(t[k, end], fx, fy, ux, uy, walls, reach, 0.2 * reach, -1)
+            other = stop(t[k, end], fx, fy, ux, uy, others, reach, reach, k)
+            if math.isnan(wall) or abs(other - t[k, end]) < abs(wall - t[k, end]):
+                wall = other
+            if not math.isnan(wall):
+                moved[k, end] = wall
+    return moved

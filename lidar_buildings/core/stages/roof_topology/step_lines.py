@@ -1,0 +1,123 @@
+"""
+Lines of step edges in plan and the pieces of them.
+
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lidar_buildings.core.stages.roof_topology.result import StepEdge
+
+#: Longer gaps divide the pieces of a line [spacings].
+LONGEST_GAP = 4.0
+#: Steps shorter than so many spacings and lower than so much [m] are nothing but noise.
+_SHORT, _LOW = 4.0, 0.25
+
+
+class StepLines(NamedTuple):
+    """
+    Straight lines in plan, and the pieces of them that are steps.
+
+    Attributes
+    ----------
+    angle : ndarray of shape (n_lines,)
+        Direction [rad].
+    offset : ndarray of shape (n_lines,)
+        Distance from the centre to the left of that direction [m].
+    line : ndarray of shape (n_steps,), int64
+        Line that each step lies on.
+    t : ndarray of shape (n_steps, 2)
+        Its ends along the line [m].
+    planes : ndarray of shape (n_steps, 2), int32
+        Numbers of the upper and the lower plane.
+    length : ndarray of shape (n_steps,)
+        Length of the border along it [m].
+
+    """
+
+    angle: NDArray[np.float64]
+    offset: NDArray[np.float64]
+    line: NDArray[np.int64]
+    t: NDArray[np.float64]
+    planes: NDArray[np.int32]
+    length: NDArray[np.float64]
+
+
+def closed_up(line: NDArray[np.int64], ends: NDArray[np.float64], spacing: float) -> NDArray[np.float64]:
+    """
+    Let pieces of one line that nearly touch do so half-way.
+
+    """
+    order = np.lexsort((ends[:, 0], line))
+    before, after = order[:-1], order[1:]
+    gap = ends[after, 0] - ends[before, 1]
+    nested = ends[after, 1] <= ends[before, 1]
+    near = (line[before] == line[after]) & (np.abs(gap) <= LONGEST_GAP * spacing) & ~nested
+    middle = 0.5 * (ends[after, 0] + ends[before, 1])
+    ends = ends.copy()
+    ends[before[near], 1] = middle[near]
+    ends[after[near], 0] = middle[near]
+    return ends
+
+
+def merged(steps: StepLines, spacing: float) -> StepLines:
+    """
+    Join pieces between the same planes that have come to lie on one line, and nearly touch.
+
+    """
+    line = steps.line
+    if not len(line):
+        return steps
+    _, inverse = np.unique(np.column_stack([steps.angle, steps.offset])[line], axis=0, return_inverse=True)
+    order = np.lexsort((steps.t[:, 0], steps.planes[:, 1], steps.planes[:, 0], inverse.reshape(-1)))
+    same = np.column_stack([inverse.reshape(-1), steps.planes])[order]
+    line, t, length = line[order], steps.t[order], steps.length[order]
+    new = np.any(same[1:] != same[:-1], axis=1) | (t[1:, 0] - t[:-1, 1] > LONGEST_GAP * spacing)
+    begin = np.concatenate([[0], np.flatnonzero(new) + 1])
+    t = np.column_stack([t[begin, 0], np.maximum.reduceat(t[:, 1], begin)])
+    length = np.add.reduceat(length, begin)
+    line = line[begin]
+    planes = same[begin, 1:].astype(np.int32)
+    return StepLines(steps.angle, steps.offset, line, closed_up(line, t, spacing), planes, length)
+
+
+def step_edges(
+    steps: StepLines, gradients: NDArray[np.float64], centre: NDArray[np.float64], spacing: float
+) -> list[StepEdge]:
+    """
+    Return the pieces as segments in plan with the heights of their ends; what is short and low is left out.
+
+    """
+    segments = step_segments(steps)
+    edges = []
+    for segment, (upper, lower), length in zip(segments, steps.planes, steps.length, strict=True):
+        extent = float(np.hypot(*(segment[1] - segment[0])))
+        rise = _elevation(gradients[upper - 1], segment) - _elevation(gradients[lower - 1], segment)
+        height = float(rise[0]), float(rise[1])
+        if extent <= 0.0 or (extent < _SHORT * spacing and max(map(abs, height)) < _LOW):
+            continue
+        edges.append(StepEdge(int(upper), int(lower), segment + centre[:2], height, float(length)))
+    return edges
+
+
+def step_segments(steps: StepLines) -> NDArray[np.float64]:
+    """
+    Return the ends of all steps about the centre, shape (n_steps, 2, 2) [m].
+
+    """
+    angle, offset = steps.angle[steps.line], steps.offset[steps.line]
+    along = np.column_stack([np.cos(angle), np.sin(angle)])
+    left = np.column_stack([-along[:, 1], along[:, 0]])
+    return np.asarray((offset[:, None] * left)[:, None] + steps.t[:, :, None] * along[:, None])
+
+
+def _elevation(plane: NDArray[np.float64], xy: NDArray[np.float64]) -> NDArray[np.float64]:
+    """
+    Elevation of a plane above the centre at positions about it [m].
+
+    """
+    return np.asarray(xy @ plane[:2] + plane[2])

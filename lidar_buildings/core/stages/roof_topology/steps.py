@@ -1,0 +1,194 @@
+"""
+Step edges: straight pieces of borders between planes that do not meet there.
+
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lidar_buildings.core.stages.roof_topology.borders import Borders
+from lidar_buildings.core.stages.roof_topology.step_lines import LONGEST_GAP, StepLines, closed_up
+from lidar_buildings.core.stages.roof_topology.straight_runs import closing, run_segments, straight_runs
+from lidar_buildings.core.surfaces.roof_planes.directions import (
+    main_directions,
+    outline_directions,
+    plane_directions,
+)
+
+#: Shorter pieces of a line between one pair of planes are left out [spacings].
+_LEAST_PIECE = 1.0
+#: Angles tried for what runs in none of the main directions [deg], and the shortest run there [spacings].
+_OTHER_ANGLES_DEG = np.arange(0.0, 180.0, 7.5)
+_LEAST_OTHER = 4.0
+#: The shortest run that goes from line to line [spacings].
+_LEAST_CLOSING = 0.8
+#: Where points on either side keep farther from the border, the lower ones are hidden [spacings].
+_OPEN_GAP = 0.6
+
+
+def find_step_lines(
+    borders: Borders,
+    on_line: NDArray[np.bool_],
+    points: NDArray[np.float64],
+    gradients: NDArray[np.float64],
+    area: NDArray[np.float64],
+    rings: tuple[NDArray[np.float64], ...],
+    stops: NDArray[np.float64],
+    centre: NDArray[np.float64],
+    spacing: float,
+) -> StepLines:
+    """
+    Fit straight lines to the borders where planes do not meet.
+
+    Parameters
+    ----------
+    borders : Borders
+    on_line : ndarray of shape (n_sides,), bool
+        Sides that lie on an intersection line already.
+    points : ndarray of shape (n_points, 3)
+        [m].
+    gradients : ndarray of shape (n_planes, 3)
+        a, b, c of the planes about the centre.
+    area : ndarray of shape (n_planes,)
+        How large each plane is in plan [m²].
+    rings : tuple of ndarray of shape (n, 2)
+        The outline's [m].
+    stops : ndarray of shape (n, 2, 2)
+        Ends of the outline's walls and of the pieces of intersection lines, about the centre [m].
+    centre : ndarray of shape (2 or more,)
+        [m].
+    spacing : float
+        Point spacing, or more if edges are to be straighter [m].
+
+    """
+    rows = np.flatnonzero(~on_line)
+    if not len(rows):
+        nothing = np.zeros(0)
+        planes = np.zeros((0, 2), dtype=np.int32)
+        return StepLines(nothing, nothing, np.zeros(0, dtype=np.int64), np.zeros((0, 2)), planes, nothing)
+    xy, upright = borders.xy[rows], borders.upright[rows]
+    angles = _candidate_angles(gradients, area, rings)
+    runs, run = _all_runs(xy, upright, borders.cell, angles, stops, spacing)
+    taken = np.flatnonzero(run >= 0)
+    rows, run, xy = rows[taken], run[taken], xy[taken]
+    angle, offset = runs[run, 0], runs[run, 1]
+    t = xy[:, 0] * np.cos(angle) + xy[:, 1] * np.sin(angle)
+    higher = _first_is_higher(borders, rows, run, gradients)
+    moved = _towards_upper(borders, rows, points, centre, angle, offset, higher, spacing)
+    weight = np.bincount(run, minlength=len(runs))
+    shift = np.bincount(run, moved, len(runs)) / np.maximum(weight, 1)
+    first, second = borders.first[rows], borders.second[rows]
+    planes = np.where(higher[:, None], np.column_stack([first, second]), np.column_stack([second, first]))
+    line, ends, planes, length = _pieces(run, t, planes, borders.cell, spacing)
+    return StepLines(runs[:, 0], runs[:, 1] + shift, line, ends, planes, length)
+
+
+def _all_runs(
+    xy: NDArray[np.float64],
+    upright: NDArray[np.bool_],
+    cell: float,
+    angles: NDArray[np.float64],
+    stops: NDArray[np.float64],
+    spacing: float,
+) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    """
+    Return straight runs and which of them each side lies on, -1 = none.
+
+    First long ones in the main directions, then long ones in any; and last short ones in the main directions
+    that run from line to line, such as the side walls of dormers.
+
+    """
+    free = np.ones(len(xy), dtype=np.bool_)
+    runs, run = straight_runs(xy, upright, cell, angles, spacing, free)
+    others, other_run = straight_runs(
+        xy, upright, cell, np.radians(_OTHER_ANGLES_DEG), spacing, free, _LEAST_OTHER
+    )
+    run = np.where(other_run >= 0, other_run + len(runs), run)
+    runs = np.concatenate([runs, others])
+    short, short_run = straight_runs(xy, upright, cell, angles, spacing, free, _LEAST_CLOSING)
+    stops = np.concatenate([stops, run_segments(runs)])
+    number = np.where(closing(short, stops, spacing), len(runs) + np.arange(len(short)), -1)
+    run = np.where(short_run >= 0, np.append(number, -1)[short_run], run)
+    return np.concatenate([runs, short]), run
+
+
+def _candidate_angles(
+    gradients: NDArray[np.float64], area: NDArray[np.float64], rings: tuple[NDArray[np.float64], ...]
+) -> NDArray[np.float64]:
+    """
+    Return the directions of the outline and the planes, and those across them [rad].
+
+    """
+    outline, planes = outline_directions(rings), plane_directions(gradients, area)
+    angles, weights = (np.concatenate(both) for both in zip(outline, planes, strict=True))
+    main = main_directions(angles, weights)
+    return np.concatenate([main, main + math.pi / 2])
+
+
+def _first_is_higher(
+    borders: Borders, rows: NDArray[np.int64], run: NDArray[np.int64], gradients: NDArray[np.float64]
+) -> NDArray[np.bool_]:
+    """
+    Whether, of the planes of each side, the first is the higher one along the run, on average.
+
+    """
+    difference = gradients[borders.first[rows] - 1] - gradients[borders.second[rows] - 1]
+    rise = np.einsum("ki,ki->k", difference[:, :2], borders.xy[rows]) + difference[:, 2]
+    key = np.column_stack([run, borders.first[rows], borders.second[rows]])
+    _, group = np.unique(key, axis=0, return_inverse=True)
+    group = group.reshape(-1)
+    return np.asarray(np.bincount(group, rise)[group] >= 0)
+
+
+def _towards_upper(
+    borders: Borders,
+    rows: NDArray[np.int64],
+    points: NDArray[np.float64],
+    centre: NDArray[np.float64],
+    angle: NDArray[np.float64],
+    offset: NDArray[np.float64],
+    higher: NDArray[np.bool_],
+    spacing: float,
+) -> NDArray[np.float64]:
+    """
+    Return how far each side's line should move towards the upper roof, to the left of it positive [m].
+
+    A border lies in the middle between points. The upper roof hides a strip of the lower one: where both keep
+    farther from the border than points usually do, the edge is where the upper points end.
+
+    """
+    near = np.where(higher, borders.near_first[rows], borders.near_second[rows])
+    away = points[near, :2] - centre[:2]
+    beside = away[:, 1] * np.cos(angle) - away[:, 0] * np.sin(angle) - offset
+    excess = np.maximum(np.abs(beside) - _OPEN_GAP * spacing, 0.0)
+    return np.asarray(np.sign(beside) * excess)
+
+
+def _pieces(
+    run: NDArray[np.int64],
+    t: NDArray[np.float64],
+    planes: NDArray[np.int32],
+    cell: float,
+    spacing: float,
+) -> tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.int32], NDArray[np.float64]]:
+    """
+    Divide runs where the pair of planes changes: return run, ends, planes and length of every piece.
+
+    """
+    order = np.lexsort((t, planes[:, 1], planes[:, 0], run))
+    run, t, planes = run[order], t[order], planes[order]
+    if not len(run):
+        return run, np.zeros((0, 2)), planes, t
+    new = (run[1:] != run[:-1]) | np.any(planes[1:] != planes[:-1], axis=1)
+    new |= t[1:] - t[:-1] > LONGEST_GAP * spacing
+    begin = np.concatenate([[0], np.flatnonzero(new) + 1])
+    end = np.concatenate([begin[1:], [len(run)]]) - 1
+    ends = np.column_stack([t[begin] - 0.5 * cell, t[end] + 0.5 * cell])
+    length = ends[:, 1] - ends[:, 0]
+    kept = length >= _LEAST_PIECE * spacing
+    line, ends, planes = run[begin][kept], ends[kept], planes[begin][kept]
+    return line, closed_up(line, ends, spacing), planes, length[kept]

@@ -1,0 +1,172 @@
+"""
+The verb: planes of a building in, adjusted planes and the lines between them out.
+
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from lidar_buildings.core.model.outline import Outline
+from lidar_buildings.core.model.point_array import checked_column, checked_points
+from lidar_buildings.core.neighbours.point_spacing import given_or_measured
+from lidar_buildings.core.stages.roof_topology.borders import find_borders
+from lidar_buildings.core.stages.roof_topology.common_vertices import find_meetings, piece_ends
+from lidar_buildings.core.stages.roof_topology.dangles import joined
+from lidar_buildings.core.stages.roof_topology.obstacles import walls_about
+from lidar_buildings.core.stages.roof_topology.pieces import find_pieces
+from lidar_buildings.core.stages.roof_topology.region_raster import region_raster
+from lidar_buildings.core.stages.roof_topology.result import (
+    STEP,
+    Adjacency,
+    IntersectionSegment,
+    RoofTopology,
+    StepEdge,
+)
+from lidar_buildings.core.stages.roof_topology.roof_type import roof_type
+from lidar_buildings.core.stages.roof_topology.segments import finished
+from lidar_buildings.core.stages.roof_topology.snapping import extended, snapped
+from lidar_buildings.core.stages.roof_topology.step_lines import merged, step_edges, step_segments
+from lidar_buildings.core.stages.roof_topology.steps import find_step_lines
+from lidar_buildings.core.surfaces.roof_planes import Adjustment, adjust, with_gaps, without_gaps
+
+#: What edges of roofs are straighter than, however densely points lie [m].
+_LEAST_DETAIL = 0.3
+#: Decimals to which the coefficients of planes that are one agree.
+_SAME_DECIMALS = 9
+
+
+def find_topology(
+    points: ArrayLike,
+    plane_id: ArrayLike,
+    outline: Outline | None = None,
+    *,
+    point_spacing: float | None = None,
+) -> RoofTopology:
+    """
+    Adjust a roof's planes, and find the ridges, hips, valleys and step edges between them.
+
+    Parameters
+    ----------
+    points : array_like of shape (n_points, 3)
+        The building's roof points, in any order [m].
+    plane_id : array_like of shape (n_points,)
+        Number of each point's plane, 0 = none.
+    outline : Outline, optional
+        Without it the roof is where points are.
+    point_spacing : float, optional
+        1/√density [m]; measured if not given.
+
+    Returns
+    -------
+    RoofTopology
+
+    Raises
+    ------
+    ValueError
+        If an array has another shape, a value is not finite, or the spacing no positive length.
+
+    """
+    points = checked_points(points)
+    numbers, number = without_gaps(checked_column("plane_id", plane_id, len(points), np.uint16))
+    spacing = given_or_measured(points, point_spacing)
+    topology = _topology(points, numbers, outline, spacing)
+    return topology if number[-1] == len(number) - 1 else _renumbered(topology, number)
+
+
+def _topology(
+    points: NDArray[np.float64], numbers: NDArray[np.uint16], outline: Outline | None, spacing: float
+) -> RoofTopology:
+    """
+    Find the topology of planes whose numbers have no gaps.
+
+    """
+    adjustment = adjust(points, numbers, outline)
+    seen = _regions_of(adjustment)[numbers]
+    if np.count_nonzero(seen) < 3:
+        return RoofTopology(adjustment.planes, (), (), (), "unknown")
+    rings = tuple(ring for ring in outline.rings if len(ring) >= 3) if outline is not None else ()
+    raster = region_raster(points, seen, rings, spacing)
+    centre = adjustment.centre
+    borders = find_borders(raster, centre)
+    pieces = find_pieces(borders, raster, adjustment.coefficients, centre, spacing)
+    meetings = find_meetings(pieces, adjustment.coefficients, centre, rings, spacing)
+    if meetings:
+        adjustment = adjustment.with_meetings(meetings)
+        pieces = find_pieces(borders, raster, adjustment.coefficients, centre, spacing)
+    gradients = adjustment.coefficients
+    area = adjustment.free.counts * spacing**2
+    ends = piece_ends(pieces, gradients)
+    stops = np.concatenate([walls_about(rings, centre), ends])
+    scale = max(spacing, _LEAST_DETAIL)
+    lines = find_step_lines(borders, pieces.on_line, points, gradients, area, rings, stops, centre, scale)
+    lines = merged(snapped(lines, rings, centre, scale), scale)
+    lines = extended(lines, ends, rings, centre, scale)
+    intersections = finished(
+        pieces, gradients, centre, rings, step_segments(lines), adjustment.meetings, spacing
+    )
+    steps = step_edges(lines, gradients, centre, scale)
+    steps = joined(intersections, steps, gradients, rings, centre, scale)
+    kind = roof_type(points, seen, gradients, intersections, steps, spacing)
+    return RoofTopology(
+        adjustment.planes,
+        tuple(intersections),
+        tuple(steps),
+        _adjacency(intersections, steps),
+        kind,
+    )
+
+
+def _renumbered(topology: RoofTopology, number: NDArray[np.int64]) -> RoofTopology:
+    """
+    Return a topology with planes under their old numbers.
+
+    """
+
+    def old(k: int) -> int:
+        return int(number[k])
+
+    return RoofTopology(
+        with_gaps(topology.planes, number),
+        tuple(replace(x, first=old(x.first), second=old(x.second)) for x in topology.intersections),
+        tuple(replace(x, upper=old(x.upper), lower=old(x.lower)) for x in topology.steps),
+        tuple(x._replace(first=old(x.first), second=old(x.second)) for x in topology.adjacency),
+        topology.roof_type,
+    )
+
+
+def _regions_of(adjustment: Adjustment) -> NDArray[np.uint16]:
+    """
+    Return the number under which each plane's points are seen from above, item 0 being for no plane.
+
+    Walls have none, and planes that have become one all have that of the first.
+
+    """
+    region = np.zeros(len(adjustment.coefficients) + 1, dtype=np.uint16)
+    roofs = np.flatnonzero(adjustment.free.roof)
+    rounded = np.round(adjustment.coefficients[roofs], _SAME_DECIMALS)
+    _, first, inverse = np.unique(rounded, axis=0, return_index=True, return_inverse=True)
+    region[roofs + 1] = roofs[first][inverse.reshape(-1)] + 1
+    return region
+
+
+def _adjacency(intersections: list[IntersectionSegment], steps: list[StepEdge]) -> tuple[Adjacency, ...]:
+    """
+    Sum the borders of each pair by kind; the longest kind names the pair.
+
+    """
+    lengths: dict[tuple[int, int], dict[str, float]] = {}
+    for line in intersections:
+        kinds = lengths.setdefault((line.first, line.second), {})
+        kinds[line.kind] = kinds.get(line.kind, 0.0) + line.length
+    for step in steps:
+        if step.lower:
+            kinds = lengths.setdefault((min(step.upper, step.lower), max(step.upper, step.lower)), {})
+            kinds[STEP] = kinds.get(STEP, 0.0) + step.length
+    return tuple(
+        Adjacency(i, j, max(kinds, key=lambda kind: kinds[kind]), sum(kinds.values()))
+        for (i, j), kinds in sorted(lengths.items())
+    )

@@ -1,0 +1,86 @@
+"""
+Settings of the segmentation.
+
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from lidar_buildings.core.model.parameters import StageConfig, parameter
+
+
+@dataclass(frozen=True)
+class SegmentationConfig(StageConfig):
+    """
+    Settings of the moving-window region growing.
+
+    """
+
+    stage: ClassVar[str] = "segmentation"
+
+    window: float = parameter(
+        4.5,
+        "Sides of the moving window, in spacings along and across the scan lines; raising it bridges wider "
+        "gaps in a roof and joins closer neighbours.",
+        unit="spacings",
+        minimum=2.0,
+        maximum=20.0,
+    )
+    min_points: int = parameter(
+        10,
+        "Fewest points of a building; raising it drops more of the small clusters.",
+        minimum=1,
+    )
+    min_area: float = parameter(
+        6.0,
+        "Smallest area of a building, measured from its number of points; raising it drops more sheds.",
+        unit="m²",
+        minimum=0.0,
+    )
+    loose_reach: float = parameter(
+        3.0,
+        "How far from one building, and from no other, too few points for a building still belong to it; "
+        "raising it leaves out fewer, 0 leaves out all.",
+        unit="spacings",
+        minimum=0.0,
+        maximum=20.0,
+    )
+    min_neck: float = parameter(
+        2.5,
+        "Width of a neck of points below which the buildings on its ends are two; raising it cuts wider "
+        "ones, 0 cuts none, as published.",
+        unit="spacings",
+        minimum=0.0,
+        maximum=4.0,
+    )
+    split_at_steps: bool = parameter(
+        False, "Whether buildings that touch at different heights are split at their step edges."
+    )
+    min_step_height: float = parameter(
+        1.0,
+        "Height of a step from which it parts buildings; raising it leaves more of them in one.",
+        unit="m",
+        minimum=0.1,
+        maximum=100.0,
+    )
+    min_part_width: float = parameter(
+        2.5,
+        "Least width of a part that a step parts, from its area and perimeter and from how its points "
+        "scatter; raising it gives more dormers and ledges back to their buildings.",
+        unit="m",
+        minimum=0.0,
+    )
+    min_tower_area: float = parameter(
+        100.0,
+        "Smallest area of a part that stands amid another roof and is a building of its own; raising it "
+        "gives more penthouses and plant rooms back to their buildings.",
+        unit="m²",
+        minimum=0.0,
+    )
+
+
+#: As Sampath and Shan (2007) describe it: a window slightly larger than two spacings, and a least
+#: number of points, of which they do not say how many.
+AS_PUBLISHED = SegmentationConfig(window=2.2, min_area=0.0, loose_reach=0.0, min_neck=0.0)

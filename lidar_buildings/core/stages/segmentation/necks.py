@@ -1,0 +1,141 @@
+"""
+Buildings that hang together by a neck of few points, cut apart.
+
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from lidar_buildings.core.neighbours.cell_grid import rows_by_cell
+from lidar_buildings.core.stages.segmentation.members import occupied_areas
+from lidar_buildings.core.stages.segmentation.windows import chain_windows
+
+#: Half the side of the square in which a point that joins two roofs all by itself has no other [spacings].
+ALONE = 1.25
+
+
+def cut_necks(
+    positions: NDArray[np.float64],
+    component: NDArray[np.int64],
+    *,
+    window: float,
+    min_neck: float,
+    min_points: int,
+    min_area: float,
+) -> list[tuple[int, NDArray[np.intp]]]:
+    """
+    Find the parts of components that only necks join.
+
+    A point is in a neck if its window holds fewer points than a strip of the least width would, or if it
+    stands alone amid a gap; the other points are chained without them, as in DBSCAN (Ester and others, 1996).
+    Where at least two of the chains are as large as a building these are parts, and every other point goes to
+    the part whose point is nearest.
+
+    Parameters
+    ----------
+    positions : ndarray of shape (n_points, 2)
+        In units of the spacing, in any order.
+    component : ndarray of int64, shape (n_points,)
+        From 0; no point of one lies in the window of another's.
+    window : float
+        Side of the window [spacings].
+    min_neck : float
+        Least width [spacings].
+    min_points, min_area : int, float
+        Of a building; the area in units of the spacing squared.
+
+    Returns
+    -------
+    list of (int, ndarray of int)
+        Component and rows of every part but the first of each component that falls apart.
+
+    """
+    half = window / 2.0
+    # A strip of width w has w points a spacing.
+    is_core = _core(positions, rows_by_cell(positions, half), half, math.ceil(min_neck * window))
+    if is_core.all() or not is_core.any():
+        return []
+    core = np.flatnonzero(is_core)
+    part, n_parts = chain_windows(positions[core], (half, half))
+    component_of = np.zeros(n_parts, dtype=np.int64)
+    component_of[part] = component[core]
+    is_large = np.bincount(part, minlength=n_parts) >= min_points
+    if np.bincount(component_of[is_large], minlength=1).max() > 1:
+        is_large &= occupied_areas(positions[core], part, n_parts, 1.0) >= min_area
+    found = []
+    for number in np.flatnonzero(np.bincount(component_of[is_large], minlength=1) > 1):
+        rows = np.flatnonzero(component == number)
+        label = np.full(len(positions), -1, dtype=np.int64)
+        label[core] = np.where(is_large[part], part, -1)
+        nearest = _nearest_labels(positions[rows], label[rows])
+        # Parts are numbered from the south-west, whatever the points' order.
+        found += [(int(number), rows[nearest == one]) for one in np.unique(nearest)[1:]]
+    return found
+
+
+def _nearest_labels(positions: NDArray[np.float64], label: NDArray[np.int64]) -> NDArray[np.int64]:
+    """
+    Return labels, those of −1 replaced by the label of the nearest point that has one.
+
+    """
+    members = np.flatnonzero(label >= 0)
+    # By their coordinates, so that of equally near ones the same is taken in whatever order they come.
+    members = members[np.lexsort(positions[members].T)]
+    others = np.flatnonzero(label < 0)
+    labels = label.copy()
+    labels[others] = label[members[cKDTree(positions[members]).query(positions[others])[1]]]
+    return labels
+
+
+@njit(cache=True, nogil=True)
+def _core(positions, cells, half, needed):  # type: ignore[no-untyped-def]
+    """
+    Return which points have `needed` in their windows, their own among them, and do not stand alone.
+
+    """
+    is_core = np.zeros(len(positions), dtype=np.bool_)
+    runs = np.empty((3, 2), dtype=np.int64)
+    ahead = np.zeros(3, dtype=np.int64)
+    for cell in range(len(cells.numbers)):
+        column = cells.numbers[cell] % cells.n_columns
+        west, east = min(1, column), min(1, cells.n_columns - 1 - column)
+        for row in range(3):
+            # Cells come by rising numbers, so that those beside them only ever lie farther on.
+            beside = cells.numbers[cell] + (row - 1) * cells.n_columns
+            while ahead[row] < len(cells.numbers) and cells.numbers[ahead[row]] < beside - west:
+                ahead[row] += 1
+            last = ahead[row]
+            while last < len(cells.numbers) and cells.numbers[last] <= beside + east:
+                last += 1
+            runs[row, 0], runs[row, 1] = cells.first[ahead[row]], cells.first[last]
+        for k in range(cells.first[cell], cells.first[cell + 1]):
+            is_core[cells.rows[k]] = _is_core(positions, cells.rows, runs, cells.rows[k], half, needed)
+    return is_core
+
+
+@njit(cache=True, nogil=True)
+def _is_core(positions, rows, runs, i, half, needed):  # type: ignore[no-untyped-def]
+    """
+    Whether a point has enough others in its window, one of them near.
+
+    """
+    x, y = positions[i, 0], positions[i, 1]
+    count, is_alone = 0, True
+    for run in (1, 0, 2):
+        for k in range(runs[run, 0], runs[run, 1]):
+            j = rows[k]
+            far = max(abs(positions[j, 0] - x), abs(positions[j, 1] - y))
+            if far > half:
+                continue
+            count += 1
+            if 0.0 < far <= ALONE:
+                is_alone = False
+            if count >= needed and not is_alone:
+                return True
+    return False

@@ -1,0 +1,261 @@
+"""
+Roof points that belong together: moving-window region growing.
+
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from lidar_buildings.core.model.point_array import checked_column, checked_points
+from lidar_buildings.core.neighbours.cell_grid import CellRows
+from lidar_buildings.core.neighbours.group_spacing import group_spacings
+from lidar_buildings.core.neighbours.point_spacing import given_or_measured
+from lidar_buildings.core.neighbours.scan_pattern import (
+    ScanPattern,
+    as_pulses,
+    measure_scan_patterns,
+    scan_cells,
+)
+from lidar_buildings.core.stages.segmentation.config import SegmentationConfig
+from lidar_buildings.core.stages.segmentation.loose_points import building_beside
+from lidar_buildings.core.stages.segmentation.members import (
+    anchor_rows,
+    by_component,
+    distinct_ids,
+    occupied_areas,
+    sizes,
+)
+from lidar_buildings.core.stages.segmentation.necks import cut_necks
+from lidar_buildings.core.stages.segmentation.scan_windows import Chains, chain_along_scan
+from lidar_buildings.core.stages.segmentation.steps import split_blocks
+from lidar_buildings.core.stages.segmentation.windows import turned
+
+#: Lines so many steps apart must not be taken for none [ratio of the spacings].
+FAR_APART = 4.0
+#: A building whose own points are sparser than expected by this factor has its own spacing: strips overlap
+#: elsewhere. Less than that may be the rim, where densities are measured too low.
+MIN_SPARSER = 1.25
+
+
+@dataclass(frozen=True, eq=False)
+class Segmentation:
+    """
+    Which building every point belongs to.
+
+    Attributes
+    ----------
+    building_id : ndarray of uint32, shape (n_points,)
+        0 = none.
+    block_id : ndarray of uint32, shape (n_points,)
+        The connected block that a building is part of, before necks were cut and steps split: the id of the
+        building with the block's westernmost point. It is the building's own where nothing was.
+    window : tuple of two float
+        Greatest extent of the windows along x and y [m].
+    patterns : dict of int to ScanPattern
+        How pulses lie on each building.
+
+    """
+
+    building_id: NDArray[np.uint32]
+    block_id: NDArray[np.uint32]
+    window: tuple[float, float]
+    patterns: dict[int, ScanPattern] = field(default_factory=dict)
+
+
+def segment_buildings(
+    points: ArrayLike,
+    config: SegmentationConfig | None = None,
+    *,
+    scan_angle: ArrayLike | None = None,
+    gps_time: ArrayLike | None = None,
+    point_source_id: ArrayLike | None = None,
+    point_spacing: float | None = None,
+) -> Segmentation:
+    """
+    Gather the points of each building by moving-window region growing.
+
+    A window is centred at a point, the points in it join, the window moves on to them, and so on until
+    nothing is added (Sampath & Shan, 2007); the clusters are the connected components of points that lie in
+    each other's windows, and are found as such. The window is a rectangle along the scan lines where the
+    points of a place show some, otherwise a square. A cluster with too few points or too small an area is
+    none.
+
+    Parameters
+    ----------
+    points : array_like of shape (n_points, 3)
+        Roof points, in any order [m].
+    config : SegmentationConfig, optional
+        Settings.
+    scan_angle, gps_time, point_source_id : array_like of shape (n_points,), optional
+        Tell scan lines; see `lidar_buildings.core.neighbours.scan_pattern.measure_scan_pattern`.
+    point_spacing : float, optional
+        Spacing of the pulses [m]; measured if not given.
+
+    Returns
+    -------
+    Segmentation
+        Ids are made from each building's westernmost point (`lidar_buildings.core.model.building_id`).
+
+    Raises
+    ------
+    ValueError
+        If an argument has the wrong shape or is not finite.
+
+    Notes
+    -----
+    Linear in the number of points. Splitting at steps takes several times as long as all the rest.
+
+    """
+    config = config or SegmentationConfig()
+    cloud = checked_points(points)
+    pulses = as_pulses(cloud, gps_time, point_source_id)
+    angle = None if scan_angle is None else checked_column("scan_angle", scan_angle, len(cloud), np.float64)
+    spacing = given_or_measured(cloud, point_spacing)
+    cells = scan_cells(pulses, spacing)
+    chains = chain_along_scan(pulses, config.window, spacing, angle, cells)
+    n_blocks, block_of_chain = chains.n_components, np.arange(chains.n_components)
+    if config.min_neck > 0.0:
+        chains, block_of_chain = _without_necks(cloud, chains, config, cells, spacing)
+    building = _buildings(cloud, chains, config, spacing)
+    # Buildings on both ends of a neck touch there: they are of one block, as are the parts at a step.
+    block = np.where(building >= 0, block_of_chain[building], -1)
+    part, chain_of_part = building, np.arange(chains.n_components)
+    if config.split_at_steps:
+        part, chain_of_part = split_blocks(
+            cloud,
+            building,
+            chains.n_components,
+            spacing,
+            min_step_height=config.min_step_height,
+            min_area=config.min_area,
+            min_width=config.min_part_width,
+            min_tower_area=config.min_tower_area,
+        )
+    ids, id_of_block = _identified(cloud, block, n_blocks, part, block_of_chain[chain_of_part])
+    # A building's own points, whatever lies beside it, tell the pattern that outlines are traced with.
+    own = measure_scan_patterns(pulses, part, len(chain_of_part), spacing, scan_angle=angle, cells=cells)
+    wide = group_spacings(cloud, cells, part, len(chain_of_part))
+    patterns = {
+        int(ids[k]): _told(own[k], chains.patterns[chain_of_part[k]], float(wide[k]), spacing)
+        for k in np.flatnonzero(ids[:-1])
+    }
+    return Segmentation(
+        ids[part], id_of_block[block], _extent(chains.patterns, config.window, spacing), patterns
+    )
+
+
+def _without_necks(
+    cloud: NDArray[np.float64], chains: Chains, config: SegmentationConfig, cells: CellRows, spacing: float
+) -> tuple[Chains, NDArray[np.int64]]:
+    """
+    Cut the necks of every component, in units of its own spacing; also return what each was cut from.
+
+    """
+    component, patterns = chains.component.copy(), list(chains.patterns)
+    cut_from = list(range(chains.n_components))
+    for unit, rows in _by_unit(cloud, chains, cells, spacing):
+        parts = cut_necks(
+            turned(cloud[rows], unit),
+            chains.component[rows],
+            window=config.window,
+            min_neck=config.min_neck,
+            min_points=config.min_points,
+            min_area=config.min_area / (unit.along * unit.across),
+        )
+        for number, members in parts:
+            component[rows[members]] = len(patterns)
+            patterns.append(patterns[number])
+            cut_from.append(number)
+    return Chains(component, len(patterns), patterns), np.array(cut_from, dtype=np.int64)
+
+
+def _by_unit(
+    cloud: NDArray[np.float64], chains: Chains, cells: CellRows, spacing: float
+) -> list[tuple[ScanPattern, NDArray[np.intp]]]:
+    """
+    Return the rows of components with their units; those with the general one, which keep apart, together.
+
+    """
+    own = group_spacings(cloud, cells, chains.component, chains.n_components)
+    general = ScanPattern.isotropic(spacing)
+    units = [
+        _told(pattern, pattern, float(one), spacing)
+        for pattern, one in zip(chains.patterns, own, strict=True)
+    ]
+    is_general = np.array([unit == general for unit in units], dtype=bool)
+    groups = [(general, np.flatnonzero(is_general[chains.component]))] if is_general.any() else []
+    rows, first = by_component(chains.component, chains.n_components)
+    groups += [(units[k], rows[first[k] : first[k + 1]]) for k in np.flatnonzero(~is_general)]
+    return groups
+
+
+def _buildings(
+    cloud: NDArray[np.float64], chains: Chains, config: SegmentationConfig, spacing: float
+) -> NDArray[np.int64]:
+    """
+    Return every point's component, with the loose points beside it, and −1 where that is no building.
+
+    """
+    n_points = sizes(chains.component, chains.n_components)
+    is_building = n_points >= config.min_points
+    is_loose = ~is_building
+    if config.min_area > 0.0:
+        area = occupied_areas(cloud, chains.component, chains.n_components, spacing)
+        is_building &= area >= config.min_area
+    reach = config.loose_reach * spacing
+    joined = building_beside(cloud, chains.component, is_building, is_loose, reach)
+    return np.where(is_building[joined], joined, -1)[chains.component]
+
+
+def _identified(
+    cloud: NDArray[np.float64],
+    block: NDArray[np.int64],
+    n_blocks: int,
+    part: NDArray[np.int64],
+    block_of_part: NDArray[np.int64],
+) -> tuple[NDArray[np.uint32], NDArray[np.uint32]]:
+    """
+    Return the ids of all parts and of all blocks, 0 for those without points; the last of either is 0.
+
+    """
+    n_parts = len(block_of_part)
+    anchor = anchor_rows(cloud, part, n_parts)
+    used = np.flatnonzero(anchor >= 0)
+    ids = np.zeros(n_parts + 1, dtype=np.uint32)
+    ids[used] = distinct_ids(cloud[anchor[used]])
+    # The westernmost point of a block is that of one of its parts.
+    western = anchor_rows(cloud, block, n_blocks)
+    known = block_of_part[used]
+    id_of_block = np.zeros(n_blocks + 1, dtype=np.uint32)
+    id_of_block[known] = ids[part[western[known]]]
+    return ids, id_of_block
+
+
+def _told(own: ScanPattern, around: ScanPattern, own_spacing: float, spacing: float) -> ScanPattern:
+    """
+    Return a building's own pattern, or, where it is too small to show lines far apart, its surroundings'.
+
+    Without lines its spacing is its own where its points are clearly sparser than they are in general.
+
+    """
+    if not own.is_isotropic:
+        return own
+    if around.ratio >= FAR_APART:
+        return around
+    return ScanPattern.isotropic(own_spacing if own_spacing > MIN_SPARSER * spacing else spacing)
+
+
+def _extent(patterns: list[ScanPattern], window: float, spacing: float) -> tuple[float, float]:
+    """
+    Return how far the widest window extends along x and y [m].
+
+    """
+    wide = [ScanPattern.isotropic(spacing), *(one for one in set(patterns) if not one.is_isotropic)]
+    sides = np.array([(one.along, one.across) for one in wide]) * window
+    cos, sin = np.abs([(np.cos(one.direction), np.sin(one.direction)) for one in wide]).T
+    x, y = sides[:, 0] * cos + sides[:, 1] * sin, sides[:, 0] * sin + sides[:, 1] * cos
+    return float(x.max()), float(y.max())

@@ -1,0 +1,11 @@
+"""
+Terrain: the ground's TIN as elevations anywhere, heights above it, and rasters of ground and surface.
+
+"""
+
+from lidar_buildings.core.stages.terrain.config import RasterConfig
+from lidar_buildings.core.stages.terrain.rasters import TerrainRasters, make_rasters
+from lidar_buildings.core.stages.terrain.window import RasterWindow
+from lidar_buildings.core.surfaces.tin import height_above_ground
+
+__all__ = ["RasterConfig", "RasterWindow", "TerrainRasters", "height_above_ground", "make_rasters"]

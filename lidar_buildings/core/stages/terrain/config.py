@@ -1,0 +1,42 @@
+"""
+The rasters' parameters.
+
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from lidar_buildings.core.model.parameters import StageConfig, parameter
+
+
+@dataclass(frozen=True)
+class RasterConfig(StageConfig):
+    """
+    Parameters of `make_rasters`.
+
+    They are parameters of the node that makes the rasters, and carry its name.
+
+    """
+
+    stage: ClassVar[str] = "model_writer"
+
+    raster_resolution: float = parameter(
+        0.5,
+        "Side of a cell of the rasters of ground and surface; a larger one gives smaller files and less "
+        "detail, 0 gives no rasters.",
+        unit="m",
+        minimum=0.0,
+        maximum=100.0,
+        read_only=True,
+    )
+    raster_reach: float = parameter(
+        20.0,
+        "Radius of the smallest circle without any point that stays unknown in the rasters; a larger one "
+        "closes wider waters and gaps, and wants a buffer twice as wide.",
+        unit="m",
+        minimum=0.0,
+        maximum=200.0,
+        read_only=True,
+    )

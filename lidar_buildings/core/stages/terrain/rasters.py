@@ -1,0 +1,176 @@
+"""
+Rasters of ground and surface of one tile.
+
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from lidar_buildings.core.model.point_array import checked_column, checked_points
+from lidar_buildings.core.model.point_classes import PointClass
+from lidar_buildings.core.neighbours.point_spacing import given_or_measured
+from lidar_buildings.core.stages.terrain.cells import Cells
+from lidar_buildings.core.stages.terrain.config import RasterConfig
+from lidar_buildings.core.stages.terrain.footprint import closed, squared_distance
+from lidar_buildings.core.stages.terrain.surface import surface_elevations, widest_gap
+from lidar_buildings.core.stages.terrain.window import RasterWindow, reach_in_cells, window_of
+
+#: Classes whose points carry the terrain, and those that no surface has.
+GROUND_CLASSES = (PointClass.GROUND, PointClass.WATER, PointClass.RAIL, PointClass.ROAD_SURFACE)
+NOISE_CLASSES = (PointClass.LOW_NOISE, PointClass.HIGH_NOISE)
+
+
+@dataclass(frozen=True, eq=False)
+class TerrainRasters:
+    """
+    Ground and surface of one tile, cell by cell; the first row is the northernmost.
+
+    Attributes
+    ----------
+    window : RasterWindow
+        Where the cells lie.
+    dtm, dsm : ndarray of shape (height, width), float32
+        Elevation of the bare ground and of what stands on it at the cells' middles [m]; NaN where unknown,
+        and where another tile answers for the cell.
+    distance : ndarray of shape (height, width), int32
+        Squared distance to the tile's nearest core cell, in cells: of several tiles that answer for a cell
+        the nearest is right.
+
+    """
+
+    window: RasterWindow
+    dtm: NDArray[np.float32]
+    dsm: NDArray[np.float32]
+    distance: NDArray[np.int32]
+
+    @property
+    def ndsm(self) -> NDArray[np.float32]:
+        """
+        Height of the surface above the ground [m]; NaN where one of them is unknown.
+
+        """
+        return self.dsm - self.dtm
+
+
+def make_rasters(
+    points: ArrayLike,
+    classification: ArrayLike,
+    config: RasterConfig | None = None,
+    *,
+    return_number: ArrayLike | None = None,
+    is_core: ArrayLike | None = None,
+    point_spacing: float | None = None,
+    origin: tuple[float, float] = (0.0, 0.0),
+) -> TerrainRasters:
+    """
+    Make elevation rasters of the ground (DTM) and of the surface (DSM) from classified points.
+
+    The DTM is the TIN of the ground's points (the mean of each cell's), taken at the cells' middles; it
+    closes what buildings and shadows leave open. The DSM is the highest first return of a cell; gaps are
+    closed by the TIN of the highest points round them, wider holes by the ground. Noise counts for neither. A
+    cell that an empty circle of radius `raster_reach` covers is unknown, so that nothing is made up beyond
+    the survey's edge or across wide waters.
+
+    A tile answers for the cells whose nearest point is a core point of it: rasters of neighbouring tiles fit
+    together without gaps, and agree where their buffers hold what matters (twice the reach).
+
+    O(n log n) in points and cells.
+
+    Parameters
+    ----------
+    points : array_like of shape (n_points, 3)
+        Map frame, in any order [m].
+    classification : array_like of shape (n_points,)
+        ASPRS classes: 2, 9, 10, 11 carry the terrain, 7 and 18 are left out.
+    config : RasterConfig, optional
+        Resolution, which must not be 0, and reach.
+    return_number : array_like of shape (n_points,), optional
+        Only first returns (0, 1) make the surface; all points where it is not given.
+    is_core : array_like of bool, shape (n_points,), optional
+        False for points of neighbouring tiles; all True if not given.
+    point_spacing : float, optional
+        Mean distance of neighbouring points, by which gaps are told from waters; measured if not given [m].
+    origin : tuple of two float
+        What to add to map coordinates: cells are aligned to multiples of the resolution in the sum [m].
+
+    Returns
+    -------
+    TerrainRasters
+        Without any cell if there is no core point but noise.
+
+    Raises
+    ------
+    ValueError
+        If shapes differ, a coordinate is not finite, or the resolution is 0 or gives too many cells.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> x, y = np.meshgrid(np.arange(0.5, 6.0), np.arange(0.5, 6.0))
+    >>> house = (abs(x - 3) < 1) & (abs(y - 3) < 1)
+    >>> points = np.column_stack((x.ravel(), y.ravel(), 5.0 * house.ravel()))
+    >>> rasters = make_rasters(points, np.where(house.ravel(), 6, 2), RasterConfig(raster_resolution=1.0))
+    >>> rasters.dtm.shape, float(rasters.dtm.max()), float(rasters.ndsm.max())
+    ((6, 6), 0.0, 5.0)
+
+    """
+    config = config or RasterConfig()
+    points = checked_points(points)
+    classes = checked_column("classification", classification, len(points), np.uint8)
+    core = _checked_or(np.ones, "is_core", is_core, len(points), np.bool_)
+    first = _checked_or(np.zeros, "return_number", return_number, len(points), np.uint8) <= 1
+    if config.raster_resolution <= 0.0:
+        raise ValueError("raster_resolution = 0: must be above 0 to make rasters")
+    seen = ~np.isin(classes, NOISE_CLASSES)
+    reach = reach_in_cells(config.raster_reach, config.raster_resolution)
+    window = window_of(points[seen], origin, config.raster_resolution).grown(reach + 1)
+    cells = Cells(window, origin)
+    own, others = (cells.holding(points[rows]) for rows in (seen & core, seen & ~core))
+    known = closed(own | others, reach)
+    ground = cells.means(points[np.isin(classes, GROUND_CLASSES)])
+    dtm = np.full(window.shape, np.nan, dtype=np.float32)
+    dtm[known] = cells.tin_at(ground, known)
+    spacing = given_or_measured(points[seen], point_spacing)
+    gap = min(widest_gap(spacing, config.raster_resolution), reach)
+    dsm = surface_elevations(cells, points[seen], first[seen], dtm, known, gap)
+    distance = squared_distance(own, reach)
+    mine = known & (distance <= np.minimum(squared_distance(others, reach), reach * reach))
+    for raster in (dtm, dsm):
+        raster[~mine] = np.nan
+    return _cropped(TerrainRasters(window, dtm, dsm, distance), mine)
+
+
+def _checked_or(missing, name: str, column: ArrayLike | None, n: int, dtype) -> NDArray:  # type: ignore[no-untyped-def]
+    """
+    Return a column checked, or one made where none is given.
+
+    """
+    return missing(n, dtype=dtype) if column is None else checked_column(name, column, n, dtype)
+
+
+def _cropped(rasters: TerrainRasters, known: NDArray[np.bool_]) -> TerrainRasters:
+    """
+    Leave out rows and columns without a known cell.
+
+    """
+    rows, columns = (_span(known.any(axis=axis)) for axis in (1, 0))
+    return TerrainRasters(
+        rasters.window.part(columns, rows),
+        rasters.dtm[rows, columns].copy(),
+        rasters.dsm[rows, columns].copy(),
+        rasters.distance[rows, columns].copy(),
+    )
+
+
+def _span(marked: Any) -> slice:
+    """
+    Return the slice from the first to the last mark.
+
+    """
+    at = np.flatnonzero(marked)
+    return slice(int(at[0]), int(at[-1]) + 1) if len(at) else slice(0, 0)

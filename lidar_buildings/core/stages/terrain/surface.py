@@ -1,0 +1,117 @@
+"""
+The surface that a scanner sees from above, cell by cell.
+
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from lidar_buildings.core.stages.terrain.cell_points import CellPoints
+from lidar_buildings.core.stages.terrain.cells import Cells
+from lidar_buildings.core.stages.terrain.footprint import closed, squared_distance
+from lidar_buildings.core.stages.terrain.window import reach_in_cells
+
+#: Empty circles up to this radius are chance, not water: so many spacings, and at least so many metres.
+_GAP_SPACINGS, _MIN_GAP = 3.0, 1.5
+#: Cells so near an empty one are corners of the triangles that close it.
+_RIM = 3
+#: A hole lies on the ground if so great a share of the cells round it have points less high than this [m].
+_LOW_SHARE, _LOW = 0.05, 1.0
+#: Cells that share a side or a corner belong together.
+_ADJACENT = np.ones((3, 3), dtype=bool)
+
+
+def widest_gap(point_spacing: float, resolution: float) -> int:
+    """
+    Return the radius of the largest circle, in cells, that is empty by chance: a gap, and no hole.
+
+    Parameters
+    ----------
+    point_spacing, resolution : float
+        Mean distance of neighbouring points, and side of a cell [m].
+
+    """
+    return reach_in_cells(max(_GAP_SPACINGS * point_spacing, _MIN_GAP), resolution)
+
+
+def surface_elevations(
+    cells: Cells,
+    points: NDArray[np.float64],
+    is_first: NDArray[np.bool_],
+    ground: NDArray[np.float32],
+    known: NDArray[np.bool_],
+    gap: int,
+) -> NDArray[np.float32]:
+    """
+    Return the elevation of the surface at the known cells [m], NaN elsewhere.
+
+    A cell with first returns has the highest of them; where there is none near, later returns stand in. Gaps
+    between such cells are closed by the TIN of the highest points round them. Wider holes returned nothing:
+    water and shadow mostly, which take the ground's elevation even where trees line them. A hole that only
+    high cells surround is a wet or dark roof, and is closed like a gap.
+
+    Parameters
+    ----------
+    cells : Cells
+        With at least as many empty cells on each side as a gap is wide.
+    points : ndarray of shape (n_points, 3)
+        All but noise, in any order [m].
+    is_first : ndarray of bool, shape (n_points,)
+        Which are first returns.
+    ground : ndarray of shape (height, width)
+        Elevation of the ground [m]; NaN where it is not known.
+    known : ndarray of bool, shape (height, width)
+        The cells that are wanted.
+    gap : int
+        See `widest_gap`.
+
+    """
+    highest = _with_later_returns(cells, cells.highest(points[is_first]), points[~is_first], gap)
+    measured = highest.mask(cells.window.shape)
+    on_ground = _holes_on_ground(cells.lowest(points), ground, known & ~closed(measured, gap))
+    elevation = np.where(on_ground, ground, np.float32(np.nan))
+    gaps = known & ~measured & ~on_ground
+    elevation[gaps] = np.fmax(cells.tin_at(_near(highest, gaps), gaps), ground[gaps])
+    elevation[highest.rows, highest.columns] = highest.points[:, 2]
+    elevation[~known] = np.nan
+    return elevation
+
+
+def _holes_on_ground(
+    lowest: CellPoints, ground: NDArray[np.float32], holes: NDArray[np.bool_]
+) -> NDArray[np.bool_]:
+    """
+    Return the cells of those holes round which the ground was seen.
+
+    """
+    number, n_holes = ndimage.label(holes, _ADJACENT)
+    beside = ndimage.maximum_filter(number, footprint=_ADJACENT)[lowest.rows, lowest.columns]
+    height = lowest.points[:, 2] - ground[lowest.rows, lowest.columns]
+    n_beside = np.bincount(beside, minlength=n_holes + 1)
+    n_low = np.bincount(beside[height < _LOW], minlength=n_holes + 1)
+    is_on_ground = n_low > _LOW_SHARE * n_beside
+    is_on_ground[0] = False
+    return is_on_ground[number]
+
+
+def _with_later_returns(
+    cells: Cells, highest: CellPoints, later: NDArray[np.float64], gap: int
+) -> CellPoints:
+    """
+    Add the highest later return of cells that have no first return near.
+
+    """
+    stand_ins = cells.highest(later)
+    lacking = ~closed(highest.mask(cells.window.shape), gap)[stand_ins.rows, stand_ins.columns]
+    return highest.joined(stand_ins.select(lacking))
+
+
+def _near(points: CellPoints, cells: NDArray[np.bool_]) -> CellPoints:
+    """
+    Return the points of cells that are near some of these cells.
+
+    """
+    return points.select(squared_distance(cells, _RIM)[points.rows, points.columns] <= _RIM * _RIM)

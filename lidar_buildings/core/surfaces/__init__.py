@@ -1,0 +1,1 @@
+"""What points form together: triangulations, planes, eigenvalues, rasters, intensities."""

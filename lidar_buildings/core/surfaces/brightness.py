@@ -1,0 +1,159 @@
+"""
+How bright the ground is, cell by cell.
+
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from lidar_buildings.core.surfaces.intensity_modes import valley_between_modes
+
+#: Side of a cell: so many spacings (four pulses a cell), and at least so many metres.
+CELL_SPACINGS = 2.0
+MIN_CELL = 1.0
+#: Largest number of cells, empty ones included; the cells grow beyond.
+MAX_CELLS = 2_000_000
+#: A cell with fewer known cells around it, itself included, does not show how even the ground is.
+MIN_AROUND = 6
+#: Steps to which a normalised intensity is rounded before cells are summed up, per unit.
+STEPS = 64.0
+
+
+@dataclass(frozen=True, eq=False)
+class BrightnessRaster:
+    """
+    The ground's brightness on a raster aligned to the map's origin.
+
+    Attributes
+    ----------
+    cell : float
+        Side of a cell [m].
+    row_of : ndarray of int, shape (n_points,)
+        The flat index of each ground point's cell.
+    is_ground : ndarray of bool, shape (n_columns, n_rows)
+        Cells that hold ground points.
+    is_covered : ndarray of bool, shape (n_columns, n_rows)
+        Cells with leaves above; their ground looks darker than it is.
+    brightness : ndarray of shape (n_columns, n_rows)
+        Median of the normalised intensities of a cell and the eight around it; NaN where not known.
+
+    """
+
+    cell: float
+    row_of: NDArray[np.int64]
+    is_ground: NDArray[np.bool_]
+    is_covered: NDArray[np.bool_]
+    brightness: NDArray[np.float64]
+
+    @property
+    def is_known(self) -> NDArray[np.bool_]:
+        """
+        Cells whose brightness is known.
+
+        """
+        return np.isfinite(self.brightness)
+
+    def dark_limit(self) -> float | None:
+        """
+        Return the brightness that parts dark ground from bright, None where the ground has one mode only.
+
+        Only cells under the open sky in the more even half of the ground are counted: those along edges, half
+        dark and half bright, would fill the valley between the modes (Weszka and Rosenfeld, 1979).
+
+        """
+        unevenness = _range_around(self.brightness)
+        known = np.isfinite(unevenness) & ~self.is_covered
+        if not known.any():
+            return None
+        even = known & (unevenness <= np.median(unevenness[known]))
+        return valley_between_modes(self.brightness[even])
+
+
+def brightness_raster(
+    ground: NDArray[np.float64],
+    normalised: NDArray[np.floating],
+    is_whole: NDArray[np.bool_],
+    spacing: float,
+    cover: NDArray[np.float64] | None = None,
+) -> BrightnessRaster:
+    """
+    Measure the brightness of the ground.
+
+    Parameters
+    ----------
+    ground : ndarray of shape (n_points, 3)
+        Ground points, one at least [m].
+    normalised : ndarray of shape (n_points,)
+        Their normalised intensities.
+    is_whole : ndarray of bool, shape (n_points,)
+        Whether the point is the only return of its pulse; the others are too dark.
+    spacing : float
+        Spacing of the pulses [m].
+    cover : ndarray of shape (n_cover_points, 3), optional
+        Leaves above the ground [m].
+
+    """
+    cell = max(CELL_SPACINGS * spacing, MIN_CELL)
+    while np.prod(np.ptp(ground[:, :2], axis=0) / cell + 2.0) > MAX_CELLS:
+        cell *= 2.0
+    place = np.floor(ground[:, :2] / cell).astype(np.int64)
+    first = place.min(axis=0)
+    place -= first
+    shape = tuple(place.max(axis=0) + 1)
+    row_of = place[:, 0] * shape[1] + place[:, 1]
+    size = shape[0] * shape[1]
+    count = np.bincount(row_of[is_whole], minlength=size)
+    steps = np.rint(normalised[is_whole].astype(float) * STEPS)  # whole numbers: their sum knows no order
+    total = np.bincount(row_of[is_whole], steps, minlength=size) / STEPS
+    mean = np.divide(total, count, out=np.full(size, np.nan), where=count > 0).reshape(shape)
+    is_ground = np.bincount(row_of, minlength=size).reshape(shape) > 0
+    is_covered = _occupied(cover, cell, first, shape)
+    return BrightnessRaster(cell, row_of, is_ground, is_covered, _median_around(mean))
+
+
+def _occupied(
+    points: NDArray[np.float64] | None, cell: float, first: NDArray[np.int64], shape: tuple[int, ...]
+) -> NDArray[np.bool_]:
+    """
+    Tell which cells of a raster that begins with a cell hold any of some points.
+
+    """
+    occupied = np.zeros(shape, dtype=bool)
+    if points is not None:
+        column, row = (np.floor(points[:, :2] / cell).astype(np.int64) - first).T
+        inside = (column >= 0) & (row >= 0) & (column < shape[0]) & (row < shape[1])
+        occupied[column[inside], row[inside]] = True
+    return occupied
+
+
+def _median_around(values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """
+    Return the median of the known values among each known cell and the eight around it.
+
+    """
+    columns, rows = values.shape
+    framed = np.pad(values, 1, constant_values=np.nan)
+    around = np.stack([framed[i : i + columns, j : j + rows] for i in range(3) for j in range(3)])
+    around.sort(axis=0)  # NaN come last
+    n_known = np.isfinite(around).sum(axis=0)
+    lower = np.take_along_axis(around, np.maximum(n_known - 1, 0)[np.newaxis] // 2, axis=0)[0]
+    upper = np.take_along_axis(around, n_known[np.newaxis] // 2 * (n_known > 0), axis=0)[0]
+    return np.where(np.isfinite(values), (lower + upper) / 2, np.nan)
+
+
+def _range_around(values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """
+    Return how far the values within each cell's eight neighbours differ; NaN where too few are known.
+
+    """
+    known = np.isfinite(values)
+    highest = ndimage.maximum_filter(np.where(known, values, -np.inf), 3, mode="constant", cval=-np.inf)
+    lowest = ndimage.minimum_filter(np.where(known, values, np.inf), 3, mode="constant", cval=np.inf)
+    n_known = ndimage.convolve(known.astype(np.int64), np.ones((3, 3), dtype=np.int64), mode="constant")
+    with np.errstate(invalid="ignore"):
+        return np.where(known & (n_known >= MIN_AROUND), highest - lowest, np.nan)

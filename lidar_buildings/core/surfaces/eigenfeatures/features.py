@@ -1,0 +1,249 @@
+"""
+Shape of every point's neighbourhood, from the eigenvalues of its covariance.
+
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+from numpy.typing import ArrayLike, NDArray
+
+from lidar_buildings.core.model.point_array import checked_points
+from lidar_buildings.core.neighbours.cell_grid import sort_by_cell
+from lidar_buildings.core.neighbours.parallel import for_row_blocks
+from lidar_buildings.core.surfaces.eigenfeatures.entropy import ENTROPIES
+from lidar_buildings.core.surfaces.eigenfeatures.moments import shell_lookup
+from lidar_buildings.core.surfaces.eigenfeatures.spheres import BATCH_ROWS, WINDOW_REACH, describe_cells
+
+#: Cells a block of work: some thousand points.
+CELLS_A_BLOCK = 512
+#: Radii whose squares are numbers, and can be divided by [m].
+SMALLEST_RADIUS, LARGEST_RADIUS = 1e-100, 1e100
+#: Cells are wider than they need be by so much, lest rounding puts a point at the very radius out of reach.
+SLACK = 1.0 + 1e-9
+
+
+@dataclass(frozen=True, eq=False)
+class EigenFeatures:
+    """
+    What principal component analysis says of each point's neighbourhood.
+
+    Features are of the eigenvalues λ, not of their square roots. They are 0 where all neighbours coincide.
+
+    Attributes
+    ----------
+    eigenvalues : ndarray of shape (n_points, 3)
+        λ1 ≥ λ2 ≥ λ3 ≥ 0 of the covariance about the mean [m²].
+    normals : ndarray of shape (n_points, 3)
+        Unit direction of λ3, z ≥ 0; the most upward one where it is not unique.
+    radius : ndarray of shape (n_points,)
+        Radius of the neighbourhood [m].
+    n_neighbours : ndarray of int64, shape (n_points,)
+        Points within the radius, the point itself included.
+    directions : ndarray of shape (n_points, 3)
+        Unit direction of λ1, z ≥ 0; the most level one where it is not unique.
+    entropy : ndarray of shape (n_points,)
+        The least entropy that the radius was chosen by, from 0 to ln 3, which is also that of a neighbourhood
+        whose points all coincide.
+
+    """
+
+    eigenvalues: NDArray[np.float64]
+    normals: NDArray[np.float64]
+    radius: NDArray[np.float64]
+    n_neighbours: NDArray[np.int64]
+    directions: NDArray[np.float64]
+    entropy: NDArray[np.float64]
+
+    @property
+    def linearity(self) -> NDArray[np.float64]:
+        """
+        (λ1 − λ2)/λ1.
+
+        """
+        return _differences(self.eigenvalues, 0, 1)
+
+    @property
+    def planarity(self) -> NDArray[np.float64]:
+        """
+        (λ2 − λ3)/λ1.
+
+        """
+        return _differences(self.eigenvalues, 1, 2)
+
+    @property
+    def scattering(self) -> NDArray[np.float64]:
+        """
+        λ3/λ1.
+
+        """
+        return _ratio(self.eigenvalues[:, 2], self.eigenvalues[:, 0])
+
+    @property
+    def anisotropy(self) -> NDArray[np.float64]:
+        """
+        (λ1 − λ3)/λ1.
+
+        """
+        return _differences(self.eigenvalues, 0, 2)
+
+    @property
+    def surface_variation(self) -> NDArray[np.float64]:
+        """
+        λ3/(λ1 + λ2 + λ3), Pauly and others (2002).
+
+        """
+        return _ratio(self.eigenvalues[:, 2], self.eigenvalues.sum(axis=1))
+
+    @property
+    def omnivariance(self) -> NDArray[np.float64]:
+        """
+        The geometric mean ∛(λ1 λ2 λ3) [m²].
+
+        """
+        return np.cbrt(self.eigenvalues.prod(axis=1))
+
+    @property
+    def eigenentropy(self) -> NDArray[np.float64]:
+        """
+        − Σ e ln e of the eigenvalues divided by their sum, Weinmann and others (2015).
+
+        """
+        total = self.eigenvalues.sum(axis=1)
+        shares = np.column_stack([_ratio(column, total) for column in self.eigenvalues.T])
+        logarithms = np.log(shares, out=np.zeros_like(shares), where=shares > 0)
+        return -(shares * logarithms).sum(axis=1)
+
+    @property
+    def roughness(self) -> NDArray[np.float64]:
+        """
+        Root mean square distance of the neighbours from their plane, √λ3 [m].
+
+        """
+        return np.sqrt(self.eigenvalues[:, 2])
+
+    @property
+    def verticality(self) -> NDArray[np.float64]:
+        """
+        1 − n_z: 0 on level surfaces, 1 on walls.
+
+        """
+        return 1.0 - self.normals[:, 2]
+
+
+def eigen_features(
+    points: ArrayLike,
+    radii: Sequence[float],
+    *,
+    min_neighbours: int = 4,
+    entropy: str = "dimensionality",
+) -> EigenFeatures:
+    """
+    Describe each point's spherical neighbourhood, its radius chosen by least entropy.
+
+    For every radius the covariance of the points within it about their mean gives λ1 ≥ λ2 ≥ λ3; the one is
+    taken at which the shape is least ambiguous: the entropy of the shares of line, plane and volume,
+    a1 = (σ1 − σ2)/σ1, a2 = (σ2 − σ3)/σ1, a3 = σ3/σ1 with σ = √λ, is smallest (Demantké and others, 2011), or
+    that of the eigenvalues divided by their sum (Weinmann and others, 2015). One pass over the neighbours of
+    the largest radius serves all of them: moments are summed in shells.
+
+    Parameters
+    ----------
+    points : array_like of shape (n_points, 3)
+        In any order [m].
+    radii : sequence of float
+        Rising [m], > 0, at most `BATCH_ROWS`; a single one fixes the radius.
+    min_neighbours : int
+        Radii with fewer points are passed over, but for the largest one; ≥ 1.
+    entropy : str
+        ``"dimensionality"`` or ``"eigenentropy"``; the second one favours lines.
+
+    Returns
+    -------
+    EigenFeatures
+        Rows as in the input. A point alone has λ = 0 and a normal straight up.
+
+    Raises
+    ------
+    ValueError
+        If `points` has another shape or is not finite, or a parameter is none of what is allowed.
+
+    Notes
+    -----
+    Coordinates are taken from the point itself before anything is multiplied, so it does not matter how far
+    away the origin is. Neighbours are summed in an order that depends on coordinates alone, so neither the
+    order of rows nor the number of threads changes a bit of the result, nor does what lies beyond the largest
+    radius. But where the cells around hold more than `MAX_CANDIDATES` points, evenly spaced ones stand for
+    all. Time is proportional to the number of neighbours within the largest radius.
+
+    """
+    squares = _checked_radii(radii) ** 2
+    if min_neighbours < 1:
+        raise ValueError(f"min_neighbours = {min_neighbours!r}: must be at least 1")
+    if entropy not in ENTROPIES:
+        raise ValueError(f"entropy = {entropy!r}: must be one of {', '.join(ENTROPIES)}")
+    cloud = sort_by_cell(checked_points(points), SLACK * math.sqrt(squares[-1]) / WINDOW_REACH)
+    lookup, of_dimensions = shell_lookup(squares), entropy == ENTROPIES[0]
+    n = len(cloud.points)
+    eigenvalues, normals, directions = np.empty((3, n, 3))
+    radius, least = np.empty((2, n))
+    found = EigenFeatures(eigenvalues, normals, radius, np.empty(n, dtype=np.int64), directions, least)
+    outputs = (eigenvalues, normals, radius, found.n_neighbours, directions, least)
+    for_row_blocks(
+        lambda a, b: describe_cells(cloud, squares, lookup, min_neighbours, of_dimensions, outputs, a, b),
+        len(cloud.numbers),
+        CELLS_A_BLOCK,
+    )
+    return found
+
+
+def _checked_radii(radii: Sequence[float]) -> NDArray[np.float64]:
+    """
+    Return the radii as an array.
+
+    """
+    steps = np.asarray(radii, dtype=np.float64)
+    rising = steps.ndim == 1 and len(steps) > 0 and steps[0] > 0 and bool(np.all(np.diff(steps) > 0))
+    if not (rising and steps[0] >= SMALLEST_RADIUS and steps[-1] <= LARGEST_RADIUS):
+        raise ValueError(
+            f"radii = {list(radii)!r}: must be positive, rising lengths within {SMALLEST_RADIUS:g} to "
+            f"{LARGEST_RADIUS:g} m"
+        )
+    if len(steps) > BATCH_ROWS:
+        raise ValueError(f"radii has {len(steps)} entries: must be at most {BATCH_ROWS}")
+    return steps
+
+
+def _differences(eigenvalues: NDArray[np.float64], larger: int, smaller: int) -> NDArray[np.float64]:
+    """
+    Return (λ_larger − λ_smaller)/λ1, counted from 0, and 0 where all neighbours coincide; on all cores.
+
+    """
+    shares = np.empty(len(eigenvalues))
+    for_row_blocks(lambda a, b: _fill_differences(eigenvalues, larger, smaller, shares, a, b), len(shares))
+    return shares
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _fill_differences(eigenvalues, larger, smaller, shares, begin, end):  # type: ignore[no-untyped-def]
+    """
+    Fill rows begin to end.
+
+    """
+    for i in range(begin, end):
+        first = eigenvalues[i, 0]
+        difference = eigenvalues[i, larger] - eigenvalues[i, smaller]
+        shares[i] = difference / first if first > 0.0 else 0.0
+
+
+def _ratio(part: NDArray[np.float64], whole: NDArray[np.float64]) -> NDArray[np.float64]:
+    """
+    Divide, 0 where there is nothing to divide by.
+
+    """
+    return np.divide(part, whole, out=np.zeros_like(part), where=whole > 0)

@@ -1,0 +1,25 @@
+"""
+The planes of a roof: what finding them and building models from them share.
+
+"""
+
+from lidar_buildings.core.surfaces.roof_planes.adjustment import (
+    Adjustment,
+    adjust,
+    adjust_planes,
+    common_point,
+)
+from lidar_buildings.core.surfaces.roof_planes.normal_equations import Meeting
+from lidar_buildings.core.surfaces.roof_planes.numbering import with_gaps, without_gaps
+from lidar_buildings.core.surfaces.roof_planes.roof_plane import RoofPlane
+
+__all__ = [
+    "Adjustment",
+    "Meeting",
+    "RoofPlane",
+    "adjust",
+    "adjust_planes",
+    "common_point",
+    "with_gaps",
+    "without_gaps",
+]

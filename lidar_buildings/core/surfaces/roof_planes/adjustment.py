@@ -1,0 +1,288 @@
+"""
+Least squares of all planes of a roof together.
+
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numba import njit
+from numpy.typing import ArrayLike, NDArray
+
+from lidar_buildings.core.model.outline import Outline
+from lidar_buildings.core.model.point_array import checked_column, checked_points
+from lidar_buildings.core.surfaces.roof_planes.directions import main_directions, outline_directions
+from lidar_buildings.core.surfaces.roof_planes.free_planes import FreePlanes, free_planes
+from lidar_buildings.core.surfaces.roof_planes.moments import plane_moments
+from lidar_buildings.core.surfaces.roof_planes.normal_equations import Meeting, Unknowns, solve, unknowns_of
+from lidar_buildings.core.surfaces.roof_planes.numbering import with_gaps, without_gaps
+from lidar_buildings.core.surfaces.roof_planes.relations import (
+    Relations,
+    allowed_move,
+    find_relations,
+    no_relations,
+)
+from lidar_buildings.core.surfaces.roof_planes.roof_plane import RoofPlane
+
+#: A meeting may move a plane by this at its points, or by its own roughness if that is more [m].
+_LEAST_MOVE, _MOST_MOVE = 0.03, 0.06
+#: More planes are not adjusted together: the normal matrix would not fit into memory.
+_MOST_PLANES = 1500
+#: Rounds in which relations that move planes too far are given up.
+_MAX_ROUNDS = 6
+#: Rounds in which the positions of meetings follow the planes.
+_FOLLOW_ROUNDS = 3
+
+
+@dataclass(frozen=True, eq=False)
+class Adjustment:
+    """
+    Planes under relations, to which meetings can be added.
+
+    Attributes
+    ----------
+    free : FreePlanes
+        Each plane by itself.
+    relations : Relations
+        What planes share.
+    unknowns : Unknowns or None
+        How the planes depend on one another; None if they do not.
+    coefficients : ndarray of shape (n_planes, 3)
+        a, b, c of z = a x + b y + c about the building's centre, after the adjustment.
+    meetings : tuple of Meeting
+        Those imposed.
+
+    """
+
+    free: FreePlanes
+    relations: Relations
+    unknowns: Unknowns | None
+    coefficients: NDArray[np.float64]
+    meetings: tuple[Meeting, ...] = ()
+
+    @property
+    def centre(self) -> NDArray[np.float64]:
+        """
+        Where coefficients have their origin [m].
+
+        """
+        return self.free.moments.centre
+
+    @property
+    def planes(self) -> tuple[RoofPlane, ...]:
+        """
+        The planes; number k is item k - 1.
+
+        """
+        return tuple(_roof_plane(self.free, self.coefficients, k) for k in range(len(self.coefficients)))
+
+    def with_meetings(self, meetings: Sequence[Meeting]) -> Adjustment:
+        """
+        Return the adjustment with all those meetings imposed that the points allow.
+
+        At first under all relations. These and the outline's corners may contradict one another by little, as
+        when a corner is rounded to a millimetre: then planes turn and lift by what is left to be exactly met.
+
+        """
+        if self.unknowns is None:
+            return self
+        wanted = [meeting for meeting in meetings if all(self.free.roof[k - 1] for k in meeting.planes)]
+        related = self._imposed(wanted, self.unknowns, None)
+        return related._imposed(wanted, unknowns_of(self.relations.loosened()), related.coefficients)
+
+    def _imposed(
+        self, meetings: list[Meeting], unknowns: Unknowns, start: NDArray[np.float64] | None
+    ) -> Adjustment:
+        """
+        Impose meetings, giving up those that pull most at planes that move too far.
+
+        """
+        allowed = np.clip(self.free.rms, _LEAST_MOVE, _MOST_MOVE)
+        while meetings:
+            coefficients, meetings, pull = self._settled(meetings, unknowns, start)
+            excess = self.free.offsets(coefficients) / allowed
+            culprits = _culprits(pull, np.flatnonzero(self.free.roof & (excess > 1.0)))
+            if not culprits:
+                return replace(self, coefficients=coefficients, meetings=tuple(meetings))
+            meetings = [meeting for k, meeting in enumerate(meetings) if k not in culprits]
+        return self
+
+    def _settled(
+        self, meetings: list[Meeting], unknowns: Unknowns, start: NDArray[np.float64] | None
+    ) -> tuple[NDArray[np.float64], list[Meeting], NDArray[np.float64]]:
+        """
+        Solve, let meetings whose position is not given follow the planes, solve again, and so on.
+
+        """
+        coefficients = self.coefficients
+        rounds = 1 if all(meeting.fixed for meeting in meetings) else _FOLLOW_ROUNDS
+        for _ in range(rounds):
+            meetings = [self._following(meeting, coefficients) for meeting in meetings]
+            coefficients, pull = solve(self.free, unknowns, meetings, coefficients[:, :2], start)
+        return coefficients, meetings, pull
+
+    def _following(self, meeting: Meeting, coefficients: NDArray[np.float64]) -> Meeting:
+        """
+        Move a meeting whose position is not given to where planes are nearest to meeting.
+
+        """
+        if meeting.fixed:
+            return meeting
+        xy, _ = common_point(coefficients[np.array(meeting.planes) - 1])
+        return meeting._replace(xy=(float(xy[0] + self.centre[0]), float(xy[1] + self.centre[1])))
+
+
+def adjust_planes(
+    points: ArrayLike,
+    plane_id: ArrayLike,
+    *,
+    outline: Outline | None = None,
+    meetings: Sequence[Meeting] = (),
+) -> tuple[RoofPlane, ...]:
+    """
+    Fit all planes of a roof together by least squares, with the relations that the points allow.
+
+    Every plane is fitted by orthogonal least squares. Then planes that are nearly so become exactly level,
+    face common directions (the outline's where they can) or their opposites or perpendiculars, are equally
+    steep, and parallel ones nearly in one plane become it, as long as no plane moves by more than a part of
+    its roughness at its own points. So ridges of symmetric gables are level, and hips run at 45°.
+
+    Parameters
+    ----------
+    points : array_like of shape (n_points, 3)
+        The building's roof points, in any order [m].
+    plane_id : array_like of shape (n_points,)
+        Number of each point's plane, 0 = none.
+    outline : Outline, optional
+        Its main directions are preferred.
+    meetings : sequence of Meeting, optional
+        Where planes should meet exactly: imposed where no plane moves too far by it.
+
+    Returns
+    -------
+    tuple of RoofPlane
+        Plane number k is item k - 1; a number without points has a level plane.
+
+    Raises
+    ------
+    ValueError
+        If an array has another shape, or a value is not finite.
+
+    """
+    points = checked_points(points)
+    numbers, number = without_gaps(checked_column("plane_id", plane_id, len(points), np.uint16))
+    adjustment = adjust(points, numbers, outline)
+    if meetings:
+        known = [meeting for meeting in meetings if np.isin(meeting.planes, number[1:]).all()]
+        adjustment = adjustment.with_meetings(
+            [m._replace(planes=tuple(int(np.searchsorted(number, k)) for k in m.planes)) for m in known]
+        )
+    return with_gaps(adjustment.planes, number)
+
+
+def adjust(points: NDArray[np.float64], plane_id: NDArray[np.uint16], outline: Outline | None) -> Adjustment:
+    """
+    Fit all planes together under the relations that the points allow; see `adjust_planes`.
+
+    Numbers of planes must have no gaps. Of very many planes each stays by itself.
+
+    """
+    n_planes = int(plane_id.max()) if len(plane_id) else 0
+    free = free_planes(plane_moments(points, plane_id, n_planes))
+    if n_planes > _MOST_PLANES:
+        return Adjustment(free, no_relations(n_planes), None, free.coefficients)
+    rings = outline.rings if outline is not None else ()
+    relations = find_relations(free, main_directions(*outline_directions(rings)))
+    return _with_relations(free, relations)
+
+
+def _with_relations(free: FreePlanes, relations: Relations) -> Adjustment:
+    """
+    Solve under relations, giving up those of planes that move too far.
+
+    """
+    limit = 1.5 * allowed_move(free.rms)
+    for _ in range(_MAX_ROUNDS):
+        unknowns = unknowns_of(relations)
+        coefficients, _ = solve(free, unknowns, (), free.coefficients[:, :2])
+        moved = np.flatnonzero(free.roof & (free.offsets(coefficients) > limit))
+        if not len(moved):
+            break
+        relations = relations.without(moved)
+    return Adjustment(free, relations, unknowns, coefficients)
+
+
+def _culprits(pull: NDArray[np.float64], planes: NDArray[np.int64]) -> set[int]:
+    """
+    Return the meetings that pull most at planes that have moved too far, one for each of these.
+
+    """
+    return {int(np.argmax(pull[:, k])) for k in planes if pull[:, k].any()}
+
+
+@njit(cache=True, nogil=True)
+def common_point(coefficients):  # type: ignore[no-untyped-def]
+    """
+    Return where planes are nearest to meeting, x, y, z, and the root mean square of their misses there [m].
+
+    Parameters
+    ----------
+    coefficients : ndarray of shape (n_planes, 3)
+        a, b, c of z = a x + b y + c; planes that share a direction have their point far off.
+
+    """
+    n = len(coefficients)
+    a, b, c = 0.0, 0.0, 0.0
+    for p in coefficients:
+        a, b, c = a + p[0] / n, b + p[1] / n, c + p[2] / n
+    aa, ab, bb, ac, bc = 1e-9, 0.0, 1e-9, 0.0, 0.0
+    for p in coefficients:
+        u, v, w = p[0] - a, p[1] - b, p[2] - c
+        aa, ab, bb, ac, bc = aa + u * u, ab + u * v, bb + v * v, ac + u * w, bc + v * w
+    determinant = aa * bb - ab * ab
+    x, y = (ab * bc - bb * ac) / determinant, (ab * ac - aa * bc) / determinant
+    z = a * x + b * y + c
+    miss = 0.0
+    for p in coefficients:
+        miss += (p[0] * x + p[1] * y + p[2] - z) ** 2 / n
+    return np.array([x, y, z]), math.sqrt(miss)
+
+
+def _roof_plane(free: FreePlanes, coefficients: NDArray[np.float64], k: int) -> RoofPlane:
+    """
+    Return one plane after the adjustment; walls stay as they were fitted.
+
+    """
+    mean, n = free.mean[k], free.counts[k]
+    normal, place = free.normals[k], mean
+    if free.roof[k]:
+        a, b, c = coefficients[k]
+        normal = np.array([-a, -b, 1.0]) / math.sqrt(a * a + b * b + 1.0)
+        place = np.array([mean[0], mean[1], a * mean[0] + b * mean[1] + c])
+    squares = normal @ free.scatter[k] @ normal / n + float(normal @ (mean - place)) ** 2
+    rms = math.sqrt(max(squares, 0.0))
+    slope_sigma, height_sigma = _sigmas(free, k, rms, normal)
+    n_points = int(free.moments.sums[k, 0])
+    return RoofPlane(normal, place + free.moments.centre, rms, n_points, slope_sigma, height_sigma)
+
+
+def _sigmas(free: FreePlanes, k: int, rms: float, normal: NDArray[np.float64]) -> tuple[float, float]:
+    """
+    Standard deviations of slope [deg] and elevation [m] from the scatter of a plane's points alone.
+
+    """
+    n = float(free.counts[k])
+    if n <= 3 or not free.roof[k]:
+        return math.nan, math.nan
+    sigma = rms * math.sqrt(n / (n - 3.0))
+    slopes = np.hypot(*normal[:2])
+    along = normal[:2] / slopes if slopes > 1e-9 else np.array([1.0, 0.0])
+    spread = free.scatter[k, :2, :2]
+    depth = max(float(along @ spread @ along), 1e-12)
+    upright = max(float(normal[2]), 1e-6)
+    # The slope s = tan(angle) has the deviation sigma / (cos(angle) √depth), the angle cos² of it.
+    return math.degrees(sigma * upright / math.sqrt(depth)), sigma / (upright * math.sqrt(n))

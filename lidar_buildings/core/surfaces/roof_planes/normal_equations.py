@@ -1,0 +1,194 @@
+"""
+Joint least squares of planes under relations and meetings.
+
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lidar_buildings.core.surfaces.roof_planes.free_planes import FreePlanes
+from lidar_buildings.core.surfaces.roof_planes.relations import Relations
+from lidar_buildings.core.surfaces.roof_planes.sparse_least_squares import constrained_minimum
+
+#: A plane smoother than this counts for no more [m].
+_LEAST_RMS = 0.02
+
+
+class Meeting(NamedTuple):
+    """
+    Planes that are to have one elevation at a position.
+
+    Attributes
+    ----------
+    planes : tuple of int
+        Numbers of the planes, two or more.
+    xy : tuple of two float
+        Position in plan [m].
+    fixed : bool
+        Whether the position is given, such as an outline's corner; otherwise it follows the planes.
+
+    """
+
+    planes: tuple[int, ...]
+    xy: tuple[float, float]
+    fixed: bool
+
+
+class Unknowns(NamedTuple):
+    """
+    How planes depend on what is to be found.
+
+    Attributes
+    ----------
+    number : ndarray of shape (n_planes, 3), int64
+        Numbers of the three unknowns that a plane depends on.
+    share : ndarray of shape (n_planes, 3, 3)
+        Plane k is ``share[k] @ unknowns[number[k]]``.
+    n : int
+        Number of unknowns.
+
+    """
+
+    number: NDArray[np.int64]
+    share: NDArray[np.float64]
+    n: int
+
+
+def unknowns_of(relations: Relations) -> Unknowns:
+    """
+    Number the unknowns: heights (shared or not), free gradients, slopes (shared or not).
+
+    """
+    n_planes = len(relations.level)
+    facing = np.isfinite(relations.azimuth) & ~relations.level
+    free = ~facing & ~relations.level
+    number = np.zeros((n_planes, 3), dtype=np.int64)
+    share = np.zeros((n_planes, 3, 3))
+    number[:, 2], n_heights = _numbered(relations.surface, np.ones(n_planes, dtype=np.bool_))
+    gradients, n_gradients = _numbered(relations.surface, free)
+    number[free, 0] = n_heights + 2 * gradients[free]
+    number[free, 1] = number[free, 0] + 1
+    first_slope = n_heights + 2 * n_gradients
+    slopes, n_slopes = _numbered(relations.slope, facing)
+    number[facing, 0] = first_slope + slopes[facing]
+    share[facing, 0, 0] = np.cos(relations.azimuth[facing])
+    share[facing, 1, 0] = np.sin(relations.azimuth[facing])
+    share[free, 0, 0] = share[free, 1, 1] = 1.0
+    share[:, 2, 2] = 1.0
+    return Unknowns(number, share, first_slope + n_slopes)
+
+
+def _numbered(group: NDArray[np.int64], kept: NDArray[np.bool_]) -> tuple[NDArray[np.int64], int]:
+    """
+    Number groups and what is in none from 0; return each one's number and how many there are.
+
+    """
+    own = np.where(group >= 0, group, group.max(initial=-1) + 1 + np.arange(len(group)))
+    distinct, inverse = np.unique(own[kept], return_inverse=True)
+    number = np.zeros(len(group), dtype=np.int64)
+    number[kept] = inverse
+    return number, len(distinct)
+
+
+def solve(
+    planes: FreePlanes,
+    unknowns: Unknowns,
+    meetings: Sequence[Meeting],
+    slopes: NDArray[np.float64],
+    start: NDArray[np.float64] | None = None,
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """
+    Find the planes nearest to the free ones that obey all relations and meet where they should.
+
+    Least squares with equality constraints: the normal equations bordered by the constraints' (KKT system).
+
+    Parameters
+    ----------
+    planes : FreePlanes
+    unknowns : Unknowns
+    meetings : sequence of Meeting
+    slopes : ndarray of shape (n_planes, 2)
+        Approximate gradients, for meetings whose position is not given.
+    start : ndarray of shape (n_planes, 3), optional
+        Planes to change as little as need be, instead of the free ones; the unknowns are then changes.
+
+    Returns
+    -------
+    coefficients : ndarray of shape (n_planes, 3)
+        a, b, c about the centre.
+    pull : ndarray of shape (n_meetings, n_planes)
+        By how much each meeting alone moves each plane at its points, roughly [m].
+
+    """
+    weight = 1.0 / np.maximum(planes.rms, _LEAST_RMS) ** 2
+    cost = planes.cost * weight[:, None, None]
+    cost_share = np.matmul(cost, unknowns.share)
+    blocks = np.matmul(unknowns.share.transpose(0, 2, 1), cost_share)
+    wanted = planes.coefficients if start is None else np.zeros_like(start)
+    start = np.zeros_like(wanted) if start is None else start
+    right = np.einsum("kji,kj->ki", cost_share, wanted)
+    normal = np.zeros((unknowns.n, unknowns.n))
+    np.add.at(normal, (unknowns.number[:, :, None], unknowns.number[:, None, :]), blocks)
+    target = np.zeros(unknowns.n)
+    np.add.at(target, unknowns.number, right)
+    normal[np.diag_indices(unknowns.n)] += 1e-9 * (1.0 + normal.diagonal())
+    rows, owner = _equations(planes, meetings, slopes)
+    bordering = np.zeros((len(rows), unknowns.n))
+    for row, k in np.argwhere(np.any(rows != 0, axis=2)):
+        np.add.at(bordering[row], unknowns.number[k], rows[row, k] @ unknowns.share[k])
+    lacking = -np.einsum("rki,ki->r", rows, start)
+    solution, force = constrained_minimum(normal, target, bordering, lacking)
+    coefficients = start + np.einsum("kij,kj->ki", unknowns.share, solution[unknowns.number])
+    return coefficients, _pulls(planes, weight, rows, owner, force, len(meetings))
+
+
+def _equations(
+    planes: FreePlanes, meetings: Sequence[Meeting], slopes: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    """
+    Return the equations of meetings, shape (n, n_planes, 3), and the meeting that each belongs to.
+
+    At a given position all planes have the elevation of the first. Elsewhere the position is unknown, too:
+    combinations of elevations in which it cancels out are zero, three fewer than there are planes.
+
+    """
+    rows, owner = [np.zeros((0, len(planes.rms), 3))], []
+    for number, meeting in enumerate(meetings):
+        x, y = np.asarray(meeting.xy) - planes.moments.centre[:2]
+        members = np.array(meeting.planes) - 1
+        if meeting.fixed:
+            combination = np.column_stack([np.ones(len(members) - 1), -np.eye(len(members) - 1)])
+        else:
+            position = np.column_stack([slopes[members], np.ones(len(members))])
+            combination = np.linalg.qr(position, mode="complete")[0][:, 3:].T
+        equations = np.zeros((len(combination), len(planes.rms), 3))
+        equations[:, members] = combination[:, :, None] * np.array([x, y, 1.0])
+        rows.append(equations)
+        owner += [number] * len(equations)
+    return np.concatenate(rows), np.array(owner, dtype=np.int64)
+
+
+def _pulls(
+    planes: FreePlanes,
+    weight: NDArray[np.float64],
+    rows: NDArray[np.float64],
+    owner: NDArray[np.int64],
+    force: NDArray[np.float64],
+    n_meetings: int,
+) -> NDArray[np.float64]:
+    """
+    Return by how much the multipliers of each meeting's equations would move each plane if it were free [m].
+
+    """
+    pull = np.zeros((n_meetings, len(weight)))
+    at, plane = np.nonzero(np.any(rows != 0, axis=2))
+    pushed = rows[at, plane]
+    give = np.linalg.inv(planes.cost)[plane]
+    moved = np.sqrt(np.maximum(np.einsum("ri,rij,rj->r", pushed, give, pushed), 0.0) / planes.counts[plane])
+    np.add.at(pull, (owner[at], plane), moved * np.abs(force[at]) / weight[plane])
+    return pull

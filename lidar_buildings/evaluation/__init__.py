@@ -1,0 +1,1 @@
+"""Results beside references: scores and the score command."""

@@ -1,0 +1,1 @@
+"""`lidar-buildings score`: one module a kind of score."""

@@ -1,0 +1,1 @@
+"""Results and references as files hold them, read for scoring."""

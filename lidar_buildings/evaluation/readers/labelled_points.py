@@ -1,0 +1,268 @@
+"""
+What clouds say their points are, one cloud alone or two of the same points side by side: class, edge.
+
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lidar_buildings.core.model.errors import InputError
+from lidar_buildings.io.clouds.find_inputs import find_inputs
+from lidar_buildings.io.clouds.las import Cloud, open_cloud, xyz_of
+
+#: Extra dimension of a simulated survey: the class that each point has in truth.
+TRUE_CLASS = "TrueClass"
+#: Dimensions that a result is read from: classes, which points of buildings are façade, and edges of roofs.
+CLASS, FACADE, EDGE = "classification", "Facade", "EdgeLabel"
+#: Folder of an output folder in which the clouds stand.
+CLASSIFIED = "classified"
+
+
+@dataclass(frozen=True, eq=False)
+class LabelledPoints:
+    """
+    Points and what one or two sources say they are.
+
+    Attributes
+    ----------
+    points : ndarray of shape (n_points, 3)
+        In the clouds' reference system, but in metres.
+    labels : tuple of ndarray of uint8, shape (n_points,)
+        ASPRS classes, 1 for edges, or 1 for façades; one array per source and kind.
+    crs : str
+        Name of the reference system, empty if the clouds do not say.
+
+    """
+
+    points: NDArray[np.float64]
+    labels: tuple[NDArray[np.uint8], ...]
+    crs: str
+
+
+def has_clouds(path: Path) -> bool:
+    """
+    Whether the path is a cloud, or a folder of clouds or of results with clouds.
+
+    """
+    try:
+        find_clouds(path)
+    except InputError:
+        return False
+    return path.is_dir() or path.suffix.lower() in (".las", ".laz")
+
+
+def find_clouds(path: Path) -> list[Path]:
+    """
+    Return the clouds of a file, a folder, or the output folder of a run.
+
+    Raises
+    ------
+    InputError
+        If there are none.
+
+    """
+    return find_inputs(path / CLASSIFIED if (path / CLASSIFIED).is_dir() else path)
+
+
+def read_labels(path: Path, *, prefer_truth: bool, edges: bool = False) -> LabelledPoints:
+    """
+    Read points and their classes, and their edge labels if asked for.
+
+    Parameters
+    ----------
+    path : Path
+        A cloud, or a folder of them.
+    prefer_truth : bool
+        Whether the true class of a simulated survey counts where a cloud has it.
+    edges : bool
+        Whether to read edge labels, too, and which points are façade, which have none; they come after the
+        classes.
+
+    Raises
+    ------
+    InputError
+        If a cloud cannot be read, or has no edge labels.
+
+    """
+    clouds = [open_cloud(file) for file in find_clouds(path)]
+    parts = [
+        part for cloud in clouds for part in _parts(cloud, (_class_of(cloud, prefer_truth), *_edge_of(edges)))
+    ]
+    return _joined(parts, clouds, 1 + len(_edge_of(edges)))
+
+
+def read_roof_points(path: Path, classes: Collection[int]) -> tuple[NDArray[np.float64], str]:
+    """
+    Read the points of some classes that are no façades, and the name of their reference system.
+
+    Parameters
+    ----------
+    path : Path
+        A cloud, or a folder of them; the true classes of a simulated survey count where it has them.
+    classes : collection of int
+        ASPRS classes of roofs.
+
+    Raises
+    ------
+    InputError
+        If a cloud cannot be read.
+
+    """
+    clouds = [open_cloud(file) for file in find_clouds(path)]
+    parts = [
+        points[np.isin(labels, list(classes)) & (facade == 0)]
+        for cloud in clouds
+        for points, labels, facade in _parts(cloud, (_class_of(cloud, True), FACADE))
+    ]
+    crs = next((cloud.crs.name for cloud in clouds if cloud.crs.name), "")
+    return np.concatenate([*parts, np.empty((0, 3))]), crs
+
+
+def read_label_pairs(result: Path, reference: Path, *, edges: bool = False) -> LabelledPoints:
+    """
+    Read what a result and a reference say of the same points; several files are matched by name.
+
+    Parameters
+    ----------
+    result, reference : Path
+        A cloud each, or folders of clouds that carry the same names up to their endings.
+    edges : bool
+        Whether to read the result's edge labels, too, and which of its points are façade.
+
+    Returns
+    -------
+    LabelledPoints
+        With the result's classes first, its edge labels and which points are façade next if asked for,
+        and then the reference's classes: those of the truth of a simulated survey where there is one.
+
+    Raises
+    ------
+    InputError
+        If a cloud cannot be read or has no counterpart or no edge labels, or if two are not of the same
+        points in the same order.
+
+    """
+    parts: list[tuple[NDArray[Any], ...]] = []
+    clouds = []
+    for mine, theirs in matched_clouds(result, reference):
+        pair = open_cloud(mine), open_cloud(theirs)
+        clouds.append(pair[0])
+        parts.extend(_paired_parts(*pair, (CLASS, *_edge_of(edges))))
+    return _joined(parts, clouds, 2 + len(_edge_of(edges)))
+
+
+def matched_clouds(result: Path, reference: Path) -> list[tuple[Path, Path]]:
+    """
+    Pair the files of both sides: one with one as they are, else by name.
+
+    """
+    mine, theirs = find_clouds(result), find_clouds(reference)
+    if len(mine) == len(theirs) == 1:
+        return [(mine[0], theirs[0])]
+    by_name = [{_bare_name(file): file for file in files} for files in (mine, theirs)]
+    for side, (here, there) in zip((reference, result), (by_name, by_name[::-1]), strict=True):
+        lonely = sorted(here.keys() - there.keys())
+        if lonely:
+            raise InputError(
+                f"{here[lonely[0]]}: has no counterpart named {lonely[0]}.* in {side}: "
+                "give results and references of the same clouds"
+            )
+    return [(by_name[0][name], by_name[1][name]) for name in sorted(by_name[0])]
+
+
+def _bare_name(file: Path) -> str:
+    """
+    Return a cloud's name without .las, .laz or .copc.laz.
+
+    """
+    return file.stem[: -len(".copc")] if file.stem.lower().endswith(".copc") else file.stem
+
+
+def _class_of(cloud: Cloud, prefer_truth: bool) -> str:
+    """
+    Return the dimension that holds the classes.
+
+    """
+    named = TRUE_CLASS in cloud.header.point_format.extra_dimension_names
+    return TRUE_CLASS if prefer_truth and named else CLASS
+
+
+def _edge_of(edges: bool) -> tuple[str, ...]:
+    """
+    Return the dimensions that hold edge labels and façades, if they are asked for.
+
+    """
+    return (EDGE, FACADE) if edges else ()
+
+
+def _parts(cloud: Cloud, dimensions: tuple[str, ...]) -> Iterator[tuple[NDArray[Any], ...]]:
+    """
+    Yield coordinates [m] and the labels of these dimensions, chunk by chunk.
+
+    """
+    if EDGE in dimensions and EDGE not in cloud.header.point_format.extra_dimension_names:
+        raise InputError(
+            f"{cloud.path}: has no dimension {EDGE}: give the output of lidar-buildings run, "
+            "which labels the edges of roofs"
+        )
+    for chunk in cloud.chunks():
+        labels = (_label_of(cloud, chunk, name) for name in dimensions)
+        yield xyz_of(chunk) * cloud.units, *labels
+
+
+def _label_of(cloud: Cloud, chunk: Any, name: str) -> NDArray[np.uint8]:
+    """
+    Return a dimension's labels; no façades where the cloud knows of none.
+
+    """
+    if name == FACADE and name not in cloud.header.point_format.extra_dimension_names:
+        return np.zeros(len(chunk), dtype=np.uint8)
+    return np.asarray(chunk[name], dtype=np.uint8)
+
+
+def _paired_parts(
+    mine: Cloud, theirs: Cloud, dimensions: tuple[str, ...]
+) -> Iterator[tuple[NDArray[Any], ...]]:
+    """
+    Yield coordinates [m] and the labels of both, chunk by chunk, while both clouds hold the same points.
+
+    """
+    if mine.point_count != theirs.point_count:
+        raise InputError(
+            f"{mine.path}: has {mine.point_count} points, but {theirs.path} has {theirs.point_count}: "
+            "point by point only the same points in the same order can be compared"
+        )
+    # A coordinate may have been rounded to either file's own step.
+    step = np.maximum(np.abs(mine.header.scales) * mine.units, np.abs(theirs.header.scales) * theirs.units)
+    row = 0
+    for (points, *my_labels), (their_points, *their_labels) in zip(
+        _parts(mine, dimensions), _parts(theirs, (_class_of(theirs, True),)), strict=True
+    ):
+        differs = (np.abs(points - their_points) > 1.01 * step).any(axis=1)
+        if differs.any():
+            raise InputError(
+                f"{mine.path}: point {row + int(differs.argmax())} lies elsewhere than in {theirs.path}: "
+                "point by point only the same points in the same order can be compared"
+            )
+        row += len(points)
+        yield points, *my_labels, *their_labels
+
+
+def _joined(parts: list[tuple[NDArray[Any], ...]], clouds: list[Cloud], n_labels: int) -> LabelledPoints:
+    """
+    Put chunks together; without any, there are no points and no labels of any source.
+
+    """
+    crs = next((cloud.crs.name for cloud in clouds if cloud.crs.name), "")
+    if not parts:
+        none = np.empty(0, dtype=np.uint8)
+        return LabelledPoints(np.empty((0, 3)), (none,) * n_labels, crs)
+    points, *labels = (np.concatenate(arrays) for arrays in zip(*parts, strict=True))
+    return LabelledPoints(points, tuple(labels), crs)

@@ -1,0 +1,119 @@
+"""
+The polygons of a result, a reference or an area of interest, in metres.
+
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyogrio
+import pyproj
+import shapely
+from numpy.typing import NDArray
+from pyogrio.errors import DataSourceError
+from pyproj.exceptions import CRSError
+
+from lidar_buildings.core.model.errors import InputError
+from lidar_buildings.io.vectors.geopackage import read_polygons
+
+#: The layer that counts where a file has several.
+OUTLINES = "outlines"
+#: What a folder is searched for: the output of a run, the truth of a simulated survey.
+IN_FOLDER = ("buildings.gpkg", "truth.gpkg")
+
+
+@dataclass(frozen=True, eq=False)
+class MetricPolygons:
+    """
+    The polygons of a file, in plan.
+
+    Attributes
+    ----------
+    polygons : ndarray of shapely.Polygon
+        In the file's reference system, but in metres.
+    crs : str
+        The horizontal reference system: ``"EPSG:28992"``, a WKT text where no code is known, or empty.
+    attributes : dict of str to ndarray
+        The layer's columns, one value per polygon, in the file's own units.
+    unit : float
+        Metres in the file's unit of length.
+
+    """
+
+    polygons: NDArray[Any]
+    crs: str
+    attributes: dict[str, NDArray[Any]] = field(default_factory=dict)
+    unit: float = 1.0
+
+
+def read_metric_polygons(path: Path) -> MetricPolygons:
+    """
+    Read a GeoPackage or another vector file: its layer ``outlines``, else its first layer of polygons.
+
+    Parameters
+    ----------
+    path : Path
+        A file; or a folder with ``buildings.gpkg`` or ``truth.gpkg``.
+
+    Raises
+    ------
+    InputError
+        If there is no such file, no layer of polygons in it, or a coordinate is not finite.
+
+    """
+    file = _file_of(path)
+    polygons, attributes, crs = read_polygons(file, _layer_of(file))
+    flat = shapely.force_2d(np.array(polygons, dtype=object))
+    if not np.isfinite(shapely.bounds(flat)).all():
+        raise InputError(f"{file}: a coordinate of a polygon is not a finite number: export the file again")
+    name, unit = _system(crs)
+    return MetricPolygons(shapely.transform(flat, lambda xy: xy * unit), name, attributes, unit)
+
+
+def _file_of(path: Path) -> Path:
+    """
+    Return the file that the path names, or that stands in the folder it names.
+
+    """
+    if path.is_dir():
+        for name in IN_FOLDER:
+            if (path / name).is_file():
+                return path / name
+        raise InputError(f"{path}: holds no {' or '.join(IN_FOLDER)}: name a file with polygons")
+    if not path.is_file():
+        raise InputError(f"{path}: no such file or folder: check the path")
+    return path
+
+
+def _layer_of(file: Path) -> str:
+    """
+    Return the name of the layer to read.
+
+    """
+    try:
+        layers = pyogrio.list_layers(file)
+    except DataSourceError as error:
+        raise InputError(f"{file}: is no file of polygons: give a GeoPackage or the like") from error
+    with_polygons = [str(name) for name, kind in layers if kind and ("Polygon" in kind or kind == "Unknown")]
+    if not with_polygons:
+        raise InputError(f"{file}: has no layer of polygons: give a file that does")
+    return OUTLINES if OUTLINES in with_polygons else with_polygons[0]
+
+
+def _system(text: str) -> tuple[str, float]:
+    """
+    Return the name of the horizontal reference system and the metres in its unit.
+
+    """
+    try:
+        crs = pyproj.CRS.from_user_input(text)
+    except CRSError:
+        return "", 1.0
+    horizontal = crs.sub_crs_list[0] if crs.sub_crs_list else crs
+    code = horizontal.to_epsg()
+    unit = horizontal.axis_info[0].unit_conversion_factor if horizontal.is_projected else 1.0
+    return f"EPSG:{code}" if code else horizontal.to_wkt(), float(unit)

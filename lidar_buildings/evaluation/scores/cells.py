@@ -1,0 +1,217 @@
+"""
+Buildings as sets of square cells: by the points within a cell, or by its centre within a polygon.
+
+Cells are aligned to multiples of their size from (0, 0), whatever the data. A set is a sorted array of cell
+keys, so that its size depends on the buildings alone, however far apart they stand.
+
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import shapely
+from numpy.typing import ArrayLike, NDArray
+from scipy.spatial import cKDTree
+
+from lidar_buildings.core.neighbours.point_spacing import measure_spacing
+
+#: Sorted keys: the cell's column in the upper half, its row in the lower.
+CellSet = NDArray[np.int64]
+#: How far an empty cell looks for its nearest point [spacings]: of cells among randomly strewn points,
+#: exp(−π 1.5²) = 0.1 % have none so near. A larger gap is water or shadow and holds no building.
+REACH = 1.5
+#: Columns and rows must stay below this, so that a key fits into 64 bits.
+MAX_NUMBER = 2**31 - 1
+#: Cell centres tested against a polygon at a time [cells].
+WINDOW = 4_000_000
+
+
+def cells_of_polygons(polygons: ArrayLike, cell: float) -> CellSet:
+    """
+    Return the cells whose centre lies in a polygon or on its edge.
+
+    Parameters
+    ----------
+    polygons : array_like of shapely.Polygon or MultiPolygon
+        Invalid ones are repaired, empty ones and None have no cells [m].
+    cell : float
+        Side of a cell [m].
+
+    Raises
+    ------
+    ValueError
+        If `cell` is not positive, or so small that coordinates overflow.
+
+    """
+    parts = polygon_parts(polygons)
+    _checked_size(cell, shapely.bounds(parts))
+    found = [_cells_of_part(part, cell) for part in parts]
+    return _as_set(np.concatenate([*found, np.empty(0, np.int64)]))
+
+
+def cells_of_points(
+    points: ArrayLike, is_building: ArrayLike, cell: float, *, reach: float = REACH
+) -> CellSet:
+    """
+    Return the cells that hold a building point, and the empty ones whose nearest point is one.
+
+    An empty cell looks as far as `reach`, from its centre. So at low density a roof is a closed surface that
+    ends halfway between its points and the ground's, and a cell with points of other classes only stays
+    what they are.
+
+    Parameters
+    ----------
+    points : array_like of shape (n_points, 3)
+        All points, not the building's only [m].
+    is_building : array_like of bool, shape (n_points,)
+        Whether the point is on a building.
+    cell : float
+        Side of a cell [m].
+    reach : float
+        How far an empty cell looks, in measured point spacings; 0 leaves empty cells empty.
+
+    Raises
+    ------
+    ValueError
+        If `cell` is not positive, or so small that coordinates overflow; if `reach` is negative; if the
+        lengths differ.
+
+    """
+    plan, chosen = np.asarray(points, dtype=np.float64)[:, :2], np.asarray(is_building, dtype=bool)
+    if chosen.shape != (len(plan),):
+        raise ValueError(f"is_building has shape {chosen.shape}: must be ({len(plan)},)")
+    _checked_size(cell, plan)
+    if not (np.isfinite(reach) and reach >= 0):
+        raise ValueError(f"reach = {reach}: must be a number of point spacings, at least 0")
+    own = _as_set(_keys(plan[chosen], cell))
+    if reach == 0 or not len(own):
+        return own
+    distance = reach * measure_spacing(points)
+    empty = np.setdiff1d(_surroundings(own, distance, cell), _as_set(_keys(plan, cell)), assume_unique=True)
+    filled = empty[_nearest_is_building(cell_centres(empty, cell), plan, chosen, distance)]
+    return _as_set(np.concatenate([own, filled]))
+
+
+def cells_inside(cells: CellSet, area: ArrayLike, cell: float) -> CellSet:
+    """
+    Return those of the cells whose centre lies in the area of interest, one or several polygons.
+
+    """
+    x, y = cell_centres(cells, cell).T
+    inside = np.zeros(len(cells), dtype=bool)
+    for part in polygon_parts(area):
+        shapely.prepare(part)
+        inside |= shapely.intersects_xy(part, x, y)
+    return cells[inside]
+
+
+def polygon_parts(polygons: ArrayLike) -> NDArray[Any]:
+    """
+    Return the single, valid, non-empty polygons that these geometries consist of.
+
+    """
+    given = np.atleast_1d(np.asarray(polygons, dtype=object))
+    valid = shapely.make_valid(given[~shapely.is_missing(given)])
+    parts = shapely.get_parts(shapely.get_parts(valid))
+    return parts[(shapely.get_type_id(parts) == shapely.GeometryType.POLYGON) & ~shapely.is_empty(parts)]
+
+
+def _cells_of_part(part: shapely.Polygon, cell: float) -> CellSet:
+    """
+    Test the centres of the cells round one polygon, a band of columns at a time.
+
+    """
+    shapely.prepare(part)
+    first, last = np.floor(np.reshape(part.bounds, (2, 2)) / cell).astype(np.int64)
+    rows = np.arange(first[1], last[1] + 1)
+    band = max(1, WINDOW // len(rows))
+    found = []
+    for start in range(first[0], last[0] + 1, band):
+        columns = np.arange(start, min(start + band, last[0] + 1))
+        keys = _join(np.repeat(columns, len(rows)), np.tile(rows, len(columns)))
+        found.append(keys[shapely.intersects_xy(part, *cell_centres(keys, cell).T)])
+    return np.concatenate(found)
+
+
+def _surroundings(cells: CellSet, reach: float, cell: float) -> CellSet:
+    """
+    Return all cells with their centre within `reach` of a point in one of these cells, and a few more.
+
+    """
+    steps = np.arange(-int(reach / cell + 0.5), int(reach / cell + 0.5) + 1, dtype=np.int64)
+    around = cells
+    # A square grows by its rows, then by its columns.
+    for offsets in (steps, steps << 32):
+        around = _as_set((around[:, None] + offsets).ravel())
+    return around
+
+
+def _nearest_is_building(
+    centres: NDArray[np.float64], plan: NDArray[np.float64], is_building: NDArray[np.bool_], reach: float
+) -> NDArray[np.bool_]:
+    """
+    Whether the nearest point of each centre, within reach, is a building's; a tie goes to the building.
+
+    """
+    if not len(centres):
+        return np.zeros(0, dtype=bool)
+    lower, upper = centres.min(axis=0) - reach, centres.max(axis=0) + reach
+    near = ((plan >= lower) & (plan <= upper)).all(axis=1)
+    distances = []
+    for mask in (near & is_building, near & ~is_building):
+        tree = cKDTree(plan[mask], balanced_tree=False, compact_nodes=False)
+        distances.append(tree.query(centres, distance_upper_bound=reach)[0])
+    to_building, to_other = distances
+    return np.isfinite(to_building) & (to_building <= to_other)
+
+
+def _as_set(keys: NDArray[np.int64]) -> CellSet:
+    """
+    Return the keys sorted, each once; many times faster than the hashing of `numpy.unique`.
+
+    """
+    ordered = np.sort(keys)
+    return ordered[np.concatenate(([True], ordered[1:] != ordered[:-1]))] if len(ordered) else ordered
+
+
+def _keys(plan: NDArray[np.float64], cell: float) -> CellSet:
+    """
+    Return the key of the cell that each position lies in.
+
+    """
+    columns, rows = np.floor(plan / cell).astype(np.int64).T
+    return _join(columns, rows)
+
+
+def _join(columns: NDArray[np.int64], rows: NDArray[np.int64]) -> CellSet:
+    """
+    Make keys of columns and rows: adding a step to a key moves it by rows, adding step << 32 by columns.
+
+    """
+    return (columns << 32) + rows
+
+
+def cell_centres(cells: CellSet, cell: float) -> NDArray[np.float64]:
+    """
+    Return the centres of cells, shape (n, 2) [m].
+
+    """
+    columns = (cells + 2**31) >> 32
+    return (np.column_stack((columns, cells - (columns << 32))) + 0.5) * cell
+
+
+def _checked_size(cell: float, coordinates: NDArray[np.float64]) -> None:
+    """
+    Raise ValueError unless cells of this size can be numbered over these coordinates.
+
+    """
+    if not (np.isfinite(cell) and cell > 0):
+        raise ValueError(f"cell = {cell}: must be a positive length [m]")
+    largest = float(np.abs(coordinates).max()) if coordinates.size else 0.0
+    # Surroundings stay in range too.
+    if not largest / cell < MAX_NUMBER / 2:
+        raise ValueError(
+            f"cell = {cell}: too small for coordinates up to {largest:g} m, or one is not finite"
+        )

@@ -1,0 +1,182 @@
+"""
+By which angle walls of a result differ from those of the reference that they stand for.
+
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from lidar_buildings.evaluation.scores.confusion import ratio
+from lidar_buildings.evaluation.scores.real_vertices import open_rings, simplified
+
+#: Step between samples along a wall: finer than any point spacing resolves [m].
+STEP = 0.25
+#: A wall stands for a wall of the reference if at least half of it is no further away than this [m].
+DEFAULT_REACH = 1.0
+
+
+@dataclass(frozen=True)
+class DirectionScore:
+    """
+    Angles between walls that belong together, every metre of wall with the same weight.
+
+    Attributes
+    ----------
+    median_deg, percentile_95_deg : float
+        Of the angles, 0 to 90°; NaN if there are none [deg].
+    matched_share : float
+        Share of the result's walls, by length, that run along one of the reference.
+
+    """
+
+    median_deg: float
+    percentile_95_deg: float
+    matched_share: float
+
+
+def score_directions(
+    result: NDArray[Any],
+    reference: NDArray[Any],
+    *,
+    reach: float = DEFAULT_REACH,
+    limits: shapely.Geometry | None = None,
+) -> DirectionScore:
+    """
+    Compare the directions of walls, outline by outline.
+
+    A result's wall belongs to the reference's wall that is the nearest to most of its length.
+
+    Parameters
+    ----------
+    result, reference : ndarray of shapely geometries, shape (n_pairs,)
+        Valid polygons, row by row the partners [m].
+    reach : float
+        Greatest distance of half a wall from the one that it stands for [m].
+    limits : shapely geometry, optional
+        Only walls with their middle inside count.
+
+    Returns
+    -------
+    DirectionScore
+
+    """
+    angles, lengths = [np.empty(0)], [np.empty(0)]
+    for mine, theirs in zip(result, simplified(reference), strict=True):
+        walls = _walls(mine).inside(limits)
+        angles.append(_angles(walls, _walls(theirs), reach))
+        lengths.append(walls.length)
+    angle, length = np.concatenate(angles), np.concatenate(lengths)
+    matched = np.isfinite(angle)
+    return DirectionScore(
+        median_deg=_weighted_quantile(angle[matched], length[matched], 0.5),
+        percentile_95_deg=_weighted_quantile(angle[matched], length[matched], 0.95),
+        matched_share=ratio(float(length[matched].sum()), float(length.sum())),
+    )
+
+
+class _Walls(NamedTuple):
+    """
+    The walls of an outline, from one vertex to the next.
+
+    """
+
+    start: NDArray[np.float64]
+    end: NDArray[np.float64]
+
+    @property
+    def length(self) -> NDArray[np.float64]:
+        return np.asarray(np.hypot(*(self.end - self.start).T))
+
+    @property
+    def direction(self) -> NDArray[np.float64]:
+        """
+        Angle to the x axis [rad].
+
+        """
+        step = self.end - self.start
+        return np.asarray(np.arctan2(step[:, 1], step[:, 0]))
+
+    def inside(self, limits: shapely.Geometry | None) -> _Walls:
+        """
+        Return the walls with their middle in the area of interest.
+
+        """
+        if limits is None:
+            return self
+        x, y = ((self.start + self.end) / 2).T
+        rows = shapely.intersects_xy(limits, x, y)
+        return _Walls(self.start[rows], self.end[rows])
+
+
+def _walls(polygon: shapely.Geometry) -> _Walls:
+    """
+    Return all walls of one outline that have a length.
+
+    """
+    rings = open_rings(np.array([polygon], dtype=object))
+    start = np.concatenate([*rings, np.empty((0, 2))])
+    end = np.concatenate([*(np.roll(ring, -1, axis=0) for ring in rings), np.empty((0, 2))])
+    solid = (start != end).any(axis=1)
+    return _Walls(start[solid], end[solid])
+
+
+def _angles(mine: _Walls, theirs: _Walls, reach: float) -> NDArray[np.float64]:
+    """
+    Return the angle of each wall to the one that it stands for [deg], NaN where there is none.
+
+    """
+    angle = np.full(len(mine.start), np.nan)
+    if not (len(mine.start) and len(theirs.start)):
+        return angle
+    owner, samples = _samples(mine)
+    tree = shapely.STRtree(shapely.linestrings(np.stack((theirs.start, theirs.end), axis=1)))
+    (sample, wall), distance = tree.query_nearest(samples, return_distance=True, all_matches=False)
+    order = np.argsort(sample)
+    nearest, distance = wall[order], distance[order]
+    share_near = np.bincount(owner, distance <= reach) / np.bincount(owner)
+    partner = _most_frequent(owner, nearest)
+    difference = np.rad2deg(mine.direction - theirs.direction[partner])
+    folded = np.abs((difference + 90.0) % 180.0 - 90.0)
+    return np.where(share_near >= 0.5, folded, np.nan)
+
+
+def _samples(walls: _Walls) -> tuple[NDArray[np.int64], NDArray[Any]]:
+    """
+    Return points in equal steps along every wall, and the row of the wall that each is on.
+
+    """
+    n_samples = np.maximum(1, np.ceil(walls.length / STEP)).astype(np.int64)
+    owner = np.repeat(np.arange(len(n_samples)), n_samples)
+    first = np.repeat(np.cumsum(n_samples) - n_samples, n_samples)
+    share = ((np.arange(len(owner)) - first + 0.5) / n_samples[owner])[:, None]
+    return owner, shapely.points(walls.start[owner] * (1 - share) + walls.end[owner] * share)
+
+
+def _most_frequent(owner: NDArray[np.int64], value: NDArray[np.int64]) -> NDArray[np.int64]:
+    """
+    Return the most frequent value of every owner 0, 1, …; the smallest of those that are.
+
+    """
+    pairs, count = np.unique(np.column_stack((owner, value)), axis=0, return_counts=True)
+    order = np.lexsort((pairs[:, 1], -count, pairs[:, 0]))
+    first = np.unique(pairs[order, 0], return_index=True)[1]
+    return np.asarray(pairs[order, 1][first], dtype=np.int64)
+
+
+def _weighted_quantile(values: NDArray[np.float64], weights: NDArray[np.float64], share: float) -> float:
+    """
+    Return the smallest value that this share of the weight does not exceed; NaN of nothing.
+
+    """
+    if not len(values):
+        return math.nan
+    order = np.argsort(values)
+    reached = np.cumsum(weights[order]) >= share * weights.sum() * (1 - 1e-12)
+    return float(values[order][reached.argmax()])

@@ -1,0 +1,136 @@
+"""
+How well edge labels agree with the alpha shapes of roofs.
+
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from lidar_buildings.core.model.point_array import checked_column
+from lidar_buildings.core.surfaces.alpha_shape import alpha_shape
+from lidar_buildings.evaluation.scores.confusion import Confusion, confusion_of
+from lidar_buildings.evaluation.scores.roofs import roof_rows
+
+#: Radius of the disc by which Santos, Galo and others found their reference [m], and the density of their
+#: cloud [points/m²]: elsewhere the radius is as many point spacings, 1.342.
+PAPER_ALPHA, PAPER_DENSITY = 0.60, 5.0
+
+
+@dataclass(frozen=True)
+class EdgeScore:
+    """
+    Agreement of two labellings of roof points, edge or not; a share of nothing is NaN.
+
+    Attributes
+    ----------
+    n_points : int
+        Points that count.
+    n_edges_reference, n_edges_result : int
+        Edge points among them.
+    edge_completeness, edge_correctness, edge_f_score : float
+        Edges in both / in the reference, / in the result, and the harmonic mean.
+    non_edge_completeness, non_edge_correctness, non_edge_f_score : float
+        The same of the points on no edge.
+
+    """
+
+    n_points: int
+    n_edges_reference: int
+    n_edges_result: int
+    edge_completeness: float
+    edge_correctness: float
+    edge_f_score: float
+    non_edge_completeness: float
+    non_edge_correctness: float
+    non_edge_f_score: float
+
+
+def alpha_of_spacing(spacing: float) -> float:
+    """
+    Return the radius that is to the spacing as 0.60 m is to that of 5 points/m² [m].
+
+    """
+    return PAPER_ALPHA * math.sqrt(PAPER_DENSITY) * spacing
+
+
+def reference_edges(
+    points: ArrayLike, roof: ArrayLike, alpha: float, *, regularised: bool = False
+) -> NDArray[np.bool_]:
+    """
+    Return the points that lie on the alpha shape of their roof (Santos, Galo and others, section 2.4).
+
+    Parameters
+    ----------
+    points : array_like of shape (n_points, 2 or more)
+        All points of the roofs [m]; only x and y are looked at.
+    roof : array_like of int, shape (n_points,)
+        Number of each point's roof; a negative one is none, and its points are no edges.
+    alpha : float
+        Radius of the disc [m].
+    regularised : bool
+        Whether points that bound no area are no edges; see `alpha_shape`.
+
+    """
+    plan = np.asarray(points, dtype=np.float64)[:, :2]
+    edge = np.zeros(len(plan), dtype=bool)
+    for rows in roof_rows(checked_column("roof", roof, len(plan), np.int64)):
+        edge[rows] = alpha_shape(plan[rows], alpha, regularised=regularised).is_boundary
+    return edge
+
+
+def score_edges(result: ArrayLike, reference: ArrayLike) -> EdgeScore:
+    """
+    Compare the labels of the same points: edge or not.
+
+    Parameters
+    ----------
+    result, reference : array_like of bool, shape (n_points,)
+        True = edge, in the same order.
+
+    Raises
+    ------
+    ValueError
+        If the lengths differ.
+
+    """
+    edge = confusion_of(result, reference)
+    other = Confusion(edge.rejections, edge.misses, edge.false_alarms, edge.hits)
+    return EdgeScore(
+        n_points=edge.total,
+        n_edges_reference=edge.hits + edge.misses,
+        n_edges_result=edge.hits + edge.false_alarms,
+        edge_completeness=edge.recall,
+        edge_correctness=edge.precision,
+        edge_f_score=edge.f1,
+        non_edge_completeness=other.recall,
+        non_edge_correctness=other.precision,
+        non_edge_f_score=other.f1,
+    )
+
+
+def score_edges_per_roof(
+    result: ArrayLike, reference: ArrayLike, roof: ArrayLike, n_roofs: int
+) -> list[EdgeScore]:
+    """
+    Compare the labels roof by roof.
+
+    Parameters
+    ----------
+    result, reference : array_like of bool, shape (n_points,)
+        True = edge, in the same order.
+    roof : array_like of int, shape (n_points,)
+        Number of each point's roof, below `n_roofs`; negative for none.
+    n_roofs : int
+        Number of roofs; one without points has figures of nothing.
+
+    """
+    mine, theirs = np.asarray(result, dtype=bool), np.asarray(reference, dtype=bool)
+    number = checked_column("roof", roof, len(mine), np.int64)
+    rows_of = {int(number[rows[0]]): rows for rows in roof_rows(number)}
+    none = np.zeros(0, dtype=np.int64)
+    return [score_edges(mine[rows], theirs[rows]) for rows in (rows_of.get(k, none) for k in range(n_roofs))]

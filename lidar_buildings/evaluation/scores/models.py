@@ -1,0 +1,283 @@
+"""
+How well building models agree with reference models: heights, volumes, ridges, corners and edges.
+
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import shapely
+from numpy.typing import ArrayLike, NDArray
+
+from lidar_buildings.core.solids.raising import ROOF_SURFACE
+from lidar_buildings.evaluation.scores.confusion import ratio
+from lidar_buildings.evaluation.scores.outlines import MIN_IOU, match_outlines
+from lidar_buildings.evaluation.scores.polygons import MIN_INSIDE, cut_to, limits_of, valid_polygons
+from lidar_buildings.evaluation.scores.ridges import RidgeScore, score_ridges
+from lidar_buildings.evaluation.scores.roof_surfaces import Solids, faces_of, footprints, roof_surfaces
+from lidar_buildings.evaluation.scores.wireframe import Wireframe, n_corners, roof_wireframe
+from lidar_buildings.evaluation.scores.wireframe_match import WireframeScore, score_wireframes
+
+#: Roofs are compared on a grid of this step [m], whose lines lie at multiples of it.
+STEP = 0.25
+#: How far a corner, an edge or a ridge may lie from the one that it stands for, unless told otherwise [m].
+DEFAULT_TOLERANCE = 1.0
+
+
+@dataclass(frozen=True)
+class HeightDifferences:
+    """
+    Elevation of the result's roofs less that of the reference's, where both have one; NaN of nothing.
+
+    Attributes
+    ----------
+    covered : float
+        Share of the reference's roofs, by area, over which the result has one.
+    bias, rmse, percentile_95, largest : float
+        Of all spots; the last two without their sign [m].
+
+    """
+
+    covered: float
+    bias: float
+    rmse: float
+    percentile_95: float
+    largest: float
+
+
+@dataclass(frozen=True)
+class SolidCounts:
+    """
+    What the models of matched buildings consist of; NaN of nothing.
+
+    Attributes
+    ----------
+    vertices_result, vertices_reference : float
+        Mean number of vertices of a solid, as it is written.
+    corners_result, corners_reference : float
+        Mean number of corners of a solid: vertices at which its surface has one.
+    roof_faces_result, roof_faces_reference : float
+        Mean number of roof faces.
+    same_corners : float
+        Share of the buildings with as many corners as their reference.
+
+    """
+
+    vertices_result: float
+    vertices_reference: float
+    corners_result: float
+    corners_reference: float
+    roof_faces_result: float
+    roof_faces_reference: float
+    same_corners: float
+
+
+@dataclass(frozen=True, eq=False)
+class ModelScore:
+    """
+    Agreement of building models.
+
+    Attributes
+    ----------
+    n_result, n_reference, n_matched : int
+        Buildings that count, and pairs of them with an IoU of footprints ≥ 0.5.
+    heights : HeightDifferences
+        Over all of the reference, whatever building of the result lies there.
+    rmse : ndarray of float, shape (n_given_reference,)
+        The same per building of the reference, NaN where the result has no roof [m].
+    volume_ratio : ndarray of float, shape (n_given_reference,)
+        Volume of the partner / of the building, NaN without a partner.
+    partner : ndarray of int, shape (n_given_reference,)
+        Row of the partner in the result, −1 if there is none.
+    ridges : RidgeScore
+    wireframe : WireframeScore
+    counts : SolidCounts
+
+    """
+
+    n_result: int
+    n_reference: int
+    n_matched: int
+    heights: HeightDifferences
+    rmse: NDArray[np.float64]
+    volume_ratio: NDArray[np.float64]
+    partner: NDArray[np.int64]
+    ridges: RidgeScore
+    wireframe: WireframeScore
+    counts: SolidCounts
+
+
+def score_models(
+    result: Sequence[Solids],
+    reference: Sequence[Solids],
+    *,
+    tolerance: float = DEFAULT_TOLERANCE,
+    area: ArrayLike | None = None,
+) -> ModelScore:
+    """
+    Compare building models with reference models.
+
+    Roofs are compared spot by spot and wireframes line by line, however either side divides blocks into
+    buildings; volumes and numbers of vertices building by building, matched by their footprints.
+
+    Parameters
+    ----------
+    result, reference : sequence of sequences of Solid
+        The parts of each building [m].
+    tolerance : float
+        How far corners, edges and ridges may lie from those that they stand for [m].
+    area : array_like of shapely.Polygon or MultiPolygon, optional
+        Only what lies inside counts.
+
+    Returns
+    -------
+    ModelScore
+
+    Raises
+    ------
+    ValueError
+        If the tolerance is not a positive number.
+
+    """
+    limits = limits_of(area)
+    grounds = [valid_polygons(footprints(side)) for side in (result, reference)]
+    (mine, mine_inside), (theirs, theirs_inside) = (cut_to(ground, limits) for ground in grounds)
+    partner, iou = match_outlines(mine, theirs)
+    partner = np.where(iou >= MIN_IOU, partner, -1)
+    counted = (partner >= 0) | (theirs_inside >= MIN_INSIDE)
+    mine_counted = np.isin(np.arange(len(mine)), partner) | (mine_inside >= MIN_INSIDE)
+    rows, differences = _differences(result, reference, theirs)
+    my_frame, true_frame = (_inside(roof_wireframe(_parts(side)), limits) for side in (result, reference))
+    pairs = [(result[mine], reference[row]) for row, mine in enumerate(partner.tolist()) if mine >= 0]
+    return ModelScore(
+        n_result=int(np.count_nonzero(mine_counted)),
+        n_reference=int(np.count_nonzero(counted)),
+        n_matched=len(pairs),
+        heights=_heights(differences),
+        rmse=np.array([root_mean_square(differences[rows == row]) for row in range(len(reference))]),
+        volume_ratio=_volume_ratios(result, reference, partner),
+        partner=partner,
+        ridges=score_ridges(my_frame, true_frame, tolerance),
+        wireframe=score_wireframes(my_frame, true_frame, tolerance),
+        counts=_counts(pairs),
+    )
+
+
+def grid_spots(polygon: shapely.Geometry, step: float) -> NDArray[np.float64]:
+    """
+    Return the crossings of a grid's lines within a polygon, shape (n, 2) [m].
+
+    """
+    if polygon.is_empty:
+        return np.empty((0, 2))
+    west, south, east, north = polygon.bounds
+    x = step * np.arange(math.ceil(west / step), math.floor(east / step) + 1)
+    y = step * np.arange(math.ceil(south / step), math.floor(north / step) + 1)
+    spots = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
+    shapely.prepare(polygon)
+    return np.asarray(spots[shapely.contains_xy(polygon, spots)])
+
+
+def root_mean_square(values: NDArray[np.float64]) -> float:
+    """
+    Return the root of the mean square of the finite values, NaN of none.
+
+    """
+    finite = values[np.isfinite(values)]
+    return float(np.sqrt(np.mean(finite**2))) if len(finite) else math.nan
+
+
+def _differences(
+    result: Sequence[Solids], reference: Sequence[Solids], grounds: NDArray[Any]
+) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    """
+    Return each spot's building of the reference and the difference there [m], NaN where the result has none.
+
+    """
+    spots = [grid_spots(ground, STEP) for ground in grounds]
+    row = np.repeat(np.arange(len(spots)), [len(one) for one in spots])
+    xy = np.concatenate([*spots, np.empty((0, 2))])
+    true = roof_surfaces(reference).over(xy)[1]
+    found = roof_surfaces(result).over(xy)[1]
+    has_roof = np.isfinite(true)
+    return row[has_roof], (found - true)[has_roof]
+
+
+def _heights(differences: NDArray[np.float64]) -> HeightDifferences:
+    """
+    Sum up differences, NaN ones being spots that the result does not cover.
+
+    """
+    found = differences[np.isfinite(differences)]
+    if not len(found):
+        return HeightDifferences(ratio(0, len(differences)), *(math.nan,) * 4)
+    return HeightDifferences(
+        covered=ratio(len(found), len(differences)),
+        bias=float(np.mean(found)),
+        rmse=root_mean_square(found),
+        percentile_95=float(np.percentile(np.abs(found), 95)),
+        largest=float(np.abs(found).max()),
+    )
+
+
+def _volume_ratios(
+    result: Sequence[Solids], reference: Sequence[Solids], partner: NDArray[np.int64]
+) -> NDArray[np.float64]:
+    """
+    Return the ratio of volumes per building of the reference.
+
+    """
+    volumes = [[sum(solid.volume for solid in parts) for parts in side] for side in (result, reference)]
+    pairs = zip(partner.tolist(), volumes[1], strict=True)
+    return np.array([math.nan if mine < 0 else ratio(volumes[0][mine], true) for mine, true in pairs])
+
+
+def _counts(pairs: list[tuple[Solids, Solids]]) -> SolidCounts:
+    """
+    Count what solids consist of.
+
+    """
+    if not pairs:
+        return SolidCounts(*(math.nan,) * 7)
+    corners = [[sum(map(n_corners, parts)) for parts in pair] for pair in pairs]
+    vertices = [[sum(len(solid.vertices) for solid in parts) for parts in pair] for pair in pairs]
+    faces = [[sum(len(faces_of(s, ROOF_SURFACE)) for s in parts) for parts in pair] for pair in pairs]
+    (my_vertices, true_vertices), (my_corners, true_corners), (my_faces, true_faces) = (
+        np.mean(counts, axis=0).tolist() for counts in (vertices, corners, faces)
+    )
+    return SolidCounts(
+        vertices_result=my_vertices,
+        vertices_reference=true_vertices,
+        corners_result=my_corners,
+        corners_reference=true_corners,
+        roof_faces_result=my_faces,
+        roof_faces_reference=true_faces,
+        same_corners=float(np.mean([mine == theirs for mine, theirs in corners])),
+    )
+
+
+def _parts(side: Sequence[Solids]) -> list[Any]:
+    """
+    Return all solids of all buildings.
+
+    """
+    return [solid for parts in side for solid in parts]
+
+
+def _inside(frame: Wireframe, limits: shapely.Geometry | None) -> Wireframe:
+    """
+    Keep the corners within the limits and the edges between them.
+
+    """
+    if limits is None:
+        return frame
+    shapely.prepare(limits)
+    kept = np.asarray(shapely.intersects_xy(limits, frame.corners[:, 0], frame.corners[:, 1]), dtype=bool)
+    rows = np.cumsum(kept) - 1
+    edges = kept[frame.edges].all(axis=1)
+    return Wireframe(frame.corners[kept], rows[frame.edges[edges]], frame.is_ridge[edges])

@@ -1,0 +1,189 @@
+"""
+How well outlines agree with a reference: as objects, as area, and along their boundaries.
+
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import shapely
+from numpy.typing import ArrayLike, NDArray
+
+from lidar_buildings.evaluation.scores.boundaries import (
+    BoundaryDistances,
+    boundary_distances,
+    distances_of_unions,
+)
+from lidar_buildings.evaluation.scores.confusion import ratio
+from lidar_buildings.evaluation.scores.polygons import MIN_INSIDE, cut_to, limits_of, valid_polygons
+from lidar_buildings.evaluation.scores.real_vertices import simplified, vertex_counts
+
+#: An object counts as found from this intersection over union on.
+MIN_IOU = 0.5
+
+
+@dataclass(frozen=True, eq=False)
+class OutlineScore:
+    """
+    Agreement of outlines; a share or mean of nothing is NaN.
+
+    Attributes
+    ----------
+    n_result, n_reference : int
+        Outlines that count.
+    n_found, n_missed, n_extra : int
+        Reference outlines with a partner of IoU ≥ 0.5, those without, and result outlines without.
+    completeness, correctness : float
+        Found / reference and found / result, as objects.
+    f1 : float
+        Their harmonic mean: 2 found / (result + reference).
+    mean_iou : float
+        Mean IoU over all reference outlines; one without any partner counts 0.
+    mean_iou_found : float
+        Mean IoU over the found ones.
+    area_completeness, area_correctness, area_iou : float
+        Of the unions of all outlines.
+    boundary : BoundaryDistances
+        Between the boundaries of the found ones and their partners.
+    boundary_of_unions : BoundaryDistances
+        Between the boundary of the union of all of the result and that of all of the reference.
+    vertices_result, vertices_reference, vertices_reference_simplified : float
+        Mean number of vertices of the found ones; maps are densified, hence the last.
+    n_vertices_result, n_vertices_reference, n_vertices_reference_simplified : int
+        Vertices of all outlines that count, as they are, not cut to the area of interest.
+    partner : ndarray of int, shape (n_given_reference,)
+        Row of the result outline that belongs to each given reference outline, −1 if none does.
+    iou : ndarray of float, shape (n_given_reference,)
+        Their intersection over union.
+
+    """
+
+    n_result: int
+    n_reference: int
+    n_found: int
+    n_missed: int
+    n_extra: int
+    completeness: float
+    correctness: float
+    f1: float
+    mean_iou: float
+    mean_iou_found: float
+    area_completeness: float
+    area_correctness: float
+    area_iou: float
+    boundary: BoundaryDistances
+    boundary_of_unions: BoundaryDistances
+    vertices_result: float
+    vertices_reference: float
+    vertices_reference_simplified: float
+    n_vertices_result: int
+    n_vertices_reference: int
+    n_vertices_reference_simplified: int
+    partner: NDArray[np.int64]
+    iou: NDArray[np.float64]
+
+
+def score_outlines(result: ArrayLike, reference: ArrayLike, *, area: ArrayLike | None = None) -> OutlineScore:
+    """
+    Match outlines one to one, the pair of largest IoU first, and measure how well they agree.
+
+    With an area of interest both sides are cut to it. What then has no partner and lay mostly outside is
+    left out: its counterpart may be outside, too.
+
+    Parameters
+    ----------
+    result, reference : array_like of shapely.Polygon or MultiPolygon
+        One geometry per building [m]; invalid ones are repaired.
+    area : array_like of shapely.Polygon or MultiPolygon, optional
+        Where the reference is complete.
+
+    Returns
+    -------
+    OutlineScore
+
+    Notes
+    -----
+    Pairs of IoU > 0.5 are unique where the outlines of one side do not overlap each other.
+
+    """
+    limits = limits_of(area)
+    whole = valid_polygons(result), valid_polygons(reference)
+    mine, mine_inside = cut_to(whole[0], limits)
+    theirs, theirs_inside = cut_to(whole[1], limits)
+    partner, iou = match_outlines(mine, theirs)
+    mine_counted = np.isin(np.arange(len(mine)), partner) | (mine_inside >= MIN_INSIDE)
+    n_result = int(np.count_nonzero(mine_counted))
+    counted = (partner >= 0) | (theirs_inside >= MIN_INSIDE)
+    found = np.flatnonzero(iou >= MIN_IOU)
+    pairs = mine[partner[found]], theirs[found]
+    unions = shapely.union_all(mine), shapely.union_all(theirs)
+    common, mine_area, theirs_area = unions[0].intersection(unions[1]).area, unions[0].area, unions[1].area
+    n_reference = int(np.count_nonzero(counted))
+    return OutlineScore(
+        n_result=n_result,
+        n_reference=n_reference,
+        n_found=len(found),
+        n_missed=n_reference - len(found),
+        n_extra=n_result - len(found),
+        completeness=ratio(len(found), n_reference),
+        correctness=ratio(len(found), n_result),
+        f1=ratio(2 * len(found), n_result + n_reference),
+        mean_iou=_mean(iou[counted]),
+        mean_iou_found=_mean(iou[found]),
+        area_completeness=ratio(common, theirs_area),
+        area_correctness=ratio(common, mine_area),
+        area_iou=ratio(common, mine_area + theirs_area - common),
+        boundary=boundary_distances(*pairs, limits=limits),
+        boundary_of_unions=distances_of_unions(*unions, limits=limits),
+        vertices_result=_mean(vertex_counts(pairs[0])),
+        vertices_reference=_mean(vertex_counts(pairs[1])),
+        vertices_reference_simplified=_mean(vertex_counts(simplified(pairs[1]))),
+        n_vertices_result=int(vertex_counts(whole[0][mine_counted]).sum()),
+        n_vertices_reference=int(vertex_counts(whole[1][counted]).sum()),
+        n_vertices_reference_simplified=int(vertex_counts(simplified(whole[1][counted])).sum()),
+        partner=partner,
+        iou=iou,
+    )
+
+
+def match_outlines(
+    result: NDArray[Any], reference: NDArray[Any]
+) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    """
+    Give each reference outline at most one result outline and the reverse, largest IoU first.
+
+    Parameters
+    ----------
+    result, reference : ndarray of shapely geometries
+        Valid polygons [m].
+
+    Returns
+    -------
+    partner : ndarray of int, shape (n_reference,)
+        Row in `result`, −1 where no outline is left that overlaps.
+    iou : ndarray of float, shape (n_reference,)
+        Intersection over union with the partner, 0 where there is none.
+
+    """
+    partner, best = np.full(len(reference), -1, dtype=np.int64), np.zeros(len(reference))
+    theirs, mine = shapely.STRtree(result).query(reference, predicate="intersects")
+    common = shapely.area(shapely.intersection(reference[theirs], result[mine]))
+    iou = common / (shapely.area(reference[theirs]) + shapely.area(result[mine]) - common)
+    taken = np.zeros(len(result), dtype=bool)
+    for pair in np.lexsort((mine, theirs, -iou)):
+        if iou[pair] > 0 and partner[theirs[pair]] < 0 and not taken[mine[pair]]:
+            partner[theirs[pair]], best[theirs[pair]] = mine[pair], iou[pair]
+            taken[mine[pair]] = True
+    return partner, best
+
+
+def _mean(values: NDArray[Any]) -> float:
+    """
+    Return the mean, NaN of nothing.
+
+    """
+    return float(np.mean(values)) if len(values) else math.nan

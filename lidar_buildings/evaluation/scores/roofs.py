@@ -1,0 +1,166 @@
+"""
+Which roof each point of a reference is of: that of a polygon, or a part of the cloud that hangs together.
+
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import shapely
+from numpy.typing import ArrayLike, NDArray
+from scipy.spatial import cKDTree
+
+from lidar_buildings.core.model.point_array import checked_column, checked_points
+from lidar_buildings.core.surfaces.surface_patches import connected_parts
+
+#: Smaller parts of a reference's class are strays, not roofs: as small as a run drops them [m²].
+MIN_ROOF_AREA = 6.0
+#: What a point of no roof has in place of a number.
+NO_ROOF = -1
+
+
+def fewest_points(spacing: float) -> int:
+    """
+    Return how many points of this spacing [m] the smallest roof has.
+
+    """
+    return math.ceil(MIN_ROOF_AREA / spacing**2)
+
+
+def roofs_of_polygons(points: ArrayLike, polygons: ArrayLike) -> NDArray[np.int64]:
+    """
+    Return the row of the polygon that each point lies in or on, of several the first; −1 for none.
+
+    Parameters
+    ----------
+    points : array_like of shape (n_points, 2 or more)
+        In any order [m].
+    polygons : array_like of shapely.Polygon or MultiPolygon
+        One geometry per roof or block; invalid ones are repaired [m].
+
+    """
+    given = np.atleast_1d(np.asarray(polygons, dtype=object))
+    valid = shapely.make_valid(given)
+    plan = np.asarray(points, dtype=np.float64)[:, :2]
+    order = np.argsort(plan[:, 0], kind="stable")
+    x, y = np.ascontiguousarray(plan[order].T)
+    roof = np.full(len(plan), NO_ROOF, dtype=np.int64)
+    # From the last to the first, so that the first one stays.
+    for row in range(len(valid) - 1, -1, -1):
+        polygon = valid[row]
+        if polygon is None or polygon.is_empty:
+            continue
+        west, _, east, _ = polygon.bounds
+        begin, end = np.searchsorted(x, west, "left"), np.searchsorted(x, east, "right")
+        shapely.prepare(polygon)
+        inside = np.asarray(shapely.intersects_xy(polygon, x[begin:end], y[begin:end]), dtype=bool)
+        roof[order[begin:end][inside]] = row
+    return roof
+
+
+def roofs_of_points(points: ArrayLike, gap: float, *, min_points: int = 1) -> NDArray[np.int64]:
+    """
+    Number the parts of a cloud that hang together in plan, from west to east; −1 for too small ones.
+
+    Parameters
+    ----------
+    points : array_like of shape (n_points, 3)
+        Roof points in any order [m].
+    gap : float
+        Points no further apart than this in plan belong together [m], > 0.
+    min_points : int
+        Parts of fewer points are no roofs.
+
+    Returns
+    -------
+    ndarray of int64, shape (n_points,)
+        Numbers follow the parts' westernmost points, of as western ones the southernmost.
+
+    """
+    cloud = checked_points(points)
+    part = connected_parts(cloud, gap, in_plan=True)
+    is_small = np.bincount(part, minlength=1)[part] < min_points if len(part) else np.zeros(0, dtype=bool)
+    return _from_the_west(cloud, np.where(is_small, NO_ROOF, part))
+
+
+def split_at_steps(
+    points: ArrayLike, roof: ArrayLike, gap: float, *, min_points: int = 1
+) -> NDArray[np.int64]:
+    """
+    Split each roof into parts between which the surface steps, so that a step is an edge of the upper part.
+
+    Parameters
+    ----------
+    points : array_like of shape (n_points, 3)
+        Roof points in any order [m].
+    roof : array_like of int, shape (n_points,)
+        Number of each point's roof, −1 for none.
+    gap : float
+        Points no further apart than this in space belong together [m], > 0.
+    min_points : int
+        Smaller parts (chimneys, dormers, strays) stay with the nearest larger part of their roof in plan; a
+        roof without a larger one stays whole.
+
+    Returns
+    -------
+    ndarray of int64, shape (n_points,)
+        Numbers as of `roofs_of_points`.
+
+    """
+    cloud = checked_points(points)
+    given = checked_column("roof", roof, len(cloud), np.int64)
+    found = np.full(len(cloud), NO_ROOF, dtype=np.int64)
+    n_parts = 0
+    for rows in roof_rows(given):
+        part = _merged_into_large(cloud[rows], connected_parts(cloud[rows], gap), min_points)
+        found[rows] = n_parts + part
+        n_parts += int(part.max()) + 1
+    return _from_the_west(cloud, found)
+
+
+def roof_rows(roof: NDArray[np.int64]) -> list[NDArray[np.int64]]:
+    """
+    Return the rows of each roof's points, by rising number; those of negative numbers are left out.
+
+    """
+    order = np.argsort(roof, kind="stable").astype(np.int64)
+    order = order[np.searchsorted(roof[order], 0) :]
+    starts = np.flatnonzero(np.diff(roof[order])) + 1
+    return [rows for rows in np.split(order, starts) if len(rows)]
+
+
+def _merged_into_large(
+    points: NDArray[np.float64], part: NDArray[np.int64], min_points: int
+) -> NDArray[np.int64]:
+    """
+    Give points of small parts to the part of the nearest point in plan that is of a large one.
+
+    """
+    large = np.bincount(part)[part] >= min_points
+    if not large.any():
+        return np.zeros_like(part)
+    if large.all():
+        return part
+    # Of several as near, the first by x, y, z: the order of the points has no say.
+    rows = np.flatnonzero(large)
+    rows = rows[np.lexsort(points[rows].T[::-1])]
+    nearest = cKDTree(points[rows, :2]).query(points[~large, :2])[1]
+    merged = part.copy()
+    merged[~large] = part[rows[nearest]]
+    return merged
+
+
+def _from_the_west(points: NDArray[np.float64], label: NDArray[np.int64]) -> NDArray[np.int64]:
+    """
+    Number labels anew by their westernmost points, then by y, then z; negative ones become −1.
+
+    """
+    order = np.lexsort(points.T[::-1])
+    order = order[label[order] >= 0]
+    labels, first = np.unique(label[order], return_index=True)
+    number = np.full(int(label.max(initial=-1)) + 2, NO_ROOF, dtype=np.int64)
+    number[labels] = np.argsort(np.argsort(first))
+    # The last entry is that of the negative ones.
+    return number[np.maximum(label, -1)]

@@ -1,0 +1,200 @@
+"""
+How well the corners and edges of roofs agree with a reference's.
+
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import linear_sum_assignment
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
+
+from lidar_buildings.evaluation.scores.confusion import ratio
+from lidar_buildings.evaluation.scores.wireframe import Wireframe
+
+#: Lines whose directions differ by more are not the same [deg].
+MAX_TURN_DEG = 15.0
+#: Edges are looked at this often along their length [m].
+_STEP = 0.25
+#: So many near spots of the other side are asked for their direction.
+_N_NEAR = 12
+
+
+@dataclass(frozen=True)
+class WireframeScore:
+    """
+    Agreement of two wireframes; a share or mean of nothing is NaN.
+
+    Attributes
+    ----------
+    n_corners_result, n_corners_reference, n_corners_matched : int
+        Corners of either side, and pairs of them.
+    corner_precision, corner_recall, corner_f1 : float
+        Pairs / result, pairs / reference, and their harmonic mean.
+    corner_offset : float
+        Mean distance of a pair [m].
+    n_edges_result, n_edges_reference, n_edges_matched : int
+        Edges of either side, and those whose two ends are pairs and are joined in both.
+    edge_precision, edge_recall, edge_f1 : float
+        The same of edges.
+    edge_length_precision, edge_length_recall : float
+        Share of the edges' length that has an edge of about its direction within the tolerance.
+
+    """
+
+    n_corners_result: int
+    n_corners_reference: int
+    n_corners_matched: int
+    corner_precision: float
+    corner_recall: float
+    corner_f1: float
+    corner_offset: float
+    n_edges_result: int
+    n_edges_reference: int
+    n_edges_matched: int
+    edge_precision: float
+    edge_recall: float
+    edge_f1: float
+    edge_length_precision: float
+    edge_length_recall: float
+
+
+def score_wireframes(result: Wireframe, reference: Wireframe, tolerance: float) -> WireframeScore:
+    """
+    Match corners one to one, as many as possible and then as near as possible, and edges by their ends.
+
+    As the Building3D benchmark does (Wang, Huang & Yang 2023), with a tolerance in metres.
+
+    Parameters
+    ----------
+    result, reference : Wireframe
+    tolerance : float
+        Greatest distance of a pair of corners, and of edges by length [m].
+
+    Raises
+    ------
+    ValueError
+        If the tolerance is not a positive number.
+
+    """
+    if not (math.isfinite(tolerance) and tolerance > 0):
+        raise ValueError(f"tolerance = {tolerance}: must be a length above 0")
+    mine, theirs, distance = match_corners(result.corners, reference.corners, tolerance)
+    n_mine, n_theirs = len(result.corners), len(reference.corners)
+    n_edges = _n_common_edges(result, reference, mine, theirs)
+    return WireframeScore(
+        n_corners_result=n_mine,
+        n_corners_reference=n_theirs,
+        n_corners_matched=len(mine),
+        corner_precision=ratio(len(mine), n_mine),
+        corner_recall=ratio(len(mine), n_theirs),
+        corner_f1=ratio(2 * len(mine), n_mine + n_theirs),
+        corner_offset=float(np.mean(distance)) if len(distance) else math.nan,
+        n_edges_result=len(result.edges),
+        n_edges_reference=len(reference.edges),
+        n_edges_matched=n_edges,
+        edge_precision=ratio(n_edges, len(result.edges)),
+        edge_recall=ratio(n_edges, len(reference.edges)),
+        edge_f1=ratio(2 * n_edges, len(result.edges) + len(reference.edges)),
+        edge_length_precision=_share_followed(result.segments, reference.segments, tolerance),
+        edge_length_recall=_share_followed(reference.segments, result.segments, tolerance),
+    )
+
+
+def match_corners(
+    result: NDArray[np.float64], reference: NDArray[np.float64], tolerance: float
+) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]]:
+    """
+    Pair points within the tolerance one to one: the most pairs, and of these the least sum of distances.
+
+    Returns
+    -------
+    result_row, reference_row : ndarray of int, shape (n_pairs,)
+    distance : ndarray of shape (n_pairs,)
+        [m].
+
+    """
+    if not (len(result) and len(reference)):
+        return np.empty(0, dtype=np.int64), np.empty(0, dtype=np.int64), np.empty(0)
+    near = cKDTree(result).sparse_distance_matrix(cKDTree(reference), tolerance, output_type="ndarray")
+    # What is within reach of one another falls apart into small groups, each solved on its own.
+    n = len(result) + len(reference)
+    ends = near["i"], near["j"] + len(result)
+    groups = connected_components(coo_array((np.ones(len(near)), ends), shape=(n, n)), directed=False)[1]
+    order = np.argsort(groups[near["i"]], kind="stable")
+    cuts = np.flatnonzero(np.diff(groups[near["i"][order]])) + 1
+    pairs = [_assigned(near[rows], tolerance) for rows in np.split(order, cuts) if len(rows)]
+    found = np.concatenate([*pairs, np.empty((0, 3))])
+    return found[:, 0].astype(np.int64), found[:, 1].astype(np.int64), found[:, 2]
+
+
+def _assigned(near: NDArray[np.void], tolerance: float) -> NDArray[np.float64]:
+    """
+    Solve one group of possible pairs; return rows of (result, reference, distance).
+
+    """
+    mine, i = np.unique(near["i"], return_inverse=True)
+    theirs, j = np.unique(near["j"], return_inverse=True)
+    # No pair costs more than all the distances that it could save, so that as many as possible are made.
+    cost = np.full((len(mine), len(theirs)), 2 * tolerance * (1 + min(len(mine), len(theirs))))
+    cost[i, j] = near["v"]
+    rows, columns = linear_sum_assignment(cost)
+    kept = cost[rows, columns] <= tolerance
+    rows, columns = rows[kept], columns[kept]
+    return np.column_stack([mine[rows], theirs[columns], cost[rows, columns]])
+
+
+def _n_common_edges(
+    result: Wireframe, reference: Wireframe, mine: NDArray[np.int64], theirs: NDArray[np.int64]
+) -> int:
+    """
+    Count the edges of the result whose partners in the reference are joined, too.
+
+    """
+    partner = np.full(len(result.corners), -1, dtype=np.int64)
+    partner[mine] = theirs
+    wanted = {(min(i, j), max(i, j)) for i, j in reference.edges.tolist()}
+    return sum((min(i, j), max(i, j)) in wanted for i, j in partner[result.edges].tolist())
+
+
+def _share_followed(edges: NDArray[np.float64], others: NDArray[np.float64], tolerance: float) -> float:
+    """
+    Return the share of the edges' length within the tolerance of another edge of about their direction.
+
+    """
+    spots, directions, weights = _spots(edges)
+    if not len(spots):
+        return math.nan
+    other_spots, other_directions, _ = _spots(others)
+    if not len(other_spots):
+        return 0.0
+    reach = math.hypot(tolerance, _STEP / 2)
+    near = cKDTree(other_spots).query(spots, k=_N_NEAR, distance_upper_bound=reach)[1]
+    is_there = near < len(other_spots)
+    beside = other_directions[np.where(is_there, near, 0)]
+    cosine = np.abs(np.einsum("ikj,ij->ik", beside, directions))
+    followed = (is_there & (cosine > math.cos(math.radians(MAX_TURN_DEG)))).any(axis=1)
+    return ratio(float(weights[followed].sum()), float(weights.sum()))
+
+
+def _spots(
+    edges: NDArray[np.float64],
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """
+    Return spots along edges, their directions, and the length that each stands for [m].
+
+    """
+    vectors = edges[:, 1] - edges[:, 0]
+    lengths = np.linalg.norm(vectors, axis=1)
+    counts = np.maximum(np.ceil(lengths / _STEP).astype(np.int64), 1)
+    row = np.repeat(np.arange(len(edges)), counts)
+    place = np.arange(len(row)) - np.repeat(np.cumsum(counts) - counts, counts)
+    share = (place + 0.5) / counts[row]
+    spots = edges[row, 0] + share[:, None] * vectors[row]
+    return spots, vectors[row] / lengths[row, None], (lengths / counts)[row]

@@ -1,0 +1,237 @@
+"""
+The coordinate reference system that a LAS file states, by WKT text or GeoTIFF keys.
+
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import pyproj
+from pyproj.exceptions import CRSError
+
+from lidar_buildings.io.clouds.las_records import RawRecord
+from lidar_buildings.io.files.warn_once import warn_once
+
+_PROJECTION = b"LASF_Projection"
+_WKT, _GEO_KEYS = 2112, 34735
+
+# GeoTIFF 1.1 keys (OGC 19-008r4)
+_MODEL_TYPE, _GEODETIC_CRS, _PROJECTED_CRS, _LINEAR_UNITS, _VERTICAL_CRS, _VERTICAL_UNITS = (
+    1024,
+    2048,
+    3072,
+    3076,
+    4096,
+    4099,
+)
+_GEOGRAPHIC_MODEL = 2
+#: Range of keys that are EPSG codes; 32767 means user-defined.
+_EPSG_CODES = range(1024, 32767)
+#: Metres per unit, by EPSG code: metre, international foot, US survey foot.
+_UNITS = {9001: 1.0, 9002: 0.3048, 9003: 1200.0 / 3937.0}
+#: Two units this close are the same (a US survey foot is 2 ppm longer than a foot).
+_SAME_UNIT = 1e-7
+
+
+@dataclass(frozen=True)
+class SourceCrs:
+    """
+    What is known of a file's coordinates.
+
+    Attributes
+    ----------
+    name : str
+        ``"EPSG:28992"`` (of the horizontal part), a WKT text where no code is known, or empty.
+    horizontal_unit, vertical_unit : float
+        Metres per unit of x and y, and of z. A file that says nothing of heights has them in the
+        horizontal unit.
+    is_projected : bool
+        False for longitude and latitude, and for geocentric coordinates.
+    doubt : str
+        Why the file's own statement was not believed.
+
+    """
+
+    name: str = ""
+    horizontal_unit: float = 1.0
+    vertical_unit: float = 1.0
+    is_projected: bool = True
+    doubt: str = ""
+
+
+def source_crs(records: Sequence[RawRecord], *, prefer_wkt: bool, label: str) -> SourceCrs:
+    """
+    Read the reference system from a file's records.
+
+    A record that cannot be understood is no reason to refuse the points: it is logged, and the other kind
+    of record or an unknown system in metres takes its place.
+
+    Parameters
+    ----------
+    records : sequence of RawRecord
+        The file's plain and extended records.
+    prefer_wkt : bool
+        Whether WKT counts where both kinds are there.
+    label : str
+        The file, for the log.
+
+    """
+    readers = [(_WKT, _from_wkt), (_GEO_KEYS, _from_geo_keys)]
+    for record_id, reader in readers if prefer_wkt else reversed(readers):
+        for record in records:
+            if not record.is_a(_PROJECTION, record_id):
+                continue
+            try:
+                found = reader(record.data)
+            except (CRSError, ValueError, struct.error, LookupError) as error:
+                reason = " ".join(str(error).split())[:200]
+                warn_once(f"{label}: its coordinate reference system is not understood ({reason})")
+                continue
+            if found.doubt:
+                warn_once(f"{label}: {found.doubt}")
+            return found
+    return SourceCrs()
+
+
+def vertical_crs(records: Sequence[RawRecord]) -> Any:
+    """
+    Return the vertical reference system that a file states, as pyproj has it; None if it states none.
+
+    Parameters
+    ----------
+    records : sequence of RawRecord
+        The file's plain and extended records.
+
+    """
+    for record in records:
+        try:
+            found = None
+            if record.is_a(_PROJECTION, _WKT):
+                found = _vertical_part(_wkt_in(record.data))
+            elif record.is_a(_PROJECTION, _GEO_KEYS):
+                code = _keys_in(record.data).get(_VERTICAL_CRS)
+                found = pyproj.CRS.from_epsg(code) if code in _EPSG_CODES else None
+            if found is not None and found.is_vertical:
+                return found
+        except (CRSError, ValueError, struct.error):  # said already when the file was opened
+            continue
+    return None
+
+
+def _vertical_part(crs: Any) -> Any:
+    """
+    Return the vertical part of a compound system, None of any other.
+
+    """
+    parts = _unbound(crs).sub_crs_list
+    return _unbound(parts[1]) if len(parts) > 1 else None
+
+
+def _from_wkt(data: bytes) -> SourceCrs:
+    """
+    Read a WKT record.
+
+    """
+    return _described(_wkt_in(data))
+
+
+def _wkt_in(data: bytes) -> Any:
+    """
+    Return the system that a WKT record describes.
+
+    """
+    text = data.split(b"\0")[0].decode("utf-8").strip()
+    if not text:
+        raise ValueError("its WKT text is empty")
+    return pyproj.CRS.from_wkt(text)
+
+
+def _described(crs: Any) -> SourceCrs:
+    """
+    Say what matters here of a reference system, compound and bound ones included.
+
+    """
+    crs = _unbound(crs)
+    parts = [_unbound(part) for part in crs.sub_crs_list] or [crs]
+    horizontal = parts[0]
+    axes = horizontal.axis_info
+    if not axes:
+        raise ValueError("it names no axes")
+    horizontal_unit = axes[0].unit_conversion_factor
+    vertical_axes = parts[1].axis_info if len(parts) > 1 else axes[2:3]
+    vertical_unit = vertical_axes[0].unit_conversion_factor if vertical_axes else horizontal_unit
+    is_projected = not (horizontal.is_geographic or horizontal.is_geocentric)
+    code = horizontal.to_epsg()
+    name = f"EPSG:{code}" if code else horizontal.to_wkt()
+    return SourceCrs(name, float(horizontal_unit), float(vertical_unit), is_projected)
+
+
+def _unbound(crs: Any) -> Any:
+    """
+    Return the system itself, without a transformation bound to it.
+
+    """
+    return crs.source_crs if crs.is_bound else crs
+
+
+def _from_geo_keys(data: bytes) -> SourceCrs:
+    """
+    Read a GeoTIFF key directory.
+
+    """
+    keys = _keys_in(data)
+    if not keys:
+        raise ValueError("its GeoTIFF directory holds no keys")
+    crs = _horizontal_from_keys(keys)
+    vertical = _vertical_unit_from_keys(keys)
+    return replace(crs, vertical_unit=vertical or crs.vertical_unit)
+
+
+def _keys_in(data: bytes) -> dict[int, int]:
+    """
+    Return the keys of a GeoTIFF directory that hold a number.
+
+    """
+    entries = [struct.unpack_from("<4H", data, at) for at in range(8, len(data) - 7, 8)]
+    return {key: value for key, location, _, value in entries if location == 0}
+
+
+def _horizontal_from_keys(keys: dict[int, int]) -> SourceCrs:
+    """
+    Read the projected or geographic system; units alone where it is user-defined.
+
+    """
+    stated = _UNITS.get(keys.get(_LINEAR_UNITS, 0))
+    if keys.get(_PROJECTED_CRS) in _EPSG_CODES:
+        crs = _described(pyproj.CRS.from_epsg(keys[_PROJECTED_CRS]))
+        if stated is None or abs(stated - crs.horizontal_unit) < _SAME_UNIT:
+            return crs
+        # seen in practice: a code in metres with coordinates in feet; then the code does not fit them
+        doubt = f"{crs.name} is not in the unit that the file states ({stated:g} m): taken as unknown"
+        return SourceCrs("", stated, stated, doubt=doubt)
+    if (
+        keys.get(_MODEL_TYPE, _GEOGRAPHIC_MODEL) == _GEOGRAPHIC_MODEL
+        and keys.get(_GEODETIC_CRS) in _EPSG_CODES
+    ):
+        return _described(pyproj.CRS.from_epsg(keys[_GEODETIC_CRS]))
+    unit = stated or 1.0
+    return SourceCrs("", unit, unit)
+
+
+def _vertical_unit_from_keys(keys: dict[int, int]) -> float | None:
+    """
+    Metres per unit of z, None if the keys do not say.
+
+    """
+    stated = _UNITS.get(keys.get(_VERTICAL_UNITS, 0))
+    if stated is not None or keys.get(_VERTICAL_CRS) not in _EPSG_CODES:
+        return stated
+    try:
+        axes = pyproj.CRS.from_epsg(keys[_VERTICAL_CRS]).axis_info
+    except CRSError:  # codes before EPSG 1024… were ellipsoids (5001…5033): heights without a unit
+        return None
+    return float(axes[-1].unit_conversion_factor) if axes else None

@@ -1,0 +1,105 @@
+"""
+From what a user names (files, folders, globs) to the list of clouds.
+
+"""
+
+from __future__ import annotations
+
+import glob
+import os
+from collections.abc import Iterable
+from pathlib import Path
+
+from lidar_buildings.core.model.errors import InputError
+
+#: Endings of cloud files, in any case; ``.copc.laz`` is one of them.
+ENDINGS = (".las", ".laz")
+
+
+def find_inputs(inputs: str | os.PathLike[str] | Iterable[str | os.PathLike[str]]) -> list[Path]:
+    """
+    Expand files, folders and globs to the files they name, each once.
+
+    Parameters
+    ----------
+    inputs : path or iterable of paths
+        Files are taken as they are, of folders the LAS and LAZ files directly in them, by name.
+
+    Returns
+    -------
+    list of Path
+        In the order given; the files of a folder or glob sorted by name.
+
+    Raises
+    ------
+    InputError
+        If something is missing, or a folder or glob holds no cloud.
+
+    """
+    files, problems = search_inputs(inputs)
+    if problems:
+        raise InputError("\n".join(problems))
+    return files
+
+
+def search_inputs(
+    inputs: str | os.PathLike[str] | Iterable[str | os.PathLike[str]],
+) -> tuple[list[Path], list[str]]:
+    """
+    Find files as `find_inputs`; what is missing does not keep the others from it.
+
+    Returns
+    -------
+    files : list of Path
+        What was found.
+    problems : list of str
+        One line for each input that names nothing.
+
+    Raises
+    ------
+    InputError
+        If nothing was found.
+
+    """
+    named = [inputs] if isinstance(inputs, (str, os.PathLike)) else list(inputs)
+    if not named:
+        raise InputError("no input: name at least one LAS or LAZ file, or a folder of them")
+    found: dict[Path, Path] = {}
+    problems = []
+    for path in named:
+        try:
+            for file in _expanded(Path(path)):
+                found.setdefault(file.resolve(), file)
+        except InputError as error:
+            problems.append(str(error))
+    if not found:
+        raise InputError("\n".join(problems))
+    return list(found.values()), problems
+
+
+def _expanded(path: Path) -> list[Path]:
+    """
+    Return the files that one argument names.
+
+    """
+    if path.is_dir():
+        files = _clouds(path.iterdir())
+        if not files:
+            raise InputError(f"{path}: holds no .las or .laz file: name a folder that does, or the files")
+        return files
+    if path.exists():
+        return [path]
+    if glob.has_magic(str(path)):
+        files = _clouds(map(Path, glob.glob(str(path), recursive=True)))
+        if not files:
+            raise InputError(f"{path}: matches no .las or .laz file: check the pattern")
+        return files
+    raise InputError(f"{path}: no such file or folder: check the path")
+
+
+def _clouds(paths: Iterable[Path]) -> list[Path]:
+    """
+    Keep the cloud files, by name.
+
+    """
+    return sorted(path for path in paths if path.name.lower().endswith(ENDINGS) and path.is_file())

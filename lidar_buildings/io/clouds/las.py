@@ -1,0 +1,360 @@
+"""
+LAS, LAZ and COPC files: opened, checked and read in chunks.
+
+Reading is laspy's with the lazrs backend. Whatever goes wrong with a file becomes one `InputError` of the
+form "file: what is wrong: what to do".
+
+"""
+
+from __future__ import annotations
+
+import logging
+import os
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager, nullcontext
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import laspy
+import numpy as np
+from numpy.typing import NDArray
+
+from lidar_buildings.core.model.errors import InputError
+from lidar_buildings.core.model.map_frame import MapFrame
+from lidar_buildings.core.model.tile import PointTile
+from lidar_buildings.core.neighbours.point_spacing import steady_spacing
+from lidar_buildings.io.clouds.crs import SourceCrs, source_crs
+from lidar_buildings.io.clouds.find_inputs import search_inputs
+from lidar_buildings.io.clouds.las_records import RawHeader, read_raw_header
+from lidar_buildings.io.clouds.point_columns import point_columns, without_empty_columns
+from lidar_buildings.io.clouds.pulse_spacing import pulses
+from lidar_buildings.io.files.captured_stderr import in_words, is_failure, quiet_panics
+from lidar_buildings.io.files.warn_once import warn_once
+
+__all__ = ["Cloud", "InputFile", "open_cloud", "open_inputs", "read_tile"]
+
+# what laspy logs of a failing file is said again in the one line of the InputError
+for _name in ("laspy.lasreader", "laspy.header"):
+    logging.getLogger(_name).addFilter(lambda record: record.levelno < logging.ERROR)
+
+#: Points read at a time: about 60 MB with all that is made of them.
+CHUNK = 500_000
+#: The map's origin is rounded down to this, so that neighbouring surveys share it [m].
+ORIGIN_STEP = 100.0
+#: Points that may lie this far outside their header's bounds before these are measured anew [m].
+_BOUNDS_TOLERANCE = 1.0
+#: Points looked at when a file is opened.
+_PROBE = 100
+#: An index is a uint32.
+MOST_POINTS = 2**32 - 1
+
+
+class InputFile(NamedTuple):
+    """
+    One input of a run.
+
+    """
+
+    path: Path
+    point_count: int
+
+
+@dataclass(frozen=True, eq=False)
+class Cloud:
+    """
+    A checked LAS, LAZ or COPC file; it is not kept open.
+
+    Attributes
+    ----------
+    path : Path
+        The file.
+    header : laspy.LasHeader
+        As laspy parses it.
+    raw : RawHeader
+        Header and records byte for byte.
+    crs : SourceCrs
+        What it says of its coordinates.
+    mins, maxs : ndarray of shape (3,)
+        Bounds in source coordinates; NaN if the file holds no point.
+
+    """
+
+    path: Path
+    header: laspy.LasHeader
+    raw: RawHeader
+    crs: SourceCrs
+    mins: NDArray[np.float64]
+    maxs: NDArray[np.float64]
+
+    @property
+    def point_count(self) -> int:
+        """
+        Number of points.
+
+        """
+        return int(self.header.point_count)
+
+    @property
+    def units(self) -> NDArray[np.float64]:
+        """
+        Metres per source unit, per axis.
+
+        """
+        return np.array([self.crs.horizontal_unit, self.crs.horizontal_unit, self.crs.vertical_unit])
+
+    def chunks(self, size: int = CHUNK) -> Iterator[laspy.ScaleAwarePointRecord]:
+        """
+        Read the points in file order, `size` at a time.
+
+        Raises
+        ------
+        InputError
+            If they cannot be read to the last one.
+
+        """
+        done = 0
+        with _reported(self.path), _reader(self.path) as (reader, guard):
+            while done < self.point_count:
+                with guard():
+                    points = reader.read_points(size)
+                if len(points) == 0:
+                    raise InputError(
+                        f"{self.path}: is cut short ({done} of {self.point_count} points): copy it again"
+                    )
+                done += len(points)
+                yield points
+
+
+def open_cloud(path: str | Path) -> Cloud:
+    """
+    Open and check a file: header, records, reference system, and whether its first points can be decoded.
+
+    Raises
+    ------
+    InputError
+        One line naming the file, what is wrong and what to do.
+
+    """
+    path = Path(path)
+    with _reported(path):
+        raw = read_raw_header(path)
+        with quiet_panics(), laspy.open(path, laz_backend=laspy.LazBackend.Lazrs, read_evlrs=False) as reader:
+            header = reader.header.copy()
+            first = reader.read_points(_PROBE)
+        _check_scaling(path, header)
+        crs = source_crs(raw.vlrs + raw.evlrs, prefer_wkt=bool(header.global_encoding.wkt), label=str(path))
+        cloud = Cloud(path, header, raw, crs, np.full(3, np.nan), np.full(3, np.nan))
+        if not cloud.point_count:
+            warn_once(f"{path}: holds no points: export it again unless that is meant")
+            return cloud
+        mins, maxs = _bounds(cloud, xyz_of(first))
+        return Cloud(path, header, raw, _metric(path, crs, mins, maxs), mins, maxs)
+
+
+def open_inputs(
+    inputs: str | os.PathLike[str] | Iterable[str | os.PathLike[str]],
+) -> tuple[list[Cloud], list[str]]:
+    """
+    Open files, folders and globs; what is missing or unreadable does not keep the others from it.
+
+    Returns
+    -------
+    clouds : list of Cloud
+        The readable ones, in the order given: a point's `source` is its file's place in this list.
+    problems : list of str
+        One line for each other.
+
+    Raises
+    ------
+    InputError
+        If none can be read.
+
+    """
+    clouds: list[Cloud] = []
+    paths, problems = search_inputs(inputs)
+    for path in paths:
+        try:
+            clouds.append(open_cloud(path))
+        except InputError as error:
+            problems.append(str(error))
+    if not clouds:
+        raise InputError("\n".join(problems))
+    return clouds, problems
+
+
+def read_tile(path: str | Path) -> PointTile:
+    """
+    Read a whole file as one tile.
+
+    Parameters
+    ----------
+    path : path
+        A LAS, LAZ or COPC file.
+
+    Returns
+    -------
+    PointTile
+        Rows in file order; the map's origin is the file's lower corner rounded down to 100 m.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read.
+
+    """
+    cloud = open_cloud(path)
+    frame = frame_of([cloud])
+    parts = [{"points": frame.to_map(xyz_of(chunk)), **point_columns(chunk)} for chunk in cloud.chunks()]
+    if not parts:
+        return PointTile(np.empty((0, 3)), frame=frame)
+    columns = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
+    tile = PointTile(columns.pop("points"), frame=frame)
+    numbers = {"source": np.zeros(len(tile)), "index": np.arange(len(tile))}
+    kept = without_empty_columns(columns)
+    spacing = steady_spacing(pulses(tile.points, kept["return_number"], kept["number_of_returns"]), None)
+    return tile.with_columns(**kept, **numbers, point_spacing=np.full(len(tile), spacing))
+
+
+def frame_of(clouds: list[Cloud]) -> MapFrame:
+    """
+    Return the map frame that the clouds share.
+
+    Raises
+    ------
+    InputError
+        If two clouds are in different reference systems or units.
+
+    """
+    first = next((c for c in clouds if c.crs.name), clouds[0])
+    for cloud in clouds:
+        _check_agreement(first, cloud)
+    lowest = [cloud.mins * cloud.units for cloud in clouds if cloud.point_count]
+    corner = np.min(lowest, axis=0) if lowest else np.zeros(3)
+    x, y = np.floor(corner[:2] / ORIGIN_STEP) * ORIGIN_STEP
+    return MapFrame(
+        first.crs.name, (float(x), float(y), 0.0), first.crs.horizontal_unit, first.crs.vertical_unit
+    )
+
+
+def xyz_of(chunk: laspy.ScaleAwarePointRecord) -> NDArray[np.float64]:
+    """
+    Return a chunk's coordinates, shape (n, 3), in the source's own system.
+
+    """
+    counts = np.column_stack([chunk.array["X"], chunk.array["Y"], chunk.array["Z"]])
+    return counts * chunk.scales + chunk.offsets
+
+
+def _check_agreement(first: Cloud, other: Cloud) -> None:
+    """
+    Refuse two clouds that cannot share a map.
+
+    """
+    if not other.point_count or (
+        not other.crs.name and first.crs.name and np.allclose(first.units, other.units)
+    ):
+        return
+    if first.crs.name != other.crs.name or not np.allclose(first.units, other.units, rtol=1e-7):
+        raise InputError(
+            f"{other.path}: is in {_system(other)}, but {first.path} in {_system(first)}: "
+            "bring them to one system, or run them apart"
+        )
+
+
+def _system(cloud: Cloud) -> str:
+    """
+    Name a cloud's reference system and units in few words.
+
+    """
+    name = cloud.crs.name.split(",")[0] if cloud.crs.name else "an unknown reference system"
+    return f"{name} with units of {cloud.crs.horizontal_unit:.7g} m and {cloud.crs.vertical_unit:.7g} m"
+
+
+@contextmanager
+def _reported(path: Path) -> Iterator[None]:
+    """
+    Turn whatever fails within into one InputError naming the file.
+
+    """
+    try:
+        yield
+    except InputError:
+        raise
+    except FileNotFoundError:
+        raise InputError(f"{path}: no such file: check the path") from None
+    except OSError as error:
+        raise InputError(
+            f"{path}: cannot be opened ({in_words(error)}): check the file and its rights"
+        ) from error
+    except BaseException as error:
+        if not is_failure(error) or isinstance(error, MemoryError):
+            raise
+        raise InputError(
+            f"{path}: cannot be decoded ({in_words(error)}): it is damaged, or of a kind that is not "
+            "supported; download it again, or convert it with a current LAS tool"
+        ) from None
+
+
+@contextmanager
+def _reader(path: Path) -> Iterator[tuple[Any, Any]]:
+    """
+    Open a reader with the parallel backend, or the sequential one for files without a chunk table.
+
+    The second item guards each read: the sequential backend may panic and print on damaged or very old files.
+
+    """
+    try:
+        reader = laspy.open(path, laz_backend=laspy.LazBackend.LazrsParallel, read_evlrs=False)
+        guard: Any = nullcontext
+        if reader.header.point_count:
+            _ = reader.point_source  # raises here where the parallel backend cannot serve
+    except (laspy.errors.LaspyException, RuntimeError, ValueError):
+        reader = laspy.open(path, laz_backend=laspy.LazBackend.Lazrs, read_evlrs=False)
+        guard = quiet_panics
+    with reader:
+        yield reader, guard
+
+
+def _check_scaling(path: Path, header: laspy.LasHeader) -> None:
+    """
+    Refuse scales and offsets that give no coordinates.
+
+    """
+    scales, offsets = np.asarray(header.scales), np.asarray(header.offsets)
+    if not (np.isfinite(scales).all() and (scales != 0).all() and np.isfinite(offsets).all()):
+        raise InputError(
+            f"{path}: its header is damaged (coordinate scales {scales.tolist()}): export it again"
+        )
+    if header.point_count > MOST_POINTS:
+        raise InputError(f"{path}: holds {header.point_count} points, more than {MOST_POINTS}: split it")
+
+
+def _bounds(cloud: Cloud, first: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """
+    Return the header's bounds, or measured ones if the first points show these to be wrong.
+
+    """
+    mins, maxs = np.array(cloud.header.mins, dtype=float), np.array(cloud.header.maxs, dtype=float)
+    slack = _BOUNDS_TOLERANCE / cloud.units
+    if np.isfinite([mins, maxs]).all() and ((first >= mins - slack) & (first <= maxs + slack)).all():
+        return mins, maxs
+    warn_once(f"{cloud.path}: the bounds in its header do not hold its points: measured anew")
+    extremes = [(xyz.min(axis=0), xyz.max(axis=0)) for xyz in map(xyz_of, cloud.chunks())]
+    return np.min([low for low, _ in extremes], axis=0), np.max([high for _, high in extremes], axis=0)
+
+
+def _metric(path: Path, crs: SourceCrs, mins: NDArray[np.float64], maxs: NDArray[np.float64]) -> SourceCrs:
+    """
+    Refuse longitude and latitude; doubt a record that says so of coordinates that cannot be.
+
+    """
+    if crs.is_projected:
+        return crs
+    if max(np.abs(mins[:2]).max(), np.abs(maxs[:2]).max()) > 360.0 and crs.horizontal_unit != 1.0:
+        warn_once(f"{path}: says {crs.name}, but its coordinates are no degrees: taken as unknown, in metres")
+        return SourceCrs()
+    raise InputError(
+        f"{path}: its coordinates are not projected ({crs.name.split(',')[0]}): "
+        "bring it to a projected system in metres or feet first"
+    )

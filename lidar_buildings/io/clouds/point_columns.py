@@ -1,0 +1,68 @@
+"""
+From a LAS file's dimensions to the columns of a tile.
+
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import laspy
+import numpy as np
+from numpy.typing import NDArray
+
+from lidar_buildings.core.model.point_classes import PointClass
+
+#: Degrees per step of the scan angle in point formats 6 to 10 (LAS 1.4).
+SCAN_ANGLE_STEP = 0.006
+#: The first point format with 4-bit return numbers, 8-bit classes and fine scan angles.
+FIRST_EXTENDED_FORMAT = 6
+
+
+def point_columns(chunk: laspy.ScaleAwarePointRecord) -> dict[str, NDArray[Any]]:
+    """
+    Return a chunk's columns as a tile names them; `gps_time` is NaN where the format has none.
+
+    Points that the file withholds are not to be used: they come as noise.
+
+    """
+    if chunk.point_format.id >= FIRST_EXTENDED_FORMAT:
+        scan_angle = chunk.array["scan_angle"] * np.float32(SCAN_ANGLE_STEP)
+    else:
+        scan_angle = chunk.array["scan_angle_rank"].astype(np.float32)
+    has_time = "gps_time" in chunk.array.dtype.names
+    return {
+        "intensity": chunk.array["intensity"].astype(np.float32),
+        "return_number": np.asarray(chunk.return_number, dtype=np.uint8),
+        "number_of_returns": np.asarray(chunk.number_of_returns, dtype=np.uint8),
+        "classification": _usable_classes(chunk),
+        "scan_angle": scan_angle,
+        "scan_direction_flag": np.asarray(chunk.scan_direction_flag, dtype=np.uint8),
+        "point_source_id": chunk.array["point_source_id"],
+        "gps_time": chunk.array["gps_time"] if has_time else np.full(len(chunk), np.nan),
+    }
+
+
+def _usable_classes(chunk: laspy.ScaleAwarePointRecord) -> NDArray[np.uint8]:
+    """
+    Return the file's classes, low noise for points that are flagged as withheld.
+
+    """
+    withheld = np.asarray(chunk.withheld, dtype=bool)
+    return np.where(withheld, PointClass.LOW_NOISE, np.asarray(chunk.classification)).astype(np.uint8)
+
+
+def without_empty_columns(columns: dict[str, NDArray[Any]]) -> dict[str, NDArray[Any] | None]:
+    """
+    Put None for columns that say nothing.
+
+    Return numbers count from 1: a file in which all are 0 does not know them. The same holds for GPS times
+    that are all 0; and times are of use only where every point has one.
+
+    """
+    kept: dict[str, NDArray[Any] | None] = dict(columns)
+    if not columns["return_number"].any() or not columns["number_of_returns"].any():
+        kept["return_number"] = kept["number_of_returns"] = None
+    if np.isnan(columns["gps_time"]).any() or not columns["gps_time"].any():
+        kept["gps_time"] = None
+    return kept

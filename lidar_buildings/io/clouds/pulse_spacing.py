@@ -1,0 +1,53 @@
+"""
+The spacing of a survey's pulses, one for all its tiles.
+
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lidar_buildings.core.neighbours.point_spacing import measure_spacing
+from lidar_buildings.io.tiling.tile_grid import Rectangle
+
+#: Side of the square in the middle of a file in which its spacing is measured [m].
+_SAMPLE_SIDE = 300.0
+#: A square with fewer pulses says too little.
+_MIN_PULSES = 1000
+
+
+def sample_square(area: Rectangle, side: float = _SAMPLE_SIDE) -> Rectangle:
+    """
+    Return the square of a side [m] in the middle of a file's bounds.
+
+    """
+    x, y = (area.x_min + area.x_max) / 2, (area.y_min + area.y_max) / 2
+    return Rectangle(x, y, x, y).grown(side / 2)
+
+
+def pulses(
+    points: NDArray[np.float64],
+    return_number: NDArray[np.uint8] | None,
+    number_of_returns: NDArray[np.uint8] | None,
+) -> NDArray[np.float64]:
+    """
+    Return one point per pulse: its last return, or every point where returns are not known.
+
+    """
+    if return_number is None or number_of_returns is None:
+        return points
+    is_last = return_number >= number_of_returns
+    return points[is_last] if is_last.any() else points
+
+
+def expected_spacing(samples: Iterable[NDArray[np.float64]]) -> float | None:
+    """
+    Measure the spacing [m] of sampled pulses; None where there are too few.
+
+    """
+    gathered = [sample for sample in samples if len(sample)]
+    sample = np.concatenate(gathered) if gathered else np.empty((0, 3))
+    return measure_spacing(sample) if len(sample) >= _MIN_PULSES else None

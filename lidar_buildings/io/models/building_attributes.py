@@ -1,0 +1,113 @@
+"""
+The attributes of a building as files carry them: their types, and their values in the source's units.
+
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lidar_buildings.core.model.map_frame import MapFrame
+from lidar_buildings.core.solids.face_shape import face_shape
+
+#: Name → type of every attribute of DESIGN.md section 3, in the order of the columns.
+BUILDING_FIELDS: dict[str, type] = {
+    "building_id": int,
+    "footprint_id": str,
+    "status": str,
+    "reason": str,
+    "ground_elevation": float,
+    "roof_elevation_min": float,
+    "roof_elevation_50p": float,
+    "roof_elevation_70p": float,
+    "roof_elevation_max": float,
+    "height": float,
+    "area": float,
+    "n_points": int,
+    "point_spacing": float,
+    "outline_sigma": float,
+    "outline_max_offset": float,
+    "n_planes": int,
+    "roof_type": str,
+    "rmse": float,
+    "plane_sigma": float,
+    "coverage": float,
+    "no_data_share": float,
+    "volume": float,
+    "lod": str,
+    "validity": str,
+}
+#: Name → type of what is said of each face of a roof.
+FACE_FIELDS: dict[str, type] = {
+    "slope_deg": float,
+    "azimuth_deg": float,
+    "area": float,
+}
+_ELEVATIONS = {name for name in BUILDING_FIELDS if "_elevation" in name}
+_HEIGHTS = {"height", "rmse", "plane_sigma"}
+_LENGTHS = {"point_spacing", "outline_sigma", "outline_max_offset"}
+#: Decimals that are written: a tenth of a millimetre or finer, and no noise of the last bit.
+_DECIMALS = 4
+
+
+def in_source_units(attributes: dict[str, Any], frame: MapFrame) -> dict[str, Any]:
+    """
+    Return a building's attributes with lengths and elevations as the source measures them.
+
+    Parameters
+    ----------
+    attributes : dict
+        In metres, elevations in the map frame.
+    frame : MapFrame
+        Where the map frame lies, and the source's units.
+
+    Returns
+    -------
+    dict
+        The same names in the same order; numbers that are not finite become None.
+
+    """
+    return {name: _converted(name, value, frame) for name, value in attributes.items()}
+
+
+def face_attributes(rings: Sequence[NDArray[np.float64]], frame: MapFrame) -> dict[str, Any]:
+    """
+    Return what the geometry of a roof's face tells, by the names of `FACE_FIELDS`.
+
+    Parameters
+    ----------
+    rings : sequence of ndarray of shape (n_vertices, 3)
+        The exterior and the holes in the map frame [m].
+    frame : MapFrame
+        Where the map frame lies, and the source's units.
+
+    """
+    return in_source_units(face_shape(rings)._asdict(), frame)
+
+
+def _converted(name: str, value: Any, frame: MapFrame) -> Any:
+    """
+    Return one attribute in the source's units.
+
+    """
+    value = value.item() if hasattr(value, "item") else value
+    if not isinstance(value, float):
+        return value
+    if not math.isfinite(value):
+        return None
+    if name in _ELEVATIONS:
+        value = (value + frame.origin[2]) / frame.vertical_unit
+    elif name in _HEIGHTS:
+        value /= frame.vertical_unit
+    elif name in _LENGTHS:
+        value /= frame.horizontal_unit
+    elif name == "area":
+        value /= frame.horizontal_unit**2
+    elif name == "volume":
+        value /= frame.horizontal_unit**2 * frame.vertical_unit
+    return round(value, _DECIMALS)

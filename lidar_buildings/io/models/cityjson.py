@@ -1,0 +1,239 @@
+"""
+City models as CityJSONSeq 2.0: a header line, then one line per building.
+
+Vertices are written as whole multiples of the output grid in the map frame; the header's transform turns
+them into the source's coordinates. So what was checked is what is written, in metres and in feet alike.
+
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pyproj
+from numpy.typing import NDArray
+
+from lidar_buildings.core.model.building_id import readable_id
+from lidar_buildings.core.model.errors import InputError
+from lidar_buildings.core.model.map_frame import MapFrame
+from lidar_buildings.core.solids.output_grid import GRID
+from lidar_buildings.core.solids.raising import GROUND_SURFACE, ROOF_SURFACE, WALL_SURFACE, Solid
+from lidar_buildings.core.stages.building_model import BuildingModel
+from lidar_buildings.io.models.building_attributes import face_attributes, in_source_units
+
+#: The surfaces that every solid lists first, whether it has them or not; each roof face has one of its own.
+_SHARED = (GROUND_SURFACE, WALL_SURFACE)
+_EPSG = re.compile(r"EPSG:(\d+)")
+#: Decimals of the extent's coordinates.
+_DECIMALS = 6
+
+
+@dataclass(frozen=True, eq=False)
+class CityFeature:
+    """
+    One building as read from a line.
+
+    Attributes
+    ----------
+    readable_id : str
+        The feature's id, made from the anchor's coordinates.
+    building_id : int
+        See `lidar_buildings.core.model.building_id`.
+    attributes : dict
+        As written: in the source's units.
+    solids : dict of str to Solid
+        By level of detail, in the map frame [m].
+
+    """
+
+    readable_id: str
+    building_id: int
+    attributes: dict[str, Any]
+    solids: dict[str, Solid]
+
+    @property
+    def finest(self) -> str:
+        """
+        The finest level of detail that the building has, empty if it has no solid.
+
+        """
+        return max(self.solids, default="")
+
+
+def header_line(
+    frame: MapFrame,
+    *,
+    crs: str = "",
+    extent: NDArray[np.float64] | None = None,
+    title: str = "",
+) -> str:
+    """
+    Return the first line of a CityJSONSeq: version, transform and metadata.
+
+    The reference system is left out where no EPSG code is known, since CityJSON has no other way to name it.
+
+    Parameters
+    ----------
+    frame : MapFrame
+        Where the map frame lies.
+    crs : str
+        The frame's reference system together with a vertical one, where that is known; of a pair that has no
+        code the horizontal one is named.
+    extent : ndarray of shape (2, 3), optional
+        Least and greatest coordinates of all buildings in the map frame [m].
+    title : str
+        What the model is of.
+
+    """
+    translate = frame.to_source(np.zeros((1, 3)))[0]
+    header: dict[str, Any] = {
+        "type": "CityJSON",
+        "version": "2.0",
+        "transform": {"scale": (GRID / frame.units).tolist(), "translate": translate.tolist()},
+        "CityObjects": {},
+        "vertices": [],
+    }
+    metadata: dict[str, Any] = {}
+    if extent is not None:
+        metadata["geographicalExtent"] = np.round(frame.to_source(extent), _DECIMALS).ravel().tolist()
+    code = _code_of(crs) or _code_of(frame.crs)
+    if code:
+        metadata["referenceSystem"] = f"https://www.opengis.net/def/crs/EPSG/0/{code}"
+    if title:
+        metadata["title"] = title
+    if metadata:
+        header["metadata"] = metadata
+    return _line(header)
+
+
+def feature_line(
+    model: BuildingModel,
+    building_id: int,
+    frame: MapFrame,
+    attributes: dict[str, Any],
+    *,
+    anchor: tuple[float, float],
+) -> str:
+    """
+    Return one building's line.
+
+    Parameters
+    ----------
+    model : BuildingModel
+        Its solids; a building without any still gets its line, without geometry.
+    building_id : int
+        Written as an attribute of this name.
+    frame : MapFrame
+        Where the map frame lies.
+    attributes : dict
+        In metres and in the map frame; written in the source's units, sorted by name.
+    anchor : tuple of two float
+        The anchor point's x and y in the map frame [m], from which the feature's id is made.
+
+    Returns
+    -------
+    str
+        Without a line break.
+
+    """
+    x, y, _ = frame.to_source(np.array([[*anchor, 0.0]]))[0]
+    name = readable_id(x, y)
+    vertices: dict[tuple[int, int, int], int] = {}
+    geometry = [_geometry(lod, model.solids[lod], vertices, frame) for lod in sorted(model.solids)]
+    state = {"building_id": int(building_id), "status": model.status.value, "reason": model.reason}
+    written = in_source_units(state | attributes | {"building_id": int(building_id)}, frame)
+    building = {"type": "Building", "attributes": dict(sorted(written.items())), "geometry": geometry}
+    return _line(
+        {
+            "type": "CityJSONFeature",
+            "id": name,
+            "CityObjects": {name: building},
+            "vertices": [list(vertex) for vertex in vertices],
+        }
+    )
+
+
+def parse_feature(line: str) -> CityFeature:
+    """
+    Read a line that `feature_line` wrote.
+
+    Raises
+    ------
+    InputError
+        If the line is no such feature.
+
+    """
+    try:
+        feature = json.loads(line)
+        if feature["type"] != "CityJSONFeature":
+            raise ValueError(f"its type is {feature['type']}")
+        building = feature["CityObjects"][feature["id"]]
+        attributes = building["attributes"]
+        vertices = np.array(feature["vertices"], dtype=np.float64).reshape(-1, 3) / round(1 / GRID)
+        solids = {one["lod"]: _solid(one, vertices) for one in building["geometry"]}
+        return CityFeature(feature["id"], int(attributes["building_id"]), attributes, solids)
+    except (ValueError, KeyError, TypeError, IndexError) as error:
+        raise InputError(f"line {line[:60]!r}: no CityJSONFeature of a building: {error!r}") from error
+
+
+def _code_of(crs: str) -> str:
+    """
+    Return the EPSG code of a reference system, empty if it has none.
+
+    """
+    named = _EPSG.fullmatch(crs)
+    if named or not crs:
+        return named[1] if named else ""
+    try:
+        code = pyproj.CRS.from_user_input(crs).to_epsg()
+    except pyproj.exceptions.CRSError:
+        return ""
+    return str(code or "")
+
+
+def _geometry(
+    lod: str, solid: Solid, vertices: dict[tuple[int, int, int], int], frame: MapFrame
+) -> dict[str, Any]:
+    """
+    Return a solid as CityJSON geometry; its vertices are added to the feature's, each once.
+
+    """
+    steps = np.rint(solid.vertices / GRID).astype(np.int64).tolist()
+    rows = [vertices.setdefault((x, y, z), len(vertices)) for x, y, z in steps]
+    shell = [[[rows[i] for i in ring] for ring in face] for face in solid.faces]
+    surfaces: list[dict[str, Any]] = [{"type": surface} for surface in _SHARED]
+    values = []
+    for face, kind in zip(solid.faces, solid.semantics, strict=True):
+        if kind == ROOF_SURFACE:
+            values.append(len(surfaces))
+            surfaces.append({"type": kind} | face_attributes(solid.face_rings(face), frame))
+        else:
+            values.append(_SHARED.index(kind))
+    semantics = {"surfaces": surfaces, "values": [values]}
+    return {"type": "Solid", "lod": lod, "boundaries": [shell], "semantics": semantics}
+
+
+def _solid(geometry: dict[str, Any], vertices: np.ndarray) -> Solid:
+    """
+    Return the solid of a CityJSON geometry with its own vertices, in the order of their first use.
+
+    """
+    (shell,) = geometry["boundaries"]
+    used = list(dict.fromkeys(i for face in shell for ring in face for i in ring))
+    row_of = {i: row for row, i in enumerate(used)}
+    faces = tuple(tuple(tuple(row_of[i] for i in ring) for ring in face) for face in shell)
+    surfaces = [surface["type"] for surface in geometry["semantics"]["surfaces"]]
+    semantics = tuple(surfaces[value] for value in geometry["semantics"]["values"][0])
+    return Solid(vertices[used], faces, semantics)
+
+
+def _line(content: dict[str, Any]) -> str:
+    """
+    Return JSON on one line, the same for the same content; only finite numbers are let through.
+
+    """
+    return json.dumps(content, separators=(",", ":"), ensure_ascii=False, allow_nan=False)

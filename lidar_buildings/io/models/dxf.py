@@ -1,0 +1,154 @@
+"""
+City models as CAD drawings: DXF with a layer per level of detail and surface, and outlines with arcs.
+
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, BinaryIO
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lidar_buildings.core.model.map_frame import MapFrame
+from lidar_buildings.core.solids.raising import GROUND_SURFACE, ROOF_SURFACE, WALL_SURFACE
+from lidar_buildings.io.files.atomic_files import whole_file
+from lidar_buildings.io.models.arcs import ring_arcs
+from lidar_buildings.io.models.dxf_entities import Corner, DxfEntities, corner_text
+from lidar_buildings.io.models.dxf_frame import FIRST_HANDLE, dxf_frame
+from lidar_buildings.io.results.survey_buildings import SolidMesh, SurveyBuilding
+
+#: Name under which entities carry their building's id, and outlines its attributes.
+APPLICATION = "LIDAR_BUILDINGS"
+OUTLINE, COURTYARD = "OUTLINE", "OUTLINE_COURTYARD"
+_SURFACES = {ROOF_SURFACE: "ROOF", WALL_SURFACE: "WALL", GROUND_SURFACE: "GROUND"}
+#: Surface → number of its colour: red, light grey, dark grey.
+_COLOURS = {ROOF_SURFACE: 1, WALL_SURFACE: 9, GROUND_SURFACE: 8}
+_LEVELS = ("1.2", "1.3", "2.2")
+
+
+def layer_name(level: str, surface: str) -> str:
+    """
+    Return the layer of a surface, as ``LOD22_ROOF``.
+
+    """
+    return f"LOD{level.replace('.', '')}_{_SURFACES[surface]}"
+
+
+@contextmanager
+def dxf_file(path: Path, frame: MapFrame) -> Iterator[Callable[[SurveyBuilding], None]]:
+    """
+    Give a function that adds a building's outline and finest solid to a drawing in source coordinates.
+
+    Entities are written one by one, as ezdxf would write them: it holds a whole drawing in memory.
+
+    Parameters
+    ----------
+    path : Path
+        It appears when the block ends well.
+    frame : MapFrame
+        Of the buildings.
+
+    Raises
+    ------
+    OutputError
+        If the file cannot be written.
+
+    """
+    layers = {layer_name(level, kind): _COLOURS[kind] for level in _LEVELS for kind in _SURFACES}
+    around = dxf_frame(layers | {OUTLINE: 7, COURTYARD: 7}, APPLICATION, frame.horizontal_unit)
+    with whole_file(path) as temporary, open(temporary, "wb") as file:
+        file.write(around.before.encode("ascii"))
+        entities = DxfEntities(around.owner, APPLICATION, FIRST_HANDLE)
+        yield _Drawing(file, entities, frame).add
+        file.write(around.after.encode("ascii"))
+        file.seek(around.seed_at)
+        file.write(f"{entities.next_handle:X}".encode("ascii"))
+
+
+class _Drawing:
+    """
+    Draws buildings one after the other.
+
+    """
+
+    def __init__(self, file: BinaryIO, entities: DxfEntities, frame: MapFrame) -> None:
+        self._file = file
+        self._entities = entities
+        self._frame = frame
+
+    def add(self, building: SurveyBuilding) -> None:
+        """
+        Draw a building.
+
+        """
+        parts = self._outline(building)
+        if building.mesh is not None:
+            parts += self._solid(building.mesh, building.readable_id)
+        self._file.write("".join(parts).encode("ascii"))
+
+    def _outline(self, building: SurveyBuilding) -> list[str]:
+        """
+        Draw a building's rings at the ground; a point where there is no ring.
+
+        """
+        known = [one for one in (building.outline, building.traced) if one and len(one.exterior)]
+        if not known:
+            return []
+        outline = known[0]
+        data = self._entities.extended_data([building.readable_id, *_told(building.attributes)])
+        ground = building.attributes.get("ground_elevation") or 0.0
+        drawn = []
+        for layer, ring in zip((OUTLINE, *(COURTYARD,) * len(outline.holes)), outline.rings, strict=True):
+            places = self._in_source(ring)
+            if len(ring) >= 3:
+                rows, bulges = ring_arcs(ring)
+                corners = [(places[k][0], places[k][1]) for k in rows.tolist()]
+                drawn.append(self._entities.closed_polyline(layer, corners, bulges.tolist(), ground, data))
+            elif layer == OUTLINE:
+                drawn.append(self._entities.point(layer, (*places[0][:2], ground), data))
+        return drawn
+
+    def _solid(self, mesh: SolidMesh, name: str) -> list[str]:
+        """
+        Draw a solid's faces; edges within a face are hidden.
+
+        """
+        data = self._entities.extended_data([name])
+        corners = [corner_text(corner) for corner in self._in_source(mesh.solid.vertices)]
+        drawn = []
+        for face, pieces, kind in zip(mesh.solid.faces, mesh.pieces, mesh.solid.semantics, strict=True):
+            layer = layer_name(mesh.lod, kind)
+            seen = set(_edges(face[0])).union(*map(_edges, face[1:])) if len(pieces) > 1 else None
+            for rows in pieces:
+                hidden = [seen is not None and edge not in seen for edge in _edges(rows)]
+                drawn.append(self._entities.face(layer, [corners[k] for k in rows], data, hidden))
+        return drawn
+
+    def _in_source(self, vertices: NDArray[np.float64]) -> list[Corner]:
+        """
+        Return vertices of 2 or 3 coordinates in source coordinates.
+
+        """
+        full = np.zeros((len(vertices), 3))
+        full[:, : vertices.shape[1]] = vertices
+        return [(x, y, z) for x, y, z in self._frame.to_source(full).tolist()]
+
+
+def _edges(ring: Sequence[int]) -> list[tuple[int, int]]:
+    """
+    Return the pairs of consecutive members, the last with the first.
+
+    """
+    return list(zip(ring, (*ring[1:], ring[0]), strict=True))
+
+
+def _told(attributes: Mapping[str, Any]) -> list[str]:
+    """
+    Return the attributes that are known, as texts.
+
+    """
+    return [f"{name}={value}" for name, value in sorted(attributes.items()) if value not in (None, "")]

@@ -1,0 +1,128 @@
+"""
+City models as meshes: Wavefront OBJ, an object per building, a material per kind of surface.
+
+Coordinates are local, in the source's units, with z up: viewers hold them as float32, in which those of a
+country's grid have steps of decimetres. The header says what to add.
+
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TextIO
+
+import numpy as np
+
+from lidar_buildings.core.model.map_frame import MapFrame
+from lidar_buildings.core.solids.face_triangles import triangles_of
+from lidar_buildings.core.solids.raising import GROUND_SURFACE, ROOF_SURFACE, WALL_SURFACE
+from lidar_buildings.io.files.atomic_files import whole_file
+from lidar_buildings.io.results.survey_buildings import SolidMesh, SurveyBuilding
+
+#: Surface → its material's name and colour.
+_MATERIALS = {
+    ROOF_SURFACE: ("roof", (0.72, 0.29, 0.22)),
+    WALL_SURFACE: ("wall", (0.85, 0.82, 0.76)),
+    GROUND_SURFACE: ("ground", (0.45, 0.45, 0.42)),
+}
+#: Decimals of coordinates: the grid's millimetres, and as fine where a unit is no metre.
+_DECIMALS, _DECIMALS_OF_OTHER_UNITS = 3, 5
+
+
+@contextmanager
+def obj_file(path: Path, frame: MapFrame) -> Iterator[Callable[[SurveyBuilding], None]]:
+    """
+    Give a function that adds a building's finest solid to an OBJ file; its materials stand beside it.
+
+    Solids are closed as meshes, too: triangles share their vertices, and neighbours their edges.
+
+    Parameters
+    ----------
+    path : Path
+        It appears when the block ends well, and so does the file of materials of the same name in ``.mtl``.
+    frame : MapFrame
+        Of the buildings.
+
+    Raises
+    ------
+    OutputError
+        If a file cannot be written.
+
+    """
+    materials = path.with_suffix(".mtl")
+    with whole_file(path) as temporary, open(temporary, "w", encoding="utf-8") as file:
+        file.write(_header(frame, materials.name))
+        yield _Mesh(file, frame).add
+        with whole_file(materials) as beside:
+            beside.write_text("".join(_material(*one) for one in _MATERIALS.values()), encoding="utf-8")
+
+
+class _Mesh:
+    """
+    Writes buildings one after the other; vertices are numbered through the file.
+
+    """
+
+    def __init__(self, file: TextIO, frame: MapFrame) -> None:
+        self._file = file
+        self._units = frame.units
+        self._decimals = _DECIMALS if (frame.units == 1.0).all() else _DECIMALS_OF_OTHER_UNITS
+        self._n_vertices = 0
+
+    def add(self, building: SurveyBuilding) -> None:
+        """
+        Write a building, or why it has no solid.
+
+        """
+        if building.mesh is None:
+            reason = " ".join(str(building.attributes.get("reason") or "unknown").split())
+            self._file.write(f"# {building.readable_id}: no solid: {reason}\n")
+            return
+        self._file.write(f"o {building.readable_id}\n# LoD{building.mesh.lod}\n")
+        self._write(building.mesh)
+
+    def _write(self, mesh: SolidMesh) -> None:
+        """
+        Write a solid's vertices, and its triangles by material.
+
+        """
+        vertices = mesh.solid.vertices
+        places = np.round(vertices / self._units, self._decimals) + 0.0  # no minus zero
+        lines = [f"v {x!r} {y!r} {z!r}\n" for x, y, z in places.tolist()]
+        first = self._n_vertices + 1
+        for kind, (name, _) in _MATERIALS.items():
+            own = (p for p, of in zip(mesh.pieces, mesh.solid.semantics, strict=True) if of == kind)
+            lines.append(f"usemtl {name}\n")
+            lines += [
+                f"f {a + first} {b + first} {c + first}\n"
+                for pieces in own
+                for a, b, c in triangles_of(pieces)
+            ]
+        self._file.writelines(lines)
+        self._n_vertices += len(vertices)
+
+
+def _header(frame: MapFrame, materials: str) -> str:
+    """
+    Return what stands above the first building.
+
+    """
+    offset = " ".join(repr(c) for c in frame.to_source(np.zeros((1, 3)))[0].tolist())
+    crs = " ".join(frame.crs.split()) or "unknown"
+    return (
+        "# The finest solid of each building; z is up.\n"
+        f"# Reference system: {crs}\n"
+        f"# Offset to add to all coordinates: {offset}\n"
+        f"mtllib {materials}\n"
+    )
+
+
+def _material(name: str, colour: tuple[float, float, float]) -> str:
+    """
+    Return a material that looks the same from both sides and does not shine.
+
+    """
+    red, green, blue = colour
+    return f"newmtl {name}\nKd {red} {green} {blue}\nKa {red} {green} {blue}\nillum 1\n"

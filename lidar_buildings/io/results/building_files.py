@@ -1,0 +1,129 @@
+"""
+The files that tell of a survey's buildings, written side by side in one pass over the buildings.
+
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Collection, Iterator
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from typing import NamedTuple
+
+from lidar_buildings.io.files.atomic_files import cannot_write, whole_file
+from lidar_buildings.io.models.cityjson import header_line
+from lidar_buildings.io.models.dxf import dxf_file
+from lidar_buildings.io.models.obj import obj_file
+from lidar_buildings.io.results.building_layers import building_layers_file
+from lidar_buildings.io.results.output_config import FORMATS
+from lidar_buildings.io.results.run_folder import BUILDINGS, CITY_MODEL, DRAWING, MATERIALS, MESH
+from lidar_buildings.io.results.survey_buildings import SurveyBuilding, SurveyBuildings
+
+#: Format → the files that it makes.
+FILES: dict[str, tuple[str, ...]] = dict(
+    zip(FORMATS, ((BUILDINGS,), (CITY_MODEL,), (MESH, MATERIALS), (DRAWING,)), strict=True)
+)
+#: Formats that tell of outlines, also where there are no models.
+OF_OUTLINES = ("gpkg",)
+_NO_FEATURE = "unknown"
+
+_Add = Callable[[SurveyBuilding], None]
+
+
+class ModelHeading(NamedTuple):
+    """
+    What a city model says of itself.
+
+    Attributes
+    ----------
+    title : str
+        What it is of.
+    crs : str
+        The reference system together with the vertical one, where that is known.
+
+    """
+
+    title: str = ""
+    crs: str = ""
+
+
+def write_buildings(
+    folder: Path, buildings: SurveyBuildings, formats: Collection[str], heading: ModelHeading
+) -> tuple[list[str], dict[str, int]]:
+    """
+    Write buildings in some formats; all files appear, complete, when the last building is written.
+
+    Parameters
+    ----------
+    folder : Path
+        Where the files go.
+    buildings : SurveyBuildings
+        Of all tiles.
+    formats : collection of str
+        Names of `FILES`.
+    heading : ModelHeading
+        What a city model is to say of itself.
+
+    Returns
+    -------
+    files : list of str
+        Names of the files.
+    statuses : dict
+        Status → number of buildings; of those with an outline, where there are any outlines.
+
+    Raises
+    ------
+    OutputError
+        If a file cannot be written.
+
+    """
+    chosen = [name for name in FILES if name in formats]
+    outlined: Counter[str] = Counter()
+    traced: Counter[str] = Counter()
+    with ExitStack() as stack:
+        writers = [stack.enter_context(_writer(name, folder, buildings, heading)) for name in chosen]
+        for building in buildings:
+            for name, add in zip(chosen, writers, strict=True):
+                try:
+                    add(building)
+                except OSError as error:  # else the file that was opened last would have to answer for it
+                    raise cannot_write(folder / FILES[name][0], error) from error
+            status = building.attributes.get("status") or _NO_FEATURE
+            outlined[status] += building.outline is not None
+            traced[status] += building.traced is not None
+    counted = outlined if outlined.total() else traced
+    return [file for name in chosen for file in FILES[name]], dict(sorted((+counted).items()))
+
+
+@contextmanager
+def _writer(name: str, folder: Path, buildings: SurveyBuildings, heading: ModelHeading) -> Iterator[_Add]:
+    """
+    Give a function that adds a building to the file of a format.
+
+    """
+    path = folder / FILES[name][0]
+    if name == "cityjson":
+        with _sequence(path, buildings, heading) as add:
+            yield add
+        return
+    of_format = {"gpkg": building_layers_file, "obj": obj_file, "dxf": dxf_file}[name]
+    with of_format(path, buildings.frame) as add:
+        yield add
+
+
+@contextmanager
+def _sequence(path: Path, buildings: SurveyBuildings, heading: ModelHeading) -> Iterator[_Add]:
+    """
+    Give a function that adds a building's line to a CityJSONSeq.
+
+    """
+    header = header_line(buildings.frame, crs=heading.crs, extent=buildings.extent, title=heading.title)
+    with whole_file(path) as temporary, open(temporary, "w", encoding="utf-8") as file:
+        file.write(f"{header}\n")
+
+        def add(building: SurveyBuilding) -> None:
+            if building.line:
+                file.write(f"{building.line}\n")
+
+        yield add

@@ -1,0 +1,166 @@
+"""
+Buildings as the layers of ``buildings.gpkg``.
+
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from lidar_buildings.core.model.map_frame import MapFrame
+from lidar_buildings.core.solids.raising import ROOF_SURFACE
+from lidar_buildings.io.models.building_attributes import BUILDING_FIELDS, FACE_FIELDS, face_attributes
+from lidar_buildings.io.results.survey_buildings import SurveyBuilding
+from lidar_buildings.io.vectors.geopackage import GeoPackageLayer, GeoPackageWriter
+
+#: Column with the name that stays the same in every file, made from the anchor's coordinates.
+READABLE_ID = "readable_id"
+_NAMES: dict[str, type] = {"building_id": int, READABLE_ID: str}
+#: Layer → its columns.
+_LAYERS: dict[str, dict[str, type]] = {
+    "outlines": BUILDING_FIELDS | {READABLE_ID: str},
+    "traced": _NAMES,
+    "roof_faces": {
+        **_NAMES,
+        "lod": str,
+        "face": int,
+        **FACE_FIELDS,
+        "elevation_min": float,
+        "elevation_max": float,
+    },
+}
+_IN_3D = {"roof_faces"}
+#: So many rows are written at a time.
+_PORTION = 20_000
+#: Decimals of a face's elevations, as of a building's.
+_DECIMALS = 4
+
+_Rows = list[tuple[dict[str, Any], shapely.Polygon]]
+
+
+@contextmanager
+def building_layers_file(path: Path, frame: MapFrame) -> Iterator[Callable[[SurveyBuilding], None]]:
+    """
+    Give a function that adds a building to the layers outlines, traced and roof_faces of a GeoPackage.
+
+    Parameters
+    ----------
+    path : Path
+        It appears when the block ends well.
+    frame : MapFrame
+        Of the buildings.
+
+    Raises
+    ------
+    OutputError
+        If the file cannot be written.
+
+    """
+    with GeoPackageWriter(path, frame.crs) as file:
+        layers = _BuildingLayers(file, frame)
+        yield layers.add
+        layers.write_all()
+
+
+class _BuildingLayers:
+    """
+    Gathers rows, and writes them in portions.
+
+    """
+
+    def __init__(self, file: GeoPackageWriter, frame: MapFrame) -> None:
+        self._file = file
+        self._frame = frame
+        self._rows: dict[str, _Rows] = {name: [] for name in _LAYERS}
+        for name in _LAYERS:  # empty layers are layers, too
+            self._write(name)
+
+    def add(self, building: SurveyBuilding) -> None:
+        """
+        Add a building's rows.
+
+        """
+        names = {"building_id": building.building_id, READABLE_ID: building.readable_id}
+        if building.outline is not None:
+            row = (building.attributes | names, _polygon(building.outline.rings, self._frame))
+            self._rows["outlines"].append(row)
+        if building.traced is not None:
+            self._rows["traced"].append((names, _polygon(building.traced.rings, self._frame)))
+        self._rows["roof_faces"] += [
+            (names | known, polygon) for known, polygon in _roof_faces(building, self._frame)
+        ]
+        if len(self._rows["roof_faces"]) + len(self._rows["outlines"]) >= _PORTION:
+            self.write_all()
+
+    def write_all(self) -> None:
+        """
+        Write the rows that wait.
+
+        """
+        for name, rows in self._rows.items():
+            if rows:
+                self._write(name)
+
+    def _write(self, name: str) -> None:
+        """
+        Write one layer's rows.
+
+        """
+        rows, self._rows[name] = self._rows[name], []
+        polygons = [polygon for _, polygon in rows]
+        known = [row for row, _ in rows]
+        self._file.append(GeoPackageLayer(name, polygons, _LAYERS[name], known, is_3d=name in _IN_3D))
+
+
+def _roof_faces(
+    building: SurveyBuilding, frame: MapFrame
+) -> Iterator[tuple[dict[str, Any], shapely.Polygon]]:
+    """
+    Yield the roof of a building's finest solid, face by face.
+
+    """
+    feature = building.feature
+    if feature is None or not feature.finest:
+        return
+    solid = feature.solids[feature.finest]
+    faces = [f for f, kind in zip(solid.faces, solid.semantics, strict=True) if kind == ROOF_SURFACE]
+    for number, face in enumerate(faces, start=1):
+        rings = solid.face_rings(face)
+        polygon = _polygon(rings, frame)
+        elevations = np.round(shapely.get_coordinates(polygon, include_z=True)[:, 2], _DECIMALS)
+        known = {
+            "lod": feature.finest,
+            "face": number,
+            **face_attributes(rings, frame),
+            "elevation_min": float(elevations.min()),
+            "elevation_max": float(elevations.max()),
+        }
+        yield known, polygon
+
+
+def _polygon(rings: Iterable[NDArray[np.float64]], frame: MapFrame) -> shapely.Polygon:
+    """
+    Return rings of 2 or 3 coordinates as a polygon in source coordinates, empty where a ring is none.
+
+    """
+    shell, *holes = [_in_source(ring, frame) for ring in rings]
+    if len(shell) < 3:
+        return shapely.Polygon()
+    return shapely.Polygon(shell, [hole for hole in holes if len(hole) >= 3])
+
+
+def _in_source(ring: NDArray[np.float64], frame: MapFrame) -> NDArray[np.float64]:
+    """
+    Return a ring's vertices, of 2 or 3 coordinates, in source coordinates of 3.
+
+    """
+    vertices = np.zeros((len(ring), 3))
+    vertices[:, : ring.shape[1]] = ring
+    return frame.to_source(vertices)

@@ -1,0 +1,114 @@
+"""
+What given footprints add to the results: the names they have in their file.
+
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from lidar_buildings.core.model.errors import InputError
+from lidar_buildings.io.results.tile_products import Shapes
+from lidar_buildings.io.vectors.footprints import FootprintFile
+
+#: Attribute and column that carries a footprint's name.
+FOOTPRINT_ID = "footprint_id"
+
+
+@dataclass(frozen=True)
+class FootprintResults:
+    """
+    Names and record of the footprints of a run; of traced outlines there are neither.
+
+    Attributes
+    ----------
+    names : mapping
+        Building id → what the file calls the footprint.
+    record : mapping
+        What ``run.json`` tells of the file.
+
+    """
+
+    names: Mapping[int, str] = field(default_factory=dict)
+    record: Mapping[str, Any] = field(default_factory=dict)
+
+    @classmethod
+    def of(cls, file: FootprintFile | None) -> FootprintResults:
+        """
+        Return what a file of footprints adds, nothing if there is none.
+
+        """
+        return cls() if file is None else cls(file.footprint_id, file.record)
+
+    def __bool__(self) -> bool:
+        """
+        Whether footprints were given.
+
+        """
+        return bool(self.record)
+
+    def named(self, tiles: Iterable[Shapes]) -> Iterator[Shapes]:
+        """
+        Yield the buildings of every tile with their footprints' names, each building once.
+
+        A footprint wider than a tile's buffer may grow is in two tiles: the first one's building counts.
+
+        """
+        seen: set[int] = set()
+        for tile in tiles:
+            yield self._named(tile, seen) if self else tile
+            seen.update(one.building_id for one in (*tile.traced, *tile.outlines))
+
+    def _named(self, tile: Shapes, seen: set[int]) -> Shapes:
+        """
+        Return a tile's buildings without those that were seen.
+
+        """
+        features = [_parsed(line) for line in tile.features]
+        return Shapes(
+            tuple(one for one in tile.traced if one.building_id not in seen),
+            tuple(one for one in tile.outlines if one.building_id not in seen),
+            tuple(face for face in tile.roof_faces if face.building_id not in seen),
+            tuple(self._line(feature) for feature in features if _number(feature) not in seen),
+        )
+
+    def _line(self, feature: dict[str, Any]) -> str:
+        """
+        Return a feature's line with the footprint's name among the attributes.
+
+        """
+        building = feature["CityObjects"][feature["id"]]
+        attributes = building["attributes"] | {FOOTPRINT_ID: self.names.get(_number(feature), "")}
+        building["attributes"] = dict(sorted(attributes.items()))
+        return json.dumps(feature, separators=(",", ":"), ensure_ascii=False, allow_nan=False)
+
+    def summary(self, n_buildings: int) -> dict[str, Any]:
+        """
+        Return the record with the number of footprints that lie outside the data.
+
+        """
+        return {**self.record, "n_outside": self.record["n_used"] - n_buildings} if self else {}
+
+
+def _parsed(line: str) -> dict[str, Any]:
+    """
+    Read a feature's line.
+
+    """
+    try:
+        feature: dict[str, Any] = json.loads(line)
+        _number(feature)
+        return feature
+    except (ValueError, KeyError, TypeError) as error:
+        raise InputError(f"line {line[:60]!r}: no CityJSONFeature of a building: {error!r}") from error
+
+
+def _number(feature: dict[str, Any]) -> int:
+    """
+    Return a feature's building id.
+
+    """
+    return int(feature["CityObjects"][feature["id"]]["attributes"]["building_id"])

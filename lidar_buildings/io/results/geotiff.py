@@ -1,0 +1,222 @@
+"""
+GeoTIFF files of one band, written block by block so that a survey of any size passes through little memory.
+
+"""
+
+from __future__ import annotations
+
+import logging
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from types import TracebackType
+
+import numpy as np
+import rasterio
+from numpy.typing import NDArray
+from rasterio.enums import Resampling
+from rasterio.errors import RasterioError
+from rasterio.windows import Window
+
+from lidar_buildings import __version__
+from lidar_buildings.core.model.errors import OutputError
+from lidar_buildings.io.files.atomic_files import cannot_write
+from lidar_buildings.io.files.captured_stderr import quiet_if
+
+#: Side of a block in cells, as in cloud-optimised GeoTIFF.
+BLOCK = 512
+#: What stands in cells that are not known.
+NODATA = -9999.0
+#: A raster of more blocks than this is refused: their index alone would be 16 MB.
+MOST_BLOCKS = 1_000_000
+#: Overviews are left out where fewer than one block in so many holds anything: GDAL visits all the others.
+_OVERVIEW_SPARSITY = 16
+_FORMAT = {
+    "driver": "GTiff", "count": 1, "dtype": "float32", "nodata": NODATA,
+    "tiled": True, "blockxsize": BLOCK, "blockysize": BLOCK,
+    "compress": "deflate", "predictor": 3, "zlevel": 6, "SPARSE_OK": True, "BIGTIFF": "IF_SAFER",
+}  # fmt: skip
+#: GDAL would take a twentieth of the memory; that these are bytes goes by the type.
+_GDAL = {
+    "GDAL_CACHEMAX": 64_000_000,
+    "COMPRESS_OVERVIEW": "DEFLATE",
+    "PREDICTOR_OVERVIEW": "3",
+    "SPARSE_OK_OVERVIEW": "YES",
+}
+_FAILURES = (RasterioError, OSError, RuntimeError)
+
+# what GDAL logs of a file that cannot be written is said in the one line of the OutputError
+logging.getLogger("rasterio").addFilter(lambda record: record.levelno < logging.ERROR)
+logging.getLogger("rasterio._env").addFilter(lambda record: record.levelno < logging.ERROR)
+
+
+@dataclass(frozen=True)
+class RasterLayout:
+    """
+    What a file of elevations says of itself.
+
+    Attributes
+    ----------
+    width, height : int
+        Columns and rows of cells.
+    west, north : float
+        Outer corner of the north-western cell in source coordinates.
+    cell : float
+        Side of a cell in the source's horizontal unit.
+    crs : str
+        ``"EPSG:28992"``, a WKT text, or empty if unknown.
+    unit : str
+        Of the values.
+
+    """
+
+    width: int
+    height: int
+    west: float
+    north: float
+    cell: float
+    crs: str
+    unit: str
+
+    @property
+    def n_blocks(self) -> int:
+        """
+        Number of blocks, empty ones too.
+
+        """
+        return -(-self.width // BLOCK) * -(-self.height // BLOCK)
+
+
+class GeotiffWriter:
+    """
+    Writes one file block by block; a context, at whose end the file is complete and read back.
+
+    Blocks that were not written hold no data and take no room. Equal content gives equal bytes if blocks come
+    in the same order.
+
+    Parameters
+    ----------
+    path : Path
+        An existing file is replaced; see `lidar_buildings.io.files.atomic_files` for writing it under another name.
+    layout : RasterLayout
+        Size, place and units.
+    meaning : str
+        What the values are.
+
+    Raises
+    ------
+    OutputError
+        If the file cannot be written.
+
+    """
+
+    def __init__(self, path: Path, layout: RasterLayout, meaning: str) -> None:
+        self._path, self._layout = path, layout
+        self._blocks: list[Window] = []
+        self._n_known = 0
+        with self._reported():
+            self._file = rasterio.open(
+                path,
+                "w",
+                width=layout.width,
+                height=layout.height,
+                crs=layout.crs or None,
+                transform=rasterio.Affine(layout.cell, 0.0, layout.west, 0.0, -layout.cell, layout.north),
+                **_FORMAT,
+            )
+            self._file.set_band_description(1, meaning)
+            self._file.units = (layout.unit,)
+            self._file.update_tags(TIFFTAG_SOFTWARE=f"lidar_buildings {__version__}")
+
+    def write(self, row: int, column: int, values: NDArray[np.float32]) -> None:
+        """
+        Write one block; NaN becomes nodata.
+
+        Parameters
+        ----------
+        row, column : int
+            First row and column of the block, multiples of `BLOCK`.
+        values : ndarray of float32
+            As large as a block, less at the raster's southern and eastern edges.
+
+        """
+        known = ~np.isnan(values)
+        n_known = int(np.count_nonzero(known))
+        if not n_known:
+            return
+        window = Window(column, row, values.shape[1], values.shape[0])
+        with self._reported():
+            self._file.write(np.where(known, values, np.float32(NODATA)), 1, window=window)
+        self._blocks.append(window)
+        self._n_known += n_known
+
+    def __enter__(self) -> GeotiffWriter:
+        """
+        Return itself.
+
+        """
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """
+        Close the file; without an error add overviews and read it back.
+
+        """
+        with self._reported(quiet=error is not None):
+            self._file.close()
+        if error is None:
+            with self._reported():
+                self._add_overviews()
+                self._check_complete()
+
+    def _add_overviews(self) -> None:
+        """
+        Add coarser copies for fast display, each of half the size, until one block holds all.
+
+        """
+        longer = max(self._layout.width, self._layout.height)
+        factors = [2**step for step in range(1, 32) if longer > BLOCK * 2 ** (step - 1)]
+        if not factors or self._layout.n_blocks > _OVERVIEW_SPARSITY * len(self._blocks):
+            return
+        with rasterio.open(self._path, "r+") as file:
+            file.build_overviews(factors, Resampling.average)
+
+    def _check_complete(self) -> None:
+        """
+        Count the known cells again: a full disk may show no sooner.
+
+        """
+        with rasterio.open(self._path) as file:
+            n_known = sum(
+                int(np.count_nonzero(file.read(1, window=window) != np.float32(NODATA)))
+                for window in self._blocks
+            )
+        if n_known != self._n_known:
+            raise OSError(f"it holds {n_known} of {self._n_known} known cells")
+
+    @contextmanager
+    def _reported(self, *, quiet: bool = False) -> Iterator[None]:
+        """
+        Turn what fails within into one OutputError, or into nothing where there is an error already.
+
+        """
+        try:
+            # libtiff prints what the operating system refused
+            with rasterio.Env(**_GDAL), quiet_if(lambda error: isinstance(error, _FAILURES)):
+                yield
+        except _FAILURES as error:
+            if not quiet:
+                raise _refusal(self._path, error) from error
+
+
+def _refusal(path: Path, error: Exception) -> OutputError:
+    """
+    Say that a file cannot be written, by the system's own words where there are some.
+
+    """
+    code = getattr(error, "errno", None)
+    return cannot_write(path, OSError(code, os.strerror(code)) if code else error)

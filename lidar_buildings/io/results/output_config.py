@@ -1,0 +1,32 @@
+"""
+What is written: what the model writer's parameters and the command line share.
+
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from lidar_buildings.core.model.parameters import parameter
+from lidar_buildings.core.stages.terrain import RasterConfig
+
+#: What the files that tell of buildings may be.
+FORMATS = ("gpkg", "cityjson", "obj", "dxf")
+
+
+@dataclass(frozen=True)
+class OutputConfig(RasterConfig):
+    """
+    Which files are made, and what they hold.
+
+    """
+
+    stage: ClassVar[str] = RasterConfig.stage
+
+    formats: tuple[str, ...] = parameter(
+        FORMATS,
+        "Formats of the files that tell of buildings; fewer take less time and room.",
+        choices=FORMATS,
+        read_only=True,
+    )

@@ -1,0 +1,361 @@
+"""
+The output folder of a run: tiles as they come, and at the end the files.
+
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any
+from zipfile import BadZipFile
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lidar_buildings import __version__
+from lidar_buildings.core.model.errors import InputError
+from lidar_buildings.core.model.map_frame import MapFrame
+from lidar_buildings.io.clouds.classified_las import suffix_for, write_classified
+from lidar_buildings.io.clouds.las import InputFile, open_cloud
+from lidar_buildings.io.files.atomic_files import cannot_write, whole_file
+from lidar_buildings.io.results.building_files import OF_OUTLINES, ModelHeading, write_buildings
+from lidar_buildings.io.results.footprint_results import FootprintResults
+from lidar_buildings.io.results.output_config import FORMATS
+from lidar_buildings.io.results.point_results import PointResults
+from lidar_buildings.io.results.run_folder import (
+    CLASSIFIED,
+    PARTIAL,
+    RUN,
+    claim_folder,
+    output_names,
+)
+from lidar_buildings.io.results.seams import seam_pieces
+from lidar_buildings.io.results.survey_buildings import SurveyBuildings
+from lidar_buildings.io.results.terrain_files import RasterExtentError, crs_with_heights, write_rasters
+from lidar_buildings.io.results.tile_products import TileProducts, load_outlines, load_rows, load_shapes
+from lidar_buildings.io.vectors.footprints import FootprintFile
+
+_ENDING = ".npz"
+#: File among the tiles in which the models' lines wait for their turn.
+_LINES = "features.jsonl"
+#: Last stage of a run that ends before there are outlines, or before there are models.
+_WITHOUT_OUTLINES = ("ground_filter", "roof_selection", "edge_labelling")
+_WITHOUT_MODELS = (*_WITHOUT_OUTLINES, "boundary_tracing", "regularisation", "plane_fitting")
+
+
+@dataclass(frozen=True)
+class RunSummary:
+    """
+    What a run has made, as ``run.json`` tells it.
+
+    Attributes
+    ----------
+    files : tuple of str
+        Relative to the output folder.
+    n_tiles, n_points : int
+        Finished tiles; points of all inputs.
+    n_unclassified : int
+        Points in none of the finished tiles; they keep their class.
+    classes : dict
+        Class number → points.
+    buildings : dict
+        Status → buildings.
+    n_seam_pieces : int
+        Buildings left out because a neighbouring tile has them as part of a larger one.
+    rasters : dict
+        File name → its columns, rows, side of a cell in the source's unit, and known cells.
+    problems : tuple of str
+        One line per input that could not be read to its end.
+    footprints : dict
+        What became of the footprints that were given: how many were read, used, repaired, left out for which
+        reason, and outside the data. Empty where outlines were traced.
+
+    """
+
+    files: tuple[str, ...]
+    n_tiles: int
+    n_points: int
+    n_unclassified: int
+    classes: dict[int, int]
+    buildings: dict[str, int]
+    n_seam_pieces: int
+    rasters: dict[str, dict[str, Any]]
+    problems: tuple[str, ...]
+    footprints: dict[str, Any] = field(default_factory=dict)
+
+
+class OutputFolder:
+    """
+    Takes a run's tiles in any order, safe on disk one by one, and makes the files from them at the end.
+
+    Parameters
+    ----------
+    path : path
+        The folder; made if it is not there.
+    inputs : sequence of InputFile
+        A point's `source` is its file's place in this sequence.
+    frame : MapFrame
+        Of the tiles.
+    overwrite : bool
+        Whether earlier results may be replaced. With and without it an unfinished run of the same inputs and
+        parameters is taken up again; `discard_unfinished` prevents that.
+    until : str
+        The last stage of the run; files that a later stage would fill are not made.
+    parameters : mapping
+        All settings that results depend on; they must be equal for a run to be taken up again.
+    footprints : FootprintFile or None
+        The footprints that were given.
+    formats : collection of str
+        Which files tell of the buildings, of `lidar_buildings.io.results.output_config.FORMATS`.
+
+    Raises
+    ------
+    OutputError
+        If the folder cannot be used: one line saying why and what to do.
+
+    """
+
+    def __init__(
+        self,
+        path: str | Path,
+        inputs: Sequence[InputFile],
+        frame: MapFrame,
+        *,
+        overwrite: bool = False,
+        until: str = "building_model",
+        parameters: Mapping[str, Any] | None = None,
+        footprints: FootprintFile | None = None,
+        formats: Collection[str] = FORMATS,
+    ) -> None:
+        self.path = Path(path)
+        self.inputs = list(inputs)
+        self.frame = frame
+        self.until = until
+        self.formats = tuple(formats)
+        self._footprints = FootprintResults.of(footprints)
+        identity = {
+            "version": __version__,
+            "inputs": [
+                [str(file.path.resolve()), file.point_count, file.path.stat().st_mtime_ns]
+                for file in self.inputs
+            ],
+            "frame": asdict(frame),
+            "until": until,
+            "parameters": dict(parameters or {}),
+        }
+        claim_folder(self.path, identity, self.inputs, overwrite=overwrite)
+        for fragment in self._partial.glob(f"*{_ENDING}"):
+            # A killed process leaves a part, a power cut a name without its content.
+            if not _is_whole(fragment):
+                fragment.unlink()
+
+    def write_tile(self, products: TileProducts) -> None:
+        """
+        Put a tile safely on disk; the same stamp again replaces it.
+
+        Raises
+        ------
+        OutputError
+            If it cannot be written; tiles written before are kept.
+
+        """
+        products.save(self._partial / f"{products.stamp}{_ENDING}")
+
+    def done_stamps(self) -> set[int]:
+        """
+        Return the stamps of the tiles on disk.
+
+        """
+        return {
+            int(fragment.stem) for fragment in self._partial.glob(f"*{_ENDING}") if fragment.stem.isdigit()
+        }
+
+    def finalise(self, run_info: Mapping[str, Any] | None = None) -> RunSummary:
+        """
+        Make the files from the tiles on disk; ``run.json`` comes last, then the tiles are deleted.
+
+        The result does not depend on the order in which the tiles came.
+
+        Parameters
+        ----------
+        run_info : mapping
+            What else ``run.json`` is to tell: versions, parameters, seconds per stage; its ``problems`` stand
+            before those met here.
+
+        Raises
+        ------
+        OutputError
+            If a file cannot be written; the tiles are kept, and the run can be taken up again.
+
+        """
+        info = dict(run_info or {})
+        fragments = [self._partial / f"{stamp}{_ENDING}" for stamp in sorted(self.done_stamps())]
+        # footprints are what they are, also where one lies within another
+        pieces = set() if self._footprints else seam_pieces([load_outlines(one) for one in fragments])
+        outputs, problems, per_class, n_known = self._write_clouds(fragments, pieces)
+        buildings, statuses = self._write_buildings(fragments, pieces)
+        files = [*filter(None, outputs), *buildings]
+        rasters = self._write_rasters(fragments, problems)
+        n_points = sum(file.point_count for file in self.inputs)
+        summary = RunSummary(
+            files=(*files, *rasters, RUN),
+            n_tiles=len(fragments),
+            n_points=n_points,
+            n_unclassified=n_points - n_known,
+            classes={int(code): int(per_class[code]) for code in np.flatnonzero(per_class)},
+            buildings=statuses,
+            n_seam_pieces=len(pieces),
+            rasters=rasters,
+            problems=tuple(dict.fromkeys([*info.get("problems", ()), *problems])),
+            footprints=self._footprints.summary(sum(statuses.values())),
+        )
+        self._write_run(summary, outputs, info)
+        self._discard_tiles(fragments)
+        return summary
+
+    @property
+    def _partial(self) -> Path:
+        """
+        Folder of the tiles.
+
+        """
+        return self.path / PARTIAL
+
+    def _write_clouds(
+        self, fragments: list[Path], pieces: set[int]
+    ) -> tuple[list[str | None], list[str], NDArray[np.int64], int]:
+        """
+        Write every classified file; a file that cannot be read is noted, the others are written.
+
+        """
+        touching = _fragments_by_source(fragments, len(self.inputs))
+        outputs: list[str | None] = []
+        problems: list[str] = []
+        per_class, n_known = np.zeros(256, dtype=np.int64), 0
+        for source, name in enumerate(output_names(self.inputs)):
+            try:
+                output, counts, known = self._write_cloud(source, name, touching[source], pieces)
+            except InputError as error:
+                problems.append(str(error))
+                outputs.append(None)
+                continue
+            outputs.append(output)
+            per_class += counts
+            n_known += known
+        return outputs, problems, per_class, n_known
+
+    def _write_cloud(
+        self, source: int, name: str, fragments: list[Path], pieces: set[int]
+    ) -> tuple[str, NDArray[np.int64], int]:
+        """
+        Write one classified file; return its name, points per class and how many were in finished tiles.
+
+        """
+        file = self.inputs[source]
+        cloud = open_cloud(file.path)
+        if cloud.point_count != file.point_count:
+            raise InputError(f"{file.path}: has changed during the run: run it again with --overwrite")
+        output = f"{CLASSIFIED}/{name}{suffix_for(cloud)}"
+        self._make_folder(CLASSIFIED)
+        with PointResults(self._partial / f"{source}.results", cloud.point_count) as results:
+            results.fill(fragments, source, without=pieces)
+            counts = write_classified(cloud, results.rows, self.path / output)
+            return output, counts, results.n_known()
+
+    def _make_folder(self, name: str) -> None:
+        """
+        Make a folder in the output folder.
+
+        """
+        try:
+            (self.path / name).mkdir(exist_ok=True)
+        except OSError as error:
+            raise cannot_write(self.path / name, error) from error
+
+    def _write_buildings(self, fragments: list[Path], pieces: set[int]) -> tuple[list[str], dict[str, int]]:
+        """
+        Write outlines and models as far as the run went; return the files' names, and buildings per status.
+
+        """
+        names = self._footprints.names if self._footprints else None
+        formats = self.formats
+        if self.until in _WITHOUT_MODELS:
+            formats = () if self.until in _WITHOUT_OUTLINES else tuple(set(formats) & set(OF_OUTLINES))
+        with SurveyBuildings(
+            self._partial / _LINES, self.frame, without=pieces, footprint_id=names
+        ) as buildings:
+            for shapes in self._footprints.named(load_shapes(one) for one in fragments):
+                buildings.add(shapes)
+            return write_buildings(self.path, buildings, formats, self._heading())
+
+    def _heading(self) -> ModelHeading:
+        """
+        Return what the city model says of itself.
+
+        """
+        names = output_names(self.inputs)
+        more = f" and {len(names) - 1} more" if len(names) > 1 else ""
+        title = f"Buildings of {names[0]}{more}" if names else ""
+        return ModelHeading(title, crs_with_heights(self.inputs, self.frame))
+
+    def _write_rasters(self, fragments: list[Path], problems: list[str]) -> dict[str, dict[str, Any]]:
+        """
+        Write the rasters; a survey too wide for them is noted.
+
+        """
+        try:
+            return write_rasters(self.path, fragments, self.frame, self.inputs)
+        except RasterExtentError as error:
+            problems.append(str(error))
+            return {}
+
+    def _write_run(self, summary: RunSummary, outputs: list[str | None], run_info: Mapping[str, Any]) -> None:
+        """
+        Write ``run.json``.
+
+        """
+        inputs = [
+            {"path": str(file.path), "point_count": file.point_count, "output": output}
+            for file, output in zip(self.inputs, outputs, strict=True)
+        ]
+        own = {"inputs": inputs, "until": self.until, "frame": asdict(self.frame), **asdict(summary)}
+        content = own | {name: value for name, value in run_info.items() if name not in own}
+        with whole_file(self.path / RUN) as temporary:
+            temporary.write_text(json.dumps(content, indent=2, default=str) + "\n", encoding="utf-8")
+
+    def _discard_tiles(self, fragments: list[Path]) -> None:
+        """
+        Delete what is no longer needed.
+
+        """
+        for left in (*fragments, *self._partial.glob("*")):
+            left.unlink(missing_ok=True)
+        self._partial.rmdir()
+
+
+def _fragments_by_source(fragments: list[Path], n_sources: int) -> list[list[Path]]:
+    """
+    Return, per input, the tiles that hold points of it.
+
+    """
+    touching: list[list[Path]] = [[] for _ in range(n_sources)]
+    for fragment in fragments:
+        for source in load_rows(fragment, "sources"):
+            if source < n_sources:
+                touching[source].append(fragment)
+    return touching
+
+
+def _is_whole(fragment: Path) -> bool:
+    """
+    Whether a saved tile can be read.
+
+    """
+    try:
+        load_rows(fragment, "stamp")
+    except (OSError, ValueError, KeyError, EOFError, RuntimeError, BadZipFile):
+        return False
+    return True

@@ -1,0 +1,166 @@
+"""
+Which output folders may be used, and what becomes of what stands in them.
+
+"""
+
+from __future__ import annotations
+
+import json
+import shutil
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from lidar_buildings.core.model.errors import OutputError
+from lidar_buildings.io.clouds.las import InputFile
+from lidar_buildings.io.files.atomic_files import whole_file
+from lidar_buildings.io.files.captured_stderr import in_words
+
+PARTIAL = ".partial"
+RUN = "run.json"
+CLASSIFIED = "classified"
+BUILDINGS = "buildings.gpkg"
+CITY_MODEL = "city_model.city.jsonl"
+MESH, MATERIALS, DRAWING = "city_model.obj", "city_model.mtl", "city_model.dxf"
+DTM, DSM, NDSM = "dtm.tif", "dsm.tif", "ndsm.tif"
+#: What identifies the unfinished run, beside its tiles.
+_IDENTITY = "identity.json"
+
+
+def claim_folder(
+    path: Path, identity: dict[str, Any], inputs: Sequence[InputFile], *, overwrite: bool
+) -> None:
+    """
+    Make a folder ready for a run, or for taking up the same run where it was left.
+
+    Parameters
+    ----------
+    path : Path
+        The output folder.
+    identity : dict
+        What must be equal for a run to be the same: inputs, parameters, last stage.
+    inputs : sequence of InputFile
+        They must not stand where the results will.
+    overwrite : bool
+        Whether an earlier run's files may be replaced; files of other origin are never touched. The same run,
+        unfinished, is taken up again all the same: a writer that was restarted must not begin anew.
+
+    Raises
+    ------
+    OutputError
+        If the folder cannot be used.
+
+    """
+    for file in inputs:
+        if (path / CLASSIFIED).resolve() in file.path.resolve().parents:
+            raise OutputError(f"{path}: holds the input {file.path}: choose another output folder")
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+        if overwrite:
+            if not _is_same(path, identity):
+                _clear(path)
+        elif (path / RUN).exists():
+            raise OutputError(
+                f"{path}: holds a finished run: give --overwrite to replace it, or another folder"
+            )
+        elif _holds_run(path):
+            _check_same(path, identity)
+        elif any(file.name != PARTIAL for file in path.iterdir()):
+            raise OutputError(f"{path}: is not empty: give --overwrite to write into it, or another folder")
+        (path / PARTIAL).mkdir(exist_ok=True)
+    except OSError as error:
+        raise _unusable(path, error) from error
+    try:
+        with whole_file(path / PARTIAL / _IDENTITY) as temporary:
+            temporary.write_text(json.dumps(identity))
+    except OutputError as error:
+        raise _unusable(path, error.__cause__ or error) from error
+
+
+def output_names(inputs: Sequence[InputFile]) -> list[str]:
+    """
+    Return a name without ending for each input's output; equal names are told apart by a number.
+
+    """
+    taken: set[str] = set()
+    names = []
+    for file in inputs:
+        stem = file.path.stem.removesuffix(".copc")
+        number, name = 1, stem
+        while name.lower() in taken:
+            number += 1
+            name = f"{stem}_{number}"
+        taken.add(name.lower())
+        names.append(name)
+    return names
+
+
+def _holds_run(path: Path) -> bool:
+    """
+    Whether there is an unfinished run; a folder that a full disk kept empty is none.
+
+    """
+    return any((path / PARTIAL).glob("*"))
+
+
+def _check_same(path: Path, identity: dict[str, Any]) -> None:
+    """
+    Refuse to go on with another run's tiles.
+
+    """
+    if not _is_same(path, identity):
+        raise OutputError(
+            f"{path}: holds an unfinished run of other inputs or parameters: give the same to go on with it, "
+            "--overwrite to begin anew, or another folder"
+        )
+
+
+def _is_same(path: Path, identity: dict[str, Any]) -> bool:
+    """
+    Whether the folder holds the same run, unfinished.
+
+    """
+    return _read(path / PARTIAL / _IDENTITY) == json.loads(json.dumps(identity))
+
+
+def discard_unfinished(path: Path) -> None:
+    """
+    Delete the tiles of an unfinished run, so that the next one begins anew.
+
+    """
+    shutil.rmtree(path / PARTIAL, ignore_errors=True)
+
+
+def _clear(path: Path) -> None:
+    """
+    Remove what earlier runs have written.
+
+    """
+    earlier = _read(path / RUN) or {}
+    names = [name for name in earlier.get("files", []) if isinstance(name, str)]
+    for name in (RUN, BUILDINGS, CITY_MODEL, MESH, MATERIALS, DRAWING, DTM, DSM, NDSM, *names):
+        file = path / name
+        if path.resolve() in file.resolve().parents:
+            file.unlink(missing_ok=True)
+    shutil.rmtree(path / PARTIAL, ignore_errors=True)
+
+
+def _read(path: Path) -> Any:
+    """
+    Read a JSON file; None if there is none that can be read.
+
+    """
+    try:
+        return json.loads(path.read_text())
+    except (OSError, ValueError):
+        return None
+
+
+def _unusable(path: Path, error: BaseException) -> OutputError:
+    """
+    Say that results cannot be written there.
+
+    """
+    return OutputError(
+        f"{path}: cannot be used for output ({in_words(error)}): choose another folder, or mend its rights"
+    )

@@ -1,0 +1,292 @@
+"""
+The buildings of all tiles, each once and in the order of their ids, for whatever files are made of them.
+
+"""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Collection, Iterator, Mapping
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lidar_buildings.core.model.building_id import anchor_near, anchor_row, readable_id
+from lidar_buildings.core.model.errors import InputError
+from lidar_buildings.core.model.map_frame import MapFrame
+from lidar_buildings.core.model.outline import Outline
+from lidar_buildings.core.solids.face_triangles import face_pieces
+from lidar_buildings.core.solids.output_grid import GRID
+from lidar_buildings.core.solids.raising import Solid
+from lidar_buildings.io.files.atomic_files import cannot_write
+from lidar_buildings.io.models.building_attributes import in_source_units
+from lidar_buildings.io.models.cityjson import CityFeature, parse_feature
+from lidar_buildings.io.results.footprint_results import FOOTPRINT_ID
+from lidar_buildings.io.results.tile_products import Shapes
+
+
+@dataclass(frozen=True, eq=False)
+class SolidMesh:
+    """
+    A solid with its faces divided into convex pieces of three or four corners.
+
+    Attributes
+    ----------
+    lod : str
+        The solid's level of detail.
+    solid : Solid
+    pieces : tuple of tuple of tuple of int
+        Per face its pieces, as rows of the solid's vertices.
+
+    """
+
+    lod: str
+    solid: Solid
+    pieces: tuple[tuple[tuple[int, ...], ...], ...]
+
+
+@dataclass(frozen=True, eq=False)
+class SurveyBuilding:
+    """
+    One building, as far as the run went.
+
+    Attributes
+    ----------
+    building_id : int
+        See `lidar_buildings.core.model.building_id`.
+    readable_id : str
+        The name that files carry, made from the anchor's coordinates.
+    traced, outline : Outline or None
+        Before and after regularisation, map frame [m].
+    line : str
+        The CityJSONFeature, empty if there is none.
+    feature : CityFeature or None
+        What the line says.
+    attributes : dict
+        In the source's units.
+
+    """
+
+    building_id: int
+    readable_id: str
+    traced: Outline | None
+    outline: Outline | None
+    line: str
+    feature: CityFeature | None
+    attributes: dict[str, Any]
+
+    @cached_property
+    def mesh(self) -> SolidMesh | None:
+        """
+        The finest solid with its faces divided, None if there is no solid.
+
+        """
+        if self.feature is None or not self.feature.finest:
+            return None
+        solid = self.feature.solids[self.feature.finest]
+        pieces = tuple(tuple(face_pieces(solid.vertices, face)) for face in solid.faces)
+        return SolidMesh(self.feature.finest, solid, pieces)
+
+
+@dataclass(frozen=True, eq=False)
+class _Entry:
+    """
+    What is kept in memory of a building, and where its line lies in the file.
+
+    """
+
+    traced: Outline | None
+    outline: Outline | None
+    start: int
+    length: int
+
+
+class SurveyBuildings:
+    """
+    Collects buildings tile by tile; the models wait on disk until they are asked for.
+
+    Parameters
+    ----------
+    path : Path
+        File for the models' lines, replaced if it is there.
+    frame : MapFrame
+        Of the tiles.
+    without : collection of int
+        Ids of buildings to leave out.
+    footprint_id : mapping or None
+        Building id → what the file of footprints calls it; None where outlines were traced.
+
+    """
+
+    def __init__(
+        self,
+        path: Path,
+        frame: MapFrame,
+        *,
+        without: Collection[int] = (),
+        footprint_id: Mapping[int, str] | None = None,
+    ) -> None:
+        self.frame = frame
+        self._without = frozenset(without)
+        self._footprint_id = footprint_id
+        self._entries: dict[tuple[int, str], _Entry] = {}
+        self._low, self._high = np.full(3, np.inf), np.full(3, -np.inf)
+        self._path = path
+        with self._failing_in_words():
+            self._file = open(path, "w+b")  # noqa: SIM115 (open as long as the object)
+
+    def close(self) -> None:
+        """
+        Close the file of lines.
+
+        """
+        # what could not be written was said when the tile was added, and closing tries to write it again
+        with suppress(OSError):
+            self._file.close()
+
+    def __enter__(self) -> SurveyBuildings:
+        """
+        Return itself.
+
+        """
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """
+        Close the file of lines.
+
+        """
+        self.close()
+
+    @property
+    def extent(self) -> NDArray[np.float64] | None:
+        """
+        Least and greatest coordinates of all solids in the map frame [m], None if there are none.
+
+        """
+        return np.stack([self._low, self._high]) if np.isfinite(self._low).all() else None
+
+    def add(self, shapes: Shapes) -> None:
+        """
+        Add a tile's buildings; of one that came before nothing is taken.
+
+        """
+        traced = {one.building_id: one.outline for one in shapes.traced}
+        outlines = {one.building_id: one.outline for one in shapes.outlines}
+        models = {head.building_id: head for head in map(_head_of, shapes.features)}
+        for number in sorted((traced.keys() | outlines.keys() | models.keys()) - self._without):
+            before, after, model = traced.get(number), outlines.get(number), models.get(number)
+            key = number, model.readable_id if model else self._name_of(number, before or after)
+            if key not in self._entries:
+                self._entries[key] = _Entry(before, after, *self._kept(model))
+        with self._failing_in_words():
+            self._file.flush()
+
+    def __len__(self) -> int:
+        """
+        Return the number of buildings.
+
+        """
+        return len(self._entries)
+
+    def __iter__(self) -> Iterator[SurveyBuilding]:
+        """
+        Yield the buildings by id and name, one at a time.
+
+        """
+        for number, name in sorted(self._entries):
+            entry = self._entries[number, name]
+            line = self._line(entry)
+            feature = parse_feature(line) if line else None
+            attributes = feature.attributes if feature else self._attributes(number, entry.outline)
+            yield SurveyBuilding(number, name, entry.traced, entry.outline, line, feature, attributes)
+
+    def _kept(self, model: _Head | None) -> tuple[int, int]:
+        """
+        Put a line into the file; return where it begins and its length.
+
+        """
+        if model is None:
+            return 0, 0
+        self._low = np.minimum(self._low, model.low)
+        self._high = np.maximum(self._high, model.high)
+        with self._failing_in_words():
+            start = self._file.seek(0, os.SEEK_END)
+            return start, self._file.write(model.line.encode())
+
+    def _line(self, entry: _Entry) -> str:
+        """
+        Return a building's line from the file.
+
+        """
+        self._file.seek(entry.start)
+        return self._file.read(entry.length).decode()
+
+    @contextmanager
+    def _failing_in_words(self) -> Iterator[None]:
+        """
+        Say which file it is that cannot be written.
+
+        """
+        try:
+            yield
+        except OSError as error:
+            raise cannot_write(self._path, error) from error
+
+    def _name_of(self, number: int, outline: Outline | None) -> str:
+        """
+        Name a building without model by its westernmost vertex, or by the place a footprint's id is of.
+
+        """
+        if outline is None or not len(outline.exterior):
+            return ""
+        vertices = np.column_stack([outline.exterior, np.zeros(len(outline.exterior))])
+        if self._footprint_id is not None:
+            vertices = np.array([[*anchor_near(number, vertices[0]), 0.0]])
+        places = self.frame.to_source(vertices)
+        return readable_id(*places[anchor_row(places)][:2])
+
+    def _attributes(self, number: int, outline: Outline | None) -> dict[str, Any]:
+        """
+        Return what the outline alone tells in a run without models.
+
+        """
+        known: dict[str, Any] = {"area": outline.area} if outline else {}
+        if self._footprint_id is not None:
+            known[FOOTPRINT_ID] = self._footprint_id.get(number, "")
+        return in_source_units(known, self.frame)
+
+
+class _Head(NamedTuple):
+    """
+    What must be known of a line to find it again, and the extent of its vertices [m].
+
+    """
+
+    building_id: int
+    readable_id: str
+    line: str
+    low: NDArray[np.float64]
+    high: NDArray[np.float64]
+
+
+def _head_of(line: str) -> _Head:
+    """
+    Read who a line is of, and where its solids are.
+
+    """
+    try:
+        feature = json.loads(line)
+        name = feature["id"]
+        number = int(feature["CityObjects"][name]["attributes"]["building_id"])
+        vertices = np.array(feature["vertices"], dtype=np.float64).reshape(-1, 3) * GRID
+    except (ValueError, KeyError, TypeError) as error:
+        raise InputError(f"line {line[:60]!r}: no CityJSONFeature of a building: {error!r}") from error
+    low, high = vertices.min(axis=0, initial=np.inf), vertices.max(axis=0, initial=-np.inf)
+    return _Head(number, name, line, low, high)

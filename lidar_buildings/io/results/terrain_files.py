@@ -1,0 +1,203 @@
+"""
+The rasters of a run: every tile's cells put together into ``dtm.tif``, ``dsm.tif`` and ``ndsm.tif``.
+
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyproj
+from numpy.typing import NDArray
+from pyproj.exceptions import CRSError
+
+from lidar_buildings.core.model.errors import LidarBuildingsError, OutputError
+from lidar_buildings.core.model.map_frame import MapFrame
+from lidar_buildings.core.stages.terrain import RasterWindow, TerrainRasters
+from lidar_buildings.core.stages.terrain.window import enclosing
+from lidar_buildings.io.clouds.crs import vertical_crs
+from lidar_buildings.io.clouds.las import InputFile
+from lidar_buildings.io.clouds.las_records import read_raw_header
+from lidar_buildings.io.files.atomic_files import whole_file
+from lidar_buildings.io.results.geotiff import BLOCK, MOST_BLOCKS, GeotiffWriter, RasterLayout
+from lidar_buildings.io.results.run_folder import DSM, DTM, NDSM
+from lidar_buildings.io.results.tile_products import load_raster_window, load_rasters
+
+#: File name → what its values are.
+RASTERS = {
+    DTM: "elevation of the ground",
+    DSM: "elevation of the surface",
+    NDSM: "height of the surface above the ground",
+}
+#: Metres per unit → its name in the files.
+_UNITS = {1.0: "metre", 0.3048: "foot", 1200.0 / 3937.0: "US survey foot"}
+_SAME_UNIT = 1e-7
+#: Values are rounded to this part of a unit, about a millimetre: what is finer is noise, and large.
+_STEPS = 1024.0
+#: Saved tiles that are kept in memory: a row of blocks visits each several times.
+_TILES_IN_MEMORY = 32
+
+
+class RasterExtentError(OutputError):
+    """
+    A survey is too wide for one raster; nothing else is wrong with it.
+
+    """
+
+
+def write_rasters(
+    folder: Path, fragments: Sequence[Path], frame: MapFrame, inputs: Sequence[InputFile]
+) -> dict[str, dict[str, Any]]:
+    """
+    Write the rasters of saved tiles; a block is made at a time, so that memory holds some tiles only.
+
+    Where several tiles answer for a cell the one whose core is nearest has it, then the one that comes first.
+
+    Parameters
+    ----------
+    folder : Path
+        Where the files go.
+    fragments : sequence of Path
+        Saved tiles, sorted by stamp.
+    frame : MapFrame
+        Of the tiles; values and places are turned back into the source's units.
+    inputs : sequence of InputFile
+        Asked for the vertical reference system.
+
+    Returns
+    -------
+    dict
+        File name → columns, rows, side of a cell, known cells; empty if no tile has a raster.
+
+    Raises
+    ------
+    OutputError
+        If a file cannot be written.
+    RasterExtentError
+        If the tiles lie too far apart for one raster of this resolution.
+
+    """
+    windows = {path: window for path in fragments if (window := load_raster_window(path)) is not None}
+    whole = enclosing(windows.values())
+    if whole is None:
+        return {}
+    layout = _layout(whole, frame, crs_with_heights(inputs, frame))
+    if layout.n_blocks > MOST_BLOCKS:
+        raise RasterExtentError(
+            f"{folder}: no rasters were made: {layout.width:,} × {layout.height:,} cells of "
+            f"{whole.resolution:g} m are too many: raise model_writer.raster_resolution, or run the parts "
+            "apart"
+        )
+    n_known = dict.fromkeys(RASTERS, 0)
+    with ExitStack() as stack:
+        writers = {}
+        for name, meaning in RASTERS.items():
+            temporary = stack.enter_context(whole_file(folder / name))
+            writers[name] = stack.enter_context(GeotiffWriter(temporary, layout, meaning))
+        for row, column, block in _blocks(whole, windows):
+            for name, values in _in_source_units(block, frame).items():
+                writers[name].write(row, column, values)
+                n_known[name] += int(np.count_nonzero(~np.isnan(values)))
+    size = {"width": layout.width, "height": layout.height, "cell": layout.cell}
+    return {name: {**size, "known_cells": n_known[name]} for name in RASTERS}
+
+
+def crs_with_heights(inputs: Sequence[InputFile], frame: MapFrame) -> str:
+    """
+    Return the frame's reference system, with the vertical one that the files state where they agree on it.
+
+    """
+    stated = {crs.to_wkt(): crs for file in inputs if (crs := _vertical_of(file.path)) is not None}
+    if not frame.crs or len(stated) != 1:
+        return frame.crs
+    (vertical,) = stated.values()
+    if abs(vertical.axis_info[0].unit_conversion_factor - frame.vertical_unit) > _SAME_UNIT:
+        return frame.crs
+    try:
+        horizontal = pyproj.CRS.from_user_input(frame.crs)
+        name = f"{horizontal.name} + {vertical.name}"
+        return str(pyproj.crs.CompoundCRS(name, [horizontal, vertical]).to_wkt())
+    except CRSError:  # a pair that cannot be written
+        return frame.crs
+
+
+def _vertical_of(path: Path) -> Any:
+    """
+    Return the vertical reference system of a file, None where it cannot be had.
+
+    """
+    try:
+        raw = read_raw_header(path)
+    except (LidarBuildingsError, OSError):
+        return None
+    return vertical_crs(raw.vlrs + raw.evlrs)
+
+
+def _layout(window: RasterWindow, frame: MapFrame, crs: str) -> RasterLayout:
+    """
+    Describe the files.
+
+    """
+    west, north = (edge / frame.horizontal_unit for edge in window.corner)
+    unit = next(
+        (name for metres, name in _UNITS.items() if abs(metres - frame.vertical_unit) < _SAME_UNIT),
+        f"{frame.vertical_unit:g} m",
+    )
+    cell = window.resolution / frame.horizontal_unit
+    return RasterLayout(window.width, window.height, west, north, cell, crs, unit)
+
+
+def _in_source_units(block: TerrainRasters, frame: MapFrame) -> dict[str, NDArray[np.float32]]:
+    """
+    Return a block's values by file name, as the files have them.
+
+    """
+    dtm, dsm = (
+        np.rint((raster.astype(np.float64) + frame.origin[2]) / frame.vertical_unit * _STEPS) / _STEPS
+        for raster in (block.dtm, block.dsm)
+    )
+    rasters = {DTM: dtm, DSM: dsm, NDSM: dsm - dtm}
+    return {name: values.astype(np.float32) for name, values in rasters.items()}
+
+
+def _blocks(
+    whole: RasterWindow, windows: dict[Path, RasterWindow]
+) -> Iterator[tuple[int, int, TerrainRasters]]:
+    """
+    Yield first row, first column and content of each block that a tile reaches into, row by row.
+
+    """
+    load = lru_cache(_TILES_IN_MEMORY)(load_rasters)
+    reaching: dict[tuple[int, int], list[Path]] = {}
+    for path, window in windows.items():
+        rows, columns = whole.shared(window)
+        for row in range(rows.start // BLOCK * BLOCK, rows.stop, BLOCK):
+            for column in range(columns.start // BLOCK * BLOCK, columns.stop, BLOCK):
+                reaching.setdefault((row, column), []).append(path)
+    for (row, column), paths in sorted(reaching.items()):
+        rows, columns = (
+            slice(first, min(first + BLOCK, size))
+            for first, size in ((row, whole.height), (column, whole.width))
+        )
+        yield row, column, merged(whole.part(columns, rows), map(load, paths))
+
+
+def merged(window: RasterWindow, tiles: Iterator[TerrainRasters]) -> TerrainRasters:
+    """
+    Put what tiles know of a window together.
+
+    """
+    dtm, dsm = (np.full(window.shape, np.nan, dtype=np.float32) for _ in range(2))
+    distance = np.full(window.shape, np.iinfo(np.int32).max, dtype=np.int32)
+    for tile in tiles:
+        here, there = window.shared(tile.window), tile.window.shared(window)
+        known = ~np.isnan(tile.dtm[there]) | ~np.isnan(tile.dsm[there])
+        nearer = known & (tile.distance[there] < distance[here])
+        for target, source in ((dtm, tile.dtm), (dsm, tile.dsm), (distance, tile.distance)):
+            target[here][nearer] = source[there][nearer]
+    return TerrainRasters(window, dtm, dsm, distance)

@@ -1,0 +1,300 @@
+"""
+What a run keeps of one tile, and how it lies on disk until the run ends.
+
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lidar_buildings.core.model.outline import BuildingOutline, Outline
+from lidar_buildings.core.model.tile import COLUMNS, PointTile
+from lidar_buildings.core.stages.terrain import RasterWindow, TerrainRasters
+from lidar_buildings.io.files.atomic_files import whole_file
+
+_NAME = ("source", "index")
+#: Names under which a tile's rasters are saved.
+_WINDOW, _RASTERS = "window", ("dtm", "dsm", "distance")
+#: Rows of a tile's core points, of its buildings' points, and of its core roof points.
+CORE, ROOFS, EDGES = (
+    np.dtype([(name, COLUMNS[name]) for name in (*_NAME, *columns)])
+    for columns in (
+        ("classification", "height_above_ground", "facade"),
+        ("building_id", "plane_id", "edge"),
+        ("edge",),
+    )
+)
+
+
+@dataclass(frozen=True, eq=False)
+class RoofFace:
+    """
+    One face of a building's roof.
+
+    Attributes
+    ----------
+    building_id : int
+        See `lidar_buildings.core.model.building_id`.
+    rings : tuple of ndarray of shape (n_vertices, 3)
+        Outer ring first, then its holes; open, map frame [m].
+
+    """
+
+    building_id: int
+    rings: tuple[NDArray[np.float64], ...]
+
+
+@dataclass(frozen=True, eq=False)
+class TileProducts:
+    """
+    The results of one tile.
+
+    Attributes
+    ----------
+    stamp : int
+        The tile's key [ns].
+    core : structured ndarray
+        `source`, `index`, `classification`, `height_above_ground`, `facade` of every core point.
+    roofs : structured ndarray
+        `source`, `index`, `building_id`, `plane_id`, `edge` of all points, core and buffer, of the tile's own
+        buildings.
+    edges : structured ndarray
+        `source`, `index`, `edge` of the core roof points.
+    traced, outlines : tuple of BuildingOutline
+        Before and after regularisation.
+    roof_faces : tuple of RoofFace
+        Faces of the models' roofs.
+    features : tuple of str
+        CityJSONFeature lines.
+    rasters : TerrainRasters or None
+        Ground and surface cell by cell, None where none are wanted.
+
+    """
+
+    stamp: int
+    core: NDArray[Any]
+    roofs: NDArray[Any]
+    edges: NDArray[Any]
+    traced: tuple[BuildingOutline, ...] = ()
+    outlines: tuple[BuildingOutline, ...] = ()
+    roof_faces: tuple[RoofFace, ...] = ()
+    features: tuple[str, ...] = ()
+    rasters: TerrainRasters | None = None
+
+    @classmethod
+    def from_tiles(
+        cls,
+        classified: PointTile,
+        planes: PointTile | None = None,
+        traced: Iterable[BuildingOutline] = (),
+        outlines: Iterable[BuildingOutline] = (),
+        roof_faces: Iterable[RoofFace] = (),
+        features: Iterable[str] = (),
+        rasters: TerrainRasters | None = None,
+    ) -> TileProducts:
+        """
+        Gather a tile's results.
+
+        Parameters
+        ----------
+        classified : PointTile
+            Every point of the tile with its final class and height above ground.
+        planes : PointTile or None
+            Its roof points, core and buffer, with edge labels, building and plane ids as far as the run went.
+        traced, outlines, roof_faces, features, rasters
+            As they came.
+
+        """
+        roof_tile = planes if planes is not None else classified.select(np.zeros(0, dtype=np.intp))
+        in_building = np.zeros(len(roof_tile), dtype=bool)
+        if roof_tile.building_id is not None:
+            in_building = roof_tile.building_id > 0
+        labelled = roof_tile.is_core if roof_tile.edge is not None else np.zeros(len(roof_tile), dtype=bool)
+        return cls(
+            classified.stamp,
+            _rows(classified, CORE, classified.is_core),
+            _rows(roof_tile, ROOFS, in_building),
+            _rows(roof_tile, EDGES, labelled),
+            tuple(traced),
+            tuple(outlines),
+            tuple(roof_faces),
+            tuple(features),
+            rasters,
+        )
+
+    def save(self, path: Path) -> None:
+        """
+        Write the results to one file, which appears when it is complete.
+
+        Raises
+        ------
+        OutputError
+            If it cannot be written.
+
+        """
+        polygons = {"traced": self.traced, "outlines": self.outlines}
+        shapes: dict[str, Any] = {name: _outlines_as_lists(group) for name, group in polygons.items()}
+        shapes["roof_faces"] = [[f.building_id, [ring.tolist() for ring in f.rings]] for f in self.roof_faces]
+        sources = np.unique(np.concatenate([rows["source"] for rows in (self.core, self.roofs, self.edges)]))
+        with whole_file(path) as temporary, open(temporary, "wb") as file:
+            np.savez(
+                file,
+                stamp=np.int64(self.stamp),
+                sources=sources,
+                core=self.core,
+                roofs=self.roofs,
+                edges=self.edges,
+                shapes=_as_bytes(shapes),
+                features=_as_bytes(list(self.features)),
+                **_raster_arrays(self.rasters),
+            )
+
+    @classmethod
+    def load(cls, path: Path) -> TileProducts:
+        """
+        Read what `save` wrote.
+
+        """
+        core, roofs, edges = (load_rows(path, name) for name in ("core", "roofs", "edges"))
+        rasters = None if load_raster_window(path) is None else load_rasters(path)
+        return cls(int(load_rows(path, "stamp")), core, roofs, edges, *load_shapes(path), rasters)
+
+
+class Shapes(NamedTuple):
+    """
+    What a tile knows of its buildings beside their points.
+
+    """
+
+    traced: tuple[BuildingOutline, ...]
+    outlines: tuple[BuildingOutline, ...]
+    roof_faces: tuple[RoofFace, ...]
+    features: tuple[str, ...]
+
+
+def load_shapes(path: Path) -> Shapes:
+    """
+    Read the buildings of a saved tile.
+
+    """
+    with np.load(path) as held:
+        shapes, features = (json.loads(held[name].tobytes()) for name in ("shapes", "features"))
+    return Shapes(
+        _outlines_from_lists(shapes["traced"]),
+        _outlines_from_lists(shapes["outlines"]),
+        tuple(RoofFace(number, _rings(rings, 3)) for number, rings in shapes["roof_faces"]),
+        tuple(features),
+    )
+
+
+def load_outlines(path: Path) -> tuple[BuildingOutline, ...]:
+    """
+    Read the outlines of a saved tile, the traced ones of a run that ended before they were regularised.
+
+    """
+    with np.load(path) as held:
+        shapes = json.loads(held["shapes"].tobytes())
+    return _outlines_from_lists(shapes["outlines"] or shapes["traced"])
+
+
+def load_raster_window(path: Path) -> RasterWindow | None:
+    """
+    Read which cells the rasters of a saved tile have, None if it has none.
+
+    """
+    with np.load(path) as held:
+        if _WINDOW not in held:
+            return None
+        resolution, *place = held[_WINDOW].tolist()
+    return RasterWindow(resolution, *(int(number) for number in place))
+
+
+def load_rasters(path: Path) -> TerrainRasters:
+    """
+    Read the rasters of a saved tile that has some.
+
+    """
+    window = load_raster_window(path)
+    if window is None:
+        raise ValueError(f"{path} holds no rasters")
+    with np.load(path) as held:
+        return TerrainRasters(window, *(held[name] for name in _RASTERS))
+
+
+def load_rows(path: Path, name: str) -> NDArray[Any]:
+    """
+    Read one table of a saved tile: ``core``, ``roofs``, ``edges`` or ``sources``.
+
+    """
+    with np.load(path) as held:
+        table: NDArray[Any] = held[name]
+        return table
+
+
+def _as_bytes(content: Any) -> NDArray[np.uint8]:
+    """
+    Return what JSON holds as an array of its bytes.
+
+    """
+    return np.frombuffer(json.dumps(content).encode(), dtype=np.uint8)
+
+
+def _raster_arrays(rasters: TerrainRasters | None) -> dict[str, NDArray[Any]]:
+    """
+    Return name → array of what is saved of rasters; whole numbers up to 2^53 pass through float64 unchanged.
+
+    """
+    if rasters is None:
+        return {}
+    window = rasters.window
+    place = (window.resolution, window.column, window.row, window.width, window.height)
+    return {_WINDOW: np.array(place, dtype=np.float64)} | {name: getattr(rasters, name) for name in _RASTERS}
+
+
+def _rows(tile: PointTile, dtype: np.dtype[Any], chosen: NDArray[np.bool_]) -> NDArray[Any]:
+    """
+    Copy chosen rows of a tile's columns into a table, zeros where the tile lacks the column.
+
+    """
+    table = np.zeros(int(np.count_nonzero(chosen)), dtype)
+    for name in dtype.names or ():
+        column = getattr(tile, name)
+        if column is not None:
+            table[name] = column[chosen]
+        elif name in _NAME and len(table):
+            raise ValueError(f"{name} is missing: must name every point of the tile")
+    return table
+
+
+def _outlines_as_lists(outlines: Sequence[BuildingOutline]) -> list[Any]:
+    """
+    Turn outlines into what JSON holds; floats keep every bit.
+
+    """
+    return [[one.building_id, [ring.tolist() for ring in one.outline.rings]] for one in outlines]
+
+
+def _outlines_from_lists(lists: list[Any]) -> tuple[BuildingOutline, ...]:
+    """
+    Turn them back.
+
+    """
+    return tuple(
+        BuildingOutline(number, Outline(rings[0], rings[1:]))
+        for number, rings in ((number, _rings(lists_of, 2)) for number, lists_of in lists)
+    )
+
+
+def _rings(lists: list[Any], dimensions: int) -> tuple[NDArray[np.float64], ...]:
+    """
+    Turn lists of vertices into arrays.
+
+    """
+    return tuple(np.array(ring, dtype=np.float64).reshape(-1, dimensions) for ring in lists)

@@ -1,0 +1,1 @@
+"""Surveys cut into tiles."""

@@ -1,0 +1,156 @@
+"""
+What a survey's intensities mean, the same for all its tiles.
+
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from lidar_buildings.core.neighbours.point_spacing import quantised_spacing
+from lidar_buildings.core.surfaces.brightness import MIN_CELL, brightness_raster
+from lidar_buildings.core.surfaces.intensity import (
+    IntensityScale,
+    measure_scale,
+    normalised_intensity,
+    strip_scales,
+)
+
+#: About how many points of a file tell the scales of its strips.
+MAX_SAMPLE = 100_000
+#: Side of the square in the middle of a file on which the modes of the ground are looked for [m].
+SQUARE_SIDE = 250.0
+#: Ground on which modes are looked for covers this much at least [m²].
+MIN_GROUND_AREA = 10_000.0
+#: Widest object that is told from the ground here [m].
+MAX_OBJECT = 60.0
+#: Height above the opened surface up to which a point counts as ground here [m].
+GROUND_TOLERANCE = 0.3
+#: What tells the scale of a strip.
+_SAMPLE = ("intensity", "point_source_id", "return_number", "number_of_returns")
+
+
+class SurveyBrightness:
+    """
+    Learns, file by file, the scale of every flight strip and what brightness parts dark ground from other.
+
+    A strip keeps the scale of the first file that holds it, and the limit is that of the first file whose
+    ground shows two modes: what was said of a strip stays true, whatever is read afterwards.
+
+    Attributes
+    ----------
+    dark_limit : float or None
+        Normalised intensity up to which ground is dark, None as long as no file has shown two modes.
+
+    """
+
+    def __init__(self) -> None:
+        self.dark_limit: float | None = None
+        self._scales: dict[int, IntensityScale] = {}
+        self._common: IntensityScale | None = None
+        self._samples: dict[int, list[NDArray[Any]]] = {}
+
+    def add(self, source: int, first: int, records: NDArray[Any], n_points: int) -> None:
+        """
+        Take a sample of a file's chunk.
+
+        Parameters
+        ----------
+        source, first : int
+            The file, and the index of the chunk's first point in it.
+        records : structured ndarray
+            The chunk's points, as `io.spool.RECORD`.
+        n_points : int
+            Points of the whole file.
+
+        """
+        step = math.ceil(n_points / MAX_SAMPLE)
+        chosen = records[-first % step :: step]
+        sample = np.empty(len(chosen), [(name, records.dtype[name]) for name in _SAMPLE])
+        for name in _SAMPLE:
+            sample[name] = chosen[name]
+        self._samples.setdefault(source, []).append(sample)
+
+    def learn(self, source: int) -> None:
+        """
+        Measure the strips that a file, read to its end, shows for the first time.
+
+        """
+        samples = self._samples.pop(source, [])
+        if not samples:
+            return
+        sample = np.concatenate(samples)
+        is_only = only_returns(sample)
+        if not is_only.any():
+            return
+        found = strip_scales(sample["intensity"], sample["point_source_id"], is_only)
+        self._scales = {**found, **self._scales}
+        if self._common is None:
+            self._common = measure_scale(sample["intensity"][is_only])
+
+    def learn_limit(self, records: NDArray[Any]) -> None:
+        """
+        Look for two modes in the ground of some records, unless they are known already.
+
+        """
+        is_only = only_returns(records)
+        if self.dark_limit is not None or self._common is None or not is_only.any():
+            return
+        points = np.column_stack([records[name] for name in "xyz"]).astype(np.float64)
+        spacing = quantised_spacing(points[is_only])
+        ground = np.flatnonzero(_roughly_ground(points, max(MIN_CELL, 2 * spacing)))
+        normalised = normalised_intensity(
+            records["intensity"][ground], records["point_source_id"][ground], self._scales, self._common
+        )
+        raster = brightness_raster(points[ground], normalised, is_only[ground], spacing)
+        if np.count_nonzero(raster.is_known) * raster.cell**2 >= MIN_GROUND_AREA:
+            self.dark_limit = raster.dark_limit()
+
+    def forget(self, source: int) -> None:
+        """
+        Drop the sample of a file that turned out unreadable.
+
+        """
+        self._samples.pop(source, None)
+
+    def normalised(
+        self, intensity: NDArray[np.float32], strip: NDArray[np.uint16]
+    ) -> NDArray[np.float32] | None:
+        """
+        Return normalised intensities of points of some strips; None where no file has shown any scale.
+
+        """
+        if self._common is None:
+            return None
+        return normalised_intensity(intensity, strip, self._scales, self._common)
+
+
+def only_returns(records: NDArray[Any]) -> NDArray[np.bool_]:
+    """
+    Tell which points are the only return of their pulse; all are where returns are not known.
+
+    """
+    if not records["return_number"].any() or not records["number_of_returns"].any():
+        return np.ones(len(records), dtype=bool)
+    return np.asarray(records["number_of_returns"] <= 1)
+
+
+def _roughly_ground(points: NDArray[np.float64], cell: float) -> NDArray[np.bool_]:
+    """
+    Tell which points lie near the lowest surface, freed of objects by one opening.
+
+    Good enough for a histogram of many points; tops of hills and what is wider than the opening is wrong.
+
+    """
+    place = np.floor(points[:, :2] / cell).astype(np.int64)
+    place -= place.min(axis=0)
+    lowest = np.full(place.max(axis=0) + 1, np.inf)
+    np.minimum.at(lowest, (place[:, 0], place[:, 1]), points[:, 2])
+    nearest = ndimage.distance_transform_edt(np.isinf(lowest), return_distances=False, return_indices=True)
+    opened = ndimage.grey_opening(lowest[tuple(nearest)], size=2 * round(MAX_OBJECT / cell / 2) + 1)
+    return points[:, 2] <= opened[place[:, 0], place[:, 1]] + GROUND_TOLERANCE

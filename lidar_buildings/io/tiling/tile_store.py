@@ -1,0 +1,294 @@
+"""
+Points on disk by cell, and tiles put together from them.
+
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import laspy
+import numpy as np
+from numpy.typing import NDArray
+
+from lidar_buildings.core.model.map_frame import MapFrame
+from lidar_buildings.core.model.tile import PointTile
+from lidar_buildings.core.neighbours.point_spacing import steady_spacing
+from lidar_buildings.io.clouds.las import xyz_of
+from lidar_buildings.io.clouds.point_columns import point_columns, without_empty_columns
+from lidar_buildings.io.clouds.pulse_spacing import expected_spacing, pulses, sample_square
+from lidar_buildings.io.tiling.spool import RECORD, Cell, Spool
+from lidar_buildings.io.tiling.survey_brightness import SQUARE_SIDE, SurveyBrightness
+from lidar_buildings.io.tiling.tile_grid import Rectangle, TileGrid
+
+
+@dataclass(frozen=True)
+class TilePlan:
+    """
+    A tile that is ready: its place, and which records of its cells are its core points.
+
+    Attributes
+    ----------
+    stamp : int
+        The tile's key [ns].
+    tile : tuple of two int
+        Its column and row in the grid.
+    core : dict
+        Spool cell → first and last (exclusive) record.
+    dark_limit : float or None
+        What was known of the survey's ground when the tile became ready.
+
+    """
+
+    stamp: int
+    tile: Cell
+    core: dict[Cell, tuple[int, int]]
+    dark_limit: float | None = None
+
+
+class TileStore:
+    """
+    Holds all points that were read, and makes tiles of them.
+
+    Parameters
+    ----------
+    grid : TileGrid
+        Tiles and spool cells.
+    frame : MapFrame
+        The map frame of all tiles.
+    temporary : path or None
+        Where the temporary folder is made.
+
+    """
+
+    def __init__(self, grid: TileGrid, frame: MapFrame, temporary: str | Path | None) -> None:
+        self.grid = grid
+        self.frame = frame
+        self._spool = Spool(temporary)
+        self._planned: dict[Cell, int] = {}
+        self._dropped: list[int] = []
+        self._expected_spacing: float | None = None
+        self._brightness = SurveyBrightness()
+
+    def remove(self) -> None:
+        """
+        Delete the temporary folder.
+
+        """
+        self._spool.remove()
+
+    @property
+    def dark_limit(self) -> float | None:
+        """
+        Normalised intensity up to which the survey's ground is dark; None as long as that is not known.
+
+        """
+        return self._brightness.dark_limit
+
+    def add(self, source: int, first: int, chunk: laspy.ScaleAwarePointRecord, n_points: int) -> set[Cell]:
+        """
+        Keep a chunk's points; `first` is the index of its first one, `n_points` the file's number of points.
+
+        Returns
+        -------
+        set of tuple
+            The tiles that they belong to.
+
+        """
+        xyz = xyz_of(chunk)
+        records = np.empty(len(chunk), RECORD)
+        records["x"], records["y"], records["z"] = self.frame.to_map(xyz).T
+        for name, column in point_columns(chunk).items():
+            records[name] = column
+        records["source"] = source
+        records["index"] = np.arange(first, first + len(chunk), dtype=np.uint32)
+        self._brightness.add(source, first, records, n_points)
+        cells = self.grid.cells_at(xyz[:, :2] * self.frame.horizontal_unit)
+        return {self.grid.tile_of(cell) for cell in self._spool.append(cells, records)}
+
+    def drop(self, source: int) -> None:
+        """
+        Forget the points of a file that turned out unreadable.
+
+        """
+        self._dropped.append(source)
+        self._brightness.forget(source)
+
+    def take_core(self, tile: Cell) -> dict[Cell, tuple[int, int]]:
+        """
+        Return which records of the tile's cells no earlier plan has taken, and count them as taken.
+
+        """
+        core = {}
+        for cell in self.grid.cells_of(tile):
+            first, last = self._planned.get(cell, 0), self._spool.counts.get(cell, 0)
+            if first < last:
+                core[cell] = (first, last)
+                self._planned[cell] = last
+        return core
+
+    def first_point(self, core: dict[Cell, tuple[int, int]]) -> Any | None:
+        """
+        Return the first core point's record, None if no file with such points could be read.
+
+        """
+        candidates = [
+            block[np.argmin(_order_key(block))]
+            for cell, (first, last) in core.items()
+            for block in self._blocks(cell, first, last)
+        ]
+        return min(candidates, key=_order_key, default=None)
+
+    def learn_spacing(self, area: Rectangle, source: int | None = None) -> None:
+        """
+        Measure what spacing the survey's tiles are expected to have, unless that is known already.
+
+        Parameters
+        ----------
+        area : Rectangle
+            In the middle of which it is measured, source's position [m].
+        source : int, optional
+            A file that has been read, and that alone counts; all if not given.
+
+        """
+        if self._expected_spacing is None:
+            samples = self._within(sample_square(area), source)
+            self._expected_spacing = expected_spacing(_pulses_of(block) for block in samples)
+
+    def learn_brightness(self, source: int, area: Rectangle) -> None:
+        """
+        Measure what the intensities of a file mean, as far as no file before it has told.
+
+        Parameters
+        ----------
+        source : int
+            A file that has been read.
+        area : Rectangle
+            Its bounds, source's position [m].
+
+        """
+        self._brightness.learn(source)
+        if self.dark_limit is None:
+            blocks = list(self._within(sample_square(area, SQUARE_SIDE), source))
+            if blocks:
+                self._brightness.learn_limit(np.concatenate(blocks))
+
+    def _within(self, square: Rectangle, source: int | None) -> Iterator[NDArray[Any]]:
+        """
+        Read a file's records, or all, within a square at the source's position.
+
+        """
+        local = square.moved(-self.frame.origin[0], -self.frame.origin[1])
+        for cell in self.grid.cells_touching(square):
+            for block in self._blocks(cell):
+                inside = local.holds(block["x"], block["y"])
+                yield block[inside if source is None else inside & (block["source"] == source)]
+
+    def count(self, plan: TilePlan, buffer: float) -> int:
+        """
+        Count a tile's points, buffer included.
+
+        """
+        return sum(len(block) for block, _ in self._tile_blocks(plan, buffer))
+
+    def tile(self, plan: TilePlan, buffer: float) -> PointTile:
+        """
+        Put a tile together, rows in the order of (source, index).
+
+        """
+        records, is_buffer = self._gathered(plan, buffer)
+        order = np.argsort(_order_key(records), kind="stable")
+        points: NDArray[Any] = np.empty((len(records), 3), dtype=np.float32)
+        for axis, name in enumerate("xyz"):
+            points[:, axis] = records[name][order]
+        columns = {name: records[name][order] for name in RECORD.fields or () if name not in ("x", "y", "z")}
+        is_buffer = is_buffer[order]
+        del records, order
+        kept = without_empty_columns(columns)
+        last = pulses(points.astype(np.float64), kept["return_number"], kept["number_of_returns"])
+        spacing = steady_spacing(last, self._expected_spacing)
+        del last
+        area = self._local_area(plan, buffer)
+        return PointTile(
+            points,
+            buffer=is_buffer,
+            point_spacing=np.full(len(points), spacing, dtype=np.float32),
+            normalised_intensity=self._brightness.normalised(
+                columns["intensity"], columns["point_source_id"]
+            ),
+            dark_limit=None if plan.dark_limit is None else np.full(len(points), plan.dark_limit, np.float32),
+            stamp=plan.stamp,
+            bounds=(area.x_min, area.y_min, area.x_max, area.y_max),
+            frame=self.frame,
+            **kept,
+        )
+
+    def _gathered(self, plan: TilePlan, buffer: float) -> tuple[NDArray[Any], NDArray[np.uint8]]:
+        """
+        Read a tile's records with its buffer, and 1 for each that belongs to the buffer.
+
+        """
+        area = self.grid.area_of(plan.tile).grown(buffer)
+        cells = {*plan.core, *self.grid.cells_touching(area)}
+        # room for all of the cells' records: what stays empty is never touched, so it takes no memory
+        records = np.empty(sum(self._spool.counts.get(cell, 0) for cell in cells), RECORD)
+        is_buffer = np.empty(len(records), dtype=np.uint8)
+        n = 0
+        for block, kind in self._tile_blocks(plan, buffer):
+            records[n : n + len(block)], is_buffer[n : n + len(block)] = block, kind
+            n += len(block)
+        return records[:n], is_buffer[:n]
+
+    def _local_area(self, plan: TilePlan, buffer: float) -> Rectangle:
+        """
+        Return a tile's square with its buffer, map frame [m].
+
+        """
+        area = self.grid.area_of(plan.tile).grown(buffer)
+        return area.moved(-self.frame.origin[0], -self.frame.origin[1])
+
+    def _tile_blocks(self, plan: TilePlan, buffer: float) -> Iterator[tuple[NDArray[Any], int]]:
+        """
+        Read a tile's records with its buffer: (records, 0 for core points or 1).
+
+        """
+        near = self._local_area(plan, buffer)
+        area = self.grid.area_of(plan.tile).grown(buffer)
+        for cell in dict.fromkeys([*plan.core, *self.grid.cells_touching(area)]):
+            first, last = plan.core.get(cell, (0, 0))
+            for block in self._blocks(cell, first, last):
+                yield block, 0
+            for start, end in ((0, first), (last, None)):
+                for block in self._blocks(cell, start, end):
+                    yield block[near.holds(block["x"], block["y"])], 1
+
+    def _blocks(self, cell: Cell, first: int = 0, last: int | None = None) -> Iterator[NDArray[Any]]:
+        """
+        Read a cell's records without those of dropped files.
+
+        """
+        for block in self._spool.blocks(cell, first, last):
+            kept = block[~np.isin(block["source"], self._dropped)] if self._dropped else block
+            if len(kept):
+                yield kept
+
+
+def _pulses_of(records: NDArray[Any]) -> NDArray[np.float64]:
+    """
+    Return one position per pulse of some records.
+
+    """
+    points = np.column_stack([records[name] for name in "xyz"]).astype(np.float64)
+    returns = without_empty_columns({name: records[name] for name in RECORD.names or ()})
+    return pulses(points, returns["return_number"], returns["number_of_returns"])
+
+
+def _order_key(records: NDArray[Any]) -> NDArray[np.uint64]:
+    """
+    Return a number that orders records by (source, index).
+
+    """
+    return records["source"].astype(np.uint64) << np.uint64(32) | records["index"]

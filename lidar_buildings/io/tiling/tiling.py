@@ -1,0 +1,353 @@
+"""
+Clouds of any size cut into tiles with a buffer, as they stream in.
+
+"""
+
+from __future__ import annotations
+
+import os
+import threading
+import weakref
+from collections.abc import Container, Generator, Iterable, Iterator
+from pathlib import Path
+from typing import Any
+
+from lidar_buildings.core.model.errors import InputError
+from lidar_buildings.core.model.map_frame import MapFrame
+from lidar_buildings.core.model.tile import PointTile
+from lidar_buildings.io.clouds.las import CHUNK, Cloud, InputFile, frame_of, open_inputs
+from lidar_buildings.io.tiling.reading_order import reading_order
+from lidar_buildings.io.tiling.spool import Cell
+from lidar_buildings.io.tiling.tile_grid import Rectangle, TileGrid
+from lidar_buildings.io.tiling.tile_stamps import stamp_of_number, stamp_of_time
+from lidar_buildings.io.tiling.tile_store import TilePlan, TileStore
+from lidar_buildings.io.tiling.tiling_config import TilingConfig
+
+__all__ = ["TileSource", "TilingConfig"]
+
+#: `source` is a uint16.
+_MOST_FILES = 65_535
+#: A header whose bounds span more tiles than this is not counted through for the progress bar.
+_MOST_COUNTED_TILES = 100_000
+
+
+class TileSource:
+    """
+    Reads clouds once, in chunks, and iterates over their tiles.
+
+    A tile comes as soon as every file near it has been read; points go through a temporary folder on disk,
+    so that memory holds a chunk and a tile, whatever the size of the files. Every point is a core point of
+    one tile. Iterating again starts with the first tile again, from the temporary folder.
+
+    Parameters
+    ----------
+    paths : path or iterable of paths
+        Files, folders, globs.
+    config : TilingConfig
+        Tile size and buffers.
+    temporary : path or None
+        Where to put the temporary folder.
+    skip : container of int
+        Stamps of tiles that are not wanted (again).
+
+    Attributes
+    ----------
+    inputs : list of InputFile
+        The readable files; a point's `source` is its file's place in this list.
+    frame : MapFrame
+        The map frame of all tiles.
+    problems : list of str
+        One line per input that is missing or could not be read.
+
+    Raises
+    ------
+    InputError
+        If no file can be read, or the files do not fit together.
+
+    """
+
+    def __init__(
+        self,
+        paths: str | os.PathLike[str] | Iterable[str | os.PathLike[str]],
+        config: TilingConfig | None = None,
+        *,
+        temporary: str | Path | None = None,
+        skip: Container[int] = (),
+    ) -> None:
+        self.config = config or TilingConfig()
+        self._clouds, self.problems = open_inputs(paths)
+        if len(self._clouds) > _MOST_FILES:
+            raise InputError(
+                f"{len(self._clouds)} input files: at most {_MOST_FILES} in one run: run them in parts"
+            )
+        self.inputs = [InputFile(cloud.path, cloud.point_count) for cloud in self._clouds]
+        self.frame: MapFrame = frame_of(self._clouds)
+        self._skip = skip
+        self._grid = TileGrid.fitting(self.config.tile_size, self.config.buffer)
+        self._areas = [_area(cloud) for cloud in self._clouds]
+        self._unread = set(range(len(self._clouds)))
+        self._read: list[int] = []
+        self._expected = self._expected_tiles()
+        self._waiting: set[Cell] = set()
+        self._planned: set[Cell] = set()
+        self._plans: list[TilePlan] = []
+        self._by_stamp: dict[int, TilePlan] = {}
+        self._buffers: dict[int, float] = {}
+        self._lock = threading.RLock()
+        self._closed = threading.Event()
+        self._store = TileStore(self._grid, self.frame, temporary)
+        self._finalizer = weakref.finalize(self, TileStore.remove, self._store)
+        self._steps = self._read_all()
+
+    def __iter__(self) -> Iterator[PointTile]:
+        """
+        Iterate over the tiles, reading on as far as the next one needs.
+
+        Raises
+        ------
+        InputError
+            If in the end no file could be read.
+        OutputError
+            If the temporary folder is full.
+
+        """
+        number = 0
+        while True:
+            with self._lock:
+                if self._closed.is_set() or (number == len(self._plans) and not self._read_on()):
+                    return
+                if number == len(self._plans):
+                    continue  # another thread may have its turn, and close
+                plan = self._plans[number]
+                number += 1
+                tile = None if plan.stamp in self._skip else self._store.tile(plan, self.config.buffer)
+            if tile is not None:
+                yield tile
+
+    @property
+    def tile_count(self) -> int:
+        """
+        Number of tiles, skipped ones too; an upper estimate until everything has been read.
+
+        """
+        with self._lock:
+            if not self._unread and not self._waiting:
+                return len(self._plans)
+            return len(self._plans) + len((self._expected | self._waiting) - self._planned)
+
+    def grown(self, stamp: int) -> PointTile | None:
+        """
+        Return a tile once more with its buffer doubled, up to `max_buffer`.
+
+        Parameters
+        ----------
+        stamp : int
+            The tile's stamp.
+
+        Returns
+        -------
+        PointTile or None
+            None if the buffer is at its largest, or a larger one brings no more points.
+
+        Raises
+        ------
+        ValueError
+            If there is no such tile.
+
+        """
+        with self._lock:
+            plan = self._by_stamp.get(stamp)
+            if plan is None or self._closed.is_set():
+                raise ValueError(f"stamp = {stamp}: must be that of a tile that was given out")
+            buffer = self._buffers.get(stamp, self.config.buffer)
+            n_before = self._store.count(plan, buffer)
+            while buffer < self.config.max_buffer:
+                buffer = min(2 * buffer or self._grid.cell_size, self.config.max_buffer)
+                self._buffers[stamp] = buffer
+                if self._store.count(plan, buffer) > n_before:
+                    return self._store.tile(plan, buffer)
+            return None
+
+    def close(self) -> None:
+        """
+        Stop iterating, from whatever thread, and delete the temporary folder.
+
+        """
+        self._closed.set()
+        with self._lock:
+            self._steps.close()
+            self._finalizer()
+
+    def __enter__(self) -> TileSource:
+        """
+        Return itself.
+
+        """
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """
+        Close it.
+
+        """
+        self.close()
+
+    def _expected_tiles(self) -> set[Cell]:
+        """
+        Return the tiles that the headers' bounds reach into.
+
+        """
+        expected: set[Cell] = set()
+        for area in filter(None, self._areas):
+            (x0, y0), (x1, y1) = self._grid.tile_span(area)
+            if (x1 - x0 + 1) * (y1 - y0 + 1) <= _MOST_COUNTED_TILES:
+                expected.update((x, y) for x in range(x0, x1 + 1) for y in range(y0, y1 + 1))
+        return expected
+
+    def _read_on(self) -> bool:
+        """
+        Read one more chunk; False if there is nothing left to read.
+
+        """
+        return next(self._steps, False)
+
+    def _read_all(self) -> Generator[bool, None, None]:
+        """
+        Read every file, giving way after each chunk, and plan tiles as they become complete.
+
+        """
+        n_failed = 0
+        for source in reading_order(self._areas):
+            try:
+                for first, chunk in _numbered(self._clouds[source].chunks(CHUNK)):
+                    self._waiting |= self._store.add(source, first, chunk, self._clouds[source].point_count)
+                    yield True
+            except InputError as error:
+                self.problems.append(str(error))
+                self._store.drop(source)
+                n_failed += 1
+            else:
+                self._read.append(source)
+                self._learn_brightness(source)
+            self._unread.discard(source)
+            self._plan_tiles_near(self._areas[source])
+            yield True
+        if n_failed == len(self._clouds):
+            raise InputError("\n".join(self.problems))
+        for tile in sorted(self._waiting):
+            self._plan(tile)
+        yield True
+
+    def _learn_brightness(self, source: int) -> None:
+        """
+        Let the first file that can tell what the survey's intensities mean.
+
+        """
+        area = self._areas[source]
+        if area is not None:
+            self._store.learn_brightness(source, area)
+
+    def _learn_spacing(self) -> None:
+        """
+        Measure the survey's spacing before the first tile is planned, in the middle of what there is.
+
+        A survey that has been read whole by then is measured as one, so that a small one comes out the same
+        in one file and in many; of a larger one the first file that can tell does.
+
+        """
+        areas = [area for area in self._areas if area is not None]
+        if not self._unread and areas:
+            self._store.learn_spacing(Rectangle.around(areas))
+        for source in self._read:
+            area = self._areas[source]
+            if area is not None:
+                self._store.learn_spacing(area, source)
+
+    def _plan_tiles_near(self, read: Rectangle | None) -> None:
+        """
+        Plan the waiting tiles for which the file just read was the last one near.
+
+        Points outside all headers' bounds, and those that come after their tile was planned, wait for the
+        end, since nothing says which file brings more of them.
+
+        """
+        if read is None:
+            return
+        reach = self.config.max_buffer
+        areas = [area for area in self._areas if area is not None]
+        unread = [area for source in self._unread if (area := self._areas[source]) is not None]
+        for tile in sorted(self._waiting - self._planned):
+            square = self._grid.area_of(tile)
+            surroundings = square.grown(reach)
+            if not surroundings.touches(read) or any(surroundings.touches(area) for area in unread):
+                continue
+            if any(square.touches(area) for area in areas):
+                self._plan(tile)
+
+    def _plan(self, tile: Cell) -> None:
+        """
+        Fix a tile's core points and its stamp; a tile without core points is none.
+
+        """
+        self._learn_spacing()
+        self._waiting.discard(tile)
+        self._planned.add(tile)
+        core = self._store.take_core(tile)
+        first_point = self._store.first_point(core)
+        if first_point is None:
+            return
+        plan = TilePlan(self._stamp(tile, first_point), tile, core, self._store.dark_limit)
+        self._plans.append(plan)
+        self._by_stamp[plan.stamp] = plan
+
+    def _stamp(self, tile: Cell, first_point: Any) -> int:
+        """
+        Return a stamp for the tile that no other tile has.
+
+        """
+        encoding = self._clouds[int(first_point["source"])].header.global_encoding
+        is_standard = bool(encoding.gps_time_type)
+        stamp = stamp_of_time(float(first_point["gps_time"]), is_standard=is_standard)
+        if stamp is None:
+            stamp = stamp_of_number(self._number(tile))
+        while stamp in self._by_stamp:
+            stamp += 1
+        return stamp
+
+    def _number(self, tile: Cell) -> int:
+        """
+        Number a tile from 1 by its place within all files' bounds; 1 for a place outside them.
+
+        """
+        spans = [self._grid.tile_span(area) for area in self._areas if area is not None]
+        x0, y0 = (min(first[axis] for first, _ in spans) for axis in (0, 1))
+        x1, y1 = (max(last[axis] for _, last in spans) for axis in (0, 1))
+        number = (tile[0] - x0) * (y1 - y0 + 1) + tile[1] - y0 + 1
+        is_counted = x0 <= tile[0] <= x1 and y0 <= tile[1] <= y1 and number < _LARGEST_NUMBER
+        return number if is_counted else 1
+
+
+#: Stamps carry seconds as int32.
+_LARGEST_NUMBER = 2**31 - 1
+
+
+def _area(cloud: Cloud) -> Rectangle | None:
+    """
+    Return a cloud's bounds [m], None if it holds no point.
+
+    """
+    if not cloud.point_count:
+        return None
+    unit = cloud.crs.horizontal_unit
+    return Rectangle(*(float(c) for c in (*(cloud.mins[:2] * unit), *(cloud.maxs[:2] * unit))))
+
+
+def _numbered(chunks: Iterable[Any]) -> Iterator[tuple[int, Any]]:
+    """
+    Pair each chunk with the index of its first point.
+
+    """
+    first = 0
+    for chunk in chunks:
+        yield first, chunk
+        first += len(chunk)

@@ -1,0 +1,1 @@
+"""Polygons and attributes in GIS files."""

@@ -1,0 +1,311 @@
+"""
+Polygons with attributes in GeoPackage files, and from any file of polygons.
+
+"""
+
+from __future__ import annotations
+
+import math
+import os
+import threading
+import warnings
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyogrio
+import pyproj
+import shapely
+from numpy.typing import NDArray
+from pyogrio.errors import DataLayerError, DataSourceError, FeatureError, FieldError, GeometryError
+
+from lidar_buildings.core.model.errors import InputError, OutputError
+
+#: How each type of attribute is held in arrays.
+_DTYPES: dict[type, Any] = {int: np.int64, float: np.float64, str: object}
+#: What stands in an array where a value is missing; a mask says so beside it.
+_VOID: dict[type, Any] = {int: 0, float: math.nan, str: None}
+_FAILURES = (DataLayerError, DataSourceError, FeatureError, FieldError, GeometryError, OSError, RuntimeError)
+#: The date that stands in the file's tables, so that equal content gives equal bytes.
+_FIXED_DATE = "2000-01-01T00:00:00.000Z"
+#: GDAL's options belong to the whole process: one writer at a time.
+_one_writer = threading.Lock()
+
+
+@dataclass(frozen=True, eq=False)
+class GeoPackageLayer:
+    """
+    One layer of polygons.
+
+    Attributes
+    ----------
+    name : str
+        Of the layer.
+    polygons : sequence of shapely.Polygon
+        With holes; none is legal.
+    fields : dict of str to type
+        Attribute → int, float or str, in the order of the columns.
+    rows : sequence of dict
+        One per polygon; what a row lacks, None and numbers that are not finite become null.
+    is_3d : bool
+        Whether the vertices carry z.
+
+    """
+
+    name: str
+    polygons: Sequence[shapely.Polygon]
+    fields: dict[str, type]
+    rows: Sequence[dict[str, Any]]
+    is_3d: bool = False
+
+
+def write_geopackage(path: str | Path, layers: Sequence[GeoPackageLayer], crs: str) -> None:
+    """
+    Write layers of polygons into one file, which appears under its name only when it is complete.
+
+    Parameters
+    ----------
+    path : str or Path
+        An existing file is replaced.
+    layers : sequence of GeoPackageLayer
+        An empty layer keeps its columns.
+    crs : str
+        ``"EPSG:28992"``, a WKT text, or empty if unknown.
+
+    Raises
+    ------
+    OutputError
+        If the file cannot be written.
+
+    """
+    with GeoPackageWriter(path, crs) as writer:
+        for layer in layers:
+            writer.append(layer)
+
+
+class GeoPackageWriter:
+    """
+    Writes layers of polygons in any number of portions; the file appears when all is written.
+
+    Parameters
+    ----------
+    path : str or Path
+        An existing file is replaced.
+    crs : str
+        ``"EPSG:28992"``, a WKT text, or empty if unknown.
+
+    """
+
+    def __init__(self, path: str | Path, crs: str) -> None:
+        self._path = Path(path)
+        name = f".{self._path.stem}.{os.getpid()}.{threading.get_ident()}.partial.gpkg"
+        self._partial = self._path.with_name(name)
+        self._crs = crs
+        self._counts: dict[str, int] = {}
+
+    def append(self, layer: GeoPackageLayer) -> None:
+        """
+        Add a layer, or polygons to a layer that is there.
+
+        Raises
+        ------
+        OutputError
+            If the file cannot be written.
+
+        """
+        with self._failing_in_words(), _fixed_date():
+            _write_layer(self._partial, layer, self._crs, append=bool(self._counts))
+        self._counts[layer.name] = self._counts.get(layer.name, 0) + len(layer.polygons)
+
+    def __enter__(self) -> GeoPackageWriter:
+        """
+        Return itself.
+
+        """
+        return self
+
+    def __exit__(self, error: object, *_: object) -> None:
+        """
+        Give the file its name if all went well, else leave nothing behind.
+
+        """
+        try:
+            if error is None:
+                with self._failing_in_words():
+                    _check_complete(self._partial, self._counts)
+                    os.replace(self._partial, self._path)
+        finally:
+            for left in self._path.parent.glob(f"{self._partial.name}*"):
+                left.unlink(missing_ok=True)
+
+    @contextmanager
+    def _failing_in_words(self) -> Iterator[None]:
+        """
+        Turn the libraries' errors into one line.
+
+        """
+        try:
+            yield
+        except _FAILURES as error:
+            raise OutputError(
+                f"{self._path}: cannot be written: {error}: check the folder and the free space"
+            ) from error
+
+
+def read_polygons(
+    path: str | Path, layer: str | None = None
+) -> tuple[list[shapely.Polygon], dict[str, NDArray[Any]], str]:
+    """
+    Read the polygons of a layer from any format that GDAL knows (GeoPackage, Shapefile, GeoJSON…).
+
+    Parameters
+    ----------
+    path : str or Path
+    layer : str, optional
+        The file's first layer by default.
+
+    Returns
+    -------
+    polygons : list of shapely.Polygon
+        The parts of a multi-polygon stand one by one; rows without polygon are left out.
+    attributes : dict of str to ndarray
+        One value per polygon.
+    crs : str
+        ``"EPSG:…"``, a WKT text where no code is known, or empty.
+
+    Raises
+    ------
+    InputError
+        If the file or the layer is not there or cannot be read.
+
+    """
+    path = Path(path)
+    if not path.exists():
+        raise InputError(f"{path}: no such file: check the path")
+    try:
+        meta, geometry, columns = _read_layer(path, layer)
+        shapes = shapely.from_wkb(geometry)
+    except (*_FAILURES, ValueError, shapely.errors.ShapelyError) as error:
+        raise InputError(
+            f"{path}: cannot be read as polygons: {error}: give a GeoPackage or the like"
+        ) from error
+    kinds = shapely.get_type_id(shapes)
+    rows = np.flatnonzero(np.isin(kinds, [shapely.GeometryType.POLYGON, shapely.GeometryType.MULTIPOLYGON]))
+    parts, owner = shapely.get_parts(shapes[rows], return_index=True)
+    solid = ~shapely.is_empty(parts)
+    names = [str(name) for name in meta["fields"]]
+    attributes = {name: column[rows[owner[solid]]] for name, column in zip(names, columns, strict=True)}
+    return list(parts[solid]), attributes, _crs_name(meta["crs"])
+
+
+def _read_layer(path: Path, layer: str | None) -> tuple[dict[str, Any], NDArray[Any], Sequence[NDArray[Any]]]:
+    """
+    Return a layer's description, geometries as WKB, and columns.
+
+    """
+    names = [str(name) for name, _ in pyogrio.list_layers(path)]
+    if not names or (layer is not None and layer not in names):
+        raise DataLayerError(f"there is no layer {layer or ''!r} among {names}")
+    meta, _, geometry, columns = pyogrio.raw.read(path, layer=layer or names[0])
+    if geometry is None:
+        raise GeometryError("the layer has no geometry")
+    return meta, geometry, columns
+
+
+def _crs_name(crs: str | None) -> str:
+    """
+    Return an EPSG code where there is one, else the WKT, else nothing.
+
+    """
+    if not crs:
+        return ""
+    try:
+        code = pyproj.CRS.from_user_input(crs).to_epsg()
+    except pyproj.exceptions.CRSError:
+        return ""
+    return f"EPSG:{code}" if code else crs
+
+
+def _write_layer(path: Path, layer: GeoPackageLayer, crs: str, append: bool) -> None:
+    """
+    Add one layer to a file.
+
+    """
+    values = {name: [row.get(name) for row in layer.rows] for name in layer.fields}
+    masks = {
+        name: np.array([_is_missing(value) for value in column], dtype=bool)
+        for name, column in values.items()
+    }
+    data = [_column(values[name], masks[name], kind) for name, kind in layer.fields.items()]
+    with warnings.catch_warnings():
+        # A cloud without reference system is legal, and said so in the run's record.
+        warnings.filterwarnings("ignore", message="'crs' was not provided")
+        pyogrio.raw.write(
+            path,
+            geometry=_wkb(layer),
+            field_data=data,
+            fields=list(layer.fields),
+            field_mask=[masks[name] for name in layer.fields],
+            layer=layer.name,
+            driver="GPKG",
+            geometry_type="Polygon Z" if layer.is_3d else "Polygon",
+            crs=crs or None,
+            append=append,
+            layer_options={"GEOMETRY_NAME": "geometry"},
+        )
+
+
+def _wkb(layer: GeoPackageLayer) -> NDArray[np.object_]:
+    """
+    Return the layer's polygons as WKB.
+
+    """
+    geometry = np.empty(len(layer.polygons), dtype=object)
+    if len(layer.polygons):
+        geometry[:] = shapely.to_wkb(list(layer.polygons), output_dimension=3 if layer.is_3d else 2)
+    return geometry
+
+
+def _is_missing(value: Any) -> bool:
+    """
+    Whether a value is to be null.
+
+    """
+    return value is None or (isinstance(value, float | np.floating) and not math.isfinite(value))
+
+
+def _column(values: list[Any], missing: NDArray[np.bool_], kind: type) -> NDArray[Any]:
+    """
+    Return one attribute's values as an array of its type.
+
+    """
+    present = [_VOID[kind] if gone else kind(value) for value, gone in zip(values, missing, strict=True)]
+    return np.array(present, dtype=_DTYPES[kind])
+
+
+def _check_complete(path: Path, counts: Mapping[str, int]) -> None:
+    """
+    Read back how many polygons each layer has: a full disk may show no sooner.
+
+    """
+    for name, count in counts.items():
+        found = pyogrio.read_info(path, layer=name)["features"]
+        if found != count:
+            raise OSError(f"layer {name} holds {found} of {count} polygons")
+
+
+@contextmanager
+def _fixed_date() -> Iterator[None]:
+    """
+    Let GDAL write a fixed date instead of the current one.
+
+    """
+    with _one_writer:
+        pyogrio.set_gdal_config_options({"OGR_CURRENT_DATE": _FIXED_DATE})
+        try:
+            yield
+        finally:
+            pyogrio.set_gdal_config_options({"OGR_CURRENT_DATE": None})

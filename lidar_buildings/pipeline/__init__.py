@@ -1,0 +1,1 @@
+"""The stages applied to one tile, in their order, without ROS."""

@@ -1,0 +1,136 @@
+"""
+A tile's outlines made regular, touching buildings with common walls.
+
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+import shapely
+
+from lidar_buildings.core.model.outline import BuildingOutline, Outline
+from lidar_buildings.core.neighbours.union_find import sets_of_pairs
+from lidar_buildings.core.stages.regularisation import (
+    RegularisationConfig,
+    regularise_outline,
+    ring_spacing,
+    working_spacing,
+)
+from lidar_buildings.core.stages.regularisation.shared_walls import share_walls
+
+_log = logging.getLogger(__name__)
+
+#: Buildings whose traced rings come so near to each other were one block: different blocks are
+#: farther apart, by half the window of the segmentation, 2.25 spacings [spacings].
+_TOUCHING = 1.75
+#: What rounding may leave of an overlap of buildings that share a wall [m²].
+_MAX_OVERLAP = 1e-2
+
+
+def regularise_outlines(
+    outlines: tuple[BuildingOutline, ...], config: RegularisationConfig
+) -> tuple[BuildingOutline, ...]:
+    """
+    Regularise every traced outline, and let touching ones share walls; one that cannot be keeps its rings.
+
+    With `keep_outlines` all stay as they are, given footprints for instance.
+
+    What becomes of an outline depends on those of its own block alone, which is never cut by a tile's edge.
+
+    """
+    if config.keep_outlines:
+        return outlines
+    traced = [one.outline for one in outlines]
+    regular = [_regularised(one, config) for one in outlines]
+    groups = touching_groups(traced)
+    if config.max_wall_gap:
+        for members in groups:
+            _share_walls(regular, traced, members, config)
+    regular = [_sound(outline.as_carried(), ring) for outline, ring in zip(regular, traced, strict=True)]
+    for members in groups:
+        _part(regular, traced, members)
+    return tuple(replace(one, outline=outline) for one, outline in zip(outlines, regular, strict=True))
+
+
+def touching_groups(traced: Sequence[Outline]) -> list[list[int]]:
+    """
+    Return the rows of buildings that were split from one block, group by group.
+
+    Parameters
+    ----------
+    traced : sequence of Outline
+        Rings through the points [m].
+
+    """
+    known = [row for row, outline in enumerate(traced) if len(outline.exterior) >= 3]
+    if len(known) < 2:
+        return []
+    rings = np.array([Outline(traced[row].exterior).polygon for row in known], dtype=object)
+    reach = _TOUCHING * np.array([ring_spacing(traced[row]) for row in known])
+    one, other = shapely.STRtree(rings).query(rings, predicate="dwithin", distance=reach)
+    near = shapely.distance(rings[one], rings[other]) <= 0.5 * (reach[one] + reach[other])
+    group = sets_of_pairs(len(known), one[near], other[near])
+    return [
+        [known[k] for k in np.flatnonzero(group == number)]
+        for number in np.flatnonzero(np.bincount(group) > 1)
+    ]
+
+
+def _share_walls(
+    outlines: list[Outline], traced: list[Outline], members: list[int], config: RegularisationConfig
+) -> None:
+    """
+    Let the buildings of one block share their walls, in place.
+
+    """
+    shared = share_walls(
+        [outlines[row] for row in members],
+        [traced[row] for row in members],
+        [config.max_wall_gap * working_spacing(traced[row], config) for row in members],
+    )
+    for row, outline, reason in zip(members, shared.outlines, shared.reasons, strict=True):
+        if reason:
+            _log.info("building at (%.1f, %.1f): %s", *outlines[row].exterior[0], reason)
+        outlines[row] = outline
+
+
+def _regularised(traced: BuildingOutline, config: RegularisationConfig) -> Outline:
+    """
+    Regularise one outline, or keep it as it is.
+
+    """
+    try:
+        return regularise_outline(traced.outline, config).outline
+    except Exception:
+        _log.exception("building %d: regularisation failed, the traced ring is kept", traced.building_id)
+        return traced.outline
+
+
+def _sound(outline: Outline, traced: Outline) -> Outline:
+    """
+    Return an outline that rounding has left valid and without repeated vertices, else the traced one.
+
+    """
+    repeats = any((ring == np.roll(ring, -1, axis=0)).all(axis=1).any() for ring in outline.rings)
+    if repeats or (len(outline.exterior) >= 3 and not outline.polygon.is_valid):
+        return traced
+    return outline
+
+
+def _part(outlines: list[Outline], traced: list[Outline], members: list[int]) -> None:
+    """
+    Give buildings of one block that still lie over each other their traced outlines, the smaller one first.
+
+    """
+    polygons = [outlines[row].polygon for row in members]
+    pairs = shapely.STRtree(polygons).query(np.array(polygons, dtype=object), predicate="intersects")
+    for one, other in sorted(pairs[:, pairs[0] < pairs[1]].T.tolist()):
+        for k in sorted((one, other), key=lambda k: (traced[members[k]].area, k)):
+            if polygons[one].intersection(polygons[other]).area <= _MAX_OVERLAP:
+                break
+            outlines[members[k]] = traced[members[k]]
+            polygons[k] = traced[members[k]].polygon

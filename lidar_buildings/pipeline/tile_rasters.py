@@ -1,0 +1,40 @@
+"""
+Rasters of a tile: the one place where its columns become the arguments of `make_rasters`.
+
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from lidar_buildings.core.model.map_frame import MapFrame
+from lidar_buildings.core.model.tile import PointTile
+from lidar_buildings.core.stages.terrain import RasterConfig, TerrainRasters, make_rasters
+
+
+def rasterise_tile(tile: PointTile, config: RasterConfig, frame: MapFrame) -> TerrainRasters | None:
+    """
+    Make the rasters of a classified tile; None where none are wanted, or points have no class.
+
+    Parameters
+    ----------
+    tile : PointTile
+        Core and buffer points with their classes.
+    config : RasterConfig
+        Resolution and reach.
+    frame : MapFrame
+        Cells are aligned in its source's coordinates. A tile that came as a message does not know it.
+
+    """
+    if config.raster_resolution == 0.0 or tile.classification is None:
+        return None
+    x, y, _ = frame.origin
+    return make_rasters(
+        tile.points,
+        tile.classification,
+        config,
+        return_number=tile.return_number,
+        is_core=np.asarray(tile.is_core),
+        point_spacing=tile.spacing,
+        origin=(x, y),
+    )

@@ -1,0 +1,305 @@
+"""
+Each stage applied to a tile: the one place where columns become a stage's arguments and its result columns.
+
+The nodes and the ROS-free pipeline both call these functions, so that they do the same.
+
+"""
+
+from __future__ import annotations
+
+import logging
+import os
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lidar_buildings.core.model.building_id import anchor_row
+from lidar_buildings.core.model.kept_classes import ON_TERRAIN, is_of_groups
+from lidar_buildings.core.model.outline import BuildingOutline, Outline
+from lidar_buildings.core.model.tile import PointTile
+from lidar_buildings.core.neighbours.parallel import work_alone
+from lidar_buildings.core.neighbours.scan_pattern import ScanPattern
+from lidar_buildings.core.stages.boundary_tracing import BoundaryTracingConfig, trace_boundary
+from lidar_buildings.core.stages.edge_labelling import EdgeLabellingConfig, label_edges
+from lidar_buildings.core.stages.footprints import FootprintConfig, Footprints, assign_footprints
+from lidar_buildings.core.stages.ground_filter import GroundFilterConfig, classify_ground
+from lidar_buildings.core.stages.plane_fitting import PlaneFittingConfig, number_planes
+from lidar_buildings.core.stages.roof_selection import RoofSelectionConfig, select_roofs
+from lidar_buildings.core.stages.segmentation import SegmentationConfig, segment_buildings
+
+_log = logging.getLogger(__name__)
+
+#: Half the side of the square that stands for a building whose tracing failed altogether [m].
+_MARKER_SIZE = 0.5
+
+
+@dataclass(frozen=True, eq=False)
+class LabelledTile:
+    """
+    A tile's roof points after edge labelling.
+
+    Attributes
+    ----------
+    tile : PointTile
+        With `edge` and the features.
+    n_roofs : dict
+        Status of the clusters → how many roofs, or how many tiles where the tile is clustered as one.
+
+    """
+
+    tile: PointTile
+    n_roofs: dict[str, int]
+
+
+@dataclass(frozen=True, eq=False)
+class TracedTile:
+    """
+    A tile's buildings after segmentation and tracing.
+
+    Attributes
+    ----------
+    tile : PointTile
+        The roof points with `building_id`; 0 for those of no building and of the neighbours' buildings.
+    outlines : tuple of BuildingOutline
+        One per building of this tile, by rising id.
+    clipped : bool
+        Whether one of these buildings reaches the tile's `bounds`, so that its rest lies outside.
+
+    """
+
+    tile: PointTile
+    outlines: tuple[BuildingOutline, ...]
+    clipped: bool
+
+
+def filter_ground(tile: PointTile, config: GroundFilterConfig) -> PointTile:
+    """
+    Append `classification` (1, 2, 7, 18, and what the source's points keep) and `height_above_ground`.
+
+    """
+    before, kept = tile.classification, config.kept_classes
+    result = classify_ground(
+        tile.points,
+        config,
+        gps_time=tile.gps_time,
+        scan_angle=tile.scan_angle,
+        scan_direction_flag=tile.scan_direction_flag,
+        point_source_id=tile.point_source_id,
+        set_aside=None if before is None else is_of_groups(before, set(kept) - set(ON_TERRAIN)),
+    )
+    classes = result.classification
+    if before is not None:
+        classes = np.where(is_of_groups(before, kept), before, classes)
+    return tile.with_columns(classification=classes, height_above_ground=result.height_above_ground)
+
+
+def select_roof_points(tile: PointTile, config: RoofSelectionConfig) -> PointTile:
+    """
+    Give every point of a tile its final class, and say which of class 6 are `facade`.
+
+    """
+    result = select_roofs(
+        tile.points,
+        config,
+        height_above_ground=None
+        if tile.height_above_ground is None
+        else tile.height_above_ground.astype(float),
+        classification=tile.classification,
+        return_number=tile.return_number,
+        number_of_returns=tile.number_of_returns,
+        intensity=tile.intensity,
+        normalised_intensity=tile.normalised_intensity,
+        point_source_id=tile.point_source_id,
+        dark_limit=tile.darkness,
+        point_spacing=tile.spacing,
+    )
+    return tile.with_columns(classification=result.classification, facade=result.is_facade)
+
+
+def roof_points(tile: PointTile) -> PointTile:
+    """
+    Return the points of class 6 alone, and of these the roofs.
+
+    """
+    return tile.select(tile.is_roof)
+
+
+def label_roof_edges(tile: PointTile, config: EdgeLabellingConfig) -> LabelledTile:
+    """
+    Append edge labels, features, normals and the chosen radius to a tile of roof points.
+
+    """
+    result = label_edges(tile.points, config, point_spacing=tile.spacing)
+    labelled = tile.with_columns(
+        linearity=result.linearity,
+        planarity=result.planarity,
+        normal_x=result.normals[:, 0],
+        normal_y=result.normals[:, 1],
+        normal_z=result.normals[:, 2],
+        neighbourhood_radius=result.neighbourhood_radius,
+        edge=result.edge,
+    )
+    return LabelledTile(labelled, result.n_roofs)
+
+
+def trace_buildings(
+    tile: PointTile, segmentation: SegmentationConfig, boundary_tracing: BoundaryTracingConfig
+) -> TracedTile:
+    """
+    Segment a tile's roof points into buildings and trace those that belong to the tile.
+
+    A block of touching buildings belongs to the tile that holds its anchor as a core point, so that each
+    building comes out once.
+
+    """
+    found = segment_buildings(
+        tile.points,
+        segmentation,
+        scan_angle=tile.scan_angle,
+        gps_time=tile.gps_time,
+        point_source_id=tile.point_source_id,
+        point_spacing=tile.spacing,
+    )
+    is_core = tile.is_core
+    blocks = {
+        number
+        for number, rows in rows_by_building(found.block_id)
+        if is_core[rows[anchor_row(tile.points[rows])]]
+    }
+    owned = [
+        (number, rows)
+        for number, rows in rows_by_building(found.building_id)
+        if int(found.block_id[rows[0]]) in blocks
+    ]
+    building_id = np.zeros(len(tile), dtype=np.uint32)
+    outlines = []
+    for number, rows in owned:
+        building_id[rows] = number
+        traced = _traced(number, tile.points[rows], boundary_tracing, found.patterns[number], tile.spacing)
+        outlines.append(BuildingOutline(number, traced))
+    clipped = any(_reaches(tile.bounds, tile.points[rows], max(found.window)) for _, rows in owned)
+    return TracedTile(tile.with_columns(building_id=building_id), tuple(outlines), clipped)
+
+
+def trace_footprints(
+    classified: PointTile,
+    roofs: PointTile,
+    footprints: Footprints,
+    config: FootprintConfig,
+    edge_labelling: EdgeLabellingConfig,
+) -> TracedTile:
+    """
+    Take given footprints for a tile's outlines, and give their points their ids.
+
+    Parameters
+    ----------
+    classified : PointTile
+        All points of the tile.
+    roofs : PointTile
+        Its roof points with edge labels, as `label_roof_edges` returns them.
+    footprints : Footprints
+    config : FootprintConfig
+    edge_labelling : EdgeLabellingConfig
+        For the points that are taken at footprints next to without roof points.
+
+    """
+    found = assign_footprints(classified, footprints, config)
+    is_other = (found.building_id > 0) & ~classified.is_roof
+    tile = _with_others(classified, roofs, is_other, found.building_id, edge_labelling)
+    chosen = np.flatnonzero(classified.is_roof | is_other)
+    return TracedTile(tile.with_columns(building_id=found.building_id[chosen]), found.outlines, found.clipped)
+
+
+def fit_planes(tile: PointTile, config: PlaneFittingConfig) -> PointTile:
+    """
+    Append `plane_id`, numbered within each building, to a tile of building points; buildings on all cores.
+
+    """
+    plane_id = np.zeros(len(tile), dtype=np.uint16)
+    buildings = [] if tile.building_id is None else rows_by_building(tile.building_id)
+    # The largest first, so that no core is left with one at the end.
+    buildings.sort(key=lambda building: -len(building[1]))
+
+    def fit(building: tuple[int, NDArray[np.intp]]) -> None:
+        number, rows = building
+        try:
+            plane_id[rows] = number_planes(tile.points[rows], config, point_spacing=tile.spacing)
+        except Exception:
+            _log.exception("building %d: no planes were fitted", number)
+
+    with ThreadPoolExecutor(max_workers=os.cpu_count(), initializer=work_alone) as pool:
+        list(pool.map(fit, buildings))
+    return tile.with_columns(plane_id=plane_id)
+
+
+def rows_by_building(building_id: NDArray[np.uint32]) -> list[tuple[int, NDArray[np.intp]]]:
+    """
+    Return (id, rows) of every building by rising id, rows rising; id 0 is left out.
+
+    """
+    order = np.argsort(building_id, kind="stable")
+    numbers, first = np.unique(building_id[order], return_index=True)
+    groups = np.split(order, first[1:]) if len(numbers) else []
+    return [(int(number), rows) for number, rows in zip(numbers, groups, strict=True) if number]
+
+
+def _with_others(
+    classified: PointTile,
+    roofs: PointTile,
+    is_other: NDArray[np.bool_],
+    building_id: NDArray[np.uint32],
+    edge_labelling: EdgeLabellingConfig,
+) -> PointTile:
+    """
+    Return a tile's roof points with others among them in their places, labelled as well.
+
+    """
+    if not is_other.any():
+        return roofs
+    # what stands in a footprint is labelled together with the few roof points there
+    together = np.flatnonzero(np.isin(building_id, building_id[is_other]))
+    labelled = label_roof_edges(classified.select(together), edge_labelling).tile
+    others = labelled.select(is_other[together])
+    rows = np.concatenate([np.flatnonzero(classified.is_roof), np.flatnonzero(is_other)])
+    return roofs.joined(others).select(np.argsort(rows, kind="stable"))
+
+
+def _traced(
+    number: int,
+    points: NDArray[np.float64],
+    config: BoundaryTracingConfig,
+    pattern: ScanPattern,
+    point_spacing: float | None,
+) -> Outline:
+    """
+    Trace one building; whatever goes wrong, a ring comes back.
+
+    """
+    try:
+        traced = trace_boundary(points, config, pattern=pattern, point_spacing=point_spacing)
+        return traced.outline.as_carried()
+    except Exception:
+        _log.exception("building %d: tracing failed, a square marks its anchor", number)
+        square = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]]) * _MARKER_SIZE
+        return Outline(points[anchor_row(points), :2] + square).as_carried()
+
+
+def _reaches(
+    bounds: tuple[float, float, float, float] | None, points: NDArray[np.float64], window: float
+) -> bool:
+    """
+    Whether points come within a window of the tile's outer limits.
+
+    """
+    if bounds is None:
+        return False
+    west, south, east, north = bounds
+    x, y = points[:, 0], points[:, 1]
+    return bool(
+        x.min() - west < window
+        or y.min() - south < window
+        or east - x.max() < window
+        or north - y.max() < window
+    )
