@@ -43,36 +43,36 @@ test: setup
 
 # Loops are compiled once and cached: test workers that start without would compile most of them twice.
 compiled-outlines compiled-models: setup
-	@$(BIN)/python test/compile_kernels.py $(@:compiled-%=%) > /dev/null
+	@$(BIN)/python -m bench.common.compile_kernels $(@:compiled-%=%) > /dev/null
 
 bench: setup
 	@$(BIN)/python -m pip install --quiet --editable '.[bench]'
 	@echo "Terrain scenes:"
-	@$(BIN)/python bench/terrain_scenes.py
+	@$(BIN)/python -m bench.ground.scenes
 	@echo "ISPRS filter test:"
-	@$(BIN)/python bench/isprs.py --offsets 3
+	@$(BIN)/python -m bench.ground.isprs --offsets 3
 	@echo "Providers' ground:"
-	@$(BIN)/python bench/providers.py
+	@$(BIN)/python -m bench.ground.providers
 	@echo "Gross errors:"
-	@$(BIN)/python bench/noise.py
+	@$(BIN)/python -m bench.ground.noise
 	@echo "Roof scenes:"
-	@$(BIN)/python bench/roof_scenes.py
+	@$(BIN)/python -m bench.roofs.scenes
 	@echo "Buildings on real clouds:"
-	@$(BIN)/python bench/roofs.py
+	@$(BIN)/python -m bench.roofs.run
 	@echo "Edges of roofs:"
-	@$(BIN)/python bench/edges.py
-	@$(BIN)/python bench/edge_outlines.py
+	@$(BIN)/python -m bench.edges.run
+	@$(BIN)/python -m bench.edges.truth
 	@echo "Eigenvalue features:"
-	@$(BIN)/python bench/features.py
+	@$(BIN)/python -m bench.edges.features
 	@echo "Outlines of buildings:"
-	@$(BIN)/python bench/outlines.py
+	@$(BIN)/python -m bench.outlines.run
 	@echo "Planes of roofs:"
-	@$(BIN)/python bench/planes.py
+	@$(BIN)/python -m bench.planes.run
 	@echo "Models of buildings:"
-	@$(BIN)/python bench/solids.py
-	@$(BIN)/python bench/models.py
+	@$(BIN)/python -m bench.models.solids
+	@$(BIN)/python -m bench.models.run
 	@echo "Speed and memory of ground filters:"
-	@$(BIN)/python bench/ground.py
+	@$(BIN)/python -m bench.ground.speed
 
 lint: setup
 	$(BIN)/ruff check .

@@ -47,7 +47,7 @@ TEST = [
     "mypy",
     "matplotlib",
 ]
-# peers of the benchmarks, all of permissive licences (bench/filters.py, bench/*_peers.py)
+# peers of the benchmarks, all of permissive licences (bench/ground/peers.py, bench/*/peers.py)
 BENCH = [
     "cloth-simulation-filter",
     "whitebox-workflows",
@@ -63,7 +63,7 @@ BENCH = [
 setup(
     name=PACKAGE,
     version=VERSION,
-    packages=find_packages(exclude=["test", "test.*"]),
+    packages=find_packages(include=[PACKAGE, f"{PACKAGE}.*"]),
     package_data={PACKAGE: ["ros/*.xml"]},
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),

@@ -11,11 +11,11 @@ import subprocess
 import sys
 import time
 
-import cloud_files
 import numpy as np
 import pytest
-from cli_runs import Command, bad_clouds, files_in
-from results import MODELS, assert_rest_is_complete, contents
+from support import cloud_files
+from support.cli_runs import Command, bad_clouds, files_in
+from support.results import MODELS, assert_rest_is_complete, contents
 
 from lidar_buildings.cli import main
 from lidar_buildings.nodes import ground_filter, outline_regulariser

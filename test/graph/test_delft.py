@@ -10,7 +10,7 @@ import numpy as np
 import pyogrio
 import pytest
 import shapely
-from results import assert_complete
+from support.results import assert_complete
 
 from lidar_buildings.cli import main
 from lidar_buildings.evaluation.command.score import run_score

@@ -7,8 +7,8 @@ import json
 
 import pytest
 import shapely
-from cli_runs import Command
-from results import contents
+from support.cli_runs import Command
+from support.results import contents
 
 from lidar_buildings.io.vectors.geopackage import GeoPackageLayer, read_polygons, write_geopackage
 from lidar_buildings.simulation import simulate_survey

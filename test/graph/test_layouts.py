@@ -8,8 +8,8 @@ import sys
 from pathlib import Path
 
 import pytest
-from node_processes import NodeProcesses
-from results import assert_buildings_once, assert_complete, contents
+from support.node_processes import NodeProcesses
+from support.results import assert_buildings_once, assert_complete, contents
 
 from lidar_buildings.cli import main
 

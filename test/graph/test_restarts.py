@@ -6,8 +6,8 @@ Nothing is lost when a stage is slow or a node dies.
 import time
 
 import pytest
-from node_processes import LAST, NodeProcesses
-from results import assert_complete, contents
+from support.node_processes import LAST, NodeProcesses
+from support.results import assert_complete, contents
 
 from lidar_buildings.cli import main
 from lidar_buildings.nodes import edge_labeller

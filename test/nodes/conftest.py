@@ -3,7 +3,7 @@ import pytest
 pytest.importorskip("rclpy")
 
 import rclpy
-from ros_domain import use_own_domain
+from support.ros_domain import use_own_domain
 
 from lidar_buildings.ros.middleware import prepare_middleware
 

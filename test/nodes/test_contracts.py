@@ -8,9 +8,9 @@ from dataclasses import fields
 
 import pytest
 import yaml
-from cloud_files import random_cloud
 from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
+from support.cloud_files import random_cloud
 
 from lidar_buildings.core.model.parameters import spec_of
 from lidar_buildings.nodes import reference

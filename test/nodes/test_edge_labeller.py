@@ -7,10 +7,10 @@ import time
 
 import numpy as np
 import pytest
-import scenes
 from diagnostic_msgs.msg import DiagnosticArray
 from sensor_msgs.msg import PointCloud2
 
+from bench.scenes import buildings as scenes
 from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.nodes.edge_labeller import EdgeLabeller
 from lidar_buildings.ros.composition import Composition

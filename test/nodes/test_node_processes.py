@@ -12,11 +12,11 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
-from cloud_files import random_cloud
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.parameter_client import AsyncParameterClient
-from ros_domain import use_own_domain
+from support.cloud_files import random_cloud
+from support.ros_domain import use_own_domain
 
 pytestmark = pytest.mark.graph
 

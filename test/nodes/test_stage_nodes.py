@@ -8,11 +8,11 @@ import time
 
 import numpy as np
 import pytest
-from cloud_files import random_cloud
 from geometry_msgs.msg import PolygonInstanceStamped, PolygonStamped
 from rclpy.parameter import Parameter
 from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Header, String
+from support.cloud_files import random_cloud
 
 from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.model.outline import BuildingOutline, Outline

@@ -8,13 +8,13 @@ from collections import Counter
 
 import numpy as np
 import pytest
-from cloud_files import random_cloud
 from geometry_msgs.msg import PointStamped, PolygonStamped
 from rclpy.parameter import Parameter
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Header
 from std_srvs.srv import Trigger
+from support.cloud_files import random_cloud
 
 from lidar_buildings.core.model.errors import InputError
 from lidar_buildings.nodes.tile_player import TilePlayer

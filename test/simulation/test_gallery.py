@@ -5,8 +5,9 @@ The gallery of test scenes keeps its own promises.
 
 import numpy as np
 import pytest
-import scenes
 import shapely
+
+from bench.scenes import buildings as scenes
 
 HOUSES = sorted(set(scenes.GALLERY) - {"single_point", "collinear", "with_nan"})
 

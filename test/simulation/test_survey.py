@@ -10,7 +10,7 @@ import numpy as np
 import pyogrio
 import pytest
 import shapely
-from cjio_process import cjio
+from support.cjio_process import cjio
 
 from lidar_buildings.core.model.errors import OutputError, ParameterError
 from lidar_buildings.simulation import make_scene, simulate_survey, simulate_tile

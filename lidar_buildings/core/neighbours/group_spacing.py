@@ -30,7 +30,7 @@ def group_spacings(
     """
     Measure 1/√density of each group of points from its own points alone.
 
-    As `lidar_buildings.core.neighbours.point_spacing.measure_spacing`, the median by area of k/(π d²), d the distance to
+    As `core.neighbours.point_spacing.measure_spacing`, the median by area of k/(π d²), d the distance to
     the k-th neighbour in plan; but from a sample, and with neighbours sought nearby only.
 
     Parameters

@@ -99,7 +99,7 @@ class GeotiffWriter:
     Parameters
     ----------
     path : Path
-        An existing file is replaced; see `lidar_buildings.io.files.atomic_files` for writing it under another name.
+        An existing file is replaced; see `io.files.atomic_files` for writing it under another name.
     layout : RasterLayout
         Size, place and units.
     meaning : str

@@ -35,7 +35,7 @@ def check_solid(solid: Solid) -> tuple[int, ...]:
 
     Notes
     -----
-    Codes, names and tolerances: `lidar_buildings.core.solids.validity.codes`. Whether vertices exactly one snap
+    Codes, names and tolerances: `core.solids.validity.codes`. Whether vertices exactly one snap
     tolerance apart count as one depends on others' rounding: such solids have to be valid both ways.
 
     """

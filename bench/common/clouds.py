@@ -1,0 +1,110 @@
+"""
+Clouds to measure on: points, what is known of the scan, and the reference's ground.
+
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Collection, Iterable
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lidar_buildings.io.clouds.las import frame_of, open_inputs, xyz_of
+from lidar_buildings.io.clouds.point_columns import point_columns, without_empty_columns
+
+ROOT = Path(__file__).resolve().parents[2]
+#: Where the real clouds lie unless --data or LIDAR_BUILDINGS_DATA says otherwise: beside the repository.
+DEFAULT_DATA = ROOT / ".." / "shared" / "data"
+#: What `classify_ground` can be told of the scan.
+SCAN_COLUMNS = ("gps_time", "scan_angle", "scan_direction_flag", "point_source_id")
+#: Seconds between the copies of a cloud, as if they had been flown one after the other.
+PAUSE = 10.0
+
+
+class Cloud(NamedTuple):
+    """
+    What a filter is given, and what it is judged by.
+
+    Attributes
+    ----------
+    points : ndarray of shape (n_points, 3), float64
+        In the map frame, rounded to float32 as in a run [m].
+    scan : dict
+        Those of `SCAN_COLUMNS` that the source has.
+    is_ground : ndarray of bool, shape (n_points,)
+        The reference.
+
+    """
+
+    points: NDArray[np.float64]
+    scan: dict[str, NDArray[Any]]
+    is_ground: NDArray[np.bool_]
+
+
+def data_folder(argument: str | None) -> Path:
+    """
+    Folder of the real clouds: the argument, else LIDAR_BUILDINGS_DATA, else beside the repository.
+
+    """
+    return Path(argument or os.environ.get("LIDAR_BUILDINGS_DATA") or DEFAULT_DATA).resolve()
+
+
+def read_cloud(paths: Iterable[Path], reference_ground: Collection[int] = (2,)) -> Cloud:
+    """
+    Read files as one cloud, in the order given; `reference_ground` are the classes that count as ground.
+
+    """
+    inputs, problems = open_inputs(list(paths))
+    if problems:
+        raise SystemExit("\n".join(problems))
+    frame = frame_of(inputs)
+    parts = [
+        {"points": frame.to_map(xyz_of(chunk)), **point_columns(chunk)}
+        for source in inputs
+        for chunk in source.chunks()
+    ]
+    names = set.intersection(*(set(part) for part in parts))
+    columns = {name: np.concatenate([part[name] for part in parts]) for name in sorted(names)}
+    points = columns.pop("points").astype(np.float32).astype(np.float64)
+    is_ground = np.isin(columns["classification"], list(reference_ground))
+    kept = without_empty_columns(columns)
+    return Cloud(points, {name: kept[name] for name in SCAN_COLUMNS if kept.get(name) is not None}, is_ground)
+
+
+def moved(cloud: Cloud, offset: Collection[float]) -> Cloud:
+    """
+    Return the cloud elsewhere in the map frame, so that grids cut it in other places.
+
+    """
+    return cloud._replace(points=cloud.points + np.array([*offset, 0.0]))
+
+
+def replicated(cloud: Cloud, copies: int) -> Cloud:
+    """
+    Return the cloud laid out `copies` × `copies` times, shifted by its extent, copy after copy in time.
+
+    """
+    extent = np.append(np.ptp(cloud.points[:, :2], axis=0), 0.0)
+    shifts = [(column, row, 0) * extent for row in range(copies) for column in range(copies)]
+    scan = {name: np.tile(column, len(shifts)) for name, column in cloud.scan.items()}
+    if "gps_time" in scan:
+        duration = np.ptp(cloud.scan["gps_time"]) + PAUSE
+        scan["gps_time"] += np.repeat(np.arange(len(shifts)) * duration, len(cloud.points))
+    points = np.concatenate([cloud.points + shift for shift in shifts])
+    return Cloud(points, scan, np.tile(cloud.is_ground, len(shifts)))
+
+
+def middle_of(cloud: Cloud, side: float) -> Cloud:
+    """
+    Return what lies in a square of this side in the cloud's middle.
+
+    """
+    xy = cloud.points[:, :2]
+    middle = (xy.min(axis=0) + xy.max(axis=0)) / 2
+    rows = (abs(xy - middle) < side / 2).all(axis=1)
+    scan = {name: column[rows] for name, column in cloud.scan.items()}
+    return Cloud(cloud.points[rows], scan, cloud.is_ground[rows])

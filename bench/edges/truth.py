@@ -1,0 +1,153 @@
+"""
+Edge labels against the exact outlines of simulated roofs: a reference that no empty disc has a part in.
+
+    python -m bench.edges.truth [--scenes NAME ...] [--density D ...] [--methods METHOD ...]
+                                  [--set NAME=VALUE ...] [--variants VARIANT ...]
+
+The alpha shape that `edges.py` takes for reference is found by the disc that thins the labels. Here the
+outlines of roofs are known. Points nearer than half a spacing to one should be edges (completeness), and
+edges should lie no further than one spacing from one (correctness).
+
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import io
+import tempfile
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+import laspy
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from bench.common.areas import RoofArea
+from bench.common.arguments import settings_of
+from bench.common.tables import percent, table
+from bench.edges.run import METHODS, VARIANTS, configs_of, label_area
+from lidar_buildings.cli import main as run_command
+from lidar_buildings.core.neighbours.point_spacing import measure_spacing
+from lidar_buildings.core.stages.edge_labelling import EdgeLabellingConfig
+from lidar_buildings.evaluation.readers.metric_polygons import read_metric_polygons
+from lidar_buildings.evaluation.scores.blocks import merge_touching
+from lidar_buildings.evaluation.scores.confusion import ratio
+
+#: Distances from an outline up to which a point should be an edge, and may be one [spacings].
+SHOULD, MAY = 0.5, 1.0
+SCENES, DENSITIES = ("village", "roof_types", "courtyards"), (4.0, 12.0)
+
+
+class OutlineScore(NamedTuple):
+    """
+    How labels lie along outlines.
+
+    Attributes
+    ----------
+    completeness : float
+        Edges among the points that should be some.
+    correctness : float
+        Points that may be edges among those labelled.
+
+    """
+
+    completeness: float
+    correctness: float
+
+    @property
+    def f_score(self) -> float:
+        """
+        Harmonic mean.
+
+        """
+        return ratio(2 * self.completeness * self.correctness, self.completeness + self.correctness)
+
+
+def simulated_roofs(scene: str, density: float, seed: int = 0) -> tuple[RoofArea, NDArray[np.float64]]:
+    """
+    Scan a scene; return its roof points, walls left out, and their distances from the outlines of blocks.
+
+    """
+    with tempfile.TemporaryDirectory(prefix="bench-") as folder:
+        options = ["--scene", scene, "--density", str(density), "--seed", str(seed), "--overwrite"]
+        with contextlib.redirect_stdout(io.StringIO()):
+            status = run_command(["simulate", "--output", folder, *options])
+        if status != 0:
+            raise SystemExit(f"{scene}: could not be simulated")
+        strips = [laspy.read(path) for path in sorted(Path(folder).glob("*.laz"))]
+        blocks = merge_touching(read_metric_polygons(Path(folder) / "truth.gpkg").polygons)
+    points = np.concatenate([np.column_stack((s.x, s.y, s.z))[np.asarray(s.TruePlane) > 0] for s in strips])
+    outlines = shapely.union_all(shapely.boundary(blocks.polygons))
+    shapely.prepare(outlines)
+    distance = shapely.distance(shapely.points(points[:, :2]), outlines)
+    points -= np.floor(points.min(axis=0) / 100.0) * 100.0
+    none = np.zeros(len(points), dtype=np.int64)
+    return RoofArea(points, none, measure_spacing(points), 0), distance
+
+
+def score_of(edge: NDArray[np.bool_], distance: NDArray[np.float64], spacing: float) -> OutlineScore:
+    """
+    Compare labels with the distances of their points from an outline.
+
+    """
+    should, may = distance <= SHOULD * spacing, distance <= MAY * spacing
+    return OutlineScore(
+        ratio(int((edge & should).sum()), int(should.sum())), ratio(int((edge & may).sum()), int(edge.sum()))
+    )
+
+
+def rows_of(
+    configs: Mapping[str, EdgeLabellingConfig], scenes: Sequence[str], densities: Sequence[float]
+) -> list[list[str]]:
+    """
+    Lines of the table: every method in every scene, and its mean.
+
+    """
+    roofs = {(s, d): simulated_roofs(s, d) for s in scenes for d in densities}
+    rows = []
+    for method, config in configs.items():
+        found = []
+        for (scene, density), (area, distance) in roofs.items():
+            found.append(score_of(label_area(area, method, config), distance, area.spacing))
+            rows.append([method, scene, f"{density:g}", *_cells(*found[-1], found[-1].f_score)])
+        means = np.mean([(*score, score.f_score) for score in found], axis=0)
+        rows.append([method, "mean", "", *_cells(*means)])
+    return rows
+
+
+def _cells(*shares: float) -> list[str]:
+    """
+    Write shares in percent.
+
+    """
+    return [percent(share) for share in shares]
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """
+    Print the tables.
+
+    """
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--scenes", nargs="+", default=SCENES, metavar="NAME")
+    parser.add_argument("--density", nargs="+", type=float, default=DENSITIES, metavar="D")
+    parser.add_argument("--methods", "--method", nargs="+", choices=tuple(METHODS), default=tuple(METHODS))
+    parser.add_argument("--variants", nargs="+", choices=tuple(VARIANTS), default=tuple(VARIANTS))
+    parser.add_argument(
+        "--set", nargs="+", default=[], metavar="NAME=VALUE", help="parameters of the edge labelling"
+    )
+    options = parser.parse_args(arguments)
+    settings = settings_of(options.set, EdgeLabellingConfig)
+    for variant in options.variants:
+        rows = rows_of(configs_of(variant, options.methods, settings), options.scenes, options.density)
+        print(f"{variant.capitalize()}:")
+        print(table(("method", "scene", "pts/m²", "completeness", "correctness", "F"), rows) + "\n")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,101 @@
+"""
+Ground filters on the terrain scenes of the tests, whose truth is exact.
+
+    python -m bench.ground.scenes [--methods METHOD ...] [--scenes SCENE ...] [--rotation 0] [--seed 0]
+                                   [--density 1.0] [--noise M] [--pictures DIR]
+
+Prints total, type I and type II error and kappa per method and scene, the means and the worst scene.
+
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from bench.common.arguments import add_pictures, parser_of, settings_of
+from bench.common.clouds import Cloud
+from bench.common.tables import percent, table
+from bench.ground.peers import filter_names, filters, ground_mask, installed
+from bench.ground.scores import SCORE_HEADINGS, cells_of, mean_cells, score_of_mask
+from bench.scenes.terrain import TERRAIN_SCENES
+
+
+def made(name: str, density_factor: float = 1.0, **arguments: Any) -> Cloud:
+    """
+    Make a scene at a multiple of its own density.
+
+    """
+    scene = TERRAIN_SCENES[name]
+    density = scene.__kwdefaults__["density"] * density_factor
+    points, is_ground = scene(density=density, **arguments)
+    return Cloud(points, {}, is_ground)
+
+
+def rows_of(
+    clouds: Mapping[str, Cloud],
+    methods: Sequence[str],
+    settings: Mapping[str, Any] | None = None,
+    pictures: Path | None = None,
+) -> list[list[str]]:
+    """
+    Lines of the table: every method on every scene, its mean and its worst.
+
+    """
+    rows = []
+    with filters(methods, settings) as chosen:
+        for method, ground_filter in chosen.items():
+            scores = {}
+            for name, cloud in clouds.items():
+                mask = ground_mask(ground_filter, cloud)
+                scores[name] = score_of_mask(mask, cloud.is_ground)
+                rows.append([method, name, *cells_of(scores[name])])
+                if pictures is not None:
+                    _draw(pictures / f"{name}_{method}.png", cloud, mask, f"{name}, {method}")
+            rows.append([method, "mean", *mean_cells(list(scores.values()))])
+            worst = max(scores, key=lambda name: scores[name].total_error)
+            rows.append([method, f"worst: {worst}", percent(scores[worst].total_error), "", "", ""])
+    return rows
+
+
+def _draw(path: Path, cloud: Cloud, mask: Any, title: str) -> None:
+    """
+    Draw one scene's errors; matplotlib is needed only for this.
+
+    """
+    from bench.common.pictures import draw_disagreement
+
+    draw_disagreement(path, cloud, mask, title)
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """
+    Make the scenes, run the filters, print the table.
+
+    """
+    every = tuple(TERRAIN_SCENES)
+    parser = parser_of(__doc__, filter_names())
+    parser.add_argument(
+        "--scenes", nargs="+", choices=every, default=every, metavar="SCENE", help=", ".join(every)
+    )
+    parser.add_argument("--rotation", type=float, default=0.0, metavar="DEG", help="turn every scene")
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--density", type=float, default=1.0, help="multiple of every scene's own density")
+    parser.add_argument("--noise", type=float, default=0.03, metavar="M", help="standard deviation along z")
+    add_pictures(parser)
+    options = parser.parse_args(arguments)
+    clouds = {
+        name: made(
+            name, options.density, rotation_deg=options.rotation, seed=options.seed, noise=options.noise
+        )
+        for name in options.scenes
+    }
+    if options.pictures is not None:
+        options.pictures.mkdir(parents=True, exist_ok=True)
+    rows = rows_of(clouds, installed(options.methods), settings_of(options.set), options.pictures)
+    print(table(("method", "scene", *SCORE_HEADINGS), rows))
+
+
+if __name__ == "__main__":
+    main()

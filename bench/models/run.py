@@ -1,0 +1,203 @@
+"""
+Roof planes and building models: against exact truth, on bad input, on every real cloud, and how fast.
+
+    python -m bench.models.run [--data DIR] [--parts PART ...] [--set STAGE.NAME=VALUE ...] [--roofs NAME ...]
+                           [--rotations N] [--density D] [--noise M] [--seeds N ...]
+                           [--clouds NAME ...] [--keep DIR] [--repeats N]
+
+Parts (all by default; the last two need the real clouds):
+
+scenes    virtual roofs of every type in N orientations: type, planes, angles, ridges, volume, vertices
+bad       input that is hard or bad: which levels come out, and why not more
+clouds    every cloud of the data folder through the chain: levels of detail, reasons, validity, RMSE; Delft
+          with given footprints, too, and with roofer beside where its program is installed
+speed     planes and models of Delft and of the virtual village and roofs: buildings/s, same bytes in all runs
+
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import tempfile
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+
+from bench.common.areas import read_tile
+from bench.common.arguments import settings_of
+from bench.common.clouds import data_folder
+from bench.models.clouds import clouds_in, clouds_table, models_of_cloud, reasons_table
+from bench.models.peers import PROGRAM, is_installed, roofer_models
+from bench.models.speed import speed_of, speed_table
+from bench.models.truth import Configs, bad_scenes, bad_table, judged, truth_table
+from bench.scenes.models import SHAPES, model_scene
+from lidar_buildings.core.stages.building_model import BuildingModelConfig
+from lidar_buildings.core.stages.plane_fitting import PlaneFittingConfig
+from lidar_buildings.io.vectors.footprints import FootprintSource, read_footprints
+from lidar_buildings.simulation import simulate_tile
+
+#: Virtual surveys whose speed is taken.
+VIRTUAL = ("village", "roof_types", "special_roofs", "dense_block")
+DELFT, FOOTPRINTS = "delft", "buildings_nw.gpkg"
+
+
+def run_scenes(options: argparse.Namespace) -> None:
+    """
+    Compare models of virtual roofs with their truth.
+
+    """
+    scenes = [
+        model_scene(name, density=options.density, noise=options.noise, rotation_deg=angle, seed=seed)
+        for name in options.roofs
+        for seed in options.seeds
+        for angle in rotations(options.rotations)
+    ]
+    verdicts = judged(scenes, options.configs)
+    print(f"{options.density:g} pts/m², noise {options.noise:g} m; errors are the largest of all scenes:")
+    print(truth_table(verdicts), end="\n\n")
+
+
+def run_bad(options: argparse.Namespace) -> None:
+    """
+    Say what comes of bad input.
+
+    """
+    print(bad_table(judged(bad_scenes(), options.configs)), end="\n\n")
+
+
+def run_clouds(options: argparse.Namespace) -> None:
+    """
+    Take every cloud through the chain.
+
+    """
+    found = []
+    with _kept(options.keep) as folder:
+        for name, files in clouds_in(options.data_folder):
+            if options.clouds and name.split("/")[0] not in options.clouds:
+                continue
+            output = folder / name.replace("/", "_")
+            found.append(models_of_cloud(name, files, output))
+            footprints = files[0].parent / FOOTPRINTS
+            if footprints.is_file():
+                given = Path(f"{output}_footprints")
+                found.append(models_of_cloud(name, files, given, footprints=footprints))
+                if is_installed():
+                    peer, seconds = roofer_models(name, files, footprints, Path(f"{output}_{PROGRAM}"))
+                    found.append(peer)
+                    print(f"{PROGRAM}: {seconds:.1f} s")
+    print(clouds_table(found), end="\n\n")
+    print(reasons_table(found), end="\n\n")
+    invalid = [(cloud.name, *one) for cloud in found for one in cloud.invalid()]
+    print(f"invalid solids: {invalid or 'none'}\n")
+
+
+def run_speed(options: argparse.Namespace) -> None:
+    """
+    Take the times of planes and models.
+
+    """
+    speeds = [speed_of(name, simulate_tile(name)[0], options.repeats) for name in VIRTUAL]
+    folder = options.data_folder / DELFT
+    if folder.is_dir():
+        tile, frame = read_tile(folder)
+        speeds.append(speed_of(DELFT, tile, options.repeats))
+        if (folder / FOOTPRINTS).is_file():
+            given = read_footprints(FootprintSource(folder / FOOTPRINTS), frame).footprints
+            speeds.append(speed_of(f"{DELFT}, footprints", tile, options.repeats, given))
+    print(speed_table(speeds), end="\n\n")
+
+
+PARTS: dict[str, Callable[[argparse.Namespace], None]] = {
+    "scenes": run_scenes,
+    "bad": run_bad,
+    "clouds": run_clouds,
+    "speed": run_speed,
+}
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """
+    Run the parts asked for.
+
+    """
+    options = _parser().parse_args(arguments)
+    options.configs = configs_of(options.set)
+    if {"clouds", "speed"} & set(options.parts):
+        options.data_folder = data_folder(options.data)
+    if "clouds" in options.parts and not is_installed():
+        print(f"{PROGRAM}: not installed (a program of this name on the path)", file=sys.stderr)
+    for part in options.parts:
+        PARTS[part](options)
+
+
+def rotations(n: int) -> list[float]:
+    """
+    Return so many orientations of the quadrant, along the axes first; shapes have two different sides.
+
+    """
+    return [90.0 * k / n for k in range(n)]
+
+
+def configs_of(texts: Sequence[str]) -> Configs:
+    """
+    Read STAGE.NAME=VALUE, as the command line's --set.
+
+    """
+    own: dict[str, list[str]] = {"plane_fitting": [], "building_model": []}
+    for text in texts:
+        stage, point, setting = text.partition(".")
+        if not point or stage not in own:
+            raise SystemExit(f"--set {text}: must be STAGE.NAME=VALUE, STAGE one of {', '.join(own)}")
+        own[stage].append(setting)
+    return Configs(
+        PlaneFittingConfig(**settings_of(own["plane_fitting"], PlaneFittingConfig)),
+        BuildingModelConfig(**settings_of(own["building_model"], BuildingModelConfig)),
+    )
+
+
+@contextmanager
+def _kept(folder: Path | None) -> Iterator[Path]:
+    """
+    Give the folder to write to, or one that is gone afterwards.
+
+    """
+    if folder is not None:
+        folder.mkdir(parents=True, exist_ok=True)
+        yield folder
+        return
+    with tempfile.TemporaryDirectory() as passing:
+        yield Path(passing)
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--data", help="folder of the real clouds (default: LIDAR_BUILDINGS_DATA)")
+    parser.add_argument("--parts", nargs="+", choices=tuple(PARTS), default=tuple(PARTS), metavar="PART")
+    parser.add_argument(
+        "--set", nargs="+", default=[], metavar="STAGE.NAME=VALUE", help="scenes, bad: parameters"
+    )
+    parser.add_argument(
+        "--roofs",
+        nargs="+",
+        choices=tuple(SHAPES),
+        default=tuple(SHAPES),
+        metavar="NAME",
+        help="scenes: (all)",
+    )
+    parser.add_argument("--rotations", type=int, default=12, metavar="N", help="scenes: orientations (12)")
+    parser.add_argument("--density", type=float, default=8.0, metavar="D", help="scenes: points per m² (8)")
+    parser.add_argument("--noise", type=float, default=0.03, metavar="M", help="scenes: σ of z [m] (0.03)")
+    parser.add_argument("--seeds", type=int, nargs="+", default=[0], metavar="N", help="scenes: rounds (0)")
+    parser.add_argument("--clouds", nargs="+", metavar="NAME", help="clouds: folders of the data (all)")
+    parser.add_argument("--keep", type=Path, metavar="DIR", help="clouds: leave the results in this folder")
+    parser.add_argument(
+        "--repeats", type=int, default=3, metavar="N", help="speed: runs, the fastest counts (3)"
+    )
+    return parser
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,212 @@
+"""
+From roof points to outlines: this package's three stages, each timed, and what can be asked of an outline.
+
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import fields, replace
+from typing import Any, NamedTuple
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from bench.common.arguments import settings_of
+from lidar_buildings.core.model.outline import Outline
+from lidar_buildings.core.model.status import BuildingStatus
+from lidar_buildings.core.model.tile import PointTile
+from lidar_buildings.core.neighbours.scan_pattern import ScanPattern
+from lidar_buildings.core.stages.boundary_tracing import BoundaryTracingConfig, trace_boundary
+from lidar_buildings.core.stages.regularisation import RegularisationConfig, regularise_outline
+from lidar_buildings.core.stages.segmentation import SegmentationConfig, segment_buildings
+from lidar_buildings.pipeline.tile_stages import rows_by_building
+
+#: Columns of a tile that segmentation can be told.
+SCAN_COLUMNS = ("scan_angle", "gps_time", "point_source_id")
+#: Steps whose time is taken.
+STEPS = ("segmentation", "tracing", "regularisation")
+
+
+class Configs(NamedTuple):
+    """
+    Settings of the three stages.
+
+    """
+
+    segmentation: SegmentationConfig = SegmentationConfig()
+    boundary_tracing: BoundaryTracingConfig = BoundaryTracingConfig()
+    regularisation: RegularisationConfig = RegularisationConfig()
+
+
+class Building(NamedTuple):
+    """
+    A building on its way from points to an outline.
+
+    Attributes
+    ----------
+    rows : ndarray of int
+        Its points among the roof points.
+    traced, outline : Outline
+        Before and after regularisation [m].
+    spacing : float
+        Of its points, the geometric mean of that along and across the scan lines [m].
+    sigma, max_offset : float
+        Of the traced ring's points about the outline [m].
+    is_regular : bool
+        Whether the outline is more than the traced one.
+    reason : str
+        Why not, or what was out of the ordinary.
+
+    """
+
+    rows: NDArray[np.intp]
+    traced: Outline
+    outline: Outline
+    spacing: float
+    sigma: float
+    max_offset: float
+    is_regular: bool
+    reason: str
+
+    @property
+    def polygon(self) -> shapely.Polygon:
+        """
+        The outline for scoring [m].
+
+        """
+        return shapely.Polygon(self.outline.exterior, self.outline.holes)
+
+
+class Chain(NamedTuple):
+    """
+    What the three stages made of roof points.
+
+    Attributes
+    ----------
+    buildings : list of Building
+        By rising building id.
+    seconds : dict of str to float
+        Wall time of each step.
+
+    """
+
+    buildings: list[Building]
+    seconds: dict[str, float]
+
+    @property
+    def polygons(self) -> NDArray[Any]:
+        """
+        All outlines for scoring [m].
+
+        """
+        return np.array([building.polygon for building in self.buildings], dtype=object)
+
+
+def chain_of(roofs: PointTile, configs: Configs) -> Chain:
+    """
+    Run segmentation, tracing and regularisation on roof points, building after building.
+
+    """
+    seconds = dict.fromkeys(STEPS, 0.0)
+    scan = {name: getattr(roofs, name) for name in SCAN_COLUMNS}
+    found = _timed(
+        seconds,
+        "segmentation",
+        segment_buildings,
+        roofs.points,
+        configs.segmentation,
+        point_spacing=roofs.spacing,
+        **scan,
+    )
+    buildings = []
+    for number, rows in rows_by_building(found.building_id):
+        traced = _timed(
+            seconds,
+            "tracing",
+            trace_boundary,
+            roofs.points[rows],
+            configs.boundary_tracing,
+            pattern=found.patterns[number],
+            point_spacing=roofs.spacing,
+        )
+        regular = _timed(
+            seconds, "regularisation", regularise_outline, traced.outline, configs.regularisation
+        )
+        buildings.append(
+            Building(
+                rows=rows,
+                traced=traced.outline,
+                outline=regular.outline,
+                spacing=mean_spacing(found.patterns[number]),
+                sigma=regular.sigma,
+                max_offset=regular.max_offset,
+                is_regular=regular.status is BuildingStatus.OK,
+                reason=regular.reason or traced.reason,
+            )
+        )
+    return Chain(buildings, seconds)
+
+
+def configs_of(texts: Sequence[str], **settings: Mapping[str, Any]) -> Configs:
+    """
+    Read STAGE.NAME=VALUE, as the command line's --set; `settings` are defaults by stage.
+
+    """
+    own: dict[str, list[str]] = {stage: [] for stage in Configs._fields}
+    for text in texts:
+        stage, point, setting = text.partition(".")
+        if not point or stage not in own:
+            raise SystemExit(f"--set {text}: must be STAGE.NAME=VALUE, STAGE one of {', '.join(own)}")
+        own[stage].append(setting)
+    return Configs(
+        *(
+            type(default)(**{**settings.get(stage, {}), **settings_of(own[stage], type(default))})
+            for stage, default in Configs()._asdict().items()
+        )
+    )
+
+
+def bias_variants(configs: Configs) -> dict[str, Configs]:
+    """
+    Return the configs to compare by name: with and without the correction of the lidar's bias.
+
+    """
+    if "correct_bias" not in {field.name for field in fields(RegularisationConfig)}:
+        return {"as set": configs}
+    return {
+        name: configs._replace(regularisation=replace(configs.regularisation, **{"correct_bias": corrected}))
+        for name, corrected in (("through the points", False), ("bias corrected", True))
+    }
+
+
+def mean_spacing(pattern: ScanPattern) -> float:
+    """
+    Return the side of the square that each point has, the paper's spacing [m].
+
+    """
+    return math.sqrt(pattern.along * pattern.across)
+
+
+def vertex_count(polygon: shapely.Polygon) -> int:
+    """
+    Count the vertices of all rings, without those that close them.
+
+    """
+    return int(shapely.get_num_coordinates(polygon)) - len(shapely.get_rings(polygon))
+
+
+def _timed(
+    seconds: dict[str, float], step: str, function: Callable[..., Any], *arguments: Any, **keywords: Any
+) -> Any:
+    """
+    Call a function and add the time that it took to a step's.
+
+    """
+    start = time.perf_counter()
+    result = function(*arguments, **keywords)
+    seconds[step] += time.perf_counter() - start
+    return result

@@ -1,0 +1,89 @@
+"""
+The roof points of real clouds, each with the spacing of its pulses.
+
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bench.common.areas import read_files
+from lidar_buildings.core.model.point_classes import PointClass
+from lidar_buildings.core.model.tile import PointTile
+from lidar_buildings.core.neighbours.point_spacing import steady_spacing
+from lidar_buildings.core.stages.ground_filter import GroundFilterConfig
+from lidar_buildings.core.stages.roof_selection import RoofSelectionConfig
+from lidar_buildings.io.clouds.pulse_spacing import pulses
+from lidar_buildings.pipeline.tile_stages import filter_ground, select_roof_points
+
+#: Folders whose files adjoin and are read as one cloud; in others every file is one.
+ADJOINING = ("delft", "montpellier", "lowdensity")
+#: Folders whose points are roofs already.
+ROOFS_ONLY = ("trondheim",)
+#: Folders with files that cannot be read.
+UNREADABLE = ("bad",)
+
+
+class RoofCloud(NamedTuple):
+    """
+    The roofs of a cloud.
+
+    Attributes
+    ----------
+    name : str
+        Folder, or folder and file.
+    roofs : PointTile
+        Roof points in the map frame, with the spacing of all pulses.
+    extent : ndarray of shape (2, 2)
+        Lowest and highest x and y of the whole cloud [m].
+    origin : ndarray of shape (2,)
+        What to add to get coordinates of the file's reference system [m].
+    classes : str
+        Whose classes these are: ``"provider"``, ``"own"`` or ``"roofs"``.
+
+    """
+
+    name: str
+    roofs: PointTile
+    extent: NDArray[np.float64]
+    origin: NDArray[np.float64]
+    classes: str
+
+
+def roof_clouds(data: Path, *, own_classes: bool = False) -> Iterator[RoofCloud]:
+    """
+    Read every cloud of the data folder that is there, one after the other.
+
+    """
+    for folder in sorted(path for path in data.iterdir() if path.is_dir() and path.name not in UNREADABLE):
+        files = sorted(folder.glob("*.laz"))
+        if files and folder.name in ADJOINING:
+            yield read_roofs(folder.name, files, own_classes=own_classes)
+            continue
+        for file in files:
+            name = folder.name if len(files) == 1 else f"{folder.name}/{file.stem}"
+            yield read_roofs(name, [file], own_classes=own_classes)
+
+
+def read_roofs(name: str, files: list[Path], *, own_classes: bool = False) -> RoofCloud:
+    """
+    Read one cloud: the provider's class 6 where there is one and it is wanted, else this package's choice.
+
+    """
+    tile, frame = read_files(files)
+    spacing = steady_spacing(pulses(tile.points, tile.return_number, tile.number_of_returns), None)
+    tile = tile.with_columns(point_spacing=np.full(len(tile), spacing))
+    extent = np.array([tile.points[:, :2].min(axis=0), tile.points[:, :2].max(axis=0)])
+    if name.split("/")[0] in ROOFS_ONLY:
+        roofs, classes = tile, "roofs"
+    elif not own_classes and (tile.classification == PointClass.BUILDING).any():
+        roofs, classes = tile.select(tile.is_roof), "provider"
+    else:
+        selected = select_roof_points(filter_ground(tile, GroundFilterConfig()), RoofSelectionConfig())
+        roofs, classes = selected.select(selected.is_roof), "own"
+    return RoofCloud(name, roofs, extent, np.array(frame.origin[:2]), classes)

@@ -1,0 +1,206 @@
+"""
+Building outlines: against exact truth, against a map beside peers, the paper's Table 1, and validity.
+
+    python -m bench.outlines.run [--data DIR] [--parts PART ...] [--set STAGE.NAME=VALUE ...]
+                             [--pictures DIR] [--methods METHOD ...] [--plans NAME ...]
+                             [--density D] [--noise M] [--seeds N ...] [--strips N] [--drop-outs SHARE]
+                             [--own-classes] [--merge-touching] [--repeats N]
+
+Parts (all by default; all but the first need the real clouds):
+
+scenes    virtual buildings, every plan in twelve orientations: found, IoU, corners, courtyards, angles
+delft     class 6 of both halves against the blocks of the base map; peers on the same clusters, and times
+table1    σ and largest offset of ten buildings each, beside the figures of Sampath & Shan (2007); blocks are
+          split at step edges, as single buildings are meant
+validity  all outlines of all clouds: valid, no repeated vertex, turned right; overlaps; buildings per second
+
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Callable, Sequence
+
+from bench.common.arguments import add_pictures, picture_folder
+from bench.common.clouds import data_folder
+from bench.outlines.chain import bias_variants, configs_of
+from bench.outlines.clouds import read_roofs, roof_clouds
+from bench.outlines.delft import delft_tables, read_delft, run_all
+from bench.outlines.peers import PEERS, is_installed
+from bench.outlines.pictures import draw_map, draw_scenes, draw_table_1
+from bench.outlines.table1 import SPACINGS, row_of_cloud, row_of_survey, slope_through_origin, table_1
+from bench.outlines.truth import judged, scenes_table, worst
+from bench.outlines.validity import check, n_faulty, validity_table
+from bench.scenes.outlines import PLANS, outline_scenes
+
+OURS = "ours"
+#: Real clouds of Table 1.
+TABLE_1_CLOUDS = ("toronto", "fusa", "delft")
+
+
+def run_scenes(options: argparse.Namespace) -> None:
+    """
+    Compare outlines of virtual buildings with their truth.
+
+    """
+    scenes = [
+        scene
+        for seed in options.seeds
+        for scene in outline_scenes(
+            options.density,
+            options.noise,
+            seed,
+            names=options.plans,
+            n_strips=options.strips,
+            drop_outs=options.drop_outs,
+        )
+    ]
+    runs = {f"ours, {name}": (OURS, configs) for name, configs in bias_variants(options.configs).items()}
+    if OURS not in options.methods:
+        runs = {}
+    runs.update({name: (name, None) for name in options.methods if name != OURS})
+    for title, (method, configs) in runs.items():
+        verdicts = judged(scenes, method, configs)
+        print(f"{title}, {options.density:g} pts/m², noise {options.noise:g} m:\n{scenes_table(verdicts)}\n")
+        if options.folder:
+            draw_scenes(
+                options.folder / f"scenes_{title.replace(', ', '_').replace(' ', '_')}.png", worst(verdicts)
+            )
+
+
+def run_delft(options: argparse.Namespace) -> None:
+    """
+    Compare outlines of Delft with the map, ours and the peers'.
+
+    """
+    cloud, reference = read_delft(options.data_folder, own_classes=options.own_classes)
+    configs = bias_variants(options.configs) if OURS in options.methods else {}
+    peers = [name for name in options.methods if name != OURS]
+    peered = run_all(cloud, configs or {"as set": options.configs}, peers, options.repeats)
+    print(f"Delft: {len(cloud.roofs)} roof points ({cloud.classes} classes), {peered.n_clusters} clusters")
+    print(delft_tables(peered, reference, merged=options.merge_touching), end="\n\n")
+    if options.folder:
+        for name, polygons in peered.polygons.items():
+            path = options.folder / f"delft_{name.replace(', ', '_').replace(' ', '_')}.png"
+            layers = {"map": (reference.blocks, "red"), name: (polygons, "black")}
+            draw_map(path, cloud.roofs.points, layers, tuple(reference.area[0].bounds))
+
+
+def run_table_1(options: argparse.Namespace) -> None:
+    """
+    Print the paper's Table 1 with ours.
+
+    """
+    configs = configs_of(options.set, segmentation={"split_at_steps": True})
+    rows = []
+    for name in TABLE_1_CLOUDS:
+        files = sorted((options.data_folder / name).glob("*.laz"))
+        if files:
+            rows.append(row_of_cloud(read_roofs(name, files, own_classes=options.own_classes), configs))
+    rows += [row_of_survey(s, configs, noise=options.noise, seed=options.seeds[0]) for s in SPACINGS]
+    print(table_1(rows))
+    for figure, title in (("sigma", "σ"), ("max_offset", "largest offset")):
+        slope, deviation = slope_through_origin(rows, figure)
+        print(f"{title} = {slope:.3f} · spacing, to {100 * deviation:.0f} %")
+    print()
+    if options.folder:
+        draw_table_1(options.folder / "table1.png", rows)
+
+
+def run_validity(options: argparse.Namespace) -> None:
+    """
+    Check all outlines of all clouds.
+
+    """
+    checked = [
+        check(cloud, options.configs, options.repeats)
+        for cloud in roof_clouds(options.data_folder, own_classes=options.own_classes)
+    ]
+    print(validity_table(checked))
+    print(f"faults: {n_faulty(checked)}\n")
+    for one in checked if options.folder else ():
+        limits = one.cloud.extent.ravel()
+        path = options.folder / f"outlines_{one.cloud.name.replace('/', '_')}.png"
+        draw_map(path, one.cloud.roofs.points, {"outlines": (one.polygons, "black")}, tuple(limits))
+
+
+PARTS: dict[str, Callable[[argparse.Namespace], None]] = {
+    "scenes": run_scenes,
+    "delft": run_delft,
+    "table1": run_table_1,
+    "validity": run_validity,
+}
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """
+    Run the parts asked for.
+
+    """
+    options = _parser().parse_args(arguments)
+    options.folder = picture_folder(options.pictures)
+    options.configs = configs_of(options.set)
+    options.data_folder = data_folder(options.data)
+    for name in [name for name in options.methods if name != OURS and not is_installed(name)]:
+        print(f"{name}: not installed (pip install '.[bench]')", file=sys.stderr)
+        options.methods = [other for other in options.methods if other != name]
+    for part in options.parts:
+        if part != "scenes" and not options.data_folder.is_dir():
+            print(
+                f"{part}: {options.data_folder} is not there: give the real clouds with --data",
+                file=sys.stderr,
+            )
+            continue
+        print(f"{part}:")
+        PARTS[part](options)
+
+
+def _parser() -> argparse.ArgumentParser:
+    """
+    Describe the command line.
+
+    """
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--data", help="folder of the real clouds (default: LIDAR_BUILDINGS_DATA)")
+    names = (OURS, *PEERS)
+    parser.add_argument("--parts", nargs="+", choices=tuple(PARTS), default=tuple(PARTS), metavar="PART")
+    parser.add_argument(
+        "--methods", nargs="+", choices=names, default=names, metavar="METHOD", help=", ".join(names)
+    )
+    parser.add_argument(
+        "--set", nargs="+", default=[], metavar="STAGE.NAME=VALUE", help="parameters of the stages"
+    )
+    parser.add_argument(
+        "--plans", nargs="+", choices=tuple(PLANS), metavar="NAME", help="scenes: plans (all)"
+    )
+    parser.add_argument("--density", type=float, default=8.0, metavar="D", help="scenes: points per m² (8)")
+    parser.add_argument(
+        "--noise", type=float, default=0.03, metavar="M", help="scenes: σ of each axis [m] (0.03)"
+    )
+    parser.add_argument(
+        "--seeds", type=int, nargs="+", default=[0], metavar="N", help="scenes: one round each (0)"
+    )
+    parser.add_argument("--strips", type=int, default=1, metavar="N", help="scenes: strips that overlap (1)")
+    parser.add_argument(
+        "--drop-outs", type=float, default=0.0, metavar="SHARE", help="scenes: points lost (0)"
+    )
+    parser.add_argument(
+        "--own-classes",
+        action="store_true",
+        help="take roofs from this package, even where there is a class 6",
+    )
+    parser.add_argument(
+        "--merge-touching", action="store_true", help="delft: merge outlines that share a wall into blocks"
+    )
+    parser.add_argument(
+        "--repeats", type=int, default=3, metavar="N", help="delft, validity: runs, the fastest counts (3)"
+    )
+    add_pictures(parser)
+    return parser
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,146 @@
+"""
+The benchmark of edge labels, on houses small enough for a test.
+
+"""
+
+import numpy as np
+import pyogrio.raw
+import pytest
+import shapely
+from support.lawn import CORNER, DENSITY, HOUSES, houses_on_a_lawn, write_las
+from support.source_tree import ROOT
+
+from bench.common import areas as roof_areas
+from bench.edges import run as edges
+from bench.edges import truth as edge_outlines
+from lidar_buildings.core.stages.edge_labelling import EdgeLabellingConfig
+
+
+@pytest.fixture
+def data(tmp_path):
+    """
+    A data folder with all four areas; Toronto's points have no classes.
+
+    """
+    points, roof = houses_on_a_lawn()
+    for name in ("delft", "montpellier", "fusa"):
+        write_las(tmp_path / name / "a.laz", points, np.where(roof, 6, 2))
+    write_las(tmp_path / "toronto" / "a.laz", points, np.ones(len(points)))
+    # The map has the first house only.
+    block = shapely.box(*HOUSES[0])
+    pyogrio.raw.write(
+        tmp_path / "delft" / "blocks_nw.gpkg",
+        geometry=shapely.to_wkb([shapely.transform(block, lambda xy: xy + CORNER)]),
+        field_data=[],
+        fields=[],
+        crs="EPSG:28992",
+        geometry_type="Polygon",
+    )
+    return tmp_path
+
+
+def lines_of(text, first):
+    return [line.split() for line in text.splitlines() if line.split()[:1] == [first]]
+
+
+def test_areas_are_roofs_of_a_map_of_classes_and_of_this_package(data):
+    areas = roof_areas.areas_in(data)
+    _, roof = houses_on_a_lawn()
+    assert {name: int(area.roof.max()) + 1 for name, area in areas.items()} == {
+        "delft": 1,
+        "montpellier": 2,
+        "fusa": 2,
+        "toronto": 2,
+    }
+    assert len(areas["fusa"].points) == roof.sum()
+    assert len(areas["delft"].points) + areas["delft"].n_left_out == roof.sum()
+    assert len(areas["toronto"].points) == pytest.approx(roof.sum(), rel=0.05)
+    assert areas["fusa"].spacing == pytest.approx(DENSITY**-0.5, rel=0.1)
+
+
+def test_every_method_is_scored_in_every_area_as_published_and_by_default(data, capsys):
+    edges.main(["--data", str(data)])
+    output = capsys.readouterr().out
+    sizes = output.split("Published:")[0]
+    assert [words[1] for name in ("delft", "fusa") for words in lines_of(sizes, name)] == ["1", "2"]
+    published, default = output.split("Published:")[1].split("Default:")
+    for text in (published, default):
+        for method in edges.METHODS:
+            rows = lines_of(text, method)
+            assert [words[1] for words in rows] == ["delft", "montpellier", "fusa", "toronto", "mean"]
+            figures = np.array([[float(word) for word in words[2:]] for words in rows])
+            assert ((figures >= 0) & (figures <= 100)).all()
+            np.testing.assert_allclose(figures[4], figures[:4].mean(axis=0), atol=0.011)
+    assert not lines_of(published, edges.CONTROL)
+    assert len(lines_of(default, edges.CONTROL)) == 5
+    assert "61 to 98 %" in output
+
+
+def test_on_two_plain_houses_most_rims_are_found(data, capsys):
+    edges.main(["--data", str(data), "--methods", "k_means_linearity", "--variants", "default"])
+    mean = lines_of(capsys.readouterr().out, "k_means_linearity")[-1]
+    assert float(mean[4]) > 90
+
+
+def test_pictures_and_the_plot_are_drawn(data, tmp_path, capsys):
+    folder, plot = tmp_path / "pictures", tmp_path / "scores.png"
+    arguments = ["--methods", "k_means_linearity", "--variants", "published"]
+    edges.main(["--data", str(data), *arguments, "--pictures", str(folder), "--plot", str(plot)])
+    drawn = sorted(path.name for path in (folder / "published").glob("*.png"))
+    assert drawn == [f"{name}_k_means_linearity.png" for name in ("delft", "fusa", "montpellier", "toronto")]
+    assert plot.read_bytes().startswith(b"\x89PNG")
+    with pytest.raises(SystemExit, match="inside the repository"):
+        edges.main(["--data", str(data), "--pictures", str(ROOT / "bench" / "pictures")])
+
+
+def test_the_reference_follows_the_radius_asked_for(data):
+    area = roof_areas.areas_in(data)["fusa"]
+    usual, wide = edges.Protocol(), edges.Protocol(alpha_factor=3.0)
+    assert usual.alpha(area) == pytest.approx(1.342 * area.spacing, rel=1e-3)
+    assert wide.alpha(area) == 3.0 * area.spacing
+    assert wide.edges(area).sum() < usual.edges(area).sum()
+    regular = edges.Protocol(regularised=True).edges(area)
+    assert not (regular & ~usual.edges(area)).any()
+
+
+def test_a_step_parts_roofs_that_touch():
+    points, roof = houses_on_a_lawn()
+    points[:, 0] -= np.where(roof & (points[:, 0] > 20), 4.0, 0.0)
+    area = roof_areas.RoofArea(points[roof], np.zeros(roof.sum(), dtype=np.int64), DENSITY**-0.5, 0)
+    assert set(roof_areas.split(area).roof.tolist()) == {0, 1}
+    protocol = edges.Protocol()
+    assert protocol.edges(roof_areas.split(area)).sum() > protocol.edges(area).sum() + 30
+
+
+def test_parameters_are_used_and_what_the_methods_choose_is_refused():
+    configs = edges.configs_of("default", ["k_means_linearity"], {"rim_radius": 2.0})
+    assert configs["k_means_linearity"] == EdgeLabellingConfig(features="linearity", rim_radius=2.0)
+    assert edges.CONTROL not in edges.configs_of("default", ["k_means_linearity"], {"thinning": "none"})
+    with pytest.raises(SystemExit, match="--set features: is what --methods chooses"):
+        edges.main(["--set", "features=linearity"])
+    with pytest.raises(SystemExit, match="no such parameter"):
+        edges.main(["--set", "colour=red"])
+
+
+def test_a_folder_without_clouds_is_refused_in_one_line(tmp_path):
+    with pytest.raises(SystemExit, match="holds none of delft, montpellier, fusa, toronto"):
+        edges.main(["--data", str(tmp_path)])
+
+
+def test_labels_are_compared_with_exact_outlines_too(capsys):
+    arguments = ["--scenes", "single_house", "--density", "6", "--methods", "k_means_linearity"]
+    edge_outlines.main(arguments)
+    published, default = capsys.readouterr().out.split("Default:")
+    scores = [lines_of(text, "k_means_linearity")[0] for text in (published, default)]
+    assert [words[1:3] for words in scores] == [["single_house", "6"]] * 2
+    assert float(scores[1][4]) > float(scores[0][4])
+    assert float(scores[1][5]) > 85
+
+
+def test_outline_scores_count_what_should_and_what_may_be_an_edge():
+    distance = np.array([0.1, 0.4, 0.8, 0.9, 2.0, 3.0])
+    score = edge_outlines.score_of(np.array([1, 0, 1, 0, 1, 0], dtype=bool), distance, 1.0)
+    assert (score.completeness, score.correctness) == (1 / 2, 2 / 3)
+    assert score.f_score == pytest.approx(4 / 7)
+    with pytest.raises(SystemExit):
+        edge_outlines.main(["--methods", "nonsense"])

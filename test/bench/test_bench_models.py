@@ -1,0 +1,113 @@
+"""
+The benchmark of building models, on roofs small enough for a test.
+
+"""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from bench.models import clouds as model_clouds
+from bench.models import run as models
+from bench.models import speed as model_speed
+from bench.models import truth as model_truth
+from bench.scenes.models import model_scene
+from lidar_buildings.core.solids.raising import Solid, extrude
+
+
+@pytest.fixture(scope="module")
+def gable():
+    """
+    A gable house with its own verdict.
+
+    """
+    scene = model_scene("gable", rotation_deg=30.0)
+    (verdict,) = model_truth.judged([scene])
+    return scene, verdict
+
+
+def test_a_model_is_measured_against_its_truth(gable):
+    _, verdict = gable
+    assert (verdict.n_faces, verdict.n_found, verdict.n_extra) == (2, 2, 0)
+    assert verdict.angle_deg < 1.0
+    assert verdict.is_valid
+    assert verdict.volume_error < 0.2
+    table = model_truth.truth_table([verdict]).splitlines()
+    assert [line.split()[0] for line in table[2:]] == ["gable", "all"]
+
+
+def test_a_plane_that_is_split_or_missed_is_not_found(gable):
+    scene, _ = gable
+    right = scene.plane_id.copy()
+    assert model_truth.matched_planes(right, scene) == {1: 1, 2: 2}
+    east = scene.points[:, 0] > np.median(scene.points[:, 0])
+    split = np.where((right == 1) & east, 3, right).astype(np.uint16)
+    found = model_truth.matched_planes(np.where(split == 2, 0, split).astype(np.uint16), scene)
+    assert found[2] == 0
+
+
+def test_parts_of_one_plane_may_be_found_as_one_or_apart():
+    scene = model_scene("cross_gable", density=2.0)
+    one_each = scene.plane_id
+    assert all(model_truth.matched_planes(one_each, scene).values())
+    planes = scene.building.planes
+    same = np.argmax(np.isclose(planes[:, None], planes[None], atol=1e-6).all(axis=2), axis=1) + 1
+    together = np.append(0, same)[scene.plane_id].astype(np.uint16)
+    assert len(model_truth.matched_planes(together, scene)) == 4
+    assert all(model_truth.matched_planes(together, scene).values())
+
+
+def test_a_ridge_that_is_not_there_is_an_infinite_error(gable):
+    scene, verdict = gable
+    box = extrude(scene.outline, 10.0, 16.0)
+    score = model_truth.score_models([[box]], [[scene.solid]])
+    worse = verdict._replace(model=replace(verdict.model, solids={"1.2": box}), score=score)
+    assert model_truth._ridge_error(score) == np.inf
+    assert not worse.has_finest
+    assert not worse.corners_equal
+
+
+def test_levels_reasons_and_validity_are_counted():
+    box = extrude(model_scene("flat").outline, 0.0, 5.0)
+    torn = Solid(box.vertices, box.faces[1:], box.semantics[1:])
+    buildings = [
+        model_clouds.BuiltModel(
+            "a", {"2.2": (box,), "1.2": (box,)}, {"status": "ok", "reason": "", "rmse": 0.1}
+        ),
+        model_clouds.BuiltModel(
+            "b", {"1.2": (torn,)}, {"status": "ok", "reason": "the roof at 3.25 m is low"}
+        ),
+        model_clouds.BuiltModel("c", {}, {"status": "degenerate", "reason": "the roof at 4.5 m is low"}),
+    ]
+    cloud = model_clouds.CloudModels("town", buildings, None)
+    assert [cloud.n_at(level) for level in ("2.2", "1.3", "1.2", "")] == [1, 0, 1, 1]
+    assert [(name, level) for name, level, _ in cloud.invalid()] == [("b", "1.2")]
+    assert model_clouds.own_rmse(cloud).tolist() == [0.1]
+    row = model_clouds.clouds_table([cloud]).splitlines()[2].split()
+    assert row[:6] == ["town", "3", "33.33", "0.00", "33.33", "1"]
+    reasons = model_clouds.reasons_table([cloud])
+    assert "the roof at … m is low" in reasons
+    assert "3.25" not in reasons
+
+
+def test_the_command_compares_roofs_that_are_named(capsys):
+    models.main(["--parts", "scenes", "--roofs", "flat", "--rotations", "1", "--density", "2"])
+    assert "flat" in capsys.readouterr().out
+    with pytest.raises(SystemExit, match=r"--set roofs.x=1: must be STAGE.NAME=VALUE"):
+        models.main(["--parts", "bad", "--set", "roofs.x=1"])
+    assert models.rotations(3) == [0.0, 30.0, 60.0]
+
+
+def test_a_fingerprint_changes_with_a_vertex(gable):
+    class Built:
+        building_id = 1
+
+    _, verdict = gable
+    one, other = Built(), Built()
+    one.model = verdict.model
+    solid = max(verdict.model.solids.items())[1]
+    moved = Solid(solid.vertices + np.array([0, 0, 0.001]), solid.faces, solid.semantics)
+    other.model = replace(verdict.model, solids={**verdict.model.solids, max(verdict.model.solids): moved})
+    assert model_speed.fingerprint([one]) == model_speed.fingerprint([one])
+    assert model_speed.fingerprint([one]) != model_speed.fingerprint([other])

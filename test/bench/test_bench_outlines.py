@@ -1,0 +1,228 @@
+"""
+The benchmark of outlines, on houses small enough for a test.
+
+"""
+
+import importlib.util
+
+import numpy as np
+import pytest
+import shapely
+from shapely import box
+from support.lawn import HOUSES, houses_on_a_lawn, write_las
+from support.score_files import write_polygons
+from support.source_tree import ROOT
+
+from bench.outlines import chain as outline_chain
+from bench.outlines import clouds as outline_clouds
+from bench.outlines import peers as outline_peers
+from bench.outlines import run as outlines
+from bench.outlines import table1 as outline_table1
+from bench.outlines import truth as outline_truth
+from bench.outlines import validity as outline_validity
+from bench.scenes.outlines import outline_scene
+from lidar_buildings.core.model.outline import Outline
+from lidar_buildings.core.model.tile import PointTile
+
+CORNER = np.array([85_000.0, 447_000.0])
+
+
+@pytest.fixture(scope="module")
+def data(tmp_path_factory):
+    """
+    A data folder: two houses on a lawn with class 6, once with a map, once without classes; and a roof alone.
+
+    """
+    folder = tmp_path_factory.mktemp("data")
+    points, roof = houses_on_a_lawn()
+    classes = np.where(roof, 6, 2)
+    west = points[:, 0] < 20
+    write_las(folder / "delft" / "a.laz", points[west], classes[west])
+    write_las(folder / "delft" / "b.laz", points[~west], classes[~west])
+    write_las(folder / "toronto" / "a.laz", points, np.ones(len(points)))
+    write_las(folder / "trondheim" / "1.laz", points[roof & west], np.zeros((roof & west).sum()))
+    write_las(folder / "trondheim" / "2.laz", points[roof & ~west], np.zeros((roof & ~west).sum()))
+    (folder / "bad").mkdir()
+    (folder / "bad" / "a.laz").write_bytes(b"no cloud")
+    write_polygons(folder / "delft" / "blocks_nw.gpkg", [box(*house) for house in HOUSES])
+    write_polygons(folder / "delft" / "aoi_nw.gpkg", [box(0, 0, 40, 24)])
+    return folder
+
+
+def lines_of(text, first):
+    return [line for line in text.splitlines() if line.startswith(first)]
+
+
+def ring(*corners):
+    return np.array(corners, dtype=float)
+
+
+def test_the_truth_itself_is_found_with_all_its_corners_and_courtyards():
+    scene = outline_scene("courtyard", density=2.0)
+    right = outline_truth.verdict(scene, [scene.truth])
+    assert (right.is_found, right.corners_right, right.n_courtyards_found) == (True, True, 1)
+    assert right.iou == pytest.approx(1.0)
+    assert right.distances.hausdorff == pytest.approx(0.0, abs=1e-9)
+    assert right.angle_95_deg == pytest.approx(0.0, abs=1e-6)
+
+
+def test_a_filled_courtyard_two_buildings_for_one_and_none_are_told():
+    scene = outline_scene("courtyard", density=2.0)
+    filled = outline_truth.verdict(scene, [shapely.Polygon(scene.truth.exterior)])
+    assert (filled.is_found, filled.corners_right, filled.n_courtyards_found) == (True, False, 0)
+    # 32 × 26 m with a courtyard of 14 × 10 m.
+    assert filled.iou == pytest.approx(1 - 140 / 832)
+    assert not outline_truth.verdict(scene, [scene.truth, box(900, 900, 901, 901)]).is_found
+    nothing = outline_truth.verdict(scene, [])
+    assert (nothing.is_found, nothing.iou, nothing.n_vertices) == (False, 0.0, 0)
+    cells = outline_truth.summary_cells([filled, nothing])
+    assert (cells[0], cells[1], cells[3], cells[5]) == ("2", "1", "0.000", "0/2")
+
+
+def test_the_worst_scene_of_a_plan_is_one_with_wrong_corners():
+    scene = outline_scene("rectangle_8_6", density=2.0)
+    small = shapely.affinity.scale(scene.truth, 0.5, 0.5)
+    hexagonal = shapely.segmentize(scene.truth, 5.0)
+    verdicts = [outline_truth.verdict(scene, [each]) for each in (scene.truth, small, hexagonal)]
+    assert outline_truth.worst(verdicts)["rectangle_8_6"] is verdicts[2]
+
+
+def test_scenes_are_measured_for_ours_and_a_peer(tmp_path, capsys):
+    arguments = ["--parts", "scenes", "--plans", "rectangle_30_18", "round_tower_8", "--density", "3"]
+    outlines.main([*arguments, "--methods", "ours", "concave_hull", "--pictures", str(tmp_path)])
+    output = capsys.readouterr().out
+    ours = lines_of(output, "rectangle_30_18")[0].split()
+    assert (ours[1], ours[2], ours[5]) == ("12", "12", "100.0")
+    assert float(ours[3]) > 0.93
+    assert len(lines_of(output, "all rectilinear")) == len(lines_of(output, "all curved")) >= 2
+    drawn = sorted(path.name for path in tmp_path.glob("*.png"))
+    assert drawn[0] == "scenes_concave_hull.png"
+    assert drawn[1].startswith("scenes_ours")
+
+
+def test_delft_is_measured_on_the_same_clusters_for_all(data, tmp_path, capsys):
+    methods = ["ours", "concave_hull", "concave_hull_simplified"]
+    arguments = ["--data", str(data), "--parts", "delft", "--repeats", "1", "--pictures", str(tmp_path)]
+    outlines.main([*arguments, "--methods", *methods])
+    output = capsys.readouterr().out
+    assert "provider classes), 2 clusters" in output
+    for method in ("ours, through", "ours, bias", "concave_hull ", "concave_hull_simplified "):
+        quality, times = lines_of(output, method)[-2:]
+        assert "2/2" in quality
+        assert float(times.split()[-1]) > 0
+    assert lines_of(output, "Ours: segmentation")
+    assert len(list(tmp_path.glob("delft_*.png"))) >= 3
+
+
+def test_clouds_are_read_by_their_classes_their_own_or_as_roofs(data):
+    clouds = {cloud.name: cloud for cloud in outline_clouds.roof_clouds(data)}
+    _, roof = houses_on_a_lawn()
+    classes = {name: cloud.classes for name, cloud in clouds.items()}
+    assert classes == {
+        "delft": "provider",
+        "toronto": "own",
+        "trondheim/1": "roofs",
+        "trondheim/2": "roofs",
+    }
+    assert len(clouds["delft"].roofs) == roof.sum()
+    assert len(clouds["toronto"].roofs) == pytest.approx(roof.sum(), rel=0.05)
+    np.testing.assert_allclose(np.ptp(clouds["delft"].extent, axis=0), (40, 24), atol=0.5)
+    again = next(outline_clouds.roof_clouds(data, own_classes=True))
+    assert (again.name, again.classes) == ("delft", "own")
+
+
+def test_all_outlines_of_all_clouds_are_checked_and_drawn(data, tmp_path, capsys):
+    outlines.main(["--data", str(data), "--parts", "validity", "--pictures", str(tmp_path)])
+    output = capsys.readouterr().out
+    assert lines_of(output, "all")[0].split()[2] == "6"
+    assert "faults: 0" in output
+    drawn = sorted(path.stem for path in tmp_path.glob("*.png"))
+    assert drawn == ["outlines_delft", "outlines_toronto", "outlines_trondheim_1", "outlines_trondheim_2"]
+
+
+def test_faults_and_overlaps_of_outlines_are_counted():
+    square = ring((0, 0), (10, 0), (10, 10), (0, 10))
+    east = np.array([1.0, 0.0])
+    cloud = outline_clouds.RoofCloud("x", PointTile(np.zeros((0, 3))), np.zeros((2, 2)), np.zeros(2), "own")
+    faulty = outline_validity.Validity(
+        cloud,
+        [
+            Outline(square),
+            Outline(square + 9 * east),
+            Outline(square[::-1] + 50 * east),
+            Outline(square + 70 * east, (ring((71, 1), (72, 1), (72, 2)),)),
+            Outline(ring((90, 0), (99, 9), (99, 0), (90, 9))),
+            Outline(ring((100, 0), (110, 0), (110, 10), (110, 10), (100, 10))),
+        ],
+        1.0,
+    )
+    assert (faulty.n_invalid, faulty.n_repeated) == (1, 1)
+    # The reversed square, the courtyard that is not clockwise, and the bow tie, whose loops cancel out.
+    assert faulty.n_turned == 3
+    assert faulty.overlaps() == pytest.approx([10.0])
+    assert outline_validity.n_faulty([faulty]) == 5
+
+
+def test_table_1_takes_buildings_that_the_edge_of_the_cloud_does_not_cut():
+    scene = outline_scene("rectangle_30_18", density=4.0)
+    low, high = scene.points[:, :2].min(axis=0), scene.points[:, :2].max(axis=0)
+    tile = outline_truth.tile_of(scene)
+    wide, cut = (
+        outline_clouds.RoofCloud("x", tile, np.array([low - margin, high + 20]), np.zeros(2), "own")
+        for margin in (20, 0.5)
+    )
+    row = outline_table1.row_of_cloud(wide, outline_chain.Configs())
+    assert row.score.n_buildings + row.score.n_as_traced == 1
+    assert 0 < row.score.sigma < row.score.spacing
+    assert outline_table1.row_of_cloud(cut, outline_chain.Configs()).buildings == []
+
+
+def test_table_1_has_the_papers_lines_and_ten_virtual_buildings():
+    row = outline_table1.row_of_survey(1.2, outline_chain.Configs(), noise=0.03, seed=0)
+    assert len(row.buildings) == 10
+    assert row.score.spacing == pytest.approx(1.2, rel=0.15)
+    text = outline_table1.table_1([row])
+    assert lines_of(text, "paper: Baltimore")[0].split()[3:6] == ["2.70", "2.40", "0.89"]
+    slope, deviation = outline_table1.slope_through_origin([row], "sigma")
+    assert slope == pytest.approx(row.score.sigma_share)
+    assert deviation == pytest.approx(0.0, abs=1e-9)
+
+
+def test_table_1_of_what_clouds_there_are_is_printed_and_drawn(data, tmp_path, capsys):
+    outlines.main(["--data", str(data), "--parts", "table1", "--pictures", str(tmp_path)])
+    output = capsys.readouterr().out
+    assert lines_of(output, "delft")
+    assert lines_of(output, "virtual, 2.7 m")
+    assert not lines_of(output, "fusa")
+    assert (tmp_path / "table1.png").read_bytes().startswith(b"\x89PNG")
+
+
+@pytest.mark.parametrize("name", outline_peers.PEERS)
+def test_a_peer_makes_one_outline_per_cluster(name):
+    if importlib.util.find_spec(outline_peers.PEERS[name]) is None:
+        pytest.skip(f"{name} is not installed")
+    clusters = [outline_scene("l_shape", density=8.0, seed=seed).points for seed in (1, 2)]
+    result = outline_peers.run_peer(name, clusters)
+    assert len(result.polygons) == 2
+    assert all(abs(polygon.area / 340 - 1) < 0.1 for polygon in result.polygons)
+    assert result.seconds > 0
+
+
+def test_settings_name_their_stage():
+    configs = outline_chain.configs_of(["segmentation.min_points=5"], segmentation={"split_at_steps": True})
+    assert (configs.segmentation.min_points, configs.segmentation.split_at_steps) == (5, True)
+    assert outline_chain.configs_of([]) == outline_chain.Configs()
+    for wrong in ("min_points=5", "colour.red=1"):
+        with pytest.raises(SystemExit, match=r"must be STAGE\.NAME=VALUE"):
+            outline_chain.configs_of([wrong])
+    with pytest.raises(SystemExit, match="no such parameter"):
+        outline_chain.configs_of(["segmentation.colour=red"])
+
+
+def test_missing_clouds_are_named_and_pictures_stay_out_of_the_repository(tmp_path, capsys):
+    outlines.main(["--data", str(tmp_path / "nowhere"), "--parts", "delft", "table1"])
+    spoken = capsys.readouterr()
+    assert spoken.out == ""
+    assert spoken.err.count("is not there: give the real clouds with --data") == 2
+    with pytest.raises(SystemExit, match="inside the repository"):
+        outlines.main(["--pictures", str(ROOT / "bench" / "pictures")])

@@ -1,0 +1,160 @@
+"""
+The benchmarks of roof selection, on clouds small enough for a test.
+
+"""
+
+import laspy
+import numpy as np
+import pytest
+import shapely
+from support.source_tree import ROOT
+
+from bench.roofs import methods as roof_methods
+from bench.roofs import pictures as roof_pictures
+from bench.roofs import run as roofs
+from bench.roofs import scenes as roof_scenes
+from bench.scenes.roof_site import GROUND, RoofSite
+from bench.scenes.roofs import ROOF_SCENES
+
+pyogrio = pytest.importorskip("pyogrio")
+#: Where the written clouds lie on the map.
+OFFSET = (84800.0, 447400.0)
+
+
+def houses(seed=0):
+    """
+    Two houses and a tree on level ground of 50 × 34 m.
+
+    """
+    site = RoofSite(50, 34, 6.0, seed)
+    site.house(14, 17, 12, 8, 5)
+    site.house(36, 17, 10, 8, 4, roof="flat")
+    site.tree(25, 8, 2.5, 9)
+    return site.scanned(0.02, 0.0)
+
+
+def write_cloud(path, scene):
+    """
+    Write a scene, its truth as classes 6 and 1.
+
+    """
+    path.parent.mkdir(parents=True, exist_ok=True)
+    las = laspy.LasData(laspy.LasHeader(point_format=1, version="1.2"))
+    las.header.scales = np.full(3, 0.001)
+    las.xyz = scene.points + np.array([*OFFSET, 0.0])
+    las.classification = np.where(scene.is_building, 6, 1).astype(np.uint8)
+    las.return_number[:] = scene.columns["return_number"]
+    las.number_of_returns[:] = scene.columns["number_of_returns"]
+    las.intensity = scene.columns["intensity"].astype(np.uint16)
+    las.gps_time = np.arange(len(scene.points)) / 1e4
+    las.scan_angle_rank[:], las.point_source_id[:] = 3, 1
+    las.write(path)
+
+
+def write_polygons(path, polygons):
+    """
+    Write polygons in the system of Delft.
+
+    """
+    moved = [shapely.transform(polygon, lambda xy: xy + OFFSET) for polygon in polygons]
+    geometry = np.array([shapely.to_wkb(polygon) for polygon in moved], dtype=object)
+    pyogrio.raw.write(path, geometry, [], [], driver="GPKG", geometry_type="Polygon", crs="EPSG:28992")
+
+
+@pytest.fixture(scope="module")
+def data(tmp_path_factory):
+    """
+    A data folder with a mapped area and one that a provider classed.
+
+    """
+    folder = tmp_path_factory.mktemp("data")
+    write_cloud(folder / "delft" / "one.laz", houses())
+    write_cloud(folder / "fusa" / "one.laz", houses(1))
+    blocks = [shapely.box(8, 13, 20, 21), shapely.box(31, 13, 41, 21)]
+    write_polygons(folder / "delft" / "blocks_nw.gpkg", blocks)
+    # The eastern house lies outside the area in which the map is complete.
+    write_polygons(folder / "delft" / "aoi_nw.gpkg", [shapely.box(2, 2, 26, 32)])
+    return folder
+
+
+def figures(text, first):
+    """
+    The figures of the line that begins with a word.
+
+    """
+    return next(line.split()[1:] for line in text.splitlines() if line.split()[:1] == [first])
+
+
+def test_real_clouds_are_judged_by_the_map_or_by_the_provider_s_class(data, capsys):
+    roofs.main(["--data", str(data), "--methods", "smooth_patches", "single_returns"])
+    text = capsys.readouterr().out
+    assert "montpellier" not in text
+    delft, fusa = figures(text, "delft"), figures(text, "fusa")
+    assert delft[:2] == ["BGT", "cells"]
+    assert fusa[:2] == ["class", "6"]
+    for line in (delft, fusa):
+        # Recall, precision, IoU or F1 and seconds, twice.
+        assert len(line) == 3 + 2 * 4
+        assert min(float(value) for value in line[3:6]) > 80
+    # Without the pulses that are split at the eaves.
+    assert float(fusa[7]) < float(fusa[3])
+
+
+def test_the_classes_of_the_file_are_not_looked_at(data):
+    tile, reference = roofs.read_area(data / "fusa", provided_classes=False)
+    assert set(np.unique(tile.classification)) <= {1, 2, 7, 18}
+    assert reference.is_building.sum() == houses(1).is_building.sum()
+    assert tile.height_above_ground[reference.is_building].min() > 3
+
+
+def test_settings_reach_the_method(data, capsys):
+    roofs.main(["--data", str(data), "--areas", "fusa", "--methods", "lasclassify", "--set", "min_height=20"])
+    assert float(figures(capsys.readouterr().out, "fusa")[3]) == 0
+
+
+def test_maps_of_the_disagreement_are_drawn_outside_the_repository(data, tmp_path):
+    folder = tmp_path / "pictures"
+    roofs.main(["--data", str(data), "--methods", "smooth_patches", "--pictures", str(folder)])
+    assert {path.name for path in folder.iterdir()} == {"delft_smooth_patches.png", "fusa_smooth_patches.png"}
+    with pytest.raises(SystemExit, match="inside the repository"):
+        roofs.main(["--data", str(data), "--pictures", str(ROOT / "doc")])
+
+
+def test_a_folder_without_clouds_is_named(tmp_path):
+    with pytest.raises(SystemExit, match=r"holds none of delft, .*--data"):
+        roofs.main(["--data", str(tmp_path)])
+
+
+def test_scenes_are_listed_with_means_and_the_worst(capsys):
+    bench = roof_scenes
+    bench.main(["--scenes", "glass", "step_roofs", "--density", "0.3", "--methods", "lasclassify"])
+    text = capsys.readouterr().out
+    assert "l = lasclassify" in text
+    glass, steps, mean = (figures(text, name) for name in ("glass", "step_roofs", "mean"))
+    assert float(mean[0]) == pytest.approx((float(glass[1]) + float(steps[1])) / 2, abs=0.011)
+    worst, least = figures(text, "worst")
+    assert worst in ("glass", "step_roofs")
+    assert float(least) == min(float(glass[3]), float(steps[3]))
+
+
+def test_scenes_have_their_own_noise_unless_another_is_asked_for():
+    bench = roof_scenes
+    own, smooth = bench.made("dense_block", 0.05), bench.made("dense_block", 0.05, noise=0.0)
+    flat = smooth.is_building & (abs(smooth.points[:, 2] - GROUND - 9) < 1e-9)
+    assert flat.sum() > 50
+    assert not (abs(own.points[:, 2] - GROUND - 9) < 1e-9).any()
+
+
+def test_points_that_may_be_either_are_not_counted():
+    found, true = np.array([True, True, False, False]), np.array([True, False, True, False])
+    assert roof_methods.point_score(found, true).f1 == pytest.approx(0.5)
+    score = roof_methods.point_score(found, true, np.array([True, False, True, True]))
+    assert (score.precision, score.recall) == (1.0, 0.5)
+
+
+def test_a_scene_s_errors_can_be_drawn(tmp_path):
+    scene = ROOF_SCENES["glass"](density=1.0)
+    roof_pictures.draw_roofs(
+        tmp_path / "map.png", scene.points, ~scene.is_building, scene.is_building, "all wrong"
+    )
+    assert (tmp_path / "map.png").stat().st_size > 10_000

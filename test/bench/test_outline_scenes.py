@@ -1,0 +1,93 @@
+"""
+Scenes of outlines: what they say of themselves is so.
+
+"""
+
+import numpy as np
+import pytest
+import shapely
+
+from bench.scenes.outlines import PLANS, ROTATIONS, Scan, outline_scene, outline_scenes
+
+CORNERS = {
+    "rectangle_8_6": 4,
+    "long_hall": 4,
+    "facade_step": 6,
+    "staircase": 12,
+    "comb": 24,
+    "cross": 12,
+    "two_courtyards": 12,
+    "l_with_courtyard": 10,
+    "three_wings": 10,
+    "octagon": 8,
+    "plot_filling": 5,
+    "round_tower_8": None,
+}
+
+
+@pytest.mark.parametrize("name", PLANS)
+def test_a_truth_is_a_valid_oriented_polygon_with_the_density_asked_for(name):
+    scene = outline_scene(name, rotation_deg=52.5)
+    assert scene.truth.is_valid
+    assert shapely.is_ccw(scene.truth.exterior)
+    assert not any(shapely.is_ccw(hole) for hole in scene.truth.interiors)
+    n_expected = 8.0 * scene.truth.area
+    # The number of places inside a jittered grid varies less than at random.
+    assert abs(len(scene.points) - n_expected) < 3 * n_expected**0.5
+    assert shapely.distance(scene.truth, shapely.points(scene.points[:, :2])).max() < 0.2
+
+
+@pytest.mark.parametrize(("name", "n_corners"), CORNERS.items())
+def test_corners_are_those_of_the_plan(name, n_corners):
+    assert outline_scene(name, rotation_deg=37.5).n_corners == n_corners
+
+
+@pytest.mark.parametrize("name", [name for name, plan in PLANS.items() if plan().kind == "rectilinear"])
+def test_all_walls_of_a_rectilinear_building_have_its_direction(name):
+    ring = shapely.get_coordinates(outline_scene(name, rotation_deg=10.0).truth.exterior)
+    step = np.diff(ring, axis=0)
+    turned = np.degrees(np.arctan2(step[:, 1], step[:, 0])) - (11.0 if name == "long_hall" else 10.0)
+    np.testing.assert_allclose((turned + 45) % 90, 45, atol=1e-6)
+
+
+@pytest.mark.parametrize("name", ["round_tower_4", "apse", "curved_facade"])
+def test_arcs_lie_on_the_truth(name):
+    scene = outline_scene(name, rotation_deg=75.0)
+    for centre, radius in scene.arcs:
+        corners = shapely.get_coordinates(scene.truth)
+        on_arc = abs(np.hypot(*(corners - centre).T) - radius) < 1e-6
+        assert on_arc.sum() > 30
+
+
+@pytest.mark.parametrize("density", [0.2, 1.0, 30.0])
+def test_all_plans_can_be_scanned_at_any_density(density):
+    scenes = outline_scenes(density, rotations=(0.0,))
+    assert [scene.name for scene in scenes] == list(PLANS)
+    assert min(len(scene.points) for scene in scenes) > 0.5 * 48 * density
+
+
+def test_strips_share_the_density_and_drop_outs_thin_it():
+    one, two = (outline_scene("rectangle_60_30", n_strips=n) for n in (1, 2))
+    assert len(two.points) == pytest.approx(len(one.points), rel=0.03)
+    fewer = outline_scene("rectangle_60_30", drop_outs=0.25)
+    assert len(fewer.points) == pytest.approx(0.75 * len(one.points), rel=0.05)
+
+
+def test_scan_lines_have_the_direction_and_spacing_asked_for():
+    scan = Scan(direction_deg=30.0, anisotropy=2.0, jitter=0.0)
+    scene = outline_scene("rectangle_30_18", density=2.0, noise=0.0, scans=[scan])
+    turn = np.deg2rad(30.0)
+    across = scene.points[:, :2] @ (-np.sin(turn), np.cos(turn))
+    lines = np.unique(np.round(across, 6))
+    # 2 pts/m² with lines twice as far apart as their points: 1.0 m between lines, 0.5 m along them.
+    np.testing.assert_allclose(np.diff(lines), 1.0, atol=1e-5)
+
+
+def test_a_seed_gives_the_same_scene_and_another_one_another():
+    first, same, other = (outline_scene("l_shape", seed=seed) for seed in (3, 3, 4))
+    np.testing.assert_array_equal(first.points, same.points)
+    assert len(other.points) != len(first.points) or not np.array_equal(first.points, other.points)
+
+
+def test_orientations_differ_modulo_a_right_angle():
+    assert len({rotation % 90 for rotation in ROTATIONS}) == len(ROTATIONS)

@@ -1,0 +1,329 @@
+"""
+The command line's contract: commands, options, exit statuses, files; and runs without ROS from end to end.
+
+"""
+
+import json
+import os
+import subprocess
+import sys
+
+import laspy
+import numpy as np
+import pyogrio
+import pytest
+import shapely
+from support.cli_runs import Command, files_in
+from support.results import MODELS, assert_complete, contents
+
+from lidar_buildings import cli
+from lidar_buildings.commands import run_local
+from lidar_buildings.io.models.building_attributes import BUILDING_FIELDS
+from lidar_buildings.nodes.reference import parameter_yaml
+from lidar_buildings.pipeline.reconstruct import STAGES
+from lidar_buildings.simulation import simulate_survey
+
+RASTERS = ["dsm.tif", "dtm.tif", "ndsm.tif"]
+ALWAYS = ["classified/strip_01.laz", *RASTERS, "run.json"]
+FILES = ["buildings.gpkg", *MODELS, *ALWAYS]
+#: Stage → the files of a run that ends with it.
+FILES_UNTIL = {
+    "ground_filter": ALWAYS,
+    "roof_selection": ALWAYS,
+    "edge_labelling": ALWAYS,
+    "boundary_tracing": [FILES[0], *ALWAYS],
+    "regularisation": [FILES[0], *ALWAYS],
+    "plane_fitting": [FILES[0], *ALWAYS],
+    "building_model": FILES,
+}
+#: Tiles of the survey `roofs` [m]: a dozen.
+TILE_SIZE = 60.0
+
+
+@pytest.fixture
+def command(capfd):
+    return Command(capfd)
+
+
+@pytest.fixture(scope="module")
+def house(tmp_path_factory):
+    """
+    A survey of one house.
+
+    """
+    folder = tmp_path_factory.mktemp("house")
+    simulate_survey(folder, "single_house", 0, density=3.0)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def roofs(tmp_path_factory):
+    """
+    A survey of fourteen roofs.
+
+    """
+    folder = tmp_path_factory.mktemp("roofs")
+    simulate_survey(folder, "roof_types", 0, density=2.0)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def result(roofs, tmp_path_factory):
+    """
+    What a run over small tiles made of the fourteen roofs.
+
+    """
+    output = tmp_path_factory.mktemp("result") / "out"
+    assert (
+        cli.main(["run", str(roofs), "--output", str(output), "--no-ros", "--tile-size", str(TILE_SIZE)]) == 0
+    )
+    return output
+
+
+def without_times(output):
+    """
+    What run.json tells, but for how long it took.
+
+    """
+    told = json.loads((output / "run.json").read_text())
+    told.pop("seconds")
+    return told
+
+
+def options_of(name):
+    """
+    The options and positional arguments of a command.
+
+    """
+    commands = next(action for action in cli._parser()._actions if action.choices)
+    return {word for one in commands.choices[name]._actions for word in one.option_strings or [one.metavar]}
+
+
+@pytest.mark.parametrize(
+    ("name", "expected"),
+    [
+        (
+            "run",
+            {"INPUT", "--output", "--params", "--set", "--until", "--tile-size", "--no-ros", "--overwrite"},
+        ),
+        ("simulate", {"--output", "--scene", "--seed"}),
+        ("score", {"{ground,buildings,outlines,edges,planes,models}", "RESULT", "REFERENCE"}),
+    ],
+)
+def test_the_commands_have_the_options_of_the_contract(name, expected):
+    assert expected <= options_of(name)
+
+
+@pytest.mark.parametrize("name", ["run", "simulate", "score"])
+def test_every_command_explains_itself(command, name):
+    spoken = command(name, "--help")
+    assert spoken.status == 0
+    assert spoken.err == []
+    assert all(option in "\n".join(spoken.out) for option in options_of(name))
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        ([], "COMMAND"),
+        (["walk"], "'walk'"),
+        (["run"], "--output"),
+        (["run", "--output", "out"], "INPUT"),
+        (["run", "a.laz", "--output", "out", "--tile-siz", "x"], "'x'"),
+        (["run", "a.laz", "--output", "out", "--nonsense"], "--nonsense"),
+        (["simulate", "--output", "out", "--seed", "many"], "'many'"),
+        (["score", "planes", "a", "b"], "a: no such file or folder"),
+        (["score", "walls", "a", "b"], "there is no kind 'walls'"),
+    ],
+)
+def test_wrong_use_gives_one_line_and_status_2(command, arguments, words):
+    assert words in command.refused(*arguments)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["--scene", "vilage"], "'vilage': must be one of"),
+        (["--seed", "-1"], "seed = -1"),
+        (["--density", "0"], "density = 0"),
+        (["--density", "nan"], "density = nan"),
+    ],
+)
+def test_a_survey_that_cannot_be_simulated_gives_one_line(command, tmp_path, arguments, words):
+    assert words in command.refused("simulate", "--output", tmp_path / "out", *arguments)
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_survey_does_not_replace_files_unless_told_to(command, tmp_path, house):
+    (tmp_path / "kept.txt").write_text("mine")
+    arguments = ["simulate", "--output", tmp_path, "--scene", "single_house", "--density", "1"]
+    assert "is not empty" in command.refused(*arguments)
+    assert command(*arguments, "--overwrite").status == 0
+    assert files_in(tmp_path) == sorted(["kept.txt", *files_in(house)])
+    (tmp_path / "file").write_text("")
+    assert "file/out: cannot be made" in command.refused("simulate", "--output", tmp_path / "file" / "out")
+
+
+def test_it_runs_as_a_program_of_its_own(tmp_path, house):
+    program = [sys.executable, "-m", "lidar_buildings.cli"]
+    done = subprocess.run(
+        [*program, "run", house, "--output", tmp_path / "out", "--no-ros"], capture_output=True, text=True
+    )
+    assert (done.returncode, done.stderr) == (0, "1 of 1 tile done\n")
+    assert files_in(tmp_path / "out") == FILES
+    refused = subprocess.run([*program, "run", "gone", "--output", "x"], capture_output=True, text=True)
+    assert (refused.returncode, refused.stdout) == (2, "")
+    assert refused.stderr == "lidar-buildings: gone: no such file or folder: check the path\n"
+    assert subprocess.run([*program, "--version"], capture_output=True).returncode == 0
+
+
+@pytest.mark.parametrize("unbuffered", ["", "1"])
+def test_a_reader_that_stops_listening_is_no_error(house, unbuffered):
+    code = f"{sys.executable} -m lidar_buildings.cli score outlines {house} {house} | true"
+    shell, environment = (
+        ["bash", "-o", "pipefail", "-c", code],
+        {**os.environ, "PYTHONUNBUFFERED": unbuffered},
+    )
+    done = subprocess.run(shell, capture_output=True, text=True, env=environment)
+    assert (done.returncode, done.stderr) == (0, "")
+
+
+def test_a_run_gives_every_file_of_the_contract(roofs, result):
+    assert files_in(result) == FILES
+    assert_complete(roofs, result, min_tiles=10)
+    names = set(laspy.open(result / ALWAYS[0]).header.point_format.dimension_names)
+    assert {"HeightAboveGround", "Facade", "BuildingId", "PlaneId", "EdgeLabel"} <= names
+    layers = dict(pyogrio.list_layers(result / "buildings.gpkg"))
+    assert set(layers) == {"outlines", "traced", "roof_faces"}
+    assert layers["roof_faces"].endswith("Z")
+    assert set(BUILDING_FIELDS) <= set(
+        pyogrio.read_info(result / "buildings.gpkg", layer="outlines")["fields"]
+    )
+
+
+def test_run_json_tells_what_was_done(roofs, result):
+    told = json.loads((result / "run.json").read_text())
+    cloud = roofs / "strip_01.laz"
+    count = laspy.open(cloud).header.point_count
+    assert told["inputs"] == [{"path": str(cloud), "point_count": count, "output": ALWAYS[0]}]
+    assert sorted(told["files"]) == FILES
+    assert told["n_points"] == count == sum(told["classes"].values())
+    assert sum(told["buildings"].values()) == 14
+    assert (told["problems"], told["failed_tiles"], told["n_unclassified"]) == ([], [], 0)
+    assert told["until"] == "building_model"
+    assert {"lidar_buildings", "python", "numpy", "laspy"} <= set(told["versions"])
+    assert set(told["seconds"]) == {"wall", *STAGES}
+    assert told["parameters"]["tile_player"]["tile_size"] == TILE_SIZE
+    assert set(STAGES) <= set(told["parameters"])
+
+
+def test_progress_is_told_in_plain_lines_where_there_is_no_terminal(command, house, tmp_path):
+    small = ["--tile-size", "25", "--set", "tile_player.buffer=10"]
+    spoken = command("run", house, "--output", tmp_path / "out", "--no-ros", *small)
+    told = json.loads((tmp_path / "out" / "run.json").read_text())
+    n_tiles, n_points = told["n_tiles"], told["n_points"]
+    assert n_tiles >= 9
+    assert (spoken.status, spoken.err) == (0, [])
+    assert spoken.progress == [f"{n + 1} of {n_tiles} tiles done" for n in range(n_tiles)]
+    assert spoken.out[0].startswith(f"{n_points:,} points in {n_tiles} tiles, ")
+    assert spoken.out[1] == "buildings: 1 (1 ok)"
+    assert [line.strip() for line in spoken.out[2:]] == [
+        f"{tmp_path / 'out' / name}" for name in told["files"]
+    ]
+
+
+def test_progress_is_a_bar_on_a_terminal(house, tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
+    assert cli.main(["run", str(house), "--output", str(tmp_path / "out"), "--no-ros"]) == 0
+    shown = capsys.readouterr().err
+    assert "100%" in shown
+    assert "1/1" in shown
+    assert "tiles done" not in shown
+
+
+@pytest.mark.parametrize("stage", STAGES)
+def test_a_run_until_a_stage_writes_just_its_files(command, house, tmp_path, stage):
+    spoken = command("run", house, "--output", tmp_path / "out", "--no-ros", "--until", stage)
+    assert (spoken.status, spoken.err) == (0, [])
+    assert files_in(tmp_path / "out") == FILES_UNTIL[stage]
+    told = json.loads((tmp_path / "out" / "run.json").read_text())
+    assert told["until"] == stage
+    assert set(told["seconds"]) == {"wall", *STAGES[: STAGES.index(stage) + 1]}
+
+
+def test_a_node_s_name_stands_for_its_last_stage(command, house, tmp_path):
+    spoken = command("run", house, "--output", tmp_path / "out", "--no-ros", "--until", "roof_selector")
+    assert spoken.status == 0
+    assert json.loads((tmp_path / "out" / "run.json").read_text())["until"] == "roof_selection"
+
+
+def test_the_same_run_gives_the_same_bytes(roofs, result, tmp_path):
+    again = tmp_path / "again"
+    assert (
+        cli.main(["run", str(roofs), "--output", str(again), "--no-ros", "--tile-size", str(TILE_SIZE)]) == 0
+    )
+    assert contents(again) == contents(result)
+    assert without_times(again) == without_times(result)
+
+
+def test_an_interrupted_run_goes_on_from_its_finished_tiles(command, roofs, result, tmp_path, monkeypatch):
+    arguments = ["run", roofs, "--output", tmp_path / "out", "--no-ros", "--tile-size", TILE_SIZE]
+    whole_result, seen = run_local.whole_result, []
+
+    def interrupted(source, tile, *others):
+        seen.append(tile.stamp)
+        if len(seen) == 4:
+            raise KeyboardInterrupt
+        return whole_result(source, tile, *others)
+
+    monkeypatch.setattr(run_local, "whole_result", interrupted)
+    spoken = command(*arguments)
+    assert spoken.status == 130
+    assert spoken.err == ["lidar-buildings: interrupted; the same command goes on from here"]
+    assert not {*FILES} & {*files_in(tmp_path / "out")}
+    assert command(*arguments).status == 0
+    assert not set(seen[:3]) & set(seen[4:]), "finished tiles are not done again"
+    assert contents(tmp_path / "out") == contents(result)
+    assert without_times(tmp_path / "out") == without_times(result)
+
+
+def test_the_parameter_file_that_we_ship_changes_nothing(roofs, result, tmp_path):
+    (tmp_path / "all.yaml").write_text(parameter_yaml())
+    arguments = ["--params", str(tmp_path / "all.yaml"), "--tile-size", str(TILE_SIZE), "--no-ros"]
+    assert cli.main(["run", str(roofs), "--output", str(tmp_path / "out"), *arguments]) == 0
+    assert contents(tmp_path / "out") == contents(result)
+    assert without_times(tmp_path / "out") == without_times(result)
+
+
+def test_parameters_come_from_the_file_and_before_it_from_the_command_line(command, house, tmp_path):
+    text = "/**/roof_selector: {ros__parameters: {min_height: 2.5, max_part_area: 10.0}}\n"
+    (tmp_path / "few.yaml").write_text(text + "plane_fitter: {ros__parameters: {min_plane_points: 7}}\n")
+    assignments = ["--set", "roof_selection.min_height=3", "--set", "tile_player.buffer=40"]
+    given = ["--params", tmp_path / "few.yaml", *assignments, "--until", "roof_selection", "--no-ros"]
+    assert command("run", house, "--output", tmp_path / "out", *given).status == 0
+    told = json.loads((tmp_path / "out" / "run.json").read_text())["parameters"]
+    assert told["roof_selection"]["min_height"] == 3.0
+    assert told["roof_selection"]["max_part_area"] == 10.0
+    assert told["plane_fitting"]["min_plane_points"] == 7
+    assert told["tile_player"]["buffer"] == 40.0
+
+
+@pytest.mark.slow
+def test_outlines_do_not_depend_on_how_the_survey_is_cut_into_tiles(tmp_path):
+    simulate_survey(tmp_path / "survey", "village", 3, density=3.0)
+    found = []
+    for size in ("75", "1000"):
+        output = tmp_path / size
+        arguments = ["--output", str(output), "--no-ros", "--tile-size", size, "--until", "regularisation"]
+        assert cli.main(["run", str(tmp_path / "survey"), *arguments]) == 0
+        _, _, shapes, columns = pyogrio.raw.read(
+            output / "buildings.gpkg", "outlines", columns=["building_id"]
+        )
+        found.append(dict(zip(columns[0].tolist(), shapely.from_wkb(shapes), strict=True)))
+        assert len(found[-1]) == len(shapes), "each building once"
+    small, whole = found
+    assert len(whole) >= 20
+    assert sorted(small) == sorted(whole)
+    union = {n: small[n].union(whole[n]).area for n in whole}
+    iou = np.array([small[n].intersection(whole[n]).area / union[n] for n in whole])
+    assert iou.min() > 0.97

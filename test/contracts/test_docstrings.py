@@ -1,0 +1,89 @@
+"""
+Every public name of the core says what it is, in the form of the house.
+
+"""
+
+import ast
+import importlib
+import pkgutil
+from pathlib import Path
+
+import pytest
+from support.source_tree import tree_of
+
+import lidar_buildings.core
+
+CORE = Path(lidar_buildings.core.__file__).parent
+MODULES = sorted(CORE.rglob("*.py"))
+
+
+def public_definitions(tree):
+    """
+    The module itself, and every public function, class and method, by dotted name.
+
+    """
+    yield "module", tree
+    pending = [("", node) for node in tree.body]
+    while pending:
+        prefix, node = pending.pop()
+        if not isinstance(
+            node, (ast.FunctionDef, ast.AsyncFunctionDef, ast.ClassDef)
+        ) or node.name.startswith("_"):
+            continue
+        yield prefix + node.name, node
+        if isinstance(node, ast.ClassDef):
+            pending.extend((f"{prefix}{node.name}.", member) for member in node.body)
+
+
+def fault(node):
+    """
+    Say what is wrong with a definition's docstring, None if nothing is.
+
+    """
+    text = ast.get_docstring(node, clean=False)
+    if text is None:
+        return "has no docstring"
+    lines = text.split("\n")
+    if lines[0].strip() or len(lines) < 2 or not lines[1].strip():
+        return "does not have its summary on the second line"
+    summary = " ".join(text.strip().split("\n\n")[0].split())
+    if not summary.endswith((".", "?")):
+        return f"has a summary that is no sentence: {summary}"
+    if len(lines) < 4 or lines[-1].strip() or lines[-2].strip():
+        return "has no blank line before the closing quotes"
+    return None
+
+
+@pytest.mark.parametrize("path", MODULES, ids=lambda path: str(path.relative_to(CORE)))
+def test_every_public_name_of_the_core_has_a_docstring_in_the_house_s_form(path):
+    faults = {
+        name: wrong for name, node in public_definitions(tree_of(path)) if (wrong := fault(node)) is not None
+    }
+    assert faults == {}
+
+
+@pytest.mark.parametrize(
+    ("code", "word"),
+    [
+        ("def f(): pass", "no docstring"),
+        ('def f():\n    """Say it on the first line.\n\n    """', "second line"),
+        ('def f():\n    """\n    Forget the blank line.\n    """', "blank line"),
+        ('def f():\n    """\n    Forget the full stop\n\n    """', "no sentence"),
+    ],
+)
+def test_a_docstring_in_another_form_would_be_found(code, word):
+    assert word in fault(ast.parse(code).body[0])
+
+
+def test_methods_are_looked_at_and_private_names_are_not():
+    code = (
+        "class A:\n    def b(self): pass\n    def _c(self): pass\n    def __len__(self): pass\ndef _d(): pass"
+    )
+    assert {name for name, _ in public_definitions(ast.parse(code))} == {"module", "A", "A.b"}
+
+
+def test_every_module_of_the_core_can_be_imported_alone():
+    names = [m.name for m in pkgutil.walk_packages(lidar_buildings.core.__path__, "lidar_buildings.core.")]
+    assert len(names) >= len(MODULES) - 1
+    for name in names:
+        assert importlib.import_module(name).__doc__

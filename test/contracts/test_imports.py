@@ -1,0 +1,208 @@
+"""
+The contracts of the source tree: who may import whom, and what code may not contain.
+
+"""
+
+import ast
+
+import pytest
+from support.source_tree import (
+    LAUNCH_FILES,
+    MODULES,
+    ROOT,
+    dotted,
+    external_imports,
+    imports_of,
+    package_of,
+    tree_of,
+)
+
+#: Packages of ROS and what comes with it.
+ROS_PREFIXES = ("rclpy", "rcl_", "ament_", "launch", "tf2", "sensor_msgs_py")
+
+
+#: Layer → layers it may import.
+LAYERS = {
+    "core": {"core"},
+    "pipeline": {"core", "pipeline"},
+    "io": {"core", "io"},
+    "evaluation": {"core", "io", "evaluation"},
+    "simulation": {"core", "io", "simulation"},
+    "ros": {"core", "ros"},
+    "nodes": {"core", "pipeline", "io", "ros", "nodes"},
+    "commands": {"core", "pipeline", "io", "ros", "nodes", "commands"},
+}
+#: Rooms of the core, from the ground up: one may import those before it, and the stages not each other.
+ROOMS = ("model", "neighbours", "surfaces", "solids", "stages")
+#: The command line: it may import all layers, and nothing imports it.
+TOP = {"cli", "__main__"}
+#: What may run without ROS, though it stands beside what needs it.
+WITHOUT_ROS = {"lidar_buildings.commands.run_local", "lidar_buildings.commands.settings"}
+WITH_ROS = {"lidar_buildings.commands.run", "lidar_buildings.commands.run_graph"}
+#: Third-party packages that the core is made of.
+CORE_LIBRARIES = {"numpy", "scipy", "numba", "sklearn", "shapely", "mapbox_earcut"}
+
+
+def layer_of(module):
+    parts = module.split(".")
+    return parts[1] if len(parts) > 1 else ""
+
+
+def room_of(module):
+    """The room of the core that a module stands in, None outside."""
+    parts = module.split(".")
+    return parts[2] if parts[:2] == ["lidar_buildings", "core"] and len(parts) > 2 else None
+
+
+def stage_of(module):
+    parts = module.split(".")
+    return parts[3] if room_of(module) == "stages" and len(parts) > 3 else None
+
+
+def internal_refusal(module, imported):
+    """Say why one module must not import another of the package, None if it may."""
+    mine, theirs = layer_of(module), layer_of(imported)
+    if theirs and mine not in TOP and theirs not in LAYERS.get(mine, {mine}):
+        return f"{module} imports {imported}: {mine or 'the package itself'} must not import {theirs}"
+    if module in WITHOUT_ROS and (theirs in ("ros", "nodes") or imported in WITH_ROS):
+        return f"{module} imports {imported}: it must run without ROS"
+    here, there = room_of(module), room_of(imported)
+    if here and there and ROOMS.index(there) > ROOMS.index(here):
+        return f"{module} imports {imported}: {here} stands below {there}"
+    if here == "stages" and there == "stages" and stage_of(module) != stage_of(imported):
+        return f"{module} imports {imported}: stages do not import each other"
+    return None
+
+
+def test_imports_go_one_way():
+    refused = [
+        reason
+        for path in MODULES
+        for imported in imports_of(tree_of(path), package_of(path))
+        if imported.startswith("lidar_buildings")
+        and (reason := internal_refusal(dotted(path), imported)) is not None
+    ]
+    assert refused == []
+
+
+@pytest.mark.parametrize(
+    ("module", "imported"),
+    [
+        ("lidar_buildings.core.model.tile", "lidar_buildings.io.clouds.las"),
+        ("lidar_buildings.core.model.tile", "lidar_buildings.pipeline.reconstruct"),
+        ("lidar_buildings.io.clouds.las", "lidar_buildings.ros.qos"),
+        ("lidar_buildings.ros.qos", "lidar_buildings.nodes.tile_player"),
+        ("lidar_buildings.nodes.tile_player", "lidar_buildings.cli"),
+        ("lidar_buildings.pipeline.reconstruct", "lidar_buildings.io.clouds.las"),
+        ("lidar_buildings.core.stages.segmentation.windows", "lidar_buildings.core.stages.boundary_tracing"),
+        ("lidar_buildings.core.neighbours.point_spacing", "lidar_buildings.core.stages.ground_filter.config"),
+        ("lidar_buildings.core.stages.roof_selection", "lidar_buildings.pipeline.tile_stages"),
+        ("lidar_buildings.commands.run_local", "lidar_buildings.ros.qos"),
+        ("lidar_buildings.commands.run_local", "lidar_buildings.commands.run"),
+        ("lidar_buildings.commands.run", "lidar_buildings.cli"),
+        ("lidar_buildings.io.clouds.las", "lidar_buildings.commands.run_local"),
+        ("lidar_buildings.unheard_of", "lidar_buildings.core.model.tile"),
+    ],
+)
+def test_an_import_against_the_directions_would_be_refused(module, imported):
+    assert internal_refusal(module, imported) is not None
+
+
+@pytest.mark.parametrize(
+    ("module", "imported"),
+    [
+        ("lidar_buildings.core.stages.segmentation", "lidar_buildings.core.stages.segmentation.windows"),
+        ("lidar_buildings.pipeline.tile_stages", "lidar_buildings.core.stages.ground_filter"),
+        ("lidar_buildings.nodes.tile_player", "lidar_buildings.io.clouds.las"),
+        ("lidar_buildings.commands.run", "lidar_buildings.commands.run_local"),
+        ("lidar_buildings.cli", "lidar_buildings.evaluation.command.score"),
+    ],
+)
+def test_an_import_along_the_directions_is_allowed(module, imported):
+    assert internal_refusal(module, imported) is None
+
+
+def test_imports_are_found_however_they_are_written():
+    plain = "import a.b as c\nfrom lidar_buildings.core.model import tile\n"
+    code = plain + "def f():\n    from ..io.clouds import las\n    from . import x"
+    found = set(imports_of(ast.parse(code), "lidar_buildings.core"))
+    assert found == {
+        "a.b",
+        "lidar_buildings.core.model.tile",
+        "lidar_buildings.io.clouds.las",
+        "lidar_buildings.core",
+    }
+
+
+def is_of_ros(name):
+    return name.startswith(ROS_PREFIXES) or name.endswith(("_msgs", "_srvs", "_interfaces"))
+
+
+def test_the_core_knows_neither_ros_nor_file_formats():
+    foreign = {
+        dotted(p): external_imports(p) - CORE_LIBRARIES for p in MODULES if layer_of(dotted(p)) == "core"
+    }
+    assert {module: names for module, names in foreign.items() if names} == {}
+
+
+def test_only_nodes_and_what_they_share_import_ros():
+    with_ros = {layer_of(dotted(p)) for p in MODULES if any(is_of_ros(name) for name in external_imports(p))}
+    assert with_ros <= {"ros", "nodes", "commands"}
+
+
+@pytest.mark.parametrize("name", ["rclpy", "sensor_msgs", "std_srvs", "builtin_interfaces", "tf2_ros"])
+def test_packages_of_ros_are_recognised(name):
+    assert is_of_ros(name)
+    assert not is_of_ros("numpy")
+
+
+def calls(tree, name):
+    """
+    Line numbers of calls of a plain name or of a dotted one.
+
+    """
+    return [n.lineno for n in ast.walk(tree) if isinstance(n, ast.Call) and ast.unparse(n.func) == name]
+
+
+@pytest.mark.parametrize(
+    ("name", "layers"),
+    [
+        ("print", ("core", "io", "ros", "nodes", "pipeline", "evaluation")),
+        ("open", ("core", "ros", "pipeline")),
+        ("sys.exit", ("core", "io", "ros", "pipeline", "simulation", "commands", "evaluation")),
+        ("exit", ("core", "io", "ros", "nodes", "pipeline", "simulation", "commands", "evaluation")),
+    ],
+)
+def test_what_belongs_to_the_command_line_or_to_files_stays_there(name, layers):
+    found = [
+        f"{dotted(path)}:{line}"
+        for path in MODULES
+        if layer_of(dotted(path)) in layers
+        for line in calls(tree_of(path), name)
+    ]
+    assert found == []
+
+
+def test_calls_are_found():
+    assert calls(ast.parse("def f():\n    print('x')\nsys.exit(2)"), "print") == [2]
+    assert calls(ast.parse("def f():\n    print('x')\nsys.exit(2)"), "sys.exit") == [3]
+
+
+def test_input_is_checked_by_exceptions_not_by_assert():
+    found = [
+        f"{dotted(path)}:{node.lineno}"
+        for path in MODULES
+        for node in ast.walk(tree_of(path))
+        if isinstance(node, ast.Assert)
+    ]
+    assert found == []
+
+
+def test_no_module_is_a_drawer_for_everything():
+    drawers = {"utils", "util", "helpers", "helper", "common", "misc"}
+    everywhere = [*MODULES, *(ROOT / "test").rglob("*.py"), *LAUNCH_FILES]
+    assert [path.name for path in everywhere if path.stem in drawers] == []
+
+
+def test_no_module_is_longer_than_400_lines():
+    assert [dotted(p) for p in MODULES if len(p.read_text(encoding="utf-8").splitlines()) > 400] == []

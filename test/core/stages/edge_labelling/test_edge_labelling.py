@@ -1,0 +1,181 @@
+import numpy as np
+import pytest
+
+from bench.scenes import buildings as scenes
+from bench.scenes.edges import level_roof, roof_and_truth, sphere
+from lidar_buildings.core.model.errors import ParameterError
+from lidar_buildings.core.stages.edge_labelling import AS_PUBLISHED, EdgeLabellingConfig, label_edges
+
+FEATURES = ("eigenvalues", "linearity_planarity", "linearity")
+
+
+@pytest.mark.parametrize("features", FEATURES)
+@pytest.mark.parametrize("density", [2.0, 8.0, 30.0])
+def test_edges_are_found_and_surfaces_left_alone(features, density):
+    points, distance = roof_and_truth("hip", density=density, rotation_deg=25)
+    found = label_edges(points, EdgeLabellingConfig(features=features))
+    assert found.status == "ok"
+    # The paper's lowest values: 61 % of the edges and 92 % of the rest.
+    assert found.edge[distance < 0.35].mean() > 0.8
+    assert found.edge[distance > 2].mean() < 0.02
+
+
+@pytest.mark.parametrize("features", FEATURES)
+@pytest.mark.parametrize("density", [2.0, 8.0, 30.0])
+def test_the_published_method_finds_bands_along_edges(features, density):
+    points, distance = roof_and_truth("hip", density=density, rotation_deg=25)
+    found = label_edges(points, EdgeLabellingConfig(features=features, scope="tile", thinning="none"))
+    assert found.edge[distance < 0.35].mean() > 0.75
+    assert found.edge[distance > 2].mean() < 0.08
+
+
+def test_discriminant_analysis_finds_the_outline_of_a_flat_roof():
+    points, distance = roof_and_truth("flat", density=8.0)
+    found = label_edges(points, EdgeLabellingConfig(method="discriminant_analysis"))
+    assert found.status == "ok"
+    assert found.clusters == ()
+    assert found.edge[distance < 0.35].mean() > 0.8
+    assert found.edge[distance > 2].mean() < 0.02
+
+
+def test_the_outline_of_a_flat_roof_is_found_almost_completely():
+    points, distance = roof_and_truth("flat", density=8.0)
+    found = label_edges(points)
+    assert found.edge[distance < 0.35].mean() > 0.9
+    assert found.edge[distance > 1.5].mean() < 0.01
+
+
+def test_thinned_edges_are_rows_of_points_not_bands():
+    points, distance = roof_and_truth("flat", density=8.0)
+    band, thin = (label_edges(points, EdgeLabellingConfig(thinning=t)).edge for t in ("none", "outline"))
+    assert np.mean(distance[thin == 1]) < 0.75 * np.mean(distance[band == 1])
+    assert thin.sum() < 0.8 * band.sum()
+
+
+def test_the_edge_cluster_is_the_more_linear_one():
+    points, _ = roof_and_truth("l_shape", density=8.0)
+    found = label_edges(points, AS_PUBLISHED)
+    edge = found.edge == 1
+    assert found.linearity[edge].mean() > found.linearity[~edge].mean() + 0.2
+    assert found.planarity[edge].mean() < found.planarity[~edge].mean()
+
+
+def test_normals_are_those_of_the_roof_planes():
+    scene = scenes.gable(density=8.0)
+    points, (building,) = scene.points[scene.is_roof], scene.buildings
+    found = label_edges(points)
+    slopes = np.array(building.planes)[scene.roof_plane[scene.is_roof] - 1]
+    expected = np.column_stack([-slopes[:, 0], -slopes[:, 1], np.ones(len(slopes))])
+    expected /= np.linalg.norm(expected, axis=1, keepdims=True)
+    cosine = np.sum(found.normals * expected, axis=1)[found.edge == 0]
+    assert np.degrees(np.arccos(np.clip(cosine, -1, 1))).mean() < 4
+
+
+def high_beside_low():
+    """Return a high roof that touches a low one along x = 15, and which points are within 0.3 m of it."""
+    points = np.vstack([level_roof((0, 15), (0, 12), 12.0), level_roof((15, 30), (0, 12), 8.0, seed=1)])
+    return points, (np.abs(points[:, 0] - 15) < 0.3) & (np.abs(points[:, 1] - 6) < 4)
+
+
+def test_a_step_between_roofs_is_an_edge_of_surfaces_and_not_of_the_outline():
+    points, at_step = high_beside_low()
+    outline, surface = (
+        label_edges(points, EdgeLabellingConfig(thinning=t)).edge for t in ("outline", "surface")
+    )
+    assert outline[at_step].mean() < 0.05
+    assert surface[at_step].mean() > 0.6
+    assert surface[outline == 1].mean() > 0.97
+
+
+def test_roofs_that_are_told_apart_do_not_see_one_another():
+    # Side by side at the same height: without numbers there is nothing to see between them.
+    points = level_roof((0, 30), (0, 12), 10.0)
+    roof_id = np.where(points[:, 0] < 15, 7, -3)
+    at_wall = (np.abs(points[:, 0] - 15) < 0.15) & (np.abs(points[:, 1] - 6) < 4)
+    together, apart = label_edges(points), label_edges(points, roof_id=roof_id)
+    assert together.edge[at_wall].mean() < 0.05
+    assert apart.edge[at_wall].mean() > 0.9
+    assert {one.roof_id for one in apart.clusters} == {7, -3}
+    west = points[:, 0] < 15
+    spacing = 1 / np.sqrt(8)
+    alone = label_edges(points[west], point_spacing=spacing)
+    assert np.array_equal(label_edges(points, roof_id=roof_id, point_spacing=spacing).edge[west], alone.edge)
+
+
+def test_a_surface_without_edges_is_not_split_at_random():
+    found = label_edges(sphere())
+    assert found.status == "one_cluster"
+    assert not found.edge.any()
+    assert label_edges(sphere(), AS_PUBLISHED).edge.mean() < 0.002
+
+
+def test_a_large_roof_has_its_edges_though_they_are_few_among_noise():
+    # Scattered at random: one point in fifty is on the outline, and k-means splits the noise.
+    points = np.random.default_rng(0).uniform((0, 0, 9.8), (200, 200, 10.2), (40_000, 3))
+    found = label_edges(points)
+    inside = np.abs(points[:, :2] - 100).max(axis=1)
+    assert found.status == "one_cluster"
+    assert found.edge[inside > 99.7].mean() > 0.8
+    assert found.edge[inside < 95].mean() < 0.03
+
+
+def test_each_roof_has_a_status_of_its_own():
+    house, few = level_roof((100, 115), (0, 12), 10.0), level_roof((150, 152), (0, 2), 10.0, density=3.0)
+    found = label_edges(np.vstack([sphere(), house, few]), point_spacing=0.5)
+    status = {one.n_points: one.status for one in found.clusters}
+    assert status == {6000: "one_cluster", len(house): "ok", len(few): "too_few_points"}
+    assert found.n_roofs == {"one_cluster": 1, "ok": 1, "too_few_points": 1}
+    assert found.status == "ok"
+    assert not found.edge[:6000].any()
+    assert 0.05 < found.edge[6000 : 6000 + len(house)].mean() < 0.2
+
+
+def test_points_on_a_line_are_all_edges():
+    found = label_edges(np.arange(40.0)[:, None] * [1, 0.5, 0.1])
+    assert found.status == "one_cluster"
+    assert found.edge.all()
+
+
+def test_clusters_of_one_tile_can_be_given_to_the_next():
+    first, _ = roof_and_truth("l_shape", density=8.0)
+    (clusters,) = label_edges(first, EdgeLabellingConfig(scope="tile")).clusters
+    words = " ".join(repr(float(number)) for number in clusters.centres.ravel())
+    given = label_edges(first, EdgeLabellingConfig(scope="given", centres=words))
+    assert np.array_equal(given.edge, label_edges(first, EdgeLabellingConfig(scope="tile")).edge)
+    assert np.array_equal(given.clusters[0].centres, clusters.centres)
+
+
+@pytest.mark.parametrize(
+    ("features", "centres"),
+    [
+        ("linearity_planarity", "0.6 0.3 0.1 0.8"),
+        ("linearity", "0.4 0.4"),
+        ("eigenvalues", "0.7 0.2 0.1 0.5 0.5 0.0"),
+        ("eigenvalues", "0 0 0 0 0 0"),
+    ],
+)
+def test_centres_of_edges_have_to_be_the_more_linear_ones(features, centres):
+    with pytest.raises(ParameterError, match="that of edges, must be more linear"):
+        EdgeLabellingConfig(features=features, centres=centres)
+
+
+@pytest.mark.parametrize("centres", ["0.1 0.9 0.6", "0.1 0.9 0.6 much", "0.1 0.9 0.6 nan", "0.1 0.9 0.6 3"])
+def test_centres_that_do_not_fit_the_features_are_refused(centres):
+    with pytest.raises(ParameterError, match=r"edge_labelling\.centres.*4 numbers within 0 to 1"):
+        EdgeLabellingConfig(centres=centres)
+
+
+def test_what_is_no_number_is_refused_by_name():
+    with pytest.raises(ValueError, match="points"):
+        label_edges([[0, 0, np.nan]])
+    with pytest.raises(ValueError, match="roof_id"):
+        label_edges(np.zeros((3, 3)), roof_id=[1, 2])
+    with pytest.raises(ValueError, match="roof_id"):
+        label_edges(np.zeros((2, 3)), roof_id=[1, np.nan])
+    with pytest.raises(ValueError, match="point_spacing"):
+        label_edges(np.zeros((2, 3)), point_spacing=0.0)
+
+
+def test_an_unknown_feature_set_is_refused():
+    with pytest.raises(ParameterError, match=r"edge_labelling\.features"):
+        EdgeLabellingConfig(features="colour")

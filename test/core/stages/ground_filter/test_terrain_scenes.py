@@ -1,0 +1,151 @@
+"""
+The terrain scenes themselves: their truth is what they say, and they can be made again.
+
+"""
+
+import numpy as np
+import pytest
+from scipy.spatial import cKDTree
+
+from bench.scenes.terrain import TERRAIN_SCENES
+from bench.scenes.terrain_site import GROUND, TerrainSite
+
+MOST_POINTS = 60_000
+#: What the parametrised tests make of each scene: a quarter of its points.
+THINNER = 4
+
+#: Scene → share of ground, as counted from areas: what is built or grown, and what the scene covers.
+GROUND_SHARE = {
+    "large_hall": 1 - 120 * 60 / (200 * 140),
+    "garage_ramp": 1 - 40 * 30 / (100 * 90),
+    "bridge_over_cut": 1 - 36 * 9 / (140 * 120),
+    "overpass_with_ramps": 1 - 24 * 10 / (220 * 80),
+    "steep_forest": 0.20,
+    "city_block": 1 - 4 * (52 * 50 - 6 * 24 - 6 * 10) / (135 * 130),
+}
+
+
+def made(name, **arguments):
+    """
+    Make a scene at a quarter of its own density.
+
+    """
+    scene = TERRAIN_SCENES[name]
+    arguments.setdefault("density", scene.__kwdefaults__["density"] / THINNER)
+    return scene(**arguments)
+
+
+@pytest.mark.parametrize("name", TERRAIN_SCENES)
+def test_every_scene_is_small_finite_and_has_ground_and_objects(name):
+    points, is_ground = TERRAIN_SCENES[name]()
+    assert points.shape == (len(is_ground), 3)
+    assert points.dtype == np.float64
+    assert is_ground.dtype == bool
+    assert 10_000 < len(points) <= MOST_POINTS
+    assert np.isfinite(points).all()
+    assert is_ground.sum() > 1000
+    assert (~is_ground).sum() > 50
+
+
+@pytest.mark.parametrize("name", TERRAIN_SCENES)
+def test_a_scene_is_the_same_again_and_another_with_another_seed(name):
+    first, again, other = made(name), made(name), made(name, seed=1)
+    np.testing.assert_array_equal(first.points, again.points)
+    np.testing.assert_array_equal(first.is_ground, again.is_ground)
+    assert not np.array_equal(first.points[:500], other.points[:500])
+
+
+@pytest.mark.parametrize("name", TERRAIN_SCENES)
+def test_turning_a_scene_keeps_its_elevations_its_truth_and_all_distances(name):
+    plain, turned = made(name), made(name, rotation_deg=30.0)
+    np.testing.assert_array_equal(plain.points[:, 2], turned.points[:, 2])
+    np.testing.assert_array_equal(plain.is_ground, turned.is_ground)
+    rows = np.arange(0, len(plain.points), 97)
+    distances = [np.hypot(*(s.points[rows, :2] - s.points[rows[0], :2]).T) for s in (plain, turned)]
+    np.testing.assert_allclose(*distances, atol=1e-9)
+    edges = [s.points[rows, :2] - s.points[rows[0], :2] for s in (plain, turned)]
+    bearings = np.rad2deg([np.arctan2(*e[1:, ::-1].T) for e in edges])
+    np.testing.assert_allclose((bearings[1] - bearings[0]) % 360, 30.0, atol=1e-6)
+
+
+@pytest.mark.parametrize("name", TERRAIN_SCENES)
+def test_noise_moves_points_along_z_only_and_by_what_it_says(name):
+    still, noisy = made(name, noise=0.0), made(name, noise=0.2)
+    np.testing.assert_array_equal(still.points[:, :2], noisy.points[:, :2])
+    assert np.std(noisy.points[:, 2] - still.points[:, 2]) == pytest.approx(0.2, rel=0.1)
+
+
+@pytest.mark.parametrize("name", TERRAIN_SCENES)
+def test_density_scales_the_number_of_points(name):
+    own = TERRAIN_SCENES[name].__kwdefaults__["density"]
+    counts = [len(made(name, density=own / k).points) for k in (8, 4)]
+    assert counts[1] == pytest.approx(2 * counts[0], rel=0.05)
+
+
+@pytest.mark.parametrize(("name", "share"), GROUND_SHARE.items())
+def test_the_share_of_ground_is_that_of_the_areas(name, share):
+    assert TERRAIN_SCENES[name]().is_ground.mean() == pytest.approx(share, abs=0.006)
+
+
+@pytest.mark.parametrize("name", sorted(set(TERRAIN_SCENES) - {"low_outliers", "hall_in_hillside"}))
+def test_objects_lie_above_the_ground_and_never_in_it(name):
+    points, is_ground = made(name, noise=0.0)
+    tree = cKDTree(points[is_ground, :2])
+    _, nearest = tree.query(points[~is_ground, :2], k=3)
+    above = points[~is_ground, 2] - points[is_ground, 2][nearest].min(axis=1)
+    assert np.median(above) > 0.4
+    assert (above > 0).mean() > 0.9
+
+
+def test_a_hall_in_a_hillside_stands_8_m_above_its_foot_and_level_with_its_back():
+    points, is_ground = TERRAIN_SCENES["hall_in_hillside"](noise=0.0)
+    roof = points[~is_ground, 2].max()
+    column = is_ground & (abs(points[:, 0] - 65) < 1)
+    front = points[column & (abs(points[:, 1] - 38) < 2), 2]
+    back = points[column & (abs(points[:, 1] - 80.5) < 0.5), 2]
+    assert roof - front.max() == pytest.approx(8, abs=0.2)
+    assert roof - back.min() == pytest.approx(0, abs=0.2)
+
+
+def test_gross_errors_lie_far_below_in_groups_of_one_to_sixty():
+    points, is_ground = TERRAIN_SCENES["low_outliers"](noise=0.0)
+    surface = cKDTree(points[is_ground, :2])
+    gap = points[:, 2] - points[is_ground, 2][surface.query(points[:, :2])[1]]
+    errors = gap < -1.5
+    assert errors.sum() == 2 * (1 + 1 + 1 + 2 + 3 + 5 + 8 + 13 + 20 + 35 + 60)
+    assert not is_ground[errors].any()
+    assert gap[errors].min() > -12
+
+
+def test_a_quarry_s_cliffs_are_as_steep_as_it_says():
+    points, is_ground = TERRAIN_SCENES["quarry"](noise=0.0)
+    ground = points[is_ground]
+    strip = ground[abs(ground[:, 0] - 80) < 2]
+    rises = [np.ptp(strip[abs(strip[:, 1] - y) < 12, 2]) for y in (30, 60, 90, 125)]
+    assert min(rises) > 11
+
+
+def test_a_bridge_s_deck_continues_its_approaches():
+    points, is_ground = TERRAIN_SCENES["bridge_over_cut"](noise=0.0)
+    on_road = abs(points[:, 1] - 60) < 4
+    deck = points[on_road & ~is_ground, 2]
+    approach = points[on_road & is_ground & (abs(points[:, 0] - 70) < 24), 2]
+    assert np.ptp(np.concatenate((deck, approach))) < 0.05
+    below = points[(abs(points[:, 0] - 70) < 5) & (abs(points[:, 1] - 60) > 6)]
+    assert below[:, 2].max() < GROUND - 6
+
+
+def test_a_solid_body_is_not_seen_where_the_terrain_is_higher():
+    site = TerrainSite(40, 40, 2.0, 0, lambda x, y: 0.2 * y)
+    site.put(site.box(20, 20, 20, 20), GROUND + 4.0, walls=False)
+    scene = site.scanned(0.0, 0.0)
+    roof = ~scene.is_ground
+    assert scene.points[roof, 1].max() <= 20
+    np.testing.assert_array_equal(scene.points[roof, 2], GROUND + 4.0)
+
+
+def test_walls_have_returns_between_their_foot_and_the_roof():
+    points, is_ground = TERRAIN_SCENES["large_hall"](noise=0.0)
+    height = points[~is_ground, 2] - GROUND
+    walls = (height > 0.3) & (height < 8.9)
+    assert 0.005 < walls.mean() < 0.02

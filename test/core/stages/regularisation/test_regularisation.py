@@ -1,0 +1,383 @@
+import numpy as np
+import pytest
+import shapely
+import shapely.affinity
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+
+from bench.scenes.buildings import GALLERY
+from bench.scenes.outlines import ROTATIONS as ALL_ROTATIONS
+from bench.scenes.outlines import Scan, outline_scenes
+from lidar_buildings.core.model.outline import Outline, signed_area
+from lidar_buildings.core.model.status import BuildingStatus
+from lidar_buildings.core.stages.boundary_tracing import trace_boundary
+from lidar_buildings.core.stages.regularisation import (
+    AS_PUBLISHED,
+    RegularisationConfig,
+    measure_outline,
+    regularise_outline,
+)
+
+CORNERS = {"flat": 4, "gable": 4, "hip": 4, "step_roof": 4, "l_shape": 6, "t_shape": 8, "courtyard": 4}
+ROTATIONS = (0.0, 17.0, 45.0, 78.0)
+
+
+def polygon(outline):
+    return shapely.Polygon(outline.exterior, outline.holes)
+
+
+def overlap(one, other):
+    return one.intersection(other).area / one.union(other).area
+
+
+def turned(xy, angle_deg):
+    angle = np.deg2rad(angle_deg)
+    return xy @ np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
+
+
+def noisy_ring(corners, step=0.5, noise=0.1, seed=0):
+    """
+    Points along a polygon's edges, moved about at random.
+
+    """
+    rng = np.random.default_rng(seed)
+    parts = []
+    for a, b in zip(np.array(corners, float), np.roll(corners, -1, axis=0), strict=True):
+        t = np.arange(0.0, 1.0, step / np.hypot(*(b - a)))[:, None]
+        parts.append(a + t * (b - a))
+    ring = np.vstack(parts)
+    return ring + rng.normal(0, noise, ring.shape)
+
+
+def corner_angles_deg(ring):
+    edges = np.roll(ring, -1, axis=0) - ring
+    heading = np.arctan2(edges[:, 1], edges[:, 0])
+    return np.rad2deg(np.abs((np.diff(heading, append=heading[:1]) + np.pi) % (2 * np.pi) - np.pi))
+
+
+@pytest.mark.parametrize("rotation_deg", ROTATIONS)
+@pytest.mark.parametrize("name", CORNERS)
+def test_a_rectilinear_house_gets_its_number_of_corners_all_of_them_right_angles(name, rotation_deg):
+    scene = GALLERY[name](rotation_deg=rotation_deg)
+    traced = trace_boundary(scene.roof_points())
+    result = regularise_outline(traced.outline)
+    assert (result.status, result.reason) == (BuildingStatus.OK, "")
+    assert len(result.outline.exterior) == CORNERS[name]
+    assert np.allclose(corner_angles_deg(result.outline.exterior), 90.0, atol=1.0)
+    assert overlap(polygon(result.outline), scene.buildings[0].polygon) > 0.93
+    # Half a degree is the accuracy of a 10 m wall's direction at this density.
+    error = (np.rad2deg(result.directions[0]) - rotation_deg + 45.0) % 90.0 - 45.0
+    assert abs(error) < 1.0
+    # The paper finds 0.2 spacings and about one; our points are random, theirs are on scan lines.
+    assert result.sigma < 0.5 * traced.point_spacing
+    assert result.max_offset < 2.0 * traced.point_spacing
+
+
+def test_a_courtyard_keeps_its_four_corners_inside():
+    (scene,) = outline_scenes(names=["courtyard"], rotations=(30.0,))
+    outline = regularise_outline(trace_boundary(scene.points).outline).outline
+    assert [len(ring) for ring in outline.rings] == [4, 4]
+    assert signed_area(outline.exterior) > 0 > signed_area(outline.holes[0])
+    assert polygon(outline).is_valid
+
+
+@pytest.mark.parametrize("density", [0.5, 2.0, 30.0])
+def test_an_l_shaped_house_has_six_corners_at_any_density(density):
+    scene = GALLERY["l_shape"](density=density, rotation_deg=25.0)
+    outline = regularise_outline(trace_boundary(scene.roof_points()).outline).outline
+    assert len(outline.exterior) == 6
+
+
+def test_a_round_tower_is_one_arc_with_its_centre_and_radius():
+    for scene in outline_scenes(names=["round_tower_4", "round_tower_8"], rotations=(0.0, 75.0)):
+        traced = trace_boundary(scene.points)
+        result = regularise_outline(traced.outline)
+        (wall,) = result.walls
+        assert wall.kind == "arc"
+        (arc,) = scene.arcs
+        assert np.hypot(*np.subtract(wall.centre, arc.centre)) < 0.2 * scene.spacing
+        # Points lie inside the edge by less than a spacing.
+        assert 0 < arc.radius - wall.radius < 0.5 * scene.spacing
+        distance = np.hypot(*(result.outline.exterior - wall.centre).T)
+        assert np.allclose(distance, wall.radius)
+
+
+def test_chords_leave_an_arc_by_no_more_than_asked_for():
+    (scene,) = outline_scenes(names=["round_tower_8"], rotations=(0.0,))
+    traced = trace_boundary(scene.points).outline
+    counts = []
+    for chord_error in (0.05, 0.2, 1.0):
+        result = regularise_outline(traced, RegularisationConfig(chord_error=chord_error))
+        middles = 0.5 * (result.outline.exterior + np.roll(result.outline.exterior, -1, axis=0))
+        (wall,) = result.walls
+        sagitta = wall.radius - np.hypot(*(middles - wall.centre).T).min()
+        assert 0 < sagitta <= chord_error * np.hypot(scene.spacing * 1.1, 0.2)
+        counts.append(len(middles))
+    assert counts[0] > counts[1] > counts[2]
+
+
+def test_an_apse_is_an_arc_between_straight_walls_and_none_if_arcs_are_not_wanted():
+    (scene,) = outline_scenes(names=["apse"], rotations=(30.0,))
+    traced = trace_boundary(scene.points).outline
+    result = regularise_outline(traced)
+    assert sorted(wall.kind for wall in result.walls) == ["arc", "line", "line", "line"]
+    (found,) = [wall for wall in result.walls if wall.kind == "arc"]
+    assert found.radius == pytest.approx(scene.arcs[0].radius, abs=scene.spacing)
+    straight = regularise_outline(traced, RegularisationConfig(curved_walls=False))
+    assert {wall.kind for wall in straight.walls} <= {"line", "step"}
+    assert overlap(polygon(straight.outline), scene.truth) > 0.93
+
+
+def test_a_slanting_wall_keeps_its_direction():
+    ring = noisy_ring([(0, 0), (20, 0), (20, 8), (12, 16), (0, 16)])
+    result = regularise_outline(Outline(ring))
+    assert len(result.outline.exterior) == 5
+    angles = sorted(corner_angles_deg(result.outline.exterior))
+    assert np.allclose(angles, [45, 45, 90, 90, 90], atol=3.0)
+
+
+def test_wings_at_an_odd_angle_have_directions_of_their_own():
+    bend = turned(np.array([(0, 0), (20, 0), (20, 8), (0, 8)]), 33.0) + np.array([20, 0])
+    wings = shapely.union(shapely.box(0, -8, 21, 1), shapely.Polygon(bend))
+    ring = noisy_ring(shapely.get_coordinates(wings.exterior)[:-1])
+    result = regularise_outline(Outline(ring).oriented())
+    found = np.rad2deg(result.directions)
+    for expected in (0.0, 33.0):
+        assert np.abs((found - expected + 45) % 90 - 45).min() < 1.5
+
+
+def test_scan_stairs_disappear_and_real_steps_stay():
+    corners = [(0, 0), (20, 0), (20, 10), (10, 10), (10, 12), (0, 12)]
+    assert len(regularise_outline(Outline(noisy_ring(corners))).outline.exterior) == 6
+    # A rectangle 20° askew to the scan lines: the ring goes up in stairs.
+    x, y = np.meshgrid(np.arange(-20.0, 20.0, 0.3), np.arange(-20.0, 20.0, 0.6))
+    lines = np.column_stack([x.ravel(), y.ravel(), np.zeros(x.size)])
+    u, v = turned(lines[:, :2], -20.0).T
+    traced = trace_boundary(lines[(np.abs(u) < 9.0) & (np.abs(v) < 5.0)])
+    outline = regularise_outline(traced.outline).outline
+    assert len(outline.exterior) == 4
+    assert np.rad2deg(regularise_outline(traced.outline).directions[0]) == pytest.approx(20.0, abs=1.5)
+
+
+def test_the_outline_turns_and_moves_with_the_ring():
+    ring = trace_boundary(GALLERY["t_shape"]().roof_points()).outline.exterior
+    expected = regularise_outline(Outline(ring)).outline.exterior
+    for angle_deg, shift in ((31.0, (0.0, 0.0)), (90.0, (500.0, -900.0)), (211.0, (0.0, 3e4))):
+        moved = regularise_outline(Outline(turned(ring, angle_deg) + shift)).outline
+        assert overlap(polygon(moved), shapely.Polygon(turned(expected, angle_deg) + shift)) > 0.99
+
+
+def test_the_start_of_the_ring_hardly_matters():
+    ring = trace_boundary(GALLERY["l_shape"](rotation_deg=12.0).roof_points()).outline.exterior
+    expected = polygon(regularise_outline(Outline(ring)).outline)
+    for shift in (1, 20, 77):
+        again = regularise_outline(Outline(np.roll(ring, shift, axis=0))).outline
+        assert overlap(polygon(again), expected) > 0.99
+
+
+@pytest.mark.parametrize(
+    ("ring", "reason"),
+    [
+        (np.zeros((0, 2)), "too few"),
+        (np.array([(0, 0), (1, 0), (0, 1)]), "too few"),
+        (np.zeros((30, 2)), ""),
+        (np.column_stack([np.arange(30.0), np.zeros(30)]), ""),
+    ],
+)
+def test_what_cannot_be_regularised_is_returned_as_traced_with_a_reason(ring, reason):
+    traced = Outline(np.asarray(ring, dtype=np.float64))
+    result = regularise_outline(traced)
+    assert result.status is BuildingStatus.TRACED_OUTLINE
+    assert result.outline.same_as(traced)
+    assert result.reason
+    assert reason in result.reason
+    assert (result.sigma, result.max_offset) == (0.0, 0.0)
+
+
+@settings(max_examples=80, deadline=None)
+@given(arrays(np.float32, st.tuples(st.integers(9, 80), st.just(2)), elements=st.floats(-50, 50, width=16)))
+def test_any_cloud_gets_a_valid_outline(xy):
+    traced = trace_boundary(np.column_stack([xy.astype(np.float64), np.zeros(len(xy))]))
+    result = regularise_outline(traced.outline)
+    assert polygon(result.outline).is_valid
+    assert polygon(result.outline).area > 0
+    assert (result.status is BuildingStatus.TRACED_OUTLINE) == result.outline.same_as(traced.outline)
+
+
+def test_a_neck_where_straight_walls_would_cross_leaves_the_other_walls_straight():
+    blocks = shapely.union_all([shapely.box(0, 0, 12, 10), shapely.box(12.2, 10.2, 24, 20)])
+    bridge = shapely.Polygon([(11.8, 9.9), (12.4, 10.2), (12.3, 10.4), (11.7, 10.0)])
+    shape = shapely.union(blocks, bridge)
+    ring = shapely.get_coordinates(shapely.segmentize(shape, 0.4).exterior)[:-1]
+    result = regularise_outline(Outline(ring).oriented())
+    assert result.status is BuildingStatus.OK
+    assert polygon(result.outline).is_valid
+    assert overlap(polygon(result.outline), shape) > 0.95
+    assert len(result.outline.exterior) < 20
+
+
+def test_measuring_from_the_two_outlines_alone_gives_the_same_quality():
+    traced = trace_boundary(GALLERY["hip"]().roof_points()).outline
+    result = regularise_outline(traced)
+    quality = measure_outline(traced, result.outline)
+    assert (quality.sigma, quality.max_offset) == (result.sigma, result.max_offset)
+    assert quality.status is BuildingStatus.OK
+    strict = RegularisationConfig(min_overlap=1.0)
+    kept = regularise_outline(traced, strict)
+    again = measure_outline(traced, kept.outline, strict)
+    assert again.status is BuildingStatus.TRACED_OUTLINE
+    assert again.reason == kept.reason != ""
+
+
+def test_nearly_all_buildings_of_right_angles_get_their_number_of_corners_in_all_orientations():
+    names = ["rectangle_8_6", "l_shape", "staircase", "courtyard", "facade_step", "comb"]
+    right = []
+    for scene in outline_scenes(names=names, rotations=ALL_ROTATIONS[::3]):
+        result = regularise_outline(trace_boundary(scene.points).outline)
+        right.append(sum(map(len, result.outline.rings)) == scene.n_corners)
+        assert overlap(polygon(result.outline), scene.truth) > 0.93
+    assert np.mean(right) >= 0.95
+
+
+def test_three_directions_are_found_within_a_degree():
+    for scene in outline_scenes(names=["three_wings"], rotations=(0.0, 112.5)):
+        found = np.rad2deg(regularise_outline(trace_boundary(scene.points).outline).directions)
+        edges = np.diff(shapely.get_coordinates(scene.truth.exterior), axis=0)
+        expected = np.unique(np.round(np.rad2deg(np.arctan2(edges[:, 1], edges[:, 0])) % 90.0, 3))
+        assert len(expected) == 3
+        for angle in expected:
+            assert np.abs((found - angle + 45.0) % 90.0 - 45.0).min() < 1.0
+
+
+def test_corners_cut_at_45_degrees_are_exactly_that():
+    (scene,) = outline_scenes(names=["cut_corners"], rotations=(37.5,))
+    directions = np.rad2deg(regularise_outline(trace_boundary(scene.points).outline).directions)
+    if len(directions) == 2:
+        assert abs(directions[0] - directions[1]) == pytest.approx(45.0, abs=1e-9)
+    assert len(directions) <= 2
+
+
+def test_the_bias_correction_moves_walls_to_where_they_are():
+    scenes = outline_scenes(names=["rectangle_14_10", "u_shape"], rotations=ALL_ROTATIONS[::4])
+    errors = {False: [], True: []}
+    for scene in scenes:
+        traced = trace_boundary(scene.points).outline
+        for correct, found in errors.items():
+            result = regularise_outline(traced, RegularisationConfig(correct_bias=correct))
+            missing = scene.truth.area - polygon(result.outline).area
+            found.append(missing / scene.truth.length / scene.spacing)
+            assert 0 < result.bias < 0.5 * scene.spacing
+    assert np.mean(errors[False]) > 0.05
+    assert abs(np.mean(errors[True])) < 0.05
+
+
+def test_walls_follow_one_another_and_end_in_the_corners():
+    (scene,) = outline_scenes(names=["l_with_courtyard"], rotations=(30.0,))
+    result = regularise_outline(trace_boundary(scene.points).outline)
+    for number, ring in enumerate(result.outline.rings):
+        walls = [wall for wall in result.walls if wall.ring == number]
+        assert np.allclose([wall.start for wall in walls], np.roll([wall.end for wall in walls], 1, axis=0))
+        assert len(walls) == len(ring)
+        for wall in walls:
+            assert np.abs(ring - wall.start).sum(axis=1).min() < 1e-9
+            assert wall.sigma == pytest.approx(result.sigma / np.sqrt(wall.n_points))
+    assert len(result.corner_sigma) == sum(map(len, result.outline.rings))
+    assert (np.array(result.corner_sigma) > 0).all()
+    assert max(result.corner_sigma) < scene.spacing
+
+
+def test_corners_scatter_as_their_sigma_says():
+    found, said = [], []
+    for seed in range(40):
+        ring = noisy_ring([(0, 0), (30, 0), (30, 20), (0, 20)], step=0.5, noise=0.08, seed=seed)
+        result = regularise_outline(Outline(ring), RegularisationConfig(max_dent_depth=0.0, max_gap_area=0.0))
+        corner = np.abs(result.outline.exterior).sum(axis=1).argmin()
+        found.append(result.outline.exterior[corner])
+        said.append(result.corner_sigma[corner])
+    scatter = np.sqrt(np.var(found, axis=0, ddof=1).sum())
+    # The scatter of 40 is known to about a ninth.
+    assert scatter == pytest.approx(np.median(said), rel=0.45)
+
+
+def test_the_published_method_knows_two_perpendicular_directions_and_nothing_else():
+    for scene in outline_scenes(names=["l_shape", "rectangle_30_18"], rotations=(0.0, 37.5)):
+        result = regularise_outline(trace_boundary(scene.points).outline, AS_PUBLISHED)
+        assert len(result.directions) == 1
+        assert {wall.kind for wall in result.walls} <= {"line", "step"}
+        assert overlap(polygon(result.outline), scene.truth) > 0.9
+        angles = corner_angles_deg(result.outline.exterior)
+        assert np.median(np.abs(angles - 90.0)) < 2.0
+    (hexagon,) = outline_scenes(names=["hexagon"], rotations=(0.0,))
+    wrong = regularise_outline(trace_boundary(hexagon.points).outline, AS_PUBLISHED)
+    assert len(wrong.directions) == 1
+    assert len(wrong.outline.exterior) != 6
+
+
+@pytest.mark.parametrize("bend_deg", [4.0, 8.0, 12.0, 14.0, 20.0])
+def test_a_long_bar_that_bends_a_little_keeps_its_six_corners(bend_deg):
+    turn = np.deg2rad(bend_deg)
+    wing = shapely.affinity.rotate(shapely.box(0, -6, 40, 6), turn, origin=(0, 6), use_radians=True)
+    wedge = shapely.Polygon([(0, 6), (-0.01, -6), (12 * np.sin(turn), 6 - 12 * np.cos(turn))])
+    bar = shapely.union_all([shapely.box(-40, -6, 0, 6), wing, wedge])
+    points = Scan(20.0, 1.3, 0.2).over(bar, 8.0, np.random.default_rng(0))
+    result = regularise_outline(trace_boundary(np.column_stack([points, np.zeros(len(points))])).outline)
+    assert result.status is BuildingStatus.OK
+    assert len(result.outline.exterior) == 6
+    assert overlap(polygon(result.outline), bar) > 0.95
+
+
+def test_no_edge_is_much_shorter_than_the_smallest_step():
+    for scene in outline_scenes(
+        names=["chamfered", "three_wings", "facade_step"], rotations=ALL_ROTATIONS[::2]
+    ):
+        traced = trace_boundary(scene.points)
+        outline = regularise_outline(traced.outline).outline
+        for ring in outline.rings:
+            edges = np.hypot(*(np.roll(ring, -1, axis=0) - ring).T)
+            assert edges.min() > 0.6 * traced.point_spacing
+
+
+def test_repeated_vertices_types_and_orientation_make_no_difference():
+    ring = trace_boundary(GALLERY["l_shape"](rotation_deg=12.0).roof_points()).outline.exterior
+    expected = regularise_outline(Outline(ring))
+    for other in (np.repeat(ring, 2, axis=0), ring.tolist(), np.vstack([ring, ring[:1]])):
+        again = regularise_outline(Outline(other))
+        assert again.outline.same_as(expected.outline)
+        assert again.bias == expected.bias
+    turned_round = regularise_outline(Outline(ring[::-1])).outline
+    assert overlap(polygon(turned_round), polygon(expected.outline)) > 0.995
+
+
+def test_courtyards_of_hardly_any_vertices_leave_the_outline_as_traced():
+    ring = trace_boundary(GALLERY["flat"]().roof_points()).outline.exterior
+    middle = ring.mean(axis=0)
+    for hole in (np.zeros((0, 2)), middle[None], np.array([middle, middle + 1.0])):
+        result = regularise_outline(Outline(ring, (hole,)))
+        assert result.status is BuildingStatus.TRACED_OUTLINE
+        assert "courtyard" in result.reason
+
+
+def test_a_corner_at_a_wall_of_one_point_has_no_precision():
+    for scene in outline_scenes(names=["staircase", "facade_step"], rotations=ALL_ROTATIONS[1::3]):
+        result = regularise_outline(trace_boundary(scene.points).outline)
+        known = np.array(result.corner_sigma)[np.isfinite(result.corner_sigma)]
+        assert len(known) > 0
+        assert known.max() < 2.0 * scene.spacing
+
+
+def test_a_ring_of_a_hundred_thousand_points_is_regularised():
+    turn = np.linspace(0.0, 2.0 * np.pi, 100_000, endpoint=False)
+    radius = 5000.0 + np.random.default_rng(0).uniform(-0.2, 0.0, len(turn))
+    ring = radius[:, None] * np.column_stack([np.cos(turn), np.sin(turn)])
+    result = regularise_outline(Outline(ring))
+    assert result.outline.polygon.is_valid
+    assert overlap(result.outline.polygon, shapely.Polygon(ring)) > 0.99
+
+
+def test_mirrored_rings_give_mirrored_outlines():
+    ring = trace_boundary(GALLERY["l_shape"](rotation_deg=12.0).roof_points()).outline.exterior
+    expected = regularise_outline(Outline(ring)).outline.exterior * (-1.0, 1.0)
+    mirrored = regularise_outline(Outline(ring * (-1.0, 1.0)).oriented()).outline
+    assert overlap(polygon(mirrored), shapely.Polygon(expected)) > 0.99
+    assert len(mirrored.exterior) == len(expected)

@@ -1,0 +1,275 @@
+import laspy
+import numpy as np
+import pytest
+import shapely
+from scipy.interpolate import LinearNDInterpolator
+
+from bench.scenes import buildings as scenes
+from lidar_buildings.core.neighbours import parallel as row_blocks
+from lidar_buildings.core.stages.roof_selection import RoofSelectionConfig, select_roofs
+from lidar_buildings.evaluation.scores.buildings import score_buildings
+from lidar_buildings.evaluation.scores.cells import cells_of_points, cells_of_polygons
+
+BUILDING = 6
+WHOLE = ("flat", "shed", "gable", "hip", "l_shape", "touching_houses", "step_roof", "dormer", "courtyard",
+         "round_tower", "house_on_slope", "duplicates")  # fmt: skip
+
+
+def known(scene):
+    """Return what the ground filter would hand on: heights and classes."""
+    # The ground of every scene is a plane.
+    base = np.column_stack([scene.points[:, :2], np.ones(len(scene.points))])
+    plane = np.linalg.lstsq(base[scene.is_ground], scene.points[scene.is_ground, 2], rcond=None)[0]
+    height = scene.points[:, 2] - base @ plane
+    classes = np.where(scene.is_ground, 2, 1).astype(np.uint8)
+    return {"height_above_ground": height, "classification": classes}
+
+
+def recall_and_precision(found, truth):
+    return (found & truth).sum() / truth.sum(), (found & truth).sum() / max(found.sum(), 1)
+
+
+@pytest.mark.parametrize("density", [1.0, 8.0, 40.0])
+@pytest.mark.parametrize("name", WHOLE)
+def test_whole_roofs_are_found_with_one_set_of_parameters(name, density):
+    scene = getattr(scenes, name)(density=density, rotation_deg=30)
+    found = select_roofs(scene.points, **known(scene)).classification == BUILDING
+    recall, precision = recall_and_precision(found, scene.is_roof)
+    # At 1 pt/m² a roof has some 150 points, and a corner may lie beyond the last plane.
+    assert recall > (0.96 if density == 1.0 else 0.97)
+    assert precision > 0.99
+
+
+@pytest.mark.parametrize("name", ["gable", "courtyard", "house_on_slope", "dormer"])
+def test_points_alone_are_enough(name):
+    scene = getattr(scenes, name)(density=8.0)
+    classes = select_roofs(scene.points).classification
+    recall, precision = recall_and_precision(classes == BUILDING, scene.is_roof)
+    assert recall > 0.97
+    assert precision > 0.97
+
+
+def tree_scene(density=12.0):
+    scene = scenes.tree_over_eave(density=density)
+    is_tree = ~scene.is_ground & ~scene.is_roof
+    number = np.ones(len(scene.points), dtype=np.uint8)
+    of = np.ones(len(scene.points), dtype=np.uint8)
+    # The crown's points are the first, second… of three returns.
+    of[is_tree], number[is_tree] = 3, np.arange(is_tree.sum()) % 3 + 1
+    return scene, is_tree, {"return_number": number, "number_of_returns": of}
+
+
+def test_a_tree_over_the_eave_is_vegetation_and_the_roof_stays():
+    scene, is_tree, returns = tree_scene()
+    crown = is_tree & (scene.points[:, 2] > scenes.GROUND + 7)
+    for given in ({}, returns):
+        classes = select_roofs(scene.points, **known(scene), **given).classification
+        # A fourteenth of the roof lies within the crown; half of that is lost among the leaves.
+        assert (classes[scene.is_roof] == BUILDING).mean() > 0.95
+        assert (classes[crown] == BUILDING).mean() < 0.05
+
+
+def test_eaves_hit_by_first_returns_stay_roof():
+    scene = scenes.gable(density=8.0)
+    number, of = np.ones(len(scene.points), dtype=int), np.ones(len(scene.points), dtype=int)
+    (building,) = scene.buildings
+    at_edge = shapely.distance(building.polygon.boundary, shapely.points(scene.points[:, :2])) < 0.3
+    of[at_edge & scene.is_roof] = 2
+    classes = select_roofs(
+        scene.points, **known(scene), return_number=number, number_of_returns=of
+    ).classification
+    assert (classes[at_edge & scene.is_roof] == BUILDING).mean() > 0.95
+
+
+def test_a_chimney_belongs_to_its_roof_and_a_wall_does_not():
+    scene = scenes.gable(density=16.0)
+    (building,) = scene.buildings
+    top = scene.points[scene.is_roof][:, 2].max()
+    random = np.random.default_rng(0)
+    chimney = np.column_stack([random.uniform(-0.4, 0.4, (20, 2)) + scenes.CENTRE, np.full(20, top + 1.0)])
+    a, b = building.exterior[:2]
+    steps = np.linspace(0.05, 0.95, 60)[:, None]
+    line = a + steps * (b - a)
+    wall = np.vstack(
+        [np.column_stack([line, np.full(60, scenes.GROUND + z)]) for z in np.arange(0.4, 3.4, 0.25)]
+    )
+    points = np.vstack([scene.points, chimney, wall])
+    height = np.concatenate(
+        [known(scene)["height_above_ground"], points[len(scene.points) :, 2] - scenes.GROUND]
+    )
+    found = select_roofs(points, height_above_ground=height)
+    n = len(scene.points)
+    assert (found.classification[n : n + 20] == BUILDING).all()
+    assert not found.is_facade[: n + 20].any()
+    # Down to its foot the wall is of the building, but no roof; some of it hangs between the roof's points.
+    wall_rows = n + 20 + np.flatnonzero(height[n + 20 :] > 0.8)
+    assert (found.classification[wall_rows] == BUILDING).mean() > 0.75
+    assert found.is_facade[wall_rows].mean() > 0.75
+
+
+def test_buildings_smaller_than_asked_for_are_dropped():
+    scene = scenes.gable(density=8.0)
+    area = scene.buildings[0].polygon.area
+    smaller = RoofSelectionConfig(min_building_area=0.7 * area)
+    larger = RoofSelectionConfig(min_building_area=1.5 * area)
+    assert (select_roofs(scene.points, smaller, **known(scene)).classification == BUILDING).any()
+    assert not (select_roofs(scene.points, larger, **known(scene)).classification == BUILDING).any()
+
+
+def test_vegetation_is_classed_by_height():
+    # Too few and too far apart for any surface.
+    height = np.array([0.0, 0.005, 0.01, 0.19, 0.2, 2.9, 3.0, 149, 150, -0.4])
+    points = np.column_stack([np.arange(10) * 50.0, np.zeros(10), height])
+    found = select_roofs(points, height_above_ground=height, classification=np.ones(10))
+    assert found.classification.tolist() == [1, 1, 3, 3, 4, 4, 5, 5, 1, 1]
+
+
+def test_what_is_known_as_ground_or_noise_is_kept_even_amid_a_roof():
+    scene = scenes.flat(density=8.0)
+    given = known(scene)
+    rows = np.flatnonzero(scene.is_roof)[::10]
+    for kept in (2, 7, 9, 11, 18):
+        given["classification"][rows] = kept
+        classes = select_roofs(scene.points, **given).classification
+        assert (classes[rows] == kept).all()
+
+
+def test_the_classes_given_are_not_written_to():
+    scene = scenes.flat()
+    given = known(scene)
+    before = given["classification"].copy()
+    select_roofs(scene.points, **given)
+    assert np.array_equal(given["classification"], before)
+
+
+def test_the_order_of_points_does_not_change_a_class():
+    scene, _, returns = tree_scene()
+    columns = {**known(scene), **returns}
+    shuffle = np.random.default_rng(0).permutation(len(scene.points))
+    straight = select_roofs(scene.points, **columns).classification
+    shuffled = select_roofs(
+        scene.points[shuffle], **{k: v[shuffle] for k, v in columns.items()}
+    ).classification
+    assert np.array_equal(straight[shuffle], shuffled)
+
+
+def test_the_number_of_threads_does_not_change_a_class(monkeypatch):
+    scene, _, returns = tree_scene()
+    expected = select_roofs(scene.points, **known(scene), **returns).classification
+    monkeypatch.setattr(row_blocks, "BLOCK", 100)
+    monkeypatch.setattr(row_blocks.os, "cpu_count", lambda: 3)
+    found = select_roofs(scene.points, **known(scene), **returns).classification
+    assert np.array_equal(found, expected)
+
+
+def test_a_roof_is_the_same_in_a_tile_twice_as_large():
+    one, other = scenes.hip(density=8.0), scenes.l_shape(density=8.0, seed=5)
+    far = np.vstack([one.points, other.points + np.array([60, 0, 0])])
+    classes = select_roofs(far, **{k: np.append(v, w) for (k, v), w in zip(
+        known(one).items(), known(other).values(), strict=True)}).classification  # fmt: skip
+    assert np.array_equal(classes[: len(one.points)], select_roofs(one.points, **known(one)).classification)
+
+
+@pytest.mark.parametrize(
+    "points",
+    [
+        np.zeros((0, 3)),
+        np.ones((1, 3)),
+        np.ones((50, 3)),
+        np.arange(50.0)[:, None] * [1, 0.5, 0.1],
+        np.array([[0, 0, 0], [1e7, 0, 9], [0, 1e7, 50]]),
+    ],
+    ids=["empty", "single", "identical", "collinear", "far apart"],
+)
+def test_degenerate_clouds_are_classed(points):
+    n = len(points)
+    for given in ({}, {"height_above_ground": np.full(n, 5.0)}):
+        classes = select_roofs(points, **given).classification
+        assert classes.shape == (n,)
+        assert classes.dtype == np.uint8
+        assert not (classes == BUILDING).any()
+
+
+@pytest.mark.parametrize(
+    "name", ["height_above_ground", "classification", "return_number", "number_of_returns"]
+)
+def test_a_column_of_the_wrong_length_is_refused_by_name(name):
+    columns = {"return_number": np.ones(4), "number_of_returns": np.ones(4), name: np.ones(3)}
+    with pytest.raises(ValueError, match=name):
+        select_roofs(np.zeros((4, 3)), **columns)
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("height_above_ground", [1.0, np.inf, 2.0, 3.0]),
+        ("point_spacing", 0.0),
+        ("point_spacing", np.nan),
+        ("point_spacing", -1.0),
+        ("dark_limit", np.inf),
+        ("classification", [1, 2, 300, 1]),
+    ],
+)
+def test_a_value_that_means_nothing_is_refused_by_name(name, value):
+    with pytest.raises(ValueError, match=name):
+        select_roofs(np.zeros((4, 3)), **{name: value})
+
+
+def provider_cloud(files):
+    """Return points, heights over the provider's ground, classes, returns; and the provider's roofs."""
+    clouds = [laspy.read(file) for file in sorted(files)]
+    xyz = np.vstack([cloud.xyz for cloud in clouds])
+    points = xyz - np.floor(xyz.min(axis=0) / 100) * 100
+    classes, number, of = (
+        np.concatenate([np.asarray(cloud[name]) for cloud in clouds])
+        for name in ("classification", "return_number", "number_of_returns")
+    )
+    ground = points[classes == 2]
+    ground = ground[np.unique(np.floor(ground[:, :2] * 2), axis=0, return_index=True)[1]]
+    raised = np.flatnonzero(~np.isin(classes, (2, 9)))
+    height = np.zeros(len(points))
+    below = LinearNDInterpolator(ground[:, :2], ground[:, 2])(points[raised, :2])
+    height[raised] = np.nan_to_num(points[raised, 2] - below)
+    columns = {
+        "height_above_ground": height,
+        "classification": np.where(np.isin(classes, (2, 9)), classes, 1),
+        "return_number": number,
+        "number_of_returns": of,
+    }
+    return points, columns, classes == BUILDING
+
+
+# Measured 0.97 and 0.88; the providers count façades and low sheds as building, which are no roofs here.
+@pytest.mark.real_data
+@pytest.mark.parametrize(("folder", "least"), [("fusa", 0.96), ("lowdensity", 0.88), ("montpellier", 0.95)])
+def test_roofs_agree_with_the_providers(data_folder, folder, least):
+    points, columns, truth = provider_cloud((data_folder / folder).glob("*.laz"))
+    recall, precision = recall_and_precision(
+        select_roofs(points, **columns).classification == BUILDING, truth
+    )
+    assert 2 * recall * precision / (recall + precision) > least
+
+
+def base_map(file, origin):
+    """Return a layer's polygons in the frame of the points."""
+    pyogrio = pytest.importorskip("pyogrio")
+    polygons = shapely.from_wkb(pyogrio.raw.read(file)[2])
+    return shapely.transform(polygons, lambda corners: corners - origin[:2])
+
+
+# Measured 0.85; the provider's own class 6 reaches 0.84, height and last return alone 0.82.
+@pytest.mark.real_data
+@pytest.mark.slow
+def test_roof_cells_agree_with_the_base_map(data_folder):
+    folder = data_folder / "delft"
+    points, columns, _ = provider_cloud(folder.glob("*.laz"))
+    origin = np.array([84800.0, 447400.0])
+    is_roof = select_roofs(points, **columns).classification == BUILDING
+    score = score_buildings(
+        cells_of_points(points, is_roof, 0.5),
+        cells_of_polygons(base_map(folder / "blocks_nw.gpkg", origin), 0.5),
+        area=base_map(folder / "aoi_nw.gpkg", origin),
+    )
+    assert score.iou > 0.83
+    assert score.recall > 0.94
+    assert score.precision > 0.85

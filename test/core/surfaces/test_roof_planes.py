@@ -1,0 +1,163 @@
+"""
+The joint adjustment of a roof's planes.
+
+"""
+
+import numpy as np
+import pytest
+
+from bench.scenes.models import model_scene
+from lidar_buildings.core.model.outline import Outline
+from lidar_buildings.core.surfaces.roof_planes import Meeting, adjust, adjust_planes, common_point
+from lidar_buildings.core.surfaces.roof_planes.moments import plane_moments
+from lidar_buildings.core.surfaces.roof_planes.sparse_least_squares import constrained_minimum
+
+
+def angle_deg(one, other):
+    return np.degrees(np.arccos(np.clip(one @ other, -1.0, 1.0)))
+
+
+@pytest.mark.parametrize("name", ["gable", "hip", "l_shape", "mansard", "pitched_courtyard"])
+@pytest.mark.parametrize("rotation_deg", [0, 27])
+def test_adjusted_planes_are_those_of_the_building(name, rotation_deg):
+    scene = model_scene(name, rotation_deg=rotation_deg)
+    for plane, face in zip(
+        adjust_planes(scene.points, scene.plane_id, outline=scene.outline), scene.building.faces, strict=True
+    ):
+        assert angle_deg(plane.normal, face.normal) < 0.2
+        middle = face.polygon.representative_point().coords[0]
+        assert plane.elevation(np.array([middle]))[0] == pytest.approx(
+            face.elevation(np.array([middle]))[0], abs=0.02
+        )
+        assert plane.rms == pytest.approx(0.03 * plane.normal[2], rel=0.3)
+
+
+def test_a_gable_s_faces_are_equally_steep_and_its_ridge_is_level_and_along_the_walls():
+    scene = model_scene("gable", rotation_deg=27)
+    south, north = adjust_planes(scene.points, scene.plane_id, outline=scene.outline)
+    assert south.gradient == pytest.approx(-north.gradient, abs=1e-12)
+    along = np.array([np.cos(np.radians(27)), np.sin(np.radians(27))])
+    assert south.gradient @ along == pytest.approx(0.0, abs=1e-9)
+
+
+def test_a_slope_that_is_none_becomes_level_and_a_drained_roof_stays_as_it_is():
+    flat = model_scene("flat")
+    (plane,) = adjust_planes(flat.points, flat.plane_id)
+    assert plane.normal.tolist() == [0.0, 0.0, 1.0]
+    drained = flat.points + np.outer(flat.points[:, 0] * 0.03, [0, 0, 1])
+    (plane,) = adjust_planes(drained, flat.plane_id)
+    assert plane.gradient[0] == pytest.approx(0.03, abs=0.002)
+
+
+def test_faces_whose_slopes_differ_beyond_noise_keep_them():
+    scene = model_scene("gable")
+    points = scene.points.copy()
+    south = scene.plane_id == 1
+    points[south, 2] += 0.1 * (points[south, 1] - points[south, 1].max())
+    first, second = adjust_planes(points, scene.plane_id)
+    steepness = [float(np.hypot(*plane.gradient)) for plane in (first, second)]
+    assert abs(steepness[0] - steepness[1]) == pytest.approx(0.1, abs=0.01)
+
+
+def test_pieces_of_one_plane_become_one():
+    scene = model_scene("flat")
+    halves = np.where(scene.points[:, 0] < 40, 1, 2)
+    first, second = adjust_planes(scene.points, halves)
+    assert first.centroid[2] == second.centroid[2]
+
+
+def test_planes_meet_in_a_point_to_rounding():
+    scene = model_scene("pyramid", rotation_deg=10, seed=3)
+    adjustment = adjust(scene.points, scene.plane_id, scene.outline)
+    meeting = Meeting((1, 2, 3, 4), (40.1, 29.9), False)
+    _, before = common_point(adjustment.coefficients)
+    _, after = common_point(adjustment.with_meetings([meeting]).coefficients)
+    assert before > 1e-4
+    assert after < 1e-8
+
+
+def test_planes_meet_over_a_corner_if_it_is_near_enough_and_not_if_it_is_not():
+    scene = model_scene("hip")
+    corner = scene.outline.exterior[np.argmax(scene.outline.exterior.sum(axis=1))]
+    touching = [
+        k + 1
+        for k, face in enumerate(scene.building.faces)
+        if np.hypot(*(face.rings[0] - corner).T).min() < 1e-6
+    ]
+    for shift, met in ((0.03, True), (0.8, False)):
+        xy = corner + np.array([shift, 0.0])
+        planes = adjust_planes(
+            scene.points, scene.plane_id, meetings=[Meeting(tuple(touching), tuple(xy), True)]
+        )
+        one, other = (planes[k - 1].elevation(xy[None])[0] for k in touching)
+        assert (abs(one - other) < 1e-9) == met
+        assert max(plane.rms for plane in planes) < 0.05
+
+
+def test_the_deviations_given_are_those_of_repeated_measurements():
+    heights, slopes, sigmas = [], [], []
+    for seed in range(40):
+        scene = model_scene("shed", seed=seed)
+        (plane,) = adjust_planes(scene.points, scene.plane_id)
+        xy = np.array([[40.0, 30.0]])
+        heights.append(plane.elevation(xy)[0])
+        slopes.append(np.degrees(np.arctan(np.hypot(*plane.gradient))))
+        sigmas.append((plane.height_sigma, plane.slope_sigma_deg))
+    assert np.std(heights) == pytest.approx(np.mean(sigmas, axis=0)[0], rel=0.4)
+    assert np.std(slopes) == pytest.approx(np.mean(sigmas, axis=0)[1], rel=0.4)
+
+
+def test_the_order_of_points_does_not_matter():
+    scene = model_scene("hip", rotation_deg=5)
+    order = np.random.default_rng(1).permutation(len(scene.points))
+    one = adjust_planes(scene.points, scene.plane_id, outline=scene.outline)
+    other = adjust_planes(scene.points[order], scene.plane_id[order], outline=scene.outline)
+    for a, b in zip(one, other, strict=True):
+        assert np.array_equal(a.normal, b.normal)
+        assert np.array_equal(a.centroid, b.centroid)
+
+
+@pytest.mark.parametrize(
+    ("points", "plane_id"),
+    [
+        (np.zeros((0, 3)), []),
+        (np.zeros((1, 3)), [1]),
+        (np.zeros((5, 3)), [0, 0, 0, 0, 0]),
+        (np.ones((6, 3)), [1, 1, 2, 2, 3, 3]),
+        (np.column_stack([np.arange(6.0), np.zeros(6), np.zeros(6)]), [1, 1, 1, 2, 2, 2]),
+        (np.column_stack([np.zeros(6), np.arange(6.0) % 3, np.arange(6.0)]), [2] * 6),
+        (np.random.default_rng(0).normal(size=(40, 3)) * 1e4, np.arange(40) % 9),
+    ],
+)
+def test_degenerate_points_give_planes(points, plane_id):
+    planes = adjust_planes(points, plane_id, outline=Outline(np.zeros((0, 2))))
+    assert len(planes) == max([*plane_id, 0])
+    for plane in planes:
+        assert np.linalg.norm(plane.normal) == pytest.approx(1.0)
+        assert np.all(np.isfinite(plane.centroid))
+
+
+def test_moments_are_those_of_numpy():
+    random = np.random.default_rng(2)
+    points = random.normal(size=(500, 3)) * (20, 10, 3)
+    plane_id = random.integers(0, 3, 500).astype(np.uint16)
+    moments = plane_moments(points, plane_id, 2)
+    about = points[plane_id == 2] - moments.centre
+    assert moments.sums[1, 0] == len(about)
+    assert moments.sums[1, 1:4] == pytest.approx(about.sum(axis=0), abs=0.02)
+    assert moments.sums[1, 6] == pytest.approx((about[:, 0] * about[:, 2]).sum(), rel=1e-3)
+
+
+def test_the_sparse_solution_is_that_of_the_bordered_system():
+    random = np.random.default_rng(0)
+    root = random.normal(size=(8, 8)) * (random.random((8, 8)) < 0.4) + 2 * np.eye(8)
+    normal, target = root @ root.T, random.normal(size=8)
+    rows, values = random.normal(size=(3, 8)), random.normal(size=3)
+    system = np.block([[normal, rows.T], [rows, np.zeros((3, 3))]])
+    expected = np.linalg.solve(system, np.append(target, values))
+    doubled = np.vstack([rows, rows[0] - rows[1]])
+    x, multipliers = constrained_minimum(
+        normal.copy(), target, doubled, np.append(values, values[0] - values[1])
+    )
+    assert x == pytest.approx(expected[:8])
+    assert multipliers == pytest.approx(np.append(expected[8:], 0.0))

@@ -1,0 +1,183 @@
+"""
+Drawings, read back with ezdxf: layers, faces, arcs, data, units.
+
+"""
+
+from collections import Counter
+
+import ezdxf
+import numpy as np
+import pytest
+from ezdxf.math import bulge_radius
+from support import model_survey
+
+from lidar_buildings.io.models.dxf import APPLICATION, COURTYARD, OUTLINE, dxf_file
+
+
+def written(folder, frame=model_survey.DUTCH, buildings=None):
+    """
+    Write a survey as DXF, and return its buildings and the path.
+
+    """
+    path = folder / "model.dxf"
+    tile = model_survey.shapes(frame, buildings)
+    with model_survey.survey(folder, tile, frame=frame) as survey:
+        with dxf_file(path, frame) as add:
+            for building in survey:
+                add(building)
+        return list(survey), path
+
+
+@pytest.fixture(scope="module")
+def dutch(tmp_path_factory):
+    buildings, path = written(tmp_path_factory.mktemp("dxf"))
+    return buildings, ezdxf.readfile(path)
+
+
+def data_of(entity):
+    return [tag.value for tag in entity.get_xdata(APPLICATION) if tag.code == 1000]
+
+
+def outlines_of(drawing, number=None, layer=OUTLINE):
+    found = drawing.modelspace().query(f'LWPOLYLINE[layer=="{layer}"]')
+    return [one for one in found if number is None or f"building_id={number}" in data_of(one)]
+
+
+def test_the_audit_finds_nothing_to_mend(dutch):
+    audit = dutch[1].audit()
+    assert not audit.errors
+    assert not audit.fixes
+
+
+def test_an_empty_drawing_is_sound_and_has_all_layers(tmp_path):
+    _, path = written(tmp_path, buildings={})
+    drawing = ezdxf.readfile(path)
+    assert not drawing.audit().has_errors
+    assert not len(drawing.modelspace())
+    surfaces = {f"LOD{lod}_{kind}" for lod in (12, 13, 22) for kind in ("ROOF", "WALL", "GROUND")}
+    assert surfaces | {OUTLINE, COURTYARD} <= {layer.dxf.name for layer in drawing.layers}
+
+
+def test_no_handle_is_given_twice_and_the_next_one_is_free(dutch):
+    handles = [int(e.dxf.handle, 16) for e in dutch[1].modelspace()]
+    assert len(set(handles)) == len(handles)
+    assert int(dutch[1].header["$HANDSEED"], 16) > max(handles)
+
+
+def test_faces_lie_on_the_layer_of_their_level_and_surface(dutch):
+    buildings, drawing = dutch
+    faces = drawing.modelspace().query("3DFACE")
+    layers = Counter(one.dxf.layer for one in faces if "building-84900.0-447400.0" in data_of(one))
+    assert layers == {"LOD22_ROOF": 2, "LOD22_WALL": 6, "LOD22_GROUND": 4}
+    assert {data_of(one)[0] for one in faces} == {b.readable_id for b in buildings if b.mesh}
+
+
+def test_faces_cover_the_solids_surface_in_source_coordinates(dutch):
+    buildings, drawing = dutch
+    for building in (b for b in buildings if b.mesh):
+        corners = [
+            [face.dxf.vtx0, face.dxf.vtx1, face.dxf.vtx2, face.dxf.vtx3]
+            for face in drawing.modelspace().query("3DFACE")
+            if data_of(face) == [building.readable_id]
+        ]
+        corners = np.array([[tuple(c) for c in face] for face in corners])
+        origin = model_survey.DUTCH.origin
+        fans = [(corners[:, [0, k, k + 1]] - origin) for k in (1, 2)]
+        volume = sum(np.einsum("ij,ij->", f[:, 0], np.cross(f[:, 1], f[:, 2])) for f in fans) / 6.0
+        assert volume == pytest.approx(building.mesh.solid.volume, rel=1e-6)
+
+
+def test_edges_within_a_face_are_hidden(dutch):
+    buildings, drawing = dutch
+    (court,) = [b for b in buildings if b.building_id == 9]
+    roof = [
+        face
+        for face in drawing.modelspace().query('3DFACE[layer=="LOD22_ROOF"]')
+        if data_of(face) == [court.readable_id]
+    ]
+    drawn = sum(
+        visible and tuple(corners[k]) != tuple(corners[(k + 1) % 4])
+        for face in roof
+        for corners in [[*face.wcs_vertices(close=False), face.dxf.vtx3]]
+        for k, visible in enumerate(face.get_edges_visibility())
+        if k < 4
+    )
+    # the outer ring and the court
+    assert drawn == 8
+
+
+def test_a_round_tower_is_drawn_with_arcs(dutch):
+    (tower,) = outlines_of(dutch[1], 2)
+    points = tower.get_points("xyb")
+    assert tower.closed
+    assert len(points) == 2
+    for k, (x, y, bulge) in enumerate(points):
+        end = points[(k + 1) % 2]
+        assert bulge == pytest.approx(1.0, abs=1e-4)
+        assert bulge_radius((x, y), end[:2], bulge) == pytest.approx(model_survey.RADIUS, abs=1e-3)
+
+
+def test_straight_outlines_keep_their_corners(dutch):
+    (outline,) = outlines_of(dutch[1], 5)
+    expected = model_survey.rectangle(84900, 447400, 84910, 447408)
+    assert np.array(outline.get_points("xy")) == pytest.approx(expected)
+    assert not outline.has_arc
+    assert outline.dxf.elevation == model_survey.GROUND
+
+
+def test_courtyards_have_a_layer_of_their_own(dutch):
+    (hole,) = outlines_of(dutch[1], layer=COURTYARD)
+    assert "building_id=9" in data_of(hole)
+    assert np.ptp(np.array(hole.get_points("xy")), axis=0).tolist() == [8.0, 8.0]
+
+
+def test_outlines_carry_the_attributes_also_of_a_building_without_solid(dutch):
+    (gable,) = outlines_of(dutch[1], 5)
+    assert {"status=ok", "height=6.0", "volume=360.0"} <= set(data_of(gable))
+    (ruin,) = outlines_of(dutch[1], 7)
+    assert {"status=degenerate", "reason=no roof points"} <= set(data_of(ruin))
+
+
+def test_feet_are_written_in_feet(tmp_path):
+    _, path = written(tmp_path, model_survey.FEET, {5: model_survey.gable})
+    drawing = ezdxf.readfile(path)
+    assert drawing.header["$INSUNITS"] == 2
+    (outline,) = outlines_of(drawing)
+    west = 300000.0 / model_survey.FOOT
+    points = np.array(outline.get_points("xy"))
+    assert points[:, 0].min() == pytest.approx(west, abs=1e-3)
+    assert np.ptp(points[:, 0]) == pytest.approx(10.0 / model_survey.FOOT, abs=1e-3)
+    tops = max(v[2] for face in drawing.modelspace().query("3DFACE") for v in face.wcs_vertices())
+    assert tops == pytest.approx((model_survey.RIDGE + 30.0) / model_survey.FOOT, abs=1e-3)
+
+
+def test_metres_are_named_and_texts_beyond_ascii_survive(tmp_path):
+    def named():
+        outline, model = model_survey.gable()
+        return outline, type(model)(model.solids, {"footprint_id": "Wohnhaus Süd — Ł"}, ())
+
+    _, path = written(tmp_path, buildings={5: named})
+    drawing = ezdxf.readfile(path)
+    assert drawing.header["$INSUNITS"] == 6
+    texts = data_of(outlines_of(drawing)[0])
+    assert "footprint_id=Wohnhaus Süd — Ł" in [ezdxf.lldxf.encoding.decode_dxf_unicode(t) for t in texts]
+
+
+def test_a_place_without_ring_is_a_point(tmp_path):
+    def speck():
+        outline, model = model_survey.ruin()
+        return type(outline)(outline.exterior[:1]), model
+
+    _, path = written(tmp_path, buildings={7: speck})
+    (point,) = ezdxf.readfile(path).modelspace()
+    assert point.dxftype() == "POINT"
+    assert tuple(point.dxf.location) == (84980.0, 447400.0, model_survey.GROUND)
+    assert "reason=no roof points" in data_of(point)
+
+
+def test_the_same_buildings_give_the_same_bytes(tmp_path):
+    paths = [tmp_path / name for name in ("one", "two")]
+    for path in paths:
+        path.mkdir()
+    first, second = (written(path)[1].read_bytes() for path in paths)
+    assert first == second

@@ -1,0 +1,226 @@
+"""
+The files of a survey's buildings: GeoPackage layers read by GDAL, order, repetition, empty surveys, formats.
+
+"""
+
+import json
+
+import numpy as np
+import pyogrio
+import pytest
+from support import model_survey
+from support.cjio_process import cjio
+from support.model_survey import DUTCH, FEET, FOOT
+from support.source_tree import ROOT
+
+from lidar_buildings.core.model.errors import OutputError
+from lidar_buildings.core.model.outline import BuildingOutline, Outline
+from lidar_buildings.core.stages.building_model import BuildingModel
+from lidar_buildings.io.models.building_attributes import BUILDING_FIELDS
+from lidar_buildings.io.results import building_files
+from lidar_buildings.io.results.building_files import FILES, ModelHeading, write_buildings
+from lidar_buildings.io.results.tile_products import Shapes
+from lidar_buildings.io.vectors.geopackage import read_polygons
+
+NAMES = ["buildings.gpkg", "city_model.city.jsonl", "city_model.obj", "city_model.mtl", "city_model.dxf"]
+
+
+def written(folder, *tiles, frame=DUTCH, formats=tuple(FILES), heading=None, **options):
+    """
+    Write tiles in some formats, and return what the writer says.
+
+    """
+    folder.mkdir(exist_ok=True)
+    with model_survey.survey(folder, *tiles, frame=frame, **options) as survey:
+        return write_buildings(folder, survey, formats, heading or ModelHeading())
+
+
+def bytes_of(folder):
+    return {name: (folder / name).read_bytes() for name in NAMES}
+
+
+@pytest.fixture(scope="module")
+def dutch(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("files")
+    return folder, *written(folder, model_survey.shapes(), heading=ModelHeading("Buildings of a"))
+
+
+@pytest.fixture(scope="module")
+def feet(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("feet")
+    written(folder, model_survey.shapes(FEET), frame=FEET, formats=["gpkg"])
+    return folder
+
+
+def test_all_files_are_named_and_buildings_counted_by_status(dutch):
+    folder, files, statuses = dutch
+    assert files == NAMES
+    assert all((folder / name).is_file() for name in files)
+    assert statuses == {"degenerate": 1, "ok": 4}
+
+
+def test_outlines_have_every_attribute_and_every_building(dutch):
+    polygons, columns, crs = read_polygons(dutch[0] / "buildings.gpkg", "outlines")
+    assert crs == "EPSG:28992"
+    assert set(columns) == {*BUILDING_FIELDS, "readable_id"}
+    assert columns["building_id"].tolist() == [2, 3, 5, 7, 9]
+    assert columns["volume"][2] == pytest.approx(360.0)
+    assert np.isnan(columns["volume"][3])
+    assert columns["plane_sigma"][0] == 0.02
+    assert columns["no_data_share"][0] == 0.125
+    assert columns["reason"][3] == "no roof points"
+    assert [len(polygon.interiors) for polygon in polygons] == [0, 0, 0, 0, 1]
+
+
+def test_every_attribute_is_explained():
+    page = (ROOT / "doc" / "formats.md").read_text(encoding="utf-8")
+    assert [name for name in BUILDING_FIELDS if f"`{name}`" not in page] == []
+
+
+def test_roof_faces_are_those_of_the_finest_solid_with_their_slopes(dutch):
+    polygons, columns, _ = read_polygons(dutch[0] / "buildings.gpkg", "roof_faces")
+    assert columns["building_id"].tolist() == [2, 3, 3, 5, 5, 9]
+    assert columns["face"].tolist() == [1, 1, 2, 1, 2, 1]
+    assert set(columns["lod"]) == {"2.2"}
+    assert columns["slope_deg"] == pytest.approx([0, 0, 0, 36.8699, 36.8699, 0], abs=1e-4)
+    assert columns["azimuth_deg"][3:5].tolist() == [180.0, 0.0]
+    assert np.isnan(columns["azimuth_deg"][[0, 1, 2, 5]]).all()
+    assert columns["area"][3:] == pytest.approx([50.0, 50.0, 400.0 - 64.0])
+    assert columns["elevation_min"][3:5].tolist() == [model_survey.EAVE] * 2
+    assert columns["elevation_max"][3:5].tolist() == [model_survey.RIDGE] * 2
+    assert all(polygon.has_z for polygon in polygons)
+    assert polygons[3].bounds == (84900.0, 447400.0, 84910.0, 447404.0)
+    assert len(polygons[5].interiors) == 1
+
+
+def test_layers_are_there_under_their_names(dutch):
+    layers = pyogrio.list_layers(dutch[0] / "buildings.gpkg").tolist()
+    assert layers == [["outlines", "Polygon"], ["traced", "Polygon"], ["roof_faces", "Polygon Z"]]
+
+
+def test_feet_come_back_in_feet(feet):
+    polygons, columns, _ = read_polygons(feet / "buildings.gpkg", "roof_faces")
+    assert columns["area"][3] == pytest.approx(50.0 / FOOT**2, abs=1e-3)
+    assert columns["slope_deg"][3] == pytest.approx(36.8699, abs=1e-4)
+    assert columns["elevation_max"][3] == pytest.approx((model_survey.RIDGE + 30.0) / FOOT, abs=1e-3)
+    assert polygons[3].bounds[0] == pytest.approx(300000.0 / FOOT)
+    _, columns, _ = read_polygons(feet / "buildings.gpkg", "outlines")
+    assert columns["volume"][2] == pytest.approx(360.0 / FOOT**3, abs=1e-2)
+    assert columns["plane_sigma"][2] == pytest.approx(0.02 / FOOT, abs=1e-4)
+
+
+def test_all_formats_name_the_same_buildings(dutch):
+    folder = dutch[0]
+    _, columns, _ = read_polygons(folder / "buildings.gpkg", "outlines")
+    names = columns["readable_id"].tolist()
+    lines = (folder / "city_model.city.jsonl").read_text().splitlines()
+    assert [json.loads(line)["id"] for line in lines[1:]] == names
+    mesh, drawing = ((folder / name).read_text() for name in ("city_model.obj", "city_model.dxf"))
+    assert all(name in mesh and name in drawing for name in names)
+
+
+def test_cjio_reads_all_levels_and_the_header_tells_extent_and_title(dutch, tmp_path):
+    lines = (dutch[0] / "city_model.city.jsonl").read_text().splitlines()
+    merged = tmp_path / "model.city.json"
+    result = cjio("stdin", "save", str(merged), lines=lines)
+    assert result.returncode == 0, result.stdout + result.stderr
+    model = json.loads(merged.read_text())
+    levels = [[one["lod"] for one in thing["geometry"]] for thing in model["CityObjects"].values()]
+    assert sorted(levels) == [[]] + [["1.2", "2.2"]] * 4
+    metadata = json.loads(lines[0])["metadata"]
+    assert metadata["title"] == "Buildings of a"
+    assert metadata["geographicalExtent"] == [84900, 447400, 1, 84965, 447440, 9]
+
+
+def test_no_buildings_give_files_that_are_sound_and_empty(tmp_path):
+    files, statuses = written(tmp_path, model_survey.shapes(buildings={}))
+    assert files == NAMES
+    assert statuses == {}
+    for layer in ("outlines", "traced", "roof_faces"):
+        assert pyogrio.read_info(tmp_path / "buildings.gpkg", layer=layer)["features"] == 0
+    (header,) = (tmp_path / "city_model.city.jsonl").read_text().splitlines()
+    assert "geographicalExtent" not in json.loads(header)["metadata"]
+
+
+def test_the_result_does_not_depend_on_how_buildings_are_cut_into_tiles(dutch, tmp_path):
+    tiles = [model_survey.shapes(buildings={n: b}) for n, b in model_survey.BUILDINGS.items()]
+    written(tmp_path, *tiles, *tiles[:2], heading=ModelHeading("Buildings of a"))
+    assert bytes_of(tmp_path) == bytes_of(dutch[0])
+
+
+def test_many_buildings_are_written_in_portions_to_the_same_layers(dutch, tmp_path, monkeypatch):
+    monkeypatch.setattr("lidar_buildings.io.results.building_layers._PORTION", 3)
+    written(tmp_path, model_survey.shapes(), formats=["gpkg"])
+    for layer in ("outlines", "traced", "roof_faces"):
+        mine, theirs = (read_polygons(f / "buildings.gpkg", layer) for f in (tmp_path, dutch[0]))
+        assert [p.wkb for p in mine[0]] == [p.wkb for p in theirs[0]]
+        for name, column in theirs[1].items():
+            np.testing.assert_array_equal(mine[1][name], column)
+
+
+@pytest.mark.parametrize("name", FILES)
+def test_formats_can_be_chosen(tmp_path, name):
+    files, statuses = written(tmp_path, model_survey.shapes(), formats=[name])
+    assert files == list(FILES[name])
+    assert {p.name for p in tmp_path.iterdir()} == {"lines", *files}
+    assert statuses == {"degenerate": 1, "ok": 4}
+
+
+def test_buildings_to_leave_out_are_in_no_file(tmp_path):
+    written(tmp_path, model_survey.shapes(), without={5, 9})
+    _, columns, _ = read_polygons(tmp_path / "buildings.gpkg", "outlines")
+    assert columns["building_id"].tolist() == [2, 3, 7]
+    assert "building-84900" not in (tmp_path / "city_model.obj").read_text()
+
+
+def test_outlines_without_models_are_named_and_measured(tmp_path):
+    square = BuildingOutline(4, Outline(model_survey.rectangle(10, 0, 14, 4)))
+    _, statuses = written(tmp_path, Shapes((square,), (square,), (), ()), formats=["gpkg"])
+    assert statuses == {"unknown": 1}
+    _, columns, _ = read_polygons(tmp_path / "buildings.gpkg", "outlines")
+    assert columns["area"].tolist() == [16.0]
+    assert columns["readable_id"].tolist() == ["building-84910.0-447400.0"]
+
+
+def test_names_of_footprints_stand_where_there_is_no_model(tmp_path):
+    square = BuildingOutline(4, Outline(model_survey.rectangle(10, 0, 14, 4)))
+    written(tmp_path, Shapes((square,), (square,), (), ()), formats=["gpkg"], footprint_id={4: "plot 12"})
+    _, columns, _ = read_polygons(tmp_path / "buildings.gpkg", "outlines")
+    assert columns["footprint_id"].tolist() == ["plot 12"]
+
+
+def test_a_failure_leaves_no_file_of_any_format(tmp_path, monkeypatch):
+    def fail(self):
+        raise OutputError("disk full")
+
+    monkeypatch.setattr(building_files.SurveyBuilding, "mesh", property(fail))
+    with pytest.raises(OutputError, match="disk full"):
+        written(tmp_path, model_survey.shapes())
+    assert [p.name for p in tmp_path.iterdir()] == ["lines"]
+
+
+def test_two_buildings_with_one_id_keep_their_own_models(tmp_path):
+    # ids repeat 32 km apart; the names tell such buildings apart
+    near, far = model_survey.shapes(buildings={5: model_survey.gable}), far_gable()
+    written(tmp_path, near, far)
+    _, columns, _ = read_polygons(tmp_path / "buildings.gpkg", "outlines")
+    assert columns["building_id"].tolist() == [5, 5]
+    assert columns["readable_id"].tolist() == ["building-117668.0-447400.0", "building-84900.0-447400.0"]
+    assert len((tmp_path / "city_model.city.jsonl").read_text().splitlines()) == 3
+
+
+def far_gable():
+    """
+    The gable house once more, 32,768 m to the east.
+
+    """
+
+    def moved():
+        outline, model = model_survey.gable()
+        solids = {
+            lod: type(solid)(np.add(solid.vertices, (32768.0, 0.0, 0.0)), solid.faces, solid.semantics)
+            for lod, solid in model.solids.items()
+        }
+        return Outline(np.add(outline.exterior, (32768.0, 0.0))), BuildingModel(solids, model.attributes)
+
+    return model_survey.shapes(buildings={5: moved})

@@ -1,0 +1,104 @@
+"""
+The command line called in this process, and what tests look at afterwards.
+
+"""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+from support import cloud_files
+
+from lidar_buildings.cli import main
+
+PROGRESS = re.compile(r"\d+ of \d+ tiles? done")
+
+
+class Spoken(NamedTuple):
+    """
+    How a command ended and what it said, progress apart.
+
+    """
+
+    status: int
+    out: list[str]
+    err: list[str]
+    progress: list[str]
+
+
+class Command:
+    """
+    Calls the command line and keeps what it prints, compiled libraries' printing included.
+
+    """
+
+    def __init__(self, capfd: pytest.CaptureFixture[str], *always: str) -> None:
+        self._capfd, self._always = capfd, always
+
+    def __call__(self, *arguments: object) -> Spoken:
+        self._capfd.readouterr()
+        try:
+            status = main([*map(str, arguments), *self._always])
+        except SystemExit as stopped:
+            status = stopped.code
+        captured = self._capfd.readouterr()
+        lines = captured.err.splitlines()
+        progress = [line for line in lines if PROGRESS.fullmatch(line)]
+        return Spoken(status, captured.out.splitlines(), [x for x in lines if x not in progress], progress)
+
+    def refused(self, *arguments: object) -> str:
+        """
+        Return the one line that a refused command says.
+
+        """
+        spoken = self(*arguments)
+        assert spoken.status == 2
+        assert spoken.out == []
+        assert len(spoken.err) == 1, spoken.err
+        assert spoken.err[0].startswith("lidar-buildings")
+        assert spoken.err[0].count(": ") >= 2, "where: what is wrong: what to do"
+        return spoken.err[0]
+
+
+def files_in(folder: Path) -> list[str]:
+    """
+    Every file in a folder and those below it, hidden ones too.
+
+    """
+    return sorted(path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file())
+
+
+def bad_clouds(folder: Path, good: Path) -> dict[str, tuple[Path, str]]:
+    """
+    Make a file for each way a cloud can be bad: case → (file, words of the line about it).
+
+    """
+    folder.mkdir()
+    empty = folder / "empty.laz"
+    empty.write_bytes(b"")
+    text = folder / "text.laz"
+    text.write_text("no cloud, but long enough to be taken for one\n" * 40)
+    cut = {}
+    for ending in ("laz", "las"):
+        whole = cloud_files.saved(cloud_files.random_cloud(5000, point_format=6), folder / f"cut.{ending}")
+        cut[ending] = cloud_files.shortened(whole, 0.6)
+    late = folder / "late.laz"
+    late.write_bytes(good.read_bytes())
+    size = late.stat().st_size
+    cloud_files.patched(
+        late, int(size * 0.6), bytes(np.random.default_rng(0).integers(0, 256, size // 5, "u1"))
+    )
+    return {
+        "missing file": (folder / "nowhere.laz", "no such file"),
+        "missing folder": (folder / "nowhere", "no such file or folder"),
+        "pattern without match": (folder / "nowhere*.laz", "matches no .las or .laz file"),
+        "empty file": (empty, "is empty (0 bytes)"),
+        "file of another kind": (text, "is not a LAS or LAZ file"),
+        "truncated LAZ": (cut["laz"], "is cut short"),
+        "truncated LAS": (cut["las"], "is cut short"),
+        "damage in the middle": (late, "cannot be decoded"),
+    }
