@@ -1,7 +1,4 @@
-"""
-Build the package: for colcon (ament_python) and for pip alike.
-
-"""
+"""Build the package: for colcon (ament_python) and for pip alike."""
 
 import re
 from glob import glob

@@ -1,7 +1,4 @@
-"""
-The whole graph, every node a process of its own.
-
-"""
+"""The whole graph, every node a process of its own."""
 
 from launch.actions import DeclareLaunchArgument, EmitEvent, OpaqueFunction, RegisterEventHandler
 from launch.conditions import IfCondition
@@ -69,17 +66,13 @@ ARGUMENTS = (
 
 
 def generate_launch_description() -> LaunchDescription:
-    """
-    Describe the launch; ``--show-args`` lists its arguments.
-
-    """
+    """Describe the launch; ``--show-args`` lists its arguments."""
     return LaunchDescription([*ARGUMENTS, OpaqueFunction(function=start_nodes)])
 
 
 def start_nodes(context) -> list:
     """
     Return the nodes: with a writer where there is an output folder, else the builder reports tiles as done.
-
     """
 
     def value(name: str) -> str:
@@ -108,10 +101,7 @@ def start_nodes(context) -> list:
 
 
 def _footprints(path: str) -> dict[str, dict]:
-    """
-    Return the parameters by which nodes know of footprints.
-
-    """
+    """Return the parameters by which nodes know of footprints."""
     if not path:
         return {}
     return {
@@ -123,10 +113,7 @@ def _footprints(path: str) -> dict[str, dict]:
 
 
 def _node(name: str, parameters: dict, value) -> Node:
-    """
-    Return one node; a writer that has finished is not started again.
-
-    """
+    """Return one node; a writer that has finished is not started again."""
     return Node(
         package=PACKAGE,
         executable=name,
@@ -141,10 +128,7 @@ def _node(name: str, parameters: dict, value) -> Node:
 
 
 def _end_with(writer) -> list:
-    """
-    Return what ends the launch when the writer has finished.
-
-    """
+    """Return what ends the launch when the writer has finished."""
     if writer is None:
         return []
     end = EmitEvent(event=Shutdown(reason="the model_writer has ended"))
@@ -152,10 +136,7 @@ def _end_with(writer) -> list:
 
 
 def _rviz(namespace: str) -> Node:
-    """
-    Return RViz, started on request.
-
-    """
+    """Return RViz, started on request."""
     return Node(
         package="rviz2",
         executable="rviz2",

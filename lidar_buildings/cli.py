@@ -1,7 +1,4 @@
-"""
-The `lidar-buildings` command.
-
-"""
+"""The `lidar-buildings` command."""
 
 from __future__ import annotations
 
@@ -18,24 +15,15 @@ DONE, WRONG_USE, INTERRUPTED = 0, 2, 130
 
 
 class OneLineParser(argparse.ArgumentParser):
-    """
-    Reports wrong use in one line, as every other error.
-
-    """
+    """Reports wrong use in one line, as every other error."""
 
     def error(self, message: str) -> NoReturn:
-        """
-        Print one line and exit.
-
-        """
+        """Print one line and exit."""
         self.exit(WRONG_USE, f"{self.prog}: {message} (--help says what there is)\n")
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """
-    Run one command and return its exit status.
-
-    """
+    """Run one command and return its exit status."""
     options = _parser().parse_args(arguments)
     # Imported late: --help answers at once, and malloc can be tuned before ROS allocates.
     from lidar_buildings.core.model.errors import LidarBuildingsError
@@ -57,10 +45,7 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 def _parser() -> argparse.ArgumentParser:
-    """
-    Build the command line.
-
-    """
+    """Build the command line."""
     parser = OneLineParser(prog="lidar-buildings", description="Raw lidar in, valid 3D city models out.")
     parser.add_argument("--version", action="version", version=__version__)
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
@@ -71,10 +56,7 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def _add_run(parser: argparse.ArgumentParser) -> None:
-    """
-    Describe ``lidar-buildings run``.
-
-    """
+    """Describe ``lidar-buildings run``."""
     parser.add_argument("input", nargs="+", metavar="INPUT", help="LAS, LAZ or COPC files, folders or globs")
     parser.add_argument("--output", required=True, type=Path, metavar="DIR", help="folder for the results")
     parser.add_argument(
@@ -112,20 +94,14 @@ def _add_run(parser: argparse.ArgumentParser) -> None:
 
 
 def _run(options: argparse.Namespace) -> int:
-    """
-    Execute ``lidar-buildings run``.
-
-    """
+    """Execute ``lidar-buildings run``."""
     from lidar_buildings.commands.run import run_command
 
     return run_command(options)
 
 
 def _add_simulate(parser: argparse.ArgumentParser) -> None:
-    """
-    Describe ``lidar-buildings simulate``.
-
-    """
+    """Describe ``lidar-buildings simulate``."""
     parser.add_argument("--output", required=True, type=Path, metavar="DIR", help="folder for the survey")
     parser.add_argument("--scene", default="village", metavar="NAME", help="which scene (default: village)")
     parser.add_argument(
@@ -137,20 +113,14 @@ def _add_simulate(parser: argparse.ArgumentParser) -> None:
 
 
 def _simulate(options: argparse.Namespace) -> int:
-    """
-    Execute ``lidar-buildings simulate``.
-
-    """
+    """Execute ``lidar-buildings simulate``."""
     from lidar_buildings.simulation.command import simulate_command
 
     return simulate_command(options)
 
 
 def _add_score(parser: argparse.ArgumentParser) -> None:
-    """
-    Describe ``lidar-buildings score``.
-
-    """
+    """Describe ``lidar-buildings score``."""
     from lidar_buildings.evaluation.command.score import add_score_arguments, score_command
 
     add_score_arguments(parser)

@@ -1,6 +1,5 @@
 """
 Areas whose roof points are known well enough to be labelled: each point with the roof that it belongs to.
-
 """
 
 from __future__ import annotations
@@ -58,7 +57,6 @@ class RoofArea(NamedTuple):
         Measured spacing of these points in plan [m].
     n_left_out : int
         Points of the class that are of no roof.
-
     """
 
     points: NDArray[np.float64]
@@ -68,10 +66,7 @@ class RoofArea(NamedTuple):
 
 
 def areas_in(data: Path) -> dict[str, RoofArea]:
-    """
-    Read the areas that are there, by name.
-
-    """
+    """Read the areas that are there, by name."""
     readers: dict[str, Callable[[Path], RoofArea]] = {
         "delft": _blocks_of_a_map,
         "montpellier": _parts_of_class_6,
@@ -87,17 +82,13 @@ def areas_in(data: Path) -> dict[str, RoofArea]:
 def split(area: RoofArea) -> RoofArea:
     """
     Return the area with roofs split where the surface steps; what is too small stays with its neighbour.
-
     """
     gap, least = 2.0 * alpha_of_spacing(area.spacing), fewest_points(area.spacing)
     return area._replace(roof=split_at_steps(area.points, area.roof, gap, min_points=least))
 
 
 def _blocks_of_a_map(folder: Path) -> RoofArea:
-    """
-    Points of class 6 within the blocks of touching buildings of a map, each block one roof.
-
-    """
+    """Points of class 6 within the blocks of touching buildings of a map, each block one roof."""
     tile, frame = read_tile(folder)
     blocks = read_metric_polygons(folder / "blocks_nw.gpkg").polygons
     blocks = shapely.transform(blocks, lambda xy: xy - np.array(frame.origin[:2]))
@@ -106,35 +97,23 @@ def _blocks_of_a_map(folder: Path) -> RoofArea:
 
 
 def _parts_of_class_6(folder: Path) -> RoofArea:
-    """
-    Points of class 6, each part that hangs together in plan one roof.
-
-    """
+    """Points of class 6, each part that hangs together in plan one roof."""
     return _parts(_class_6(read_tile(folder)[0]))
 
 
 def _parts_of_own_selection(folder: Path) -> RoofArea:
-    """
-    Points that this package takes for roofs, by its defaults, each part that hangs together one roof.
-
-    """
+    """Points that this package takes for roofs, by its defaults, each part that hangs together one roof."""
     tile = filter_ground(read_tile(folder)[0], GroundFilterConfig())
     return _parts(_class_6(select_roof_points(tile, RoofSelectionConfig())))
 
 
 def read_tile(folder: Path) -> tuple[PointTile, MapFrame]:
-    """
-    Read a folder's clouds as one tile, and where its map frame lies.
-
-    """
+    """Read a folder's clouds as one tile, and where its map frame lies."""
     return read_files(sorted(folder.glob("*.laz")))
 
 
 def read_files(paths: Sequence[Path]) -> tuple[PointTile, MapFrame]:
-    """
-    Read files as one tile, and where its map frame lies.
-
-    """
+    """Read files as one tile, and where its map frame lies."""
     inputs, problems = open_inputs(list(paths))
     if problems:
         raise SystemExit("\n".join(problems))
@@ -151,27 +130,18 @@ def read_files(paths: Sequence[Path]) -> tuple[PointTile, MapFrame]:
 
 
 def _class_6(tile: PointTile) -> NDArray[np.float64]:
-    """
-    Return the tile's building points without those that are known to be façade.
-
-    """
+    """Return the tile's building points without those that are known to be façade."""
     return tile.points[tile.is_roof]
 
 
 def _parts(points: NDArray[np.float64]) -> RoofArea:
-    """
-    Take for one roof what no disc of the reference can be moved between, if it is large enough.
-
-    """
+    """Take for one roof what no disc of the reference can be moved between, if it is large enough."""
     spacing = measure_spacing(points)
     gap = 2.0 * alpha_of_spacing(spacing)
     return _area(points, roofs_of_points(points, gap, min_points=fewest_points(spacing)))
 
 
 def _area(points: NDArray[np.float64], roof: NDArray[np.int64]) -> RoofArea:
-    """
-    Keep the points of roofs.
-
-    """
+    """Keep the points of roofs."""
     kept = roof != NO_ROOF
     return RoofArea(points[kept], roof[kept], measure_spacing(points[kept]), int((~kept).sum()))

@@ -1,7 +1,4 @@
-"""
-What the benchmarks' command lines have in common.
-
-"""
+"""What the benchmarks' command lines have in common."""
 
 from __future__ import annotations
 
@@ -17,10 +14,7 @@ from lidar_buildings.core.stages.ground_filter import GroundFilterConfig
 
 
 def parser_of(description: str | None, names: Sequence[str]) -> argparse.ArgumentParser:
-    """
-    Return a parser with --data, --methods (one of these names or several) and --set.
-
-    """
+    """Return a parser with --data, --methods (one of these names or several) and --set."""
     parser = argparse.ArgumentParser(
         description=description, formatter_class=argparse.RawDescriptionHelpFormatter
     )
@@ -41,20 +35,14 @@ def parser_of(description: str | None, names: Sequence[str]) -> argparse.Argumen
 
 
 def add_pictures(parser: argparse.ArgumentParser) -> None:
-    """
-    Let the disagreements be drawn.
-
-    """
+    """Let the disagreements be drawn."""
     parser.add_argument(
         "--pictures", type=Path, metavar="DIR", help="draw the disagreements into this folder"
     )
 
 
 def picture_folder(folder: Path | None) -> Path | None:
-    """
-    Make the folder for pictures; pictures of real data do not belong into the repository.
-
-    """
+    """Make the folder for pictures; pictures of real data do not belong into the repository."""
     if folder is None:
         return None
     if folder.resolve().is_relative_to(ROOT):
@@ -64,10 +52,7 @@ def picture_folder(folder: Path | None) -> Path | None:
 
 
 def settings_of(texts: Sequence[str], config: type[StageConfig] = GroundFilterConfig) -> dict[str, Any]:
-    """
-    Turn NAME=VALUE into values of the types that a stage's parameters have.
-
-    """
+    """Turn NAME=VALUE into values of the types that a stage's parameters have."""
     defaults = {field.name: field.default for field in fields(config)}
     settings = {}
     for text in texts:
@@ -82,10 +67,7 @@ def settings_of(texts: Sequence[str], config: type[StageConfig] = GroundFilterCo
 
 
 def _value_of(text: str, kind: type) -> Any:
-    """
-    Read a value of a parameter's type; items of a list are parted by commas.
-
-    """
+    """Read a value of a parameter's type; items of a list are parted by commas."""
     if kind is bool:
         if text not in ("true", "false"):
             raise ValueError(text)

@@ -1,7 +1,4 @@
-"""
-Clouds to measure on: points, what is known of the scan, and the reference's ground.
-
-"""
+"""Clouds to measure on: points, what is known of the scan, and the reference's ground."""
 
 from __future__ import annotations
 
@@ -37,7 +34,6 @@ class Cloud(NamedTuple):
         Those of `SCAN_COLUMNS` that the source has.
     is_ground : ndarray of bool, shape (n_points,)
         The reference.
-
     """
 
     points: NDArray[np.float64]
@@ -46,17 +42,13 @@ class Cloud(NamedTuple):
 
 
 def data_folder(argument: str | None) -> Path:
-    """
-    Folder of the real clouds: the argument, else LIDAR_BUILDINGS_DATA, else beside the repository.
-
-    """
+    """Folder of the real clouds: the argument, else LIDAR_BUILDINGS_DATA, else beside the repository."""
     return Path(argument or os.environ.get("LIDAR_BUILDINGS_DATA") or DEFAULT_DATA).resolve()
 
 
 def read_cloud(paths: Iterable[Path], reference_ground: Collection[int] = (2,)) -> Cloud:
     """
     Read files as one cloud, in the order given; `reference_ground` are the classes that count as ground.
-
     """
     inputs, problems = open_inputs(list(paths))
     if problems:
@@ -76,18 +68,12 @@ def read_cloud(paths: Iterable[Path], reference_ground: Collection[int] = (2,)) 
 
 
 def moved(cloud: Cloud, offset: Collection[float]) -> Cloud:
-    """
-    Return the cloud elsewhere in the map frame, so that grids cut it in other places.
-
-    """
+    """Return the cloud elsewhere in the map frame, so that grids cut it in other places."""
     return cloud._replace(points=cloud.points + np.array([*offset, 0.0]))
 
 
 def replicated(cloud: Cloud, copies: int) -> Cloud:
-    """
-    Return the cloud laid out `copies` × `copies` times, shifted by its extent, copy after copy in time.
-
-    """
+    """Return the cloud laid out `copies` × `copies` times, shifted by its extent, copy after copy in time."""
     extent = np.append(np.ptp(cloud.points[:, :2], axis=0), 0.0)
     shifts = [(column, row, 0) * extent for row in range(copies) for column in range(copies)]
     scan = {name: np.tile(column, len(shifts)) for name, column in cloud.scan.items()}
@@ -99,10 +85,7 @@ def replicated(cloud: Cloud, copies: int) -> Cloud:
 
 
 def middle_of(cloud: Cloud, side: float) -> Cloud:
-    """
-    Return what lies in a square of this side in the cloud's middle.
-
-    """
+    """Return what lies in a square of this side in the cloud's middle."""
     xy = cloud.points[:, :2]
     middle = (xy.min(axis=0) + xy.max(axis=0)) / 2
     rows = (abs(xy - middle) < side / 2).all(axis=1)

@@ -5,7 +5,6 @@ Compile the loops that most tests need, so that the test workers find them inste
     python -m bench.common.compile_kernels models
 
 Both may run side by side: they share few loops.
-
 """
 
 import sys
@@ -19,10 +18,7 @@ from lidar_buildings.core.stages.plane_fitting import fit_roof_planes
 
 
 def compile_outlines() -> None:
-    """
-    Take a thin survey from raw points to outlines.
-
-    """
+    """Take a thin survey from raw points to outlines."""
     with tempfile.TemporaryDirectory() as folder:
         survey, result = Path(folder) / "survey", Path(folder) / "result"
         main(["simulate", "--output", str(survey), "--density", "1"])
@@ -30,10 +26,7 @@ def compile_outlines() -> None:
 
 
 def compile_models() -> None:
-    """
-    Take a house from its roof points to solids.
-
-    """
+    """Take a house from its roof points to solids."""
     scene = scenes.l_shape(rotation_deg=20.0)
     points, outline = scene.roof_points(), scene.buildings[0].outline
     planes = fit_roof_planes(points)

@@ -1,7 +1,4 @@
-"""
-Maps of where a filter and the reference disagree.
-
-"""
+"""Maps of where a filter and the reference disagree."""
 
 from __future__ import annotations
 
@@ -33,7 +30,6 @@ MAX_GAP = 3.0
 def draw_disagreement(path: Path, cloud: Cloud, mask: NDArray[np.bool_], title: str) -> None:
     """
     Draw ground taken for object (type I, red) and object taken for ground (type II, blue) over the relief.
-
     """
     xy, low = cloud.points[:, :2], cloud.points[:, :2].min(axis=0)
     extent = np.ptp(xy, axis=0) + 1e-6
@@ -64,10 +60,7 @@ def draw_disagreement(path: Path, cloud: Cloud, mask: NDArray[np.bool_], title: 
 def draw_edges(
     path: Path, points: NDArray[np.float64], edge: NDArray[np.bool_], truth: NDArray[np.bool_], title: str
 ) -> None:
-    """
-    Draw roof points in plan: edges found (black), missed (red), extra (blue), and the others (grey).
-
-    """
+    """Draw roof points in plan: edges found (black), missed (red), extra (blue), and the others (grey)."""
     extent = np.ptp(points[:, :2], axis=0) + 1e-6
     height = EDGE_PICTURE_SIZE * (extent[1] / extent[0] * 0.95 + 0.05)
     figure, axes = plt.subplots(figsize=(EDGE_PICTURE_SIZE, min(height, 2 * EDGE_PICTURE_SIZE)))
@@ -91,7 +84,6 @@ def shaded_relief(points: NDArray[np.float64], pixel: float) -> NDArray[np.float
     Grey values from 0 to 1 of the highest point of each pixel; NaN where there are no points near.
 
     Bright is high, and bright are the slopes that face the north-west.
-
     """
     column, row = np.floor((points[:, :2] - points[:, :2].min(axis=0)) / pixel).astype(int).T
     highest = np.full((row.max() + 1, column.max() + 1), -np.inf)

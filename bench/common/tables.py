@@ -1,7 +1,4 @@
-"""
-Tables of plain text.
-
-"""
+"""Tables of plain text."""
 
 from __future__ import annotations
 
@@ -11,18 +8,12 @@ import numpy as np
 
 
 def percent(share: float) -> str:
-    """
-    Write a share in percent, a dash where there is nothing to take a share of.
-
-    """
+    """Write a share in percent, a dash where there is nothing to take a share of."""
     return "–" if np.isnan(share) else f"{100 * share:.2f}"
 
 
 def table(headings: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
-    """
-    Return an aligned plain-text table; the first column is flush left.
-
-    """
+    """Return an aligned plain-text table; the first column is flush left."""
     lines = [list(headings), *(list(row) for row in rows)]
     widths = [max(len(line[column]) for line in lines) for column in range(len(headings))]
     text = [

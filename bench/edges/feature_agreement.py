@@ -3,7 +3,6 @@ Where libraries mean the same by a feature: how far they differ.
 
 Peers that mean something else by the same word are compared by their own formula, computed from this
 package's eigenvalues λ.
-
 """
 
 from __future__ import annotations
@@ -40,7 +39,6 @@ class Difference(NamedTuple):
         How many are.
     remark : str
         How the peer's definition differs from ours.
-
     """
 
     library: str
@@ -51,10 +49,7 @@ class Difference(NamedTuple):
 
 
 def differences(library: str, task: Task) -> list[Difference]:
-    """
-    Compare a library's features of a fixed radius with ours; none where there is nothing to compare.
-
-    """
+    """Compare a library's features of a fixed radius with ours; none where there is nothing to compare."""
     compare: Callable[[Task, EigenFeatures], Iterator[Difference]] | None = COMPARISONS.get(library)
     if compare is None:
         return []
@@ -62,26 +57,17 @@ def differences(library: str, task: Task) -> list[Difference]:
 
 
 def _largest(difference: NDArray[np.float64], kept: NDArray[np.bool_]) -> tuple[float, int]:
-    """
-    Return the largest absolute value among those kept, and how many they are.
-
-    """
+    """Return the largest absolute value among those kept, and how many they are."""
     return float(np.abs(difference[kept]).max(initial=0.0)), int(kept.sum())
 
 
 def _distinct(own: EigenFeatures) -> NDArray[np.bool_]:
-    """
-    Tell where all three eigenvalues differ enough.
-
-    """
+    """Tell where all three eigenvalues differ enough."""
     return -np.diff(own.eigenvalues, axis=1).max(axis=1) > MIN_GAP * own.eigenvalues[:, 0]
 
 
 def _of_jakteristics(task: Task, own: EigenFeatures) -> Iterator[Difference]:
-    """
-    Compare eigenvalues, features of them, and axes.
-
-    """
+    """Compare eigenvalues, features of them, and axes."""
     peer = jakteristics_features(task)
     n = own.n_neighbours
     used = n >= FEWEST
@@ -106,10 +92,7 @@ def _of_jakteristics(task: Task, own: EigenFeatures) -> Iterator[Difference]:
 
 
 def _of_pgeof(task: Task, own: EigenFeatures) -> Iterator[Difference]:
-    """
-    Compare pgeof's formulas, which are of σ = √λ and have 0.001 added, and normals.
-
-    """
+    """Compare pgeof's formulas, which are of σ = √λ and have 0.001 added, and normals."""
     peer, used = pgeof_selected(task), own.n_neighbours >= FEWEST
     s1, s2, s3 = np.sqrt(own.eigenvalues).T
     of_sigma = "of σ = √λ, divided by σ1 + 0.001: by its formula"
@@ -129,19 +112,13 @@ def _of_pgeof(task: Task, own: EigenFeatures) -> Iterator[Difference]:
 
 
 def _pgeof_entropy(own: EigenFeatures) -> NDArray[np.float64]:
-    """
-    Return the eigenentropy by pgeof's formula.
-
-    """
+    """Return the eigenentropy by pgeof's formula."""
     shares = own.eigenvalues / (own.eigenvalues.sum(axis=1, keepdims=True) + PGEOF_EPSILON)
     return -(shares * np.log(shares + PGEOF_EPSILON)).sum(axis=1)
 
 
 def _of_open3d(task: Task, own: EigenFeatures) -> Iterator[Difference]:
-    """
-    Compare the eigenvalues of Open3D's covariances by LAPACK, and normals.
-
-    """
+    """Compare the eigenvalues of Open3D's covariances by LAPACK, and normals."""
     cloud, used = open3d_cloud(task), own.n_neighbours >= FEWEST
     values = np.linalg.eigvalsh(np.asarray(cloud.covariances))[:, ::-1]
     off = np.abs(values - own.eigenvalues).max(axis=1) / own.eigenvalues[:, 0].clip(1e-300)

@@ -13,7 +13,6 @@ pgeof         MIT        taken: a fixed radius in float64 (``selected``) and in 
 open3d        MIT        taken: covariances and normals of a fixed radius, float64; no features
 pdal          BSD        left out: source only, it needs the PDAL library installed beforehand
 ============  =========  ====================================================================================
-
 """
 
 from __future__ import annotations
@@ -48,7 +47,6 @@ class Task(NamedTuple):
         Rising; a single one fixes the radius [m].
     most : int
         The largest number of neighbours within the largest radius, which pgeof has to be told.
-
     """
 
     points: NDArray[np.float64]
@@ -68,7 +66,6 @@ class Library(NamedTuple):
         Task → neighbours; None where it cannot be told apart from what follows.
     describe : callable
         Task and what `search` returned → features.
-
     """
 
     package: str
@@ -77,35 +74,23 @@ class Library(NamedTuple):
 
     @property
     def installed(self) -> bool:
-        """
-        Whether the package is there.
-
-        """
+        """Whether the package is there."""
         return importlib.util.find_spec(self.package) is not None
 
 
 def task_of(points: NDArray[np.float64], radii: Sequence[float]) -> Task:
-    """
-    Count the neighbours that there are at most.
-
-    """
+    """Count the neighbours that there are at most."""
     widest = eigen_features(points, [radii[-1]])
     return Task(points, np.asarray(radii), int(widest.n_neighbours.max(initial=1)))
 
 
 def own_features(task: Task, entropy: str = "dimensionality") -> EigenFeatures:
-    """
-    Run this package.
-
-    """
+    """Run this package."""
     return eigen_features(task.points, list(task.radii), min_neighbours=MIN_NEIGHBOURS, entropy=entropy)
 
 
 def jakteristics_features(task: Task, names: Sequence[str] | None = None) -> dict[str, NDArray[np.float32]]:
-    """
-    Run jakteristics with all its features, or some.
-
-    """
+    """Run jakteristics with all its features, or some."""
     import jakteristics
     from jakteristics.constants import FEATURE_NAMES
 
@@ -117,10 +102,7 @@ def jakteristics_features(task: Task, names: Sequence[str] | None = None) -> dic
 
 
 def pgeof_selected(task: Task, names: Sequence[str] | None = None) -> dict[str, NDArray[np.float64]]:
-    """
-    Run pgeof in float64 with all features that it has of a fixed radius, or some.
-
-    """
+    """Run pgeof in float64 with all features that it has of a fixed radius, or some."""
     import pgeof
 
     every = [name for name in pgeof.EFeatureID.__members__ if name != "K_optimal"]
@@ -131,10 +113,7 @@ def pgeof_selected(task: Task, names: Sequence[str] | None = None) -> dict[str, 
 
 
 def pgeof_neighbours(task: Task) -> tuple[NDArray[np.float32], NDArray[np.uint32], NDArray[np.uint32]]:
-    """
-    Search with pgeof: points, neighbours by distance, and where those of each point begin.
-
-    """
+    """Search with pgeof: points, neighbours by distance, and where those of each point begin."""
     import pgeof
 
     points = task.points.astype(np.float32)
@@ -145,20 +124,14 @@ def pgeof_neighbours(task: Task) -> tuple[NDArray[np.float32], NDArray[np.uint32
 
 
 def pgeof_features(task: Task, neighbours: Any) -> NDArray[np.float32]:
-    """
-    Describe all neighbours with pgeof in float32.
-
-    """
+    """Describe all neighbours with pgeof in float32."""
     import pgeof
 
     return pgeof.compute_features(*neighbours, 1)
 
 
 def pgeof_optimal(task: Task, neighbours: Any) -> NDArray[np.float32]:
-    """
-    Describe the number of nearest neighbours of least eigenentropy, out of as many as there are radii.
-
-    """
+    """Describe the number of nearest neighbours of least eigenentropy, out of as many as there are radii."""
     import pgeof
 
     step = max(1, round(np.diff(neighbours[2]).mean() / len(task.radii)))
@@ -166,10 +139,7 @@ def pgeof_optimal(task: Task, neighbours: Any) -> NDArray[np.float32]:
 
 
 def open3d_cloud(task: Task, _: Any = None) -> Any:
-    """
-    Compute Open3D's covariances and normals of a fixed radius.
-
-    """
+    """Compute Open3D's covariances and normals of a fixed radius."""
     import open3d
 
     cloud = open3d.geometry.PointCloud(open3d.utility.Vector3dVector(task.points))
@@ -201,19 +171,13 @@ CHOSEN = {
 
 
 def edge_radii(spacing: float) -> NDArray[np.float64]:
-    """
-    Return the radii that edge labelling chooses from by default.
-
-    """
+    """Return the radii that edge labelling chooses from by default."""
     config = EdgeLabellingConfig()
     return np.geomspace(config.min_radius, config.max_radius, config.n_radii) * spacing
 
 
 def own_edges(task: Task, is_given: bool) -> NDArray[np.uint8]:
-    """
-    Label edges with the default parameters; the spacing is measured if it is not given.
-
-    """
+    """Label edges with the default parameters; the spacing is measured if it is not given."""
     spacing = float(task.radii[0]) / EdgeLabellingConfig().min_radius
     return label_edges(task.points, point_spacing=spacing if is_given else None).edge
 

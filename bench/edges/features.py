@@ -7,7 +7,6 @@ Roof points of Delft (class 6), or where that is not there of a simulated villag
 then with one chosen for each point; last the whole of edge labelling, of which features are a part. All
 libraries run in one process on all cores, in turns; the best of the repeats counts, and the time includes the
 search for neighbours. Peers that are not installed are named and left out.
-
 """
 
 from __future__ import annotations
@@ -40,28 +39,19 @@ AGREEMENT_HEADINGS = ("library", "feature", "largest difference", "points", "the
 
 
 class Timing(NamedTuple):
-    """
-    Seconds of one run.
-
-    """
+    """Seconds of one run."""
 
     search: float
     features: float
 
     @property
     def total(self) -> float:
-        """
-        What a user waits for.
-
-        """
+        """What a user waits for."""
         return self.search + self.features
 
 
 def roof_points(data: Path | None, density: float = DENSITY) -> tuple[str, NDArray[np.float64]]:
-    """
-    Return a name and the points of Delft's class 6, or of a simulated village's roofs.
-
-    """
+    """Return a name and the points of Delft's class 6, or of a simulated village's roofs."""
     if data is not None and any((data / "delft").glob("*.laz")):
         tile, _ = read_tile(data / "delft")
         return "Delft, class 6", tile.points[tile.classification == PointClass.BUILDING]
@@ -70,19 +60,13 @@ def roof_points(data: Path | None, density: float = DENSITY) -> tuple[str, NDArr
 
 
 def side_by_side(points: NDArray[np.float64], copies: int) -> NDArray[np.float64]:
-    """
-    Return several copies of the points, each beside the last one, too far off to be seen from there.
-
-    """
+    """Return several copies of the points, each beside the last one, too far off to be seen from there."""
     width = np.ceil(np.ptp(points[:, 0])) + 100.0
     return np.concatenate([points + np.array([k * width, 0.0, 0.0]) for k in range(copies)])
 
 
 def time_one(library: Library, task: Task) -> Timing:
-    """
-    Run a library once.
-
-    """
+    """Run a library once."""
     start = time.perf_counter()
     neighbours = None if library.search is None else library.search(task)
     found = time.perf_counter()
@@ -91,10 +75,7 @@ def time_one(library: Library, task: Task) -> Timing:
 
 
 def time_all(libraries: Mapping[str, Library], task: Task, repeats: int) -> dict[str, list[Timing]]:
-    """
-    Run all that are installed, in turns.
-
-    """
+    """Run all that are installed, in turns."""
     there = {name: library for name, library in libraries.items() if library.installed}
     small = task_of(task.points[:WARM_UP], task.radii)
     for library in there.values():
@@ -109,10 +90,7 @@ def time_all(libraries: Mapping[str, Library], task: Task, repeats: int) -> dict
 def speed_rows(
     libraries: Mapping[str, Library], timings: Mapping[str, Sequence[Timing]], n_points: int
 ) -> list[list[str]]:
-    """
-    One line per library.
-
-    """
+    """One line per library."""
     own = min(one.total for one in timings[OWN])
     rows = []
     for name, library in libraries.items():
@@ -129,10 +107,7 @@ def speed_rows(
 
 
 def agreement_rows(task: Task) -> list[list[str]]:
-    """
-    One line per library and feature.
-
-    """
+    """One line per library and feature."""
     return [
         [one.library, one.feature, f"{one.largest:.1e}", str(one.n_points), one.remark]
         for name, library in FIXED.items()
@@ -142,10 +117,7 @@ def agreement_rows(task: Task) -> list[list[str]]:
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """
-    Measure and compare, and print the tables.
-
-    """
+    """Measure and compare, and print the tables."""
     options = _parser().parse_args(arguments)
     name, points = roof_points(data_folder(options.data), options.density)
     spacing = quantised_spacing(points)
@@ -170,10 +142,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
 
 def _parser() -> argparse.ArgumentParser:
-    """
-    Return the parser of the command line.
-
-    """
+    """Return the parser of the command line."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )

@@ -1,7 +1,4 @@
-"""
-The scores of edge labelling as bars, after Figure 7 of Santos, Galo and others.
-
-"""
+"""The scores of edge labelling as bars, after Figure 7 of Santos, Galo and others."""
 
 from __future__ import annotations
 
@@ -33,10 +30,7 @@ VARIANTS = {"published": "as published", "default": "thinned (default)"}
 
 
 def draw_scores(path: Path, scores: Mapping[str, Mapping[str, Mapping[str, EdgeScore]]]) -> None:
-    """
-    Draw variant → method → area → figures: a panel per variant, class and figure, the mean last.
-
-    """
+    """Draw variant → method → area → figures: a panel per variant, class and figure, the mean last."""
     columns = [(variant, kind) for variant in scores for kind in CLASSES]
     size = (4.1 * len(columns), 2.3 * len(FIGURES) + 0.9)
     figure, axes = plt.subplots(len(FIGURES), len(columns), figsize=size, dpi=80, sharey=True, squeeze=False)
@@ -66,10 +60,7 @@ def _draw_bars(
     member: str,
     paper: tuple[float, float, float],
 ) -> None:
-    """
-    Draw one figure of all methods: a group of bars per area, and one of the means.
-
-    """
+    """Draw one figure of all methods: a group of bars per area, and one of the means."""
     least, greatest, mean = paper
     axes.axhspan(least, greatest, color="0.93", zorder=0)
     axes.axhline(mean, color="0.6", linewidth=0.8, linestyle="--", zorder=1)

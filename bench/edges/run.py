@@ -12,7 +12,6 @@ are labelled in one go; a point that lies on the 2D alpha shape of its roof is a
 
 Each method is run as published, and with the defaults, which thin the band of edge points to rims of roofs.
 A rim is found by an empty disc, and so is the reference: a control shows what that disc finds by itself.
-
 """
 
 from __future__ import annotations
@@ -72,46 +71,33 @@ class Protocol(NamedTuple):
         Radius of the disc in point spacings; None for the paper's.
     regularised : bool
         Whether points that bound no area are no edges.
-
     """
 
     alpha_factor: float | None = None
     regularised: bool = False
 
     def alpha(self, area: RoofArea) -> float:
-        """
-        Return the radius in an area [m].
-
-        """
+        """Return the radius in an area [m]."""
         if self.alpha_factor is None:
             return alpha_of_spacing(area.spacing)
         return self.alpha_factor * area.spacing
 
     def edges(self, area: RoofArea) -> NDArray[np.bool_]:
-        """
-        Return the points on the alpha shapes of their roofs.
-
-        """
+        """Return the points on the alpha shapes of their roofs."""
         return reference_edges(area.points, area.roof, self.alpha(area), regularised=self.regularised)
 
 
 def configs_of(
     variant: str, methods: Sequence[str], settings: Mapping[str, Any]
 ) -> dict[str, EdgeLabellingConfig]:
-    """
-    Return each method's parameters; the control has them too, where points are thinned.
-
-    """
+    """Return each method's parameters; the control has them too, where points are thinned."""
     base = replace(VARIANTS[variant], **settings)
     configs = {method: replace(base, **METHODS[method]) for method in methods}
     return configs if base.thinning == "none" else {**configs, CONTROL: base}
 
 
 def label_area(area: RoofArea, method: str, config: EdgeLabellingConfig) -> NDArray[np.bool_]:
-    """
-    Label all roof points of an area in one go.
-
-    """
+    """Label all roof points of an area in one go."""
     if method == CONTROL:
         radius = config.rim_radius * quantised_spacing(area.points)
         return alpha_shape(area.points, radius).is_boundary
@@ -124,10 +110,7 @@ def scores_of(
     protocol: Protocol | None = None,
     pictures: Path | None = None,
 ) -> dict[str, dict[str, EdgeScore]]:
-    """
-    Score each method in each area: method → area → figures.
-
-    """
+    """Score each method in each area: method → area → figures."""
     scores: dict[str, dict[str, EdgeScore]] = {method: {} for method in configs}
     for name, area in areas.items():
         truth = (protocol or Protocol()).edges(area)
@@ -143,19 +126,13 @@ def scores_of(
 
 
 def means_of(scores: Mapping[str, EdgeScore]) -> dict[str, float]:
-    """
-    Return the means over areas, each weighing the same; those where there is nothing to share left out.
-
-    """
+    """Return the means over areas, each weighing the same; those where there is nothing to share left out."""
     found = {name: np.array([getattr(score, name) for score in scores.values()]) for name in FIGURES}
     return {name: float(np.nanmean(v)) if np.isfinite(v).any() else np.nan for name, v in found.items()}
 
 
 def rows_of(scores: Mapping[str, Mapping[str, EdgeScore]]) -> list[list[str]]:
-    """
-    Lines of the table: each method's areas, and their mean.
-
-    """
+    """Lines of the table: each method's areas, and their mean."""
     rows = []
     for method, by_area in scores.items():
         for area, score in by_area.items():
@@ -165,10 +142,7 @@ def rows_of(scores: Mapping[str, Mapping[str, EdgeScore]]) -> list[list[str]]:
 
 
 def area_rows(areas: Mapping[str, RoofArea], protocol: Protocol) -> list[list[str]]:
-    """
-    Lines that say what the areas are: roofs, points, spacing, radius of the disc, share of edges.
-
-    """
+    """Lines that say what the areas are: roofs, points, spacing, radius of the disc, share of edges."""
     rows = []
     for name, area in areas.items():
         counts = (len(np.unique(area.roof)), len(area.points), area.n_left_out)
@@ -178,10 +152,7 @@ def area_rows(areas: Mapping[str, RoofArea], protocol: Protocol) -> list[list[st
 
 
 def parser_of_edges() -> argparse.ArgumentParser:
-    """
-    Describe the command line.
-
-    """
+    """Describe the command line."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
@@ -206,10 +177,7 @@ def parser_of_edges() -> argparse.ArgumentParser:
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """
-    Print the tables.
-
-    """
+    """Print the tables."""
     options = parser_of_edges().parse_args(arguments)
     settings = settings_of(options.set, EdgeLabellingConfig)
     chosen = {field.name for field in fields(EdgeLabellingConfig)} & {"method", "features"} & settings.keys()

@@ -7,7 +7,6 @@ Edge labels against the exact outlines of simulated roofs: a reference that no e
 The alpha shape that `edges.py` takes for reference is found by the disc that thins the labels. Here the
 outlines of roofs are known. Points nearer than half a spacing to one should be edges (completeness), and
 edges should lie no further than one spacing from one (correctness).
-
 """
 
 from __future__ import annotations
@@ -51,7 +50,6 @@ class OutlineScore(NamedTuple):
         Edges among the points that should be some.
     correctness : float
         Points that may be edges among those labelled.
-
     """
 
     completeness: float
@@ -59,17 +57,13 @@ class OutlineScore(NamedTuple):
 
     @property
     def f_score(self) -> float:
-        """
-        Harmonic mean.
-
-        """
+        """Harmonic mean."""
         return ratio(2 * self.completeness * self.correctness, self.completeness + self.correctness)
 
 
 def simulated_roofs(scene: str, density: float, seed: int = 0) -> tuple[RoofArea, NDArray[np.float64]]:
     """
     Scan a scene; return its roof points, walls left out, and their distances from the outlines of blocks.
-
     """
     with tempfile.TemporaryDirectory(prefix="bench-") as folder:
         options = ["--scene", scene, "--density", str(density), "--seed", str(seed), "--overwrite"]
@@ -89,10 +83,7 @@ def simulated_roofs(scene: str, density: float, seed: int = 0) -> tuple[RoofArea
 
 
 def score_of(edge: NDArray[np.bool_], distance: NDArray[np.float64], spacing: float) -> OutlineScore:
-    """
-    Compare labels with the distances of their points from an outline.
-
-    """
+    """Compare labels with the distances of their points from an outline."""
     should, may = distance <= SHOULD * spacing, distance <= MAY * spacing
     return OutlineScore(
         ratio(int((edge & should).sum()), int(should.sum())), ratio(int((edge & may).sum()), int(edge.sum()))
@@ -102,10 +93,7 @@ def score_of(edge: NDArray[np.bool_], distance: NDArray[np.float64], spacing: fl
 def rows_of(
     configs: Mapping[str, EdgeLabellingConfig], scenes: Sequence[str], densities: Sequence[float]
 ) -> list[list[str]]:
-    """
-    Lines of the table: every method in every scene, and its mean.
-
-    """
+    """Lines of the table: every method in every scene, and its mean."""
     roofs = {(s, d): simulated_roofs(s, d) for s in scenes for d in densities}
     rows = []
     for method, config in configs.items():
@@ -119,18 +107,12 @@ def rows_of(
 
 
 def _cells(*shares: float) -> list[str]:
-    """
-    Write shares in percent.
-
-    """
+    """Write shares in percent."""
     return [percent(share) for share in shares]
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """
-    Print the tables.
-
-    """
+    """Print the tables."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )

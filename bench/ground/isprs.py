@@ -8,7 +8,6 @@ Reads `isprs/sampNN.laz` (any of the fifteen; class 2 is ground) and prints, per
 the mean, every sample weighing the same. Everything is measured with one set of parameters, the defaults,
 except what --optimise adds, which stands in a table of its own. The tables of --offsets and --optimise have
 this package's methods alone; peers lay their grids from the data's corner, so that moving changes nothing.
-
 """
 
 from __future__ import annotations
@@ -33,10 +32,7 @@ Samples = dict[str, Cloud]
 
 
 def read_samples(folder: Path) -> Samples:
-    """
-    Read the samples that are there, by name.
-
-    """
+    """Read the samples that are there, by name."""
     samples = {path.stem: read_cloud([path]) for path in sorted(folder.glob("samp[0-9][0-9].laz"))}
     if not samples:
         raise SystemExit(f"{folder}: holds no sampNN.laz: give the data folder with --data")
@@ -49,10 +45,7 @@ def default_rows(
     settings: Mapping[str, Any] | None = None,
     pictures: Path | None = None,
 ) -> list[list[str]]:
-    """
-    Lines of the main table: every method on every sample, and its mean.
-
-    """
+    """Lines of the main table: every method on every sample, and its mean."""
     rows = []
     with filters(methods, settings) as chosen:
         for method, ground_filter in chosen.items():
@@ -68,10 +61,7 @@ def default_rows(
 
 
 def _draw(path: Path, sample: Cloud, mask: np.ndarray, row: Sequence[str]) -> None:
-    """
-    Draw one sample's disagreements; matplotlib is needed only for this.
-
-    """
+    """Draw one sample's disagreements; matplotlib is needed only for this."""
     from bench.common.pictures import draw_disagreement
 
     title = f"{row[1]}, {row[0]}: total {row[2]} %, type I {row[3]} %, type II {row[4]} %"
@@ -81,10 +71,7 @@ def _draw(path: Path, sample: Cloud, mask: np.ndarray, row: Sequence[str]) -> No
 def offset_rows(
     samples: Samples, methods: Sequence[str], n_offsets: int, settings: Mapping[str, Any] | None = None
 ) -> list[list[str]]:
-    """
-    Total errors with the samples at several places of the map: least, mean and largest of each.
-
-    """
+    """Total errors with the samples at several places of the map: least, mean and largest of each."""
     offsets = [number * OFFSET_STEP for number in range(n_offsets)]
     rows = []
     with filters(methods, settings) as chosen:
@@ -104,10 +91,7 @@ def offset_rows(
 
 
 def optimised_rows(samples: Samples, method: str) -> list[list[str]]:
-    """
-    Total errors with the defaults, the best setting per sample, the best one for all, and left out.
-
-    """
+    """Total errors with the defaults, the best setting per sample, the best one for all, and left out."""
     settings = settings_grid(method)
     errors = errors_of(method, settings, list(samples.values()))
     best = optimum_of(errors)
@@ -122,18 +106,12 @@ def optimised_rows(samples: Samples, method: str) -> list[list[str]]:
 
 
 def _in_words(settings: Mapping[str, Any]) -> str:
-    """
-    Name=value of a setting.
-
-    """
+    """Name=value of a setting."""
     return " ".join(f"{name}={value:.4g}" for name, value in settings.items())
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """
-    Print the tables asked for.
-
-    """
+    """Print the tables asked for."""
     parser = parser_of(__doc__, filter_names())
     parser.add_argument("--offsets", type=int, default=0, metavar="N", help="also at N places of the map")
     parser.add_argument("--optimise", action="store_true", help="also with parameters chosen on the samples")

@@ -5,7 +5,6 @@ One measurement in a process of its own: seconds, processor seconds, and peak me
 
 prints one line of JSON. What is not measured: reading and laying out the input, a first run on a small piece
 of it (so that everything is loaded and compiled), and turning the result into a mask.
-
 """
 
 from __future__ import annotations
@@ -28,45 +27,30 @@ PROCESS = Path("/proc/self")
 
 
 def save_cloud(path: Path, cloud: Cloud) -> None:
-    """
-    Write a cloud for `load_cloud`.
-
-    """
+    """Write a cloud for `load_cloud`."""
     np.savez(path, points=cloud.points, is_ground=cloud.is_ground, **cloud.scan)
 
 
 def load_cloud(path: Path) -> Cloud:
-    """
-    Read what `save_cloud` wrote.
-
-    """
+    """Read what `save_cloud` wrote."""
     with np.load(path) as arrays:
         columns = {name: arrays[name] for name in arrays.files}
     return Cloud(columns.pop("points"), is_ground=columns.pop("is_ground"), scan=columns)
 
 
 def memory(entry: str) -> int:
-    """
-    A figure of the kernel's account of this process, VmRSS or VmHWM [bytes].
-
-    """
+    """A figure of the kernel's account of this process, VmRSS or VmHWM [bytes]."""
     lines = (PROCESS / "status").read_text().splitlines()
     return next(1024 * int(line.split()[1]) for line in lines if line.startswith(f"{entry}:"))
 
 
 def forget_peak() -> None:
-    """
-    Let the kernel's record of the largest resident size start anew from the present size.
-
-    """
+    """Let the kernel's record of the largest resident size start anew from the present size."""
     (PROCESS / "clear_refs").write_text("5")
 
 
 def measure(ground_filter: GroundFilter, cloud: Cloud) -> dict[str, Any]:
-    """
-    Time one run and take its peak memory above the input.
-
-    """
+    """Time one run and take its peak memory above the input."""
     small = middle_of(cloud, WARM_UP_SIDE)
     ground_mask(ground_filter, small)
     job = ground_filter.prepare(cloud)
@@ -88,10 +72,7 @@ def measure(ground_filter: GroundFilter, cloud: Cloud) -> dict[str, Any]:
 
 
 def main(path: str, method: str, copies: str) -> None:
-    """
-    Measure one method on copies of a saved cloud.
-
-    """
+    """Measure one method on copies of a saved cloud."""
     cloud = load_cloud(Path(path))
     if int(copies) > 1:
         cloud = replicated(cloud, int(copies))

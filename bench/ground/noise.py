@@ -5,7 +5,6 @@ Gross errors set below synthetic terrain: how many are found, by depth and densi
 
 Prints the share found of groups of 1 to 60 points on level, sloping, steep and rolling ground, and how many
 points of the terrain were taken for errors.
-
 """
 
 from __future__ import annotations
@@ -33,10 +32,7 @@ N_POINTS, LEAST_SIDE = 8000, 60.0
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """
-    Print the table.
-
-    """
+    """Print the table."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
@@ -50,7 +46,6 @@ def main(arguments: Sequence[str] | None = None) -> None:
 def row(density: float, n_seeds: int) -> list[str]:
     """
     Return the figures of one density: the shares found at each depth [%], and what was taken wrongly [ppm].
-
     """
     found, taken = [], []
     for depth in DEPTHS:
@@ -67,10 +62,7 @@ def row(density: float, n_seeds: int) -> list[str]:
 
 
 def outcome(density: float, depth: float, size: int, terrain: int, seed: int) -> tuple[float, float]:
-    """
-    Return the share of one group that was found, and of the terrain that was taken for errors.
-
-    """
+    """Return the share of one group that was found, and of the terrain that was taken for errors."""
     random = np.random.default_rng([terrain, size, seed])
     side = max(LEAST_SIDE, np.sqrt(N_POINTS / density))
     xy = random.uniform(0.0, side, (int(density * side * side), 2))

@@ -5,7 +5,6 @@ Three figures come of one table of errors (settings × clouds). *Optimised*: the
 which is how many papers report. *Best single*: the one setting with the least mean. *Left out*: each cloud
 judged with the setting that is best on all the others, which is what a user without a reference could hope
 for.
-
 """
 
 from __future__ import annotations
@@ -44,10 +43,7 @@ GRIDS: dict[str, dict[str, tuple[float, ...]]] = {
 
 
 class Optimum(NamedTuple):
-    """
-    Row numbers of settings: one per cloud, one for all, one per cloud chosen on the others.
-
-    """
+    """Row numbers of settings: one per cloud, one for all, one per cloud chosen on the others."""
 
     per_cloud: NDArray[np.int64]
     single: int
@@ -55,10 +51,7 @@ class Optimum(NamedTuple):
 
 
 def settings_grid(method: str) -> list[dict[str, Any]]:
-    """
-    Every combination; the defaults come first.
-
-    """
+    """Every combination; the defaults come first."""
     factors = GRIDS[method]
     defaults = {field.name: field.default for field in fields(GroundFilterConfig)}
     combinations = [
@@ -69,20 +62,14 @@ def settings_grid(method: str) -> list[dict[str, Any]]:
 
 
 def errors_of(method: str, settings: list[dict[str, Any]], clouds: list[Cloud]) -> NDArray[np.float64]:
-    """
-    Total error, one row per setting and one column per cloud.
-
-    """
+    """Total error, one row per setting and one column per cloud."""
     return np.array(
         [[score_of(own_filter(method, chosen), cloud).total_error for cloud in clouds] for chosen in settings]
     )
 
 
 def optimum_of(errors: NDArray[np.float64]) -> Optimum:
-    """
-    Choose the settings; of equally good ones the first.
-
-    """
+    """Choose the settings; of equally good ones the first."""
     n_clouds = errors.shape[1]
     left_out = [np.delete(errors, column, axis=1).mean(axis=1).argmin() for column in range(n_clouds)]
     return Optimum(errors.argmin(axis=0), int(errors.mean(axis=1).argmin()), np.array(left_out))

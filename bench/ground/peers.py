@@ -17,7 +17,6 @@ whitebox, pywbt         MIT           left out: they download a program when fir
 laserchicken            Apache-2.0    left out: features of points and normalisation, no ground filter
 lasR, lidR              GPL-3         left out: R packages
 ======================  ============  =======================================================================
-
 """
 
 from __future__ import annotations
@@ -63,7 +62,6 @@ class GroundFilter(NamedTuple):
         What `run` returned and the number of points → True where ground.
     package : str
         What has to be importable.
-
     """
 
     prepare: Callable[[Cloud], Any]
@@ -73,27 +71,18 @@ class GroundFilter(NamedTuple):
 
     @property
     def installed(self) -> bool:
-        """
-        Whether the package is there.
-
-        """
+        """Whether the package is there."""
         return importlib.util.find_spec(self.package) is not None
 
 
 def own_methods() -> tuple[str, ...]:
-    """
-    Return the package's methods, the default first.
-
-    """
+    """Return the package's methods, the default first."""
     method = next(field for field in fields(GroundFilterConfig) if field.name == "method")
     return spec_of(method).choices
 
 
 def own_filter(method: str, settings: Mapping[str, Any] | None = None) -> GroundFilter:
-    """
-    Return one of the package's methods, with its defaults but for `settings`.
-
-    """
+    """Return one of the package's methods, with its defaults but for `settings`."""
     config = GroundFilterConfig(**{**(settings or {}), "method": method})
     return GroundFilter(
         prepare=lambda cloud: cloud,
@@ -104,10 +93,7 @@ def own_filter(method: str, settings: Mapping[str, Any] | None = None) -> Ground
 
 
 def _run_csf(points: NDArray[np.float64]) -> Any:
-    """
-    Cloth simulation with the library's own defaults.
-
-    """
+    """Cloth simulation with the library's own defaults."""
     import CSF
 
     cloth = CSF.CSF()
@@ -119,20 +105,14 @@ def _run_csf(points: NDArray[np.float64]) -> Any:
 
 
 def _csf_mask(ground: Any, n_points: int) -> NDArray[np.bool_]:
-    """
-    Row numbers → mask.
-
-    """
+    """Row numbers → mask."""
     mask = np.zeros(n_points, dtype=bool)
     mask[np.fromiter(ground, dtype=np.int64, count=len(ground))] = True
     return mask
 
 
 def _whitebox_job(cloud: Cloud, folder: Path) -> Any:
-    """
-    Write the points to a file and open it with the library.
-
-    """
+    """Write the points to a file and open it with the library."""
     import whitebox_workflows
 
     header = laspy.LasHeader(point_format=1, version="1.2")
@@ -147,10 +127,7 @@ def _whitebox_job(cloud: Cloud, folder: Path) -> Any:
 
 
 def _run_whitebox(job: Any) -> str:
-    """
-    Filter with the library's own defaults, from file to file.
-
-    """
+    """Filter with the library's own defaults, from file to file."""
     environment, lidar, output = job
     tools = environment.lidar.filtering_classification
     tools.improved_ground_point_filter(input=lidar, classify=True, output=output)
@@ -158,10 +135,7 @@ def _run_whitebox(job: Any) -> str:
 
 
 def _whitebox_mask(output: str, n_points: int) -> NDArray[np.bool_]:
-    """
-    Classes of the written file → mask.
-
-    """
+    """Classes of the written file → mask."""
     classification = np.asarray(laspy.read(output).classification)
     if len(classification) != n_points:
         raise RuntimeError(f"{output}: holds {len(classification)} of {n_points} points")
@@ -173,10 +147,7 @@ CSF_FILTER = GroundFilter(lambda cloud: cloud.points, _run_csf, _csf_mask, "CSF"
 
 @contextlib.contextmanager
 def peers() -> Iterator[dict[str, GroundFilter]]:
-    """
-    Give the other libraries' filters, installed or not, and a folder for those that need files.
-
-    """
+    """Give the other libraries' filters, installed or not, and a folder for those that need files."""
     with tempfile.TemporaryDirectory(prefix="bench-") as folder:
         whitebox = partial(_whitebox_job, folder=Path(folder))
         yield {
@@ -193,10 +164,7 @@ PEERS = ("csf", "whitebox")
 def filters(
     names: Collection[str], settings: Mapping[str, Any] | None = None
 ) -> Iterator[dict[str, GroundFilter]]:
-    """
-    Give filters by name, in the order given.
-
-    """
+    """Give filters by name, in the order given."""
     with peers() as others:
         own = own_methods()
         yield {name: own_filter(name, settings) if name in own else others[name] for name in names}
@@ -204,10 +172,7 @@ def filters(
 
 @contextlib.contextmanager
 def quiet() -> Iterator[None]:
-    """
-    Keep what compiled libraries print off the standard output.
-
-    """
+    """Keep what compiled libraries print off the standard output."""
     sys.stdout.flush()
     kept = os.dup(1)
     with open(os.devnull, "wb") as nowhere:
@@ -220,27 +185,18 @@ def quiet() -> Iterator[None]:
 
 
 def ground_mask(ground_filter: GroundFilter, cloud: Cloud) -> NDArray[np.bool_]:
-    """
-    Run all three steps.
-
-    """
+    """Run all three steps."""
     with quiet():
         return ground_filter.mask(ground_filter.run(ground_filter.prepare(cloud)), len(cloud.points))
 
 
 def filter_names() -> tuple[str, ...]:
-    """
-    Return the names of all filters, installed or not.
-
-    """
+    """Return the names of all filters, installed or not."""
     return (*own_methods(), *PEERS)
 
 
 def installed(names: Sequence[str]) -> list[str]:
-    """
-    Leave out the peers that are not installed, and say so.
-
-    """
+    """Leave out the peers that are not installed, and say so."""
     with peers() as others:
         missing = [name for name in names if name in others and not others[name].installed]
     for name in missing:

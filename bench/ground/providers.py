@@ -8,7 +8,6 @@ as one cloud. A provider's class is no truth: it is made by a filter, edited by 
 not every point on the ground need have it. Three tables therefore: all points, with the share of the points
 within 0.15 m of the surface through the provider's ground that have the class (*dense*); the points in 5 m
 cells where that share is at least 80 %; and all points but those that lie on that surface without the class.
-
 """
 
 from __future__ import annotations
@@ -37,10 +36,7 @@ MIN_DENSITY = 0.8
 
 
 def read_folders(data: Path) -> dict[str, Cloud]:
-    """
-    Read the folders that are there, by name.
-
-    """
+    """Read the folders that are there, by name."""
     found = {name: sorted((data / name).glob("*.laz")) for name in FOLDERS}
     clouds = {name: read_cloud(paths, FOLDERS[name]) for name, paths in found.items() if paths}
     if not clouds:
@@ -49,10 +45,7 @@ def read_folders(data: Path) -> dict[str, Cloud]:
 
 
 def near_reference(cloud: Cloud) -> NDArray[np.bool_]:
-    """
-    Points near the TIN of the reference's ground; beyond its edge, near its nearest point's elevation.
-
-    """
+    """Points near the TIN of the reference's ground; beyond its edge, near its nearest point's elevation."""
     ground = cloud.points[cloud.is_ground]
     surface = LinearNDInterpolator(ground[:, :2], ground[:, 2])(cloud.points[:, :2])
     outside = np.isnan(surface)
@@ -61,10 +54,7 @@ def near_reference(cloud: Cloud) -> NDArray[np.bool_]:
 
 
 def dense_rows(cloud: Cloud, near: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """
-    Points in cells where the reference labels its own ground densely; where there is none, they count.
-
-    """
+    """Points in cells where the reference labels its own ground densely; where there is none, they count."""
     cell = np.floor(cloud.points[:, :2] / DENSITY_CELL).astype(np.int64)
     _, number = np.unique(cell, axis=0, return_inverse=True)
     number = number.ravel()
@@ -79,10 +69,7 @@ def rows_of(
     settings: Mapping[str, Any] | None = None,
     pictures: Path | None = None,
 ) -> list[list[list[str]]]:
-    """
-    Lines of the three tables: all points, where the reference is dense, without what it left out.
-
-    """
+    """Lines of the three tables: all points, where the reference is dense, without what it left out."""
     tables: list[list[list[str]]] = [[], [], []]
     with filters(methods, settings) as chosen:
         for name, cloud in clouds.items():
@@ -100,10 +87,7 @@ def rows_of(
 
 
 def _draw(path: Path, cloud: Cloud, mask: NDArray[np.bool_], row: Sequence[str]) -> None:
-    """
-    Draw one folder's disagreements; matplotlib is needed only for this.
-
-    """
+    """Draw one folder's disagreements; matplotlib is needed only for this."""
     from bench.common.pictures import draw_disagreement
 
     title = f"{row[1]}, {row[0]}: total {row[3]} %, type I {row[4]} %, type II {row[5]} %"
@@ -111,10 +95,7 @@ def _draw(path: Path, cloud: Cloud, mask: NDArray[np.bool_], row: Sequence[str])
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """
-    Print the tables.
-
-    """
+    """Print the tables."""
     parser = parser_of(__doc__, filter_names())
     add_pictures(parser)
     options = parser.parse_args(arguments)

@@ -5,7 +5,6 @@ Ground filters on the terrain scenes of the tests, whose truth is exact.
                                    [--density 1.0] [--noise M] [--pictures DIR]
 
 Prints total, type I and type II error and kappa per method and scene, the means and the worst scene.
-
 """
 
 from __future__ import annotations
@@ -23,10 +22,7 @@ from bench.scenes.terrain import TERRAIN_SCENES
 
 
 def made(name: str, density_factor: float = 1.0, **arguments: Any) -> Cloud:
-    """
-    Make a scene at a multiple of its own density.
-
-    """
+    """Make a scene at a multiple of its own density."""
     scene = TERRAIN_SCENES[name]
     density = scene.__kwdefaults__["density"] * density_factor
     points, is_ground = scene(density=density, **arguments)
@@ -39,10 +35,7 @@ def rows_of(
     settings: Mapping[str, Any] | None = None,
     pictures: Path | None = None,
 ) -> list[list[str]]:
-    """
-    Lines of the table: every method on every scene, its mean and its worst.
-
-    """
+    """Lines of the table: every method on every scene, its mean and its worst."""
     rows = []
     with filters(methods, settings) as chosen:
         for method, ground_filter in chosen.items():
@@ -60,20 +53,14 @@ def rows_of(
 
 
 def _draw(path: Path, cloud: Cloud, mask: Any, title: str) -> None:
-    """
-    Draw one scene's errors; matplotlib is needed only for this.
-
-    """
+    """Draw one scene's errors; matplotlib is needed only for this."""
     from bench.common.pictures import draw_disagreement
 
     draw_disagreement(path, cloud, mask, title)
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """
-    Make the scenes, run the filters, print the table.
-
-    """
+    """Make the scenes, run the filters, print the table."""
     every = tuple(TERRAIN_SCENES)
     parser = parser_of(__doc__, filter_names())
     parser.add_argument(

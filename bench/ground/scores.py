@@ -1,7 +1,4 @@
-"""
-Agreement with a reference's ground.
-
-"""
+"""Agreement with a reference's ground."""
 
 from __future__ import annotations
 
@@ -20,35 +17,23 @@ FIGURES = (("total", "total_error"), ("type I", "type_1_error"), ("type II", "ty
 
 
 def score_of_mask(mask: NDArray[np.bool_], is_ground: NDArray[np.bool_]) -> GroundScore:
-    """
-    Score a filter's ground against the reference's.
-
-    """
+    """Score a filter's ground against the reference's."""
     return score_ground(np.where(mask, 2, 1), np.where(is_ground, 2, 1))
 
 
 def score_of(ground_filter: GroundFilter, cloud: Cloud) -> GroundScore:
-    """
-    Run a filter and score it.
-
-    """
+    """Run a filter and score it."""
     return score_of_mask(ground_mask(ground_filter, cloud), cloud.is_ground)
 
 
 def cells_of(score: GroundScore) -> list[str]:
-    """
-    Total, type I and type II error in percent, and kappa in percent.
-
-    """
+    """Total, type I and type II error in percent, and kappa in percent."""
     shares = [*(getattr(score, member) for _, member in FIGURES), score.kappa]
     return [percent(share) for share in shares]
 
 
 def mean_cells(scores: Sequence[GroundScore]) -> list[str]:
-    """
-    Return the means over clouds, each cloud weighing the same.
-
-    """
+    """Return the means over clouds, each cloud weighing the same."""
     members = [*(member for _, member in FIGURES), "kappa"]
     return [percent(float(np.nanmean([getattr(s, member) for s in scores]))) for member in members]
 

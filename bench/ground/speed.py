@@ -8,7 +8,6 @@ points), the copies shifted by its extent. Each figure is the median of several 
 with the input already in memory and after a first run on a small piece; methods take turns within each round,
 so that what else the machine does meets all alike. See doc/benchmarks.md for the columns, and filters.py for
 the peers and those left out.
-
 """
 
 from __future__ import annotations
@@ -52,10 +51,7 @@ Runs = dict[tuple[str, int], list[dict[str, Any]]]
 
 
 def run_one(path: Path, method: str, copies: int) -> dict[str, Any]:
-    """
-    Measure in a fresh process; a run that fails is a record of why.
-
-    """
+    """Measure in a fresh process; a run that fails is a record of why."""
     command = [sys.executable, "-m", "bench.ground.measuring", str(path), method, str(copies)]
     try:
         done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=TIMEOUT, check=False)
@@ -67,10 +63,7 @@ def run_one(path: Path, method: str, copies: int) -> dict[str, Any]:
 
 
 def run_all(cloud: Cloud, methods: Sequence[str], copies: Sequence[int], repeats: int) -> Runs:
-    """
-    Run every method on every size, `repeats` times, in turns.
-
-    """
+    """Run every method on every size, `repeats` times, in turns."""
     runs: Runs = {(method, count): [] for method in methods for count in copies}
     with tempfile.TemporaryDirectory(prefix="bench-") as folder:
         path = Path(folder) / "cloud.npz"
@@ -85,37 +78,25 @@ def run_all(cloud: Cloud, methods: Sequence[str], copies: Sequence[int], repeats
 
 
 def _report(number: int, method: str, copies: int, record: dict[str, Any]) -> None:
-    """
-    Say how far it is.
-
-    """
+    """Say how far it is."""
     found = record.get("failed") or f"{record['seconds']:.2f} s"
     print(f"round {number + 1}: {method}, {copies} × {copies}: {found}", file=sys.stderr, flush=True)
 
 
 def median(records: Iterable[dict[str, Any]], name: str) -> float:
-    """
-    Median of one figure.
-
-    """
+    """Median of one figure."""
     return float(np.median([record[name] for record in records]))
 
 
 def speed_ratio(runs: Runs, method: str, copies: int) -> float:
-    """
-    How many times as fast as the reference peer: the median over the rounds, NaN without the peer.
-
-    """
+    """How many times as fast as the reference peer: the median over the rounds, NaN without the peer."""
     pairs = zip(runs.get((REFERENCE, copies), []), runs[method, copies], strict=False)
     ratios = [peer["seconds"] / mine["seconds"] for peer, mine in pairs if "failed" not in {**peer, **mine}]
     return float(np.median(ratios)) if ratios else math.nan
 
 
 def growth(runs: Runs, method: str, copies: int, before: int | None) -> float:
-    """
-    Exponent p of seconds ∝ pointsᵖ between a size and the next smaller one; 1 is linear.
-
-    """
+    """Exponent p of seconds ∝ pointsᵖ between a size and the next smaller one; 1 is linear."""
     if before is None or any("failed" in record for record in runs[method, before]):
         return math.nan
     small, large = (
@@ -125,10 +106,7 @@ def growth(runs: Runs, method: str, copies: int, before: int | None) -> float:
 
 
 def row_of(runs: Runs, method: str, copies: int, before: int | None) -> list[str]:
-    """
-    One line of the table.
-
-    """
+    """One line of the table."""
     records = runs[method, copies]
     failed = next((record["failed"] for record in records if "failed" in record), None)
     if failed is not None:
@@ -150,28 +128,19 @@ def row_of(runs: Runs, method: str, copies: int, before: int | None) -> list[str
 
 
 def _number(value: float) -> str:
-    """
-    Two decimals, or a dash.
-
-    """
+    """Two decimals, or a dash."""
     return "–" if math.isnan(value) else f"{value:.2f}"
 
 
 def rows_of(runs: Runs, methods: Sequence[str], copies: Sequence[int]) -> list[list[str]]:
-    """
-    Lines of all methods, sizes rising within each.
-
-    """
+    """Lines of all methods, sizes rising within each."""
     sizes = sorted(copies)
     smaller = dict(zip(sizes, [None, *sizes[:-1]], strict=True))
     return [row_of(runs, method, count, smaller[count]) for method in methods for count in sizes]
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """
-    Read Delft, run everything, print the table.
-
-    """
+    """Read Delft, run everything, print the table."""
     parser = parser_of(__doc__, filter_names())
     parser.add_argument("--copies", nargs="+", type=int, default=[1, 2, 4], help="copies along each axis")
     parser.add_argument("--repeats", type=int, default=3, help="rounds")

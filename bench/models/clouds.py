@@ -1,7 +1,4 @@
-"""
-Models of real clouds: who has which level of detail and why not more, validity, distance to the points.
-
-"""
+"""Models of real clouds: who has which level of detail and why not more, validity, distance to the points."""
 
 from __future__ import annotations
 
@@ -66,7 +63,6 @@ class BuiltModel(NamedTuple):
     solids : dict of str to tuple of Solid
         By level of detail, near the origin of coordinates [m].
     attributes : dict
-
     """
 
     name: str
@@ -75,10 +71,7 @@ class BuiltModel(NamedTuple):
 
     @property
     def finest(self) -> str:
-        """
-        The finest level, an empty text if there is none.
-
-        """
+        """The finest level, an empty text if there is none."""
         return max(self.solids, default="")
 
 
@@ -92,7 +85,6 @@ class CloudModels(NamedTuple):
     buildings : list of BuiltModel
     points : ModelPointScore or None
         Distances of the provider's class 6 to the finest roofs, None where there is no such class.
-
     """
 
     name: str
@@ -100,17 +92,11 @@ class CloudModels(NamedTuple):
     points: ModelPointScore | None
 
     def n_at(self, level: str) -> int:
-        """
-        Number of buildings whose finest level this is.
-
-        """
+        """Number of buildings whose finest level this is."""
         return sum(one.finest == level for one in self.buildings)
 
     def invalid(self) -> list[tuple[str, str, tuple[int, ...]]]:
-        """
-        Return name, level and codes of every solid that fails the checks.
-
-        """
+        """Return name, level and codes of every solid that fails the checks."""
         return [
             (one.name, level, codes)
             for one in self.buildings
@@ -121,10 +107,7 @@ class CloudModels(NamedTuple):
 
 
 def clouds_in(data: Path) -> Iterator[tuple[str, list[Path]]]:
-    """
-    Yield every cloud of the data folder: its name and its files.
-
-    """
+    """Yield every cloud of the data folder: its name and its files."""
     for folder in sorted(path for path in data.iterdir() if path.is_dir() and path.name not in UNREADABLE):
         files = sorted(folder.glob("*.laz"))
         if files and folder.name in ADJOINING:
@@ -137,10 +120,7 @@ def clouds_in(data: Path) -> Iterator[tuple[str, list[Path]]]:
 def models_of_cloud(
     name: str, files: Sequence[Path], output: Path, *, footprints: Path | None = None
 ) -> CloudModels:
-    """
-    Take a cloud through the whole chain, as the command does; roofs alone from the tracing on.
-
-    """
+    """Take a cloud through the whole chain, as the command does; roofs alone from the tracing on."""
     if name.split("/")[0] in ROOFS_ONLY:
         return CloudModels(name, _models_of_roofs(files), None)
     arguments = ["run", *map(str, files), "--output", str(output), "--no-ros", "--overwrite"]
@@ -155,10 +135,7 @@ def models_of_cloud(
 
 
 def buildings_of(path: Path) -> list[BuiltModel]:
-    """
-    Read models, moved near the origin of coordinates as their checks need it.
-
-    """
+    """Read models, moved near the origin of coordinates as their checks need it."""
     model = read_city_model(path)
     parts = [part.vertices.min(axis=0) for one in model.buildings for p in one.solids.values() for part in p]
     origin = np.floor(np.min(parts, axis=0)) if parts else np.zeros(3)
@@ -173,10 +150,7 @@ def buildings_of(path: Path) -> list[BuiltModel]:
 
 
 def points_of(output: Path, files: Sequence[Path]) -> ModelPointScore | None:
-    """
-    Measure the provider's class 6 against the finest roofs.
-
-    """
+    """Measure the provider's class 6 against the finest roofs."""
     points = np.concatenate([read_roof_points(file, (6,))[0] for file in files])
     if not len(points):
         return None
@@ -185,27 +159,18 @@ def points_of(output: Path, files: Sequence[Path]) -> ModelPointScore | None:
 
 
 def seconds_of(output: Path) -> dict[str, float]:
-    """
-    Return the seconds that a run says its stages took.
-
-    """
+    """Return the seconds that a run says its stages took."""
     return dict(json.loads((output / "run.json").read_text())["seconds"])
 
 
 def clouds_table(clouds: Sequence[CloudModels]) -> str:
-    """
-    Return a line per cloud, and one of all.
-
-    """
+    """Return a line per cloud, and one of all."""
     together = CloudModels("all", [one for cloud in clouds for one in cloud.buildings], None)
     return table(("cloud", *HEADINGS), ([one.name, *_cells(one)] for one in (*clouds, together)))
 
 
 def reasons_table(clouds: Sequence[CloudModels]) -> str:
-    """
-    Return how often buildings have which status and reason, numbers in the reason left out.
-
-    """
+    """Return how often buildings have which status and reason, numbers in the reason left out."""
     counts: Counter[tuple[str, str, str]] = Counter()
     for cloud in clouds:
         for one in cloud.buildings:
@@ -216,19 +181,13 @@ def reasons_table(clouds: Sequence[CloudModels]) -> str:
 
 
 def own_rmse(cloud: CloudModels) -> NDArray[np.float64]:
-    """
-    Return the attribute `rmse` of the buildings with a LoD2.2 [m].
-
-    """
+    """Return the attribute `rmse` of the buildings with a LoD2.2 [m]."""
     values = [one.attributes.get("rmse") for one in cloud.buildings if one.finest == LODS[0]]
     return np.array([value for value in values if value is not None], dtype=np.float64)
 
 
 def _cells(cloud: CloudModels) -> list[str]:
-    """
-    Return a cloud's figures in the order of `HEADINGS`.
-
-    """
+    """Return a cloud's figures in the order of `HEADINGS`."""
     n, rmse = len(cloud.buildings), own_rmse(cloud)
     n_solids = sum(len(parts) for one in cloud.buildings for parts in one.solids.values())
     shares = [percent(cloud.n_at(level) / n if n else math.nan) for level in LODS]
@@ -247,18 +206,12 @@ def _cells(cloud: CloudModels) -> list[str]:
 
 
 def _moved(solid: Solid, origin: NDArray[np.float64]) -> Solid:
-    """
-    Return a solid less an origin, on the grid that it was written on.
-
-    """
+    """Return a solid less an origin, on the grid that it was written on."""
     return Solid(np.round(solid.vertices - origin, 6), solid.faces, solid.semantics)
 
 
 def _models_of_roofs(files: Sequence[Path]) -> list[BuiltModel]:
-    """
-    Build the models of clouds that hold roofs alone: there is no ground.
-
-    """
+    """Build the models of clouds that hold roofs alone: there is no ground."""
     tile = read_files(files)[0]
     config = PipelineConfig()
     roofs = label_roof_edges(PointTile(points=tile.points), config.edge_labelling).tile
@@ -277,8 +230,5 @@ def _models_of_roofs(files: Sequence[Path]) -> list[BuiltModel]:
 
 
 def _without_numbers(text: str) -> str:
-    """
-    Replace numbers so that equal reasons are counted as one; levels and codes of checks stay.
-
-    """
+    """Replace numbers so that equal reasons are counted as one; levels and codes of checks stay."""
     return text if "checks" in text else _NUMBER.sub("…", text)

@@ -1,6 +1,5 @@
 """
 roofer (3DBAG, GPL) beside this package, where its program is installed: the same clouds, the same footprints.
-
 """
 
 from __future__ import annotations
@@ -17,10 +16,7 @@ PROGRAM = "roofer"
 
 
 def is_installed() -> bool:
-    """
-    Whether roofer's program is on the path.
-
-    """
+    """Whether roofer's program is on the path."""
     return shutil.which(PROGRAM) is not None
 
 
@@ -34,7 +30,6 @@ def roofer_models(
     ------
     SystemExit
         If the program of this name fails: another package's has the same.
-
     """
     arguments = [PROGRAM, *map(str, files), str(footprints), str(output)]
     start = time.perf_counter()

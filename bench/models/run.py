@@ -12,7 +12,6 @@ bad       input that is hard or bad: which levels come out, and why not more
 clouds    every cloud of the data folder through the chain: levels of detail, reasons, validity, RMSE; Delft
           with given footprints, too, and with roofer beside where its program is installed
 speed     planes and models of Delft and of the virtual village and roofs: buildings/s, same bytes in all runs
-
 """
 
 from __future__ import annotations
@@ -43,10 +42,7 @@ DELFT, FOOTPRINTS = "delft", "buildings_nw.gpkg"
 
 
 def run_scenes(options: argparse.Namespace) -> None:
-    """
-    Compare models of virtual roofs with their truth.
-
-    """
+    """Compare models of virtual roofs with their truth."""
     scenes = [
         model_scene(name, density=options.density, noise=options.noise, rotation_deg=angle, seed=seed)
         for name in options.roofs
@@ -59,18 +55,12 @@ def run_scenes(options: argparse.Namespace) -> None:
 
 
 def run_bad(options: argparse.Namespace) -> None:
-    """
-    Say what comes of bad input.
-
-    """
+    """Say what comes of bad input."""
     print(bad_table(judged(bad_scenes(), options.configs)), end="\n\n")
 
 
 def run_clouds(options: argparse.Namespace) -> None:
-    """
-    Take every cloud through the chain.
-
-    """
+    """Take every cloud through the chain."""
     found = []
     with _kept(options.keep) as folder:
         for name, files in clouds_in(options.data_folder):
@@ -93,10 +83,7 @@ def run_clouds(options: argparse.Namespace) -> None:
 
 
 def run_speed(options: argparse.Namespace) -> None:
-    """
-    Take the times of planes and models.
-
-    """
+    """Take the times of planes and models."""
     speeds = [speed_of(name, simulate_tile(name)[0], options.repeats) for name in VIRTUAL]
     folder = options.data_folder / DELFT
     if folder.is_dir():
@@ -117,10 +104,7 @@ PARTS: dict[str, Callable[[argparse.Namespace], None]] = {
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """
-    Run the parts asked for.
-
-    """
+    """Run the parts asked for."""
     options = _parser().parse_args(arguments)
     options.configs = configs_of(options.set)
     if {"clouds", "speed"} & set(options.parts):
@@ -132,18 +116,12 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
 
 def rotations(n: int) -> list[float]:
-    """
-    Return so many orientations of the quadrant, along the axes first; shapes have two different sides.
-
-    """
+    """Return so many orientations of the quadrant, along the axes first; shapes have two different sides."""
     return [90.0 * k / n for k in range(n)]
 
 
 def configs_of(texts: Sequence[str]) -> Configs:
-    """
-    Read STAGE.NAME=VALUE, as the command line's --set.
-
-    """
+    """Read STAGE.NAME=VALUE, as the command line's --set."""
     own: dict[str, list[str]] = {"plane_fitting": [], "building_model": []}
     for text in texts:
         stage, point, setting = text.partition(".")
@@ -158,10 +136,7 @@ def configs_of(texts: Sequence[str]) -> Configs:
 
 @contextmanager
 def _kept(folder: Path | None) -> Iterator[Path]:
-    """
-    Give the folder to write to, or one that is gone afterwards.
-
-    """
+    """Give the folder to write to, or one that is gone afterwards."""
     if folder is not None:
         folder.mkdir(parents=True, exist_ok=True)
         yield folder

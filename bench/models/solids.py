@@ -6,7 +6,6 @@ Solids of random roofs in pieces: how many are valid, how exact their volumes, h
 
 The roofs are far worse than real ones: lines a millimetre beside corners, pieces a millimetre wide, planes
 that cross, almost coincide, meet in one vertex, or are as steep as walls.
-
 """
 
 from __future__ import annotations
@@ -29,10 +28,7 @@ from lidar_buildings.core.solids.validity import check_solid
 
 
 def random_roof(seed: int) -> list[RoofPiece]:
-    """
-    Return the pieces of a random roof.
-
-    """
+    """Return the pieces of a random roof."""
     random = np.random.default_rng(seed)
     outline = _outline(random)
     lines = [outline.boundary, *_cuts(random, outline)]
@@ -52,10 +48,7 @@ def random_roof(seed: int) -> list[RoofPiece]:
 
 
 def volume_below(pieces: list[RoofPiece], ground: float) -> float:
-    """
-    Return the sum over pieces of area times height at the centre of mass [m³].
-
-    """
+    """Return the sum over pieces of area times height at the centre of mass [m³]."""
     polygons = [shapely.Polygon(piece.rings[0], piece.rings[1:]) for piece in pieces]
     return sum(
         polygon.area * (piece.elevation(polygon.centroid.x, polygon.centroid.y) - ground)
@@ -64,10 +57,7 @@ def volume_below(pieces: list[RoofPiece], ground: float) -> float:
 
 
 def block(n: int) -> list[RoofPiece]:
-    """
-    Return n by n flat parts of all heights, a block with some thousand faces.
-
-    """
+    """Return n by n flat parts of all heights, a block with some thousand faces."""
     random = np.random.default_rng(0)
     corners = np.array([[0, 0], [5, 0], [5, 5], [0, 5]], dtype=float)
     return [
@@ -78,10 +68,7 @@ def block(n: int) -> list[RoofPiece]:
 
 
 def print_speed(name: str, pieces: list[RoofPiece]) -> None:
-    """
-    Print the processor time that one solid takes, the least of ten.
-
-    """
+    """Print the processor time that one solid takes, the least of ten."""
     solid = roof_solid(pieces, 0.0)
     seconds = []
     for work in (lambda: roof_solid(pieces, 0.0), lambda: check_solid(solid)):
@@ -100,7 +87,6 @@ def print_speed(name: str, pieces: list[RoofPiece]) -> None:
 def _outline(random: np.random.Generator) -> shapely.Polygon:
     """
     Return a box with courtyards, a union of boxes, a star, or a box whose courtyard touches its outer ring.
-
     """
     kind = random.integers(4)
     if kind == 0:
@@ -122,10 +108,7 @@ def _outline(random: np.random.Generator) -> shapely.Polygon:
 
 
 def _cuts(random: np.random.Generator, outline: shapely.Polygon) -> list[shapely.Geometry]:
-    """
-    Return lines and small boxes that divide an outline, some a millimetre beside its corners and edges.
-
-    """
+    """Return lines and small boxes that divide an outline, some a millimetre beside its corners and edges."""
     low, high = np.reshape(outline.bounds, (2, 2))
     corners = shapely.get_coordinates(outline)
     cuts: list[shapely.Geometry] = []
@@ -148,7 +131,6 @@ def _cuts(random: np.random.Generator, outline: shapely.Polygon) -> list[shapely
 def _planes(random: np.random.Generator, faces: list[shapely.Polygon]) -> list[tuple[float, float, float]]:
     """
     Return a plane per face: flat, sloping, through one vertex, of few slopes, steep, or all but the same.
-
     """
     kind = random.integers(6)
     corners = shapely.get_coordinates(faces)
@@ -169,19 +151,13 @@ def _planes(random: np.random.Generator, faces: list[shapely.Polygon]) -> list[t
 
 
 def _rings(polygon: shapely.Polygon) -> tuple[np.ndarray, ...]:
-    """
-    Return a polygon's rings, open, the exterior counter-clockwise and the holes clockwise.
-
-    """
+    """Return a polygon's rings, open, the exterior counter-clockwise and the holes clockwise."""
     oriented = shapely.orient_polygons(polygon)
     return tuple(shapely.get_coordinates(ring)[:-1] for ring in (oriented.exterior, *oriented.interiors))
 
 
 def verdicts(program: str, solids: list[Solid]) -> Counter[tuple[int, ...]]:
-    """
-    Count the sets of codes that val3dity gives to solids.
-
-    """
+    """Count the sets of codes that val3dity gives to solids."""
     lines = [
         {"type": "CityJSON", "version": "2.0", "transform": {"scale": [0.001] * 3, "translate": [0.0] * 3}}
     ]
@@ -207,10 +183,7 @@ def verdicts(program: str, solids: list[Solid]) -> Counter[tuple[int, ...]]:
 
 
 def main() -> None:
-    """
-    Build solids, check them, and print what came out.
-
-    """
+    """Build solids, check them, and print what came out."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
     parser.add_argument("--number", type=int, default=1000, help="how many roofs (default: 1000)")
     parser.add_argument("--first", type=int, default=0, help="seed of the first (default: 0)")

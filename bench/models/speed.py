@@ -1,7 +1,4 @@
-"""
-How fast planes and models come, and that two runs give the same bytes.
-
-"""
+"""How fast planes and models come, and that two runs give the same bytes."""
 
 from __future__ import annotations
 
@@ -39,7 +36,6 @@ class Speed(NamedTuple):
         Least processor time of both stages, of all threads [s]; it tells more where others work beside.
     is_repeatable, is_free_of_order : bool
         Whether all repeats gave the same solids, and points in another order, too.
-
     """
 
     name: str
@@ -53,18 +49,12 @@ class Speed(NamedTuple):
 
     @property
     def per_second(self) -> float:
-        """
-        Buildings per second of both stages together.
-
-        """
+        """Buildings per second of both stages together."""
         return self.n_buildings / (self.planes + self.models)
 
 
 def speed_of(name: str, tile: PointTile, repeats: int, footprints: Footprints | None = None) -> Speed:
-    """
-    Take a tile of raw points to outlines, then planes and models as often as asked for.
-
-    """
+    """Take a tile of raw points to outlines, then planes and models as often as asked for."""
     config = PipelineConfig()
     before = reconstruct_tile(tile, config, until="regularisation", footprints=footprints)
     first = _run(before, before.roofs, config)
@@ -84,10 +74,7 @@ def speed_of(name: str, tile: PointTile, repeats: int, footprints: Footprints | 
 
 
 def fingerprint(models: Sequence[TileModel]) -> str:
-    """
-    Return a digest of all vertices and faces of all models.
-
-    """
+    """Return a digest of all vertices and faces of all models."""
     digest = hashlib.sha256()
     for one in models:
         for level in sorted(one.model.solids):
@@ -98,10 +85,7 @@ def fingerprint(models: Sequence[TileModel]) -> str:
 
 
 def speed_table(speeds: Sequence[Speed]) -> str:
-    """
-    Return a line per tile.
-
-    """
+    """Return a line per tile."""
     return table(
         ("tile", *HEADINGS),
         (
@@ -122,10 +106,7 @@ def speed_table(speeds: Sequence[Speed]) -> str:
 
 
 class _Run(NamedTuple):
-    """
-    Seconds of one run of both stages, and a digest of what it gave.
-
-    """
+    """Seconds of one run of both stages, and a digest of what it gave."""
 
     planes: float
     models: float
@@ -134,10 +115,7 @@ class _Run(NamedTuple):
 
 
 def _run(before: TileResult, roofs: PointTile, config: PipelineConfig) -> _Run:
-    """
-    Fit planes and build models of a tile whose outlines are there.
-
-    """
+    """Fit planes and build models of a tile whose outlines are there."""
     started, used = time.perf_counter(), time.process_time()
     fitted = fit_planes(roofs, config.plane_fitting)
     between = time.perf_counter()

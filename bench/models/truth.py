@@ -1,7 +1,4 @@
-"""
-Models of virtual roofs against their exact truth.
-
-"""
+"""Models of virtual roofs against their exact truth."""
 
 from __future__ import annotations
 
@@ -44,10 +41,7 @@ HEADINGS = (
 
 
 class Configs(NamedTuple):
-    """
-    Settings of the two stages.
-
-    """
+    """Settings of the two stages."""
 
     plane_fitting: PlaneFittingConfig = PlaneFittingConfig()
     building_model: BuildingModelConfig = BuildingModelConfig()
@@ -71,7 +65,6 @@ class Verdict(NamedTuple):
         Largest difference of a ridge's elevation [m]; infinite if one has no counterpart, NaN without any.
     is_valid : bool
         Whether every solid passes the checks.
-
     """
 
     scene: ModelScene
@@ -86,58 +79,37 @@ class Verdict(NamedTuple):
 
     @property
     def has_finest(self) -> bool:
-        """
-        Whether there is a LoD2.2.
-
-        """
+        """Whether there is a LoD2.2."""
         return FINEST in self.model.solids
 
     @property
     def type_right(self) -> bool:
-        """
-        Whether the roof's type is one of the words that are right.
-
-        """
+        """Whether the roof's type is one of the words that are right."""
         return str(self.model.attributes.get("roof_type")) in roof_words(self.scene.name)
 
     @property
     def volume_error(self) -> float:
-        """
-        Volume of the finest solid / true volume − 1, without sign; NaN without a solid.
-
-        """
+        """Volume of the finest solid / true volume − 1, without sign; NaN without a solid."""
         return abs(float(self.score.volume_ratio[0]) - 1.0)
 
     @property
     def vertices_equal(self) -> bool:
-        """
-        Whether the LoD2.2 has as many vertices as the truth as it is written.
-
-        """
+        """Whether the LoD2.2 has as many vertices as the truth as it is written."""
         return self.has_finest and self.score.counts.vertices_result == self.score.counts.vertices_reference
 
     @property
     def corners_equal(self) -> bool:
-        """
-        Whether the LoD2.2 has as many corners as the truth.
-
-        """
+        """Whether the LoD2.2 has as many corners as the truth."""
         return self.has_finest and self.score.counts.same_corners == 1.0
 
 
 def judged(scenes: Iterable[ModelScene], configs: Configs | None = None) -> list[Verdict]:
-    """
-    Fit planes and build the model of every scene.
-
-    """
+    """Fit planes and build the model of every scene."""
     return [verdict(scene, configs or Configs()) for scene in scenes]
 
 
 def modelled(scene: ModelScene, configs: Configs) -> tuple[RoofPlanes, BuildingModel]:
-    """
-    Return a scene's planes and its model, from the true outline.
-
-    """
+    """Return a scene's planes and its model, from the true outline."""
     planes = fit_roof_planes(scene.points, configs.plane_fitting)
     model = build_model(
         scene.points,
@@ -150,10 +122,7 @@ def modelled(scene: ModelScene, configs: Configs) -> tuple[RoofPlanes, BuildingM
 
 
 def verdict(scene: ModelScene, configs: Configs) -> Verdict:
-    """
-    Compare one scene's model with its truth.
-
-    """
+    """Compare one scene's model with its truth."""
     planes, model = modelled(scene, configs)
     pairs = matched_planes(planes.plane_id, scene)
     found = [k for k in pairs.values() if k]
@@ -178,7 +147,6 @@ def matched_planes(plane_id: NDArray[np.uint16], scene: ModelScene) -> dict[int,
     Return the plane found for each true plane, 0 where there is none.
 
     Faces of one plane that lie apart, as those of a cross, may be found as one plane or each by itself.
-
     """
     faces = np.arange(1, len(scene.building.faces) + 1)
     by_plane, by_face = (_matched(plane_id, truth[scene.plane_id]) for truth in _truths(scene, faces))
@@ -186,10 +154,7 @@ def matched_planes(plane_id: NDArray[np.uint16], scene: ModelScene) -> dict[int,
 
 
 def _matched(plane_id: NDArray[np.uint16], truth: NDArray[np.int64]) -> dict[int, int]:
-    """
-    Return the plane found for each number in the truth.
-
-    """
+    """Return the plane found for each number in the truth."""
     found = {}
     for face in np.unique(truth[truth > 0]).tolist():
         own = truth == face
@@ -201,10 +166,7 @@ def _matched(plane_id: NDArray[np.uint16], truth: NDArray[np.int64]) -> dict[int
 
 
 def truth_table(verdicts: Sequence[Verdict]) -> str:
-    """
-    Return a line per shape with its worst figures, and one of all.
-
-    """
+    """Return a line per shape with its worst figures, and one of all."""
     groups: dict[str, list[Verdict]] = {}
     for one in verdicts:
         groups.setdefault(one.scene.name, []).append(one)
@@ -214,10 +176,7 @@ def truth_table(verdicts: Sequence[Verdict]) -> str:
 
 
 def bad_table(verdicts: Sequence[Verdict]) -> str:
-    """
-    Return a line per scene of bad input: what came out and why.
-
-    """
+    """Return a line per scene of bad input: what came out and why."""
     headings = ("input", "levels", "valid", "status", "type", "volume [%]", "roof RMSE [m]", "reason")
     return table(
         headings,
@@ -238,18 +197,12 @@ def bad_table(verdicts: Sequence[Verdict]) -> str:
 
 
 def bad_scenes(rotation_deg: float = 20.0, seed: int = 0) -> list[ModelScene]:
-    """
-    Return the scenes of hard and bad input.
-
-    """
+    """Return the scenes of hard and bad input."""
     return [make(rotation_deg=rotation_deg, seed=seed) for make in BAD_SCENES.values()]
 
 
 def _cells(verdicts: Sequence[Verdict]) -> list[str]:
-    """
-    Return the figures of some scenes in the order of `HEADINGS`; errors are the largest.
-
-    """
+    """Return the figures of some scenes in the order of `HEADINGS`; errors are the largest."""
     n = len(verdicts)
     return [
         str(n),
@@ -268,19 +221,13 @@ def _cells(verdicts: Sequence[Verdict]) -> list[str]:
 
 
 def _largest(values: Iterable[float], digits: int) -> str:
-    """
-    Write the largest of the errors that there are, a dash if there is none.
-
-    """
+    """Write the largest of the errors that there are, a dash if there is none."""
     known = [value for value in values if not math.isnan(value)]
     return f"{max(known):.{digits}f}" if known else "–"
 
 
 def _ridge_error(score: ModelScore) -> float:
-    """
-    Return the largest error, infinity if a ridge has no counterpart, NaN where there is no ridge.
-
-    """
+    """Return the largest error, infinity if a ridge has no counterpart, NaN where there is no ridge."""
     if score.ridges.n_reference and score.ridges.recall < 1.0:
         return math.inf
     return score.ridges.largest
@@ -289,7 +236,6 @@ def _ridge_error(score: ModelScore) -> float:
 def _truths(scene: ModelScene, faces: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """
     Return the number of each plane id, 0 for none, with the faces of one plane as one, and each by itself.
-
     """
     planes = scene.building.planes
     close = np.isclose(planes[:, None], planes[None], rtol=0.0, atol=1e-6).all(axis=2)
@@ -297,8 +243,5 @@ def _truths(scene: ModelScene, faces: NDArray[np.int64]) -> tuple[NDArray[np.int
 
 
 def _angle_deg(one: NDArray[np.float64], other: NDArray[np.float64]) -> float:
-    """
-    Return the angle between two planes [deg].
-
-    """
+    """Return the angle between two planes [deg]."""
     return math.degrees(math.acos(min(1.0, abs(float(one @ other)))))

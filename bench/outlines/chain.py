@@ -1,6 +1,5 @@
 """
 From roof points to outlines: this package's three stages, each timed, and what can be asked of an outline.
-
 """
 
 from __future__ import annotations
@@ -32,10 +31,7 @@ STEPS = ("segmentation", "tracing", "regularisation")
 
 
 class Configs(NamedTuple):
-    """
-    Settings of the three stages.
-
-    """
+    """Settings of the three stages."""
 
     segmentation: SegmentationConfig = SegmentationConfig()
     boundary_tracing: BoundaryTracingConfig = BoundaryTracingConfig()
@@ -60,7 +56,6 @@ class Building(NamedTuple):
         Whether the outline is more than the traced one.
     reason : str
         Why not, or what was out of the ordinary.
-
     """
 
     rows: NDArray[np.intp]
@@ -74,10 +69,7 @@ class Building(NamedTuple):
 
     @property
     def polygon(self) -> shapely.Polygon:
-        """
-        The outline for scoring [m].
-
-        """
+        """The outline for scoring [m]."""
         return shapely.Polygon(self.outline.exterior, self.outline.holes)
 
 
@@ -91,7 +83,6 @@ class Chain(NamedTuple):
         By rising building id.
     seconds : dict of str to float
         Wall time of each step.
-
     """
 
     buildings: list[Building]
@@ -99,18 +90,12 @@ class Chain(NamedTuple):
 
     @property
     def polygons(self) -> NDArray[Any]:
-        """
-        All outlines for scoring [m].
-
-        """
+        """All outlines for scoring [m]."""
         return np.array([building.polygon for building in self.buildings], dtype=object)
 
 
 def chain_of(roofs: PointTile, configs: Configs) -> Chain:
-    """
-    Run segmentation, tracing and regularisation on roof points, building after building.
-
-    """
+    """Run segmentation, tracing and regularisation on roof points, building after building."""
     seconds = dict.fromkeys(STEPS, 0.0)
     scan = {name: getattr(roofs, name) for name in SCAN_COLUMNS}
     found = _timed(
@@ -152,10 +137,7 @@ def chain_of(roofs: PointTile, configs: Configs) -> Chain:
 
 
 def configs_of(texts: Sequence[str], **settings: Mapping[str, Any]) -> Configs:
-    """
-    Read STAGE.NAME=VALUE, as the command line's --set; `settings` are defaults by stage.
-
-    """
+    """Read STAGE.NAME=VALUE, as the command line's --set; `settings` are defaults by stage."""
     own: dict[str, list[str]] = {stage: [] for stage in Configs._fields}
     for text in texts:
         stage, point, setting = text.partition(".")
@@ -171,10 +153,7 @@ def configs_of(texts: Sequence[str], **settings: Mapping[str, Any]) -> Configs:
 
 
 def bias_variants(configs: Configs) -> dict[str, Configs]:
-    """
-    Return the configs to compare by name: with and without the correction of the lidar's bias.
-
-    """
+    """Return the configs to compare by name: with and without the correction of the lidar's bias."""
     if "correct_bias" not in {field.name for field in fields(RegularisationConfig)}:
         return {"as set": configs}
     return {
@@ -184,28 +163,19 @@ def bias_variants(configs: Configs) -> dict[str, Configs]:
 
 
 def mean_spacing(pattern: ScanPattern) -> float:
-    """
-    Return the side of the square that each point has, the paper's spacing [m].
-
-    """
+    """Return the side of the square that each point has, the paper's spacing [m]."""
     return math.sqrt(pattern.along * pattern.across)
 
 
 def vertex_count(polygon: shapely.Polygon) -> int:
-    """
-    Count the vertices of all rings, without those that close them.
-
-    """
+    """Count the vertices of all rings, without those that close them."""
     return int(shapely.get_num_coordinates(polygon)) - len(shapely.get_rings(polygon))
 
 
 def _timed(
     seconds: dict[str, float], step: str, function: Callable[..., Any], *arguments: Any, **keywords: Any
 ) -> Any:
-    """
-    Call a function and add the time that it took to a step's.
-
-    """
+    """Call a function and add the time that it took to a step's."""
     start = time.perf_counter()
     result = function(*arguments, **keywords)
     seconds[step] += time.perf_counter() - start

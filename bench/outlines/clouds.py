@@ -1,7 +1,4 @@
-"""
-The roof points of real clouds, each with the spacing of its pulses.
-
-"""
+"""The roof points of real clouds, each with the spacing of its pulses."""
 
 from __future__ import annotations
 
@@ -45,7 +42,6 @@ class RoofCloud(NamedTuple):
         What to add to get coordinates of the file's reference system [m].
     classes : str
         Whose classes these are: ``"provider"``, ``"own"`` or ``"roofs"``.
-
     """
 
     name: str
@@ -56,10 +52,7 @@ class RoofCloud(NamedTuple):
 
 
 def roof_clouds(data: Path, *, own_classes: bool = False) -> Iterator[RoofCloud]:
-    """
-    Read every cloud of the data folder that is there, one after the other.
-
-    """
+    """Read every cloud of the data folder that is there, one after the other."""
     for folder in sorted(path for path in data.iterdir() if path.is_dir() and path.name not in UNREADABLE):
         files = sorted(folder.glob("*.laz"))
         if files and folder.name in ADJOINING:
@@ -73,7 +66,6 @@ def roof_clouds(data: Path, *, own_classes: bool = False) -> Iterator[RoofCloud]
 def read_roofs(name: str, files: list[Path], *, own_classes: bool = False) -> RoofCloud:
     """
     Read one cloud: the provider's class 6 where there is one and it is wanted, else this package's choice.
-
     """
     tile, frame = read_files(files)
     spacing = steady_spacing(pulses(tile.points, tile.return_number, tile.number_of_returns), None)

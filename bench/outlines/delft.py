@@ -1,7 +1,4 @@
-"""
-Outlines of Delft's class 6 against the blocks of the base map, ours and peers' on the same clusters.
-
-"""
+"""Outlines of Delft's class 6 against the blocks of the base map, ours and peers' on the same clusters."""
 
 from __future__ import annotations
 
@@ -47,7 +44,6 @@ class Reference(NamedTuple):
     ----------
     blocks, area : ndarray of shapely geometries
         In the map frame of the cloud; the blocks are complete within the area [m].
-
     """
 
     blocks: NDArray[Any]
@@ -68,7 +64,6 @@ class Peered(NamedTuple):
         Method → least wall time of the repeats.
     steps : dict
         This package's steps → time in its fastest repeat.
-
     """
 
     n_clusters: int
@@ -78,10 +73,7 @@ class Peered(NamedTuple):
 
 
 def read_delft(data: Path, *, own_classes: bool = False) -> tuple[RoofCloud, Reference]:
-    """
-    Read both halves as one cloud, and the map.
-
-    """
+    """Read both halves as one cloud, and the map."""
     folder = data / "delft"
     cloud = read_roofs("delft", sorted(folder.glob("*.laz")), own_classes=own_classes)
     blocks, area = (
@@ -94,10 +86,7 @@ def read_delft(data: Path, *, own_classes: bool = False) -> tuple[RoofCloud, Ref
 
 
 def run_all(cloud: RoofCloud, configs: dict[str, Configs], peers: Sequence[str], repeats: int) -> Peered:
-    """
-    Run every variant of ours and every peer in turns, after one run of each that does not count.
-
-    """
+    """Run every variant of ours and every peer in turns, after one run of each that does not count."""
     first = next(iter(configs.values()))
     clusters = [cloud.roofs.points[one.rows] for one in chain_of(cloud.roofs, first).buildings]
     polygons: dict[str, NDArray[Any]] = {}
@@ -121,10 +110,7 @@ def run_all(cloud: RoofCloud, configs: dict[str, Configs], peers: Sequence[str],
 
 
 def quality_cells(polygons: NDArray[Any], reference: Reference, *, merged: bool) -> list[str]:
-    """
-    Score outlines in the order of `HEADINGS`.
-
-    """
+    """Score outlines in the order of `HEADINGS`."""
     n_valid = int(np.count_nonzero(shapely.is_valid(polygons) & ~shapely.is_empty(polygons)))
     mine = merge_touching(polygons).polygons if merged else polygons
     score = score_outlines(mine, reference.blocks, area=reference.area)
@@ -148,10 +134,7 @@ def quality_cells(polygons: NDArray[Any], reference: Reference, *, merged: bool)
 
 
 def delft_tables(peered: Peered, reference: Reference, *, merged: bool) -> str:
-    """
-    Return quality by method, and times in multiples of ours.
-
-    """
+    """Return quality by method, and times in multiples of ours."""
     quality = table(
         ("method", *HEADINGS),
         ([name, *quality_cells(each, reference, merged=merged)] for name, each in peered.polygons.items()),

@@ -13,7 +13,6 @@ buildingregulariser MIT     taken: turns the edges of polygons into main directi
                             diagonals, and finds circles; its defaults, in one process; on the plain hulls
 alphashape          MIT     left out: seconds per building
 ==================  ======  ==============================================================================
-
 """
 
 from __future__ import annotations
@@ -50,7 +49,6 @@ class PeerResult(NamedTuple):
         One per cluster; empty where nothing came out.
     seconds : float
         Wall time, hulls included.
-
     """
 
     polygons: NDArray[Any]
@@ -58,18 +56,12 @@ class PeerResult(NamedTuple):
 
 
 def is_installed(name: str) -> bool:
-    """
-    Whether a peer's package is there.
-
-    """
+    """Whether a peer's package is there."""
     return importlib.util.find_spec(PEERS[name]) is not None
 
 
 def run_peer(name: str, clusters: Sequence[NDArray[np.float64]]) -> PeerResult:
-    """
-    Make outlines from clusters of points, array of shape (n_points, 2) or more columns each.
-
-    """
+    """Make outlines from clusters of points, array of shape (n_points, 2) or more columns each."""
     start = time.perf_counter()
     hulls = shapely.concave_hull(
         [shapely.multipoints(points[:, :2]) for points in clusters], ratio=HULL_RATIO, allow_holes=False
@@ -83,10 +75,7 @@ def run_peer(name: str, clusters: Sequence[NDArray[np.float64]]) -> PeerResult:
 
 
 def _regularised(hulls: NDArray[Any]) -> NDArray[Any]:
-    """
-    Let buildingregulariser turn hulls into regular outlines.
-
-    """
+    """Let buildingregulariser turn hulls into regular outlines."""
     import geopandas
     from buildingregulariser import regularize_geodataframe
 

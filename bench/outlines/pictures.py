@@ -1,7 +1,4 @@
-"""
-Outlines over their points and their truth, and Table 1 as a plot.
-
-"""
+"""Outlines over their points and their truth, and Table 1 as a plot."""
 
 from __future__ import annotations
 
@@ -27,10 +24,7 @@ MAP_SIZE = 14.0
 
 
 def draw_scenes(path: Path, verdicts: Mapping[str, Verdict]) -> None:
-    """
-    Draw one scene per plan: points grey, truth red, result black.
-
-    """
+    """Draw one scene per plan: points grey, truth red, result black."""
     rows = -(-len(verdicts) // COLUMNS)
     figure, axes = plt.subplots(rows, COLUMNS, figsize=(4 * COLUMNS, 4 * rows), squeeze=False)
     for place in axes.flat:
@@ -55,10 +49,7 @@ def draw_map(
     layers: Mapping[str, tuple[Sequence[Any], str]],
     limits: tuple[float, float, float, float],
 ) -> None:
-    """
-    Draw roof points in plan and named layers of outlines (polygons, colour) over them.
-
-    """
+    """Draw roof points in plan and named layers of outlines (polygons, colour) over them."""
     west, south, east, north = limits
     figure, axes = plt.subplots(figsize=(MAP_SIZE, MAP_SIZE * (north - south) / (east - west)))
     inside = (points[:, :2] > (west, south)).all(axis=1) & (points[:, :2] < (east, north)).all(axis=1)
@@ -74,19 +65,13 @@ def draw_map(
 
 
 def draw_rings(axes: plt.Axes, polygons: Sequence[Any], **look: Any) -> None:
-    """
-    Draw all rings of some polygons.
-
-    """
+    """Draw all rings of some polygons."""
     for ring in shapely.get_rings(shapely.get_parts(np.array(polygons, dtype=object))):
         axes.plot(*shapely.get_coordinates(ring).T, **look)
 
 
 def draw_table_1(path: Path, rows: Sequence[Row]) -> None:
-    """
-    Draw σ and largest offset over the spacing: the buildings, their means, the paper's, and a line.
-
-    """
+    """Draw σ and largest offset over the spacing: the buildings, their means, the paper's, and a line."""
     figure, panels = plt.subplots(1, 2, figsize=(12, 5), dpi=90)
     longest = 1.1 * max(*(row.score.spacing for row in rows), *(s for s, _ in PAPER.values()))
     for axes, figure_name, member, label in (

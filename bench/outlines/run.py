@@ -13,7 +13,6 @@ delft     class 6 of both halves against the blocks of the base map; peers on th
 table1    σ and largest offset of ten buildings each, beside the figures of Sampath & Shan (2007); blocks are
           split at step edges, as single buildings are meant
 validity  all outlines of all clouds: valid, no repeated vertex, turned right; overlaps; buildings per second
-
 """
 
 from __future__ import annotations
@@ -40,10 +39,7 @@ TABLE_1_CLOUDS = ("toronto", "fusa", "delft")
 
 
 def run_scenes(options: argparse.Namespace) -> None:
-    """
-    Compare outlines of virtual buildings with their truth.
-
-    """
+    """Compare outlines of virtual buildings with their truth."""
     scenes = [
         scene
         for seed in options.seeds
@@ -70,10 +66,7 @@ def run_scenes(options: argparse.Namespace) -> None:
 
 
 def run_delft(options: argparse.Namespace) -> None:
-    """
-    Compare outlines of Delft with the map, ours and the peers'.
-
-    """
+    """Compare outlines of Delft with the map, ours and the peers'."""
     cloud, reference = read_delft(options.data_folder, own_classes=options.own_classes)
     configs = bias_variants(options.configs) if OURS in options.methods else {}
     peers = [name for name in options.methods if name != OURS]
@@ -88,10 +81,7 @@ def run_delft(options: argparse.Namespace) -> None:
 
 
 def run_table_1(options: argparse.Namespace) -> None:
-    """
-    Print the paper's Table 1 with ours.
-
-    """
+    """Print the paper's Table 1 with ours."""
     configs = configs_of(options.set, segmentation={"split_at_steps": True})
     rows = []
     for name in TABLE_1_CLOUDS:
@@ -109,10 +99,7 @@ def run_table_1(options: argparse.Namespace) -> None:
 
 
 def run_validity(options: argparse.Namespace) -> None:
-    """
-    Check all outlines of all clouds.
-
-    """
+    """Check all outlines of all clouds."""
     checked = [
         check(cloud, options.configs, options.repeats)
         for cloud in roof_clouds(options.data_folder, own_classes=options.own_classes)
@@ -134,10 +121,7 @@ PARTS: dict[str, Callable[[argparse.Namespace], None]] = {
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """
-    Run the parts asked for.
-
-    """
+    """Run the parts asked for."""
     options = _parser().parse_args(arguments)
     options.folder = picture_folder(options.pictures)
     options.configs = configs_of(options.set)
@@ -157,10 +141,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
 
 def _parser() -> argparse.ArgumentParser:
-    """
-    Describe the command line.
-
-    """
+    """Describe the command line."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )

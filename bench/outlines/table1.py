@@ -1,7 +1,4 @@
-"""
-Table 1 of Sampath & Shan: σ and largest offset of ten buildings each, over the point spacing.
-
-"""
+"""Table 1 of Sampath & Shan: σ and largest offset of ten buildings each, over the point spacing."""
 
 from __future__ import annotations
 
@@ -42,7 +39,6 @@ class Row(NamedTuple):
         At most ten.
     score : AdjustmentScore
         Their means.
-
     """
 
     name: str
@@ -51,10 +47,7 @@ class Row(NamedTuple):
 
 
 def row_of_cloud(cloud: RoofCloud, configs: Configs) -> Row:
-    """
-    Take the ten largest buildings of a cloud that its edge does not cut.
-
-    """
+    """Take the ten largest buildings of a cloud that its edge does not cut."""
     chain = chain_of(cloud.roofs, configs)
     whole = [one for one in chain.buildings if not _is_cut(cloud, cloud.roofs.points[one.rows], one.spacing)]
     largest = sorted(whole, key=lambda one: -one.outline.area)[:N_BUILDINGS]
@@ -62,10 +55,7 @@ def row_of_cloud(cloud: RoofCloud, configs: Configs) -> Row:
 
 
 def row_of_survey(spacing: float, configs: Configs, *, noise: float, seed: int) -> Row:
-    """
-    Scan the ten largest rectilinear plans at this spacing, each in another orientation.
-
-    """
+    """Scan the ten largest rectilinear plans at this spacing, each in another orientation."""
     plans = {name: plan() for name, plan in PLANS.items()}
     rectilinear = [name for name, plan in plans.items() if plan.kind == "rectilinear"]
     largest = sorted(rectilinear, key=lambda name: -plans[name].polygon.area)[:N_BUILDINGS]
@@ -78,10 +68,7 @@ def row_of_survey(spacing: float, configs: Configs, *, noise: float, seed: int) 
 
 
 def table_1(rows: Sequence[Row]) -> str:
-    """
-    Return the paper's lines and ours.
-
-    """
+    """Return the paper's lines and ours."""
     low, high = (100 * share for share in PAPER_SIGMA)
     paper = [
         [f"paper: {name}", "10", "", *_lengths(spacing, offset), "", f"{low:.0f}–{high:.0f} %"]
@@ -93,10 +80,7 @@ def table_1(rows: Sequence[Row]) -> str:
 
 
 def slope_through_origin(rows: Sequence[Row], figure: str) -> tuple[float, float]:
-    """
-    Fit figure = slope · spacing; return the slope and the largest deviation as a share of the figure.
-
-    """
+    """Fit figure = slope · spacing; return the slope and the largest deviation as a share of the figure."""
     spacing = np.array([row.score.spacing for row in rows])
     value = np.array([getattr(row.score, figure) for row in rows])
     slope = float(spacing @ value / (spacing @ spacing))
@@ -104,10 +88,7 @@ def slope_through_origin(rows: Sequence[Row], figure: str) -> tuple[float, float
 
 
 def _row(name: str, buildings: list[Building]) -> Row:
-    """
-    Average some buildings; those that kept their traced outline count as such.
-
-    """
+    """Average some buildings; those that kept their traced outline count as such."""
     score = score_adjustment(
         [one.spacing for one in buildings],
         [one.sigma if one.is_regular else 0.0 for one in buildings],
@@ -129,18 +110,12 @@ def _cells(row: Row) -> list[str]:
 
 
 def _lengths(spacing: float, max_offset: float) -> list[str]:
-    """
-    Write spacing and largest offset, and the second in units of the first.
-
-    """
+    """Write spacing and largest offset, and the second in units of the first."""
     return [f"{spacing:.2f}", f"{max_offset:.2f}", f"{max_offset / spacing:.2f}"]
 
 
 def _is_cut(cloud: RoofCloud, points: NDArray[np.float64], spacing: float) -> bool:
-    """
-    Whether a building's points come near to the edge of the cloud.
-
-    """
+    """Whether a building's points come near to the edge of the cloud."""
     low, high = cloud.extent
     inner = shapely.box(*(low + CUT * spacing), *(high - CUT * spacing))
     return not bool(np.all(shapely.intersects_xy(inner, points[:, 0], points[:, 1])))

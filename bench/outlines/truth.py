@@ -1,7 +1,4 @@
-"""
-Outlines of virtual buildings against their exact truth.
-
-"""
+"""Outlines of virtual buildings against their exact truth."""
 
 from __future__ import annotations
 
@@ -58,7 +55,6 @@ class Verdict(NamedTuple):
         Of the two boundaries [m].
     angle_95_deg : float
         Between walls and those of the truth: 95 % of the walls' length differ by less [deg].
-
     """
 
     scene: OutlineScene
@@ -72,34 +68,22 @@ class Verdict(NamedTuple):
 
     @property
     def is_found(self) -> bool:
-        """
-        Whether there is one building, with enough of the true area.
-
-        """
+        """Whether there is one building, with enough of the true area."""
         return self.n_buildings == 1 and self.iou >= MIN_IOU
 
     @property
     def corners_right(self) -> bool | None:
-        """
-        Whether the outline has as many corners as the truth; None where walls are curved.
-
-        """
+        """Whether the outline has as many corners as the truth; None where walls are curved."""
         return None if self.scene.n_corners is None else self.n_vertices == self.scene.n_corners
 
 
 def judged(scenes: Iterable[OutlineScene], method: str, configs: Configs | None = None) -> list[Verdict]:
-    """
-    Run this package's chain (``"ours"``) or a peer on every scene.
-
-    """
+    """Run this package's chain (``"ours"``) or a peer on every scene."""
     return [verdict(scene, _polygons(scene, method, configs or Configs())) for scene in scenes]
 
 
 def verdict(scene: OutlineScene, polygons: Sequence[shapely.Polygon]) -> Verdict:
-    """
-    Compare the largest outline with the truth.
-
-    """
+    """Compare the largest outline with the truth."""
     polygon = max(polygons, key=lambda each: each.area, default=shapely.Polygon())
     sides = [np.array([side], dtype=object) for side in (polygon, scene.truth)]
     if polygon.is_empty:
@@ -117,10 +101,7 @@ def verdict(scene: OutlineScene, polygons: Sequence[shapely.Polygon]) -> Verdict
 
 
 def summary_cells(verdicts: Sequence[Verdict]) -> list[str]:
-    """
-    Return the figures of some scenes in the order of `HEADINGS`.
-
-    """
+    """Return the figures of some scenes in the order of `HEADINGS`."""
     corners = [one.corners_right for one in verdicts if one.corners_right is not None]
     yards = sum(len(one.scene.truth.interiors) for one in verdicts)
     found_yards = sum(one.n_courtyards_found for one in verdicts)
@@ -144,10 +125,7 @@ def summary_cells(verdicts: Sequence[Verdict]) -> list[str]:
 
 
 def scenes_table(verdicts: Sequence[Verdict]) -> str:
-    """
-    Return a line per plan, per kind, and one of all.
-
-    """
+    """Return a line per plan, per kind, and one of all."""
     groups: dict[str, list[Verdict]] = {}
     for one in verdicts:
         groups.setdefault(one.scene.name, []).append(one)
@@ -158,10 +136,7 @@ def scenes_table(verdicts: Sequence[Verdict]) -> str:
 
 
 def worst(verdicts: Sequence[Verdict]) -> dict[str, Verdict]:
-    """
-    Return each plan's scene of least IoU; where the corners are wrong these come first.
-
-    """
+    """Return each plan's scene of least IoU; where the corners are wrong these come first."""
     found: dict[str, Verdict] = {}
     for one in sorted(verdicts, key=lambda each: (each.corners_right is not False, each.iou)):
         found.setdefault(one.scene.name, one)
@@ -169,37 +144,25 @@ def worst(verdicts: Sequence[Verdict]) -> dict[str, Verdict]:
 
 
 def tile_of(scene: OutlineScene) -> PointTile:
-    """
-    Return a scene's points as a tile whose pulses have the scene's spacing.
-
-    """
+    """Return a scene's points as a tile whose pulses have the scene's spacing."""
     tile = PointTile(points=scene.points)
     return tile.with_columns(point_spacing=np.full(len(tile), scene.spacing))
 
 
 def _polygons(scene: OutlineScene, method: str, configs: Configs) -> Sequence[shapely.Polygon]:
-    """
-    Return a method's outlines.
-
-    """
+    """Return a method's outlines."""
     if method != "ours":
         return list(run_peer(method, [scene.points]).polygons)
     return list(chain_of(tile_of(scene), configs).polygons)
 
 
 def _iou(one: Any, other: Any) -> float:
-    """
-    Return the intersection over union.
-
-    """
+    """Return the intersection over union."""
     return float(one.intersection(other).area / one.union(other).area)
 
 
 def _courtyards_found(polygon: shapely.Polygon, truth: shapely.Polygon) -> int:
-    """
-    Count the true courtyards that a hole of the outline stands for.
-
-    """
+    """Count the true courtyards that a hole of the outline stands for."""
     holes: NDArray[Any] = np.array([shapely.Polygon(hole) for hole in polygon.interiors], dtype=object)
     return sum(
         any(_iou(hole, shapely.Polygon(true)) >= MIN_IOU for hole in holes) for true in truth.interiors

@@ -2,7 +2,6 @@
 Whether the outlines of every cloud are valid polygons, how fast they come, and whether neighbours overlap.
 
 What is checked is what a run writes: the stages as the nodes call them, with coordinates as messages carry.
-
 """
 
 from __future__ import annotations
@@ -47,7 +46,6 @@ class Validity(NamedTuple):
     outlines : list of Outline
     seconds : float
         Least wall time of segmentation, tracing and regularisation.
-
     """
 
     cloud: RoofCloud
@@ -60,36 +58,24 @@ class Validity(NamedTuple):
 
     @property
     def n_invalid(self) -> int:
-        """
-        Outlines that shapely finds invalid.
-
-        """
+        """Outlines that shapely finds invalid."""
         return int(np.count_nonzero(~shapely.is_valid(self.polygons)))
 
     @property
     def n_repeated(self) -> int:
-        """
-        Outlines with a vertex that occurs twice in a ring.
-
-        """
+        """Outlines with a vertex that occurs twice in a ring."""
         return sum(any(len(np.unique(r, axis=0)) < len(r) for r in one.rings) for one in self.outlines)
 
     @property
     def n_turned(self) -> int:
-        """
-        Outlines whose outer ring is not counter-clockwise or a hole of which is not clockwise.
-
-        """
+        """Outlines whose outer ring is not counter-clockwise or a hole of which is not clockwise."""
         return sum(
             signed_area(one.exterior) <= 0 or any(signed_area(hole) >= 0 for hole in one.holes)
             for one in self.outlines
         )
 
     def overlaps(self) -> NDArray[np.float64]:
-        """
-        Return the areas that two outlines share, pair by pair, where they share any [m²].
-
-        """
+        """Return the areas that two outlines share, pair by pair, where they share any [m²]."""
         polygons = shapely.make_valid(self.polygons)
         one, other = shapely.STRtree(polygons).query(polygons, predicate="intersects")
         once = one < other
@@ -98,10 +84,7 @@ class Validity(NamedTuple):
 
 
 def check(cloud: RoofCloud, configs: Configs, repeats: int = 1) -> Validity:
-    """
-    Make a cloud's outlines as a run does, and take the least time of so many runs.
-
-    """
+    """Make a cloud's outlines as a run does, and take the least time of so many runs."""
     times = []
     for _ in range(repeats):
         start = time.perf_counter()
@@ -112,18 +95,12 @@ def check(cloud: RoofCloud, configs: Configs, repeats: int = 1) -> Validity:
 
 
 def validity_table(checked: Sequence[Validity]) -> str:
-    """
-    Return a line per cloud and the sums.
-
-    """
+    """Return a line per cloud and the sums."""
     return table(("cloud", *HEADINGS), [*(_cells(one) for one in checked), _sums(checked)])
 
 
 def n_faulty(checked: Sequence[Validity]) -> int:
-    """
-    Count what must not be there: invalid outlines, repeated vertices, rings the wrong way round.
-
-    """
+    """Count what must not be there: invalid outlines, repeated vertices, rings the wrong way round."""
     return sum(one.n_invalid + one.n_repeated + one.n_turned for one in checked)
 
 

@@ -4,7 +4,6 @@ Draw the picture of the page on alpha shapes, from synthetic roofs.
 It needs matplotlib (``pip install matplotlib``) beside the package:
 
     python -m bench.pages.alpha_shape doc/algorithms/alpha_shape.png
-
 """
 
 import sys
@@ -27,10 +26,7 @@ AREA, EDGE, INNER, LONE = "#e3dccb", "#2f5f9f", "#9a9ea8", "#c8472f"
 
 
 def main(picture: Path) -> None:
-    """
-    Draw what an alpha shape is, what the regularised one leaves out, and two known failures.
-
-    """
+    """Draw what an alpha shape is, what the regularised one leaves out, and two known failures."""
     figure, axes = plt.subplots(2, 2, figsize=(11.0, 8.4), dpi=80, layout="constrained")
     house, courtyard = shapely.box(0, 0, 14, 10), shapely.box(5, 3.5, 9, 7)
     points = scanned(house.difference(courtyard), 0)
@@ -57,10 +53,7 @@ def main(picture: Path) -> None:
 
 
 def scanned(roof: shapely.Geometry, seed: int, spacing: float = SPACING) -> np.ndarray:
-    """
-    Return a jittered lattice of points in plan on a roof.
-
-    """
+    """Return a jittered lattice of points in plan on a roof."""
     west, south, east, north = roof.bounds
     x, y = np.meshgrid(np.arange(west, east, spacing), np.arange(south, north, spacing))
     xy = np.column_stack((x.ravel(), y.ravel()))
@@ -69,10 +62,7 @@ def scanned(roof: shapely.Geometry, seed: int, spacing: float = SPACING) -> np.n
 
 
 def draw_shape(axes: plt.Axes, shape: AlphaShape, title: str, wrong: np.ndarray | None = None) -> None:
-    """
-    Draw area, edges and points; those that are wrongly on the shape in red.
-
-    """
+    """Draw area, edges and points; those that are wrongly on the shape in red."""
     for polygon in shape.polygons:
         axes.add_patch(plt.Polygon(shapely.get_coordinates(polygon.exterior), color=AREA, zorder=0))
         for hole in polygon.interiors:
@@ -89,10 +79,7 @@ def draw_shape(axes: plt.Axes, shape: AlphaShape, title: str, wrong: np.ndarray 
 
 
 def draw_discs(axes: plt.Axes, shape: AlphaShape, every: int) -> None:
-    """
-    Draw discs of the radius alpha that touch the ends of some edges from outside.
-
-    """
+    """Draw discs of the radius alpha that touch the ends of some edges from outside."""
     for start, end in shape.points[shape.edges[::every]]:
         way = end - start
         length = np.hypot(*way)
@@ -103,10 +90,7 @@ def draw_discs(axes: plt.Axes, shape: AlphaShape, every: int) -> None:
 
 
 def draw_regularised(axes: plt.Axes) -> None:
-    """
-    Draw what is on the general shape and not on the regularised one.
-
-    """
+    """Draw what is on the general shape and not on the regularised one."""
     roof = scanned(shapely.box(0, 0, 9, 8), 1)
     pipe = np.column_stack((np.arange(9.6, 14.0, 0.5), 2.0 + 0.1 * np.arange(9)))
     strays = np.array([[11.0, 6.0], [13.0, 6.6], [13.3, 7.2]])
@@ -120,7 +104,6 @@ def draw_regularised(axes: plt.Axes) -> None:
 def draw_sparse_strip(axes: plt.Axes) -> None:
     """
     Draw a roof of which one strip is scanned at a third of the density: the disc falls between its points.
-
     """
     dense = scanned(shapely.box(0, 0, 9, 9), 2)
     sparse = scanned(shapely.box(9, 0, 15, 9), 3, SPACING * 1.75)
@@ -130,10 +113,7 @@ def draw_sparse_strip(axes: plt.Axes) -> None:
 
 
 def draw_step(axes: plt.Axes) -> None:
-    """
-    Draw two roofs at different heights that touch: in plan there is no edge between them.
-
-    """
+    """Draw two roofs at different heights that touch: in plan there is no edge between them."""
     low, high = scanned(shapely.box(0, 0, 7, 9), 4), scanned(shapely.box(7.1, 0, 15, 9), 5)
     shape = alpha_shape(np.vstack((low, high)), ALPHA)
     draw_shape(axes, shape, "fails: no edge where roofs of different height touch")

@@ -4,7 +4,6 @@ Draw the picture of the page on bidirectional_slope, from synthetic terrain.
 It needs matplotlib (``pip install matplotlib``) beside the package:
 
     python -m bench.pages.bidirectional_slope doc/algorithms/bidirectional_slope.png
-
 """
 
 import sys
@@ -28,10 +27,7 @@ RELIEF, GROUND, REJECTED, ACCEPTED = "#c9ccd2", "#b9a67e", "#c8472f", "#2f5f9f"
 
 
 def main(picture: Path) -> None:
-    """
-    Draw a profile's votes, a scene that comes out right, and two known failures.
-
-    """
+    """Draw a profile's votes, a scene that comes out right, and two known failures."""
     figure, axes = plt.subplots(2, 2, figsize=(11.0, 8.6), dpi=90, layout="constrained")
     draw_votes(axes[0, 0])
     draw_errors(axes[0, 1], *town_above_a_cliff(), "houses on both sides of a cliff of 6 m: right")
@@ -55,10 +51,7 @@ def main(picture: Path) -> None:
 
 
 def draw_votes(axes: plt.Axes) -> None:
-    """
-    Draw one profile over a house, a tree and a terrace, coloured by what both passes say.
-
-    """
+    """Draw one profile over a house, a tree and a terrace, coloured by what both passes say."""
     x = np.arange(0.0, 260.0, 0.9)
     z = 0.02 * x + np.random.default_rng(0).normal(0, 0.05, len(x))
     z[x < 22] += 5.0
@@ -82,10 +75,7 @@ def draw_votes(axes: plt.Axes) -> None:
 
 
 def draw_errors(axes: plt.Axes, points: np.ndarray, is_ground: np.ndarray, title: str) -> None:
-    """
-    Draw which points were labelled rightly and which were not, in plan.
-
-    """
+    """Draw which points were labelled rightly and which were not, in plan."""
     ground = label_ground(points, CONFIG)
     for chosen, colour in (
         (ground & is_ground, GROUND),
@@ -99,10 +89,7 @@ def draw_errors(axes: plt.Axes, points: np.ndarray, is_ground: np.ndarray, title
 
 
 def lattice(width: float, depth: float, spacing: float) -> np.ndarray:
-    """
-    Return points in scan order over a level rectangle, with 3 cm of noise.
-
-    """
+    """Return points in scan order over a level rectangle, with 3 cm of noise."""
     random = np.random.default_rng(0)
     x, y = np.meshgrid(np.arange(0.0, width, spacing), np.arange(0.0, depth, spacing))
     xy = np.column_stack((x.ravel(), y.ravel())) + random.uniform(0, 0.4 * spacing, (x.size, 2))
@@ -110,18 +97,12 @@ def lattice(width: float, depth: float, spacing: float) -> np.ndarray:
 
 
 def inside(points: np.ndarray, middle: tuple[float, float], half: tuple[float, float]) -> np.ndarray:
-    """
-    Return which points lie in a rectangle.
-
-    """
+    """Return which points lie in a rectangle."""
     return (np.abs(points[:, :2] - middle) < half).all(axis=1)
 
 
 def town_above_a_cliff() -> tuple[np.ndarray, np.ndarray]:
-    """
-    Return 22 houses on a slope with a cliff across it, and what is ground.
-
-    """
+    """Return 22 houses on a slope with a cliff across it, and what is ground."""
     points = lattice(160.0, 110.0, 0.8)
     points[:, 2] += 0.08 * points[:, 0] + 6.0 * (points[:, 0] > 70 + 0.2 * points[:, 1])
     random = np.random.default_rng(4)
@@ -134,10 +115,7 @@ def town_above_a_cliff() -> tuple[np.ndarray, np.ndarray]:
 
 
 def hall_in_a_hillside() -> tuple[np.ndarray, np.ndarray]:
-    """
-    Return a hall whose flat roof meets the slope behind it, and what is ground.
-
-    """
+    """Return a hall whose flat roof meets the slope behind it, and what is ground."""
     points = lattice(160.0, 110.0, 0.8)
     points[:, 2] += 0.25 * points[:, 0]
     hall = inside(points, (80, 55), (18, 24))
@@ -146,10 +124,7 @@ def hall_in_a_hillside() -> tuple[np.ndarray, np.ndarray]:
 
 
 def long_low_bank() -> tuple[np.ndarray, np.ndarray]:
-    """
-    Return a hedge 4 m wide and 1 m high across a dense cloud, and what is ground.
-
-    """
+    """Return a hedge 4 m wide and 1 m high across a dense cloud, and what is ground."""
     points = lattice(70.0, 48.0, 0.25)
     height = np.clip((2.0 - np.abs(points[:, 1] - 24.0 - 0.1 * points[:, 0])) / 0.8, 0.0, 1.0)
     points[:, 2] += height

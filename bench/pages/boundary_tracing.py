@@ -4,7 +4,6 @@ Draw the picture of the page on boundary tracing, from synthetic points.
 It needs matplotlib (``pip install matplotlib``) beside the package:
 
     python -m bench.pages.boundary_tracing doc/algorithms/boundary_tracing.png
-
 """
 
 import sys
@@ -25,10 +24,7 @@ SPACING = 0.5
 
 
 def main(picture: Path) -> None:
-    """
-    Draw the window, a courtyard, cures, and places that are no courtyards.
-
-    """
+    """Draw the window, a courtyard, cures, and places that are no courtyards."""
     figure, axes = plt.subplots(2, 3, figsize=(13.0, 8.4), dpi=80, layout="constrained")
     draw_window(axes[0, 0])
     yard = without(scattered(20, 16), (7, 5, 14, 11))
@@ -46,10 +42,7 @@ def main(picture: Path) -> None:
 
 
 def draw(axes, xy, title, pattern=None) -> None:
-    """
-    Draw points and their outline.
-
-    """
+    """Draw points and their outline."""
     points = np.column_stack([xy, np.zeros(len(xy))])
     traced = trace_boundary(points, pattern=pattern, point_spacing=None if pattern else SPACING)
     axes.plot(*xy.T, ".", color="#8d95a3", markersize=2.5)
@@ -61,10 +54,7 @@ def draw(axes, xy, title, pattern=None) -> None:
 
 
 def draw_window(axes) -> None:
-    """
-    Draw a scan with lines, its ring, and the window at one of its points.
-
-    """
+    """Draw a scan with lines, its ring, and the window at one of its points."""
     pattern = ScanPattern(np.deg2rad(25.0), 0.3, 0.9)
     u, v = np.meshgrid(np.arange(0, 20, pattern.along), np.arange(0, 14, pattern.across))
     uv = np.column_stack([u.ravel(), v.ravel()])
@@ -79,28 +69,19 @@ def draw_window(axes) -> None:
 
 
 def scattered(width, height, at=(0.0, 0.0), seed=0):
-    """
-    Return jittered points over a rectangle.
-
-    """
+    """Return jittered points over a rectangle."""
     x, y = np.meshgrid(np.arange(0, width, SPACING), np.arange(0, height, SPACING))
     xy = np.column_stack([x.ravel(), y.ravel()])
     return xy + np.random.default_rng(seed).uniform(-0.2, 0.2, xy.shape) + at
 
 
 def without(xy, box):
-    """
-    Leave out the points in a box (west, south, east, north).
-
-    """
+    """Leave out the points in a box (west, south, east, north)."""
     return xy[~((xy >= box[:2]) & (xy <= box[2:])).all(axis=1)]
 
 
 def rim_only():
-    """
-    Return two rows of points along the edge of a roof.
-
-    """
+    """Return two rows of points along the edge of a roof."""
     return without(scattered(20, 16), (0.75, 0.75, 18.75, 14.75))
 
 

@@ -4,7 +4,6 @@ Draw the picture of the page on building models, from the virtual houses of the 
 It needs matplotlib (``pip install matplotlib``) beside the package:
 
     python -m bench.pages.building_model doc/algorithms/building_model.png
-
 """
 
 import sys
@@ -31,10 +30,7 @@ POINTS, LINES, ROOF, WALL = "#b4bac4", "#c8472f", "#c8705a", "#d8dbe0"
 
 
 def main(picture: Path) -> None:
-    """
-    Draw lines, cells and solids of an L-shaped house, and houses with half a roof and with a dormer.
-
-    """
+    """Draw lines, cells and solids of an L-shaped house, and houses with half a roof and with a dormer."""
     figure = plt.figure(figsize=(13.0, 8.4), dpi=80, layout="constrained")
     house = scenes.l_shape(rotation_deg=20.0)
     points, outline = house.roof_points(), gridded_outline(house.buildings[0].outline)
@@ -55,10 +51,7 @@ def main(picture: Path) -> None:
 
 
 def draw_lines(axes, points, plane_id, outline):
-    """
-    Draw ridges and valleys as they were found (bold) and the cells that they cut the outline into.
-
-    """
+    """Draw ridges and valleys as they were found (bold) and the cells that they cut the outline into."""
     topology = find_topology(points, plane_id, outline)
     found = np.array([one.segment[:, :2] for one in topology.intersections])
     found = np.concatenate([found, np.array([one.segment for one in topology.steps]).reshape(-1, 2, 2)])
@@ -76,19 +69,13 @@ def draw_lines(axes, points, plane_id, outline):
 
 
 def draw_house(axes, points, scene, title):
-    """
-    Fit planes and draw the finest solid.
-
-    """
+    """Fit planes and draw the finest solid."""
     plane_id = fit_roof_planes(points).plane_id
     draw_solid(axes, points, plane_id, scene.buildings[0].outline, "2.2", title)
 
 
 def shaded(colour, ring):
-    """
-    Return a colour as it looks on a face that the light falls on from the south-west.
-
-    """
+    """Return a colour as it looks on a face that the light falls on from the south-west."""
     offsets = ring - ring[0]
     normal = np.cross(offsets, np.roll(offsets, -1, axis=0)).sum(axis=0)
     light = normal @ [-0.6, -0.35, 0.72] / np.linalg.norm(normal)
@@ -96,10 +83,7 @@ def shaded(colour, ring):
 
 
 def triangles(rings):
-    """
-    Cut a face into triangles.
-
-    """
+    """Cut a face into triangles."""
     corners = np.vstack(rings)
     ends = np.cumsum([len(ring) for ring in rings]).astype(np.uint32)
     rows = mapbox_earcut.triangulate_float64(corners[:, :2], ends).reshape(-1, 3)
@@ -107,10 +91,7 @@ def triangles(rings):
 
 
 def draw_solid(axes, points, plane_id, outline, lod, title):
-    """
-    Draw one solid with the points on its roof.
-
-    """
+    """Draw one solid with the points on its roof."""
     solid = build_model(points, outline, plane_id=plane_id, ground_elevation=scenes.GROUND).solids[lod]
     # Drawn by the distance of whole polygons: roofs come in triangles.
     polygons, colours = [], []

@@ -1,6 +1,5 @@
 """
 Draw building models without a display: a small rasteriser with a depth buffer, for the gallery's pictures.
-
 """
 
 from __future__ import annotations
@@ -43,7 +42,6 @@ class View:
         Of the picture [pixels]; its height follows.
     margin : float
         Around the models [m].
-
     """
 
     azimuth_deg: float = 205.0
@@ -52,10 +50,7 @@ class View:
     margin: float = 2.0
 
     def axes(self) -> np.ndarray:
-        """
-        Return the directions to the right, up the picture and to the eye as rows.
-
-        """
+        """Return the directions to the right, up the picture and to the eye as rows."""
         azimuth, tilt = np.deg2rad([self.azimuth_deg, self.tilt_deg])
         eye = np.array([np.sin(azimuth) * np.cos(tilt), np.cos(azimuth) * np.cos(tilt), np.sin(tilt)])
         right = np.array([-np.cos(azimuth), np.sin(azimuth), 0.0])
@@ -68,10 +63,7 @@ def draw_solids(
     points: np.ndarray | None = None,
     point_colours: np.ndarray | None = None,
 ) -> np.ndarray:
-    """
-    Return a picture of solids, and of points before them, as an array of bytes (height, width, 3).
-
-    """
+    """Return a picture of solids, and of points before them, as an array of bytes (height, width, 3)."""
     triangles, colours, edges = _faces_of(solids)
     axes = view.axes()
     shown = [triangles.reshape(-1, 3), np.zeros((0, 3)) if points is None else points]
@@ -81,10 +73,7 @@ def draw_solids(
     size = OVERSAMPLING * np.ceil((high - low) * scale / OVERSAMPLING).astype(int)
 
     def on_screen(places: np.ndarray) -> np.ndarray:
-        """
-        Columns, rows and nearness of places.
-
-        """
+        """Columns, rows and nearness of places."""
         turned = places @ axes.T
         return np.stack(
             [(turned[..., 0] - low[0]) * scale, (high[1] - turned[..., 1]) * scale, turned[..., 2]], axis=-1
@@ -102,10 +91,7 @@ def draw_solids(
 
 
 def _faces_of(solids: Sequence[Solid]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """
-    Return triangles (n, 3, 3), the colour of each, and all edges (n, 2, 3).
-
-    """
+    """Return triangles (n, 3, 3), the colour of each, and all edges (n, 2, 3)."""
     triangles, colours, edges = [], [], []
     for solid in solids:
         for face, kind in zip(solid.faces, solid.semantics, strict=True):
@@ -120,10 +106,7 @@ def _faces_of(solids: Sequence[Solid]) -> tuple[np.ndarray, np.ndarray, np.ndarr
 
 
 def _colour(kind: str, normal: np.ndarray) -> np.ndarray:
-    """
-    Return a face's colour in full light.
-
-    """
+    """Return a face's colour in full light."""
     if kind != ROOF_SURFACE:
         return GROUND if kind == GROUND_SURFACE else WALL
     if np.hypot(*normal[:2]) < LEVEL:
@@ -133,20 +116,14 @@ def _colour(kind: str, normal: np.ndarray) -> np.ndarray:
 
 
 def _normal(ring: np.ndarray) -> np.ndarray:
-    """
-    Return a ring's unit normal.
-
-    """
+    """Return a ring's unit normal."""
     arms = ring - ring[0]
     normal = np.cross(arms[1:-1], arms[2:]).sum(axis=0)
     return normal / max(np.linalg.norm(normal), 1e-12)
 
 
 def _triangles(rings: Sequence[np.ndarray], normal: np.ndarray) -> np.ndarray:
-    """
-    Cut a face into triangles, shape (n, 3, 3).
-
-    """
+    """Cut a face into triangles, shape (n, 3, 3)."""
     kept = np.delete(np.arange(3), np.argmax(np.abs(normal)))
     corners = np.concatenate(rings)
     flat = np.ascontiguousarray((corners - corners[0])[:, kept])
@@ -156,10 +133,7 @@ def _triangles(rings: Sequence[np.ndarray], normal: np.ndarray) -> np.ndarray:
 
 @njit(cache=True)
 def _fill(depth, number, triangles):
-    """
-    Enter the nearest triangle's depth and number into each cell of the picture.
-
-    """
+    """Enter the nearest triangle's depth and number into each cell of the picture."""
     height, width = depth.shape
     for k in range(len(triangles)):
         (ax, ay, az), (bx, by, bz), (cx, cy, cz) = triangles[k]
@@ -181,10 +155,7 @@ def _fill(depth, number, triangles):
 
 @njit(cache=True)
 def _draw_lines(depth, picture, edges, colour, lift):
-    """
-    Draw the parts of edges that nothing hides, three cells wide.
-
-    """
+    """Draw the parts of edges that nothing hides, three cells wide."""
     height, width = depth.shape
     for k in range(len(edges)):
         start, end = edges[k]
@@ -200,10 +171,7 @@ def _draw_lines(depth, picture, edges, colour, lift):
 
 @njit(cache=True)
 def _draw_dots(depth, picture, places, colours, lift):
-    """
-    Draw the points that nothing hides, three cells wide.
-
-    """
+    """Draw the points that nothing hides, three cells wide."""
     height, width = depth.shape
     for k in range(len(places)):
         x, y, z = places[k]

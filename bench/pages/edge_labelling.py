@@ -4,7 +4,6 @@ Draw the picture of the page on edge labelling: features, the published band, an
 It needs matplotlib (``pip install matplotlib``) beside the package:
 
     python -m bench.pages.edge_labelling doc/algorithms/edge_labelling.png
-
 """
 
 import sys
@@ -26,10 +25,7 @@ LOST, NOISE = 0.04, 0.03
 
 
 def main(picture: Path) -> None:
-    """
-    Draw linearity, and the edges of three settings.
-
-    """
+    """Draw linearity, and the edges of three settings."""
     points = roofs()
     settings = {
         "as published: a band, ridges and steps": AS_PUBLISHED,
@@ -55,7 +51,6 @@ def main(picture: Path) -> None:
 def roofs() -> np.ndarray:
     """
     Return the roofs of a gable house, a hall with an annex 3 m lower and a roof light, and a row of two.
-
     """
     plan = scan((0.0, 44.0), (0.0, 24.0))
     x, y = plan.T
@@ -73,10 +68,7 @@ def roofs() -> np.ndarray:
 
 
 def scan(x: tuple[float, float], y: tuple[float, float]) -> np.ndarray:
-    """
-    Return where pulses meet the roofs: lines oblique to these, of uneven steps and with gaps.
-
-    """
+    """Return where pulses meet the roofs: lines oblique to these, of uneven steps and with gaps."""
     random = np.random.default_rng(0)
     reach = x[1] + y[1]
     lattice = np.meshgrid(np.arange(-reach, reach, STEPS[0]), np.arange(-reach, reach, STEPS[1]))

@@ -4,7 +4,6 @@ Draw the picture of the page on eigenvalue features: what the choice of the radi
 It needs matplotlib (``pip install matplotlib``) beside the package:
 
     python -m bench.pages.eigenfeatures doc/algorithms/eigenfeatures.png
-
 """
 
 import sys
@@ -29,10 +28,7 @@ LOW, HIGH, CLOSER = np.array([5.0, 85.0]), np.array([100.0, 115.0]), 28.0
 
 
 def main(picture: Path) -> None:
-    """
-    Draw linearity with a small, a large and a chosen radius, and the radii chosen by either entropy.
-
-    """
+    """Draw linearity with a small, a large and a chosen radius, and the radii chosen by either entropy."""
     points = roof_points()
     radii = np.geomspace(1.6, 5.0, 12) * quantised_spacing(points)
     fixed = {
@@ -61,10 +57,7 @@ def main(picture: Path) -> None:
 
 
 def roof_points() -> np.ndarray:
-    """
-    Return two roofs as a scanner sees them.
-
-    """
+    """Return two roofs as a scanner sees them."""
     tile, truth = simulate_tile("roof_types", density=DENSITY)
     points = tile.points[truth.classification == PointClass.BUILDING]
     points = points[((points[:, :2] > LOW) & (points[:, :2] < HIGH)).all(axis=1)]

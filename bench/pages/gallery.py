@@ -4,7 +4,6 @@ Draw the pictures of the gallery from virtual buildings, of which nothing but po
     python -m bench.pages.gallery doc/gallery
 
 It needs Pillow beside the package. Every picture is made anew in about a minute.
-
 """
 
 import sys
@@ -47,10 +46,7 @@ NOTHING = np.full((20, 20, 3), 255, dtype=np.uint8)
 
 
 def main(folder: Path) -> None:
-    """
-    Draw all pictures into a folder.
-
-    """
+    """Draw all pictures into a folder."""
     folder.mkdir(parents=True, exist_ok=True)
     save(roofs_picture(), folder / "roofs.png")
     save(levels_picture(), folder / "levels.png")
@@ -59,19 +55,13 @@ def main(folder: Path) -> None:
 
 
 def save(picture: np.ndarray, path: Path) -> None:
-    """
-    Write a picture with few colours, which keeps files small.
-
-    """
+    """Write a picture with few colours, which keeps files small."""
     image = Image.fromarray(picture).convert("P", palette=Image.Palette.ADAPTIVE, colors=96)
     image.save(path, optimize=True)
 
 
 def modelled(scene) -> tuple[dict[str, Solid], np.ndarray]:
-    """
-    Return a scene's solids by level of detail, and the plane that was found for each point.
-
-    """
+    """Return a scene's solids by level of detail, and the plane that was found for each point."""
     planes = fit_roof_planes(scene.points)
     number = planes.plane_id if scene.given_planes is None else scene.given_planes
     model = build_model(scene.points, scene.outline, plane_id=number, ground_elevation=scene.ground_elevation)
@@ -79,10 +69,7 @@ def modelled(scene) -> tuple[dict[str, Solid], np.ndarray]:
 
 
 def roofs_picture() -> np.ndarray:
-    """
-    Draw the finest model of every roof.
-
-    """
+    """Draw the finest model of every roof."""
     tiles = []
     for name in ROOFS:
         solids, _ = modelled(model_scene(name, density=DENSITY, rotation_deg=ROTATION_DEG))
@@ -95,7 +82,6 @@ def roofs_picture() -> np.ndarray:
 def levels_picture() -> np.ndarray:
     """
     Draw points by plane and the three levels of detail of three buildings, a missing level as an empty place.
-
     """
     rows = []
     for name in ("gable_dormer", "church", "step"):
@@ -115,10 +101,7 @@ def levels_picture() -> np.ndarray:
 
 
 def bad_picture() -> np.ndarray:
-    """
-    Draw what comes of hard and bad input, with the points that there were.
-
-    """
+    """Draw what comes of hard and bad input, with the points that there were."""
     tiles = []
     for name, make in BAD_SCENES.items():
         scene = make(density=DENSITY, rotation_deg=ROTATION_DEG)
@@ -133,10 +116,7 @@ def bad_picture() -> np.ndarray:
 
 
 def village_picture() -> np.ndarray:
-    """
-    Draw the models that the whole chain makes of the virtual village's raw points.
-
-    """
+    """Draw the models that the whole chain makes of the virtual village's raw points."""
     tile, _ = simulate_tile(make_scene("village", 0))
     result = reconstruct_tile(tile)
     solids = [one.model.solids[max(one.model.solids)] for one in result.models if one.model.solids]
@@ -144,10 +124,7 @@ def village_picture() -> np.ndarray:
 
 
 def titled(picture: np.ndarray, title: str) -> np.ndarray:
-    """
-    Put a line of text under a picture.
-
-    """
+    """Put a line of text under a picture."""
     image = Image.new("RGB", (picture.shape[1], picture.shape[0] + 20), "white")
     image.paste(Image.fromarray(picture))
     draw = ImageDraw.Draw(image)
@@ -158,10 +135,7 @@ def titled(picture: np.ndarray, title: str) -> np.ndarray:
 
 
 def grid(tiles: list[np.ndarray], per_row: int) -> np.ndarray:
-    """
-    Lay pictures out in rows, each in the middle of its cell.
-
-    """
+    """Lay pictures out in rows, each in the middle of its cell."""
     width = max(tile.shape[1] for tile in tiles)
     rows = []
     for start in range(0, len(tiles), per_row):

@@ -4,7 +4,6 @@ Draw the picture of the page on the morphological filter: scenes of the tests on
 It needs matplotlib (``pip install matplotlib``) beside the package:
 
     python -m bench.pages.morphological doc/algorithms/morphological.png
-
 """
 
 import sys
@@ -38,10 +37,7 @@ HALF_STRIP = 1.5
 
 
 def main(picture: Path) -> None:
-    """
-    Draw every failure in plan and in profile.
-
-    """
+    """Draw every failure in plan and in profile."""
     figure, axes = plt.subplots(2, len(FAILURES), figsize=(13.5, 7.4), dpi=75, layout="constrained")
     for column, (name, (title, axis, share)) in zip(axes.T, FAILURES.items(), strict=True):
         points, truth = TERRAIN_SCENES[name]()
@@ -59,10 +55,7 @@ def main(picture: Path) -> None:
 
 
 def draw(axes: plt.Axes, across: np.ndarray, up: np.ndarray, found: np.ndarray, truth: np.ndarray) -> None:
-    """
-    Draw points coloured by what was found and what is true.
-
-    """
+    """Draw points coloured by what was found and what is true."""
     for (is_found, is_true), (colour, label) in COLOURS.items():
         chosen = (found == is_found) & (truth == is_true)
         axes.scatter(across[chosen], up[chosen], s=1.0, color=colour, label=label, linewidths=0)

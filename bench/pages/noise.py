@@ -4,7 +4,6 @@ Draw the picture of the page on gross errors: what is found, and what is hard to
 It needs matplotlib (``pip install matplotlib``) beside the package:
 
     python -m bench.pages.noise doc/algorithms/noise.png
-
 """
 
 import sys
@@ -32,10 +31,7 @@ SIZE = 70.0
 
 
 def main(picture: Path) -> None:
-    """
-    Draw a profile of every scene, its points coloured by the class found.
-
-    """
+    """Draw a profile of every scene, its points coloured by the class found."""
     scenes = {
         "hillside: a clump, a group, a bird": hillside(),
         "town: a sheet behind a façade; the courtyard stays": town(),
@@ -59,29 +55,20 @@ def main(picture: Path) -> None:
 
 
 def surface(density: float, seed: int) -> np.ndarray:
-    """
-    Level ground with 3 cm of noise.
-
-    """
+    """Level ground with 3 cm of noise."""
     random = np.random.default_rng(seed)
     xy = random.uniform(0, SIZE, (int(density * SIZE * SIZE), 2))
     return np.column_stack((xy, random.normal(0, 0.03, len(xy))))
 
 
 def clump(x: float, z: float, n_points: int, radius: float, seed: int) -> np.ndarray:
-    """
-    Points round a place in the middle of the strip.
-
-    """
+    """Points round a place in the middle of the strip."""
     spread = np.random.default_rng(seed).uniform(-radius, radius, (n_points, 3))
     return np.array([x, 35.0, z]) + spread * (1.0, 1.0, 0.2)
 
 
 def hillside() -> np.ndarray:
-    """
-    A slope of 40 %, with errors below it and above.
-
-    """
+    """A slope of 40 %, with errors below it and above."""
     points = surface(4.0, 0)
     errors = np.vstack(
         (
@@ -97,10 +84,7 @@ def hillside() -> np.ndarray:
 
 
 def town() -> np.ndarray:
-    """
-    A block with a courtyard of 4 m, and reflections behind its façade.
-
-    """
+    """A block with a courtyard of 4 m, and reflections behind its façade."""
     points = surface(8.0, 5)
     block = (np.abs(points[:, 0] - 38.0) < 16.0) & (np.abs(points[:, 1] - 35.0) < 14.0)
     courtyard = (np.abs(points[:, 0] - 44.0) < 2.0) & (np.abs(points[:, 1] - 35.0) < 2.0)
@@ -109,20 +93,14 @@ def town() -> np.ndarray:
 
 
 def shaft() -> np.ndarray:
-    """
-    An open shaft, 1.5 m wide and 6 m deep, to whose bottom two pulses came.
-
-    """
+    """An open shaft, 1.5 m wide and 6 m deep, to whose bottom two pulses came."""
     points = surface(1.0, 7)
     inside = (np.abs(points[:, :2] - 35.0) < 0.75).all(axis=1)
     return np.vstack((points[~inside], [[34.7, 35.2, -6.0], [35.4, 34.9, -6.0]]))
 
 
 def shallow() -> np.ndarray:
-    """
-    Errors 0.9 m, 1.6 m and 2.5 m below the ground.
-
-    """
+    """Errors 0.9 m, 1.6 m and 2.5 m below the ground."""
     return np.vstack(
         (surface(4.0, 8), *(clump(12 + 20 * k, z, 3, 0.4, k) for k, z in enumerate((-0.9, -1.6, -2.5))))
     )

@@ -4,7 +4,6 @@ Draw the picture of the page on plane fitting, from the simulation's roof shapes
 It needs matplotlib (``pip install matplotlib``) beside the package:
 
     python -m bench.pages.plane_fitting doc/algorithms/plane_fitting.png
-
 """
 
 import sys
@@ -26,10 +25,7 @@ COLOURS = matplotlib.colormaps["tab20"]
 
 
 def main(picture: Path) -> None:
-    """
-    Draw seeds, planes of several roofs, the published method beside ours, and a failure.
-
-    """
+    """Draw seeds, planes of several roofs, the published method beside ours, and a failure."""
     figure, axes = plt.subplots(2, 3, figsize=(13.0, 8.4), dpi=80, layout="constrained")
     draw_seeds(axes[0, 0])
     hipped = sampled(special_roofs.hipped_l())
@@ -51,10 +47,7 @@ def main(picture: Path) -> None:
 
 
 def sampled(building, density: float = DENSITY) -> np.ndarray:
-    """
-    Sample a roof, turned, one point somewhere in every square of 1 / density.
-
-    """
+    """Sample a roof, turned, one point somewhere in every square of 1 / density."""
     random = np.random.default_rng(0)
     placed = building.placed(0.0, 0.0, rotation_deg=17.0)
     low, high = placed.exterior.min(axis=0), placed.exterior.max(axis=0)
@@ -66,10 +59,7 @@ def sampled(building, density: float = DENSITY) -> np.ndarray:
 
 
 def draw_seeds(axis) -> None:
-    """
-    Draw which points' surroundings are smooth: those that planes are sought from first.
-
-    """
+    """Draw which points' surroundings are smooth: those that planes are sought from first."""
     points = sampled(roof_shapes.dormer())
     cloud = survey_points(points, 3.0 / np.sqrt(DENSITY)).cloud
     for chosen, colour, label in (
@@ -82,10 +72,7 @@ def draw_seeds(axis) -> None:
 
 
 def draw(axis, points: np.ndarray, config: PlaneFittingConfig, title: str) -> None:
-    """
-    Draw planes by colour, points of none in black.
-
-    """
+    """Draw planes by colour, points of none in black."""
     plane_id = fit_roof_planes(points, config).plane_id.astype(int)
     colours = COLOURS((plane_id - 1) % 20)
     colours[plane_id == 0] = (0.0, 0.0, 0.0, 1.0)
@@ -94,10 +81,7 @@ def draw(axis, points: np.ndarray, config: PlaneFittingConfig, title: str) -> No
 
 
 def finish(axis, title: str) -> None:
-    """
-    Give a map its title, equal axes and no ticks.
-
-    """
+    """Give a map its title, equal axes and no ticks."""
     axis.set_title(title, fontsize=10)
     axis.set_aspect("equal")
     axis.set_xticks([])

@@ -4,7 +4,6 @@ Draw the picture of the page on point classes, from the simulated village.
 It needs matplotlib (``pip install matplotlib``) beside the package:
 
     python -m bench.pages.point_classes doc/algorithms/point_classes.png
-
 """
 
 import sys
@@ -44,10 +43,7 @@ FIELD, FIELD_BRIGHTNESS = (6.0, 6.0, 60.0, 56.0), 0.4
 
 
 def main(picture: Path) -> None:
-    """
-    Draw recorded and normalised intensities, their histogram, and the classes with one known failure.
-
-    """
+    """Draw recorded and normalised intensities, their histogram, and the classes with one known failure."""
     tile = with_strips_and_field(village())
     result = select_roof_points(filter_ground(tile, GroundFilterConfig()), RoofSelectionConfig())
     is_ground = np.isin(result.classification, (2, 11))
@@ -64,10 +60,7 @@ def main(picture: Path) -> None:
 
 
 def village() -> PointTile:
-    """
-    Return the village as one tile, without what was measured of the survey.
-
-    """
+    """Return the village as one tile, without what was measured of the survey."""
     with tempfile.TemporaryDirectory() as folder:
         simulate_survey(folder, "village", density=4.0)
         with TileSource(folder, TilingConfig(buffer=0.0)) as source:
@@ -78,10 +71,7 @@ def village() -> PointTile:
 
 
 def with_strips_and_field(tile: PointTile) -> PointTile:
-    """
-    Give every second strip another sensor, and darken a field.
-
-    """
+    """Give every second strip another sensor, and darken a field."""
     x, y, _ = (tile.points - tile.points.min(axis=0)).T
     west, south, east, north = FIELD
     field = (x > west) & (x < east) & (y > south) & (y < north)
@@ -91,10 +81,7 @@ def with_strips_and_field(tile: PointTile) -> PointTile:
 
 
 def draw_brightness(axes: plt.Axes, points: np.ndarray, values: np.ndarray, title: str) -> None:
-    """
-    Draw the ground in shades of grey.
-
-    """
+    """Draw the ground in shades of grey."""
     low, high = np.percentile(values, [1, 98])
     axes.scatter(points[:, 0], points[:, 1], c=values, s=0.8, lw=0, cmap="gray", vmin=low, vmax=high)
     finish(axes, f"Ground: {title}")
@@ -103,10 +90,7 @@ def draw_brightness(axes: plt.Axes, points: np.ndarray, values: np.ndarray, titl
 def draw_modes(
     axes: plt.Axes, tile: PointTile, normalised: np.ndarray, is_ground: np.ndarray, is_only: np.ndarray
 ) -> None:
-    """
-    Draw the histogram of the ground's brightness and the limit found in it.
-
-    """
+    """Draw the histogram of the ground's brightness and the limit found in it."""
     leaves = tile.points[tile.classification == 5]
     raster = brightness_raster(
         tile.points[is_ground], normalised[is_ground], is_only[is_ground], tile.spacing, leaves
@@ -120,10 +104,7 @@ def draw_modes(
 
 
 def draw_classes(axes: plt.Axes, tile: PointTile) -> None:
-    """
-    Draw the final classes from above, high points last.
-
-    """
+    """Draw the final classes from above, high points last."""
     order = np.argsort(tile.height_above_ground, kind="stable")
     points, classes = tile.points[order], tile.classification[order]
     colours = np.full((256, 3), 1.0)
@@ -141,10 +122,7 @@ def draw_classes(axes: plt.Axes, tile: PointTile) -> None:
 
 
 def finish(axes: plt.Axes, title: str) -> None:
-    """
-    Leave the map alone with its title.
-
-    """
+    """Leave the map alone with its title."""
     axes.set(title=title, aspect="equal", xticks=[], yticks=[])
 
 

@@ -4,7 +4,6 @@ Draw the picture of the page on the growing TIN: scenes of the tests it masters,
 It needs matplotlib (``pip install matplotlib``) beside the package:
 
     python -m bench.pages.progressive_tin doc/algorithms/progressive_tin.png
-
 """
 
 import sys
@@ -31,10 +30,7 @@ SCENES = {
 
 
 def main(picture: Path) -> None:
-    """
-    Draw every scene in plan and in profile.
-
-    """
+    """Draw every scene in plan and in profile."""
     figure, axes = plt.subplots(2, len(SCENES), figsize=(16.0, 7.0), dpi=72, layout="constrained")
     for column, (name, (title, axis, share)) in zip(axes.T, SCENES.items(), strict=True):
         points, truth = TERRAIN_SCENES[name]()

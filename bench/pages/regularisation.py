@@ -4,7 +4,6 @@ Draw the picture of the page on regularisation, from the virtual buildings of th
 It needs matplotlib (``pip install matplotlib``) beside the package:
 
     python -m bench.pages.regularisation doc/algorithms/regularisation.png
-
 """
 
 import sys
@@ -33,7 +32,6 @@ MAX_DIFFERENCE_DEG = 3.0
 def main(picture: Path) -> None:
     """
     Draw bearing points, walls by direction, the published method beside ours, an arc, a yard, and a failure.
-
     """
     figure, axes = plt.subplots(2, 3, figsize=(13.0, 8.6), dpi=80, layout="constrained")
     draw_bearing_points(axes[0, 0])
@@ -51,10 +49,7 @@ def main(picture: Path) -> None:
 
 
 def draw_bearing_points(axes) -> None:
-    """
-    Draw a traced ring, which of its points bear it, and both lines that are fitted.
-
-    """
+    """Draw a traced ring, which of its points bear it, and both lines that are fitted."""
     scene = outline_scene("facade_step", density=2.0, rotation_deg=12.0, seed=1)
     traced = trace_boundary(scene.points, point_spacing=scene.spacing).outline
     config = RegularisationConfig()
@@ -73,10 +68,7 @@ def draw_bearing_points(axes) -> None:
 
 
 def draw_published(axes, scene) -> None:
-    """
-    Draw what two perpendicular directions make of a building.
-
-    """
+    """Draw what two perpendicular directions make of a building."""
     set_up(axes, scene, "as published: two perpendicular directions (green: truth)")
     line(axes, np.array(scene.truth.exterior.coords)[:-1], TRUTH, linewidth=1.2)
     traced = trace_boundary(scene.points, point_spacing=scene.spacing).outline
@@ -84,10 +76,7 @@ def draw_published(axes, scene) -> None:
 
 
 def draw(axes, scene, title) -> None:
-    """
-    Draw points, and their walls coloured by direction.
-
-    """
+    """Draw points, and their walls coloured by direction."""
     set_up(axes, scene, title)
     result = regularise_outline(trace_boundary(scene.points, point_spacing=scene.spacing).outline)
     for ring in result.outline.rings:
@@ -100,10 +89,7 @@ def draw(axes, scene, title) -> None:
 
 
 def colour_of(wall, directions) -> str:
-    """
-    Return the colour of the direction that a straight wall goes along or across.
-
-    """
+    """Return the colour of the direction that a straight wall goes along or across."""
     heading = np.arctan2(wall.end[1] - wall.start[1], wall.end[0] - wall.start[0])
     for colour, direction in zip(DIRECTIONS, directions, strict=False):
         difference = np.rad2deg(heading - direction + np.pi / 4) % 90.0 - 45.0
@@ -113,10 +99,7 @@ def colour_of(wall, directions) -> str:
 
 
 def set_up(axes, scene, title) -> None:
-    """
-    Draw the points of a roof.
-
-    """
+    """Draw the points of a roof."""
     axes.plot(*scene.points[:, :2].T, ".", color=POINTS, markersize=2)
     axes.set_title(title, fontsize=9)
     axes.set_aspect("equal")
@@ -124,10 +107,7 @@ def set_up(axes, scene, title) -> None:
 
 
 def line(axes, ring, colour, **style) -> None:
-    """
-    Draw a closed ring.
-
-    """
+    """Draw a closed ring."""
     axes.plot(*np.vstack([ring, ring[:1]]).T, color=colour, **style)
 
 

@@ -4,7 +4,6 @@ Draw the picture of the page on roof selection: scenes of the tests, method by m
 It needs matplotlib (``pip install matplotlib``) beside the package:
 
     python -m bench.pages.roof_selection doc/algorithms/roof_selection.png
-
 """
 
 import sys
@@ -39,10 +38,7 @@ BRIGHT = 12.0
 
 
 def main(picture: Path) -> None:
-    """
-    Draw every scene with every method.
-
-    """
+    """Draw every scene with every method."""
     sizes = [(high_y - low_y) / (high_x - low_x) for low_x, high_x, low_y, high_y in SCENES.values()]
     figure, axes = plt.subplots(
         len(SCENES),
@@ -63,10 +59,7 @@ def main(picture: Path) -> None:
 
 
 def draw(axes: plt.Axes, scene: RoofScene, method: str, window: tuple[float, ...]) -> None:
-    """
-    Draw the points seen from above, lower ones first.
-
-    """
+    """Draw the points seen from above, lower ones first."""
     config = RoofSelectionConfig(method=method)
     result = select_roofs(scene.points, config, **scene.columns)
     found = (result.classification == 6) & ~result.is_facade

@@ -4,7 +4,6 @@ Draw the picture of the page on roof topology, from the virtual roofs of the tes
 It needs matplotlib (``pip install matplotlib``) beside the package:
 
     python -m bench.pages.roof_topology doc/algorithms/roof_topology.png
-
 """
 
 import sys
@@ -53,10 +52,7 @@ ROTATIONS_DEG = range(0, 90, 10)
 
 
 def main(picture: Path) -> None:
-    """
-    Draw hips into corners, a spire, a courtyard, wings, a dormer, a failure; print the figures.
-
-    """
+    """Draw hips into corners, a spire, a courtyard, wings, a dormer, a failure; print the figures."""
     figure, axes = plt.subplots(2, 3, figsize=(13.0, 8.8), dpi=80, layout="constrained")
     draw(axes[0, 0], "hip", "hips hit the corners, three lines one point")
     draw(axes[0, 1], "pitched_courtyard", "four planes meet in each corner")
@@ -72,10 +68,7 @@ def main(picture: Path) -> None:
 
 
 def draw(axis, name: str, title: str, density: float = 8.0) -> None:
-    """
-    Draw points by plane, and the lines found.
-
-    """
+    """Draw points by plane, and the lines found."""
     scene = model_scene(name, density=density, rotation_deg=20.0, seed=1)
     topology = topology_of(scene, density)
     axis.scatter(*scene.points[:, :2].T, c=scene.plane_id % 10, s=3, cmap="Pastel1", vmin=0, vmax=9)
@@ -91,18 +84,12 @@ def draw(axis, name: str, title: str, density: float = 8.0) -> None:
 
 
 def topology_of(scene: ModelScene, density: float) -> RoofTopology:
-    """
-    Find the topology of a scene with its true planes.
-
-    """
+    """Find the topology of a scene with its true planes."""
     return find_topology(scene.points, scene.plane_id, scene.outline, point_spacing=density**-0.5)
 
 
 def print_figures(density: float) -> None:
-    """
-    Print how well all shapes are found at a density, in nine directions each.
-
-    """
+    """Print how well all shapes are found at a density, in nine directions each."""
     rows = [
         figures_of(model_scene(name, density=density, rotation_deg=turn, seed=turn), kind, density)
         for name, kind in KINDS.items()
@@ -119,7 +106,6 @@ def print_figures(density: float) -> None:
 def figures_of(scene: ModelScene, kind: str, density: float) -> tuple[float, ...]:
     """
     Return whether the type is right, the worst angle and ridge, and lengths: true, found, drawn, correct.
-
     """
     topology = topology_of(scene, density)
     angle = max(
@@ -143,10 +129,7 @@ def figures_of(scene: ModelScene, kind: str, density: float) -> tuple[float, ...
 
 
 def true_lines(scene: ModelScene) -> shapely.Geometry:
-    """
-    Return all borders between faces of a building in plan.
-
-    """
+    """Return all borders between faces of a building in plan."""
     faces = [face.polygon for face in scene.building.faces]
     borders = [
         part
@@ -159,10 +142,7 @@ def true_lines(scene: ModelScene) -> shapely.Geometry:
 
 
 def ridge_error(scene: ModelScene, topology: RoofTopology) -> float:
-    """
-    Return the largest difference in height between a true ridge and the line found over its middle [m].
-
-    """
+    """Return the largest difference in height between a true ridge and the line found over its middle [m]."""
     errors = [np.nan]
     for ridge in scene.ridges:
         middle = shapely.Point(ridge.mean(axis=0)[:2])

@@ -4,7 +4,6 @@ Draw the picture of the page on segmentation, from synthetic roofs.
 It needs matplotlib (``pip install matplotlib``) beside the package:
 
     python -m bench.pages.segmentation doc/algorithms/segmentation.png
-
 """
 
 import sys
@@ -27,10 +26,7 @@ KEEP_ALL = SegmentationConfig(min_points=1, min_area=0.0)
 
 
 def main(picture: Path) -> None:
-    """
-    Draw the window along the lines, a square one, steps, necks and two known failures.
-
-    """
+    """Draw the window along the lines, a square one, steps, necks and two known failures."""
     figure, axes = plt.subplots(2, 3, figsize=(13.5, 8.6), dpi=80, layout="constrained")
     draw_lines(axes[0, 0], axes[0, 1])
     draw_steps(axes[0, 2], axes[1, 0])
@@ -44,28 +40,19 @@ def main(picture: Path) -> None:
 
 
 def lattice(west: float, south: float, east: float, north: float, step: float = 0.5, seed: int = 0):
-    """
-    Return a jittered lattice of points in plan.
-
-    """
+    """Return a jittered lattice of points in plan."""
     x, y = np.meshgrid(np.arange(west, east, step), np.arange(south, north, step))
     xy = np.column_stack((x.ravel(), y.ravel()))
     return xy + np.random.default_rng(seed).uniform(0, 0.4 * step, xy.shape)
 
 
 def raised(xy: np.ndarray, elevation: float, slope: tuple[float, float] = (0.0, 0.0)) -> np.ndarray:
-    """
-    Put points in plan on a plane.
-
-    """
+    """Put points in plan on a plane."""
     return np.column_stack((xy, elevation + xy @ np.array(slope)))
 
 
 def draw(axes: plt.Axes, points: np.ndarray, building_id: np.ndarray, title: str) -> None:
-    """
-    Draw points in the colours of their buildings, grey where they are of none.
-
-    """
+    """Draw points in the colours of their buildings, grey where they are of none."""
     numbers = [number for number in np.unique(building_id) if number]
     axes.scatter(*points[building_id == 0, :2].T, s=7, color=NONE, linewidths=0)
     for k, number in enumerate(numbers):
@@ -75,10 +62,7 @@ def draw(axes: plt.Axes, points: np.ndarray, building_id: np.ndarray, title: str
 
 
 def draw_window(axes: plt.Axes, centre: np.ndarray, pattern: ScanPattern, window: float) -> None:
-    """
-    Draw the window about a point.
-
-    """
+    """Draw the window about a point."""
     cos, sin = np.cos(pattern.direction), np.sin(pattern.direction)
     u, v = window * pattern.along / 2, window * pattern.across / 2
     corners = np.array([[-u, -v], [u, -v], [u, v], [-u, v]]) @ np.array([[cos, sin], [-sin, cos]])
@@ -86,10 +70,7 @@ def draw_window(axes: plt.Axes, centre: np.ndarray, pattern: ScanPattern, window
 
 
 def draw_lines(turned: plt.Axes, square: plt.Axes) -> None:
-    """
-    Draw two houses scanned in lines far apart: with the window along the lines, and with a square one.
-
-    """
+    """Draw two houses scanned in lines far apart: with the window along the lines, and with a square one."""
     u, v = np.meshgrid(np.arange(-12, 12, 0.08), np.arange(-12, 12, 1.0))
     cos, sin = np.cos(0.5), np.sin(0.5)
     xy = np.column_stack((u.ravel(), v.ravel())) @ np.array([[cos, sin], [-sin, cos]])
@@ -112,10 +93,7 @@ def draw_lines(turned: plt.Axes, square: plt.Axes) -> None:
 
 
 def components(linked: np.ndarray) -> np.ndarray:
-    """
-    Number connected rows of a matrix from 1.
-
-    """
+    """Number connected rows of a matrix from 1."""
     label = np.zeros(len(linked), dtype=np.uint32)
     while not label.all():
         reached = np.zeros(len(linked), dtype=bool)
@@ -129,10 +107,7 @@ def components(linked: np.ndarray) -> np.ndarray:
 
 
 def draw_steps(split: plt.Axes, steep: plt.Axes) -> None:
-    """
-    Draw a row of houses split at their steps, and roofs with dormer and chimney that are not.
-
-    """
+    """Draw a row of houses split at their steps, and roofs with dormer and chimney that are not."""
     heights = (5.0, 8.0, 6.5, 10.0)
     row = [raised(lattice(6 * k, 0, 6 * k + 6, 10, seed=k), z) for k, z in enumerate(heights)]
     points = np.vstack(row)
@@ -155,10 +130,7 @@ def draw_steps(split: plt.Axes, steep: plt.Axes) -> None:
 
 
 def draw_necks(axes: plt.Axes) -> None:
-    """
-    Draw two roofs joined by a row of single points, cut.
-
-    """
+    """Draw two roofs joined by a row of single points, cut."""
     neck = np.column_stack((np.arange(8.0, 13.0, 0.5), np.full(10, 4.0)))
     points = raised(np.vstack((lattice(0, 0, 8, 8), lattice(13, 0, 21, 8), neck)), 5.0)
     found = segment_buildings(points).building_id
@@ -166,10 +138,7 @@ def draw_necks(axes: plt.Axes) -> None:
 
 
 def draw_slanting_step(axes: plt.Axes) -> None:
-    """
-    Draw a step that runs out to nothing: it parts nothing.
-
-    """
+    """Draw a step that runs out to nothing: it parts nothing."""
     low, high = lattice(0, 0, 8, 10), lattice(8, 0, 16, 10, seed=1)
     points = np.vstack((raised(low, 5.0), raised(high, 5.0, (0.0, 0.4))))
     found = segment_buildings(points, SegmentationConfig(split_at_steps=True)).building_id

@@ -6,7 +6,6 @@ It needs matplotlib (``pip install matplotlib``) beside the package:
     lidar-buildings simulate --output survey
     lidar-buildings run survey --output result --until roof_selection
     python -m bench.pages.terrain result doc/algorithms/terrain.png
-
 """
 
 import sys
@@ -30,10 +29,7 @@ LARGEST_ERROR = 0.3
 
 
 def main(result: Path, picture: Path) -> None:
-    """
-    Draw ground, surface, heights and the error of the ground; print the error in numbers.
-
-    """
+    """Draw ground, surface, heights and the error of the ground; print the error in numbers."""
     dtm, dsm, ndsm = (read(result / f"{name}.tif") for name in ("dtm", "dsm", "ndsm"))
     error = dtm - true_elevation(result / "dtm.tif")
     figure, axes = plt.subplots(2, 2, figsize=(10.4, 10.4), dpi=75, layout="constrained")
@@ -53,19 +49,13 @@ def main(result: Path, picture: Path) -> None:
 
 
 def read(path: Path) -> np.ma.MaskedArray:
-    """
-    Read a raster.
-
-    """
+    """Read a raster."""
     with rasterio.open(path) as file:
         return file.read(1, masked=True)
 
 
 def true_elevation(path: Path) -> np.ndarray:
-    """
-    Return the village's terrain at the middles of a raster's cells [m].
-
-    """
+    """Return the village's terrain at the middles of a raster's cells [m]."""
     scene = make_scene("village", 0)
     with rasterio.open(path) as file:
         rows, columns = np.indices(file.shape)
@@ -76,20 +66,14 @@ def true_elevation(path: Path) -> np.ndarray:
 
 
 def draw_shade(axes: plt.Axes, elevation: np.ma.MaskedArray, title: str, exaggeration: float) -> None:
-    """
-    Draw a hillshade.
-
-    """
+    """Draw a hillshade."""
     level = elevation.filled(float(elevation.mean()))
     axes.imshow(LIGHT.hillshade(level, dx=0.5, dy=0.5, vert_exag=exaggeration), cmap="gray")
     axes.set_title(title)
 
 
 def in_words(error: np.ndarray) -> str:
-    """
-    Say how large the errors are.
-
-    """
+    """Say how large the errors are."""
     share = 100 * np.mean(np.abs(error) < 0.1)
     return (
         f"{len(error)} cells: RMSE {np.sqrt(np.mean(error**2)):.3f} m, mean {error.mean():+.3f} m, "

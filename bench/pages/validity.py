@@ -4,7 +4,6 @@ Draw the picture of the page on solids and their validity, from synthetic roofs.
 It needs matplotlib (``pip install matplotlib``) beside the package:
 
     python -m bench.pages.validity doc/algorithms/validity.png
-
 """
 
 import sys
@@ -32,7 +31,6 @@ LIGHT = np.array([-0.4, -0.6, 0.7]) / np.linalg.norm([-0.4, -0.6, 0.7])
 def main(picture: Path) -> None:
     """
     Draw a roof in pieces, walls with all elevations of their posts, a crossing, pinched posts, and folds.
-
     """
     figure = plt.figure(figsize=(13.0, 8.4), dpi=80, layout="constrained")
     draw(figure.add_subplot(231, projection="3d"), town_house(), "a roof in four pieces, a courtyard")
@@ -52,18 +50,12 @@ def main(picture: Path) -> None:
 
 
 def rectangle(left, low, right, high):
-    """
-    Return a rectangle's ring.
-
-    """
+    """Return a rectangle's ring."""
     return np.array([[left, low], [right, low], [right, high], [left, high]], dtype=float)
 
 
 def town_house():
-    """
-    A gable with a tower on its ridge, a lower wing with a courtyard.
-
-    """
+    """A gable with a tower on its ridge, a lower wing with a courtyard."""
     tower, yard = rectangle(4, 2.5, 6, 5.5), rectangle(13, 3, 15, 5)
     south = np.array([[0, 0], [10, 0], [10, 4], [6, 4], [6, 2.5], [4, 2.5], [4, 4], [0, 4]], dtype=float)
     north = np.array([[0, 4], [4, 4], [4, 5.5], [6, 5.5], [6, 4], [10, 4], [10, 8], [0, 8]], dtype=float)
@@ -77,19 +69,13 @@ def town_house():
 
 
 def steps():
-    """
-    Three flat pieces that meet in one post.
-
-    """
+    """Three flat pieces that meet in one post."""
     heights = {(0, 0, 8, 5): 3.0, (0, 5, 4, 9): 8.0, (4, 5, 8, 9): 5.5}
     return [RoofPiece((rectangle(*box),), (0.0, 0.0, z)) for box, z in heights.items()]
 
 
 def crossing():
-    """
-    Two sheds that slope against each other.
-
-    """
+    """Two sheds that slope against each other."""
     return [
         RoofPiece((rectangle(0, 0, 10, 4),), (0.5, 0.0, 2.0)),
         RoofPiece((rectangle(0, 4, 10, 8),), (-0.5, 0.0, 7.0)),
@@ -97,19 +83,13 @@ def crossing():
 
 
 def checkers():
-    """
-    Four flat pieces, high and low in turns.
-
-    """
+    """Four flat pieces, high and low in turns."""
     heights = {(0, 0): 3.0, (5, 0): 8.0, (5, 5): 4.0, (0, 5): 7.0}
     return [RoofPiece((rectangle(x, y, x + 5, y + 5),), (0.0, 0.0, z)) for (x, y), z in heights.items()]
 
 
 def draw(axes, pieces, title, alpha=1.0, vertices=False) -> None:
-    """
-    Draw a solid, triangle by triangle, so that faces with holes show them, and the edges of its faces.
-
-    """
+    """Draw a solid, triangle by triangle, so that faces with holes show them, and the edges of its faces."""
     solid = roof_solid(pieces, 0.0)
     arrays = face_arrays(solid, np.arange(len(solid.vertices)))
     triangles, face_of = triangulate(arrays, fitted_planes(arrays)[1])
@@ -133,10 +113,7 @@ def draw(axes, pieces, title, alpha=1.0, vertices=False) -> None:
 
 
 def draw_plan(axes, pieces, title, limits) -> None:
-    """
-    Draw the roof faces of a solid in plan, within limits.
-
-    """
+    """Draw the roof faces of a solid in plan, within limits."""
     solid = roof_solid(pieces, 0.0)
     for face, kind in zip(solid.faces, solid.semantics, strict=True):
         if kind == ROOF_SURFACE:
@@ -152,10 +129,7 @@ def draw_plan(axes, pieces, title, limits) -> None:
 
 
 def draw_triangles(axes, pieces) -> None:
-    """
-    Draw the triangles in which the ground face and the roof faces are checked.
-
-    """
+    """Draw the triangles in which the ground face and the roof faces are checked."""
     solid = roof_solid(pieces, 0.0)
     arrays = face_arrays(solid, np.arange(len(solid.vertices)))
     triangles, face_of = triangulate(arrays, fitted_planes(arrays)[1])

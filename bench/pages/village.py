@@ -6,7 +6,6 @@ It needs matplotlib (``pip install matplotlib``) beside the package:
     lidar-buildings simulate --output survey
     lidar-buildings run survey --output result
     python -m bench.pages.village result doc/village.png
-
 """
 
 import json
@@ -47,10 +46,7 @@ TERRAIN_CELL, POINT_SIZE = 5.0, 1.2
 
 
 def main(result: Path, picture: Path) -> None:
-    """
-    Draw one result folder of ``lidar-buildings run`` into one PNG.
-
-    """
+    """Draw one result folder of ``lidar-buildings run`` into one PNG."""
     points, classes = read_points(result / "classified")
     origin = points.min(axis=0)
     points = points - origin
@@ -65,19 +61,13 @@ def main(result: Path, picture: Path) -> None:
 
 
 def is_inside(xy: np.ndarray) -> np.ndarray:
-    """
-    Tell which rows lie in the part that is drawn.
-
-    """
+    """Tell which rows lie in the part that is drawn."""
     west, south, east, north = WINDOW
     return ((xy >= (west, south)) & (xy <= (east, north))).all(axis=1)
 
 
 def read_points(folder: Path) -> tuple[np.ndarray, np.ndarray]:
-    """
-    Return all points and their classes.
-
-    """
+    """Return all points and their classes."""
     clouds = [laspy.read(path) for path in sorted(folder.glob("*.laz"))]
     return (
         np.vstack([np.asarray(cloud.xyz) for cloud in clouds]),
@@ -86,10 +76,7 @@ def read_points(folder: Path) -> tuple[np.ndarray, np.ndarray]:
 
 
 def read_outlines(result: Path, origin: np.ndarray) -> list[np.ndarray]:
-    """
-    Return the rings of the regularised outlines, in plan.
-
-    """
+    """Return the rings of the regularised outlines, in plan."""
     polygons = shapely.from_wkb(pyogrio.raw.read(result / "buildings.gpkg", layer="outlines", columns=[])[2])
     return [
         shapely.get_coordinates(ring) - origin[:2]
@@ -101,7 +88,6 @@ def read_outlines(result: Path, origin: np.ndarray) -> list[np.ndarray]:
 def read_faces(result: Path, origin: np.ndarray) -> list[tuple[str, list[np.ndarray]]]:
     """
     Return (kind of surface, its rings) of every face but those on the ground, of the buildings in the window.
-
     """
     lines = (result / "city_model.city.jsonl").read_text(encoding="utf-8").splitlines()
     header, *features = map(json.loads, lines)
@@ -123,10 +109,7 @@ def read_faces(result: Path, origin: np.ndarray) -> list[tuple[str, list[np.ndar
 
 
 def terrain(ground: np.ndarray) -> list[np.ndarray]:
-    """
-    Return the ground as quadrilaterals between its heights at the corners of cells.
-
-    """
+    """Return the ground as quadrilaterals between its heights at the corners of cells."""
     west, south, east, north = WINDOW
     x, y = np.arange(west, east + 0.1, TERRAIN_CELL), np.arange(south, north + 0.1, TERRAIN_CELL)
     sample = ground[:: max(len(ground) // 50_000, 1)]
@@ -140,10 +123,7 @@ def terrain(ground: np.ndarray) -> list[np.ndarray]:
 
 
 def draw_plan(axes: plt.Axes, points: np.ndarray, classes: np.ndarray, rings: list[np.ndarray]) -> None:
-    """
-    Draw points by class from above, outlines over them.
-
-    """
+    """Draw points by class from above, outlines over them."""
     order = np.argsort(points[:, 2], kind="stable")
     order = order[np.isin(classes[order], list(CLASSES))]
     colours = np.zeros((256, 3))
@@ -161,10 +141,7 @@ def draw_plan(axes: plt.Axes, points: np.ndarray, classes: np.ndarray, rings: li
 
 
 def draw_models(axes: plt.Axes, ground: list[np.ndarray], faces: list[tuple[str, list[np.ndarray]]]) -> None:
-    """
-    Draw the models on the terrain, seen from the south.
-
-    """
+    """Draw the models on the terrain, seen from the south."""
     below = [shaded(TERRAIN, quad) for quad in ground]
     axes.add_collection3d(Poly3DCollection(ground, facecolors=below, edgecolors=below, zorder=0))
     parts, colours = [], []
@@ -185,10 +162,7 @@ def draw_models(axes: plt.Axes, ground: list[np.ndarray], faces: list[tuple[str,
 
 
 def triangulated(rings: list[np.ndarray]) -> list[np.ndarray]:
-    """
-    Cut a plane face with holes into triangles.
-
-    """
+    """Cut a plane face with holes into triangles."""
     vertices = np.vstack(rings)
     flat = np.abs(normal(rings[0] - rings[0][0])).argmax()
     plan = np.ascontiguousarray(np.delete(vertices, flat, axis=1))
@@ -197,18 +171,12 @@ def triangulated(rings: list[np.ndarray]) -> list[np.ndarray]:
 
 
 def normal(ring: np.ndarray) -> np.ndarray:
-    """
-    Return a face's normal by Newell's sum.
-
-    """
+    """Return a face's normal by Newell's sum."""
     return np.cross(ring, np.roll(ring, -1, axis=0)).sum(axis=0)
 
 
 def shaded(colour: str, ring: np.ndarray) -> tuple[float, ...]:
-    """
-    Darken a colour by the angle between a face and the light.
-
-    """
+    """Darken a colour by the angle between a face and the light."""
     across = normal(ring - ring[0])
     lit = abs(across @ LIGHT) / max(np.linalg.norm(across) * np.linalg.norm(LIGHT), 1e-12)
     return tuple(np.array(matplotlib.colors.to_rgb(colour)) * (SHADE + (1 - SHADE) * lit))

@@ -12,7 +12,6 @@ open3d        MIT        taken: ``segment_plane`` (RANSAC), plane by plane, the 
 CGAL          GPL        where installed: region growing and efficient RANSAC of its shape detection
 pyransac3d    Apache-2   left out: the same RANSAC in Python, slower
 ============  =========  ====================================================================================
-
 """
 
 from __future__ import annotations
@@ -44,7 +43,6 @@ class Method(NamedTuple):
         Points → number of each point's plane, 0 = none.
     package : str
         What has to be importable.
-
     """
 
     find: Callable[[NDArray[np.float64]], NDArray[np.int64]]
@@ -52,18 +50,12 @@ class Method(NamedTuple):
 
     @property
     def installed(self) -> bool:
-        """
-        Whether the package is there.
-
-        """
+        """Whether the package is there."""
         return importlib.util.find_spec(self.package) is not None
 
 
 def own_method(config: PlaneFittingConfig) -> Method:
-    """
-    Return this package's planes with these parameters.
-
-    """
+    """Return this package's planes with these parameters."""
     return Method(lambda points: fit_roof_planes(points, config).plane_id.astype(np.int64))
 
 
@@ -72,7 +64,6 @@ def open3d_ransac(
 ) -> NDArray[np.int64]:
     """
     Take planes out one after the other; of each only the largest cluster of inliers if there is a `reach`.
-
     """
     import open3d
 
@@ -94,10 +85,7 @@ def open3d_ransac(
 
 
 def open3d_patches(points: NDArray[np.float64], **settings: Any) -> NDArray[np.int64]:
-    """
-    Detect planar patches, and give each the points inside its box that no larger one has.
-
-    """
+    """Detect planar patches, and give each the points inside its box that no larger one has."""
     import open3d
 
     cloud = open3d.geometry.PointCloud(open3d.utility.Vector3dVector(points))
@@ -111,10 +99,7 @@ def open3d_patches(points: NDArray[np.float64], **settings: Any) -> NDArray[np.i
 
 
 def cgal_regions(points: NDArray[np.float64]) -> NDArray[np.int64]:
-    """
-    Grow regions with CGAL's defaults but for a tolerance that suits the data.
-
-    """
+    """Grow regions with CGAL's defaults but for a tolerance that suits the data."""
     from CGAL.CGAL_Kernel import Point_3
     from CGAL.CGAL_Point_set_3 import Point_set_3
     from CGAL.CGAL_Point_set_processing_3 import jet_estimate_normals

@@ -1,7 +1,4 @@
-"""
-Pictures of a roof's planes beside the reference's.
-
-"""
+"""Pictures of a roof's planes beside the reference's."""
 
 from __future__ import annotations
 
@@ -22,10 +19,7 @@ SIZE = (14.0, 7.0)
 
 
 def colours_of(planes: NDArray[np.int64]) -> NDArray[np.float64]:
-    """
-    Give every plane a colour of its own, and points of none black.
-
-    """
+    """Give every plane a colour of its own, and points of none black."""
     # The golden ratio keeps the hues of following numbers apart.
     hue = planes * 0.618034 % 1.0
     strength = 0.55 + 0.45 * (planes % 2)
@@ -35,10 +29,7 @@ def colours_of(planes: NDArray[np.int64]) -> NDArray[np.float64]:
 
 
 def draw_planes(path: Path, roof: KnownRoof, found: NDArray[np.int64]) -> None:
-    """
-    Draw a roof from above: the reference on the left, what was found on the right.
-
-    """
+    """Draw a roof from above: the reference on the left, what was found on the right."""
     score = score_planes(found, roof.planes)
     figure, axes = plt.subplots(1, 2, figsize=SIZE, layout="constrained")
     titles = (

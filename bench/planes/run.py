@@ -7,7 +7,6 @@ Planes of roofs as instances, beside other libraries: labelled by hand, and on v
 Precision, recall and F1 are of planes whose points have an intersection over union of at least one half; the
 coverage is weighted by the planes' points, and is the mean over roofs. Seconds are the least of several runs
 over all roofs, after one that compiles.
-
 """
 
 from __future__ import annotations
@@ -39,10 +38,7 @@ VIRTUAL_HEADINGS = ("roof", "cases", "all planes", "too many", "F1", "coverage",
 def run_over(
     method: Method, roofs: Sequence[KnownRoof], repeats: int
 ) -> tuple[list[NDArray[np.int64]], float]:
-    """
-    Return the planes of every roof, and the least seconds that a run over all took.
-
-    """
+    """Return the planes of every roof, and the least seconds that a run over all took."""
     method.find(roofs[0].points)
     seconds = []
     for _ in range(repeats):
@@ -53,10 +49,7 @@ def run_over(
 
 
 def row_of(name: str, scores: Sequence[PlaneScore], seconds: float) -> list[str]:
-    """
-    Line of a method over all roofs.
-
-    """
+    """Line of a method over all roofs."""
     found, mine, theirs = (sum(getattr(s, n) for s in scores) for n in ("n_found", "n_result", "n_reference"))
     shares = found / max(mine, 1), found / theirs, 2 * found / (mine + theirs)
     means = (float(np.nanmean([getattr(s, n) for s in scores])) for n in ("f1", "weighted_coverage"))
@@ -66,10 +59,7 @@ def row_of(name: str, scores: Sequence[PlaneScore], seconds: float) -> list[str]
 
 
 def roof_rows(roofs: Sequence[KnownRoof], scores: Sequence[PlaneScore]) -> list[list[str]]:
-    """
-    Lines of single roofs.
-
-    """
+    """Lines of single roofs."""
     return [
         [roof.name, str(score.n_points), str(score.n_reference), str(score.n_result)]
         + [percent(v) for v in (score.precision, score.recall, score.f1, score.weighted_coverage)]
@@ -78,10 +68,7 @@ def roof_rows(roofs: Sequence[KnownRoof], scores: Sequence[PlaneScore]) -> list[
 
 
 def angles_of(roof: KnownRoof, found: NDArray[np.int64]) -> list[float]:
-    """
-    Return by how much the planes found lean from the true ones that they share most points with [deg].
-
-    """
+    """Return by how much the planes found lean from the true ones that they share most points with [deg]."""
     angles = []
     for number, normal in enumerate(roof.normals, start=1):
         labels = found[(roof.planes == number) & (found > 0)]
@@ -92,10 +79,7 @@ def angles_of(roof: KnownRoof, found: NDArray[np.int64]) -> list[float]:
 
 
 def virtual_rows(method: Method, roofs: Sequence[KnownRoof]) -> list[list[str]]:
-    """
-    Lines of shapes: cases with all planes found, cases with too many, F1, coverage, and angles.
-
-    """
+    """Lines of shapes: cases with all planes found, cases with too many, F1, coverage, and angles."""
     by_name: dict[str, list[tuple[PlaneScore, list[float]]]] = defaultdict(list)
     for roof in roofs:
         found = method.find(roof.points)
@@ -104,10 +88,7 @@ def virtual_rows(method: Method, roofs: Sequence[KnownRoof]) -> list[list[str]]:
 
 
 def _virtual_row(name: str, cases: Sequence[tuple[PlaneScore, list[float]]]) -> list[str]:
-    """
-    Line of one shape.
-
-    """
+    """Line of one shape."""
     scores = [score for score, _ in cases]
     angles = [angle for _, several in cases for angle in several] or [np.nan]
     counts = (
@@ -128,10 +109,7 @@ def _virtual_row(name: str, cases: Sequence[tuple[PlaneScore, list[float]]]) -> 
 def print_labelled(
     methods: Mapping[str, Method], roofs: Sequence[KnownRoof], options: argparse.Namespace
 ) -> None:
-    """
-    Print the tables of the roofs that were labelled by hand.
-
-    """
+    """Print the tables of the roofs that were labelled by hand."""
     n_planes = sum(int(roof.planes.max()) for roof in roofs)
     print(f"{len(roofs)} roofs labelled by hand, {n_planes} planes:")
     rows = []
@@ -151,10 +129,7 @@ def print_labelled(
 
 
 def parser_of_planes() -> argparse.ArgumentParser:
-    """
-    Describe the command line.
-
-    """
+    """Describe the command line."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
@@ -171,10 +146,7 @@ def parser_of_planes() -> argparse.ArgumentParser:
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """
-    Print the tables.
-
-    """
+    """Print the tables."""
     options = parser_of_planes().parse_args(arguments)
     own = own_method(PlaneFittingConfig(**settings_of(options.set, PlaneFittingConfig)))
     methods = {name: own if name == OWN else METHODS[name] for name in options.methods}

@@ -1,7 +1,4 @@
-"""
-Roofs whose planes are known: real ones labelled by hand, and virtual ones whose planes are exact.
-
-"""
+"""Roofs whose planes are known: real ones labelled by hand, and virtual ones whose planes are exact."""
 
 from __future__ import annotations
 
@@ -37,7 +34,6 @@ class KnownRoof(NamedTuple):
         From 1; −1 for points that do not count.
     normals : ndarray of shape (n_planes, 3)
         Of the planes by their numbers; empty where they are not known.
-
     """
 
     name: str
@@ -47,18 +43,12 @@ class KnownRoof(NamedTuple):
 
 
 def labelled_roofs(data: Path) -> list[KnownRoof]:
-    """
-    Read the roofs that were coloured by hand, one file each.
-
-    """
+    """Read the roofs that were coloured by hand, one file each."""
     return [_labelled_roof(path) for path in sorted((data / LABELLED).glob("*.laz"))]
 
 
 def _labelled_roof(path: Path) -> KnownRoof:
-    """
-    Read a roof; each connected part of a colour is a plane.
-
-    """
+    """Read a roof; each connected part of a colour is a plane."""
     las = laspy.read(path)
     points = np.column_stack([las.x, las.y, las.z])
     points -= np.floor(points.min(axis=0))
@@ -69,10 +59,7 @@ def _labelled_roof(path: Path) -> KnownRoof:
 
 
 def shapes() -> dict[str, Building]:
-    """
-    Return every roof shape of the simulation with its defaults, by name.
-
-    """
+    """Return every roof shape of the simulation with its defaults, by name."""
     found = {}
     for module in (roof_shapes, special_roofs):
         for name, shape in inspect.getmembers(module, inspect.isfunction):
@@ -82,10 +69,7 @@ def shapes() -> dict[str, Building]:
 
 
 def virtual_roof(name: str, building: Building, density: float, noise: float, seed: int) -> KnownRoof:
-    """
-    Sample a building's roof, turned by some angle, one point somewhere in every square of 1 / density.
-
-    """
+    """Sample a building's roof, turned by some angle, one point somewhere in every square of 1 / density."""
     random = np.random.default_rng(seed)
     placed = building.placed(30.0, 30.0, rotation_deg=17.0 + 40.0 * seed, elevation=5.0)
     number_of, normals = planes_of_faces(placed)
@@ -105,7 +89,6 @@ def planes_of_faces(building: Building) -> tuple[NDArray[np.int64], NDArray[np.f
     Return the number of the plane that each face number is part of, and the planes' normals.
 
     Faces of one plane that touch, if only at a corner, are one plane.
-
     """
     faces = building.faces
     touches = [
@@ -120,10 +103,7 @@ def planes_of_faces(building: Building) -> tuple[NDArray[np.int64], NDArray[np.f
 
 
 def virtual_roofs(densities: Sequence[float], noises: Sequence[float], n_seeds: int) -> list[KnownRoof]:
-    """
-    Sample every shape with every density [points/m²] and noise [m].
-
-    """
+    """Sample every shape with every density [points/m²] and noise [m]."""
     return [
         virtual_roof(name, building, density, noise, seed)
         for name, building in shapes().items()

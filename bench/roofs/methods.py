@@ -1,7 +1,4 @@
-"""
-The methods of roof selection as the benchmarks call them, and how their points are scored.
-
-"""
+"""The methods of roof selection as the benchmarks call them, and how their points are scored."""
 
 from __future__ import annotations
 
@@ -32,10 +29,7 @@ def roof_mask(
     *,
     with_facades: bool = True,
 ) -> NDArray[np.bool_]:
-    """
-    Return which points a method takes for building, or for roof alone.
-
-    """
+    """Return which points a method takes for building, or for roof alone."""
     config = RoofSelectionConfig(**{**(settings or {}), "method": method})
     found = select_roofs(points, config, **columns)
     is_building = found.classification == PointClass.BUILDING
@@ -45,25 +39,16 @@ def roof_mask(
 def point_score(
     mask: NDArray[np.bool_], is_building: NDArray[np.bool_], is_judged: NDArray[np.bool_] | None = None
 ) -> Confusion:
-    """
-    Count agreement point by point, where points are judged.
-
-    """
+    """Count agreement point by point, where points are judged."""
     judged = slice(None) if is_judged is None else is_judged
     return confusion_of(mask[judged], is_building[judged])
 
 
 def point_cells(score: Confusion) -> list[str]:
-    """
-    Recall, precision and F1 in percent.
-
-    """
+    """Recall, precision and F1 in percent."""
     return [percent(value) for value in (score.recall, score.precision, score.f1)]
 
 
 def method_headings(methods: Sequence[str]) -> dict[str, str]:
-    """
-    Return a short name for each method: the first letters of its words.
-
-    """
+    """Return a short name for each method: the first letters of its words."""
     return {"".join(word[0] for word in method.split("_")): method for method in methods}

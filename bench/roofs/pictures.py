@@ -1,7 +1,4 @@
-"""
-Maps of where roof selection and the reference disagree.
-
-"""
+"""Maps of where roof selection and the reference disagree."""
 
 from __future__ import annotations
 
@@ -28,10 +25,7 @@ def draw_roofs(
     is_building: NDArray[np.bool_],
     title: str,
 ) -> None:
-    """
-    Draw the points on which method and reference agree (grey) and disagree (red, blue) over the relief.
-
-    """
+    """Draw the points on which method and reference agree (grey) and disagree (red, blue) over the relief."""
     low, extent = points[:, :2].min(axis=0), np.ptp(points[:, :2], axis=0) + 1e-6
     pixel = max(extent.max() / MAP_PIXELS, np.sqrt(np.prod(extent) / max(len(points), 1)))
     size = np.clip(2e6 / max(len(points), 1), 0.5, 20) / 2
@@ -50,10 +44,7 @@ def draw_cells(
     cell: float,
     title: str,
 ) -> None:
-    """
-    Draw the cells in both, in the result only and in the reference only, given by their centres.
-
-    """
+    """Draw the cells in both, in the result only and in the reference only, given by their centres."""
     centres = np.concatenate(agreement)
     low, extent = centres.min(axis=0) - 5.0, np.ptp(centres, axis=0) + 10.0
     near = ((points[:, :2] >= low) & (points[:, :2] <= low + extent)).all(axis=1)
@@ -66,10 +57,7 @@ def draw_cells(
 
 
 def _axes(relief: NDArray[np.float64], low: NDArray[np.float64], extent: NDArray[np.float64], title: str):
-    """
-    Start a map with the relief.
-
-    """
+    """Start a map with the relief."""
     height = PICTURE_SIZE * (extent[1] / extent[0] * 0.95 + 0.08)
     _, axes = plt.subplots(figsize=(PICTURE_SIZE, height))
     bounds = (low[0], low[0] + extent[0], low[1], low[1] + extent[1])
@@ -79,10 +67,7 @@ def _axes(relief: NDArray[np.float64], low: NDArray[np.float64], extent: NDArray
 
 
 def _save(axes, path: Path) -> None:
-    """
-    Write the picture and forget it.
-
-    """
+    """Write the picture and forget it."""
     axes.legend(loc="upper right", markerscale=3)
     axes.figure.tight_layout()
     axes.figure.savefig(path, dpi=110)

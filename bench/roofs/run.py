@@ -8,7 +8,6 @@ Delft against the base map BGT within the area in which it is complete, in cells
 and the sparse tiles against the provider's class 6, point by point. Each folder is read as one cloud; ground
 and heights are those of this package's own filter, and the classes that come with the points are not looked
 at, unless --provided-classes lets them keep what a run lets them keep. One set of parameters for all.
-
 """
 
 from __future__ import annotations
@@ -59,7 +58,6 @@ class Reference(NamedTuple):
         The provider's buildings.
     cells, area
         The map's building cells, and the polygons within which they are complete; None without a map.
-
     """
 
     name: str
@@ -69,10 +67,7 @@ class Reference(NamedTuple):
 
 
 def read_area(folder: Path, provided_classes: bool) -> tuple[PointTile, Reference]:
-    """
-    Read a folder's cloud with heights above its own ground, and what it is judged by.
-
-    """
+    """Read a folder's cloud with heights above its own ground, and what it is judged by."""
     tile, frame = read_tile(folder)
     classes = tile.classification
     reference = Reference("class 6", classes == PointClass.BUILDING)
@@ -88,10 +83,7 @@ def read_area(folder: Path, provided_classes: bool) -> tuple[PointTile, Referenc
 
 
 def cells_of(tile: PointTile, mask: NDArray[np.bool_], reference: Reference) -> list[str]:
-    """
-    Recall, precision and IoU of cells where there is a map, else recall, precision and F1 of points.
-
-    """
+    """Recall, precision and IoU of cells where there is a map, else recall, precision and F1 of points."""
     if reference.cells is None:
         score = point_score(mask, reference.is_building)
         return [percent(value) for value in (score.recall, score.precision, score.f1)]
@@ -107,10 +99,7 @@ def rows_of(
     pictures: Path | None = None,
     provided_classes: bool = False,
 ) -> list[list[str]]:
-    """
-    Lines of the table: every area, all methods side by side.
-
-    """
+    """Lines of the table: every area, all methods side by side."""
     rows = []
     for name, folder in folders.items():
         tile, reference = read_area(folder, provided_classes)
@@ -130,10 +119,7 @@ def rows_of(
 
 
 def _draw(path: Path, tile: PointTile, mask: NDArray[np.bool_], reference: Reference, title: str) -> None:
-    """
-    Draw one area's disagreements; matplotlib is needed only for this.
-
-    """
+    """Draw one area's disagreements; matplotlib is needed only for this."""
     from bench.roofs.pictures import draw_cells, draw_roofs
 
     if reference.cells is None:
@@ -150,10 +136,7 @@ def _draw(path: Path, tile: PointTile, mask: NDArray[np.bool_], reference: Refer
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """
-    Print the table.
-
-    """
+    """Print the table."""
     areas = ("delft", "montpellier", "fusa", "lowdensity")
     parser = parser_of(__doc__, METHODS)
     parser.add_argument("--areas", nargs="+", choices=areas, default=areas, metavar="AREA")

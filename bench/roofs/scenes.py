@@ -6,7 +6,6 @@ Roof selection on the roof scenes of the tests, whose truth is exact.
 
 Prints recall, precision and F1 of the roof points per scene, all methods side by side, then their means and
 each method's worst scene. Heights above ground and ground points are the true ones.
-
 """
 
 from __future__ import annotations
@@ -27,10 +26,7 @@ from lidar_buildings.evaluation.scores.confusion import Confusion
 
 
 def made(name: str, density_factor: float = 1.0, noise: float | None = None, **arguments: Any) -> Any:
-    """
-    Make a scene at a multiple of its own density, with its own noise unless another one is asked for.
-
-    """
+    """Make a scene at a multiple of its own density, with its own noise unless another one is asked for."""
     scene = ROOF_SCENES[name]
     if noise is not None:
         arguments["noise"] = noise
@@ -43,10 +39,7 @@ def rows_of(
     settings: Mapping[str, Any] | None = None,
     pictures: Path | None = None,
 ) -> list[list[str]]:
-    """
-    Lines of the table: every scene, the means, and the worst scenes.
-
-    """
+    """Lines of the table: every scene, the means, and the worst scenes."""
     scores: dict[str, dict[str, Confusion]] = {method: {} for method in methods}
     rows = []
     for name, scene in found.items():
@@ -62,10 +55,7 @@ def rows_of(
 
 
 def _mean_row(scores: Mapping[str, Mapping[str, Confusion]]) -> list[str]:
-    """
-    Return the means, each scene weighing the same.
-
-    """
+    """Return the means, each scene weighing the same."""
     means = [
         percent(float(np.nanmean([getattr(score, member) for score in of.values()])))
         for of in scores.values()
@@ -75,10 +65,7 @@ def _mean_row(scores: Mapping[str, Mapping[str, Confusion]]) -> list[str]:
 
 
 def _worst_row(scores: Mapping[str, Mapping[str, Confusion]]) -> list[str]:
-    """
-    Return each method's least F1, and in which scene.
-
-    """
+    """Return each method's least F1, and in which scene."""
     cells = []
     for of in scores.values():
         name = min(of, key=lambda name: np.nan_to_num(of[name].f1))
@@ -87,10 +74,7 @@ def _worst_row(scores: Mapping[str, Mapping[str, Confusion]]) -> list[str]:
 
 
 def _draw(path: Path, scene: Any, mask: NDArray[np.bool_], title: str) -> None:
-    """
-    Draw one scene's errors; matplotlib is needed only for this.
-
-    """
+    """Draw one scene's errors; matplotlib is needed only for this."""
     from bench.roofs.pictures import draw_roofs
 
     judged = scene.is_judged
@@ -98,10 +82,7 @@ def _draw(path: Path, scene: Any, mask: NDArray[np.bool_], title: str) -> None:
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """
-    Make the scenes, run the methods, print the table.
-
-    """
+    """Make the scenes, run the methods, print the table."""
     every = tuple(ROOF_SCENES)
     parser = parser_of(__doc__, METHODS)
     parser.add_argument(

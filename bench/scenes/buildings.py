@@ -3,7 +3,6 @@ Small scenes with their truth: every edge case that a stage has to stand.
 
 Each function takes `density` [pts/m²], `noise` (σ along z) [m], `rotation_deg` (of all buildings about the
 scene's centre) and `seed`. Points come in scan order (rows along x), one return per pulse, no façades.
-
 """
 
 from __future__ import annotations
@@ -43,7 +42,6 @@ class Scene:
         Plane id within the building (face i has id i + 1), 0 = none.
     building : ndarray of uint32, shape (n,)
         Number of the building, 0 = none.
-
     """
 
     points: NDArray[np.float64]
@@ -54,18 +52,12 @@ class Scene:
     building: NDArray[np.uint32]
 
     def select(self, rows: NDArray) -> Scene:
-        """
-        Return the scene with only these rows, by mask or indices.
-
-        """
+        """Return the scene with only these rows, by mask or indices."""
         names = ("points", "is_ground", "is_roof", "roof_plane", "building")
         return replace(self, **{name: getattr(self, name)[rows] for name in names})
 
     def roof_points(self, number: int = 1) -> NDArray[np.float64]:
-        """
-        Return the roof points of one building.
-
-        """
+        """Return the roof points of one building."""
         return self.points[self.is_roof & (self.building == number)]
 
 
@@ -94,10 +86,7 @@ def t_shape(*, density=8.0, noise=0.03, rotation_deg=0.0, seed=0) -> Scene:
 
 
 def touching_houses(*, density=8.0, noise=0.03, rotation_deg=0.0, seed=0) -> Scene:
-    """
-    Two gable houses of one row; the eastern one is 2.5 m higher.
-
-    """
+    """Two gable houses of one row; the eastern one is 2.5 m higher."""
     west = roof_shapes.gable(length=9, width=10, eave=5).placed(-4.5, 0)
     east = roof_shapes.gable(length=9, width=10, eave=7.5).placed(4.5, 0)
     return _sampled([west, east], density, noise, rotation_deg, seed)
@@ -120,28 +109,19 @@ def round_tower(*, density=8.0, noise=0.03, rotation_deg=0.0, seed=0) -> Scene:
 
 
 def house_on_slope(*, density=8.0, noise=0.03, rotation_deg=0.0, seed=0) -> Scene:
-    """
-    A hip house on ground that rises by 25 % towards the north-east.
-
-    """
+    """A hip house on ground that rises by 25 % towards the north-east."""
     return _sampled([roof_shapes.hip()], density, noise, rotation_deg, seed, slope=(0.2, 0.15))
 
 
 def tree_over_eave(*, density=8.0, noise=0.03, rotation_deg=0.0, seed=0) -> Scene:
-    """
-    A gable house whose south-eastern corner stands under a tree as high as its ridge.
-
-    """
+    """A gable house whose south-eastern corner stands under a tree as high as its ridge."""
     house = _sampled([roof_shapes.gable()], density, noise, rotation_deg, seed)
     corner = house.buildings[0].exterior[np.argmax(house.buildings[0].exterior @ (1.0, -1.0))]
     return _with_crown(house, (*corner, GROUND + 6.0), (3.0, 3.0, 2.5), density, seed)
 
 
 def sparse(*, density=8.0, noise=0.03, rotation_deg=0.0, seed=0) -> Scene:
-    """
-    A large gable house at a sixteenth of the density: 0.5 pts/m² by default.
-
-    """
+    """A large gable house at a sixteenth of the density: 0.5 pts/m² by default."""
     return _sampled([roof_shapes.gable(length=24, width=14)], density / 16, noise, rotation_deg, seed)
 
 
@@ -151,10 +131,7 @@ def single_point(*, density=8.0, noise=0.03, rotation_deg=0.0, seed=0) -> Scene:
 
 
 def collinear(*, density=8.0, noise=0.03, rotation_deg=0.0, seed=0) -> Scene:
-    """
-    Roof points exactly on one line, twenty of them or as many as the density gives 14 m of scan line.
-
-    """
+    """Roof points exactly on one line, twenty of them or as many as the density gives 14 m of scan line."""
     scene = flat(density=density, noise=noise, rotation_deg=rotation_deg, seed=seed)
     chosen = scene.select(np.flatnonzero(scene.is_roof)[: max(20, int(14 * density**0.5))])
     step = (np.arange(len(chosen.points)) - len(chosen.points) / 2) / density**0.5
@@ -163,19 +140,13 @@ def collinear(*, density=8.0, noise=0.03, rotation_deg=0.0, seed=0) -> Scene:
 
 
 def duplicates(*, density=8.0, noise=0.03, rotation_deg=0.0, seed=0) -> Scene:
-    """
-    A gable house, every point there twice.
-
-    """
+    """A gable house, every point there twice."""
     scene = gable(density=density, noise=noise, rotation_deg=rotation_deg, seed=seed)
     return scene.select(np.repeat(np.arange(len(scene.points)), 2))
 
 
 def with_nan(*, density=8.0, noise=0.03, rotation_deg=0.0, seed=0) -> Scene:
-    """
-    A gable house, one coordinate of every hundredth point not a number.
-
-    """
+    """A gable house, one coordinate of every hundredth point not a number."""
     scene = gable(density=density, noise=noise, rotation_deg=rotation_deg, seed=seed)
     points = scene.points.copy()
     rows = np.arange(0, len(points), 100)
@@ -217,10 +188,7 @@ def _sampled(
     seed: int,
     slope: tuple[float, float] = (0.0, 0.0),
 ) -> Scene:
-    """
-    Put the shapes into the scene's middle and sample roofs and ground.
-
-    """
+    """Put the shapes into the scene's middle and sample roofs and ground."""
     random = np.random.default_rng(seed)
     buildings = tuple(
         replace(shape.placed(0, 0, rotation_deg).placed(*CENTRE, elevation=GROUND), number=number)
@@ -241,10 +209,7 @@ def _sampled(
 def _scan_rows(
     buildings: tuple[Building, ...], density: float, random: np.random.Generator
 ) -> NDArray[np.float64]:
-    """
-    Positions in rows along x around the buildings, one somewhere in every square of 1/density.
-
-    """
+    """Positions in rows along x around the buildings, one somewhere in every square of 1/density."""
     corners = np.concatenate([building.exterior for building in buildings])
     low, high = corners.min(axis=0) - MARGIN, corners.max(axis=0) + MARGIN
     spacing = 1 / np.sqrt(density)
@@ -256,10 +221,7 @@ def _scan_rows(
 def _with_crown(
     scene: Scene, middle: tuple[float, ...], radii: tuple[float, ...], density: float, seed: int
 ) -> Scene:
-    """
-    Append the points of a tree's crown: an ellipsoid, three returns where there is one point of ground.
-
-    """
+    """Append the points of a tree's crown: an ellipsoid, three returns where there is one point of ground."""
     random = np.random.default_rng(seed + 1)
     n_points = int(3 * density * np.pi * radii[0] * radii[1])
     direction = random.normal(size=(n_points, 3))

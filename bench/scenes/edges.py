@@ -1,7 +1,4 @@
-"""
-Roofs to label the edges of.
-
-"""
+"""Roofs to label the edges of."""
 
 import numpy as np
 import shapely

@@ -3,7 +3,6 @@ Virtual roofs with exact truth for plane fitting and building models, and input 
 
 Each function takes `density` [pts/m²], `noise` (σ along z) [m], `rotation_deg` and `seed`. Points are those
 of the roof alone, in rows along x, one somewhere in every square of 1/density.
-
 """
 
 from __future__ import annotations
@@ -50,7 +49,6 @@ class ModelScene:
         What a stage is told; None where no ground is known [m].
     given_planes : ndarray of uint16, shape (n,), optional
         Planes that the model is to be built from, where it is not to fit its own.
-
     """
 
     name: str
@@ -63,57 +61,36 @@ class ModelScene:
 
     @cached_property
     def solid(self) -> Solid:
-        """
-        The exact LoD2.2 solid.
-
-        """
+        """The exact LoD2.2 solid."""
         return solid_of(self.building)
 
     @property
     def volume(self) -> float:
-        """
-        Of the exact solid [m³].
-
-        """
+        """Of the exact solid [m³]."""
         return self.solid.volume
 
     @cached_property
     def wireframe(self) -> Wireframe:
-        """
-        Corners, edges and ridges of the exact roof.
-
-        """
+        """Corners, edges and ridges of the exact roof."""
         return roof_wireframe([self.solid])
 
     @property
     def ridges(self) -> NDArray[np.float64]:
-        """
-        Ends of the level ridges, shape (n_ridges, 2, 3) [m].
-
-        """
+        """Ends of the level ridges, shape (n_ridges, 2, 3) [m]."""
         return self.wireframe.segments[self.wireframe.is_ridge]
 
     @property
     def normals(self) -> NDArray[np.float64]:
-        """
-        Upward unit normal of each face, shape (n_faces, 3).
-
-        """
+        """Upward unit normal of each face, shape (n_faces, 3)."""
         return np.array([face.normal for face in self.building.faces])
 
     def select(self, rows: NDArray) -> ModelScene:
-        """
-        Return the scene with only these points, by mask or indices; for scenes without given planes.
-
-        """
+        """Return the scene with only these points, by mask or indices; for scenes without given planes."""
         return replace(self, points=self.points[rows], plane_id=self.plane_id[rows])
 
 
 def solid_of(building: Building) -> Solid:
-    """
-    Return a virtual building's exact solid.
-
-    """
+    """Return a virtual building's exact solid."""
     shell = shell_of(building)
     rows: dict[tuple[float, ...], int] = {}
     faces = tuple(
@@ -130,10 +107,7 @@ def solid_of(building: Building) -> Solid:
 def scene_of(
     name: str, shape: Building, *, density=8.0, noise=0.03, rotation_deg=0.0, seed=0, centre=CENTRE
 ) -> ModelScene:
-    """
-    Put a shape on its ground and sample its roof.
-
-    """
+    """Put a shape on its ground and sample its roof."""
     random = np.random.default_rng(seed)
     building = shape.placed(0, 0, rotation_deg).placed(*centre, elevation=GROUND)
     low, high = building.exterior.min(axis=0), building.exterior.max(axis=0)
@@ -197,25 +171,18 @@ _COMPLEX = {"double_gable", "pitched_courtyard", "gambrel", "mansard", "sawtooth
 
 
 def roof_words(name: str) -> tuple[str, ...]:
-    """
-    Return the words for a shape's roof that are right.
-
-    """
+    """Return the words for a shape's roof that are right."""
     return ROOF_WORDS.get(name, ("complex",) if name in _COMPLEX else (name,))
 
 
 def model_scene(name: str, *, density=8.0, noise=0.03, rotation_deg=0.0, seed=0) -> ModelScene:
-    """
-    Return the scene of one of `SHAPES`.
-
-    """
+    """Return the scene of one of `SHAPES`."""
     return scene_of(name, SHAPES[name](), density=density, noise=noise, rotation_deg=rotation_deg, seed=seed)
 
 
 def small_plane(*, density=8.0, noise=0.03, rotation_deg=0.0, seed=0) -> ModelScene:
     """
     A flat roof with a lift housing of 0.7 × 0.6 m, on which a point or two lie for each of eight per m².
-
     """
     house = shapes.flat()
     box = shapely.box(1.0, 1.0, 1.7, 1.6)
@@ -232,38 +199,26 @@ def small_plane(*, density=8.0, noise=0.03, rotation_deg=0.0, seed=0) -> ModelSc
 
 
 def half_missing(*, density=8.0, noise=0.03, rotation_deg=0.0, seed=0) -> ModelScene:
-    """
-    A gable house with no point on the eastern half of its length.
-
-    """
+    """A gable house with no point on the eastern half of its length."""
     scene = model_scene("gable", density=density, noise=noise, rotation_deg=rotation_deg, seed=seed)
     east = np.array([np.cos(np.deg2rad(rotation_deg)), np.sin(np.deg2rad(rotation_deg))])
     return replace(scene.select((scene.points[:, :2] - CENTRE) @ east < 0), name="half_missing")
 
 
 def one_face_missing(*, density=8.0, noise=0.03, rotation_deg=0.0, seed=0) -> ModelScene:
-    """
-    A gable house of which one of the two faces has no point.
-
-    """
+    """A gable house of which one of the two faces has no point."""
     scene = model_scene("gable", density=density, noise=noise, rotation_deg=rotation_deg, seed=seed)
     return replace(scene.select(scene.plane_id == 1), name="one_face_missing")
 
 
 def no_ground(*, density=8.0, noise=0.03, rotation_deg=0.0, seed=0) -> ModelScene:
-    """
-    A hip house of which no ground is known.
-
-    """
+    """A hip house of which no ground is known."""
     scene = model_scene("hip", density=density, noise=noise, rotation_deg=rotation_deg, seed=seed)
     return replace(scene, name="no_ground", ground_elevation=None)
 
 
 def ground_above_eaves(*, density=8.0, noise=0.03, rotation_deg=0.0, seed=0) -> ModelScene:
-    """
-    A gable house dug into a slope: the ground given lies between eave and ridge.
-
-    """
+    """A gable house dug into a slope: the ground given lies between eave and ridge."""
     scene = model_scene("gable", density=density, noise=noise, rotation_deg=rotation_deg, seed=seed)
     low, high = scene.building.roof_elevation_range
     return replace(scene, name="ground_above_eaves", ground_elevation=(low + high) / 2)
@@ -272,7 +227,6 @@ def ground_above_eaves(*, density=8.0, noise=0.03, rotation_deg=0.0, seed=0) -> 
 def tree_grown_in(*, density=8.0, noise=0.03, rotation_deg=0.0, seed=0) -> ModelScene:
     """
     A gable house with a crown of 2.5 m radius on its south-eastern corner, whose points are taken for roof.
-
     """
     scene = model_scene("gable", density=density, noise=noise, rotation_deg=rotation_deg, seed=seed)
     corner = scene.building.exterior[np.argmax(scene.building.exterior @ (1.0, -1.0))]
@@ -290,10 +244,7 @@ def tree_grown_in(*, density=8.0, noise=0.03, rotation_deg=0.0, seed=0) -> Model
 
 
 def upright_plane(*, density=8.0, noise=0.03, rotation_deg=0.0, seed=0) -> ModelScene:
-    """
-    A gambrel roof whose lower faces rise at 86°, 0.25 m wide in plan.
-
-    """
+    """A gambrel roof whose lower faces rise at 86°, 0.25 m wide in plan."""
     shape = special.gambrel(lower_pitch_deg=86.0, break_width=0.25)
     return scene_of(
         "upright_plane", shape, density=density, noise=noise, rotation_deg=rotation_deg, seed=seed
@@ -301,20 +252,14 @@ def upright_plane(*, density=8.0, noise=0.03, rotation_deg=0.0, seed=0) -> Model
 
 
 def coincident_planes(*, density=8.0, noise=0.03, rotation_deg=0.0, seed=0) -> ModelScene:
-    """
-    A flat roof whose points are shared out at random between ten planes that are the same.
-
-    """
+    """A flat roof whose points are shared out at random between ten planes that are the same."""
     scene = model_scene("flat", density=density, noise=noise, rotation_deg=rotation_deg, seed=seed)
     ids = 1 + np.random.default_rng(seed + 1).integers(0, 10, len(scene.points))
     return replace(scene, name="coincident_planes", given_planes=ids.astype(np.uint16))
 
 
 def touching_courtyard(*, density=8.0, noise=0.03, rotation_deg=0.0, seed=0) -> ModelScene:
-    """
-    A flat house whose outline has a courtyard that touches the outer ring with one corner.
-
-    """
+    """A flat house whose outline has a courtyard that touches the outer ring with one corner."""
     scene = model_scene("flat", density=density, noise=noise, rotation_deg=rotation_deg, seed=seed)
     angle = np.deg2rad(rotation_deg)
     turn = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
@@ -325,10 +270,7 @@ def touching_courtyard(*, density=8.0, noise=0.03, rotation_deg=0.0, seed=0) -> 
 
 
 def narrow_parapet(*, density=8.0, noise=0.03, rotation_deg=0.0, seed=0) -> ModelScene:
-    """
-    A flat roof behind a parapet that is two points wide.
-
-    """
+    """A flat roof behind a parapet that is two points wide."""
     shape = special.parapet(rim=2 / float(np.sqrt(density)), rim_height=0.9)
     return scene_of(
         "narrow_parapet", shape, density=density, noise=noise, rotation_deg=rotation_deg, seed=seed

@@ -1,7 +1,4 @@
-"""
-Plans of buildings with exact corners and arcs, at the origin, in their own directions.
-
-"""
+"""Plans of buildings with exact corners and arcs, at the origin, in their own directions."""
 
 from __future__ import annotations
 
@@ -30,7 +27,6 @@ class Arc(NamedTuple):
         In plan [m].
     radius : float
         Of the circle [m].
-
     """
 
     centre: tuple[float, float]
@@ -50,7 +46,6 @@ class Plan:
         ``"rectilinear"``: one pair of directions; ``"oblique"``: straight walls; ``"curved"``.
     arcs : tuple of Arc
         The walls that are arcs of circles.
-
     """
 
     polygon: Polygon
@@ -59,53 +54,35 @@ class Plan:
 
 
 def rectangle(length: float, width: float) -> Plan:
-    """
-    A rectangle round the origin.
-
-    """
+    """A rectangle round the origin."""
     return Plan(box(-length / 2, -width / 2, length / 2, width / 2))
 
 
 def _of(*corners: tuple[float, float], holes=(), kind="rectilinear") -> Plan:
-    """
-    A plan from its corners, moved so that its middle is the origin.
-
-    """
+    """A plan from its corners, moved so that its middle is the origin."""
     polygon = Polygon(corners, holes)
     x, y = polygon.envelope.centroid.coords[0]
     return Plan(shapely.transform(polygon, lambda xy: xy - (x, y)), kind)
 
 
 def _united(*parts: Polygon, kind: str) -> Plan:
-    """
-    A plan from parts that overlap.
-
-    """
+    """A plan from parts that overlap."""
     return Plan(shapely.union_all(parts).simplify(ON_A_LINE), kind)
 
 
 def facade_step() -> Plan:
-    """
-    A façade that steps back by 0.6 m halfway.
-
-    """
+    """A façade that steps back by 0.6 m halfway."""
     return _of((0, 0), (15, 0), (15, 0.6), (30, 0.6), (30, 14), (0, 14))
 
 
 def staircase() -> Plan:
-    """
-    Five real steps of 1.5 m, as a house has that follows a slanting street.
-
-    """
+    """Five real steps of 1.5 m, as a house has that follows a slanting street."""
     steps = [corner for k in range(5) for corner in ((24 - 4.0 * k, 1.5 * k), (24 - 4.0 * k, 1.5 * k + 1.5))]
     return _of((0, -9), (24, -9), *steps[1:], (0, 7.5))
 
 
 def comb() -> Plan:
-    """
-    A row of houses with extensions 3 m deep and 4 m wide, 4 m apart.
-
-    """
+    """A row of houses with extensions 3 m deep and 4 m wide, 4 m apart."""
     teeth = [
         c
         for k in range(5)
@@ -124,45 +101,30 @@ def two_courtyards() -> Plan:
 
 
 def l_with_courtyard() -> Plan:
-    """
-    An L whose courtyard lies in its corner, off the middle.
-
-    """
+    """An L whose courtyard lies in its corner, off the middle."""
     hole = [(7, 6), (7, 15), (17, 15), (17, 6)]
     return _of((0, 0), (46, 0), (46, 12), (26, 12), (26, 34), (0, 34), holes=[hole])
 
 
 def cut_corners() -> Plan:
-    """
-    Two corners cut off at 45°, 4 m deep.
-
-    """
+    """Two corners cut off at 45°, 4 m deep."""
     return _of((4, 0), (24, 0), (24, 12), (20, 16), (0, 16), (0, 4), kind="oblique")
 
 
 def chamfered() -> Plan:
-    """
-    All four corners cut off by 2 m.
-
-    """
+    """All four corners cut off by 2 m."""
     corners = [(2, 0), (22, 0), (24, 2), (24, 14), (22, 16), (2, 16), (0, 14), (0, 2)]
     return _of(*corners, kind="oblique")
 
 
 def regular(n_corners: int, radius: float) -> Plan:
-    """
-    A regular polygon.
-
-    """
+    """A regular polygon."""
     angle = 2 * np.pi * np.arange(n_corners) / n_corners
     return Plan(Polygon(radius * np.column_stack((np.cos(angle), np.sin(angle)))), "oblique")
 
 
 def bent_bar() -> Plan:
-    """
-    A bar 12 m wide that bends by 25° twice.
-
-    """
+    """A bar 12 m wide that bends by 25° twice."""
     turn = np.deg2rad([0.0, 25.0, 50.0])
     steps = 28.0 * np.column_stack((np.cos(turn), np.sin(turn)))
     middle = np.vstack([(0.0, 0.0), steps.cumsum(axis=0)])
@@ -171,10 +133,7 @@ def bent_bar() -> Plan:
 
 
 def three_wings() -> Plan:
-    """
-    A block of 36 × 14 m with a wing at 25° and one at 50°.
-
-    """
+    """A block of 36 × 14 m with a wing at 25° and one at 50°."""
     wings = [rotate(box(0, -5, 26, 5), angle, origin=(0, 0)) for angle in (25, 180 + 50)]
     placed = [translate(wing, x) for wing, x in zip(wings, (12, -12), strict=True)]
     return _united(box(-18, -7, 18, 7), *placed, kind="oblique")
@@ -185,10 +144,7 @@ def trapezoid() -> Plan:
 
 
 def plot_filling() -> Plan:
-    """
-    A house on the wedge between two streets, no angle right.
-
-    """
+    """A house on the wedge between two streets, no angle right."""
     return _of((0, 0), (26, 3), (30, 9), (11, 25), (5, 23), kind="oblique")
 
 
@@ -197,19 +153,13 @@ def round_tower(radius: float) -> Plan:
 
 
 def apse() -> Plan:
-    """
-    A nave with a semicircular apse.
-
-    """
+    """A nave with a semicircular apse."""
     polygon = shapely.union_all([box(-16, -7, 10, 7), _disc((10.0, 0.0), 7.0)])
     return Plan(polygon, "curved", (Arc((10.0, 0.0), 7.0),))
 
 
 def curved_facade() -> Plan:
-    """
-    A sector of a ring, as a curved city hall: radii 40 and 26 m, 100°.
-
-    """
+    """A sector of a ring, as a curved city hall: radii 40 and 26 m, 100°."""
     angle = np.deg2rad(np.linspace(-50, 50, 600))
     around = np.column_stack((np.cos(angle), np.sin(angle)))
     middle = (-33.0, 0.0)
@@ -221,19 +171,13 @@ def curved_facade() -> Plan:
 
 
 def rounded_hall() -> Plan:
-    """
-    An ellipse of 44 × 28 m: round, but no circle.
-
-    """
+    """An ellipse of 44 × 28 m: round, but no circle."""
     angle = np.linspace(0, 2 * np.pi, 720, endpoint=False)
     return Plan(Polygon(np.column_stack((22 * np.cos(angle), 14 * np.sin(angle)))), "curved")
 
 
 def _disc(centre: tuple[float, float], radius: float) -> Polygon:
-    """
-    A circle of chords that are exact to `CHORD_ERROR`.
-
-    """
+    """A circle of chords that are exact to `CHORD_ERROR`."""
     quarter = int(np.ceil(np.pi / 4 / np.arccos(1 - CHORD_ERROR / radius)))
     return Point(centre).buffer(radius, quad_segs=quarter)
 

@@ -4,7 +4,6 @@ Single buildings with exact outlines and the lidar points of their roofs, in eve
 Each scene takes `density` [pts/m²], `noise` (σ along each axis) [m], `rotation_deg` and `seed`. The seed
 draws the direction of flight, which has nothing to do with the building's, how much further apart scan lines
 are than the points along them, how regular the pattern is, and where it and the building lie.
-
 """
 
 from __future__ import annotations
@@ -48,7 +47,6 @@ class Scan:
         Largest deviation from a regular pattern [cells].
     drop_outs : float
         Share of points that did not return.
-
     """
 
     direction_deg: float
@@ -58,19 +56,13 @@ class Scan:
 
     @classmethod
     def drawn(cls, random: np.random.Generator, drop_outs: float = 0.0) -> Scan:
-        """
-        Draw a pattern.
-
-        """
+        """Draw a pattern."""
         low, high = np.log(ANISOTROPY)
         ratio = float(np.exp(random.uniform(low, high)))
         return cls(float(random.uniform(0, 180)), ratio, float(random.uniform(*JITTER)), drop_outs)
 
     def over(self, plan: Polygon, density: float, random: np.random.Generator) -> NDArray[np.float64]:
-        """
-        Return the positions inside a plan, line by line; each line starts anywhere.
-
-        """
+        """Return the positions inside a plan, line by line; each line starts anywhere."""
         along = np.sqrt(1 / (density * self.anisotropy))
         step = np.array([along, along * self.anisotropy])
         turn = np.deg2rad(self.direction_deg)
@@ -110,7 +102,6 @@ class OutlineScene:
         Centres and radii of the walls that are arcs of circles.
     spacing : float
         1/√density [m].
-
     """
 
     name: str
@@ -155,7 +146,6 @@ def outline_scene(
         How many to draw.
     drop_outs : float
         Share of points that did not return in the strips that are drawn.
-
     """
     random = np.random.default_rng([seed, sorted(PLANS).index(name), round(10 * rotation_deg) % 3600])
     plan = _placed(PLANS[name](), rotation_deg, random.uniform(-REACH, REACH, 2))
@@ -184,10 +174,7 @@ def outline_scenes(
     n_strips: int = 1,
     drop_outs: float = 0.0,
 ) -> list[OutlineScene]:
-    """
-    Scan every plan, or those named, in all orientations.
-
-    """
+    """Scan every plan, or those named, in all orientations."""
     return [
         outline_scene(
             name,
@@ -204,18 +191,12 @@ def outline_scenes(
 
 
 def n_vertices(polygon: Polygon) -> int:
-    """
-    Count the vertices of all rings, without those that close them.
-
-    """
+    """Count the vertices of all rings, without those that close them."""
     return int(shapely.get_num_coordinates(polygon)) - len(shapely.get_rings(polygon))
 
 
 def _placed(plan: Plan, rotation_deg: float, place: NDArray[np.float64]) -> Plan:
-    """
-    Turn a plan about its origin and move it.
-
-    """
+    """Turn a plan about its origin and move it."""
     turn = np.deg2rad(rotation_deg)
     axes = np.array([[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]])
     arcs = tuple(Arc(tuple(np.array(arc.centre) @ axes + place), arc.radius) for arc in plan.arcs)

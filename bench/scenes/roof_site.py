@@ -1,6 +1,5 @@
 """
 A piece of town under the scanner, with leaning beams and several returns: what roof_scenes.py builds from.
-
 """
 
 from __future__ import annotations
@@ -40,7 +39,6 @@ class RoofScene(NamedTuple):
         Outer walls of buildings, which are not roof.
     is_judged : ndarray of bool, shape (n,)
         False where both answers are right: inner walls of roofs, balconies, tanks.
-
     """
 
     points: Array
@@ -51,10 +49,7 @@ class RoofScene(NamedTuple):
 
 
 class Box(NamedTuple):
-    """
-    A rectangle about a middle [m], its length turned from x by an angle.
-
-    """
+    """A rectangle about a middle [m], its length turned from x by an angle."""
 
     x: float
     y: float
@@ -63,76 +58,49 @@ class Box(NamedTuple):
     angle_deg: float = 0.0
 
     def local(self, x: Array, y: Array) -> tuple[Array, Array]:
-        """
-        Return positions along and across from the middle.
-
-        """
+        """Return positions along and across from the middle."""
         angle = np.deg2rad(self.angle_deg)
         dx, dy = x - self.x, y - self.y
         return np.cos(angle) * dx + np.sin(angle) * dy, np.cos(angle) * dy - np.sin(angle) * dx
 
     def depth(self, x: Array, y: Array) -> Array:
-        """
-        How deep positions lie inside; negative outside.
-
-        """
+        """How deep positions lie inside; negative outside."""
         along, across = self.local(x, y)
         return np.minimum(self.length / 2 - abs(along), self.width / 2 - abs(across))
 
     def extent(self) -> tuple[float, float, float]:
-        """
-        Middle, and how far from it the shape reaches.
-
-        """
+        """Middle, and how far from it the shape reaches."""
         return self.x, self.y, float(np.hypot(self.length, self.width)) / 2
 
 
 class Disc(NamedTuple):
-    """
-    A circle [m].
-
-    """
+    """A circle [m]."""
 
     x: float
     y: float
     radius: float
 
     def depth(self, x: Array, y: Array) -> Array:
-        """
-        How deep positions lie inside; negative outside.
-
-        """
+        """How deep positions lie inside; negative outside."""
         return self.radius - np.hypot(x - self.x, y - self.y)
 
     def extent(self) -> tuple[float, float, float]:
-        """
-        Middle, and how far from it the shape reaches.
-
-        """
+        """Middle, and how far from it the shape reaches."""
         return self.x, self.y, self.radius
 
 
 class Hollow(NamedTuple):
-    """
-    A shape without another one: a courtyard.
-
-    """
+    """A shape without another one: a courtyard."""
 
     shape: Box | Disc
     court: Box | Disc
 
     def depth(self, x: Array, y: Array) -> Array:
-        """
-        How deep positions lie inside; negative outside.
-
-        """
+        """How deep positions lie inside; negative outside."""
         return np.minimum(self.shape.depth(x, y), -self.court.depth(x, y))
 
     def extent(self) -> tuple[float, float, float]:
-        """
-        Middle, and how far from it the shape reaches.
-
-        """
+        """Middle, and how far from it the shape reaches."""
         return self.shape.extent()
 
 
@@ -140,10 +108,7 @@ Shape = Box | Disc | Hollow
 
 
 class RoofSite:
-    """
-    Terrain of `width` × `depth`, what is put upon it, and pulses of `density` [pts/m²] in rows along x.
-
-    """
+    """Terrain of `width` × `depth`, what is put upon it, and pulses of `density` [pts/m²] in rows along x."""
 
     def __init__(
         self, width: float, depth: float, density: float, seed: int, elevation: Elevation | None = None
@@ -157,17 +122,11 @@ class RoofSite:
         self.lost: list[tuple[Shape, float]] = []
 
     def level(self, x: float, y: float) -> float:
-        """
-        Elevation of the terrain at a place.
-
-        """
+        """Elevation of the terrain at a place."""
         return float(self.world.terrain(np.array([x]), np.array([y]))[0])
 
     def put(self, shape: Shape, top: Elevation | float, kind: int = ROOF) -> None:
-        """
-        Put something solid; of several the highest is seen.
-
-        """
+        """Put something solid; of several the highest is seen."""
         self.world.add(shape, top if callable(top) else (lambda x, y: top + 0 * x), kind)
 
     def house(
@@ -181,10 +140,7 @@ class RoofSite:
         angle_deg: float = 0.0,
         roof: str = "gable",
     ) -> Box:
-        """
-        Put a house: its eaves are so high above the terrain in its middle.
-
-        """
+        """Put a house: its eaves are so high above the terrain in its middle."""
         box, base, rise = (
             Box(x, y, length, width, angle_deg),
             self.level(x, y) + eave,
@@ -203,25 +159,16 @@ class RoofSite:
     def tree(
         self, x: float, y: float, radius: float, height: float, crown: float = 0.7, **leaves: float
     ) -> None:
-        """
-        Plant a tree whose crown is the upper part of its height.
-
-        """
+        """Plant a tree whose crown is the upper part of its height."""
         half = crown * height / 2
         self.crowns.append(Crown(x, y, self.level(x, y) + height - half, radius, half, PLANT, **leaves))
 
     def hang(self, shape: Shape, elevation: float, echo: float, passes: float, kind: int = OBJECT) -> None:
-        """
-        Hang a sheet that gives an echo with one probability, and then lets light pass with another.
-
-        """
+        """Hang a sheet that gives an echo with one probability, and then lets light pass with another."""
         self.sheets.append(Sheet(shape, elevation, echo, passes, kind))
 
     def lose(self, shape: Shape, share: float) -> None:
-        """
-        Leave a share of the pulses that end within a shape, and not on the ground, without any return.
-
-        """
+        """Leave a share of the pulses that end within a shape, and not on the ground, without any return."""
         self.lost.append((shape, share))
 
     def scanned(
@@ -232,7 +179,6 @@ class RoofSite:
 
         `noise` is σ along each axis. Two strips see the site from either side, row by row, under angles that
         grow from a third of the largest one at y = 0 to it; with no angle all beams are upright.
-
         """
         x, y, strip = self._feet(np.tan(np.deg2rad(max_angle_deg)))
         lean = strip * np.tan(np.deg2rad(max_angle_deg)) * (1 + 2 * np.clip(y / self.size[1], 0, 1)) / 3
@@ -264,7 +210,6 @@ class RoofSite:
     def _feet(self, lean: float) -> tuple[Array, Array, Array]:
         """
         Where beams meet level ground: one somewhere in every square of 1/density; and from which side, ±1.
-
         """
         spacing = 1 / np.sqrt(self.density)
         beyond = int(np.ceil(lean * self.world.relief(*self.size) / spacing))
@@ -276,19 +221,13 @@ class RoofSite:
 
     @staticmethod
     def _wall_kinds(hits: Hits) -> NDArray[np.int64]:
-        """
-        Walls of buildings are walls; over another roof, or just below the eave, both answers are right.
-
-        """
+        """Walls of buildings are walls; over another roof, or just below the eave, both answers are right."""
         kind = np.where(hits.kind == ROOF, WALL, hits.kind)
         unclear = (hits.kind == ROOF) & ((hits.foot_kind == ROOF) | (hits.below_top < 0.5))
         return np.where(unclear, EITHER, kind)
 
     def _turned(self, points: Array, rotation_deg: float) -> Array:
-        """
-        Turn about the middle.
-
-        """
+        """Turn about the middle."""
         angle = np.deg2rad(rotation_deg)
         turn = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
         return np.column_stack(((points[:, :2] - self.size / 2) @ turn + self.size / 2, points[:, 2]))

@@ -1,7 +1,4 @@
-"""
-Beams over a site: followed from above to what they meet first.
-
-"""
+"""Beams over a site: followed from above to what they meet first."""
 
 from __future__ import annotations
 
@@ -31,46 +28,28 @@ BISECTIONS, SURFACE_ROUNDS = 12, 6
 
 
 class Shape(Protocol):
-    """
-    What things look like from above.
-
-    """
+    """What things look like from above."""
 
     def depth(self, x: Array, y: Array) -> Array:
-        """
-        How deep positions lie inside; negative outside.
-
-        """
+        """How deep positions lie inside; negative outside."""
 
     def extent(self) -> tuple[float, float, float]:
-        """
-        Middle, and how far from it the shape reaches.
-
-        """
+        """Middle, and how far from it the shape reaches."""
 
 
 class World:
-    """
-    Terrain and solid things upon it, each known by its depth inside, its top and its kind.
-
-    """
+    """Terrain and solid things upon it, each known by its depth inside, its top and its kind."""
 
     def __init__(self, terrain: Elevation):
         self.terrain = terrain
         self.layers: list[tuple[Shape | None, Elevation, int]] = [(None, terrain, 0)]
 
     def add(self, shape: Shape, top: Elevation, kind: int) -> None:
-        """
-        Add a solid thing.
-
-        """
+        """Add a solid thing."""
         self.layers.append((shape, top, kind))
 
     def rasters(self, low: Array, high: Array) -> tuple[Array, NDArray[np.int64]]:
-        """
-        Return the highest elevation in each cell (row, column), and which layer it is.
-
-        """
+        """Return the highest elevation in each cell (row, column), and which layer it is."""
         x, y = (np.arange(a + CELL / 2, b, CELL) for a, b in zip(low, high, strict=True))
         top = self.terrain(*np.meshgrid(x, y))
         label = np.zeros(top.shape, dtype=np.int64)
@@ -87,10 +66,7 @@ class World:
         return top, label
 
     def relief(self, width: float, length: float) -> float:
-        """
-        Return the height of the highest thing above the lowest terrain of a rectangle [m].
-
-        """
+        """Return the height of the highest thing above the lowest terrain of a rectangle [m]."""
         steps = np.linspace(0, width, RELIEF_STEPS), np.linspace(0, length, RELIEF_STEPS)
         x, y = np.meshgrid(*steps)
         tops = [top(x, y)[shape.depth(x, y) > 0] for shape, top, _ in self.layers if shape is not None]
@@ -98,18 +74,12 @@ class World:
         return float(np.concatenate([terrain.ravel(), *tops]).max() - terrain.min())
 
     def kinds(self, layer: NDArray[np.int64]) -> NDArray[np.int64]:
-        """
-        Return the kind of each layer number.
-
-        """
+        """Return the kind of each layer number."""
         return np.array([kind for _, _, kind in self.layers])[layer]
 
 
 class Beams(NamedTuple):
-    """
-    Where beams pass an elevation [m], and how they lean along y.
-
-    """
+    """Where beams pass an elevation [m], and how they lean along y."""
 
     x: Array
     y: Array
@@ -117,25 +87,16 @@ class Beams(NamedTuple):
     base: float
 
     def y_at(self, z: Array) -> Array:
-        """
-        Return y at an elevation.
-
-        """
+        """Return y at an elevation."""
         return self.y + self.lean * (z - self.base)
 
     def of(self, rows: NDArray[np.int64]) -> Beams:
-        """
-        Return some of the beams.
-
-        """
+        """Return some of the beams."""
         return self._replace(x=self.x[rows], y=self.y[rows], lean=self.lean[rows])
 
 
 class Solid(NamedTuple):
-    """
-    Where beams end: elevation, layer, whether at a wall, the layer at its foot, how far below its top.
-
-    """
+    """Where beams end: elevation, layer, whether at a wall, the layer at its foot, how far below its top."""
 
     z: Array
     layer: NDArray[np.int64]
@@ -145,10 +106,7 @@ class Solid(NamedTuple):
 
 
 def solids_of(world: World, beams: list[Beams], random: np.random.Generator) -> list[Solid]:
-    """
-    Follow beams through the raster.
-
-    """
+    """Follow beams through the raster."""
     axis = beams[0]
     steepest = abs(axis.lean).max()
     corners = np.array([[f(axis.x), f(axis.y)] for f in (np.min, np.max)])
@@ -170,10 +128,7 @@ def _followed(
     top: Array,
     label: NDArray[np.int64],
 ) -> Solid:
-    """
-    Follow beams down, level by level, until they are below the top of the cell that they are over.
-
-    """
+    """Follow beams down, level by level, until they are below the top of the cell that they are over."""
     column = np.clip(((beam.x - corner[0]) / CELL).astype(int), 0, top.shape[1] - 1)
     going = np.ones(len(column), dtype=bool)
     over, met = np.zeros((2, len(column)), dtype=np.int64)
@@ -196,7 +151,6 @@ def _followed(
 def _end(world, number, beam, z_free, z_met, z, rows, found) -> None:
     """
     Compute where beams end on one thing: at its side where they enter it below its top, else on its top.
-
     """
     shape, elevation, _ = world.layers[number]
     if shape is not None:

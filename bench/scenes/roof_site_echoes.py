@@ -1,6 +1,5 @@
 """
 From beams to returns: what they end at, what else lies in their footprint, what leaves and sheets give back.
-
 """
 
 from __future__ import annotations
@@ -29,7 +28,6 @@ ECHO = np.dtype(
 class Crown(NamedTuple):
     """
     A tree's crown: an ellipsoid [m], mean paths to the first leaf and between leaves, and what passes a leaf.
-
     """
 
     x: float
@@ -44,10 +42,7 @@ class Crown(NamedTuple):
 
 
 class Sheet(NamedTuple):
-    """
-    A level sheet with holes: crane jibs, awnings, nets, glass.
-
-    """
+    """A level sheet with holes: crane jibs, awnings, nets, glass."""
 
     shape: Shape
     elevation: float
@@ -74,7 +69,6 @@ class Hits(NamedTuple):
         At a wall: what lies at its foot.
     below_top : ndarray
         At a wall: how far below its top [m].
-
     """
 
     points: Array
@@ -96,10 +90,7 @@ def returns_of(
     lean: Array,
     random: np.random.Generator,
 ) -> Hits:
-    """
-    Send beams that lean along y and return what comes back.
-
-    """
+    """Send beams that lean along y and return what comes back."""
     turn = random.uniform(0, 2 * np.pi, len(x))
     axis = Beams(x, y, lean, float(world.terrain(x, y).mean()))
     beside = axis._replace(x=x + FOOTPRINT * np.cos(turn), y=y + FOOTPRINT * np.sin(turn))
@@ -114,10 +105,7 @@ def returns_of(
 
 
 def _listed(axis: Beams, echoes: NDArray) -> Hits:
-    """
-    Order each pulse's echoes by elevation, drop those that melt into the one before, and list the rest.
-
-    """
+    """Order each pulse's echoes by elevation, drop those that melt into the one before, and list the rest."""
     echoes = echoes[np.lexsort((-echoes["z"], echoes["pulse"]))]
     begins = np.flatnonzero(np.diff(echoes["pulse"], prepend=-1))
     size = np.diff(np.append(begins, len(echoes)))
@@ -139,10 +127,7 @@ def _listed(axis: Beams, echoes: NDArray) -> Hits:
 
 
 def _echoes(pulse: NDArray[np.int64], z: Array, kind: NDArray[np.int64] | int, **others: NDArray) -> NDArray:
-    """
-    Return rows of echoes.
-
-    """
+    """Return rows of echoes."""
     rows = np.zeros(len(pulse), dtype=ECHO)
     rows["pulse"], rows["z"], rows["kind"] = pulse, z, kind
     for name, values in others.items():
@@ -151,10 +136,7 @@ def _echoes(pulse: NDArray[np.int64], z: Array, kind: NDArray[np.int64] | int, *
 
 
 def _ends(world: World, solid: Solid, reached: NDArray[np.bool_]) -> NDArray:
-    """
-    Echoes of what beams end at.
-
-    """
+    """Echoes of what beams end at."""
     rows = np.flatnonzero(reached)
     return _echoes(
         rows,
@@ -170,7 +152,6 @@ def _ends(world: World, solid: Solid, reached: NDArray[np.bool_]) -> NDArray:
 def _leaves(crown: Crown, axis: Beams, solid: Array, left: Array, random: np.random.Generator) -> NDArray:
     """
     Echoes of leaves between where beams enter and leave a crown; the light `left` behind them is reduced.
-
     """
     dx, dy = (axis.x - crown.x) / crown.radius, (axis.y_at(crown.z) - crown.y) / crown.radius
     step = axis.lean / crown.radius
@@ -189,10 +170,7 @@ def _leaves(crown: Crown, axis: Beams, solid: Array, left: Array, random: np.ran
 
 
 def _sheet(sheet: Sheet, axis: Beams, solid: Array, left: Array, random: np.random.Generator) -> NDArray:
-    """
-    Echoes of a sheet; the light `left` behind them is reduced.
-
-    """
+    """Echoes of a sheet; the light `left` behind them is reduced."""
     inside = sheet.shape.depth(axis.x, axis.y_at(sheet.elevation)) > 0
     rows = np.flatnonzero(inside & (sheet.elevation > solid + 0.1))
     rows = rows[random.random(len(rows)) < sheet.echo]

@@ -1,7 +1,4 @@
-"""
-Roof scenes about plants: trees beside, over and without houses, hedges, green roofs, hillsides.
-
-"""
+"""Roof scenes about plants: trees beside, over and without houses, hedges, green roofs, hillsides."""
 
 from __future__ import annotations
 
@@ -11,10 +8,7 @@ from bench.scenes.roof_site import GROUND, OBJECT, PLANT, Box, RoofScene, RoofSi
 
 
 def trees_over_roofs(*, density=10.0, noise=0.03, rotation_deg=0.0, seed=0, returns=True) -> RoofScene:
-    """
-    Houses with trees beside them, over their eaves and ridges, and with crowns that touch the eave.
-
-    """
+    """Houses with trees beside them, over their eaves and ridges, and with crowns that touch the eave."""
     site = RoofSite(64, 52, density, seed)
     for x, y in ((14, 14), (34, 14), (52, 14), (14, 38), (34, 38), (52, 38)):
         site.house(x, y, 12, 8, 4.5, 35)
@@ -32,17 +26,13 @@ def trees_over_roofs(*, density=10.0, noise=0.03, rotation_deg=0.0, seed=0, retu
 
 
 def without_returns(*, density=10.0, noise=0.03, rotation_deg=0.0, seed=0) -> RoofScene:
-    """
-    The same without return numbers and intensities.
-
-    """
+    """The same without return numbers and intensities."""
     return trees_over_roofs(density=density, noise=noise, rotation_deg=rotation_deg, seed=seed, returns=False)
 
 
 def hedges_and_walls(*, density=12.0, noise=0.03, rotation_deg=0.0, seed=0) -> RoofScene:
     """
     Clipped hedges 2.2 to 3 m high and 1.2 to 2 m wide, garden walls, a noise barrier of 4 m; two houses.
-
     """
     site = RoofSite(56, 48, density, seed)
     for y, width, height in ((6, 1.2, 2.3), (14, 1.6, 2.6), (22, 2.0, 3.0)):
@@ -57,10 +47,7 @@ def hedges_and_walls(*, density=12.0, noise=0.03, rotation_deg=0.0, seed=0) -> R
 
 
 def _hedge(site: RoofSite, box: Box, height: float) -> None:
-    """
-    A hedge with a clipped top, uneven by 0.1 m.
-
-    """
+    """A hedge with a clipped top, uneven by 0.1 m."""
     wave = site.random.uniform(1.5, 2.5, 2)
     site.put(
         box,
@@ -72,7 +59,6 @@ def _hedge(site: RoofSite, box: Box, height: float) -> None:
 def forest_edge(*, density=7.0, noise=0.03, rotation_deg=0.0, seed=0) -> RoofScene:
     """
     Dense wood of leafy trees and conifers, clipped planes with flat crowns, an orchard; one hut among them.
-
     """
     site = RoofSite(72, 56, density, seed)
     for x, y in np.stack(np.meshgrid(np.arange(4, 40, 4.6), np.arange(4, 54, 4.8)), axis=-1).reshape(-1, 2):
@@ -87,10 +73,7 @@ def forest_edge(*, density=7.0, noise=0.03, rotation_deg=0.0, seed=0) -> RoofSce
 
 
 def roof_gardens(*, density=10.0, noise=0.03, rotation_deg=0.0, seed=0) -> RoofScene:
-    """
-    Flat roofs with rough low green, with tubs and shrubs of 1 to 2 m, and with small trees.
-
-    """
+    """Flat roofs with rough low green, with tubs and shrubs of 1 to 2 m, and with small trees."""
     site = RoofSite(64, 46, density, seed)
     rough = site.random.uniform(0.8, 1.6, 2)
     site.put(
@@ -109,10 +92,7 @@ def roof_gardens(*, density=10.0, noise=0.03, rotation_deg=0.0, seed=0) -> RoofS
 
 
 def hillside(*, density=8.0, noise=0.03, rotation_deg=0.0, seed=0) -> RoofScene:
-    """
-    Houses on a slope of 30 %, one with its eave near the ground uphill; trees, terrace walls of 2.5 m.
-
-    """
+    """Houses on a slope of 30 %, one with its eave near the ground uphill; trees, terrace walls of 2.5 m."""
     site = RoofSite(72, 56, density, seed, lambda x, y: 0.3 * y + 0.04 * x)
     for x, y, angle in ((14, 14, 0), (40, 14, 30), (16, 40, 90), (42, 42, 0)):
         site.house(x, y, 13, 9, 5, 33, angle)
@@ -125,10 +105,7 @@ def hillside(*, density=8.0, noise=0.03, rotation_deg=0.0, seed=0) -> RoofScene:
 
 
 def sparse_suburb(*, density=1.0, noise=0.03, rotation_deg=0.0, seed=0) -> RoofScene:
-    """
-    Houses, garages and trees at 1 pt/m².
-
-    """
+    """Houses, garages and trees at 1 pt/m²."""
     site = RoofSite(150, 120, density, seed)
     roofs = ("gable", "hip", "flat", "shed")
     for place, (x, y) in enumerate(

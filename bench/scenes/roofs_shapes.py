@@ -1,7 +1,4 @@
-"""
-Roof scenes about the shapes of roofs: steep, curved, stepped, high, with parapets, dormers, courtyards.
-
-"""
+"""Roof scenes about the shapes of roofs: steep, curved, stepped, high, with parapets, dormers, courtyards."""
 
 from __future__ import annotations
 
@@ -11,10 +8,7 @@ from bench.scenes.roof_site import EITHER, GROUND, OBJECT, Box, Disc, Hollow, Ro
 
 
 def dormers_and_chimneys(*, density=12.0, noise=0.03, rotation_deg=0.0, seed=0) -> RoofScene:
-    """
-    Gable houses with dormers of three widths, chimneys, and skylights without returns.
-
-    """
+    """Gable houses with dormers of three widths, chimneys, and skylights without returns."""
     site = RoofSite(56, 44, density, seed)
     for x, y in ((14, 12), (42, 12), (14, 32), (42, 32)):
         site.house(x, y, 16, 10, 5, 42)
@@ -27,10 +21,7 @@ def dormers_and_chimneys(*, density=12.0, noise=0.03, rotation_deg=0.0, seed=0) 
 
 
 def steep_roofs(*, density=10.0, noise=0.03, rotation_deg=0.0, seed=0) -> RoofScene:
-    """
-    Gables of 50 and 60°, a mansard, a church with a tower and a spire of 70°.
-
-    """
+    """Gables of 50 and 60°, a mansard, a church with a tower and a spire of 70°."""
     site = RoofSite(64, 56, density, seed)
     site.house(13, 12, 14, 9, 4, 50)
     site.house(13, 30, 14, 9, 4, 60, 20)
@@ -44,10 +35,7 @@ def steep_roofs(*, density=10.0, noise=0.03, rotation_deg=0.0, seed=0) -> RoofSc
 
 
 def curved_roofs(*, density=8.0, noise=0.03, rotation_deg=0.0, seed=0) -> RoofScene:
-    """
-    Barrel vaults over a hall and over garages, a dome, a shallow shell, a saw-tooth factory.
-
-    """
+    """Barrel vaults over a hall and over garages, a dome, a shallow shell, a saw-tooth factory."""
     site = RoofSite(76, 60, density, seed)
     site.house(20, 14, 30, 16, 5, 38, roof="barrel")
     for x in (42, 46.5, 51):
@@ -63,7 +51,6 @@ def curved_roofs(*, density=8.0, noise=0.03, rotation_deg=0.0, seed=0) -> RoofSc
 def towers(*, density=8.0, noise=0.03, rotation_deg=0.0, seed=0) -> RoofScene:
     """
     Round towers with flat and conical roofs, slabs and point blocks 30 to 60 m high, with lift housings.
-
     """
     site = RoofSite(90, 64, density, seed)
     site.put(Disc(12, 14, 5), GROUND + 22)
@@ -79,10 +66,7 @@ def towers(*, density=8.0, noise=0.03, rotation_deg=0.0, seed=0) -> RoofScene:
 
 
 def parapet_roofs(*, density=10.0, noise=0.03, rotation_deg=0.0, seed=0) -> RoofScene:
-    """
-    Flat roofs with parapets of 0.4 to 1.2 m, machines, ducts and a lift housing.
-
-    """
+    """Flat roofs with parapets of 0.4 to 1.2 m, machines, ducts and a lift housing."""
     site = RoofSite(64, 50, density, seed)
     for x, y, length, width, height, parapet in (
         (16, 14, 22, 14, 9, 1.2),
@@ -100,10 +84,7 @@ def parapet_roofs(*, density=10.0, noise=0.03, rotation_deg=0.0, seed=0) -> Roof
 
 
 def courtyards(*, density=8.0, noise=0.03, rotation_deg=0.0, seed=0) -> RoofScene:
-    """
-    Perimeter blocks with courtyards of 6 to 14 m, trees and a low pavilion inside.
-
-    """
+    """Perimeter blocks with courtyards of 6 to 14 m, trees and a low pavilion inside."""
     site = RoofSite(84, 48, density, seed)
     for x, width, court in ((22, 32, 14), (64, 28, 6)):
         whole, yard = Box(x, 24, width, 34), Box(x, 24, court, 16)
@@ -116,10 +97,7 @@ def courtyards(*, density=8.0, noise=0.03, rotation_deg=0.0, seed=0) -> RoofScen
 
 
 def step_roofs(*, density=8.0, noise=0.03, rotation_deg=0.0, seed=0) -> RoofScene:
-    """
-    A stepped complex with storeys of 1 to 3 m between its roofs, and terraces 3 m deep.
-
-    """
+    """A stepped complex with storeys of 1 to 3 m between its roofs, and terraces 3 m deep."""
     site = RoofSite(64, 50, density, seed)
     for place, height in enumerate((4, 5, 7, 10, 13)):
         site.put(Box(10 + 9 * place, 14, 9, 16), GROUND + height)
@@ -132,7 +110,6 @@ def step_roofs(*, density=8.0, noise=0.03, rotation_deg=0.0, seed=0) -> RoofScen
 def row_houses(*, density=8.0, noise=0.03, rotation_deg=0.0, seed=0) -> RoofScene:
     """
     Two dense rows of houses 5.4 m wide, of varying height, with rear extensions and trees in the gardens.
-
     """
     site = RoofSite(72, 46, density, seed)
     for place in range(12):
@@ -149,10 +126,7 @@ def row_houses(*, density=8.0, noise=0.03, rotation_deg=0.0, seed=0) -> RoofScen
 
 
 def industrial_hall(*, density=6.0, noise=0.03, rotation_deg=0.0, seed=0) -> RoofScene:
-    """
-    A hall of 60 × 36 m with ducts and rooflights; beside it tanks (either), a pipe rack and a conveyor.
-
-    """
+    """A hall of 60 × 36 m with ducts and rooflights; beside it tanks (either), a pipe rack and a conveyor."""
     site = RoofSite(100, 64, density, seed)
     site.house(38, 24, 60, 36, 8, 4)
     for x in np.arange(14, 66, 9.0):

@@ -1,6 +1,5 @@
 """
 Roof scenes about what towns put beside and upon roofs: vehicles, bridges, façades, awnings, glass, cranes.
-
 """
 
 from __future__ import annotations
@@ -13,7 +12,6 @@ from bench.scenes.roof_site import EITHER, GROUND, OBJECT, Box, Disc, RoofScene,
 def vehicles(*, density=10.0, noise=0.03, rotation_deg=0.0, seed=0) -> RoofScene:
     """
     Cars, vans, buses, lorries with trailers, parked side by side and at a loading dock; a hall and a house.
-
     """
     site = RoofSite(64, 52, density, seed)
     site.put(Box(16, 12, 24, 14), GROUND + 6)
@@ -32,18 +30,12 @@ def vehicles(*, density=10.0, noise=0.03, rotation_deg=0.0, seed=0) -> RoofScene
 
 
 def _vehicle(site: RoofSite, x: float, y: float, length: float, width: float, height: float) -> None:
-    """
-    Park a box-shaped vehicle.
-
-    """
+    """Park a box-shaped vehicle."""
     site.put(Box(x, y, length, width), site.level(x, y) + height, OBJECT)
 
 
 def garages_sheds_awnings(*, density=12.0, noise=0.03, rotation_deg=0.0, seed=0) -> RoofScene:
-    """
-    Garages 2.6 m high in rows and alone are buildings; sheds of 1.9 m, parasols and awnings are not.
-
-    """
+    """Garages 2.6 m high in rows and alone are buildings; sheds of 1.9 m, parasols and awnings are not."""
     site = RoofSite(60, 46, density, seed)
     for x in (14, 40):
         site.house(x, 12, 16, 9, 5.5, 35)
@@ -58,10 +50,7 @@ def garages_sheds_awnings(*, density=12.0, noise=0.03, rotation_deg=0.0, seed=0)
 
 
 def bridges(*, density=8.0, noise=0.03, rotation_deg=0.0, seed=0) -> RoofScene:
-    """
-    A road bridge over a cut, a footbridge with railings over it, and houses on both sides.
-
-    """
+    """A road bridge over a cut, a footbridge with railings over it, and houses on both sides."""
     site = RoofSite(80, 60, density, seed, lambda x, y: -6.5 * np.clip((14 - abs(x - 40)) / 5, 0, 1))
     site.put(Box(40, 18, 34, 10), GROUND + 0.4, OBJECT)
     for y in (13.2, 22.8):
@@ -74,10 +63,7 @@ def bridges(*, density=8.0, noise=0.03, rotation_deg=0.0, seed=0) -> RoofScene:
 
 
 def facades(*, density=8.0, noise=0.03, rotation_deg=0.0, seed=0) -> RoofScene:
-    """
-    Slabs of 18 to 30 m seen under 25°: much façade, with balconies (either).
-
-    """
+    """Slabs of 18 to 30 m seen under 25°: much façade, with balconies (either)."""
     site = RoofSite(64, 72, density, seed)
     for y, height in ((12, 18), (36, 30), (60, 24)):
         site.put(Box(32, y, 44, 12), GROUND + height)
@@ -91,7 +77,6 @@ def facades(*, density=8.0, noise=0.03, rotation_deg=0.0, seed=0) -> RoofScene:
 def glass(*, density=10.0, noise=0.03, rotation_deg=0.0, seed=0) -> RoofScene:
     """
     Roofs that return little: an atrium and rooflights with 60 to 90 % lost, solar panels with 70 % lost.
-
     """
     site = RoofSite(60, 44, density, seed)
     site.put(Box(18, 14, 28, 16), GROUND + 9)
@@ -106,10 +91,7 @@ def glass(*, density=10.0, noise=0.03, rotation_deg=0.0, seed=0) -> RoofScene:
 
 
 def cranes_and_masts(*, density=10.0, noise=0.03, rotation_deg=0.0, seed=0) -> RoofScene:
-    """
-    A crane's jib over roofs, masts on them, cables across the street, a scaffold with nets.
-
-    """
+    """A crane's jib over roofs, masts on them, cables across the street, a scaffold with nets."""
     site = RoofSite(60, 46, density, seed)
     site.house(16, 12, 18, 10, 8, 35)
     site.put(Box(44, 12, 20, 14), GROUND + 14)
@@ -125,10 +107,7 @@ def cranes_and_masts(*, density=10.0, noise=0.03, rotation_deg=0.0, seed=0) -> R
 
 
 def dense_block(*, density=60.0, noise=0.02, rotation_deg=0.0, seed=0) -> RoofScene:
-    """
-    A street at 60 pts/m²: houses with dormers, chimneys and gutters, cars, lamps, a tree over an eave.
-
-    """
+    """A street at 60 pts/m²: houses with dormers, chimneys and gutters, cars, lamps, a tree over an eave."""
     site = RoofSite(30, 28, density, seed)
     site.house(8, 6, 14, 9, 6, 40)
     site.put(Box(8, 3.4, 2.4, 2.6), GROUND + 9.6)

@@ -4,7 +4,6 @@ Terrain scenes with exact truth: what tempts a ground filter, one temptation a s
 Each function takes `density` [pts/m²], `noise` (σ along z) [m], `rotation_deg` (of the whole scene about its
 middle) and `seed`, and returns a `TerrainScene`: `points` of shape (n, 3) and `is_ground`. With their own
 densities none has more than 60 000 points. Returns are in rows along the scene's x.
-
 """
 
 from __future__ import annotations

@@ -1,7 +1,4 @@
-"""
-Terrain scenes with works of man: halls, blocks, bridges, embankments, ramps, walls, vehicles.
-
-"""
+"""Terrain scenes with works of man: halls, blocks, bridges, embankments, ramps, walls, vehicles."""
 
 from __future__ import annotations
 
@@ -11,10 +8,7 @@ from bench.scenes.terrain_site import GROUND, TerrainScene, TerrainSite, ramp, w
 
 
 def large_hall(*, density=2.0, noise=0.03, rotation_deg=0.0, seed=0) -> TerrainScene:
-    """
-    A flat hall of 120 × 60 m, 9 m high, with a parapet, on level ground.
-
-    """
+    """A flat hall of 120 × 60 m, 9 m high, with a parapet, on level ground."""
     site = TerrainSite(200, 140, density, seed, waves(0.1, 70))
     depth = site.box(100, 70, 120, 60)
     site.put(depth, GROUND + 9 + 0.7 * (depth < 0.6))
@@ -22,20 +16,14 @@ def large_hall(*, density=2.0, noise=0.03, rotation_deg=0.0, seed=0) -> TerrainS
 
 
 def hall_in_hillside(*, density=3.0, noise=0.03, rotation_deg=0.0, seed=0) -> TerrainScene:
-    """
-    A hall of 50 × 40 m built into a slope of 20 %: its flat roof meets the hill at the back, 8 m up.
-
-    """
+    """A hall of 50 × 40 m built into a slope of 20 %: its flat roof meets the hill at the back, 8 m up."""
     site = TerrainSite(130, 130, density, seed, lambda x, y: 0.2 * np.clip(y - 40, 0, 60) + 0.05 * x)
     site.put(site.box(65, 60, 50, 40), GROUND + 8 + 0.05 * 65)
     return site.scanned(noise, rotation_deg)
 
 
 def city_block(*, density=3.0, noise=0.03, rotation_deg=0.0, seed=0) -> TerrainScene:
-    """
-    Four closed blocks, 15 to 22 m high, with courtyards 6 m wide; streets of 12 m between them.
-
-    """
+    """Four closed blocks, 15 to 22 m high, with courtyards 6 m wide; streets of 12 m between them."""
     site = TerrainSite(135, 130, density, seed, lambda x, y: 0.02 * x)
     for x, y in ((36, 34), (100, 34), (36, 96), (100, 96)):
         block = site.box(x, y, 52, 50)
@@ -47,10 +35,7 @@ def city_block(*, density=3.0, noise=0.03, rotation_deg=0.0, seed=0) -> TerrainS
 
 
 def bridge_over_cut(*, density=3.0, noise=0.03, rotation_deg=0.0, seed=0) -> TerrainScene:
-    """
-    A road 9 m wide crosses a cut 7 m deep on a bridge level with the terrain: the deck is an object.
-
-    """
+    """A road 9 m wide crosses a cut 7 m deep on a bridge level with the terrain: the deck is an object."""
     site = TerrainSite(140, 120, density, seed, waves(0.15, 60))
     depth_of_cut = 7 * (1 - ramp(abs(site.x - 70), 9, 20))
     site.shape_terrain(depth_of_cut > 0, site.terrain - depth_of_cut)
@@ -63,7 +48,6 @@ def bridge_over_cut(*, density=3.0, noise=0.03, rotation_deg=0.0, seed=0) -> Ter
 def overpass_with_ramps(*, density=3.0, noise=0.03, rotation_deg=0.0, seed=0) -> TerrainScene:
     """
     A road climbs an embankment at 7 %, passes 6.3 m above another on a deck of 24 m, and descends again.
-
     """
     site = TerrainSite(220, 80, density, seed, waves(0.1, 50))
     height = 6.3 * (1 - ramp(abs(site.x - 110), 12, 102))
@@ -77,10 +61,7 @@ def overpass_with_ramps(*, density=3.0, noise=0.03, rotation_deg=0.0, seed=0) ->
 
 
 def motorway_embankment(*, density=3.0, noise=0.03, rotation_deg=0.0, seed=0) -> TerrainScene:
-    """
-    A motorway on a bank 6 m high (sides 1:1.5) with noise barriers and lorries; houses at its foot.
-
-    """
+    """A motorway on a bank 6 m high (sides 1:1.5) with noise barriers and lorries; houses at its foot."""
     site = TerrainSite(130, 140, density, seed, waves(0.2, 50))
     bank = 6 * (1 - ramp(abs(site.x - 65), 14, 23))
     site.shape_terrain(bank > 0, site.terrain + bank)
@@ -96,10 +77,7 @@ def motorway_embankment(*, density=3.0, noise=0.03, rotation_deg=0.0, seed=0) ->
 
 
 def low_walls_and_hedges(*, density=6.0, noise=0.03, rotation_deg=0.0, seed=0) -> TerrainScene:
-    """
-    Gardens parted by walls and hedges 0.8 to 1.5 m high and 0.3 to 1.2 m wide.
-
-    """
+    """Gardens parted by walls and hedges 0.8 to 1.5 m high and 0.3 to 1.2 m wide."""
     site = TerrainSite(96, 96, density, seed, waves(0.3, 60))
     for line in np.arange(10, 90, 12.0):
         for offset in (24.0, 72.0):
@@ -111,10 +89,7 @@ def low_walls_and_hedges(*, density=6.0, noise=0.03, rotation_deg=0.0, seed=0) -
 
 
 def garage_ramp(*, density=6.0, noise=0.03, rotation_deg=0.0, seed=0) -> TerrainScene:
-    """
-    Ramps 6 m wide go down 3.5 m between walls and under a building of 40 × 30 m; they are ground.
-
-    """
+    """Ramps 6 m wide go down 3.5 m between walls and under a building of 40 × 30 m; they are ground."""
     site = TerrainSite(100, 90, density, seed, waves(0.05, 40))
     for y in (35, 55):
         way = site.box(28, y, 24, 6)
@@ -124,10 +99,7 @@ def garage_ramp(*, density=6.0, noise=0.03, rotation_deg=0.0, seed=0) -> Terrain
 
 
 def houses_on_hillside(*, density=3.0, noise=0.03, rotation_deg=0.0, seed=0) -> TerrainScene:
-    """
-    A settlement of small houses on a slope of 35 %; retaining walls hold up every house's garden.
-
-    """
+    """A settlement of small houses on a slope of 35 %; retaining walls hold up every house's garden."""
     site = TerrainSite(130, 130, density, seed, lambda x, y: 0.35 * y + 0.08 * x)
     for x in np.arange(18, 125, 24.0):
         for y in np.arange(20, 120, 28.0):
@@ -139,10 +111,7 @@ def houses_on_hillside(*, density=3.0, noise=0.03, rotation_deg=0.0, seed=0) -> 
 
 
 def sparse_suburb(*, density=0.16, noise=0.03, rotation_deg=0.0, seed=0) -> TerrainScene:
-    """
-    Houses, trees and two sheds of 60 × 30 m in rolling country, at one point in six square metres.
-
-    """
+    """Houses, trees and two sheds of 60 × 30 m in rolling country, at one point in six square metres."""
     site = TerrainSite(450, 450, density, seed, waves(4.0, 250))
     for x in np.arange(30, 440, 35.0):
         for y in np.arange(30, 300, 35.0):
@@ -156,10 +125,7 @@ def sparse_suburb(*, density=0.16, noise=0.03, rotation_deg=0.0, seed=0) -> Terr
 
 
 def dense_street(*, density=40.0, noise=0.02, rotation_deg=0.0, seed=0) -> TerrainScene:
-    """
-    A street between houses, with kerbs, parked cars in rows, people and lamp posts, at 40 pts/m².
-
-    """
+    """A street between houses, with kerbs, parked cars in rows, people and lamp posts, at 40 pts/m²."""
     site = TerrainSite(36, 38, density, seed, lambda x, y: 0.03 * x)
     kerb = (abs(site.y - 19) > 6) & (abs(site.y - 19) < 9)
     site.shape_terrain(kerb, site.terrain + 0.14)
@@ -176,9 +142,6 @@ def dense_street(*, density=40.0, noise=0.02, rotation_deg=0.0, seed=0) -> Terra
 
 
 def _car(site: TerrainSite, x: float, y: float) -> None:
-    """
-    Park a car along x: bonnet 0.9 m, cabin 1.45 m high.
-
-    """
+    """Park a car along x: bonnet 0.9 m, cabin 1.45 m high."""
     site.put(site.box(x, y, 4.4, 1.8), site.terrain + 0.9, walls=False)
     site.put(site.box(x - 0.3, y, 2.4, 1.6), site.terrain + 1.45, walls=False)

@@ -1,6 +1,5 @@
 """
 Terrain scenes of the open country: quarry, banks, forest, vineyard, dyke, gaps in the data, gross errors.
-
 """
 
 from __future__ import annotations
@@ -16,7 +15,6 @@ CLUMPS = (1, 1, 1, 2, 3, 5, 8, 13, 20, 35, 60)
 def quarry(*, density=2.0, noise=0.05, rotation_deg=0.0, seed=0) -> TerrainScene:
     """
     Four winding terraces; the cliffs between them are 12 m high and 60 to 80° steep. Diggers work on them.
-
     """
     site = TerrainSite(160, 160, density, seed, waves(0.4, 45))
     bend = 6 * np.sin(site.x / 14) + 3 * np.cos(site.x / 6)
@@ -32,7 +30,6 @@ def quarry(*, density=2.0, noise=0.05, rotation_deg=0.0, seed=0) -> TerrainScene
 def river_bank(*, density=3.0, noise=0.03, rotation_deg=0.0, seed=0) -> TerrainScene:
     """
     A river with few returns (ground) between a natural bank of 3 m, a quay wall, trees, a boat and houses.
-
     """
     site = TerrainSite(130, 130, density, seed, waves(0.3, 55))
     middle = 65 + 4 * np.sin(site.y / 20)
@@ -52,7 +49,6 @@ def river_bank(*, density=3.0, noise=0.03, rotation_deg=0.0, seed=0) -> TerrainS
 def steep_forest(*, density=5.0, noise=0.05, rotation_deg=0.0, seed=0) -> TerrainScene:
     """
     A ridge and a gully of 30 to 40° under trees and dense low plants (0.5 to 2 m): 20 % reach the ground.
-
     """
     site = TerrainSite(100, 100, density, seed, _ridge_and_gully)
     canopy = site.random.random(len(site.z)) < 0.45
@@ -64,10 +60,7 @@ def steep_forest(*, density=5.0, noise=0.05, rotation_deg=0.0, seed=0) -> Terrai
 
 
 def _ridge_and_gully(x, y):
-    """
-    Slopes that rise and fall by 30 to 40° along x, with a rough face.
-
-    """
+    """Slopes that rise and fall by 30 to 40° along x, with a rough face."""
     across = abs((x + 4 * np.sin(y / 12)) - 35)
     ridge = 30 - np.tan(np.deg2rad(35)) * np.minimum(across, 40)
     beyond = np.tan(np.deg2rad(30)) * np.clip(across - 46, 0, None)
@@ -75,10 +68,7 @@ def _ridge_and_gully(x, y):
 
 
 def terraced_vineyard(*, density=5.0, noise=0.03, rotation_deg=0.0, seed=0) -> TerrainScene:
-    """
-    Terraces 8 m wide behind walls of 1.8 m; vines 1.2 to 1.8 m high in rows 2 m apart.
-
-    """
+    """Terraces 8 m wide behind walls of 1.8 m; vines 1.2 to 1.8 m high in rows 2 m apart."""
     site = TerrainSite(105, 105, density, seed)
     along = site.y + 3 * np.sin(site.x / 18)
     step = np.floor(along / 8)
@@ -92,10 +82,7 @@ def terraced_vineyard(*, density=5.0, noise=0.03, rotation_deg=0.0, seed=0) -> T
 
 
 def lake_gap(*, density=3.0, noise=0.03, rotation_deg=0.0, seed=0) -> TerrainScene:
-    """
-    A lake of 40 m across without any return, in a slope, with houses and trees on its shore.
-
-    """
+    """A lake of 40 m across without any return, in a slope, with houses and trees on its shore."""
     site = TerrainSite(130, 130, density, seed, lambda x, y: 0.08 * y + waves(0.5, 60)(x, y))
     site.house(34, 65, 14, 10, 5, 9)
     site.house(96, 65, 14, 10, 5, 9, 90)
@@ -108,7 +95,6 @@ def lake_gap(*, density=3.0, noise=0.03, rotation_deg=0.0, seed=0) -> TerrainSce
 def strip_edges(*, density=4.0, noise=0.03, rotation_deg=0.0, seed=0) -> TerrainScene:
     """
     Two strips of data 30 m wide, ending in the middle of houses and of a hall, with 40 m of nothing between.
-
     """
     site = TerrainSite(140, 160, density, seed, waves(0.8, 80))
     for y in np.arange(12, 160, 24.0):
@@ -121,10 +107,7 @@ def strip_edges(*, density=4.0, noise=0.03, rotation_deg=0.0, seed=0) -> Terrain
 
 
 def low_outliers(*, density=2.0, noise=0.03, rotation_deg=0.0, seed=0) -> TerrainScene:
-    """
-    Groups of 1 to 60 gross errors, 2 to 10 m below gently rolling ground with houses.
-
-    """
+    """Groups of 1 to 60 gross errors, 2 to 10 m below gently rolling ground with houses."""
     site = TerrainSite(160, 160, density, seed, waves(1.0, 90))
     for x in np.arange(25, 150, 40.0):
         for y in np.arange(25, 150, 40.0):
@@ -135,10 +118,7 @@ def low_outliers(*, density=2.0, noise=0.03, rotation_deg=0.0, seed=0) -> Terrai
 
 
 def _clump(site: TerrainSite, size: int) -> np.ndarray:
-    """
-    A group of gross errors below the terrain, within 3 m of one another.
-
-    """
+    """A group of gross errors below the terrain, within 3 m of one another."""
     xy = site.random.uniform(5, site.size - 5)
     nearest = np.argmin(np.hypot(site.x - xy[0], site.y - xy[1]))
     spread = site.random.uniform(-1.5, 1.5, (size, 3)) * (1, 1, 0.2)
@@ -146,10 +126,7 @@ def _clump(site: TerrainSite, size: int) -> np.ndarray:
 
 
 def dyke_and_mound(*, density=3.0, noise=0.03, rotation_deg=0.0, seed=0) -> TerrainScene:
-    """
-    A dyke 5 m high with sides of 1:2.5, and a burial mound 5 m high and 24 m across; a few trees.
-
-    """
+    """A dyke 5 m high with sides of 1:2.5, and a burial mound 5 m high and 24 m across; a few trees."""
     site = TerrainSite(130, 130, density, seed, waves(0.1, 60))
     dyke = 5 * (1 - ramp(abs(site.x - 35 - 5 * np.sin(site.y / 25)), 2, 14.5))
     mound = 5 * np.clip(site.disc(92, 70, 12) / 12, 0, 1) ** 0.7
@@ -161,10 +138,7 @@ def dyke_and_mound(*, density=3.0, noise=0.03, rotation_deg=0.0, seed=0) -> Terr
 
 
 def mountain_ridge(*, density=2.0, noise=0.05, rotation_deg=0.0, seed=0) -> TerrainScene:
-    """
-    Two knife-edge ridges of 45°, a summit between, and boulders of 2 m; no plant anywhere.
-
-    """
+    """Two knife-edge ridges of 45°, a summit between, and boulders of 2 m; no plant anywhere."""
     site = TerrainSite(150, 150, density, seed, _ridges)
     for x, y in site.random.uniform(5, 145, (40, 2)):
         dome = 2 * np.sqrt(np.clip(1 - (1 - np.clip(site.disc(x, y, 1.8), 0, None) / 1.8) ** 2, 0, 1))
@@ -173,10 +147,7 @@ def mountain_ridge(*, density=2.0, noise=0.05, rotation_deg=0.0, seed=0) -> Terr
 
 
 def _ridges(x, y):
-    """
-    The upper surface of two slanting roofs and a cone.
-
-    """
+    """The upper surface of two slanting roofs and a cone."""
     first = 30 - abs(x - 45 - 0.15 * y)
     second = 36 - abs(y - 100 + 0.2 * x)
     cone = 34 - 0.9 * np.hypot(x - 110, y - 40)

@@ -1,7 +1,4 @@
-"""
-A piece of terrain under the scanner: what the scenes of terrain_scenes.py are built from.
-
-"""
+"""A piece of terrain under the scanner: what the scenes of terrain_scenes.py are built from."""
 
 from __future__ import annotations
 
@@ -23,10 +20,7 @@ Array = NDArray[np.float64]
 
 
 class TerrainScene(NamedTuple):
-    """
-    Points and which of them are ground.
-
-    """
+    """Points and which of them are ground."""
 
     points: Array
     is_ground: NDArray[np.bool_]
@@ -46,7 +40,6 @@ class TerrainSite:
         Of the pulses' positions and of everything random upon the site (`random`).
     elevation : callable, optional
         Elevation of the terrain at x and y; level ground without it.
-
     """
 
     def __init__(
@@ -69,36 +62,24 @@ class TerrainSite:
         self.is_ground = np.ones(len(self.x), dtype=bool)
 
     def box(self, x: float, y: float, length: float, width: float, angle_deg: float = 0.0) -> Array:
-        """
-        How deep each pulse lies inside a rectangle about a middle [m]; negative outside.
-
-        """
+        """How deep each pulse lies inside a rectangle about a middle [m]; negative outside."""
         angle = np.deg2rad(angle_deg)
         along = np.cos(angle) * (self.x - x) + np.sin(angle) * (self.y - y)
         across = np.cos(angle) * (self.y - y) - np.sin(angle) * (self.x - x)
         return np.minimum(length / 2 - abs(along), width / 2 - abs(across))
 
     def disc(self, x: float, y: float, radius: float) -> Array:
-        """
-        How deep each pulse lies inside a circle [m]; negative outside.
-
-        """
+        """How deep each pulse lies inside a circle [m]; negative outside."""
         return radius - np.hypot(self.x - x, self.y - y)
 
     def shape_terrain(self, inside: NDArray, elevation: Array | float) -> None:
-        """
-        Give the terrain another elevation somewhere; what stands there is gone.
-
-        """
+        """Give the terrain another elevation somewhere; what stands there is gone."""
         self.terrain = np.where(inside, elevation, self.terrain)
         self.z = np.where(inside, self.terrain, self.z)
         self.is_ground |= inside
 
     def put(self, depth: Array, top: Array | float, *, walls: bool = True) -> None:
-        """
-        Put something solid where `depth` > 0; where the terrain lies higher than its top, that is seen.
-
-        """
+        """Put something solid where `depth` > 0; where the terrain lies higher than its top, that is seen."""
         top = np.broadcast_to(top, depth.shape)
         rows = (depth > 0) & (top >= self.terrain)
         self.z[rows], self.is_ground[rows] = top[rows], False
@@ -118,10 +99,7 @@ class TerrainSite:
         ridge: float,
         angle_deg: float = 0.0,
     ) -> None:
-        """
-        Put a house with a hip roof: heights above the terrain in its middle [m].
-
-        """
+        """Put a house with a hip roof: heights above the terrain in its middle [m]."""
         depth = self.box(x, y, length, width, angle_deg)
         nearest = np.argmin(np.hypot(self.x - x, self.y - y))
         rise = (ridge - eave) * np.clip(depth / (width / 2), 0, 1)
@@ -130,7 +108,6 @@ class TerrainSite:
     def grow(self, share: float, low: float, high: float, where: NDArray | bool = True) -> None:
         """
         Let a share of the pulses on bare ground end in plants between two heights above the terrain [m].
-
         """
         rows = self.is_ground & where & (self.random.random(len(self.z)) < share)
         heights = self.random.uniform(low, high, len(self.z))
@@ -139,7 +116,6 @@ class TerrainSite:
     def tree(self, x: float, y: float, radius: float, height: float, penetration: float = 0.3) -> None:
         """
         Plant a tree: a share of the pulses reach what lies below its crown, the others end within the crown.
-
         """
         depth = self.disc(x, y, radius)
         rows = (depth > 0) & (self.random.random(len(depth)) >= penetration)
@@ -149,18 +125,12 @@ class TerrainSite:
         self.is_ground[rows] = False
 
     def keep(self, rows: NDArray) -> None:
-        """
-        Leave the other pulses without a return.
-
-        """
+        """Leave the other pulses without a return."""
         for name in ("x", "y", "z", "terrain", "is_ground"):
             setattr(self, name, getattr(self, name)[rows])
 
     def add(self, points: Array) -> None:
-        """
-        Append points that are not ground.
-
-        """
+        """Append points that are not ground."""
         self.x, self.y, self.z = (
             np.append(old, new) for old, new in zip((self.x, self.y, self.z), points.T, strict=True)
         )
@@ -168,10 +138,7 @@ class TerrainSite:
         self.is_ground = np.append(self.is_ground, np.zeros(len(points), dtype=bool))
 
     def scanned(self, noise: float, rotation_deg: float) -> TerrainScene:
-        """
-        Measure: add noise along z, and turn the whole site about its middle.
-
-        """
+        """Measure: add noise along z, and turn the whole site about its middle."""
         angle = np.deg2rad(rotation_deg)
         turn = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
         middle = self.size / 2
@@ -181,10 +148,7 @@ class TerrainSite:
 
 
 def waves(amplitude: float, wavelength: float) -> Callable[[Array, Array], Array]:
-    """
-    Terrain that undulates in two directions [m].
-
-    """
+    """Terrain that undulates in two directions [m]."""
     number = 2 * np.pi / wavelength
     return lambda x, y: (
         amplitude * (np.sin(number * (x + 0.4 * y)) + 0.6 * np.cos(number * (0.7 * y - 0.3 * x)))
@@ -192,8 +156,5 @@ def waves(amplitude: float, wavelength: float) -> Callable[[Array, Array], Array
 
 
 def ramp(value: Array, start: float, end: float) -> Array:
-    """
-    Rise evenly from 0 at `start` to 1 at `end`.
-
-    """
+    """Rise evenly from 0 at `start` to 1 at `end`."""
     return np.clip((value - start) / (end - start), 0, 1)

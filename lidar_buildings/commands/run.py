@@ -1,7 +1,4 @@
-"""
-The command ``lidar-buildings run``: files in, output folder out, through the node graph or without ROS.
-
-"""
+"""The command ``lidar-buildings run``: files in, output folder out, through the node graph or without ROS."""
 
 from __future__ import annotations
 
@@ -41,7 +38,6 @@ class RunOutcome:
         What the files hold.
     failed : mapping
         Stamp of each tile that was given up → why.
-
     """
 
     summary: RunSummary
@@ -56,7 +52,6 @@ def run_command(options: argparse.Namespace) -> int:
     -------
     int
         0; 2 if some input could not be read; 3 if a tile failed.
-
     """
     logging.basicConfig(format="lidar-buildings: %(message)s", level=logging.WARNING)
     request = request_of(options)
@@ -74,10 +69,7 @@ def run_command(options: argparse.Namespace) -> int:
 
 @contextmanager
 def progress_bar(tile_count: Callable[[], int]) -> Iterator[Callable[[int], None]]:
-    """
-    Give a function that shows how many tiles are done: a bar on a terminal, plain lines elsewhere.
-
-    """
+    """Give a function that shows how many tiles are done: a bar on a terminal, plain lines elsewhere."""
     is_terminal = sys.stderr.isatty()
     bar = tqdm(total=tile_count(), unit="tile", disable=not is_terminal)
 
@@ -95,10 +87,7 @@ def progress_bar(tile_count: Callable[[], int]) -> Iterator[Callable[[int], None
 
 
 def _footprints(request: RunRequest) -> FootprintFile | None:
-    """
-    Read the footprints, if any are given, and refuse them if none lies within the clouds.
-
-    """
+    """Read the footprints, if any are given, and refuse them if none lies within the clouds."""
     if request.footprints is None:
         return None
     clouds, _ = open_inputs(request.inputs)
@@ -112,10 +101,7 @@ def _footprints(request: RunRequest) -> FootprintFile | None:
 
 
 def _run_local(request: RunRequest, footprints: FootprintFile | None) -> RunOutcome:
-    """
-    Run without ROS.
-
-    """
+    """Run without ROS."""
     from lidar_buildings.commands.run_local import process_tiles, run_info
 
     started = time.perf_counter()
@@ -148,10 +134,7 @@ def _run_local(request: RunRequest, footprints: FootprintFile | None) -> RunOutc
 
 
 def _run_graph(request: RunRequest) -> RunOutcome:
-    """
-    Run through the node graph.
-
-    """
+    """Run through the node graph."""
     if importlib.util.find_spec("rclpy") is None:
         raise LidarBuildingsError(
             "rclpy is not installed: source a ROS 2 Jazzy workspace, or pip install '.[ros]' "
@@ -163,10 +146,7 @@ def _run_graph(request: RunRequest) -> RunOutcome:
 
 
 def _report_trouble(outcome: RunOutcome) -> None:
-    """
-    Print one line for each file and each tile that was not done.
-
-    """
+    """Print one line for each file and each tile that was not done."""
     summary = outcome.summary
     lines = list(summary.problems)
     lines += [
@@ -185,10 +165,7 @@ def _report_trouble(outcome: RunOutcome) -> None:
 
 
 def _report(output: Path, summary: RunSummary, wall: float) -> None:
-    """
-    Print what was found and where it is.
-
-    """
+    """Print what was found and where it is."""
     counts = ", ".join(f"{n} {status}" for status, n in sorted(summary.buildings.items())) or "none"
     print(f"{_count(summary.n_points, 'point')} in {_count(summary.n_tiles, 'tile')}, {wall:.1f} s")
     print(f"buildings: {sum(summary.buildings.values())} ({counts})")
@@ -199,10 +176,7 @@ def _report(output: Path, summary: RunSummary, wall: float) -> None:
 
 
 def _told_of_footprints(record: Mapping[str, Any]) -> str:
-    """
-    Say in one line what became of the footprints.
-
-    """
+    """Say in one line what became of the footprints."""
     told = [f"{record['n_read']:,} read"]
     told += [f"{record['n_repaired']:,} repaired"] * bool(record["n_repaired"])
     told += [f"{number:,} {reason} left out" for reason, number in record["left_out"].items()]
@@ -211,8 +185,5 @@ def _told_of_footprints(record: Mapping[str, Any]) -> str:
 
 
 def _count(number: int, what: str) -> str:
-    """
-    Write how many there are of something.
-
-    """
+    """Write how many there are of something."""
     return f"{number:,} {what}" if number == 1 else f"{number:,} {what}s"

@@ -1,7 +1,4 @@
-"""
-A run through the node graph, all nodes in this process.
-
-"""
+"""A run through the node graph, all nodes in this process."""
 
 from __future__ import annotations
 
@@ -28,7 +25,6 @@ def run_graph(request: RunRequest) -> RunOutcome:
     ------
     LidarBuildingsError
         If a node cannot start or go on.
-
     """
     os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
     prepare_middleware()
@@ -66,10 +62,7 @@ def run_graph(request: RunRequest) -> RunOutcome:
 
 
 def _outcome(composition, nodes) -> RunOutcome:
-    """
-    Show the progress until the writer has its outcome.
-
-    """
+    """Show the progress until the writer has its outcome."""
     from lidar_buildings.commands.run import RunOutcome, progress_bar
 
     player: TilePlayer = nodes["tile_player"]

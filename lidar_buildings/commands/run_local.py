@@ -1,7 +1,4 @@
-"""
-A run without ROS: tile after tile through the pipeline, into the same files as the graph writes.
-
-"""
+"""A run without ROS: tile after tile through the pipeline, into the same files as the graph writes."""
 
 from __future__ import annotations
 
@@ -62,7 +59,6 @@ def process_tiles(
         Stage → seconds in all.
     failed : dict
         Stamp of each tile that could not be processed → why; the others are complete.
-
     """
     seconds: Counter[str] = Counter()
     failed: dict[int, str] = {}
@@ -87,10 +83,7 @@ def run_info(
     failed: Mapping[int, str],
     problems: Iterable[str],
 ) -> dict[str, Any]:
-    """
-    Return what ``run.json`` tells beside the counts.
-
-    """
+    """Return what ``run.json`` tells beside the counts."""
     return {
         "versions": library_versions(),
         "parameters": dict(parameters),
@@ -107,10 +100,7 @@ def whole_result(
     until: str,
     footprints: Footprints | None = None,
 ) -> TileResult:
-    """
-    Process a tile, with a larger buffer as long as one of its buildings is not whole.
-
-    """
+    """Process a tile, with a larger buffer as long as one of its buildings is not whole."""
     result = reconstruct_tile(tile, config, until=until, footprints=footprints)
     while result.clipped:
         larger = source.grown(tile.stamp)
@@ -121,10 +111,7 @@ def whole_result(
 
 
 def products_of(result: TileResult, frame: MapFrame, rasters: RasterConfig) -> TileProducts:
-    """
-    Gather what a tile's files need.
-
-    """
+    """Gather what a tile's files need."""
     faces = [
         RoofFace(one.building_id, tuple(_as_carried(ring) for ring in rings))
         for one in result.models
@@ -146,8 +133,5 @@ def products_of(result: TileResult, frame: MapFrame, rasters: RasterConfig) -> T
 
 
 def _as_carried(ring: NDArray[np.float64]) -> NDArray[np.float64]:
-    """
-    Round a ring to what its message would carry.
-
-    """
+    """Round a ring to what its message would carry."""
     return ring.astype(np.float32).astype(np.float64)

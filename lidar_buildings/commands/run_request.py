@@ -1,7 +1,4 @@
-"""
-What the user of ``lidar-buildings run`` asks for, checked before anything is touched.
-
-"""
+"""What the user of ``lidar-buildings run`` asks for, checked before anything is touched."""
 
 from __future__ import annotations
 
@@ -73,7 +70,6 @@ class RunRequest:
         ROS namespace, None for one of its own.
     footprints : FootprintSource or None
         Where given footprints come from, None to trace outlines.
-
     """
 
     inputs: tuple[str, ...]
@@ -88,10 +84,7 @@ class RunRequest:
     footprints: FootprintSource | None = None
 
     def parameters(self) -> dict[str, Any]:
-        """
-        Return everything that results depend on, as plain values.
-
-        """
+        """Return everything that results depend on, as plain values."""
         stages = {
             **asdict(self.config),
             _TILING: asdict(self.tiling),
@@ -115,7 +108,6 @@ def request_of(options: argparse.Namespace) -> RunRequest:
         If the parameter file cannot be read.
     ParameterError
         If a name is unknown or a value not allowed.
-
     """
     settings = read_settings(options.params, options.set, NODE_CONFIGS)
     if options.tile_size is not None:
@@ -140,10 +132,7 @@ def request_of(options: argparse.Namespace) -> RunRequest:
 
 
 def _footprints(options: argparse.Namespace) -> FootprintSource | None:
-    """
-    Return where footprints are to come from.
-
-    """
+    """Return where footprints are to come from."""
     layer, column = options.footprints_layer, options.footprint_id
     if options.footprints is None:
         if layer is not None or column is not None:
@@ -158,10 +147,7 @@ def _footprints(options: argparse.Namespace) -> FootprintSource | None:
 
 
 def _use_footprints(settings: Settings, source: FootprintSource) -> None:
-    """
-    Tell the nodes of the footprints.
-
-    """
+    """Tell the nodes of the footprints."""
     settings.setdefault(FootprintConfig.stage, {}).update(file=str(source.path), layer=source.layer)
     settings.setdefault(RegularisationConfig.stage, {})["keep_outlines"] = True
     settings.setdefault("model_writer", {}).update(
@@ -170,10 +156,7 @@ def _use_footprints(settings: Settings, source: FootprintSource) -> None:
 
 
 def _check_own(settings: Settings) -> None:
-    """
-    Refuse what the command sets itself, and what a run that writes files cannot work with.
-
-    """
+    """Refuse what the command sets itself, and what a run that writes files cannot work with."""
     configs = {stage: config for stages in NODE_CONFIGS.values() for stage, config in stages.items()}
     for (stage, name), option in _OWN.items():
         default = next(member.default for member in fields(configs[stage]) if member.name == name)
@@ -189,10 +172,7 @@ def _check_own(settings: Settings) -> None:
 
 
 def _check_namespace(namespace: str | None) -> None:
-    """
-    Refuse a namespace that ROS would refuse.
-
-    """
+    """Refuse a namespace that ROS would refuse."""
     if namespace is not None and not _NAMESPACE.fullmatch(namespace):
         raise ParameterError(
             f"--namespace {namespace!r}: must be words of letters, digits and _, beginning with no digit, "
@@ -201,20 +181,14 @@ def _check_namespace(namespace: str | None) -> None:
 
 
 def _shared(config: type[Config], settings: Settings) -> Config:
-    """
-    Return what nodes and the local run share of a node's parameters; the others only nodes have.
-
-    """
+    """Return what nodes and the local run share of a node's parameters; the others only nodes have."""
     names = {member.name for member in fields(config)}
     values = settings.get(config.stage, {})
     return config(**{name: value for name, value in values.items() if name in names})
 
 
 def _last_stage(until: str | None) -> str:
-    """
-    Return the stage to end with; the name of a node stands for its (last) stage.
-
-    """
+    """Return the stage to end with; the name of a node stands for its (last) stage."""
     if until is None:
         return STAGES[-1]
     by_node = {

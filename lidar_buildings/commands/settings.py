@@ -1,7 +1,4 @@
-"""
-What the user set: a parameter file in ROS's own form and ``--set STAGE.NAME=VALUE``, checked, by stage.
-
-"""
+"""What the user set: a parameter file in ROS's own form and ``--set STAGE.NAME=VALUE``, checked, by stage."""
 
 from __future__ import annotations
 
@@ -47,7 +44,6 @@ def read_settings(params: Path | None, assignments: list[str], nodes: NodeConfig
     ParameterError
         If an assignment is malformed, a name is unknown or a value not allowed, or if the file gives one
         parameter two values; the message begins with the file's name or with ``--set``.
-
     """
     settings: Settings = {}
     for stage, name, value in _from_file(params, nodes):
@@ -63,10 +59,7 @@ def read_settings(params: Path | None, assignments: list[str], nodes: NodeConfig
 
 
 def _from_file(path: Path | None, nodes: NodeConfigs) -> Iterator[tuple[str, str, Any]]:
-    """
-    Yield (stage, name, value) for every parameter of a file.
-
-    """
+    """Yield (stage, name, value) for every parameter of a file."""
     if path is None:
         return
     for key, body in _content(path).items():
@@ -80,10 +73,7 @@ def _from_file(path: Path | None, nodes: NodeConfigs) -> Iterator[tuple[str, str
 
 
 def _content(path: Path) -> dict[Any, Any]:
-    """
-    Read a file of parameters.
-
-    """
+    """Read a file of parameters."""
     try:
         content = yaml.safe_load(path.read_text(encoding="utf-8")) or {}
     except OSError as error:
@@ -96,10 +86,7 @@ def _content(path: Path) -> dict[Any, Any]:
 
 
 def _place(error: Exception) -> str:
-    """
-    Say in a few words what is wrong with a YAML file, and where.
-
-    """
+    """Say in a few words what is wrong with a YAML file, and where."""
     mark, problem = getattr(error, "problem_mark", None), getattr(error, "problem", None)
     if mark is None:
         return " ".join(str(error).split())
@@ -107,10 +94,7 @@ def _place(error: Exception) -> str:
 
 
 def _assignment(text: str, nodes: NodeConfigs) -> tuple[str, str, Any]:
-    """
-    Split ``STAGE.NAME=VALUE``.
-
-    """
+    """Split ``STAGE.NAME=VALUE``."""
     path, equals, value = text.partition("=")
     stage, dot, name = path.strip().partition(".")
     if not equals or not dot or not name:
@@ -125,10 +109,7 @@ def _assignment(text: str, nodes: NodeConfigs) -> tuple[str, str, Any]:
 
 
 def _checked(origin: str, stage: str, name: str, value: Any, nodes: NodeConfigs) -> tuple[str, str, Any]:
-    """
-    Return stage, name and the value in its own type, or refuse them.
-
-    """
+    """Return stage, name and the value in its own type, or refuse them."""
     stages = {stage: config for configs in nodes.values() for stage, config in configs.items()}
     if stage not in stages:
         raise ParameterError(f"{origin}: there is no stage {stage!r}{_nearest(stage, stages)}")
@@ -142,10 +123,7 @@ def _checked(origin: str, stage: str, name: str, value: Any, nodes: NodeConfigs)
 
 
 def _as_ros_reads(value: Any) -> Any:
-    """
-    Return a value as ROS understands the same YAML.
-
-    """
+    """Return a value as ROS understands the same YAML."""
     if isinstance(value, list) and not any(value):
         return []  # an empty list of texts is written as one empty text
     if isinstance(value, str) and _EXPONENT.fullmatch(value):
@@ -154,10 +132,7 @@ def _as_ros_reads(value: Any) -> Any:
 
 
 def _flat(parameters: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
-    """
-    Yield (dotted name, value).
-
-    """
+    """Yield (dotted name, value)."""
     for name, value in parameters.items():
         if isinstance(value, dict):
             yield from _flat(value, f"{prefix}{name}.")
@@ -166,10 +141,7 @@ def _flat(parameters: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str
 
 
 def _stage_of(origin: str, node: str, name: str, nodes: NodeConfigs) -> tuple[str, str]:
-    """
-    Return (stage, name) of a node's parameter: the stage is named where the node has several.
-
-    """
+    """Return (stage, name) of a node's parameter: the stage is named where the node has several."""
     stages = nodes[node]
     if len(stages) == 1:
         return next(iter(stages)), name
@@ -181,9 +153,6 @@ def _stage_of(origin: str, node: str, name: str, nodes: NodeConfigs) -> tuple[st
 
 
 def _nearest(word: str, known: Mapping[str, Any]) -> str:
-    """
-    Suggest the nearest known name, or list them all.
-
-    """
+    """Suggest the nearest known name, or list them all."""
     near = get_close_matches(word, known, n=1)
     return f" (did you mean {near[0]}?)" if near else f" (there are {', '.join(known)})"

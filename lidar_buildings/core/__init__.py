@@ -1,4 +1,1 @@
-"""
-The algorithms: arrays in, arrays out; no ROS, no files, no printing.
-
-"""
+"""The algorithms: arrays in, arrays out; no ROS, no files, no printing."""

@@ -1,4 +1,1 @@
-"""
-Files: LAS/LAZ/COPC in; classified LAZ, GeoPackage, CityJSON out.
-
-"""
+"""Files: LAS/LAZ/COPC in; classified LAZ, GeoPackage, CityJSON out."""

@@ -1,7 +1,4 @@
-"""
-Node `building_tracer`.
-
-"""
+"""Node `building_tracer`."""
 
 from __future__ import annotations
 
@@ -39,10 +36,7 @@ _MAX_BOUNDS = 64
 
 
 class BuildingTracer(StageNode):
-    """
-    Traces the buildings of each tile, or takes given footprints; holds a tile back that cuts one off.
-
-    """
+    """Traces the buildings of each tile, or takes given footprints; holds a tile back that cuts one off."""
 
     def __init__(self, **kwargs: Any) -> None:
         super().__init__("building_tracer", NODE_CONFIGS["building_tracer"], **kwargs)
@@ -63,10 +57,7 @@ class BuildingTracer(StageNode):
         self.subscribe_tiles(_EDGES, lambda tile: self.on_tile(_EDGES, tile))
 
     def on_bounds(self, message: PolygonStamped) -> None:
-        """
-        Remember a tile's limits, and go on with a tile that came before them.
-
-        """
+        """Remember a tile's limits, and go on with a tile that came before them."""
         stamp, bounds = bounds_of(message)
         self._bounds[stamp] = bounds
         self._bounds.move_to_end(stamp)
@@ -75,28 +66,19 @@ class BuildingTracer(StageNode):
         self._go_on_with(stamp)
 
     def on_units(self, message: Vector3Stamped) -> None:
-        """
-        Learn the source's units, and go on with the tiles that came before.
-
-        """
+        """Learn the source's units, and go on with the tiles that came before."""
         self._units = message
         for stamp in list(self._waiting):
             self._go_on_with(stamp)
 
     def on_origin(self, message: PointStamped) -> None:
-        """
-        Learn where the map lies, and go on with the tiles that came before.
-
-        """
+        """Learn where the map lies, and go on with the tiles that came before."""
         self._origin = message
         for stamp in list(self._waiting):
             self._go_on_with(stamp)
 
     def on_tile(self, topic: str, tile: PointTile) -> None:
-        """
-        Take one tile's points, and trace its buildings when all is there.
-
-        """
+        """Take one tile's points, and trace its buildings when all is there."""
         parts = self._join.add(tile.stamp, topic, tile)
         if parts is None:
             return
@@ -106,29 +88,20 @@ class BuildingTracer(StageNode):
         self._trace(tile.stamp, parts)
 
     def _must_wait(self, stamp: int) -> bool:
-        """
-        Whether a tile's limits are still to come, or with footprints the map frame.
-
-        """
+        """Whether a tile's limits are still to come, or with footprints the map frame."""
         if self._has_footprints and self._frame is None:
             return True
         return stamp not in self._bounds and bool(self.count_publishers("tile_bounds"))
 
     @property
     def _frame(self) -> MapFrame | None:
-        """
-        Where the map lies, None as long as it is not known.
-
-        """
+        """Where the map lies, None as long as it is not known."""
         if self._origin is None or (self._units is None and self.count_publishers("map_units")):
             return None
         return frame_of(self._origin, self._units)
 
     def _go_on_with(self, stamp: int) -> None:
-        """
-        Trace a tile that has waited, if nothing is missing any more.
-
-        """
+        """Trace a tile that has waited, if nothing is missing any more."""
         if stamp in self._waiting and not self._must_wait(stamp):
             with self.reporting(stamp) as report:
                 parts = self._waiting.pop(stamp)
@@ -136,10 +109,7 @@ class BuildingTracer(StageNode):
                 self._trace(stamp, parts)
 
     def _trace(self, stamp: int, parts: Parts) -> None:
-        """
-        Publish one tile's buildings, or ask for more of the tile.
-
-        """
+        """Publish one tile's buildings, or ask for more of the tile."""
         traced = self._traced_tile({topic: self._bounded(tile) for topic, tile in parts.items()})
         if traced.clipped and self._clipped.get_subscription_count():
             self._clipped.publish(header_of(stamp))
@@ -148,17 +118,11 @@ class BuildingTracer(StageNode):
         self.publish_rings(self._traced, outline_messages(stamp, traced.outlines))
 
     def _bounded(self, tile: PointTile) -> PointTile:
-        """
-        Return a tile with its limits.
-
-        """
+        """Return a tile with its limits."""
         return replace(tile, bounds=self._bounds.get(tile.stamp))
 
     def _traced_tile(self, parts: Parts) -> TracedTile:
-        """
-        Trace one tile's buildings, or take the footprints for them.
-
-        """
+        """Trace one tile's buildings, or take the footprints for them."""
         config = self.parameters[FootprintNodeConfig]
         frame = self._frame
         if not self._has_footprints or frame is None:
@@ -172,18 +136,12 @@ class BuildingTracer(StageNode):
 
 
 def _are_of_one_sending(parts: Parts) -> bool:
-    """
-    Whether a tile's clouds fit together: one that was sent larger has more points under the same stamp.
-
-    """
+    """Whether a tile's clouds fit together: one that was sent larger has more points under the same stamp."""
     return _ALL not in parts or agree_on_roofs(parts[_ALL], parts[_EDGES])
 
 
 def main() -> int:
-    """
-    Run the node.
-
-    """
+    """Run the node."""
     return run_node(BuildingTracer)
 
 

@@ -2,7 +2,6 @@
 Which node has which parameters; and those that no stage has: where points come from and results go.
 
 It needs no ROS.
-
 """
 
 from __future__ import annotations
@@ -27,10 +26,7 @@ from lidar_buildings.io.tiling.tiling_config import TilingConfig
 
 @dataclass(frozen=True)
 class TilePlayerConfig(TilingConfig):
-    """
-    What to play, how fast, and how many tiles may be in the graph.
-
-    """
+    """What to play, how fast, and how many tiles may be in the graph."""
 
     stage: ClassVar[str] = "tile_player"
 
@@ -87,10 +83,7 @@ class TilePlayerConfig(TilingConfig):
 
 @dataclass(frozen=True)
 class GroundFilterNodeConfig(GroundFilterConfig):
-    """
-    What the node can do beyond its stage.
-
-    """
+    """What the node can do beyond its stage."""
 
     stage: ClassVar[str] = GroundFilterConfig.stage
 
@@ -108,10 +101,7 @@ class GroundFilterNodeConfig(GroundFilterConfig):
 
 @dataclass(frozen=True)
 class FootprintNodeConfig(FootprintConfig):
-    """
-    Where footprints come from, and which points belong to them.
-
-    """
+    """Where footprints come from, and which points belong to them."""
 
     stage: ClassVar[str] = FootprintConfig.stage
 
@@ -126,10 +116,7 @@ class FootprintNodeConfig(FootprintConfig):
 
 @dataclass(frozen=True)
 class FlowControlConfig(StageConfig):
-    """
-    Who tells the player that a tile is done.
-
-    """
+    """Who tells the player that a tile is done."""
 
     stage: ClassVar[str] = "flow_control"
 
@@ -142,10 +129,7 @@ class FlowControlConfig(StageConfig):
 
 @dataclass(frozen=True)
 class ModelWriterConfig(OutputConfig):
-    """
-    What to write, and where.
-
-    """
+    """What to write, and where."""
 
     stage: ClassVar[str] = OutputConfig.stage
 

@@ -1,7 +1,4 @@
-"""
-Node `edge_labeller`.
-
-"""
+"""Node `edge_labeller`."""
 
 from __future__ import annotations
 
@@ -20,10 +17,7 @@ from lidar_buildings.ros.stage_node import StageNode
 
 
 class EdgeLabeller(StageNode):
-    """
-    Labels the roof points on edges.
-
-    """
+    """Labels the roof points on edges."""
 
     def __init__(self, **kwargs: Any) -> None:
         super().__init__("edge_labeller", NODE_CONFIGS["edge_labeller"], **kwargs)
@@ -31,20 +25,14 @@ class EdgeLabeller(StageNode):
         self.subscribe_tiles("roof_points", self.on_tile)
 
     def on_tile(self, tile: PointTile) -> dict[str, int]:
-        """
-        Label one tile; report how many of its roofs came to which status.
-
-        """
+        """Label one tile; report how many of its roofs came to which status."""
         labelled = label_roof_edges(tile, self.parameters[EdgeLabellingConfig])
         self._edge_points.publish(to_message(labelled.tile))
         return {f"roofs_{status}": number for status, number in labelled.n_roofs.items()}
 
 
 def main() -> int:
-    """
-    Run the node.
-
-    """
+    """Run the node."""
     return run_node(EdgeLabeller)
 
 

@@ -1,7 +1,4 @@
-"""
-All nodes of a run in one process.
-
-"""
+"""All nodes of a run in one process."""
 
 from __future__ import annotations
 
@@ -19,10 +16,7 @@ _CLASSES = {name: "".join(word.title() for word in name.split("_")) for name in 
 
 
 def node_class(name: str) -> type[StageNode]:
-    """
-    Return the class of a node, `GroundFilter` for `ground_filter`.
-
-    """
+    """Return the class of a node, `GroundFilter` for `ground_filter`."""
     module = import_module(f"lidar_buildings.nodes.{name}")
     found: type[StageNode] = getattr(module, _CLASSES[name])
     return found
@@ -67,7 +61,6 @@ def survey_nodes(
     ------
     LidarBuildingsError
         If a node cannot start; those made before are destroyed.
-
     """
     given = {stage: dict(values) for stage, values in (settings or {}).items()}
     own: dict[str, dict[str, Any]] = {

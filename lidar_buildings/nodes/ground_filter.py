@@ -1,7 +1,4 @@
-"""
-Node `ground_filter`.
-
-"""
+"""Node `ground_filter`."""
 
 from __future__ import annotations
 
@@ -23,10 +20,7 @@ from lidar_buildings.ros.stage_node import StageNode
 
 
 class GroundFilter(StageNode):
-    """
-    Classifies the ground of each tile.
-
-    """
+    """Classifies the ground of each tile."""
 
     def __init__(self, **kwargs: Any) -> None:
         super().__init__("ground_filter", NODE_CONFIGS["ground_filter"], **kwargs)
@@ -37,30 +31,21 @@ class GroundFilter(StageNode):
         self.subscribe_tiles("points", self.on_tile)
 
     def on_tile(self, tile: PointTile) -> None:
-        """
-        Classify one tile.
-
-        """
+        """Classify one tile."""
         classified = filter_ground(tile, self.parameters[GroundFilterNodeConfig])
         self._ground_points.publish(to_message(classified))
         if self._dtm is not None:
             self._publish_dtm(classified)
 
     def _publish_dtm(self, classified: PointTile) -> None:
-        """
-        Publish one tile's terrain, its cells aligned in the map frame.
-
-        """
+        """Publish one tile's terrain, its cells aligned in the map frame."""
         resolution = self.parameters[GroundFilterNodeConfig].dtm_resolution
         rasters = rasterise_tile(classified, RasterConfig(raster_resolution=resolution), MapFrame())
         self._dtm.publish(grid_message(classified.stamp, rasters.window, rasters.dtm))
 
 
 def main() -> int:
-    """
-    Run the node.
-
-    """
+    """Run the node."""
     return run_node(GroundFilter)
 
 

@@ -1,7 +1,4 @@
-"""
-Node `model_builder`.
-
-"""
+"""Node `model_builder`."""
 
 from __future__ import annotations
 
@@ -35,10 +32,7 @@ _POINTS, _TRACED, _OUTLINES = "plane_points", "traced_outlines", "outlines"
 
 
 class ModelBuilder(StageNode):
-    """
-    Builds the models of each tile's buildings.
-
-    """
+    """Builds the models of each tile's buildings."""
 
     def __init__(self, **kwargs: Any) -> None:
         super().__init__("model_builder", NODE_CONFIGS["model_builder"], **kwargs)
@@ -54,40 +48,25 @@ class ModelBuilder(StageNode):
         self.subscribe_tiles(_POINTS, self.on_tile)
 
     def on_units(self, message: Vector3Stamped) -> None:
-        """
-        Learn the source's units.
-
-        """
+        """Learn the source's units."""
         self._units = message
         self._on_frame()
 
     def on_origin(self, message: PointStamped) -> None:
-        """
-        Learn where the map lies.
-
-        """
+        """Learn where the map lies."""
         self._origin = message
         self._on_frame()
 
     def on_outlines(self, topic: str, stamp: int, rings: Rings) -> None:
-        """
-        Take the outlines of one tile.
-
-        """
+        """Take the outlines of one tile."""
         self._add(stamp, topic, outlines_of(rings))
 
     def on_tile(self, tile: PointTile) -> None:
-        """
-        Take the points of one tile.
-
-        """
+        """Take the points of one tile."""
         self._add(tile.stamp, _POINTS, tile)
 
     def _make_publishers(self) -> None:
-        """
-        Create the publishers.
-
-        """
+        """Create the publishers."""
         # One topic, two durabilities: each kind of subscription is meant to match its own publisher.
         silent = PublisherEventCallbacks(use_default_callbacks=False)
         self._header = self.create_publisher(String, "city_model", LATCHED)
@@ -100,19 +79,13 @@ class ModelBuilder(StageNode):
 
     @property
     def _frame(self) -> MapFrame | None:
-        """
-        Where the map lies, None as long as it is not known.
-
-        """
+        """Where the map lies, None as long as it is not known."""
         if self._origin is None or (self._units is None and self.count_publishers("map_units")):
             return None
         return frame_of(self._origin, self._units)
 
     def _on_frame(self) -> None:
-        """
-        Publish the header and go on with the tiles that came before.
-
-        """
+        """Publish the header and go on with the tiles that came before."""
         frame = self._frame
         if frame is None:
             return
@@ -123,10 +96,7 @@ class ModelBuilder(StageNode):
                 self._build(stamp, parts, frame)
 
     def _add(self, stamp: int, topic: str, part: Any) -> None:
-        """
-        Put a part to the others of its tile, and build when all are there.
-
-        """
+        """Put a part to the others of its tile, and build when all are there."""
         parts = self._join.add(stamp, topic, part)
         if parts is None:
             return
@@ -137,10 +107,7 @@ class ModelBuilder(StageNode):
         self._build(stamp, parts, frame)
 
     def _build(self, stamp: int, parts: dict[str, Any], frame: MapFrame) -> None:
-        """
-        Build one tile's models and publish them.
-
-        """
+        """Build one tile's models and publish them."""
         models = build_models(
             parts[_POINTS],
             parts[_TRACED],
@@ -156,28 +123,19 @@ class ModelBuilder(StageNode):
             self._tile_done.publish(header_of(stamp))
 
     def _publish_markers(self, stamp: int, models: Sequence[TileModel]) -> None:
-        """
-        Publish the solids' edges if anyone looks at them.
-
-        """
+        """Publish the solids' edges if anyone looks at them."""
         solids = [solid for one in models for solid in one.model.solids.values()]
         if solids and self._markers.get_subscription_count():
             self._markers.publish(model_markers(stamp, solids))
 
 
 def _feature(one: TileModel, frame: MapFrame) -> str:
-    """
-    Return one building's line of CityJSON.
-
-    """
+    """Return one building's line of CityJSON."""
     return feature_line(one.model, one.building_id, frame, one.attributes, anchor=one.anchor)
 
 
 def main() -> int:
-    """
-    Run the node.
-
-    """
+    """Run the node."""
     return run_node(ModelBuilder)
 
 

@@ -1,7 +1,4 @@
-"""
-Node `model_writer`.
-
-"""
+"""Node `model_writer`."""
 
 from __future__ import annotations
 
@@ -49,10 +46,7 @@ _QUIET, _MOST_LOOKS = 0.1, 20
 
 
 class ModelWriter(StageNode):
-    """
-    Puts tiles on disk as they are complete, and makes the files when the survey is done.
-
-    """
+    """Puts tiles on disk as they are complete, and makes the files when the survey is done."""
 
     def __init__(self, **kwargs: Any) -> None:
         super().__init__("model_writer", NODE_CONFIGS["model_writer"], **kwargs)
@@ -71,35 +65,23 @@ class ModelWriter(StageNode):
 
     @property
     def failed_tiles(self) -> dict[int, str]:
-        """
-        Tiles that were given up → why.
-
-        """
+        """Tiles that were given up → why."""
         return self._record.reasons(self._record.failed - self._on_disk)
 
     def on_tile(self, topic: str, tile: PointTile) -> None:
-        """
-        Take points of one tile; a tile that is on disk already was sent again for want of this answer.
-
-        """
+        """Take points of one tile; a tile that is on disk already was sent again for want of this answer."""
         if tile.stamp not in self._on_disk:
             self._add(tile.stamp, topic, tile)
         elif topic == self._topics[0]:
             self._tile_done.publish(header_of(tile.stamp))
 
     def on_rings(self, topic: str, stamp: int, rings: Rings) -> None:
-        """
-        Take outlines or roof faces of one tile.
-
-        """
+        """Take outlines or roof faces of one tile."""
         if stamp not in self._on_disk:
             self._add(stamp, topic, roof_faces_of(rings) if topic == ROOF_FACES.name else outlines_of(rings))
 
     def on_feature(self, message: String) -> None:
-        """
-        Take one building's model; its tile is the one that waits for this building.
-
-        """
+        """Take one building's model; its tile is the one that waits for this building."""
         if not message.data.startswith('{"type":"CityJSONFeature"'):
             return
         try:
@@ -113,36 +95,24 @@ class ModelWriter(StageNode):
                 self._store(stamp, self._whole.pop(stamp))
 
     def on_failed(self, message: Header) -> None:
-        """
-        Note that a tile was given up.
-
-        """
+        """Note that a tile was given up."""
         self._record.failed.add(to_stamp(message.stamp))
 
     def on_survey_done(self, _: Header) -> None:
-        """
-        Make the files as soon as what the nodes said of the last tiles has been heard, and end.
-
-        """
+        """Make the files as soon as what the nodes said of the last tiles has been heard, and end."""
         if self._last_look is None:
             self._looks = [self._record.n_heard]
             self._last_look = self.create_timer(_QUIET, self._finish_when_quiet)
 
     def _finish_when_quiet(self) -> None:
-        """
-        Make the files if nothing was heard since the last look.
-
-        """
+        """Make the files if nothing was heard since the last look."""
         self._looks.append(self._record.n_heard)
         if self._looks[-1] == self._looks[-2] or len(self._looks) > _MOST_LOOKS:
             self._last_look.cancel()
             self._finish()
 
     def _finish(self) -> None:
-        """
-        Make the files, and end.
-
-        """
+        """Make the files, and end."""
         failed = self._record.failed - self._on_disk
         try:
             summary = self._folder.finalise(self._record.as_dict(failed, self._problems))
@@ -154,10 +124,7 @@ class ModelWriter(StageNode):
         self.outcome.set_result(summary)
 
     def _open(self, config: ModelWriterConfig) -> None:
-        """
-        Look at the inputs and claim the output folder.
-
-        """
+        """Look at the inputs and claim the output folder."""
         if not config.output:
             raise ParameterError(f"{self.get_name()}.output is empty: name a folder for the results")
         clouds, self._problems = open_inputs(config.input)
@@ -181,10 +148,7 @@ class ModelWriter(StageNode):
         self._whole: dict[int, dict[str, Any]] = {}
 
     def _subscribe_results(self) -> None:
-        """
-        Subscribe to what the last stage of the run and those before it publish.
-
-        """
+        """Subscribe to what the last stage of the run and those before it publish."""
         for topic in self._topics:
             if topic == CITY_MODEL.name:
                 silent = SubscriptionEventCallbacks(use_default_callbacks=False)
@@ -195,10 +159,7 @@ class ModelWriter(StageNode):
                 self.subscribe_tiles(topic, lambda tile, t=topic: self.on_tile(t, tile))
 
     def _add(self, stamp: int, topic: str, part: Any) -> None:
-        """
-        Put a part to the others of its tile, and store the tile when all is there.
-
-        """
+        """Put a part to the others of its tile, and store the tile when all is there."""
         parts = self._join.add(stamp, topic, part)
         if parts is None:
             return
@@ -211,39 +172,26 @@ class ModelWriter(StageNode):
     def _fit(self, parts: dict[str, Any]) -> bool:
         """
         Whether parts are of one sending: a tile that was sent larger has more points under the same stamp.
-
         """
         return agree_on_roofs(*self._clouds_of(parts)) and agree_on_buildings(parts)
 
     def _clouds_of(self, parts: dict[str, Any]) -> list[PointTile]:
-        """
-        Return the clouds among a tile's parts: all its points first, then its roofs.
-
-        """
+        """Return the clouds among a tile's parts: all its points first, then its roofs."""
         return [parts[topic] for topic in self._topics if isinstance(parts.get(topic), PointTile)]
 
     def _buildings_of(self, parts: dict[str, Any]) -> set[int]:
-        """
-        Return the buildings whose models a tile must wait for.
-
-        """
+        """Return the buildings whose models a tile must wait for."""
         if CITY_MODEL.name not in self._topics:
             return set()
         return {one.building_id for one in parts[OUTLINES.name]}
 
     def _store(self, stamp: int, parts: dict[str, Any]) -> None:
-        """
-        Put a tile on disk, and say that it is done.
-
-        """
+        """Put a tile on disk, and say that it is done."""
         self._write(self._clouds_of(parts), parts)
         self._tile_done.publish(header_of(stamp))
 
     def _write(self, points: list[PointTile], parts: dict[str, Any]) -> None:
-        """
-        Put a tile on disk.
-
-        """
+        """Put a tile on disk."""
         faces = parts.get(ROOF_FACES.name, {})
         rasters = rasterise_tile(points[0], self.parameters[ModelWriterConfig], self._folder.frame)
         products = TileProducts.from_tiles(
@@ -263,10 +211,7 @@ class ModelWriter(StageNode):
 
 
 def _settings(text: str) -> dict[str, Any]:
-    """
-    Read the parameter `settings`.
-
-    """
+    """Read the parameter `settings`."""
     try:
         settings = json.loads(text or "{}")
     except ValueError as error:
@@ -277,10 +222,7 @@ def _settings(text: str) -> dict[str, Any]:
 
 
 def _footprints(config: ModelWriterConfig, frame: MapFrame) -> FootprintFile | None:
-    """
-    Read the footprints, if any are given.
-
-    """
+    """Read the footprints, if any are given."""
     if not config.footprints:
         return None
     source = FootprintSource(Path(config.footprints), config.footprints_layer, config.footprint_id)
@@ -288,18 +230,12 @@ def _footprints(config: ModelWriterConfig, frame: MapFrame) -> FootprintFile | N
 
 
 def _output_settings(config: OutputConfig) -> dict[str, Any]:
-    """
-    Return the parameters of what is written, on which an unfinished run depends as well.
-
-    """
+    """Return the parameters of what is written, on which an unfinished run depends as well."""
     return {one.name: getattr(config, one.name) for one in fields(OutputConfig)}
 
 
 def main() -> int:
-    """
-    Run the node.
-
-    """
+    """Run the node."""
     return run_node(ModelWriter)
 
 

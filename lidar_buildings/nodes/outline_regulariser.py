@@ -1,7 +1,4 @@
-"""
-Node `outline_regulariser`.
-
-"""
+"""Node `outline_regulariser`."""
 
 from __future__ import annotations
 
@@ -20,10 +17,7 @@ from lidar_buildings.ros.stage_node import StageNode
 
 
 class OutlineRegulariser(StageNode):
-    """
-    Regularises the outlines of each tile.
-
-    """
+    """Regularises the outlines of each tile."""
 
     def __init__(self, **kwargs: Any) -> None:
         super().__init__("outline_regulariser", NODE_CONFIGS["outline_regulariser"], **kwargs)
@@ -31,19 +25,13 @@ class OutlineRegulariser(StageNode):
         self.subscribe_rings("traced_outlines", self.on_rings)
 
     def on_rings(self, stamp: int, rings: Rings) -> None:
-        """
-        Regularise one tile's outlines.
-
-        """
+        """Regularise one tile's outlines."""
         outlines = regularise_outlines(outlines_of(rings), self.parameters[RegularisationConfig])
         self.publish_rings(self._outlines, outline_messages(stamp, outlines))
 
 
 def main() -> int:
-    """
-    Run the node.
-
-    """
+    """Run the node."""
     return run_node(OutlineRegulariser)
 
 

@@ -1,7 +1,4 @@
-"""
-Node `plane_fitter`.
-
-"""
+"""Node `plane_fitter`."""
 
 from __future__ import annotations
 
@@ -20,10 +17,7 @@ from lidar_buildings.ros.stage_node import StageNode
 
 
 class PlaneFitter(StageNode):
-    """
-    Finds the planes of each building's roof.
-
-    """
+    """Finds the planes of each building's roof."""
 
     def __init__(self, **kwargs: Any) -> None:
         super().__init__("plane_fitter", NODE_CONFIGS["plane_fitter"], **kwargs)
@@ -31,18 +25,12 @@ class PlaneFitter(StageNode):
         self.subscribe_tiles("building_points", self.on_tile)
 
     def on_tile(self, tile: PointTile) -> None:
-        """
-        Fit the planes of one tile's buildings.
-
-        """
+        """Fit the planes of one tile's buildings."""
         self._plane_points.publish(to_message(fit_planes(tile, self.parameters[PlaneFittingConfig])))
 
 
 def main() -> int:
-    """
-    Run the node.
-
-    """
+    """Run the node."""
     return run_node(PlaneFitter)
 
 

@@ -3,7 +3,6 @@ Writes what is generated from the configs and the table of nodes: the parameter 
 
 ``python -m lidar_buildings.nodes.reference`` writes ``config/pipeline.param.yaml`` and ``doc/nodes.md``;
 with ``--check`` it only says whether they are as they should be.
-
 """
 
 from __future__ import annotations
@@ -30,10 +29,7 @@ _WIDTH = 110
 
 
 def parameter_yaml() -> str:
-    """
-    Return ``config/pipeline.param.yaml``: every parameter, its default, its unit and its range.
-
-    """
+    """Return ``config/pipeline.param.yaml``: every parameter, its default, its unit and its range."""
     lines = [
         f"# Every parameter with its default. Written by `{_COMMAND}`.",
         "# `/**/` stands for any namespace. Copy the lines that you change into a file of your own.",
@@ -52,10 +48,7 @@ def parameter_yaml() -> str:
 
 
 def nodes_page() -> str:
-    """
-    Return ``doc/nodes.md``.
-
-    """
+    """Return ``doc/nodes.md``."""
     parts = [
         "# Nodes",
         f"<!-- Written by `{_COMMAND}`; change the configs or `nodes/table.py` instead. -->",
@@ -73,10 +66,7 @@ def nodes_page() -> str:
 
 
 def installed_parameter_file() -> Path | None:
-    """
-    Return the parameter file's path: as packaged, as a ROS install shares it, or beside the source.
-
-    """
+    """Return the parameter file's path: as packaged, as a ROS install shares it, or beside the source."""
     packaged = resources.files("lidar_buildings").joinpath("config", _PARAMETER_FILE)
     candidates = [Path(str(packaged))]
     try:
@@ -90,10 +80,7 @@ def installed_parameter_file() -> Path | None:
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """
-    Write the files, or check them.
-
-    """
+    """Write the files, or check them."""
     parser = argparse.ArgumentParser(prog=_COMMAND, description="Write parameter file and node pages.")
     parser.add_argument("--check", action="store_true", help="only say which files are out of date")
     check = parser.parse_args(arguments).check
@@ -110,18 +97,12 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 def _root() -> Path:
-    """
-    Return the source folder.
-
-    """
+    """Return the source folder."""
     return Path(__file__).resolve().parents[2]
 
 
 def _files() -> dict[Path, str]:
-    """
-    Return path → content of all that is generated.
-
-    """
+    """Return path → content of all that is generated."""
     return {
         _root() / "config" / _PARAMETER_FILE: parameter_yaml(),
         _root() / "doc" / "nodes.md": nodes_page(),
@@ -129,26 +110,17 @@ def _files() -> dict[Path, str]:
 
 
 def _holds(path: Path, content: str) -> bool:
-    """
-    Whether a file has this content.
-
-    """
+    """Whether a file has this content."""
     return path.is_file() and path.read_text(encoding="utf-8") == content
 
 
 def _comment(text: str, indent: str) -> list[str]:
-    """
-    Return a comment of the parameter file, wrapped.
-
-    """
+    """Return a comment of the parameter file, wrapped."""
     return textwrap.wrap(text, _WIDTH, initial_indent=f"{indent}# ", subsequent_indent=f"{indent}# ")
 
 
 def _sentence(one: Field[Any]) -> str:
-    """
-    Return description, unit and range of a parameter.
-
-    """
+    """Return description, unit and range of a parameter."""
     spec = spec_of(one)
     unit = f" [{spec.unit}]" if spec.unit else ""
     allowed = _allowed(one)
@@ -156,10 +128,7 @@ def _sentence(one: Field[Any]) -> str:
 
 
 def _allowed(one: Field[Any]) -> str:
-    """
-    Return a parameter's range in words, empty where anything will do.
-
-    """
+    """Return a parameter's range in words, empty where anything will do."""
     spec = spec_of(one)
     is_open = not spec.choices and spec.minimum is None and spec.maximum is None
     text = "" if is_open else spec.allowed().split(" [")[0]
@@ -167,10 +136,7 @@ def _allowed(one: Field[Any]) -> str:
 
 
 def _yaml_value(value: Any) -> str:
-    """
-    Return a default as ROS's YAML has it: floats with a point, lists of texts never empty.
-
-    """
+    """Return a default as ROS's YAML has it: floats with a point, lists of texts never empty."""
     if isinstance(value, tuple):
         value = list(value) or [""]
     if isinstance(value, float):
@@ -180,10 +146,7 @@ def _yaml_value(value: Any) -> str:
 
 
 def _profiles() -> str:
-    """
-    Say what the quality-of-service names mean.
-
-    """
+    """Say what the quality-of-service names mean."""
     return "\n".join(
         [
             "| QoS | reliability | history | durability |",
@@ -199,10 +162,6 @@ def _profiles() -> str:
 
 
 def _node_section(card: NodeCard) -> str:
-    """
-    Return one node's section.
-
-    """
     parts = [
         f"## {card.name}",
         card.summary,
@@ -217,29 +176,18 @@ def _node_section(card: NodeCard) -> str:
 
 
 def _topic_table(title: str, topics: tuple[Topic, ...]) -> str:
-    """
-    Return a table of topics.
-
-    """
     rows = [f"| **{topic.name}** | {topic.type} | {topic.qos} | {topic.meaning} |" for topic in topics]
     head = [f"### {title}", "", "| topic | type | QoS | meaning |", "|---|---|---|---|"]
     return "\n".join([*head, *rows])
 
 
 def _parameter_table(configs: dict[str, type[StageConfig]]) -> str:
-    """
-    Return a table of parameters.
-
-    """
     head = ["### Parameters", "", "| name | type | default | meaning |", "|---|---|---|---|"]
     return "\n".join([*head, *_parameter_rows(configs)])
 
 
 def _parameter_rows(configs: dict[str, type[StageConfig]]) -> Iterator[str]:
-    """
-    Yield one row per parameter.
-
-    """
+    """Yield one row per parameter."""
     for stage, config in configs.items():
         prefix = f"{stage}." if len(configs) > 1 else ""
         for one in fields(config):

@@ -1,7 +1,4 @@
-"""
-Node `roof_selector`.
-
-"""
+"""Node `roof_selector`."""
 
 from __future__ import annotations
 
@@ -20,10 +17,7 @@ from lidar_buildings.ros.stage_node import StageNode
 
 
 class RoofSelector(StageNode):
-    """
-    Gives every point its final class.
-
-    """
+    """Gives every point its final class."""
 
     def __init__(self, **kwargs: Any) -> None:
         super().__init__("roof_selector", NODE_CONFIGS["roof_selector"], **kwargs)
@@ -32,20 +26,14 @@ class RoofSelector(StageNode):
         self.subscribe_tiles("ground_points", self.on_tile)
 
     def on_tile(self, tile: PointTile) -> None:
-        """
-        Classify one tile and hand its roofs on.
-
-        """
+        """Classify one tile and hand its roofs on."""
         classified = select_roof_points(tile, self.parameters[RoofSelectionConfig])
         self._roof_points.publish(to_message(roof_points(classified)))
         self._classified_points.publish(to_message(classified))
 
 
 def main() -> int:
-    """
-    Run the node.
-
-    """
+    """Run the node."""
     return run_node(RoofSelector)
 
 

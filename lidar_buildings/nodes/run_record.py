@@ -1,7 +1,4 @@
-"""
-What the nodes say of a run on `diagnostics`, for ``run.json``.
-
-"""
+"""What the nodes say of a run on `diagnostics`, for ``run.json``."""
 
 from __future__ import annotations
 
@@ -26,7 +23,6 @@ class RunRecord:
         Stamps of the tiles that were given up.
     n_heard : int
         Messages taken so far.
-
     """
 
     def __init__(self) -> None:
@@ -38,10 +34,7 @@ class RunRecord:
         self._started = time.perf_counter()
 
     def add(self, message: DiagnosticArray) -> None:
-        """
-        Take what one node says of one tile; the last word on a tile counts.
-
-        """
+        """Take what one node says of one tile; the last word on a tile counts."""
         self.n_heard += 1
         for status in message.status:
             stage = NODE_STAGES.get(status.name)
@@ -56,17 +49,11 @@ class RunRecord:
                 self._seconds[stage][values["tile"]] = float(values["seconds"])
 
     def reasons(self, failed: Iterable[int]) -> dict[int, str]:
-        """
-        Return tile → the last that a node said against it.
-
-        """
+        """Return tile → the last that a node said against it."""
         return {stamp: self._reasons.get(stamp, "it was not done in time") for stamp in sorted(failed)}
 
     def as_dict(self, failed: Iterable[int], problems: Iterable[str]) -> dict[str, Any]:
-        """
-        Return what ``run.json`` is to tell.
-
-        """
+        """Return what ``run.json`` is to tell."""
         seconds = {stage: round(sum(per.values()), 3) for stage, per in self._seconds.items() if per}
         return {
             "versions": library_versions(),

@@ -2,7 +2,6 @@
 What each node is: its topics and services in one table; `configs` has the parameters.
 
 The documentation is generated from it, and a test holds the running nodes to it. It needs no ROS.
-
 """
 
 from __future__ import annotations
@@ -27,7 +26,6 @@ class Topic:
         The profile's name in `lidar_buildings.ros.qos`.
     meaning : str
         What it carries.
-
     """
 
     name: str
@@ -53,7 +51,6 @@ class NodeCard:
         Beside `diagnostics`, which every node publishes.
     services : tuple of (name, type, meaning)
         Beside those of every ROS node.
-
     """
 
     name: str
@@ -268,20 +265,14 @@ GRAPH_TOPICS = tuple(
 
 
 def nodes_until(stage: str) -> tuple[str, ...]:
-    """
-    Return the nodes that a run ending with `stage` needs, the player first and the writer last.
-
-    """
+    """Return the nodes that a run ending with `stage` needs, the player first and the writer last."""
     stages = list(WRITER_TOPICS)
     needed = set(stages[: stages.index(stage) + 1]) | {""}
     return tuple(card.name for card in NODE_TABLE if card.stage in needed)
 
 
 def topics_until(stage: str, *, has_writer: bool = True) -> tuple[str, ...]:
-    """
-    Return the topics that must have a subscriber before such a run may begin.
-
-    """
+    """Return the topics that must have a subscriber before such a run may begin."""
     nodes = nodes_until(stage)
     read = {
         topic.name

@@ -1,7 +1,4 @@
-"""
-Node `tile_player`.
-
-"""
+"""Node `tile_player`."""
 
 from __future__ import annotations
 
@@ -38,10 +35,7 @@ _REMIND = 10.0
 
 
 class Progress(NamedTuple):
-    """
-    How far the player is.
-
-    """
+    """How far the player is."""
 
     n_done: int
     n_failed: int
@@ -49,10 +43,7 @@ class Progress(NamedTuple):
 
 
 class TilePlayer(StageNode):
-    """
-    Sends tiles into the graph, as many at a time as there are credits, until each is done.
-
-    """
+    """Sends tiles into the graph, as many at a time as there are credits, until each is done."""
 
     def __init__(self, **kwargs: Any) -> None:
         super().__init__("tile_player", NODE_CONFIGS["tile_player"], **kwargs)
@@ -83,15 +74,11 @@ class TilePlayer(StageNode):
     def progress(self) -> Progress:
         """
         How many tiles are done, given up, and there in all (an estimate until everything has been read).
-
         """
         return Progress(len(self._done), len(self._failed), self._source.tile_count)
 
     def on_tick(self) -> None:
-        """
-        Send what is due.
-
-        """
+        """Send what is due."""
         if self._is_finished or self._reader_has_failed():
             return
         if self._watch.has_news():
@@ -102,10 +89,7 @@ class TilePlayer(StageNode):
         self._finish_if_all_done()
 
     def on_done(self, message: Header) -> None:
-        """
-        Take back a tile's credit.
-
-        """
+        """Take back a tile's credit."""
         stamp = to_stamp(message.stamp)
         self._done.add(stamp)
         self._failed.discard(stamp)
@@ -115,7 +99,6 @@ class TilePlayer(StageNode):
     def on_diagnostics(self, message: DiagnosticArray) -> None:
         """
         Send a tile again at once that a node could not handle, instead of waiting for its time to be up.
-
         """
         if any(status.level == DiagnosticStatus.ERROR for status in message.status) and self._flow.failed(
             to_stamp(message.header.stamp)
@@ -123,30 +106,21 @@ class TilePlayer(StageNode):
             self.on_tick()
 
     def on_clipped(self, message: Header) -> None:
-        """
-        Send the same tile with a larger buffer; without bounds if there is nothing more to send.
-
-        """
+        """Send the same tile with a larger buffer; without bounds if there is nothing more to send."""
         tile = self._flow.clipped(to_stamp(message.stamp))
         if tile is not None:
             with self.reporting(tile.stamp, quiet=True):
                 self._send_larger(tile)
 
     def destroy_node(self) -> None:
-        """
-        Stop reading and remove the temporary files.
-
-        """
+        """Stop reading and remove the temporary files."""
         if hasattr(self, "_reader"):
             self._reader.stop()
             self._source.close()
         super().destroy_node()
 
     def _make_publishers(self) -> None:
-        """
-        Create the publishers and say where the map lies.
-
-        """
+        """Create the publishers and say where the map lies."""
         self._points = self.create_publisher(PointCloud2, "points", CLOUD)
         self._bounds = self.create_publisher(PolygonStamped, "tile_bounds", LATCHED_TILE)
         self._survey_done = self.create_publisher(Header, "survey_done", LATCHED)
@@ -160,74 +134,50 @@ class TilePlayer(StageNode):
         self._map_origin.publish(origin_message(self._source.frame))
 
     def _make_services(self) -> None:
-        """
-        Create the services.
-
-        """
+        """Create the services."""
         self.create_service(Trigger, "~/pause", self.on_pause)
         self.create_service(Trigger, "~/resume", self.on_resume)
         self.create_service(Trigger, "~/step", self.on_step)
 
     def _make_subscriptions(self) -> None:
-        """
-        Create the subscriptions.
-
-        """
+        """Create the subscriptions."""
         self.create_subscription(Header, "tile_clipped", self.on_clipped, EVENT)
         self.create_subscription(DiagnosticArray, "diagnostics", self.on_diagnostics, EVENT)
         self.create_subscription(Header, "tile_done", self.on_done, LATCHED_HISTORY)
 
     def on_pause(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        """
-        Send no more tiles.
-
-        """
+        """Send no more tiles."""
         self._playback.pause()
         response.success, response.message = True, "paused"
         return response
 
     def on_resume(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        """
-        Go on.
-
-        """
+        """Go on."""
         self._playback.resume()
         response.success, response.message = True, "playing"
         return response
 
     def on_step(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        """
-        Send one tile while paused.
-
-        """
+        """Send one tile while paused."""
         response.success = self._playback.step()
         response.message = "one tile will be sent" if response.success else "not paused: call pause first"
         return response
 
     def _reader_has_failed(self) -> bool:
-        """
-        End the node if the points cannot be read.
-
-        """
+        """End the node if the points cannot be read."""
         if self._reader.error is not None:
             self.fail(self._reader.error)
         return self._reader.error is not None
 
     def _may_send(self) -> bool:
-        """
-        Whether there is a tile, a credit for it, someone to take it, and its time has come.
-
-        """
+        """Whether there is a tile, a credit for it, someone to take it, and its time has come."""
         tile = self._peek() if self._flow.has_room and self._watch.is_settled else None
         if tile is None or not self._playback.is_due(tile.stamp, self.parameters[TilePlayerConfig].rate):
             return False
         return self._is_heard()
 
     def _peek(self) -> PointTile | None:
-        """
-        Return the next tile that is not done yet, None if none has been read.
-
-        """
+        """Return the next tile that is not done yet, None if none has been read."""
         while self._next is None or self._next.stamp in self._done:
             self._next = self._reader.take()
             if self._next is None:
@@ -235,10 +185,7 @@ class TilePlayer(StageNode):
         return self._next
 
     def _take(self) -> PointTile:
-        """
-        Return the tile that `_peek` has found.
-
-        """
+        """Return the tile that `_peek` has found."""
         tile, self._next = self._next, None
         if tile is None:
             raise RuntimeError("no tile was found")
@@ -246,10 +193,7 @@ class TilePlayer(StageNode):
         return tile
 
     def _is_heard(self) -> bool:
-        """
-        Whether all topics have their subscribers, and someone will say when a tile is done.
-
-        """
+        """Whether all topics have their subscribers, and someone will say when a tile is done."""
         config = self.parameters[TilePlayerConfig]
         missing = [topic for topic in config.wait_for if not self.count_subscribers(topic)]
         what = f"a subscriber of {', '.join(missing)}"
@@ -260,27 +204,18 @@ class TilePlayer(StageNode):
         return not missing
 
     def _remind(self, what: str) -> None:
-        """
-        Say now and then what the player waits for.
-
-        """
+        """Say now and then what the player waits for."""
         self.get_logger().info(f"waiting for {what}", throttle_duration_sec=_REMIND, skip_first=True)
 
     def _send(self, tile: PointTile) -> None:
-        """
-        Send a tile for the first time.
-
-        """
+        """Send a tile for the first time."""
         self._publish(tile)
         self._flow.sent(tile)
         if not self._flow.is_counting:
             self._done.add(tile.stamp)
 
     def _publish(self, tile: PointTile) -> None:
-        """
-        Publish a tile's bounds and its points.
-
-        """
+        """Publish a tile's bounds and its points."""
         with self.reporting(tile.stamp) as report:
             report.n_points = len(tile)
             if self._clock_publisher is not None:
@@ -289,19 +224,13 @@ class TilePlayer(StageNode):
             self._points.publish(to_message(tile))
 
     def _send_larger(self, tile: PointTile) -> None:
-        """
-        Send a tile with its buffer doubled, or without bounds: there is no more of it.
-
-        """
+        """Send a tile with its buffer doubled, or without bounds: there is no more of it."""
         grown = self._reader.grown(tile) or replace(tile, bounds=None)
         self._publish(grown)
         self._flow.replaced(grown)
 
     def _send_overdue(self) -> None:
-        """
-        Send again what is late, and give up what was late too often.
-
-        """
+        """Send again what is late, and give up what was late too often."""
         for flight in self._flow.overdue():
             stamp = flight.tile.stamp
             self.get_logger().warning(f"tile {stamp} is not done in time: sent again ({flight.attempt})")
@@ -316,10 +245,7 @@ class TilePlayer(StageNode):
             self._tile_failed.publish(header_of(stamp))
 
     def _finish_if_all_done(self) -> None:
-        """
-        Say that the survey is done once nothing is left to send or to wait for.
-
-        """
+        """Say that the survey is done once nothing is left to send or to wait for."""
         if self._reader.is_exhausted and self._peek() is None and not len(self._flow):
             self._is_finished = True
             n_failed = f", {len(self._failed)} given up" if self._failed else ""
@@ -328,10 +254,7 @@ class TilePlayer(StageNode):
 
 
 def main() -> int:
-    """
-    Run the node.
-
-    """
+    """Run the node."""
     return run_node(TilePlayer)
 
 

@@ -1,7 +1,4 @@
-"""
-Tiles read ahead in a thread of their own, so that the player's callbacks do not wait for the disk.
-
-"""
+"""Tiles read ahead in a thread of their own, so that the player's callbacks do not wait for the disk."""
 
 from __future__ import annotations
 
@@ -37,7 +34,6 @@ class TileReader:
         What ended the reading.
     is_exhausted : bool
         Whether every tile has been read (and perhaps not yet taken).
-
     """
 
     def __init__(self, source: TileSource, *, loop: bool = False) -> None:
@@ -52,46 +48,31 @@ class TileReader:
         self._on_tile: Callable[[], None] = lambda: None
 
     def start(self, on_tile: Callable[[], None]) -> None:
-        """
-        Begin to read; `on_tile` is called, from the reading thread, when there is something to take.
-
-        """
+        """Begin to read; `on_tile` is called, from the reading thread, when there is something to take."""
         self._on_tile = on_tile
         self._thread.start()
 
     def take(self) -> PointTile | None:
-        """
-        Return the next tile, None if none is ready.
-
-        """
+        """Return the next tile, None if none is ready."""
         try:
             return self._tiles.get_nowait()
         except queue.Empty:
             return None
 
     def grown(self, tile: PointTile) -> PointTile | None:
-        """
-        Return a tile with a larger buffer, None if there is none.
-
-        """
+        """Return a tile with a larger buffer, None if there is none."""
         shift = self._shifts.get(tile.stamp, 0)
         grown = self._source.grown(tile.stamp - shift)
         return None if grown is None else replace(grown, stamp=tile.stamp)
 
     def stop(self) -> None:
-        """
-        Stop reading and wait for the thread.
-
-        """
+        """Stop reading and wait for the thread."""
         self._stopping.set()
         if self._thread.ident is not None:
             self._thread.join()
 
     def _run(self) -> None:
-        """
-        Read until the end, an error, or `stop`.
-
-        """
+        """Read until the end, an error, or `stop`."""
         try:
             for tile in self._rounds() if self._loop else self._source:
                 if not self._put(tile):
@@ -104,10 +85,7 @@ class TileReader:
             self._on_tile()
 
     def _rounds(self) -> Iterator[PointTile]:
-        """
-        Yield all tiles again and again, each round's stamps after those of the round before.
-
-        """
+        """Yield all tiles again and again, each round's stamps after those of the round before."""
         first, last, shift = None, 0, 0
         while not self._stopping.is_set():
             n_tiles = 0
@@ -123,10 +101,7 @@ class TileReader:
             shift += last - first + _SECOND
 
     def _put(self, tile: PointTile) -> bool:
-        """
-        Put a tile into the queue as soon as there is room; False when stopping.
-
-        """
+        """Put a tile into the queue as soon as there is room; False when stopping."""
         while not self._stopping.is_set():
             try:
                 self._tiles.put(tile, timeout=_TRY)

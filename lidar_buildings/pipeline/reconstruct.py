@@ -1,7 +1,4 @@
-"""
-The order of the stages for one tile, without ROS.
-
-"""
+"""The order of the stages for one tile, without ROS."""
 
 from __future__ import annotations
 
@@ -40,10 +37,7 @@ from lidar_buildings.pipeline.tile_stages import (
 
 @dataclass(frozen=True)
 class PipelineConfig:
-    """
-    The configs of all stages, by stage name.
-
-    """
+    """The configs of all stages, by stage name."""
 
     ground_filter: GroundFilterConfig = field(default_factory=GroundFilterConfig)
     roof_selection: RoofSelectionConfig = field(default_factory=RoofSelectionConfig)
@@ -64,7 +58,6 @@ class PipelineConfig:
         ------
         ParameterError
             If a stage or name is unknown, or a value out of range.
-
         """
         return cls(**{stage: stage_config(stage, values) for stage, values in settings.items()})
 
@@ -84,7 +77,6 @@ def stage_config(stage: str, values: Mapping[str, Any]) -> StageConfig:
     ------
     ParameterError
         If the stage or a name is unknown, or a value out of range.
-
     """
     if stage not in STAGE_CONFIGS:
         raise ParameterError(f"there is no stage {stage!r}{_nearest(stage, STAGE_CONFIGS)}")
@@ -114,7 +106,6 @@ class TileResult:
         Whether a building of this tile reaches beyond the tile's buffer; the chain then ends after tracing.
     seconds : dict
         Stage name → seconds it took.
-
     """
 
     classified: PointTile
@@ -156,7 +147,6 @@ def reconstruct_tile(
     ------
     ValueError
         If `until` is no stage.
-
     """
     config = config or PipelineConfig()
     if until not in STAGES:
@@ -174,10 +164,7 @@ def reconstruct_tile(
 
 
 class _Chain:
-    """
-    What is known of a tile so far; one method per stage, named as the stage.
-
-    """
+    """What is known of a tile so far; one method per stage, named as the stage."""
 
     def __init__(self, tile: PointTile, config: PipelineConfig, footprints: Footprints | None) -> None:
         self.classified = tile
@@ -241,9 +228,6 @@ class _Chain:
 
 
 def _nearest(word: str, known: Any) -> str:
-    """
-    Suggest the nearest known name, or list them all.
-
-    """
+    """Suggest the nearest known name, or list them all."""
     near = get_close_matches(word, list(known), n=1)
     return f" (did you mean {near[0]}?)" if near else f" (there are {', '.join(known)})"

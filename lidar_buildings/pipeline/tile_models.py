@@ -1,7 +1,4 @@
-"""
-The models of a tile's buildings, with all that files say about them.
-
-"""
+"""The models of a tile's buildings, with all that files say about them."""
 
 from __future__ import annotations
 
@@ -50,7 +47,6 @@ class TileModel:
         Solids and roof faces.
     attributes : dict
         The attributes of DESIGN.md section 3, by name.
-
     """
 
     building_id: int
@@ -77,7 +73,6 @@ def build_models(
         Before and after regularisation; a building missing from `traced` is not measured against its ring.
     config, regularisation : BuildingModelConfig, RegularisationConfig
         `regularisation` as it was for the outlines, to say why an outline was kept as traced.
-
     """
     rows_of = dict(rows_by_building(tile.building_id)) if tile.building_id is not None else {}
     traced_of = {one.building_id: one.outline for one in traced}
@@ -103,10 +98,7 @@ def _model(
     config: BuildingModelConfig,
     regularisation: RegularisationConfig,
 ) -> TileModel:
-    """
-    Build one model and gather its attributes.
-
-    """
+    """Build one model and gather its attributes."""
     model = _built(building, one, config)
     reason = "; ".join(text for text in (remark_on_points(building), model.reason) if text)
     attributes = {"building_id": one.building_id, **model.attributes}
@@ -117,10 +109,7 @@ def _model(
 
 
 def _built(building: PointTile, one: BuildingOutline, config: BuildingModelConfig) -> BuildingModel:
-    """
-    Build one model; whatever goes wrong, one comes back that says so.
-
-    """
+    """Build one model; whatever goes wrong, one comes back that says so."""
     try:
         return build_model(
             building.points,
@@ -138,10 +127,7 @@ def _built(building: PointTile, one: BuildingOutline, config: BuildingModelConfi
 
 
 def _measured(one: BuildingOutline, traced: Outline, regularisation: RegularisationConfig) -> OutlineQuality:
-    """
-    Measure an outline against its traced ring; whatever goes wrong, the quality says so.
-
-    """
+    """Measure an outline against its traced ring; whatever goes wrong, the quality says so."""
     try:
         return measure_outline(traced, one.outline, regularisation)
     except Exception as error:
@@ -150,20 +136,14 @@ def _measured(one: BuildingOutline, traced: Outline, regularisation: Regularisat
 
 
 def _west(building: PointTile, one: BuildingOutline) -> NDArray[np.float64]:
-    """
-    Return the westernmost point of a building, without points the corner of its ring's limits.
-
-    """
+    """Return the westernmost point of a building, without points the corner of its ring's limits."""
     if len(building):
         return building.points[anchor_row(building.points)]
     return one.outline.exterior.min(axis=0) if len(one.outline.exterior) else np.zeros(2)
 
 
 def _outline_attributes(model: BuildingModel, reason: str, quality: OutlineQuality) -> dict[str, Any]:
-    """
-    Return what the outline's quality adds; the model's own failure outweighs the outline's.
-
-    """
+    """Return what the outline's quality adds; the model's own failure outweighs the outline's."""
     attributes: dict[str, Any] = {"outline_sigma": quality.sigma, "outline_max_offset": quality.max_offset}
     if quality.status is not BuildingStatus.OK:
         reasons = [each for each in (reason, quality.reason) if each]
@@ -173,10 +153,7 @@ def _outline_attributes(model: BuildingModel, reason: str, quality: OutlineQuali
 
 
 def _ground_elevation(building: PointTile, one: BuildingOutline) -> float | None:
-    """
-    Return the lowest ground under a building's points [m], else what its outline knows of the ground.
-
-    """
+    """Return the lowest ground under a building's points [m], else what its outline knows of the ground."""
     if building.height_above_ground is None or not len(building):
         return one.ground_elevation
     return float(np.min(building.points[:, 2] - building.height_above_ground))

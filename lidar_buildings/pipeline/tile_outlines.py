@@ -1,7 +1,4 @@
-"""
-A tile's outlines made regular, touching buildings with common walls.
-
-"""
+"""A tile's outlines made regular, touching buildings with common walls."""
 
 from __future__ import annotations
 
@@ -40,7 +37,6 @@ def regularise_outlines(
     With `keep_outlines` all stay as they are, given footprints for instance.
 
     What becomes of an outline depends on those of its own block alone, which is never cut by a tile's edge.
-
     """
     if config.keep_outlines:
         return outlines
@@ -64,7 +60,6 @@ def touching_groups(traced: Sequence[Outline]) -> list[list[int]]:
     ----------
     traced : sequence of Outline
         Rings through the points [m].
-
     """
     known = [row for row, outline in enumerate(traced) if len(outline.exterior) >= 3]
     if len(known) < 2:
@@ -83,10 +78,7 @@ def touching_groups(traced: Sequence[Outline]) -> list[list[int]]:
 def _share_walls(
     outlines: list[Outline], traced: list[Outline], members: list[int], config: RegularisationConfig
 ) -> None:
-    """
-    Let the buildings of one block share their walls, in place.
-
-    """
+    """Let the buildings of one block share their walls, in place."""
     shared = share_walls(
         [outlines[row] for row in members],
         [traced[row] for row in members],
@@ -99,10 +91,7 @@ def _share_walls(
 
 
 def _regularised(traced: BuildingOutline, config: RegularisationConfig) -> Outline:
-    """
-    Regularise one outline, or keep it as it is.
-
-    """
+    """Regularise one outline, or keep it as it is."""
     try:
         return regularise_outline(traced.outline, config).outline
     except Exception:
@@ -111,10 +100,7 @@ def _regularised(traced: BuildingOutline, config: RegularisationConfig) -> Outli
 
 
 def _sound(outline: Outline, traced: Outline) -> Outline:
-    """
-    Return an outline that rounding has left valid and without repeated vertices, else the traced one.
-
-    """
+    """Return an outline that rounding has left valid and without repeated vertices, else the traced one."""
     repeats = any((ring == np.roll(ring, -1, axis=0)).all(axis=1).any() for ring in outline.rings)
     if repeats or (len(outline.exterior) >= 3 and not outline.polygon.is_valid):
         return traced
@@ -124,7 +110,6 @@ def _sound(outline: Outline, traced: Outline) -> Outline:
 def _part(outlines: list[Outline], traced: list[Outline], members: list[int]) -> None:
     """
     Give buildings of one block that still lie over each other their traced outlines, the smaller one first.
-
     """
     polygons = [outlines[row].polygon for row in members]
     pairs = shapely.STRtree(polygons).query(np.array(polygons, dtype=object), predicate="intersects")

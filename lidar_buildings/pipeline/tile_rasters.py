@@ -1,7 +1,4 @@
-"""
-Rasters of a tile: the one place where its columns become the arguments of `make_rasters`.
-
-"""
+"""Rasters of a tile: the one place where its columns become the arguments of `make_rasters`."""
 
 from __future__ import annotations
 
@@ -24,7 +21,6 @@ def rasterise_tile(tile: PointTile, config: RasterConfig, frame: MapFrame) -> Te
         Resolution and reach.
     frame : MapFrame
         Cells are aligned in its source's coordinates. A tile that came as a message does not know it.
-
     """
     if config.raster_resolution == 0.0 or tile.classification is None:
         return None

@@ -2,7 +2,6 @@
 Each stage applied to a tile: the one place where columns become a stage's arguments and its result columns.
 
 The nodes and the ROS-free pipeline both call these functions, so that they do the same.
-
 """
 
 from __future__ import annotations
@@ -46,7 +45,6 @@ class LabelledTile:
         With `edge` and the features.
     n_roofs : dict
         Status of the clusters → how many roofs, or how many tiles where the tile is clustered as one.
-
     """
 
     tile: PointTile
@@ -66,7 +64,6 @@ class TracedTile:
         One per building of this tile, by rising id.
     clipped : bool
         Whether one of these buildings reaches the tile's `bounds`, so that its rest lies outside.
-
     """
 
     tile: PointTile
@@ -75,10 +72,7 @@ class TracedTile:
 
 
 def filter_ground(tile: PointTile, config: GroundFilterConfig) -> PointTile:
-    """
-    Append `classification` (1, 2, 7, 18, and what the source's points keep) and `height_above_ground`.
-
-    """
+    """Append `classification` (1, 2, 7, 18, and what the source's points keep) and `height_above_ground`."""
     before, kept = tile.classification, config.kept_classes
     result = classify_ground(
         tile.points,
@@ -96,10 +90,7 @@ def filter_ground(tile: PointTile, config: GroundFilterConfig) -> PointTile:
 
 
 def select_roof_points(tile: PointTile, config: RoofSelectionConfig) -> PointTile:
-    """
-    Give every point of a tile its final class, and say which of class 6 are `facade`.
-
-    """
+    """Give every point of a tile its final class, and say which of class 6 are `facade`."""
     result = select_roofs(
         tile.points,
         config,
@@ -119,18 +110,12 @@ def select_roof_points(tile: PointTile, config: RoofSelectionConfig) -> PointTil
 
 
 def roof_points(tile: PointTile) -> PointTile:
-    """
-    Return the points of class 6 alone, and of these the roofs.
-
-    """
+    """Return the points of class 6 alone, and of these the roofs."""
     return tile.select(tile.is_roof)
 
 
 def label_roof_edges(tile: PointTile, config: EdgeLabellingConfig) -> LabelledTile:
-    """
-    Append edge labels, features, normals and the chosen radius to a tile of roof points.
-
-    """
+    """Append edge labels, features, normals and the chosen radius to a tile of roof points."""
     result = label_edges(tile.points, config, point_spacing=tile.spacing)
     labelled = tile.with_columns(
         linearity=result.linearity,
@@ -152,7 +137,6 @@ def trace_buildings(
 
     A block of touching buildings belongs to the tile that holds its anchor as a core point, so that each
     building comes out once.
-
     """
     found = segment_buildings(
         tile.points,
@@ -203,7 +187,6 @@ def trace_footprints(
     config : FootprintConfig
     edge_labelling : EdgeLabellingConfig
         For the points that are taken at footprints next to without roof points.
-
     """
     found = assign_footprints(classified, footprints, config)
     is_other = (found.building_id > 0) & ~classified.is_roof
@@ -215,7 +198,6 @@ def trace_footprints(
 def fit_planes(tile: PointTile, config: PlaneFittingConfig) -> PointTile:
     """
     Append `plane_id`, numbered within each building, to a tile of building points; buildings on all cores.
-
     """
     plane_id = np.zeros(len(tile), dtype=np.uint16)
     buildings = [] if tile.building_id is None else rows_by_building(tile.building_id)
@@ -235,10 +217,7 @@ def fit_planes(tile: PointTile, config: PlaneFittingConfig) -> PointTile:
 
 
 def rows_by_building(building_id: NDArray[np.uint32]) -> list[tuple[int, NDArray[np.intp]]]:
-    """
-    Return (id, rows) of every building by rising id, rows rising; id 0 is left out.
-
-    """
+    """Return (id, rows) of every building by rising id, rows rising; id 0 is left out."""
     order = np.argsort(building_id, kind="stable")
     numbers, first = np.unique(building_id[order], return_index=True)
     groups = np.split(order, first[1:]) if len(numbers) else []
@@ -252,10 +231,7 @@ def _with_others(
     building_id: NDArray[np.uint32],
     edge_labelling: EdgeLabellingConfig,
 ) -> PointTile:
-    """
-    Return a tile's roof points with others among them in their places, labelled as well.
-
-    """
+    """Return a tile's roof points with others among them in their places, labelled as well."""
     if not is_other.any():
         return roofs
     # what stands in a footprint is labelled together with the few roof points there
@@ -273,10 +249,7 @@ def _traced(
     pattern: ScanPattern,
     point_spacing: float | None,
 ) -> Outline:
-    """
-    Trace one building; whatever goes wrong, a ring comes back.
-
-    """
+    """Trace one building; whatever goes wrong, a ring comes back."""
     try:
         traced = trace_boundary(points, config, pattern=pattern, point_spacing=point_spacing)
         return traced.outline.as_carried()
@@ -289,10 +262,7 @@ def _traced(
 def _reaches(
     bounds: tuple[float, float, float, float] | None, points: NDArray[np.float64], window: float
 ) -> bool:
-    """
-    Whether points come within a window of the tile's outer limits.
-
-    """
+    """Whether points come within a window of the tile's outer limits."""
     if bounds is None:
         return False
     west, south, east, north = bounds

@@ -1,4 +1,1 @@
-"""
-What every node shares: messages, parameters, quality of service, tile flow control.
-
-"""
+"""What every node shares: messages, parameters, quality of service, tile flow control."""

@@ -1,7 +1,4 @@
-"""
-Several nodes in one process: an executor and a thread for each.
-
-"""
+"""Several nodes in one process: an executor and a thread for each."""
 
 from __future__ import annotations
 
@@ -27,7 +24,6 @@ class Composition:
     ----------
     *nodes : StageNode
         Nodes of one context; `stop` destroys them.
-
     """
 
     def __init__(self, *nodes: StageNode) -> None:
@@ -41,10 +37,7 @@ class Composition:
         ]
 
     def start(self) -> None:
-        """
-        Let all nodes spin.
-
-        """
+        """Let all nodes spin."""
         for thread in self._threads:
             thread.start()
 
@@ -61,7 +54,6 @@ class Composition:
         ------
         Exception
             What kept a node from going on.
-
         """
         end = None if timeout is None else time.monotonic() + timeout
         while end is None or time.monotonic() < end:
@@ -74,10 +66,7 @@ class Composition:
         return False
 
     def stop(self) -> None:
-        """
-        Shut ROS down, wait for the threads, and destroy the nodes.
-
-        """
+        """Shut ROS down, wait for the threads, and destroy the nodes."""
         for node in self._nodes:
             rclpy.try_shutdown(context=node.context)
         for thread in self._threads:
@@ -88,10 +77,7 @@ class Composition:
 
     @staticmethod
     def _spin(node: StageNode, executor: SingleThreadedExecutor) -> None:
-        """
-        Spin one node until ROS is shut down.
-
-        """
+        """Spin one node until ROS is shut down."""
         try:
             executor.spin()
         except ExternalShutdownException:

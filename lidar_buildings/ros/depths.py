@@ -1,7 +1,4 @@
-"""
-How many messages topics keep. It needs no ROS.
-
-"""
+"""How many messages topics keep. It needs no ROS."""
 
 #: Clouds of a topic: tiles in flight, and copies sent again.
 CLOUD_DEPTH = 32

@@ -1,7 +1,4 @@
-"""
-A raster of elevations as an organised cloud: rows and columns of points.
-
-"""
+"""A raster of elevations as an organised cloud: rows and columns of points."""
 
 from __future__ import annotations
 
@@ -29,7 +26,6 @@ def grid_message(stamp: int, window: RasterWindow, elevation: NDArray[np.float32
         Where the cells lie in the map frame.
     elevation : ndarray of shape (height, width)
         In the map frame [m].
-
     """
     rows = np.empty(window.shape, dtype=_POINT)
     centres = window.centres(*np.indices(window.shape), (0.0, 0.0))

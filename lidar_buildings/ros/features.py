@@ -1,7 +1,4 @@
-"""
-Buildings' models on their way to a tile: messages without a stamp, found by the building's id.
-
-"""
+"""Buildings' models on their way to a tile: messages without a stamp, found by the building's id."""
 
 from __future__ import annotations
 
@@ -13,20 +10,14 @@ _MAX_FEATURES = 100_000
 
 
 class FeaturePool:
-    """
-    Holds features until their tile takes them.
-
-    """
+    """Holds features until their tile takes them."""
 
     def __init__(self) -> None:
         self._lines: OrderedDict[int, str] = OrderedDict()
         self._missing: dict[int, set[int]] = {}
 
     def add(self, building_id: int, line: str) -> int | None:
-        """
-        Take a feature; return the stamp of the tile that it was the last one for.
-
-        """
+        """Take a feature; return the stamp of the tile that it was the last one for."""
         self._lines[building_id] = line
         self._lines.move_to_end(building_id)
         if len(self._lines) > _MAX_FEATURES:
@@ -39,10 +30,7 @@ class FeaturePool:
         return None
 
     def expect(self, stamp: int, building_ids: Iterable[int]) -> bool:
-        """
-        Say which features a tile needs; return whether it has to wait for any.
-
-        """
+        """Say which features a tile needs; return whether it has to wait for any."""
         missing = {number for number in building_ids if number not in self._lines}
         if missing:
             self._missing[stamp] = missing
@@ -51,8 +39,5 @@ class FeaturePool:
         return bool(missing)
 
     def take(self, building_ids: Iterable[int]) -> tuple[str, ...]:
-        """
-        Remove and return a tile's features, in the order of the ids.
-
-        """
+        """Remove and return a tile's features, in the order of the ids."""
         return tuple(self._lines.pop(number) for number in building_ids)

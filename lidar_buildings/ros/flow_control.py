@@ -1,7 +1,4 @@
-"""
-Credits: which tiles are in the graph, and which must be sent again.
-
-"""
+"""Credits: which tiles are in the graph, and which must be sent again."""
 
 from __future__ import annotations
 
@@ -34,7 +31,6 @@ class Flight:
         How many times these same points were sent, and how many times they came back as clipped.
     is_lost : bool
         Whether it got lost on its way: sending it again counts as no attempt.
-
     """
 
     tile: PointTile
@@ -64,7 +60,6 @@ class FlowControl:
         After so many a tile is given up.
     now : callable
         The clock [s].
-
     """
 
     def __init__(
@@ -82,42 +77,27 @@ class FlowControl:
         self._retry: float | None = _FIRST_RETRY
 
     def __len__(self) -> int:
-        """
-        Return the number of tiles in flight.
-
-        """
+        """Return the number of tiles in flight."""
         return len(self._flights)
 
     @property
     def is_counting(self) -> bool:
-        """
-        Whether tiles are waited for.
-
-        """
+        """Whether tiles are waited for."""
         return self._limit > 0
 
     @property
     def has_room(self) -> bool:
-        """
-        Whether one more tile may be sent.
-
-        """
+        """Whether one more tile may be sent."""
         return not self.is_counting or len(self._flights) < self._limit
 
     def sent(self, tile: PointTile) -> None:
-        """
-        Note that a tile was sent for the first time.
-
-        """
+        """Note that a tile was sent for the first time."""
         if self.is_counting:
             now = self._now()
             self._flights[tile.stamp] = Flight(tile, 1, now, now + self._time_allowed(1))
 
     def done(self, stamp: int) -> bool:
-        """
-        Note that a tile is done; False if it was not in flight.
-
-        """
+        """Note that a tile is done; False if it was not in flight."""
         done = self._flights.pop(stamp, None)
         if done is None:
             return False
@@ -131,10 +111,7 @@ class FlowControl:
         return True
 
     def failed(self, stamp: int) -> bool:
-        """
-        Note that a node could not handle a tile: its time is up at once; False if it was not in flight.
-
-        """
+        """Note that a node could not handle a tile: its time is up at once; False if it was not in flight."""
         flight = self._flights.get(stamp)
         if flight is not None:
             flight.deadline = self._now()
@@ -146,7 +123,6 @@ class FlowControl:
 
         Copies of the smaller tile that are still under way must not meet the larger one's bounds, so the
         larger one waits until all have come back, or the time is up.
-
         """
         flight = self._flights.get(stamp)
         if flight is None:
@@ -159,27 +135,18 @@ class FlowControl:
         return flight.tile if flight.n_clipped >= flight.n_copies else None
 
     def replaced(self, tile: PointTile) -> None:
-        """
-        Note that a tile was sent with other points or bounds.
-
-        """
+        """Note that a tile was sent with other points or bounds."""
         attempt, now = self._flights[tile.stamp].attempt, self._now()
         self._flights[tile.stamp] = Flight(tile, attempt, now, now + self._time_allowed(attempt))
 
     def expire(self) -> None:
-        """
-        Note that all tiles in flight may be lost, since a node has started: they are due again at once.
-
-        """
+        """Note that all tiles in flight may be lost, since a node has started: they are due again at once."""
         self._retry = _FIRST_RETRY
         for flight in self._flights.values():
             flight.deadline, flight.is_lost = self._now(), True
 
     def overdue(self) -> list[Flight]:
-        """
-        Return the flights whose time is up and that get another attempt; their time starts anew.
-
-        """
+        """Return the flights whose time is up and that get another attempt; their time starts anew."""
         now = self._now()
         late = [f for f in self._flights.values() if f.deadline <= now and f.attempt < self._max_attempts]
         is_free = self._is_retrying
@@ -193,10 +160,7 @@ class FlowControl:
         return late
 
     def given_up(self) -> list[int]:
-        """
-        Remove and return the tiles whose last attempt is up.
-
-        """
+        """Remove and return the tiles whose last attempt is up."""
         now = self._now()
         lost = [
             stamp
@@ -208,18 +172,12 @@ class FlowControl:
         return lost
 
     def _time_allowed(self, attempt: int) -> float:
-        """
-        Return the time [s] of an attempt, counted from 1.
-
-        """
+        """Return the time [s] of an attempt, counted from 1."""
         if self._retry is not None and self._is_retrying:
             return self._retry
         return float(self._timeout * 2 ** (attempt - 1))
 
     @property
     def _is_retrying(self) -> bool:
-        """
-        Whether nothing has come through yet, and a tile's own time is longer than it takes to see that.
-
-        """
+        """Whether nothing has come through yet, and a tile's own time is longer than it takes to see that."""
         return self._retry is not None and self._retry < self._timeout

@@ -1,7 +1,4 @@
-"""
-Notices nodes of the graph that have just started, by their new endpoints.
-
-"""
+"""Notices nodes of the graph that have just started, by their new endpoints."""
 
 from __future__ import annotations
 
@@ -33,7 +30,6 @@ class GraphWatch:
         Their names; tools that listen in are no part of the graph.
     now : callable
         The clock [s].
-
     """
 
     def __init__(
@@ -53,17 +49,11 @@ class GraphWatch:
 
     @property
     def is_settled(self) -> bool:
-        """
-        Whether no node has started just now.
-
-        """
+        """Whether no node has started just now."""
         return self._settled_at is None
 
     def has_news(self) -> bool:
-        """
-        Whether nodes have started since the last time, and have found their counterparts by now.
-
-        """
+        """Whether nodes have started since the last time, and have found their counterparts by now."""
         now = self._now()
         if now >= self._next:
             self._next = now + _INTERVAL
@@ -77,10 +67,7 @@ class GraphWatch:
         return True
 
     def _endpoints(self) -> set[bytes]:
-        """
-        Return what identifies the graph's subscriptions.
-
-        """
+        """Return what identifies the graph's subscriptions."""
         return {
             bytes(one.endpoint_gid)
             for topic in self._topics

@@ -1,7 +1,4 @@
-"""
-SIGINT and SIGTERM of a node's process.
-
-"""
+"""SIGINT and SIGTERM of a node's process."""
 
 from __future__ import annotations
 
@@ -26,7 +23,6 @@ class Interruption:
     error. Python's handler marks the exception first, and what waits is woken after.
 
     Make it in the main thread, before ROS starts.
-
     """
 
     def __init__(self) -> None:
@@ -35,27 +31,18 @@ class Interruption:
             signal.signal(number, self._on_signal)
 
     def take_no_more(self) -> None:
-        """
-        Let signals disturb nothing from here on: a launch system sends several.
-
-        """
+        """Let signals disturb nothing from here on: a launch system sends several."""
         self._is_over = True
 
     @staticmethod
     def outlive_python() -> None:
-        """
-        Keep a late signal from ending the process in Python's place.
-
-        """
+        """Keep a late signal from ending the process in Python's place."""
         for number in _ENDING:
             signal.signal(number, signal.SIG_IGN)
 
     @contextmanager
     def waking(self, wake: Callable[[], None]) -> Iterator[None]:
-        """
-        Have `wake` called, in another thread, after each signal; nothing disturbs the end of the block.
-
-        """
+        """Have `wake` called, in another thread, after each signal; nothing disturbs the end of the block."""
         receiver, sender = socket.socketpair()
         sender.setblocking(False)
         thread = Thread(target=_wake_whenever, args=(receiver, wake), daemon=True)
@@ -71,18 +58,12 @@ class Interruption:
             receiver.close()
 
     def _on_signal(self, number: int, frame: FrameType | None) -> None:
-        """
-        Interrupt what runs.
-
-        """
+        """Interrupt what runs."""
         if not self._is_over:
             raise KeyboardInterrupt
 
 
 def _wake_whenever(receiver: socket.socket, wake: Callable[[], None]) -> None:
-    """
-    Wake for whatever comes, until the other end is closed.
-
-    """
+    """Wake for whatever comes, until the other end is closed."""
     while receiver.recv(64):
         wake()

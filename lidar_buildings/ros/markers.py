@@ -1,7 +1,4 @@
-"""
-Solids as markers for RViz.
-
-"""
+"""Solids as markers for RViz."""
 
 from __future__ import annotations
 
@@ -22,10 +19,7 @@ _COLOUR = ColorRGBA(r=1.0, g=0.6, b=0.1, a=1.0)
 
 
 def model_markers(stamp: int, solids: Iterable[Solid]) -> MarkerArray:
-    """
-    Return the edges of a tile's solids as one list of lines; the tile's stamp is its namespace.
-
-    """
+    """Return the edges of a tile's solids as one list of lines; the tile's stamp is its namespace."""
     segments = [segment for solid in solids for segment in _edges(solid)]
     marker = Marker(
         header=header_of(stamp),
@@ -41,10 +35,7 @@ def model_markers(stamp: int, solids: Iterable[Solid]) -> MarkerArray:
 
 
 def _edges(solid: Solid) -> list[NDArray[np.float64]]:
-    """
-    Return a solid's edges, each of shape (2, 3) and each once.
-
-    """
+    """Return a solid's edges, each of shape (2, 3) and each once."""
     rings = [ring for face in solid.faces for ring in face]
     pairs = {
         (min(pair), max(pair)) for ring in rings for pair in zip(ring, (*ring[1:], ring[0]), strict=True)

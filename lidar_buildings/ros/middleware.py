@@ -1,7 +1,4 @@
-"""
-What has to be set before ROS starts: memory for large clouds, and no limit to a topic's history.
-
-"""
+"""What has to be set before ROS starts: memory for large clouds, and no limit to a topic's history."""
 
 from __future__ import annotations
 
@@ -22,10 +19,7 @@ _MAX_C_INT = 2**31 - 1
 
 
 def prepare_middleware() -> None:
-    """
-    Tune malloc and lift the limits of Fast DDS; call it once, before ``rclpy.init``.
-
-    """
+    """Tune malloc and lift the limits of Fast DDS; call it once, before ``rclpy.init``."""
     tune_malloc()
     use_profile()
 
@@ -35,7 +29,6 @@ def tune_malloc() -> None:
     Keep freed memory instead of giving it back: pages fresh from the kernel make clouds several times slower.
 
     Does nothing where the C library is not glibc, or where the user has set it through the environment.
-
     """
     if not sys.platform.startswith("linux") or any(name.startswith("MALLOC_") for name in os.environ):
         return
@@ -53,7 +46,6 @@ def use_profile() -> None:
     By default Fast DDS holds at most 5000 messages of a topic on each side, KEEP_ALL or not, and a tile can
     have more rings: a publisher in the same process then blocks for good, one in another process fails. The
     credits of the player bound what is under way, so no limit is needed here.
-
     """
     if any(os.environ.get(name) for name in _PROFILE_VARIABLES):
         return

@@ -1,6 +1,5 @@
 """
 Parameter files on a node's command line, looked at before ROS does: its own complaint takes several lines.
-
 """
 
 from __future__ import annotations
@@ -24,7 +23,6 @@ def check_parameter_files(arguments: Sequence[str]) -> None:
     ------
     InputError
         If one cannot be read, or is not of the form that ROS takes: one line.
-
     """
     for path in _named(arguments):
         try:
@@ -40,10 +38,7 @@ def check_parameter_files(arguments: Sequence[str]) -> None:
 
 
 def _named(arguments: Sequence[str]) -> Iterator[Path]:
-    """
-    Yield the files that the arguments name.
-
-    """
+    """Yield the files that the arguments name."""
     for option, value in pairwise(arguments):
         if option == _OPTION:
             yield Path(value)

@@ -1,7 +1,4 @@
-"""
-Config dataclasses as ROS parameters: declared from them, read back into them, changed at run time.
-
-"""
+"""Config dataclasses as ROS parameters: declared from them, read back into them, changed at run time."""
 
 from __future__ import annotations
 
@@ -31,26 +28,19 @@ _BUILT_IN = ("use_sim_time", "start_type_description_service")
 
 
 def parameter_prefix(stage: str, configs: Mapping[str, type[StageConfig]]) -> str:
-    """
-    Return what stands before a stage's parameter names: nothing where the node has one stage only.
-
-    """
+    """Return what stands before a stage's parameter names: nothing where the node has one stage only."""
     return "" if len(configs) == 1 else f"{stage}."
 
 
 def ros_value(value: Any) -> Any:
     """
     Return a config value as ROS holds it; an empty list is [""], because ROS lists have no type when empty.
-
     """
     return (list(value) or [""]) if isinstance(value, tuple) else value
 
 
 def config_value(value: Any) -> Any:
-    """
-    Return a ROS value as a config holds it.
-
-    """
+    """Return a ROS value as a config holds it."""
     return tuple(text for text in value if text != "") if isinstance(value, list | tuple) else value
 
 
@@ -61,7 +51,6 @@ def parameter_overrides(
     Return a node's start values from ``{stage: {name: value}}``, for its keyword `parameter_overrides`.
 
     Stages that the node does not have are left out.
-
     """
     return [
         Parameter(f"{parameter_prefix(stage, configs)}{name}", value=ros_value(value))
@@ -73,7 +62,6 @@ def parameter_overrides(
 def descriptor_of(config_field: Field[Any]) -> ParameterDescriptor:
     """
     Return what ROS tools show of a parameter: description, unit, inclusive range, whether it can change.
-
     """
     spec = spec_of(config_field)
     unit = f" [{spec.unit}]" if spec.unit else ""
@@ -109,7 +97,6 @@ class NodeParameters:
     ------
     ParameterError
         If a start value has the wrong type or is out of range, or a name is unknown; one line.
-
     """
 
     def __init__(self, node: Node, configs: Mapping[str, type[StageConfig]]) -> None:
@@ -130,31 +117,19 @@ class NodeParameters:
         node.add_post_set_parameters_callback(self._after_set)
 
     def __getitem__(self, config: type[Config]) -> Config:
-        """
-        Return a stage's config as it is now.
-
-        """
+        """Return a stage's config as it is now."""
         return self._configs[config.stage]  # type: ignore[return-value]
 
     def as_dict(self) -> dict[str, dict[str, Any]]:
-        """
-        Return ``{stage: {name: value}}``.
-
-        """
+        """Return ``{stage: {name: value}}``."""
         return {stage: self._members(stage) for stage in self._configs}
 
     def _members(self, stage: str) -> dict[str, Any]:
-        """
-        Return one stage's values by the names in its config.
-
-        """
+        """Return one stage's values by the names in its config."""
         return {one.name: self._values[name] for name, (of, one) in self._fields.items() if of == stage}
 
     def _check_names(self, names: Mapping[str, Any]) -> None:
-        """
-        Refuse a name that is not ours, and suggest the nearest one.
-
-        """
+        """Refuse a name that is not ours, and suggest the nearest one."""
         for name in names:
             if name in self._fields or name in _BUILT_IN or name.startswith("qos_overrides."):
                 continue
@@ -163,19 +138,13 @@ class NodeParameters:
             raise ParameterError(f"{self._node.get_name()}.{name}: there is no such parameter ({hint})")
 
     def _checked(self, name: str, value: Any) -> Any:
-        """
-        Return a value as the config holds it, or refuse it under its full name.
-
-        """
+        """Return a value as the config holds it, or refuse it under its full name."""
         _, one = self._fields[name]
         path = f"{self._node.get_name()}.{name}"[: -len(one.name) - 1]
         return checked_value(path, one, config_value(value))
 
     def _on_set(self, parameters: list[Parameter]) -> SetParametersResult:
-        """
-        Accept or refuse a change at run time.
-
-        """
+        """Accept or refuse a change at run time."""
         try:
             self._changed(parameters)
         except ParameterError as error:
@@ -183,10 +152,7 @@ class NodeParameters:
         return SetParametersResult(successful=True)
 
     def _after_set(self, parameters: list[Parameter]) -> None:
-        """
-        Use the new values from the next tile on.
-
-        """
+        """Use the new values from the next tile on."""
         values, configs = self._changed(parameters)
         self._values.update(values)
         self._configs.update(configs)
@@ -194,7 +160,6 @@ class NodeParameters:
     def _changed(self, parameters: list[Parameter]) -> tuple[dict[str, Any], dict[str, StageConfig]]:
         """
         Return the new values by name, and the configs that they make, which check them against one another.
-
         """
         values = {
             one.name: self._checked(one.name, one.value) for one in parameters if one.name in self._fields
@@ -207,10 +172,7 @@ class NodeParameters:
 
 
 def _fields_by_name(configs: Mapping[str, type[StageConfig]]) -> dict[str, tuple[str, Field[Any]]]:
-    """
-    Return parameter name → (stage, config field).
-
-    """
+    """Return parameter name → (stage, config field)."""
     return {
         f"{parameter_prefix(stage, configs)}{one.name}": (stage, one)
         for stage, kind in configs.items()
@@ -219,17 +181,11 @@ def _fields_by_name(configs: Mapping[str, type[StageConfig]]) -> dict[str, tuple
 
 
 def _limits(spec: ParameterSpec, lowest: float, highest: float) -> tuple[float, float]:
-    """
-    Return the inclusive range with the type's own limits where it is open.
-
-    """
+    """Return the inclusive range with the type's own limits where it is open."""
     low = lowest if spec.minimum is None else spec.minimum
     return low, highest if spec.maximum is None else spec.maximum
 
 
 def _is_free(spec: ParameterSpec) -> bool:
-    """
-    Whether any value of the type will do.
-
-    """
+    """Whether any value of the type will do."""
     return not spec.choices and spec.minimum is None and spec.maximum is None

@@ -1,7 +1,4 @@
-"""
-Pause, step and speed of a recording.
-
-"""
+"""Pause, step and speed of a recording."""
 
 from __future__ import annotations
 
@@ -19,7 +16,6 @@ class Playback:
         Whether to begin paused.
     now : callable
         The clock [s].
-
     """
 
     def __init__(self, *, is_paused: bool = False, now: Callable[[], float] = time.monotonic) -> None:
@@ -29,32 +25,20 @@ class Playback:
         self._first: tuple[int, float] | None = None
 
     def pause(self) -> None:
-        """
-        Let no more tiles through.
-
-        """
+        """Let no more tiles through."""
         self._is_paused = True
 
     def resume(self) -> None:
-        """
-        Go on from here, not from where the recording would be by now.
-
-        """
+        """Go on from here, not from where the recording would be by now."""
         self._is_paused, self._steps, self._first = False, 0, None
 
     def step(self) -> bool:
-        """
-        Let one tile through; False if not paused.
-
-        """
+        """Let one tile through; False if not paused."""
         self._steps += self._is_paused
         return self._is_paused
 
     def is_due(self, stamp: int, rate: float) -> bool:
-        """
-        Whether a tile's time has come at `rate` times the recorded speed; 0 knows no waiting.
-
-        """
+        """Whether a tile's time has come at `rate` times the recorded speed; 0 knows no waiting."""
         if self._is_paused:
             return self._steps > 0
         if not rate:
@@ -65,8 +49,5 @@ class Playback:
         return self._now() - started >= (stamp - first_stamp) * 1e-9 / rate
 
     def sent(self) -> None:
-        """
-        Note that a tile was let through.
-
-        """
+        """Note that a tile was let through."""
         self._steps = max(0, self._steps - 1)

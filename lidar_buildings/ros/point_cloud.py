@@ -1,7 +1,4 @@
-"""
-Points to sensor_msgs/PointCloud2 and back: the only place that knows how a cloud is laid out.
-
-"""
+"""Points to sensor_msgs/PointCloud2 and back: the only place that knows how a cloud is laid out."""
 
 from __future__ import annotations
 
@@ -42,7 +39,6 @@ class CloudReading:
         The finite points with every column that we know.
     n_dropped : int
         How many rows were left out because x, y or z was NaN or infinite.
-
     """
 
     tile: PointTile
@@ -50,10 +46,7 @@ class CloudReading:
 
 
 def to_message(tile: PointTile) -> PointCloud2:
-    """
-    Put a tile into a cloud: x, y, z float32, then its columns; packed, little-endian, dense, one row.
-
-    """
+    """Put a tile into a cloud: x, y, z float32, then its columns; packed, little-endian, dense, one row."""
     layout = np.dtype([(name, "<f4") for name in _XYZ] + [(n, COLUMNS[n]) for n in tile.columns])
     rows = np.empty(len(tile), dtype=layout)
     for axis, name in enumerate(_XYZ):
@@ -75,7 +68,6 @@ def cloud_message(stamp: int, rows: NDArray[Any], *, is_dense: bool = True) -> P
         Packed and little-endian; a field per member.
     is_dense : bool
         Whether no value is NaN.
-
     """
     height, width = rows.shape
     message = PointCloud2(
@@ -103,7 +95,6 @@ def from_message(message: PointCloud2) -> CloudReading:
     ------
     MessageError
         If x, y or z is missing or no float, or the sizes contradict each other.
-
     """
     columns = _columns_of(message)
     xyz = [columns.pop(name) for name in _XYZ]
@@ -125,7 +116,6 @@ def _fill(message: PointCloud2, rows: NDArray[Any]) -> None:
 
     The generated setter accepts nothing but array.array without walking over every byte in Python, which
     takes a second per million points; the converter to the middleware takes any buffer.
-
     """
     content = rows.reshape(-1).view(np.uint8) if rows.size else np.zeros(0, dtype=np.uint8)
     if hasattr(message, "_data"):
@@ -137,10 +127,7 @@ def _fill(message: PointCloud2, rows: NDArray[Any]) -> None:
 
 
 def _fields_of(layout: np.dtype[Any]) -> list[PointField]:
-    """
-    Describe a packed layout.
-
-    """
+    """Describe a packed layout."""
     return [
         PointField(name=name, offset=offset, datatype=_CODES[dtype], count=1)
         for name, (dtype, offset) in ((n, layout.fields[n][:2]) for n in layout.names)
@@ -148,10 +135,7 @@ def _fields_of(layout: np.dtype[Any]) -> list[PointField]:
 
 
 def _columns_of(message: PointCloud2) -> dict[str, NDArray[Any]]:
-    """
-    Return the fields that we know as views into the message, x, y and z among them.
-
-    """
+    """Return the fields that we know as views into the message, x, y and z among them."""
     if message.width * message.height == 0:
         fields = {name: np.dtype("<f4") for name in _XYZ}
         fields.update({f.name: COLUMNS[f.name] for f in message.fields if f.name in COLUMNS})
@@ -168,10 +152,7 @@ def _columns_of(message: PointCloud2) -> dict[str, NDArray[Any]]:
 
 
 def _layout_of(message: PointCloud2) -> np.dtype[Any]:
-    """
-    Return the dtype of one point, of the known fields alone.
-
-    """
+    """Return the dtype of one point, of the known fields alone."""
     offsets: dict[str, int] = {}
     formats: dict[str, np.dtype[Any]] = {}
     for one in message.fields:
@@ -194,10 +175,7 @@ def _layout_of(message: PointCloud2) -> np.dtype[Any]:
 
 
 def _format_of(one: PointField, message: PointCloud2) -> np.dtype[Any]:
-    """
-    Return a field's dtype in the message's byte order, or say why it cannot be read.
-
-    """
+    """Return a field's dtype in the message's byte order, or say why it cannot be read."""
     dtype = _DATATYPES.get(one.datatype)
     if dtype is None:
         raise MessageError(f"field {one.name} has the unknown datatype {one.datatype}: must be 1 to 8")
@@ -212,10 +190,7 @@ def _format_of(one: PointField, message: PointCloud2) -> np.dtype[Any]:
 
 
 def _checked_row_step(message: PointCloud2) -> int:
-    """
-    Return the bytes from row to row, or say which size contradicts which.
-
-    """
+    """Return the bytes from row to row, or say which size contradicts which."""
     packed = message.width * message.point_step
     row_step = packed if message.height == 1 and message.row_step == 0 else message.row_step
     if row_step < packed:
@@ -232,10 +207,7 @@ def _checked_row_step(message: PointCloud2) -> int:
 
 
 def _cast(values: NDArray[Any], dtype: np.dtype[Any]) -> NDArray[Any]:
-    """
-    Turn a field's values into our type; what it cannot hold becomes its nearest value, NaN becomes 0.
-
-    """
+    """Turn a field's values into our type; what it cannot hold becomes its nearest value, NaN becomes 0."""
     if dtype.kind == "f" or np.can_cast(values.dtype, dtype):
         with np.errstate(over="ignore"):
             return values.astype(dtype)

@@ -3,7 +3,6 @@ Rings to geometry_msgs/PolygonInstanceStamped and back.
 
 One message is one ring, open, with the building's id: the outer ring first and counter-clockwise, its holes
 after it and clockwise. A message with id −1 and no vertices closes the tile on its topic.
-
 """
 
 from __future__ import annotations
@@ -27,26 +26,19 @@ Bounds = tuple[float, float, float, float]
 
 
 def ring_message(stamp: int, building_id: int, ring: NDArray[np.float64]) -> PolygonInstanceStamped:
-    """
-    Return one ring, shape (n_vertices, 2) or (n_vertices, 3), as a message.
-
-    """
+    """Return one ring, shape (n_vertices, 2) or (n_vertices, 3), as a message."""
     polygon = PolygonInstance(polygon=_polygon(ring), id=building_id)
     return PolygonInstanceStamped(header=header_of(stamp), polygon=polygon)
 
 
 def closing_message(stamp: int) -> PolygonInstanceStamped:
-    """
-    Return the message that says that a topic has no more rings of this tile.
-
-    """
+    """Return the message that says that a topic has no more rings of this tile."""
     return PolygonInstanceStamped(header=header_of(stamp), polygon=PolygonInstance(id=CLOSING_ID))
 
 
 def outline_messages(stamp: int, outlines: Iterable[BuildingOutline]) -> Iterator[PolygonInstanceStamped]:
     """
     Yield every ring of a tile's outlines, at the elevation of the ground if known, then the closing message.
-
     """
     for one in outlines:
         z = 0.0 if one.ground_elevation is None else one.ground_elevation or _NOT_ZERO
@@ -58,10 +50,7 @@ def outline_messages(stamp: int, outlines: Iterable[BuildingOutline]) -> Iterato
 def roof_messages(
     stamp: int, faces: Iterable[tuple[int, Sequence[NDArray[np.float64]]]]
 ) -> Iterator[PolygonInstanceStamped]:
-    """
-    Yield every ring of a tile's roof faces, given as (building id, rings), then the closing message.
-
-    """
+    """Yield every ring of a tile's roof faces, given as (building id, rings), then the closing message."""
     for number, rings in faces:
         for ring in rings:
             yield ring_message(stamp, number, ring)
@@ -76,7 +65,6 @@ def ring_of(message: PolygonInstanceStamped) -> NDArray[np.float64]:
     ------
     MessageError
         If a coordinate is not finite.
-
     """
     corners = [(p.x, p.y, p.z) for p in message.polygon.polygon.points]
     ring = np.array(corners, dtype=np.float64).reshape(-1, 3)
@@ -86,10 +74,7 @@ def ring_of(message: PolygonInstanceStamped) -> NDArray[np.float64]:
 
 
 def bounds_message(stamp: int, bounds: Bounds | None) -> PolygonStamped:
-    """
-    Return a tile's limits as four corners; no corners where nothing lies beyond the tile.
-
-    """
+    """Return a tile's limits as four corners; no corners where nothing lies beyond the tile."""
     polygon = Polygon()
     if bounds is not None:
         west, south, east, north = bounds
@@ -98,10 +83,7 @@ def bounds_message(stamp: int, bounds: Bounds | None) -> PolygonStamped:
 
 
 def bounds_of(message: PolygonStamped) -> tuple[int, Bounds | None]:
-    """
-    Return a tile's stamp [ns] and its limits.
-
-    """
+    """Return a tile's stamp [ns] and its limits."""
     stamp = to_stamp(message.header.stamp)
     if not message.polygon.points:
         return stamp, None
@@ -111,10 +93,7 @@ def bounds_of(message: PolygonStamped) -> tuple[int, Bounds | None]:
 
 
 def _polygon(ring: NDArray[np.float64]) -> Polygon:
-    """
-    Put vertices into a polygon; a ring in the plane gets z = 0.
-
-    """
+    """Put vertices into a polygon; a ring in the plane gets z = 0."""
     vertices = ring.tolist()
     if ring.shape[1] == 2:
         return Polygon(points=[Point32(x=x, y=y) for x, y in vertices])

@@ -1,7 +1,4 @@
-"""
-Many messages of a tile, one after the other.
-
-"""
+"""Many messages of a tile, one after the other."""
 
 from __future__ import annotations
 
@@ -22,7 +19,6 @@ def publish_all(publisher: Publisher, messages: Iterable[Any]) -> None:
 
     Our profile of Fast DDS has no limit (`lidar_buildings.ros.middleware`); under a user's own profile a
     KEEP_ALL topic may be full until a subscriber in another process has caught up.
-
     """
     give_up = time.monotonic() + _PATIENCE
     for message in messages:

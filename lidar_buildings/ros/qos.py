@@ -1,7 +1,4 @@
-"""
-Quality of service: three kinds of topic, one profile each.
-
-"""
+"""Quality of service: three kinds of topic, one profile each."""
 
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 

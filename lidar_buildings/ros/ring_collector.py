@@ -1,7 +1,4 @@
-"""
-Rings of one topic, gathered tile by tile until the closing message.
-
-"""
+"""Rings of one topic, gathered tile by tile until the closing message."""
 
 from __future__ import annotations
 
@@ -27,10 +24,7 @@ Rings = Mapping[int, tuple[Ring, ...]]
 
 @dataclass(frozen=True, eq=False)
 class ClosedTile:
-    """
-    All rings that a topic had for a tile.
-
-    """
+    """All rings that a topic had for a tile."""
 
     stamp: int
     rings: Rings
@@ -42,7 +36,6 @@ class RingCollector:
 
     A tile may come again after it was closed, or half of it may come twice when its sender was restarted:
     a ring that equals its building's first ring starts that building anew.
-
     """
 
     def __init__(self) -> None:
@@ -56,7 +49,6 @@ class RingCollector:
         ------
         MessageError
             If a vertex is not finite.
-
         """
         stamp = to_stamp(message.header.stamp)
         number = message.polygon.id
@@ -67,10 +59,7 @@ class RingCollector:
         return None
 
     def _add_ring(self, stamp: int, number: int, ring: Ring) -> None:
-        """
-        Append a ring to its building, or start the building anew.
-
-        """
+        """Append a ring to its building, or start the building anew."""
         buildings = self._open.setdefault(stamp, {})
         rings = buildings.setdefault(number, [])
         if rings and np.array_equal(rings[0], ring):
@@ -83,7 +72,6 @@ class RingCollector:
 def outlines_of(rings: Rings) -> tuple[BuildingOutline, ...]:
     """
     Assemble the outlines of a tile, by rising building id; holes whose outer ring was lost are left out.
-
     """
     outlines = []
     for number in sorted(rings):
@@ -98,7 +86,6 @@ def outlines_of(rings: Rings) -> tuple[BuildingOutline, ...]:
 def roof_faces_of(rings: Rings) -> dict[int, tuple[tuple[Ring, ...], ...]]:
     """
     Assemble roof faces by building id: of each face the outer ring, then its holes, shape (n_vertices, 3).
-
     """
     faces = {number: _polygons(rings[number]) for number in sorted(rings)}
     return {number: tuple(tuple(face) for face in found) for number, found in faces.items() if found}
@@ -109,7 +96,6 @@ def _polygons(
 ) -> list[list[NDArray[np.float64]]]:
     """
     Split a building's rings where an outer one begins: the first, and each that turns counter-clockwise.
-
     """
     polygons: list[list[Ring]] = []
     for ring in rings:

@@ -1,7 +1,4 @@
-"""
-One node as a process of its own.
-
-"""
+"""One node as a process of its own."""
 
 from __future__ import annotations
 
@@ -35,7 +32,6 @@ def run_node(node_class: Callable[[], StageNode]) -> int:
     -------
     int
         The node's exit status, or 2 with one line on stderr where a user's mistake keeps it from running.
-
     """
     interruption = Interruption()
     try:
@@ -49,10 +45,7 @@ def run_node(node_class: Callable[[], StageNode]) -> int:
 
 
 def _run(node_class: Callable[[], StageNode], interruption: Interruption) -> int:
-    """
-    Start ROS and spin the node; say in one line what of the user's kept it from running.
-
-    """
+    """Start ROS and spin the node; say in one line what of the user's kept it from running."""
     try:
         prepare_middleware()
         check_parameter_files(sys.argv)
@@ -71,10 +64,7 @@ def _run(node_class: Callable[[], StageNode], interruption: Interruption) -> int
 
 
 def _spin(node: StageNode, interruption: Interruption) -> int:
-    """
-    Spin until the node has its outcome; return its exit status.
-
-    """
+    """Spin until the node has its outcome; return its exit status."""
     executor = SingleThreadedExecutor()
     executor.add_node(node)
     try:
@@ -90,9 +80,6 @@ def _spin(node: StageNode, interruption: Interruption) -> int:
 
 
 def _complain(error: Exception) -> int:
-    """
-    Write one line.
-
-    """
+    """Write one line."""
     sys.stderr.write(" ".join(str(error).split()) + "\n")
     return WRONG_USE

@@ -1,7 +1,4 @@
-"""
-What every node does alike: parameters, diagnostics, and one bad tile that does not end the node.
-
-"""
+"""What every node does alike: parameters, diagnostics, and one bad tile that does not end the node."""
 
 from __future__ import annotations
 
@@ -45,7 +42,6 @@ class TileReport:
         What was wrong but did not keep the tile.
     counts : dict
         What the node counted beside points, by name.
-
     """
 
     stamp: int
@@ -80,7 +76,6 @@ class StageNode(Node):
     ------
     ParameterError
         If a start value or a parameter's name is wrong.
-
     """
 
     def __init__(self, name: str, configs: Mapping[str, type[StageConfig]], **kwargs: Any) -> None:
@@ -99,7 +94,6 @@ class StageNode(Node):
         Have `work` called with every tile of a topic; what it raises ends that tile alone.
 
         What it returns, if anything, are counts for `diagnostics`.
-
         """
 
         def on_message(message: PointCloud2) -> None:
@@ -115,10 +109,7 @@ class StageNode(Node):
         self.create_subscription(PointCloud2, topic, on_message, CLOUD)
 
     def subscribe_rings(self, topic: str, work: Callable[[int, Rings], None]) -> None:
-        """
-        Have `work` called with the stamp and all rings of every tile that a topic closes.
-
-        """
+        """Have `work` called with the stamp and all rings of every tile that a topic closes."""
         collector = RingCollector()
 
         def on_message(message: PolygonInstanceStamped) -> None:
@@ -131,10 +122,7 @@ class StageNode(Node):
         self.create_subscription(PolygonInstanceStamped, topic, on_message, BUILDING)
 
     def publish_rings(self, publisher: Publisher, messages: Iterable[PolygonInstanceStamped]) -> None:
-        """
-        Publish a tile's rings and its closing message.
-
-        """
+        """Publish a tile's rings and its closing message."""
         publish_all(publisher, messages)
 
     @contextmanager
@@ -148,7 +136,6 @@ class StageNode(Node):
             The tile's key [ns].
         quiet : bool
             Whether success is not worth a word.
-
         """
         report = TileReport(stamp)
         started = time.perf_counter()
@@ -165,28 +152,19 @@ class StageNode(Node):
                 self._publish_status(report, level, text, time.perf_counter() - started)
 
     def fail(self, error: Exception) -> None:
-        """
-        End the node: it cannot go on.
-
-        """
+        """End the node: it cannot go on."""
         if not self.outcome.done():
             self.outcome.set_exception(error)
 
     def _report_failure(self, report: TileReport, error: Exception) -> None:
-        """
-        Say in one line why a tile is not handed on.
-
-        """
+        """Say in one line why a tile is not handed on."""
         words = " ".join(str(error).split())
         reason = words if isinstance(error, LidarBuildingsError) else f"{type(error).__name__}: {words}"
         self.get_logger().error(f"tile {report.stamp}: {reason}: the tile is not handed on")
         self._publish_status(report, DiagnosticStatus.ERROR, reason, 0.0)
 
     def _publish_status(self, report: TileReport, level: bytes, text: str, seconds: float) -> None:
-        """
-        Publish one tile's status on `diagnostics`.
-
-        """
+        """Publish one tile's status on `diagnostics`."""
         values = {
             "tile": str(report.stamp),
             "seconds": f"{seconds:.6f}",

@@ -1,7 +1,4 @@
-"""
-The tile's key in messages: `header.stamp`.
-
-"""
+"""The tile's key in messages: `header.stamp`."""
 
 from __future__ import annotations
 
@@ -15,25 +12,16 @@ _NANOSECONDS = 1_000_000_000
 
 
 def to_time(stamp: int) -> Time:
-    """
-    Turn a tile's stamp [ns] into a message.
-
-    """
+    """Turn a tile's stamp [ns] into a message."""
     seconds, nanoseconds = divmod(stamp, _NANOSECONDS)
     return Time(sec=seconds, nanosec=nanoseconds)
 
 
 def to_stamp(time: Time) -> int:
-    """
-    Turn a message's time into a tile's stamp [ns].
-
-    """
+    """Turn a message's time into a tile's stamp [ns]."""
     return time.sec * _NANOSECONDS + time.nanosec
 
 
 def header_of(stamp: int) -> Header:
-    """
-    Return the header that all messages of a tile carry.
-
-    """
+    """Return the header that all messages of a tile carry."""
     return Header(stamp=to_time(stamp), frame_id=FRAME_ID)

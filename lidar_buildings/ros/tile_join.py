@@ -1,7 +1,4 @@
-"""
-What several topics say of one tile, put together by stamp.
-
-"""
+"""What several topics say of one tile, put together by stamp."""
 
 from __future__ import annotations
 
@@ -31,7 +28,6 @@ class TileJoin:
         What a complete tile has.
     fits : callable, optional
         Whether parts that are all there belong together; they wait for a better part if not.
-
     """
 
     def __init__(
@@ -42,10 +38,7 @@ class TileJoin:
         self._waiting: OrderedDict[int, dict[str, Any]] = OrderedDict()
 
     def add(self, stamp: int, topic: str, part: Any) -> dict[str, Any] | None:
-        """
-        Take one part; return the tile's parts by topic if they are now complete.
-
-        """
+        """Take one part; return the tile's parts by topic if they are now complete."""
         parts = self._waiting.setdefault(stamp, {})
         parts[topic] = part
         if parts.keys() >= self._topics and self._fits(parts):
@@ -55,10 +48,7 @@ class TileJoin:
         return None
 
     def forget(self, stamp: int) -> None:
-        """
-        Drop what is known of a tile.
-
-        """
+        """Drop what is known of a tile."""
         self._waiting.pop(stamp, None)
 
 
@@ -68,7 +58,6 @@ def agree_on_buildings(parts: dict[str, Any]) -> bool:
 
     They are not where a node was restarted in the middle of a tile and missed its first rings. A building
     may have no point: a footprint that was given.
-
     """
     clouds = [_building_ids(part) for part in parts.values() if isinstance(part, PointTile)]
     rings = [_building_ids(part) for part in parts.values() if not isinstance(part, PointTile)]
@@ -85,7 +74,6 @@ def agree_on_roofs(classified: PointTile, *roofs: PointTile) -> bool:
     A cloud may have others beside them, which stand in footprints without roof points.
 
     A tile that was sent again with a larger buffer has more points under the same stamp.
-
     """
     if classified.classification is None:
         return True
@@ -94,10 +82,7 @@ def agree_on_roofs(classified: PointTile, *roofs: PointTile) -> bool:
 
 
 def _building_ids(part: Any) -> set[int] | None:
-    """
-    Return the buildings that a part names, None if it names none by its nature.
-
-    """
+    """Return the buildings that a part names, None if it names none by its nature."""
     if isinstance(part, PointTile):
         return None if part.building_id is None else set(np.unique(part.building_id).tolist()) - {0}
     if isinstance(part, tuple) and all(isinstance(one, BuildingOutline) for one in part):

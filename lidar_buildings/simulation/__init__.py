@@ -1,7 +1,4 @@
-"""
-Virtual scenes with exact truth, and a virtual airborne scanner.
-
-"""
+"""Virtual scenes with exact truth, and a virtual airborne scanner."""
 
 from lidar_buildings.simulation.config import SimulationConfig
 from lidar_buildings.simulation.named_scenes import SCENES, make_scene

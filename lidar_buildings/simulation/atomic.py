@@ -1,7 +1,4 @@
-"""
-Files that appear under their name only when they are complete.
-
-"""
+"""Files that appear under their name only when they are complete."""
 
 from __future__ import annotations
 
@@ -26,7 +23,6 @@ def write_whole(path: Path, write: Callable[[Path], None]) -> None:
     ------
     OutputError
         If it cannot be written; nothing is left behind.
-
     """
     part = path.with_name(f".{path.stem}.part{path.suffix}")
     try:
@@ -49,7 +45,6 @@ def make_folder(folder: Path) -> None:
     ------
     OutputError
         If it cannot be made.
-
     """
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -58,10 +53,7 @@ def make_folder(folder: Path) -> None:
 
 
 def _remove(part: Path) -> None:
-    """
-    Remove what an error left, if that can be done.
-
-    """
+    """Remove what an error left, if that can be done."""
     try:
         part.unlink(missing_ok=True)
     except OSError:

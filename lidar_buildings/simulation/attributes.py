@@ -1,7 +1,4 @@
-"""
-What is known of each building of a scene, in the words of the results.
-
-"""
+"""What is known of each building of a scene, in the words of the results."""
 
 from __future__ import annotations
 
@@ -12,10 +9,7 @@ from lidar_buildings.simulation.scene import VirtualScene
 
 
 def building_attributes(scene: VirtualScene) -> list[dict[str, Any]]:
-    """
-    Return one row per building; elevations in the source's reference system [m].
-
-    """
+    """Return one row per building; elevations in the source's reference system [m]."""
     if not scene.buildings:
         return []
     return [
@@ -25,10 +19,7 @@ def building_attributes(scene: VirtualScene) -> list[dict[str, Any]]:
 
 
 def _attributes(building: Building, block: int, zero: float) -> dict[str, Any]:
-    """
-    Attributes of one building; touching buildings have the same block number.
-
-    """
+    """Attributes of one building; touching buildings have the same block number."""
     low, high = building.roof_elevation_range
     return {
         "building_number": building.number,

@@ -1,7 +1,4 @@
-"""
-A building as plane roof faces over a partition of its outline.
-
-"""
+"""A building as plane roof faces over a partition of its outline."""
 
 from __future__ import annotations
 
@@ -29,7 +26,6 @@ class RoofFace:
         Outer ring counter-clockwise, then holes clockwise; open [m].
     plane : tuple of three float
         a, b [m/m] and c [m].
-
     """
 
     rings: tuple[NDArray[np.float64], ...]
@@ -37,34 +33,22 @@ class RoofFace:
 
     @cached_property
     def polygon(self) -> shapely.Polygon:
-        """
-        The face seen from above.
-
-        """
+        """The face seen from above."""
         return shapely.Polygon(self.rings[0], self.rings[1:])
 
     @property
     def normal(self) -> NDArray[np.float64]:
-        """
-        Upward unit normal.
-
-        """
+        """Upward unit normal."""
         a, b, _ = self.plane
         return np.array([-a, -b, 1.0]) / np.sqrt(a * a + b * b + 1.0)
 
     @property
     def rings_3d(self) -> tuple[NDArray[np.float64], ...]:
-        """
-        The rings on the plane, each of shape (n_vertices, 3) [m].
-
-        """
+        """The rings on the plane, each of shape (n_vertices, 3) [m]."""
         return tuple(np.column_stack([ring, self.elevation(ring)]) for ring in self.rings)
 
     def elevation(self, xy: NDArray[np.float64]) -> NDArray[np.float64]:
-        """
-        Elevation of the plane [m] at positions of shape (n, 2).
-
-        """
+        """Elevation of the plane [m] at positions of shape (n, 2)."""
         a, b, c = self.plane
         return np.asarray(a * xy[:, 0] + b * xy[:, 1] + c)
 
@@ -86,7 +70,6 @@ class Building:
         Elevation of the foot of the walls [m].
     number : int
         From 1 within a scene.
-
     """
 
     roof_type: str
@@ -97,57 +80,38 @@ class Building:
 
     @cached_property
     def polygon(self) -> shapely.Polygon:
-        """
-        The roofprint.
-
-        """
+        """The roofprint."""
         return shapely.Polygon(self.outline.exterior, self.outline.holes)
 
     @property
     def exterior(self) -> NDArray[np.float64]:
-        """
-        The outer ring, counter-clockwise, open, shape (n_vertices, 2) [m].
-
-        """
+        """The outer ring, counter-clockwise, open, shape (n_vertices, 2) [m]."""
         return self.outline.exterior
 
     @property
     def holes(self) -> tuple[NDArray[np.float64], ...]:
-        """
-        The courtyards' rings, clockwise, open.
-
-        """
+        """The courtyards' rings, clockwise, open."""
         return self.outline.holes
 
     @property
     def planes(self) -> NDArray[np.float64]:
-        """
-        a, b, c of each face, shape (n_faces, 3).
-
-        """
+        """a, b, c of each face, shape (n_faces, 3)."""
         return np.array([face.plane for face in self.faces])
 
     @cached_property
     def roof_elevation_range(self) -> tuple[float, float]:
-        """
-        Elevation of the lowest and of the highest roof vertex [m].
-
-        """
+        """Elevation of the lowest and of the highest roof vertex [m]."""
         z = np.concatenate([ring[:, 2] for face in self.faces for ring in face.rings_3d])
         return float(z.min()), float(z.max())
 
     @property
     def height(self) -> float:
-        """
-        Highest roof vertex above the foot of the walls [m].
-
-        """
+        """Highest roof vertex above the foot of the walls [m]."""
         return self.roof_elevation_range[1] - self.ground_elevation
 
     def roof_at(self, xy: NDArray[np.float64]) -> tuple[NDArray[np.uint16], NDArray[np.float64]]:
         """
         Return plane id (0 = beside the building) and roof elevation (NaN there) at positions of shape (n, 2).
-
         """
         plane_id = np.zeros(len(xy), dtype=np.uint16)
         elevation = np.full(len(xy), np.nan)
@@ -158,10 +122,7 @@ class Building:
         return plane_id, elevation
 
     def placed(self, x: float, y: float, rotation_deg: float = 0.0, elevation: float = 0.0) -> Building:
-        """
-        Return the building turned counter-clockwise about the origin, then moved by (x, y, elevation).
-
-        """
+        """Return the building turned counter-clockwise about the origin, then moved by (x, y, elevation)."""
         angle, shift = np.deg2rad(rotation_deg), np.array([x, y])
         return replace(
             self,
@@ -172,36 +133,24 @@ class Building:
 
 
 def building_of(roof_type: str, faces: tuple[RoofFace, ...]) -> Building:
-    """
-    Return the building with these faces; their union is its outline.
-
-    """
+    """Return the building with these faces; their union is its outline."""
     union = shapely.union_all([face.polygon for face in faces], grid_size=GRID)
     return Building(roof_type, faces, Outline(*_split([_corners(ring) for ring in _open_rings(union)])))
 
 
 def face_over(polygon: shapely.Polygon, plane: tuple[float, float, float]) -> RoofFace:
-    """
-    Return the roof face with this plane over a polygon.
-
-    """
+    """Return the roof face with this plane over a polygon."""
     return RoofFace(tuple(_corners(ring) for ring in _open_rings(polygon)), plane)
 
 
 def _open_rings(polygon: shapely.Polygon) -> list[NDArray[np.float64]]:
-    """
-    Return the rings without their repeated vertex: outer counter-clockwise first, holes clockwise.
-
-    """
+    """Return the rings without their repeated vertex: outer counter-clockwise first, holes clockwise."""
     rings = [shapely.get_coordinates(ring)[:-1] for ring in (polygon.exterior, *polygon.interiors)]
     return [ring if (signed_area(ring) > 0) == (row == 0) else ring[::-1] for row, ring in enumerate(rings)]
 
 
 def _corners(ring: NDArray[np.float64]) -> NDArray[np.float64]:
-    """
-    Keep the vertices that stick out from their neighbours' connection by more than the grid.
-
-    """
+    """Keep the vertices that stick out from their neighbours' connection by more than the grid."""
     before, after = np.roll(ring, 1, axis=0), np.roll(ring, -1, axis=0)
     chord, arm = after - before, ring - before
     offset = np.abs(chord[:, 0] * arm[:, 1] - chord[:, 1] * arm[:, 0]) / np.hypot(*chord.T)
@@ -211,27 +160,18 @@ def _corners(ring: NDArray[np.float64]) -> NDArray[np.float64]:
 def _split(
     rings: list[NDArray[np.float64]],
 ) -> tuple[NDArray[np.float64], tuple[NDArray[np.float64], ...]]:
-    """
-    Outer ring and holes.
-
-    """
+    """Outer ring and holes."""
     return rings[0], tuple(rings[1:])
 
 
 def _turned(ring: NDArray[np.float64], angle: float) -> NDArray[np.float64]:
-    """
-    Turn positions counter-clockwise about the origin by an angle [rad].
-
-    """
+    """Turn positions counter-clockwise about the origin by an angle [rad]."""
     cos, sin = np.cos(angle), np.sin(angle)
     return ring @ np.array([[cos, sin], [-sin, cos]])
 
 
 def _placed(face: RoofFace, shift: NDArray[np.float64], angle: float, elevation: float) -> RoofFace:
-    """
-    Turn and move one face.
-
-    """
+    """Turn and move one face."""
     a, b = _turned(np.array(face.plane[:2]), angle)
     c = face.plane[2] + elevation - a * shift[0] - b * shift[1]
     return RoofFace(

@@ -5,7 +5,6 @@ A beam is the line x = foot_x + lean_x · (top − z), and the same for y: it st
 `top` over (foot_x, foot_y) and only descends, so the hit of highest z is the first one. Compiled functions
 take it as the tuple (foot_x, foot_y, top, lean_x, lean_y), and the scene as `Surfaces` turned into a plain
 tuple: numba cannot read its cache any more once the class of a named one has gone.
-
 """
 
 from __future__ import annotations
@@ -26,29 +25,20 @@ MIN_FACING = 0.02
 
 @njit(cache=True, nogil=True)
 def cell_of(x, y, columns, rows):
-    """
-    Number of the grid cell at a position within the scene.
-
-    """
+    """Number of the grid cell at a position within the scene."""
     return min(int(y / CELL), rows - 1) * columns + min(int(x / CELL), columns - 1)
 
 
 @njit(cache=True, nogil=True)
 def position_at(beam, z):
-    """
-    Where the beam is at an elevation.
-
-    """
+    """Where the beam is at an elevation."""
     foot_x, foot_y, top, lean_x, lean_y = beam
     return foot_x + lean_x * (top - z), foot_y + lean_y * (top - z)
 
 
 @njit(cache=True, nogil=True)
 def terrain_hit(beam, guess, terrain):
-    """
-    Elevation at which the beam meets the terrain [m], from a first guess.
-
-    """
+    """Elevation at which the beam meets the terrain [m], from a first guess."""
     z = guess
     for _ in range(TERRAIN_ROUNDS):
         before = z
@@ -61,10 +51,7 @@ def terrain_hit(beam, guess, terrain):
 
 @njit(cache=True, nogil=True)
 def first_hit(beam, cell, terrain_z, surfaces):
-    """
-    Elevation, kind of surface and its row for the first solid thing on the beam.
-
-    """
+    """Elevation, kind of surface and its row for the first solid thing on the beam."""
     _, faces, edges, walls, _, _, _, _, start, items = surfaces
     best, kind, row = terrain_z, ON_TERRAIN, -1
     for place in range(start[FACES, cell], start[FACES, cell + 1]):
@@ -82,10 +69,7 @@ def first_hit(beam, cell, terrain_z, surfaces):
 
 @njit(cache=True, nogil=True)
 def _face_hit(beam, face, edges):
-    """
-    Elevation at which the beam meets a roof face, −∞ if it does not.
-
-    """
+    """Elevation at which the beam meets a roof face, −∞ if it does not."""
     _, _, _, lean_x, lean_y = beam
     facing = 1.0 + face.a * lean_x + face.b * lean_y
     if facing < MIN_FACING:
@@ -105,10 +89,7 @@ def _face_hit(beam, face, edges):
 
 @njit(cache=True, nogil=True)
 def _wall_hit(beam, wall):
-    """
-    Elevation at which the beam meets a wall, −∞ if it does not.
-
-    """
+    """Elevation at which the beam meets a wall, −∞ if it does not."""
     foot_x, foot_y, beam_top, lean_x, lean_y = beam
     edge_x, edge_y = wall.x_1 - wall.x_0, wall.y_1 - wall.y_0
     crossing = lean_x * edge_y - lean_y * edge_x
@@ -126,10 +107,7 @@ def _wall_hit(beam, wall):
 
 @njit(cache=True, nogil=True)
 def next_crown(beam, cell, below, surfaces):
-    """
-    Entry and exit [m] of the next crown that the beam enters below an elevation; −∞ if there is none.
-
-    """
+    """Entry and exit [m] of the next crown that the beam enters below an elevation; −∞ if there is none."""
     _, _, _, _, crowns, _, _, _, start, items = surfaces
     best, best_exit = -np.inf, -np.inf
     for place in range(start[CROWNS, cell], start[CROWNS, cell + 1]):
@@ -141,10 +119,7 @@ def next_crown(beam, cell, below, surfaces):
 
 @njit(cache=True, nogil=True)
 def _crown_crossing(beam, crown):
-    """
-    Elevations at which the beam enters and leaves an ellipsoid, −∞ if it misses it.
-
-    """
+    """Elevations at which the beam enters and leaves an ellipsoid, −∞ if it misses it."""
     _, _, _, lean_x, lean_y = beam
     x, y = position_at(beam, crown.z)
     x, y = (x - crown.x) / crown.radius, (y - crown.y) / crown.radius
@@ -159,10 +134,7 @@ def _crown_crossing(beam, crown):
 
 @njit(cache=True, nogil=True)
 def on_road(x, y, cell, surfaces):
-    """
-    Whether a position lies on a road.
-
-    """
+    """Whether a position lies on a road."""
     _, _, _, _, _, roads, _, _, start, items = surfaces
     for place in range(start[ROADS, cell], start[ROADS, cell + 1]):
         road = roads[items[place]]

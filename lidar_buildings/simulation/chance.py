@@ -1,7 +1,4 @@
-"""
-Counter-based random numbers: the same for a pulse whatever was drawn before, so in any order of work.
-
-"""
+"""Counter-based random numbers: the same for a pulse whatever was drawn before, so in any order of work."""
 
 from __future__ import annotations
 
@@ -18,10 +15,7 @@ ULP = 1.0 / 9007199254740992.0
 
 @njit(cache=True, nogil=True)
 def mixed(z):
-    """
-    Scramble 64 bits: the finaliser of SplitMix64.
-
-    """
+    """Scramble 64 bits: the finaliser of SplitMix64."""
     z = (z ^ (z >> np.uint64(30))) * MIX_1
     z = (z ^ (z >> np.uint64(27))) * MIX_2
     return z ^ (z >> np.uint64(31))
@@ -29,38 +23,26 @@ def mixed(z):
 
 @njit(cache=True, nogil=True)
 def pulse_key(seed, strip, pulse):
-    """
-    Where a pulse's sequence of random numbers starts.
-
-    """
+    """Where a pulse's sequence of random numbers starts."""
     key = mixed(np.uint64(seed) * GAMMA + np.uint64(strip))
     return mixed(key + np.uint64(pulse) * GAMMA)
 
 
 @njit(cache=True, nogil=True)
 def uniform(key, draw):
-    """
-    Number `draw` of a sequence, uniform in [0, 1).
-
-    """
+    """Number `draw` of a sequence, uniform in [0, 1)."""
     return np.float64(mixed(key + np.uint64(draw + 1) * GAMMA) >> np.uint64(11)) * ULP
 
 
 @njit(cache=True, nogil=True)
 def exponential(key, draw):
-    """
-    Number `draw` of a sequence, exponential with mean 1.
-
-    """
+    """Number `draw` of a sequence, exponential with mean 1."""
     return -np.log(1.0 - uniform(key, draw))
 
 
 @njit(cache=True, nogil=True)
 def normal_pair(key, draw):
-    """
-    Two independent standard normal numbers from draws `draw` and `draw` + 1 (Box & Muller 1958).
-
-    """
+    """Two independent standard normal numbers from draws `draw` and `draw` + 1 (Box & Muller 1958)."""
     radius = np.sqrt(2.0 * exponential(key, draw))
     angle = 2.0 * np.pi * uniform(key, draw + 1)
     return radius * np.cos(angle), radius * np.sin(angle)

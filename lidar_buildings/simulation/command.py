@@ -1,7 +1,4 @@
-"""
-The command ``lidar-buildings simulate``.
-
-"""
+"""The command ``lidar-buildings simulate``."""
 
 from __future__ import annotations
 
@@ -23,7 +20,6 @@ def simulate_command(options: argparse.Namespace) -> int:
         If the folder holds something and may not be replaced, or cannot be written.
     ParameterError
         If there is no such scene, or a value is out of range.
-
     """
     _check_folder(options.output, options.overwrite)
     parameters: dict[str, Any] = {} if options.density is None else {"density": options.density}
@@ -39,10 +35,7 @@ def simulate_command(options: argparse.Namespace) -> int:
 
 
 def _check_folder(folder: Path, overwrite: bool) -> None:
-    """
-    Refuse a folder that holds something, unless it may be replaced.
-
-    """
+    """Refuse a folder that holds something, unless it may be replaced."""
     try:
         is_full = folder.is_dir() and any(folder.iterdir())
     except OSError as error:

@@ -1,7 +1,4 @@
-"""
-The parameters of the virtual survey.
-
-"""
+"""The parameters of the virtual survey."""
 
 from __future__ import annotations
 
@@ -13,10 +10,7 @@ from lidar_buildings.core.model.parameters import StageConfig, parameter
 
 @dataclass(frozen=True)
 class SimulationConfig(StageConfig):
-    """
-    How the virtual scanner flies and measures.
-
-    """
+    """How the virtual scanner flies and measures."""
 
     stage: ClassVar[str] = "simulation"
 

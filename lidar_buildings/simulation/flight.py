@@ -1,7 +1,4 @@
-"""
-The flight plan: parallel strips that cover the scene.
-
-"""
+"""The flight plan: parallel strips that cover the scene."""
 
 from __future__ import annotations
 
@@ -42,7 +39,6 @@ class Strip:
         [1/s].
     n_lines, pulses_per_line : int
         Scan lines and pulses in each.
-
     """
 
     number: int
@@ -56,26 +52,17 @@ class Strip:
 
     @property
     def n_pulses(self) -> int:
-        """
-        Pulses in the whole strip.
-
-        """
+        """Pulses in the whole strip."""
         return self.n_lines * self.pulses_per_line
 
     @property
     def duration(self) -> float:
-        """
-        From the first pulse to the last [s].
-
-        """
+        """From the first pulse to the last [s]."""
         return self.n_pulses / self.pulse_rate
 
 
 def plan_flight(scene: VirtualScene, config: SimulationConfig) -> tuple[Strip, ...]:
-    """
-    Lay strips over the scene so that every place is covered and the mean density is the one asked for.
-
-    """
+    """Lay strips over the scene so that every place is covered and the mean density is the one asked for."""
     angle = np.deg2rad(config.flight_direction_deg)
     heading = np.array([np.cos(angle), np.sin(angle)])
     left = np.array([-heading[1], heading[0]])
@@ -99,20 +86,14 @@ def plan_flight(scene: VirtualScene, config: SimulationConfig) -> tuple[Strip, .
 
 
 def _strip_offsets(extent: float, swath: float, overlap: float) -> list[float]:
-    """
-    Offsets of the strips' axes from the scene's middle [m].
-
-    """
+    """Offsets of the strips' axes from the scene's middle [m]."""
     spacing = swath * (1 - overlap)
     n_strips = 1 + max(0, int(np.ceil((extent - swath) / spacing)))
     return [spacing * (row - (n_strips - 1) / 2) for row in range(n_strips)]
 
 
 def _density_in_a_strip(scene: VirtualScene, axes: list, swath: float, density: float) -> float:
-    """
-    Pulses per square metre of one strip that give the mean density where strips overlap too [1/m²].
-
-    """
+    """Pulses per square metre of one strip that give the mean density where strips overlap too [1/m²]."""
     area = shapely.box(0, 0, *scene.size)
     covered = [
         shapely.LineString(axis).buffer(swath / 2, cap_style="flat").intersection(area).area for axis in axes
@@ -129,10 +110,7 @@ def _strip(
     density: float,
     speed: float,
 ) -> Strip:
-    """
-    Divide a strip into scan lines as far apart as the pulses within them.
-
-    """
+    """Divide a strip into scan lines as far apart as the pulses within them."""
     length = float(np.hypot(*(end - start)))
     pulses_per_line = max(2, round(swath * np.sqrt(density)))
     n_lines = max(1, round(length * density * swath / pulses_per_line))

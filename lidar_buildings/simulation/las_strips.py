@@ -1,7 +1,4 @@
-"""
-Strips as LAZ files: LAS 1.4, point format 6, raw as from a scanner, with the truth in extra dimensions.
-
-"""
+"""Strips as LAZ files: LAS 1.4, point format 6, raw as from a scanner, with the truth in extra dimensions."""
 
 from __future__ import annotations
 
@@ -29,10 +26,7 @@ TRUTH_DIMENSIONS = {
 
 
 def write_strip(path: Path, strip: StripPoints, frame: MapFrame) -> None:
-    """
-    Write one strip; `classification` is 1 throughout.
-
-    """
+    """Write one strip; `classification` is 1 throughout."""
     las = laspy.LasData(_header(frame))
     las.points = laspy.ScaleAwarePointRecord.zeros(len(strip.points), header=las.header)
     las.xyz = frame.to_source(strip.points)
@@ -52,10 +46,7 @@ def write_strip(path: Path, strip: StripPoints, frame: MapFrame) -> None:
 
 
 def _header(frame: MapFrame) -> laspy.LasHeader:
-    """
-    A header without anything that depends on the day or the machine.
-
-    """
+    """A header without anything that depends on the day or the machine."""
     header = laspy.LasHeader(point_format=6, version="1.4")
     header.add_extra_dims(
         [laspy.ExtraBytesParams(name, kind, text) for name, (kind, _, text) in TRUTH_DIMENSIONS.items()]

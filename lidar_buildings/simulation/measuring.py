@@ -1,7 +1,4 @@
-"""
-Measuring a strip, pulse by pulse: where it goes, what returns, with which errors.
-
-"""
+"""Measuring a strip, pulse by pulse: where it goes, what returns, with which errors."""
 
 from __future__ import annotations
 
@@ -54,10 +51,7 @@ MARKS = (
 
 @njit(cache=True, nogil=True)
 def measure(window, zigzag, seed, strip_number, flight, scanner, size, surfaces, numbers, marks):
-    """
-    Send pulses `window[0]` to `window[1]` and write their points; the number of points.
-
-    """
+    """Send pulses `window[0]` to `window[1]` and write their points; the number of points."""
     max_angle, range_noise, planimetric_noise, divergence, error_share = scanner
     noise = range_noise, planimetric_noise
     first, last, per_line = window
@@ -92,10 +86,7 @@ def measure(window, zigzag, seed, strip_number, flight, scanner, size, surfaces,
 
 @njit(cache=True, nogil=True)
 def _write_point(numbers, marks, key, what, beam, noise, cell, terrain_z, surfaces):
-    """
-    Write where a return was measured, and what it is.
-
-    """
+    """Write where a return was measured, and what it is."""
     true_z, kind, row, number = what
     range_noise, planimetric_noise = noise
     draw = DRAW_NOISE + 8 * number
@@ -114,10 +105,7 @@ def _write_point(numbers, marks, key, what, beam, noise, cell, terrain_z, surfac
 
 @njit(cache=True, nogil=True)
 def _beam(pulse, angle, flight):
-    """
-    The line of a pulse, and its time after the strip's first [s].
-
-    """
+    """The line of a pulse, and its time after the strip's first [s]."""
     start_x, start_y, top, heading_x, heading_y, speed, pulse_rate = flight
     elapsed = pulse / pulse_rate
     x, y = start_x + heading_x * speed * elapsed, start_y + heading_y * speed * elapsed
@@ -127,10 +115,7 @@ def _beam(pulse, angle, flight):
 
 @njit(cache=True, nogil=True)
 def _owner(kind, what, surfaces):
-    """
-    Number of the building that was hit and its roof face; 0 for all else.
-
-    """
+    """Number of the building that was hit and its roof face; 0 for all else."""
     _, faces, _, walls, _, _, _, _, _, _ = surfaces
     if kind == ON_ROOF:
         return faces[what].building, faces[what].plane_id
@@ -141,10 +126,7 @@ def _owner(kind, what, surfaces):
 
 @njit(cache=True, nogil=True)
 def _true_class(kind, building, height):
-    """
-    ASPRS class of a return.
-
-    """
+    """ASPRS class of a return."""
     if kind == ON_TERRAIN:
         return GROUND
     if kind == TOO_LOW:
@@ -158,10 +140,7 @@ def _true_class(kind, building, height):
 
 @njit(cache=True, nogil=True)
 def _brightness(kind, building, asphalt):
-    """
-    Mean intensity of the material; each building's roof has its own.
-
-    """
+    """Mean intensity of the material; each building's roof has its own."""
     if kind == ON_TERRAIN:
         return ASPHALT if asphalt else GRASS
     if kind == IN_CROWN:

@@ -1,7 +1,4 @@
-"""
-The scenes that can be asked for by name.
-
-"""
+"""The scenes that can be asked for by name."""
 
 from __future__ import annotations
 
@@ -20,10 +17,7 @@ from lidar_buildings.simulation.village import village
 
 
 def single_house(seed: int) -> VirtualScene:
-    """
-    Return a gable house with two trees on gently sloping ground, 60 m square.
-
-    """
+    """Return a gable house with two trees on gently sloping ground, 60 m square."""
     site = Site((60.0, 60.0), Terrain(100.0, (0.02, 0.01)), seed)
     site.add_building(shapes.gable(16, 10), 30, 30, site.random.uniform(0, 180))
     site.add_trees(2, clearance=1.0)
@@ -31,10 +25,7 @@ def single_house(seed: int) -> VirtualScene:
 
 
 def roof_types(seed: int) -> VirtualScene:
-    """
-    Return one building of every roof shape in rows on flat ground, turned at random.
-
-    """
+    """Return one building of every roof shape in rows on flat ground, turned at random."""
     kinds = [
         *(shapes.flat(), shapes.shed(), shapes.gable(), shapes.hip(), shapes.hip(length=10)),
         *(shapes.l_shape(), shapes.l_shape(pitch_deg=0), shapes.t_shape(), shapes.step(), shapes.dormer()),
@@ -49,10 +40,7 @@ def roof_types(seed: int) -> VirtualScene:
 
 
 def special_roofs(seed: int) -> VirtualScene:
-    """
-    Return one building of every special roof shape in rows on flat ground, turned at random.
-
-    """
+    """Return one building of every special roof shape in rows on flat ground, turned at random."""
     kinds = [
         *(special.half_hip(), special.pyramid(), special.gambrel(), special.mansard()),
         *(special.cross_gable(), special.hipped_l(), special.double_gable(), special.gable_dormer()),
@@ -65,10 +53,7 @@ def special_roofs(seed: int) -> VirtualScene:
 
 
 def courtyards(seed: int) -> VirtualScene:
-    """
-    Return four courtyard buildings with wide and narrow courts, flat and pitched, 120 m square.
-
-    """
+    """Return four courtyard buildings with wide and narrow courts, flat and pitched, 120 m square."""
     site = Site((120.0, 120.0), Terrain(80.0, (0.01, 0.02), (Wave(0.5, 90.0, 30.0),)), seed)
     site.add_building(shapes.courtyard(), 30, 30, site.random.uniform(0, 90))
     site.add_building(shapes.courtyard(36, 30, 9, pitch_deg=30), 88, 30, site.random.uniform(0, 90))
@@ -78,18 +63,12 @@ def courtyards(seed: int) -> VirtualScene:
 
 
 def flat_terrain_empty(seed: int) -> VirtualScene:
-    """
-    Return a level field without anything on it, 100 m square.
-
-    """
+    """Return a level field without anything on it, 100 m square."""
     return Site((100.0, 100.0), Terrain(20.0), seed).scene("flat_terrain_empty")
 
 
 def dense_block(seed: int) -> VirtualScene:
-    """
-    Return two closed rows of touching town houses of different heights along a street, 120 × 90 m.
-
-    """
+    """Return two closed rows of touching town houses of different heights along a street, 120 × 90 m."""
     site = Site((120.0, 90.0), Terrain(30.0, (0.01, 0.0)), seed)
     site.add_road(Road((0.0, 45.0), (120.0, 45.0), 9.0))
     for y, turn in ((28.0, 0.0), (62.0, 180.0)):
@@ -101,10 +80,7 @@ def dense_block(seed: int) -> VirtualScene:
 
 
 def _town_house(random: np.random.Generator) -> Building:
-    """
-    A house 10 m wide with party walls on both sides: gable to the street, flat, or with a dormer.
-
-    """
+    """A house 10 m wide with party walls on both sides: gable to the street, flat, or with a dormer."""
     eave = 6.0 + 1.5 * int(random.integers(0, 6))
     kinds = [shapes.gable, shapes.flat, shapes.dormer, shapes.shed]
     return kinds[random.integers(0, 4)](length=10, width=12, eave=eave)
@@ -130,7 +106,6 @@ def make_scene(name: str, seed: int = 0) -> VirtualScene:
     ------
     ParameterError
         If there is no such scene, or the seed is negative.
-
     """
     if name not in SCENES:
         raise ParameterError(f"scene = {name!r}: must be one of {', '.join(SCENES)}")

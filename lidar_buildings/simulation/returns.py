@@ -1,7 +1,4 @@
-"""
-From a beam to its returns: several in a tree's crown, two at an eave, one elsewhere.
-
-"""
+"""From a beam to its returns: several in a tree's crown, two at an eave, one elsewhere."""
 
 from __future__ import annotations
 
@@ -30,10 +27,7 @@ DRAW_ERROR, DRAW_FOOTPRINT, DRAW_SOLID, DRAW_CROWN, DRAW_NOISE = 0, 4, 6, 8, 64
 
 @njit(cache=True, nogil=True)
 def gross_error(key, share, terrain_z, hits):
-    """
-    Write a gross error with this probability; the number of returns, 0 or 1.
-
-    """
+    """Write a gross error with this probability; the number of returns, 0 or 1."""
     if uniform(key, DRAW_ERROR) >= share:
         return 0
     far = uniform(key, DRAW_ERROR + 1)
@@ -44,10 +38,7 @@ def gross_error(key, share, terrain_z, hits):
 
 @njit(cache=True, nogil=True)
 def returns_of(key, beam, divergence, cell, terrain_z, surfaces, hits):
-    """
-    Write elevation, kind and row of each return, highest first; the number of returns.
-
-    """
+    """Write elevation, kind and row of each return, highest first; the number of returns."""
     z, kind, row = first_hit(beam, cell, terrain_z, surfaces)
     start = surfaces[CELL_START]
     n_returns = 0
@@ -68,20 +59,14 @@ def returns_of(key, beam, divergence, cell, terrain_z, surfaces, hits):
 
 @njit(cache=True, nogil=True)
 def _write(hits, n_returns, z, kind, row):
-    """
-    Append a return; their new number.
-
-    """
+    """Append a return; their new number."""
     hits[n_returns, 0], hits[n_returns, 1], hits[n_returns, 2] = z, kind, row
     return n_returns + 1
 
 
 @njit(cache=True, nogil=True)
 def _rim_hit(key, beam, divergence, cell, terrain_z, surfaces):
-    """
-    What the rim of the beam hits, in a random direction from its axis.
-
-    """
+    """What the rim of the beam hits, in a random direction from its axis."""
     foot_x, foot_y, top, lean_x, lean_y = beam
     radius = 0.5 * divergence * (top - terrain_z)
     angle = 2.0 * np.pi * uniform(key, DRAW_FOOTPRINT)
@@ -91,10 +76,7 @@ def _rim_hit(key, beam, divergence, cell, terrain_z, surfaces):
 
 @njit(cache=True, nogil=True)
 def _crown_returns(key, beam, cell, solid_z, surfaces, hits):
-    """
-    Write the returns from leaves above the solid hit; their number.
-
-    """
+    """Write the returns from leaves above the solid hit; their number."""
     n_returns, draw = 0, DRAW_CROWN
     below, last = np.inf, np.inf
     while n_returns < MAX_CROWN_RETURNS:

@@ -1,7 +1,4 @@
-"""
-How roofs are cut out of planes: the lowest or the highest of several at every position.
-
-"""
+"""How roofs are cut out of planes: the lowest or the highest of several at every position."""
 
 from __future__ import annotations
 
@@ -17,25 +14,18 @@ SAME_SLOPE = 1e-9
 
 
 def slope_of(pitch_deg: float) -> float:
-    """
-    Rise over run.
-
-    """
+    """Rise over run."""
     return float(np.tan(np.deg2rad(pitch_deg)))
 
 
 def box(length: float, width: float) -> shapely.Polygon:
-    """
-    Rectangle centred on the origin.
-
-    """
+    """Rectangle centred on the origin."""
     return shapely.box(-length / 2, -width / 2, length / 2, width / 2)
 
 
 def rim_planes(length: float, width: float, eave: float, slope: float) -> list[tuple[float, float, float]]:
     """
     Planes that rise inwards from the four sides of a centred rectangle (outwards if `slope` is negative).
-
     """
     along, across = eave + slope * length / 2, eave + slope * width / 2
     return [(0.0, slope, across), (-slope, 0.0, along), (0.0, -slope, across), (slope, 0.0, along)]
@@ -44,10 +34,7 @@ def rim_planes(length: float, width: float, eave: float, slope: float) -> list[t
 def gable_faces(
     polygon: shapely.Polygon, half_width: float, eave: float, slope: float
 ) -> tuple[RoofFace, ...]:
-    """
-    Southern and northern face of a roof whose ridge is the x axis.
-
-    """
+    """Southern and northern face of a roof whose ridge is the x axis."""
     top = eave + slope * half_width
     return lowest(polygon, [(0.0, slope, top), (0.0, -slope, top)])
 
@@ -55,10 +42,7 @@ def gable_faces(
 def lowest(
     polygon: shapely.Polygon, planes: list[tuple[float, float, float]], highest: bool = False
 ) -> tuple[RoofFace, ...]:
-    """
-    Cut a polygon into the pieces over which each plane is the lowest (or the highest) of all.
-
-    """
+    """Cut a polygon into the pieces over which each plane is the lowest (or the highest) of all."""
     faces = []
     for plane in planes:
         piece = polygon
@@ -71,18 +55,12 @@ def lowest(
 
 
 def highest_of(first: tuple[RoofFace, ...], second: tuple[RoofFace, ...]) -> tuple[RoofFace, ...]:
-    """
-    Join two roofs: where both cover a position the higher one stays.
-
-    """
+    """Join two roofs: where both cover a position the higher one stays."""
     return (*_not_under(first, second), *_not_under(second, first))
 
 
 def joined(faces: tuple[RoofFace, ...]) -> tuple[RoofFace, ...]:
-    """
-    Join the faces that lie on one plane and overlap or touch.
-
-    """
+    """Join the faces that lie on one plane and overlap or touch."""
     kept: list[RoofFace] = []
     for face in faces:
         same = [other for other in kept if _same_plane(face, other)]
@@ -93,18 +71,12 @@ def joined(faces: tuple[RoofFace, ...]) -> tuple[RoofFace, ...]:
 
 
 def _same_plane(one: RoofFace, other: RoofFace) -> bool:
-    """
-    Whether two faces lie on one plane.
-
-    """
+    """Whether two faces lie on one plane."""
     return bool(np.allclose(one.plane, other.plane, rtol=0.0, atol=SAME_SLOPE))
 
 
 def _not_under(faces: tuple[RoofFace, ...], others: tuple[RoofFace, ...]) -> list[RoofFace]:
-    """
-    The parts of faces over which no other face is higher.
-
-    """
+    """The parts of faces over which no other face is higher."""
     kept = []
     for face in faces:
         piece = face.polygon
@@ -120,10 +92,7 @@ def _not_under(faces: tuple[RoofFace, ...], others: tuple[RoofFace, ...]) -> lis
 
 
 def _where_higher(plane: tuple[float, float, float], other: tuple[float, float, float]) -> shapely.Polygon:
-    """
-    Half-plane over which `plane` is at least as high as `other`, as a large rectangle.
-
-    """
+    """Half-plane over which `plane` is at least as high as `other`, as a large rectangle."""
     a, b, c = np.subtract(plane, other)
     steepness = np.hypot(a, b)
     if steepness < SAME_SLOPE:
@@ -136,9 +105,6 @@ def _where_higher(plane: tuple[float, float, float], other: tuple[float, float, 
 
 
 def _polygons(geometry: shapely.Geometry) -> list[shapely.Polygon]:
-    """
-    The polygons of a geometry; lines, points and slivers of the cutting are left out.
-
-    """
+    """The polygons of a geometry; lines, points and slivers of the cutting are left out."""
     parts = shapely.get_parts(shapely.get_parts(geometry))
     return [part for part in parts if isinstance(part, shapely.Polygon) and part.area > 1e-2]

@@ -1,7 +1,4 @@
-"""
-Roof shapes: each function returns a building centred on the origin, length along x, foot at z = 0.
-
-"""
+"""Roof shapes: each function returns a building centred on the origin, length along x, foot at z = 0."""
 
 from __future__ import annotations
 
@@ -21,35 +18,23 @@ from lidar_buildings.simulation.roof_cutting import (
 
 
 def flat(length: float = 14.0, width: float = 10.0, eave: float = 6.0) -> Building:
-    """
-    Return a box.
-
-    """
+    """Return a box."""
     return building_of("flat", (face_over(box(length, width), (0.0, 0.0, eave)),))
 
 
 def shed(length: float = 12.0, width: float = 8.0, eave: float = 4.0, pitch_deg: float = 15.0) -> Building:
-    """
-    Return a building with one sloping face that rises towards +y.
-
-    """
+    """Return a building with one sloping face that rises towards +y."""
     slope = slope_of(pitch_deg)
     return building_of("shed", (face_over(box(length, width), (0.0, slope, eave + slope * width / 2)),))
 
 
 def gable(length: float = 14.0, width: float = 9.0, eave: float = 5.0, pitch_deg: float = 35.0) -> Building:
-    """
-    Return a building with a ridge along x from wall to wall.
-
-    """
+    """Return a building with a ridge along x from wall to wall."""
     return building_of("gable", gable_faces(box(length, width), width / 2, eave, slope_of(pitch_deg)))
 
 
 def hip(length: float = 15.0, width: float = 10.0, eave: float = 5.0, pitch_deg: float = 35.0) -> Building:
-    """
-    Return a building whose four faces have the same pitch; a pyramid if it is square.
-
-    """
+    """Return a building whose four faces have the same pitch; a pyramid if it is square."""
     return building_of(
         "hip", lowest(box(length, width), rim_planes(length, width, eave, slope_of(pitch_deg)))
     )
@@ -65,7 +50,6 @@ def l_shape(
 ) -> Building:
     """
     Return a gable house with a lower gable wing at its eastern end towards −y; flat if `pitch_deg` is 0.
-
     """
     return _winged(
         "l_shape", length, width, wing_length, wing_width, (length - wing_width) / 2, eave, pitch_deg
@@ -80,20 +64,14 @@ def t_shape(
     eave: float = 5.0,
     pitch_deg: float = 35.0,
 ) -> Building:
-    """
-    Return a gable house with a lower gable wing in the middle towards −y; flat if `pitch_deg` is 0.
-
-    """
+    """Return a gable house with a lower gable wing in the middle towards −y; flat if `pitch_deg` is 0."""
     return _winged("t_shape", length, width, wing_length, wing_width, 0.0, eave, pitch_deg)
 
 
 def step(
     length: float = 18.0, width: float = 10.0, eave: float = 4.0, step_height: float = 3.5, share: float = 0.5
 ) -> Building:
-    """
-    Return two flat roofs side by side; the western `share` of the length is the lower one.
-
-    """
+    """Return two flat roofs side by side; the western `share` of the length is the lower one."""
     x = length * (share - 0.5)
     low = shapely.box(-length / 2, -width / 2, x, width / 2)
     high = shapely.box(x, -width / 2, length / 2, width / 2)
@@ -116,7 +94,6 @@ def dormer(
     ------
     ValueError
         If the dormer would reach the ridge.
-
     """
     slope = slope_of(pitch_deg)
     front = -width / 2 + setback
@@ -136,10 +113,7 @@ def dormer(
 def courtyard(
     length: float = 30.0, width: float = 24.0, depth: float = 8.0, eave: float = 8.0, pitch_deg: float = 0.0
 ) -> Building:
-    """
-    Return four wings of this depth round a court; flat, or with a ridge along the middle of each wing.
-
-    """
+    """Return four wings of this depth round a court; flat, or with a ridge along the middle of each wing."""
     outer, inner = box(length, width), box(length - 2 * depth, width - 2 * depth)
     slope = slope_of(pitch_deg)
     if slope == 0:
@@ -154,10 +128,7 @@ def courtyard(
 def round_tower(
     diameter: float = 12.0, eave: float = 12.0, pitch_deg: float = 0.0, n_sides: int = 32
 ) -> Building:
-    """
-    Return a regular prism, round for all that a scanner sees, with a flat roof or a pointed one.
-
-    """
+    """Return a regular prism, round for all that a scanner sees, with a flat roof or a pointed one."""
     angle = 2 * np.pi * np.arange(n_sides) / n_sides
     rim = np.round(diameter / 2 * np.column_stack([np.cos(angle), np.sin(angle)]) / GRID) * GRID
     slope = slope_of(pitch_deg)
@@ -178,10 +149,7 @@ def _winged(
     eave: float,
     pitch_deg: float,
 ) -> Building:
-    """
-    Join a gable house and a gable wing whose axis is the line x = `wing_x`.
-
-    """
+    """Join a gable house and a gable wing whose axis is the line x = `wing_x`."""
     main = box(length, width)
     end = -width / 2 - wing_length
     wing = shapely.box(wing_x - wing_width / 2, end, wing_x + wing_width / 2, 0.0)
@@ -195,10 +163,7 @@ def _winged(
 
 
 def _side_of_cone(a: NDArray[np.float64], b: NDArray[np.float64], eave: float, apex: float) -> RoofFace:
-    """
-    The triangle between a side of the rim and the apex over the origin.
-
-    """
+    """The triangle between a side of the rim and the apex over the origin."""
     corners = np.array([[*a, 1.0], [*b, 1.0], [0.0, 0.0, 1.0]])
     plane = np.linalg.solve(corners, [eave, eave, apex])
     return RoofFace((np.array([a, b, [0.0, 0.0]]),), (float(plane[0]), float(plane[1]), float(plane[2])))

@@ -1,7 +1,4 @@
-"""
-The virtual airborne scanner: strips in, measured points out.
-
-"""
+"""The virtual airborne scanner: strips in, measured points out."""
 
 from __future__ import annotations
 
@@ -49,7 +46,6 @@ class StripPoints:
         Number of the building, 0 = none.
     true_plane : ndarray of uint16
         Roof face of the building from 1; 0 = none, façades too.
-
     """
 
     points: NDArray[np.float64]
@@ -86,7 +82,6 @@ def scan(scene: VirtualScene, seed: int = 0, config: SimulationConfig = DEFAULTS
     ------
     StripPoints
         One per strip, empty where a strip misses the scene.
-
     """
     surfaces = surfaces_of(scene, config.max_scan_angle_deg)
     for strip in plan_flight(scene, config):
@@ -96,10 +91,7 @@ def scan(scene: VirtualScene, seed: int = 0, config: SimulationConfig = DEFAULTS
 
 
 def joined(parts: list[StripPoints]) -> StripPoints:
-    """
-    Return several strips' points as one.
-
-    """
+    """Return several strips' points as one."""
     return StripPoints(
         *(np.concatenate([getattr(part, column.name) for part in parts]) for column in fields(StripPoints))
     )
@@ -113,10 +105,7 @@ def _measured(
     surfaces: Surfaces,
     config: SimulationConfig,
 ) -> StripPoints:
-    """
-    Measure one chunk of a strip's pulses.
-
-    """
+    """Measure one chunk of a strip's pulses."""
     last = min(first + CHUNK, strip.n_pulses)
     space = (last - first) * MAX_RETURNS
     numbers, marks = np.empty((space, 5)), np.empty((space, 7), dtype=np.uint32)

@@ -1,7 +1,4 @@
-"""
-A virtual scene: everything the scanner can hit, and where it lies on the earth.
-
-"""
+"""A virtual scene: everything the scanner can hit, and where it lies on the earth."""
 
 from __future__ import annotations
 
@@ -32,7 +29,6 @@ class Tree:
         Elevation of the crown's middle [m].
     crown_radius, crown_half_height : float
         Semi-axes of the crown [m].
-
     """
 
     x: float
@@ -53,7 +49,6 @@ class Road:
         Ends of its axis [m].
     width : float
         [m].
-
     """
 
     start: tuple[float, float]
@@ -84,7 +79,6 @@ class VirtualScene:
         Ground of another brightness.
     frame : MapFrame
         Where the scene lies.
-
     """
 
     name: str
@@ -97,10 +91,7 @@ class VirtualScene:
     frame: MapFrame = FRAME
 
     def blocks(self) -> NDArray[np.int64]:
-        """
-        Number, per building, of the block of touching buildings to which it belongs, from 1.
-
-        """
+        """Number, per building, of the block of touching buildings to which it belongs, from 1."""
         union = shapely.union_all([b.polygon.buffer(0.05, join_style="mitre") for b in self.buildings])
         blocks = shapely.get_parts(union)
         inside = [shapely.point_on_surface(b.polygon) for b in self.buildings]

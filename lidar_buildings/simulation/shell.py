@@ -1,6 +1,5 @@
 """
 The closed shell of a building: its roof, the walls under every edge where the roof steps, and its floor.
-
 """
 
 from __future__ import annotations
@@ -31,7 +30,6 @@ class Wall:
         Elevations at the start and at the end [m].
     outer : bool
         Whether it stands on the ground; else on a lower roof.
-
     """
 
     start: tuple[float, float]
@@ -52,7 +50,6 @@ class Shell:
         Each surface is a tuple of rings (outer ring, then holes) of shape (n, 3) [m].
     floor : surface
         At the foot of the walls.
-
     """
 
     roofs: tuple[tuple[NDArray[np.float64], ...], ...]
@@ -61,26 +58,17 @@ class Shell:
 
     @property
     def surfaces(self) -> tuple[tuple[NDArray[np.float64], ...], ...]:
-        """
-        Roofs, then walls, then the floor.
-
-        """
+        """Roofs, then walls, then the floor."""
         return (*self.roofs, *self.walls, self.floor)
 
 
 def walls_of(building: Building) -> tuple[Wall, ...]:
-    """
-    Return the walls under all edges at which the roof ends or steps.
-
-    """
+    """Return the walls under all edges at which the roof ends or steps."""
     return tuple(_walls(building, _noded_rings(building)))
 
 
 def shell_of(building: Building) -> Shell:
-    """
-    Return the building's solid, without vertices that only one of two neighbours has.
-
-    """
+    """Return the building's solid, without vertices that only one of two neighbours has."""
     noded = _noded_rings(building)
     walls = _walls(building, noded)
     levels = _levels(walls)
@@ -92,19 +80,13 @@ def shell_of(building: Building) -> Shell:
 
 
 def _noded_rings(building: Building) -> list[list[NDArray[np.float64]]]:
-    """
-    Each face's rings with the vertices of other faces that lie on their edges.
-
-    """
+    """Each face's rings with the vertices of other faces that lie on their edges."""
     vertices = np.unique(np.concatenate([ring for face in building.faces for ring in face.rings]), axis=0)
     return [[_noded(ring, vertices) for ring in face.rings] for face in building.faces]
 
 
 def _noded(ring: NDArray[np.float64], vertices: NDArray[np.float64]) -> NDArray[np.float64]:
-    """
-    Insert the vertices that lie inside the ring's edges.
-
-    """
+    """Insert the vertices that lie inside the ring's edges."""
     pieces = []
     for start, end in zip(ring, np.roll(ring, -1, axis=0), strict=True):
         edge = end - start
@@ -117,10 +99,7 @@ def _noded(ring: NDArray[np.float64], vertices: NDArray[np.float64]) -> NDArray[
 
 
 def _walls(building: Building, noded: list[list[NDArray[np.float64]]]) -> list[Wall]:
-    """
-    Compare the roof's elevation on both sides of every edge.
-
-    """
+    """Compare the roof's elevation on both sides of every edge."""
     edges = {}
     for face, rings in zip(building.faces, noded, strict=True):
         for ring in rings:
@@ -138,10 +117,7 @@ def _walls(building: Building, noded: list[list[NDArray[np.float64]]]) -> list[W
 
 
 def _levels(walls: list[Wall]) -> dict[tuple[float, float], list[float]]:
-    """
-    All elevations at which a wall begins or ends, per vertical.
-
-    """
+    """All elevations at which a wall begins or ends, per vertical."""
     levels: dict[tuple[float, float], list[float]] = {}
     for wall in walls:
         for foot, *elevations in (
@@ -156,37 +132,25 @@ def _levels(walls: list[Wall]) -> dict[tuple[float, float], list[float]]:
 
 
 def _wall_ring(wall: Wall, levels: dict[tuple[float, float], list[float]]) -> NDArray[np.float64]:
-    """
-    Up the vertical at the end, down the one at the start, with every level between.
-
-    """
+    """Up the vertical at the end, down the one at the start, with every level between."""
     rising = _between(levels[wall.end], wall.bottom[1], wall.top[1])
     falling = _between(levels[wall.start], wall.bottom[0], wall.top[0])[::-1]
     return np.array([(*wall.end, z) for z in rising] + [(*wall.start, z) for z in falling])
 
 
 def _between(levels: list[float], bottom: float, top: float) -> list[float]:
-    """
-    The levels from bottom to top, both included.
-
-    """
+    """The levels from bottom to top, both included."""
     return sorted(z for z in levels if bottom - SAME_ELEVATION < z < top + SAME_ELEVATION)
 
 
 def _floor(building: Building, noded: list[list[NDArray[np.float64]]]) -> tuple[NDArray[np.float64], ...]:
-    """
-    The outline with the vertices of all faces, at the foot of the walls, seen from below.
-
-    """
+    """The outline with the vertices of all faces, at the foot of the walls, seen from below."""
     vertices = np.unique(np.concatenate([ring for rings in noded for ring in rings]), axis=0)
     rings = [_noded(_snapped(ring, vertices), vertices)[::-1] for ring in building.outline.rings]
     return tuple(np.column_stack([ring, np.full(len(ring), building.ground_elevation)]) for ring in rings)
 
 
 def _snapped(ring: NDArray[np.float64], vertices: NDArray[np.float64]) -> NDArray[np.float64]:
-    """
-    Replace each vertex by the nearest of the faces', the same but for rounding.
-
-    """
+    """Replace each vertex by the nearest of the faces', the same but for rounding."""
     distance = np.linalg.norm(ring[:, None] - vertices[None], axis=2)
     return vertices[np.argmin(distance, axis=1)]

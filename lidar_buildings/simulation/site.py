@@ -1,7 +1,4 @@
-"""
-A building site: places things on terrain until the scene is complete.
-
-"""
+"""A building site: places things on terrain until the scene is complete."""
 
 from __future__ import annotations
 
@@ -36,7 +33,6 @@ class Site:
     ----------
     random : numpy.random.Generator
         The only source of chance.
-
     """
 
     def __init__(self, size: tuple[float, float], terrain: Terrain, seed: int) -> None:
@@ -49,26 +45,17 @@ class Site:
         self._roads: list[Road] = []
 
     def add_road(self, road: Road) -> None:
-        """
-        Lay a road.
-
-        """
+        """Lay a road."""
         self._roads.append(road)
 
     def add_building(self, shape: Building, x: float, y: float, rotation_deg: float = 0.0) -> None:
-        """
-        Stand a building on the mean elevation of the terrain along its outline.
-
-        """
+        """Stand a building on the mean elevation of the terrain along its outline."""
         self._buildings.append(
             replace(self._standing(shape, x, y, rotation_deg), number=len(self._buildings) + 1)
         )
 
     def add_row(self, houses: list[Building], x: float, y: float, rotation_deg: float) -> None:
-        """
-        Stand houses wall to wall in a row along their x axes, its middle at (x, y).
-
-        """
+        """Stand houses wall to wall in a row along their x axes, its middle at (x, y)."""
         widths = [float(np.ptp(house.exterior[:, 0])) for house in houses]
         left = -sum(widths) / 2
         direction = np.array([np.cos(np.deg2rad(rotation_deg)), np.sin(np.deg2rad(rotation_deg))])
@@ -80,18 +67,12 @@ class Site:
     def add_wall(
         self, x: float, y: float, rotation_deg: float, length: float = 15.0, height: float = 2.0
     ) -> None:
-        """
-        Stand a free wall, 0.3 m thick.
-
-        """
+        """Stand a free wall, 0.3 m thick."""
         shape = roof_shapes.flat(length, 0.3, height)
         self._obstacles.append(replace(self._standing(shape, x, y, rotation_deg), roof_type="wall", number=0))
 
     def add_cars(self, n_cars: int) -> None:
-        """
-        Park cars along the roads.
-
-        """
+        """Park cars along the roads."""
         for _ in range(n_cars):
             road = self._roads[self.random.integers(0, len(self._roads))]
             start, end = np.array(road.start), np.array(road.end)
@@ -105,10 +86,7 @@ class Site:
                 self._obstacles.append(car)
 
     def add_trees(self, n_trees: int, clearance: float) -> None:
-        """
-        Plant trees off the roads whose crowns keep this distance from all buildings [m].
-
-        """
+        """Plant trees off the roads whose crowns keep this distance from all buildings [m]."""
         built = [building.polygon for building in self._buildings]
         paved = [shapely.LineString([road.start, road.end]).buffer(road.width / 2) for road in self._roads]
         taken = shapely.union_all([*built, *paved])
@@ -123,7 +101,6 @@ class Site:
     def add_tree_over_eave(self, number: int, overlap: float = 1.2) -> None:
         """
         Plant a tree beside the middle of a building's longest wall, its crown over the roof by `overlap` [m].
-
         """
         ring = self._buildings[number - 1].exterior
         edges = np.roll(ring, -1, axis=0) - ring
@@ -134,10 +111,7 @@ class Site:
         self._plant(float(x), float(y), radius, half_height=3.0)
 
     def scene(self, name: str) -> VirtualScene:
-        """
-        Return what was collected.
-
-        """
+        """Return what was collected."""
         return VirtualScene(
             name=name,
             size=self.size,
@@ -149,20 +123,14 @@ class Site:
         )
 
     def _standing(self, shape: Building, x: float, y: float, rotation_deg: float) -> Building:
-        """
-        Place a shape on the mean elevation of the terrain along its outline.
-
-        """
+        """Place a shape on the mean elevation of the terrain along its outline."""
         on_plan = shape.placed(x, y, rotation_deg)
         rim = shapely.segmentize(on_plan.polygon.exterior, 1.0)
         ground = float(self.terrain.at(shapely.get_coordinates(rim)[:-1]).mean())
         return shape.placed(x, y, rotation_deg, ground)
 
     def _plant(self, x: float, y: float, radius: float, half_height: float | None = None) -> None:
-        """
-        Plant a tree whose crown begins 2 m above the ground.
-
-        """
+        """Plant a tree whose crown begins 2 m above the ground."""
         half = float(self.random.uniform(1.2, 1.7) * radius) if half_height is None else half_height
         ground = float(self.terrain.at(np.array([[x, y]]))[0])
         self._trees.append(Tree(x, y, ground + 2.0 + half, radius, half))

@@ -2,7 +2,6 @@
 Roof shapes beyond the plain ones: broken slopes, crossing ridges, halls, churches.
 
 Each function returns a building centred on the origin, length along x, foot at z = 0.
-
 """
 
 from __future__ import annotations
@@ -25,10 +24,7 @@ from lidar_buildings.simulation.roof_cutting import (
 def half_hip(
     length: float = 15.0, width: float = 10.0, eave: float = 5.0, pitch_deg: float = 40.0, share: float = 0.5
 ) -> Building:
-    """
-    Return a gable house whose gables end in small hips, which begin at this share of the roof's height.
-
-    """
+    """Return a gable house whose gables end in small hips, which begin at this share of the roof's height."""
     slope = slope_of(pitch_deg)
     top = eave + slope * width / 2
     end = eave + share * slope * width / 2 + slope * length / 2
@@ -37,10 +33,7 @@ def half_hip(
 
 
 def pyramid(side: float = 10.0, eave: float = 5.0, pitch_deg: float = 35.0) -> Building:
-    """
-    Return a square building whose four faces meet in one point.
-
-    """
+    """Return a square building whose four faces meet in one point."""
     return building_of("pyramid", lowest(box(side, side), rim_planes(side, side, eave, slope_of(pitch_deg))))
 
 
@@ -52,10 +45,7 @@ def gambrel(
     upper_pitch_deg: float = 25.0,
     break_width: float = 1.8,
 ) -> Building:
-    """
-    Return a gable house whose faces are steep near the eaves, over this width, and flatter above.
-
-    """
+    """Return a gable house whose faces are steep near the eaves, over this width, and flatter above."""
     steep, slope = slope_of(lower_pitch_deg), slope_of(upper_pitch_deg)
     low = eave + steep * width / 2
     high = eave + steep * break_width + slope * (width / 2 - break_width)
@@ -70,10 +60,7 @@ def mansard(
     pitch_deg: float = 60.0,
     break_width: float = 1.8,
 ) -> Building:
-    """
-    Return a building with steep faces on all four sides, this wide in plan, and a flat top.
-
-    """
+    """Return a building with steep faces on all four sides, this wide in plan, and a flat top."""
     slope = slope_of(pitch_deg)
     planes = [*rim_planes(length, width, eave, slope), (0.0, 0.0, eave + slope * break_width)]
     return building_of("mansard", lowest(box(length, width), planes))
@@ -82,10 +69,7 @@ def mansard(
 def cross_gable(
     length: float = 18.0, width: float = 8.0, eave: float = 5.0, pitch_deg: float = 35.0
 ) -> Building:
-    """
-    Return two gable roofs of one size that cross in the middle, their ridges at one height.
-
-    """
+    """Return two gable roofs of one size that cross in the middle, their ridges at one height."""
     top, slope = eave + slope_of(pitch_deg) * width / 2, slope_of(pitch_deg)
     along = gable_faces(box(length, width), width / 2, eave, slope)
     across = lowest(box(width, length), [(slope, 0.0, top), (-slope, 0.0, top)])
@@ -95,10 +79,7 @@ def cross_gable(
 def hipped_l(
     length: float = 18.0, width: float = 8.0, depth: float = 16.0, eave: float = 5.0, pitch_deg: float = 35.0
 ) -> Building:
-    """
-    Return a hip roof over two wings of one width that make a corner in the south-west.
-
-    """
+    """Return a hip roof over two wings of one width that make a corner in the south-west."""
     slope = slope_of(pitch_deg)
     wing = box(width, depth)
     first = lowest(box(length, width), rim_planes(length, width, eave, slope))
@@ -111,10 +92,7 @@ def hipped_l(
 def double_gable(
     length: float = 14.0, width: float = 16.0, eave: float = 5.0, pitch_deg: float = 35.0
 ) -> Building:
-    """
-    Return two gable roofs side by side with a valley between: an M.
-
-    """
+    """Return two gable roofs side by side with a valley between: an M."""
     slope, quarter = slope_of(pitch_deg), width / 4
     faces: list[RoofFace] = []
     for y in (-quarter, quarter):
@@ -135,7 +113,6 @@ def gable_dormer(
 ) -> Building:
     """
     Return a gable house with a gabled dormer on its southern face; `dormer_eave` is above the face's eave.
-
     """
     slope = slope_of(pitch_deg)
     rise = slope_of(dormer_pitch_deg) * dormer_width / 2
@@ -152,10 +129,7 @@ def gable_dormer(
 def sawtooth(
     length: float = 24.0, width: float = 14.0, eave: float = 5.0, pitch_deg: float = 20.0, n_teeth: int = 4
 ) -> Building:
-    """
-    Return a hall of sheds in a row, each rising to the east and ending in an upright window.
-
-    """
+    """Return a hall of sheds in a row, each rising to the east and ending in an upright window."""
     slope, tooth = slope_of(pitch_deg), length / n_teeth
     west = -length / 2 + tooth * np.arange(n_teeth)
     faces = (
@@ -168,10 +142,7 @@ def sawtooth(
 def barrel(
     length: float = 26.0, width: float = 16.0, eave: float = 5.0, rise: float = 4.0, n_facets: int = 12
 ) -> Building:
-    """
-    Return a hall under an arc, `rise` high in the middle, as facets of equal angle.
-
-    """
+    """Return a hall under an arc, `rise` high in the middle, as facets of equal angle."""
     radius = (width**2 / 4 + rise**2) / (2 * rise)
     reach = np.arcsin(width / 2 / radius)
     angle = np.linspace(-reach, reach, n_facets + 1)
@@ -196,10 +167,7 @@ def church(
     tower_eave: float = 20.0,
     spire: float = 14.0,
 ) -> Building:
-    """
-    Return a steep gable nave with a square tower at its western end and a spire of this height on it.
-
-    """
+    """Return a steep gable nave with a square tower at its western end and a spire of this height on it."""
     nave = gable_faces(box(length, width), width / 2, eave, slope_of(pitch_deg))
     slope = spire / (tower / 2)
     top = lowest(box(tower, tower), rim_planes(tower, tower, tower_eave, slope))
@@ -210,19 +178,13 @@ def church(
 def parapet(
     length: float = 18.0, width: float = 12.0, eave: float = 8.0, rim: float = 0.5, rim_height: float = 0.8
 ) -> Building:
-    """
-    Return a flat roof behind a parapet of this width and height.
-
-    """
+    """Return a flat roof behind a parapet of this width and height."""
     outer, inner = box(length, width), box(length - 2 * rim, width - 2 * rim)
     faces = face_over(outer - inner, (0.0, 0.0, eave + rim_height)), face_over(inner, (0.0, 0.0, eave))
     return building_of("parapet", faces)
 
 
 def _moved(face: RoofFace, x: float, y: float) -> RoofFace:
-    """
-    Move a face in plan.
-
-    """
+    """Move a face in plan."""
     a, b, c = face.plane
     return RoofFace(tuple(ring + np.array([x, y]) for ring in face.rings), (a, b, c - a * x - b * y))

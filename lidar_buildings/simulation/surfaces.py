@@ -1,7 +1,4 @@
-"""
-The scene as flat tables, listed in a grid, so that a beam finds what it may hit.
-
-"""
+"""The scene as flat tables, listed in a grid, so that a beam finds what it may hit."""
 
 from __future__ import annotations
 
@@ -52,7 +49,6 @@ class Surfaces(NamedTuple):
     cell_start, cell_items : ndarray of int64
         The faces (walls, …) that beams to cell i may hit are the rows
         ``cell_items[cell_start[FACES, i]:cell_start[FACES, i + 1]]``.
-
     """
 
     terrain: NDArray[np.float64]
@@ -72,10 +68,7 @@ TERRAIN, CELL_START = Surfaces._fields.index("terrain"), Surfaces._fields.index(
 
 
 def surfaces_of(scene: VirtualScene, max_scan_angle_deg: float) -> Surfaces:
-    """
-    Flatten a scene for beams that lean at most by this angle.
-
-    """
+    """Flatten a scene for beams that lean at most by this angle."""
     lean = float(np.tan(np.deg2rad(max_scan_angle_deg)))
     solids = (*scene.buildings, *scene.obstacles)
     faces, edges, face_height = _faces(solids)
@@ -104,10 +97,7 @@ def surfaces_of(scene: VirtualScene, max_scan_angle_deg: float) -> Surfaces:
 
 
 def _faces(solids: tuple[Building, ...]) -> tuple[NDArray[Any], NDArray[Any], NDArray[np.float64]]:
-    """
-    Tables of roof faces and of their edges, and the height of each face's building.
-
-    """
+    """Tables of roof faces and of their edges, and the height of each face's building."""
     faces, edges, height = [], [], []
     for solid in solids:
         for plane_id, face in enumerate(solid.faces, start=1):
@@ -124,10 +114,7 @@ def _faces(solids: tuple[Building, ...]) -> tuple[NDArray[Any], NDArray[Any], ND
 
 
 def _walls(solids: tuple[Building, ...]) -> tuple[NDArray[Any], NDArray[np.float64]]:
-    """
-    Table of walls, outer ones with their foundation, and the height of each wall's building.
-
-    """
+    """Table of walls, outer ones with their foundation, and the height of each wall's building."""
     walls, height = [], []
     for solid in solids:
         for wall in walls_of(solid):
@@ -139,19 +126,13 @@ def _walls(solids: tuple[Building, ...]) -> tuple[NDArray[Any], NDArray[np.float
 
 
 def _axis_bounds(table: NDArray[Any]) -> NDArray[np.float64]:
-    """
-    Bounds of walls or roads: x from, x to, y from, y to.
-
-    """
+    """Bounds of walls or roads: x from, x to, y from, y to."""
     x, y = np.stack([table["x_0"], table["x_1"]]), np.stack([table["y_0"], table["y_1"]])
     return np.column_stack([x.min(axis=0), x.max(axis=0), y.min(axis=0), y.max(axis=0)])
 
 
 def _crown_bounds(crowns: NDArray[Any]) -> NDArray[np.float64]:
-    """
-    Bounds of crowns: x from, x to, y from, y to.
-
-    """
+    """Bounds of crowns: x from, x to, y from, y to."""
     x, y, radius = crowns["x"], crowns["y"], crowns["radius"]
     return np.column_stack([x - radius, x + radius, y - radius, y + radius])
 
@@ -159,10 +140,7 @@ def _crown_bounds(crowns: NDArray[Any]) -> NDArray[np.float64]:
 def _cells(
     columns: int, rows: int, bounds: list[NDArray[np.float64]], reach: list[NDArray[np.float64]]
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """
-    List in every cell the rows of each table whose bounds, grown by their reach, meet it.
-
-    """
+    """List in every cell the rows of each table whose bounds, grown by their reach, meet it."""
     n_cells = columns * rows
     start = np.zeros((len(bounds), n_cells + 1), dtype=np.int64)
     items: list[int] = []
@@ -176,10 +154,7 @@ def _cells(
 def _rows_per_cell(
     columns: int, rows: int, bounds: NDArray[np.float64], reach: NDArray[np.float64]
 ) -> list[list[int]]:
-    """
-    The rows of one table that meet each cell.
-
-    """
+    """The rows of one table that meet each cell."""
     cells: list[list[int]] = [[] for _ in range(columns * rows)]
     grown = reach[:, None] + SLACK
     low = np.maximum(np.floor((bounds[:, [0, 2]] - grown) / CELL).astype(int), 0)

@@ -1,7 +1,4 @@
-"""
-A virtual survey: to files, or to a tile in memory.
-
-"""
+"""A virtual survey: to files, or to a tile in memory."""
 
 from __future__ import annotations
 
@@ -46,7 +43,6 @@ class SurveySummary:
         How many there are.
     seconds : float
         Wall time [s].
-
     """
 
     files: tuple[Path, ...]
@@ -71,7 +67,6 @@ class TileTruth:
         Number of the building, 0 = none.
     plane : ndarray of uint16
         Roof face from 1; 0 = none, façades too.
-
     """
 
     scene: VirtualScene
@@ -81,10 +76,7 @@ class TileTruth:
 
     @property
     def buildings(self) -> tuple[Building, ...]:
-        """
-        The scene's buildings.
-
-        """
+        """The scene's buildings."""
         return self.scene.buildings
 
 
@@ -120,7 +112,6 @@ def simulate_survey(
         If the scene or a parameter is unknown or out of range.
     OutputError
         If the folder or a file cannot be written.
-
     """
     begin = time.perf_counter()
     virtual, config, output = make_scene(scene, seed), _replaced(config, parameters), Path(output)
@@ -153,7 +144,6 @@ def simulate_tile(
         Name, see `make_scene`, or a scene of one's own.
     seed, config, **parameters
         As for `simulate_survey`.
-
     """
     virtual = scene if isinstance(scene, VirtualScene) else make_scene(scene, seed)
     measured = joined(list(scan(virtual, seed, _replaced(config, parameters))))
@@ -177,10 +167,7 @@ def simulate_tile(
 
 
 def _replaced(config: SimulationConfig, parameters: dict[str, Any]) -> SimulationConfig:
-    """
-    Replace members of a config.
-
-    """
+    """Replace members of a config."""
     known = [member.name for member in fields(config)]
     for name in parameters:
         if name not in known:
@@ -189,10 +176,7 @@ def _replaced(config: SimulationConfig, parameters: dict[str, Any]) -> Simulatio
 
 
 def _remove_surplus(output: Path, files: list[Path]) -> None:
-    """
-    Remove the strips that an earlier survey with more strips left.
-
-    """
+    """Remove the strips that an earlier survey with more strips left."""
     for path in output.iterdir():
         if re.fullmatch(r"strip_\d{2,}\.laz", path.name) and path not in files:
             path.unlink()

@@ -1,7 +1,4 @@
-"""
-The day on which every virtual survey was flown: files must not depend on the day they were made.
-
-"""
+"""The day on which every virtual survey was flown: files must not depend on the day they were made."""
 
 from datetime import date
 

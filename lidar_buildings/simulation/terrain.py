@@ -1,7 +1,4 @@
-"""
-Analytic terrain: a slope and a few waves.
-
-"""
+"""Analytic terrain: a slope and a few waves."""
 
 from __future__ import annotations
 
@@ -25,7 +22,6 @@ class Wave:
         Direction in which it runs, counter-clockwise from x.
     phase : float
         [rad].
-
     """
 
     amplitude: float
@@ -47,7 +43,6 @@ class Terrain:
         Rise per metre along x and y.
     waves : tuple of Wave
         What is added to the slope.
-
     """
 
     elevation: float = 0.0
@@ -57,7 +52,6 @@ class Terrain:
     def coefficients(self) -> NDArray[np.float64]:
         """
         Return one row (elevation, slope x, slope y, 0), then amplitude, wave numbers x and y, phase per wave.
-
         """
         rows = [(self.elevation, *self.slope, 0.0)]
         for wave in self.waves:
@@ -66,19 +60,13 @@ class Terrain:
         return np.array(rows)
 
     def at(self, xy: NDArray[np.float64]) -> NDArray[np.float64]:
-        """
-        Elevation [m] at positions of shape (n, 2).
-
-        """
+        """Elevation [m] at positions of shape (n, 2)."""
         return _elevations(np.ascontiguousarray(xy, dtype=np.float64), self.coefficients())
 
 
 @njit(cache=True, nogil=True)
 def terrain_elevation(x, y, coefficients):
-    """
-    Elevation at one position [m]; `coefficients` as `Terrain.coefficients` gives them.
-
-    """
+    """Elevation at one position [m]; `coefficients` as `Terrain.coefficients` gives them."""
     z = coefficients[0, 0] + coefficients[0, 1] * x + coefficients[0, 2] * y
     for row in range(1, len(coefficients)):
         angle = coefficients[row, 1] * x + coefficients[row, 2] * y + coefficients[row, 3]
@@ -88,10 +76,7 @@ def terrain_elevation(x, y, coefficients):
 
 @njit(cache=True, nogil=True)
 def _elevations(xy, coefficients):
-    """
-    Elevation at many positions [m].
-
-    """
+    """Elevation at many positions [m]."""
     z = np.empty(len(xy))
     for row in range(len(xy)):
         z[row] = terrain_elevation(xy[row, 0], xy[row, 1], coefficients)

@@ -1,7 +1,4 @@
-"""
-The truth of a scene as CityJSONSeq 2.0: one LoD2.2 solid per building.
-
-"""
+"""The truth of a scene as CityJSONSeq 2.0: one LoD2.2 solid per building."""
 
 from __future__ import annotations
 
@@ -24,36 +21,24 @@ SCALE = 0.001
 
 
 def write_truth_city_model(path: Path, scene: VirtualScene) -> None:
-    """
-    Write the header and one feature per building, one JSON text per line.
-
-    """
+    """Write the header and one feature per building, one JSON text per line."""
     path.write_text("".join(f"{line}\n" for line in city_model_lines(scene)), encoding="utf-8")
 
 
 def city_model_lines(scene: VirtualScene) -> Iterator[str]:
-    """
-    Yield the lines of the CityJSONSeq.
-
-    """
+    """Yield the lines of the CityJSONSeq."""
     yield _text(_header(scene))
     for building, attributes in zip(scene.buildings, building_attributes(scene), strict=True):
         yield _text(_feature(building, attributes))
 
 
 def _text(value: dict[str, Any]) -> str:
-    """
-    JSON without needless blanks.
-
-    """
+    """JSON without needless blanks."""
     return json.dumps(value, separators=(",", ":"))
 
 
 def _header(scene: VirtualScene) -> dict[str, Any]:
-    """
-    The first line: reference system and transform.
-
-    """
+    """The first line: reference system and transform."""
     authority, code = scene.frame.crs.split(":")
     return {
         "type": "CityJSON",
@@ -70,10 +55,7 @@ def _header(scene: VirtualScene) -> dict[str, Any]:
 
 
 def _feature(building: Building, attributes: dict[str, Any]) -> dict[str, Any]:
-    """
-    One building with its solid.
-
-    """
+    """One building with its solid."""
     name = f"building-{building.number}"
     shell = shell_of(building)
     vertices: dict[tuple[int, ...], int] = {}
@@ -100,9 +82,6 @@ def _feature(building: Building, attributes: dict[str, Any]) -> dict[str, Any]:
 
 
 def _ring(ring: NDArray[np.float64], vertices: dict[tuple[int, ...], int]) -> list[int]:
-    """
-    Numbers of a ring's vertices, new ones appended.
-
-    """
+    """Numbers of a ring's vertices, new ones appended."""
     rounded = [tuple(int(c) for c in row) for row in np.round(ring / SCALE)]
     return [vertices.setdefault(vertex, len(vertices)) for vertex in rounded]

@@ -1,7 +1,4 @@
-"""
-The truth of a scene as GeoPackage: layers `outlines` and `roof_faces`.
-
-"""
+"""The truth of a scene as GeoPackage: layers `outlines` and `roof_faces`."""
 
 from __future__ import annotations
 
@@ -39,10 +36,7 @@ FACE_COLUMNS: dict[str, Any] = {
 
 
 def write_truth_layers(path: Path, scene: VirtualScene) -> None:
-    """
-    Write the roofprints with their attributes, and the roof faces in 3D.
-
-    """
+    """Write the roofprints with their attributes, and the roof faces in 3D."""
     # The file's own date would make two equal runs differ.
     pyogrio.set_gdal_config_options({"OGR_CURRENT_DATE": f"{SURVEY_DATE.isoformat()}T00:00:00.000Z"})
     try:
@@ -57,10 +51,7 @@ def write_truth_layers(path: Path, scene: VirtualScene) -> None:
 
 
 def _face_rows(scene: VirtualScene) -> list[dict[str, Any]]:
-    """
-    Number, slope and true (inclined) area [m²] of every face.
-
-    """
+    """Number, slope and true (inclined) area [m²] of every face."""
     return [
         {
             "building_number": building.number,
@@ -74,10 +65,7 @@ def _face_rows(scene: VirtualScene) -> list[dict[str, Any]]:
 
 
 def _polygon(rings: tuple[NDArray[np.float64], ...], scene: VirtualScene) -> shapely.Polygon:
-    """
-    Move rings, (n, 2) or (n, 3), to the source's reference system.
-
-    """
+    """Move rings, (n, 2) or (n, 3), to the source's reference system."""
     moved = [ring + np.asarray(scene.frame.origin)[: ring.shape[1]] for ring in rings]
     return shapely.Polygon(moved[0], moved[1:])
 
@@ -91,10 +79,7 @@ def _write_layer(
     rows: list[dict[str, Any]],
     columns: dict[str, Any],
 ) -> None:
-    """
-    Write one layer, an empty one too.
-
-    """
+    """Write one layer, an empty one too."""
     pyogrio.raw.write(
         path,
         np.array([shapely.to_wkb(polygon) for polygon in polygons], dtype=object),

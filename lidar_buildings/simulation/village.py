@@ -1,7 +1,4 @@
-"""
-The village: every roof shape at many orientations on a slope.
-
-"""
+"""The village: every roof shape at many orientations on a slope."""
 
 from __future__ import annotations
 
@@ -26,7 +23,6 @@ def village(seed: int) -> VirtualScene:
 
     The ground rises by 4 % with waves of 0.3 and 1.2 m. Which building stands on which lot, its size, place
     and orientation depend on the seed.
-
     """
     waves = (Wave(1.2, 130.0, 35.0, 0.4), Wave(0.3, 41.0, 110.0, 1.7))
     site = Site(SIZE, Terrain(120.0, (0.035, 0.02), waves), seed)
@@ -47,10 +43,7 @@ def village(seed: int) -> VirtualScene:
 
 
 def _build(site: Site, lot: Lot, x: float, y: float) -> None:
-    """
-    Stand the lot's building, or its row of houses, turned at random.
-
-    """
+    """Stand the lot's building, or its row of houses, turned at random."""
     turn = site.random.uniform(0, 360)
     if isinstance(lot, list):
         site.add_row(lot, x, y, turn)
@@ -60,16 +53,10 @@ def _build(site: Site, lot: Lot, x: float, y: float) -> None:
 
 
 def _lots(random: np.random.Generator) -> list[Lot]:
-    """
-    What stands on the 25 lots: 23 single buildings, a pair and a row of three houses.
-
-    """
+    """What stands on the 25 lots: 23 single buildings, a pair and a row of three houses."""
 
     def about(value: float) -> float:
-        """
-        Vary a measure by up to a tenth, to the decimetre.
-
-        """
+        """Vary a measure by up to a tenth, to the decimetre."""
         return round(float(value * random.uniform(0.9, 1.1)), 1)
 
     gables = [shapes.gable(about(13), about(9), about(4.5), about(pitch)) for pitch in (25, 32, 38, 45)]

@@ -1,7 +1,4 @@
-"""
-The benchmarks, on clouds small enough for a test; nothing here looks at how fast anything was.
-
-"""
+"""The benchmarks, on clouds small enough for a test; nothing here looks at how fast anything was."""
 
 import json
 import math
@@ -28,10 +25,7 @@ METHOD = filters.own_methods()[0]
 
 
 def small_scene(seed=0):
-    """
-    A house of 10 × 8 m on level ground of 40 × 30 m.
-
-    """
+    """A house of 10 × 8 m on level ground of 40 × 30 m."""
     site = TerrainSite(40, 30, 2.0, seed)
     site.house(20, 15, 10, 8, 5, 7)
     scene = site.scanned(0.02, 0.0)
@@ -40,10 +34,7 @@ def small_scene(seed=0):
 
 
 def write_las(path, cloud, offset=(500.0, 700.0)):
-    """
-    Write a scene with its truth as classes 2 and 1.
-
-    """
+    """Write a scene with its truth as classes 2 and 1."""
     path.parent.mkdir(parents=True, exist_ok=True)
     header = laspy.LasHeader(point_format=1, version="1.2")
     header.scales = np.full(3, 0.001)
@@ -57,10 +48,7 @@ def write_las(path, cloud, offset=(500.0, 700.0)):
 
 @pytest.fixture
 def data(tmp_path):
-    """
-    A data folder with two samples, and fusa's folder in two files.
-
-    """
+    """A data folder with two samples, and fusa's folder in two files."""
     write_las(tmp_path / "isprs" / "samp01.laz", small_scene(1))
     write_las(tmp_path / "isprs" / "samp02.laz", small_scene(2))
     write_las(tmp_path / "isprs" / "CSite.laz", small_scene(3))
@@ -71,10 +59,7 @@ def data(tmp_path):
 
 
 def lines_of(text, first):
-    """
-    The words of the lines that begin with a word.
-
-    """
+    """The words of the lines that begin with a word."""
     return [line.split() for line in text.splitlines() if line.split()[:1] == [first]]
 
 

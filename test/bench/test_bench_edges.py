@@ -1,7 +1,4 @@
-"""
-The benchmark of edge labels, on houses small enough for a test.
-
-"""
+"""The benchmark of edge labels, on houses small enough for a test."""
 
 import numpy as np
 import pyogrio.raw
@@ -18,10 +15,7 @@ from lidar_buildings.core.stages.edge_labelling import EdgeLabellingConfig
 
 @pytest.fixture
 def data(tmp_path):
-    """
-    A data folder with all four areas; Toronto's points have no classes.
-
-    """
+    """A data folder with all four areas; Toronto's points have no classes."""
     points, roof = houses_on_a_lawn()
     for name in ("delft", "montpellier", "fusa"):
         write_las(tmp_path / name / "a.laz", points, np.where(roof, 6, 2))

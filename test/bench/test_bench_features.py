@@ -1,7 +1,4 @@
-"""
-The benchmark of features, on points few enough for a test; nothing here looks at how fast anything was.
-
-"""
+"""The benchmark of features, on points few enough for a test; nothing here looks at how fast anything was."""
 
 import laspy
 import numpy as np
@@ -14,10 +11,7 @@ from bench.edges.feature_peers import CHOSEN, FIXED, LABELS, OWN
 
 @pytest.fixture(scope="module")
 def task():
-    """
-    A gable roof of 10 × 8 m, a wall below it, and one point alone.
-
-    """
+    """A gable roof of 10 × 8 m, a wall below it, and one point alone."""
     rng = np.random.default_rng(0)
     x, y = rng.uniform(0, 10, 1500), rng.uniform(0, 8, 1500)
     roof = np.column_stack([x, y, 9.0 - 0.6 * np.abs(y - 4.0) + rng.normal(0, 0.02, 1500)])
@@ -26,10 +20,7 @@ def task():
 
 
 def lines_of(text, first):
-    """
-    The lines that begin with a name.
-
-    """
+    """The lines that begin with a name."""
     return [line for line in text.splitlines() if line.startswith(f"{first}  ")]
 
 

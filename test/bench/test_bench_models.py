@@ -1,7 +1,4 @@
-"""
-The benchmark of building models, on roofs small enough for a test.
-
-"""
+"""The benchmark of building models, on roofs small enough for a test."""
 
 from dataclasses import replace
 
@@ -18,10 +15,7 @@ from lidar_buildings.core.solids.raising import Solid, extrude
 
 @pytest.fixture(scope="module")
 def gable():
-    """
-    A gable house with its own verdict.
-
-    """
+    """A gable house with its own verdict."""
     scene = model_scene("gable", rotation_deg=30.0)
     (verdict,) = model_truth.judged([scene])
     return scene, verdict

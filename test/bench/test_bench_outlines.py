@@ -1,7 +1,4 @@
-"""
-The benchmark of outlines, on houses small enough for a test.
-
-"""
+"""The benchmark of outlines, on houses small enough for a test."""
 
 import importlib.util
 
@@ -31,7 +28,6 @@ CORNER = np.array([85_000.0, 447_000.0])
 def data(tmp_path_factory):
     """
     A data folder: two houses on a lawn with class 6, once with a map, once without classes; and a roof alone.
-
     """
     folder = tmp_path_factory.mktemp("data")
     points, roof = houses_on_a_lawn()

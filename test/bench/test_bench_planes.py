@@ -1,7 +1,4 @@
-"""
-The benchmark of planes: tables with known figures, on roofs small enough for a test.
-
-"""
+"""The benchmark of planes: tables with known figures, on roofs small enough for a test."""
 
 import laspy
 import numpy as np
@@ -11,10 +8,7 @@ from bench.planes import truth as plane_roofs
 
 
 def write_roof(folder):
-    """
-    A gable roof coloured by its slopes.
-
-    """
+    """A gable roof coloured by its slopes."""
     x, y = (a.ravel() for a in np.meshgrid(np.arange(0, 8, 0.3), np.arange(0, 6, 0.3)))
     header = laspy.LasHeader(point_format=7, version="1.4")
     header.scales = [0.001] * 3

@@ -1,7 +1,4 @@
-"""
-The benchmarks of roof selection, on clouds small enough for a test.
-
-"""
+"""The benchmarks of roof selection, on clouds small enough for a test."""
 
 import laspy
 import numpy as np
@@ -22,10 +19,7 @@ OFFSET = (84800.0, 447400.0)
 
 
 def houses(seed=0):
-    """
-    Two houses and a tree on level ground of 50 × 34 m.
-
-    """
+    """Two houses and a tree on level ground of 50 × 34 m."""
     site = RoofSite(50, 34, 6.0, seed)
     site.house(14, 17, 12, 8, 5)
     site.house(36, 17, 10, 8, 4, roof="flat")
@@ -34,10 +28,7 @@ def houses(seed=0):
 
 
 def write_cloud(path, scene):
-    """
-    Write a scene, its truth as classes 6 and 1.
-
-    """
+    """Write a scene, its truth as classes 6 and 1."""
     path.parent.mkdir(parents=True, exist_ok=True)
     las = laspy.LasData(laspy.LasHeader(point_format=1, version="1.2"))
     las.header.scales = np.full(3, 0.001)
@@ -52,10 +43,7 @@ def write_cloud(path, scene):
 
 
 def write_polygons(path, polygons):
-    """
-    Write polygons in the system of Delft.
-
-    """
+    """Write polygons in the system of Delft."""
     moved = [shapely.transform(polygon, lambda xy: xy + OFFSET) for polygon in polygons]
     geometry = np.array([shapely.to_wkb(polygon) for polygon in moved], dtype=object)
     pyogrio.raw.write(path, geometry, [], [], driver="GPKG", geometry_type="Polygon", crs="EPSG:28992")
@@ -63,10 +51,7 @@ def write_polygons(path, polygons):
 
 @pytest.fixture(scope="module")
 def data(tmp_path_factory):
-    """
-    A data folder with a mapped area and one that a provider classed.
-
-    """
+    """A data folder with a mapped area and one that a provider classed."""
     folder = tmp_path_factory.mktemp("data")
     write_cloud(folder / "delft" / "one.laz", houses())
     write_cloud(folder / "fusa" / "one.laz", houses(1))
@@ -78,10 +63,7 @@ def data(tmp_path_factory):
 
 
 def figures(text, first):
-    """
-    The figures of the line that begins with a word.
-
-    """
+    """The figures of the line that begins with a word."""
     return next(line.split()[1:] for line in text.splitlines() if line.split()[:1] == [first])
 
 

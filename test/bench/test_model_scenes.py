@@ -1,7 +1,4 @@
-"""
-The scenes of building models keep their own promises.
-
-"""
+"""The scenes of building models keep their own promises."""
 
 import numpy as np
 import pytest

@@ -1,7 +1,4 @@
-"""
-Scenes of outlines: what they say of themselves is so.
-
-"""
+"""Scenes of outlines: what they say of themselves is so."""
 
 import numpy as np
 import pytest

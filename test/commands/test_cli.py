@@ -1,6 +1,5 @@
 """
 The command line's contract: commands, options, exit statuses, files; and runs without ROS from end to end.
-
 """
 
 import json
@@ -47,10 +46,7 @@ def command(capfd):
 
 @pytest.fixture(scope="module")
 def house(tmp_path_factory):
-    """
-    A survey of one house.
-
-    """
+    """A survey of one house."""
     folder = tmp_path_factory.mktemp("house")
     simulate_survey(folder, "single_house", 0, density=3.0)
     return folder
@@ -58,10 +54,7 @@ def house(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def roofs(tmp_path_factory):
-    """
-    A survey of fourteen roofs.
-
-    """
+    """A survey of fourteen roofs."""
     folder = tmp_path_factory.mktemp("roofs")
     simulate_survey(folder, "roof_types", 0, density=2.0)
     return folder
@@ -69,10 +62,7 @@ def roofs(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def result(roofs, tmp_path_factory):
-    """
-    What a run over small tiles made of the fourteen roofs.
-
-    """
+    """What a run over small tiles made of the fourteen roofs."""
     output = tmp_path_factory.mktemp("result") / "out"
     assert (
         cli.main(["run", str(roofs), "--output", str(output), "--no-ros", "--tile-size", str(TILE_SIZE)]) == 0
@@ -81,20 +71,14 @@ def result(roofs, tmp_path_factory):
 
 
 def without_times(output):
-    """
-    What run.json tells, but for how long it took.
-
-    """
+    """What run.json tells, but for how long it took."""
     told = json.loads((output / "run.json").read_text())
     told.pop("seconds")
     return told
 
 
 def options_of(name):
-    """
-    The options and positional arguments of a command.
-
-    """
+    """The options and positional arguments of a command."""
     commands = next(action for action in cli._parser()._actions if action.choices)
     return {word for one in commands.choices[name]._actions for word in one.option_strings or [one.metavar]}
 

@@ -1,7 +1,4 @@
-"""
-Every bad input and every wrong parameter: one line, the right exit status, and the rest complete.
-
-"""
+"""Every bad input and every wrong parameter: one line, the right exit status, and the rest complete."""
 
 import json
 import logging
@@ -36,10 +33,7 @@ def command(capfd):
 
 @pytest.fixture(scope="module")
 def house(tmp_path_factory):
-    """
-    A cloud of one house.
-
-    """
+    """A cloud of one house."""
     folder = tmp_path_factory.mktemp("house")
     simulate_survey(folder, "single_house", 0, density=3.0)
     return folder / "strip_01.laz"

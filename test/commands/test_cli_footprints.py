@@ -1,7 +1,4 @@
-"""
-``lidar-buildings run --footprints``: given outlines in, one building each out.
-
-"""
+"""``lidar-buildings run --footprints``: given outlines in, one building each out."""
 
 import json
 import warnings
@@ -37,10 +34,7 @@ def written(path, shapes, names, crs):
 
 @pytest.fixture(scope="module")
 def house(tmp_path_factory):
-    """
-    A survey of one house, with its footprint in two halves, one on open ground, and one far away.
-
-    """
+    """A survey of one house, with its footprint in two halves, one on open ground, and one far away."""
     folder = tmp_path_factory.mktemp("house")
     simulate_survey(folder, "single_house", 0, density=3.0)
     (outline,), _, crs = read_polygons(folder / "truth.gpkg", "outlines")
@@ -75,10 +69,7 @@ def result(house, tmp_path_factory):
 
 
 def buildings(folder):
-    """
-    Footprint id → (polygon, attributes).
-
-    """
+    """Footprint id → (polygon, attributes)."""
     polygons, columns, _ = read_polygons(folder / "buildings.gpkg", "outlines")
     rows = [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]
     return {row["footprint_id"]: (shape, row) for shape, row in zip(polygons, rows, strict=True)}

@@ -1,7 +1,4 @@
-"""
-Output folders that cannot be used, full disks, tiles that fail: one line, and nothing half-made.
-
-"""
+"""Output folders that cannot be used, full disks, tiles that fail: one line, and nothing half-made."""
 
 import importlib.util
 import json
@@ -38,10 +35,7 @@ def survey(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def result(survey, tmp_path_factory):
-    """
-    What an undisturbed run gives.
-
-    """
+    """What an undisturbed run gives."""
     folder = tmp_path_factory.mktemp("result") / "out"
     assert main(["run", str(survey), "--output", str(folder), *SMALL_TILES]) == 0
     assert json.loads((folder / "run.json").read_text())["n_tiles"] >= 9

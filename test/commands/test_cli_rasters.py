@@ -1,7 +1,4 @@
-"""
-Rasters from the command line: where they lie, how near they are to the scene, and their parameters.
-
-"""
+"""Rasters from the command line: where they lie, how near they are to the scene, and their parameters."""
 
 import json
 
@@ -38,10 +35,7 @@ def result(command, survey, tmp_path):
 
 
 def terrain_at(file, scene):
-    """
-    True elevation of the ground at the middles of a raster's cells.
-
-    """
+    """True elevation of the ground at the middles of a raster's cells."""
     rows, columns = np.indices(file.shape)
     x, y = file.transform.c + 0.5 * (columns + 0.5), file.transform.f - 0.5 * (rows + 0.5)
     local = np.column_stack((x.ravel() - scene.frame.origin[0], y.ravel() - scene.frame.origin[1]))

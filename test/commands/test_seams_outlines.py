@@ -1,7 +1,4 @@
-"""
-A cloud in tiles with buffers gives the outlines that it gives as a whole.
-
-"""
+"""A cloud in tiles with buffers gives the outlines that it gives as a whole."""
 
 import numpy as np
 import pytest

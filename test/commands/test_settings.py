@@ -1,7 +1,4 @@
-"""
-What a user sets in a file or on the command line, by stage.
-
-"""
+"""What a user sets in a file or on the command line, by stage."""
 
 import pytest
 

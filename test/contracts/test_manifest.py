@@ -1,7 +1,4 @@
-"""
-The package's own declarations: package.xml and setup.py agree with each other and with the code.
-
-"""
+"""The package's own declarations: package.xml and setup.py agree with each other and with the code."""
 
 import ast
 import re
@@ -60,10 +57,7 @@ def declared(*tags):
 
 
 def setup_arguments():
-    """
-    Keyword → expression of the call of setup(), and the constants above it.
-
-    """
+    """Keyword → expression of the call of setup(), and the constants above it."""
     tree = tree_of(ROOT / "setup.py")
     constants = {
         node.targets[0].id: node.value

@@ -1,7 +1,4 @@
-"""
-The classes that a run writes, from file to file.
-
-"""
+"""The classes that a run writes, from file to file."""
 
 import laspy
 import numpy as np

@@ -1,7 +1,4 @@
-"""
-The command line through the node graph: what a user can cause gives the same lines, statuses and files.
-
-"""
+"""The command line through the node graph: what a user can cause gives the same lines, statuses and files."""
 
 import json
 import os
@@ -44,10 +41,7 @@ def house(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def result(house, tmp_path_factory):
-    """
-    What an undisturbed run without ROS gives.
-
-    """
+    """What an undisturbed run without ROS gives."""
     folder = tmp_path_factory.mktemp("result") / "out"
     assert main(["run", str(house), "--output", str(folder), "--no-ros", *SMALL_TILES]) == 0
     return folder

@@ -1,7 +1,4 @@
-"""
-The main job on real data: two AHN3 tiles of Delft, but for their south, through the graph.
-
-"""
+"""The main job on real data: two AHN3 tiles of Delft, but for their south, through the graph."""
 
 from pathlib import Path
 

@@ -1,7 +1,4 @@
-"""
-Given footprints through the node graph: the same files as without ROS.
-
-"""
+"""Given footprints through the node graph: the same files as without ROS."""
 
 import json
 
@@ -21,10 +18,7 @@ SMALL_TILES = ["--tile-size", "25", "--set", "tile_player.buffer=2"]
 
 @pytest.fixture(scope="module")
 def survey(tmp_path_factory):
-    """
-    One house with its footprint, and a footprint on open ground.
-
-    """
+    """One house with its footprint, and a footprint on open ground."""
     folder = tmp_path_factory.mktemp("house")
     simulate_survey(folder, "single_house", 0, density=3.0)
     (outline,), _, crs = read_polygons(folder / "truth.gpkg", "outlines")

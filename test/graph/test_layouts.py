@@ -1,7 +1,4 @@
-"""
-The same input gives the same files, however the stages are laid out.
-
-"""
+"""The same input gives the same files, however the stages are laid out."""
 
 import subprocess
 import sys

@@ -1,7 +1,4 @@
-"""
-Nothing is lost when a stage is slow or a node dies.
-
-"""
+"""Nothing is lost when a stage is slow or a node dies."""
 
 import time
 

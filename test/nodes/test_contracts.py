@@ -1,7 +1,4 @@
-"""
-What the table of nodes, the configs, the parameter file and the pages say is what the nodes do.
-
-"""
+"""What the table of nodes, the configs, the parameter file and the pages say is what the nodes do."""
 
 import importlib
 from dataclasses import fields
@@ -52,10 +49,7 @@ DESIGN = {
 
 @pytest.fixture
 def start(context, tmp_path):
-    """
-    Make a node with every optional topic switched on.
-
-    """
+    """Make a node with every optional topic switched on."""
     cloud = tmp_path / "cloud.laz"
     random_cloud(50).write(cloud)
     footprints = tmp_path / "footprints.gpkg"
@@ -182,10 +176,7 @@ def test_a_shorter_run_has_a_listener_for_every_topic_that_it_must_wait_for(stag
 
 
 def declared(configs):
-    """
-    Parameter name → (value as ROS has it, config field).
-
-    """
+    """Parameter name → (value as ROS has it, config field)."""
     return {
         f"{parameter_prefix(stage, configs)}{one.name}": (ros_value(one.default), one)
         for stage, config in configs.items()

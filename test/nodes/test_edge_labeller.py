@@ -1,7 +1,4 @@
-"""
-The edge labeller says of every tile how its roofs could be clustered.
-
-"""
+"""The edge labeller says of every tile how its roofs could be clustered."""
 
 import time
 
@@ -22,10 +19,7 @@ pytestmark = pytest.mark.graph
 
 
 class Bench(StageNode):
-    """
-    Sends roof points and hears labels and diagnostics.
-
-    """
+    """Sends roof points and hears labels and diagnostics."""
 
     def __init__(self, **kwargs):
         super().__init__("bench", {}, **kwargs)

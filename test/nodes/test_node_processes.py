@@ -1,7 +1,4 @@
-"""
-What a user sees of a node that cannot start: one line, exit status 2, no traceback.
-
-"""
+"""What a user sees of a node that cannot start: one line, exit status 2, no traceback."""
 
 import os
 import signal
@@ -89,10 +86,7 @@ def test_a_writer_refuses_a_folder_that_is_not_empty(tmp_path):
 
 
 def is_caught(pid, number):
-    """
-    Whether a process has a handler for a signal.
-
-    """
+    """Whether a process has a handler for a signal."""
     caught = Path(f"/proc/{pid}/status").read_text().split("SigCgt:")[1].split()[0]
     return bool(int(caught, 16) >> (number - 1) & 1)
 
@@ -105,10 +99,7 @@ def wait_until(condition, timeout=120.0):
 
 
 def wait_until_spinning(name, context, timeout=120.0):
-    """
-    Wait until a node answers a service.
-
-    """
+    """Wait until a node answers a service."""
     asking = Node("asking", context=context)
     executor = SingleThreadedExecutor(context=context)
     executor.add_node(asking)

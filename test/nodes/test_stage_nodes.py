@@ -1,7 +1,4 @@
-"""
-What tracer, builder and writer do with tiles that come torn, twice, cut off or out of order.
-
-"""
+"""What tracer, builder and writer do with tiles that come torn, twice, cut off or out of order."""
 
 import json
 import time
@@ -48,10 +45,7 @@ def wait_until(condition, seconds=120.0):
 
 
 class Bench(StageNode):
-    """
-    Sends to the node under test and hears what it publishes.
-
-    """
+    """Sends to the node under test and hears what it publishes."""
 
     def __init__(self, sends, hears, **kwargs):
         super().__init__("bench", {}, **kwargs)
@@ -85,10 +79,7 @@ def bench(context):
 
 
 def roof(*building_ids, stamp=STAMP):
-    """
-    A tile with a flat roof of 5 × 5 m for each building.
-
-    """
+    """A tile with a flat roof of 5 × 5 m for each building."""
     x, y = (axis.ravel() * 1.0 for axis in np.meshgrid(np.arange(6), np.arange(6)))
     columns = [np.column_stack([x + 20 * i, y, np.full(36, 8.0)]) for i in range(len(building_ids))]
     points = np.concatenate([np.zeros((1, 3)), *columns])
@@ -163,10 +154,7 @@ TRACER_HEARS = {
 
 @pytest.fixture
 def tracing(monkeypatch):
-    """
-    Tracing that calls a tile clipped as long as it has bounds.
-
-    """
+    """Tracing that calls a tile clipped as long as it has bounds."""
     seen = []
 
     def trace(tile, *_):
@@ -308,10 +296,7 @@ def make_writer(context, tmp_path):
 
 
 def send_tile(other, *ids, without=()):
-    """
-    Send all that a tile's nodes say of it.
-
-    """
+    """Send all that a tile's nodes say of it."""
     messages = {
         "classified_points": [to_message(roof(*ids))],
         "plane_points": [to_message(roof(*ids))],

@@ -1,7 +1,4 @@
-"""
-The player against the end of a graph that is slow, forgets tiles, or asks for more of them.
-
-"""
+"""The player against the end of a graph that is slow, forgets tiles, or asks for more of them."""
 
 import time
 from collections import Counter
@@ -29,10 +26,7 @@ pytestmark = pytest.mark.graph
 
 
 class GraphEnd(StageNode):
-    """
-    Stands for a whole graph: takes tiles and says when they are done.
-
-    """
+    """Stands for a whole graph: takes tiles and says when they are done."""
 
     def __init__(self, *, delay=0.0, forgets=(), clips=(), **kwargs):
         super().__init__("graph_end", {}, **kwargs)
@@ -87,10 +81,7 @@ def survey(tmp_path_factory):
 
 @pytest.fixture
 def play(context, survey):
-    """
-    Play the survey, five tiles of 20 m, to a graph's end.
-
-    """
+    """Play the survey, five tiles of 20 m, to a graph's end."""
     running = []
 
     def start(end=None, **parameters):

@@ -3,7 +3,6 @@ From roof points to outlines, the three stages together, on what real clouds hol
 
 Whatever comes in, every building gets one valid polygon, no point is lost, and where straight walls are not
 to be had the outline is the traced one and says why.
-
 """
 
 import numpy as np
@@ -25,10 +24,7 @@ KEEP_ALL = SegmentationConfig(min_points=1, min_area=0.0, loose_reach=0.0)
 
 
 def roof(west, south, east, north, spacing=SPACING, seed=0):
-    """
-    Points on a rectangle, not quite on a lattice.
-
-    """
+    """Points on a rectangle, not quite on a lattice."""
     rng = np.random.default_rng(seed)
     xy = np.stack(np.meshgrid(np.arange(west, east, spacing), np.arange(south, north, spacing)), axis=-1)
     xy = xy.reshape(-1, 2) + rng.uniform(-0.3, 0.3, (xy.size // 2, 2)) * spacing
@@ -54,10 +50,7 @@ def polygon(outline):
 
 
 def outlines_of(points, segmentation=None, spacing=SPACING):
-    """
-    Run the three stages, check what must hold of every result, and return the tile and its polygons.
-
-    """
+    """Run the three stages, check what must hold of every result, and return the tile and its polygons."""
     tile = PointTile(points=points, point_spacing=np.full(len(points), spacing))
     traced = trace_buildings(tile, segmentation or SegmentationConfig(), BoundaryTracingConfig())
     outlines = regularise_outlines(traced.outlines, RegularisationConfig())
@@ -215,7 +208,6 @@ def turned_back(shape, deg):
 def assert_alike(polygons, others):
     """
     One outline each, of as many corners, that differ by less than a tenth of the spacing along the walls.
-
     """
     assert len(polygons) == len(others) == 1
     one, other = polygons[0], others[0]

@@ -1,7 +1,4 @@
-"""
-The models of a tile: every outline gets one, whatever happens to the others.
-
-"""
+"""The models of a tile: every outline gets one, whatever happens to the others."""
 
 import numpy as np
 import pytest
@@ -23,10 +20,7 @@ def house(number, n_points=300):
 
 @pytest.fixture
 def tile():
-    """
-    Three flat houses in a row, of which the third has no points.
-
-    """
+    """Three flat houses in a row, of which the third has no points."""
     points = np.concatenate([house(1), house(2)])
     return PointTile(
         points,

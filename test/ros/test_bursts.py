@@ -1,7 +1,4 @@
-"""
-A tile of very many buildings, sent to a subscriber that is busy: nothing is lost, nothing blocks.
-
-"""
+"""A tile of very many buildings, sent to a subscriber that is busy: nothing is lost, nothing blocks."""
 
 import os
 import subprocess
@@ -30,10 +27,7 @@ pytestmark = [pytest.mark.graph, pytest.mark.slow]
 
 
 class Listener:
-    """
-    Is busy for a while at the first message.
-
-    """
+    """Is busy for a while at the first message."""
 
     def __init__(self, context):
         self.node = rclpy.create_node("listener", context=context)

@@ -153,10 +153,7 @@ class Endpoint:
 
 
 class View:
-    """
-    Stands for a node's view of the graph.
-
-    """
+    """Stands for a node's view of the graph."""
 
     def __init__(self, *endpoints):
         self.endpoints = list(endpoints)

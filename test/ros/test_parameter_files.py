@@ -1,7 +1,4 @@
-"""
-Parameter files as users and launch files write them.
-
-"""
+"""Parameter files as users and launch files write them."""
 
 import pytest
 

@@ -29,10 +29,7 @@ def full_tile(n=5, stamp=1_234_567_890_123_456_789):
 
 
 def cloud(fields, rows, **members):
-    """
-    A message from rows of (name, datatype code, offset), packed bytes and whatever else is given.
-
-    """
+    """A message from rows of (name, datatype code, offset), packed bytes and whatever else is given."""
     message = PointCloud2(
         height=1,
         width=len(rows),
@@ -111,7 +108,6 @@ def test_filling_falls_back_to_the_public_setter(monkeypatch):
 def layouts(draw):
     """
     Fields in any order, at any offset, of any type, some unknown, in either byte order, rows padded or not.
-
     """
     known = draw(st.lists(st.sampled_from(sorted(COLUMNS)), unique=True, max_size=6))
     unknown = draw(st.lists(st.sampled_from(["ring", "rgb", "t", "label"]), unique=True, max_size=3))

@@ -1,7 +1,4 @@
-"""
-Our clouds and those of sensor_msgs_py are the same, byte for byte; skipped where it is not installed.
-
-"""
+"""Our clouds and those of sensor_msgs_py are the same, byte for byte; skipped where it is not installed."""
 
 import numpy as np
 import pytest

@@ -18,10 +18,7 @@ pytestmark = pytest.mark.graph
 
 
 class Doubler(StageNode):
-    """
-    Doubles every coordinate; cannot handle tiles of three points.
-
-    """
+    """Doubles every coordinate; cannot handle tiles of three points."""
 
     def __init__(self, **kwargs):
         super().__init__("doubler", {"ground_filter": GroundFilterConfig}, **kwargs)

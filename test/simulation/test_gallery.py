@@ -1,7 +1,4 @@
-"""
-The gallery of test scenes keeps its own promises.
-
-"""
+"""The gallery of test scenes keeps its own promises."""
 
 import numpy as np
 import pytest

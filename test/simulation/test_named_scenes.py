@@ -1,7 +1,4 @@
-"""
-The scenes that can be asked for by name.
-
-"""
+"""The scenes that can be asked for by name."""
 
 import itertools
 

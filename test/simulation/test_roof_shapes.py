@@ -1,7 +1,4 @@
-"""
-Roof shapes: exact partitions of their outlines, and closed solids.
-
-"""
+"""Roof shapes: exact partitions of their outlines, and closed solids."""
 
 from collections import Counter
 

@@ -1,7 +1,4 @@
-"""
-The virtual scanner against exact truth.
-
-"""
+"""The virtual scanner against exact truth."""
 
 import itertools
 from dataclasses import fields, replace
@@ -176,10 +173,7 @@ def test_wide_beams_give_two_returns_at_eaves_and_narrow_ones_do_not():
 
 
 def _strip_between_others(pattern):
-    """
-    The middle one of three strips: its scan lines end within the scene.
-
-    """
+    """The middle one of three strips: its scan lines end within the scene."""
     scene = VirtualScene("field", (40.0, 180.0), Terrain(10.0))
     strips = list(scan(scene, 0, SimulationConfig(pattern=pattern, altitude=100.0, gross_error_share=0.0)))
     return strips[len(strips) // 2]

@@ -1,7 +1,4 @@
-"""
-Virtual surveys as files.
-
-"""
+"""Virtual surveys as files."""
 
 import json
 

@@ -1,7 +1,4 @@
-"""
-cjio in a process of its own: imported, it changes how the standard library writes floats as JSON.
-
-"""
+"""cjio in a process of its own: imported, it changes how the standard library writes floats as JSON."""
 
 from __future__ import annotations
 
@@ -14,10 +11,7 @@ import pytest
 
 
 def cjio(*arguments: str, lines: Iterable[str]) -> subprocess.CompletedProcess:
-    """
-    Run cjio on a CityJSONSeq.
-
-    """
+    """Run cjio on a CityJSONSeq."""
     if importlib.util.find_spec("cjio") is None:
         pytest.skip("cjio is not installed")
     command = [sys.executable, "-c", "from cjio.cjio import cli; cli()", *arguments]

@@ -1,7 +1,4 @@
-"""
-The command line called in this process, and what tests look at afterwards.
-
-"""
+"""The command line called in this process, and what tests look at afterwards."""
 
 from __future__ import annotations
 
@@ -19,10 +16,7 @@ PROGRESS = re.compile(r"\d+ of \d+ tiles? done")
 
 
 class Spoken(NamedTuple):
-    """
-    How a command ended and what it said, progress apart.
-
-    """
+    """How a command ended and what it said, progress apart."""
 
     status: int
     out: list[str]
@@ -31,10 +25,7 @@ class Spoken(NamedTuple):
 
 
 class Command:
-    """
-    Calls the command line and keeps what it prints, compiled libraries' printing included.
-
-    """
+    """Calls the command line and keeps what it prints, compiled libraries' printing included."""
 
     def __init__(self, capfd: pytest.CaptureFixture[str], *always: str) -> None:
         self._capfd, self._always = capfd, always
@@ -51,10 +42,7 @@ class Command:
         return Spoken(status, captured.out.splitlines(), [x for x in lines if x not in progress], progress)
 
     def refused(self, *arguments: object) -> str:
-        """
-        Return the one line that a refused command says.
-
-        """
+        """Return the one line that a refused command says."""
         spoken = self(*arguments)
         assert spoken.status == 2
         assert spoken.out == []
@@ -65,18 +53,12 @@ class Command:
 
 
 def files_in(folder: Path) -> list[str]:
-    """
-    Every file in a folder and those below it, hidden ones too.
-
-    """
+    """Every file in a folder and those below it, hidden ones too."""
     return sorted(path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file())
 
 
 def bad_clouds(folder: Path, good: Path) -> dict[str, tuple[Path, str]]:
-    """
-    Make a file for each way a cloud can be bad: case → (file, words of the line about it).
-
-    """
+    """Make a file for each way a cloud can be bad: case → (file, words of the line about it)."""
     folder.mkdir()
     empty = folder / "empty.laz"
     empty.write_bytes(b"")

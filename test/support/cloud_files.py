@@ -1,7 +1,4 @@
-"""
-Small clouds for the tests of files: every format, version and reference system.
-
-"""
+"""Small clouds for the tests of files: every format, version and reference system."""
 
 from __future__ import annotations
 
@@ -30,10 +27,7 @@ def random_cloud(
     size: tuple[float, float, float] = (100.0, 80.0, 20.0),
     seed: int = 0,
 ) -> laspy.LasData:
-    """
-    Return a cloud with chance values in every dimension.
-
-    """
+    """Return a cloud with chance values in every dimension."""
     random = np.random.default_rng(seed)
     header = laspy.LasHeader(point_format=point_format, version=version or VERSIONS[point_format])
     header.scales, header.offsets = np.array([0.001, 0.001, 0.01]), np.array([84000.0, 447000.0, 0.0])
@@ -44,10 +38,7 @@ def random_cloud(
 
 
 def fill(points: np.ndarray, random: np.random.Generator) -> None:
-    """
-    Put chance values into every dimension but the coordinates; GPS times rise from a time in 2022.
-
-    """
+    """Put chance values into every dimension but the coordinates; GPS times rise from a time in 2022."""
     for name in points.dtype.names:
         kind = points.dtype[name]
         if name in _FREE_BITS:
@@ -64,10 +55,7 @@ def fill(points: np.ndarray, random: np.random.Generator) -> None:
 
 
 def with_geo_keys(cloud: laspy.LasData, keys: dict[int, int]) -> laspy.LasData:
-    """
-    Add a GeoTIFF key directory.
-
-    """
+    """Add a GeoTIFF key directory."""
     entries = np.array(
         [[1, 1, 0, len(keys)], *([key, 0, 1, value] for key, value in keys.items())], dtype="<u2"
     )
@@ -76,10 +64,7 @@ def with_geo_keys(cloud: laspy.LasData, keys: dict[int, int]) -> laspy.LasData:
 
 
 def with_wkt(cloud: laspy.LasData, crs: str) -> laspy.LasData:
-    """
-    Add a WKT record: of a code, or the text as it is.
-
-    """
+    """Add a WKT record: of a code, or the text as it is."""
     text = pyproj.CRS(crs).to_wkt("WKT1_GDAL") if crs.startswith("EPSG") else crs
     cloud.header.vlrs.append(laspy.VLR("LASF_Projection", 2112, "", text.encode() + b"\0"))
     cloud.header.global_encoding.wkt = True
@@ -87,19 +72,13 @@ def with_wkt(cloud: laspy.LasData, crs: str) -> laspy.LasData:
 
 
 def saved(cloud: laspy.LasData, path: Path) -> Path:
-    """
-    Write a cloud, compressed if the path ends so.
-
-    """
+    """Write a cloud, compressed if the path ends so."""
     cloud.write(path)
     return path
 
 
 def patched(path: Path, at: int, content: bytes) -> Path:
-    """
-    Overwrite bytes of a file.
-
-    """
+    """Overwrite bytes of a file."""
     data = bytearray(path.read_bytes())
     data[at : at + len(content)] = content
     path.write_bytes(data)
@@ -107,20 +86,14 @@ def patched(path: Path, at: int, content: bytes) -> Path:
 
 
 def shortened(path: Path, share: float) -> Path:
-    """
-    Cut a file's end off.
-
-    """
+    """Cut a file's end off."""
     data = path.read_bytes()
     path.write_bytes(data[: int(len(data) * share)])
     return path
 
 
 class VariableChunks:
-    """
-    A backend that writes LAZ with chunks of varying size, as COPC files have them.
-
-    """
+    """A backend that writes LAZ with chunks of varying size, as COPC files have them."""
 
     def is_available(self) -> bool:
         return True
@@ -140,10 +113,7 @@ class _VariableChunkWriter(LazrsPointWriter):
 
 
 def saved_copc(cloud: laspy.LasData, path: Path) -> Path:
-    """
-    Write what a reader of plain LAZ sees of a COPC file: its records and its chunks of varying size.
-
-    """
+    """Write what a reader of plain LAZ sees of a COPC file: its records and its chunks of varying size."""
     cloud.header.vlrs.insert(0, laspy.VLR("copc", 1, "COPC info VLR", bytes(160)))
     hierarchy = laspy.VLR("copc", 1000, "EPT Hierarchy", bytes(32))
     with open(path, "wb+") as file:
@@ -158,10 +128,7 @@ def saved_copc(cloud: laspy.LasData, path: Path) -> Path:
 
 
 def fill_the_disk(monkeypatch, part_of_name: str, allowed: int) -> None:
-    """
-    Let writing to files whose name holds `part_of_name` fail after so many bytes, as on a full disk.
-
-    """
+    """Let writing to files whose name holds `part_of_name` fail after so many bytes, as on a full disk."""
     plain = open
 
     class Filling(io.FileIO):

@@ -1,7 +1,4 @@
-"""
-Two flat houses on level ground, and the file that holds them.
-
-"""
+"""Two flat houses on level ground, and the file that holds them."""
 
 import laspy
 import numpy as np
@@ -13,10 +10,7 @@ HOUSES, ELEVATION, DENSITY = ((6, 6, 18, 16), (22, 6, 32, 16)), (7.0, 9.0), 8.0
 
 
 def houses_on_a_lawn(seed=0):
-    """
-    Points of level ground and two flat roofs, and which are on a roof.
-
-    """
+    """Points of level ground and two flat roofs, and which are on a roof."""
     generator = np.random.default_rng(seed)
     x, y = np.meshgrid(np.arange(0.0, 40.0, DENSITY**-0.5), np.arange(0.0, 24.0, DENSITY**-0.5))
     xy = np.column_stack((x.ravel(), y.ravel())) + generator.uniform(0, 0.1, (x.size, 2))

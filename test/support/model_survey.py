@@ -1,6 +1,5 @@
 """
 Models made by hand, and surveys of them as the writers get them: solids of all kinds, a building without any.
-
 """
 
 from __future__ import annotations
@@ -29,20 +28,14 @@ def rectangle(west, south, east, north):
 
 
 def circle(radius=RADIUS, n=24, centre=(60.0, 10.0)):
-    """
-    Chords of a circle, rounded as messages carry them.
-
-    """
+    """Chords of a circle, rounded as messages carry them."""
     angle = 2.0 * np.pi * np.arange(n) / n
     ring = np.add(centre, radius * np.column_stack([np.cos(angle), np.sin(angle)]))
     return ring.astype(np.float32).astype(np.float64)
 
 
 def gable():
-    """
-    A house of 10 by 8 m whose ridge runs from west to east: 240 m³ under the eaves and 120 m³ above.
-
-    """
+    """A house of 10 by 8 m whose ridge runs from west to east: 240 m³ under the eaves and 120 m³ above."""
     slope = (RIDGE - EAVE) / 4.0
     pieces = [
         RoofPiece((rectangle(0, 0, 10, 4),), (0.0, slope, EAVE)),
@@ -55,7 +48,6 @@ def gable():
 def step():
     """
     Two flat parts, the higher one along half of the lower one's side: walls with vertices amid their edges.
-
     """
     low, high = rectangle(20, 0, 26, 8), rectangle(26, 2, 32, 6)
     pieces = [RoofPiece((low,), (0.0, 0.0, 4.0)), RoofPiece((high,), (0.0, 0.0, 9.0))]
@@ -66,28 +58,19 @@ def step():
 
 
 def courtyard():
-    """
-    A block around a court, with the hole in its roof and in its ground.
-
-    """
+    """A block around a court, with the hole in its roof and in its ground."""
     outline = Outline(rectangle(0, 20, 20, 40), (rectangle(6, 26, 14, 34)[::-1],))
     return _model(outline, extrude(outline, GROUND, RIDGE))
 
 
 def tower():
-    """
-    A round tower.
-
-    """
+    """A round tower."""
     outline = Outline(circle())
     return _model(outline, extrude(outline, GROUND, RIDGE))
 
 
 def ruin():
-    """
-    A building without any solid.
-
-    """
+    """A building without any solid."""
     attributes = {"ground_elevation": GROUND, "reason": "no roof points"}
     model = BuildingModel({}, attributes, (), BuildingStatus.DEGENERATE, "no roof points")
     return Outline(rectangle(80, 0, 84, 4)), model
@@ -98,10 +81,7 @@ BUILDINGS = {5: gable, 3: step, 9: courtyard, 2: tower, 7: ruin}
 
 
 def shapes(frame=DUTCH, buildings=None):
-    """
-    Return one tile with some buildings, all by default.
-
-    """
+    """Return one tile with some buildings, all by default."""
     chosen = BUILDINGS if buildings is None else buildings
     made = {number: build() for number, build in chosen.items()}
     outlines = tuple(BuildingOutline(number, outline) for number, (outline, _) in made.items())
@@ -113,10 +93,7 @@ def shapes(frame=DUTCH, buildings=None):
 
 
 def survey(folder, *tiles, frame=DUTCH, **options):
-    """
-    Return the buildings of some tiles.
-
-    """
+    """Return the buildings of some tiles."""
     buildings = SurveyBuildings(folder / "lines", frame, **options)
     for tile in tiles:
         buildings.add(tile)
@@ -124,10 +101,7 @@ def survey(folder, *tiles, frame=DUTCH, **options):
 
 
 def _model(outline, solid):
-    """
-    Return an outline and its model at two levels of detail.
-
-    """
+    """Return an outline and its model at two levels of detail."""
     attributes = {
         "ground_elevation": GROUND,
         "height": RIDGE - GROUND,

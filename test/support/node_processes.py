@@ -1,7 +1,4 @@
-"""
-Nodes as processes of their own, to be slowed down, killed and started again by tests.
-
-"""
+"""Nodes as processes of their own, to be slowed down, killed and started again by tests."""
 
 from __future__ import annotations
 
@@ -34,10 +31,7 @@ LAST = "building_model"
 
 
 class NodeProcesses:
-    """
-    The whole graph, each node in its own process.
-
-    """
+    """The whole graph, each node in its own process."""
 
     def __init__(self, inputs: list[Path], output: Path, namespace: str, logs: Path, **player) -> None:
         self.output, self._namespace, self._logs = output, namespace, logs
@@ -79,10 +73,7 @@ class NodeProcesses:
         return len(list((self.output / ".partial").glob("*.npz")))
 
     def wait_for_tiles(self, count: int, seconds: float) -> None:
-        """
-        Wait until so many tiles are on disk.
-
-        """
+        """Wait until so many tiles are on disk."""
         end = time.monotonic() + seconds
         while self.n_on_disk() < count and not (self.output / "run.json").exists():
             assert time.monotonic() < end, (
@@ -92,20 +83,14 @@ class NodeProcesses:
             time.sleep(0.05)
 
     def wait_until_written(self, seconds: float) -> int:
-        """
-        Wait until the writer has ended by itself; return its exit status.
-
-        """
+        """Wait until the writer has ended by itself; return its exit status."""
         try:
             return self._processes["model_writer"].wait(seconds)
         except subprocess.TimeoutExpired:
             raise AssertionError(f"{self.n_on_disk()} tiles after {seconds} s{self.tails()}") from None
 
     def tails(self) -> str:
-        """
-        The last lines of every node's log, and which nodes have ended.
-
-        """
+        """The last lines of every node's log, and which nodes have ended."""
         ended = {name: process.poll() for name, process in self._processes.items()}
         lines = [
             f"{log.stem}: {line}"

@@ -1,7 +1,4 @@
-"""
-What tests look at in the output folder of a run.
-
-"""
+"""What tests look at in the output folder of a run."""
 
 from __future__ import annotations
 
@@ -18,19 +15,13 @@ RESULTS = ("buildings.gpkg", *MODELS, "dtm.tif", "dsm.tif", "ndsm.tif")
 
 
 def contents(output: Path) -> dict[str, bytes]:
-    """
-    Return name → bytes of every file whose content must not depend on how the run was laid out.
-
-    """
+    """Return name → bytes of every file whose content must not depend on how the run was laid out."""
     classified = sorted((output / "classified").iterdir())
     return {path.name: path.read_bytes() for path in (*classified, *(output / name for name in RESULTS))}
 
 
 def assert_complete(survey: Path, output: Path, *, min_tiles: int = 1) -> None:
-    """
-    Every point has a class and its old dimensions, every building is there once, nothing is left over.
-
-    """
+    """Every point has a class and its old dimensions, every building is there once, nothing is left over."""
     run = json.loads((output / "run.json").read_text())
     assert run["n_tiles"] >= min_tiles
     assert run["n_unclassified"] == 0
@@ -44,10 +35,7 @@ def assert_complete(survey: Path, output: Path, *, min_tiles: int = 1) -> None:
 
 
 def assert_buildings_once(output: Path) -> None:
-    """
-    Layers and models name the same buildings, each once, and no two outlines overlap.
-
-    """
+    """Layers and models name the same buildings, each once, and no two outlines overlap."""
     import shapely
 
     _, _, geometry, columns = pyogrio.raw.read(
@@ -71,10 +59,7 @@ def assert_buildings_once(output: Path) -> None:
 
 
 def assert_rest_is_complete(survey: Path, output: Path, whole: Path, n_unclassified: int) -> None:
-    """
-    But for the points of one tile and its buildings, the results are those of an undisturbed run.
-
-    """
+    """But for the points of one tile and its buildings, the results are those of an undisturbed run."""
     name = "classified/strip_01.laz"
     given = laspy.read(survey / "strip_01.laz").classification
     one, other = (laspy.read(folder / name).classification for folder in (output, whole))
@@ -87,9 +72,6 @@ def assert_rest_is_complete(survey: Path, output: Path, whole: Path, n_unclassif
 
 
 def building_ids(output: Path) -> list[int]:
-    """
-    The numbers of a run's buildings, by their outlines.
-
-    """
+    """The numbers of a run's buildings, by their outlines."""
     columns = pyogrio.raw.read(output / "buildings.gpkg", layer="outlines", columns=["building_id"])[3]
     return columns[0].tolist()

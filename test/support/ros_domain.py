@@ -1,7 +1,4 @@
-"""
-A ROS domain for each test worker, so that workers side by side do not hear each other.
-
-"""
+"""A ROS domain for each test worker, so that workers side by side do not hear each other."""
 
 import os
 

@@ -1,7 +1,4 @@
-"""
-Tiny clouds and layers of polygons for the score command.
-
-"""
+"""Tiny clouds and layers of polygons for the score command."""
 
 import laspy
 import numpy as np
@@ -12,10 +9,7 @@ ORIGIN = np.array([85_000.0, 447_000.0, 0.0])
 
 
 def write_cloud(path, points, classes, truth=None):
-    """
-    A LAZ file with these classes, and with the true ones in an extra dimension if they are given.
-
-    """
+    """A LAZ file with these classes, and with the true ones in an extra dimension if they are given."""
     path.parent.mkdir(parents=True, exist_ok=True)
     header = laspy.LasHeader(point_format=6, version="1.4")
     header.scales, header.offsets = [0.001] * 3, ORIGIN
@@ -30,10 +24,7 @@ def write_cloud(path, points, classes, truth=None):
 
 
 def write_polygons(path, polygons, layer="outlines", crs="EPSG:28992"):
-    """
-    A layer of polygons, given in metres from the origin.
-
-    """
+    """A layer of polygons, given in metres from the origin."""
     path.parent.mkdir(parents=True, exist_ok=True)
     moved = shapely.transform(np.array(polygons, dtype=object), lambda xy: xy + ORIGIN[:2])
     pyogrio.raw.write(

@@ -1,7 +1,4 @@
-"""
-The package's source as syntax trees: its modules, and what they import.
-
-"""
+"""The package's source as syntax trees: its modules, and what they import."""
 
 import ast
 import sys
@@ -31,7 +28,6 @@ def imports_of(tree, package):
     Every module that is imported, wherever the statement stands.
 
     `from a import b` gives a.b if that is a module of the package, else a.
-
     """
     for node in ast.walk(tree):
         if isinstance(node, ast.Import):

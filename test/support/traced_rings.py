@@ -1,7 +1,4 @@
-"""
-What every traced outline has to be.
-
-"""
+"""What every traced outline has to be."""
 
 import numpy as np
 import shapely
@@ -18,10 +15,7 @@ def overlap(one, other):
 
 
 def assert_sound(traced, points, tolerance=1e-5):
-    """
-    A ring always exists, is simple and turned the right way, and has every point inside or on it.
-
-    """
+    """A ring always exists, is simple and turned the right way, and has every point inside or on it."""
     shape = polygon(traced.outline)
     assert shape.is_valid
     assert shape.area > 0

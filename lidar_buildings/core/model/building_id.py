@@ -1,7 +1,4 @@
-"""
-Building ids that stay the same however the data are cut into tiles.
-
-"""
+"""Building ids that stay the same however the data are cut into tiles."""
 
 from __future__ import annotations
 
@@ -20,7 +17,6 @@ def anchor_row(points: NDArray[np.float64]) -> int:
     ----------
     points : ndarray of shape (n_points, 3)
         The building's points [m]; at least one.
-
     """
     return int(np.lexsort((points[:, 2], points[:, 1], points[:, 0]))[0])
 
@@ -31,7 +27,6 @@ def building_id(anchor: NDArray[np.float64]) -> int:
 
     The low halves of the anchor's cell numbers stand in the id's two 16-bit halves, so that ids differ
     within 32 km of each other.
-
     """
     column, row = (int(np.floor(c / CELL)) & 0xFFFF for c in anchor[:2])
     return (column << 16 | row) or 0xFFFFFFFF
@@ -52,7 +47,6 @@ def anchor_near(number: int, place: NDArray[np.float64]) -> tuple[float, float]:
     -------
     tuple of two float
         The place itself if it lies in the id's cell, else the middle of that cell, map frame [m].
-
     """
     x, y = float(place[0]), float(place[1])
     if building_id(np.array([x, y])) == number:
@@ -61,18 +55,12 @@ def anchor_near(number: int, place: NDArray[np.float64]) -> tuple[float, float]:
 
 
 def _middle(low_half: int, near: float) -> float:
-    """
-    Return the middle of the cell nearest to a coordinate whose number ends with these 16 bits [m].
-
-    """
+    """Return the middle of the cell nearest to a coordinate whose number ends with these 16 bits [m]."""
     cell = int(np.floor(near / CELL))
     away = ((low_half - cell + 0x8000) & 0xFFFF) - 0x8000
     return (cell + away + 0.5) * CELL
 
 
 def readable_id(anchor_x: float, anchor_y: float) -> str:
-    """
-    Return the id that files carry, made from the anchor's coordinates in the source's reference system.
-
-    """
+    """Return the id that files carry, made from the anchor's coordinates in the source's reference system."""
     return f"building-{anchor_x:.1f}-{anchor_y:.1f}"

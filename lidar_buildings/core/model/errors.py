@@ -1,32 +1,17 @@
-"""
-The few errors that this package raises for what a user can cause.
-
-"""
+"""The few errors that this package raises for what a user can cause."""
 
 
 class LidarBuildingsError(Exception):
-    """
-    Root of the package's errors; the message says what is wrong and what to do.
-
-    """
+    """Root of the package's errors; the message says what is wrong and what to do."""
 
 
 class InputError(LidarBuildingsError):
-    """
-    An input file, folder or message cannot be read.
-
-    """
+    """An input file, folder or message cannot be read."""
 
 
 class OutputError(LidarBuildingsError):
-    """
-    The output folder cannot be used, or a file cannot be written.
-
-    """
+    """The output folder cannot be used, or a file cannot be written."""
 
 
 class ParameterError(LidarBuildingsError, ValueError):
-    """
-    A parameter name is unknown or its value is out of range.
-
-    """
+    """A parameter name is unknown or its value is out of range."""

@@ -1,7 +1,4 @@
-"""
-Classes that a file brings along and that this package cannot find better itself.
-
-"""
+"""Classes that a file brings along and that this package cannot find better itself."""
 
 from __future__ import annotations
 
@@ -37,7 +34,6 @@ def is_of_groups(classification: NDArray[np.uint8], groups: Iterable[str]) -> ND
         ASPRS classes.
     groups : iterable of str
         Names in `CLASS_GROUPS`.
-
     """
     table = np.zeros(256, dtype=bool)
     for group in groups:

@@ -1,7 +1,4 @@
-"""
-The local map frame: where it lies in the source's coordinate reference system.
-
-"""
+"""The local map frame: where it lies in the source's coordinate reference system."""
 
 from __future__ import annotations
 
@@ -24,7 +21,6 @@ class MapFrame:
         What to add to map coordinates [m].
     horizontal_unit, vertical_unit : float
         Metres per unit of the source's x and y, and of its z (0.3048 for feet).
-
     """
 
     crs: str = ""
@@ -34,22 +30,13 @@ class MapFrame:
 
     @property
     def units(self) -> NDArray[np.float64]:
-        """
-        Metres per source unit, per axis.
-
-        """
+        """Metres per source unit, per axis."""
         return np.array([self.horizontal_unit, self.horizontal_unit, self.vertical_unit])
 
     def to_map(self, source_xyz: NDArray[np.float64]) -> NDArray[np.float64]:
-        """
-        Turn source coordinates, shape (n, 3), into map coordinates [m].
-
-        """
+        """Turn source coordinates, shape (n, 3), into map coordinates [m]."""
         return np.asarray(source_xyz, dtype=np.float64) * self.units - np.asarray(self.origin)
 
     def to_source(self, map_xyz: NDArray[np.float64]) -> NDArray[np.float64]:
-        """
-        Turn map coordinates [m], shape (n, 3), into source coordinates.
-
-        """
+        """Turn map coordinates [m], shape (n, 3), into source coordinates."""
         return (np.asarray(map_xyz, dtype=np.float64) + np.asarray(self.origin)) / self.units

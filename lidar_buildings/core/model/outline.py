@@ -1,7 +1,4 @@
-"""
-A building's outline: one outer ring and its courtyards.
-
-"""
+"""A building's outline: one outer ring and its courtyards."""
 
 from __future__ import annotations
 
@@ -23,7 +20,6 @@ class Outline:
         Counter-clockwise, map frame [m].
     holes : tuple of ndarray of shape (n_vertices, 2)
         Clockwise, map frame [m].
-
     """
 
     exterior: NDArray[np.float64]
@@ -31,50 +27,32 @@ class Outline:
 
     @property
     def rings(self) -> tuple[NDArray[np.float64], ...]:
-        """
-        The outer ring first, then the holes.
-
-        """
+        """The outer ring first, then the holes."""
         return (self.exterior, *self.holes)
 
     @property
     def area(self) -> float:
-        """
-        Area inside the outer ring less that of the holes [m²].
-
-        """
+        """Area inside the outer ring less that of the holes [m²]."""
         return float(sum(signed_area(ring) for ring in self.rings))
 
     @property
     def polygon(self) -> shapely.Polygon:
-        """
-        The outline as a polygon; empty if the outer ring has fewer than three vertices.
-
-        """
+        """The outline as a polygon; empty if the outer ring has fewer than three vertices."""
         if len(self.exterior) < 3:
             return shapely.Polygon()
         return shapely.Polygon(self.exterior, [hole for hole in self.holes if len(hole) >= 3])
 
     def oriented(self) -> Outline:
-        """
-        Return the same outline with the outer ring counter-clockwise and the holes clockwise.
-
-        """
+        """Return the same outline with the outer ring counter-clockwise and the holes clockwise."""
         exterior = self.exterior if signed_area(self.exterior) >= 0 else self.exterior[::-1]
         return Outline(exterior, tuple(h if signed_area(h) <= 0 else h[::-1] for h in self.holes))
 
     def as_carried(self) -> Outline:
-        """
-        Return the outline as a message carries it: coordinates rounded to float32.
-
-        """
+        """Return the outline as a message carries it: coordinates rounded to float32."""
         return Outline(*_carried(self.exterior, self.holes))
 
     def same_as(self, other: Outline) -> bool:
-        """
-        Whether both have the same rings, vertex for vertex.
-
-        """
+        """Whether both have the same rings, vertex for vertex."""
         return len(self.rings) == len(other.rings) and all(
             np.array_equal(mine, theirs) for mine, theirs in zip(self.rings, other.rings, strict=True)
         )
@@ -93,7 +71,6 @@ class BuildingOutline:
         Rings in the map frame [m].
     ground_elevation : float or None
         Of the ground at the building, map frame [m]; None where it is left to the building's points.
-
     """
 
     building_id: int
@@ -102,10 +79,7 @@ class BuildingOutline:
 
 
 def signed_area(ring: NDArray[np.float64]) -> float:
-    """
-    Area of an open ring, shape (n, 2): positive if counter-clockwise, 0 for fewer than 3 vertices.
-
-    """
+    """Area of an open ring, shape (n, 2): positive if counter-clockwise, 0 for fewer than 3 vertices."""
     if len(ring) < 3:
         return 0.0
     x, y = (ring - ring[0]).T
@@ -115,9 +89,6 @@ def signed_area(ring: NDArray[np.float64]) -> float:
 def _carried(
     exterior: NDArray[np.float64], holes: tuple[NDArray[np.float64], ...]
 ) -> tuple[NDArray[np.float64], tuple[NDArray[np.float64], ...]]:
-    """
-    Round all rings to what float32 holds.
-
-    """
+    """Round all rings to what float32 holds."""
     rounded = [ring.astype(np.float32).astype(np.float64) for ring in (exterior, *holes)]
     return rounded[0], tuple(rounded[1:])

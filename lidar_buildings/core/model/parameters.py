@@ -2,7 +2,6 @@
 Parameters written once: default, unit, range and one sentence, beside the stage that uses them.
 
 Node declarations, ``config/pipeline.param.yaml``, ``--set`` and ``doc/nodes.md`` are generated from here.
-
 """
 
 from __future__ import annotations
@@ -31,7 +30,6 @@ class ParameterSpec:
         The allowed words of a text or list parameter, empty where any will do.
     read_only : bool
         Whether the value is fixed once the node has started.
-
     """
 
     description: str
@@ -42,10 +40,7 @@ class ParameterSpec:
     read_only: bool = False
 
     def allowed(self) -> str:
-        """
-        Say in words which values are allowed.
-
-        """
+        """Say in words which values are allowed."""
         if self.choices:
             return "one of " + ", ".join(self.choices)
         unit = f" [{self.unit}]" if self.unit else ""
@@ -70,16 +65,12 @@ def parameter(default: Any, description: str, **spec: Any) -> Any:
         One sentence; says what raising the value does.
     **spec
         The other members of `ParameterSpec`.
-
     """
     return field(default=default, metadata={"spec": ParameterSpec(description, **spec)})
 
 
 def spec_of(config_field: Field[Any]) -> ParameterSpec:
-    """
-    Return what was declared of a config field.
-
-    """
+    """Return what was declared of a config field."""
     return config_field.metadata["spec"]
 
 
@@ -92,16 +83,12 @@ class StageConfig:
     ------
     ParameterError
         Naming the dotted parameter, the value and what is allowed.
-
     """
 
     stage: ClassVar[str] = ""
 
     def __post_init__(self) -> None:
-        """
-        Check every value.
-
-        """
+        """Check every value."""
         for config_field in fields(self):
             value = checked_value(self.stage, config_field, getattr(self, config_field.name))
             object.__setattr__(self, config_field.name, value)
@@ -115,7 +102,6 @@ def checked_value(stage: str, config_field: Field[Any], value: Any) -> Any:
     ------
     ParameterError
         If the type is wrong or the value out of range.
-
     """
     spec = spec_of(config_field)
     path = f"{stage}.{config_field.name}"
@@ -141,10 +127,7 @@ def checked_value(stage: str, config_field: Field[Any], value: Any) -> Any:
 
 
 def _checked_texts(path: str, value: Any, spec: ParameterSpec) -> tuple[str, ...]:
-    """
-    Return a list of texts as a tuple.
-
-    """
+    """Return a list of texts as a tuple."""
     if not isinstance(value, (list, tuple)) or any(type(text) is not str for text in value):
         raise ParameterError(f"{path} = {value!r}: must be a list of texts")
     if spec.choices and not set(value) <= set(spec.choices):

@@ -1,7 +1,4 @@
-"""
-The one check that every stage makes of the points it is given.
-
-"""
+"""The one check that every stage makes of the points it is given."""
 
 from __future__ import annotations
 
@@ -19,7 +16,6 @@ def checked_points(points: ArrayLike) -> NDArray[np.float64]:
     ------
     ValueError
         If the shape is another one, or a coordinate is not finite.
-
     """
     array = np.ascontiguousarray(points, dtype=np.float64)
     if array.ndim != 2 or array.shape[1] != 3:
@@ -42,7 +38,6 @@ def checked_column(name: str, column: ArrayLike, n_points: int, dtype: Any) -> N
     ValueError
         If there is not exactly one value per point, one is not a number, or whole numbers are wanted and one
         is broken or out of their range.
-
     """
     array = np.asarray(column)
     if array.shape != (n_points,):
@@ -55,10 +50,7 @@ def checked_column(name: str, column: ArrayLike, n_points: int, dtype: Any) -> N
 
 
 def _as_whole(name: str, array: NDArray[Any], dtype: np.dtype[Any]) -> NDArray[Any]:
-    """
-    Return numbers as whole ones of `dtype`, none of them changed.
-
-    """
+    """Return numbers as whole ones of `dtype`, none of them changed."""
     if np.can_cast(array.dtype, dtype):
         return np.ascontiguousarray(array, dtype=dtype)
     with np.errstate(invalid="ignore"):
@@ -80,7 +72,6 @@ def checked_columns(n_points: int, **columns: ArrayLike | None) -> dict[str, NDA
     ------
     ValueError
         As `checked_column`.
-
     """
     return {
         name: None if column is None else checked_column(name, column, n_points, np.asarray(column).dtype)

@@ -1,16 +1,10 @@
-"""
-The point classes of ASPRS LAS 1.4 that this package reads and writes.
-
-"""
+"""The point classes of ASPRS LAS 1.4 that this package reads and writes."""
 
 from enum import IntEnum
 
 
 class PointClass(IntEnum):
-    """
-    Standard lidar point classes (ASPRS LAS Specification 1.4-R15, table 17).
-
-    """
+    """Standard lidar point classes (ASPRS LAS Specification 1.4-R15, table 17)."""
 
     NEVER_CLASSIFIED = 0
     UNCLASSIFIED = 1

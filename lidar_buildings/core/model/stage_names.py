@@ -1,7 +1,4 @@
-"""
-The names of the stages that a run may end with, in the order of the chain.
-
-"""
+"""The names of the stages that a run may end with, in the order of the chain."""
 
 #: Segmentation is the first half of tracing and has no name here.
 STAGES = (

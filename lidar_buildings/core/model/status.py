@@ -1,16 +1,10 @@
-"""
-What became of a building: one word each, with the reason beside it in words.
-
-"""
+"""What became of a building: one word each, with the reason beside it in words."""
 
 from enum import Enum
 
 
 class BuildingStatus(str, Enum):
-    """
-    The worst thing that happened to a building on its way; a building is never left out.
-
-    """
+    """The worst thing that happened to a building on its way; a building is never left out."""
 
     #: Regularised outline and a valid solid.
     OK = "ok"

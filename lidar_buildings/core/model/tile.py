@@ -1,7 +1,4 @@
-"""
-A tile of points: named columns that all stages share and messages carry.
-
-"""
+"""A tile of points: named columns that all stages share and messages carry."""
 
 from __future__ import annotations
 
@@ -87,7 +84,6 @@ class PointTile:
     ------
     ValueError
         If a column's length differs from the number of points, or `points` is not (n, 3).
-
     """
 
     points: NDArray[np.float64]
@@ -121,10 +117,7 @@ class PointTile:
     frame: MapFrame = field(default_factory=MapFrame)
 
     def __post_init__(self) -> None:
-        """
-        Cast everything to what a message carries and check the lengths.
-
-        """
+        """Cast everything to what a message carries and check the lengths."""
         points = np.asarray(self.points)
         if points.ndim != 2 or points.shape[1] != 3:
             raise ValueError(f"points has shape {points.shape}: must be (n_points, 3)")
@@ -141,34 +134,22 @@ class PointTile:
             object.__setattr__(self, name, column)
 
     def __len__(self) -> int:
-        """
-        Return the number of points.
-
-        """
+        """Return the number of points."""
         return len(self.points)
 
     @property
     def columns(self) -> dict[str, NDArray[Any]]:
-        """
-        The columns that the tile has, in message order.
-
-        """
+        """The columns that the tile has, in message order."""
         return {name: getattr(self, name) for name in COLUMNS if getattr(self, name) is not None}
 
     @property
     def is_core(self) -> NDArray[np.bool_]:
-        """
-        True for the tile's own points, False for the buffer's.
-
-        """
+        """True for the tile's own points, False for the buffer's."""
         return np.ones(len(self), dtype=bool) if self.buffer is None else self.buffer == 0
 
     @property
     def is_roof(self) -> NDArray[np.bool_]:
-        """
-        True for points of class 6 that are no façade, and for all where nothing is classified.
-
-        """
+        """True for points of class 6 that are no façade, and for all where nothing is classified."""
         if self.classification is None:
             return np.ones(len(self), dtype=bool)
         is_building = self.classification == PointClass.BUILDING
@@ -176,42 +157,27 @@ class PointTile:
 
     @property
     def spacing(self) -> float | None:
-        """
-        The tile's point spacing [m], None where it is not known or there is no point.
-
-        """
+        """The tile's point spacing [m], None where it is not known or there is no point."""
         return self._one_value(self.point_spacing)
 
     @property
     def darkness(self) -> float | None:
-        """
-        The tile's `dark_limit`, None where it is not known or there is no point.
-
-        """
+        """The tile's `dark_limit`, None where it is not known or there is no point."""
         return self._one_value(self.dark_limit)
 
     def _one_value(self, column: NDArray[Any] | None) -> float | None:
-        """
-        Return a column's median, None where that is no number above 0.
-
-        """
+        """Return a column's median, None where that is no number above 0."""
         if column is None or not len(self):
             return None
         value = float(np.median(column))
         return value if np.isfinite(value) and value > 0 else None
 
     def with_columns(self, **columns: Any) -> PointTile:
-        """
-        Return the tile with these columns set or replaced.
-
-        """
+        """Return the tile with these columns set or replaced."""
         return replace(self, **columns)
 
     def select(self, rows: NDArray[Any]) -> PointTile:
-        """
-        Return the tile's rows chosen by a mask or by indices.
-
-        """
+        """Return the tile's rows chosen by a mask or by indices."""
         chosen = {name: column[rows] for name, column in self.columns.items()}
         return replace(self, points=self.points[rows], **chosen)
 
@@ -223,7 +189,6 @@ class PointTile:
         ------
         ValueError
             If the other tile lacks one of these columns.
-
         """
         missing = sorted(self.columns.keys() - other.columns.keys())
         if missing:

@@ -1,7 +1,4 @@
-"""
-Points by cell: neighbours together, whatever the order of the rows.
-
-"""
+"""Points by cell: neighbours together, whatever the order of the rows."""
 
 from __future__ import annotations
 
@@ -44,7 +41,6 @@ class SortedPoints(NamedTuple):
         By how much the number of a cell's northern neighbour is higher.
     size : float
         Side of a cell [m].
-
     """
 
     points: NDArray[np.float64]
@@ -65,7 +61,6 @@ class CellRows(NamedTuple):
         The rows, cell by cell.
     numbers, first, n_columns, size
         As of `SortedPoints`.
-
     """
 
     rows: NDArray[np.intp]
@@ -85,7 +80,6 @@ def rows_by_cell(points: NDArray[np.float64], cell: float) -> CellRows:
         Only x and y are looked at [m].
     cell : float
         Side of a cell [m]; doubled until an enormous extent can be numbered.
-
     """
     numbers, n_columns, cell = _numbered(points, cell)
     return CellRows(*_rows_by_number(numbers), n_columns, cell)
@@ -104,7 +98,6 @@ def sort_by_cell(points: NDArray[np.float64], cell: float) -> SortedPoints:
         In any order [m].
     cell : float
         Side of a cell [m]; doubled until an enormous extent can be numbered.
-
     """
     numbers, n_columns, cell = _numbered(points, cell)
     rows, numbers, first = _rows_by_number(numbers)
@@ -125,7 +118,6 @@ def lowest_of_cells(cloud: SortedPoints, kept: NDArray[np.bool_]) -> NDArray[np.
         The points in their cells.
     kept : ndarray of shape (n_points,), bool
         Which of the sorted points count.
-
     """
     lowest = np.full(len(cloud.numbers), -1, dtype=np.int64)
     for_row_blocks(lambda a, b: _first_kept(cloud.first, kept, lowest, a, b), len(lowest))
@@ -133,10 +125,7 @@ def lowest_of_cells(cloud: SortedPoints, kept: NDArray[np.bool_]) -> NDArray[np.
 
 
 def in_rows_order(cloud: SortedPoints, values: NDArray[Any]) -> NDArray[Any]:
-    """
-    Return one value per sorted point in the order of the input rows.
-
-    """
+    """Return one value per sorted point in the order of the input rows."""
     unsorted = np.empty_like(values)
     for_row_blocks(lambda a, b: _scatter(cloud.rows, values, unsorted, a, b), len(values))
     return unsorted
@@ -144,20 +133,14 @@ def in_rows_order(cloud: SortedPoints, values: NDArray[Any]) -> NDArray[Any]:
 
 @njit(cache=True, nogil=True)
 def _scatter(rows, values, unsorted, begin, end):  # type: ignore[no-untyped-def]
-    """
-    Put the values of sorted points `begin` to `end` into their rows.
-
-    """
+    """Put the values of sorted points `begin` to `end` into their rows."""
     for i in range(begin, end):
         unsorted[rows[i]] = values[i]
 
 
 @njit(cache=True, nogil=True)
 def _first_kept(first, kept, lowest, begin, end):  # type: ignore[no-untyped-def]
-    """
-    Find the first kept point of the cells `begin` to `end`.
-
-    """
+    """Find the first kept point of the cells `begin` to `end`."""
     for k in range(begin, end):
         for i in range(first[k], first[k + 1]):
             if kept[i]:
@@ -175,16 +158,12 @@ def cell_numbers(points: NDArray[np.float64], cell: float) -> NDArray[np.int64]:
         Only x and y are looked at [m].
     cell : float
         Side of a cell [m]; doubled until an enormous extent can be numbered.
-
     """
     return _numbered(points, cell)[0]
 
 
 def cell_order(points: NDArray[np.float64], cell: float) -> NDArray[np.intp]:
-    """
-    Return the rows cell by cell, so that consecutive points are near each other.
-
-    """
+    """Return the rows cell by cell, so that consecutive points are near each other."""
     return _rows_by_number(cell_numbers(points, cell))[0]
 
 
@@ -200,7 +179,6 @@ def lowest_per_cell(points: NDArray[np.float64], cell: float) -> NDArray[np.intp
         In any order [m].
     cell : float
         Side of a cell [m].
-
     """
     points = np.ascontiguousarray(points)
     numbers = cell_numbers(points, cell)
@@ -212,10 +190,7 @@ def lowest_per_cell(points: NDArray[np.float64], cell: float) -> NDArray[np.intp
 
 
 def _numbered(points: NDArray[np.float64], cell: float) -> tuple[NDArray[np.int64], int, float]:
-    """
-    Return the cells' numbers, the number of columns and the cells' side.
-
-    """
+    """Return the cells' numbers, the number of columns and the cells' side."""
     if len(points) == 0:
         return np.zeros(0, dtype=np.int64), 1, cell
     x, y = points[:, 0], points[:, 1]
@@ -232,19 +207,13 @@ def _numbered(points: NDArray[np.float64], cell: float) -> tuple[NDArray[np.int6
 
 
 def _n_across(low: float, high: float, cell: float) -> float:
-    """
-    Return how many cells there may be from `low` to `high`, without overflow.
-
-    """
+    """Return how many cells there may be from `low` to `high`, without overflow."""
     return high / cell - low / cell + 2.0
 
 
 @njit(cache=True, nogil=True)
 def _number(points, cell, start, n_columns, numbers, begin, end):  # type: ignore[no-untyped-def]
-    """
-    Number the cells of the rows `begin` to `end`.
-
-    """
+    """Number the cells of the rows `begin` to `end`."""
     for i in range(begin, end):
         column = np.int64(math.floor(points[i, 0] / cell) - start[0])
         row = np.int64(math.floor(points[i, 1] / cell) - start[1])
@@ -252,20 +221,14 @@ def _number(points, cell, start, n_columns, numbers, begin, end):  # type: ignor
 
 
 def _can_be_counted(numbers: NDArray[np.int64]) -> bool:
-    """
-    Return whether a table of all cells is small enough beside the points.
-
-    """
+    """Return whether a table of all cells is small enough beside the points."""
     return int(numbers.max(initial=0)) < MAX_COUNTED_CELLS * (len(numbers) + 1024)
 
 
 def _rows_by_number(
     numbers: NDArray[np.int64],
 ) -> tuple[NDArray[np.intp], NDArray[np.int64], NDArray[np.int64]]:
-    """
-    Return the rows by rising number, equal ones in the order given; the numbers; where each begins.
-
-    """
+    """Return the rows by rising number, equal ones in the order given; the numbers; where each begins."""
     if _can_be_counted(numbers):
         return _counting_sort(numbers, int(numbers.max(initial=-1)) + 1)
     rows = np.argsort(numbers, kind="stable")
@@ -276,10 +239,7 @@ def _rows_by_number(
 
 @njit(cache=True, nogil=True)
 def _counting_sort(numbers, n_cells):  # type: ignore[no-untyped-def]
-    """
-    Sort with one step a point and a cell; see `_rows_by_number`.
-
-    """
+    """Sort with one step a point and a cell; see `_rows_by_number`."""
     place = np.zeros(n_cells, dtype=np.int64)
     for number in numbers:
         place[number] += 1
@@ -301,10 +261,7 @@ def _counting_sort(numbers, n_cells):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _fill_cells(points, rows, ordered, first, begin, end):  # type: ignore[no-untyped-def]
-    """
-    Sort the rows of the cells `begin` to `end` and copy their points into their places.
-
-    """
+    """Sort the rows of the cells `begin` to `end` and copy their points into their places."""
     elevation = np.empty(LARGE_CELL)
     for k in range(begin, end):
         if first[k + 1] - first[k] <= LARGE_CELL:
@@ -316,10 +273,7 @@ def _fill_cells(points, rows, ordered, first, begin, end):  # type: ignore[no-un
 
 @njit(cache=True, nogil=True)
 def _sort_cell(points, rows, elevation):  # type: ignore[no-untyped-def]
-    """
-    Sort a cell's rows by their points' z, x, y (Shell 1959); `elevation` is room for as many numbers.
-
-    """
+    """Sort a cell's rows by their points' z, x, y (Shell 1959); `elevation` is room for as many numbers."""
     for i in range(len(rows)):
         elevation[i] = points[rows[i], 2]
     for step in SHELL_STEPS:
@@ -334,10 +288,7 @@ def _sort_cell(points, rows, elevation):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _comes_first(points, z, row, other_z, other_row):  # type: ignore[no-untyped-def]
-    """
-    Whether a row's point, of elevation z, comes before another's by z, x, y.
-
-    """
+    """Whether a row's point, of elevation z, comes before another's by z, x, y."""
     if z != other_z:
         return z < other_z
     for axis in range(2):
@@ -347,20 +298,14 @@ def _comes_first(points, z, row, other_z, other_row):  # type: ignore[no-untyped
 
 
 def _sort_large_cell(points: NDArray[np.float64], rows: NDArray[np.intp], cell: slice) -> None:
-    """
-    Sort one cell's points in place.
-
-    """
+    """Sort one cell's points in place."""
     order = np.lexsort((points[cell, 1], points[cell, 0], points[cell, 2]))
     points[cell], rows[cell] = points[cell][order], rows[cell][order]
 
 
 @njit(cache=True, nogil=True)
 def _lowest_of_cells(numbers, n_cells, points):  # type: ignore[no-untyped-def]
-    """
-    Return the row of the lowest point of each cell, −1 where there is none.
-
-    """
+    """Return the row of the lowest point of each cell, −1 where there is none."""
     lowest = np.full(n_cells, -1, dtype=np.intp)
     for i in range(len(numbers)):
         k = numbers[i]
@@ -371,10 +316,7 @@ def _lowest_of_cells(numbers, n_cells, points):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _lowest_of_runs(rows, first, points):  # type: ignore[no-untyped-def]
-    """
-    Return the lowest point of each cell.
-
-    """
+    """Return the lowest point of each cell."""
     lowest = np.empty(len(first) - 1, dtype=np.intp)
     for k in range(len(lowest)):
         best = rows[first[k]]

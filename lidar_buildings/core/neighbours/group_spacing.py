@@ -1,6 +1,5 @@
 """
 The point spacing of each of several groups of points, from a sample of each: quick where there are many.
-
 """
 
 from __future__ import annotations
@@ -48,7 +47,6 @@ def group_spacings(
     -------
     ndarray of shape (n_groups,)
         NaN for a group of fewer than 20 points, or most of whose neighbours are not near [m].
-
     """
     size = np.bincount(group[group >= 0], minlength=n_groups)
     is_probe = mark_probes(points, group, size, MAX_PROBES, 2 * POINTS_A_NEIGHBOUR)
@@ -67,10 +65,7 @@ def group_spacings(
 
 
 def _middle(distance: NDArray[np.float64]) -> float:
-    """
-    Return the median, weighted by area, of rising distances; NaN if it is not known.
-
-    """
+    """Return the median, weighted by area, of rising distances; NaN if it is not known."""
     median = distance[len(distance) // 2]
     if not 0.0 < median < np.inf:
         return math.nan
@@ -81,10 +76,7 @@ def _middle(distance: NDArray[np.float64]) -> float:
 
 @njit(cache=True, nogil=True)
 def _nth_distances(points, cells, group, nth, is_probe):  # type: ignore[no-untyped-def]
-    """
-    Return each probe's distance to its n-th neighbour of the same group, infinite if that is not near.
-
-    """
+    """Return each probe's distance to its n-th neighbour of the same group, infinite if that is not near."""
     distance = np.full(len(group), np.inf)
     nearest = np.empty(NEIGHBOURS)
     for cell in range(len(cells.numbers)):
@@ -103,10 +95,7 @@ def _nth_distances(points, cells, group, nth, is_probe):  # type: ignore[no-unty
 
 @njit(cache=True, nogil=True)
 def _find_nearest(points, cells, cell, reach, group, i, nearest):  # type: ignore[no-untyped-def]
-    """
-    Write the least squared distances, rising, to the group's other points in a window of cells.
-
-    """
+    """Write the least squared distances, rising, to the group's other points in a window of cells."""
     nearest[:] = np.inf
     column = cells.numbers[cell] % cells.n_columns
     west, east = min(reach, column), min(reach, cells.n_columns - 1 - column)

@@ -1,7 +1,4 @@
-"""
-How far the n-th nearest neighbour in plan is, from a grid: quicker than a tree for few of many points.
-
-"""
+"""How far the n-th nearest neighbour in plan is, from a grid: quicker than a tree for few of many points."""
 
 from __future__ import annotations
 
@@ -48,7 +45,6 @@ def nth_distances(
         The same numbers that a search by tree finds; infinite where they are more than `reach` [m].
     reach : float
         A few times what is usual [m].
-
     """
     flat = np.zeros((len(plan), 3))
     flat[:, :2] = plan
@@ -62,10 +58,7 @@ def nth_distances(
 
 
 def _guessed_spacing(plan: NDArray[np.float64]) -> float:
-    """
-    Guess 1/√density from a part of the points; only the time depends on it.
-
-    """
+    """Guess 1/√density from a part of the points; only the time depends on it."""
     step = max(1, len(plan) // N_GUESS)
     some = plan[::step]
     k = min(NEIGHBOURS_TO_GUESS, len(some) - 1)
@@ -75,10 +68,7 @@ def _guessed_spacing(plan: NDArray[np.float64]) -> float:
 
 @njit(cache=True, nogil=True)
 def _search(cloud, origin, probes, n, distances, begin, end):  # type: ignore[no-untyped-def]
-    """
-    Fill the distances of probes begin to end.
-
-    """
+    """Fill the distances of probes begin to end."""
     nearest = np.empty(n)
     for i in range(begin, end):
         distances[i] = np.inf
@@ -94,7 +84,6 @@ def _search(cloud, origin, probes, n, distances, begin, end):  # type: ignore[no
 def _find_nearest(cloud, origin, probe, reach, nearest):  # type: ignore[no-untyped-def]
     """
     Write the least squared distances, rising, to the points of a window of cells; infinite beyond the last.
-
     """
     nearest[:] = np.inf
     column = np.int64(math.floor(probe[0] / cloud.size) - origin[0])
@@ -112,10 +101,7 @@ def _find_nearest(cloud, origin, probe, reach, nearest):  # type: ignore[no-unty
 
 @njit(cache=True, nogil=True)
 def _insert(nearest, square):  # type: ignore[no-untyped-def]
-    """
-    Put a number in its place among rising ones, of which the last is lost.
-
-    """
+    """Put a number in its place among rising ones, of which the last is lost."""
     k = len(nearest) - 1
     while k > 0 and nearest[k - 1] > square:
         nearest[k] = nearest[k - 1]

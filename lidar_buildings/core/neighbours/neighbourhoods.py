@@ -1,7 +1,4 @@
-"""
-Neighbours within a radius, from a grid of columns whose points are sorted by elevation.
-
-"""
+"""Neighbours within a radius, from a grid of columns whose points are sorted by elevation."""
 
 from __future__ import annotations
 
@@ -35,7 +32,6 @@ class CellGrid(NamedTuple):
         The column itself and its eight neighbours, −1 where empty.
     size : float
         Side of a column [m]; no neighbour within it is farther than one column away.
-
     """
 
     points: NDArray[np.float64]
@@ -67,7 +63,6 @@ def build_grid(points: ArrayLike, size: float) -> CellGrid:
     ------
     ValueError
         If `points` has another shape or is not finite, or `size` is not positive.
-
     """
     points = checked_points(points)
     if not (np.isfinite(size) and size > 0):
@@ -106,7 +101,6 @@ def radius_neighbours(
     Notes
     -----
     Two passes, the first one counts. Memory grows with the number of neighbours.
-
     """
     grid = build_grid(points, radius)
     counts = np.zeros(len(grid.points), dtype=np.int64)
@@ -124,7 +118,6 @@ def neighbours_of(grid, cell, x, y, z, radius, in_plan, near):  # type: ignore[n
     Write the sorted points within a radius of a position in an occupied column to `near`; return how many.
 
     `near` holds as many numbers as there are points; what is beyond the count is not touched or is rubbish.
-
     """
     points = grid.points
     reach = np.inf if in_plan else radius
@@ -144,10 +137,7 @@ def neighbours_of(grid, cell, x, y, z, radius, in_plan, near):  # type: ignore[n
 
 @njit(cache=True, nogil=True)
 def _list_adjacent(numbers, n_columns, adjacent, begin, end):  # type: ignore[no-untyped-def]
-    """
-    Look up the columns begin to end themselves and their eight neighbours, row by row from the south.
-
-    """
+    """Look up the columns begin to end themselves and their eight neighbours, row by row from the south."""
     windows = first_windows(numbers, n_columns, 1, begin)
     for k in range(begin, end):
         move_windows(numbers, n_columns, 1, k, windows)
@@ -160,10 +150,7 @@ def _list_adjacent(numbers, n_columns, adjacent, begin, end):  # type: ignore[no
 
 @njit(cache=True, nogil=True)
 def _count_or_list(grid, radius, in_plan, slots, neighbours, begin, end):  # type: ignore[no-untyped-def]
-    """
-    Write the neighbour counts of sorted points begin to end to slots, or list them from slots on.
-
-    """
+    """Write the neighbour counts of sorted points begin to end to slots, or list them from slots on."""
     near = np.empty(len(grid.points), dtype=np.int64)
     for i in range(begin, end):
         x, y, z = grid.points[i]

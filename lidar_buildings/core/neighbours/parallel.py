@@ -3,7 +3,6 @@ Work on rows in parallel with plain threads.
 
 Numba's own threading layers are not used: where neither TBB nor OpenMP is installed its fallback ends the
 process when two threads enter parallel code at once, which is what nodes in one process do.
-
 """
 
 from __future__ import annotations
@@ -19,10 +18,7 @@ _thread = threading.local()
 
 
 def work_alone() -> None:
-    """
-    Let the calling thread do all its blocks itself: the other cores have threads of their own.
-
-    """
+    """Let the calling thread do all its blocks itself: the other cores have threads of their own."""
     _thread.is_alone = True
 
 
@@ -39,7 +35,6 @@ def for_row_blocks(kernel: Callable[[int, int], object], n_rows: int, block: int
         Number of rows in all.
     block : int
         Rows a block; fewer where a row stands for much work.
-
     """
     starts = range(0, n_rows, block)
     if len(starts) <= 1 or getattr(_thread, "is_alone", False):

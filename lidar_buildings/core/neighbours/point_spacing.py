@@ -1,7 +1,4 @@
-"""
-The measured point spacing, the yardstick of most other lengths.
-
-"""
+"""The measured point spacing, the yardstick of most other lengths."""
 
 from __future__ import annotations
 
@@ -60,7 +57,6 @@ def measure_spacing(points: ArrayLike) -> float:
     Notes
     -----
     Order of points does not matter. Some million points a second on one core.
-
     """
     x, y, _ = checked_points(points).T
     positions = _distinct(x, y)
@@ -82,10 +78,7 @@ def measure_spacing(points: ArrayLike) -> float:
 
 
 def _middle(distance: NDArray[np.float64]) -> float:
-    """
-    Return the median weighted by area, infinite if that of a stray whose distance is not known.
-
-    """
+    """Return the median weighted by area, infinite if that of a stray whose distance is not known."""
     median = np.median(distance)
     if not math.isfinite(median):
         return math.inf
@@ -99,7 +92,6 @@ def _distinct(x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.comp
     Return the distinct positions x + iy by x, then y; many times faster than numpy's unique.
 
     Points are put into narrow strips by x, which are sorted one by one, on all cores.
-
     """
     if len(x) == 0:
         return np.zeros(0, dtype=np.complex128)
@@ -117,10 +109,7 @@ def _distinct(x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.comp
 
 @njit(cache=True, nogil=True)
 def _by_strip(x, y, low, width, first):  # type: ignore[no-untyped-def]
-    """
-    Return positions strip by strip, and write to `first` where each strip begins.
-
-    """
+    """Return positions strip by strip, and write to `first` where each strip begins."""
     last = len(first) - 2
     strip = np.zeros(len(x), dtype=np.int32)
     for i in range(len(x)):
@@ -139,10 +128,7 @@ def _by_strip(x, y, low, width, first):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _sort_strips(positions, first, begin, end):  # type: ignore[no-untyped-def]
-    """
-    Sort the positions within the strips begin to end, but for large ones, by insertion.
-
-    """
+    """Sort the positions within the strips begin to end, but for large ones, by insertion."""
     for k in range(begin, end):
         if first[k + 1] - first[k] > LARGE_STRIP:
             continue
@@ -157,10 +143,7 @@ def _sort_strips(positions, first, begin, end):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _comes_first(one, other):  # type: ignore[no-untyped-def]
-    """
-    Whether a position comes before another by x, then y.
-
-    """
+    """Whether a position comes before another by x, then y."""
     return one.real < other.real or (one.real == other.real and one.imag < other.imag)
 
 
@@ -182,7 +165,6 @@ def steady_spacing(points: ArrayLike, expected: float | None) -> float:
     -------
     float
         Spacing [m].
-
     """
     measured = measure_spacing(points)
     if expected is not None and 1 / MAX_DEVIATION <= measured / expected <= MAX_DEVIATION:
@@ -206,7 +188,6 @@ def quantised_spacing(points: ArrayLike) -> float:
     -------
     float
         Spacing [m]; `FALLBACK_SPACING` (a power itself) where there is none to measure.
-
     """
     return _quantised(measure_spacing(points))
 
@@ -219,7 +200,6 @@ def given_or_measured(points: ArrayLike, point_spacing: float | None) -> float:
     ------
     ValueError
         If the spacing given is no positive length, or `points` are not as for `measure_spacing`.
-
     """
     if point_spacing is None:
         return quantised_spacing(points)
@@ -229,10 +209,7 @@ def given_or_measured(points: ArrayLike, point_spacing: float | None) -> float:
 
 
 def _quantised(spacing: float) -> float:
-    """
-    Round to the nearest power of the quantum.
-
-    """
+    """Round to the nearest power of the quantum."""
     if spacing == 0.0:  # distances so small that their squares are
         return FALLBACK_SPACING
     if not math.isfinite(spacing):

@@ -2,7 +2,6 @@
 Neighbours on a scan line and on the lines beside it, cell by cell; kernels of `scan_pattern`.
 
 Sums are of whole numbers, so that they are the same in whatever order points come.
-
 """
 
 from __future__ import annotations
@@ -48,7 +47,6 @@ class Pulses(NamedTuple):
         Empty if not known.
     strip : ndarray of int64, shape (n_points,) or (0,)
         Empty if not known.
-
     """
 
     points: NDArray[np.float64]
@@ -56,10 +54,7 @@ class Pulses(NamedTuple):
     strip: NDArray[np.int64]
 
     def select(self, rows: NDArray[np.intp]) -> Pulses:
-        """
-        Return some of the points.
-
-        """
+        """Return some of the points."""
         time = self.time[rows] if len(self.time) else self.time
         return Pulses(self.points[rows], time, self.strip[rows] if len(self.strip) else self.strip)
 
@@ -70,7 +65,6 @@ def mark_probes(points, group, size, most, fewest):  # type: ignore[no-untyped-d
     Pick about `most` points of each group, or all of smaller ones, by their coordinates alone.
 
     Groups of fewer than `fewest` points have none.
-
     """
     is_probe = np.zeros(len(group), dtype=np.bool_)
     bits = np.empty(2)
@@ -96,7 +90,6 @@ def add_directions(pulses, cells, group, is_probe, spacing, by_time, sums):  # t
 
     The two nearest count in full and farther ones less and less, so that on a lattice, where many are
     equally near, all of them count.
-
     """
     runs = np.empty((3, 2), dtype=np.int64)
     near = np.empty((MAX_NEAR, 3))
@@ -121,7 +114,6 @@ def add_directions(pulses, cells, group, is_probe, spacing, by_time, sums):  # t
 def steps_along(pulses, cells, group, is_probe, spacing, by_time, axis, step, begin, end):  # type: ignore[no-untyped-def]
     """
     Write each probe's mean distance along its line to the nearest neighbours on it, of cells begin to end.
-
     """
     runs = np.empty((3, 2), dtype=np.int64)
     near = np.empty((MAX_NEAR, 3))
@@ -141,10 +133,7 @@ def steps_along(pulses, cells, group, is_probe, spacing, by_time, axis, step, be
 
 @njit(cache=True, nogil=True)
 def lines_beside(pulses, cells, group, is_probe, spacing, axis, along, sides, begin, end):  # type: ignore[no-untyped-def]
-    """
-    Write each probe's distance to the next line on its left and on its right, of cells begin to end.
-
-    """
+    """Write each probe's distance to the next line on its left and on its right, of cells begin to end."""
     runs = np.empty((2 * REACH + 1, 2), dtype=np.int64)
     for cell in range(begin, end):
         is_found = False
@@ -177,10 +166,7 @@ def lines_beside(pulses, cells, group, is_probe, spacing, axis, along, sides, be
 
 @njit(cache=True, nogil=True)
 def _find_runs(cells, cell, reach, runs):  # type: ignore[no-untyped-def]
-    """
-    Write the runs of occupied cells (begin, end) of a window about a cell, row by row.
-
-    """
+    """Write the runs of occupied cells (begin, end) of a window about a cell, row by row."""
     number = cells.numbers[cell]
     column = number % cells.n_columns
     west, east = min(reach, column), min(reach, cells.n_columns - 1 - column)
@@ -192,10 +178,7 @@ def _find_runs(cells, cell, reach, runs):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _are_mates(pulses, group, i, j):  # type: ignore[no-untyped-def]
-    """
-    Whether two points are of one group and strip.
-
-    """
+    """Whether two points are of one group and strip."""
     return group[i] == group[j] and (len(pulses.strip) == 0 or pulses.strip[i] == pulses.strip[j])
 
 
@@ -206,7 +189,6 @@ def _gather(pulses, cells, runs, group, i, spacing, by_time, near):  # type: ign
 
     Returns how many there are and the second smallest distance, infinite where there is none. Where there is
     no more room, those that count least are not written any more.
-
     """
     count, nearest, second = 0, np.inf, np.inf
     same = (SAME_PULSE * spacing) ** 2
@@ -237,10 +219,7 @@ def _gather(pulses, cells, runs, group, i, spacing, by_time, near):  # type: ign
 
 @njit(cache=True, nogil=True)
 def _keep_near(near, limit):  # type: ignore[no-untyped-def]
-    """
-    Move the neighbours within a squared distance to the front and return their number.
-
-    """
+    """Move the neighbours within a squared distance to the front and return their number."""
     count = 0
     for k in range(len(near)):
         if near[k, 2] <= limit:
@@ -251,10 +230,7 @@ def _keep_near(near, limit):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _mean_direction(near, second):  # type: ignore[no-untyped-def]
-    """
-    Return the weighted mean of (cos 2φ, sin 2φ) over neighbours.
-
-    """
+    """Return the weighted mean of (cos 2φ, sin 2φ) over neighbours."""
     cosine, sine, total = 0, 0, 0
     for k in range(len(near)):
         if near[k, 2] > LAST * second:
@@ -273,7 +249,6 @@ def _mean_direction(near, second):  # type: ignore[no-untyped-def]
 def _mean_step(near, second, axis, spacing):  # type: ignore[no-untyped-def]
     """
     Return the mean distance along an axis of the nearest neighbours that lie on it [spacings], NaN if none.
-
     """
     total, count = 0, 0
     for k in range(len(near)):

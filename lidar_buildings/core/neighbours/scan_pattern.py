@@ -1,6 +1,5 @@
 """
 The pattern that a scanner leaves on a surface: the direction of its lines, the spacing along and across them.
-
 """
 
 from __future__ import annotations
@@ -55,7 +54,6 @@ class ScanPattern:
         Of the scan lines, counter-clockwise from x, 0 to π (exclusive) [rad].
     along, across : float
         Distance of neighbouring pulses of a line, and of neighbouring lines [m], > 0.
-
     """
 
     direction: float
@@ -64,26 +62,17 @@ class ScanPattern:
 
     @property
     def is_isotropic(self) -> bool:
-        """
-        Whether no direction is preferred.
-
-        """
+        """Whether no direction is preferred."""
         return self.along == self.across
 
     @property
     def ratio(self) -> float:
-        """
-        How many times the larger spacing is the smaller.
-
-        """
+        """How many times the larger spacing is the smaller."""
         return max(self.along, self.across) / min(self.along, self.across)
 
     @classmethod
     def isotropic(cls, spacing: float) -> ScanPattern:
-        """
-        Return the pattern without lines.
-
-        """
+        """Return the pattern without lines."""
         return cls(0.0, spacing, spacing)
 
 
@@ -128,7 +117,6 @@ def measure_scan_pattern(
     ------
     ValueError
         If an argument has the wrong shape or is not finite.
-
     """
     cloud = checked_points(points)
     if gps_time is None and ordered:
@@ -150,7 +138,6 @@ def as_pulses(
     ------
     ValueError
         If a column has the wrong shape or is no number.
-
     """
     n = len(cloud)
     time, strip = np.zeros(0), np.zeros(0, dtype=np.int64)
@@ -188,7 +175,6 @@ def measure_scan_patterns(
         See `measure_scan_pattern`.
     cells : CellRows, optional
         The points by `scan_cells`, if they are at hand.
-
     """
     patterns = [ScanPattern.isotropic(spacing) for _ in range(n_groups)]
     size = np.bincount(group[group >= 0], minlength=n_groups)
@@ -208,10 +194,7 @@ def measure_scan_patterns(
 
 
 def scan_cells(pulses: Pulses, spacing: float) -> CellRows:
-    """
-    Return the cells in which neighbours are sought.
-
-    """
+    """Return the cells in which neighbours are sought."""
     return rows_by_cell(pulses.points, CELL * spacing)
 
 
@@ -224,10 +207,7 @@ def _lines(
     by_time: bool,
     scan_angle: NDArray[np.float64] | None,
 ) -> tuple[NDArray[np.bool_], NDArray[np.float64]]:
-    """
-    Return which groups have lines, and the direction that their neighbours prefer [rad].
-
-    """
+    """Return which groups have lines, and the direction that their neighbours prefer [rad]."""
     n_groups = int(group.max(initial=-1)) + 1
     sums = np.zeros((n_groups, 3), dtype=np.int64)
     add_directions(pulses, cells, group, is_probe, spacing, by_time, sums)
@@ -246,10 +226,7 @@ def _lines(
 def _is_backed(
     pulses: Pulses, rows: NDArray[np.bool_], scan_angle: NDArray[np.float64], direction: float
 ) -> bool:
-    """
-    Whether the scan angle of the probes' largest strip rises along or across a direction.
-
-    """
+    """Whether the scan angle of the probes' largest strip rises along or across a direction."""
     if len(pulses.strip):
         numbers, count = np.unique(pulses.strip[rows], return_counts=True)
         rows = rows & (pulses.strip == numbers[np.argmax(count)])
@@ -274,10 +251,7 @@ def _spaced(
     by_time: bool,
     direction: NDArray[np.float64],
 ) -> list[tuple[int, ScanPattern]]:
-    """
-    Return (group, pattern) of every group whose spacings along and across its lines clearly differ.
-
-    """
+    """Return (group, pattern) of every group whose spacings along and across its lines clearly differ."""
     axis = np.column_stack((np.cos(direction), np.sin(direction)))
     step = np.full(len(group), np.nan)
     n_cells = len(cells.numbers)
@@ -303,10 +277,7 @@ def _spaced(
 
 
 def _medians(values: NDArray[Any], group: NDArray[np.int64], n_groups: int) -> NDArray[np.float64]:
-    """
-    Return every group's median of the values that are numbers, NaN where they are too few.
-
-    """
+    """Return every group's median of the values that are numbers, NaN where they are too few."""
     rows = np.flatnonzero(~np.isnan(values))
     order = rows[np.lexsort((values[rows], group[rows]))]
     count = np.bincount(group[order], minlength=n_groups)

@@ -2,7 +2,6 @@
 Sets that grow together by links (union-find); compiled, and the same whatever the order of the links.
 
 A forest is an int array, at first each member's own number; the lowest number of a set is its root.
-
 """
 
 from __future__ import annotations
@@ -22,7 +21,6 @@ def sets_of_pairs(count: int, one: NDArray[np.integer], other: NDArray[np.intege
         Members are 0 to `count` (exclusive).
     one, other : ndarray of int, shape (n_pairs,)
         Linked members.
-
     """
     parent = np.arange(count)
     _link_pairs(parent, np.asarray(one, dtype=np.int64), np.asarray(other, dtype=np.int64))
@@ -31,10 +29,7 @@ def sets_of_pairs(count: int, one: NDArray[np.integer], other: NDArray[np.intege
 
 @njit(cache=True, nogil=True)
 def root(parent, i):  # type: ignore[no-untyped-def]
-    """
-    Return the lowest number of the set that i is in, shortening the way to it.
-
-    """
+    """Return the lowest number of the set that i is in, shortening the way to it."""
     while parent[i] != i:
         parent[i] = parent[parent[i]]
         i = parent[i]
@@ -43,30 +38,21 @@ def root(parent, i):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def link(parent, i, j):  # type: ignore[no-untyped-def]
-    """
-    Make one set of those of i and j.
-
-    """
+    """Make one set of those of i and j."""
     i, j = root(parent, i), root(parent, j)
     parent[max(i, j)] = min(i, j)
 
 
 @njit(cache=True, nogil=True)
 def flatten(parent):  # type: ignore[no-untyped-def]
-    """
-    Let every member name its root.
-
-    """
+    """Let every member name its root."""
     for i in range(len(parent)):
         parent[i] = root(parent, i)
 
 
 @njit(cache=True, nogil=True)
 def _link_pairs(parent, one, other):  # type: ignore[no-untyped-def]
-    """
-    Link members pair by pair, and let each name its root.
-
-    """
+    """Link members pair by pair, and let each name its root."""
     for i in range(len(one)):
         link(parent, one[i], other[i])
     flatten(parent)

@@ -3,7 +3,6 @@ Windows of cells: what lies within reach of a cell, found once for all points of
 
 Cells are numbered row by row, so a window is one run of occupied cells per row, and as the cell moves on from
 number to number each run only ever moves forward.
-
 """
 
 from __future__ import annotations
@@ -32,7 +31,6 @@ def first_windows(numbers, n_columns, reach, cell):  # type: ignore[no-untyped-d
     -------
     ndarray of int64, shape (2 reach + 1, 2)
         Positions in `numbers` where each row's run begins and ends (exclusive), from south to north.
-
     """
     windows = np.empty((2 * reach + 1, 2), dtype=np.int64)
     for row in range(len(windows)):
@@ -44,10 +42,7 @@ def first_windows(numbers, n_columns, reach, cell):  # type: ignore[no-untyped-d
 
 @njit(cache=True, nogil=True)
 def move_windows(numbers, n_columns, reach, cell, windows):  # type: ignore[no-untyped-def]
-    """
-    Move the window of an earlier cell to this one.
-
-    """
+    """Move the window of an earlier cell to this one."""
     column = numbers[cell] % n_columns
     west, east = min(reach, column), min(reach, n_columns - 1 - column)
     for row in range(len(windows)):
@@ -65,7 +60,6 @@ def move_windows(numbers, n_columns, reach, cell, windows):  # type: ignore[no-u
 def z_range(z, first, last, low, high):  # type: ignore[no-untyped-def]
     """
     Return the part (start, stop) of z[first:last], sorted, that lies within low to high, both inclusive.
-
     """
     start, end = first, last
     if z[first] >= low:

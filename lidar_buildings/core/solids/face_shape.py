@@ -1,7 +1,4 @@
-"""
-Slope, direction and area of planar faces.
-
-"""
+"""Slope, direction and area of planar faces."""
 
 from __future__ import annotations
 
@@ -28,7 +25,6 @@ class FaceShape(NamedTuple):
         Where the face looks, clockwise from the y axis (grid north), 0 to 360; None for level faces.
     area : float
         In the face's own plane [m²].
-
     """
 
     slope_deg: float
@@ -44,7 +40,6 @@ def face_shape(rings: Sequence[NDArray[np.float64]]) -> FaceShape:
     ----------
     rings : sequence of ndarray of shape (n_vertices, 3)
         The exterior, counter-clockwise seen from the side that the face looks to, then its holes [m].
-
     """
     x, y, z = area_vector(rings)
     plan = math.hypot(x, y)
@@ -62,7 +57,6 @@ def area_vector(rings: Sequence[NDArray[np.float64]]) -> tuple[float, float, flo
     ----------
     rings : sequence of ndarray of shape (n_vertices, 3)
         The exterior and the holes, which run the other way round [m].
-
     """
     x = y = z = 0.0
     for ring in rings:

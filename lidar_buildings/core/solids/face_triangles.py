@@ -1,7 +1,4 @@
-"""
-Faces of solids divided into triangles, so that the triangles of a closed shell are closed, too.
-
-"""
+"""Faces of solids divided into triangles, so that the triangles of a closed shell are closed, too."""
 
 from __future__ import annotations
 
@@ -39,7 +36,6 @@ def face_pieces(vertices: NDArray[np.float64], face: Face) -> list[tuple[int, ..
     list of tuple of int
         Rows of `vertices`: the face itself if it is a triangle or a convex quadrilateral, else triangles;
         empty for a face without area.
-
     """
     if len(face) == 1 and (len(face[0]) == 3 or _is_convex_quadrilateral(vertices, face[0])):
         return [face[0]]
@@ -47,18 +43,12 @@ def face_pieces(vertices: NDArray[np.float64], face: Face) -> list[tuple[int, ..
 
 
 def triangles_of(pieces: Sequence[tuple[int, ...]]) -> list[Triangle]:
-    """
-    Divide convex pieces of three or four corners into triangles.
-
-    """
+    """Divide convex pieces of three or four corners into triangles."""
     return [(piece[0], piece[k], piece[k + 1]) for piece in pieces for k in range(1, len(piece) - 1)]
 
 
 def _triangles(vertices: NDArray[np.float64], face: Face) -> list[Triangle]:
-    """
-    Divide any face into triangles.
-
-    """
+    """Divide any face into triangles."""
     rows = list(chain.from_iterable(face))
     plan = _largest_view(vertices, face)
     ends = np.cumsum([len(ring) for ring in face]).astype(np.uint32)
@@ -69,10 +59,7 @@ def _triangles(vertices: NDArray[np.float64], face: Face) -> list[Triangle]:
 
 
 def _is_convex_quadrilateral(vertices: NDArray[np.float64], ring: Sequence[int]) -> bool:
-    """
-    Whether a ring has four corners, all of which turn the same way.
-
-    """
+    """Whether a ring has four corners, all of which turn the same way."""
     if len(ring) != 4:
         return False
     a, b, c, d = vertices[list(ring)].tolist()
@@ -83,25 +70,18 @@ def _is_convex_quadrilateral(vertices: NDArray[np.float64], ring: Sequence[int])
 
 
 def _step(a: Sequence[float], b: Sequence[float]) -> tuple[float, float, float]:
-    """
-    Return the way from one place to another.
-
-    """
+    """Return the way from one place to another."""
     return b[0] - a[0], b[1] - a[1], b[2] - a[2]
 
 
 def _cross(a: Sequence[float], b: Sequence[float]) -> tuple[float, float, float]:
-    """
-    Return the vector product.
-
-    """
+    """Return the vector product."""
     return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
 
 
 def _largest_view(vertices: NDArray[np.float64], face: Face) -> NDArray[np.float64]:
     """
     Return all rings' vertices without the coordinate along which the face looks, exterior counter-clockwise.
-
     """
     rings = [vertices[list(ring)] for ring in face]
     normal = area_vector(rings)
@@ -112,19 +92,13 @@ def _largest_view(vertices: NDArray[np.float64], face: Face) -> NDArray[np.float
 
 
 def _counter_clockwise(places: Sequence[Sequence[float]], a: int, b: int, c: int) -> Triangle:
-    """
-    Return three corners counter-clockwise.
-
-    """
+    """Return three corners counter-clockwise."""
     (ax, ay), (bx, by), (cx, cy) = places[a], places[b], places[c]
     return (a, b, c) if (bx - ax) * (cy - ay) >= (cx - ax) * (by - ay) else (a, c, b)
 
 
 def _mended(triangles: list[Triangle], face: Face, vertices: NDArray[np.float64]) -> list[Triangle]:
-    """
-    Divide triangles along whose edges lie vertices of the face that were left out.
-
-    """
+    """Divide triangles along whose edges lie vertices of the face that were left out."""
     owner = {edge: number for number, triangle in enumerate(triangles) for edge in _edges(triangle)}
     outer = {edge for ring in face for edge in _edges(ring)}
     for _ in range(sum(len(ring) for ring in face)):
@@ -150,10 +124,7 @@ def _mended(triangles: list[Triangle], face: Face, vertices: NDArray[np.float64]
 
 
 def _path(edge: _Edge, wanted: Sequence[_Edge]) -> list[int]:
-    """
-    Return the shortest way along wanted edges from an edge's start to its end, empty if there is none.
-
-    """
+    """Return the shortest way along wanted edges from an edge's start to its end, empty if there is none."""
     steps: dict[int, list[int]] = {}
     for start, end in sorted(wanted):
         steps.setdefault(start, []).append(end)
@@ -171,17 +142,11 @@ def _path(edge: _Edge, wanted: Sequence[_Edge]) -> list[int]:
 
 
 def _edges(ring: Sequence[int]) -> list[_Edge]:
-    """
-    Return the pairs of consecutive members, the last with the first.
-
-    """
+    """Return the pairs of consecutive members, the last with the first."""
     return list(zip(ring, (*ring[1:], ring[0]), strict=True))
 
 
 def _length(vertices: NDArray[np.float64], edge: _Edge) -> float:
-    """
-    Return an edge's squared length.
-
-    """
+    """Return an edge's squared length."""
     step = vertices[edge[1]] - vertices[edge[0]]
     return float(step @ step)

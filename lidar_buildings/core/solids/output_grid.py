@@ -1,7 +1,4 @@
-"""
-The grid on which coordinates are written, and outlines that are sound once rounded to it.
-
-"""
+"""The grid on which coordinates are written, and outlines that are sound once rounded to it."""
 
 from __future__ import annotations
 
@@ -20,19 +17,13 @@ _MAX_LOSS = 0.05
 
 
 def on_grid(coordinates: ArrayLike) -> NDArray[np.float64]:
-    """
-    Round coordinates [m] to the grid.
-
-    """
+    """Round coordinates [m] to the grid."""
     # Dividing by 1000 gives the double nearest to the decimal number; multiplying by 0.001 does not.
     return np.rint(np.asarray(coordinates, dtype=np.float64) / GRID) / round(1 / GRID)
 
 
 def gridded_outline(outline: Outline) -> Outline:
-    """
-    Round an outline to the grid, leaving out repeated vertices, spikes and holes without area.
-
-    """
+    """Round an outline to the grid, leaving out repeated vertices, spikes and holes without area."""
     exterior, *holes = (_without_repetitions(on_grid(ring)) for ring in outline.rings)
     return Outline(exterior, tuple(hole for hole in holes if len(hole) >= 3)).oriented()
 
@@ -42,7 +33,6 @@ def repaired_outlines(outline: Outline) -> list[tuple[Outline, str]]:
     Return (outline, what was done) for the repairs to try, the gentlest first.
 
     Crossing rings are cut apart and the largest part is kept; rings that touch are drawn in by a centimetre.
-
     """
     parts = shapely.make_valid(outline.polygon)
     sound = _largest(parts)
@@ -59,10 +49,7 @@ def repaired_outlines(outline: Outline) -> list[tuple[Outline, str]]:
 
 
 def _without_repetitions(ring: NDArray[np.float64]) -> NDArray[np.float64]:
-    """
-    Leave out vertices equal to the next one, and tips of spikes, until there are none.
-
-    """
+    """Leave out vertices equal to the next one, and tips of spikes, until there are none."""
     while len(ring) >= 3:
         before, after = np.roll(ring, 1, axis=0), np.roll(ring, -1, axis=0)
         repeated = (ring == after).all(axis=1)
@@ -76,19 +63,13 @@ def _without_repetitions(ring: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _largest(geometry: shapely.Geometry) -> shapely.Polygon:
-    """
-    Return the polygon with the largest area in any geometry, an empty one if there is none.
-
-    """
+    """Return the polygon with the largest area in any geometry, an empty one if there is none."""
     parts = [part for part in shapely.get_parts(geometry) if part.geom_type in ("Polygon", "MultiPolygon")]
     polygons = [polygon for part in parts for polygon in shapely.get_parts(part)]
     return max(polygons, key=lambda polygon: (polygon.area, polygon.wkb), default=shapely.Polygon())
 
 
 def _outline(polygon: shapely.Polygon) -> Outline:
-    """
-    Turn a polygon into an outline.
-
-    """
+    """Turn a polygon into an outline."""
     exterior, *holes = (np.asarray(ring.coords)[:-1, :2] for ring in (polygon.exterior, *polygon.interiors))
     return Outline(exterior, tuple(holes))

@@ -1,7 +1,4 @@
-"""
-Closed shells of planar faces.
-
-"""
+"""Closed shells of planar faces."""
 
 from __future__ import annotations
 
@@ -33,7 +30,6 @@ class Solid:
         Seen from outside, exteriors run counter-clockwise and holes clockwise.
     semantics : tuple of str
         Per face GroundSurface, RoofSurface or WallSurface (the words of CityJSON).
-
     """
 
     vertices: NDArray[np.float64]
@@ -42,10 +38,7 @@ class Solid:
 
     @property
     def volume(self) -> float:
-        """
-        Volume inside the shell [m³]; negative if its faces look inwards.
-
-        """
+        """Volume inside the shell [m³]; negative if its faces look inwards."""
         if not len(self.vertices):
             return 0.0
         # Gauss: signed tetrahedra over fans of triangles; what a fan adds outside a ring it takes back.
@@ -57,18 +50,12 @@ class Solid:
 
     @property
     def is_watertight(self) -> bool:
-        """
-        Whether every edge is shared by exactly two faces, once in each direction.
-
-        """
+        """Whether every edge is shared by exactly two faces, once in each direction."""
         edges = Counter(self.edges())
         return bool(edges) and all(n == 1 and edges.get((b, a)) == 1 for (a, b), n in edges.items())
 
     def edges(self) -> list[tuple[int, int]]:
-        """
-        Return all directed edges, ring by ring.
-
-        """
+        """Return all directed edges, ring by ring."""
         return [
             (ring[k], ring[(k + 1) % len(ring)])
             for face in self.faces
@@ -77,8 +64,5 @@ class Solid:
         ]
 
     def face_rings(self, face: Face) -> tuple[NDArray[np.float64], ...]:
-        """
-        Return the coordinates of a face's rings, each of shape (n, 3).
-
-        """
+        """Return the coordinates of a face's rings, each of shape (n, 3)."""
         return tuple(self.vertices[list(ring)] for ring in face)

@@ -1,7 +1,4 @@
-"""
-How bright the ground is, cell by cell.
-
-"""
+"""How bright the ground is, cell by cell."""
 
 from __future__ import annotations
 
@@ -41,7 +38,6 @@ class BrightnessRaster:
         Cells with leaves above; their ground looks darker than it is.
     brightness : ndarray of shape (n_columns, n_rows)
         Median of the normalised intensities of a cell and the eight around it; NaN where not known.
-
     """
 
     cell: float
@@ -52,10 +48,7 @@ class BrightnessRaster:
 
     @property
     def is_known(self) -> NDArray[np.bool_]:
-        """
-        Cells whose brightness is known.
-
-        """
+        """Cells whose brightness is known."""
         return np.isfinite(self.brightness)
 
     def dark_limit(self) -> float | None:
@@ -64,7 +57,6 @@ class BrightnessRaster:
 
         Only cells under the open sky in the more even half of the ground are counted: those along edges, half
         dark and half bright, would fill the valley between the modes (Weszka and Rosenfeld, 1979).
-
         """
         unevenness = _range_around(self.brightness)
         known = np.isfinite(unevenness) & ~self.is_covered
@@ -96,7 +88,6 @@ def brightness_raster(
         Spacing of the pulses [m].
     cover : ndarray of shape (n_cover_points, 3), optional
         Leaves above the ground [m].
-
     """
     cell = max(CELL_SPACINGS * spacing, MIN_CELL)
     while np.prod(np.ptp(ground[:, :2], axis=0) / cell + 2.0) > MAX_CELLS:
@@ -119,10 +110,7 @@ def brightness_raster(
 def _occupied(
     points: NDArray[np.float64] | None, cell: float, first: NDArray[np.int64], shape: tuple[int, ...]
 ) -> NDArray[np.bool_]:
-    """
-    Tell which cells of a raster that begins with a cell hold any of some points.
-
-    """
+    """Tell which cells of a raster that begins with a cell hold any of some points."""
     occupied = np.zeros(shape, dtype=bool)
     if points is not None:
         column, row = (np.floor(points[:, :2] / cell).astype(np.int64) - first).T
@@ -132,10 +120,7 @@ def _occupied(
 
 
 def _median_around(values: NDArray[np.float64]) -> NDArray[np.float64]:
-    """
-    Return the median of the known values among each known cell and the eight around it.
-
-    """
+    """Return the median of the known values among each known cell and the eight around it."""
     columns, rows = values.shape
     framed = np.pad(values, 1, constant_values=np.nan)
     around = np.stack([framed[i : i + columns, j : j + rows] for i in range(3) for j in range(3)])
@@ -147,10 +132,7 @@ def _median_around(values: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _range_around(values: NDArray[np.float64]) -> NDArray[np.float64]:
-    """
-    Return how far the values within each cell's eight neighbours differ; NaN where too few are known.
-
-    """
+    """Return how far the values within each cell's eight neighbours differ; NaN where too few are known."""
     known = np.isfinite(values)
     highest = ndimage.maximum_filter(np.where(known, values, -np.inf), 3, mode="constant", cval=-np.inf)
     lowest = ndimage.minimum_filter(np.where(known, values, np.inf), 3, mode="constant", cval=np.inf)

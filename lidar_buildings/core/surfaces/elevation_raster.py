@@ -2,7 +2,6 @@
 Rasters of elevations: the lowest point of each cell, and cells without one filled from those around.
 
 Grids start at multiples of the cell from the map's origin; a raster is a window of the grid.
-
 """
 
 from __future__ import annotations
@@ -25,7 +24,6 @@ def cell_bounds(points: NDArray[np.float64], cell: float) -> NDArray[np.float64]
         At least one [m].
     cell : float
         Side of a cell [m].
-
     """
     corners = np.array([points[:, 1::-1].min(axis=0), points[:, 1::-1].max(axis=0)])
     return np.floor(corners / cell)
@@ -47,7 +45,6 @@ def lowest_elevations(
         Row and column of the raster's first cell, as `cell_bounds` counts them.
     shape : (int, int)
         Rows and columns.
-
     """
     lowest = np.full(shape, np.inf)
     _lower(np.ascontiguousarray(points), cell, first, lowest)
@@ -77,7 +74,6 @@ def filled(
     ------
     ValueError
         If no cell is known.
-
     """
     if not known.any():
         raise ValueError("known has no True cell: there is nothing to fill the others from")
@@ -98,10 +94,6 @@ def filled(
 
 @njit(cache=True, nogil=True)
 def _lower(points, cell, first, lowest):  # type: ignore[no-untyped-def]
-    """
-    Lower each cell to its lowest point.
-
-    """
     for i in range(len(points)):
         row = int(np.floor(points[i, 1] / cell) - first[0])
         column = int(np.floor(points[i, 0] / cell) - first[1])
@@ -111,10 +103,7 @@ def _lower(points, cell, first, lowest):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _halved(elevation, known, odd_row, odd_column):  # type: ignore[no-untyped-def]
-    """
-    Return the means of the known cells among each two by two, and where there are any.
-
-    """
+    """Return the means of the known cells among each two by two, and where there are any."""
     n_rows, n_columns = elevation.shape
     mean = np.zeros(((n_rows + odd_row + 1) // 2, (n_columns + odd_column + 1) // 2))
     count = np.zeros(mean.shape)
@@ -128,10 +117,7 @@ def _halved(elevation, known, odd_row, odd_column):  # type: ignore[no-untyped-d
 
 @njit(cache=True, nogil=True)
 def _refine(coarse, fine, known, odd_row, odd_column):  # type: ignore[no-untyped-def]
-    """
-    Set unknown cells by linear interpolation between the middles of the coarse ones.
-
-    """
+    """Set unknown cells by linear interpolation between the middles of the coarse ones."""
     last_row, last_column = coarse.shape[0] - 1, coarse.shape[1] - 1
     for y in range(fine.shape[0]):
         row = (y + odd_row) // 2
@@ -148,10 +134,7 @@ def _refine(coarse, fine, known, odd_row, odd_column):  # type: ignore[no-untype
 
 @njit(cache=True, nogil=True)
 def _relax(elevation, known):  # type: ignore[no-untyped-def]
-    """
-    Set each unknown cell to the mean of the four beside it, those before it already set.
-
-    """
+    """Set each unknown cell to the mean of the four beside it, those before it already set."""
     n_rows, n_columns = elevation.shape
     for y in range(n_rows):
         above, below = max(y - 1, 0), min(y + 1, n_rows - 1)

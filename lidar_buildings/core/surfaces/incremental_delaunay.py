@@ -3,7 +3,6 @@ Insert vertices one by one into a Delaunay triangulation kept in arrays; compile
 
 A mesh is a pair of int32 arrays with room for growth: `triangles` (rows of vertices, counter-clockwise) and
 `neighbours` (the triangle across the side opposite each corner, −1 where there is none).
-
 """
 
 from __future__ import annotations
@@ -44,7 +43,6 @@ def insert_vertex(  # type: ignore[no-untyped-def]
     -------
     int
         The number of triangles.
-
     """
     first, second = n_triangles, n_triangles + 1
     _split(vertex, triangle, first, second, triangles, neighbours)
@@ -66,10 +64,7 @@ def insert_vertex(  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _split(vertex, triangle, first, second, triangles, neighbours):  # type: ignore[no-untyped-def]
-    """
-    Replace a triangle by three that meet in the vertex; it is corner 0 of each.
-
-    """
+    """Replace a triangle by three that meet in the vertex; it is corner 0 of each."""
     a, b, c = triangles[triangle, 0], triangles[triangle, 1], triangles[triangle, 2]
     beyond_a, beyond_b, beyond_c = neighbours[triangle, 0], neighbours[triangle, 1], neighbours[triangle, 2]
     _set(triangle, vertex, b, c, beyond_a, first, second, triangles, neighbours)
@@ -85,7 +80,6 @@ def _flip(near, far, k, triangles, neighbours):  # type: ignore[no-untyped-def]
     Turn the side between two triangles; `near` faces it with corner 0, `far` with corner k.
 
     Both have the former's corner 0 as their corner 0 afterwards.
-
     """
     a, b, c, d = triangles[near, 0], triangles[near, 1], triangles[near, 2], triangles[far, k]
     beyond_bd, beyond_dc = neighbours[far, (k + 1) % 3], neighbours[far, (k + 2) % 3]
@@ -98,30 +92,20 @@ def _flip(near, far, k, triangles, neighbours):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _set(triangle, a, b, c, beyond_a, beyond_b, beyond_c, triangles, neighbours):  # type: ignore[no-untyped-def]
-    """
-    Write a triangle's corners and the neighbours opposite them.
-
-    """
+    """Write a triangle's corners and the neighbours opposite them."""
     triangles[triangle, 0], triangles[triangle, 1], triangles[triangle, 2] = a, b, c
     neighbours[triangle, 0], neighbours[triangle, 1], neighbours[triangle, 2] = beyond_a, beyond_b, beyond_c
 
 
 @njit(cache=True, nogil=True)
 def _redirect(triangle, old, new, neighbours):  # type: ignore[no-untyped-def]
-    """
-    Make a triangle's neighbour `old` its neighbour `new`.
-
-    """
     if triangle >= 0:
         neighbours[triangle, _corner_facing(triangle, old, neighbours)] = new
 
 
 @njit(cache=True, nogil=True)
 def _corner_facing(triangle, other, neighbours):  # type: ignore[no-untyped-def]
-    """
-    Return the corner of a triangle opposite the side that it shares with another.
-
-    """
+    """Return the corner of a triangle opposite the side that it shares with another."""
     if neighbours[triangle, 0] == other:
         return 0
     return 1 if neighbours[triangle, 1] == other else 2
@@ -131,7 +115,6 @@ def _corner_facing(triangle, other, neighbours):  # type: ignore[no-untyped-def]
 def _has_to_flip(triangle, vertex, vertices, triangles):  # type: ignore[no-untyped-def]
     """
     Whether a vertex d lies within the circle round a triangle abc and the side bc may be turned into ad.
-
     """
     a, b, c = triangles[triangle, 0], triangles[triangle, 1], triangles[triangle, 2]
     dx, dy = vertices[vertex, 0], vertices[vertex, 1]
@@ -148,10 +131,7 @@ def _has_to_flip(triangle, vertex, vertices, triangles):  # type: ignore[no-unty
 
 
 def with_room(mesh_array: np.ndarray, n_rows: int) -> np.ndarray:
-    """
-    Return an int32 copy of an array with room for `n_rows` rows, −1 where nothing stands yet.
-
-    """
+    """Return an int32 copy of an array with room for `n_rows` rows, −1 where nothing stands yet."""
     roomy = np.full((n_rows, *mesh_array.shape[1:]), -1, dtype=np.int32)
     roomy[: len(mesh_array)] = mesh_array
     return roomy

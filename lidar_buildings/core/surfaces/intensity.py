@@ -1,7 +1,4 @@
-"""
-Intensities brought to one scale: 0 to 255, the same on every sensor and in every flight strip.
-
-"""
+"""Intensities brought to one scale: 0 to 255, the same on every sensor and in every flight strip."""
 
 from __future__ import annotations
 
@@ -23,20 +20,14 @@ MIN_PULSES = 500
 
 
 class IntensityScale(NamedTuple):
-    """
-    The intensities of a strip that become 0 and `HIGH_ANCHOR`; equal where all its intensities are.
-
-    """
+    """The intensities of a strip that become 0 and `HIGH_ANCHOR`; equal where all its intensities are."""
 
     low: float
     high: float
 
 
 def measure_scale(intensity: NDArray[np.floating]) -> IntensityScale:
-    """
-    Return the scale of some pulses of one strip; there has to be one at least.
-
-    """
+    """Return the scale of some pulses of one strip; there has to be one at least."""
     low, high = np.percentile(intensity, [LOW_PERCENTILE, HIGH_PERCENTILE])
     return IntensityScale(float(low), float(high))
 
@@ -64,7 +55,6 @@ def strip_scales(
     -------
     dict
         Strip → scale, for every strip that has a point; empty where there is no whole pulse at all.
-
     """
     whole = intensity[is_whole]
     if not len(whole):
@@ -102,7 +92,6 @@ def normalised_intensity(
     -------
     ndarray of float32, shape (n_points,)
         0 to 255; 0 throughout a strip of constant intensity.
-
     """
     normalised = np.zeros(len(intensity), dtype=np.float32)
     for number in np.unique(strip).tolist():

@@ -1,7 +1,4 @@
-"""
-The two modes of a histogram of brightness, where there are two.
-
-"""
+"""The two modes of a histogram of brightness, where there are two."""
 
 from __future__ import annotations
 
@@ -42,7 +39,6 @@ def valley_between_modes(values: NDArray[np.floating]) -> float | None:
     -------
     float or None
         None where there is one mode, or too little to tell.
-
     """
     if len(values) < MIN_VALUES:
         return None
@@ -58,7 +54,6 @@ def valley_between_modes(values: NDArray[np.floating]) -> float | None:
 def _valley_around(parting: int, counts: NDArray[np.float64], edges: NDArray[np.float64]) -> float | None:
     """
     Return the middle of the valley between the highest peaks on both sides of a bin, None where none is.
-
     """
     smooth = ndimage.gaussian_filter1d(counts, SMOOTHING / BIN, mode="constant")
     dark, bright = int(np.argmax(smooth[: parting + 1])), parting + 1 + int(np.argmax(smooth[parting + 1 :]))
@@ -75,7 +70,6 @@ def _valley_around(parting: int, counts: NDArray[np.float64], edges: NDArray[np.
 def _otsu(counts: NDArray[np.float64]) -> int:
     """
     Return the last bin of the darker class, the classes' variance between them being largest (Otsu 1979).
-
     """
     place = np.arange(len(counts))
     below, total = np.cumsum(counts), counts.sum()
@@ -89,7 +83,6 @@ def _otsu(counts: NDArray[np.float64]) -> int:
 def _least_error(counts: NDArray[np.float64]) -> int:
     """
     Return the last bin of the darker class for two normal classes (Kittler and Illingworth 1986, eq. 15).
-
     """
     place = np.arange(len(counts))
     sums = np.cumsum(np.stack([counts, counts * place, counts * place**2]), axis=1)

@@ -1,7 +1,4 @@
-"""
-The plane that fits points best, by orthogonal distances.
-
-"""
+"""The plane that fits points best, by orthogonal distances."""
 
 from __future__ import annotations
 
@@ -26,7 +23,6 @@ def least_squares_plane(
         The unit normal points upwards.
     rms : float
         Root mean square of the orthogonal distances [m].
-
     """
     centroid = points.mean(axis=0)
     offsets = points - centroid

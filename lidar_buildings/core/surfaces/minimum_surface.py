@@ -1,7 +1,4 @@
-"""
-A rough ground from the lowest points, for callers who have nothing but points.
-
-"""
+"""A rough ground from the lowest points, for callers who have nothing but points."""
 
 from __future__ import annotations
 
@@ -51,7 +48,6 @@ def height_above_minimum(points: NDArray[np.float64]) -> NDArray[np.float64]:
     -----
     Good to 0.1 m on even ground for 95 % of the points; on slopes it is lower by half a cell's rise. The
     ground filter stage is the better choice wherever it can be run.
-
     """
     if len(points) == 0:
         return np.zeros(0)
@@ -72,10 +68,7 @@ def height_above_minimum(points: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _cell_size(points: NDArray[np.float64]) -> float:
-    """
-    Return the side of a cell, such that the raster stays small enough [m].
-
-    """
+    """Return the side of a cell, such that the raster stays small enough [m]."""
     cell = max(CELL_SPACINGS * quantised_spacing(points), MIN_CELL)
     while np.prod(np.ptp(points[:, :2], axis=0) / cell + 1.0) > MAX_CELLS:
         cell *= 2.0
@@ -83,19 +76,13 @@ def _cell_size(points: NDArray[np.float64]) -> float:
 
 
 def _nearest_filled(values: NDArray[np.float64], known: NDArray[np.bool_]) -> NDArray[np.float64]:
-    """
-    Return the raster with the nearest known value in every cell.
-
-    """
+    """Return the raster with the nearest known value in every cell."""
     nearest = ndimage.distance_transform_edt(~known, return_distances=False, return_indices=True)
     return values[tuple(nearest)]
 
 
 def _without_pits(surface: NDArray[np.float64]) -> NDArray[np.float64]:
-    """
-    Raise cells that lie far below all eight around them to the lowest of those.
-
-    """
+    """Raise cells that lie far below all eight around them to the lowest of those."""
     around = np.ones((3, 3), dtype=bool)
     around[1, 1] = False
     rim = ndimage.minimum_filter(surface, footprint=around, mode="nearest")
@@ -105,7 +92,6 @@ def _without_pits(surface: NDArray[np.float64]) -> NDArray[np.float64]:
 def _lower_plane(surface: NDArray[np.float64]) -> NDArray[np.float64]:
     """
     Return the plane through the lower half of the cells: fitted to all, then to the lower half in rounds.
-
     """
     row, column = np.indices(surface.shape)
     base = np.column_stack([row.ravel(), column.ravel(), np.ones(surface.size)])
@@ -118,10 +104,7 @@ def _lower_plane(surface: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _is_ground(surface: NDArray[np.float64], cell: float) -> NDArray[np.bool_]:
-    """
-    Tell which cells survive the opening with every window.
-
-    """
+    """Tell which cells survive the opening with every window."""
     ground = np.ones(surface.shape, dtype=bool)
     half, before = 1, 0
     while before * cell < MAX_OBJECT / 2:

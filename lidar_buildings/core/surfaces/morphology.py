@@ -1,6 +1,5 @@
 """
 Erosion and opening of a raster by discs, at a cost that grows with the disc's radius instead of its area.
-
 """
 
 from __future__ import annotations
@@ -25,7 +24,6 @@ def eroded(surface: NDArray[np.float64], radius: int) -> NDArray[np.float64]:
         May hold +inf where nothing is known: such cells do not count.
     radius : int
         A cell belongs to the disc if its middle is within so many cells of the disc's.
-
     """
     # The half lengths of the disc's chords, from the diameter outwards.
     half = np.array([math.isqrt(radius * radius - d * d) for d in range(radius + 1)])
@@ -44,17 +42,13 @@ def opened(surface: NDArray[np.float64], radius: int) -> NDArray[np.float64]:
         reach stays +inf. Discs are centred on cells of the raster.
     radius : int
         Radius of the disc in cells.
-
     """
     return -eroded(-eroded(surface, radius), radius)
 
 
 @njit(cache=True, nogil=True)
 def _eroded(surface, half, level):  # type: ignore[no-untyped-def]
-    """
-    Fold each row's minima over the disc's chords into the rows that the disc reaches from there.
-
-    """
+    """Fold each row's minima over the disc's chords into the rows that the disc reaches from there."""
     n_rows, n_columns = surface.shape
     radius = len(half) - 1
     lowest = np.full(surface.shape, np.inf)
@@ -72,10 +66,7 @@ def _eroded(surface, half, level):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _double(single, double, length):  # type: ignore[no-untyped-def]
-    """
-    Set minima over twice a length, each from its cell to the right; beyond the row's end they stay.
-
-    """
+    """Set minima over twice a length, each from its cell to the right; beyond the row's end they stay."""
     for x in range(len(single) - 2 * length + 1):
         a, b = single[x], single[x + length]
         double[x] = a if a < b else b
@@ -83,10 +74,7 @@ def _double(single, double, length):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _fold(one, other, lowest):  # type: ignore[no-untyped-def]
-    """
-    Lower values to those of two rows.
-
-    """
+    """Lower values to those of two rows."""
     for x in range(len(lowest)):
         a, b = one[x], other[x]
         a = a if a < b else b

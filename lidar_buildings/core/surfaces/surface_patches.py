@@ -1,7 +1,4 @@
-"""
-Patches: points joined to their neighbours wherever the surface goes on smoothly.
-
-"""
+"""Patches: points joined to their neighbours wherever the surface goes on smoothly."""
 
 from __future__ import annotations
 
@@ -50,7 +47,6 @@ def smooth_patches(
     -------
     ndarray of int64, shape (n_points,)
         0, 1, … ; every point is in a patch, if only its own.
-
     """
     reach = np.broadcast_to(np.asarray(radius, dtype=np.float64), len(points))
     grid = build_grid(points, float(reach.max(initial=MIN_LINK)))
@@ -64,10 +60,7 @@ def smooth_patches(
 def connected_parts(
     points: NDArray[np.float64], radius: float, *, in_plan: bool = False
 ) -> NDArray[np.int64]:
-    """
-    Number the parts of a cloud that are connected by steps no longer than a radius [m].
-
-    """
+    """Number the parts of a cloud that are connected by steps no longer than a radius [m]."""
     grid = build_grid(points, radius)
     parent = np.arange(len(grid.points))
     _link_near(grid, radius, in_plan, parent)
@@ -75,10 +68,7 @@ def connected_parts(
 
 
 def plan_areas(points: NDArray[np.float64], labels: NDArray[np.int64], cell: float) -> NDArray[np.float64]:
-    """
-    Return the area of the grid cells that the points of each label 0, 1, … occupy [m²].
-
-    """
+    """Return the area of the grid cells that the points of each label 0, 1, … occupy [m²]."""
     if len(points) == 0:
         return np.zeros(0)
     x, y = np.floor(points[:, :2] / cell).T
@@ -90,10 +80,7 @@ def plan_areas(points: NDArray[np.float64], labels: NDArray[np.int64], cell: flo
 
 
 def _numbered(parent: NDArray[np.int64], rows: NDArray[np.int64]) -> NDArray[np.int64]:
-    """
-    Turn the links between sorted points into numbers 0, 1, … per input row.
-
-    """
+    """Turn the links between sorted points into numbers 0, 1, … per input row."""
     flatten(parent)
     numbers = np.empty(len(parent), dtype=np.int64)
     is_root = np.zeros(len(parent), dtype=bool)
@@ -104,10 +91,7 @@ def _numbered(parent: NDArray[np.int64], rows: NDArray[np.int64]) -> NDArray[np.
 
 @njit(cache=True, nogil=True)
 def _link_near(grid, radius, in_plan, parent):  # type: ignore[no-untyped-def]
-    """
-    Link all points within the radius of each other.
-
-    """
+    """Link all points within the radius of each other."""
     near = np.empty(len(grid.points), dtype=np.int64)
     for i in range(len(grid.points)):
         x, y, z = grid.points[i]
@@ -118,10 +102,7 @@ def _link_near(grid, radius, in_plan, parent):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _link_smooth(grid, normals, reach, min_cosine, max_offset, parent):  # type: ignore[no-untyped-def]
-    """
-    Link points within the reach of either whose tangent planes agree.
-
-    """
+    """Link points within the reach of either whose tangent planes agree."""
     points = grid.points
     near = np.empty(len(points), dtype=np.int64)
     for i in range(len(points)):

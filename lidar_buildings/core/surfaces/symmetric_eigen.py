@@ -3,7 +3,6 @@ Eigenvalues and axes of symmetric 3×3 matrices in closed form, without a branch
 
 The compiler turns a loop over matrices into vector instructions only if nothing in it branches or raises:
 hence the selections instead of conditions, numpy's rules for division, and `forceinline`.
-
 """
 
 from __future__ import annotations
@@ -39,7 +38,6 @@ def eigenvalues_3x3(xx, xy, xz, yy, yz, zz):  # type: ignore[no-untyped-def]
     so on. cos(θ/3) is the root of 4y³ − 3y = |cos θ| between √3/2 and 1, where one step of Newton's method
     leads from the polynomial to rounding error. Separate eigenvalues are exact to rounding, a double one to
     some 1e-8 of λ1.
-
     """
     mean = (xx + yy + zz) / 3.0
     a, b, c = xx - mean, yy - mean, zz - mean
@@ -65,7 +63,6 @@ def principal_axes(xx, xy, xz, yy, yz, zz):  # type: ignore[no-untyped-def]
     The axis of the eigenvalue farthest from the others is the longest cross product of two rows of A − λ;
     the two others lie across it, a matter of 2 × 2. So double eigenvalues are exact to rounding as well. Axes
     have z ≥ 0. Where they are not unique that of λ1 is the most level, that of λ3 the most upward one.
-
     """
     trace = xx + yy + zz
     scale = 1.0 / max(trace, SMALLEST)
@@ -101,19 +98,13 @@ def principal_axes(xx, xy, xz, yy, yz, zz):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def smallest_eigenvector_3x3(xx, xy, xz, yy, yz, zz):  # type: ignore[no-untyped-def]
-    """
-    Return the axis of λ3 alone, see `principal_axes`.
-
-    """
+    """Return the axis of λ3 alone, see `principal_axes`."""
     return np.array(principal_axes(xx, xy, xz, yy, yz, zz)[6:])
 
 
 @njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
 def _kernel(xx, xy, xz, yy, yz, zz, eigenvalue):  # type: ignore[no-untyped-def]
-    """
-    Return the unit vector that A − λ turns to 0, λ being a single eigenvalue.
-
-    """
+    """Return the unit vector that A − λ turns to 0, λ being a single eigenvalue."""
     xx, yy, zz = xx - eigenvalue, yy - eigenvalue, zz - eigenvalue
     ux, uy, uz = xy * yz - xz * yy, xz * xy - xx * yz, xx * yy - xy * xy
     vx, vy, vz = xy * zz - xz * yz, xz * xz - xx * zz, xx * yz - xy * xz
@@ -131,10 +122,7 @@ def _kernel(xx, xy, xz, yy, yz, zz, eigenvalue):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
 def _half_angle(cosine, sine, length):  # type: ignore[no-untyped-def]
-    """
-    Return cosine and sine of half the angle of a vector of this length; of none, 1 and 0.
-
-    """
+    """Return cosine and sine of half the angle of a vector of this length; of none, 1 and 0."""
     single = length <= DOUBLE
     scale = 1.0 / max(length, SMALLEST)
     cosine, sine = (1.0 if single else cosine * scale), (0.0 if single else sine * scale)
@@ -146,10 +134,7 @@ def _half_angle(cosine, sine, length):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
 def _upward(x, y, z):  # type: ignore[no-untyped-def]
-    """
-    Return the vector or its opposite: z > 0, or else y > 0, or else x > 0.
-
-    """
+    """Return the vector or its opposite: z > 0, or else y > 0, or else x > 0."""
     down = (z < 0.0) | ((z == 0.0) & ((y < 0.0) | ((y == 0.0) & (x < 0.0))))
     sign = -1.0 if down else 1.0
     # Rounding must not push a cosine beyond 1.

@@ -2,7 +2,6 @@
 A triangulated irregular network (TIN) over scattered points: elevation anywhere in the plane.
 
 Delaunay triangles come from Qhull; points are located by walking from triangle to triangle in compiled code.
-
 """
 
 from __future__ import annotations
@@ -49,7 +48,6 @@ class Tin:
         Lower left and upper right corner of the frame, relative to `origin` [m].
     origin : ndarray of shape (2,)
         What to add to x and y of `vertices` [m].
-
     """
 
     vertices: NDArray[np.float64]
@@ -69,7 +67,6 @@ class Tin:
         ----------
         xy : ndarray of shape (n_points, 2 or more)
             Only x and y are looked at [m].
-
         """
         return _locate(self._inside_frame(xy), self.vertices, self.triangles, self.neighbours)
 
@@ -81,7 +78,6 @@ class Tin:
         ----------
         xy : ndarray of shape (n_points, 2 or more)
             Only x and y are looked at, in any order [m].
-
         """
         return self.elevation_and_slope(xy)[0]
 
@@ -93,7 +89,6 @@ class Tin:
         ----------
         xy : ndarray of shape (n_points, 2 or more)
             Only x and y are looked at, in any order [m].
-
         """
         xy = np.asarray(xy, dtype=np.float64)[:, :2]
         order = cell_order(xy, self._typical_side())
@@ -113,7 +108,6 @@ class Tin:
         ----------
         xy : ndarray of shape (n_points, 2 or more), float64
             Only x and y are looked at [m].
-
         """
         elevation, slope = np.empty(len(xy)), np.empty(len(xy))
         mesh = (self.vertices, self.triangles, self.neighbours)
@@ -127,17 +121,11 @@ class Tin:
         return elevation, slope
 
     def _inside_frame(self, xy: NDArray[np.float64]) -> NDArray[np.float64]:
-        """
-        Return the points relative to the origin, those beyond the frame moved onto it.
-
-        """
+        """Return the points relative to the origin, those beyond the frame moved onto it."""
         return np.clip(np.asarray(xy)[:, :2] - self.origin, *self.frame)
 
     def _typical_side(self) -> float:
-        """
-        Side of a square as large as two mean triangles [m].
-
-        """
+        """Side of a square as large as two mean triangles [m]."""
         width, height = self.frame[1] - self.frame[0]
         return math.sqrt(2.0 * width * height / len(self.triangles))
 
@@ -159,7 +147,6 @@ def build_tin(vertices: ArrayLike, extent: NDArray[np.float64] | None = None) ->
     ------
     ValueError
         If there is no point, the shape is wrong, or a coordinate is not finite.
-
     """
     vertices = checked_points(vertices)
     if len(vertices) == 0:
@@ -192,7 +179,6 @@ def height_above_ground(points: ArrayLike, ground: ArrayLike) -> NDArray[np.floa
     ------
     ValueError
         If there is no ground point, or a shape is wrong.
-
     """
     points, ground = checked_points(points), np.asarray(ground)
     vertices = points[ground] if ground.dtype == np.bool_ else ground
@@ -200,10 +186,7 @@ def height_above_ground(points: ArrayLike, ground: ArrayLike) -> NDArray[np.floa
 
 
 def _one_per_place(points: NDArray[np.float64]) -> NDArray[np.float64]:
-    """
-    Return the points ordered by x, then y; of those at one place only the lowest.
-
-    """
+    """Return the points ordered by x, then y; of those at one place only the lowest."""
     points = points[np.lexsort((points[:, 2], points[:, 1], points[:, 0]))]
     first = np.ones(len(points), dtype=bool)
     first[1:] = (points[1:, :2] != points[:-1, :2]).any(axis=1)
@@ -211,10 +194,7 @@ def _one_per_place(points: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _frame(low: NDArray[np.float64], high: NDArray[np.float64]) -> NDArray[np.float64]:
-    """
-    Return points along a rectangle round the box from `low` to `high`, shape (n, 2) [m].
-
-    """
+    """Return points along a rectangle round the box from `low` to `high`, shape (n, 2) [m]."""
     margin = max(FRAME_MARGIN * float((high - low).max()), MIN_FRAME_MARGIN)
     (left, bottom), (right, top) = low - margin, high + margin
     share = np.arange(FRAME_POINTS_PER_SIDE) / FRAME_POINTS_PER_SIDE
@@ -231,10 +211,7 @@ def _frame(low: NDArray[np.float64], high: NDArray[np.float64]) -> NDArray[np.fl
 def _counter_clockwise(
     vertices: NDArray[np.float64], triangles: NDArray[np.int32], neighbours: NDArray[np.int32]
 ) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
-    """
-    Return the triangles and their neighbours with every triangle turning left.
-
-    """
+    """Return the triangles and their neighbours with every triangle turning left."""
     a, b, c = (vertices[triangles[:, k], :2] for k in range(3))
     turn = (b[:, 0] - a[:, 0]) * (c[:, 1] - a[:, 1]) - (b[:, 1] - a[:, 1]) * (c[:, 0] - a[:, 0])
     order = np.where((turn < 0)[:, None], [0, 2, 1], [0, 1, 2])
@@ -243,10 +220,7 @@ def _counter_clockwise(
 
 @njit(cache=True, nogil=True)
 def _locate(xy, vertices, triangles, neighbours):  # type: ignore[no-untyped-def]
-    """
-    Walk to each point's triangle, starting where the previous point was found.
-
-    """
+    """Walk to each point's triangle, starting where the previous point was found."""
     found = np.empty(len(xy), dtype=np.int32)
     triangle = 0
     for i in range(len(xy)):
@@ -262,7 +236,6 @@ def walk(x, y, start, vertices, triangles, neighbours):  # type: ignore[no-untyp
 
     Never turns straight back, so rounding on a shared side cannot make it bounce; the number of steps is
     bounded by the number of triangles.
-
     """
     triangle, came_from = start, -1
     for _ in range(len(triangles)):
@@ -292,10 +265,7 @@ def walk(x, y, start, vertices, triangles, neighbours):  # type: ignore[no-untyp
 def _interpolate(  # type: ignore[no-untyped-def]
     points, origin, frame, vertices, triangles, neighbours, start, elevation, slope, begin, end
 ):
-    """
-    Set the elevation [m] and the slope (rise over run) at points `begin` to `end`, walking along.
-
-    """
+    """Set the elevation [m] and the slope (rise over run) at points `begin` to `end`, walking along."""
     triangle = start
     for i in range(begin, end):
         x = min(max(points[i, 0] - origin[0], frame[0, 0]), frame[1, 0])
@@ -308,10 +278,7 @@ def _interpolate(  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def plane_slope(a, b, c):  # type: ignore[no-untyped-def]
-    """
-    Return the rise over run of the plane through three corners; 0 for a triangle without area.
-
-    """
+    """Return the rise over run of the plane through three corners; 0 for a triangle without area."""
     ux, uy, uz = b[0] - a[0], b[1] - a[1], b[2] - a[2]
     vx, vy, vz = c[0] - a[0], c[1] - a[1], c[2] - a[2]
     area = ux * vy - uy * vx
@@ -327,7 +294,6 @@ def plane_elevation(x, y, a, b, c):  # type: ignore[no-untyped-def]
 
     Weights are kept within the triangle, so that a needle-shaped one cannot throw a value far off; a triangle
     without area gives its first corner's elevation.
-
     """
     ux, uy, vx, vy = b[0] - a[0], b[1] - a[1], c[0] - a[0], c[1] - a[1]
     area = ux * vy - uy * vx

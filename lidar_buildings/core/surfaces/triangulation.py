@@ -2,7 +2,6 @@
 A TIN of many vertices, fast: inserted one by one in an order that keeps each near the one before.
 
 Ten times as fast as Qhull on the 300,000 vertices of a tile, and without the interpreter's lock.
-
 """
 
 from __future__ import annotations
@@ -49,7 +48,6 @@ def triangulate(vertices: NDArray[np.float64], extent: NDArray[np.float64] | Non
     ------
     ValueError
         If there is no vertex.
-
     """
     if len(vertices) == 0:
         raise ValueError("vertices is empty: a TIN needs at least one point")
@@ -69,10 +67,7 @@ def triangulate(vertices: NDArray[np.float64], extent: NDArray[np.float64] | Non
 
 
 def _mesh(vertices: NDArray[np.float64], n_real: int) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
-    """
-    Insert the frame and then the real vertices into the two triangles of the hull's corners.
-
-    """
+    """Insert the frame and then the real vertices into the two triangles of the hull's corners."""
     triangles = np.full((2 * len(vertices), 3), -1, dtype=np.int32)
     neighbours = triangles.copy()
     south_west, south_east, north_east, north_west = range(n_real, n_real + 4)
@@ -84,10 +79,7 @@ def _mesh(vertices: NDArray[np.float64], n_real: int) -> tuple[NDArray[np.int32]
 
 
 def _insertion_order(vertices: NDArray[np.float64]) -> NDArray[np.intp]:
-    """
-    Return the rows in the order of insertion: random rounds, each larger, each sorted by place.
-
-    """
+    """Return the rows in the order of insertion: random rounds, each larger, each sorted by place."""
     n = len(vertices)
     shuffled = np.random.default_rng(0).permutation(n)
     area = float(np.prod(np.maximum(np.ptp(vertices[:, :2], axis=0), _MIN_MARGIN)))
@@ -100,29 +92,20 @@ def _insertion_order(vertices: NDArray[np.float64]) -> NDArray[np.intp]:
 
 
 def _box(low: NDArray[np.float64], high: NDArray[np.float64], margin: float) -> NDArray[np.float64]:
-    """
-    Return the box from `low` to `high` with a margin, as (2, 2) array [m].
-
-    """
+    """Return the box from `low` to `high` with a margin, as (2, 2) array [m]."""
     longer = float((high - low).max())
     distance = margin * longer + _MIN_MARGIN * margin / _FRAME_MARGIN
     return np.array([low - distance, high + distance])
 
 
 def _corners_of(box: NDArray[np.float64]) -> NDArray[np.float64]:
-    """
-    Return a box's corners, counter-clockwise from the south-west.
-
-    """
+    """Return a box's corners, counter-clockwise from the south-west."""
     (west, south), (east, north) = box
     return np.array([(west, south), (east, south), (east, north), (west, north)])
 
 
 def _ring_of(box: NDArray[np.float64]) -> NDArray[np.float64]:
-    """
-    Return points evenly along a box's sides.
-
-    """
+    """Return points evenly along a box's sides."""
     share = (np.arange(_PER_SIDE) / _PER_SIDE)[:, None]
     corners = _corners_of(box)
     return np.vstack(
@@ -132,10 +115,7 @@ def _ring_of(box: NDArray[np.float64]) -> NDArray[np.float64]:
 
 @njit(cache=True, nogil=True)
 def _elevation_of_nearest(places, vertices):  # type: ignore[no-untyped-def]
-    """
-    Return the elevation of the vertex nearest to each place; of several as near the lowest [m].
-
-    """
+    """Return the elevation of the vertex nearest to each place; of several as near the lowest [m]."""
     elevations = np.empty(len(places))
     for i in range(len(places)):
         best, elevation = np.inf, np.inf
@@ -149,10 +129,7 @@ def _elevation_of_nearest(places, vertices):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _insert_all(order, vertices, triangles, neighbours):  # type: ignore[no-untyped-def]
-    """
-    Insert vertices in this order, walking to each from the one before; return the number of triangles.
-
-    """
+    """Insert vertices in this order, walking to each from the one before; return the number of triangles."""
     changed = np.zeros(len(triangles), dtype=np.int32)
     n_triangles, last = 2, 0
     for vertex in order:

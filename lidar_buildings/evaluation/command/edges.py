@@ -1,7 +1,4 @@
-"""
-The score of edges: a result's edge labels against the alpha shapes of a reference's roofs.
-
-"""
+"""The score of edges: a result's edge labels against the alpha shapes of a reference's roofs."""
 
 from __future__ import annotations
 
@@ -48,7 +45,6 @@ def edge_figures(result: Path, reference: Path, options: ScoreOptions) -> dict[s
 
     A roof consists of the points that both sides have on roofs (polygons: the result's roof points within):
     labels are judged by the points they were made of. Alpha shapes go beyond the area of interest.
-
     """
     _check_labels_were_made(result)
     cloud, roof, n_roofs = _roofs_of_reference(result, reference, options)
@@ -73,10 +69,7 @@ def edge_figures(result: Path, reference: Path, options: ScoreOptions) -> dict[s
 
 
 def _check_labels_were_made(result: Path) -> None:
-    """
-    Refuse the output folder of a run that ended before the edges.
-
-    """
+    """Refuse the output folder of a run that ended before the edges."""
     try:
         until = json.loads((result / "run.json").read_text())["until"]
     except (OSError, ValueError, KeyError, TypeError):
@@ -86,10 +79,7 @@ def _check_labels_were_made(result: Path) -> None:
 
 
 def _labelled(cloud: LabelledPoints) -> NDArray[np.bool_]:
-    """
-    Tell which points the result has on roofs: façades are of class 6, too, but have no label.
-
-    """
+    """Tell which points the result has on roofs: façades are of class 6, too, but have no label."""
     return np.isin(cloud.labels[0], BUILDING) & (cloud.labels[2] == 0)
 
 
@@ -98,7 +88,6 @@ def _roofs_of_reference(
 ) -> tuple[LabelledPoints, NDArray[np.int64], int]:
     """
     Read both sides; return the result's points and labels, each point's roof in the reference, and how many.
-
     """
     if not has_clouds(reference):
         cloud = read_labels(result, prefer_truth=False, edges=True)
@@ -121,10 +110,7 @@ def _figures_per_roof(
     roof: NDArray[np.int64],
     n_roofs: int,
 ) -> dict[str, Any]:
-    """
-    Return the number of roofs that have points, and one list per figure; None for a share of nothing.
-
-    """
+    """Return the number of roofs that have points, and one list per figure; None for a share of nothing."""
     scores = [asdict(score) for score in score_edges_per_roof(edge, truth, roof, n_roofs)]
     return {
         "n_roofs": sum(score["n_points"] > 0 for score in scores),
@@ -137,10 +123,7 @@ def _figures_per_roof(
 
 
 def _middles(points: NDArray[np.float64], roof: NDArray[np.int64], n_roofs: int) -> list[list[float] | None]:
-    """
-    Return the mean position in plan of each roof's points [m], None for a roof without.
-
-    """
+    """Return the mean position in plan of each roof's points [m], None for a roof without."""
     middles: list[list[float] | None] = [None] * n_roofs
     for rows in roof_rows(roof):
         middles[roof[rows[0]]] = points[rows, :2].mean(axis=0).tolist()
@@ -148,8 +131,5 @@ def _middles(points: NDArray[np.float64], roof: NDArray[np.int64], n_roofs: int)
 
 
 def _or_none(value: float) -> float | None:
-    """
-    Return a figure, None for a share of nothing.
-
-    """
+    """Return a figure, None for a share of nothing."""
     return None if math.isnan(value) else value

@@ -1,7 +1,4 @@
-"""
-Each kind of score: read both sides, bring them together, compare them in the core.
-
-"""
+"""Each kind of score: read both sides, bring them together, compare them in the core."""
 
 from __future__ import annotations
 
@@ -32,19 +29,13 @@ from lidar_buildings.evaluation.scores.ground import REFERENCE_GROUND, score_gro
 
 
 def ground_figures(result: Path, reference: Path, options: ScoreOptions) -> dict[str, Any]:
-    """
-    Compare ground point by point.
-
-    """
+    """Compare ground point by point."""
     _, labels = _inside(read_label_pairs(result, reference), options.area)
     return asdict(score_ground(*labels, reference_ground=options.reference_classes or REFERENCE_GROUND))
 
 
 def building_figures(result: Path, reference: Path, options: ScoreOptions) -> dict[str, Any]:
-    """
-    Compare building cells; and points, too, where both sides are clouds.
-
-    """
+    """Compare building cells; and points, too, where both sides are clouds."""
     if has_clouds(result) and has_clouds(reference):
         return _building_figures_of_points(result, reference, options)
     sides = [
@@ -66,10 +57,7 @@ FIGURES: dict[str, Callable[[Path, Path, ScoreOptions], dict[str, Any]]] = {
 
 
 def _building_figures_of_points(result: Path, reference: Path, options: ScoreOptions) -> dict[str, Any]:
-    """
-    Compare two clouds of the same points: their cells, and point by point.
-
-    """
+    """Compare two clouds of the same points: their cells, and point by point."""
     cloud = read_label_pairs(result, reference)
     wanted = BUILDING, options.reference_classes or BUILDING
     masks = [np.isin(labels, list(classes)) for labels, classes in zip(cloud.labels, wanted, strict=True)]
@@ -88,10 +76,7 @@ def _building_figures_of_points(result: Path, reference: Path, options: ScoreOpt
 
 
 def _cell_figures(result: CellSet, reference: CellSet, options: ScoreOptions) -> dict[str, Any]:
-    """
-    Compare two sets of cells.
-
-    """
+    """Compare two sets of cells."""
     area = None if options.area is None else options.area.polygons
     return asdict(score_buildings(result, reference, cell=options.cell, area=area))
 
@@ -99,10 +84,7 @@ def _cell_figures(result: CellSet, reference: CellSet, options: ScoreOptions) ->
 def _read_side(
     path: Path, classes: Collection[int], options: ScoreOptions, *, is_reference: bool
 ) -> tuple[CellSet, str]:
-    """
-    Return the building cells of a cloud or of polygons, and the name of their reference system.
-
-    """
+    """Return the building cells of a cloud or of polygons, and the name of their reference system."""
     if not has_clouds(path):
         layer = read_metric_polygons(path)
         return cells_of_polygons(layer.polygons, options.cell), layer.crs
@@ -114,10 +96,7 @@ def _read_side(
 def _inside(
     cloud: LabelledPoints, area: MetricPolygons | None
 ) -> tuple[NDArray[np.float64], tuple[NDArray[np.uint8], ...]]:
-    """
-    Return the points within the area of interest and their labels.
-
-    """
+    """Return the points within the area of interest and their labels."""
     check_same_system(cloud.crs, "", area)
     inside = is_inside(cloud.points, area)
     return cloud.points[inside], tuple(labels[inside] for labels in cloud.labels)

@@ -1,7 +1,4 @@
-"""
-The score of building models: against reference models, or against the points of roofs.
-
-"""
+"""The score of building models: against reference models, or against the points of roofs."""
 
 from __future__ import annotations
 
@@ -30,10 +27,7 @@ LEVELS = ("2.2", "1.3", "1.2")
 
 
 def model_figures(result: Path, reference: Path, options: ScoreOptions) -> dict[str, Any]:
-    """
-    Compare building models with reference models, or with the points of a cloud's roofs.
-
-    """
+    """Compare building models with reference models, or with the points of a cloud's roofs."""
     mine = read_city_model(result)
     if has_clouds(reference) and not holds_city_model(reference):
         points, crs = read_roof_points(reference, options.reference_classes or BUILDING)
@@ -54,7 +48,6 @@ def model_figures(result: Path, reference: Path, options: ScoreOptions) -> dict[
 def _own_figures(buildings: Sequence[CityBuilding], lod: str) -> dict[str, Any]:
     """
     Return how many buildings have which level of detail, and the share of all their solids that is valid.
-
     """
     levels = Counter(building.finest(lod)[0] for building in buildings)
     # Far from the origin of coordinates planes and areas would lose their last digits.
@@ -77,10 +70,7 @@ def _own_figures(buildings: Sequence[CityBuilding], lod: str) -> dict[str, Any]:
 def _reference_figures(
     mine: Sequence[CityBuilding], theirs: Sequence[CityBuilding], options: ScoreOptions
 ) -> dict[str, Any]:
-    """
-    Compare with reference models, at their finest.
-
-    """
+    """Compare with reference models, at their finest."""
     area = None if options.area is None else options.area.polygons
     sides = [building.finest(options.lod)[1] for building in mine], [_finest(building) for building in theirs]
     score = score_models(*sides, tolerance=options.corner_tolerance, area=area)
@@ -110,10 +100,7 @@ def _reference_figures(
 def _point_figures(
     buildings: Sequence[CityBuilding], points: NDArray[np.float64], options: ScoreOptions
 ) -> dict[str, Any]:
-    """
-    Compare with the points of roofs.
-
-    """
+    """Compare with the points of roofs."""
     figures = asdict(score_model_points([building.finest(options.lod)[1] for building in buildings], points))
     within = dict(zip(WITHIN, figures.pop("within"), strict=True))
     per_building = _or_none(figures.pop("rmse_per_building"))
@@ -127,10 +114,7 @@ def _point_figures(
 
 
 def _finest(building: CityBuilding) -> Solids:
-    """
-    Return a building's solids at its finest level.
-
-    """
+    """Return a building's solids at its finest level."""
     return building.finest(max(building.solids, default=""))[1]
 
 
@@ -139,7 +123,6 @@ def _same_roof_types(
 ) -> float:
     """
     Return the share of matched buildings whose roofs are of the same type, of those where both sides say it.
-
     """
     pairs = [(mine[k], theirs[row]) for row, k in enumerate(score.partner.tolist()) if k >= 0]
     types = [(one.attributes.get("roof_type"), other.attributes) for one, other in pairs]
@@ -148,34 +131,22 @@ def _same_roof_types(
 
 
 def _near_origin(solid: Solid) -> Solid:
-    """
-    Return a solid moved by whole metres to the origin.
-
-    """
+    """Return a solid moved by whole metres to the origin."""
     shift = np.floor(solid.vertices.min(axis=0, initial=np.inf)) if len(solid.vertices) else np.zeros(3)
     # Back on the grid that it was read from.
     return Solid(np.round(solid.vertices - shift, 6), solid.faces, solid.semantics)
 
 
 def _share(part: int, whole: int) -> float:
-    """
-    Return a share, NaN of nothing.
-
-    """
+    """Return a share, NaN of nothing."""
     return part / whole if whole else math.nan
 
 
 def _percentile(values: NDArray[np.float64], share: float) -> float:
-    """
-    Return a percentile, NaN of nothing.
-
-    """
+    """Return a percentile, NaN of nothing."""
     return float(np.percentile(values, share)) if len(values) else math.nan
 
 
 def _or_none(values: NDArray[np.float64]) -> list[float | None]:
-    """
-    Return figures as a list for JSON.
-
-    """
+    """Return figures as a list for JSON."""
     return [float(value) if np.isfinite(value) else None for value in values]

@@ -1,7 +1,4 @@
-"""
-Outlines against a reference: as objects, as area, by boundaries, corners and angles, and their own σ.
-
-"""
+"""Outlines against a reference: as objects, as area, by boundaries, corners and angles, and their own σ."""
 
 from __future__ import annotations
 
@@ -27,10 +24,7 @@ ADJUSTED = ("point_spacing", "outline_sigma", "outline_max_offset")
 
 
 def outline_figures(result: Path, reference: Path, options: ScoreOptions) -> dict[str, Any]:
-    """
-    Compare outlines as objects, as area, along their boundaries, and by their corners and angles.
-
-    """
+    """Compare outlines as objects, as area, along their boundaries, and by their corners and angles."""
     sides = [read_metric_polygons(path) for path in (result, reference)]
     check_same_system(sides[0].crs, sides[1].crs, options.area)
     area = None if options.area is None else options.area.polygons
@@ -48,10 +42,7 @@ def outline_figures(result: Path, reference: Path, options: ScoreOptions) -> dic
 def _object_figures(
     mine: NDArray[Any], theirs: NDArray[Any], area: NDArray[Any] | None, corner_tolerance: float
 ) -> dict[str, Any]:
-    """
-    Compare outlines, or blocks of them, one to one.
-
-    """
+    """Compare outlines, or blocks of them, one to one."""
     score = score_outlines(mine, theirs, area=area)
     figures = asdict(score)
     distances = {
@@ -75,10 +66,7 @@ def _object_figures(
 
 
 def _adjustment_figures(result: MetricPolygons, area: NDArray[Any] | None) -> dict[str, Any]:
-    """
-    Average σ and largest offset of the outlines inside the area, where the result says them.
-
-    """
+    """Average σ and largest offset of the outlines inside the area, where the result says them."""
     if not all(name in result.attributes for name in ADJUSTED):
         return {}
     counted = cut_to(valid_polygons(result.polygons), limits_of(area))[1] >= MIN_INSIDE

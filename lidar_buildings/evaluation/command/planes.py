@@ -1,7 +1,4 @@
-"""
-The score of planes: a result's planes against a reference's, point by point.
-
-"""
+"""The score of planes: a result's planes against a reference's, point by point."""
 
 from __future__ import annotations
 
@@ -21,10 +18,7 @@ PER_CLOUD = ("precision", "recall", "f1", "weighted_coverage")
 
 
 def plane_figures(result: Path, reference: Path, options: ScoreOptions) -> dict[str, Any]:
-    """
-    Compare planes of all clouds together, and cloud by cloud: a cloud may be a roof.
-
-    """
+    """Compare planes of all clouds together, and cloud by cloud: a cloud may be a roof."""
     clouds = [_labels(cloud, options) for cloud in read_plane_labels(result, reference)]
     scores = [score_planes(mine, theirs) for _, mine, theirs in clouds]
     together = score_planes(
@@ -44,10 +38,7 @@ def plane_figures(result: Path, reference: Path, options: ScoreOptions) -> dict[
 
 
 def _labels(cloud: PlaneLabels, options: ScoreOptions) -> tuple[str, NDArray[np.int64], NDArray[np.int64]]:
-    """
-    Return a cloud's name and the planes of both sides within the area of interest, numbered from 1.
-
-    """
+    """Return a cloud's name and the planes of both sides within the area of interest, numbered from 1."""
     check_same_system(cloud.crs, "", options.area)
     inside = is_inside(cloud.points, options.area)
     theirs = planes_of_colours(cloud.points, cloud.reference) if cloud.by_colour else cloud.reference
@@ -55,36 +46,24 @@ def _labels(cloud: PlaneLabels, options: ScoreOptions) -> tuple[str, NDArray[np.
 
 
 def _numbered(labels: NDArray[np.int64]) -> NDArray[np.int64]:
-    """
-    Number planes from 1 on; what is none stays as it is.
-
-    """
+    """Number planes from 1 on; what is none stays as it is."""
     number = np.searchsorted(np.unique(labels[labels > 0]), labels) + 1
     return np.where(labels > 0, number, labels)
 
 
 def _joined(parts: list[NDArray[np.int64]]) -> NDArray[np.int64]:
-    """
-    Join the labels of clouds; planes of different clouds are different ones.
-
-    """
+    """Join the labels of clouds; planes of different clouds are different ones."""
     starts = np.cumsum([0] + [int(part.max(initial=0)) for part in parts])
     shifted = [np.where(part > 0, part + start, part) for part, start in zip(parts, starts[:-1], strict=True)]
     return np.concatenate([np.empty(0, dtype=np.int64), *shifted])
 
 
 def _mean(scores: list[PlaneScore], name: str) -> float:
-    """
-    Return the mean of a figure over the clouds that have one.
-
-    """
+    """Return the mean of a figure over the clouds that have one."""
     values = [getattr(score, name) for score in scores if not math.isnan(getattr(score, name))]
     return float(np.mean(values)) if values else math.nan
 
 
 def _or_none(value: float) -> float | None:
-    """
-    Return a figure, None for a share of nothing.
-
-    """
+    """Return a figure, None for a share of nothing."""
     return None if math.isnan(value) else value

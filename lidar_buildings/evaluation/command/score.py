@@ -1,7 +1,4 @@
-"""
-``lidar-buildings score``: how well a result agrees with a reference, as a table or as JSON.
-
-"""
+"""``lidar-buildings score``: how well a result agrees with a reference, as a table or as JSON."""
 
 from __future__ import annotations
 
@@ -48,7 +45,6 @@ class Score:
         Name → number, unrounded; None for a share or mean of nothing.
     table : str
         The same for reading, one figure a line.
-
     """
 
     figures: dict[str, Any]
@@ -112,7 +108,6 @@ def run_score(
         If a file cannot be read or the two sides cannot be compared.
     ParameterError
         If the kind or the level is unknown, or `cell`, `fill`, `alpha` or `corner_tolerance` is out of range.
-
     """
     if kind not in KINDS:
         raise ParameterError(f"score {kind}: must be one of {', '.join(KINDS)}")
@@ -143,10 +138,7 @@ def run_score(
 
 
 def add_score_arguments(parser: argparse.ArgumentParser) -> None:
-    """
-    Describe ``lidar-buildings score``.
-
-    """
+    """Describe ``lidar-buildings score``."""
     parser.add_argument("kind", type=_kind, metavar="{" + ",".join(KINDS) + "}", help="what to compare")
     parser.add_argument(
         "result", type=Path, metavar="RESULT", help="output folder of a run, LAZ file, GeoPackage or CityJSON"
@@ -215,7 +207,6 @@ def score_command(options: argparse.Namespace) -> int:
         If a file cannot be read or the two sides cannot be compared.
     ParameterError
         If an option is out of range or has no meaning for this kind.
-
     """
     names = (
         "cell",
@@ -239,20 +230,14 @@ def score_command(options: argparse.Namespace) -> int:
 
 
 def _kind(text: str) -> str:
-    """
-    Check the kind of a score for argparse.
-
-    """
+    """Check the kind of a score for argparse."""
     if text not in KINDS:
         raise argparse.ArgumentTypeError(f"there is no kind {text!r}: choose {', '.join(KINDS)}")
     return text
 
 
 def _classes(text: str) -> tuple[int, ...]:
-    """
-    Read a list of point classes for argparse.
-
-    """
+    """Read a list of point classes for argparse."""
     try:
         classes = tuple(int(part) for part in text.split(","))
     except ValueError:
@@ -263,17 +248,11 @@ def _classes(text: str) -> tuple[int, ...]:
 
 
 def _check_range(name: str, value: float, smallest: float, largest: float) -> None:
-    """
-    Raise ParameterError unless the option is a number in its range.
-
-    """
+    """Raise ParameterError unless the option is a number in its range."""
     if not smallest <= value <= largest:
         raise ParameterError(f"score --{name} {value:g}: must be within {smallest:g} to {largest:g}")
 
 
 def _is_nan(value: Any) -> bool:
-    """
-    Whether a figure is a share or mean of nothing.
-
-    """
+    """Whether a figure is a share or mean of nothing."""
     return isinstance(value, float) and math.isnan(value)

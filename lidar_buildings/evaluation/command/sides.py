@@ -1,7 +1,4 @@
-"""
-What the kinds of score share: their options, the area of interest, and the one reference system.
-
-"""
+"""What the kinds of score share: their options, the area of interest, and the one reference system."""
 
 from __future__ import annotations
 
@@ -45,7 +42,6 @@ class ScoreOptions:
         How far a corner may lie from the one that it stands for [m].
     lod : str
         The finest level of detail of models that is looked at.
-
     """
 
     area: MetricPolygons | None
@@ -60,10 +56,7 @@ class ScoreOptions:
 
 
 def is_inside(points: NDArray[np.float64], area: MetricPolygons | None) -> NDArray[np.bool_]:
-    """
-    Whether each point lies within the area of interest.
-
-    """
+    """Whether each point lies within the area of interest."""
     if area is None:
         return np.ones(len(points), dtype=bool)
     limits = shapely.union_all(area.polygons)
@@ -72,10 +65,7 @@ def is_inside(points: NDArray[np.float64], area: MetricPolygons | None) -> NDArr
 
 
 def check_same_system(result: str, reference: str, area: MetricPolygons | None) -> None:
-    """
-    Refuse sides in different reference systems; one that does not say its own is trusted.
-
-    """
+    """Refuse sides in different reference systems; one that does not say its own is trusted."""
     named = [crs for crs in (result, reference, "" if area is None else area.crs) if crs.startswith("EPSG:")]
     if len(set(named)) > 1:
         raise InputError(

@@ -1,7 +1,4 @@
-"""
-The figures of a score as an aligned plain-text table.
-
-"""
+"""The figures of a score as an aligned plain-text table."""
 
 from __future__ import annotations
 
@@ -158,10 +155,7 @@ LABELS: dict[str, tuple[str, str]] = {
 
 
 def score_table(title: str, figures: Mapping[str, Any]) -> str:
-    """
-    Return a title and one line per figure; what has no label (lists) is left to JSON.
-
-    """
+    """Return a title and one line per figure; what has no label (lists) is left to JSON."""
     shown = {name: figures[name] for name in LABELS if name in figures}
     width = max(len(LABELS[name][0]) for name in shown)
     lines = [
@@ -171,10 +165,7 @@ def score_table(title: str, figures: Mapping[str, Any]) -> str:
 
 
 def _in_words(value: float | None, unit: str) -> str:
-    """
-    Write a count, a share, a mean or a length; a dash where there is nothing to take a share of.
-
-    """
+    """Write a count, a share, a mean or a length; a dash where there is nothing to take a share of."""
     if value is None:
         return f"{'–':>10}"
     if unit == "n":

@@ -1,7 +1,4 @@
-"""
-Building models of any CityJSON or CityJSONSeq file, in metres.
-
-"""
+"""Building models of any CityJSON or CityJSONSeq file, in metres."""
 
 from __future__ import annotations
 
@@ -44,7 +41,6 @@ class CityBuilding:
         As written, in the file's units.
     solids : dict of str to tuple of Solid
         Level of detail → the building's solids, one per part [m].
-
     """
 
     name: str
@@ -54,7 +50,6 @@ class CityBuilding:
     def finest(self, lod: str) -> tuple[str, tuple[Solid, ...]]:
         """
         Return the finest level not finer than this one and its solids; an empty name where there is none.
-
         """
         levels = [level for level in self.solids if level <= lod]
         return (max(levels), self.solids[max(levels)]) if levels else ("", ())
@@ -70,7 +65,6 @@ class CityModel:
     buildings : tuple of CityBuilding
     crs : str
         ``"EPSG:28992"``, empty if the file does not say.
-
     """
 
     buildings: tuple[CityBuilding, ...]
@@ -78,10 +72,7 @@ class CityModel:
 
 
 def holds_city_model(path: Path) -> bool:
-    """
-    Whether the path names a CityJSON file or a folder that holds one.
-
-    """
+    """Whether the path names a CityJSON file or a folder that holds one."""
     if path.is_dir():
         return any(path.rglob(SEQUENCE))
     return path.suffix.lower() in (".jsonl", ".json")
@@ -100,7 +91,6 @@ def read_city_model(path: Path) -> CityModel:
     ------
     InputError
         If there is no such file, or it is no CityJSON.
-
     """
     buildings: list[CityBuilding] = []
     crs = ""
@@ -119,10 +109,7 @@ def read_city_model(path: Path) -> CityModel:
 
 
 def _files_of(path: Path) -> list[Path]:
-    """
-    Return the files that the path names.
-
-    """
+    """Return the files that the path names."""
     if path.is_dir():
         named = [path / name for name in IN_FOLDER if (path / name).is_file()]
         found = named[:1] or sorted(path.rglob(SEQUENCE))
@@ -135,10 +122,7 @@ def _files_of(path: Path) -> list[Path]:
 
 
 def _documents(file: Path) -> Iterator[dict[str, Any]]:
-    """
-    Yield the lines of a sequence, or the one document of a plain file.
-
-    """
+    """Yield the lines of a sequence, or the one document of a plain file."""
     text = file.read_text(encoding="utf-8")
     # not splitlines(): texts within a line may hold separators of other kinds
     texts = text.split("\n") if file.suffix.lower() == ".jsonl" else [text]
@@ -151,28 +135,19 @@ def _documents(file: Path) -> Iterator[dict[str, Any]]:
 
 
 def _vertices(document: dict[str, Any], transform: dict[str, Any]) -> NDArray[np.float64]:
-    """
-    Return a document's vertices in the file's reference system.
-
-    """
+    """Return a document's vertices in the file's reference system."""
     rows = np.array(document["vertices"], dtype=np.float64).reshape(-1, 3)
     return rows * transform.get("scale", (1.0,) * 3) + transform.get("translate", (0.0,) * 3)
 
 
 def _crs_of(document: dict[str, Any]) -> str:
-    """
-    Return the EPSG code that a header names.
-
-    """
+    """Return the EPSG code that a header names."""
     match = _EPSG.search(document.get("metadata", {}).get("referenceSystem", ""))
     return f"EPSG:{match[1] or match[2]}" if match else ""
 
 
 def _unit_of(crs: str) -> NDArray[np.float64]:
-    """
-    Return the metres in the units of x, y and z.
-
-    """
+    """Return the metres in the units of x, y and z."""
     try:
         axes = pyproj.CRS.from_user_input(crs).axis_info if crs else []
     except CRSError:
@@ -182,10 +157,7 @@ def _unit_of(crs: str) -> NDArray[np.float64]:
 
 
 def _buildings(objects: dict[str, Any], vertices: NDArray[np.float64]) -> Iterator[CityBuilding]:
-    """
-    Yield a document's buildings, each with its parts.
-
-    """
+    """Yield a document's buildings, each with its parts."""
     for name, thing in objects.items():
         if thing["type"] not in _TYPES or any(parent in objects for parent in thing.get("parents", ())):
             continue
@@ -202,10 +174,7 @@ def _buildings(objects: dict[str, Any], vertices: NDArray[np.float64]) -> Iterat
 
 
 def _solids(geometry: dict[str, Any], vertices: NDArray[np.float64]) -> tuple[Solid, ...]:
-    """
-    Return the shells of a geometry; one without any, as a footprint, has no solids.
-
-    """
+    """Return the shells of a geometry; one without any, as a footprint, has no solids."""
     kind, boundaries = geometry["type"], geometry["boundaries"]
     meaning = geometry.get("semantics") or {}
     surfaces = [surface["type"] for surface in meaning.get("surfaces", ())]
@@ -223,10 +192,7 @@ def _solids(geometry: dict[str, Any], vertices: NDArray[np.float64]) -> tuple[So
 
 
 def _solid(shell: Any, values: Any, surfaces: list[str], vertices: NDArray[np.float64]) -> Solid:
-    """
-    Return a shell with its own vertices, in the order of their first use.
-
-    """
+    """Return a shell with its own vertices, in the order of their first use."""
     used = list(dict.fromkeys(i for face in shell for ring in face for i in ring))
     row_of = {i: row for row, i in enumerate(used)}
     faces: tuple[Face, ...] = tuple(tuple(tuple(row_of[i] for i in ring) for ring in face) for face in shell)
@@ -239,10 +205,7 @@ def _solid(shell: Any, values: Any, surfaces: list[str], vertices: NDArray[np.fl
 
 
 def _kind_of(vertices: NDArray[np.float64], face: Face, named: str | None) -> str:
-    """
-    Return roof, wall or ground: as the file says, or else by where the face looks.
-
-    """
+    """Return roof, wall or ground: as the file says, or else by where the face looks."""
     if named in (GROUND_SURFACE, ROOF_SURFACE, WALL_SURFACE):
         return named
     up = float(unit_normal(vertices[list(face[0])])[2])

@@ -1,7 +1,4 @@
-"""
-What clouds say their points are, one cloud alone or two of the same points side by side: class, edge.
-
-"""
+"""What clouds say their points are, one cloud alone or two of the same points side by side: class, edge."""
 
 from __future__ import annotations
 
@@ -38,7 +35,6 @@ class LabelledPoints:
         ASPRS classes, 1 for edges, or 1 for façades; one array per source and kind.
     crs : str
         Name of the reference system, empty if the clouds do not say.
-
     """
 
     points: NDArray[np.float64]
@@ -47,10 +43,7 @@ class LabelledPoints:
 
 
 def has_clouds(path: Path) -> bool:
-    """
-    Whether the path is a cloud, or a folder of clouds or of results with clouds.
-
-    """
+    """Whether the path is a cloud, or a folder of clouds or of results with clouds."""
     try:
         find_clouds(path)
     except InputError:
@@ -66,7 +59,6 @@ def find_clouds(path: Path) -> list[Path]:
     ------
     InputError
         If there are none.
-
     """
     return find_inputs(path / CLASSIFIED if (path / CLASSIFIED).is_dir() else path)
 
@@ -89,7 +81,6 @@ def read_labels(path: Path, *, prefer_truth: bool, edges: bool = False) -> Label
     ------
     InputError
         If a cloud cannot be read, or has no edge labels.
-
     """
     clouds = [open_cloud(file) for file in find_clouds(path)]
     parts = [
@@ -113,7 +104,6 @@ def read_roof_points(path: Path, classes: Collection[int]) -> tuple[NDArray[np.f
     ------
     InputError
         If a cloud cannot be read.
-
     """
     clouds = [open_cloud(file) for file in find_clouds(path)]
     parts = [
@@ -147,7 +137,6 @@ def read_label_pairs(result: Path, reference: Path, *, edges: bool = False) -> L
     InputError
         If a cloud cannot be read or has no counterpart or no edge labels, or if two are not of the same
         points in the same order.
-
     """
     parts: list[tuple[NDArray[Any], ...]] = []
     clouds = []
@@ -159,10 +148,7 @@ def read_label_pairs(result: Path, reference: Path, *, edges: bool = False) -> L
 
 
 def matched_clouds(result: Path, reference: Path) -> list[tuple[Path, Path]]:
-    """
-    Pair the files of both sides: one with one as they are, else by name.
-
-    """
+    """Pair the files of both sides: one with one as they are, else by name."""
     mine, theirs = find_clouds(result), find_clouds(reference)
     if len(mine) == len(theirs) == 1:
         return [(mine[0], theirs[0])]
@@ -178,35 +164,23 @@ def matched_clouds(result: Path, reference: Path) -> list[tuple[Path, Path]]:
 
 
 def _bare_name(file: Path) -> str:
-    """
-    Return a cloud's name without .las, .laz or .copc.laz.
-
-    """
+    """Return a cloud's name without .las, .laz or .copc.laz."""
     return file.stem[: -len(".copc")] if file.stem.lower().endswith(".copc") else file.stem
 
 
 def _class_of(cloud: Cloud, prefer_truth: bool) -> str:
-    """
-    Return the dimension that holds the classes.
-
-    """
+    """Return the dimension that holds the classes."""
     named = TRUE_CLASS in cloud.header.point_format.extra_dimension_names
     return TRUE_CLASS if prefer_truth and named else CLASS
 
 
 def _edge_of(edges: bool) -> tuple[str, ...]:
-    """
-    Return the dimensions that hold edge labels and façades, if they are asked for.
-
-    """
+    """Return the dimensions that hold edge labels and façades, if they are asked for."""
     return (EDGE, FACADE) if edges else ()
 
 
 def _parts(cloud: Cloud, dimensions: tuple[str, ...]) -> Iterator[tuple[NDArray[Any], ...]]:
-    """
-    Yield coordinates [m] and the labels of these dimensions, chunk by chunk.
-
-    """
+    """Yield coordinates [m] and the labels of these dimensions, chunk by chunk."""
     if EDGE in dimensions and EDGE not in cloud.header.point_format.extra_dimension_names:
         raise InputError(
             f"{cloud.path}: has no dimension {EDGE}: give the output of lidar-buildings run, "
@@ -218,10 +192,7 @@ def _parts(cloud: Cloud, dimensions: tuple[str, ...]) -> Iterator[tuple[NDArray[
 
 
 def _label_of(cloud: Cloud, chunk: Any, name: str) -> NDArray[np.uint8]:
-    """
-    Return a dimension's labels; no façades where the cloud knows of none.
-
-    """
+    """Return a dimension's labels; no façades where the cloud knows of none."""
     if name == FACADE and name not in cloud.header.point_format.extra_dimension_names:
         return np.zeros(len(chunk), dtype=np.uint8)
     return np.asarray(chunk[name], dtype=np.uint8)
@@ -232,7 +203,6 @@ def _paired_parts(
 ) -> Iterator[tuple[NDArray[Any], ...]]:
     """
     Yield coordinates [m] and the labels of both, chunk by chunk, while both clouds hold the same points.
-
     """
     if mine.point_count != theirs.point_count:
         raise InputError(
@@ -256,10 +226,7 @@ def _paired_parts(
 
 
 def _joined(parts: list[tuple[NDArray[Any], ...]], clouds: list[Cloud], n_labels: int) -> LabelledPoints:
-    """
-    Put chunks together; without any, there are no points and no labels of any source.
-
-    """
+    """Put chunks together; without any, there are no points and no labels of any source."""
     crs = next((cloud.crs.name for cloud in clouds if cloud.crs.name), "")
     if not parts:
         none = np.empty(0, dtype=np.uint8)

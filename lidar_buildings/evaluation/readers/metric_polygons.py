@@ -1,7 +1,4 @@
-"""
-The polygons of a result, a reference or an area of interest, in metres.
-
-"""
+"""The polygons of a result, a reference or an area of interest, in metres."""
 
 from __future__ import annotations
 
@@ -41,7 +38,6 @@ class MetricPolygons:
         The layer's columns, one value per polygon, in the file's own units.
     unit : float
         Metres in the file's unit of length.
-
     """
 
     polygons: NDArray[Any]
@@ -63,7 +59,6 @@ def read_metric_polygons(path: Path) -> MetricPolygons:
     ------
     InputError
         If there is no such file, no layer of polygons in it, or a coordinate is not finite.
-
     """
     file = _file_of(path)
     polygons, attributes, crs = read_polygons(file, _layer_of(file))
@@ -75,10 +70,7 @@ def read_metric_polygons(path: Path) -> MetricPolygons:
 
 
 def _file_of(path: Path) -> Path:
-    """
-    Return the file that the path names, or that stands in the folder it names.
-
-    """
+    """Return the file that the path names, or that stands in the folder it names."""
     if path.is_dir():
         for name in IN_FOLDER:
             if (path / name).is_file():
@@ -90,10 +82,7 @@ def _file_of(path: Path) -> Path:
 
 
 def _layer_of(file: Path) -> str:
-    """
-    Return the name of the layer to read.
-
-    """
+    """Return the name of the layer to read."""
     try:
         layers = pyogrio.list_layers(file)
     except DataSourceError as error:
@@ -105,10 +94,7 @@ def _layer_of(file: Path) -> str:
 
 
 def _system(text: str) -> tuple[str, float]:
-    """
-    Return the name of the horizontal reference system and the metres in its unit.
-
-    """
+    """Return the name of the horizontal reference system and the metres in its unit."""
     try:
         crs = pyproj.CRS.from_user_input(text)
     except CRSError:

@@ -1,7 +1,4 @@
-"""
-What clouds say of which plane their points are: by number, by the truth of a simulation, or by colour.
-
-"""
+"""What clouds say of which plane their points are: by number, by the truth of a simulation, or by colour."""
 
 from __future__ import annotations
 
@@ -42,7 +39,6 @@ class PlaneLabels:
         Whether the reference's numbers are colours, −1 for black.
     crs : str
         Name of the reference system, empty if the clouds do not say.
-
     """
 
     name: str
@@ -62,7 +58,6 @@ def read_plane_labels(result: Path, reference: Path) -> Iterator[PlaneLabels]:
     InputError
         If a cloud cannot be read, says nothing of planes or has no counterpart, or if two are not of the same
         points in the same order.
-
     """
     for mine, theirs in matched_clouds(result, reference):
         pair = open_cloud(mine), open_cloud(theirs)
@@ -76,10 +71,7 @@ def read_plane_labels(result: Path, reference: Path) -> Iterator[PlaneLabels]:
 
 
 def _dimensions(cloud: Cloud, choices: tuple[tuple[str, ...], ...]) -> tuple[str, ...]:
-    """
-    Return the first of several sets of dimensions that a cloud has; buildings may be missing.
-
-    """
+    """Return the first of several sets of dimensions that a cloud has; buildings may be missing."""
     there = set(cloud.header.point_format.dimension_names)
     for names in choices:
         if names[-1] in there:
@@ -89,10 +81,7 @@ def _dimensions(cloud: Cloud, choices: tuple[tuple[str, ...], ...]) -> tuple[str
 
 
 def _read(cloud: Cloud, names: tuple[str, ...]) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """
-    Read the points [m] and one number for each plane.
-
-    """
+    """Read the points [m] and one number for each plane."""
     points, numbers = [np.empty((0, 3))], [np.empty(0, dtype=np.int64)]
     for chunk in cloud.chunks():
         points.append(xyz_of(chunk) * cloud.units)
@@ -101,10 +90,7 @@ def _read(cloud: Cloud, names: tuple[str, ...]) -> tuple[NDArray[np.float64], ND
 
 
 def _numbers(chunk: Any, names: tuple[str, ...]) -> NDArray[np.int64]:
-    """
-    Join building and plane, or the channels of a colour, in one number.
-
-    """
+    """Join building and plane, or the channels of a colour, in one number."""
     columns = [np.asarray(chunk[name], dtype=np.int64) for name in names]
     number = np.zeros(len(chunk), dtype=np.int64)
     for column in columns:
@@ -117,10 +103,7 @@ def _numbers(chunk: Any, names: tuple[str, ...]) -> NDArray[np.int64]:
 def _check_same_points(
     pair: tuple[Cloud, Cloud], mine: NDArray[np.float64], theirs: NDArray[np.float64]
 ) -> None:
-    """
-    Refuse clouds of other points, or of the same in another order.
-
-    """
+    """Refuse clouds of other points, or of the same in another order."""
     compared = "point by point only the same points in the same order can be compared"
     if len(mine) != len(theirs):
         raise InputError(

@@ -1,4 +1,1 @@
-"""
-How well a result agrees with a reference: points, cells and outlines.
-
-"""
+"""How well a result agrees with a reference: points, cells and outlines."""

@@ -1,7 +1,4 @@
-"""
-How well outlines fit the points that they were made from: Table 1 of Sampath & Shan (2007).
-
-"""
+"""How well outlines fit the points that they were made from: Table 1 of Sampath & Shan (2007)."""
 
 from __future__ import annotations
 
@@ -31,7 +28,6 @@ class AdjustmentScore:
         Root of the buildings' mean variance [m].
     max_offset_share, sigma_share : float
         The two in point spacings.
-
     """
 
     n_buildings: int
@@ -60,7 +56,6 @@ def score_adjustment(spacing: ArrayLike, sigma: ArrayLike, max_offset: ArrayLike
     ------
     ValueError
         If the lengths differ.
-
     """
     columns = [np.asarray(column, dtype=np.float64) for column in (spacing, sigma, max_offset)]
     if len({column.shape for column in columns}) > 1:

@@ -1,7 +1,4 @@
-"""
-Buildings that share a wall, merged into blocks: lidar cannot tell them apart.
-
-"""
+"""Buildings that share a wall, merged into blocks: lidar cannot tell them apart."""
 
 from __future__ import annotations
 
@@ -32,7 +29,6 @@ class Blocks:
         In the order of each block's first building; a building that touches none is unchanged.
     block : ndarray of int, shape (n_buildings,)
         Row of the block that each building belongs to.
-
     """
 
     polygons: NDArray[Any]
@@ -56,7 +52,6 @@ def merge_touching(buildings: ArrayLike, *, tolerance: float = TOUCHING) -> Bloc
     Returns
     -------
     Blocks
-
     """
     given = valid_polygons(buildings)
     # A set is named by its first row: blocks come in the order of these.
@@ -67,10 +62,7 @@ def merge_touching(buildings: ArrayLike, *, tolerance: float = TOUCHING) -> Bloc
 
 
 def _touching_pairs(polygons: NDArray[Any], tolerance: float) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """
-    Return the rows of polygons that share a wall, pair by pair.
-
-    """
+    """Return the rows of polygons that share a wall, pair by pair."""
     one, other = shapely.STRtree(polygons).query(polygons, predicate="dwithin", distance=tolerance)
     one, other = one[one != other], other[one != other]
     near = shapely.intersection(shapely.boundary(polygons[one]), shapely.buffer(polygons[other], tolerance))
@@ -79,18 +71,12 @@ def _touching_pairs(polygons: NDArray[Any], tolerance: float) -> tuple[NDArray[n
 
 
 def _ends(block: NDArray[np.int64]) -> NDArray[np.int64]:
-    """
-    Return where each block but the last one ends among its sorted members.
-
-    """
+    """Return where each block but the last one ends among its sorted members."""
     return np.asarray(np.cumsum(np.bincount(block))[:-1], dtype=np.int64)
 
 
 def _closed(members: NDArray[Any], tolerance: float) -> Any:
-    """
-    Return the union of a block's buildings without the gaps between their walls.
-
-    """
+    """Return the union of a block's buildings without the gaps between their walls."""
     grown = shapely.union_all(shapely.buffer(members, tolerance / 2, join_style="mitre"))
     shrunk = shapely.buffer(grown, -tolerance / 2, join_style="mitre")
     return shapely.union_all([*members, shrunk])

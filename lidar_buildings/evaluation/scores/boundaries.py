@@ -1,7 +1,4 @@
-"""
-Distances between the boundaries of outlines that belong together.
-
-"""
+"""Distances between the boundaries of outlines that belong together."""
 
 from __future__ import annotations
 
@@ -30,7 +27,6 @@ class BoundaryDistances:
         Of the distances of all samples, NaN if there are none [m].
     hausdorff : float
         The largest distance, vertices included [m].
-
     """
 
     mean: float
@@ -55,7 +51,6 @@ def boundary_distances(
     Returns
     -------
     BoundaryDistances
-
     """
     cut = None if limits is None else shapely.boundary(limits)
     along, corners = [np.empty(0)], [np.empty(0)]
@@ -94,7 +89,6 @@ def distances_of_unions(
     -------
     BoundaryDistances
         NaN if either covers nothing.
-
     """
     sides = [[] if side.is_empty else [side] for side in (result, reference)]
     if not all(sides):
@@ -104,10 +98,7 @@ def distances_of_unions(
 
 
 def _samples(boundary: shapely.Geometry) -> NDArray[Any]:
-    """
-    Return points in equal steps along every ring.
-
-    """
+    """Return points in equal steps along every ring."""
     samples = []
     for ring in shapely.get_parts(boundary):
         n_steps = max(1, math.ceil(ring.length / STEP))
@@ -117,8 +108,5 @@ def _samples(boundary: shapely.Geometry) -> NDArray[Any]:
 
 
 def _off_cut(samples: NDArray[Any], cut: shapely.Geometry | None) -> NDArray[Any]:
-    """
-    Return the samples that do not lie on the edge of the area of interest.
-
-    """
+    """Return the samples that do not lie on the edge of the area of interest."""
     return samples if cut is None else samples[~shapely.dwithin(samples, cut, ON_CUT)]

@@ -1,7 +1,4 @@
-"""
-How much of the buildings was found, cell by cell and point by point.
-
-"""
+"""How much of the buildings was found, cell by cell and point by point."""
 
 from __future__ import annotations
 
@@ -34,7 +31,6 @@ class BuildingScore:
         Common / result (correctness).
     iou : float
         Common / either (quality).
-
     """
 
     cell: float
@@ -64,7 +60,6 @@ def score_buildings(
     Returns
     -------
     BuildingScore
-
     """
     if area is not None:
         result, reference = cells_inside(result, area, cell), cells_inside(reference, area, cell)

@@ -3,7 +3,6 @@ Buildings as sets of square cells: by the points within a cell, or by its centre
 
 Cells are aligned to multiples of their size from (0, 0), whatever the data. A set is a sorted array of cell
 keys, so that its size depends on the buildings alone, however far apart they stand.
-
 """
 
 from __future__ import annotations
@@ -43,7 +42,6 @@ def cells_of_polygons(polygons: ArrayLike, cell: float) -> CellSet:
     ------
     ValueError
         If `cell` is not positive, or so small that coordinates overflow.
-
     """
     parts = polygon_parts(polygons)
     _checked_size(cell, shapely.bounds(parts))
@@ -77,7 +75,6 @@ def cells_of_points(
     ValueError
         If `cell` is not positive, or so small that coordinates overflow; if `reach` is negative; if the
         lengths differ.
-
     """
     plan, chosen = np.asarray(points, dtype=np.float64)[:, :2], np.asarray(is_building, dtype=bool)
     if chosen.shape != (len(plan),):
@@ -95,10 +92,7 @@ def cells_of_points(
 
 
 def cells_inside(cells: CellSet, area: ArrayLike, cell: float) -> CellSet:
-    """
-    Return those of the cells whose centre lies in the area of interest, one or several polygons.
-
-    """
+    """Return those of the cells whose centre lies in the area of interest, one or several polygons."""
     x, y = cell_centres(cells, cell).T
     inside = np.zeros(len(cells), dtype=bool)
     for part in polygon_parts(area):
@@ -108,10 +102,7 @@ def cells_inside(cells: CellSet, area: ArrayLike, cell: float) -> CellSet:
 
 
 def polygon_parts(polygons: ArrayLike) -> NDArray[Any]:
-    """
-    Return the single, valid, non-empty polygons that these geometries consist of.
-
-    """
+    """Return the single, valid, non-empty polygons that these geometries consist of."""
     given = np.atleast_1d(np.asarray(polygons, dtype=object))
     valid = shapely.make_valid(given[~shapely.is_missing(given)])
     parts = shapely.get_parts(shapely.get_parts(valid))
@@ -119,10 +110,7 @@ def polygon_parts(polygons: ArrayLike) -> NDArray[Any]:
 
 
 def _cells_of_part(part: shapely.Polygon, cell: float) -> CellSet:
-    """
-    Test the centres of the cells round one polygon, a band of columns at a time.
-
-    """
+    """Test the centres of the cells round one polygon, a band of columns at a time."""
     shapely.prepare(part)
     first, last = np.floor(np.reshape(part.bounds, (2, 2)) / cell).astype(np.int64)
     rows = np.arange(first[1], last[1] + 1)
@@ -136,10 +124,7 @@ def _cells_of_part(part: shapely.Polygon, cell: float) -> CellSet:
 
 
 def _surroundings(cells: CellSet, reach: float, cell: float) -> CellSet:
-    """
-    Return all cells with their centre within `reach` of a point in one of these cells, and a few more.
-
-    """
+    """Return all cells with their centre within `reach` of a point in one of these cells, and a few more."""
     steps = np.arange(-int(reach / cell + 0.5), int(reach / cell + 0.5) + 1, dtype=np.int64)
     around = cells
     # A square grows by its rows, then by its columns.
@@ -151,10 +136,7 @@ def _surroundings(cells: CellSet, reach: float, cell: float) -> CellSet:
 def _nearest_is_building(
     centres: NDArray[np.float64], plan: NDArray[np.float64], is_building: NDArray[np.bool_], reach: float
 ) -> NDArray[np.bool_]:
-    """
-    Whether the nearest point of each centre, within reach, is a building's; a tie goes to the building.
-
-    """
+    """Whether the nearest point of each centre, within reach, is a building's; a tie goes to the building."""
     if not len(centres):
         return np.zeros(0, dtype=bool)
     lower, upper = centres.min(axis=0) - reach, centres.max(axis=0) + reach
@@ -168,19 +150,13 @@ def _nearest_is_building(
 
 
 def _as_set(keys: NDArray[np.int64]) -> CellSet:
-    """
-    Return the keys sorted, each once; many times faster than the hashing of `numpy.unique`.
-
-    """
+    """Return the keys sorted, each once; many times faster than the hashing of `numpy.unique`."""
     ordered = np.sort(keys)
     return ordered[np.concatenate(([True], ordered[1:] != ordered[:-1]))] if len(ordered) else ordered
 
 
 def _keys(plan: NDArray[np.float64], cell: float) -> CellSet:
-    """
-    Return the key of the cell that each position lies in.
-
-    """
+    """Return the key of the cell that each position lies in."""
     columns, rows = np.floor(plan / cell).astype(np.int64).T
     return _join(columns, rows)
 
@@ -188,25 +164,18 @@ def _keys(plan: NDArray[np.float64], cell: float) -> CellSet:
 def _join(columns: NDArray[np.int64], rows: NDArray[np.int64]) -> CellSet:
     """
     Make keys of columns and rows: adding a step to a key moves it by rows, adding step << 32 by columns.
-
     """
     return (columns << 32) + rows
 
 
 def cell_centres(cells: CellSet, cell: float) -> NDArray[np.float64]:
-    """
-    Return the centres of cells, shape (n, 2) [m].
-
-    """
+    """Return the centres of cells, shape (n, 2) [m]."""
     columns = (cells + 2**31) >> 32
     return (np.column_stack((columns, cells - (columns << 32))) + 0.5) * cell
 
 
 def _checked_size(cell: float, coordinates: NDArray[np.float64]) -> None:
-    """
-    Raise ValueError unless cells of this size can be numbered over these coordinates.
-
-    """
+    """Raise ValueError unless cells of this size can be numbered over these coordinates."""
     if not (np.isfinite(cell) and cell > 0):
         raise ValueError(f"cell = {cell}: must be a positive length [m]")
     largest = float(np.abs(coordinates).max()) if coordinates.size else 0.0

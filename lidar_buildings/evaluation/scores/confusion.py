@@ -1,7 +1,4 @@
-"""
-The four counts of a yes-or-no question, and the figures that the field makes of them.
-
-"""
+"""The four counts of a yes-or-no question, and the figures that the field makes of them."""
 
 from __future__ import annotations
 
@@ -27,7 +24,6 @@ class Confusion:
         Yes in the reference only.
     rejections : int
         No in both.
-
     """
 
     hits: int
@@ -37,42 +33,27 @@ class Confusion:
 
     @property
     def total(self) -> int:
-        """
-        Number of items asked about.
-
-        """
+        """Number of items asked about."""
         return self.hits + self.false_alarms + self.misses + self.rejections
 
     @property
     def recall(self) -> float:
-        """
-        Share of the reference that was found, also called completeness.
-
-        """
+        """Share of the reference that was found, also called completeness."""
         return ratio(self.hits, self.hits + self.misses)
 
     @property
     def precision(self) -> float:
-        """
-        Share of the result that is right, also called correctness.
-
-        """
+        """Share of the result that is right, also called correctness."""
         return ratio(self.hits, self.hits + self.false_alarms)
 
     @property
     def iou(self) -> float:
-        """
-        Intersection over union, also called quality.
-
-        """
+        """Intersection over union, also called quality."""
         return ratio(self.hits, self.hits + self.false_alarms + self.misses)
 
     @property
     def f1(self) -> float:
-        """
-        Harmonic mean of recall and precision.
-
-        """
+        """Harmonic mean of recall and precision."""
         return ratio(2 * self.hits, 2 * self.hits + self.false_alarms + self.misses)
 
     @property
@@ -81,7 +62,6 @@ class Confusion:
         Agreement beyond what chance would give (Cohen 1960): 1 is perfect, 0 is chance.
 
         NaN where both say the same single answer throughout: there is nothing to agree on beyond chance.
-
         """
         yes = (self.hits + self.false_alarms) * (self.hits + self.misses)
         no = (self.misses + self.rejections) * (self.false_alarms + self.rejections)
@@ -103,7 +83,6 @@ def confusion_of(result: ArrayLike, reference: ArrayLike) -> Confusion:
     ------
     ValueError
         If the shapes differ or are not one-dimensional.
-
     """
     result_mask, reference_mask = _same_length(np.asarray(result, bool), np.asarray(reference, bool))
     hits = int(np.count_nonzero(result_mask & reference_mask))
@@ -112,20 +91,14 @@ def confusion_of(result: ArrayLike, reference: ArrayLike) -> Confusion:
 
 
 def ratio(part: float, whole: float) -> float:
-    """
-    Return `part` / `whole`, NaN where `whole` is 0.
-
-    """
+    """Return `part` / `whole`, NaN where `whole` is 0."""
     return part / whole if whole else math.nan
 
 
 def _same_length(
     result: NDArray[np.bool_], reference: NDArray[np.bool_]
 ) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-    """
-    Check that both masks are one-dimensional and of one length.
-
-    """
+    """Check that both masks are one-dimensional and of one length."""
     if result.ndim != 1 or result.shape != reference.shape:
         raise ValueError(f"reference has shape {reference.shape}: must be one-dimensional, as long as result")
     return result, reference

@@ -1,7 +1,4 @@
-"""
-How many corners of a reference were found, and how many of a result are some.
-
-"""
+"""How many corners of a reference were found, and how many of a result are some."""
 
 from __future__ import annotations
 
@@ -37,7 +34,6 @@ class CornerScore:
         Matched / result and matched / reference.
     mean_distance : float
         Between the two corners of a pair [m].
-
     """
 
     n_result: int
@@ -75,7 +71,6 @@ def score_corners(
     ------
     ValueError
         If the tolerance is not a positive number.
-
     """
     if not (math.isfinite(tolerance) and tolerance > 0):
         raise ValueError(f"tolerance = {tolerance}: must be a length above 0")
@@ -105,17 +100,13 @@ def real_corners(polygons: NDArray[Any]) -> NDArray[np.float64]:
     -------
     ndarray of shape (n_corners, 2)
         Courtyards' corners included; where buildings touch, every one's own.
-
     """
     corners = [ring[_turns(ring) > math.radians(MIN_TURN_DEG)] for ring in open_rings(simplified(polygons))]
     return np.concatenate([*corners, np.empty((0, 2))])
 
 
 def _turns(ring: NDArray[np.float64]) -> NDArray[np.float64]:
-    """
-    Return by how much an open ring turns at each vertex, to either side [rad].
-
-    """
+    """Return by how much an open ring turns at each vertex, to either side [rad]."""
     after = np.roll(ring, -1, axis=0) - ring
     before = np.roll(after, 1, axis=0)
     cross = before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0]
@@ -123,10 +114,7 @@ def _turns(ring: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _inside(corners: NDArray[np.float64], limits: shapely.Geometry | None) -> NDArray[np.float64]:
-    """
-    Return the corners in the area of interest.
-
-    """
+    """Return the corners in the area of interest."""
     if limits is None:
         return corners
     shapely.prepare(limits)
@@ -138,7 +126,6 @@ def _matched_distances(
 ) -> NDArray[np.float64]:
     """
     Pair corners within the tolerance, nearest first, each at most once; return how far each pair is apart.
-
     """
     if not (len(mine) and len(theirs)):
         return np.empty(0)

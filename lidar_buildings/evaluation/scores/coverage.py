@@ -1,7 +1,4 @@
-"""
-How many buildings of a reference a result covers, whatever the outlines they were found in.
-
-"""
+"""How many buildings of a reference a result covers, whatever the outlines they were found in."""
 
 from __future__ import annotations
 
@@ -33,7 +30,6 @@ class CoverageScore:
         Covered / counted.
     covered : ndarray of float, shape (n_given_reference,)
         Share of each given building's area that lies in the result.
-
     """
 
     n_buildings: int
@@ -58,7 +54,6 @@ def score_coverage(
     Returns
     -------
     CoverageScore
-
     """
     theirs, inside = cut_to(valid_polygons(reference), limits_of(area))
     size = shapely.area(theirs)

@@ -1,7 +1,4 @@
-"""
-By which angle walls of a result differ from those of the reference that they stand for.
-
-"""
+"""By which angle walls of a result differ from those of the reference that they stand for."""
 
 from __future__ import annotations
 
@@ -33,7 +30,6 @@ class DirectionScore:
         Of the angles, 0 to 90°; NaN if there are none [deg].
     matched_share : float
         Share of the result's walls, by length, that run along one of the reference.
-
     """
 
     median_deg: float
@@ -65,7 +61,6 @@ def score_directions(
     Returns
     -------
     DirectionScore
-
     """
     angles, lengths = [np.empty(0)], [np.empty(0)]
     for mine, theirs in zip(result, simplified(reference), strict=True):
@@ -82,10 +77,7 @@ def score_directions(
 
 
 class _Walls(NamedTuple):
-    """
-    The walls of an outline, from one vertex to the next.
-
-    """
+    """The walls of an outline, from one vertex to the next."""
 
     start: NDArray[np.float64]
     end: NDArray[np.float64]
@@ -96,18 +88,12 @@ class _Walls(NamedTuple):
 
     @property
     def direction(self) -> NDArray[np.float64]:
-        """
-        Angle to the x axis [rad].
-
-        """
+        """Angle to the x axis [rad]."""
         step = self.end - self.start
         return np.asarray(np.arctan2(step[:, 1], step[:, 0]))
 
     def inside(self, limits: shapely.Geometry | None) -> _Walls:
-        """
-        Return the walls with their middle in the area of interest.
-
-        """
+        """Return the walls with their middle in the area of interest."""
         if limits is None:
             return self
         x, y = ((self.start + self.end) / 2).T
@@ -116,10 +102,7 @@ class _Walls(NamedTuple):
 
 
 def _walls(polygon: shapely.Geometry) -> _Walls:
-    """
-    Return all walls of one outline that have a length.
-
-    """
+    """Return all walls of one outline that have a length."""
     rings = open_rings(np.array([polygon], dtype=object))
     start = np.concatenate([*rings, np.empty((0, 2))])
     end = np.concatenate([*(np.roll(ring, -1, axis=0) for ring in rings), np.empty((0, 2))])
@@ -128,10 +111,7 @@ def _walls(polygon: shapely.Geometry) -> _Walls:
 
 
 def _angles(mine: _Walls, theirs: _Walls, reach: float) -> NDArray[np.float64]:
-    """
-    Return the angle of each wall to the one that it stands for [deg], NaN where there is none.
-
-    """
+    """Return the angle of each wall to the one that it stands for [deg], NaN where there is none."""
     angle = np.full(len(mine.start), np.nan)
     if not (len(mine.start) and len(theirs.start)):
         return angle
@@ -148,10 +128,7 @@ def _angles(mine: _Walls, theirs: _Walls, reach: float) -> NDArray[np.float64]:
 
 
 def _samples(walls: _Walls) -> tuple[NDArray[np.int64], NDArray[Any]]:
-    """
-    Return points in equal steps along every wall, and the row of the wall that each is on.
-
-    """
+    """Return points in equal steps along every wall, and the row of the wall that each is on."""
     n_samples = np.maximum(1, np.ceil(walls.length / STEP)).astype(np.int64)
     owner = np.repeat(np.arange(len(n_samples)), n_samples)
     first = np.repeat(np.cumsum(n_samples) - n_samples, n_samples)
@@ -160,10 +137,7 @@ def _samples(walls: _Walls) -> tuple[NDArray[np.int64], NDArray[Any]]:
 
 
 def _most_frequent(owner: NDArray[np.int64], value: NDArray[np.int64]) -> NDArray[np.int64]:
-    """
-    Return the most frequent value of every owner 0, 1, …; the smallest of those that are.
-
-    """
+    """Return the most frequent value of every owner 0, 1, …; the smallest of those that are."""
     pairs, count = np.unique(np.column_stack((owner, value)), axis=0, return_counts=True)
     order = np.lexsort((pairs[:, 1], -count, pairs[:, 0]))
     first = np.unique(pairs[order, 0], return_index=True)[1]
@@ -171,10 +145,7 @@ def _most_frequent(owner: NDArray[np.int64], value: NDArray[np.int64]) -> NDArra
 
 
 def _weighted_quantile(values: NDArray[np.float64], weights: NDArray[np.float64], share: float) -> float:
-    """
-    Return the smallest value that this share of the weight does not exceed; NaN of nothing.
-
-    """
+    """Return the smallest value that this share of the weight does not exceed; NaN of nothing."""
     if not len(values):
         return math.nan
     order = np.argsort(values)

@@ -1,7 +1,4 @@
-"""
-How well edge labels agree with the alpha shapes of roofs.
-
-"""
+"""How well edge labels agree with the alpha shapes of roofs."""
 
 from __future__ import annotations
 
@@ -36,7 +33,6 @@ class EdgeScore:
         Edges in both / in the reference, / in the result, and the harmonic mean.
     non_edge_completeness, non_edge_correctness, non_edge_f_score : float
         The same of the points on no edge.
-
     """
 
     n_points: int
@@ -51,10 +47,7 @@ class EdgeScore:
 
 
 def alpha_of_spacing(spacing: float) -> float:
-    """
-    Return the radius that is to the spacing as 0.60 m is to that of 5 points/m² [m].
-
-    """
+    """Return the radius that is to the spacing as 0.60 m is to that of 5 points/m² [m]."""
     return PAPER_ALPHA * math.sqrt(PAPER_DENSITY) * spacing
 
 
@@ -74,7 +67,6 @@ def reference_edges(
         Radius of the disc [m].
     regularised : bool
         Whether points that bound no area are no edges; see `alpha_shape`.
-
     """
     plan = np.asarray(points, dtype=np.float64)[:, :2]
     edge = np.zeros(len(plan), dtype=bool)
@@ -96,7 +88,6 @@ def score_edges(result: ArrayLike, reference: ArrayLike) -> EdgeScore:
     ------
     ValueError
         If the lengths differ.
-
     """
     edge = confusion_of(result, reference)
     other = Confusion(edge.rejections, edge.misses, edge.false_alarms, edge.hits)
@@ -127,7 +118,6 @@ def score_edges_per_roof(
         Number of each point's roof, below `n_roofs`; negative for none.
     n_roofs : int
         Number of roofs; one without points has figures of nothing.
-
     """
     mine, theirs = np.asarray(result, dtype=bool), np.asarray(reference, dtype=bool)
     number = checked_column("roof", roof, len(mine), np.int64)

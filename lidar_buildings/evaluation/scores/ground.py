@@ -1,7 +1,4 @@
-"""
-The errors of a ground filter, point by point.
-
-"""
+"""The errors of a ground filter, point by point."""
 
 from __future__ import annotations
 
@@ -44,7 +41,6 @@ class GroundScore:
         Both errors / points.
     kappa : float
         Cohen's kappa.
-
     """
 
     n_points: int
@@ -83,7 +79,6 @@ def score_ground(
     ------
     ValueError
         If the lengths differ.
-
     """
     agreement = confusion_of(
         np.isin(np.asarray(result), list(result_ground)),

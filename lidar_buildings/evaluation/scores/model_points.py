@@ -1,7 +1,4 @@
-"""
-How far roof points lie from the roofs of building models.
-
-"""
+"""How far roof points lie from the roofs of building models."""
 
 from __future__ import annotations
 
@@ -45,7 +42,6 @@ class ModelPointScore:
         Buildings with ten points or more.
     rmse_per_building : ndarray of shape (n_given_buildings,)
         NaN with fewer points [m].
-
     """
 
     n_points: int
@@ -70,7 +66,6 @@ def score_model_points(buildings: Sequence[Solids], points: ArrayLike) -> ModelP
         The parts of each building [m].
     points : array_like of shape (n_points, 3)
         Points on roofs [m].
-
     """
     cloud = checked_points(points)
     building, elevation = roof_surfaces(buildings).over(cloud)
@@ -97,10 +92,7 @@ def score_model_points(buildings: Sequence[Solids], points: ArrayLike) -> ModelP
 def _rmse_per_building(
     distance: NDArray[np.float64], building: NDArray[np.int64], n_buildings: int
 ) -> NDArray[np.float64]:
-    """
-    Return the root of each building's mean square distance [m], NaN with few points.
-
-    """
+    """Return the root of each building's mean square distance [m], NaN with few points."""
     count = np.bincount(building, minlength=n_buildings)
     squares = np.bincount(building, distance**2, minlength=n_buildings)
     mean = np.divide(squares, count, out=np.full(n_buildings, np.nan), where=count >= MIN_POINTS)
@@ -108,8 +100,5 @@ def _rmse_per_building(
 
 
 def _percentile(values: NDArray[np.float64], share: float) -> float:
-    """
-    Return a percentile, NaN of nothing.
-
-    """
+    """Return a percentile, NaN of nothing."""
     return float(np.percentile(values, share)) if len(values) else math.nan

@@ -1,7 +1,4 @@
-"""
-How well building models agree with reference models: heights, volumes, ridges, corners and edges.
-
-"""
+"""How well building models agree with reference models: heights, volumes, ridges, corners and edges."""
 
 from __future__ import annotations
 
@@ -40,7 +37,6 @@ class HeightDifferences:
         Share of the reference's roofs, by area, over which the result has one.
     bias, rmse, percentile_95, largest : float
         Of all spots; the last two without their sign [m].
-
     """
 
     covered: float
@@ -65,7 +61,6 @@ class SolidCounts:
         Mean number of roof faces.
     same_corners : float
         Share of the buildings with as many corners as their reference.
-
     """
 
     vertices_result: float
@@ -97,7 +92,6 @@ class ModelScore:
     ridges : RidgeScore
     wireframe : WireframeScore
     counts : SolidCounts
-
     """
 
     n_result: int
@@ -142,7 +136,6 @@ def score_models(
     ------
     ValueError
         If the tolerance is not a positive number.
-
     """
     limits = limits_of(area)
     grounds = [valid_polygons(footprints(side)) for side in (result, reference)]
@@ -169,10 +162,7 @@ def score_models(
 
 
 def grid_spots(polygon: shapely.Geometry, step: float) -> NDArray[np.float64]:
-    """
-    Return the crossings of a grid's lines within a polygon, shape (n, 2) [m].
-
-    """
+    """Return the crossings of a grid's lines within a polygon, shape (n, 2) [m]."""
     if polygon.is_empty:
         return np.empty((0, 2))
     west, south, east, north = polygon.bounds
@@ -184,10 +174,7 @@ def grid_spots(polygon: shapely.Geometry, step: float) -> NDArray[np.float64]:
 
 
 def root_mean_square(values: NDArray[np.float64]) -> float:
-    """
-    Return the root of the mean square of the finite values, NaN of none.
-
-    """
+    """Return the root of the mean square of the finite values, NaN of none."""
     finite = values[np.isfinite(values)]
     return float(np.sqrt(np.mean(finite**2))) if len(finite) else math.nan
 
@@ -197,7 +184,6 @@ def _differences(
 ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
     """
     Return each spot's building of the reference and the difference there [m], NaN where the result has none.
-
     """
     spots = [grid_spots(ground, STEP) for ground in grounds]
     row = np.repeat(np.arange(len(spots)), [len(one) for one in spots])
@@ -209,10 +195,7 @@ def _differences(
 
 
 def _heights(differences: NDArray[np.float64]) -> HeightDifferences:
-    """
-    Sum up differences, NaN ones being spots that the result does not cover.
-
-    """
+    """Sum up differences, NaN ones being spots that the result does not cover."""
     found = differences[np.isfinite(differences)]
     if not len(found):
         return HeightDifferences(ratio(0, len(differences)), *(math.nan,) * 4)
@@ -228,20 +211,14 @@ def _heights(differences: NDArray[np.float64]) -> HeightDifferences:
 def _volume_ratios(
     result: Sequence[Solids], reference: Sequence[Solids], partner: NDArray[np.int64]
 ) -> NDArray[np.float64]:
-    """
-    Return the ratio of volumes per building of the reference.
-
-    """
+    """Return the ratio of volumes per building of the reference."""
     volumes = [[sum(solid.volume for solid in parts) for parts in side] for side in (result, reference)]
     pairs = zip(partner.tolist(), volumes[1], strict=True)
     return np.array([math.nan if mine < 0 else ratio(volumes[0][mine], true) for mine, true in pairs])
 
 
 def _counts(pairs: list[tuple[Solids, Solids]]) -> SolidCounts:
-    """
-    Count what solids consist of.
-
-    """
+    """Count what solids consist of."""
     if not pairs:
         return SolidCounts(*(math.nan,) * 7)
     corners = [[sum(map(n_corners, parts)) for parts in pair] for pair in pairs]
@@ -262,18 +239,12 @@ def _counts(pairs: list[tuple[Solids, Solids]]) -> SolidCounts:
 
 
 def _parts(side: Sequence[Solids]) -> list[Any]:
-    """
-    Return all solids of all buildings.
-
-    """
+    """Return all solids of all buildings."""
     return [solid for parts in side for solid in parts]
 
 
 def _inside(frame: Wireframe, limits: shapely.Geometry | None) -> Wireframe:
-    """
-    Keep the corners within the limits and the edges between them.
-
-    """
+    """Keep the corners within the limits and the edges between them."""
     if limits is None:
         return frame
     shapely.prepare(limits)

@@ -1,7 +1,4 @@
-"""
-How well outlines agree with a reference: as objects, as area, and along their boundaries.
-
-"""
+"""How well outlines agree with a reference: as objects, as area, and along their boundaries."""
 
 from __future__ import annotations
 
@@ -59,7 +56,6 @@ class OutlineScore:
         Row of the result outline that belongs to each given reference outline, −1 if none does.
     iou : ndarray of float, shape (n_given_reference,)
         Their intersection over union.
-
     """
 
     n_result: int
@@ -108,7 +104,6 @@ def score_outlines(result: ArrayLike, reference: ArrayLike, *, area: ArrayLike |
     Notes
     -----
     Pairs of IoU > 0.5 are unique where the outlines of one side do not overlap each other.
-
     """
     limits = limits_of(area)
     whole = valid_polygons(result), valid_polygons(reference)
@@ -167,7 +162,6 @@ def match_outlines(
         Row in `result`, −1 where no outline is left that overlaps.
     iou : ndarray of float, shape (n_reference,)
         Intersection over union with the partner, 0 where there is none.
-
     """
     partner, best = np.full(len(reference), -1, dtype=np.int64), np.zeros(len(reference))
     theirs, mine = shapely.STRtree(result).query(reference, predicate="intersects")
@@ -182,8 +176,5 @@ def match_outlines(
 
 
 def _mean(values: NDArray[Any]) -> float:
-    """
-    Return the mean, NaN of nothing.
-
-    """
+    """Return the mean, NaN of nothing."""
     return float(np.mean(values)) if len(values) else math.nan

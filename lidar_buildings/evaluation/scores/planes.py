@@ -1,7 +1,4 @@
-"""
-How well the planes of roofs agree with a reference, point by point: each plane is an instance.
-
-"""
+"""How well the planes of roofs agree with a reference, point by point: each plane is an instance."""
 
 from __future__ import annotations
 
@@ -49,7 +46,6 @@ class PlaneScore:
         The same without weights.
     iou : ndarray of shape (n_reference,)
         That largest intersection over union of each of the reference's planes, by rising number.
-
     """
 
     n_points: int
@@ -83,7 +79,6 @@ def score_planes(result: ArrayLike, reference: ArrayLike) -> PlaneScore:
     ------
     ValueError
         If the lengths differ.
-
     """
     theirs = np.asarray(reference)
     theirs = checked_column("reference", theirs, theirs.size, np.int64)
@@ -122,7 +117,6 @@ def planes_of_colours(points: ArrayLike, colour: ArrayLike) -> NDArray[np.int64]
     -------
     ndarray of int64, shape (n_points,)
         From 1; −1 for points without colour, and for those of parts too small to be meant.
-
     """
     cloud = checked_points(points)
     given = checked_column("colour", colour, len(cloud), np.int64)
@@ -146,10 +140,7 @@ def planes_of_colours(points: ArrayLike, colour: ArrayLike) -> NDArray[np.int64]
 def _overlaps(
     mine: NDArray[np.int64], theirs: NDArray[np.int64]
 ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """
-    Return the intersection over union of all pairs of planes, and the sizes of the reference's.
-
-    """
+    """Return the intersection over union of all pairs of planes, and the sizes of the reference's."""
     numbers, mine = np.unique(np.append(mine, 0), return_inverse=True)
     names, theirs = np.unique(np.append(theirs, 0), return_inverse=True)
     # The point of no plane on either side made sure that 0 comes first.
@@ -163,10 +154,7 @@ def _overlaps(
 
 
 def _n_pairs(iou: NDArray[np.float64]) -> int:
-    """
-    Return how many pairs of planes are the same, each plane in one pair only.
-
-    """
+    """Return how many pairs of planes are the same, each plane in one pair only."""
     free_rows, free_columns = (np.ones(n, dtype=bool) for n in iou.shape)
     # More than one plane can only be the same as another if each is exactly half of it.
     for row, column in np.argwhere(iou >= MIN_IOU):

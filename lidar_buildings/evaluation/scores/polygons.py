@@ -1,7 +1,4 @@
-"""
-Polygons made ready for comparison: repaired, and cut to the area of interest.
-
-"""
+"""Polygons made ready for comparison: repaired, and cut to the area of interest."""
 
 from __future__ import annotations
 
@@ -16,10 +13,7 @@ MIN_INSIDE = 0.5
 
 
 def valid_polygons(polygons: ArrayLike) -> NDArray[Any]:
-    """
-    Return the geometries as an array, repaired, with None and what has no area as an empty polygon.
-
-    """
+    """Return the geometries as an array, repaired, with None and what has no area as an empty polygon."""
     given = np.atleast_1d(np.asarray(polygons, dtype=object))
     valid = shapely.make_valid(shapely.force_2d(given))
     # A repair can leave dangling lines beside the polygons: a zero-width buffer keeps the areas alone.
@@ -28,20 +22,14 @@ def valid_polygons(polygons: ArrayLike) -> NDArray[Any]:
 
 
 def limits_of(area: ArrayLike | None) -> shapely.Geometry | None:
-    """
-    Return the union of an area of interest's polygons, None if there is no such area.
-
-    """
+    """Return the union of an area of interest's polygons, None if there is no such area."""
     return None if area is None else shapely.union_all(valid_polygons(area))
 
 
 def cut_to(
     polygons: NDArray[Any], limits: shapely.Geometry | None
 ) -> tuple[NDArray[Any], NDArray[np.float64]]:
-    """
-    Cut polygons to the limits; return them with the share of their area that is left, 0 for empty ones.
-
-    """
+    """Cut polygons to the limits; return them with the share of their area that is left, 0 for empty ones."""
     whole = shapely.area(polygons)
     if limits is not None:
         polygons = valid_polygons(shapely.intersection(polygons, limits))

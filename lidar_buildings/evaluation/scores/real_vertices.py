@@ -1,7 +1,4 @@
-"""
-Vertices that mean something: maps are densified, and cuts and unions leave vertices on straight walls.
-
-"""
+"""Vertices that mean something: maps are densified, and cuts and unions leave vertices on straight walls."""
 
 from __future__ import annotations
 
@@ -25,24 +22,17 @@ def simplified(polygons: NDArray[Any], tolerance: float = STRAIGHT) -> NDArray[A
         Valid polygons [m].
     tolerance : float
         How far what is left out may lie from the new walls [m].
-
     """
     return np.asarray(shapely.simplify(polygons, tolerance, preserve_topology=True), dtype=object)
 
 
 def vertex_counts(polygons: NDArray[Any]) -> NDArray[np.int64]:
-    """
-    Count each outline's vertices, without the repeated one that closes a ring.
-
-    """
+    """Count each outline's vertices, without the repeated one that closes a ring."""
     owner = shapely.get_rings(polygons, return_index=True)[1]
     counts = shapely.get_num_coordinates(polygons) - np.bincount(owner, minlength=len(polygons))
     return np.asarray(counts, dtype=np.int64)
 
 
 def open_rings(polygons: NDArray[Any]) -> list[NDArray[np.float64]]:
-    """
-    Return the coordinates of all rings, without the repeated vertex that closes them.
-
-    """
+    """Return the coordinates of all rings, without the repeated vertex that closes them."""
     return [shapely.get_coordinates(ring)[:-1] for ring in shapely.get_rings(polygons)]

@@ -1,7 +1,4 @@
-"""
-How high the ridges of roofs are, compared with a reference's.
-
-"""
+"""How high the ridges of roofs are, compared with a reference's."""
 
 from __future__ import annotations
 
@@ -30,7 +27,6 @@ class RidgeScore:
     bias, rmse, largest : float
         Of the elevation of the result's ridge less that of the reference's, at the middle of the latter;
         the last without its sign [m].
-
     """
 
     n_reference: int
@@ -49,7 +45,6 @@ def score_ridges(result: Wireframe, reference: Wireframe, tolerance: float) -> R
     result, reference : Wireframe
     tolerance : float
         How far beside the reference's ridge, in plan, that of the result may lie [m].
-
     """
     ridges = reference.segments[reference.is_ridge]
     errors = ridge_errors(result.segments[result.is_ridge], ridges, tolerance)
@@ -73,7 +68,6 @@ def ridge_errors(
     ----------
     result, reference : ndarray of shape (n, 2, 3)
         The ends of ridges [m].
-
     """
     errors = np.full(len(reference), np.nan)
     if not len(result):

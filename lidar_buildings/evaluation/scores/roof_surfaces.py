@@ -1,7 +1,4 @@
-"""
-The roofs of solids as one surface over the plan: which building covers a spot, and how high.
-
-"""
+"""The roofs of solids as one surface over the plan: which building covers a spot, and how high."""
 
 from __future__ import annotations
 
@@ -38,7 +35,6 @@ class RoofSurfaces:
         A point of each plane [m].
     building : ndarray of int, shape (n_faces,)
         Row of the building that each face belongs to.
-
     """
 
     polygons: NDArray[Any]
@@ -51,7 +47,6 @@ class RoofSurfaces:
         Return the building (−1 = none) and the roof's elevation (NaN) at positions of shape (n, 2).
 
         Where several roofs lie over one another the highest counts.
-
         """
         spots = np.asarray(xy, dtype=np.float64)[:, :2]
         building = np.full(len(spots), -1, dtype=np.int64)
@@ -74,7 +69,6 @@ def roof_surfaces(buildings: Sequence[Solids]) -> RoofSurfaces:
     ----------
     buildings : sequence of sequences of Solid
         The parts of each building, map frame [m].
-
     """
     polygons, slopes, origins, rows = [], [], [], []
     for row, parts in enumerate(buildings):
@@ -96,26 +90,17 @@ def roof_surfaces(buildings: Sequence[Solids]) -> RoofSurfaces:
 
 
 def footprints(buildings: Sequence[Solids]) -> NDArray[Any]:
-    """
-    Return what each building covers in plan: its ground faces, or its roof where it has none.
-
-    """
+    """Return what each building covers in plan: its ground faces, or its roof where it has none."""
     return np.array([_footprint(parts) for parts in buildings], dtype=object)
 
 
 def faces_of(solid: Solid, kind: str) -> list[Face]:
-    """
-    Return a solid's faces of one kind: GroundSurface, RoofSurface or WallSurface.
-
-    """
+    """Return a solid's faces of one kind: GroundSurface, RoofSurface or WallSurface."""
     return [face for face, word in zip(solid.faces, solid.semantics, strict=True) if word == kind]
 
 
 def unit_normal(ring: NDArray[np.float64]) -> NDArray[np.float64]:
-    """
-    Return the unit normal of a ring (Newell's sum), zeros if it has no area.
-
-    """
+    """Return the unit normal of a ring (Newell's sum), zeros if it has no area."""
     edges = ring - ring[0]
     normal: NDArray[np.float64] = np.cross(edges[1:-1], edges[2:]).sum(axis=0)
     length = np.linalg.norm(normal)
@@ -123,10 +108,7 @@ def unit_normal(ring: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _footprint(parts: Solids) -> shapely.Geometry:
-    """
-    Unite a building's ground faces, or its roof faces if there are none.
-
-    """
+    """Unite a building's ground faces, or its roof faces if there are none."""
     for kind in (GROUND_SURFACE, ROOF_SURFACE):
         faces = [_plan(solid.face_rings(face)) for solid in parts for face in faces_of(solid, kind)]
         if faces:
@@ -135,18 +117,12 @@ def _footprint(parts: Solids) -> shapely.Geometry:
 
 
 def _plan(rings: Sequence[NDArray[np.float64]]) -> shapely.Polygon:
-    """
-    Return a face seen from above.
-
-    """
+    """Return a face seen from above."""
     return shapely.Polygon(rings[0][:, :2], [ring[:, :2] for ring in rings[1:]])
 
 
 def _slope_of(ring: NDArray[np.float64]) -> tuple[float, float] | None:
-    """
-    Return the rise of a ring's plane along x and y [m/m], None for an upright one.
-
-    """
+    """Return the rise of a ring's plane along x and y [m/m], None for an upright one."""
     normal = unit_normal(ring)
     if abs(normal[2]) < _LEAST_UPRIGHT:
         return None

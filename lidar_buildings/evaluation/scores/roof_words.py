@@ -1,7 +1,4 @@
-"""
-Words for kinds of roofs: which of a result stand for which of a reference.
-
-"""
+"""Words for kinds of roofs: which of a result stand for which of a reference."""
 
 from __future__ import annotations
 
@@ -41,7 +38,6 @@ def same_roof_type(found: str, true: Mapping[str, Any]) -> bool:
     true : mapping
         The reference's attributes: `roof_type`, and `n_planes` where it is known: whatever the outline's
         shape, one level plane is a flat roof.
-
     """
     mine, theirs = _plain(found), _plain(str(true["roof_type"]))
     words = {theirs} | _ALSO.get(theirs, set())
@@ -53,8 +49,5 @@ def same_roof_type(found: str, true: Mapping[str, Any]) -> bool:
 
 
 def _plain(word: str) -> str:
-    """
-    Return a word in small letters with hyphens.
-
-    """
+    """Return a word in small letters with hyphens."""
     return word.strip().lower().replace("_", "-").replace(" ", "-")

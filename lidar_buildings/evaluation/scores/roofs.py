@@ -1,6 +1,5 @@
 """
 Which roof each point of a reference is of: that of a polygon, or a part of the cloud that hangs together.
-
 """
 
 from __future__ import annotations
@@ -22,10 +21,7 @@ NO_ROOF = -1
 
 
 def fewest_points(spacing: float) -> int:
-    """
-    Return how many points of this spacing [m] the smallest roof has.
-
-    """
+    """Return how many points of this spacing [m] the smallest roof has."""
     return math.ceil(MIN_ROOF_AREA / spacing**2)
 
 
@@ -39,7 +35,6 @@ def roofs_of_polygons(points: ArrayLike, polygons: ArrayLike) -> NDArray[np.int6
         In any order [m].
     polygons : array_like of shapely.Polygon or MultiPolygon
         One geometry per roof or block; invalid ones are repaired [m].
-
     """
     given = np.atleast_1d(np.asarray(polygons, dtype=object))
     valid = shapely.make_valid(given)
@@ -77,7 +72,6 @@ def roofs_of_points(points: ArrayLike, gap: float, *, min_points: int = 1) -> ND
     -------
     ndarray of int64, shape (n_points,)
         Numbers follow the parts' westernmost points, of as western ones the southernmost.
-
     """
     cloud = checked_points(points)
     part = connected_parts(cloud, gap, in_plan=True)
@@ -107,7 +101,6 @@ def split_at_steps(
     -------
     ndarray of int64, shape (n_points,)
         Numbers as of `roofs_of_points`.
-
     """
     cloud = checked_points(points)
     given = checked_column("roof", roof, len(cloud), np.int64)
@@ -121,10 +114,7 @@ def split_at_steps(
 
 
 def roof_rows(roof: NDArray[np.int64]) -> list[NDArray[np.int64]]:
-    """
-    Return the rows of each roof's points, by rising number; those of negative numbers are left out.
-
-    """
+    """Return the rows of each roof's points, by rising number; those of negative numbers are left out."""
     order = np.argsort(roof, kind="stable").astype(np.int64)
     order = order[np.searchsorted(roof[order], 0) :]
     starts = np.flatnonzero(np.diff(roof[order])) + 1
@@ -134,10 +124,7 @@ def roof_rows(roof: NDArray[np.int64]) -> list[NDArray[np.int64]]:
 def _merged_into_large(
     points: NDArray[np.float64], part: NDArray[np.int64], min_points: int
 ) -> NDArray[np.int64]:
-    """
-    Give points of small parts to the part of the nearest point in plan that is of a large one.
-
-    """
+    """Give points of small parts to the part of the nearest point in plan that is of a large one."""
     large = np.bincount(part)[part] >= min_points
     if not large.any():
         return np.zeros_like(part)
@@ -153,10 +140,7 @@ def _merged_into_large(
 
 
 def _from_the_west(points: NDArray[np.float64], label: NDArray[np.int64]) -> NDArray[np.int64]:
-    """
-    Number labels anew by their westernmost points, then by y, then z; negative ones become −1.
-
-    """
+    """Number labels anew by their westernmost points, then by y, then z; negative ones become −1."""
     order = np.lexsort(points.T[::-1])
     order = order[label[order] >= 0]
     labels, first = np.unique(label[order], return_index=True)

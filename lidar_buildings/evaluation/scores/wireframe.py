@@ -1,6 +1,5 @@
 """
 The wireframe of a roof: the corners and edges that are seen, whatever faces a model cuts its surfaces into.
-
 """
 
 from __future__ import annotations
@@ -41,7 +40,6 @@ class Wireframe:
         Rows of the corners.
     is_ridge : ndarray of bool, shape (n_edges,)
         Whether the roof falls to both sides of an edge that is level.
-
     """
 
     corners: NDArray[np.float64]
@@ -50,18 +48,12 @@ class Wireframe:
 
     @property
     def segments(self) -> NDArray[np.float64]:
-        """
-        The ends of each edge, shape (n_edges, 2, 3) [m].
-
-        """
+        """The ends of each edge, shape (n_edges, 2, 3) [m]."""
         return self.corners[self.edges]
 
 
 class _Side(NamedTuple):
-    """
-    What lies along one directed edge: its face's kind and normal, and its direction.
-
-    """
+    """What lies along one directed edge: its face's kind and normal, and its direction."""
 
     is_roof: bool
     normal: NDArray[np.float64]
@@ -79,7 +71,6 @@ def roof_wireframe(solids: Iterable[Solid]) -> Wireframe:
     ----------
     solids : iterable of Solid
         Solids that share an edge, as touching houses do, have it in common [m].
-
     """
     rows: dict[tuple[int, ...], int] = {}
     edges: dict[Pair, bool] = {}
@@ -94,27 +85,18 @@ def roof_wireframe(solids: Iterable[Solid]) -> Wireframe:
 
 
 def n_corners(solid: Solid) -> int:
-    """
-    Count the corners of a whole solid: vertices at which three surfaces or more meet.
-
-    """
+    """Count the corners of a whole solid: vertices at which three surfaces or more meet."""
     frame = _straightened(solid.vertices, dict.fromkeys(_folds(solid, of_roofs=False), False))
     return len({end for pair in frame for end in pair})
 
 
 def _number(vertex: NDArray[np.float64], rows: dict[tuple[int, ...], int]) -> int:
-    """
-    Return a corner's number, a new one where there was none.
-
-    """
+    """Return a corner's number, a new one where there was none."""
     return rows.setdefault(tuple(np.rint(vertex / SAME_CORNER).astype(np.int64).tolist()), len(rows))
 
 
 def _folds(solid: Solid, *, of_roofs: bool = True) -> dict[Pair, bool]:
-    """
-    Return the edges at which a solid's surface folds, and whether they are ridges.
-
-    """
+    """Return the edges at which a solid's surface folds, and whether they are ridges."""
     sides: dict[Pair, list[_Side]] = defaultdict(list)
     for face, kind in zip(solid.faces, solid.semantics, strict=True):
         normal = unit_normal(solid.vertices[list(face[0])])
@@ -130,10 +112,7 @@ def _folds(solid: Solid, *, of_roofs: bool = True) -> dict[Pair, bool]:
 
 
 def _is_fold(sides: Sequence[_Side]) -> bool:
-    """
-    Whether the surface ends or bends at an edge.
-
-    """
+    """Whether the surface ends or bends at an edge."""
     if len(sides) == 1:
         return True
     cosine = min(float(sides[0].normal @ side.normal) for side in sides[1:])
@@ -141,10 +120,7 @@ def _is_fold(sides: Sequence[_Side]) -> bool:
 
 
 def _is_ridge(sides: Sequence[_Side]) -> bool:
-    """
-    Whether two roof faces fall away from a level edge.
-
-    """
+    """Whether two roof faces fall away from a level edge."""
     if len(sides) != 2 or not all(side.is_roof for side in sides):
         return False
     along = sides[0].along
@@ -155,10 +131,7 @@ def _is_ridge(sides: Sequence[_Side]) -> bool:
 
 
 def _straightened(corners: NDArray[np.float64], edges: dict[Pair, bool]) -> dict[Pair, bool]:
-    """
-    Join edges that continue one another where no other edge ends.
-
-    """
+    """Join edges that continue one another where no other edge ends."""
     kept = dict(edges)
     around: dict[int, set[int]] = defaultdict(set)
     for i, j in edges:
@@ -179,20 +152,14 @@ def _straightened(corners: NDArray[np.float64], edges: dict[Pair, bool]) -> dict
 
 
 def _is_straight(ends: NDArray[np.float64]) -> bool:
-    """
-    Whether a line goes straight on at the second of three points.
-
-    """
+    """Whether a line goes straight on at the second of three points."""
     before, after = ends[1] - ends[0], ends[2] - ends[1]
     lengths = float(np.linalg.norm(before) * np.linalg.norm(after))
     return float(before @ after) > math.cos(math.radians(MIN_FOLD_DEG)) * lengths
 
 
 def _compacted(corners: NDArray[np.float64], edges: dict[Pair, bool]) -> Wireframe:
-    """
-    Leave out corners that no edge ends at.
-
-    """
+    """Leave out corners that no edge ends at."""
     pairs = np.array(list(edges), dtype=np.int64).reshape(-1, 2)
     used, rows = np.unique(pairs, return_inverse=True)
     ridges = np.array(list(edges.values()), dtype=bool)

@@ -1,7 +1,4 @@
-"""
-How well the corners and edges of roofs agree with a reference's.
-
-"""
+"""How well the corners and edges of roofs agree with a reference's."""
 
 from __future__ import annotations
 
@@ -45,7 +42,6 @@ class WireframeScore:
         The same of edges.
     edge_length_precision, edge_length_recall : float
         Share of the edges' length that has an edge of about its direction within the tolerance.
-
     """
 
     n_corners_result: int
@@ -81,7 +77,6 @@ def score_wireframes(result: Wireframe, reference: Wireframe, tolerance: float) 
     ------
     ValueError
         If the tolerance is not a positive number.
-
     """
     if not (math.isfinite(tolerance) and tolerance > 0):
         raise ValueError(f"tolerance = {tolerance}: must be a length above 0")
@@ -118,7 +113,6 @@ def match_corners(
     result_row, reference_row : ndarray of int, shape (n_pairs,)
     distance : ndarray of shape (n_pairs,)
         [m].
-
     """
     if not (len(result) and len(reference)):
         return np.empty(0, dtype=np.int64), np.empty(0, dtype=np.int64), np.empty(0)
@@ -135,10 +129,7 @@ def match_corners(
 
 
 def _assigned(near: NDArray[np.void], tolerance: float) -> NDArray[np.float64]:
-    """
-    Solve one group of possible pairs; return rows of (result, reference, distance).
-
-    """
+    """Solve one group of possible pairs; return rows of (result, reference, distance)."""
     mine, i = np.unique(near["i"], return_inverse=True)
     theirs, j = np.unique(near["j"], return_inverse=True)
     # No pair costs more than all the distances that it could save, so that as many as possible are made.
@@ -153,10 +144,7 @@ def _assigned(near: NDArray[np.void], tolerance: float) -> NDArray[np.float64]:
 def _n_common_edges(
     result: Wireframe, reference: Wireframe, mine: NDArray[np.int64], theirs: NDArray[np.int64]
 ) -> int:
-    """
-    Count the edges of the result whose partners in the reference are joined, too.
-
-    """
+    """Count the edges of the result whose partners in the reference are joined, too."""
     partner = np.full(len(result.corners), -1, dtype=np.int64)
     partner[mine] = theirs
     wanted = {(min(i, j), max(i, j)) for i, j in reference.edges.tolist()}
@@ -164,10 +152,7 @@ def _n_common_edges(
 
 
 def _share_followed(edges: NDArray[np.float64], others: NDArray[np.float64], tolerance: float) -> float:
-    """
-    Return the share of the edges' length within the tolerance of another edge of about their direction.
-
-    """
+    """Return the share of the edges' length within the tolerance of another edge of about their direction."""
     spots, directions, weights = _spots(edges)
     if not len(spots):
         return math.nan
@@ -186,10 +171,7 @@ def _share_followed(edges: NDArray[np.float64], others: NDArray[np.float64], tol
 def _spots(
     edges: NDArray[np.float64],
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """
-    Return spots along edges, their directions, and the length that each stands for [m].
-
-    """
+    """Return spots along edges, their directions, and the length that each stands for [m]."""
     vectors = edges[:, 1] - edges[:, 0]
     lengths = np.linalg.norm(vectors, axis=1)
     counts = np.maximum(np.ceil(lengths / _STEP).astype(np.int64), 1)

@@ -1,7 +1,4 @@
-"""
-The header of a classified file: the input's own, with four dimensions more.
-
-"""
+"""The header of a classified file: the input's own, with four dimensions more."""
 
 from __future__ import annotations
 
@@ -27,10 +24,7 @@ _OLDEST = 1
 
 
 class _Dimension(NamedTuple):
-    """
-    A dimension that the output has more than the input.
-
-    """
+    """A dimension that the output has more than the input."""
 
     name: str
     kind: str
@@ -61,7 +55,6 @@ class OutputFormat:
         The plain records, byte for byte; the extra bytes record completed.
     dtype : dtype
         Of an output point: the input's bytes first, whatever they are called, then the new dimensions.
-
     """
 
     header: laspy.LasHeader
@@ -70,10 +63,7 @@ class OutputFormat:
 
 
 def is_kept(record: RawRecord) -> bool:
-    """
-    Whether a record of the input still holds true in the output.
-
-    """
+    """Whether a record of the input still holds true in the output."""
     return not any(record.is_a(*identity) for identity in _NOT_KEPT)
 
 
@@ -83,7 +73,6 @@ def output_format(cloud: Cloud) -> OutputFormat:
 
     A dimension that the input has under one of the new names is written over if its type is the same, as
     `classification` is; otherwise it stays, under another name.
-
     """
     header = cloud.header.copy()
     names, missing = _names(header.point_format)
@@ -101,10 +90,7 @@ def output_format(cloud: Cloud) -> OutputFormat:
 
 
 def _names(point_format: laspy.PointFormat) -> tuple[dict[str, str], list[_Dimension]]:
-    """
-    Return the output's name of each of the input's extra dimensions, and the new ones that it lacks.
-
-    """
+    """Return the output's name of each of the input's extra dimensions, and the new ones that it lacks."""
     kinds = {d.name: np.dtype(d.type_str()) for d in point_format.extra_dimensions}
     scaled = {d.name for d in point_format.extra_dimensions if d.is_scaled}
     names = {name: name for name in kinds}
@@ -119,18 +105,12 @@ def _names(point_format: laspy.PointFormat) -> tuple[dict[str, str], list[_Dimen
 
 
 def _free_name(name: str, taken: Any) -> str:
-    """
-    Return the name with the first number that makes it free.
-
-    """
+    """Return the name with the first number that makes it free."""
     return next(free for n in range(1, len(taken) + 2) if (free := f"{name}_{n}") not in taken)
 
 
 def _version(header: laspy.LasHeader) -> laspy.header.Version:
-    """
-    Return the input's version, or the lowest above it that laspy may write with the point format.
-
-    """
+    """Return the input's version, or the lowest above it that laspy may write with the point format."""
     major, minor = header.version.major, max(header.version.minor, _OLDEST)
     allowed = laspy.point.dims.VERSION_TO_POINT_FMT
     while header.point_format.id not in allowed.get(f"{major}.{minor}", ()):
@@ -139,10 +119,7 @@ def _version(header: laspy.LasHeader) -> laspy.header.Version:
 
 
 def _undocumented_size(cloud: Cloud, header: laspy.LasHeader) -> int:
-    """
-    Return how many bytes of a point no extra bytes record describes.
-
-    """
+    """Return how many bytes of a point no extra bytes record describes."""
     documented = [
         d for d in header.point_format.extra_dimensions if d.description != "Un-registered ExtraBytes"
     ]
@@ -157,10 +134,7 @@ def _with_entries(
     undocumented: int,
     missing: Sequence[_Dimension],
 ) -> tuple[RawRecord, ...]:
-    """
-    Return the input's records with entries for what was undocumented and what is new.
-
-    """
+    """Return the input's records with entries for what was undocumented and what is new."""
     kept = [record for record in cloud.raw.vlrs if is_kept(record)]
     place = next((i for i, record in enumerate(kept) if record.is_a(*_EXTRA_BYTES)), None)
     has_entries = any(
@@ -182,10 +156,7 @@ def _with_entries(
 
 
 def _renamed(entry: bytes, names: dict[str, str]) -> bytes:
-    """
-    Return an entry under the output's name of its dimension.
-
-    """
+    """Return an entry under the output's name of its dimension."""
     name = entry[_NAME_AT : _NAME_AT + _NAME_SIZE].split(b"\0")[0].decode(errors="replace")
     if names.get(name, name) == name:
         return entry
@@ -194,16 +165,10 @@ def _renamed(entry: bytes, names: dict[str, str]) -> bytes:
 
 
 def _placeholder(record: RawRecord) -> laspy.VLR:
-    """
-    Return a record of the same size for laspy to write; the true bytes are put in its place afterwards.
-
-    """
+    """Return a record of the same size for laspy to write; the true bytes are put in its place afterwards."""
     return laspy.VLR("kept", record.record_id, "", record.data)
 
 
 def with_length(record: RawRecord) -> bytes:
-    """
-    Return a plain record as it stands in a file.
-
-    """
+    """Return a plain record as it stands in a file."""
     return record.head[:20] + struct.pack("<H", len(record.data)) + record.head[22:] + record.data

@@ -1,7 +1,4 @@
-"""
-An input file written again with its classification and the new dimensions.
-
-"""
+"""An input file written again with its classification and the new dimensions."""
 
 from __future__ import annotations
 
@@ -44,10 +41,7 @@ ResultRows = Callable[[int, int], NDArray[Any]]
 
 
 def suffix_for(cloud: Cloud) -> str:
-    """
-    Return the output's ending: ``.laz``, or ``.las`` for the rare waveforms that LAZ would not keep.
-
-    """
+    """Return the output's ending: ``.laz``, or ``.las`` for the rare waveforms that LAZ would not keep."""
     if cloud.header.point_format.id not in _WAVEFORM_FORMATS:
         return ".laz"
     channels = {
@@ -81,7 +75,6 @@ def write_classified(cloud: Cloud, rows: ResultRows, path: Path) -> NDArray[np.i
     ------
     InputError, OutputError
         If the input cannot be read to its end, or the output not be written.
-
     """
     out = output_format(cloud)
     per_class = np.zeros(256, dtype=np.int64)
@@ -116,10 +109,7 @@ def write_classified(cloud: Cloud, rows: ResultRows, path: Path) -> NDArray[np.i
 def _classified(
     chunk: laspy.ScaleAwarePointRecord, results: NDArray[Any], out: OutputFormat, cloud: Cloud
 ) -> NDArray[Any]:
-    """
-    Return a chunk's points with their results.
-
-    """
+    """Return a chunk's points with their results."""
     points = np.zeros(len(chunk), out.dtype)
     size = chunk.array.dtype.itemsize
     points.view(np.uint8).reshape(len(points), -1)[:, :size] = chunk.array.view(np.uint8).reshape(
@@ -141,20 +131,14 @@ def _classified(
 
 
 def _classes(points: NDArray[Any], cloud: Cloud) -> NDArray[np.uint8]:
-    """
-    Return the classes of output points.
-
-    """
+    """Return the classes of output points."""
     if cloud.header.point_format.id < FIRST_EXTENDED_FORMAT:
         return np.asarray(points["raw_classification"] & _LEGACY_CLASS)
     return np.asarray(points["classification"])
 
 
 def _finish(writer: laspy.LasWriter, file: Any, cloud: Cloud) -> None:
-    """
-    End the points, copy the extended records behind them, and write the final header.
-
-    """
+    """End the points, copy the extended records behind them, and write the final header."""
     writer.point_writer.done()
     writer.done = True
     header = writer.header
@@ -177,10 +161,7 @@ def _finish(writer: laspy.LasWriter, file: Any, cloud: Cloud) -> None:
 
 
 def _copy(source: BinaryIO, file: Any, start: int, size: int) -> None:
-    """
-    Append bytes of one file to another.
-
-    """
+    """Append bytes of one file to another."""
     source.seek(start)
     while size > 0 and (block := source.read(min(size, _COPY_BLOCK))):
         file.write(block)
@@ -188,10 +169,7 @@ def _copy(source: BinaryIO, file: Any, start: int, size: int) -> None:
 
 
 def _restore_header(file: BinaryIO, raw: RawHeader, out: OutputFormat, header: laspy.LasHeader) -> None:
-    """
-    Put the input's bytes where laspy wrote its own reading of them.
-
-    """
+    """Put the input's bytes where laspy wrote its own reading of them."""
     file.seek(_HEADER_SIZE)
     (header_size,) = struct.unpack("<H", file.read(2))
     file.seek(_SYSTEM)

@@ -1,7 +1,4 @@
-"""
-The coordinate reference system that a LAS file states, by WKT text or GeoTIFF keys.
-
-"""
+"""The coordinate reference system that a LAS file states, by WKT text or GeoTIFF keys."""
 
 from __future__ import annotations
 
@@ -53,7 +50,6 @@ class SourceCrs:
         False for longitude and latitude, and for geocentric coordinates.
     doubt : str
         Why the file's own statement was not believed.
-
     """
 
     name: str = ""
@@ -78,7 +74,6 @@ def source_crs(records: Sequence[RawRecord], *, prefer_wkt: bool, label: str) ->
         Whether WKT counts where both kinds are there.
     label : str
         The file, for the log.
-
     """
     readers = [(_WKT, _from_wkt), (_GEO_KEYS, _from_geo_keys)]
     for record_id, reader in readers if prefer_wkt else reversed(readers):
@@ -105,7 +100,6 @@ def vertical_crs(records: Sequence[RawRecord]) -> Any:
     ----------
     records : sequence of RawRecord
         The file's plain and extended records.
-
     """
     for record in records:
         try:
@@ -123,27 +117,18 @@ def vertical_crs(records: Sequence[RawRecord]) -> Any:
 
 
 def _vertical_part(crs: Any) -> Any:
-    """
-    Return the vertical part of a compound system, None of any other.
-
-    """
+    """Return the vertical part of a compound system, None of any other."""
     parts = _unbound(crs).sub_crs_list
     return _unbound(parts[1]) if len(parts) > 1 else None
 
 
 def _from_wkt(data: bytes) -> SourceCrs:
-    """
-    Read a WKT record.
-
-    """
+    """Read a WKT record."""
     return _described(_wkt_in(data))
 
 
 def _wkt_in(data: bytes) -> Any:
-    """
-    Return the system that a WKT record describes.
-
-    """
+    """Return the system that a WKT record describes."""
     text = data.split(b"\0")[0].decode("utf-8").strip()
     if not text:
         raise ValueError("its WKT text is empty")
@@ -151,10 +136,7 @@ def _wkt_in(data: bytes) -> Any:
 
 
 def _described(crs: Any) -> SourceCrs:
-    """
-    Say what matters here of a reference system, compound and bound ones included.
-
-    """
+    """Say what matters here of a reference system, compound and bound ones included."""
     crs = _unbound(crs)
     parts = [_unbound(part) for part in crs.sub_crs_list] or [crs]
     horizontal = parts[0]
@@ -171,18 +153,12 @@ def _described(crs: Any) -> SourceCrs:
 
 
 def _unbound(crs: Any) -> Any:
-    """
-    Return the system itself, without a transformation bound to it.
-
-    """
+    """Return the system itself, without a transformation bound to it."""
     return crs.source_crs if crs.is_bound else crs
 
 
 def _from_geo_keys(data: bytes) -> SourceCrs:
-    """
-    Read a GeoTIFF key directory.
-
-    """
+    """Read a GeoTIFF key directory."""
     keys = _keys_in(data)
     if not keys:
         raise ValueError("its GeoTIFF directory holds no keys")
@@ -192,19 +168,13 @@ def _from_geo_keys(data: bytes) -> SourceCrs:
 
 
 def _keys_in(data: bytes) -> dict[int, int]:
-    """
-    Return the keys of a GeoTIFF directory that hold a number.
-
-    """
+    """Return the keys of a GeoTIFF directory that hold a number."""
     entries = [struct.unpack_from("<4H", data, at) for at in range(8, len(data) - 7, 8)]
     return {key: value for key, location, _, value in entries if location == 0}
 
 
 def _horizontal_from_keys(keys: dict[int, int]) -> SourceCrs:
-    """
-    Read the projected or geographic system; units alone where it is user-defined.
-
-    """
+    """Read the projected or geographic system; units alone where it is user-defined."""
     stated = _UNITS.get(keys.get(_LINEAR_UNITS, 0))
     if keys.get(_PROJECTED_CRS) in _EPSG_CODES:
         crs = _described(pyproj.CRS.from_epsg(keys[_PROJECTED_CRS]))
@@ -223,10 +193,7 @@ def _horizontal_from_keys(keys: dict[int, int]) -> SourceCrs:
 
 
 def _vertical_unit_from_keys(keys: dict[int, int]) -> float | None:
-    """
-    Metres per unit of z, None if the keys do not say.
-
-    """
+    """Metres per unit of z, None if the keys do not say."""
     stated = _UNITS.get(keys.get(_VERTICAL_UNITS, 0))
     if stated is not None or keys.get(_VERTICAL_CRS) not in _EPSG_CODES:
         return stated

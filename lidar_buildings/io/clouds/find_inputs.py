@@ -1,7 +1,4 @@
-"""
-From what a user names (files, folders, globs) to the list of clouds.
-
-"""
+"""From what a user names (files, folders, globs) to the list of clouds."""
 
 from __future__ import annotations
 
@@ -34,7 +31,6 @@ def find_inputs(inputs: str | os.PathLike[str] | Iterable[str | os.PathLike[str]
     ------
     InputError
         If something is missing, or a folder or glob holds no cloud.
-
     """
     files, problems = search_inputs(inputs)
     if problems:
@@ -59,7 +55,6 @@ def search_inputs(
     ------
     InputError
         If nothing was found.
-
     """
     named = [inputs] if isinstance(inputs, (str, os.PathLike)) else list(inputs)
     if not named:
@@ -78,10 +73,7 @@ def search_inputs(
 
 
 def _expanded(path: Path) -> list[Path]:
-    """
-    Return the files that one argument names.
-
-    """
+    """Return the files that one argument names."""
     if path.is_dir():
         files = _clouds(path.iterdir())
         if not files:
@@ -98,8 +90,5 @@ def _expanded(path: Path) -> list[Path]:
 
 
 def _clouds(paths: Iterable[Path]) -> list[Path]:
-    """
-    Keep the cloud files, by name.
-
-    """
+    """Keep the cloud files, by name."""
     return sorted(path for path in paths if path.name.lower().endswith(ENDINGS) and path.is_file())

@@ -3,7 +3,6 @@ LAS, LAZ and COPC files: opened, checked and read in chunks.
 
 Reading is laspy's with the lazrs backend. Whatever goes wrong with a file becomes one `InputError` of the
 form "file: what is wrong: what to do".
-
 """
 
 from __future__ import annotations
@@ -51,10 +50,7 @@ MOST_POINTS = 2**32 - 1
 
 
 class InputFile(NamedTuple):
-    """
-    One input of a run.
-
-    """
+    """One input of a run."""
 
     path: Path
     point_count: int
@@ -77,7 +73,6 @@ class Cloud:
         What it says of its coordinates.
     mins, maxs : ndarray of shape (3,)
         Bounds in source coordinates; NaN if the file holds no point.
-
     """
 
     path: Path
@@ -89,18 +84,12 @@ class Cloud:
 
     @property
     def point_count(self) -> int:
-        """
-        Number of points.
-
-        """
+        """Number of points."""
         return int(self.header.point_count)
 
     @property
     def units(self) -> NDArray[np.float64]:
-        """
-        Metres per source unit, per axis.
-
-        """
+        """Metres per source unit, per axis."""
         return np.array([self.crs.horizontal_unit, self.crs.horizontal_unit, self.crs.vertical_unit])
 
     def chunks(self, size: int = CHUNK) -> Iterator[laspy.ScaleAwarePointRecord]:
@@ -111,7 +100,6 @@ class Cloud:
         ------
         InputError
             If they cannot be read to the last one.
-
         """
         done = 0
         with _reported(self.path), _reader(self.path) as (reader, guard):
@@ -134,7 +122,6 @@ def open_cloud(path: str | Path) -> Cloud:
     ------
     InputError
         One line naming the file, what is wrong and what to do.
-
     """
     path = Path(path)
     with _reported(path):
@@ -169,7 +156,6 @@ def open_inputs(
     ------
     InputError
         If none can be read.
-
     """
     clouds: list[Cloud] = []
     paths, problems = search_inputs(inputs)
@@ -201,7 +187,6 @@ def read_tile(path: str | Path) -> PointTile:
     ------
     InputError
         If the file cannot be read.
-
     """
     cloud = open_cloud(path)
     frame = frame_of([cloud])
@@ -224,7 +209,6 @@ def frame_of(clouds: list[Cloud]) -> MapFrame:
     ------
     InputError
         If two clouds are in different reference systems or units.
-
     """
     first = next((c for c in clouds if c.crs.name), clouds[0])
     for cloud in clouds:
@@ -238,19 +222,13 @@ def frame_of(clouds: list[Cloud]) -> MapFrame:
 
 
 def xyz_of(chunk: laspy.ScaleAwarePointRecord) -> NDArray[np.float64]:
-    """
-    Return a chunk's coordinates, shape (n, 3), in the source's own system.
-
-    """
+    """Return a chunk's coordinates, shape (n, 3), in the source's own system."""
     counts = np.column_stack([chunk.array["X"], chunk.array["Y"], chunk.array["Z"]])
     return counts * chunk.scales + chunk.offsets
 
 
 def _check_agreement(first: Cloud, other: Cloud) -> None:
-    """
-    Refuse two clouds that cannot share a map.
-
-    """
+    """Refuse two clouds that cannot share a map."""
     if not other.point_count or (
         not other.crs.name and first.crs.name and np.allclose(first.units, other.units)
     ):
@@ -263,20 +241,14 @@ def _check_agreement(first: Cloud, other: Cloud) -> None:
 
 
 def _system(cloud: Cloud) -> str:
-    """
-    Name a cloud's reference system and units in few words.
-
-    """
+    """Name a cloud's reference system and units in few words."""
     name = cloud.crs.name.split(",")[0] if cloud.crs.name else "an unknown reference system"
     return f"{name} with units of {cloud.crs.horizontal_unit:.7g} m and {cloud.crs.vertical_unit:.7g} m"
 
 
 @contextmanager
 def _reported(path: Path) -> Iterator[None]:
-    """
-    Turn whatever fails within into one InputError naming the file.
-
-    """
+    """Turn whatever fails within into one InputError naming the file."""
     try:
         yield
     except InputError:
@@ -302,7 +274,6 @@ def _reader(path: Path) -> Iterator[tuple[Any, Any]]:
     Open a reader with the parallel backend, or the sequential one for files without a chunk table.
 
     The second item guards each read: the sequential backend may panic and print on damaged or very old files.
-
     """
     try:
         reader = laspy.open(path, laz_backend=laspy.LazBackend.LazrsParallel, read_evlrs=False)
@@ -317,10 +288,7 @@ def _reader(path: Path) -> Iterator[tuple[Any, Any]]:
 
 
 def _check_scaling(path: Path, header: laspy.LasHeader) -> None:
-    """
-    Refuse scales and offsets that give no coordinates.
-
-    """
+    """Refuse scales and offsets that give no coordinates."""
     scales, offsets = np.asarray(header.scales), np.asarray(header.offsets)
     if not (np.isfinite(scales).all() and (scales != 0).all() and np.isfinite(offsets).all()):
         raise InputError(
@@ -331,10 +299,7 @@ def _check_scaling(path: Path, header: laspy.LasHeader) -> None:
 
 
 def _bounds(cloud: Cloud, first: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """
-    Return the header's bounds, or measured ones if the first points show these to be wrong.
-
-    """
+    """Return the header's bounds, or measured ones if the first points show these to be wrong."""
     mins, maxs = np.array(cloud.header.mins, dtype=float), np.array(cloud.header.maxs, dtype=float)
     slack = _BOUNDS_TOLERANCE / cloud.units
     if np.isfinite([mins, maxs]).all() and ((first >= mins - slack) & (first <= maxs + slack)).all():
@@ -345,10 +310,7 @@ def _bounds(cloud: Cloud, first: NDArray[np.float64]) -> tuple[NDArray[np.float6
 
 
 def _metric(path: Path, crs: SourceCrs, mins: NDArray[np.float64], maxs: NDArray[np.float64]) -> SourceCrs:
-    """
-    Refuse longitude and latitude; doubt a record that says so of coordinates that cannot be.
-
-    """
+    """Refuse longitude and latitude; doubt a record that says so of coordinates that cannot be."""
     if crs.is_projected:
         return crs
     if max(np.abs(mins[:2]).max(), np.abs(maxs[:2]).max()) > 360.0 and crs.horizontal_unit != 1.0:

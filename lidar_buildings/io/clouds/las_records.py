@@ -3,7 +3,6 @@ A LAS file's header and variable length records as raw bytes.
 
 laspy reads the header's fields; here stand only the checks that must come before it (it trusts counts and
 offsets), and the records byte for byte, which laspy parses and writes anew.
-
 """
 
 from __future__ import annotations
@@ -50,7 +49,6 @@ class RawRecord:
         Where its data lie in the file [bytes].
     data : bytes
         The data; empty for extended records larger than `LARGEST_READ_EVLR`.
-
     """
 
     user_id: bytes
@@ -61,10 +59,7 @@ class RawRecord:
     data: bytes
 
     def is_a(self, user_id: bytes, record_id: int) -> bool:
-        """
-        Whether it is the record of this user and number.
-
-        """
+        """Whether it is the record of this user and number."""
         return self.user_id == user_id and self.record_id == record_id
 
 
@@ -81,7 +76,6 @@ class RawHeader:
         In file order.
     offset : int
         Where point data begin [bytes].
-
     """
 
     block: bytes
@@ -91,59 +85,38 @@ class RawHeader:
 
     @property
     def minor_version(self) -> int:
-        """
-        4 of "1.4".
-
-        """
+        """4 of "1.4"."""
         return self.block[25]
 
     @property
     def global_encoding(self) -> int:
-        """
-        The header's flags.
-
-        """
+        """The header's flags."""
         return self._number("<H", 6)
 
     @property
     def is_compressed(self) -> bool:
-        """
-        Whether points are compressed (LAZ).
-
-        """
+        """Whether points are compressed (LAZ)."""
         return bool(self.block[104] & COMPRESSED)
 
     @property
     def record_size(self) -> int:
-        """
-        Bytes of one uncompressed point.
-
-        """
+        """Bytes of one uncompressed point."""
         return self._number("<H", 105)
 
     @property
     def point_count(self) -> int:
-        """
-        Number of points that the header promises.
-
-        """
+        """Number of points that the header promises."""
         count = self._number("<Q", 247) if self.minor_version >= 4 and len(self.block) >= 255 else 0
         return count or self._number("<I", 107)
 
     @property
     def waveform_start(self) -> int:
-        """
-        Where the waveform record begins, 0 if it is not in this file [bytes].
-
-        """
+        """Where the waveform record begins, 0 if it is not in this file [bytes]."""
         inside = self.minor_version >= 3 and self.global_encoding & WAVEFORMS_INSIDE
         return self._number("<Q", 227) if inside and len(self.block) >= 235 else 0
 
     def _number(self, kind: str, at: int) -> int:
-        """
-        Read one number of the header.
-
-        """
+        """Read one number of the header."""
         return int(struct.unpack_from(kind, self.block, at)[0])
 
 
@@ -155,7 +128,6 @@ def read_raw_header(path: Path) -> RawHeader:
     ------
     InputError
         If it is no LAS file, or its header cannot be true.
-
     """
     size = path.stat().st_size
     if size == 0:
@@ -187,10 +159,7 @@ def read_raw_header(path: Path) -> RawHeader:
 
 
 def _check_length(path: Path, file: BinaryIO, header: RawHeader, size: int) -> None:
-    """
-    Refuse a file that ends before its last point.
-
-    """
+    """Refuse a file that ends before its last point."""
     if not header.point_count:
         return
     if not header.is_compressed:
@@ -208,10 +177,7 @@ def _check_length(path: Path, file: BinaryIO, header: RawHeader, size: int) -> N
 
 
 def _has_chunk_table(file: BinaryIO, offset: int, size: int) -> bool:
-    """
-    Whether the LAZ chunk table lies within the file.
-
-    """
+    """Whether the LAZ chunk table lies within the file."""
     file.seek(offset)
     position = int.from_bytes(file.read(8), "little", signed=True)
     if position == -1:  # written as a stream: its place stands at the file's end
@@ -221,10 +187,7 @@ def _has_chunk_table(file: BinaryIO, offset: int, size: int) -> bool:
 
 
 def _extended_records(file: BinaryIO, header: RawHeader, size: int) -> tuple[RawRecord, ...]:
-    """
-    Read the extended records; none where their place cannot be true.
-
-    """
+    """Read the extended records; none where their place cannot be true."""
     if header.minor_version < 4 or len(header.block) < 247:
         return ()
     start, count = struct.unpack_from("<QI", header.block, 235)
@@ -235,10 +198,7 @@ def _extended_records(file: BinaryIO, header: RawHeader, size: int) -> tuple[Raw
 
 
 def _records(file: BinaryIO, count: int, *, extended: bool, end: int) -> tuple[RawRecord, ...]:
-    """
-    Read records from where the file stands, up to `end`.
-
-    """
+    """Read records from where the file stands, up to `end`."""
     found = []
     for _ in range(count):
         head = file.read(EVLR_HEADER if extended else VLR_HEADER)

@@ -1,7 +1,4 @@
-"""
-From a LAS file's dimensions to the columns of a tile.
-
-"""
+"""From a LAS file's dimensions to the columns of a tile."""
 
 from __future__ import annotations
 
@@ -24,7 +21,6 @@ def point_columns(chunk: laspy.ScaleAwarePointRecord) -> dict[str, NDArray[Any]]
     Return a chunk's columns as a tile names them; `gps_time` is NaN where the format has none.
 
     Points that the file withholds are not to be used: they come as noise.
-
     """
     if chunk.point_format.id >= FIRST_EXTENDED_FORMAT:
         scan_angle = chunk.array["scan_angle"] * np.float32(SCAN_ANGLE_STEP)
@@ -44,10 +40,7 @@ def point_columns(chunk: laspy.ScaleAwarePointRecord) -> dict[str, NDArray[Any]]
 
 
 def _usable_classes(chunk: laspy.ScaleAwarePointRecord) -> NDArray[np.uint8]:
-    """
-    Return the file's classes, low noise for points that are flagged as withheld.
-
-    """
+    """Return the file's classes, low noise for points that are flagged as withheld."""
     withheld = np.asarray(chunk.withheld, dtype=bool)
     return np.where(withheld, PointClass.LOW_NOISE, np.asarray(chunk.classification)).astype(np.uint8)
 
@@ -58,7 +51,6 @@ def without_empty_columns(columns: dict[str, NDArray[Any]]) -> dict[str, NDArray
 
     Return numbers count from 1: a file in which all are 0 does not know them. The same holds for GPS times
     that are all 0; and times are of use only where every point has one.
-
     """
     kept: dict[str, NDArray[Any] | None] = dict(columns)
     if not columns["return_number"].any() or not columns["number_of_returns"].any():

@@ -1,7 +1,4 @@
-"""
-The spacing of a survey's pulses, one for all its tiles.
-
-"""
+"""The spacing of a survey's pulses, one for all its tiles."""
 
 from __future__ import annotations
 
@@ -20,10 +17,7 @@ _MIN_PULSES = 1000
 
 
 def sample_square(area: Rectangle, side: float = _SAMPLE_SIDE) -> Rectangle:
-    """
-    Return the square of a side [m] in the middle of a file's bounds.
-
-    """
+    """Return the square of a side [m] in the middle of a file's bounds."""
     x, y = (area.x_min + area.x_max) / 2, (area.y_min + area.y_max) / 2
     return Rectangle(x, y, x, y).grown(side / 2)
 
@@ -33,10 +27,7 @@ def pulses(
     return_number: NDArray[np.uint8] | None,
     number_of_returns: NDArray[np.uint8] | None,
 ) -> NDArray[np.float64]:
-    """
-    Return one point per pulse: its last return, or every point where returns are not known.
-
-    """
+    """Return one point per pulse: its last return, or every point where returns are not known."""
     if return_number is None or number_of_returns is None:
         return points
     is_last = return_number >= number_of_returns
@@ -44,10 +35,7 @@ def pulses(
 
 
 def expected_spacing(samples: Iterable[NDArray[np.float64]]) -> float | None:
-    """
-    Measure the spacing [m] of sampled pulses; None where there are too few.
-
-    """
+    """Measure the spacing [m] of sampled pulses; None where there are too few."""
     gathered = [sample for sample in samples if len(sample)]
     sample = np.concatenate(gathered) if gathered else np.empty((0, 3))
     return measure_spacing(sample) if len(sample) >= _MIN_PULSES else None

@@ -1,7 +1,4 @@
-"""
-Files that appear under their final name only when they are complete.
-
-"""
+"""Files that appear under their final name only when they are complete."""
 
 from __future__ import annotations
 
@@ -24,7 +21,6 @@ def whole_file(path: Path) -> Iterator[Path]:
     ------
     OutputError
         If it cannot be written; nothing is left behind, and what stood under `path` is untouched.
-
     """
     # the ending stays, since some drivers go by it
     temporary = path.with_name(f".{path.name.removesuffix(path.suffix)}.part{path.suffix}")
@@ -39,10 +35,7 @@ def whole_file(path: Path) -> Iterator[Path]:
 
 
 def cannot_write(path: Path, error: BaseException) -> OutputError:
-    """
-    Say that a file cannot be written, and that a run may be taken up again.
-
-    """
+    """Say that a file cannot be written, and that a run may be taken up again."""
     return OutputError(
         f"{path}: cannot be written ({in_words(error)}): make room or mend the rights, "
         "then give the same command again; it goes on from the finished tiles"
@@ -57,7 +50,6 @@ class CheckedFile:
     ----------
     file : binary file
         Open for writing.
-
     """
 
     def __init__(self, file: BinaryIO) -> None:
@@ -65,10 +57,7 @@ class CheckedFile:
         self.error: OSError | None = None
 
     def write(self, data: Any) -> int:
-        """
-        Write, and remember a failure.
-
-        """
+        """Write, and remember a failure."""
         try:
             return self._file.write(data)
         except OSError as error:
@@ -76,18 +65,12 @@ class CheckedFile:
             raise
 
     def __getattr__(self, name: str) -> Any:
-        """
-        Leave everything else to the file.
-
-        """
+        """Leave everything else to the file."""
         return getattr(self._file, name)
 
 
 def _remove(path: Path) -> None:
-    """
-    Remove a file if it is there and can be removed.
-
-    """
+    """Remove a file if it is there and can be removed."""
     try:
         path.unlink(missing_ok=True)
     except OSError:

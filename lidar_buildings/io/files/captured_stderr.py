@@ -1,7 +1,4 @@
-"""
-What a compiled decoder throws: turned into words, and its own printing kept off the screen.
-
-"""
+"""What a compiled decoder throws: turned into words, and its own printing kept off the screen."""
 
 from __future__ import annotations
 
@@ -21,18 +18,12 @@ _PANIC = "PanicException"
 
 
 def is_failure(error: BaseException) -> bool:
-    """
-    Whether `error` tells of a failure to report, not of a wish to stop (Ctrl-C, exit).
-
-    """
+    """Whether `error` tells of a failure to report, not of a wish to stop (Ctrl-C, exit)."""
     return isinstance(error, Exception) or type(error).__name__ == _PANIC
 
 
 def in_words(error: BaseException) -> str:
-    """
-    Return the error's message on one line, without the file name that an OSError repeats.
-
-    """
+    """Return the error's message on one line, without the file name that an OSError repeats."""
     text = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
     return " ".join(text.split()) or type(error).__name__
 
@@ -42,7 +33,6 @@ def quiet_panics() -> AbstractContextManager[None]:
     Hold back what is printed to standard error meanwhile, and drop it if the block panics.
 
     A panicking decoder prints its backtrace from compiled code.
-
     """
     return quiet_if(lambda error: type(error).__name__ == _PANIC)
 
@@ -60,7 +50,6 @@ def quiet_if(is_noisy: Callable[[BaseException], bool]) -> Iterator[None]:
     ----------
     is_noisy : callable
         Whether an error is of the kind that prints.
-
     """
     with _one_at_a_time, tempfile.TemporaryFile() as held:
         try:
@@ -83,10 +72,7 @@ def quiet_if(is_noisy: Callable[[BaseException], bool]) -> Iterator[None]:
 
 
 def _pass_on(held: int) -> None:
-    """
-    Print what was held back.
-
-    """
+    """Print what was held back."""
     os.lseek(held, 0, os.SEEK_SET)
     while block := os.read(held, 65536):
         os.write(_STANDARD_ERROR, block)

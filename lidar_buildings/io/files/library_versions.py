@@ -1,7 +1,4 @@
-"""
-Versions of what results depend on.
-
-"""
+"""Versions of what results depend on."""
 
 from __future__ import annotations
 
@@ -17,19 +14,13 @@ _LIBRARIES = (
 
 
 def library_versions() -> dict[str, str]:
-    """
-    Return name → version of this package, of Python and of the libraries.
-
-    """
+    """Return name → version of this package, of Python and of the libraries."""
     libraries = {name: _version(name) for name in _LIBRARIES}
     return {"lidar_buildings": __version__, "python": sys.version.split()[0], **libraries}
 
 
 def _version(library: str) -> str:
-    """
-    Return a library's version, or that it is not known.
-
-    """
+    """Return a library's version, or that it is not known."""
     try:
         return version(library)
     except PackageNotFoundError:

@@ -1,7 +1,4 @@
-"""
-Arcs in rings that are drawn with chords: found again, for drawings that know arcs.
-
-"""
+"""Arcs in rings that are drawn with chords: found again, for drawings that know arcs."""
 
 from __future__ import annotations
 
@@ -33,7 +30,6 @@ class ArcRing(NamedTuple):
     bulges : ndarray of float64, shape (n_segments,)
         Tangent of a quarter of the angle that the segment sweeps, as drawings have it: 0 for straight ones,
         positive where the arc turns left, at most about 1 (half a circle).
-
     """
 
     rows: NDArray[np.int64]
@@ -53,7 +49,6 @@ def ring_arcs(ring: NDArray[np.float64], precision: float | None = None) -> ArcR
         Open [m].
     precision : float, optional
         What the coordinates are rounded to [m]; by default that of float32, which messages carry.
-
     """
     n = len(ring)
     if precision is None:
@@ -74,7 +69,6 @@ def ring_arcs(ring: NDArray[np.float64], precision: float | None = None) -> ArcR
 def _runs(ring: NDArray[np.float64], tolerance: float) -> list[tuple[int, int, float]]:
     """
     Return (first vertex, chords, turn [rad]) of every run of at least two chords of one length and turn.
-
     """
     n = len(ring)
     if n < 4:
@@ -96,20 +90,14 @@ def _runs(ring: NDArray[np.float64], tolerance: float) -> list[tuple[int, int, f
 
 
 def _turns(step: NDArray[np.float64]) -> NDArray[np.float64]:
-    """
-    Return the angle by which a ring turns at each vertex, −π to π, positive to the left [rad].
-
-    """
+    """Return the angle by which a ring turns at each vertex, −π to π, positive to the left [rad]."""
     before = np.roll(step, 1, axis=0)
     cross = before[:, 0] * step[:, 1] - before[:, 1] * step[:, 0]
     return np.asarray(np.arctan2(cross, np.einsum("ij,ij->i", before, step)))
 
 
 def _run(turn: NDArray[np.float64], goes_on: NDArray[np.bool_], joint: int) -> tuple[int, int, float]:
-    """
-    Follow a run from its first joint.
-
-    """
+    """Follow a run from its first joint."""
     n = len(turn)
     joints = [joint]
     while goes_on[joints[-1]]:
@@ -118,20 +106,14 @@ def _run(turn: NDArray[np.float64], goes_on: NDArray[np.bool_], joint: int) -> t
 
 
 def _halves(first: int, n_chords: int, turn: float) -> list[tuple[int, int]]:
-    """
-    Divide a run into (first vertex, chords) of at most half a circle each.
-
-    """
+    """Divide a run into (first vertex, chords) of at most half a circle each."""
     n_parts = max(math.ceil(n_chords * abs(turn) / math.pi - _OVER), 1)
     ends = [first + n_chords * k // n_parts for k in range(n_parts + 1)]
     return [(start, end - start) for start, end in pairwise(ends)]
 
 
 def _is_arc(vertices: NDArray[np.float64], bulge: float, precision: float) -> bool:
-    """
-    Whether vertices lie on the arc between the first and the last of them.
-
-    """
+    """Whether vertices lie on the arc between the first and the last of them."""
     chord = vertices[-1] - vertices[0]
     width = float(np.hypot(*chord))
     if 0.5 * abs(bulge) * width < _LEAST_BULGE * precision:

@@ -1,7 +1,4 @@
-"""
-The attributes of a building as files carry them: their types, and their values in the source's units.
-
-"""
+"""The attributes of a building as files carry them: their types, and their values in the source's units."""
 
 from __future__ import annotations
 
@@ -70,7 +67,6 @@ def in_source_units(attributes: dict[str, Any], frame: MapFrame) -> dict[str, An
     -------
     dict
         The same names in the same order; numbers that are not finite become None.
-
     """
     return {name: _converted(name, value, frame) for name, value in attributes.items()}
 
@@ -85,16 +81,12 @@ def face_attributes(rings: Sequence[NDArray[np.float64]], frame: MapFrame) -> di
         The exterior and the holes in the map frame [m].
     frame : MapFrame
         Where the map frame lies, and the source's units.
-
     """
     return in_source_units(face_shape(rings)._asdict(), frame)
 
 
 def _converted(name: str, value: Any, frame: MapFrame) -> Any:
-    """
-    Return one attribute in the source's units.
-
-    """
+    """Return one attribute in the source's units."""
     value = value.item() if hasattr(value, "item") else value
     if not isinstance(value, float):
         return value

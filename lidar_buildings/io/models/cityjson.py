@@ -3,7 +3,6 @@ City models as CityJSONSeq 2.0: a header line, then one line per building.
 
 Vertices are written as whole multiples of the output grid in the map frame; the header's transform turns
 them into the source's coordinates. So what was checked is what is written, in metres and in feet alike.
-
 """
 
 from __future__ import annotations
@@ -47,7 +46,6 @@ class CityFeature:
         As written: in the source's units.
     solids : dict of str to Solid
         By level of detail, in the map frame [m].
-
     """
 
     readable_id: str
@@ -57,10 +55,7 @@ class CityFeature:
 
     @property
     def finest(self) -> str:
-        """
-        The finest level of detail that the building has, empty if it has no solid.
-
-        """
+        """The finest level of detail that the building has, empty if it has no solid."""
         return max(self.solids, default="")
 
 
@@ -87,7 +82,6 @@ def header_line(
         Least and greatest coordinates of all buildings in the map frame [m].
     title : str
         What the model is of.
-
     """
     translate = frame.to_source(np.zeros((1, 3)))[0]
     header: dict[str, Any] = {
@@ -138,7 +132,6 @@ def feature_line(
     -------
     str
         Without a line break.
-
     """
     x, y, _ = frame.to_source(np.array([[*anchor, 0.0]]))[0]
     name = readable_id(x, y)
@@ -165,7 +158,6 @@ def parse_feature(line: str) -> CityFeature:
     ------
     InputError
         If the line is no such feature.
-
     """
     try:
         feature = json.loads(line)
@@ -181,10 +173,7 @@ def parse_feature(line: str) -> CityFeature:
 
 
 def _code_of(crs: str) -> str:
-    """
-    Return the EPSG code of a reference system, empty if it has none.
-
-    """
+    """Return the EPSG code of a reference system, empty if it has none."""
     named = _EPSG.fullmatch(crs)
     if named or not crs:
         return named[1] if named else ""
@@ -198,10 +187,7 @@ def _code_of(crs: str) -> str:
 def _geometry(
     lod: str, solid: Solid, vertices: dict[tuple[int, int, int], int], frame: MapFrame
 ) -> dict[str, Any]:
-    """
-    Return a solid as CityJSON geometry; its vertices are added to the feature's, each once.
-
-    """
+    """Return a solid as CityJSON geometry; its vertices are added to the feature's, each once."""
     steps = np.rint(solid.vertices / GRID).astype(np.int64).tolist()
     rows = [vertices.setdefault((x, y, z), len(vertices)) for x, y, z in steps]
     shell = [[[rows[i] for i in ring] for ring in face] for face in solid.faces]
@@ -218,10 +204,7 @@ def _geometry(
 
 
 def _solid(geometry: dict[str, Any], vertices: np.ndarray) -> Solid:
-    """
-    Return the solid of a CityJSON geometry with its own vertices, in the order of their first use.
-
-    """
+    """Return the solid of a CityJSON geometry with its own vertices, in the order of their first use."""
     (shell,) = geometry["boundaries"]
     used = list(dict.fromkeys(i for face in shell for ring in face for i in ring))
     row_of = {i: row for row, i in enumerate(used)}
@@ -232,8 +215,5 @@ def _solid(geometry: dict[str, Any], vertices: np.ndarray) -> Solid:
 
 
 def _line(content: dict[str, Any]) -> str:
-    """
-    Return JSON on one line, the same for the same content; only finite numbers are let through.
-
-    """
+    """Return JSON on one line, the same for the same content; only finite numbers are let through."""
     return json.dumps(content, separators=(",", ":"), ensure_ascii=False, allow_nan=False)

@@ -1,7 +1,4 @@
-"""
-City models as CAD drawings: DXF with a layer per level of detail and surface, and outlines with arcs.
-
-"""
+"""City models as CAD drawings: DXF with a layer per level of detail and surface, and outlines with arcs."""
 
 from __future__ import annotations
 
@@ -31,10 +28,7 @@ _LEVELS = ("1.2", "1.3", "2.2")
 
 
 def layer_name(level: str, surface: str) -> str:
-    """
-    Return the layer of a surface, as ``LOD22_ROOF``.
-
-    """
+    """Return the layer of a surface, as ``LOD22_ROOF``."""
     return f"LOD{level.replace('.', '')}_{_SURFACES[surface]}"
 
 
@@ -56,7 +50,6 @@ def dxf_file(path: Path, frame: MapFrame) -> Iterator[Callable[[SurveyBuilding],
     ------
     OutputError
         If the file cannot be written.
-
     """
     layers = {layer_name(level, kind): _COLOURS[kind] for level in _LEVELS for kind in _SURFACES}
     around = dxf_frame(layers | {OUTLINE: 7, COURTYARD: 7}, APPLICATION, frame.horizontal_unit)
@@ -70,10 +63,7 @@ def dxf_file(path: Path, frame: MapFrame) -> Iterator[Callable[[SurveyBuilding],
 
 
 class _Drawing:
-    """
-    Draws buildings one after the other.
-
-    """
+    """Draws buildings one after the other."""
 
     def __init__(self, file: BinaryIO, entities: DxfEntities, frame: MapFrame) -> None:
         self._file = file
@@ -81,20 +71,14 @@ class _Drawing:
         self._frame = frame
 
     def add(self, building: SurveyBuilding) -> None:
-        """
-        Draw a building.
-
-        """
+        """Draw a building."""
         parts = self._outline(building)
         if building.mesh is not None:
             parts += self._solid(building.mesh, building.readable_id)
         self._file.write("".join(parts).encode("ascii"))
 
     def _outline(self, building: SurveyBuilding) -> list[str]:
-        """
-        Draw a building's rings at the ground; a point where there is no ring.
-
-        """
+        """Draw a building's rings at the ground; a point where there is no ring."""
         known = [one for one in (building.outline, building.traced) if one and len(one.exterior)]
         if not known:
             return []
@@ -113,10 +97,7 @@ class _Drawing:
         return drawn
 
     def _solid(self, mesh: SolidMesh, name: str) -> list[str]:
-        """
-        Draw a solid's faces; edges within a face are hidden.
-
-        """
+        """Draw a solid's faces; edges within a face are hidden."""
         data = self._entities.extended_data([name])
         corners = [corner_text(corner) for corner in self._in_source(mesh.solid.vertices)]
         drawn = []
@@ -129,26 +110,17 @@ class _Drawing:
         return drawn
 
     def _in_source(self, vertices: NDArray[np.float64]) -> list[Corner]:
-        """
-        Return vertices of 2 or 3 coordinates in source coordinates.
-
-        """
+        """Return vertices of 2 or 3 coordinates in source coordinates."""
         full = np.zeros((len(vertices), 3))
         full[:, : vertices.shape[1]] = vertices
         return [(x, y, z) for x, y, z in self._frame.to_source(full).tolist()]
 
 
 def _edges(ring: Sequence[int]) -> list[tuple[int, int]]:
-    """
-    Return the pairs of consecutive members, the last with the first.
-
-    """
+    """Return the pairs of consecutive members, the last with the first."""
     return list(zip(ring, (*ring[1:], ring[0]), strict=True))
 
 
 def _told(attributes: Mapping[str, Any]) -> list[str]:
-    """
-    Return the attributes that are known, as texts.
-
-    """
+    """Return the attributes that are known, as texts."""
     return [f"{name}={value}" for name, value in sorted(attributes.items()) if value not in (None, "")]

@@ -1,6 +1,5 @@
 """
 The entities of a DXF drawing as text: faces, closed polylines with arcs, points, each with data of its own.
-
 """
 
 from __future__ import annotations
@@ -30,7 +29,6 @@ class DxfEntities:
         Name under which entities carry data.
     first_handle : int
         Of the first entity.
-
     """
 
     def __init__(self, owner: str, application: str, first_handle: int) -> None:
@@ -51,7 +49,6 @@ class DxfEntities:
             What `extended_data` returns.
         hidden : sequence of bool
             Whether the edge from each corner to the next is not drawn.
-
         """
         # three corners are written as four, of which the last two are one
         four = corners if len(corners) == 4 else [*corners, corners[2]]
@@ -84,7 +81,6 @@ class DxfEntities:
             Of the plane.
         data : str
             What `extended_data` returns.
-
         """
         places = "".join(
             f" 10\n{_text(x)}\n 20\n{_text(y)}\n"
@@ -96,54 +92,36 @@ class DxfEntities:
         return f"{begun}100\nAcDbPolyline\n 90\n{len(corners)}\n 70\n1\n{height}{places}{data}"
 
     def point(self, layer: str, place: Corner, data: str) -> str:
-        """
-        Return a point.
-
-        """
+        """Return a point."""
         x, y, z = corner_text(place)
         begun = self._begun("POINT", layer)
         return f"{begun}100\nAcDbPoint\n 10\n{x}\n 20\n{y}\n 30\n{z}\n{data}"
 
     def extended_data(self, texts: Sequence[str]) -> str:
-        """
-        Return texts as the data of an entity.
-
-        """
+        """Return texts as the data of an entity."""
         lines = chain.from_iterable(("1000\n", _plain(text), "\n") for text in texts)
         return f"1001\n{self._application}\n" + "".join(lines)
 
     def _begun(self, kind: str, layer: str) -> str:
-        """
-        Return an entity's beginning.
-
-        """
+        """Return an entity's beginning."""
         handle = self.next_handle
         self.next_handle += 1
         return f"  0\n{kind}\n  5\n{handle:X}\n330\n{self._owner}\n100\nAcDbEntity\n  8\n{layer}\n"
 
 
 def corner_text(corner: Corner) -> CornerText:
-    """
-    Return a corner as text.
-
-    """
+    """Return a corner as text."""
     x, y, z = corner
     return _text(x), _text(y), _text(z)
 
 
 def _text(coordinate: float) -> str:
-    """
-    Return a coordinate as text, the same for the same value everywhere.
-
-    """
+    """Return a coordinate as text, the same for the same value everywhere."""
     return repr(round(coordinate, _DECIMALS) + 0.0)  # no minus zero
 
 
 def _plain(text: str) -> str:
-    """
-    Return a text on one line in ASCII; other characters are written by their number, as DXF has it.
-
-    """
+    """Return a text on one line in ASCII; other characters are written by their number, as DXF has it."""
     line = " ".join(text.split())
     plain = "".join(c if c.isascii() else f"\\U+{ord(c):04X}" if ord(c) < 0x10000 else "?" for c in line)
     return plain[:_LONGEST_TEXT]

@@ -1,7 +1,4 @@
-"""
-What stands before and after the entities of a DXF file: header, tables and objects, made by ezdxf.
-
-"""
+"""What stands before and after the entities of a DXF file: header, tables and objects, made by ezdxf."""
 
 from __future__ import annotations
 
@@ -35,7 +32,6 @@ class DxfFrame(NamedTuple):
         Handle of the model space, to which all entities belong.
     seed_at : int
         Where in `before` the next free handle stands, of eight digits: known when all entities are written.
-
     """
 
     before: str
@@ -56,7 +52,6 @@ def dxf_frame(layers: Mapping[str, int], application: str, metres_per_unit: floa
         Name under which entities carry data.
     metres_per_unit : float
         Of the coordinates; units that drawings have no number for stay unnamed.
-
     """
     unit, metric = next(
         (found for metres, found in _UNITS.items() if abs(metres - metres_per_unit) < _SAME_UNIT), (0, 1)
@@ -80,10 +75,7 @@ def dxf_frame(layers: Mapping[str, int], application: str, metres_per_unit: floa
 
 @contextmanager
 def _fixed_dates(options: Any) -> Iterator[None]:
-    """
-    Let ezdxf write fixed dates and identifiers, so that equal content gives equal bytes.
-
-    """
+    """Let ezdxf write fixed dates and identifiers, so that equal content gives equal bytes."""
     with _one_writer:
         before = options.write_fixed_meta_data_for_testing
         options.write_fixed_meta_data_for_testing = True

@@ -3,7 +3,6 @@ City models as meshes: Wavefront OBJ, an object per building, a material per kin
 
 Coordinates are local, in the source's units, with z up: viewers hold them as float32, in which those of a
 country's grid have steps of decimetres. The header says what to add.
-
 """
 
 from __future__ import annotations
@@ -49,7 +48,6 @@ def obj_file(path: Path, frame: MapFrame) -> Iterator[Callable[[SurveyBuilding],
     ------
     OutputError
         If a file cannot be written.
-
     """
     materials = path.with_suffix(".mtl")
     with whole_file(path) as temporary, open(temporary, "w", encoding="utf-8") as file:
@@ -60,10 +58,7 @@ def obj_file(path: Path, frame: MapFrame) -> Iterator[Callable[[SurveyBuilding],
 
 
 class _Mesh:
-    """
-    Writes buildings one after the other; vertices are numbered through the file.
-
-    """
+    """Writes buildings one after the other; vertices are numbered through the file."""
 
     def __init__(self, file: TextIO, frame: MapFrame) -> None:
         self._file = file
@@ -72,10 +67,7 @@ class _Mesh:
         self._n_vertices = 0
 
     def add(self, building: SurveyBuilding) -> None:
-        """
-        Write a building, or why it has no solid.
-
-        """
+        """Write a building, or why it has no solid."""
         if building.mesh is None:
             reason = " ".join(str(building.attributes.get("reason") or "unknown").split())
             self._file.write(f"# {building.readable_id}: no solid: {reason}\n")
@@ -84,10 +76,7 @@ class _Mesh:
         self._write(building.mesh)
 
     def _write(self, mesh: SolidMesh) -> None:
-        """
-        Write a solid's vertices, and its triangles by material.
-
-        """
+        """Write a solid's vertices, and its triangles by material."""
         vertices = mesh.solid.vertices
         places = np.round(vertices / self._units, self._decimals) + 0.0  # no minus zero
         lines = [f"v {x!r} {y!r} {z!r}\n" for x, y, z in places.tolist()]
@@ -105,10 +94,7 @@ class _Mesh:
 
 
 def _header(frame: MapFrame, materials: str) -> str:
-    """
-    Return what stands above the first building.
-
-    """
+    """Return what stands above the first building."""
     offset = " ".join(repr(c) for c in frame.to_source(np.zeros((1, 3)))[0].tolist())
     crs = " ".join(frame.crs.split()) or "unknown"
     return (
@@ -120,9 +106,6 @@ def _header(frame: MapFrame, materials: str) -> str:
 
 
 def _material(name: str, colour: tuple[float, float, float]) -> str:
-    """
-    Return a material that looks the same from both sides and does not shine.
-
-    """
+    """Return a material that looks the same from both sides and does not shine."""
     red, green, blue = colour
     return f"newmtl {name}\nKd {red} {green} {blue}\nKa {red} {green} {blue}\nillum 1\n"

@@ -1,7 +1,4 @@
-"""
-The files that tell of a survey's buildings, written side by side in one pass over the buildings.
-
-"""
+"""The files that tell of a survey's buildings, written side by side in one pass over the buildings."""
 
 from __future__ import annotations
 
@@ -41,7 +38,6 @@ class ModelHeading(NamedTuple):
         What it is of.
     crs : str
         The reference system together with the vertical one, where that is known.
-
     """
 
     title: str = ""
@@ -76,7 +72,6 @@ def write_buildings(
     ------
     OutputError
         If a file cannot be written.
-
     """
     chosen = [name for name in FILES if name in formats]
     outlined: Counter[str] = Counter()
@@ -98,10 +93,7 @@ def write_buildings(
 
 @contextmanager
 def _writer(name: str, folder: Path, buildings: SurveyBuildings, heading: ModelHeading) -> Iterator[_Add]:
-    """
-    Give a function that adds a building to the file of a format.
-
-    """
+    """Give a function that adds a building to the file of a format."""
     path = folder / FILES[name][0]
     if name == "cityjson":
         with _sequence(path, buildings, heading) as add:
@@ -114,10 +106,7 @@ def _writer(name: str, folder: Path, buildings: SurveyBuildings, heading: ModelH
 
 @contextmanager
 def _sequence(path: Path, buildings: SurveyBuildings, heading: ModelHeading) -> Iterator[_Add]:
-    """
-    Give a function that adds a building's line to a CityJSONSeq.
-
-    """
+    """Give a function that adds a building's line to a CityJSONSeq."""
     header = header_line(buildings.frame, crs=heading.crs, extent=buildings.extent, title=heading.title)
     with whole_file(path) as temporary, open(temporary, "w", encoding="utf-8") as file:
         file.write(f"{header}\n")

@@ -1,7 +1,4 @@
-"""
-Buildings as the layers of ``buildings.gpkg``.
-
-"""
+"""Buildings as the layers of ``buildings.gpkg``."""
 
 from __future__ import annotations
 
@@ -61,7 +58,6 @@ def building_layers_file(path: Path, frame: MapFrame) -> Iterator[Callable[[Surv
     ------
     OutputError
         If the file cannot be written.
-
     """
     with GeoPackageWriter(path, frame.crs) as file:
         layers = _BuildingLayers(file, frame)
@@ -70,10 +66,7 @@ def building_layers_file(path: Path, frame: MapFrame) -> Iterator[Callable[[Surv
 
 
 class _BuildingLayers:
-    """
-    Gathers rows, and writes them in portions.
-
-    """
+    """Gathers rows, and writes them in portions."""
 
     def __init__(self, file: GeoPackageWriter, frame: MapFrame) -> None:
         self._file = file
@@ -83,10 +76,7 @@ class _BuildingLayers:
             self._write(name)
 
     def add(self, building: SurveyBuilding) -> None:
-        """
-        Add a building's rows.
-
-        """
+        """Add a building's rows."""
         names = {"building_id": building.building_id, READABLE_ID: building.readable_id}
         if building.outline is not None:
             row = (building.attributes | names, _polygon(building.outline.rings, self._frame))
@@ -100,19 +90,13 @@ class _BuildingLayers:
             self.write_all()
 
     def write_all(self) -> None:
-        """
-        Write the rows that wait.
-
-        """
+        """Write the rows that wait."""
         for name, rows in self._rows.items():
             if rows:
                 self._write(name)
 
     def _write(self, name: str) -> None:
-        """
-        Write one layer's rows.
-
-        """
+        """Write one layer's rows."""
         rows, self._rows[name] = self._rows[name], []
         polygons = [polygon for _, polygon in rows]
         known = [row for row, _ in rows]
@@ -122,10 +106,7 @@ class _BuildingLayers:
 def _roof_faces(
     building: SurveyBuilding, frame: MapFrame
 ) -> Iterator[tuple[dict[str, Any], shapely.Polygon]]:
-    """
-    Yield the roof of a building's finest solid, face by face.
-
-    """
+    """Yield the roof of a building's finest solid, face by face."""
     feature = building.feature
     if feature is None or not feature.finest:
         return
@@ -146,10 +127,7 @@ def _roof_faces(
 
 
 def _polygon(rings: Iterable[NDArray[np.float64]], frame: MapFrame) -> shapely.Polygon:
-    """
-    Return rings of 2 or 3 coordinates as a polygon in source coordinates, empty where a ring is none.
-
-    """
+    """Return rings of 2 or 3 coordinates as a polygon in source coordinates, empty where a ring is none."""
     shell, *holes = [_in_source(ring, frame) for ring in rings]
     if len(shell) < 3:
         return shapely.Polygon()
@@ -157,10 +135,7 @@ def _polygon(rings: Iterable[NDArray[np.float64]], frame: MapFrame) -> shapely.P
 
 
 def _in_source(ring: NDArray[np.float64], frame: MapFrame) -> NDArray[np.float64]:
-    """
-    Return a ring's vertices, of 2 or 3 coordinates, in source coordinates of 3.
-
-    """
+    """Return a ring's vertices, of 2 or 3 coordinates, in source coordinates of 3."""
     vertices = np.zeros((len(ring), 3))
     vertices[:, : ring.shape[1]] = ring
     return frame.to_source(vertices)

@@ -1,7 +1,4 @@
-"""
-What given footprints add to the results: the names they have in their file.
-
-"""
+"""What given footprints add to the results: the names they have in their file."""
 
 from __future__ import annotations
 
@@ -29,7 +26,6 @@ class FootprintResults:
         Building id → what the file calls the footprint.
     record : mapping
         What ``run.json`` tells of the file.
-
     """
 
     names: Mapping[int, str] = field(default_factory=dict)
@@ -37,17 +33,11 @@ class FootprintResults:
 
     @classmethod
     def of(cls, file: FootprintFile | None) -> FootprintResults:
-        """
-        Return what a file of footprints adds, nothing if there is none.
-
-        """
+        """Return what a file of footprints adds, nothing if there is none."""
         return cls() if file is None else cls(file.footprint_id, file.record)
 
     def __bool__(self) -> bool:
-        """
-        Whether footprints were given.
-
-        """
+        """Whether footprints were given."""
         return bool(self.record)
 
     def named(self, tiles: Iterable[Shapes]) -> Iterator[Shapes]:
@@ -55,7 +45,6 @@ class FootprintResults:
         Yield the buildings of every tile with their footprints' names, each building once.
 
         A footprint wider than a tile's buffer may grow is in two tiles: the first one's building counts.
-
         """
         seen: set[int] = set()
         for tile in tiles:
@@ -63,10 +52,7 @@ class FootprintResults:
             seen.update(one.building_id for one in (*tile.traced, *tile.outlines))
 
     def _named(self, tile: Shapes, seen: set[int]) -> Shapes:
-        """
-        Return a tile's buildings without those that were seen.
-
-        """
+        """Return a tile's buildings without those that were seen."""
         features = [_parsed(line) for line in tile.features]
         return Shapes(
             tuple(one for one in tile.traced if one.building_id not in seen),
@@ -76,28 +62,19 @@ class FootprintResults:
         )
 
     def _line(self, feature: dict[str, Any]) -> str:
-        """
-        Return a feature's line with the footprint's name among the attributes.
-
-        """
+        """Return a feature's line with the footprint's name among the attributes."""
         building = feature["CityObjects"][feature["id"]]
         attributes = building["attributes"] | {FOOTPRINT_ID: self.names.get(_number(feature), "")}
         building["attributes"] = dict(sorted(attributes.items()))
         return json.dumps(feature, separators=(",", ":"), ensure_ascii=False, allow_nan=False)
 
     def summary(self, n_buildings: int) -> dict[str, Any]:
-        """
-        Return the record with the number of footprints that lie outside the data.
-
-        """
+        """Return the record with the number of footprints that lie outside the data."""
         return {**self.record, "n_outside": self.record["n_used"] - n_buildings} if self else {}
 
 
 def _parsed(line: str) -> dict[str, Any]:
-    """
-    Read a feature's line.
-
-    """
+    """Read a feature's line."""
     try:
         feature: dict[str, Any] = json.loads(line)
         _number(feature)
@@ -107,8 +84,5 @@ def _parsed(line: str) -> dict[str, Any]:
 
 
 def _number(feature: dict[str, Any]) -> int:
-    """
-    Return a feature's building id.
-
-    """
+    """Return a feature's building id."""
     return int(feature["CityObjects"][feature["id"]]["attributes"]["building_id"])

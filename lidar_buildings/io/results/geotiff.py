@@ -1,6 +1,5 @@
 """
 GeoTIFF files of one band, written block by block so that a survey of any size passes through little memory.
-
 """
 
 from __future__ import annotations
@@ -69,7 +68,6 @@ class RasterLayout:
         ``"EPSG:28992"``, a WKT text, or empty if unknown.
     unit : str
         Of the values.
-
     """
 
     width: int
@@ -82,10 +80,7 @@ class RasterLayout:
 
     @property
     def n_blocks(self) -> int:
-        """
-        Number of blocks, empty ones too.
-
-        """
+        """Number of blocks, empty ones too."""
         return -(-self.width // BLOCK) * -(-self.height // BLOCK)
 
 
@@ -109,7 +104,6 @@ class GeotiffWriter:
     ------
     OutputError
         If the file cannot be written.
-
     """
 
     def __init__(self, path: Path, layout: RasterLayout, meaning: str) -> None:
@@ -140,7 +134,6 @@ class GeotiffWriter:
             First row and column of the block, multiples of `BLOCK`.
         values : ndarray of float32
             As large as a block, less at the raster's southern and eastern edges.
-
         """
         known = ~np.isnan(values)
         n_known = int(np.count_nonzero(known))
@@ -153,19 +146,13 @@ class GeotiffWriter:
         self._n_known += n_known
 
     def __enter__(self) -> GeotiffWriter:
-        """
-        Return itself.
-
-        """
+        """Return itself."""
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        """
-        Close the file; without an error add overviews and read it back.
-
-        """
+        """Close the file; without an error add overviews and read it back."""
         with self._reported(quiet=error is not None):
             self._file.close()
         if error is None:
@@ -174,10 +161,7 @@ class GeotiffWriter:
                 self._check_complete()
 
     def _add_overviews(self) -> None:
-        """
-        Add coarser copies for fast display, each of half the size, until one block holds all.
-
-        """
+        """Add coarser copies for fast display, each of half the size, until one block holds all."""
         longer = max(self._layout.width, self._layout.height)
         factors = [2**step for step in range(1, 32) if longer > BLOCK * 2 ** (step - 1)]
         if not factors or self._layout.n_blocks > _OVERVIEW_SPARSITY * len(self._blocks):
@@ -186,10 +170,7 @@ class GeotiffWriter:
             file.build_overviews(factors, Resampling.average)
 
     def _check_complete(self) -> None:
-        """
-        Count the known cells again: a full disk may show no sooner.
-
-        """
+        """Count the known cells again: a full disk may show no sooner."""
         with rasterio.open(self._path) as file:
             n_known = sum(
                 int(np.count_nonzero(file.read(1, window=window) != np.float32(NODATA)))
@@ -200,10 +181,7 @@ class GeotiffWriter:
 
     @contextmanager
     def _reported(self, *, quiet: bool = False) -> Iterator[None]:
-        """
-        Turn what fails within into one OutputError, or into nothing where there is an error already.
-
-        """
+        """Turn what fails within into one OutputError, or into nothing where there is an error already."""
         try:
             # libtiff prints what the operating system refused
             with rasterio.Env(**_GDAL), quiet_if(lambda error: isinstance(error, _FAILURES)):
@@ -214,9 +192,6 @@ class GeotiffWriter:
 
 
 def _refusal(path: Path, error: Exception) -> OutputError:
-    """
-    Say that a file cannot be written, by the system's own words where there are some.
-
-    """
+    """Say that a file cannot be written, by the system's own words where there are some."""
     code = getattr(error, "errno", None)
     return cannot_write(path, OSError(code, os.strerror(code)) if code else error)

@@ -1,7 +1,4 @@
-"""
-What is written: what the model writer's parameters and the command line share.
-
-"""
+"""What is written: what the model writer's parameters and the command line share."""
 
 from __future__ import annotations
 
@@ -17,10 +14,7 @@ FORMATS = ("gpkg", "cityjson", "obj", "dxf")
 
 @dataclass(frozen=True)
 class OutputConfig(RasterConfig):
-    """
-    Which files are made, and what they hold.
-
-    """
+    """Which files are made, and what they hold."""
 
     stage: ClassVar[str] = RasterConfig.stage
 

@@ -1,7 +1,4 @@
-"""
-The output folder of a run: tiles as they come, and at the end the files.
-
-"""
+"""The output folder of a run: tiles as they come, and at the end the files."""
 
 from __future__ import annotations
 
@@ -72,7 +69,6 @@ class RunSummary:
     footprints : dict
         What became of the footprints that were given: how many were read, used, repaired, left out for which
         reason, and outside the data. Empty where outlines were traced.
-
     """
 
     files: tuple[str, ...]
@@ -115,7 +111,6 @@ class OutputFolder:
     ------
     OutputError
         If the folder cannot be used: one line saying why and what to do.
-
     """
 
     def __init__(
@@ -160,15 +155,11 @@ class OutputFolder:
         ------
         OutputError
             If it cannot be written; tiles written before are kept.
-
         """
         products.save(self._partial / f"{products.stamp}{_ENDING}")
 
     def done_stamps(self) -> set[int]:
-        """
-        Return the stamps of the tiles on disk.
-
-        """
+        """Return the stamps of the tiles on disk."""
         return {
             int(fragment.stem) for fragment in self._partial.glob(f"*{_ENDING}") if fragment.stem.isdigit()
         }
@@ -189,7 +180,6 @@ class OutputFolder:
         ------
         OutputError
             If a file cannot be written; the tiles are kept, and the run can be taken up again.
-
         """
         info = dict(run_info or {})
         fragments = [self._partial / f"{stamp}{_ENDING}" for stamp in sorted(self.done_stamps())]
@@ -218,19 +208,13 @@ class OutputFolder:
 
     @property
     def _partial(self) -> Path:
-        """
-        Folder of the tiles.
-
-        """
+        """Folder of the tiles."""
         return self.path / PARTIAL
 
     def _write_clouds(
         self, fragments: list[Path], pieces: set[int]
     ) -> tuple[list[str | None], list[str], NDArray[np.int64], int]:
-        """
-        Write every classified file; a file that cannot be read is noted, the others are written.
-
-        """
+        """Write every classified file; a file that cannot be read is noted, the others are written."""
         touching = _fragments_by_source(fragments, len(self.inputs))
         outputs: list[str | None] = []
         problems: list[str] = []
@@ -252,7 +236,6 @@ class OutputFolder:
     ) -> tuple[str, NDArray[np.int64], int]:
         """
         Write one classified file; return its name, points per class and how many were in finished tiles.
-
         """
         file = self.inputs[source]
         cloud = open_cloud(file.path)
@@ -266,10 +249,7 @@ class OutputFolder:
             return output, counts, results.n_known()
 
     def _make_folder(self, name: str) -> None:
-        """
-        Make a folder in the output folder.
-
-        """
+        """Make a folder in the output folder."""
         try:
             (self.path / name).mkdir(exist_ok=True)
         except OSError as error:
@@ -278,7 +258,6 @@ class OutputFolder:
     def _write_buildings(self, fragments: list[Path], pieces: set[int]) -> tuple[list[str], dict[str, int]]:
         """
         Write outlines and models as far as the run went; return the files' names, and buildings per status.
-
         """
         names = self._footprints.names if self._footprints else None
         formats = self.formats
@@ -292,20 +271,14 @@ class OutputFolder:
             return write_buildings(self.path, buildings, formats, self._heading())
 
     def _heading(self) -> ModelHeading:
-        """
-        Return what the city model says of itself.
-
-        """
+        """Return what the city model says of itself."""
         names = output_names(self.inputs)
         more = f" and {len(names) - 1} more" if len(names) > 1 else ""
         title = f"Buildings of {names[0]}{more}" if names else ""
         return ModelHeading(title, crs_with_heights(self.inputs, self.frame))
 
     def _write_rasters(self, fragments: list[Path], problems: list[str]) -> dict[str, dict[str, Any]]:
-        """
-        Write the rasters; a survey too wide for them is noted.
-
-        """
+        """Write the rasters; a survey too wide for them is noted."""
         try:
             return write_rasters(self.path, fragments, self.frame, self.inputs)
         except RasterExtentError as error:
@@ -313,10 +286,7 @@ class OutputFolder:
             return {}
 
     def _write_run(self, summary: RunSummary, outputs: list[str | None], run_info: Mapping[str, Any]) -> None:
-        """
-        Write ``run.json``.
-
-        """
+        """Write ``run.json``."""
         inputs = [
             {"path": str(file.path), "point_count": file.point_count, "output": output}
             for file, output in zip(self.inputs, outputs, strict=True)
@@ -327,20 +297,14 @@ class OutputFolder:
             temporary.write_text(json.dumps(content, indent=2, default=str) + "\n", encoding="utf-8")
 
     def _discard_tiles(self, fragments: list[Path]) -> None:
-        """
-        Delete what is no longer needed.
-
-        """
+        """Delete what is no longer needed."""
         for left in (*fragments, *self._partial.glob("*")):
             left.unlink(missing_ok=True)
         self._partial.rmdir()
 
 
 def _fragments_by_source(fragments: list[Path], n_sources: int) -> list[list[Path]]:
-    """
-    Return, per input, the tiles that hold points of it.
-
-    """
+    """Return, per input, the tiles that hold points of it."""
     touching: list[list[Path]] = [[] for _ in range(n_sources)]
     for fragment in fragments:
         for source in load_rows(fragment, "sources"):
@@ -350,10 +314,7 @@ def _fragments_by_source(fragments: list[Path], n_sources: int) -> list[list[Pat
 
 
 def _is_whole(fragment: Path) -> bool:
-    """
-    Whether a saved tile can be read.
-
-    """
+    """Whether a saved tile can be read."""
     try:
         load_rows(fragment, "stamp")
     except (OSError, ValueError, KeyError, EOFError, RuntimeError, BadZipFile):

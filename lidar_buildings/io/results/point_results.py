@@ -1,7 +1,4 @@
-"""
-The results of all tiles, laid out in the point order of one input file.
-
-"""
+"""The results of all tiles, laid out in the point order of one input file."""
 
 from __future__ import annotations
 
@@ -41,7 +38,6 @@ class PointResults:
         Where the table is made.
     n_points : int
         Points of the input.
-
     """
 
     def __init__(self, path: Path, n_points: int) -> None:
@@ -55,32 +51,20 @@ class PointResults:
         )
 
     def __enter__(self) -> PointResults:
-        """
-        Return itself.
-
-        """
+        """Return itself."""
         return self
 
     def __exit__(self, *_: object) -> None:
-        """
-        Delete the table.
-
-        """
+        """Delete the table."""
         self._table = np.zeros(0, RESULT)
         self._path.unlink(missing_ok=True)
 
     def rows(self, first: int, last: int) -> NDArray[Any]:
-        """
-        Return the rows `first` to `last` (exclusive).
-
-        """
+        """Return the rows `first` to `last` (exclusive)."""
         return np.asarray(self._table[first:last])
 
     def n_known(self) -> int:
-        """
-        Count the points that a finished tile holds.
-
-        """
+        """Count the points that a finished tile holds."""
         return int(np.count_nonzero(self._table["known"]))
 
     def fill(self, fragments: Iterable[Path], source: int, *, without: Collection[int] = ()) -> None:
@@ -97,7 +81,6 @@ class PointResults:
             The input's number.
         without : collection of int
             Ids of buildings that are not to be entered.
-
         """
         left_out = np.array(sorted(without), dtype=np.uint32)
         paths = list(fragments)
@@ -116,25 +99,16 @@ class PointResults:
                     enter(mine)
 
     def _enter_core(self, rows: NDArray[Any]) -> None:
-        """
-        Enter classes, heights and façades.
-
-        """
+        """Enter classes, heights and façades."""
         self._table["known"][rows["index"]] = 1
         for name in ("classification", "height_above_ground", "facade"):
             self._table[name][rows["index"]] = rows[name]
 
     def _enter_edges(self, rows: NDArray[Any]) -> None:
-        """
-        Enter edge labels.
-
-        """
+        """Enter edge labels."""
         self._table["edge"][rows["index"]] = rows["edge"]
 
     def _enter_roofs(self, rows: NDArray[Any]) -> None:
-        """
-        Enter building and plane ids, and the edge labels that go with them.
-
-        """
+        """Enter building and plane ids, and the edge labels that go with them."""
         for name in ("building_id", "plane_id", "edge"):
             self._table[name][rows["index"]] = rows[name]

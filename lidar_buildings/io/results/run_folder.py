@@ -1,7 +1,4 @@
-"""
-Which output folders may be used, and what becomes of what stands in them.
-
-"""
+"""Which output folders may be used, and what becomes of what stands in them."""
 
 from __future__ import annotations
 
@@ -49,7 +46,6 @@ def claim_folder(
     ------
     OutputError
         If the folder cannot be used.
-
     """
     for file in inputs:
         if (path / CLASSIFIED).resolve() in file.path.resolve().parents:
@@ -78,10 +74,7 @@ def claim_folder(
 
 
 def output_names(inputs: Sequence[InputFile]) -> list[str]:
-    """
-    Return a name without ending for each input's output; equal names are told apart by a number.
-
-    """
+    """Return a name without ending for each input's output; equal names are told apart by a number."""
     taken: set[str] = set()
     names = []
     for file in inputs:
@@ -96,18 +89,12 @@ def output_names(inputs: Sequence[InputFile]) -> list[str]:
 
 
 def _holds_run(path: Path) -> bool:
-    """
-    Whether there is an unfinished run; a folder that a full disk kept empty is none.
-
-    """
+    """Whether there is an unfinished run; a folder that a full disk kept empty is none."""
     return any((path / PARTIAL).glob("*"))
 
 
 def _check_same(path: Path, identity: dict[str, Any]) -> None:
-    """
-    Refuse to go on with another run's tiles.
-
-    """
+    """Refuse to go on with another run's tiles."""
     if not _is_same(path, identity):
         raise OutputError(
             f"{path}: holds an unfinished run of other inputs or parameters: give the same to go on with it, "
@@ -116,26 +103,17 @@ def _check_same(path: Path, identity: dict[str, Any]) -> None:
 
 
 def _is_same(path: Path, identity: dict[str, Any]) -> bool:
-    """
-    Whether the folder holds the same run, unfinished.
-
-    """
+    """Whether the folder holds the same run, unfinished."""
     return _read(path / PARTIAL / _IDENTITY) == json.loads(json.dumps(identity))
 
 
 def discard_unfinished(path: Path) -> None:
-    """
-    Delete the tiles of an unfinished run, so that the next one begins anew.
-
-    """
+    """Delete the tiles of an unfinished run, so that the next one begins anew."""
     shutil.rmtree(path / PARTIAL, ignore_errors=True)
 
 
 def _clear(path: Path) -> None:
-    """
-    Remove what earlier runs have written.
-
-    """
+    """Remove what earlier runs have written."""
     earlier = _read(path / RUN) or {}
     names = [name for name in earlier.get("files", []) if isinstance(name, str)]
     for name in (RUN, BUILDINGS, CITY_MODEL, MESH, MATERIALS, DRAWING, DTM, DSM, NDSM, *names):
@@ -146,10 +124,7 @@ def _clear(path: Path) -> None:
 
 
 def _read(path: Path) -> Any:
-    """
-    Read a JSON file; None if there is none that can be read.
-
-    """
+    """Read a JSON file; None if there is none that can be read."""
     try:
         return json.loads(path.read_text())
     except (OSError, ValueError):
@@ -157,10 +132,7 @@ def _read(path: Path) -> Any:
 
 
 def _unusable(path: Path, error: BaseException) -> OutputError:
-    """
-    Say that results cannot be written there.
-
-    """
+    """Say that results cannot be written there."""
     return OutputError(
         f"{path}: cannot be used for output ({in_words(error)}): choose another folder, or mend its rights"
     )

@@ -1,7 +1,4 @@
-"""
-Pieces of a building that another tile has whole.
-
-"""
+"""Pieces of a building that another tile has whole."""
 
 from __future__ import annotations
 
@@ -28,7 +25,6 @@ def seam_pieces(tiles: Sequence[Sequence[BuildingOutline]]) -> set[int]:
     ----------
     tiles : sequence of sequences of BuildingOutline
         The buildings of each tile.
-
     """
     outlines = [one for tile in tiles for one in tile]
     tile_of = np.repeat(np.arange(len(tiles)), [len(tile) for tile in tiles])
@@ -45,10 +41,7 @@ def seam_pieces(tiles: Sequence[Sequence[BuildingOutline]]) -> set[int]:
 
 
 def _polygon(one: BuildingOutline) -> shapely.Polygon:
-    """
-    Return an outline as a valid polygon, empty where it has no ring.
-
-    """
+    """Return an outline as a valid polygon, empty where it has no ring."""
     if len(one.outline.exterior) < 3:
         return shapely.Polygon()
     holes = [hole for hole in one.outline.holes if len(hole) >= 3]

@@ -1,6 +1,5 @@
 """
 The buildings of all tiles, each once and in the order of their ids, for whatever files are made of them.
-
 """
 
 from __future__ import annotations
@@ -43,7 +42,6 @@ class SolidMesh:
     solid : Solid
     pieces : tuple of tuple of tuple of int
         Per face its pieces, as rows of the solid's vertices.
-
     """
 
     lod: str
@@ -70,7 +68,6 @@ class SurveyBuilding:
         What the line says.
     attributes : dict
         In the source's units.
-
     """
 
     building_id: int
@@ -83,10 +80,7 @@ class SurveyBuilding:
 
     @cached_property
     def mesh(self) -> SolidMesh | None:
-        """
-        The finest solid with its faces divided, None if there is no solid.
-
-        """
+        """The finest solid with its faces divided, None if there is no solid."""
         if self.feature is None or not self.feature.finest:
             return None
         solid = self.feature.solids[self.feature.finest]
@@ -96,10 +90,7 @@ class SurveyBuilding:
 
 @dataclass(frozen=True, eq=False)
 class _Entry:
-    """
-    What is kept in memory of a building, and where its line lies in the file.
-
-    """
+    """What is kept in memory of a building, and where its line lies in the file."""
 
     traced: Outline | None
     outline: Outline | None
@@ -121,7 +112,6 @@ class SurveyBuildings:
         Ids of buildings to leave out.
     footprint_id : mapping or None
         Building id → what the file of footprints calls it; None where outlines were traced.
-
     """
 
     def __init__(
@@ -142,41 +132,26 @@ class SurveyBuildings:
             self._file = open(path, "w+b")  # noqa: SIM115 (open as long as the object)
 
     def close(self) -> None:
-        """
-        Close the file of lines.
-
-        """
+        """Close the file of lines."""
         # what could not be written was said when the tile was added, and closing tries to write it again
         with suppress(OSError):
             self._file.close()
 
     def __enter__(self) -> SurveyBuildings:
-        """
-        Return itself.
-
-        """
+        """Return itself."""
         return self
 
     def __exit__(self, *_: object) -> None:
-        """
-        Close the file of lines.
-
-        """
+        """Close the file of lines."""
         self.close()
 
     @property
     def extent(self) -> NDArray[np.float64] | None:
-        """
-        Least and greatest coordinates of all solids in the map frame [m], None if there are none.
-
-        """
+        """Least and greatest coordinates of all solids in the map frame [m], None if there are none."""
         return np.stack([self._low, self._high]) if np.isfinite(self._low).all() else None
 
     def add(self, shapes: Shapes) -> None:
-        """
-        Add a tile's buildings; of one that came before nothing is taken.
-
-        """
+        """Add a tile's buildings; of one that came before nothing is taken."""
         traced = {one.building_id: one.outline for one in shapes.traced}
         outlines = {one.building_id: one.outline for one in shapes.outlines}
         models = {head.building_id: head for head in map(_head_of, shapes.features)}
@@ -189,17 +164,11 @@ class SurveyBuildings:
             self._file.flush()
 
     def __len__(self) -> int:
-        """
-        Return the number of buildings.
-
-        """
+        """Return the number of buildings."""
         return len(self._entries)
 
     def __iter__(self) -> Iterator[SurveyBuilding]:
-        """
-        Yield the buildings by id and name, one at a time.
-
-        """
+        """Yield the buildings by id and name, one at a time."""
         for number, name in sorted(self._entries):
             entry = self._entries[number, name]
             line = self._line(entry)
@@ -208,10 +177,7 @@ class SurveyBuildings:
             yield SurveyBuilding(number, name, entry.traced, entry.outline, line, feature, attributes)
 
     def _kept(self, model: _Head | None) -> tuple[int, int]:
-        """
-        Put a line into the file; return where it begins and its length.
-
-        """
+        """Put a line into the file; return where it begins and its length."""
         if model is None:
             return 0, 0
         self._low = np.minimum(self._low, model.low)
@@ -221,29 +187,20 @@ class SurveyBuildings:
             return start, self._file.write(model.line.encode())
 
     def _line(self, entry: _Entry) -> str:
-        """
-        Return a building's line from the file.
-
-        """
+        """Return a building's line from the file."""
         self._file.seek(entry.start)
         return self._file.read(entry.length).decode()
 
     @contextmanager
     def _failing_in_words(self) -> Iterator[None]:
-        """
-        Say which file it is that cannot be written.
-
-        """
+        """Say which file it is that cannot be written."""
         try:
             yield
         except OSError as error:
             raise cannot_write(self._path, error) from error
 
     def _name_of(self, number: int, outline: Outline | None) -> str:
-        """
-        Name a building without model by its westernmost vertex, or by the place a footprint's id is of.
-
-        """
+        """Name a building without model by its westernmost vertex, or by the place a footprint's id is of."""
         if outline is None or not len(outline.exterior):
             return ""
         vertices = np.column_stack([outline.exterior, np.zeros(len(outline.exterior))])
@@ -253,10 +210,7 @@ class SurveyBuildings:
         return readable_id(*places[anchor_row(places)][:2])
 
     def _attributes(self, number: int, outline: Outline | None) -> dict[str, Any]:
-        """
-        Return what the outline alone tells in a run without models.
-
-        """
+        """Return what the outline alone tells in a run without models."""
         known: dict[str, Any] = {"area": outline.area} if outline else {}
         if self._footprint_id is not None:
             known[FOOTPRINT_ID] = self._footprint_id.get(number, "")
@@ -264,10 +218,7 @@ class SurveyBuildings:
 
 
 class _Head(NamedTuple):
-    """
-    What must be known of a line to find it again, and the extent of its vertices [m].
-
-    """
+    """What must be known of a line to find it again, and the extent of its vertices [m]."""
 
     building_id: int
     readable_id: str
@@ -277,10 +228,7 @@ class _Head(NamedTuple):
 
 
 def _head_of(line: str) -> _Head:
-    """
-    Read who a line is of, and where its solids are.
-
-    """
+    """Read who a line is of, and where its solids are."""
     try:
         feature = json.loads(line)
         name = feature["id"]

@@ -1,7 +1,4 @@
-"""
-The rasters of a run: every tile's cells put together into ``dtm.tif``, ``dsm.tif`` and ``ndsm.tif``.
-
-"""
+"""The rasters of a run: every tile's cells put together into ``dtm.tif``, ``dsm.tif`` and ``ndsm.tif``."""
 
 from __future__ import annotations
 
@@ -44,10 +41,7 @@ _TILES_IN_MEMORY = 32
 
 
 class RasterExtentError(OutputError):
-    """
-    A survey is too wide for one raster; nothing else is wrong with it.
-
-    """
+    """A survey is too wide for one raster; nothing else is wrong with it."""
 
 
 def write_rasters(
@@ -80,7 +74,6 @@ def write_rasters(
         If a file cannot be written.
     RasterExtentError
         If the tiles lie too far apart for one raster of this resolution.
-
     """
     windows = {path: window for path in fragments if (window := load_raster_window(path)) is not None}
     whole = enclosing(windows.values())
@@ -110,7 +103,6 @@ def write_rasters(
 def crs_with_heights(inputs: Sequence[InputFile], frame: MapFrame) -> str:
     """
     Return the frame's reference system, with the vertical one that the files state where they agree on it.
-
     """
     stated = {crs.to_wkt(): crs for file in inputs if (crs := _vertical_of(file.path)) is not None}
     if not frame.crs or len(stated) != 1:
@@ -127,10 +119,7 @@ def crs_with_heights(inputs: Sequence[InputFile], frame: MapFrame) -> str:
 
 
 def _vertical_of(path: Path) -> Any:
-    """
-    Return the vertical reference system of a file, None where it cannot be had.
-
-    """
+    """Return the vertical reference system of a file, None where it cannot be had."""
     try:
         raw = read_raw_header(path)
     except (LidarBuildingsError, OSError):
@@ -139,10 +128,7 @@ def _vertical_of(path: Path) -> Any:
 
 
 def _layout(window: RasterWindow, frame: MapFrame, crs: str) -> RasterLayout:
-    """
-    Describe the files.
-
-    """
+    """Describe the files."""
     west, north = (edge / frame.horizontal_unit for edge in window.corner)
     unit = next(
         (name for metres, name in _UNITS.items() if abs(metres - frame.vertical_unit) < _SAME_UNIT),
@@ -153,10 +139,7 @@ def _layout(window: RasterWindow, frame: MapFrame, crs: str) -> RasterLayout:
 
 
 def _in_source_units(block: TerrainRasters, frame: MapFrame) -> dict[str, NDArray[np.float32]]:
-    """
-    Return a block's values by file name, as the files have them.
-
-    """
+    """Return a block's values by file name, as the files have them."""
     dtm, dsm = (
         np.rint((raster.astype(np.float64) + frame.origin[2]) / frame.vertical_unit * _STEPS) / _STEPS
         for raster in (block.dtm, block.dsm)
@@ -168,10 +151,7 @@ def _in_source_units(block: TerrainRasters, frame: MapFrame) -> dict[str, NDArra
 def _blocks(
     whole: RasterWindow, windows: dict[Path, RasterWindow]
 ) -> Iterator[tuple[int, int, TerrainRasters]]:
-    """
-    Yield first row, first column and content of each block that a tile reaches into, row by row.
-
-    """
+    """Yield first row, first column and content of each block that a tile reaches into, row by row."""
     load = lru_cache(_TILES_IN_MEMORY)(load_rasters)
     reaching: dict[tuple[int, int], list[Path]] = {}
     for path, window in windows.items():
@@ -188,10 +168,7 @@ def _blocks(
 
 
 def merged(window: RasterWindow, tiles: Iterator[TerrainRasters]) -> TerrainRasters:
-    """
-    Put what tiles know of a window together.
-
-    """
+    """Put what tiles know of a window together."""
     dtm, dsm = (np.full(window.shape, np.nan, dtype=np.float32) for _ in range(2))
     distance = np.full(window.shape, np.iinfo(np.int32).max, dtype=np.int32)
     for tile in tiles:

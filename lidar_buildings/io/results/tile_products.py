@@ -1,7 +1,4 @@
-"""
-What a run keeps of one tile, and how it lies on disk until the run ends.
-
-"""
+"""What a run keeps of one tile, and how it lies on disk until the run ends."""
 
 from __future__ import annotations
 
@@ -44,7 +41,6 @@ class RoofFace:
         See `lidar_buildings.core.model.building_id`.
     rings : tuple of ndarray of shape (n_vertices, 3)
         Outer ring first, then its holes; open, map frame [m].
-
     """
 
     building_id: int
@@ -75,7 +71,6 @@ class TileProducts:
         CityJSONFeature lines.
     rasters : TerrainRasters or None
         Ground and surface cell by cell, None where none are wanted.
-
     """
 
     stamp: int
@@ -110,7 +105,6 @@ class TileProducts:
             Its roof points, core and buffer, with edge labels, building and plane ids as far as the run went.
         traced, outlines, roof_faces, features, rasters
             As they came.
-
         """
         roof_tile = planes if planes is not None else classified.select(np.zeros(0, dtype=np.intp))
         in_building = np.zeros(len(roof_tile), dtype=bool)
@@ -137,7 +131,6 @@ class TileProducts:
         ------
         OutputError
             If it cannot be written.
-
         """
         polygons = {"traced": self.traced, "outlines": self.outlines}
         shapes: dict[str, Any] = {name: _outlines_as_lists(group) for name, group in polygons.items()}
@@ -158,20 +151,14 @@ class TileProducts:
 
     @classmethod
     def load(cls, path: Path) -> TileProducts:
-        """
-        Read what `save` wrote.
-
-        """
+        """Read what `save` wrote."""
         core, roofs, edges = (load_rows(path, name) for name in ("core", "roofs", "edges"))
         rasters = None if load_raster_window(path) is None else load_rasters(path)
         return cls(int(load_rows(path, "stamp")), core, roofs, edges, *load_shapes(path), rasters)
 
 
 class Shapes(NamedTuple):
-    """
-    What a tile knows of its buildings beside their points.
-
-    """
+    """What a tile knows of its buildings beside their points."""
 
     traced: tuple[BuildingOutline, ...]
     outlines: tuple[BuildingOutline, ...]
@@ -180,10 +167,7 @@ class Shapes(NamedTuple):
 
 
 def load_shapes(path: Path) -> Shapes:
-    """
-    Read the buildings of a saved tile.
-
-    """
+    """Read the buildings of a saved tile."""
     with np.load(path) as held:
         shapes, features = (json.loads(held[name].tobytes()) for name in ("shapes", "features"))
     return Shapes(
@@ -195,20 +179,14 @@ def load_shapes(path: Path) -> Shapes:
 
 
 def load_outlines(path: Path) -> tuple[BuildingOutline, ...]:
-    """
-    Read the outlines of a saved tile, the traced ones of a run that ended before they were regularised.
-
-    """
+    """Read the outlines of a saved tile, the traced ones of a run that ended before they were regularised."""
     with np.load(path) as held:
         shapes = json.loads(held["shapes"].tobytes())
     return _outlines_from_lists(shapes["outlines"] or shapes["traced"])
 
 
 def load_raster_window(path: Path) -> RasterWindow | None:
-    """
-    Read which cells the rasters of a saved tile have, None if it has none.
-
-    """
+    """Read which cells the rasters of a saved tile have, None if it has none."""
     with np.load(path) as held:
         if _WINDOW not in held:
             return None
@@ -217,10 +195,7 @@ def load_raster_window(path: Path) -> RasterWindow | None:
 
 
 def load_rasters(path: Path) -> TerrainRasters:
-    """
-    Read the rasters of a saved tile that has some.
-
-    """
+    """Read the rasters of a saved tile that has some."""
     window = load_raster_window(path)
     if window is None:
         raise ValueError(f"{path} holds no rasters")
@@ -229,27 +204,20 @@ def load_rasters(path: Path) -> TerrainRasters:
 
 
 def load_rows(path: Path, name: str) -> NDArray[Any]:
-    """
-    Read one table of a saved tile: ``core``, ``roofs``, ``edges`` or ``sources``.
-
-    """
+    """Read one table of a saved tile: ``core``, ``roofs``, ``edges`` or ``sources``."""
     with np.load(path) as held:
         table: NDArray[Any] = held[name]
         return table
 
 
 def _as_bytes(content: Any) -> NDArray[np.uint8]:
-    """
-    Return what JSON holds as an array of its bytes.
-
-    """
+    """Return what JSON holds as an array of its bytes."""
     return np.frombuffer(json.dumps(content).encode(), dtype=np.uint8)
 
 
 def _raster_arrays(rasters: TerrainRasters | None) -> dict[str, NDArray[Any]]:
     """
     Return name → array of what is saved of rasters; whole numbers up to 2^53 pass through float64 unchanged.
-
     """
     if rasters is None:
         return {}
@@ -259,10 +227,7 @@ def _raster_arrays(rasters: TerrainRasters | None) -> dict[str, NDArray[Any]]:
 
 
 def _rows(tile: PointTile, dtype: np.dtype[Any], chosen: NDArray[np.bool_]) -> NDArray[Any]:
-    """
-    Copy chosen rows of a tile's columns into a table, zeros where the tile lacks the column.
-
-    """
+    """Copy chosen rows of a tile's columns into a table, zeros where the tile lacks the column."""
     table = np.zeros(int(np.count_nonzero(chosen)), dtype)
     for name in dtype.names or ():
         column = getattr(tile, name)
@@ -274,18 +239,12 @@ def _rows(tile: PointTile, dtype: np.dtype[Any], chosen: NDArray[np.bool_]) -> N
 
 
 def _outlines_as_lists(outlines: Sequence[BuildingOutline]) -> list[Any]:
-    """
-    Turn outlines into what JSON holds; floats keep every bit.
-
-    """
+    """Turn outlines into what JSON holds; floats keep every bit."""
     return [[one.building_id, [ring.tolist() for ring in one.outline.rings]] for one in outlines]
 
 
 def _outlines_from_lists(lists: list[Any]) -> tuple[BuildingOutline, ...]:
-    """
-    Turn them back.
-
-    """
+    """Turn them back."""
     return tuple(
         BuildingOutline(number, Outline(rings[0], rings[1:]))
         for number, rings in ((number, _rings(lists_of, 2)) for number, lists_of in lists)
@@ -293,8 +252,5 @@ def _outlines_from_lists(lists: list[Any]) -> tuple[BuildingOutline, ...]:
 
 
 def _rings(lists: list[Any], dimensions: int) -> tuple[NDArray[np.float64], ...]:
-    """
-    Turn lists of vertices into arrays.
-
-    """
+    """Turn lists of vertices into arrays."""
     return tuple(np.array(ring, dtype=np.float64).reshape(-1, dimensions) for ring in lists)

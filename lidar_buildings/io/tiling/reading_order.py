@@ -1,7 +1,4 @@
-"""
-The order in which files are read, so that neighbours follow each other and tiles are complete early.
-
-"""
+"""The order in which files are read, so that neighbours follow each other and tiles are complete early."""
 
 from __future__ import annotations
 
@@ -27,7 +24,6 @@ def reading_order(areas: Sequence[Rectangle | None]) -> list[int]:
     -------
     list of int
         Positions in `areas`.
-
     """
     empty = [i for i, area in enumerate(areas) if area is None]
     filled = [(i, area) for i, area in enumerate(areas) if area is not None]
@@ -41,8 +37,5 @@ def reading_order(areas: Sequence[Rectangle | None]) -> list[int]:
 
 
 def _interleaved(x: int, y: int) -> int:
-    """
-    Mix the bits of two numbers, those of `x` first.
-
-    """
+    """Mix the bits of two numbers, those of `x` first."""
     return sum(((x >> bit & 1) << 1 | (y >> bit & 1)) << (2 * bit) for bit in range(_BITS))

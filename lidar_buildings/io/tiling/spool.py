@@ -1,7 +1,4 @@
-"""
-Points sorted into grid cells on disk, so that a survey of any size passes through little memory.
-
-"""
+"""Points sorted into grid cells on disk, so that a survey of any size passes through little memory."""
 
 from __future__ import annotations
 
@@ -53,7 +50,6 @@ class Spool:
     ----------
     folder : path or None
         Where the temporary folder is made; the system's place for such if None.
-
     """
 
     def __init__(self, folder: str | Path | None = None) -> None:
@@ -73,7 +69,6 @@ class Spool:
         cells : ndarray of shape (n, 2)
             Column and row of each record's cell.
         records : ndarray of `RECORD`, shape (n,)
-
         """
         if len(records) == 0:
             return []
@@ -85,10 +80,7 @@ class Spool:
         return touched
 
     def blocks(self, cell: Cell, first: int = 0, last: int | None = None) -> Iterator[NDArray[Any]]:
-        """
-        Read a cell's records `first` to `last`, some at a time.
-
-        """
+        """Read a cell's records `first` to `last`, some at a time."""
         end = min(self.counts.get(cell, 0), last if last is not None else 2**62)
         while first < end:
             count = min(BLOCK, end - first)
@@ -96,17 +88,11 @@ class Spool:
             first += count
 
     def remove(self) -> None:
-        """
-        Delete everything.
-
-        """
+        """Delete everything."""
         shutil.rmtree(self.folder, ignore_errors=True)
 
     def _write(self, cell: Cell, records: NDArray[Any]) -> None:
-        """
-        Append to one cell's file.
-
-        """
+        """Append to one cell's file."""
         try:
             with open(self._file(cell), "ab") as file:
                 file.write(records.view(np.uint8).data)
@@ -115,18 +101,11 @@ class Spool:
         self.counts[cell] = self.counts.get(cell, 0) + len(records)
 
     def _file(self, cell: Cell) -> Path:
-        """
-        Return the file of a cell.
-
-        """
         return self.folder / f"{cell[0]}_{cell[1]}.points"
 
     @staticmethod
     def _full(folder: str | Path, error: OSError) -> OutputError:
-        """
-        Say that the temporary folder cannot be written.
-
-        """
+        """Say that the temporary folder cannot be written."""
         return OutputError(
             f"{folder}: temporary files cannot be written ({in_words(error)}): "
             "free some space, or set TMPDIR to a folder with more"
@@ -134,10 +113,7 @@ class Spool:
 
 
 def _grouped(cells: NDArray[np.int64]) -> tuple[NDArray[np.int64], list[int]]:
-    """
-    Return the order that brings rows of equal cells together, stable, and where each cell begins in it.
-
-    """
+    """Return the order that brings rows of equal cells together, stable, and where each cell begins in it."""
     low = cells.min(axis=0)
     columns, rows = (cells.max(axis=0) - low + 1).tolist()
     if columns * rows <= _SHORT:

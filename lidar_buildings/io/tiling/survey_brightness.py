@@ -1,7 +1,4 @@
-"""
-What a survey's intensities mean, the same for all its tiles.
-
-"""
+"""What a survey's intensities mean, the same for all its tiles."""
 
 from __future__ import annotations
 
@@ -46,7 +43,6 @@ class SurveyBrightness:
     ----------
     dark_limit : float or None
         Normalised intensity up to which ground is dark, None as long as no file has shown two modes.
-
     """
 
     def __init__(self) -> None:
@@ -67,7 +63,6 @@ class SurveyBrightness:
             The chunk's points, as `io.spool.RECORD`.
         n_points : int
             Points of the whole file.
-
         """
         step = math.ceil(n_points / MAX_SAMPLE)
         chosen = records[-first % step :: step]
@@ -77,10 +72,7 @@ class SurveyBrightness:
         self._samples.setdefault(source, []).append(sample)
 
     def learn(self, source: int) -> None:
-        """
-        Measure the strips that a file, read to its end, shows for the first time.
-
-        """
+        """Measure the strips that a file, read to its end, shows for the first time."""
         samples = self._samples.pop(source, [])
         if not samples:
             return
@@ -94,10 +86,7 @@ class SurveyBrightness:
             self._common = measure_scale(sample["intensity"][is_only])
 
     def learn_limit(self, records: NDArray[Any]) -> None:
-        """
-        Look for two modes in the ground of some records, unless they are known already.
-
-        """
+        """Look for two modes in the ground of some records, unless they are known already."""
         is_only = only_returns(records)
         if self.dark_limit is not None or self._common is None or not is_only.any():
             return
@@ -112,29 +101,20 @@ class SurveyBrightness:
             self.dark_limit = raster.dark_limit()
 
     def forget(self, source: int) -> None:
-        """
-        Drop the sample of a file that turned out unreadable.
-
-        """
+        """Drop the sample of a file that turned out unreadable."""
         self._samples.pop(source, None)
 
     def normalised(
         self, intensity: NDArray[np.float32], strip: NDArray[np.uint16]
     ) -> NDArray[np.float32] | None:
-        """
-        Return normalised intensities of points of some strips; None where no file has shown any scale.
-
-        """
+        """Return normalised intensities of points of some strips; None where no file has shown any scale."""
         if self._common is None:
             return None
         return normalised_intensity(intensity, strip, self._scales, self._common)
 
 
 def only_returns(records: NDArray[Any]) -> NDArray[np.bool_]:
-    """
-    Tell which points are the only return of their pulse; all are where returns are not known.
-
-    """
+    """Tell which points are the only return of their pulse; all are where returns are not known."""
     if not records["return_number"].any() or not records["number_of_returns"].any():
         return np.ones(len(records), dtype=bool)
     return np.asarray(records["number_of_returns"] <= 1)
@@ -145,7 +125,6 @@ def _roughly_ground(points: NDArray[np.float64], cell: float) -> NDArray[np.bool
     Tell which points lie near the lowest surface, freed of objects by one opening.
 
     Good enough for a histogram of many points; tops of hills and what is wider than the opening is wrong.
-
     """
     place = np.floor(points[:, :2] / cell).astype(np.int64)
     place -= place.min(axis=0)

@@ -1,7 +1,4 @@
-"""
-The grid of tiles: squares aligned to multiples of their size in the source's coordinates, in metres.
-
-"""
+"""The grid of tiles: squares aligned to multiples of their size in the source's coordinates, in metres."""
 
 from __future__ import annotations
 
@@ -22,10 +19,7 @@ _MOST_CELLS = 8
 
 @dataclass(frozen=True)
 class Rectangle:
-    """
-    An axis-parallel rectangle, edges included [m].
-
-    """
+    """An axis-parallel rectangle, edges included [m]."""
 
     x_min: float
     y_min: float
@@ -34,10 +28,7 @@ class Rectangle:
 
     @classmethod
     def around(cls, rectangles: Sequence[Rectangle]) -> Rectangle:
-        """
-        Return the smallest rectangle that holds others, of which there is at least one.
-
-        """
+        """Return the smallest rectangle that holds others, of which there is at least one."""
         return cls(
             min(one.x_min for one in rectangles),
             min(one.y_min for one in rectangles),
@@ -46,26 +37,17 @@ class Rectangle:
         )
 
     def grown(self, distance: float) -> Rectangle:
-        """
-        Return the rectangle with every side moved outwards.
-
-        """
+        """Return the rectangle with every side moved outwards."""
         return Rectangle(
             self.x_min - distance, self.y_min - distance, self.x_max + distance, self.y_max + distance
         )
 
     def moved(self, x: float, y: float) -> Rectangle:
-        """
-        Return the rectangle moved by (x, y).
-
-        """
+        """Return the rectangle moved by (x, y)."""
         return Rectangle(self.x_min + x, self.y_min + y, self.x_max + x, self.y_max + y)
 
     def touches(self, other: Rectangle) -> bool:
-        """
-        Whether both share a point.
-
-        """
+        """Whether both share a point."""
         return (
             self.x_min <= other.x_max
             and other.x_min <= self.x_max
@@ -74,10 +56,7 @@ class Rectangle:
         )
 
     def holds(self, x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.bool_]:
-        """
-        Tell which points lie within.
-
-        """
+        """Tell which points lie within."""
         return (x >= self.x_min) & (x <= self.x_max) & (y >= self.y_min) & (y <= self.y_max)
 
 
@@ -92,7 +71,6 @@ class TileGrid:
         Side of a tile [m].
     cells_per_side : int
         Spool cells along a tile's side.
-
     """
 
     tile_size: float
@@ -100,48 +78,30 @@ class TileGrid:
 
     @classmethod
     def fitting(cls, tile_size: float, buffer: float) -> TileGrid:
-        """
-        Return the grid whose spool cells are about as wide as the buffer.
-
-        """
+        """Return the grid whose spool cells are about as wide as the buffer."""
         wanted = tile_size / max(buffer, _SMALLEST_CELL)
         return cls(tile_size, max(1, min(_MOST_CELLS, math.floor(wanted))))
 
     @property
     def cell_size(self) -> float:
-        """
-        Side of a spool cell [m].
-
-        """
+        """Side of a spool cell [m]."""
         return self.tile_size / self.cells_per_side
 
     def cells_at(self, xy: NDArray[np.float64]) -> NDArray[np.int64]:
-        """
-        Return the spool cell of each point, shape (n, 2).
-
-        """
+        """Return the spool cell of each point, shape (n, 2)."""
         return np.floor(xy / self.cell_size).astype(np.int64)
 
     def tile_of(self, cell: Cell) -> Cell:
-        """
-        Return the tile that a spool cell belongs to.
-
-        """
+        """Return the tile that a spool cell belongs to."""
         return cell[0] // self.cells_per_side, cell[1] // self.cells_per_side
 
     def cells_of(self, tile: Cell) -> list[Cell]:
-        """
-        Return the spool cells of a tile.
-
-        """
+        """Return the spool cells of a tile."""
         k = self.cells_per_side
         return [(tile[0] * k + i, tile[1] * k + j) for i in range(k) for j in range(k)]
 
     def cells_touching(self, area: Rectangle) -> Iterator[Cell]:
-        """
-        Name the spool cells that reach into an area.
-
-        """
+        """Name the spool cells that reach into an area."""
         # points on a border may have been rounded across it: one cell more on each side costs nothing
         x0, y0 = (math.floor(c / self.cell_size - 1e-6) for c in (area.x_min, area.y_min))
         x1, y1 = (math.floor(c / self.cell_size + 1e-6) for c in (area.x_max, area.y_max))
@@ -150,18 +110,12 @@ class TileGrid:
                 yield x, y
 
     def area_of(self, tile: Cell) -> Rectangle:
-        """
-        Return a tile's square in source coordinates [m].
-
-        """
+        """Return a tile's square in source coordinates [m]."""
         x, y = tile[0] * self.tile_size, tile[1] * self.tile_size
         return Rectangle(x, y, x + self.tile_size, y + self.tile_size)
 
     def tile_span(self, area: Rectangle) -> tuple[Cell, Cell]:
-        """
-        Return the first and the last tile, column and row, that reach into an area.
-
-        """
+        """Return the first and the last tile, column and row, that reach into an area."""
         first = math.floor(area.x_min / self.tile_size), math.floor(area.y_min / self.tile_size)
         last = math.floor(area.x_max / self.tile_size), math.floor(area.y_max / self.tile_size)
         return first, last

@@ -1,7 +1,4 @@
-"""
-A tile's stamp: the recorded time of its first point where there is one.
-
-"""
+"""A tile's stamp: the recorded time of its first point where there is one."""
 
 from __future__ import annotations
 
@@ -37,7 +34,6 @@ def stamp_of_time(gps_time: float, *, is_standard: bool) -> int | None:
         As in the file; NaN and 0 if it has none.
     is_standard : bool
         Whether the file says that its times are adjusted standard GPS times.
-
     """
     if not math.isfinite(gps_time) or gps_time == 0.0:
         return None
@@ -51,16 +47,10 @@ def stamp_of_time(gps_time: float, *, is_standard: bool) -> int | None:
 
 
 def stamp_of_number(number: int) -> int:
-    """
-    Return the stamp [ns] of tile `number` where no time is known: so many seconds.
-
-    """
+    """Return the stamp [ns] of tile `number` where no time is known: so many seconds."""
     return number * _NANOSECONDS
 
 
 def _unix(gps_seconds: float) -> float:
-    """
-    Turn GPS seconds since 1980 into Unix time.
-
-    """
+    """Turn GPS seconds since 1980 into Unix time."""
     return gps_seconds + GPS_EPOCH - bisect.bisect_right(LEAP_SECONDS, gps_seconds)

@@ -1,7 +1,4 @@
-"""
-Points on disk by cell, and tiles put together from them.
-
-"""
+"""Points on disk by cell, and tiles put together from them."""
 
 from __future__ import annotations
 
@@ -40,7 +37,6 @@ class TilePlan:
         Spool cell → first and last (exclusive) record.
     dark_limit : float or None
         What was known of the survey's ground when the tile became ready.
-
     """
 
     stamp: int
@@ -61,7 +57,6 @@ class TileStore:
         The map frame of all tiles.
     temporary : path or None
         Where the temporary folder is made.
-
     """
 
     def __init__(self, grid: TileGrid, frame: MapFrame, temporary: str | Path | None) -> None:
@@ -74,18 +69,12 @@ class TileStore:
         self._brightness = SurveyBrightness()
 
     def remove(self) -> None:
-        """
-        Delete the temporary folder.
-
-        """
+        """Delete the temporary folder."""
         self._spool.remove()
 
     @property
     def dark_limit(self) -> float | None:
-        """
-        Normalised intensity up to which the survey's ground is dark; None as long as that is not known.
-
-        """
+        """Normalised intensity up to which the survey's ground is dark; None as long as that is not known."""
         return self._brightness.dark_limit
 
     def add(self, source: int, first: int, chunk: laspy.ScaleAwarePointRecord, n_points: int) -> set[Cell]:
@@ -96,7 +85,6 @@ class TileStore:
         -------
         set of tuple
             The tiles that they belong to.
-
         """
         xyz = xyz_of(chunk)
         records = np.empty(len(chunk), RECORD)
@@ -110,18 +98,12 @@ class TileStore:
         return {self.grid.tile_of(cell) for cell in self._spool.append(cells, records)}
 
     def drop(self, source: int) -> None:
-        """
-        Forget the points of a file that turned out unreadable.
-
-        """
+        """Forget the points of a file that turned out unreadable."""
         self._dropped.append(source)
         self._brightness.forget(source)
 
     def take_core(self, tile: Cell) -> dict[Cell, tuple[int, int]]:
-        """
-        Return which records of the tile's cells no earlier plan has taken, and count them as taken.
-
-        """
+        """Return which records of the tile's cells no earlier plan has taken, and count them as taken."""
         core = {}
         for cell in self.grid.cells_of(tile):
             first, last = self._planned.get(cell, 0), self._spool.counts.get(cell, 0)
@@ -131,10 +113,7 @@ class TileStore:
         return core
 
     def first_point(self, core: dict[Cell, tuple[int, int]]) -> Any | None:
-        """
-        Return the first core point's record, None if no file with such points could be read.
-
-        """
+        """Return the first core point's record, None if no file with such points could be read."""
         candidates = [
             block[np.argmin(_order_key(block))]
             for cell, (first, last) in core.items()
@@ -152,7 +131,6 @@ class TileStore:
             In the middle of which it is measured, source's position [m].
         source : int, optional
             A file that has been read, and that alone counts; all if not given.
-
         """
         if self._expected_spacing is None:
             samples = self._within(sample_square(area), source)
@@ -168,7 +146,6 @@ class TileStore:
             A file that has been read.
         area : Rectangle
             Its bounds, source's position [m].
-
         """
         self._brightness.learn(source)
         if self.dark_limit is None:
@@ -177,10 +154,7 @@ class TileStore:
                 self._brightness.learn_limit(np.concatenate(blocks))
 
     def _within(self, square: Rectangle, source: int | None) -> Iterator[NDArray[Any]]:
-        """
-        Read a file's records, or all, within a square at the source's position.
-
-        """
+        """Read a file's records, or all, within a square at the source's position."""
         local = square.moved(-self.frame.origin[0], -self.frame.origin[1])
         for cell in self.grid.cells_touching(square):
             for block in self._blocks(cell):
@@ -188,17 +162,11 @@ class TileStore:
                 yield block[inside if source is None else inside & (block["source"] == source)]
 
     def count(self, plan: TilePlan, buffer: float) -> int:
-        """
-        Count a tile's points, buffer included.
-
-        """
+        """Count a tile's points, buffer included."""
         return sum(len(block) for block, _ in self._tile_blocks(plan, buffer))
 
     def tile(self, plan: TilePlan, buffer: float) -> PointTile:
-        """
-        Put a tile together, rows in the order of (source, index).
-
-        """
+        """Put a tile together, rows in the order of (source, index)."""
         records, is_buffer = self._gathered(plan, buffer)
         order = np.argsort(_order_key(records), kind="stable")
         points: NDArray[Any] = np.empty((len(records), 3), dtype=np.float32)
@@ -227,10 +195,7 @@ class TileStore:
         )
 
     def _gathered(self, plan: TilePlan, buffer: float) -> tuple[NDArray[Any], NDArray[np.uint8]]:
-        """
-        Read a tile's records with its buffer, and 1 for each that belongs to the buffer.
-
-        """
+        """Read a tile's records with its buffer, and 1 for each that belongs to the buffer."""
         area = self.grid.area_of(plan.tile).grown(buffer)
         cells = {*plan.core, *self.grid.cells_touching(area)}
         # room for all of the cells' records: what stays empty is never touched, so it takes no memory
@@ -243,18 +208,12 @@ class TileStore:
         return records[:n], is_buffer[:n]
 
     def _local_area(self, plan: TilePlan, buffer: float) -> Rectangle:
-        """
-        Return a tile's square with its buffer, map frame [m].
-
-        """
+        """Return a tile's square with its buffer, map frame [m]."""
         area = self.grid.area_of(plan.tile).grown(buffer)
         return area.moved(-self.frame.origin[0], -self.frame.origin[1])
 
     def _tile_blocks(self, plan: TilePlan, buffer: float) -> Iterator[tuple[NDArray[Any], int]]:
-        """
-        Read a tile's records with its buffer: (records, 0 for core points or 1).
-
-        """
+        """Read a tile's records with its buffer: (records, 0 for core points or 1)."""
         near = self._local_area(plan, buffer)
         area = self.grid.area_of(plan.tile).grown(buffer)
         for cell in dict.fromkeys([*plan.core, *self.grid.cells_touching(area)]):
@@ -266,10 +225,7 @@ class TileStore:
                     yield block[near.holds(block["x"], block["y"])], 1
 
     def _blocks(self, cell: Cell, first: int = 0, last: int | None = None) -> Iterator[NDArray[Any]]:
-        """
-        Read a cell's records without those of dropped files.
-
-        """
+        """Read a cell's records without those of dropped files."""
         for block in self._spool.blocks(cell, first, last):
             kept = block[~np.isin(block["source"], self._dropped)] if self._dropped else block
             if len(kept):
@@ -277,18 +233,12 @@ class TileStore:
 
 
 def _pulses_of(records: NDArray[Any]) -> NDArray[np.float64]:
-    """
-    Return one position per pulse of some records.
-
-    """
+    """Return one position per pulse of some records."""
     points = np.column_stack([records[name] for name in "xyz"]).astype(np.float64)
     returns = without_empty_columns({name: records[name] for name in RECORD.names or ()})
     return pulses(points, returns["return_number"], returns["number_of_returns"])
 
 
 def _order_key(records: NDArray[Any]) -> NDArray[np.uint64]:
-    """
-    Return a number that orders records by (source, index).
-
-    """
+    """Return a number that orders records by (source, index)."""
     return records["source"].astype(np.uint64) << np.uint64(32) | records["index"]

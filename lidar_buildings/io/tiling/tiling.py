@@ -1,7 +1,4 @@
-"""
-Clouds of any size cut into tiles with a buffer, as they stream in.
-
-"""
+"""Clouds of any size cut into tiles with a buffer, as they stream in."""
 
 from __future__ import annotations
 
@@ -63,7 +60,6 @@ class TileSource:
     ------
     InputError
         If no file can be read, or the files do not fit together.
-
     """
 
     def __init__(
@@ -109,7 +105,6 @@ class TileSource:
             If in the end no file could be read.
         OutputError
             If the temporary folder is full.
-
         """
         number = 0
         while True:
@@ -126,10 +121,7 @@ class TileSource:
 
     @property
     def tile_count(self) -> int:
-        """
-        Number of tiles, skipped ones too; an upper estimate until everything has been read.
-
-        """
+        """Number of tiles, skipped ones too; an upper estimate until everything has been read."""
         with self._lock:
             if not self._unread and not self._waiting:
                 return len(self._plans)
@@ -153,7 +145,6 @@ class TileSource:
         ------
         ValueError
             If there is no such tile.
-
         """
         with self._lock:
             plan = self._by_stamp.get(stamp)
@@ -169,34 +160,22 @@ class TileSource:
             return None
 
     def close(self) -> None:
-        """
-        Stop iterating, from whatever thread, and delete the temporary folder.
-
-        """
+        """Stop iterating, from whatever thread, and delete the temporary folder."""
         self._closed.set()
         with self._lock:
             self._steps.close()
             self._finalizer()
 
     def __enter__(self) -> TileSource:
-        """
-        Return itself.
-
-        """
+        """Return itself."""
         return self
 
     def __exit__(self, *_: object) -> None:
-        """
-        Close it.
-
-        """
+        """Close it."""
         self.close()
 
     def _expected_tiles(self) -> set[Cell]:
-        """
-        Return the tiles that the headers' bounds reach into.
-
-        """
+        """Return the tiles that the headers' bounds reach into."""
         expected: set[Cell] = set()
         for area in filter(None, self._areas):
             (x0, y0), (x1, y1) = self._grid.tile_span(area)
@@ -205,17 +184,11 @@ class TileSource:
         return expected
 
     def _read_on(self) -> bool:
-        """
-        Read one more chunk; False if there is nothing left to read.
-
-        """
+        """Read one more chunk; False if there is nothing left to read."""
         return next(self._steps, False)
 
     def _read_all(self) -> Generator[bool, None, None]:
-        """
-        Read every file, giving way after each chunk, and plan tiles as they become complete.
-
-        """
+        """Read every file, giving way after each chunk, and plan tiles as they become complete."""
         n_failed = 0
         for source in reading_order(self._areas):
             try:
@@ -239,10 +212,7 @@ class TileSource:
         yield True
 
     def _learn_brightness(self, source: int) -> None:
-        """
-        Let the first file that can tell what the survey's intensities mean.
-
-        """
+        """Let the first file that can tell what the survey's intensities mean."""
         area = self._areas[source]
         if area is not None:
             self._store.learn_brightness(source, area)
@@ -253,7 +223,6 @@ class TileSource:
 
         A survey that has been read whole by then is measured as one, so that a small one comes out the same
         in one file and in many; of a larger one the first file that can tell does.
-
         """
         areas = [area for area in self._areas if area is not None]
         if not self._unread and areas:
@@ -269,7 +238,6 @@ class TileSource:
 
         Points outside all headers' bounds, and those that come after their tile was planned, wait for the
         end, since nothing says which file brings more of them.
-
         """
         if read is None:
             return
@@ -285,10 +253,7 @@ class TileSource:
                 self._plan(tile)
 
     def _plan(self, tile: Cell) -> None:
-        """
-        Fix a tile's core points and its stamp; a tile without core points is none.
-
-        """
+        """Fix a tile's core points and its stamp; a tile without core points is none."""
         self._learn_spacing()
         self._waiting.discard(tile)
         self._planned.add(tile)
@@ -301,10 +266,7 @@ class TileSource:
         self._by_stamp[plan.stamp] = plan
 
     def _stamp(self, tile: Cell, first_point: Any) -> int:
-        """
-        Return a stamp for the tile that no other tile has.
-
-        """
+        """Return a stamp for the tile that no other tile has."""
         encoding = self._clouds[int(first_point["source"])].header.global_encoding
         is_standard = bool(encoding.gps_time_type)
         stamp = stamp_of_time(float(first_point["gps_time"]), is_standard=is_standard)
@@ -315,10 +277,7 @@ class TileSource:
         return stamp
 
     def _number(self, tile: Cell) -> int:
-        """
-        Number a tile from 1 by its place within all files' bounds; 1 for a place outside them.
-
-        """
+        """Number a tile from 1 by its place within all files' bounds; 1 for a place outside them."""
         spans = [self._grid.tile_span(area) for area in self._areas if area is not None]
         x0, y0 = (min(first[axis] for first, _ in spans) for axis in (0, 1))
         x1, y1 = (max(last[axis] for _, last in spans) for axis in (0, 1))
@@ -332,10 +291,7 @@ _LARGEST_NUMBER = 2**31 - 1
 
 
 def _area(cloud: Cloud) -> Rectangle | None:
-    """
-    Return a cloud's bounds [m], None if it holds no point.
-
-    """
+    """Return a cloud's bounds [m], None if it holds no point."""
     if not cloud.point_count:
         return None
     unit = cloud.crs.horizontal_unit
@@ -343,10 +299,7 @@ def _area(cloud: Cloud) -> Rectangle | None:
 
 
 def _numbered(chunks: Iterable[Any]) -> Iterator[tuple[int, Any]]:
-    """
-    Pair each chunk with the index of its first point.
-
-    """
+    """Pair each chunk with the index of its first point."""
     first = 0
     for chunk in chunks:
         yield first, chunk

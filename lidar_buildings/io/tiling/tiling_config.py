@@ -1,7 +1,4 @@
-"""
-How clouds are cut into tiles: what the tile player's parameters and the command line share.
-
-"""
+"""How clouds are cut into tiles: what the tile player's parameters and the command line share."""
 
 from __future__ import annotations
 
@@ -13,10 +10,7 @@ from lidar_buildings.core.model.parameters import StageConfig, parameter
 
 @dataclass(frozen=True)
 class TilingConfig(StageConfig):
-    """
-    How clouds are cut into tiles.
-
-    """
+    """How clouds are cut into tiles."""
 
     stage: ClassVar[str] = "tile_player"
 

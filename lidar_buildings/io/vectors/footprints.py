@@ -1,7 +1,4 @@
-"""
-Footprints from any file of polygons, in the map frame.
-
-"""
+"""Footprints from any file of polygons, in the map frame."""
 
 from __future__ import annotations
 
@@ -66,7 +63,6 @@ class FootprintSource:
         Its layer, empty for the only one of polygons.
     id_column : str
         The column that names a footprint, empty for one that looks like it.
-
     """
 
     path: Path
@@ -90,7 +86,6 @@ class FootprintFile:
     record : dict
         What ``run.json`` tells of the file: layer, column of the ids, and how many polygons were read,
         repaired, and left out for which reason.
-
     """
 
     source: FootprintSource
@@ -115,7 +110,6 @@ def read_footprints(source: FootprintSource, frame: MapFrame) -> FootprintFile:
     ------
     InputError
         If the file holds no polygons, or it is not clear which layer or column is meant.
-
     """
     if not source.path.exists():
         raise InputError(f"{source.path}: no such file: check the path of the footprints")
@@ -125,10 +119,7 @@ def read_footprints(source: FootprintSource, frame: MapFrame) -> FootprintFile:
 
 @lru_cache(maxsize=_MOST_FILES)
 def _read(source: FootprintSource, frame: MapFrame, _: int) -> FootprintFile:
-    """
-    Read footprints; the time of the file's last change is there to read a changed file anew.
-
-    """
+    """Read footprints; the time of the file's last change is there to read a changed file anew."""
     layer = read_layer(source.path, source.layer)
     column = _id_column(layer, source)
     in_map = _in_map(layer, frame)
@@ -172,7 +163,6 @@ def check_overlap(file: FootprintFile, bounds: tuple[float, float, float, float]
     ------
     InputError
         If no footprint reaches into the clouds' extent; it names both extents.
-
     """
     of_all = np.concatenate(
         [file.footprints.bounds[:, :2].min(axis=0), file.footprints.bounds[:, 2:].max(axis=0)]
@@ -190,19 +180,13 @@ def check_overlap(file: FootprintFile, bounds: tuple[float, float, float, float]
 
 
 def _extent(bounds: NDArray[np.float64]) -> str:
-    """
-    Write limits in whole units.
-
-    """
+    """Write limits in whole units."""
     west, south, east, north = bounds
     return f"x {west:.0f} to {east:.0f} and y {south:.0f} to {north:.0f}"
 
 
 def _in_map(layer: PolygonLayer, frame: MapFrame) -> NDArray[Any]:
-    """
-    Return a layer's geometries in the map frame.
-
-    """
+    """Return a layer's geometries in the map frame."""
     flat = shapely.force_2d(layer.geometries)
     if not frame.crs and is_in_degrees(layer.crs):
         raise InputError(
@@ -222,10 +206,7 @@ def _in_map(layer: PolygonLayer, frame: MapFrame) -> NDArray[Any]:
 
 
 def _id_column(layer: PolygonLayer, source: FootprintSource) -> str:
-    """
-    Return the column that names the footprints, empty for the file's own numbers.
-
-    """
+    """Return the column that names the footprints, empty for the file's own numbers."""
     if source.id_column:
         if source.id_column in layer.columns:
             return source.id_column
@@ -238,10 +219,7 @@ def _id_column(layer: PolygonLayer, source: FootprintSource) -> str:
 
 
 def _names(layer: PolygonLayer, column: str, rows: NDArray[np.intp]) -> list[str]:
-    """
-    Return what the file calls each footprint; parts of one feature are numbered.
-
-    """
+    """Return what the file calls each footprint; parts of one feature are numbered."""
     own = layer.columns[column] if column else layer.fids
     names = [_text(own[row]) for row in rows]
     n_parts = np.bincount(rows, minlength=len(layer.geometries))
@@ -254,10 +232,7 @@ def _names(layer: PolygonLayer, column: str, rows: NDArray[np.intp]) -> list[str
 
 
 def _text(value: Any) -> str:
-    """
-    Write an identifier; whole numbers have no decimals, even where missing values made them fractions.
-
-    """
+    """Write an identifier; whole numbers have no decimals, even where missing values made them fractions."""
     if value is None or value != value:
         return ""
     return (

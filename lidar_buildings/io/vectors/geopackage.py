@@ -1,7 +1,4 @@
-"""
-Polygons with attributes in GeoPackage files, and from any file of polygons.
-
-"""
+"""Polygons with attributes in GeoPackage files, and from any file of polygons."""
 
 from __future__ import annotations
 
@@ -52,7 +49,6 @@ class GeoPackageLayer:
         One per polygon; what a row lacks, None and numbers that are not finite become null.
     is_3d : bool
         Whether the vertices carry z.
-
     """
 
     name: str
@@ -79,7 +75,6 @@ def write_geopackage(path: str | Path, layers: Sequence[GeoPackageLayer], crs: s
     ------
     OutputError
         If the file cannot be written.
-
     """
     with GeoPackageWriter(path, crs) as writer:
         for layer in layers:
@@ -96,7 +91,6 @@ class GeoPackageWriter:
         An existing file is replaced.
     crs : str
         ``"EPSG:28992"``, a WKT text, or empty if unknown.
-
     """
 
     def __init__(self, path: str | Path, crs: str) -> None:
@@ -114,24 +108,17 @@ class GeoPackageWriter:
         ------
         OutputError
             If the file cannot be written.
-
         """
         with self._failing_in_words(), _fixed_date():
             _write_layer(self._partial, layer, self._crs, append=bool(self._counts))
         self._counts[layer.name] = self._counts.get(layer.name, 0) + len(layer.polygons)
 
     def __enter__(self) -> GeoPackageWriter:
-        """
-        Return itself.
-
-        """
+        """Return itself."""
         return self
 
     def __exit__(self, error: object, *_: object) -> None:
-        """
-        Give the file its name if all went well, else leave nothing behind.
-
-        """
+        """Give the file its name if all went well, else leave nothing behind."""
         try:
             if error is None:
                 with self._failing_in_words():
@@ -143,10 +130,7 @@ class GeoPackageWriter:
 
     @contextmanager
     def _failing_in_words(self) -> Iterator[None]:
-        """
-        Turn the libraries' errors into one line.
-
-        """
+        """Turn the libraries' errors into one line."""
         try:
             yield
         except _FAILURES as error:
@@ -180,7 +164,6 @@ def read_polygons(
     ------
     InputError
         If the file or the layer is not there or cannot be read.
-
     """
     path = Path(path)
     if not path.exists():
@@ -202,10 +185,7 @@ def read_polygons(
 
 
 def _read_layer(path: Path, layer: str | None) -> tuple[dict[str, Any], NDArray[Any], Sequence[NDArray[Any]]]:
-    """
-    Return a layer's description, geometries as WKB, and columns.
-
-    """
+    """Return a layer's description, geometries as WKB, and columns."""
     names = [str(name) for name, _ in pyogrio.list_layers(path)]
     if not names or (layer is not None and layer not in names):
         raise DataLayerError(f"there is no layer {layer or ''!r} among {names}")
@@ -216,10 +196,7 @@ def _read_layer(path: Path, layer: str | None) -> tuple[dict[str, Any], NDArray[
 
 
 def _crs_name(crs: str | None) -> str:
-    """
-    Return an EPSG code where there is one, else the WKT, else nothing.
-
-    """
+    """Return an EPSG code where there is one, else the WKT, else nothing."""
     if not crs:
         return ""
     try:
@@ -230,10 +207,7 @@ def _crs_name(crs: str | None) -> str:
 
 
 def _write_layer(path: Path, layer: GeoPackageLayer, crs: str, append: bool) -> None:
-    """
-    Add one layer to a file.
-
-    """
+    """Add one layer to a file."""
     values = {name: [row.get(name) for row in layer.rows] for name in layer.fields}
     masks = {
         name: np.array([_is_missing(value) for value in column], dtype=bool)
@@ -259,10 +233,7 @@ def _write_layer(path: Path, layer: GeoPackageLayer, crs: str, append: bool) -> 
 
 
 def _wkb(layer: GeoPackageLayer) -> NDArray[np.object_]:
-    """
-    Return the layer's polygons as WKB.
-
-    """
+    """Return the layer's polygons as WKB."""
     geometry = np.empty(len(layer.polygons), dtype=object)
     if len(layer.polygons):
         geometry[:] = shapely.to_wkb(list(layer.polygons), output_dimension=3 if layer.is_3d else 2)
@@ -270,27 +241,18 @@ def _wkb(layer: GeoPackageLayer) -> NDArray[np.object_]:
 
 
 def _is_missing(value: Any) -> bool:
-    """
-    Whether a value is to be null.
-
-    """
+    """Whether a value is to be null."""
     return value is None or (isinstance(value, float | np.floating) and not math.isfinite(value))
 
 
 def _column(values: list[Any], missing: NDArray[np.bool_], kind: type) -> NDArray[Any]:
-    """
-    Return one attribute's values as an array of its type.
-
-    """
+    """Return one attribute's values as an array of its type."""
     present = [_VOID[kind] if gone else kind(value) for value, gone in zip(values, missing, strict=True)]
     return np.array(present, dtype=_DTYPES[kind])
 
 
 def _check_complete(path: Path, counts: Mapping[str, int]) -> None:
-    """
-    Read back how many polygons each layer has: a full disk may show no sooner.
-
-    """
+    """Read back how many polygons each layer has: a full disk may show no sooner."""
     for name, count in counts.items():
         found = pyogrio.read_info(path, layer=name)["features"]
         if found != count:
@@ -299,10 +261,7 @@ def _check_complete(path: Path, counts: Mapping[str, int]) -> None:
 
 @contextmanager
 def _fixed_date() -> Iterator[None]:
-    """
-    Let GDAL write a fixed date instead of the current one.
-
-    """
+    """Let GDAL write a fixed date instead of the current one."""
     with _one_writer:
         pyogrio.set_gdal_config_options({"OGR_CURRENT_DATE": _FIXED_DATE})
         try:

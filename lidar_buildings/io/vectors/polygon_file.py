@@ -1,7 +1,4 @@
-"""
-A layer of polygons of any file that GDAL reads, with its columns.
-
-"""
+"""A layer of polygons of any file that GDAL reads, with its columns."""
 
 from __future__ import annotations
 
@@ -44,7 +41,6 @@ class PolygonLayer:
         The features' numbers in the file.
     crs : str
         As GDAL names it, empty if unknown.
-
     """
 
     path: Path
@@ -56,10 +52,7 @@ class PolygonLayer:
 
     @property
     def label(self) -> str:
-        """
-        The file for messages, with the layer where it is not named like the file.
-
-        """
+        """The file for messages, with the layer where it is not named like the file."""
         return str(self.path) if self.name == self.path.stem else f"{self.path} ({self.name})"
 
 
@@ -73,7 +66,6 @@ def read_layer(path: Path, layer: str = "") -> PolygonLayer:
     ------
     InputError
         If the file is no vector file, has no such layer, or it is not clear which one is meant.
-
     """
     try:
         found = [(str(name), str(kind or "")) for name, kind in pyogrio.list_layers(path)]
@@ -93,10 +85,7 @@ def read_layer(path: Path, layer: str = "") -> PolygonLayer:
 
 
 def _chosen(path: Path, found: list[tuple[str, str]], layer: str) -> str:
-    """
-    Return the name of the layer to read.
-
-    """
+    """Return the name of the layer to read."""
     names = [name for name, _ in found]
     if layer:
         if layer in names:

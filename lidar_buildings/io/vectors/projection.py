@@ -1,7 +1,4 @@
-"""
-Geometries from one coordinate reference system to another.
-
-"""
+"""Geometries from one coordinate reference system to another."""
 
 from __future__ import annotations
 
@@ -34,7 +31,6 @@ def to_system(geometries: NDArray[Any], source: str, target: str, label: str) ->
     ------
     InputError
         If there is no way from one system to the other.
-
     """
     try:
         one, other = _horizontal(source), _horizontal(target)
@@ -55,10 +51,7 @@ def to_system(geometries: NDArray[Any], source: str, target: str, label: str) ->
 
 
 def is_in_degrees(crs: str) -> bool:
-    """
-    Whether a reference system is known to have longitude and latitude.
-
-    """
+    """Whether a reference system is known to have longitude and latitude."""
     try:
         return bool(crs) and bool(_horizontal(crs).is_geographic)
     except CRSError:
@@ -66,10 +59,7 @@ def is_in_degrees(crs: str) -> bool:
 
 
 def _horizontal(text: str) -> Any:
-    """
-    Return the horizontal part of a reference system.
-
-    """
+    """Return the horizontal part of a reference system."""
     crs = pyproj.CRS.from_user_input(text)
     crs = crs.source_crs if crs.is_bound else crs
     part = crs.sub_crs_list[0] if crs.sub_crs_list else crs

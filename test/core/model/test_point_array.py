@@ -1,7 +1,4 @@
-"""
-The check of columns.
-
-"""
+"""The check of columns."""
 
 import numpy as np
 import pytest

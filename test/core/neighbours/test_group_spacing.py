@@ -1,7 +1,4 @@
-"""
-The spacing of groups of points against the spacing measured from all points of each.
-
-"""
+"""The spacing of groups of points against the spacing measured from all points of each."""
 
 import numpy as np
 import pytest

@@ -1,7 +1,4 @@
-"""
-Work on rows in blocks: by several threads, or by one that is told to work alone.
-
-"""
+"""Work on rows in blocks: by several threads, or by one that is told to work alone."""
 
 import threading
 
@@ -11,10 +8,7 @@ from lidar_buildings.core.neighbours.parallel import for_row_blocks, work_alone
 
 
 def work_on(n_rows, block):
-    """
-    How often each row was worked on, and by which threads.
-
-    """
+    """How often each row was worked on, and by which threads."""
     times, threads = np.zeros(n_rows, dtype=int), set()
 
     def kernel(first, last):

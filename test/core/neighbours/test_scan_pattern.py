@@ -7,10 +7,7 @@ from lidar_buildings.core.neighbours.scan_pattern import ScanPattern, measure_sc
 
 
 def scanned(along, across, *, turn=0.0, jitter=0.1, size=12.0, seed=0):
-    """
-    Lines of pulses on a square roof; rows in the order of the scan, every second line backwards.
-
-    """
+    """Lines of pulses on a square roof; rows in the order of the scan, every second line backwards."""
     rng = np.random.default_rng(seed)
     reach = 0.75 * size
     u, v = np.arange(-reach, reach, along), np.arange(-reach, reach, across)
@@ -24,10 +21,7 @@ def scanned(along, across, *, turn=0.0, jitter=0.1, size=12.0, seed=0):
 
 
 def off(direction, truth):
-    """
-    Angle between two directions that have no sense [deg].
-
-    """
+    """Angle between two directions that have no sense [deg]."""
     return abs(math.degrees((direction - truth + math.pi / 2) % math.pi - math.pi / 2))
 
 

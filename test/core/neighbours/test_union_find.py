@@ -7,10 +7,7 @@ from lidar_buildings.core.neighbours.union_find import flatten, link, root, sets
 
 
 def sets_of(n, links):
-    """
-    The forest that the links make of n members, flattened; link by link and all at once.
-
-    """
+    """The forest that the links make of n members, flattened; link by link and all at once."""
     parent = np.arange(n)
     for i, j in links:
         link(parent, i, j)

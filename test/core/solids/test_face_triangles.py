@@ -1,7 +1,4 @@
-"""
-Faces divided into pieces: closed shells stay closed, areas and volumes stay what they are.
-
-"""
+"""Faces divided into pieces: closed shells stay closed, areas and volumes stay what they are."""
 
 from collections import Counter
 

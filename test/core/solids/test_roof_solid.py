@@ -1,7 +1,4 @@
-"""
-Solids of roofs in pieces: typical ones vertex by vertex, hard ones valid.
-
-"""
+"""Solids of roofs in pieces: typical ones vertex by vertex, hard ones valid."""
 
 import numpy as np
 import pytest
@@ -42,10 +39,7 @@ def count(solid, kind):
 
 
 def face_set(solid):
-    """
-    The faces by their coordinates, whatever the order of vertices and faces.
-
-    """
+    """The faces by their coordinates, whatever the order of vertices and faces."""
     return {
         (kind, tuple(sorted(map(tuple, np.round(np.concatenate(solid.face_rings(face)), 6).tolist()))))
         for face, kind in zip(solid.faces, solid.semantics, strict=True)
@@ -53,10 +47,7 @@ def face_set(solid):
 
 
 def volume_below(pieces, ground=0.0):
-    """
-    The sum over the pieces of area times height at the centre of mass.
-
-    """
+    """The sum over the pieces of area times height at the centre of mass."""
     total = 0.0
     for each in pieces:
         polygon = shapely.Polygon(each.rings[0], each.rings[1:])
@@ -271,10 +262,7 @@ def test_pieces_a_millimetre_wide_are_left_out():
 
 
 def random_roof(seed):
-    """
-    A polygon, perhaps with a courtyard, cut by lines into pieces with planes of all kinds.
-
-    """
+    """A polygon, perhaps with a courtyard, cut by lines into pieces with planes of all kinds."""
     random = np.random.default_rng(seed)
     angles = np.sort(random.uniform(0, 2 * np.pi, random.integers(4, 10)))
     ring = np.column_stack([np.cos(angles), np.sin(angles)]) * random.uniform(5, 12, len(angles))[:, None]

@@ -1,7 +1,4 @@
-"""
-Extruded solids: volume, watertightness, orientation.
-
-"""
+"""Extruded solids: volume, watertightness, orientation."""
 
 from dataclasses import replace
 

@@ -1,7 +1,4 @@
-"""
-One tiny case per code of val3dity.
-
-"""
+"""One tiny case per code of val3dity."""
 
 from dataclasses import replace
 from itertools import pairwise
@@ -67,10 +64,7 @@ def polyhedron(vertices, *rings):
 
 
 def folded_roof():
-    """
-    A box whose roof has a fold of 50°, six millimetres high.
-
-    """
+    """A box whose roof has a fold of 50°, six millimetres high."""
     profile = [(0, 3), (5, 3), (5.005, 3.006), (10, 3.006)]
     front = [(0, 0, 0), (10, 0, 0), *((x, 0, z) for x, z in profile[::-1])]
     back = [(x, 10, z) for x, _, z in front]
@@ -81,10 +75,7 @@ def folded_roof():
 
 
 def dent_through_the_floor(depth=1.0):
-    """
-    A box whose roof is drawn down to a tip below its floor: closed, manifold and planar everywhere.
-
-    """
+    """A box whose roof is drawn down to a tip below its floor: closed, manifold and planar everywhere."""
     solid = box()
     tip = len(solid.vertices)
     sides = tuple(((4 + k, 4 + (k + 1) % 4, tip),) for k in range(4))
@@ -196,10 +187,7 @@ def test_holes_may_touch_at_a_vertex_but_not_along_an_edge():
 
 
 def mutations(solid):
-    """
-    Every way to spoil one face or vertex of a solid.
-
-    """
+    """Every way to spoil one face or vertex of a solid."""
     for number, face in enumerate(solid.faces):
         yield with_face(solid, number, tuple(ring[::-1] for ring in face))
         kept = [k for k in range(len(solid.faces)) if k != number]

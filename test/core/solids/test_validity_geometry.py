@@ -1,7 +1,4 @@
-"""
-What the checks stand on: triangulations of faces and exact tests of triangles.
-
-"""
+"""What the checks stand on: triangulations of faces and exact tests of triangles."""
 
 from fractions import Fraction
 from itertools import pairwise, product
@@ -19,10 +16,7 @@ from lidar_buildings.core.solids.validity.welding import weld
 
 
 def triangulated(*rings, tilt=(0.0, 0.0)):
-    """
-    The triangles of a face in a tilted plane, and its vertices.
-
-    """
+    """The triangles of a face in a tilted plane, and its vertices."""
     plan = np.concatenate(rings)
     vertices = np.column_stack([plan, plan @ np.asarray(tilt)])
     starts = np.cumsum([0, *map(len, rings)])
@@ -33,10 +27,7 @@ def triangulated(*rings, tilt=(0.0, 0.0)):
 
 
 def star(n, seed, holes=0):
-    """
-    The rings of a random star-shaped face with square holes.
-
-    """
+    """The rings of a random star-shaped face with square holes."""
     random = np.random.default_rng(seed)
     angles = np.sort(random.uniform(0, 2 * np.pi, n))
     exterior = np.column_stack([np.cos(angles), np.sin(angles)]) * random.uniform(12, 20, n)[:, None]
@@ -81,7 +72,6 @@ def test_a_hole_may_touch_the_exterior_at_a_vertex():
 def meets_exactly(first, second):
     """
     Whether two triangles without common vertices meet, in rational numbers; None if edges lie in planes.
-
     """
     for one, other in ((first, second), (second, first)):
         a, b, c = (np.array([Fraction(int(v)) for v in p], dtype=object) for p in other)

@@ -1,7 +1,4 @@
-"""
-Solids with voids: one tiny case per code.
-
-"""
+"""Solids with voids: one tiny case per code."""
 
 from dataclasses import replace
 
@@ -27,10 +24,7 @@ def turned(solid):
 
 
 def frame():
-    """
-    A cube of 10 m with a square drawn upon its top.
-
-    """
+    """A cube of 10 m with a square drawn upon its top."""
     outer = cube((0, 0, 0), 10.0)
     square = np.array([[3, 3, 10], [7, 3, 10], [7, 7, 10], [3, 7, 10]], dtype=float)
     top = outer.faces[1][0]
@@ -39,10 +33,7 @@ def frame():
 
 
 def bowl():
-    """
-    A void between two pyramids that stand on their tips and have the frame's square in common.
-
-    """
+    """A void between two pyramids that stand on their tips and have the frame's square in common."""
     vertices = np.array([[3, 3, 10], [7, 3, 10], [7, 7, 10], [3, 7, 10], [5, 5, 9], [5, 5, 5]], dtype=float)
     upper = tuple(((k, (k + 1) % 4, 4),) for k in range(4))
     lower = tuple((((k + 1) % 4, k, 5),) for k in range(4))

@@ -1,7 +1,4 @@
-"""
-Alpha shapes against their definition, tried out disc by disc.
-
-"""
+"""Alpha shapes against their definition, tried out disc by disc."""
 
 import math
 
@@ -21,7 +18,6 @@ def on_rim_of_empty_disc(points, alpha):
     """
     Whether a disc with each point on its rim is empty: its centre is on a circle round the point, of which
     every other point takes an arc; where something is left, it is so at the end of an arc.
-
     """
     found = np.zeros(len(points), dtype=bool)
     for i, point in enumerate(points):
@@ -38,7 +34,6 @@ def on_rim_of_empty_disc(points, alpha):
 def discs_on_both(points, i, j, alpha):
     """
     Numbers of points inside the two discs with both points on their rims; none if they are too far apart.
-
     """
     middle, way = (points[i] + points[j]) / 2, points[j] - points[i]
     length = np.hypot(*way)
@@ -50,10 +45,7 @@ def discs_on_both(points, i, j, alpha):
 
 
 def edges_by_discs(points, alpha):
-    """
-    Pairs of points that an empty disc has on its rim.
-
-    """
+    """Pairs of points that an empty disc has on its rim."""
     n = len(points)
     return {(i, j) for i in range(n) for j in range(i + 1, n) if 0 in discs_on_both(points, i, j, alpha)}
 

@@ -1,7 +1,4 @@
-"""
-The joint adjustment of a roof's planes.
-
-"""
+"""The joint adjustment of a roof's planes."""
 
 import numpy as np
 import pytest

@@ -107,10 +107,7 @@ def test_heights_are_measured_from_a_mask_or_from_ground_points(scattered):
 
 
 def grown_mesh(points):
-    """
-    Insert points one by one into the mesh of the first one.
-
-    """
+    """Insert points one by one into the mesh of the first one."""
     tin = build_tin(points[:1], np.array([points.min(axis=0)[:2], points.max(axis=0)[:2]]))
     n_start = len(tin.vertices)
     vertices = np.vstack((tin.vertices, points[1:] - [*tin.origin, 0.0]))

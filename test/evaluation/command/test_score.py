@@ -1,7 +1,4 @@
-"""
-``lidar-buildings score`` on tiny files whose figures are worked out by hand.
-
-"""
+"""``lidar-buildings score`` on tiny files whose figures are worked out by hand."""
 
 import argparse
 import json
@@ -19,10 +16,7 @@ from lidar_buildings.evaluation.command.score import KINDS, add_score_arguments,
 
 @pytest.fixture
 def roof_cloud():
-    """
-    A lattice of 4 points per cell; the roof is the square from 5 to 15 m.
-
-    """
+    """A lattice of 4 points per cell; the roof is the square from 5 to 15 m."""
     x, y = (axis.ravel() for axis in np.meshgrid(np.arange(0.125, 20, 0.25), np.arange(0.125, 20, 0.25)))
     points = np.column_stack((x, y, np.zeros_like(x)))
     on_roof = (np.abs(x - 10) < 5) & (np.abs(y - 10) < 5)
@@ -225,10 +219,7 @@ def test_unknown_kinds_are_refused_naming_those_there_are(capsys):
 
 
 def broken_inputs(folder):
-    """
-    Name of the case → arguments, and a word of the message.
-
-    """
+    """Name of the case → arguments, and a word of the message."""
     cloud = write_cloud(folder / "cloud.laz", np.zeros((1, 3)), [2])
     polygons = write_polygons(folder / "map.gpkg", [shapely.box(0, 0, 1, 1)])
     text = folder / "notes.txt"

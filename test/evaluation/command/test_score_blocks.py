@@ -1,7 +1,4 @@
-"""
-``lidar-buildings score outlines --merge-touching``.
-
-"""
+"""``lidar-buildings score outlines --merge-touching``."""
 
 import json
 
@@ -15,10 +12,7 @@ from lidar_buildings.evaluation.command.score import run_score
 
 @pytest.fixture
 def folders(tmp_path):
-    """
-    The output of a run that took three touching houses for one, and the truth of its survey.
-
-    """
+    """The output of a run that took three touching houses for one, and the truth of its survey."""
     write_polygons(tmp_path / "run" / "buildings.gpkg", [box(0, 0, 18, 10), box(40, 0, 50, 10)])
     houses = [box(west, 0, west + 6, 10) for west in (0, 6, 12)]
     write_polygons(tmp_path / "survey" / "truth.gpkg", [*houses, box(40, 0, 50, 10)])

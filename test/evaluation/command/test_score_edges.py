@@ -1,7 +1,4 @@
-"""
-``lidar-buildings score edges`` on tiny files whose figures are worked out by hand.
-
-"""
+"""``lidar-buildings score edges`` on tiny files whose figures are worked out by hand."""
 
 import json
 
@@ -19,10 +16,7 @@ STEP = 0.5
 
 
 def write_labels(path, points, classes, edge, facade=None):
-    """
-    A classified file with edge labels, and marks of façades if given.
-
-    """
+    """A classified file with edge labels, and marks of façades if given."""
     path.parent.mkdir(parents=True, exist_ok=True)
     header = laspy.LasHeader(point_format=6, version="1.4")
     header.scales, header.offsets = [0.001] * 3, ORIGIN
@@ -43,7 +37,6 @@ def write_labels(path, points, classes, edge, facade=None):
 def houses():
     """
     Points of a lattice, classes and the rims of two roofs: of 10 × 8 m in the west, of 6 × 8 m in the east.
-
     """
     x, y = (a.ravel() for a in np.meshgrid(np.arange(0.25, 40, STEP), np.arange(0.25, 20, STEP)))
     roof = np.zeros(len(x), dtype=int)

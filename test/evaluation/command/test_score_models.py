@@ -1,6 +1,5 @@
 """
 ``lidar-buildings score models``: against the truth of a simulation, another program's file, and a cloud.
-
 """
 
 import json
@@ -20,10 +19,7 @@ from lidar_buildings.simulation.truth_city_model import write_truth_city_model
 
 @pytest.fixture(scope="module")
 def survey(tmp_path_factory):
-    """
-    The truth of a survey, and points on its roofs: 0.05 m too high.
-
-    """
+    """The truth of a survey, and points on its roofs: 0.05 m too high."""
     folder = tmp_path_factory.mktemp("survey")
     scene = make_scene("roof_types")
     write_truth_city_model(folder / "truth.city.jsonl", scene)

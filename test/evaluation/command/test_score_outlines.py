@@ -1,7 +1,4 @@
-"""
-``lidar-buildings score outlines``: corners, angles, unions and Table 1.
-
-"""
+"""``lidar-buildings score outlines``: corners, angles, unions and Table 1."""
 
 import json
 
@@ -19,10 +16,7 @@ from lidar_buildings.evaluation.command.score import run_score
 
 
 def write_run(path, polygons, crs="EPSG:28992", **attributes):
-    """
-    The outlines of a run with attributes.
-
-    """
+    """The outlines of a run with attributes."""
     path.parent.mkdir(parents=True, exist_ok=True)
     moved = shapely.transform(np.array(polygons, dtype=object), lambda xy: xy + ORIGIN[:2])
     pyogrio.raw.write(
@@ -38,10 +32,7 @@ def write_run(path, polygons, crs="EPSG:28992", **attributes):
 
 @pytest.fixture
 def run(tmp_path):
-    """
-    A run with a house moved by 0.5 m and an invented one, and the map of its survey.
-
-    """
+    """A run with a house moved by 0.5 m and an invented one, and the map of its survey."""
     write_run(
         tmp_path / "run" / "buildings.gpkg",
         [box(0.5, 0, 10.5, 10), box(40, 0, 50, 10)],

@@ -1,7 +1,4 @@
-"""
-``lidar-buildings score planes`` on tiny files: numbers, the truth of simulations, and colours.
-
-"""
+"""``lidar-buildings score planes`` on tiny files: numbers, the truth of simulations, and colours."""
 
 import json
 
@@ -19,10 +16,7 @@ SPACING = 0.3
 
 
 def write_planes(path, points, colour=None, **dimensions):
-    """
-    A file with extra dimensions, and colours if given.
-
-    """
+    """A file with extra dimensions, and colours if given."""
     path.parent.mkdir(parents=True, exist_ok=True)
     header = laspy.LasHeader(point_format=7 if colour is not None else 6, version="1.4")
     header.scales, header.offsets = [0.001] * 3, ORIGIN
@@ -42,7 +36,6 @@ def write_planes(path, points, colour=None, **dimensions):
 def roof():
     """
     A roof of two slopes, seen from above in the west and in the east, and the number of each point's slope.
-
     """
     x, y = (a.ravel() for a in np.meshgrid(np.arange(0, 9, SPACING), np.arange(0, 6, SPACING)))
     return np.column_stack((x, y, 5 - abs(x - 4.35))), np.where(x < 4.35, 1, 2).astype(np.uint16)

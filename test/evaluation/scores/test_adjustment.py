@@ -1,7 +1,4 @@
-"""
-Table 1 of Sampath & Shan, worked out by hand.
-
-"""
+"""Table 1 of Sampath & Shan, worked out by hand."""
 
 import math
 

@@ -1,7 +1,4 @@
-"""
-Blocks of touching buildings, and how many buildings a result covers, on cases worked out by hand.
-
-"""
+"""Blocks of touching buildings, and how many buildings a result covers, on cases worked out by hand."""
 
 import math
 
@@ -16,10 +13,7 @@ from lidar_buildings.evaluation.scores.outlines import score_outlines
 
 
 def row_of_houses(count, gap=0.0):
-    """
-    Houses of 6 by 10 m side by side.
-
-    """
+    """Houses of 6 by 10 m side by side."""
     return [box(west, 0, west + 6, 10) for west in np.arange(count) * (6 + gap)]
 
 

@@ -1,7 +1,4 @@
-"""
-Precision and recall of corners, worked out by hand.
-
-"""
+"""Precision and recall of corners, worked out by hand."""
 
 import math
 

@@ -1,7 +1,4 @@
-"""
-Angle errors, worked out by hand.
-
-"""
+"""Angle errors, worked out by hand."""
 
 import math
 

@@ -1,7 +1,4 @@
-"""
-Edge scores, and the roofs of a reference, on points whose answers are known.
-
-"""
+"""Edge scores, and the roofs of a reference, on points whose answers are known."""
 
 import math
 

@@ -1,7 +1,4 @@
-"""
-The scores of building models: heights, ridges, wireframes, volumes, and distances of points.
-
-"""
+"""The scores of building models: heights, ridges, wireframes, volumes, and distances of points."""
 
 import numpy as np
 import pytest
@@ -25,10 +22,7 @@ PLACE = (84_000.0, 447_000.0)
 
 
 def solid_of(building, shift=(0.0, 0.0, 0.0)):
-    """
-    The exact solid of a virtual building.
-
-    """
+    """The exact solid of a virtual building."""
     shell = shell_of(building)
     rows = {}
     faces = tuple(

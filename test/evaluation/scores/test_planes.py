@@ -1,7 +1,4 @@
-"""
-The score of planes on labels whose figures are worked out by hand.
-
-"""
+"""The score of planes on labels whose figures are worked out by hand."""
 
 import numpy as np
 import pytest

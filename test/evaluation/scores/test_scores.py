@@ -1,7 +1,4 @@
-"""
-Scores against figures worked out by hand, and against slow and plain counting.
-
-"""
+"""Scores against figures worked out by hand, and against slow and plain counting."""
 
 import math
 
@@ -27,19 +24,13 @@ def box(x, y, width, depth):
 
 
 def lattice(x_range, y_range, spacing):
-    """
-    Points on a square lattice whose first ones lie half a spacing from the corner.
-
-    """
+    """Points on a square lattice whose first ones lie half a spacing from the corner."""
     x, y = np.meshgrid(*(np.arange(start + spacing / 2, stop, spacing) for start, stop in (x_range, y_range)))
     return np.column_stack((x.ravel(), y.ravel(), np.zeros(x.size)))
 
 
 def labelled(*groups):
-    """
-    Rows (count, result class, reference class) → result and reference.
-
-    """
+    """Rows (count, result class, reference class) → result and reference."""
     counts, mine, theirs = zip(*groups, strict=True)
     return np.repeat(mine, counts), np.repeat(theirs, counts)
 

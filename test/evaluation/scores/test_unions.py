@@ -1,7 +1,4 @@
-"""
-Boundaries of unions and numbers of vertices, worked out by hand.
-
-"""
+"""Boundaries of unions and numbers of vertices, worked out by hand."""
 
 import numpy as np
 import pytest

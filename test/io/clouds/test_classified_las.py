@@ -1,6 +1,5 @@
 """
 Classified files: every point, dimension, record and header field of the input, and the results beside them.
-
 """
 
 import struct

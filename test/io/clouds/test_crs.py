@@ -1,7 +1,4 @@
-"""
-Reference systems: WKT and GeoTIFF keys, feet, compound systems, and records that make no sense.
-
-"""
+"""Reference systems: WKT and GeoTIFF keys, feet, compound systems, and records that make no sense."""
 
 import numpy as np
 import pyproj

@@ -1,7 +1,4 @@
-"""
-Reading clouds: every format and version, columns, frames, and one line for each way a file can be bad.
-
-"""
+"""Reading clouds: every format and version, columns, frames, and one line for each way a file can be bad."""
 
 import struct
 

@@ -1,7 +1,4 @@
-"""
-Failures of compiled code: in words, and without noise.
-
-"""
+"""Failures of compiled code: in words, and without noise."""
 
 import os
 

@@ -1,7 +1,4 @@
-"""
-Arcs found in rings of chords, and what is no arc.
-
-"""
+"""Arcs found in rings of chords, and what is no arc."""
 
 import numpy as np
 import pytest
@@ -10,10 +7,7 @@ from lidar_buildings.io.models.arcs import ring_arcs
 
 
 def carried(ring):
-    """
-    A ring as messages carry it.
-
-    """
+    """A ring as messages carry it."""
     return np.asarray(ring, dtype=np.float32).astype(np.float64)
 
 
@@ -23,10 +17,7 @@ def arc(centre, radius, start_deg, end_deg, n_chords):
 
 
 def apse(place=(0.0, 0.0)):
-    """
-    A nave with a half-circle at its east end: rows 1 to 9 are the arc.
-
-    """
+    """A nave with a half-circle at its east end: rows 1 to 9 are the arc."""
     ends = [[-10.0, -5.0]], arc((0.0, 0.0), 5.0, -90.0, 90.0, 8), [[-10.0, 5.0]]
     return carried(np.vstack(ends) + place)
 

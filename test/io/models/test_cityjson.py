@@ -1,7 +1,4 @@
-"""
-CityJSONSeq: what stands in the lines, what comes back, and what cjio says.
-
-"""
+"""CityJSONSeq: what stands in the lines, what comes back, and what cjio says."""
 
 import json
 
@@ -84,10 +81,7 @@ def test_a_feature_has_its_solid_with_semantics_and_sorted_attributes():
 
 
 def by_hand(name="gable", frame=DUTCH, number=5):
-    """
-    The line of a model made by hand, at LoD1.2 and LoD2.2.
-
-    """
+    """The line of a model made by hand, at LoD1.2 and LoD2.2."""
     _, model = getattr(model_survey, name)()
     return line_of(model, number, frame)
 
@@ -205,10 +199,7 @@ def test_a_line_that_is_no_feature_is_refused(line):
 
 
 def sequence(frame=DUTCH):
-    """
-    A header and four buildings, one of them without solid.
-
-    """
+    """A header and four buildings, one of them without solid."""
     models = [house(name) for name in ("courtyard", "gable", "round_tower")]
     models.append(build_model(np.zeros((0, 3)), scenes.flat().buildings[0].outline))
     lines = [

@@ -1,7 +1,4 @@
-"""
-Drawings, read back with ezdxf: layers, faces, arcs, data, units.
-
-"""
+"""Drawings, read back with ezdxf: layers, faces, arcs, data, units."""
 
 from collections import Counter
 
@@ -15,10 +12,7 @@ from lidar_buildings.io.models.dxf import APPLICATION, COURTYARD, OUTLINE, dxf_f
 
 
 def written(folder, frame=model_survey.DUTCH, buildings=None):
-    """
-    Write a survey as DXF, and return its buildings and the path.
-
-    """
+    """Write a survey as DXF, and return its buildings and the path."""
     path = folder / "model.dxf"
     tile = model_survey.shapes(frame, buildings)
     with model_survey.survey(folder, tile, frame=frame) as survey:

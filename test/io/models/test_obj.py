@@ -1,7 +1,4 @@
-"""
-Meshes: closed, of the solids' volume, with materials and names, in local coordinates.
-
-"""
+"""Meshes: closed, of the solids' volume, with materials and names, in local coordinates."""
 
 import numpy as np
 import pytest
@@ -12,10 +9,7 @@ from lidar_buildings.io.models.obj import obj_file
 
 
 def written(folder, frame=model_survey.DUTCH, buildings=None):
-    """
-    Write a survey as OBJ, and return its buildings and the path.
-
-    """
+    """Write a survey as OBJ, and return its buildings and the path."""
     path = folder / "model.obj"
     with model_survey.survey(folder, model_survey.shapes(frame, buildings), frame=frame) as survey:
         with obj_file(path, frame) as add:

@@ -1,6 +1,5 @@
 """
 The files of a survey's buildings: GeoPackage layers read by GDAL, order, repetition, empty surveys, formats.
-
 """
 
 import json
@@ -26,10 +25,7 @@ NAMES = ["buildings.gpkg", "city_model.city.jsonl", "city_model.obj", "city_mode
 
 
 def written(folder, *tiles, frame=DUTCH, formats=tuple(FILES), heading=None, **options):
-    """
-    Write tiles in some formats, and return what the writer says.
-
-    """
+    """Write tiles in some formats, and return what the writer says."""
     folder.mkdir(exist_ok=True)
     with model_survey.survey(folder, *tiles, frame=frame, **options) as survey:
         return write_buildings(folder, survey, formats, heading or ModelHeading())
@@ -210,10 +206,7 @@ def test_two_buildings_with_one_id_keep_their_own_models(tmp_path):
 
 
 def far_gable():
-    """
-    The gable house once more, 32,768 m to the east.
-
-    """
+    """The gable house once more, 32,768 m to the east."""
 
     def moved():
         outline, model = model_survey.gable()

@@ -1,7 +1,4 @@
-"""
-The names of given footprints among the results, and each building once.
-
-"""
+"""The names of given footprints among the results, and each building once."""
 
 import json
 

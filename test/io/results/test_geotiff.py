@@ -1,7 +1,4 @@
-"""
-GeoTIFF files: what they say of themselves, blocks in any number, and a disk that is full.
-
-"""
+"""GeoTIFF files: what they say of themselves, blocks in any number, and a disk that is full."""
 
 import subprocess
 import sys

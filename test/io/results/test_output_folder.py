@@ -1,7 +1,4 @@
-"""
-The output folder: which folders are taken, tiles on disk, taking up again, and whole files or none.
-
-"""
+"""The output folder: which folders are taken, tiles on disk, taking up again, and whole files or none."""
 
 import json
 import random
@@ -33,10 +30,7 @@ FILES = ["buildings.gpkg", *MODELS, "classified", "run.json"]
 
 @pytest.fixture
 def survey(tmp_path):
-    """
-    Two files side by side, and their tiles.
-
-    """
+    """Two files side by side, and their tiles."""
     paths = []
     for number in range(2):
         corner = (WEST + 100.0 * number, SOUTH, 0.0)
@@ -53,10 +47,7 @@ def survey(tmp_path):
 
 
 def products_of(tile):
-    """
-    Make results up that depend on nothing but the points: those above 10 m are one house's roof.
-
-    """
+    """Make results up that depend on nothing but the points: those above 10 m are one house's roof."""
     high = tile.points[:, 2] > 10.0
     classified = tile.with_columns(
         classification=np.where(high, 6, 2), height_above_ground=tile.points[:, 2] - 1.0

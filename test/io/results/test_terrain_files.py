@@ -1,7 +1,4 @@
-"""
-The rasters of a run: tiles put together, units and reference systems, surveys in two places.
-
-"""
+"""The rasters of a run: tiles put together, units and reference systems, surveys in two places."""
 
 import json
 import random
@@ -27,10 +24,7 @@ DUTCH = MapFrame("EPSG:28992", (85_000.0, 447_000.0, 0.0))
 
 
 def sloping(corner, frame=DUTCH, size=20.0, stamp=1, n=900):
-    """
-    A tile of ground that rises by one in ten towards the east.
-
-    """
+    """A tile of ground that rises by one in ten towards the east."""
     xy = np.random.default_rng(stamp).uniform(0.0, size, (n, 2)) + corner
     points = np.column_stack((xy, 5.0 + 0.1 * xy[:, 0]))
     numbers = {"source": np.zeros(n), "index": np.arange(n)}

@@ -1,7 +1,4 @@
-"""
-Stamps from recorded times.
-
-"""
+"""Stamps from recorded times."""
 
 import datetime
 

@@ -1,7 +1,4 @@
-"""
-Cutting clouds into tiles: every point once, buffers as brute force finds them, seams, stamps, growth.
-
-"""
+"""Cutting clouds into tiles: every point once, buffers as brute force finds them, seams, stamps, growth."""
 
 import gc
 import threading
@@ -24,10 +21,7 @@ WEST, SOUTH = 84900.0, 447000.0
 
 
 def survey(tmp_path, xy_of_files, *, ending=".las", **options):
-    """
-    Write one file per array of plan coordinates.
-
-    """
+    """Write one file per array of plan coordinates."""
     paths = []
     for number, xy in enumerate(xy_of_files):
         cloud = cloud_files.random_cloud(len(xy), seed=number, **options)
@@ -404,10 +398,7 @@ def test_the_temporary_folder_goes_with_the_source(tmp_path):
 
 
 class LongCloud:
-    """
-    A cloud that makes its chunks up as they are asked for.
-
-    """
+    """A cloud that makes its chunks up as they are asked for."""
 
     crs = SourceCrs()
     units = np.ones(3)

@@ -1,7 +1,4 @@
-"""
-Footprints from files of every kind, good and bad.
-
-"""
+"""Footprints from files of every kind, good and bad."""
 
 import logging
 import warnings

@@ -1,7 +1,4 @@
-"""
-GeoPackage: layers, types, holes, heights; whole files or none; and reading polygons of any kind.
-
-"""
+"""GeoPackage: layers, types, holes, heights; whole files or none; and reading polygons of any kind."""
 
 import hashlib
 import math

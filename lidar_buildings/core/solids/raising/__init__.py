@@ -1,7 +1,4 @@
-"""
-Solids: closed shells of planar faces, extruded from outlines or from roofs in pieces.
-
-"""
+"""Solids: closed shells of planar faces, extruded from outlines or from roofs in pieces."""
 
 from lidar_buildings.core.solids.raising.extrusion import extrude
 from lidar_buildings.core.solids.raising.roof_piece import RoofPiece

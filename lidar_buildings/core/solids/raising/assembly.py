@@ -1,7 +1,4 @@
-"""
-The faces of a roof, its walls and its ground, put together from a plan and its posts.
-
-"""
+"""The faces of a roof, its walls and its ground, put together from a plan and its posts."""
 
 from __future__ import annotations
 
@@ -18,10 +15,7 @@ _Corner = tuple[int, int, int]
 
 
 class _Shell:
-    """
-    Faces as they are found, with one row per corner.
-
-    """
+    """Faces as they are found, with one row per corner."""
 
     def __init__(self) -> None:
         self.rows: dict[_Corner, int] = {}
@@ -29,29 +23,20 @@ class _Shell:
         self.semantics: list[str] = []
 
     def add(self, kind: str, *rings: list[_Corner]) -> None:
-        """
-        Add a face.
-
-        """
+        """Add a face."""
         self.faces.append(
             tuple(tuple(self.rows.setdefault(corner, len(self.rows)) for corner in ring) for ring in rings)
         )
         self.semantics.append(kind)
 
     def solid(self) -> Solid:
-        """
-        Return the solid of all faces.
-
-        """
+        """Return the solid of all faces."""
         vertices = np.array(list(self.rows), dtype=np.float64).reshape(-1, 3) / round(1 / GRID)
         return Solid(vertices, tuple(self.faces), tuple(self.semantics))
 
 
 def assemble(posts: Posts) -> Solid:
-    """
-    Return the solid: ground faces, roof faces and a wall for each edge where elevations differ.
-
-    """
+    """Return the solid: ground faces, roof faces and a wall for each edge where elevations differ."""
     shell = _Shell()
     rings = posts.graph.rings()
     for face in _faces(rings.pop(OUTSIDE, []), sign=-1):
@@ -68,10 +53,7 @@ def assemble(posts: Posts) -> Solid:
 
 
 def _wall(posts: Posts, start: Vertex, end: Vertex) -> list[_Corner]:
-    """
-    Return the wall above an edge if what is to its left is higher than what is to its right.
-
-    """
+    """Return the wall above an edge if what is to its left is higher than what is to its right."""
     left, right = posts.graph.left[start, end], posts.graph.left[end, start]
     (low_a, high_a), (low_b, high_b) = (
         (posts.level(vertex, right), posts.level(vertex, left)) for vertex in (start, end)
@@ -84,10 +66,7 @@ def _wall(posts: Posts, start: Vertex, end: Vertex) -> list[_Corner]:
 
 
 def _faces(rings: list[list[Vertex]], sign: int) -> list[list[list[Vertex]]]:
-    """
-    Return each exterior with the holes inside it; exteriors are the rings whose area has a sign.
-
-    """
+    """Return each exterior with the holes inside it; exteriors are the rings whose area has a sign."""
     exteriors = [ring for ring in rings if sign * doubled_area(ring) > 0]
     holes = [ring for ring in rings if sign * doubled_area(ring) < 0]
     if len(exteriors) <= 1:

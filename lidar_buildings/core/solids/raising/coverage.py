@@ -1,7 +1,4 @@
-"""
-Pieces of a roof made to match edge by edge.
-
-"""
+"""Pieces of a roof made to match edge by edge."""
 
 from __future__ import annotations
 
@@ -27,10 +24,7 @@ LEAST_DISTANCE = 3.0
 
 
 def matched_coverage(pieces: Sequence[RoofPiece]) -> PlanGraph:
-    """
-    Return the graph of the pieces, noded anew if they do not match edge by edge.
-
-    """
+    """Return the graph of the pieces, noded anew if they do not match edge by edge."""
     rings = [piece_rings(piece) for piece in pieces]
     graph = labelled_graph(list(enumerate(rings)))
     if graph is not None and _matches(graph, rings):
@@ -41,7 +35,6 @@ def matched_coverage(pieces: Sequence[RoofPiece]) -> PlanGraph:
 def _matches(graph: PlanGraph, rings: list[list[list[Vertex]]]) -> bool:
     """
     Whether the edges left over bound one sound region without slits, and the pieces themselves are sound.
-
     """
     polygons = [shapely.Polygon(group[0], group[1:]) for group in rings if group]
     if not shapely.is_valid(np.array(polygons, dtype=object)).all():
@@ -51,10 +44,7 @@ def _matches(graph: PlanGraph, rings: list[list[list[Vertex]]]) -> bool:
 
 
 def _has_slit(edges: NDArray[np.float64]) -> bool:
-    """
-    Whether an end of an edge lies next to another edge that it does not belong to, shape (n, 2, 2).
-
-    """
+    """Whether an end of an edge lies next to another edge that it does not belong to, shape (n, 2, 2)."""
     lines = shapely.linestrings(edges)
     ends = np.unique(edges[:, 0], axis=0)
     points = shapely.points(ends)
@@ -79,7 +69,6 @@ def noded_coverage(pieces: Sequence[RoofPiece], within: float, grid: float) -> P
     grid : float
         All vertices come to lie on multiples of this, edges nearer than half of it to a vertex run through it
         (snap rounding, Hobby 1999) [grid steps].
-
     """
     rings = [piece_rings(piece) for piece in pieces]
     if not any(rings):
@@ -105,10 +94,7 @@ def noded_coverage(pieces: Sequence[RoofPiece], within: float, grid: float) -> P
 
 
 def _snapped(rings: list[list[list[Vertex]]], within: float) -> list[list[list[Vertex]]]:
-    """
-    Move vertices onto others, or onto edges, that are nearer than `within`.
-
-    """
+    """Move vertices onto others, or onto edges, that are nearer than `within`."""
     places = np.array(
         sorted({vertex for group in rings for ring in group for vertex in ring}), dtype=np.float64
     )
@@ -129,10 +115,7 @@ def _snapped(rings: list[list[list[Vertex]]], within: float) -> list[list[list[V
 
 
 def _with_vertices(ring: list[Vertex], places: NDArray[np.float64], within: float) -> list[Vertex]:
-    """
-    Put all places that lie next to an edge of a ring into it.
-
-    """
+    """Put all places that lie next to an edge of a ring into it."""
     tree = shapely.STRtree(shapely.points(places))
     full: list[Vertex] = []
     for start, end in zip(ring, [*ring[1:], *ring[:1]], strict=True):
@@ -155,10 +138,7 @@ def _with_vertices(ring: list[Vertex], places: NDArray[np.float64], within: floa
 def _labels(
     faces: NDArray[np.object_], polygons: list[shapely.Geometry], owners: list[int], within: float
 ) -> NDArray[np.int64]:
-    """
-    Return the piece that each face belongs to: the first that covers it; slivers go to a neighbour.
-
-    """
+    """Return the piece that each face belongs to: the first that covers it; slivers go to a neighbour."""
     inside = shapely.point_on_surface(faces)
     hits = shapely.STRtree(polygons).query(inside, predicate="intersects")
     labels = np.full(len(faces), OUTSIDE)
@@ -176,16 +156,10 @@ def _labels(
 
 
 def _sound(polygon: shapely.Polygon) -> shapely.Geometry:
-    """
-    Return a polygon whose holes stay holes even where they have come to cross its exterior.
-
-    """
+    """Return a polygon whose holes stay holes even where they have come to cross its exterior."""
     return shapely.make_valid(polygon, method="structure", keep_collapsed=False)
 
 
 def _rings(polygon: shapely.Polygon) -> list[shapely.LinearRing]:
-    """
-    Return the exterior and the holes of a polygon.
-
-    """
+    """Return the exterior and the holes of a polygon."""
     return [polygon.exterior, *polygon.interiors]

@@ -1,7 +1,4 @@
-"""
-Edges of a plan along which the roofs on both sides change places: divided where they cross.
-
-"""
+"""Edges of a plan along which the roofs on both sides change places: divided where they cross."""
 
 from __future__ import annotations
 
@@ -12,10 +9,7 @@ from lidar_buildings.core.solids.raising.vertex_columns import Posts
 
 
 def split_crossings(posts: Posts) -> bool:
-    """
-    Divide all edges where the profiles of their two pieces cross; say whether there was one.
-
-    """
+    """Divide all edges where the profiles of their two pieces cross; say whether there was one."""
     changed = False
     for start, end in sorted(posts.graph.left):
         if start < end:
@@ -24,10 +18,7 @@ def split_crossings(posts: Posts) -> bool:
 
 
 def _split_crossing(posts: Posts, start: Vertex, end: Vertex) -> bool:
-    """
-    Divide one edge if it has to be, and say whether it had.
-
-    """
+    """Divide one edge if it has to be, and say whether it had."""
     left, right = posts.graph.left[start, end], posts.graph.left[end, start]
     if OUTSIDE in (left, right):
         return False
@@ -43,10 +34,7 @@ def _split_crossing(posts: Posts, start: Vertex, end: Vertex) -> bool:
 
 
 def _crossing(posts: Posts, start: Vertex, end: Vertex, left: int, right: int) -> Vertex:
-    """
-    Return the place of the grid next to the crossing at which both pieces differ least.
-
-    """
+    """Return the place of the grid next to the crossing at which both pieces differ least."""
     first, last = (posts.raw(vertex, left) - posts.raw(vertex, right) for vertex in (start, end))
     share = first / (first - last)
     exact = tuple(a + share * (b - a) for a, b in zip(start, end, strict=True))
@@ -58,9 +46,6 @@ def _crossing(posts: Posts, start: Vertex, end: Vertex, left: int, right: int) -
 
 
 def _misfit(posts: Posts, vertex: Vertex, exact: tuple[float, ...], left: int, right: int) -> float:
-    """
-    Weigh how far two pieces are apart at a place against how far it is from where it should be.
-
-    """
+    """Weigh how far two pieces are apart at a place against how far it is from where it should be."""
     step = posts.raw(vertex, left) - posts.raw(vertex, right)
     return abs(step) + abs(vertex[0] - exact[0]) + abs(vertex[1] - exact[1])

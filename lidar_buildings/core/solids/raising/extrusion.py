@@ -1,7 +1,4 @@
-"""
-The solid of a building with one height.
-
-"""
+"""The solid of a building with one height."""
 
 from __future__ import annotations
 
@@ -29,7 +26,6 @@ def extrude(outline: Outline, z_bottom: float, z_top: float) -> Solid:
     Solid
         One ground face, one roof face and a wall per edge of the outline, whether valid or not: see
         `lidar_buildings.core.solids.validity`.
-
     """
     rings = outline.oriented().rings
     plan = np.concatenate(rings)
@@ -45,8 +41,5 @@ def extrude(outline: Outline, z_bottom: float, z_top: float) -> Solid:
 
 
 def _ring_edges(ring: tuple[int, ...]) -> list[tuple[int, int]]:
-    """
-    Return the pairs of consecutive members, the last with the first.
-
-    """
+    """Return the pairs of consecutive members, the last with the first."""
     return list(zip(ring, ring[1:] + ring[:1], strict=True))

@@ -1,7 +1,4 @@
-"""
-Flat pieces of almost the same elevation, given the same one: edges that they share stay level.
-
-"""
+"""Flat pieces of almost the same elevation, given the same one: edges that they share stay level."""
 
 from __future__ import annotations
 
@@ -17,7 +14,6 @@ def levelled_pieces(pieces: Sequence[RoofPiece]) -> list[RoofPiece]:
     Return the pieces, the flat ones within `MERGED_WITHIN` of each other at the middle of their elevations.
 
     Otherwise elevations would be merged at common vertices only, and flat roofs slope by millimetres.
-
     """
     flat = {piece.plane[2] for piece in pieces if piece.plane[0] == piece.plane[1] == 0.0}
     common: dict[float, float] = {}
@@ -31,10 +27,7 @@ def levelled_pieces(pieces: Sequence[RoofPiece]) -> list[RoofPiece]:
 
 
 def _at(piece: RoofPiece, elevation: float | None) -> RoofPiece:
-    """
-    Return a flat piece at another elevation, others as they are.
-
-    """
+    """Return a flat piece at another elevation, others as they are."""
     if elevation is None or piece.plane[0] or piece.plane[1] or elevation == piece.plane[2]:
         return piece
     return replace(piece, plane=(0.0, 0.0, elevation))

@@ -4,7 +4,6 @@ Posts at which four walls would meet: high and low pieces in turns around one ve
 A shell must not touch itself (ISO 19107; val3dity's code 303). Around a vertex the elevations, taken in a
 circle, may therefore rise once and fall once. Where they do so twice, the pieces of one valley are drawn
 back by a centimetre, so that the higher ones beside it meet.
-
 """
 
 from __future__ import annotations
@@ -21,10 +20,7 @@ _MAX_FACTOR = 4.0
 
 
 def open_pinched_posts(posts: Posts) -> bool:
-    """
-    Draw valleys back until no post of the plan is pinched; say whether there was one.
-
-    """
+    """Draw valleys back until no post of the plan is pinched; say whether there was one."""
     changed = False
     for vertex in sorted(posts.graph.around):
         valley = _valley_to_cut(posts, vertex)
@@ -36,7 +32,6 @@ def open_pinched_posts(posts: Posts) -> bool:
 def _valley_to_cut(posts: Posts, vertex: Vertex) -> list[int]:
     """
     Return the sectors, counter-clockwise, of the shallowest valley of a pinched post, none if it is sound.
-
     """
     sectors = posts.graph.sectors(vertex)
     if len(sectors) < 4:
@@ -50,10 +45,7 @@ def _valley_to_cut(posts: Posts, vertex: Vertex) -> list[int]:
 
 
 def _valleys(heights: list[int], level: int) -> list[list[int]]:
-    """
-    Return the runs of sectors not above a level, in a circle.
-
-    """
+    """Return the runs of sectors not above a level, in a circle."""
     n = len(heights)
     starts = [k for k in range(n) if heights[k] <= level < heights[k - 1]]
     runs = []
@@ -66,10 +58,7 @@ def _valleys(heights: list[int], level: int) -> list[list[int]]:
 
 
 def _draw_back(posts: Posts, vertex: Vertex, valley: list[int]) -> bool:
-    """
-    Move the tip of a valley away from a vertex.
-
-    """
+    """Move the tip of a valley away from a vertex."""
     ends = posts.graph.around[vertex]
     first, last = ends[valley[0]], ends[(valley[-1] + 1) % len(ends)]
     apex = _apex(vertex, first, last)
@@ -81,10 +70,7 @@ def _draw_back(posts: Posts, vertex: Vertex, valley: list[int]) -> bool:
 
 
 def _apex(vertex: Vertex, first: Vertex, last: Vertex) -> Vertex:
-    """
-    Return the place on the bisector between two edges, the first one clockwise of the second.
-
-    """
+    """Return the place on the bisector between two edges, the first one clockwise of the second."""
     angles = [math.atan2(end[1] - vertex[1], end[0] - vertex[0]) for end in (first, last)]
     half = 0.5 * ((angles[1] - angles[0]) % (2.0 * math.pi) or 2.0 * math.pi)
     reach = DRAWN_BACK * min(_MAX_FACTOR, 1.0 / max(math.sin(min(half, 0.5 * math.pi)), 1e-9))

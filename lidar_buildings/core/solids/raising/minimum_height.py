@@ -1,7 +1,4 @@
-"""
-Roofs that would come down to the ground or below it, cut off at a least height.
-
-"""
+"""Roofs that would come down to the ground or below it, cut off at a least height."""
 
 from __future__ import annotations
 
@@ -21,19 +18,13 @@ _TOLERATED = 0.004
 
 
 def cleared_pieces(pieces: Sequence[RoofPiece], ground_elevation: float) -> list[RoofPiece]:
-    """
-    Return the pieces, with what lies lower than `MIN_HEIGHT` above the ground replaced by flat pieces.
-
-    """
+    """Return the pieces, with what lies lower than `MIN_HEIGHT` above the ground replaced by flat pieces."""
     floor = ground_elevation + MIN_HEIGHT
     return [part for piece in pieces for part in _cleared(piece, floor)]
 
 
 def _cleared(piece: RoofPiece, floor: float) -> list[RoofPiece]:
-    """
-    Return a piece itself, or what of it lies above a floor and the flat rest.
-
-    """
+    """Return a piece itself, or what of it lies above a floor and the flat rest."""
     if not piece.rings or not len(piece.rings[0]):
         return []
     a, b, c = piece.plane
@@ -54,10 +45,7 @@ def _cleared(piece: RoofPiece, floor: float) -> list[RoofPiece]:
 
 
 def _half_plane(piece: RoofPiece, floor: float) -> shapely.Polygon:
-    """
-    Return a rectangle that covers the part of a piece above a floor and ends where its plane meets it.
-
-    """
+    """Return a rectangle that covers the part of a piece above a floor and ends where its plane meets it."""
     uphill = np.array(piece.plane[:2])
     steepness = float(np.hypot(*uphill))
     uphill /= steepness
@@ -72,10 +60,7 @@ def _half_plane(piece: RoofPiece, floor: float) -> shapely.Polygon:
 
 
 def _polygons(geometry: shapely.Geometry) -> list[tuple[NDArray[np.float64], ...]]:
-    """
-    Return the rings of all polygons of a geometry.
-
-    """
+    """Return the rings of all polygons of a geometry."""
     parts = [part for part in shapely.get_parts(geometry) if part.geom_type in ("Polygon", "MultiPolygon")]
     polygons = [polygon for part in parts for polygon in shapely.get_parts(part)]
     starts = [

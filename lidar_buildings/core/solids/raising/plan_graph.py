@@ -3,7 +3,6 @@ The plan of a roof as a planar graph: which piece lies to the left of each direc
 
 Vertices are pairs of whole grid steps (millimetres), so that equal places are equal keys and nothing is
 rounded twice.
-
 """
 
 from __future__ import annotations
@@ -34,7 +33,6 @@ class PlanGraph:
         Number of the piece to the left of each directed edge, OUTSIDE for none.
     around : dict of Vertex to list of Vertex
         Neighbours of each vertex, counter-clockwise.
-
     """
 
     def __init__(self, left: dict[tuple[Vertex, Vertex], int]) -> None:
@@ -46,32 +44,20 @@ class PlanGraph:
 
     @property
     def area(self) -> int:
-        """
-        Twice the area of all pieces together [square steps of the grid].
-
-        """
+        """Twice the area of all pieces together [square steps of the grid]."""
         return sum(a[0] * b[1] - b[0] * a[1] for (a, b), piece in self.left.items() if piece != OUTSIDE)
 
     def sectors(self, vertex: Vertex) -> list[int]:
-        """
-        Return the pieces around a vertex: entry k lies between neighbours k and k + 1.
-
-        """
+        """Return the pieces around a vertex: entry k lies between neighbours k and k + 1."""
         return [self.left[vertex, end] for end in self.around[vertex]]
 
     def pieces_at(self, vertex: Vertex) -> set[int]:
-        """
-        Return the pieces on both sides of all edges at a vertex.
-
-        """
+        """Return the pieces on both sides of all edges at a vertex."""
         ends = self.around[vertex]
         return {self.left[vertex, end] for end in ends} | {self.left[end, vertex] for end in ends}
 
     def split_edge(self, start: Vertex, end: Vertex, middle: Vertex) -> None:
-        """
-        Put a vertex into an edge.
-
-        """
+        """Put a vertex into an edge."""
         for a, b in ((start, end), (end, start)):
             piece = self.left.pop((a, b))
             self.left[a, middle] = self.left[middle, b] = piece
@@ -90,7 +76,6 @@ class PlanGraph:
             Their numbers as in `sectors`, counter-clockwise.
         apex : Vertex
             Where they end from now on.
-
         """
         ends = self.around[vertex]
         moved = [ends[k] for k in members] + [ends[(members[-1] + 1) % len(ends)]]
@@ -112,7 +97,6 @@ class PlanGraph:
 
         No ring passes a vertex twice: where a piece touches itself, its ring is divided. Nothing is returned
         if a ring has different pieces to its left: its edges cross.
-
         """
         following = {}
         for vertex, ends in self.around.items():
@@ -138,7 +122,6 @@ def labelled_graph(faces: Sequence[tuple[int, list[list[Vertex]]]]) -> PlanGraph
     Return the graph of faces (number of the piece, rings), None if two of them claim the same edge.
 
     Edges between faces of the same piece are left out.
-
     """
     left: dict[tuple[Vertex, Vertex], int] = {}
     for piece, rings in faces:
@@ -153,19 +136,13 @@ def labelled_graph(faces: Sequence[tuple[int, list[list[Vertex]]]]) -> PlanGraph
 
 
 def piece_rings(piece: RoofPiece) -> list[list[Vertex]]:
-    """
-    Return the rings of a piece in steps of the grid, none if its exterior has no area.
-
-    """
+    """Return the rings of a piece in steps of the grid, none if its exterior has no area."""
     rings = [grid_ring(ring / GRID, ccw=k == 0) for k, ring in enumerate(piece.rings)]
     return [ring for ring in rings if ring] if rings and rings[0] else []
 
 
 def grid_ring(ring: NDArray[np.float64], *, ccw: bool) -> list[Vertex]:
-    """
-    Return a ring given in steps of the grid in the direction asked for, without repetitions and spikes.
-
-    """
+    """Return a ring given in steps of the grid in the direction asked for, without repetitions and spikes."""
     corners: list[Vertex] = []
     for corner in map(tuple, np.rint(ring).astype(np.int64).tolist()):
         _append(corners, corner)
@@ -182,17 +159,13 @@ def grid_ring(ring: NDArray[np.float64], *, ccw: bool) -> list[Vertex]:
 
 
 def doubled_area(ring: Sequence[Vertex]) -> int:
-    """
-    Twice the area inside a ring in square steps of the grid, exact; positive if counter-clockwise.
-
-    """
+    """Twice the area inside a ring in square steps of the grid, exact; positive if counter-clockwise."""
     return sum(a[0] * b[1] - b[0] * a[1] for a, b in zip(ring, [*ring[1:], *ring[:1]], strict=True))
 
 
 def _append(corners: list[Vertex], corner: Vertex) -> None:
     """
     Add a corner to a ring unless it repeats the last one; going back along the last edge takes that back.
-
     """
     if corners and corners[-1] == corner:
         return
@@ -203,18 +176,12 @@ def _append(corners: list[Vertex], corner: Vertex) -> None:
 
 
 def _by_angle(vertex: Vertex, ends: Iterable[Vertex]) -> list[Vertex]:
-    """
-    Return the neighbours of a vertex counter-clockwise, from the direction of −x on.
-
-    """
+    """Return the neighbours of a vertex counter-clockwise, from the direction of −x on."""
     return sorted(ends, key=lambda end: math.atan2(end[1] - vertex[1], end[0] - vertex[0]))
 
 
 def _simple_rings(ring: list[Vertex]) -> list[list[Vertex]]:
-    """
-    Divide a ring where it passes a vertex a second time.
-
-    """
+    """Divide a ring where it passes a vertex a second time."""
     if len(set(ring)) == len(ring):
         return [ring]
     rings: list[list[Vertex]] = []

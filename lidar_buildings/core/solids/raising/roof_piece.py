@@ -1,7 +1,4 @@
-"""
-One face of a roof as it is seen in plan: its rings and the plane it lies in.
-
-"""
+"""One face of a roof as it is seen in plan: its rings and the plane it lies in."""
 
 from __future__ import annotations
 
@@ -24,17 +21,13 @@ class RoofPiece:
         Open; the exterior counter-clockwise, then the holes clockwise, map frame [m].
     plane : tuple of float
         (a, b, c) of the elevation a x + b y + c, map frame [m].
-
     """
 
     rings: tuple[NDArray[np.float64], ...]
     plane: tuple[float, float, float]
 
     def elevation(self, x: float, y: float) -> float:
-        """
-        Return the elevation of the plane at a place [m].
-
-        """
+        """Return the elevation of the plane at a place [m]."""
         a, b, c = self.plane
         return a * x + b * y + c
 
@@ -47,7 +40,6 @@ def check_pieces(pieces: Sequence[RoofPiece]) -> None:
     ------
     ValueError
         If a plane is not three finite numbers, or a ring not an array of shape (n, 2) of finite numbers.
-
     """
     for number, piece in enumerate(pieces):
         if len(piece.plane) != 3 or not all(math.isfinite(value) for value in piece.plane):

@@ -1,7 +1,4 @@
-"""
-The solid of a building whose roof is given in pieces.
-
-"""
+"""The solid of a building whose roof is given in pieces."""
 
 from __future__ import annotations
 
@@ -67,16 +64,12 @@ def roof_solid(pieces: Sequence[RoofPiece], ground_elevation: float) -> Solid:
     The solid is checked. If it is not valid, folded faces are cut into triangles and details are left out,
     the smallest first, until it is. If it never is, the solid of the plan as given is returned:
     `checked_roof_solid` says what is wrong with it.
-
     """
     return checked_roof_solid(pieces, ground_elevation)[0]
 
 
 def checked_roof_solid(pieces: Sequence[RoofPiece], ground_elevation: float) -> tuple[Solid, tuple[int, ...]]:
-    """
-    Return what `roof_solid` does and the codes of what is wrong with it, as of `check_solid`.
-
-    """
+    """Return what `roof_solid` does and the codes of what is wrong with it, as of `check_solid`."""
     if not math.isfinite(ground_elevation):
         raise ValueError(f"ground_elevation = {ground_elevation}: must be finite")
     check_pieces(pieces)
@@ -98,30 +91,21 @@ def checked_roof_solid(pieces: Sequence[RoofPiece], ground_elevation: float) -> 
 
 
 def _candidates(graph: PlanGraph, pieces: Sequence[RoofPiece], ground: int) -> Iterator[Solid]:
-    """
-    Yield the solids to try above one plan, the one with the fewest vertices first.
-
-    """
+    """Yield the solids to try above one plan, the one with the fewest vertices first."""
     left = graph.left.copy()
     yield _raised(graph, pieces, ground, MERGED_WITHIN)
     yield _raised(PlanGraph(left), pieces, ground, _MERGED_LITTLE)
 
 
 def _unfolded(tried: Sequence[tuple[Solid, tuple[int, ...]]]) -> Iterator[Solid]:
-    """
-    Yield solids whose only fault are folded faces with these cut into triangles: many faces for one.
-
-    """
+    """Yield solids whose only fault are folded faces with these cut into triangles: many faces for one."""
     for solid, codes in tried:
         if _FOLDED.issuperset(codes):
             yield without_folds(solid)
 
 
 def _plans(pieces: Sequence[RoofPiece]) -> Iterator[PlanGraph]:
-    """
-    Yield the plan of the pieces and simpler ones, those left out that change its area much.
-
-    """
+    """Yield the plan of the pieces and simpler ones, those left out that change its area much."""
     given = matched_coverage(pieces)
     if given.left:
         yield given
@@ -132,10 +116,7 @@ def _plans(pieces: Sequence[RoofPiece]) -> Iterator[PlanGraph]:
 
 
 def _raised(graph: PlanGraph, pieces: Sequence[RoofPiece], ground: int, merged_within: float) -> Solid:
-    """
-    Return the solid above a plan, repaired where roofs cross or posts are pinched.
-
-    """
+    """Return the solid above a plan, repaired where roofs cross or posts are pinched."""
     posts = Posts(graph, pieces, ground, merged_within)
     for _ in range(_MAX_ROUNDS):
         crossed = split_crossings(posts)

@@ -1,7 +1,4 @@
-"""
-Faces that are not flat enough, cut into triangles.
-
-"""
+"""Faces that are not flat enough, cut into triangles."""
 
 from __future__ import annotations
 
@@ -15,10 +12,7 @@ from lidar_buildings.core.solids.validity.triangulation import triangulate
 
 
 def without_folds(solid: Solid) -> Solid:
-    """
-    Return a solid with the roof faces that are folded, or not planar, cut into triangles.
-
-    """
+    """Return a solid with the roof faces that are folded, or not planar, cut into triangles."""
     if not solid.faces:
         return solid
     arrays = face_arrays(solid, np.arange(len(solid.vertices)))

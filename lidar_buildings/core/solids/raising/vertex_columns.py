@@ -1,7 +1,4 @@
-"""
-Elevations at the vertices of a plan: one per piece that meets there, almost equal ones made one.
-
-"""
+"""Elevations at the vertices of a plan: one per piece that meets there, almost equal ones made one."""
 
 from __future__ import annotations
 
@@ -24,7 +21,6 @@ class Posts:
     ----------
     joined : set of Vertex
         Where all pieces have to meet in one elevation, however far apart they are.
-
     """
 
     def __init__(
@@ -38,48 +34,30 @@ class Posts:
         self._levels: dict[Vertex, dict[int, int]] = {}
 
     def levels(self, vertex: Vertex) -> dict[int, int]:
-        """
-        Return the elevation of each piece at a vertex in steps of the grid, the ground's for OUTSIDE.
-
-        """
+        """Return the elevation of each piece at a vertex in steps of the grid, the ground's for OUTSIDE."""
         if vertex not in self._levels:
             self._levels[vertex] = self._measure(vertex)
         return self._levels[vertex]
 
     def level(self, vertex: Vertex, piece: int) -> int:
-        """
-        Return the elevation of one piece at a vertex in steps of the grid.
-
-        """
+        """Return the elevation of one piece at a vertex in steps of the grid."""
         return self.levels(vertex)[piece]
 
     def stack(self, vertex: Vertex) -> list[int]:
-        """
-        Return all elevations at a vertex, rising.
-
-        """
+        """Return all elevations at a vertex, rising."""
         return sorted(set(self.levels(vertex).values()))
 
     def forget(self, *vertices: Vertex) -> None:
-        """
-        Measure vertices anew when they are next asked for: other pieces meet there now.
-
-        """
+        """Measure vertices anew when they are next asked for: other pieces meet there now."""
         for vertex in vertices:
             self._levels.pop(vertex, None)
 
     def raw(self, vertex: Vertex, piece: int) -> float:
-        """
-        Return the elevation of a piece's own plane at a vertex [steps of the grid].
-
-        """
+        """Return the elevation of a piece's own plane at a vertex [steps of the grid]."""
         return self.pieces[piece].elevation(vertex[0] * GRID, vertex[1] * GRID) / GRID
 
     def _measure(self, vertex: Vertex) -> dict[int, int]:
-        """
-        Measure the elevations at a vertex and make almost equal ones one, from the lowest on.
-
-        """
+        """Measure the elevations at a vertex and make almost equal ones one, from the lowest on."""
         found = self.graph.pieces_at(vertex)
         levels = {OUTSIDE: self.ground} if OUTSIDE in found else {}
         raw = sorted((self.raw(vertex, piece), piece) for piece in found if piece != OUTSIDE)

@@ -1,7 +1,4 @@
-"""
-Checks of solids by ISO 19107, named by the codes of val3dity.
-
-"""
+"""Checks of solids by ISO 19107, named by the codes of val3dity."""
 
 from __future__ import annotations
 
@@ -37,7 +34,6 @@ def check_solid(solid: Solid) -> tuple[int, ...]:
     -----
     Codes, names and tolerances: `core.solids.validity.codes`. Whether vertices exactly one snap
     tolerance apart count as one depends on others' rounding: such solids have to be valid both ways.
-
     """
     if not solid.faces or not len(solid.vertices):
         return (902,)
@@ -50,10 +46,7 @@ def check_solid(solid: Solid) -> tuple[int, ...]:
 
 
 def _check_welded(solid: Solid, leader: NDArray[np.int64]) -> set[int]:
-    """
-    Return the codes of a solid whose vertices count as others.
-
-    """
+    """Return the codes of a solid whose vertices count as others."""
     if not all(face and all(face) for face in solid.faces):
         return {101}
     faces = face_arrays(solid, leader)
@@ -73,10 +66,7 @@ def _check_welded(solid: Solid, leader: NDArray[np.int64]) -> set[int]:
 
 
 def _check_shell(faces: FaceArrays, triangles: NDArray[np.int64], face_of: NDArray[np.int64]) -> set[int]:
-    """
-    Return what is wrong with a shell of sound faces: codes 301 to 307, and 405 if it is inside out.
-
-    """
+    """Return what is wrong with a shell of sound faces: codes 301 to 307, and 405 if it is inside out."""
     if len(faces.face_starts) <= 4:
         return {301}
     codes = broken_edges(triangles)
@@ -90,8 +80,5 @@ def _check_shell(faces: FaceArrays, triangles: NDArray[np.int64], face_of: NDArr
 
 
 def _unused(leader: NDArray[np.int64], faces: FaceArrays) -> set[int]:
-    """
-    Return 309 if a vertex belongs to no face.
-
-    """
+    """Return 309 if a vertex belongs to no face."""
     return set() if len(np.unique(faces.corners)) == len(np.unique(leader)) else {309}

@@ -1,7 +1,4 @@
-"""
-The codes of what can be wrong with a solid, and the tolerances, as in val3dity 2.6.
-
-"""
+"""The codes of what can be wrong with a solid, and the tolerances, as in val3dity 2.6."""
 
 #: Code → name. Not looked for: 103 (rings are open by definition here), 300 and 304 (no longer in use), 5xx
 #: to 7xx (they concern several solids).

@@ -1,7 +1,4 @@
-"""
-How the faces of a shell hang together: every edge twice, once in each direction, all in one piece.
-
-"""
+"""How the faces of a shell hang together: every edge twice, once in each direction, all in one piece."""
 
 from __future__ import annotations
 
@@ -20,7 +17,6 @@ def broken_edges(triangles: NDArray[np.int64]) -> set[int]:
     ----------
     triangles : ndarray of shape (n_triangles, 3)
         Rows of the vertices, counter-clockwise seen from outside.
-
     """
     starts, ends = triangles.ravel(), np.roll(triangles, -1, axis=1).ravel()
     low, high = np.minimum(starts, ends), np.maximum(starts, ends)
@@ -46,10 +42,7 @@ def broken_edges(triangles: NDArray[np.int64]) -> set[int]:
 
 @njit(cache=True, nogil=True)
 def _n_parts(joined: NDArray[np.int64], n_triangles: int) -> int:
-    """
-    Return the number of parts of a shell that share no edge; rows of joined triangles are given.
-
-    """
+    """Return the number of parts of a shell that share no edge; rows of joined triangles are given."""
     leader = np.arange(n_triangles)
     parts = n_triangles
     for i in range(len(joined)):
@@ -72,7 +65,6 @@ def _n_umbrellas(pairs: NDArray[np.int64], n: int) -> int:
     Return the number of closed fans of triangles: one per vertex unless parts meet in a single vertex.
 
     From a half-edge one comes to the next of its fan by taking the one before it in its triangle, backwards.
-
     """
     opposite = np.empty(n, dtype=np.int64)
     for i in range(len(pairs)):

@@ -3,7 +3,6 @@ On which side points lie, decided in whole numbers.
 
 Coordinates are whole multiples of a unit (see `whole_numbers`), so few that no product overflows 64 bits:
 signs are exact.
-
 """
 
 from __future__ import annotations
@@ -19,10 +18,7 @@ _MAX_EXTENT = 1_100_000
 
 
 def whole_numbers(vertices: NDArray[np.float64]) -> NDArray[np.int64]:
-    """
-    Return coordinates in units: the output grid's for what lies on it, else the smallest that fits.
-
-    """
+    """Return coordinates in units: the output grid's for what lies on it, else the smallest that fits."""
     low = vertices.min(axis=0)
     extent = float(np.ptp(vertices, axis=0).max())
     on_grid = np.abs(vertices / GRID - np.rint(vertices / GRID)).max() < 1e-3
@@ -34,10 +30,7 @@ def whole_numbers(vertices: NDArray[np.float64]) -> NDArray[np.int64]:
 
 @njit(cache=True, nogil=True)
 def side_of_plane(p: NDArray[np.int64], a: int, b: int, c: int, d: int) -> int:
-    """
-    Return the sign of the volume of a tetrahedron of rows: 0 if all lie in one plane.
-
-    """
+    """Return the sign of the volume of a tetrahedron of rows: 0 if all lie in one plane."""
     ux, uy, uz = p[a, 0] - p[d, 0], p[a, 1] - p[d, 1], p[a, 2] - p[d, 2]
     vx, vy, vz = p[b, 0] - p[d, 0], p[b, 1] - p[d, 1], p[b, 2] - p[d, 2]
     wx, wy, wz = p[c, 0] - p[d, 0], p[c, 1] - p[d, 1], p[c, 2] - p[d, 2]
@@ -46,20 +39,14 @@ def side_of_plane(p: NDArray[np.int64], a: int, b: int, c: int, d: int) -> int:
 
 @njit(cache=True, nogil=True)
 def side_of_line(p: NDArray[np.int64], a: int, b: int, c: int, dropped: int) -> int:
-    """
-    Return the sign of the area of a triangle of rows, seen along one axis.
-
-    """
+    """Return the sign of the area of a triangle of rows, seen along one axis."""
     i, j = (dropped + 1) % 3, (dropped + 2) % 3
     return sign((p[b, i] - p[a, i]) * (p[c, j] - p[a, j]) - (p[b, j] - p[a, j]) * (p[c, i] - p[a, i]))
 
 
 @njit(cache=True, nogil=True)
 def steepest_axis(p: NDArray[np.int64], a: int, b: int, c: int) -> int:
-    """
-    Return an axis along which a triangle of rows is seen with an area, −1 if it has none.
-
-    """
+    """Return an axis along which a triangle of rows is seen with an area, −1 if it has none."""
     best, chosen = 0, -1
     for axis in range(3):
         i, j = (axis + 1) % 3, (axis + 2) % 3
@@ -71,10 +58,7 @@ def steepest_axis(p: NDArray[np.int64], a: int, b: int, c: int) -> int:
 
 @njit(cache=True, nogil=True)
 def sign(value: int) -> int:
-    """
-    Return −1, 0 or 1.
-
-    """
+    """Return −1, 0 or 1."""
     if value > 0:
         return 1
     return -1 if value < 0 else 0

@@ -1,7 +1,4 @@
-"""
-The faces of a shell as arrays: rings end to end, planes fitted, corners in their planes.
-
-"""
+"""The faces of a shell as arrays: rings end to end, planes fitted, corners in their planes."""
 
 from __future__ import annotations
 
@@ -29,7 +26,6 @@ class FaceArrays:
         Where each ring begins among the corners.
     face_starts : ndarray of shape (n_faces + 1,)
         Where each face begins among the rings.
-
     """
 
     vertices: NDArray[np.float64]
@@ -39,18 +35,12 @@ class FaceArrays:
 
     @property
     def corner_starts(self) -> NDArray[np.int64]:
-        """
-        Where each face begins among the corners, shape (n_faces + 1,).
-
-        """
+        """Where each face begins among the corners, shape (n_faces + 1,)."""
         return self.ring_starts[self.face_starts]
 
 
 def face_arrays(solid: Solid, leader: NDArray[np.int64]) -> FaceArrays:
-    """
-    Return the faces of a solid with its vertices replaced by those they count as.
-
-    """
+    """Return the faces of a solid with its vertices replaced by those they count as."""
     rings = list(chain.from_iterable(solid.faces))
     sizes = np.array([len(ring) for ring in rings], dtype=np.int64)
     corners = np.fromiter(chain.from_iterable(rings), dtype=np.int64, count=int(sizes.sum()))
@@ -69,7 +59,6 @@ def fitted_planes(faces: FaceArrays) -> tuple[NDArray[np.float64], NDArray[np.fl
     -------
     off_plane : ndarray of shape (n_faces,)
     flat : ndarray of shape (n_corners, 2)
-
     """
     starts = faces.corner_starts
     counts = np.diff(starts)
@@ -85,10 +74,7 @@ def fitted_planes(faces: FaceArrays) -> tuple[NDArray[np.float64], NDArray[np.fl
 
 
 def ring_areas(faces: FaceArrays, flat: NDArray[np.float64]) -> NDArray[np.float64]:
-    """
-    Return the area inside each ring, positive if it runs counter-clockwise [m²].
-
-    """
+    """Return the area inside each ring, positive if it runs counter-clockwise [m²]."""
     following = np.arange(1, len(flat) + 1)
     following[faces.ring_starts[1:] - 1] = faces.ring_starts[:-1]
     after = flat[following]
@@ -97,18 +83,12 @@ def ring_areas(faces: FaceArrays, flat: NDArray[np.float64]) -> NDArray[np.float
 
 
 def _counter_clockwise(faces: FaceArrays, flat: NDArray[np.float64]) -> NDArray[np.float64]:
-    """
-    Mirror the faces whose exteriors run clockwise.
-
-    """
+    """Mirror the faces whose exteriors run clockwise."""
     clockwise = ring_areas(faces, flat)[faces.face_starts[:-1]] < 0.0
     flat[np.repeat(clockwise, np.diff(faces.corner_starts)), 1] *= -1.0
     return flat
 
 
 def _starts(sizes: NDArray[np.int64]) -> NDArray[np.int64]:
-    """
-    Return where each of consecutive groups begins, and where the last one ends.
-
-    """
+    """Return where each of consecutive groups begins, and where the last one ends."""
     return np.concatenate(([0], np.cumsum(sizes)))

@@ -1,7 +1,4 @@
-"""
-Diagonals of a triangulation flipped until it is Delaunay's.
-
-"""
+"""Diagonals of a triangulation flipped until it is Delaunay's."""
 
 from __future__ import annotations
 
@@ -26,7 +23,6 @@ def flip_to_delaunay(flat: NDArray[np.float64], corners: NDArray[np.int64], rows
         The vertex of each corner: corners of one vertex are one place.
     rows : ndarray of shape (n_triangles, 3)
         Corners of the triangles, counter-clockwise.
-
     """
     n = len(rows)
     if n < 2:
@@ -45,10 +41,7 @@ def flip_to_delaunay(flat: NDArray[np.float64], corners: NDArray[np.int64], rows
 
 @njit(cache=True, nogil=True)
 def _neighbours(corners: NDArray[np.int64], rows: NDArray[np.int64]) -> NDArray[np.int64]:
-    """
-    Return the triangle across each edge (from corner k to k + 1), −1 at the border.
-
-    """
+    """Return the triangle across each edge (from corner k to k + 1), −1 at the border."""
     n = len(rows)
     across = np.full((n, 3), -1)
     for t in range(n):
@@ -64,10 +57,7 @@ def _neighbours(corners: NDArray[np.int64], rows: NDArray[np.int64]) -> NDArray[
 
 @njit(cache=True, nogil=True)
 def _edge_towards(across: NDArray[np.int64], t: int, other: int) -> int:
-    """
-    Return which edge of a triangle leads to another one.
-
-    """
+    """Return which edge of a triangle leads to another one."""
     for k in range(3):
         if across[t, k] == other:
             return k
@@ -83,10 +73,7 @@ def _should_flip(
     t: int,
     k: int,
 ) -> bool:
-    """
-    Whether the angles opposite an edge add up to more than 180° and the other diagonal lies inside.
-
-    """
+    """Whether the angles opposite an edge add up to more than 180° and the other diagonal lies inside."""
     other = across[t, k]
     j = _edge_towards(across, other, t)
     a, b, c = flat[rows[t, k]], flat[rows[t, (k + 1) % 3]], flat[rows[t, (k + 2) % 3]]
@@ -100,10 +87,7 @@ def _should_flip(
 
 @njit(cache=True, nogil=True)
 def _sine(p: NDArray[np.float64], q: NDArray[np.float64], r: NDArray[np.float64]) -> float:
-    """
-    Return the sine of the angle at p from q to r, 0 if one coincides with it.
-
-    """
+    """Return the sine of the angle at p from q to r, 0 if one coincides with it."""
     ux, uy, vx, vy = q[0] - p[0], q[1] - p[1], r[0] - p[0], r[1] - p[1]
     size = np.sqrt((ux * ux + uy * uy) * (vx * vx + vy * vy))
     return (ux * vy - uy * vx) / size if size > 0.0 else 0.0
@@ -111,10 +95,7 @@ def _sine(p: NDArray[np.float64], q: NDArray[np.float64], r: NDArray[np.float64]
 
 @njit(cache=True, nogil=True)
 def _cosine(p: NDArray[np.float64], q: NDArray[np.float64], r: NDArray[np.float64]) -> float:
-    """
-    Return the cosine of the angle at p from q to r, 1 if one coincides with it.
-
-    """
+    """Return the cosine of the angle at p from q to r, 1 if one coincides with it."""
     ux, uy, vx, vy = q[0] - p[0], q[1] - p[1], r[0] - p[0], r[1] - p[1]
     size = np.sqrt((ux * ux + uy * uy) * (vx * vx + vy * vy))
     return (ux * vx + uy * vy) / size if size > 0.0 else 1.0
@@ -124,10 +105,7 @@ def _cosine(p: NDArray[np.float64], q: NDArray[np.float64], r: NDArray[np.float6
 def _flip(
     corners: NDArray[np.int64], rows: NDArray[np.int64], across: NDArray[np.int64], t: int, k: int
 ) -> None:
-    """
-    Replace the common edge ab of triangles abc and bad by cd.
-
-    """
+    """Replace the common edge ab of triangles abc and bad by cd."""
     other = across[t, k]
     j = _edge_towards(across, other, t)
     a, b, c = rows[t, k], rows[t, (k + 1) % 3], rows[t, (k + 2) % 3]

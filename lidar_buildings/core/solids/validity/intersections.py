@@ -1,7 +1,4 @@
-"""
-Shells that cross or touch themselves: triangles that meet where they must not.
-
-"""
+"""Shells that cross or touch themselves: triangles that meet where they must not."""
 
 from __future__ import annotations
 
@@ -30,7 +27,6 @@ def self_intersects(
         Rows of the vertices.
     face_of : ndarray of shape (n_triangles,)
         The face of each triangle: triangles of one face are not compared.
-
     """
     points = whole_numbers(vertices)
     sweep = int(np.argmax(np.ptp(points, axis=0)))
@@ -49,10 +45,7 @@ def _any_meet(
     low: NDArray[np.int64],
     high: NDArray[np.int64],
 ) -> bool:
-    """
-    Sweep the boxes in the order of their lower ends and test those that overlap.
-
-    """
+    """Sweep the boxes in the order of their lower ends and test those that overlap."""
     for i in range(len(triangles)):
         for j in range(i + 1, len(triangles)):
             if low[j, 0] > high[i, 0]:

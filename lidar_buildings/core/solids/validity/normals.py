@@ -1,7 +1,4 @@
-"""
-Folds in faces: triangles of one face whose normals differ.
-
-"""
+"""Folds in faces: triangles of one face whose normals differ."""
 
 from __future__ import annotations
 
@@ -32,7 +29,6 @@ def folds(
         Rows of the vertices.
     face_of : ndarray of shape (n_triangles,)
         The face of each triangle, rising.
-
     """
     a, b, c = (vertices[triangles[:, k]] for k in range(3))
     normals = np.cross(b - a, c - a)

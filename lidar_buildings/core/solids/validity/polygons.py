@@ -1,6 +1,5 @@
 """
 What can be wrong with faces that have holes: rings that meet, coincide, lie outside or within each other.
-
 """
 
 from __future__ import annotations
@@ -16,10 +15,7 @@ from lidar_buildings.core.solids.validity.face_arrays import FaceArrays
 
 
 def misplaced_holes(faces: FaceArrays, flat: NDArray[np.float64]) -> set[int]:
-    """
-    Return the codes 201, 202 and 205 to 208 of all faces with holes.
-
-    """
+    """Return the codes 201, 202 and 205 to 208 of all faces with holes."""
     codes: set[int] = set()
     for number in np.flatnonzero(np.diff(faces.face_starts) > 1).tolist():
         starts = faces.ring_starts[faces.face_starts[number] : faces.face_starts[number + 1] + 1]
@@ -28,10 +24,7 @@ def misplaced_holes(faces: FaceArrays, flat: NDArray[np.float64]) -> set[int]:
 
 
 def _hole_faults(rings: list[NDArray[np.float64]]) -> set[int]:
-    """
-    Return what is wrong with one face of sound rings, exterior first.
-
-    """
+    """Return what is wrong with one face of sound rings, exterior first."""
     exterior, *holes = (shapely.Polygon(ring) for ring in rings)
     if any(hole.exterior.is_ccw for hole in holes):
         return {208}
@@ -44,10 +37,7 @@ def _hole_faults(rings: list[NDArray[np.float64]]) -> set[int]:
 
 
 def _touches_an_edge(rings: list[NDArray[np.float64]]) -> bool:
-    """
-    Whether a vertex of one ring lies on an edge of another one, away from its ends.
-
-    """
+    """Whether a vertex of one ring lies on an edge of another one, away from its ends."""
     for ring, other in permutations(rings, 2):
         near = shapely.dwithin(shapely.points(ring), shapely.LinearRing(other), TOUCHING)
         if (
@@ -59,10 +49,7 @@ def _touches_an_edge(rings: list[NDArray[np.float64]]) -> bool:
 
 
 def _hole_in_exterior(hole: shapely.Polygon, exterior: shapely.Polygon) -> int:
-    """
-    Return 202, 206, 201, or 0 where the hole lies inside and touches at points at most.
-
-    """
+    """Return 202, 206, 201, or 0 where the hole lies inside and touches at points at most."""
     if hole.equals(exterior):
         return 202
     if hole.disjoint(exterior) or hole.touches(exterior):
@@ -72,10 +59,7 @@ def _hole_in_exterior(hole: shapely.Polygon, exterior: shapely.Polygon) -> int:
 
 
 def _hole_beside_hole(first: shapely.Polygon, second: shapely.Polygon) -> int:
-    """
-    Return 202, 207, 201, or 0 where two holes touch at points at most.
-
-    """
+    """Return 202, 207, 201, or 0 where two holes touch at points at most."""
     if first.equals(second):
         return 202
     if first.contains(second) or second.contains(first):

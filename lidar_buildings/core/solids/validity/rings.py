@@ -1,7 +1,4 @@
-"""
-What can be wrong with single rings: too few points, repeated points, rings that meet themselves.
-
-"""
+"""What can be wrong with single rings: too few points, repeated points, rings that meet themselves."""
 
 from __future__ import annotations
 
@@ -14,27 +11,17 @@ from lidar_buildings.core.solids.validity.face_arrays import FaceArrays
 
 
 def repeated_points(faces: FaceArrays) -> set[int]:
-    """
-    Return 101 if a ring has fewer than three points, 102 if one follows upon itself.
-
-    """
+    """Return 101 if a ring has fewer than three points, 102 if one follows upon itself."""
     return {int(code) for code in _repetitions(faces.corners, faces.ring_starts)} - {0}
 
 
 def self_intersections(faces: FaceArrays, flat: NDArray[np.float64]) -> set[int]:
-    """
-    Return 104 if a ring, seen in its face's plane, crosses or touches itself or has no area.
-
-    """
+    """Return 104 if a ring, seen in its face's plane, crosses or touches itself or has no area."""
     return {104} if _any_self_intersection(flat, faces.ring_starts) else set()
 
 
 @njit(cache=True, nogil=True)
 def _repetitions(corners: NDArray[np.int64], ring_starts: NDArray[np.int64]) -> NDArray[np.int64]:
-    """
-    Return 101, 102 or 0 for each ring.
-
-    """
     codes = np.zeros(len(ring_starts) - 1, dtype=np.int64)
     for number in range(len(codes)):
         ring = corners[ring_starts[number] : ring_starts[number + 1]]
@@ -49,10 +36,7 @@ def _repetitions(corners: NDArray[np.int64], ring_starts: NDArray[np.int64]) -> 
 
 @njit(cache=True, nogil=True)
 def _has_three(ring: NDArray[np.int64]) -> bool:
-    """
-    Whether a ring has three different vertices.
-
-    """
+    """Whether a ring has three different vertices."""
     second = 0
     while second < len(ring) and ring[second] == ring[0]:
         second += 1
@@ -64,10 +48,7 @@ def _has_three(ring: NDArray[np.int64]) -> bool:
 
 @njit(cache=True, nogil=True)
 def _any_self_intersection(flat: NDArray[np.float64], ring_starts: NDArray[np.int64]) -> bool:
-    """
-    Whether any ring meets itself.
-
-    """
+    """Whether any ring meets itself."""
     for number in range(len(ring_starts) - 1):
         if _meets_itself(flat[ring_starts[number] : ring_starts[number + 1]]):
             return True
@@ -76,10 +57,7 @@ def _any_self_intersection(flat: NDArray[np.float64], ring_starts: NDArray[np.in
 
 @njit(cache=True, nogil=True)
 def _meets_itself(ring: NDArray[np.float64]) -> bool:
-    """
-    Whether a ring has no area, folds back at a corner, or has edges that meet away from common corners.
-
-    """
+    """Whether a ring has no area, folds back at a corner, or has edges that meet away from common corners."""
     n = len(ring)
     doubled_area = 0.0
     length = 0.0
@@ -102,10 +80,7 @@ def _meets_itself(ring: NDArray[np.float64]) -> bool:
 
 @njit(cache=True, nogil=True)
 def near_segment(p: NDArray[np.float64], a: NDArray[np.float64], b: NDArray[np.float64]) -> bool:
-    """
-    Whether a point lies within `TOUCHING` of a segment.
-
-    """
+    """Whether a point lies within `TOUCHING` of a segment."""
     ex, ey = b[0] - a[0], b[1] - a[1]
     px, py = p[0] - a[0], p[1] - a[1]
     squared = ex * ex + ey * ey
@@ -118,10 +93,7 @@ def near_segment(p: NDArray[np.float64], a: NDArray[np.float64], b: NDArray[np.f
 def segments_meet(
     a: NDArray[np.float64], b: NDArray[np.float64], c: NDArray[np.float64], d: NDArray[np.float64]
 ) -> bool:
-    """
-    Whether two segments cross, or come within `TOUCHING` of each other.
-
-    """
+    """Whether two segments cross, or come within `TOUCHING` of each other."""
     for axis in range(2):
         if max(a[axis], b[axis]) + TOUCHING < min(c[axis], d[axis]):
             return False
@@ -134,8 +106,5 @@ def segments_meet(
 
 @njit(cache=True, nogil=True)
 def _turn(a: NDArray[np.float64], b: NDArray[np.float64], c: NDArray[np.float64]) -> float:
-    """
-    Return twice the area of a triangle, positive if counter-clockwise.
-
-    """
+    """Return twice the area of a triangle, positive if counter-clockwise."""
     return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])

@@ -3,7 +3,6 @@ Whether two triangles in space meet where they must not.
 
 Exact tests on rows of whole-number coordinates, after Guigue and Devillers (2003): the sides on which corners
 lie decide everything. Triangles may have common vertices; they must not meet elsewhere.
-
 """
 
 from __future__ import annotations
@@ -17,10 +16,7 @@ from lidar_buildings.core.solids.validity.exact import side_of_line, side_of_pla
 
 @njit(cache=True, nogil=True)
 def triangles_meet(p: NDArray[np.int64], s: NDArray[np.int64], t: NDArray[np.int64]) -> bool:
-    """
-    Whether two triangles (three rows each) meet elsewhere than in their common vertices and edge.
-
-    """
+    """Whether two triangles (three rows each) meet elsewhere than in their common vertices and edge."""
     common = 0
     alone_s, alone_t = 0, 0
     for i in range(3):
@@ -47,10 +43,7 @@ def triangles_meet(p: NDArray[np.int64], s: NDArray[np.int64], t: NDArray[np.int
 def _folded_together(
     p: NDArray[np.int64], s: NDArray[np.int64], t: NDArray[np.int64], alone_s: int, alone_t: int
 ) -> bool:
-    """
-    Whether two triangles with a common edge lie upon each other.
-
-    """
+    """Whether two triangles with a common edge lie upon each other."""
     a, b, c, d = s[(alone_s + 1) % 3], s[(alone_s + 2) % 3], s[alone_s], t[alone_t]
     if side_of_plane(p, a, b, c, d) != 0:
         return False
@@ -62,7 +55,6 @@ def _folded_together(
 def _meet_beyond_vertex(p: NDArray[np.int64], s: NDArray[np.int64], t: NDArray[np.int64]) -> bool:
     """
     Whether two triangles with one common vertex meet elsewhere: then an opposite side meets the other one.
-
     """
     for i in range(3):
         for j in range(3):
@@ -76,10 +68,7 @@ def _meet_beyond_vertex(p: NDArray[np.int64], s: NDArray[np.int64], t: NDArray[n
 
 @njit(cache=True, nogil=True)
 def _meet_apart(p: NDArray[np.int64], s: NDArray[np.int64], t: NDArray[np.int64]) -> bool:
-    """
-    Whether two triangles without a common vertex meet.
-
-    """
+    """Whether two triangles without a common vertex meet."""
     if _beside(p, s, t) or _beside(p, t, s):
         return False
     for k in range(3):
@@ -90,10 +79,7 @@ def _meet_apart(p: NDArray[np.int64], s: NDArray[np.int64], t: NDArray[np.int64]
 
 @njit(cache=True, nogil=True)
 def _beside(p: NDArray[np.int64], s: NDArray[np.int64], t: NDArray[np.int64]) -> bool:
-    """
-    Whether all corners of a triangle lie on one side of the other's plane.
-
-    """
+    """Whether all corners of a triangle lie on one side of the other's plane."""
     first = side_of_plane(p, t[0], t[1], t[2], s[0])
     if first == 0 or side_of_plane(p, t[0], t[1], t[2], s[1]) != first:
         return False
@@ -102,10 +88,7 @@ def _beside(p: NDArray[np.int64], s: NDArray[np.int64], t: NDArray[np.int64]) ->
 
 @njit(cache=True, nogil=True)
 def _segment_meets(p: NDArray[np.int64], q: int, r: int, t: NDArray[np.int64]) -> bool:
-    """
-    Whether a segment and a triangle have a point in common.
-
-    """
+    """Whether a segment and a triangle have a point in common."""
     side_q = side_of_plane(p, t[0], t[1], t[2], q)
     side_r = side_of_plane(p, t[0], t[1], t[2], r)
     if side_q * side_r > 0:
@@ -124,10 +107,7 @@ def _segment_meets(p: NDArray[np.int64], q: int, r: int, t: NDArray[np.int64]) -
 
 @njit(cache=True, nogil=True)
 def _point_in(p: NDArray[np.int64], q: int, t: NDArray[np.int64]) -> bool:
-    """
-    Whether a point in a triangle's plane lies in the triangle or on its border.
-
-    """
+    """Whether a point in a triangle's plane lies in the triangle or on its border."""
     axis = steepest_axis(p, t[0], t[1], t[2])
     if axis < 0:
         return False
@@ -139,10 +119,7 @@ def _point_in(p: NDArray[np.int64], q: int, t: NDArray[np.int64]) -> bool:
 
 @njit(cache=True, nogil=True)
 def _segment_meets_flat(p: NDArray[np.int64], q: int, r: int, t: NDArray[np.int64]) -> bool:
-    """
-    Whether a segment in a triangle's plane has a point in common with the triangle.
-
-    """
+    """Whether a segment in a triangle's plane has a point in common with the triangle."""
     if _point_in(p, q, t) or _point_in(p, r, t):
         return True
     axis = steepest_axis(p, t[0], t[1], t[2])
@@ -157,10 +134,7 @@ def _segment_meets_flat(p: NDArray[np.int64], q: int, r: int, t: NDArray[np.int6
 
 @njit(cache=True, nogil=True)
 def _segments_meet_flat(p: NDArray[np.int64], q: int, r: int, a: int, b: int, axis: int) -> bool:
-    """
-    Whether segments qr and ab, seen along an axis, have a point in common; q and r do not lie on ab.
-
-    """
+    """Whether segments qr and ab, seen along an axis, have a point in common; q and r do not lie on ab."""
     side_a, side_b = side_of_line(p, q, r, a, axis), side_of_line(p, q, r, b, axis)
     if side_a == 0 and side_b == 0:
         return _between(p, q, r, a)
@@ -169,10 +143,7 @@ def _segments_meet_flat(p: NDArray[np.int64], q: int, r: int, a: int, b: int, ax
 
 @njit(cache=True, nogil=True)
 def _between(p: NDArray[np.int64], q: int, r: int, a: int) -> bool:
-    """
-    Whether a point on the line through two others lies between them.
-
-    """
+    """Whether a point on the line through two others lies between them."""
     for axis in range(3):
         if p[a, axis] < min(p[q, axis], p[r, axis]) or p[a, axis] > max(p[q, axis], p[r, axis]):
             return False

@@ -3,7 +3,6 @@ Faces cut into triangles: ears first, then flipped until every edge is as Delaun
 
 Holes are joined to the exterior by bridges (Eberly 2002), ears are cut off best first (Meisters 1975), and
 diagonals are flipped (Lawson 1977), which gives the constrained Delaunay triangulation of the face.
-
 """
 
 from __future__ import annotations
@@ -31,7 +30,6 @@ def triangulate(faces: FaceArrays, flat: NDArray[np.float64]) -> tuple[NDArray[n
         Rows of the vertices.
     face_of : ndarray of shape (n_triangles,)
         The face of each triangle.
-
     """
     n_holes = np.diff(faces.face_starts) - 1
     counts = np.diff(faces.corner_starts) - 2 + 2 * n_holes
@@ -51,10 +49,7 @@ def _triangulate_all(
     starts: NDArray[np.int64],
     triangles: NDArray[np.int64],
 ) -> None:
-    """
-    Triangulate face by face into the rows reserved for each.
-
-    """
+    """Triangulate face by face into the rows reserved for each."""
     for face in range(len(face_starts) - 1):
         rings = ring_starts[face_starts[face] : face_starts[face + 1] + 1]
         rows = triangles[starts[face] : starts[face + 1]]
@@ -81,7 +76,6 @@ def _joined_rings(
     Return one closed loop of corners that runs along all rings of a face, with bridges to the holes.
 
     The rightmost of the holes that are left is the next one: it can be seen from what it is joined to.
-
     """
     n_holes = len(rings) - 2
     loop = np.empty(rings[-1] - rings[0] + 2 * n_holes, dtype=np.int64)
@@ -113,7 +107,6 @@ def _join_hole(
     Join a hole to the first n corners of a loop and return how many it has then.
 
     At a common vertex if there is one, else by the shortest bridge in sight.
-
     """
     first, size = rings[number], rings[number + 1] - rings[number]
     rightmost = 0
@@ -149,7 +142,6 @@ def _bridge(
 
     Bridges from one corner of the hole only are looked at, or, if it is −1, from all. Without any the end in
     the loop is −1.
-
     """
     first, size = rings[number], rings[number + 1] - rings[number]
     best = np.inf
@@ -172,10 +164,7 @@ def _bridge(
 
 @njit(cache=True, nogil=True)
 def _in_cone(flat: NDArray[np.float64], loop: NDArray[np.int64], i: int, p: NDArray[np.float64]) -> bool:
-    """
-    Whether a point is seen from a corner of a loop in the direction of its inside.
-
-    """
+    """Whether a point is seen from a corner of a loop in the direction of its inside."""
     before, here, after = flat[loop[i - 1]], flat[loop[i]], flat[loop[(i + 1) % len(loop)]]
     left_of_in, left_of_out = turn(before, here, p) > 0.0, turn(here, after, p) > 0.0
     if turn(before, here, after) > 0.0:
@@ -187,10 +176,7 @@ def _in_cone(flat: NDArray[np.float64], loop: NDArray[np.int64], i: int, p: NDAr
 def _in_sight(
     flat: NDArray[np.float64], loop: NDArray[np.int64], rings: NDArray[np.int64], start: int, end: int
 ) -> bool:
-    """
-    Whether no edge of a loop or of the face's rings lies between two corners.
-
-    """
+    """Whether no edge of a loop or of the face's rings lies between two corners."""
     for k in range(len(loop)):
         if _separates(flat[start], flat[end], flat[loop[k - 1]], flat[loop[k]]):
             return False
@@ -207,10 +193,7 @@ def _in_sight(
 def _separates(
     a: NDArray[np.float64], b: NDArray[np.float64], c: NDArray[np.float64], d: NDArray[np.float64]
 ) -> bool:
-    """
-    Whether segment cd meets segment ab elsewhere than in a common end.
-
-    """
+    """Whether segment cd meets segment ab elsewhere than in a common end."""
     if _squared(a, c) == 0.0 or _squared(a, d) == 0.0 or _squared(b, c) == 0.0 or _squared(b, d) == 0.0:
         return False
     return turn(a, b, c) * turn(a, b, d) <= 0.0 and turn(c, d, a) * turn(c, d, b) <= 0.0
@@ -218,10 +201,7 @@ def _separates(
 
 @njit(cache=True, nogil=True)
 def _cut_ears(flat: NDArray[np.float64], loop: NDArray[np.int64], rows: NDArray[np.int64]) -> None:
-    """
-    Cut a loop into triangles, ear by ear.
-
-    """
+    """Cut a loop into triangles, ear by ear."""
     left = loop.copy()
     n = len(left)
     count = 0
@@ -246,7 +226,6 @@ def _cut_ears(flat: NDArray[np.float64], loop: NDArray[np.int64], rows: NDArray[
 def _next_ear(flat: NDArray[np.float64], loop: NDArray[np.int64], start: int) -> int:
     """
     Return the corner with the best ear, in long loops the first good one; a straight corner if there is none.
-
     """
     n = len(loop)
     best, chosen = -np.inf, start
@@ -264,7 +243,6 @@ def _next_ear(flat: NDArray[np.float64], loop: NDArray[np.int64], start: int) ->
 def _ear_quality(flat: NDArray[np.float64], loop: NDArray[np.int64], k: int) -> float:
     """
     Return an ear's height over its longest side as a share of that side; −1 for straight, −2 for no ear.
-
     """
     n = len(loop)
     a, b, c = flat[loop[k - 1]], flat[loop[k]], flat[loop[(k + 1) % n]]
@@ -285,17 +263,11 @@ def _ear_quality(flat: NDArray[np.float64], loop: NDArray[np.int64], k: int) -> 
 
 @njit(cache=True, nogil=True)
 def turn(a: NDArray[np.float64], b: NDArray[np.float64], c: NDArray[np.float64]) -> float:
-    """
-    Return twice the area of a triangle, positive if counter-clockwise.
-
-    """
+    """Return twice the area of a triangle, positive if counter-clockwise."""
     return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
 
 
 @njit(cache=True, nogil=True)
 def _squared(a: NDArray[np.float64], b: NDArray[np.float64]) -> float:
-    """
-    Return the squared distance of two points.
-
-    """
+    """Return the squared distance of two points."""
     return (a[0] - b[0]) ** 2 + (a[1] - b[1]) ** 2

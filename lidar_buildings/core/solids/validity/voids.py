@@ -1,7 +1,4 @@
-"""
-Checks of solids with voids: an exterior shell and interior ones within it.
-
-"""
+"""Checks of solids with voids: an exterior shell and interior ones within it."""
 
 from __future__ import annotations
 
@@ -40,7 +37,6 @@ def check_solid_with_voids(exterior: Solid, voids: Sequence[Solid]) -> tuple[int
     -----
     Shells may touch in common vertices and edges; any other touch counts as an intersection, which is
     stricter than the standard.
-
     """
     turned = [replace(void, faces=tuple(tuple(r[::-1] for r in f) for f in void.faces)) for void in voids]
     codes = {code for shell in (exterior, *turned) for code in check_solid(shell)}
@@ -59,10 +55,7 @@ _Shell = tuple[NDArray[np.float64], NDArray[np.int64]]
 
 
 def _on_common_vertices(shells: list[Solid]) -> list[_Shell]:
-    """
-    Return the triangles of shells as rows of the vertices of all.
-
-    """
+    """Return the triangles of shells as rows of the vertices of all."""
     vertices = np.concatenate([shell.vertices for shell in shells])
     leader = weld(vertices, SNAP_TOLERANCE)
     found = []
@@ -76,36 +69,24 @@ def _on_common_vertices(shells: list[Solid]) -> list[_Shell]:
 
 
 def _void_in_exterior(exterior: _Shell, void: _Shell) -> int:
-    """
-    Return 402 for the same shell, 401 where two meet, 403 for a void outside, else 0.
-
-    """
+    """Return 402 for the same shell, 401 where two meet, 403 for a void outside, else 0."""
     return _same(exterior, void) or _meeting(exterior, void) or (0 if _is_inside(void, exterior) else 403)
 
 
 def _void_beside_void(first: _Shell, second: _Shell) -> int:
-    """
-    Return 402 for the same shell, 401 where two meet or one lies in the other, else 0.
-
-    """
+    """Return 402 for the same shell, 401 where two meet or one lies in the other, else 0."""
     nested = _is_inside(first, second) or _is_inside(second, first)
     return _same(first, second) or _meeting(first, second) or (401 if nested else 0)
 
 
 def _same(first: _Shell, second: _Shell) -> int:
-    """
-    Return 402 if two shells have the same triangles, else 0.
-
-    """
+    """Return 402 if two shells have the same triangles, else 0."""
     sets = [{tuple(sorted(row)) for row in triangles.tolist()} for _, triangles in (first, second)]
     return 402 if sets[0] == sets[1] else 0
 
 
 def _meeting(first: _Shell, second: _Shell) -> int:
-    """
-    Return 401 if triangles of two shells meet elsewhere than in common vertices and edges, else 0.
-
-    """
+    """Return 401 if triangles of two shells meet elsewhere than in common vertices and edges, else 0."""
     triangles = np.concatenate([first[1], second[1]])
     shell_of = np.repeat([0, 1], [len(first[1]), len(second[1])])
     return 401 if self_intersects(first[0], triangles, shell_of) else 0
@@ -116,7 +97,6 @@ def _is_inside(inner: _Shell, outer: _Shell) -> bool:
     Whether a shell that does not meet another one lies in it, by the solid angle around one of its points.
 
     The sum of the triangles' solid angles (van Oosterom and Strackee 1983) is 4 π inside and 0 outside.
-
     """
     vertices, triangles = outer
     a, b, c = np.moveaxis(vertices[triangles] - vertices[inner[1][0]].mean(axis=0), 1, 0)
@@ -130,7 +110,6 @@ def _is_inside(inner: _Shell, outer: _Shell) -> bool:
 def _is_cut(void: _Shell, shells: list[_Shell]) -> bool:
     """
     Whether edges that a void has in common with other shells divide its surface: what lies beside is cut off.
-
     """
     triangles = void[1]
     others = {edge for shell in shells if shell is not void for edge in _edges(shell[1])}
@@ -145,10 +124,7 @@ def _is_cut(void: _Shell, shells: list[_Shell]) -> bool:
 
 
 def _edges(triangles: NDArray[np.int64]) -> set[tuple[int, int]]:
-    """
-    Return the undirected edges of triangles.
-
-    """
+    """Return the undirected edges of triangles."""
     return {
         (min(a, b), max(a, b))
         for row in triangles.tolist()

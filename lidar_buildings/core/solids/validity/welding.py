@@ -1,7 +1,4 @@
-"""
-Vertices that count as one because they lie within a tolerance of each other.
-
-"""
+"""Vertices that count as one because they lie within a tolerance of each other."""
 
 from __future__ import annotations
 
@@ -21,7 +18,6 @@ def weld(vertices: NDArray[np.float64], tolerance: float) -> NDArray[np.int64]:
     vertices : ndarray of shape (n, 3) or (n, 2)
     tolerance : float
         Distance, in the unit of the vertices.
-
     """
     leader = np.arange(len(vertices))
     pairs = cKDTree(vertices).query_pairs(tolerance, output_type="ndarray")

@@ -1,7 +1,4 @@
-"""
-Boundary tracing: the rings round a building's points.
-
-"""
+"""Boundary tracing: the rings round a building's points."""
 
 from lidar_buildings.core.stages.boundary_tracing.config import AS_PUBLISHED, BoundaryTracingConfig
 from lidar_buildings.core.stages.boundary_tracing.tracing import (

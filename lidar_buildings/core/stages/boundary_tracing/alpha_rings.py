@@ -1,7 +1,4 @@
-"""
-The rings of the alpha shape, the second method.
-
-"""
+"""The rings of the alpha shape, the second method."""
 
 from __future__ import annotations
 
@@ -42,7 +39,6 @@ def alpha_outline(
         Vertices are points.
     reasons : list of str
         What was out of the ordinary.
-
     """
     reasons: list[str] = []
     shape = alpha_shape(xy, radius, regularised=True)
@@ -68,10 +64,7 @@ def alpha_outline(
 def _refusal(
     hole: NDArray[np.float64], exterior: NDArray[np.float64], rules: CourtyardRules | None
 ) -> str | None:
-    """
-    Say why a hole is no courtyard; nothing to say of small ones, None if it is one.
-
-    """
+    """Say why a hole is no courtyard; nothing to say of small ones, None if it is one."""
     if rules is None:
         return ""
     polygon = shapely.polygons(hole)
@@ -84,10 +77,7 @@ def _refusal(
 
 
 def _is_whole(shape: AlphaShape) -> bool:
-    """
-    Whether a shape has one piece that all points belong to.
-
-    """
+    """Whether a shape has one piece that all points belong to."""
     if len(np.unique(shape.triangles)) < len(shape.points):
         return False
     return len(shape.polygons) == 1

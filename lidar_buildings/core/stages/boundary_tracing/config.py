@@ -1,7 +1,4 @@
-"""
-Settings of the boundary tracing.
-
-"""
+"""Settings of the boundary tracing."""
 
 from __future__ import annotations
 
@@ -16,10 +13,7 @@ METHODS = ("modified_convex_hull", "alpha_shape")
 
 @dataclass(frozen=True)
 class BoundaryTracingConfig(StageConfig):
-    """
-    Settings of the boundary tracing.
-
-    """
+    """Settings of the boundary tracing."""
 
     stage: ClassVar[str] = "boundary_tracing"
 

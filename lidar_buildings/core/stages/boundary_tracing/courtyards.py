@@ -1,7 +1,4 @@
-"""
-Courtyards: which empty places inside an outer ring are some, and the roof that is left round them.
-
-"""
+"""Courtyards: which empty places inside an outer ring are some, and the roof that is left round them."""
 
 from __future__ import annotations
 
@@ -36,7 +33,6 @@ class CourtyardRules:
         Points that are not roof and have to lie in it, at least [1/m²].
     others : ndarray of shape (n_points, 2) or None
         Points that are not roof; None = not known, and not asked for.
-
     """
 
     radius: float
@@ -55,7 +51,6 @@ class CourtyardRules:
             The place's rim [m].
         narrow_share : float
             Share of the rim along which the roof round it is narrower than `min_band`.
-
         """
         area = abs(signed_area(ring))
         if area < self.min_area:
@@ -67,10 +62,7 @@ class CourtyardRules:
         return None
 
     def _n_others(self, ring: NDArray[np.float64]) -> int:
-        """
-        Count the points that are not roof inside a ring.
-
-        """
+        """Count the points that are not roof inside a ring."""
         if self.others is None:
             return 0
         near = ((self.others >= ring.min(axis=0)) & (self.others <= ring.max(axis=0))).all(axis=1)
@@ -92,7 +84,6 @@ def narrow_share(ground, hole, exterior, width):  # type: ignore[no-untyped-def]
         Rows of the rings.
     width : float
         Of the roof between them [spacings' half sides of the neighbourhood].
-
     """
     is_exterior = np.zeros(len(ground.x), dtype=np.bool_)
     is_exterior[exterior] = True
@@ -109,10 +100,7 @@ def narrow_share(ground, hole, exterior, width):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _has_near(ground, row, is_wanted, width):  # type: ignore[no-untyped-def]
-    """
-    Whether one of the points wanted lies within a width of a point.
-
-    """
+    """Whether one of the points wanted lies within a width of a point."""
     x, y, n = ground.x[row], ground.y[row], ground.n_columns
     low_row, high_row, low_column, high_column = cells_within(ground, x, y, width)
     for line in range(low_row, high_row + 1):

@@ -1,7 +1,4 @@
-"""
-The edges of rings in the cells that they pass, so that a step's crossing is looked for nearby only.
-
-"""
+"""The edges of rings in the cells that they pass, so that a step's crossing is looked for nearby only."""
 
 from __future__ import annotations
 
@@ -30,7 +27,6 @@ class EdgeCells(NamedTuple):
         Of each entry: the next older one of its cell, the position at which its edge begins, and its cell.
     size : ndarray of int64, shape (1,)
         Number of entries.
-
     """
 
     head: NDArray[np.int64]
@@ -41,10 +37,7 @@ class EdgeCells(NamedTuple):
 
 
 def no_edges(ground: Ground) -> EdgeCells:
-    """
-    Return empty lists for a ground's cells.
-
-    """
+    """Return empty lists for a ground's cells."""
     room = _ROOM + _ROOM_A_POSITION * len(ground.x)
     head = np.full(len(ground.first) - 1, -1, dtype=np.int64)
     link, owner, cell = (np.empty(room, dtype=np.int64) for _ in range(3))
@@ -52,20 +45,14 @@ def no_edges(ground: Ground) -> EdgeCells:
 
 
 def with_more_room(edges: EdgeCells) -> EdgeCells:
-    """
-    Return the same lists with room for twice as many entries.
-
-    """
+    """Return the same lists with room for twice as many entries."""
     link, owner, cell = (np.concatenate([each, each]) for each in (edges.link, edges.owner, edges.cell))
     return EdgeCells(edges.head, link, owner, cell, edges.size)
 
 
 @njit(cache=True, nogil=True)
 def add_edge(ground, edges, a, b):  # type: ignore[no-untyped-def]
-    """
-    Enter the edge from a to b into its cells; False, and nothing done, if there is no room for it.
-
-    """
+    """Enter the edge from a to b into its cells; False, and nothing done, if there is no room for it."""
     low_row, high_row, low_column, high_column = _box(ground, a, b)
     k = edges.size[0]
     if k + (high_row - low_row + 1) * (high_column - low_column + 1) > len(edges.link):
@@ -82,10 +69,7 @@ def add_edge(ground, edges, a, b):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def remove_edges(edges, size):  # type: ignore[no-untyped-def]
-    """
-    Take out the newest entries until `size` are left.
-
-    """
+    """Take out the newest entries until `size` are left."""
     for k in range(edges.size[0] - 1, size - 1, -1):
         edges.head[edges.cell[k]] = edges.link[k]
     edges.size[0] = size
@@ -93,10 +77,7 @@ def remove_edges(edges, size):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def meets_edges(ground, edges, follower, a, b):  # type: ignore[no-untyped-def]
-    """
-    Whether the segment ab crosses or touches an edge, beyond sharing its ends.
-
-    """
+    """Whether the segment ab crosses or touches an edge, beyond sharing its ends."""
     x, y, rounding, head, link, owner = (
         ground.x,
         ground.y,
@@ -119,10 +100,7 @@ def meets_edges(ground, edges, follower, a, b):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _meets_list(x, y, rounding, follower, link, owner, k, a, b):  # type: ignore[no-untyped-def]
-    """
-    Whether the segment ab meets one of the edges in the list that begins with the entry k.
-
-    """
+    """Whether the segment ab meets one of the edges in the list that begins with the entry k."""
     west, east = min(x[a], x[b]) - rounding, max(x[a], x[b]) + rounding
     south, north = min(y[a], y[b]) - rounding, max(y[a], y[b]) + rounding
     while k >= 0:
@@ -138,10 +116,7 @@ def _meets_list(x, y, rounding, follower, link, owner, k, a, b):  # type: ignore
 
 @njit(cache=True, nogil=True)
 def _box(ground, a, b):  # type: ignore[no-untyped-def]
-    """
-    Return the rows and columns that the bounding box of a segment extends over.
-
-    """
+    """Return the rows and columns that the bounding box of a segment extends over."""
     row_a, row_b = row_of(ground, ground.x[a], ground.y[a]), row_of(ground, ground.x[b], ground.y[b])
     column_a = column_of(ground, ground.x[a], ground.y[a])
     column_b = column_of(ground, ground.x[b], ground.y[b])
@@ -150,10 +125,7 @@ def _box(ground, a, b):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _meet(x, y, rounding, a, b, c, d):  # type: ignore[no-untyped-def]
-    """
-    Whether the segments ab and cd, whose bounding boxes meet, have more in common than an end point.
-
-    """
+    """Whether the segments ab and cd, whose bounding boxes meet, have more in common than an end point."""
     is_shared_a, is_shared_b = a in (c, d), b in (c, d)
     if is_shared_a or is_shared_b:
         shared, tip, other = b, a, d if b == c else c
@@ -173,10 +145,7 @@ def _meet(x, y, rounding, a, b, c, d):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _side(x, y, rounding, a, b, c):  # type: ignore[no-untyped-def]
-    """
-    Return the sign of c's side of the line ab: 1 left, −1 right, 0 on it as far as rounding tells.
-
-    """
+    """Return the sign of c's side of the line ab: 1 left, −1 right, 0 on it as far as rounding tells."""
     dx, dy = x[b] - x[a], y[b] - y[a]
     cross = dx * (y[c] - y[a]) - dy * (x[c] - x[a])
     if abs(cross) <= rounding * (abs(dx) + abs(dy)):

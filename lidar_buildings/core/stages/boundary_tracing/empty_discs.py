@@ -1,7 +1,4 @@
-"""
-Empty places inside a ring: discs without points, and the points that are nearest to them.
-
-"""
+"""Empty places inside a ring: discs without points, and the points that are nearest to them."""
 
 from __future__ import annotations
 
@@ -34,14 +31,10 @@ class EmptyPlaces:
         Rows of the outer ring's vertices.
     radius : float
         The discs' radius [m].
-
     """
 
     def __init__(self, ground: Ground, ring: NDArray[np.int64], radius: float) -> None:
-        """
-        Mark the cells that a disc's centre may be in.
-
-        """
+        """Mark the cells that a disc's centre may be in."""
         self._ground, self._radius = ground, radius
         size = np.hypot(ground.ux, ground.uy), np.hypot(ground.vx, ground.vy)
         # Axes of the ground's frame, in metres.
@@ -64,10 +57,7 @@ class EmptyPlaces:
         self._last = 0
 
     def next_centre(self) -> tuple[float, float] | None:
-        """
-        Return the centre of a disc that fits into a place not seen so far, None if there is none.
-
-        """
+        """Return the centre of a disc that fits into a place not seen so far, None if there is none."""
         for k, cell in enumerate(self._cells.tolist()):
             if not self._is_open[cell]:
                 continue
@@ -85,24 +75,15 @@ class EmptyPlaces:
         return None
 
     def close(self, ring: NDArray[np.int64]) -> None:
-        """
-        Look no more inside a ring.
-
-        """
+        """Look no more inside a ring."""
         self._is_open &= ~self._inside(ring)
 
     def give_up(self) -> None:
-        """
-        Look no more in the place that the last centre was in: its cells and all connected with them.
-
-        """
+        """Look no more in the place that the last centre was in: its cells and all connected with them."""
         _close_connected(self._is_open, self._is_empty, self._last, self._n_columns)
 
     def _inside(self, ring: NDArray[np.int64]) -> NDArray[np.bool_]:
-        """
-        Return the cells whose centres a ring holds.
-
-        """
+        """Return the cells whose centres a ring holds."""
         x, y = self._ground.x[ring], self._ground.y[ring]
         ux, uy, vx, vy = self._axes
         u = (ux * x + uy * y - self._west) / self._side
@@ -112,10 +93,7 @@ class EmptyPlaces:
 
 @njit(cache=True, nogil=True)
 def nearest_free(ground, follower, x, y, n):  # type: ignore[no-untyped-def]
-    """
-    Return the rows of the up to n nearest points to a place that no ring has taken, the nearest first.
-
-    """
+    """Return the rows of the up to n nearest points to a place that no ring has taken, the nearest first."""
     size_u, size_v = np.hypot(ground.ux, ground.uy), np.hypot(ground.vx, ground.vy)
     shortest = 1.0 / max(size_u, size_v)
     farthest = ground.cell * (ground.n_columns + ground.n_rows) * max(size_u, size_v) / min(size_u, size_v)
@@ -142,10 +120,7 @@ def nearest_free(ground, follower, x, y, n):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _close_occupied(ground, is_open, ux, uy, vx, vy, west, south, side, n_columns):  # type: ignore[no-untyped-def]
-    """
-    Close the cells that hold points.
-
-    """
+    """Close the cells that hold points."""
     n_rows = len(is_open) // n_columns
     for i in range(len(ground.x)):
         u = (ux * ground.x[i] + uy * ground.y[i] - west) / side
@@ -156,10 +131,7 @@ def _close_occupied(ground, is_open, ux, uy, vx, vy, west, south, side, n_column
 
 @njit(cache=True, nogil=True)
 def _close_connected(is_open, is_empty, cell, n_columns):  # type: ignore[no-untyped-def]
-    """
-    Close an empty cell and all empty ones that are connected with it by sides.
-
-    """
+    """Close an empty cell and all empty ones that are connected with it by sides."""
     is_empty[cell] = is_open[cell] = False
     waiting = [cell]
     while len(waiting) > 0:
@@ -178,7 +150,6 @@ def _disc_in_cell(ground, x, y, dx, dy, radius, span):  # type: ignore[no-untype
     Return whether a disc without points has its centre in a cell about (x, y) with the side (dx, dy), and it.
 
     The centre is sought uphill, towards more distance from the nearest point, from nine places.
-
     """
     side = np.hypot(dx, dy)
     if _clearance(ground, x, y, radius, span) + 0.75 * side < radius:
@@ -205,10 +176,7 @@ def _disc_in_cell(ground, x, y, dx, dy, radius, span):  # type: ignore[no-untype
 
 @njit(cache=True, nogil=True)
 def _clearance(ground, x, y, radius, span):  # type: ignore[no-untyped-def]
-    """
-    Return the distance from a place to the nearest point, but no more than `radius` [m].
-
-    """
+    """Return the distance from a place to the nearest point, but no more than `radius` [m]."""
     low_row, high_row, low_column, high_column = cells_within(ground, x, y, span)
     nearest = radius * radius
     for row in range(low_row, high_row + 1):

@@ -1,7 +1,4 @@
-"""
-Where walks take place: a building's positions in cells, and what counts as the neighbourhood of one.
-
-"""
+"""Where walks take place: a building's positions in cells, and what counts as the neighbourhood of one."""
 
 from __future__ import annotations
 
@@ -50,7 +47,6 @@ class Ground(NamedTuple):
         Points nearer to a line than this lie on it [m].
     hand : int
         1 = walks keep the empty side to their left, −1 = to their right.
-
     """
 
     x: NDArray[np.float64]
@@ -82,7 +78,6 @@ def prepare_ground(points: NDArray[np.float64], pattern: ScanPattern, window: fl
         The spacing along and across the scan lines; a disc where both are the same, else a rectangle.
     window : float
         Sides of the neighbourhood [spacings].
-
     """
     along, across = 0.5 * window * pattern.along, 0.5 * window * pattern.across
     cosine, sine = float(np.cos(pattern.direction)), float(np.sin(pattern.direction))
@@ -100,30 +95,21 @@ def prepare_ground(points: NDArray[np.float64], pattern: ScanPattern, window: fl
 
 @njit(cache=True, nogil=True)
 def column_of(ground, x, y):  # type: ignore[no-untyped-def]
-    """
-    Return the column of a place, limited to the ground's.
-
-    """
+    """Return the column of a place, limited to the ground's."""
     u = (ground.ux * x + ground.uy * y - ground.west) / ground.cell
     return np.int64(max(0.0, min(u, ground.n_columns - 1.0)))
 
 
 @njit(cache=True, nogil=True)
 def row_of(ground, x, y):  # type: ignore[no-untyped-def]
-    """
-    Return the row of a place, limited to the ground's.
-
-    """
+    """Return the row of a place, limited to the ground's."""
     v = (ground.vx * x + ground.vy * y - ground.south) / ground.cell
     return np.int64(max(0.0, min(v, ground.n_rows - 1.0)))
 
 
 @njit(cache=True, nogil=True)
 def cells_within(ground, x, y, span):  # type: ignore[no-untyped-def]
-    """
-    Return the first and last row and the first and last column of the cells within `span` of a place.
-
-    """
+    """Return the first and last row and the first and last column of the cells within `span` of a place."""
     u = ground.ux * x + ground.uy * y - ground.west
     v = ground.vx * x + ground.vy * y - ground.south
     top, right = ground.n_rows - 1.0, ground.n_columns - 1.0
@@ -137,10 +123,7 @@ def cells_within(ground, x, y, span):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def span_of(ground, dx, dy):  # type: ignore[no-untyped-def]
-    """
-    Return how many times the neighbourhood has to be enlarged for its rim to pass a place (dx, dy) off.
-
-    """
+    """Return how many times the neighbourhood has to be enlarged for its rim to pass a place (dx, dy) off."""
     u, v = ground.ux * dx + ground.uy * dy, ground.vx * dx + ground.vy * dy
     if ground.is_disc:
         return np.sqrt(u * u + v * v)
@@ -149,10 +132,7 @@ def span_of(ground, dx, dy):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _extent(points, ux, uy, vx, vy):  # type: ignore[no-untyped-def]
-    """
-    Return the limits of u and v, and the largest coordinate in size.
-
-    """
+    """Return the limits of u and v, and the largest coordinate in size."""
     low_u, high_u, low_v, high_v, largest = np.inf, -np.inf, np.inf, -np.inf, 0.0
     for i in range(len(points)):
         x, y = points[i, 0], points[i, 1]
@@ -165,10 +145,7 @@ def _extent(points, ux, uy, vx, vy):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _sorted_by_cell(points, ux, uy, vx, vy, west, south, cell, n_columns, n_rows):  # type: ignore[no-untyped-def]
-    """
-    Return distinct positions cell by cell, and where each cell begins.
-
-    """
+    """Return distinct positions cell by cell, and where each cell begins."""
     number = np.empty(len(points), dtype=np.int32)
     first = np.zeros(n_columns * n_rows + 1, dtype=np.int64)
     for i in range(len(points)):
@@ -192,10 +169,7 @@ def _sorted_by_cell(points, ux, uy, vx, vy, west, south, cell, n_columns, n_rows
 
 @njit(cache=True, nogil=True)
 def _sort(x, y):  # type: ignore[no-untyped-def]
-    """
-    Sort positions by x, then y, in place.
-
-    """
+    """Sort positions by x, then y, in place."""
     if len(x) > _LARGE_CELL:
         order = np.argsort(y, kind="mergesort")
         order = order[np.argsort(x[order], kind="mergesort")]
@@ -212,10 +186,7 @@ def _sort(x, y):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _drop_copies(x, y, first):  # type: ignore[no-untyped-def]
-    """
-    Move up the positions that differ from the one before, cell by cell, and return their number.
-
-    """
+    """Move up the positions that differ from the one before, cell by cell, and return their number."""
     n = 0
     for k in range(len(first) - 1):
         begin, end = first[k], first[k + 1]

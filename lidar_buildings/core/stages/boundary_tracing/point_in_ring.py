@@ -1,7 +1,4 @@
-"""
-What lies inside a ring: cells by their centres, and points where they must not be.
-
-"""
+"""What lies inside a ring: cells by their centres, and points where they must not be."""
 
 from __future__ import annotations
 
@@ -28,7 +25,6 @@ def misplaced(ground, ring, wrong_inside):  # type: ignore[no-untyped-def]
         Rows of the ring's vertices.
     wrong_inside : bool
         Which of them to return.
-
     """
     u, v = _in_cells(ground, ring)
     margin = _ON_RING / ground.cell
@@ -54,7 +50,6 @@ def filled(u, v, n_columns, n_rows):  # type: ignore[no-untyped-def]
     Return for every cell, side 1, whether its centre lies inside a ring; row by row.
 
     Each edge turns over all cells to its right; so those inside are turned over an odd number of times.
-
     """
     inside = np.zeros(n_columns * n_rows, dtype=np.bool_)
     for a in range(len(u)):
@@ -76,10 +71,7 @@ def filled(u, v, n_columns, n_rows):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def holds(ground, ring, x, y):  # type: ignore[no-untyped-def]
-    """
-    Whether a place lies inside a ring that was walked with it on the empty side.
-
-    """
+    """Whether a place lies inside a ring that was walked with it on the empty side."""
     double_area, is_inside = 0.0, False
     for k in range(len(ring)):
         a, b = ring[k - 1], ring[k]
@@ -92,10 +84,7 @@ def holds(ground, ring, x, y):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _in_cells(ground, ring):  # type: ignore[no-untyped-def]
-    """
-    Return the places of a ring's vertices in units of cells.
-
-    """
+    """Return the places of a ring's vertices in units of cells."""
     x, y = ground.x[ring], ground.y[ring]
     u = (ground.ux * x + ground.uy * y - ground.west) / ground.cell
     v = (ground.vx * x + ground.vy * y - ground.south) / ground.cell
@@ -104,10 +93,7 @@ def _in_cells(ground, ring):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _edges_by_row(u, v, n_columns, n_rows, margin):  # type: ignore[no-untyped-def]
-    """
-    Return which cells edges pass, and for every row of cells the edges that come into it.
-
-    """
+    """Return which cells edges pass, and for every row of cells the edges that come into it."""
     is_rim = np.zeros(n_columns * n_rows, dtype=np.bool_)
     first = np.zeros(n_rows + 1, dtype=np.int64)
     low, high = np.empty(len(u), dtype=np.int64), np.empty(len(u), dtype=np.int64)
@@ -131,20 +117,14 @@ def _edges_by_row(u, v, n_columns, n_rows, margin):  # type: ignore[no-untyped-d
 
 @njit(cache=True, nogil=True)
 def _cells_of(a, b, margin, n):  # type: ignore[no-untyped-def]
-    """
-    Return the first and the last of n cells, of side 1, that an interval and its margin reach.
-
-    """
+    """Return the first and the last of n cells, of side 1, that an interval and its margin reach."""
     low = np.int64(max(0.0, min(min(a, b) - margin, n - 1.0)))
     return low, np.int64(max(0.0, min(max(a, b) + margin, n - 1.0)))
 
 
 @njit(cache=True, nogil=True)
 def _is_wrong(ground, i, u, v, near, wrong_inside, margin):  # type: ignore[no-untyped-def]
-    """
-    Whether a point lies on the wrong side of a ring, and not on it, judged by the edges of its row.
-
-    """
+    """Whether a point lies on the wrong side of a ring, and not on it, judged by the edges of its row."""
     x, y = ground.x[i], ground.y[i]
     p = (ground.ux * x + ground.uy * y - ground.west) / ground.cell
     q = (ground.vx * x + ground.vy * y - ground.south) / ground.cell
@@ -164,10 +144,7 @@ def _is_wrong(ground, i, u, v, near, wrong_inside, margin):  # type: ignore[no-u
 
 @njit(cache=True, nogil=True)
 def _distance_to_edge(p, q, du, dv):  # type: ignore[no-untyped-def]
-    """
-    Return the distance of a place from the segment that leads from the origin to (du, dv).
-
-    """
+    """Return the distance of a place from the segment that leads from the origin to (du, dv)."""
     length = du * du + dv * dv
     share = min(max((p * du + q * dv) / length, 0.0), 1.0) if length > 0 else 0.0
     return np.hypot(p - share * du, q - share * dv)

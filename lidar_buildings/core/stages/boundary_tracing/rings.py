@@ -1,7 +1,4 @@
-"""
-Rings traced one after the other over the same points, with the cures for walks that fail.
-
-"""
+"""Rings traced one after the other over the same points, with the cures for walks that fail."""
 
 from __future__ import annotations
 
@@ -55,14 +52,10 @@ class RingTracer:
     ----------
     reasons : list of str
         What was out of the ordinary.
-
     """
 
     def __init__(self, ground: Ground, max_reach: float) -> None:
-        """
-        Begin without rings.
-
-        """
+        """Begin without rings."""
         self._ground = ground
         self._max_reach = max(1.0, max_reach)
         self._follower = np.full(len(ground.x), -1, dtype=np.int64)
@@ -72,17 +65,13 @@ class RingTracer:
         self.reasons: list[str] = []
 
     def outline(self) -> Outline:
-        """
-        Return what was traced so far; the rings start at their westernmost vertex.
-
-        """
+        """Return what was traced so far; the rings start at their westernmost vertex."""
         rings = [self._from_west(rows) for rows in (self._exterior, *self._holes)]
         return Outline(rings[0], tuple(rings[1:])).oriented()
 
     def trace_exterior(self) -> None:
         """
         Trace the ring round all points from the one farthest from their middle, or take it from triangles.
-
         """
         x, y = self._ground.x, self._ground.y
         dx, dy = x - x.mean(), y - y.mean()
@@ -107,7 +96,6 @@ class RingTracer:
         Trace the rims of the empty places inside the outer ring that are courtyards.
 
         Where no walk round all points was found there are none: their gaps are wider than the windows.
-
         """
         if _NO_WALK in self.reasons:
             return
@@ -136,10 +124,7 @@ class RingTracer:
                 self._give_up(hole, before)
 
     def _rim(self, centre: tuple[float, float]) -> NDArray[np.int64] | None:
-        """
-        Walk round an empty place from one of the points nearest to it that no other ring has taken.
-
-        """
+        """Walk round an empty place from one of the points nearest to it that no other ring has taken."""
         max_steps = _MAX_RIM_STEPS * len(self._exterior)
         for start in nearest_free(self._ground, self._follower, *centre, _MAX_STARTS).tolist():
             heading = centre[0] - float(self._ground.x[start]), centre[1] - float(self._ground.y[start])
@@ -169,7 +154,6 @@ class RingTracer:
             Walks before the ring is given up, and steps before a walk is.
         trouble_with : callable
             Returns the rows on the wrong side of a closed ring, or None if it is beyond cure.
-
         """
         ground, before = self._ground, int(self._edges.size[0])
         reach = np.ones(len(self._follower))
@@ -195,19 +179,13 @@ class RingTracer:
         return None
 
     def _inside_hole(self, rows: NDArray[np.int64], centre: tuple[float, float]) -> NDArray[np.int64] | None:
-        """
-        Return the points that lie inside a courtyard's rim; None if it is no rim round the centre.
-
-        """
+        """Return the points that lie inside a courtyard's rim; None if it is no rim round the centre."""
         if not holds(self._ground, rows, *centre):
             return None
         return misplaced(self._ground, rows, True)
 
     def _ring_by_triangles(self) -> NDArray[np.int64]:
-        """
-        Return a ring that is simple and holds all points, whatever they are; its edges are entered.
-
-        """
+        """Return a ring that is simple and holds all points, whatever they are; its edges are entered."""
         ground = self._ground
         xy = np.column_stack([ground.x, ground.y])
         unit = 1.0 / min(np.hypot(ground.ux, ground.uy), np.hypot(ground.vx, ground.vy))
@@ -222,33 +200,21 @@ class RingTracer:
         return ring
 
     def _give_up(self, ring: NDArray[np.int64], size: int) -> None:
-        """
-        Free a ring's points, and take out the edges entered after the first `size` entries.
-
-        """
+        """Free a ring's points, and take out the edges entered after the first `size` entries."""
         self._follower[ring] = -1
         remove_edges(self._edges, size)
 
     def _note(self, reason: str) -> None:
-        """
-        Remember a reason once.
-
-        """
+        """Remember a reason once."""
         if reason and reason not in self.reasons:
             self.reasons.append(reason)
 
     def _positions(self, rows: NDArray[np.int64]) -> NDArray[np.float64]:
-        """
-        Return the positions of rows, shape (n, 2) [m].
-
-        """
+        """Return the positions of rows, shape (n, 2) [m]."""
         return np.column_stack([self._ground.x[rows], self._ground.y[rows]])
 
     def _from_west(self, rows: NDArray[np.int64]) -> NDArray[np.float64]:
-        """
-        Return a ring from its westernmost vertex on.
-
-        """
+        """Return a ring from its westernmost vertex on."""
         ring = self._positions(rows)
         west = np.flatnonzero(ring[:, 0] == ring[:, 0].min())
         return np.roll(ring, -int(west[np.argmin(ring[west, 1])]), axis=0)

@@ -1,7 +1,4 @@
-"""
-The ring round a building's points, and the rims of its courtyards.
-
-"""
+"""The ring round a building's points, and the rims of its courtyards."""
 
 from __future__ import annotations
 
@@ -53,7 +50,6 @@ class TracedBoundary:
         OK, or DEGENERATE where there are too few points or all lie on a line.
     reason : str
         What was out of the ordinary, in words; else empty.
-
     """
 
     outline: Outline
@@ -109,7 +105,6 @@ def trace_boundary(
     -----
     Heights have no influence; neither has the order of points. The ring turns with the points if the pattern
     does.
-
     """
     config = config or BoundaryTracingConfig()
     cloud = checked_points(points)
@@ -134,10 +129,7 @@ def trace_boundary(
 def _by_walk(
     ground: Ground, config: BoundaryTracingConfig, spacing: float, rules: CourtyardRules | None
 ) -> tuple[Outline, list[str]]:
-    """
-    Trace by the modified convex hull.
-
-    """
+    """Trace by the modified convex hull."""
     tracer = RingTracer(ground, config.max_window / config.window)
     tracer.trace_exterior()
     if rules is not None:
@@ -148,10 +140,7 @@ def _by_walk(
 def _by_alpha_shape(
     ground: Ground, config: BoundaryTracingConfig, spacing: float, rules: CourtyardRules | None
 ) -> tuple[Outline, list[str]]:
-    """
-    Take the rings of the alpha shape.
-
-    """
+    """Take the rings of the alpha shape."""
     return alpha_outline(np.column_stack([ground.x, ground.y]), config.alpha * spacing, rules)
 
 
@@ -159,10 +148,7 @@ _METHODS = {"modified_convex_hull": _by_walk, "alpha_shape": _by_alpha_shape}
 
 
 def _plan(other_points: ArrayLike) -> NDArray[np.float64]:
-    """
-    Return x and y of points that are not roof.
-
-    """
+    """Return x and y of points that are not roof."""
     array = np.asarray(other_points, dtype=np.float64)
     if array.ndim != 2 or array.shape[1] < 2:
         raise ValueError(f"other_points has shape {array.shape}: must be (n_points, 2) or (n_points, 3)")
@@ -170,10 +156,7 @@ def _plan(other_points: ArrayLike) -> NDArray[np.float64]:
 
 
 def _spacing(cloud: NDArray[np.float64], pattern: ScanPattern | None, point_spacing: float | None) -> float:
-    """
-    Return the spacing as given, or the pattern's, or measured [m].
-
-    """
+    """Return the spacing as given, or the pattern's, or measured [m]."""
     if point_spacing is not None:
         return given_or_measured(cloud, point_spacing)
     if pattern is not None:
@@ -184,7 +167,6 @@ def _spacing(cloud: NDArray[np.float64], pattern: ScanPattern | None, point_spac
 def _sampled_spacing(cloud: NDArray[np.float64]) -> float:
     """
     Measure the spacing from a sample of the distinct positions, or from all of them where that fails [m].
-
     """
     width, height = np.ptp(cloud[:, :2], axis=0) if len(cloud) else (0.0, 0.0)
     # As if the points filled their bounding box: cells a little too large only cost time.
@@ -199,19 +181,13 @@ def _sampled_spacing(cloud: NDArray[np.float64]) -> float:
 
 
 def _widened(pattern: ScanPattern) -> ScanPattern:
-    """
-    Return a pattern whose smaller spacing is not much smaller: lines are never so straight and even.
-
-    """
+    """Return a pattern whose smaller spacing is not much smaller: lines are never so straight and even."""
     least = max(pattern.along, pattern.across) / _MAX_RATIO
     return replace(pattern, along=max(pattern.along, least), across=max(pattern.across, least))
 
 
 def _degeneracy(ground: Ground, spacing: float) -> str:
-    """
-    Say why positions have no ring worth a walk; empty if they have.
-
-    """
+    """Say why positions have no ring worth a walk; empty if they have."""
     if len(ground.x) < _MIN_POSITIONS:
         return f"only {len(ground.x)} distinct positions"
     if _width(ground.x, ground.y) < _MIN_WIDTH * spacing:
@@ -221,10 +197,7 @@ def _degeneracy(ground: Ground, spacing: float) -> str:
 
 @njit(cache=True, nogil=True)
 def _width(x, y):  # type: ignore[no-untyped-def]
-    """
-    Return the extent across the main direction of positions [m].
-
-    """
+    """Return the extent across the main direction of positions [m]."""
     middle_x, middle_y = x.mean(), y.mean()
     xx, xy, yy = 0.0, 0.0, 0.0
     for i in range(len(x)):
@@ -240,10 +213,7 @@ def _width(x, y):  # type: ignore[no-untyped-def]
 
 
 def _simple_cover(positions: NDArray[np.float64], spacing: float) -> NDArray[np.float64]:
-    """
-    Return a ring with an area round a few positions: their hull, or a strip or square one spacing wide.
-
-    """
+    """Return a ring with an area round a few positions: their hull, or a strip or square one spacing wide."""
     if not len(positions):
         return np.zeros((0, 2))
     hull = shapely.convex_hull(shapely.multipoints(positions))

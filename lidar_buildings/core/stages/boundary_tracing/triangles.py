@@ -1,7 +1,4 @@
-"""
-What a triangulation tells of a cloud's shape: a ring that always exists.
-
-"""
+"""What a triangulation tells of a cloud's shape: a ring that always exists."""
 
 from __future__ import annotations
 
@@ -26,7 +23,6 @@ def characteristic_ring(xy: NDArray[np.float64], max_edge: float) -> NDArray[np.
         Distinct positions, not all on a line [m].
     max_edge : float
         Edges longer than this are worn away [m].
-
     """
     try:
         triangles = Delaunay(xy)
@@ -60,10 +56,7 @@ def characteristic_ring(xy: NDArray[np.float64], max_edge: float) -> NDArray[np.
 
 
 def _followed(follower: dict[int, int]) -> NDArray[np.int64]:
-    """
-    Return the ring that the followers make up, from its first row on.
-
-    """
+    """Return the ring that the followers make up, from its first row on."""
     start = min(follower)
     ring = [start]
     while follower[ring[-1]] != start:

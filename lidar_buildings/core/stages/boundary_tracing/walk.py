@@ -1,7 +1,4 @@
-"""
-The walk round a cloud of points: a convex hull's, confined to a neighbourhood.
-
-"""
+"""The walk round a cloud of points: a convex hull's, confined to a neighbourhood."""
 
 from __future__ import annotations
 
@@ -70,17 +67,13 @@ def walk_round(
         Rows in walking order, the start first, not repeated at the end.
     end : int
         `CLOSED`, `STUCK` in the last row, `NO_ROOM`, or `ASTRAY`.
-
     """
     return _walk(ground, edges, follower, reach, max_reach, start, heading[0], heading[1], max_steps)
 
 
 @njit(cache=True, nogil=True)
 def _walk(ground, edges, follower, reach, max_reach, start, dx, dy, max_steps):  # type: ignore[no-untyped-def]
-    """
-    Walk until back at the start or without a way on; ends for certain, since no point is entered twice.
-
-    """
+    """Walk until back at the start or without a way on; ends for certain, since no point is entered twice."""
     ring = np.empty(min(len(follower), max_steps + 1), dtype=np.int64)
     ring[0], n, size, end = start, 1, edges.size[0], STUCK
     while True:
@@ -109,10 +102,7 @@ def _walk(ground, edges, follower, reach, max_reach, start, dx, dy, max_steps): 
 
 @njit(cache=True, nogil=True)
 def _step(ground, edges, follower, reach, max_reach, ring, n, back):  # type: ignore[no-untyped-def]
-    """
-    Return the next point in the smallest neighbourhood that has one, −1 if even the largest has none.
-
-    """
+    """Return the next point in the smallest neighbourhood that has one, −1 if even the largest has none."""
     seen, reach = 0.0, min(reach, max_reach)
     while True:
         chosen = _step_within(ground, edges, follower, seen, reach, ring, n, back)
@@ -127,7 +117,6 @@ def _step_within(ground, edges, follower, seen, reach, ring, n, back):  # type: 
     Return the point with the smallest clockwise turn that can be stepped to, −1 if there is none.
 
     Mostly the first one can; only where the first few cannot are all sorted by turn.
-
     """
     tried, tried_distance = np.int64(-1), 0.0
     for _ in range(_FEW):
@@ -148,7 +137,6 @@ def _next_in_turn(ground, follower, seen, reach, ring, n, back, tried, tried_dis
     Return the first free point in clockwise order after those tried, its turn and its squared distance.
 
     Written without calls in the loop: this is where a walk spends its time.
-
     """
     xs, ys, current, start = ground.x, ground.y, ring[n - 1], ring[0] if n > 2 else ring[n - 1]
     ux, uy, vx, vy, is_disc = ground.ux, ground.uy, ground.vx, ground.vy, ground.is_disc
@@ -178,10 +166,7 @@ def _next_in_turn(ground, follower, seen, reach, ring, n, back, tried, tried_dis
 
 @njit(cache=True, nogil=True)
 def _in_turn(ground, follower, seen, reach, ring, n, back, tried, tried_distance):  # type: ignore[no-untyped-def]
-    """
-    Return all free points in clockwise order after those tried.
-
-    """
+    """Return all free points in clockwise order after those tried."""
     x, y, current = ground.x, ground.y, ring[n - 1]
     rows, turns, distances = [np.int64(0)], [np.int64(-1)], [0.0]
     low_row, high_row, low_column, high_column = cells_within(ground, x[current], y[current], reach)
@@ -203,10 +188,7 @@ def _in_turn(ground, follower, seen, reach, ring, n, back, tried, tried_distance
 
 @njit(cache=True, nogil=True)
 def _may_follow(ground, follower, seen, reach, ring, n, i):  # type: ignore[no-untyped-def]
-    """
-    Whether a point is free, or the start of a ring that may close, and between two reaches away.
-
-    """
+    """Whether a point is free, or the start of a ring that may close, and between two reaches away."""
     current = ring[n - 1]
     if i == current or (follower[i] >= 0 and (i != ring[0] or n < 3)):
         return False
@@ -216,20 +198,14 @@ def _may_follow(ground, follower, seen, reach, ring, n, i):  # type: ignore[no-u
 
 @njit(cache=True, nogil=True)
 def _direction(dx, dy):  # type: ignore[no-untyped-def]
-    """
-    Return a number from −1 to 3 that grows with the angle of a direction, without trigonometry.
-
-    """
+    """Return a number from −1 to 3 that grows with the angle of a direction, without trigonometry."""
     slant = dy / (abs(dx) + abs(dy)) if dx != 0 or dy != 0 else 0.0
     return slant if dx >= 0 else 2.0 - slant
 
 
 @njit(cache=True, nogil=True)
 def _turn(back, direction):  # type: ignore[no-untyped-def]
-    """
-    Return the clockwise turn from the way back to a direction; straight back is the last thing to try.
-
-    """
+    """Return the clockwise turn from the way back to a direction; straight back is the last thing to try."""
     angle = back - direction
     turn = np.int64((angle if angle >= 0 else angle + 4.0) / _TURN_UNIT + 0.5)
     return turn if turn > 1 else np.int64(_FULL_TURN)

@@ -1,6 +1,5 @@
 """
 Cures for walks that fail: the neighbourhood grows where a walk got stuck or left points on the wrong side.
-
 """
 
 from __future__ import annotations
@@ -14,10 +13,7 @@ from lidar_buildings.core.stages.boundary_tracing.walk import GROWTH
 
 @njit(cache=True, nogil=True)
 def widen_about(ground, reach, row, max_reach):  # type: ignore[no-untyped-def]
-    """
-    Widen the reach of the points about one from which there was no way on; False where it cannot grow.
-
-    """
+    """Widen the reach of the points about one from which there was no way on; False where it cannot grow."""
     x, y, n = ground.x, ground.y, ground.n_columns
     about = 2.0 * reach[row]
     is_wider = False
@@ -39,7 +35,6 @@ def bridge_gap(ground, reach, wrong, ring, max_reach):  # type: ignore[no-untype
     The smallest reach is sought with which a point on the wrong side and one of the ring see each other and
     have not tried it. All pairs that it suffices for get it: a wing that no walk entered is joined at its
     nearest points, and keeps its shape elsewhere.
-
     """
     on_ring = np.zeros(len(reach), dtype=np.bool_)
     on_ring[ring] = True
@@ -58,7 +53,6 @@ def bridge_gap(ground, reach, wrong, ring, max_reach):  # type: ignore[no-untype
 def _widen_pairs(ground, reach, row, on_ring, level):  # type: ignore[no-untyped-def]
     """
     Raise the reach of a point and of the ring's points near it to a level; False if they have it already.
-
     """
     x, y, n = ground.x, ground.y, ground.n_columns
     is_wider = False

@@ -1,7 +1,4 @@
-"""
-Models of buildings at three levels of detail.
-
-"""
+"""Models of buildings at three levels of detail."""
 
 from lidar_buildings.core.stages.building_model.config import BuildingModelConfig
 from lidar_buildings.core.stages.building_model.model import build_model

@@ -1,7 +1,4 @@
-"""
-The cells into which lines cut an outline.
-
-"""
+"""The cells into which lines cut an outline."""
 
 from __future__ import annotations
 
@@ -32,7 +29,6 @@ class Cells:
         The two cells on either side of each inner edge.
     ends : ndarray of shape (n_edges, 4)
         x and y of the edge's two ends [m].
-
     """
 
     polygons: NDArray[np.object_]
@@ -41,10 +37,7 @@ class Cells:
 
     @property
     def lengths(self) -> NDArray[np.float64]:
-        """
-        Length of each inner edge [m].
-
-        """
+        """Length of each inner edge [m]."""
         return np.hypot(self.ends[:, 2] - self.ends[:, 0], self.ends[:, 3] - self.ends[:, 1])
 
 
@@ -61,7 +54,6 @@ def cut_into_cells(outline: Outline, segments: NDArray[np.float64]) -> Cells:
         Valid, on the output grid [m].
     segments : ndarray of shape (n_segments, 2, 2)
         Ends in plan [m].
-
     """
     whole = outline.polygon
     if not len(segments):
@@ -75,10 +67,7 @@ def cut_into_cells(outline: Outline, segments: NDArray[np.float64]) -> Cells:
 
 
 def _cells(polygons: NDArray[np.object_]) -> Cells:
-    """
-    Find the edges that cells share.
-
-    """
+    """Find the edges that cells share."""
     order = np.lexsort(shapely.bounds(polygons).T[::-1])
     polygons = polygons[order]
     rings, owner = shapely.get_rings(polygons, return_index=True)
@@ -112,7 +101,6 @@ def extend_segments(segments: NDArray[np.float64], walls: NDArray[np.float64]) -
     Returns
     -------
     ndarray of shape (n_segments, 2, 2)
-
     """
     if not len(segments):
         return segments
@@ -126,10 +114,7 @@ def extend_segments(segments: NDArray[np.float64], walls: NDArray[np.float64]) -
 def _extend(
     segments: NDArray[np.float64], obstacles: NDArray[np.float64], extended: NDArray[np.float64]
 ) -> None:
-    """
-    Write the extended segments; an obstacle with the segment's own row is no obstacle.
-
-    """
+    """Write the extended segments; an obstacle with the segment's own row is no obstacle."""
     for i in range(len(segments)):
         for side in range(2):
             x, y = segments[i, side]
@@ -142,10 +127,7 @@ def _extend(
 
 @njit(cache=True, nogil=True)
 def _reach(x: float, y: float, dx: float, dy: float, own: int, obstacles: NDArray[np.float64]) -> float:
-    """
-    Return how far a ray runs to the nearest obstacle [m]; 0 where none is met.
-
-    """
+    """Return how far a ray runs to the nearest obstacle [m]; 0 where none is met."""
     nearest = np.inf
     for j in range(len(obstacles)):
         if j == own:

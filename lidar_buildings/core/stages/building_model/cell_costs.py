@@ -1,7 +1,4 @@
-"""
-How well each plane fits the points over each cell.
-
-"""
+"""How well each plane fits the points over each cell."""
 
 from __future__ import annotations
 
@@ -36,7 +33,6 @@ class Samples:
         Area that each stands for [m²].
     plane : ndarray of shape (n_samples,), int64
         Row of the plane nearest to a spot without data, -1 for points.
-
     """
 
     points: NDArray[np.float64]
@@ -63,7 +59,6 @@ def make_samples(
         Of the building [m].
     spacing : float
         Point spacing [m].
-
     """
     shapely.prepare(outline)
     west, south, east, north = outline.bounds
@@ -120,7 +115,6 @@ def cells_of_samples(
     owner : ndarray of shape (n_rings,), int64
         Cell of each ring, rising.
     n_cells : int
-
     """
     found = np.full(len(x), -1, np.int64)
     crossings = np.zeros(len(x), np.uint8)
@@ -165,7 +159,6 @@ def sum_misfits(
 
     Distances are vertical and count no more than `MAX_MISFIT`, so that chimneys and antennas pull on no
     plane; spots without data speak for the nearest plane.
-
     """
     costs = np.zeros((n_cells, len(planes)))
     for i in range(len(points)):

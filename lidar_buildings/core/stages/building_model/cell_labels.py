@@ -1,7 +1,4 @@
-"""
-Which plane roofs which cell: fit to the points against length of the borders, by graph cuts.
-
-"""
+"""Which plane roofs which cell: fit to the points against length of the borders, by graph cuts."""
 
 from __future__ import annotations
 
@@ -54,7 +51,6 @@ def label_cells(
     -------
     ndarray of shape (n_cells,), int64
         Row of the plane of each cell.
-
     """
     labels = np.argmin(costs, axis=1) if len(costs) else np.zeros(0, dtype=np.int64)
     if len(edges) and costs.shape[1] > 1:
@@ -72,10 +68,7 @@ def _expand_all(
     weights: NDArray[np.float64],
     labels: NDArray[np.int64],
 ) -> None:
-    """
-    Expand every label in turn until none gains.
-
-    """
+    """Expand every label in turn until none gains."""
     unchanged = 0
     for _ in range(_MAX_ROUNDS):
         for label in range(costs.shape[1]):
@@ -94,10 +87,7 @@ def _border(
     other: NDArray[np.float64],
     weights: NDArray[np.float64],
 ) -> float:
-    """
-    Return the cost of an edge between two different planes [m³].
-
-    """
+    """Return the cost of an edge between two different planes [m³]."""
     length = np.hypot(end[2] - end[0], end[3] - end[1])
     a, b, c = one[0] - other[0], one[1] - other[1], one[2] - other[2]
     first = min(abs(a * end[0] + b * end[1] + c), weights[2])
@@ -115,10 +105,7 @@ def _expand(
     labels: NDArray[np.int64],
     label: int,
 ) -> bool:
-    """
-    Give `label` to the set of cells that gains most; return whether any cell changed.
-
-    """
+    """Give `label` to the set of cells that gains most; return whether any cell changed."""
     borders = _borders(edges, ends, planes, weights, labels, label)
     node = _number_candidates(costs, edges, borders, labels, label)
     n_nodes = node.max() + 1
@@ -153,10 +140,7 @@ def _borders(
     labels: NDArray[np.int64],
     label: int,
 ) -> NDArray[np.float64]:
-    """
-    Return each edge's cost if both cells keep their planes, only the first does, or only the second.
-
-    """
+    """Return each edge's cost if both cells keep their planes, only the first does, or only the second."""
     borders = np.zeros((len(edges), 3))
     for e in range(len(edges)):
         a, b = labels[edges[e, 0]], labels[edges[e, 1]]
@@ -179,7 +163,6 @@ def _number_candidates(
 ) -> NDArray[np.int64]:
     """
     Number the cells that might take a label; -1 for those that lose more than their borders could ever gain.
-
     """
     gain = np.zeros(len(labels))
     for e in range(len(edges)):
@@ -208,7 +191,6 @@ def _link_candidates(
     With i and j the cells of an edge, E(keep, keep) = both, E(keep, take) = first, E(take, keep) = second
     and E(take, take) = 0 are a cost of each cell alone and of the pair where i takes and j keeps: first +
     second − both, which is not negative as borders obey the triangle inequality (Kolmogorov & Zabih 2004).
-
     """
     links = np.empty((len(edges), 2), np.int64)
     capacity = np.empty(len(edges))

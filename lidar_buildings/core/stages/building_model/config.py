@@ -1,7 +1,4 @@
-"""
-The parameters of building models.
-
-"""
+"""The parameters of building models."""
 
 from __future__ import annotations
 
@@ -16,10 +13,7 @@ ELEVATIONS = {"min": 0.0, "50p": 50.0, "70p": 70.0, "max": 100.0}
 
 @dataclass(frozen=True)
 class BuildingModelConfig(StageConfig):
-    """
-    How models are built.
-
-    """
+    """How models are built."""
 
     stage: ClassVar[str] = "building_model"
 

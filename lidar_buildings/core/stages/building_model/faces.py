@@ -1,7 +1,4 @@
-"""
-Roof faces from labelled cells.
-
-"""
+"""Roof faces from labelled cells."""
 
 from __future__ import annotations
 
@@ -17,10 +14,7 @@ _STRAIGHT = 0.004
 
 
 def join_equal_cells(cells: Cells, labels: NDArray[np.int64]) -> NDArray[np.int64]:
-    """
-    Number the connected groups of cells of one plane, from 0 in the order of their first cells.
-
-    """
+    """Number the connected groups of cells of one plane, from 0 in the order of their first cells."""
     same = labels[cells.edges[:, 0]] == labels[cells.edges[:, 1]]
     roots = sets_of_pairs(len(labels), *cells.edges[same].T)
     return np.unique(roots, return_inverse=True)[1].reshape(-1)
@@ -29,7 +23,6 @@ def join_equal_cells(cells: Cells, labels: NDArray[np.int64]) -> NDArray[np.int6
 def absorb_small_faces(cells: Cells, labels: NDArray[np.int64], min_area: float) -> NDArray[np.int64]:
     """
     Give faces smaller than `min_area` [m²] the plane beyond their longest border, the smallest one first.
-
     """
     labels = labels.copy()
     areas = shapely.area(cells.polygons)
@@ -49,10 +42,7 @@ def absorb_small_faces(cells: Cells, labels: NDArray[np.int64], min_area: float)
 
 
 def face_polygons(cells: Cells, face: NDArray[np.int64]) -> list[shapely.Polygon]:
-    """
-    Return the faces' polygons by number, whole edges shared as those of the cells are.
-
-    """
+    """Return the faces' polygons by number, whole edges shared as those of the cells are."""
     order = np.argsort(face, kind="stable")
     starts = np.flatnonzero(np.diff(face[order], prepend=-1))
     groups = np.split(cells.polygons[order], starts[1:])
@@ -60,10 +50,7 @@ def face_polygons(cells: Cells, face: NDArray[np.int64]) -> list[shapely.Polygon
 
 
 def _united(group: NDArray[np.object_]) -> shapely.Polygon:
-    """
-    Unite cells that share whole edges.
-
-    """
+    """Unite cells that share whole edges."""
     united = shapely.coverage_union_all(group)
     return united if united.geom_type == "Polygon" else max(shapely.get_parts(united), key=shapely.area)
 
@@ -86,7 +73,6 @@ def without_straight_vertices(
     list of tuple of ndarray of shape (n_vertices, 2)
         Per polygon its outer ring counter-clockwise, then its holes clockwise, open; none for a polygon
         without corners.
-
     """
     rings = [
         [[tuple(xy) for xy in np.asarray(ring.coords)[:-1].tolist()] for ring in (p.exterior, *p.interiors)]
@@ -107,10 +93,7 @@ def without_straight_vertices(
 def _straight(
     neighbours: dict[tuple[float, float], set[tuple[float, float]]], keep: set[tuple[float, float]]
 ) -> set[tuple[float, float]]:
-    """
-    Return the vertices to leave out; `neighbours` is used up.
-
-    """
+    """Return the vertices to leave out; `neighbours` is used up."""
     dropped: set[tuple[float, float]] = set()
     for here in sorted(neighbours):
         around = neighbours[here]

@@ -1,7 +1,4 @@
-"""
-Heights of roof faces that the points bear out, and the parts of a roof that share one height.
-
-"""
+"""Heights of roof faces that the points bear out, and the parts of a roof that share one height."""
 
 from __future__ import annotations
 
@@ -39,7 +36,6 @@ class Limits:
         Of the lowest and the highest return, with a margin [m].
     per_rise : float
         Margin beyond for each unit of slope: a roof runs on for one spacing beyond its points [m].
-
     """
 
     low: float
@@ -48,17 +44,11 @@ class Limits:
 
     @classmethod
     def of(cls, points: NDArray[np.float64], spacing: float) -> Limits:
-        """
-        Return the limits of a building's points.
-
-        """
+        """Return the limits of a building's points."""
         return cls(float(points[:, 2].min()) - _BELOW, float(points[:, 2].max()) + _ABOVE, spacing)
 
     def excess(self, planes: NDArray[np.float64], xy: NDArray[np.float64]) -> NDArray[np.float64]:
-        """
-        Return how far planes, shape (n, 3), lie beyond the limits at places, shape (n, 2) [m].
-
-        """
+        """Return how far planes, shape (n, 3), lie beyond the limits at places, shape (n, 2) [m]."""
         z = np.einsum("ij,ij->i", planes[:, :2], xy) + planes[:, 2]
         beyond = np.maximum(z - self.high, self.low - z) - self.per_rise * np.hypot(*planes[:, :2].T)
         return np.maximum(beyond, 0.0)
@@ -80,7 +70,6 @@ def settle_planes(
         The building's points [m].
     spacing : float
         Point spacing [m].
-
     """
     limits = Limits.of(points, spacing)
     fitting = [_fitted(face, points[face.rows], spacing) for face in faces]
@@ -88,10 +77,7 @@ def settle_planes(
 
 
 def _fitted(face: RoofFacePatch, own: NDArray[np.float64], spacing: float) -> RoofFacePatch:
-    """
-    Return a face with the first plane that fits its points.
-
-    """
+    """Return a face with the first plane that fits its points."""
     if not len(own) or _suits(face.plane, face, own, spacing):
         return face
     if len(own) >= _MIN_POINTS:
@@ -104,7 +90,6 @@ def _fitted(face: RoofFacePatch, own: NDArray[np.float64], spacing: float) -> Ro
 def _suits(plane: NDArray[np.float64], face: RoofFacePatch, own: NDArray[np.float64], spacing: float) -> bool:
     """
     Whether a plane fits a face's points and, if the face is small and full of them, keeps to their heights.
-
     """
     if not _fits(plane, own, spacing):
         return False
@@ -119,10 +104,7 @@ def _suits(plane: NDArray[np.float64], face: RoofFacePatch, own: NDArray[np.floa
 
 
 def _fits(plane: NDArray[np.float64], own: NDArray[np.float64], spacing: float) -> bool:
-    """
-    Whether half of a face's points are near its plane.
-
-    """
+    """Whether half of a face's points are near its plane."""
     misfit = np.abs(own[:, 2] - _elevations(plane, own))
     return bool(np.median(misfit) <= _MAX_MEDIAN_MISFIT + 0.5 * spacing * np.hypot(*plane[:2]))
 
@@ -130,7 +112,6 @@ def _fits(plane: NDArray[np.float64], own: NDArray[np.float64], spacing: float) 
 def _within(face: RoofFacePatch, points: NDArray[np.float64], limits: Limits) -> list[RoofFacePatch]:
     """
     Return a face, or its pieces where it reaches beyond the limits: the part between them, and level ones.
-
     """
     corners = np.concatenate(face.rings)
     if not limits.excess(np.tile(face.plane, (len(corners), 1)), corners).any():
@@ -151,10 +132,7 @@ def _within(face: RoofFacePatch, points: NDArray[np.float64], limits: Limits) ->
 
 
 def _between(face: RoofFacePatch, low: float, high: float) -> shapely.Polygon:
-    """
-    Return a strip in plan that holds all of a face whose plane lies between two elevations.
-
-    """
+    """Return a strip in plan that holds all of a face whose plane lies between two elevations."""
     rise = float(np.hypot(*face.plane[:2]))
     uphill = face.plane[:2] / rise
     along = np.array([-uphill[1], uphill[0]])
@@ -167,17 +145,13 @@ def _between(face: RoofFacePatch, low: float, high: float) -> shapely.Polygon:
 
 
 def _elevations(plane: NDArray[np.float64], xy: NDArray[np.float64]) -> NDArray[np.float64]:
-    """
-    Return a plane's elevations at places.
-
-    """
+    """Return a plane's elevations at places."""
     return np.asarray(xy[:, 0] * plane[0] + xy[:, 1] * plane[1] + plane[2])
 
 
 def _least_squares(points: NDArray[np.float64]) -> NDArray[np.float64]:
     """
     Return the plane z = a·x + b·y + c with the least vertical misfit; flat where the points lie on a line.
-
     """
     centre = points.mean(axis=0)
     offsets = points - centre
@@ -200,7 +174,6 @@ def parts_of_one_height(faces: list[RoofFacePatch], min_step: float) -> NDArray[
     -------
     ndarray of shape (n_faces,), int64
         From 0.
-
     """
     polygons = np.array([face.polygon for face in faces], dtype=object)
     one, other = shapely.STRtree(polygons).query(polygons, predicate="intersects")
@@ -213,7 +186,6 @@ def parts_of_one_height(faces: list[RoofFacePatch], min_step: float) -> NDArray[
 def _mean_step(one: RoofFacePatch, other: RoofFacePatch) -> float:
     """
     Return the mean difference of elevation along the border of two faces [m], infinite without a border.
-
     """
     border = shapely.intersection(one.polygon, other.polygon)
     lines = [part for part in shapely.get_parts(border) if part.geom_type == "LineString"]

@@ -1,7 +1,4 @@
-"""
-The solids of a building, one for each level of detail, and why a level is missing.
-
-"""
+"""The solids of a building, one for each level of detail, and why a level is missing."""
 
 from __future__ import annotations
 
@@ -34,7 +31,6 @@ class Level:
         What is wrong with the first attempt, empty if there is a solid.
     remark : str
         Repair that it took; empty if none.
-
     """
 
     solid: Solid | None
@@ -45,7 +41,6 @@ class Level:
 def level_12(outline: Outline, ground: float, roof: float) -> tuple[Level, Outline]:
     """
     Raise an outline to one elevation, repairing it where its rings touch or cross; return it as it was used.
-
     """
     codes = check_solid(first := extrude(outline, ground, roof))
     if not codes:
@@ -68,7 +63,6 @@ def level_13(faces: list[RoofFacePatch], elevations: NDArray[np.float64], ground
         Equal for the faces of one part [m].
     ground : float
         Elevation of the ground [m].
-
     """
     merged = [
         (_united([faces[k].polygon for k in np.flatnonzero(elevations == z)]), z)
@@ -83,10 +77,7 @@ def level_13(faces: list[RoofFacePatch], elevations: NDArray[np.float64], ground
 
 
 def level_22(faces: list[RoofFacePatch], ground: float) -> Level:
-    """
-    Raise every face to its plane.
-
-    """
+    """Raise every face to its plane."""
     pieces = [
         RoofPiece(face.rings, (float(face.plane[0]), float(face.plane[1]), float(face.plane[2])))
         for face in faces
@@ -112,7 +103,6 @@ def part_elevations(
         The building's points [m].
     elevation_of : callable
         Turns elevations of points into the one of their part.
-
     """
     elevations = np.empty(len(faces))
     for number in range(int(part.max()) + 1):
@@ -128,16 +118,10 @@ def part_elevations(
 
 
 def _level(solid: Solid, codes: tuple[int, ...]) -> Level:
-    """
-    Return a solid if it passes all checks, else what is wrong with it.
-
-    """
+    """Return a solid if it passes all checks, else what is wrong with it."""
     return Level(None, codes) if codes else Level(solid)
 
 
 def _united(polygons: list[shapely.Polygon]) -> shapely.Geometry:
-    """
-    Unite faces; those that were cut at a level do not share whole edges with their neighbours.
-
-    """
+    """Unite faces; those that were cut at a level do not share whole edges with their neighbours."""
     return polygons[0] if len(polygons) == 1 else shapely.union_all(polygons, grid_size=GRID)

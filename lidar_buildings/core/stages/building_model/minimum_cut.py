@@ -1,7 +1,4 @@
-"""
-Minimum cuts of small graphs.
-
-"""
+"""Minimum cuts of small graphs."""
 
 from __future__ import annotations
 
@@ -39,7 +36,6 @@ def source_side(
     -------
     ndarray of shape (n_nodes,), bool
         Whether a node is on the source's side.
-
     """
     n = len(excess)
     source, sink = n, n + 1
@@ -83,10 +79,7 @@ def _set_levels(
     capacity: NDArray[np.float64],
     level: NDArray[np.int64],
 ) -> bool:
-    """
-    Write each node's distance from the source, -1 = not reached; return whether the sink is reached.
-
-    """
+    """Write each node's distance from the source, -1 = not reached; return whether the sink is reached."""
     level[:] = -1
     level[source] = 0
     queue = np.empty(len(level), np.int64)
@@ -114,10 +107,7 @@ def _saturate(
     capacity: NDArray[np.float64],
     level: NDArray[np.int64],
 ) -> None:
-    """
-    Send flow along paths of rising level until every such path is used up.
-
-    """
+    """Send flow along paths of rising level until every such path is used up."""
     at = first[:-1].copy()
     path = np.empty(len(level), np.int64)
     depth, node = 0, source

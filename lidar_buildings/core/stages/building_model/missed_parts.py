@@ -1,7 +1,4 @@
-"""
-Parts of a roof that got the plane of their neighbour because no line parted them.
-
-"""
+"""Parts of a roof that got the plane of their neighbour because no line parted them."""
 
 from __future__ import annotations
 
@@ -37,7 +34,6 @@ class MissedParts:
         Sides of rectangles round the missed parts, their ends in plan [m].
     planes : ndarray of shape (n_planes, 3)
         z = a·x + b·y + c of the tops of those that had no plane: chimneys and the like.
-
     """
 
     sides: NDArray[np.float64]
@@ -73,7 +69,6 @@ def find_missed_parts(
         Point spacing [m].
     min_area : float
         Smallest part, as the area that its points stand for [m²].
-
     """
     fewest = max(3, int(np.ceil(min_area / spacing**2)))
     planar = np.flatnonzero((np.abs(above) > _MISSED) & (plane_id > 0))
@@ -92,10 +87,7 @@ def find_missed_parts(
 
 
 def _is_level(z: NDArray[np.float64]) -> bool:
-    """
-    Whether most points of a part are at one level.
-
-    """
+    """Whether most points of a part are at one level."""
     low, high = np.percentile(z, [20, 80])
     return bool(high - low <= _MAX_SPREAD)
 
@@ -103,10 +95,7 @@ def _is_level(z: NDArray[np.float64]) -> bool:
 def _parts(
     xy: NDArray[np.float64], plane_id: NDArray[np.uint16], reach: float, fewest: int
 ) -> list[NDArray[np.int64]]:
-    """
-    Return the rows of connected groups of at least so many points of one plane.
-
-    """
+    """Return the rows of connected groups of at least so many points of one plane."""
     if len(xy) < fewest:
         return []
     one, other = cKDTree(xy).query_pairs(reach, output_type="ndarray").T
@@ -118,7 +107,6 @@ def _parts(
 def _directions(outline: Outline) -> NDArray[np.float64]:
     """
     Return unit vectors along the longest walls, at most three that differ by more than 10 degrees mod 90.
-
     """
     walls = np.concatenate([np.roll(ring, -1, axis=0) - ring for ring in outline.rings])
     length = np.hypot(*walls.T)
@@ -135,10 +123,7 @@ def _directions(outline: Outline) -> NDArray[np.float64]:
 def _rectangle(
     xy: NDArray[np.float64], directions: NDArray[np.float64], margin: float
 ) -> NDArray[np.float64]:
-    """
-    Return the four sides, shape (4, 2, 2), of the smallest rectangle in one of the directions.
-
-    """
+    """Return the four sides, shape (4, 2, 2), of the smallest rectangle in one of the directions."""
     hull = shapely.get_coordinates(shapely.convex_hull(shapely.multipoints(xy)))
     best = None
     for u in directions:

@@ -1,7 +1,4 @@
-"""
-The model of one building: solids at three levels of detail, and its attributes.
-
-"""
+"""The model of one building: solids at three levels of detail, and its attributes."""
 
 from __future__ import annotations
 
@@ -48,10 +45,7 @@ _ASSUMED_SPACING = 1.0
 
 @dataclass(frozen=True, eq=False)
 class _Roof:
-    """
-    What is known of a building before solids are made.
-
-    """
+    """What is known of a building before solids are made."""
 
     points: NDArray[np.float64]
     outline: Outline
@@ -100,7 +94,6 @@ def build_model(
     ------
     ValueError
         If an array has another shape, or a value is not finite.
-
     """
     config = config or BuildingModelConfig()
     points = checked_points(points)
@@ -142,20 +135,14 @@ def build_model(
 
 @dataclass(frozen=True)
 class _Flat:
-    """
-    The elevation of a flat top [m], and what to remark about it.
-
-    """
+    """The elevation of a flat top [m], and what to remark about it."""
 
     elevation: float
     remark: str = ""
 
     @classmethod
     def of(cls, points: NDArray[np.float64], ground: float, config: BuildingModelConfig) -> _Flat:
-        """
-        Return the top of LoD1.2.
-
-        """
+        """Return the top of LoD1.2."""
         roof = _top(points[:, 2], config)
         least = float(on_grid(ground + config.min_height))
         if roof >= least:
@@ -164,20 +151,14 @@ class _Flat:
 
 
 def _top(z: NDArray[np.float64], config: BuildingModelConfig) -> float:
-    """
-    Return the elevation of a flat top over points [m].
-
-    """
+    """Return the elevation of a flat top over points [m]."""
     return float(on_grid(np.percentile(z, ELEVATIONS[config.roof_elevation])))
 
 
 def _finer_levels(
     roof: _Roof, lowest: Level, config: BuildingModelConfig
 ) -> tuple[dict[str, Level], dict[str, list[RoofFacePatch]], str]:
-    """
-    Return LoD1.3 and LoD2.2, the faces of each, and why one is missing.
-
-    """
+    """Return LoD1.3 and LoD2.2, the faces of each, and why one is missing."""
     if not _has_extent(roof.points):
         return {}, {}, f"{len(roof.points)} roof points, too few or all on a line: one height"
     try:
@@ -201,10 +182,7 @@ def _finer_levels(
 
 
 def _roof_faces_of(roof: _Roof, config: BuildingModelConfig) -> list[RoofFacePatch]:
-    """
-    Divide the outline into faces with planes that the points bear out.
-
-    """
+    """Divide the outline into faces with planes that the points bear out."""
     planes, plane_id = _distinct_planes(roof)
     segments = [one.segment[:, :2] for one in roof.topology.intersections]
     segments += [one.segment for one in roof.topology.steps]
@@ -216,7 +194,6 @@ def _roof_faces_of(roof: _Roof, config: BuildingModelConfig) -> list[RoofFacePat
 def _distinct_planes(roof: _Roof) -> tuple[NDArray[np.float64], NDArray[np.uint16]]:
     """
     Return a, b, c of every plane, pieces of one plane once, and the number of each point's; at least one.
-
     """
     found = roof.topology.planes
     if not found:
@@ -233,10 +210,7 @@ def _distinct_planes(roof: _Roof) -> tuple[NDArray[np.float64], NDArray[np.uint1
 
 
 def _equation(plane: RoofPlane) -> NDArray[np.float64]:
-    """
-    Return a, b, c of z = a·x + b·y + c.
-
-    """
+    """Return a, b, c of z = a·x + b·y + c."""
     a, b = plane.gradient
     return np.array([a, b, plane.centroid[2] - a * plane.centroid[0] - b * plane.centroid[1]])
 
@@ -248,10 +222,7 @@ def _finished(
     attributes: dict[str, Any],
     remarks: list[str],
 ) -> BuildingModel:
-    """
-    Gather the solids and what is measured on the finest.
-
-    """
+    """Gather the solids and what is measured on the finest."""
     solids = {lod: level.solid for lod, level in levels.items() if level.solid is not None}
     finest = max(solids)
     whole = np.array([0.0, 0.0, solids[LOD12].vertices[:, 2].max()])
@@ -273,20 +244,14 @@ def _finished(
 
 
 def _lowest_alone(solid: Solid, attributes: dict[str, Any], remarks: list[str]) -> BuildingModel:
-    """
-    Return the model of a building whose LoD1.2 is sound and of which no more could be told.
-
-    """
+    """Return the model of a building whose LoD1.2 is sound and of which no more could be told."""
     attributes = attributes | {"volume": _rounded(solid.volume), "lod": LOD12, "validity": "[]"}
     reason = "; ".join(text for text in remarks if text)
     return BuildingModel({LOD12: solid}, attributes, _roof_faces(solid), BuildingStatus.OK, reason)
 
 
 def _has_extent(points: NDArray[np.float64]) -> bool:
-    """
-    Whether points span an area in plan.
-
-    """
+    """Whether points span an area in plan."""
     if len(points) < 3:
         return False
     offsets = points[:, :2] - points[:, :2].mean(axis=0)
@@ -295,10 +260,7 @@ def _has_extent(points: NDArray[np.float64]) -> bool:
 
 
 def _plane_sigma(topology: RoofTopology) -> float | None:
-    """
-    Return the root mean square distance of all planes' points to their planes [m].
-
-    """
+    """Return the root mean square distance of all planes' points to their planes [m]."""
     n = sum(plane.n_points for plane in topology.planes)
     if not n:
         return None
@@ -308,10 +270,7 @@ def _plane_sigma(topology: RoofTopology) -> float | None:
 def _attributes(
     points: NDArray[np.float64], outline: Outline, plane_id: NDArray[np.uint16] | None, spacing: float
 ) -> dict[str, Any]:
-    """
-    Return all attributes, those that need a solid still unknown.
-
-    """
+    """Return all attributes, those that need a solid still unknown."""
     elevations = {
         f"roof_elevation_{name}": float(on_grid(np.percentile(points[:, 2], share))) if len(points) else None
         for name, share in ELEVATIONS.items()
@@ -338,10 +297,7 @@ def _attributes(
 def _without_solid(
     attributes: dict[str, Any], ground: float | None, status: BuildingStatus, reason: str
 ) -> BuildingModel:
-    """
-    Return the model of a building that gets none.
-
-    """
+    """Return the model of a building that gets none."""
     known = None if ground is None else float(on_grid(ground))
     return BuildingModel({}, attributes | {"ground_elevation": known}, (), status, reason)
 
@@ -349,10 +305,7 @@ def _without_solid(
 def _ground(
     points: NDArray[np.float64], ground_elevation: float | None, config: BuildingModelConfig
 ) -> tuple[float, str]:
-    """
-    Return the elevation that the solid stands on, and what to remark about it.
-
-    """
+    """Return the elevation that the solid stands on, and what to remark about it."""
     if ground_elevation is not None:
         return float(on_grid(ground_elevation)), ""
     assumed = float(on_grid(points[:, 2].min() - config.assumed_height))
@@ -360,10 +313,7 @@ def _ground(
 
 
 def _roof_faces(solid: Solid) -> RoofFaces:
-    """
-    Return the rings of a solid's roof faces.
-
-    """
+    """Return the rings of a solid's roof faces."""
     return tuple(
         solid.face_rings(face)
         for face, kind in zip(solid.faces, solid.semantics, strict=True)
@@ -374,6 +324,5 @@ def _roof_faces(solid: Solid) -> RoofFaces:
 def _rounded(value: float) -> float:
     """
     Round what is measured to a tenth of a millimetre: sums may differ in their last digits with the order.
-
     """
     return round(float(value), 4)

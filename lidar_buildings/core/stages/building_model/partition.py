@@ -1,7 +1,4 @@
-"""
-The partition of an outline into roof faces.
-
-"""
+"""The partition of an outline into roof faces."""
 
 from __future__ import annotations
 
@@ -70,7 +67,6 @@ def partition_outline(
     spacing : float
         Point spacing [m].
     config : BuildingModelConfig
-
     """
     samples = make_samples(points, plane_id, outline.polygon, spacing)
     roof = _Roof(outline, points, samples, planes, spacing, config)
@@ -89,10 +85,7 @@ def partition_outline(
 
 @dataclass(frozen=True, eq=False)
 class _Roof:
-    """
-    What every attempt at a partition starts from.
-
-    """
+    """What every attempt at a partition starts from."""
 
     outline: Outline
     points: NDArray[np.float64]
@@ -104,30 +97,21 @@ class _Roof:
 
 @dataclass(frozen=True, eq=False)
 class _Labelled:
-    """
-    Cells with the row of each one's plane, and the cell of every point, -1 beside the outline.
-
-    """
+    """Cells with the row of each one's plane, and the cell of every point, -1 beside the outline."""
 
     cells: Cells
     labels: NDArray[np.int64]
     cell: NDArray[np.int64]
 
     def above(self, roof: _Roof) -> NDArray[np.float64]:
-        """
-        Return every point's height above its face, 0 for points beside the outline [m].
-
-        """
+        """Return every point's height above its face, 0 for points beside the outline [m]."""
         plane = roof.planes[self.labels[self.cell]]
         above = roof.points[:, 2] - np.einsum("ij,ij->i", plane[:, :2], roof.points[:, :2]) - plane[:, 2]
         return np.where(self.cell >= 0, above, 0.0)
 
 
 def _label(roof: _Roof, segments: NDArray[np.float64]) -> _Labelled:
-    """
-    Cut the outline and give every cell a plane.
-
-    """
+    """Cut the outline and give every cell a plane."""
     outline, samples, planes, config = roof.outline, roof.samples, roof.planes, roof.config
     cells = _cells(outline, segments) if len(planes) > 1 else cut_into_cells(outline, segments[:0])
     cell = _places(cells, samples)
@@ -149,7 +133,6 @@ def _label(roof: _Roof, segments: NDArray[np.float64]) -> _Labelled:
 def _impossible(cells: Cells, planes: NDArray[np.float64], limits: Limits) -> NDArray[np.float64]:
     """
     Return what it costs that planes lie beyond what was seen or are walls [m³], shape (n_cells, n_planes).
-
     """
     corners, cell = shapely.get_coordinates(cells.polygons, return_index=True)
     worst = np.zeros((len(cells.polygons), len(planes)))
@@ -160,10 +143,7 @@ def _impossible(cells: Cells, planes: NDArray[np.float64], limits: Limits) -> ND
 
 
 def _faces(roof: _Roof, found: _Labelled) -> list[RoofFacePatch]:
-    """
-    Join cells of one plane to faces.
-
-    """
+    """Join cells of one plane to faces."""
     face = join_equal_cells(found.cells, found.labels)
     polygons = face_polygons(found.cells, face)
     rings = without_straight_vertices(polygons, np.concatenate(roof.outline.rings))
@@ -179,7 +159,6 @@ def _faces(roof: _Roof, found: _Labelled) -> list[RoofFacePatch]:
 def _cells(outline: Outline, segments: NDArray[np.float64]) -> Cells:
     """
     Cut an outline along segments and along the walls of its re-entrant corners, all run on to the next line.
-
     """
     walls = np.concatenate([np.stack([r, np.roll(r, -1, axis=0)], axis=1) for r in outline.rings])
     inward = [_reentrant_walls(ring) for ring in outline.rings]
@@ -188,10 +167,7 @@ def _cells(outline: Outline, segments: NDArray[np.float64]) -> Cells:
 
 
 def _reentrant_walls(ring: NDArray[np.float64]) -> NDArray[np.float64]:
-    """
-    Return short segments that lead from re-entrant corners along their walls into the building.
-
-    """
+    """Return short segments that lead from re-entrant corners along their walls into the building."""
     into = ring - np.roll(ring, 1, axis=0)
     out = np.roll(ring, -1, axis=0) - ring
     turn = np.arctan2(into[:, 0] * out[:, 1] - into[:, 1] * out[:, 0], np.sum(into * out, axis=1))
@@ -203,10 +179,7 @@ def _reentrant_walls(ring: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _places(cells: Cells, samples: Samples) -> NDArray[np.int64]:
-    """
-    Return the cell of every sample, -1 for those beside the outline.
-
-    """
+    """Return the cell of every sample, -1 for those beside the outline."""
     rings, owner = shapely.get_rings(cells.polygons, return_index=True)
     corners, ring_of = shapely.get_coordinates(rings, return_index=True)
     first = np.searchsorted(ring_of, np.arange(len(rings) + 1))
@@ -218,10 +191,7 @@ def _places(cells: Cells, samples: Samples) -> NDArray[np.int64]:
 
 
 def _rows_by_face(face: NDArray[np.int64], cell: NDArray[np.int64], n_faces: int) -> list[NDArray[np.int64]]:
-    """
-    Return the rows of the points over each face.
-
-    """
+    """Return the rows of the points over each face."""
     rows = np.flatnonzero(cell >= 0)
     number = face[cell[rows]]
     order = np.argsort(number, kind="stable")

@@ -1,7 +1,4 @@
-"""
-How well a model agrees with its points.
-
-"""
+"""How well a model agrees with its points."""
 
 from __future__ import annotations
 
@@ -39,7 +36,6 @@ class ModelQuality:
         Share of the outline's area with a point near that agrees with the model.
     no_data_share : float
         Share of the outline's area without any point near.
-
     """
 
     rmse: float | None
@@ -69,7 +65,6 @@ def measure_model(
         The building's [m].
     spacing : float
         Point spacing [m].
-
     """
     misfit = _misfits(faces, points)
     far = np.flatnonzero(misfit > _NEAR)
@@ -86,10 +81,7 @@ def measure_model(
 
 
 def _is_near(spots: NDArray[np.float64], xy: NDArray[np.float64], reach: float) -> NDArray[np.bool_]:
-    """
-    Whether places have a position within reach.
-
-    """
+    """Whether places have a position within reach."""
     # Any position in the same cell of this size is near; the tree is asked about the other places only.
     size = reach / 1.5
     low = np.minimum(spots.min(axis=0), xy.min(axis=0, initial=np.inf)) // size
@@ -103,10 +95,7 @@ def _is_near(spots: NDArray[np.float64], xy: NDArray[np.float64], reach: float) 
 
 
 def _misfits(faces: list[RoofFacePatch], points: NDArray[np.float64]) -> NDArray[np.float64]:
-    """
-    Return every point's distance to the plane of the face over or under it [m].
-
-    """
+    """Return every point's distance to the plane of the face over or under it [m]."""
     number = np.full(len(points), -1, dtype=np.int64)
     for k, face in enumerate(faces):
         number[face.rows] = k
@@ -121,10 +110,7 @@ def _misfits(faces: list[RoofFacePatch], points: NDArray[np.float64]) -> NDArray
 
 
 def _spots(outline: Outline, spacing: float) -> NDArray[np.float64]:
-    """
-    Return places inside an outline on a regular grid.
-
-    """
+    """Return places inside an outline on a regular grid."""
     if len(outline.exterior) < 3 or outline.area <= 0:
         return np.zeros((0, 2))
     low, high = outline.exterior.min(axis=0), outline.exterior.max(axis=0)

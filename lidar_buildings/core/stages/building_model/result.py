@@ -1,7 +1,4 @@
-"""
-What is known of one building.
-
-"""
+"""What is known of one building."""
 
 from __future__ import annotations
 
@@ -56,7 +53,6 @@ class BuildingModel:
         OK, NO_SOLID or DEGENERATE; FAILED in place of a model that could not be built.
     reason : str
         Why not OK, or what was assumed or repaired.
-
     """
 
     solids: dict[str, Solid]

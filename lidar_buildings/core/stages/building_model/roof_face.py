@@ -1,7 +1,4 @@
-"""
-A face of a roof before it becomes part of a solid.
-
-"""
+"""A face of a roof before it becomes part of a solid."""
 
 from __future__ import annotations
 
@@ -25,7 +22,6 @@ class RoofFacePatch:
         z = a·x + b·y + c.
     rows : ndarray of shape (n_points,), int64
         Rows of the building's points over the face.
-
     """
 
     rings: tuple[NDArray[np.float64], ...]
@@ -34,17 +30,11 @@ class RoofFacePatch:
 
     @property
     def polygon(self) -> shapely.Polygon:
-        """
-        The face in plan.
-
-        """
+        """The face in plan."""
         return shapely.Polygon(self.rings[0], self.rings[1:])
 
 
 def open_rings(polygon: shapely.Polygon) -> tuple[NDArray[np.float64], ...]:
-    """
-    Return a polygon's rings, the outer one counter-clockwise, its holes clockwise, open.
-
-    """
+    """Return a polygon's rings, the outer one counter-clockwise, its holes clockwise, open."""
     oriented = shapely.geometry.polygon.orient(polygon)
     return tuple(np.asarray(ring.coords)[:-1] for ring in (oriented.exterior, *oriented.interiors))

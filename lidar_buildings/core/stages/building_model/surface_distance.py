@@ -1,7 +1,4 @@
-"""
-Distance of points to the surface of a solid.
-
-"""
+"""Distance of points to the surface of a solid."""
 
 from __future__ import annotations
 
@@ -31,7 +28,6 @@ def distance_to_surface(
     -------
     ndarray of shape (n_points,)
         [m].
-
     """
     rings = [ring for face in solid.faces for ring in face]
     rows = np.array([row for ring in rings for row in (*ring, ring[0])], dtype=np.int64)
@@ -51,10 +47,7 @@ def _nearest(
     first_ring: NDArray[np.int64],
     distance: NDArray[np.float64],
 ) -> None:
-    """
-    Lower the distances face by face.
-
-    """
+    """Lower the distances face by face."""
     for face in range(len(first_ring) - 1):
         start, stop = first_corner[first_ring[face]], first_corner[first_ring[face + 1]]
         outer = first_corner[first_ring[face] + 1]
@@ -95,10 +88,7 @@ def _nearest(
 
 @njit(cache=True, nogil=True)
 def _normal(corners: NDArray[np.float64], start: int, stop: int) -> tuple[float, float, float]:
-    """
-    Return a ring's area vector, doubled (Newell).
-
-    """
+    """Return a ring's area vector, doubled (Newell)."""
     nx, ny, nz = 0.0, 0.0, 0.0
     for k in range(start, stop - 1):
         ax, ay, az = corners[k] - corners[start]
@@ -120,10 +110,7 @@ def _inside(
     u: int,
     v: int,
 ) -> bool:
-    """
-    Whether a place lies within a face's rings (even-odd rule), seen along the dropped axis.
-
-    """
+    """Whether a place lies within a face's rings (even-odd rule), seen along the dropped axis."""
     odd = False
     for ring in range(first_ring[face], first_ring[face + 1]):
         for k in range(first_corner[ring], first_corner[ring + 1] - 1):
@@ -142,10 +129,7 @@ def _to_edges(
     face: int,
     reach: float,
 ) -> float:
-    """
-    Return a point's distance to the nearest edge of a face, `reach` if none is nearer [m].
-
-    """
+    """Return a point's distance to the nearest edge of a face, `reach` if none is nearer [m]."""
     least = reach * reach
     for ring in range(first_ring[face], first_ring[face + 1]):
         for k in range(first_corner[ring], first_corner[ring + 1] - 1):

@@ -1,7 +1,4 @@
-"""
-Edge labelling: which roof points lie on edges.
-
-"""
+"""Edge labelling: which roof points lie on edges."""
 
 from lidar_buildings.core.stages.edge_labelling.config import AS_PUBLISHED, EdgeLabellingConfig
 from lidar_buildings.core.stages.edge_labelling.labelling import EdgeLabels, label_edges

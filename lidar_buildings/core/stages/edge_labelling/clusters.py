@@ -1,6 +1,5 @@
 """
 Which points are edges by the clusters of their features: roof by roof, for a whole tile, or by given centres.
-
 """
 
 from __future__ import annotations
@@ -40,7 +39,6 @@ class Clusters:
     centres : ndarray of shape (2, n_features)
         Of surfaces and of edges: the points' own if the status is ``"ok"``, else typical ones; NaN where
         there was nothing to label.
-
     """
 
     roof_id: int
@@ -66,7 +64,6 @@ def cluster_edges(
     Label the points of each roof, or of all together where there is no `roof_id`; return the clusters, too.
 
     Points that lie where all their neighbours do have no shape: they are no edges and move no centre.
-
     """
     edge = np.zeros(len(linearity), dtype=np.bool_)
     numbers, rows, first = _groups(has_shape, roof_id)
@@ -90,7 +87,6 @@ def _groups(
 ) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
     """
     Return the roofs' numbers, rising, the rows with a shape roof by roof, and where those of each begin.
-
     """
     if roof_id is None:
         rows = np.flatnonzero(has_shape)
@@ -104,10 +100,7 @@ def _groups(
 
 @njit(cache=True, nogil=True)
 def _collect(kept, number, first):  # type: ignore[no-untyped-def]
-    """
-    Return the rows kept, those of one number together, and write to `first` where each begins.
-
-    """
+    """Return the rows kept, those of one number together, and write to `first` where each begins."""
     for i in range(len(kept)):
         first[number[i] + 1] += kept[i]
     for k in range(1, len(first)):
@@ -123,10 +116,7 @@ def _collect(kept, number, first):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _gather(measures, linearity, rows, own, lin, begin, end):  # type: ignore[no-untyped-def]
-    """
-    Fill the rows begin to end with features and linearity of the points collected.
-
-    """
+    """Fill the rows begin to end with features and linearity of the points collected."""
     for k in range(len(measures)):
         for i in range(begin, end):
             own[i, k] = measures[k][rows[i]]
@@ -136,10 +126,7 @@ def _gather(measures, linearity, rows, own, lin, begin, end):  # type: ignore[no
 
 @njit(cache=True, nogil=True)
 def _scatter(ordered, rows, edge, begin, end):  # type: ignore[no-untyped-def]
-    """
-    Write labels begin to end of the points collected to their rows.
-
-    """
+    """Write labels begin to end of the points collected to their rows."""
     for i in range(begin, end):
         edge[rows[i]] = ordered[i]
 
@@ -151,10 +138,7 @@ def _cluster(
     config: EdgeLabellingConfig,
     edge: NDArray[np.bool_],
 ) -> Clusters:
-    """
-    Label a roof's points in `edge`.
-
-    """
+    """Label a roof's points in `edge`."""
     edge[:] = False
     if len(features) < 2:
         nothing = np.full((2, features.shape[1]), np.nan)
@@ -171,10 +155,7 @@ def _centres(
     weight: NDArray[np.float64] | None,
     config: EdgeLabellingConfig,
 ) -> tuple[NDArray[np.float64], str]:
-    """
-    Return the centres of surfaces and edges, and whether they are the points' own.
-
-    """
+    """Return the centres of surfaces and edges, and whether they are the points' own."""
     typical = centres_of(config.features, ())
     if config.scope == "given":
         return centres_of(config.features, config.given_centres()), OK

@@ -1,7 +1,4 @@
-"""
-Parameters of edge labelling.
-
-"""
+"""Parameters of edge labelling."""
 
 from __future__ import annotations
 
@@ -17,10 +14,7 @@ N_FEATURES = {"eigenvalues": 3, "linearity_planarity": 2, "linearity": 1}
 
 @dataclass(frozen=True)
 class EdgeLabellingConfig(StageConfig):
-    """
-    Parameters of edge labelling; the defaults serve 1 to 60 pts/m².
-
-    """
+    """Parameters of edge labelling; the defaults serve 1 to 60 pts/m²."""
 
     stage: ClassVar[str] = "edge_labelling"
 
@@ -121,10 +115,7 @@ class EdgeLabellingConfig(StageConfig):
     )
 
     def __post_init__(self) -> None:
-        """
-        Check every value, and the centres against the features.
-
-        """
+        """Check every value, and the centres against the features."""
         super().__post_init__()
         self.given_centres()
 
@@ -136,7 +127,6 @@ class EdgeLabellingConfig(StageConfig):
         ------
         ParameterError
             If there are not two centres of finite numbers for the feature set, the second one more linear.
-
         """
         wanted = 2 * N_FEATURES[self.features]
         try:
@@ -155,10 +145,6 @@ class EdgeLabellingConfig(StageConfig):
         return numbers
 
     def _linearity(self, centre: tuple[float, ...]) -> float:
-        """
-        Return the linearity that a centre has.
-
-        """
         if self.features != "eigenvalues":
             return centre[0]
         return (centre[0] - centre[1]) / centre[0] if centre[0] > 0.0 else 0.0

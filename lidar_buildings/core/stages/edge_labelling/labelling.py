@@ -1,7 +1,4 @@
-"""
-The stage: features, clusters, thinning.
-
-"""
+"""The stage: features, clusters, thinning."""
 
 from __future__ import annotations
 
@@ -50,7 +47,6 @@ class EdgeLabels:
     roof_id : ndarray of int64, shape (n_points,), or None
         The roof whose clusters labelled each point: as given, or numbered from 0; None where all points
         share theirs.
-
     """
 
     edge: NDArray[np.uint8]
@@ -64,10 +60,7 @@ class EdgeLabels:
 
     @property
     def n_roofs(self) -> dict[str, int]:
-        """
-        How many roofs came to each status.
-
-        """
+        """How many roofs came to each status."""
         return dict(Counter(one.status for one in self.clusters))
 
 
@@ -115,7 +108,6 @@ def label_edges(
     Neither the order of the points nor the number of threads changes a label. A roof that lies whole in two
     tiles is labelled alike in both, given the same spacing. Steps between roofs are labelled with thinning
     "surface"; ridges only with "none", and few: they bend the surface too little to be told apart.
-
     """
     config = config or EdgeLabellingConfig()
     points = checked_points(points)
@@ -149,10 +141,7 @@ def _features(
     spacing: float,
     config: EdgeLabellingConfig,
 ) -> EigenFeatures:
-    """
-    Describe each point's sphere, given roofs each for itself.
-
-    """
+    """Describe each point's sphere, given roofs each for itself."""
     largest = max(config.max_radius, config.min_radius)
     radii = np.unique(np.geomspace(config.min_radius, largest, config.n_radii)) * spacing
     apart = set_apart(points, roofs, float(radii[-1]))
@@ -160,10 +149,7 @@ def _features(
 
 
 def _cells(points: NDArray[np.float64], spacing: float, config: EdgeLabellingConfig) -> SortedPoints | None:
-    """
-    Sort the points into cells where roofs or rims have to be found.
-
-    """
+    """Sort the points into cells where roofs or rims have to be found."""
     if config.thinning == "none" and config.scope != "roof":
         return None
     return sort_by_cell(points, max(2.0 * config.rim_radius, config.band_reach) * spacing)
@@ -172,10 +158,7 @@ def _cells(points: NDArray[np.float64], spacing: float, config: EdgeLabellingCon
 def _groups(
     cells: SortedPoints | None, roofs: NDArray[np.int64] | None, config: EdgeLabellingConfig
 ) -> NDArray[np.int64] | None:
-    """
-    Number the points that share their clusters; None if all do, or there are no clusters.
-
-    """
+    """Number the points that share their clusters; None if all do, or there are no clusters."""
     if config.scope != "roof" or config.method != "k_means":
         return None
     return roofs if roofs is not None or cells is None else roofs_in_plan(cells)
@@ -188,10 +171,7 @@ def _band(
     groups: NDArray[np.int64] | None,
     config: EdgeLabellingConfig,
 ) -> tuple[NDArray[np.bool_], tuple[Clusters, ...]]:
-    """
-    Label the band along edges; return the clusters, too.
-
-    """
+    """Label the band along edges; return the clusters, too."""
     if config.method == "discriminant_analysis":
         return discriminant_edges(eigenvalues_by_area(found)), ()
     measures = measures_of(found, linearity, planarity, config.features)
@@ -205,10 +185,7 @@ def _thinned(
     band: NDArray[np.bool_],
     config: EdgeLabellingConfig,
 ) -> NDArray[np.bool_]:
-    """
-    Return the rims in and near the band, or the band itself.
-
-    """
+    """Return the rims in and near the band, or the band itself."""
     if config.thinning == "none" or cells is None:
         return band
     return on_rims(

@@ -1,7 +1,4 @@
-"""
-The measures that points are clustered by, and centres that are typical of roofs.
-
-"""
+"""The measures that points are clustered by, and centres that are typical of roofs."""
 
 from __future__ import annotations
 
@@ -20,10 +17,7 @@ TYPICAL_CENTRES: dict[str, tuple[tuple[float, ...], tuple[float, ...]]] = {
 
 
 def eigenvalues_by_area(found: EigenFeatures) -> NDArray[np.float64]:
-    """
-    Return λ in units of the neighbourhood's R², which makes them comparable from radius to radius.
-
-    """
+    """Return λ in units of the neighbourhood's R², which makes them comparable from radius to radius."""
     return found.eigenvalues / np.square(found.radius)[:, None]
 
 
@@ -41,7 +35,6 @@ def measures_of(
         Of the same.
     features : str
         The feature set (Santos and others, Table 2).
-
     """
     if features == "eigenvalues":
         return tuple(np.ascontiguousarray(eigenvalues_by_area(found).T))
@@ -51,7 +44,6 @@ def measures_of(
 def centres_of(features: str, given: tuple[float, ...]) -> NDArray[np.float64]:
     """
     Return the given centres of surfaces and edges, shape (2, n_features), or the typical ones if none are.
-
     """
     if given:
         return np.array(given).reshape(2, -1)

@@ -3,7 +3,6 @@ Arcs round a point in which the centre of an empty disc that touches it may lie.
 
 Every neighbour keeps the centre out of an arc. Arcs are first covered in sectors looked up by the neighbour's
 place, which is quick and settles nearly all points; the others are cut exactly.
-
 """
 
 from __future__ import annotations
@@ -50,7 +49,6 @@ def sector_table() -> NDArray[np.uint64]:
     ndarray of uint64, shape ((N_SQUARES + 2)², 2)
         A bit for each sector: surely blocked, perhaps blocked. Squares row by row from the south-west, with a
         rim of those that are too far off.
-
     """
     edges = (np.arange(N_SQUARES + 1) - N_SQUARES // 2) * (4.0 / N_SQUARES)
     turn = np.pi / N_SECTORS * np.arange(2 * N_SECTORS + 1)
@@ -68,17 +66,13 @@ def sector_table() -> NDArray[np.uint64]:
 def _squares_off(edges: NDArray[Any], turn: NDArray[Any], off: Callable[..., NDArray[Any]]) -> NDArray[Any]:
     """
     Return squared distances of squares or corners (north, east) from the disc's centre in each direction.
-
     """
     east, north = off(edges[:, None], np.cos(turn)), off(edges[:, None], np.sin(turn))
     return np.square(north)[:, None] + np.square(east)[None]
 
 
 def _gap(edges: NDArray[Any], place: NDArray[Any]) -> NDArray[Any]:
-    """
-    Return how far a place is from the interval between one edge and the next.
-
-    """
+    """Return how far a place is from the interval between one edge and the next."""
     return np.maximum(np.maximum(edges[:-1] - place, place - edges[1:]), 0.0)
 
 
@@ -86,7 +80,6 @@ def _gap(edges: NDArray[Any], place: NDArray[Any]) -> NDArray[Any]:
 def square_at(east, north):  # type: ignore[no-untyped-def]
     """
     Return the number of the square at a place, which is in units of squares; the first is one too far off.
-
     """
     column = min(max(np.floor(east) + (N_SQUARES // 2 + 1.0), 0.0), N_SQUARES + 1.0)
     row = min(max(np.floor(north) + (N_SQUARES // 2 + 1.0), 0.0), N_SQUARES + 1.0)
@@ -95,10 +88,7 @@ def square_at(east, north):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def without_neighbour(arcs, n_open, dx, dy, diameter):  # type: ignore[no-untyped-def]
-    """
-    Take the arc that a neighbour blocks out of the open ones; return how many are left.
-
-    """
+    """Take the arc that a neighbour blocks out of the open ones; return how many are left."""
     square = dx * dx + dy * dy
     first, last = _blocked(dx, dy, math.sqrt(square), math.sqrt(diameter * diameter - square))
     n_open = _without(arcs, n_open, first, TURN if last < first else last)
@@ -114,7 +104,6 @@ def _blocked(dx, dy, distance, across):  # type: ignore[no-untyped-def]
 
     The disc's diameter is the hypotenuse of the neighbour's distance and `across`: from the neighbour's
     direction (dx, dy) to either end the arc goes by the angle between diameter and distance.
-
     """
     first = _direction(dx * distance + dy * across, dy * distance - dx * across)
     return first, _direction(dx * distance - dy * across, dy * distance + dx * across)
@@ -126,7 +115,6 @@ def _direction(east, north):  # type: ignore[no-untyped-def]
     Return a number from 0 to 4 that rises with a vector's direction, anticlockwise from the east.
 
     Quarter turns that are not quite even: it saves the arc tangent.
-
     """
     along = north / (abs(east) + abs(north))
     if east < 0.0:
@@ -136,10 +124,7 @@ def _direction(east, north):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _without(arcs, n_open, first, last):  # type: ignore[no-untyped-def]
-    """
-    Take the arc first to last out of the open ones; return how many are left.
-
-    """
+    """Take the arc first to last out of the open ones; return how many are left."""
     k = 0
     while k < n_open:
         begin, end = arcs[k]

@@ -1,7 +1,4 @@
-"""
-Roofs in plan: what hangs together in square cells.
-
-"""
+"""Roofs in plan: what hangs together in square cells."""
 
 from __future__ import annotations
 
@@ -19,10 +16,7 @@ CELLS_A_BLOCK = 2048
 
 
 def roofs_in_plan(cells: SortedPoints) -> NDArray[np.int64]:
-    """
-    Number roofs from 0, per input row: points in cells that touch, be it at a corner, are of one.
-
-    """
+    """Number roofs from 0, per input row: points in cells that touch, be it at a corner, are of one."""
     parent = np.arange(len(cells.numbers))
     _link_neighbours(cells.numbers, cells.n_columns, parent)
     # The first cell of a roof is its root: roofs are numbered in the order of their first cells.
@@ -34,10 +28,7 @@ def roofs_in_plan(cells: SortedPoints) -> NDArray[np.int64]:
 
 @njit(cache=True, nogil=True)
 def _link_neighbours(numbers, n_columns, parent):  # type: ignore[no-untyped-def]
-    """
-    Link every cell to those round it, of which those before it are enough.
-
-    """
+    """Link every cell to those round it, of which those before it are enough."""
     if len(numbers) == 0:
         return
     windows = first_windows(numbers, n_columns, 1, 0)
@@ -51,10 +42,7 @@ def _link_neighbours(numbers, n_columns, parent):  # type: ignore[no-untyped-def
 
 @njit(cache=True, nogil=True)
 def _spread(cells, number, roof, begin, end):  # type: ignore[no-untyped-def]
-    """
-    Write the numbers of cells begin to end to the rows of their points.
-
-    """
+    """Write the numbers of cells begin to end to the rows of their points."""
     for cell in range(begin, end):
         for i in range(cells.first[cell], cells.first[cell + 1]):
             roof[cells.rows[i]] = number[cell]

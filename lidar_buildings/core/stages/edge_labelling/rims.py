@@ -1,7 +1,4 @@
-"""
-Thinning: of the band that clusters label along edges, the points on the rim stay.
-
-"""
+"""Thinning: of the band that clusters label along edges, the points on the rim stay."""
 
 from __future__ import annotations
 
@@ -68,7 +65,6 @@ def on_rims(
     -------
     ndarray of bool, shape (n_points,)
         Per input row.
-
     """
     rim = np.zeros(len(band), dtype=np.bool_)
     roof = np.zeros(len(band), dtype=np.int64) if roof_id is None else _sorted(numbered(roof_id)[1], cells)
@@ -86,10 +82,7 @@ def on_rims(
 
 
 def _sorted(values: NDArray[Any], cells: SortedPoints) -> NDArray[Any]:
-    """
-    Return one value per input row in the order of the sorted points.
-
-    """
+    """Return one value per input row in the order of the sorted points."""
     ordered = np.empty_like(values)
     for_row_blocks(lambda begin, end: _gather(values, cells.rows, ordered, begin, end), len(values))
     return ordered
@@ -97,10 +90,7 @@ def _sorted(values: NDArray[Any], cells: SortedPoints) -> NDArray[Any]:
 
 @njit(cache=True, nogil=True)
 def _gather(values, rows, ordered, begin, end):  # type: ignore[no-untyped-def]
-    """
-    Fill the sorted points begin to end.
-
-    """
+    """Fill the sorted points begin to end."""
     for i in range(begin, end):
         ordered[i] = values[rows[i]]
 
@@ -111,7 +101,6 @@ def _find_rims(cells, everything, of_band, lengths, table, rim, begin, end):  # 
     Fill the rows of the points of cells begin to end.
 
     `everything` and `of_band` are points, their roofs, and where those of each cell begin.
-
     """
     points, roof, first = everything
     radius, reach, max_step = lengths
@@ -141,7 +130,6 @@ def _gathered(sorted_points, windows, near):  # type: ignore[no-untyped-def]
         What is beyond the last point is rubbish.
     n_near : int
         How many points there are.
-
     """
     points, roof, first = sorted_points
     n_near = 0
@@ -160,10 +148,7 @@ def _gathered(sorted_points, windows, near):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _is_near(band, n_band, place, reach, max_step):  # type: ignore[no-untyped-def]
-    """
-    Whether one of the first points of the band, of the same roof, is within reach of a place.
-
-    """
+    """Whether one of the first points of the band, of the same roof, is within reach of a place."""
     x, y, z, roof = place
     found = False
     for j in range(n_band):
@@ -177,7 +162,6 @@ def _is_near(band, n_band, place, reach, max_step):  # type: ignore[no-untyped-d
 def _is_on_rim(near, n_near, place, radius, max_step, table, arcs):  # type: ignore[no-untyped-def]
     """
     Whether an empty disc touches a place: by sectors if they tell, else exactly; `arcs` is room to work in.
-
     """
     x, y, z, roof = place
     scale, same = N_SQUARES / (4.0 * radius), (SAME_PLACE * radius) ** 2
@@ -198,10 +182,7 @@ def _is_on_rim(near, n_near, place, radius, max_step, table, arcs):  # type: ign
 
 @njit(cache=True, nogil=True)
 def _is_touched(near, n_near, place, radius, max_step, arcs):  # type: ignore[no-untyped-def]
-    """
-    Tell the same by cutting out arc after arc.
-
-    """
+    """Tell the same by cutting out arc after arc."""
     x, y, z, roof = place
     arcs[0] = 0.0, TURN
     n_open = 1

@@ -1,7 +1,4 @@
-"""
-How roofs are numbered, and kept from seeing one another.
-
-"""
+"""How roofs are numbered, and kept from seeing one another."""
 
 from __future__ import annotations
 
@@ -18,7 +15,6 @@ def set_apart(
     Return the points with roofs lifted so far above one another that none is within reach of another [m].
 
     The lift is a multiple of a power of two: coordinates that fit a float32 keep their differences exactly.
-
     """
     if roof_id is None or len(points) == 0:
         return points
@@ -28,10 +24,7 @@ def set_apart(
 
 
 def numbered(roof_id: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """
-    Return the roofs' numbers, rising, and each point's place among them.
-
-    """
+    """Return the roofs' numbers, rising, and each point's place among them."""
     low, high = (int(roof_id.min()), int(roof_id.max())) if len(roof_id) else (0, 0)
     if high - low >= len(roof_id):
         numbers, dense = np.unique(roof_id, return_inverse=True)

@@ -1,7 +1,4 @@
-"""
-What became of the points that were clustered together.
-
-"""
+"""What became of the points that were clustered together."""
 
 from __future__ import annotations
 
@@ -16,9 +13,6 @@ TOO_FEW_POINTS = "too_few_points"
 
 
 def overall(statuses: Iterable[str]) -> str:
-    """
-    Return the best of several statuses, that of no points if there are none.
-
-    """
+    """Return the best of several statuses, that of no points if there are none."""
     found = set(statuses)
     return next((one for one in (OK, ONE_CLUSTER) if one in found), TOO_FEW_POINTS)

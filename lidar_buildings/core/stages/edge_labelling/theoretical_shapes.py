@@ -1,6 +1,5 @@
 """
 The eight theoretical shapes of Gross and Thoennessen (2006), by which discriminant analysis tells edges.
-
 """
 
 from __future__ import annotations
@@ -27,7 +26,6 @@ class Shape(NamedTuple):
         λ1 ≥ λ2 ≥ λ3 of the covariance about the mean, in units of R².
     is_edge : bool
         The group that Santos and others put it in.
-
     """
 
     name: str
@@ -67,7 +65,6 @@ def nearest_shapes(eigenvalues: NDArray[np.float64]) -> NDArray[np.uint8]:
     ----------
     eigenvalues : ndarray of shape (n_points, 3)
         λ1 ≥ λ2 ≥ λ3 in units of the neighbourhood's R².
-
     """
     shapes = np.array([shape.eigenvalues for shape in SHAPES])
     nearest = np.empty(len(eigenvalues), dtype=np.uint8)
@@ -76,19 +73,13 @@ def nearest_shapes(eigenvalues: NDArray[np.float64]) -> NDArray[np.uint8]:
 
 
 def discriminant_edges(eigenvalues: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """
-    Tell which points' nearest shape is an edge: line, half plane, quarter plane or two planes.
-
-    """
+    """Tell which points' nearest shape is an edge: line, half plane, quarter plane or two planes."""
     return np.array([shape.is_edge for shape in SHAPES])[nearest_shapes(eigenvalues)]
 
 
 @njit(cache=True, nogil=True)
 def _nearest(eigenvalues, shapes, nearest, begin, end):  # type: ignore[no-untyped-def]
-    """
-    Fill rows begin to end; of two shapes as near the first.
-
-    """
+    """Fill rows begin to end; of two shapes as near the first."""
     for i in range(begin, end):
         least = np.inf
         for k in range(len(shapes)):

@@ -3,7 +3,6 @@ Two clusters by k-means, the same whatever the order of the points.
 
 Sums are of whole numbers, so that no rounding depends on the order, and the start follows from the points'
 linearity instead of from chance.
-
 """
 
 from __future__ import annotations
@@ -46,7 +45,6 @@ def two_means(
     ------
     ValueError
         If a feature is not finite.
-
     """
     # Quick, and surely finite where the sum is.
     if not np.isfinite(features.sum()):
@@ -70,7 +68,6 @@ def mean_by_part(values: NDArray[np.float64], second: NDArray[np.bool_]) -> tupl
     Return the means of the first and the second part, NaN where it is empty, whatever the order of the rows.
 
     Values are within 0 to 1.
-
     """
     sums, counts = np.zeros((2, 2), dtype=np.int64)
     _sum_finely(values, second, sums, counts)
@@ -80,10 +77,7 @@ def mean_by_part(values: NDArray[np.float64], second: NDArray[np.bool_]) -> tupl
 
 @njit(cache=True, nogil=True)
 def _sum_finely(values, second, sums, counts):  # type: ignore[no-untyped-def]
-    """
-    Add every value, as a whole number, to the sum of its part.
-
-    """
+    """Add every value, as a whole number, to the sum of its part."""
     for i in range(len(values)):
         part = 1 if second[i] else 0
         counts[part] += 1
@@ -91,10 +85,7 @@ def _sum_finely(values, second, sums, counts):  # type: ignore[no-untyped-def]
 
 
 def _start(linearity: NDArray[np.float64]) -> float:
-    """
-    Return the limit in linearity that the iteration starts from.
-
-    """
+    """Return the limit in linearity that the iteration starts from."""
     return float(np.percentile(linearity, START_PERCENTILES).mean())
 
 
@@ -104,7 +95,6 @@ def _parted(features, second, weight):  # type: ignore[no-untyped-def]
     Iterate with means for centres; return the last ones, and the rows that are nearer to the second one.
 
     Sums follow the rows that change sides, which soon are few.
-
     """
     sums = np.zeros((2, features.shape[1] + 1), dtype=np.int64)
     for i in range(len(features)):
@@ -130,7 +120,6 @@ def _parted(features, second, weight):  # type: ignore[no-untyped-def]
 def _add(features, i, total, sign):  # type: ignore[no-untyped-def]
     """
     Add a row to a cluster's sums, of whole numbers, or take it away; how many rows there are comes last.
-
     """
     for k in range(features.shape[1]):
         total[k] += sign * np.int64(np.rint(features[i, k] * STEPS))
@@ -139,10 +128,7 @@ def _add(features, i, total, sign):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _means(sums):  # type: ignore[no-untyped-def]
-    """
-    Return the means of both clusters; that of all points for one that has none.
-
-    """
+    """Return the means of both clusters; that of all points for one that has none."""
     centres = np.empty((2, sums.shape[1] - 1))
     both = sums[0] + sums[1]
     for k in range(2):
@@ -158,7 +144,6 @@ def _middle_plane(centres, weight):  # type: ignore[no-untyped-def]
     Return the direction across the plane between the centres, and how far along it the plane lies.
 
     Squared distances differ by a linear function: which side of the plane a point is on.
-
     """
     n = centres.shape[1]
     across = np.zeros(n)
@@ -173,10 +158,7 @@ def _middle_plane(centres, weight):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True, forceinline=True)
 def _is_beyond(features, i, across, middle):  # type: ignore[no-untyped-def]
-    """
-    Tell whether a row lies beyond a plane.
-
-    """
+    """Tell whether a row lies beyond a plane."""
     along = features[i, 0] * across[0]
     for k in range(1, features.shape[1]):
         along += features[i, k] * across[k]
@@ -185,10 +167,7 @@ def _is_beyond(features, i, across, middle):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _beyond(features, centres, weight):  # type: ignore[no-untyped-def]
-    """
-    Tell which rows lie beyond the plane between the centres.
-
-    """
+    """Tell which rows lie beyond the plane between the centres."""
     across, middle = _middle_plane(centres, weight)
     found = np.empty(len(features), dtype=np.bool_)
     for i in range(len(features)):
@@ -199,10 +178,7 @@ def _beyond(features, centres, weight):  # type: ignore[no-untyped-def]
 def _parted_by_medians(
     features: NDArray[np.float64], second: NDArray[np.bool_]
 ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-    """
-    Iterate with medians for centres and the Manhattan distance.
-
-    """
+    """Iterate with medians for centres and the Manhattan distance."""
     whole = np.rint(features * STEPS).astype(np.int64)
     for _ in range(MAX_ROUNDS):
         centres = _medians(whole, second)
@@ -213,10 +189,7 @@ def _parted_by_medians(
 
 
 def weights(features: NDArray[np.float64], distance: str) -> NDArray[np.float64] | None:
-    """
-    Return the matrix that squared distances are measured with, None for the Manhattan distance.
-
-    """
+    """Return the matrix that squared distances are measured with, None for the Manhattan distance."""
     n_features = features.shape[1]
     if distance == "manhattan":
         return None
@@ -234,10 +207,7 @@ def weights(features: NDArray[np.float64], distance: str) -> NDArray[np.float64]
 def in_second(
     features: NDArray[np.float64], centres: NDArray[np.float64], weight: NDArray[np.float64] | None
 ) -> NDArray[np.bool_]:
-    """
-    Tell which points are nearer to the second centre than to the first.
-
-    """
+    """Tell which points are nearer to the second centre than to the first."""
     if weight is None:
         first, second = (np.abs(features - centre).sum(axis=1) for centre in centres)
         return second < first
@@ -245,9 +215,6 @@ def in_second(
 
 
 def _medians(whole: NDArray[np.int64], second: NDArray[np.bool_]) -> NDArray[np.float64]:
-    """
-    Return the medians of both clusters; that of all points for one that has none.
-
-    """
+    """Return the medians of both clusters; that of all points for one that has none."""
     parts = (whole[~second], whole[second])
     return np.array([np.median(part if len(part) else whole, axis=0) for part in parts]) / STEPS

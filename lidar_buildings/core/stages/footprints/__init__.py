@@ -1,7 +1,4 @@
-"""
-Given footprints instead of traced outlines: repaired, numbered, and the points of each.
-
-"""
+"""Given footprints instead of traced outlines: repaired, numbered, and the points of each."""
 
 from lidar_buildings.core.stages.footprints.assignment import AssignedPoints, assign_footprints
 from lidar_buildings.core.stages.footprints.config import FootprintConfig

@@ -1,7 +1,4 @@
-"""
-Which points of a tile belong to which of the given footprints, and which footprints to the tile.
-
-"""
+"""Which points of a tile belong to which of the given footprints, and which footprints to the tile."""
 
 from __future__ import annotations
 
@@ -41,7 +38,6 @@ class AssignedPoints:
         The footprints of this tile as they are given, by rising id.
     clipped : bool
         Whether one of them reaches beyond the tile's `bounds`.
-
     """
 
     building_id: NDArray[np.uint32]
@@ -67,7 +63,6 @@ def assign_footprints(
         All points with their final class and height above ground.
     footprints : Footprints
     config : FootprintConfig, optional
-
     """
     config = config or FootprintConfig()
     building_id = np.zeros(len(tile), dtype=np.uint32)
@@ -105,7 +100,6 @@ class _Surroundings:
         Map frame [m].
     distance : float
         How far around [m].
-
     """
 
     def __init__(self, points: NDArray[np.float64], distance: float) -> None:
@@ -115,7 +109,6 @@ class _Surroundings:
     def rows_around(self, polygon: shapely.Polygon) -> NDArray[np.intp]:
         """
         Return the points near a polygon that has some on all sides, none for one beyond the points' edge.
-
         """
         if self._order is None:
             self._order = np.argsort(self._points[:, 0], kind="stable")
@@ -129,29 +122,20 @@ class _Surroundings:
         return rows if hull.contains(polygon.centroid) else rows[:0]
 
     def nearest(self, rows: NDArray[np.intp], polygon: shapely.Polygon) -> NDArray[np.intp]:
-        """
-        Return those of some points that are next to a polygon.
-
-        """
+        """Return those of some points that are next to a polygon."""
         distance = shapely.distance(shapely.points(self._points[rows, :2]), polygon)
         return rows[distance <= distance.min() + _GROUND_RING]
 
 
 def _box(points: NDArray[np.float64], margin: float) -> tuple[float, float, float, float]:
-    """
-    Return the limits of points with a margin around.
-
-    """
+    """Return the limits of points with a margin around."""
     west, south = points[:, :2].min(axis=0) - margin
     east, north = points[:, :2].max(axis=0) + margin
     return float(west), float(south), float(east), float(north)
 
 
 def _rows_of(owner: NDArray[np.int32], n_owners: int) -> list[NDArray[np.intp]]:
-    """
-    Return the rows that each owner has, rising.
-
-    """
+    """Return the rows that each owner has, rising."""
     order = np.argsort(owner, kind="stable")
     return np.split(order, np.searchsorted(owner[order], np.arange(n_owners)))[1:]
 
@@ -159,10 +143,7 @@ def _rows_of(owner: NDArray[np.int32], n_owners: int) -> list[NDArray[np.intp]]:
 def _is_within(
     bounds: NDArray[np.float64], limits: tuple[float, float, float, float] | None, reach: float
 ) -> bool:
-    """
-    Whether a footprint with what is around it lies within a tile's limits.
-
-    """
+    """Whether a footprint with what is around it lies within a tile's limits."""
     if limits is None:
         return True
     west, south, east, north = limits
@@ -175,10 +156,7 @@ def _is_within(
 
 
 def _may_stand(tile: PointTile, min_height: float) -> NDArray[np.bool_]:
-    """
-    Tell which points may be a building that was not recognised: undecided, vegetation or façade.
-
-    """
+    """Tell which points may be a building that was not recognised: undecided, vegetation or façade."""
     if tile.classification is None or tile.height_above_ground is None:
         return np.zeros(len(tile), dtype=bool)
     is_facade = (tile.classification == PointClass.BUILDING) & ~tile.is_roof
@@ -194,10 +172,7 @@ def _building_rows(
     spacing: float | None,
     config: FootprintConfig,
 ) -> NDArray[np.intp]:
-    """
-    Return those of the points within a footprint that are its building.
-
-    """
+    """Return those of the points within a footprint that are its building."""
     n_roof, n_standing = int(np.count_nonzero(is_roof)), int(np.count_nonzero(stands))
     if not n_standing:
         return rows[is_roof]
@@ -211,10 +186,7 @@ def _building_rows(
 
 
 def _last_ones(tile: PointTile, rows: NDArray[np.intp], stands: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """
-    Return those of the standing points that are last returns, or all where these are too few.
-
-    """
+    """Return those of the standing points that are last returns, or all where these are too few."""
     if tile.return_number is None or tile.number_of_returns is None:
         return stands
     last = stands & (tile.return_number[rows] >= tile.number_of_returns[rows])
@@ -224,7 +196,6 @@ def _last_ones(tile: PointTile, rows: NDArray[np.intp], stands: NDArray[np.bool_
 def _ground_elevation(tile: PointTile, rows: NDArray[np.intp]) -> float | None:
     """
     Return the lowest ground under some points [m] as a message carries it, None where no heights are known.
-
     """
     if tile.height_above_ground is None:
         return None

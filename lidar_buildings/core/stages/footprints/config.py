@@ -1,7 +1,4 @@
-"""
-Settings of how points come to given footprints.
-
-"""
+"""Settings of how points come to given footprints."""
 
 from __future__ import annotations
 
@@ -13,10 +10,7 @@ from lidar_buildings.core.model.parameters import StageConfig, parameter
 
 @dataclass(frozen=True)
 class FootprintConfig(StageConfig):
-    """
-    Which points belong to a given footprint, and which footprints to the data.
-
-    """
+    """Which points belong to a given footprint, and which footprints to the data."""
 
     stage: ClassVar[str] = "footprints"
 

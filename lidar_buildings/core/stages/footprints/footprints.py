@@ -1,7 +1,4 @@
-"""
-Footprints in the map frame with the ids of their buildings.
-
-"""
+"""Footprints in the map frame with the ids of their buildings."""
 
 from __future__ import annotations
 
@@ -31,7 +28,6 @@ class Footprints:
         West, south, east and north limit of each [m].
     area : ndarray of shape (n_footprints,)
         Without courtyards [m²].
-
     """
 
     outlines: tuple[Outline, ...]
@@ -40,16 +36,12 @@ class Footprints:
     area: NDArray[np.float64]
 
     def __len__(self) -> int:
-        """
-        Return the number of footprints.
-
-        """
+        """Return the number of footprints."""
         return len(self.outlines)
 
     def touching(self, box: tuple[float, float, float, float]) -> NDArray[np.intp]:
         """
         Return the footprints whose bounds reach into a box, the largest first, equal ones by falling id.
-
         """
         west, south, east, north = box
         low, high = self.bounds[:, :2], self.bounds[:, 2:]
@@ -68,7 +60,6 @@ def footprints_of(polygons: Sequence[shapely.Polygon]) -> Footprints:
     ----------
     polygons : sequence of shapely.Polygon
         Valid, map frame [m]; as `repaired_polygons` gives them.
-
     """
     shapes = np.array(list(polygons), dtype=object)
     outlines = tuple(_outline(polygon) for polygon in shapes)
@@ -80,19 +71,13 @@ def footprints_of(polygons: Sequence[shapely.Polygon]) -> Footprints:
 
 
 def _outline(polygon: shapely.Polygon) -> Outline:
-    """
-    Return a polygon's rings, open and oriented, as a message carries them.
-
-    """
+    """Return a polygon's rings, open and oriented, as a message carries them."""
     shell, *holes = [shapely.get_coordinates(ring)[:-1] for ring in (polygon.exterior, *polygon.interiors)]
     return Outline(shell, tuple(holes)).oriented().as_carried()
 
 
 def _unique_ids(anchors: NDArray[np.float64], order: NDArray[np.intp]) -> NDArray[np.uint32]:
-    """
-    Give every anchor its cell's id, or that of the next cell to the east that is free.
-
-    """
+    """Give every anchor its cell's id, or that of the next cell to the east that is free."""
     numbers = np.zeros(len(anchors), dtype=np.uint32)
     taken: set[int] = set()
     for row in order:

@@ -1,7 +1,4 @@
-"""
-Where a footprint has no roof points.
-
-"""
+"""Where a footprint has no roof points."""
 
 from __future__ import annotations
 
@@ -33,7 +30,6 @@ def in_gaps(
         Of the points [m].
     min_area : float
         Smallest extent of a gap without its rim [m²].
-
     """
     side = max(_CELL, _CELL_SPACINGS * (spacing or 0.0))
     cells = np.floor(xy / side).astype(np.int64)

@@ -1,7 +1,4 @@
-"""
-In which of many polygons each of many points lies.
-
-"""
+"""In which of many polygons each of many points lies."""
 
 from __future__ import annotations
 
@@ -30,7 +27,6 @@ def last_outline_around(xy: NDArray[np.float64], outlines: Sequence[Outline]) ->
         Positions [m].
     outlines : sequence of Outline
         In the same frame; where they overlap the last one counts.
-
     """
     found = np.full(len(xy), -1, dtype=np.int32)
     if not len(xy) or not len(outlines):
@@ -53,7 +49,6 @@ def _upward_edges(outline: Outline) -> NDArray[np.float64]:
     Return an outline's edges that are not level as x, y of the lower and the upper end.
 
     Both owners of a common wall so reckon with the same numbers.
-
     """
     ends = [np.hstack([ring, np.roll(ring, -1, axis=0)]) for ring in outline.rings]
     edges = np.concatenate(ends)
@@ -72,10 +67,7 @@ def _find(
     edge_starts: NDArray[np.int64],
     owner: NDArray[np.int32],
 ) -> None:
-    """
-    Enter every polygon in turn at the points inside it.
-
-    """
+    """Enter every polygon in turn at the points inside it."""
     for number in range(len(edge_starts) - 1):
         mine = edges[edge_starts[number] : edge_starts[number + 1]]
         if len(mine) == 0:
@@ -95,10 +87,7 @@ def _find(
 
 @njit(cache=True, nogil=True)
 def _is_inside(x: float, y: float, edges: NDArray[np.float64]) -> bool:
-    """
-    Whether an odd number of edges lies east of a point.
-
-    """
+    """Whether an odd number of edges lies east of a point."""
     inside = False
     for edge in range(len(edges)):
         x1, y1, x2, y2 = edges[edge, 0], edges[edge, 1], edges[edge, 2], edges[edge, 3]

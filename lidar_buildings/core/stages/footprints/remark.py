@@ -1,7 +1,4 @@
-"""
-What to remark about a building whose points were not recognised as a roof.
-
-"""
+"""What to remark about a building whose points were not recognised as a roof."""
 
 from __future__ import annotations
 
@@ -18,7 +15,6 @@ def remark_on_points(building: PointTile) -> str:
     ----------
     building : PointTile
         The points that carry the building's id.
-
     """
     n_others = int(np.count_nonzero(~building.is_roof))
     if not n_others:

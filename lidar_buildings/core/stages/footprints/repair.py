@@ -1,7 +1,4 @@
-"""
-Whatever a file calls a polygon, made into polygons that models can stand on.
-
-"""
+"""Whatever a file calls a polygon, made into polygons that models can stand on."""
 
 from __future__ import annotations
 
@@ -43,7 +40,6 @@ class Repairs:
         Reason → how many geometries or parts were left out.
     n_repaired : int
         Geometries that had to be repaired.
-
     """
 
     polygons: NDArray[Any]
@@ -63,7 +59,6 @@ def repaired_polygons(geometries: NDArray[Any]) -> Repairs:
     ----------
     geometries : ndarray of shapely geometries or None
         Coordinates near the origin [m].
-
     """
     dropped: Counter[str] = Counter()
     found: list[shapely.Polygon] = []
@@ -88,7 +83,6 @@ def repaired_polygons(geometries: NDArray[Any]) -> Repairs:
 def _sound_as_they_are(geometries: NDArray[Any]) -> NDArray[Any]:
     """
     Return those polygons rounded that need nothing else, None for all others: of most files that is all.
-
     """
     sound = np.full(len(geometries), None, dtype=object)
     rows = np.flatnonzero(shapely.get_type_id(geometries) == shapely.GeometryType.POLYGON)
@@ -101,10 +95,7 @@ def _sound_as_they_are(geometries: NDArray[Any]) -> NDArray[Any]:
 
 
 def _pieces(geometry: Any, dropped: Counter[str]) -> tuple[list[shapely.Polygon], bool]:
-    """
-    Return the polygons that one geometry becomes, and whether it had to be repaired.
-
-    """
+    """Return the polygons that one geometry becomes, and whether it had to be repaired."""
     if geometry is None or shapely.is_empty(geometry):
         dropped["empty"] += 1
         return [], False
@@ -122,10 +113,7 @@ def _pieces(geometry: Any, dropped: Counter[str]) -> tuple[list[shapely.Polygon]
 
 
 def _sound(polygon: shapely.Polygon, dropped: Counter[str]) -> list[shapely.Polygon]:
-    """
-    Return a polygon as valid ones with vertices that messages and files can carry.
-
-    """
+    """Return a polygon as valid ones with vertices that messages and files can carry."""
     pieces = [polygon]
     for _ in range(_MAX_ROUNDS):
         pieces = [rounded for piece in pieces if not (rounded := _rounded(piece)).is_empty]
@@ -141,10 +129,7 @@ def _sound(polygon: shapely.Polygon, dropped: Counter[str]) -> list[shapely.Poly
 
 
 def _rounded(polygon: shapely.Polygon) -> shapely.Polygon:
-    """
-    Return a polygon with its vertices on the grid and in float32, none repeated.
-
-    """
+    """Return a polygon with its vertices on the grid and in float32, none repeated."""
 
     shell, *holes = [_ring(one) for one in (polygon.exterior, *polygon.interiors)]
     if len(shell) < _MIN_RING:
@@ -153,35 +138,23 @@ def _rounded(polygon: shapely.Polygon) -> shapely.Polygon:
 
 
 def _ring(ring: shapely.LinearRing) -> NDArray[np.float64]:
-    """
-    Return a ring's vertices on the grid, closed.
-
-    """
+    """Return a ring's vertices on the grid, closed."""
     xy = _carried(shapely.get_coordinates(ring))
     return xy[np.append(True, (xy[1:] != xy[:-1]).any(axis=1))]
 
 
 def _carried(xy: NDArray[np.float64]) -> NDArray[np.float64]:
-    """
-    Return positions on the grid as messages carry them.
-
-    """
+    """Return positions on the grid as messages carry them."""
     return (np.round(xy / _GRID) * _GRID).astype(np.float32).astype(np.float64)
 
 
 def _made_valid(polygon: shapely.Polygon) -> Any:
-    """
-    Return what a polygon's rings enclose.
-
-    """
+    """Return what a polygon's rings enclose."""
     return shapely.make_valid(polygon, method="structure", keep_collapsed=False)
 
 
 def _polygons_in(geometry: Any) -> list[shapely.Polygon]:
-    """
-    Return the polygons that are in a geometry, those in collections too.
-
-    """
+    """Return the polygons that are in a geometry, those in collections too."""
     kind = shapely.get_type_id(geometry)
     if kind == shapely.GeometryType.POLYGON:
         return [] if shapely.is_empty(geometry) else [geometry]
@@ -191,19 +164,13 @@ def _polygons_in(geometry: Any) -> list[shapely.Polygon]:
 
 
 def _is_sliver(polygon: shapely.Polygon) -> bool:
-    """
-    Whether a polygon is too small or too narrow to be a building.
-
-    """
+    """Whether a polygon is too small or too narrow to be a building."""
     width = 2.0 * polygon.area / polygon.length if polygon.length else 0.0
     return bool(polygon.area < _MIN_AREA or width < _MIN_WIDTH)
 
 
 def _first_of_its_kind(polygons: NDArray[Any]) -> NDArray[np.bool_]:
-    """
-    Tell which polygons are not the same as an earlier one.
-
-    """
+    """Tell which polygons are not the same as an earlier one."""
     is_first = np.ones(len(polygons), dtype=bool)
     if len(polygons) < 2:
         return is_first
@@ -220,18 +187,12 @@ def _first_of_its_kind(polygons: NDArray[Any]) -> NDArray[np.bool_]:
 
 
 def _objects(polygons: list[shapely.Polygon]) -> NDArray[Any]:
-    """
-    Put polygons into an array.
-
-    """
+    """Put polygons into an array."""
     array = np.empty(len(polygons), dtype=object)
     array[:] = polygons
     return array
 
 
 def _positive(counted: Counter[str]) -> dict[str, int]:
-    """
-    Return what was counted at all, by name.
-
-    """
+    """Return what was counted at all, by name."""
     return {name: number for name, number in sorted(counted.items()) if number}

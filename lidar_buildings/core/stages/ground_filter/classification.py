@@ -1,7 +1,4 @@
-"""
-The stage: noise, terrain, and every point judged against it.
-
-"""
+"""The stage: noise, terrain, and every point judged against it."""
 
 from __future__ import annotations
 
@@ -40,7 +37,6 @@ class GroundResult:
         2 = ground, 7 = low noise, 18 = high noise, 1 = everything else.
     height_above_ground : ndarray of shape (n_points,), float64
         Height above the terrain [m]; finite for every point, negative below the terrain.
-
     """
 
     classification: NDArray[np.uint8]
@@ -105,7 +101,6 @@ def classify_ground(
     True
     >>> float(result.height_above_ground.max())
     5.0
-
     """
     config = config or GroundFilterConfig()
     points = checked_points(points)
@@ -135,17 +130,11 @@ def classify_ground(
 def _near_terrain(
     height: NDArray[np.float64], slope: NDArray[np.float64], config: GroundFilterConfig
 ) -> NDArray[np.bool_]:
-    """
-    Return `near_terrain` of all points, on all cores.
-
-    """
+    """Return `near_terrain` of all points, on all cores."""
     near = np.empty(len(height), dtype=np.bool_)
 
     def judge(begin: int, end: int) -> None:
-        """
-        Judge points `begin` to `end`.
-
-        """
+        """Judge points `begin` to `end`."""
         near[begin:end] = near_terrain(height[begin:end], slope[begin:end], config)
 
     for_row_blocks(judge, len(near))
@@ -153,10 +142,7 @@ def _near_terrain(
 
 
 def _free(noise: NDArray[np.uint8], aside: NDArray[np.bool_] | None) -> NDArray[np.bool_]:
-    """
-    Return which points may be ground: no gross errors, nor set aside unless nothing else is left.
-
-    """
+    """Return which points may be ground: no gross errors, nor set aside unless nothing else is left."""
     free = noise == 0
     if aside is not None and (free & ~aside).any():
         free &= ~aside
@@ -174,7 +160,6 @@ def _labelled_ground(
     Return which of the sorted points are ground; None where the method has a terrain instead of labels.
 
     The method sees the free points in the order given.
-
     """
     if config.method == "progressive_tin":
         return None
@@ -194,7 +179,6 @@ def _terrain(cloud: SortedPoints, ground: NDArray[np.bool_], config: GroundFilte
     Return the terrain over the extent of all points: densified, or the TIN of what a method labelled ground.
 
     Only the lowest point a cell takes part. Where a method found no ground at all, it is the lowest surface.
-
     """
     x, y = cloud.points[:, 0], cloud.points[:, 1]
     extent = np.array([[x.min(), y.min()], [x.max(), y.max()]])

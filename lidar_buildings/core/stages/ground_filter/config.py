@@ -1,7 +1,4 @@
-"""
-The ground filter's parameters.
-
-"""
+"""The ground filter's parameters."""
 
 from __future__ import annotations
 
@@ -14,10 +11,7 @@ from lidar_buildings.core.model.parameters import StageConfig, parameter
 
 @dataclass(frozen=True)
 class GroundFilterConfig(StageConfig):
-    """
-    Parameters of `classify_ground`.
-
-    """
+    """Parameters of `classify_ground`."""
 
     stage: ClassVar[str] = "ground_filter"
 

@@ -1,7 +1,4 @@
-"""
-Roof planes: connected pieces of surface, as many as pay; or RANSAC as published.
-
-"""
+"""Roof planes: connected pieces of surface, as many as pay; or RANSAC as published."""
 
 from __future__ import annotations
 
@@ -51,7 +48,6 @@ class RoofPlanes:
         DEGENERATE where the points are too few or lie on a line.
     reason : str
         Why there are no planes; empty if there are.
-
     """
 
     plane_id: NDArray[np.uint16]
@@ -92,7 +88,6 @@ def fit_roof_planes(
     Notes
     -----
     Order of points does not matter, nor do repetitions. Time grows with the number of points.
-
     """
     given = checked_points(points)
     reason = why_degenerate(given)
@@ -107,10 +102,7 @@ def fit_roof_planes(
 def number_planes(
     points: ArrayLike, config: PlaneFittingConfig | None = None, *, point_spacing: float | None = None
 ) -> NDArray[np.uint16]:
-    """
-    Return the `plane_id` of `fit_roof_planes` alone, which takes less time.
-
-    """
+    """Return the `plane_id` of `fit_roof_planes` alone, which takes less time."""
     config = config or PlaneFittingConfig()
     given = checked_points(points)
     if point_spacing is not None and not (math.isfinite(point_spacing) and point_spacing > 0.0):

@@ -1,7 +1,4 @@
-"""
-Which planes are near each other: where they meet, and across what lies between parts of one plane.
-
-"""
+"""Which planes are near each other: where they meet, and across what lies between parts of one plane."""
 
 from __future__ import annotations
 
@@ -24,10 +21,7 @@ _OFF = 3.0
 
 @njit(cache=True, nogil=True)
 def seam_points(neighbours: NDArray[np.int32], labels: NDArray[np.int32]) -> NDArray[np.int64]:
-    """
-    Return the rows of the points that have neighbours in a plane, but not in their own.
-
-    """
+    """Return the rows of the points that have neighbours in a plane, but not in their own."""
     rows = np.empty(len(labels), np.int64)
     n = 0
     for i in range(len(labels)):
@@ -44,10 +38,7 @@ def seam_points(neighbours: NDArray[np.int32], labels: NDArray[np.int32]) -> NDA
 def touching_planes(
     neighbours: NDArray[np.int32], labels: NDArray[np.int32], seam: NDArray[np.int64]
 ) -> NDArray[np.int64]:
-    """
-    Return the pairs of planes, shape (n_pairs, 2), that have points in the neighbourhood of one point.
-
-    """
+    """Return the pairs of planes, shape (n_pairs, 2), that have points in the neighbourhood of one point."""
     size = int(labels.max(initial=0)) + 1
     codes = np.unique(_pair_codes(neighbours, labels, seam, size))
     return np.column_stack([codes // size, codes % size])
@@ -80,7 +71,6 @@ def bridged_planes(
         Longest bridge [m].
     max_distance : float
         Largest distance of a bridge's points from the plane [m].
-
     """
     rows, first = rows_of_planes(labels[seam], len(equations))
     return _bridged(cloud, labels, seam[rows], first, equations, bridge, max_distance)
@@ -88,10 +78,7 @@ def bridged_planes(
 
 @njit(cache=True, nogil=True)
 def rows_of_planes(labels: NDArray[np.int32], size: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """
-    Return the rows plane by plane: those of plane k are ``rows[first[k]:first[k + 1]]``, rising.
-
-    """
+    """Return the rows plane by plane: those of plane k are ``rows[first[k]:first[k + 1]]``, rising."""
     first = np.zeros(size + 1, np.int64)
     for label in labels:
         first[label + 1] += 1
@@ -109,10 +96,7 @@ def rows_of_planes(labels: NDArray[np.int32], size: int) -> tuple[NDArray[np.int
 def _pair_codes(
     neighbours: NDArray[np.int32], labels: NDArray[np.int32], seam: NDArray[np.int64], size: int
 ) -> NDArray[np.int64]:
-    """
-    Return first × size + second of planes that meet around a point, the smaller number first.
-
-    """
+    """Return first × size + second of planes that meet around a point, the smaller number first."""
     codes = np.empty(6 * len(seam), np.int64)
     here = np.empty(_MOST_AROUND, np.int64)
     # Mostly the same pairs come again and again: those met lately are passed over.
@@ -133,10 +117,7 @@ def _pair_codes(
 def _planes_around(
     neighbours: NDArray[np.int32], labels: NDArray[np.int32], i: int, here: NDArray[np.int64]
 ) -> int:
-    """
-    Write the planes of a point and its neighbours to `here`, the first few; return how many.
-
-    """
+    """Write the planes of a point and its neighbours to `here`, the first few; return how many."""
     n, last = 0, 0
     if labels[i] > 0:
         here[0], last = labels[i], labels[i]
@@ -158,10 +139,7 @@ def _planes_around(
 
 @njit(cache=True, nogil=True)
 def _bridged(cloud, labels, rows, first, equations, bridge, max_distance):  # type: ignore[no-untyped-def]
-    """
-    Compare all planes that have seams; see `bridged_planes`.
-
-    """
+    """Compare all planes that have seams; see `bridged_planes`."""
     points = cloud.points
     way = np.full(len(points), np.inf)
     queue = np.empty(len(points), np.int64)
@@ -197,7 +175,6 @@ def _bridged(cloud, labels, rows, first, equations, bridge, max_distance):  # ty
 def _alike(equations, middle, a, b, max_offset):  # type: ignore[no-untyped-def]
     """
     Whether two planes are nearly parallel, and each goes nearly through the middle of the other's seams.
-
     """
     cosine = 0.0
     for axis in range(3):
@@ -215,7 +192,6 @@ def _leads_to(cloud, labels, start, goal, plane, bridge, max_distance, way, queu
     Whether a bridge leads from the starting points over others on their plane to the plane numbered `goal`.
 
     `way` is infinite throughout, before and after, and `queue` is room for as many points as there are.
-
     """
     own = labels[start[0]] if len(start) else 0
     tail, head, found = 0, 0, False

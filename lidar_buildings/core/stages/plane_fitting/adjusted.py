@@ -1,7 +1,4 @@
-"""
-Planes adjusted to their points, and numbered by size.
-
-"""
+"""Planes adjusted to their points, and numbered by size."""
 
 from __future__ import annotations
 
@@ -21,10 +18,7 @@ _LINE = 1e-12
 
 
 def why_degenerate(points: NDArray[np.float64]) -> str:
-    """
-    Say in words why no plane can be fitted to points in any order, nothing if it can.
-
-    """
+    """Say in words why no plane can be fitted to points in any order, nothing if it can."""
     n_distinct = min(len(points), 1) + int(bool((points[1:] != points[:1]).any()))
     if n_distinct < 2 or len(points) < 3:
         return f"{n_distinct} distinct points: a plane needs 3"
@@ -47,7 +41,6 @@ def numbered_by_size(points: NDArray[np.float64], labels: NDArray[np.int32]) -> 
         In any order [m].
     labels : ndarray of shape (n_points,)
         Plane numbers, 0 = none.
-
     """
     size = int(labels.max(initial=0)) + 1
     count = np.bincount(labels, minlength=size)
@@ -63,10 +56,7 @@ def numbered_by_size(points: NDArray[np.float64], labels: NDArray[np.int32]) -> 
 
 
 def adjusted_planes(points: NDArray[np.float64], plane_id: NDArray[np.uint16]) -> tuple[RoofPlane, ...]:
-    """
-    Fit every plane to its points by orthogonal least squares, whatever the order of the points.
-
-    """
+    """Fit every plane to its points by orthogonal least squares, whatever the order of the points."""
     ordered = sort_by_cell(points, _CELL)
     points, plane_id = ordered.points, plane_id[ordered.rows]
     size = int(plane_id.max(initial=0)) + 1

@@ -1,7 +1,4 @@
-"""
-The parameters of plane fitting.
-
-"""
+"""The parameters of plane fitting."""
 
 from __future__ import annotations
 
@@ -13,10 +10,7 @@ from lidar_buildings.core.model.parameters import StageConfig, parameter
 
 @dataclass(frozen=True)
 class PlaneFittingConfig(StageConfig):
-    """
-    How roof planes are found.
-
-    """
+    """How roof planes are found."""
 
     stage: ClassVar[str] = "plane_fitting"
 

@@ -1,7 +1,4 @@
-"""
-Connected planes: found by samples of near points, settled against one another, and as many as pay.
-
-"""
+"""Connected planes: found by samples of near points, settled against one another, and as many as pay."""
 
 from __future__ import annotations
 
@@ -40,7 +37,6 @@ def connected_planes(
     min_points : int
         Fewest points of a plane.
     config : PlaneFittingConfig
-
     """
     if len(points) < min_points:
         return np.zeros(len(points), dtype=np.int32)
@@ -61,10 +57,7 @@ def connected_planes(
 def _extracted(
     cloud: Cloud, distance: float, min_points: int, config: PlaneFittingConfig
 ) -> NDArray[np.int32]:
-    """
-    Take planes out of the cloud one after the other.
-
-    """
+    """Take planes out of the cloud one after the other."""
     limits = Limits(
         distance,
         math.cos(math.radians(config.max_normal_angle_deg)),

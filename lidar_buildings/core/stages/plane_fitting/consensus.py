@@ -1,7 +1,4 @@
-"""
-RANSAC with connected consensus sets: one hypothesis, grown and refined.
-
-"""
+"""RANSAC with connected consensus sets: one hypothesis, grown and refined."""
 
 from __future__ import annotations
 
@@ -23,10 +20,7 @@ from lidar_buildings.core.stages.plane_fitting.surroundings import Cloud
 
 
 class Limits(NamedTuple):
-    """
-    What a plane has to satisfy, and how sure the search has to be.
-
-    """
+    """What a plane has to satisfy, and how sure the search has to be."""
 
     distance: float
     #: Cosine of the largest angle between a plane and a point's own normal.
@@ -38,10 +32,7 @@ class Limits(NamedTuple):
 
 
 class Scratch(NamedTuple):
-    """
-    Arrays that are used again and again while planes grow.
-
-    """
+    """Arrays that are used again and again while planes grow."""
 
     #: Number of the growth that last visited a point.
     visit: NDArray[np.int64]
@@ -61,7 +52,6 @@ def samples_needed(probability: float, outlier_share: float, n_unknowns: int = 3
     Return how many random samples hold one without gross errors with this probability.
 
     N = ln(1 − P) / ln(1 − (1 − ε)^U), rounded up (Mancera-Taboada et al. 2012, equation 4 and table II).
-
     """
     good = (1.0 - outlier_share) ** n_unknowns
     if good >= probability:
@@ -71,10 +61,7 @@ def samples_needed(probability: float, outlier_share: float, n_unknowns: int = 3
 
 @njit(cache=True, nogil=True)
 def belongs(cloud: Cloud, limits: Limits, plane: NDArray[np.float64], i: int) -> bool:
-    """
-    Whether a point lies on a plane, and its surroundings along it.
-
-    """
+    """Whether a point lies on a plane, and its surroundings along it."""
     if distance_of(plane, cloud.points, i) > limits.distance:
         return False
     n = cloud.normals
@@ -96,7 +83,6 @@ def propose(
     The seed is the first point of every sample, the others are among its free neighbours (a sample of near
     points is far likelier to lie on one plane). The sample with the best consensus among them wins, and is
     replaced by the least-squares plane of its inliers.
-
     """
     near = np.empty(cloud.neighbours.shape[1], np.int64)
     n = 0
@@ -126,10 +112,7 @@ def propose(
 def fit_near(
     cloud: Cloud, limits: Limits, near: NDArray[np.int64], seed: int, plane: NDArray[np.float64]
 ) -> bool:
-    """
-    Replace `plane` by the least-squares plane of its inliers among the seed's neighbours.
-
-    """
+    """Replace `plane` by the least-squares plane of its inliers among the seed's neighbours."""
     origin, points = cloud.points[seed], cloud.points
     x, y, z = origin
     moments = np.zeros(N_MOMENTS)
@@ -142,10 +125,7 @@ def fit_near(
 
 @njit(cache=True, nogil=True)
 def refit(moments: NDArray[np.float64], origin: NDArray[np.float64], plane: NDArray[np.float64]) -> bool:
-    """
-    Write the plane of sums taken about `origin` to `plane`.
-
-    """
+    """Write the plane of sums taken about `origin` to `plane`."""
     if not normal_of(moments, plane):
         return False
     plane[3] -= plane[0] * origin[0] + plane[1] * origin[1] + plane[2] * origin[2]
@@ -174,7 +154,6 @@ def grow(
         Points, the first so many of the scratch queue.
     score : float
         Σ (1 − (distance / limit)²) over them, with the plane as it was when each was met.
-
     """
     scratch.counter[0] += 1
     number = scratch.counter[0]
@@ -215,9 +194,6 @@ def refine(
     plane: NDArray[np.float64],
     scratch: Scratch,
 ) -> tuple[int, float]:
-    """
-    Let a plane find its way across the roof; then collect the points of where it came to lie.
-
-    """
+    """Let a plane find its way across the roof; then collect the points of where it came to lie."""
     grow(cloud, limits, labels, seed, plane, True, scratch)
     return grow(cloud, limits, labels, seed, plane, False, scratch)

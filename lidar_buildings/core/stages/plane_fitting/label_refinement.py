@@ -1,7 +1,4 @@
-"""
-Where planes meet: points move to the plane that fits them best, beside neighbours of the same plane.
-
-"""
+"""Where planes meet: points move to the plane that fits them best, beside neighbours of the same plane."""
 
 from __future__ import annotations
 
@@ -44,7 +41,6 @@ def settle(
         Largest distance of a point to its plane [m].
     smoothness : float
         Weight of the neighbours' planes against the squared relative distance.
-
     """
     labels = labels.copy()
     size = 1
@@ -73,7 +69,6 @@ def move_points(
     Move points to other planes where that costs less; return how many moved.
 
     Only points that are `waiting` are looked at; those by a seam wait again for the planes' next fit.
-
     """
     number, count = np.empty(MAX_NEIGHBOURS + 1, np.int32), np.empty(MAX_NEIGHBOURS + 1, np.int64)
     by_seam = np.zeros(len(labels), np.bool_)
@@ -114,7 +109,6 @@ def labels_around(
     Write the planes around a point to `number`, and to `count` how many neighbours have each.
 
     The first place is that of the point's own label, 0 included. Returns how many there are.
-
     """
     number[0], count[0] = own, 0
     n, last = 1, 0
@@ -143,10 +137,7 @@ def cheapest(
     max_distance: float,
     smoothness: float,
 ) -> int:
-    """
-    Return the plane of least cost within reach of point i, 0 if there is none.
-
-    """
+    """Return the plane of least cost within reach of point i, 0 if there is none."""
     total = 0
     for k in range(n):
         total += count[k]

@@ -3,7 +3,6 @@ How many planes there are: planes join or dissolve wherever that describes the p
 
 A plane costs as much as it takes to write it down; points cost the squares of their distances. Two planes
 stay two if the points gain more by it than a plane costs.
-
 """
 
 from __future__ import annotations
@@ -32,10 +31,7 @@ from lidar_buildings.core.stages.plane_fitting.surroundings import Cloud
 
 
 class Prices(NamedTuple):
-    """
-    What describing points costs.
-
-    """
+    """What describing points costs."""
 
     #: Cost of a plane, in natural units of information.
     plane: float
@@ -67,7 +63,6 @@ def prices_of(
         By how much real roof surfaces swell and sag [m].
     grain : float
         Points nearer than this to one another err alike: together they count as one [m].
-
     """
     deviation = max(noise, distance / 3.0)
     weight = min(1.0, (spacing / grain) ** 2)
@@ -93,7 +88,6 @@ def economise(
     prices : Prices
     bridge : float
         Parts of a plane this near to one another may be joined even where another plane comes between [m].
-
     """
     size = int(labels.max(initial=0)) + 1
     touching = touching_planes(cloud.neighbours, labels, seam)
@@ -108,10 +102,7 @@ def economise(
 
 
 def _neighbours_of_planes(pairs: NDArray[np.int64], size: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """
-    Return the planes beside each: those of plane k are ``beside[first[k]:first[k + 1]]``.
-
-    """
+    """Return the planes beside each: those of plane k are ``beside[first[k]:first[k + 1]]``."""
     pairs = pairs[pairs[:, 0] != pairs[:, 1]]
     both = np.unique(np.concatenate([pairs, pairs[:, ::-1]]) @ np.array([size, 1]))
     first = np.searchsorted(both // size, np.arange(size + 1))
@@ -120,10 +111,7 @@ def _neighbours_of_planes(pairs: NDArray[np.int64], size: int) -> tuple[NDArray[
 
 @njit(cache=True, nogil=True)
 def plane_sums(points: NDArray[np.float64], labels: NDArray[np.int32], size: int) -> NDArray[np.float64]:
-    """
-    Return the sums of every plane's points by its number.
-
-    """
+    """Return the sums of every plane's points by its number."""
     moments = np.zeros((size, N_MOMENTS))
     for i in range(len(labels)):
         if labels[i] > 0:
@@ -133,10 +121,7 @@ def plane_sums(points: NDArray[np.float64], labels: NDArray[np.int32], size: int
 
 @njit(cache=True, nogil=True)
 def equations_of(moments: NDArray[np.float64]) -> NDArray[np.float64]:
-    """
-    Return a, b, c, d of every plane's least-squares plane; zeros where it has no points.
-
-    """
+    """Return a, b, c, d of every plane's least-squares plane; zeros where it has no points."""
     equations = np.zeros((len(moments), 4))
     for k in range(1, len(moments)):
         normal_of(moments[k], equations[k])
@@ -145,10 +130,7 @@ def equations_of(moments: NDArray[np.float64]) -> NDArray[np.float64]:
 
 @njit(cache=True, nogil=True)
 def _saving(moments: NDArray[np.float64], a: int, b: int, prices: Prices) -> float:
-    """
-    Return what is saved by one plane in place of two.
-
-    """
+    """Return what is saved by one plane in place of two."""
     joint = moments[a] + moments[b]
     loss = residual_of(joint) - residual_of(moments[a]) - residual_of(moments[b])
     fewer = min(moments[a, 0], moments[b, 0])
@@ -159,10 +141,7 @@ def _saving(moments: NDArray[np.float64], a: int, b: int, prices: Prices) -> flo
 def _merged(
     moments: NDArray[np.float64], pairs: NDArray[np.int64], prices: Prices, parent: NDArray[np.int64]
 ) -> NDArray[np.int64]:
-    """
-    Return the number that each plane has after all joins.
-
-    """
+    """Return the number that each plane has after all joins."""
     saving = np.empty(len(pairs))
     for k in range(len(pairs)):
         saving[k] = _saving(moments, pairs[k, 0], pairs[k, 1], prices)
@@ -188,10 +167,7 @@ def _merged(
 
 @njit(cache=True, nogil=True)
 def _dissolved(points, labels, moments, first, beside, rows, begin, prices):  # type: ignore[no-untyped-def]
-    """
-    Return the labels without the planes that do not pay; see `dissolve_planes`.
-
-    """
+    """Return the labels without the planes that do not pay; see `dissolve_planes`."""
     labels = labels.copy()
     equations = equations_of(moments)
     alive = moments[:, 0] > 0.0

@@ -1,7 +1,4 @@
-"""
-Connected parts of planes: a plane whose parts lie apart is as many planes.
-
-"""
+"""Connected parts of planes: a plane whose parts lie apart is as many planes."""
 
 from __future__ import annotations
 
@@ -27,7 +24,6 @@ def split_planes(
         Plane numbers, 0 = none.
     min_points : int
         Fewest points of a part.
-
     """
     part = connected_parts(neighbours, labels)
     size = np.zeros(len(part), np.int64)
@@ -48,10 +44,7 @@ def split_planes(
 
 @njit(cache=True, nogil=True)
 def connected_parts(neighbours: NDArray[np.int32], labels: NDArray[np.int32]) -> NDArray[np.int64]:
-    """
-    Return the lowest row of the connected part of one plane that each point is of.
-
-    """
+    """Return the lowest row of the connected part of one plane that each point is of."""
     part = np.arange(len(labels))
     for i in range(len(labels)):
         for j in neighbours[i]:

@@ -2,7 +2,6 @@
 Least-squares planes inside compiled loops.
 
 A plane is the array (a, b, c, d) of a x + b y + c z + d = 0 with a² + b² + c² = 1 and c ≥ 0.
-
 """
 
 from __future__ import annotations
@@ -21,10 +20,7 @@ _DEGENERATE = 1e-10
 
 @njit(cache=True, nogil=True)
 def add_point(moments: NDArray[np.float64], x: float, y: float, z: float) -> None:
-    """
-    Add one point to the sums.
-
-    """
+    """Add one point to the sums."""
     moments[0] += 1.0
     moments[1] += x
     moments[2] += y
@@ -41,7 +37,6 @@ def add_point(moments: NDArray[np.float64], x: float, y: float, z: float) -> Non
 def smallest_eigenvalue(xx: float, xy: float, xz: float, yy: float, yz: float, zz: float) -> float:
     """
     Return the smallest eigenvalue of a symmetric 3 × 3 matrix, by the roots of its characteristic cubic.
-
     """
     mean = (xx + yy + zz) / 3.0
     off = xy * xy + xz * xz + yz * yz
@@ -59,7 +54,6 @@ def smallest_eigenvalue(xx: float, xy: float, xz: float, yy: float, yz: float, z
 def normal_of(moments: NDArray[np.float64], plane: NDArray[np.float64]) -> bool:
     """
     Write the orthogonal least-squares plane of the summed points to `plane`; False if they lie on a line.
-
     """
     return fitted_plane(moments, plane) >= 0.0
 
@@ -71,7 +65,6 @@ def fitted_plane(moments: NDArray[np.float64], plane: NDArray[np.float64]) -> fl
 
     The normal is the eigenvector of the smallest eigenvalue λ of the covariance matrix: the longest cross
     product of two rows of (Σ − λI).
-
     """
     n = moments[0]
     if n < 3.0:
@@ -104,10 +97,7 @@ def fitted_plane(moments: NDArray[np.float64], plane: NDArray[np.float64]) -> fl
 def plane_through(
     p: NDArray[np.float64], q: NDArray[np.float64], r: NDArray[np.float64], plane: NDArray[np.float64]
 ) -> bool:
-    """
-    Write the plane through three points to `plane`; False if they lie on a line.
-
-    """
+    """Write the plane through three points to `plane`; False if they lie on a line."""
     ux, uy, uz = q[0] - p[0], q[1] - p[1], q[2] - p[2]
     vx, vy, vz = r[0] - p[0], r[1] - p[1], r[2] - p[2]
     nx, ny, nz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
@@ -123,19 +113,13 @@ def plane_through(
 
 @njit(cache=True, nogil=True)
 def distance_of(plane: NDArray[np.float64], points: NDArray[np.float64], i: int) -> float:
-    """
-    Return the orthogonal distance of point i to a plane [m].
-
-    """
+    """Return the orthogonal distance of point i to a plane [m]."""
     return abs(plane[0] * points[i, 0] + plane[1] * points[i, 1] + plane[2] * points[i, 2] + plane[3])
 
 
 @njit(cache=True, nogil=True)
 def residual_of(moments: NDArray[np.float64]) -> float:
-    """
-    Return the sum of the squared distances of the summed points from their least-squares plane [m²].
-
-    """
+    """Return the sum of the squared distances of the summed points from their least-squares plane [m²]."""
     n = moments[0]
     if n < 3.0:
         return 0.0

@@ -1,7 +1,4 @@
-"""
-RANSAC as published: planes out of all points, one after the other.
-
-"""
+"""RANSAC as published: planes out of all points, one after the other."""
 
 from __future__ import annotations
 
@@ -42,7 +39,6 @@ def ransac_planes(
     min_points : int
         Fewest points of a plane.
     config : PlaneFittingConfig
-
     """
     order = np.lexsort(points.T[::-1])
     ordered = np.ascontiguousarray(points[order])
@@ -78,7 +74,6 @@ def best_plane(
         Numbers in [0, 1) that choose the points of each sample.
     tolerance : float
         Largest distance of a point to the plane [m].
-
     """
     best, trial = np.zeros(4), np.empty(4)
     most = 0

@@ -1,7 +1,4 @@
-"""
-The search for the next best plane: hypotheses drawn from seeds, compared by their consensus sets.
-
-"""
+"""The search for the next best plane: hypotheses drawn from seeds, compared by their consensus sets."""
 
 from __future__ import annotations
 
@@ -27,10 +24,7 @@ _PATIENCE = 100
 
 
 class Pool(NamedTuple):
-    """
-    Hypotheses that wait to be accepted, in the order in which they were found.
-
-    """
+    """Hypotheses that wait to be accepted, in the order in which they were found."""
 
     plane: NDArray[np.float64]
     seed: NDArray[np.int64]
@@ -62,7 +56,6 @@ def extract(
     -------
     ndarray of shape (n_points,)
         Number of the plane, 0 = none.
-
     """
     n = len(order)
     labels = np.zeros(n, np.int32)
@@ -96,7 +89,6 @@ def search_round(
     A hypothesis is accepted once enough seeds were drawn to have met, with the wanted probability, any
     plane as large. Hypotheses are kept for later planes; since points only ever leave, a score can only
     fall, so the one with the highest score after a recount is the best of all.
-
     """
     pool = new_pool(len(order))
     cursor = 0
@@ -120,10 +112,7 @@ def search_round(
 
 @njit(cache=True, nogil=True)
 def best_of(pool: Pool) -> int:
-    """
-    Return the hypothesis with the highest score, of several the first.
-
-    """
+    """Return the hypothesis with the highest score, of several the first."""
     best = 0
     for k in range(1, pool.size[0]):
         if pool.score[k] > pool.score[best]:
@@ -133,10 +122,7 @@ def best_of(pool: Pool) -> int:
 
 @njit(cache=True, nogil=True)
 def new_pool(n: int) -> Pool:
-    """
-    Return room for n hypotheses about n points.
-
-    """
+    """Return room for n hypotheses about n points."""
     return Pool(
         np.empty((n, 4)),
         np.empty(n, np.int64),
@@ -158,10 +144,7 @@ def draw_seeds(
     pool: Pool,
     scratch: Scratch,
 ) -> int:
-    """
-    Draw seeds until the best hypothesis is likely the largest of all; return the place in `order`.
-
-    """
+    """Draw seeds until the best hypothesis is likely the largest of all; return the place in `order`."""
     best = best_of(pool)
     while cursor < len(order):
         if pool.score[best] > 0.0 and scratch.counter[2] >= samples_needed(
@@ -193,10 +176,7 @@ def add_hypothesis(
     pool: Pool,
     scratch: Scratch,
 ) -> int:
-    """
-    Find the plane around a seed and put it into the pool if it is large enough and no wall; −1 if not.
-
-    """
+    """Find the plane around a seed and put it into the pool if it is large enough and no wall; −1 if not."""
     at = pool.size[0]
     plane = pool.plane[at]
     if not propose(cloud, limits, labels, seed, samples, plane):
@@ -218,10 +198,7 @@ def add_hypothesis(
 def recount(
     cloud: Cloud, limits: Limits, labels: NDArray[np.int32], at: int, pool: Pool, scratch: Scratch
 ) -> int:
-    """
-    Count a hypothesis's points anew among the free ones; one with too few loses its score.
-
-    """
+    """Count a hypothesis's points anew among the free ones; one with too few loses its score."""
     count, score = grow(cloud, limits, labels, pool.seed[at], pool.plane[at], False, scratch)
     pool.n_points[at] = count
     pool.score[at] = score if count >= limits.min_points else 0.0

@@ -1,7 +1,4 @@
-"""
-The point spacing of a building where nobody says it.
-
-"""
+"""The point spacing of a building where nobody says it."""
 
 from __future__ import annotations
 
@@ -25,7 +22,6 @@ def building_spacing(points: NDArray[np.float64]) -> float:
     ----------
     points : ndarray of shape (n_points, 3)
         In any order, repetitions allowed [m].
-
     """
     width, height = np.ptp(points[:, :2], axis=0)
     # As if the points filled their bounding box: cells a little too large only cost time.

@@ -1,6 +1,5 @@
 """
 The points of one building with what lies around each: neighbours, and the plane of the smoothest piece there.
-
 """
 
 from __future__ import annotations
@@ -38,10 +37,7 @@ _MAX_WIDENING = 4.0
 
 
 class Cloud(NamedTuple):
-    """
-    The points of one building with what the search needs to know of them.
-
-    """
+    """The points of one building with what the search needs to know of them."""
 
     points: NDArray[np.float64]
     normals: NDArray[np.float64]
@@ -52,10 +48,7 @@ class Cloud(NamedTuple):
 
 
 class Survey(NamedTuple):
-    """
-    A cloud of distinct points, where they came from, and how noisy it is.
-
-    """
+    """A cloud of distinct points, where they came from, and how noisy it is."""
 
     cloud: Cloud
     #: Row of the distinct point that stands for each given one.
@@ -74,7 +67,6 @@ def survey_points(points: NDArray[np.float64], radius: float) -> Survey:
         In any order, repetitions allowed [m].
     radius : float
         Points closer than this are connected [m]; farther ones, too, where the noise is as large.
-
     """
     survey = _surveyed(points, radius)
     reach = min(REACH_OF_NOISE * survey.noise / OWN_SHARE, _MAX_WIDENING * radius)
@@ -82,10 +74,7 @@ def survey_points(points: NDArray[np.float64], radius: float) -> Survey:
 
 
 def _surveyed(points: NDArray[np.float64], radius: float) -> Survey:
-    """
-    Survey with a fixed radius.
-
-    """
+    """Survey with a fixed radius."""
     grid, row_of = distinct_grid(points, radius)
     distinct = grid.points
     neighbours = np.full((len(distinct), MAX_NEIGHBOURS), -1, dtype=np.int32)
@@ -112,7 +101,6 @@ def distinct_grid(points: NDArray[np.float64], size: float) -> tuple[CellGrid, N
     Sort the distinct points into columns of a size [m]; return each given point's row among them, too.
 
     The grid's own rows are of no use.
-
     """
     grid = build_grid(points, size)
     is_new = np.ones(len(points), dtype=bool)
@@ -124,10 +112,7 @@ def distinct_grid(points: NDArray[np.float64], size: float) -> tuple[CellGrid, N
 
 
 def _noise_of(roughness: NDArray[np.float64]) -> float:
-    """
-    Return the noise that most surroundings show [m].
-
-    """
+    """Return the noise that most surroundings show [m]."""
     known = roughness[np.isfinite(roughness)]
     if not len(known):
         return NOISE_RANGE[0]
@@ -139,7 +124,6 @@ def _noise_of(roughness: NDArray[np.float64]) -> float:
 def _look_around(grid, radius, neighbours, planes, roughness, begin, end):  # type: ignore[no-untyped-def]
     """
     Fill in the neighbours, evenly thinned if too many, and own planes of the points in cells begin to end.
-
     """
     most = 0
     for c in range(begin, end):
@@ -171,10 +155,7 @@ def _look_around(grid, radius, neighbours, planes, roughness, begin, end):  # ty
 
 @njit(cache=True, nogil=True)
 def _count_around(grid, c):  # type: ignore[no-untyped-def]
-    """
-    Return how many points a cell and the cells around it have.
-
-    """
+    """Return how many points a cell and the cells around it have."""
     n = 0
     for beside in grid.adjacent[c]:
         if beside >= 0:
@@ -184,10 +165,7 @@ def _count_around(grid, c):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _gather_around(grid, c, rows, xyz):  # type: ignore[no-untyped-def]
-    """
-    Put the points of a cell and the cells around it side by side; return how many.
-
-    """
+    """Put the points of a cell and the cells around it side by side; return how many."""
     n = 0
     for beside in grid.adjacent[c]:
         if beside >= 0:
@@ -200,10 +178,7 @@ def _gather_around(grid, c, rows, xyz):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _within(xyz, x, y, z, radius, near):  # type: ignore[no-untyped-def]
-    """
-    Write which points lie within a radius of a position to `near`; return how many.
-
-    """
+    """Write which points lie within a radius of a position to `near`; return how many."""
     n = 0
     for k in range(len(xyz)):
         dx, dy, dz = xyz[k, 0] - x, xyz[k, 1] - y, xyz[k, 2] - z
@@ -214,10 +189,7 @@ def _within(xyz, x, y, z, radius, near):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _sum_near(xyz, near, x, y, z, radius, moments):  # type: ignore[no-untyped-def]
-    """
-    Sum the near points within a radius of a position about it; return how many.
-
-    """
+    """Sum the near points within a radius of a position about it; return how many."""
     n, sx, sy, sz = 0.0, 0.0, 0.0, 0.0
     xx, xy, xz, yy, yz, zz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     for j in near:
@@ -235,10 +207,7 @@ def _sum_near(xyz, near, x, y, z, radius, moments):  # type: ignore[no-untyped-d
 
 @njit(cache=True, nogil=True)
 def _take_smoothest(points, neighbours, planes, roughness, is_smooth, noise, normals, begin, end):  # type: ignore[no-untyped-def]
-    """
-    Give points begin to end the normal of the smoothest surroundings on whose plane they lie.
-
-    """
+    """Give points begin to end the normal of the smoothest surroundings on whose plane they lie."""
     for i in range(begin, end):
         best = i
         if not is_smooth[i]:

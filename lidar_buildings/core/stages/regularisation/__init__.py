@@ -1,7 +1,4 @@
-"""
-Regularisation: straight walls, right angles and arcs from a traced outline.
-
-"""
+"""Regularisation: straight walls, right angles and arcs from a traced outline."""
 
 from lidar_buildings.core.stages.regularisation.config import AS_PUBLISHED, RegularisationConfig
 from lidar_buildings.core.stages.regularisation.regularising import (

@@ -1,7 +1,4 @@
-"""
-From the walls of a ring to its corners.
-
-"""
+"""From the walls of a ring to its corners."""
 
 from __future__ import annotations
 
@@ -37,7 +34,6 @@ class Fit(NamedTuple):
         Weight of these directions, in multiples of the wall's own samples.
     min_step : float
         Smallest step or wall that is kept [m].
-
     """
 
     angles: NDArray[np.float64]
@@ -57,7 +53,6 @@ class WalledRing(NamedTuple):
         See `walls.ANGLE` to `walls.RADIUS`.
     joints : ndarray of shape (n_walls, 2, 2)
         The corner between each wall and the next, given twice, or the two ends of the step between them [m].
-
     """
 
     first: NDArray[np.int64]
@@ -74,7 +69,6 @@ def assemble(samples: RingSamples, division: Division, fit: Fit) -> WalledRing:
     Consecutive walls are intersected; parallel ones are joined by a perpendicular step, or made one where
     the step is too small. A wall that comes out too short, or the wrong way round, is dropped, the worst
     one first, until all are long enough.
-
     """
     return WalledRing(
         *_assembled(
@@ -91,10 +85,7 @@ def assemble(samples: RingSamples, division: Division, fit: Fit) -> WalledRing:
 
 @njit(cache=True, nogil=True)
 def _assembled(points, weights, bears, first, last, kind, angles, direction_weight, min_step):  # type: ignore[no-untyped-def]
-    """
-    Fit, join, drop and fit again until all walls are long enough.
-
-    """
+    """Fit, join, drop and fit again until all walls are long enough."""
     sums = running_sums(points, weights)
     first, last, kind = first.copy(), last.copy(), kind.copy()
     m, n = len(first), len(points)
@@ -141,10 +132,7 @@ def _assembled(points, weights, bears, first, last, kind, angles, direction_weig
 
 @njit(cache=True, nogil=True)
 def close_rows(first, last, kind, shape, m, i):  # type: ignore[no-untyped-def]
-    """
-    Close the rows over a wall; return how many are left.
-
-    """
+    """Close the rows over a wall; return how many are left."""
     for k in range(i, m - 1):
         first[k], last[k], kind[k] = first[k + 1], last[k + 1], kind[k + 1]
         shape[k] = shape[k + 1]
@@ -157,7 +145,6 @@ def _merge_parallels(  # type: ignore[no-untyped-def]
 ):
     """
     Make consecutive parallel walls one where the step between them is too small; return how many are left.
-
     """
     n, i = len(points), 0
     while m > 1 and i < m:
@@ -181,10 +168,7 @@ def _merge_parallels(  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _is_continued(points, first, last, shape, i, k, min_step):  # type: ignore[no-untyped-def]
-    """
-    Whether a wall goes on as the next one in the same direction with hardly a step.
-
-    """
+    """Whether a wall goes on as the next one in the same direction with hardly a step."""
     if shape[i, RADIUS] != 0 or shape[k, RADIUS] != 0:
         return False
     x, y, _ = turning_point(points, first, last, i, k)

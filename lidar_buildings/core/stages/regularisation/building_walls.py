@@ -1,7 +1,4 @@
-"""
-The walls of a whole building: its rings share their directions.
-
-"""
+"""The walls of a whole building: its rings share their directions."""
 
 from __future__ import annotations
 
@@ -37,17 +34,13 @@ def divide_building(
         The most frequent first, each standing for itself and its perpendicular [rad].
     divisions : list of Division
         One per ring; their kinds number the directions as `both_ways` lists them.
-
     """
     divide = _divided if config.division == "optimal" else _divided_at_turns
     return divide(samples, spacing, config)
 
 
 def both_ways(directions: tuple[float, ...]) -> NDArray[np.float64]:
-    """
-    Return the normals' angles of all walls that go along or across one of the directions [rad].
-
-    """
+    """Return the normals' angles of all walls that go along or across one of the directions [rad]."""
     return np.array([angle + turn for angle in directions for turn in (0.0, np.pi / 2)])
 
 
@@ -59,7 +52,6 @@ def _divided(
 
     The long walls of a division into free walls give the candidates. They are taken on one by one, as long as
     the squared offsets that they save are worth a further parameter; then the walls found adjust them again.
-
     """
     costs = config.costs(spacing)
 
@@ -90,10 +82,7 @@ def _divided(
 def _divided_at_turns(
     samples: list[RingSamples], spacing: float, config: RegularisationConfig
 ) -> tuple[tuple[float, ...], list[Division]]:
-    """
-    Find the directions of the long walls, and all walls, as published.
-
-    """
+    """Find the directions of the long walls, and all walls, as published."""
     max_turn = np.deg2rad(config.max_turn_deg)
     free = [divide_at_turns(ring.points, np.zeros(0), max_turn) for ring in samples]
     directions = _long_directions(samples, free, spacing, config, config.max_directions)
@@ -102,18 +91,12 @@ def _divided_at_turns(
 
 
 def _a_corner(division: Division) -> int:
-    """
-    Return a sample at which a wall begins, as far as possible from where the division did.
-
-    """
+    """Return a sample at which a wall begins, as far as possible from where the division did."""
     return int(division.first[len(division.first) // 2])
 
 
 def _total(divisions: list[Division]) -> float:
-    """
-    Return the cost of all rings.
-
-    """
+    """Return the cost of all rings."""
     return sum(division.cost for division in divisions)
 
 
@@ -124,10 +107,7 @@ def _long_directions(
     config: RegularisationConfig,
     max_directions: int,
 ) -> tuple[float, ...]:
-    """
-    Return the directions of the walls that are long enough, or at least half as long as the longest.
-
-    """
+    """Return the directions of the walls that are long enough, or at least half as long as the longest."""
     walls = [
         wall
         for ring, division in zip(samples, divisions, strict=True)

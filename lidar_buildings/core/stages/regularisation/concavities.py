@@ -1,6 +1,5 @@
 """
 Dents of a traced ring that are gaps between points, not shape: they are bridged before walls are sought.
-
 """
 
 from __future__ import annotations
@@ -32,7 +31,6 @@ class DentLimits(NamedTuple):
         A gap no larger than that may be left empty by chance, however deep it is, up to `gap_depth` [m²].
     gap_depth : float
         Depth of the deepest such gap [m].
-
     """
 
     depth: float
@@ -61,17 +59,13 @@ def bearing_points(ring: NDArray[np.float64], limits: DentLimits) -> NDArray[np.
     -------
     ndarray of bool, shape (n_points,)
         At least four are marked, if there are so many.
-
     """
     return np.asarray(_bridged(np.ascontiguousarray(ring), *map(float, limits)))
 
 
 @njit(cache=True, nogil=True)
 def _bridged(ring, depth, length, area, gap_depth):  # type: ignore[no-untyped-def]
-    """
-    Bridge all dents; where a bridge cuts a corner, take it out and bridge only smaller dents there.
-
-    """
+    """Bridge all dents; where a bridge cuts a corner, take it out and bridge only smaller dents there."""
     bears = np.ones(len(ring), dtype=np.bool_)
     for size in _SIZES:
         following, preceding = _bridge(
@@ -88,7 +82,6 @@ def _bridge(ring, bears, depth, length, area, gap_depth):  # type: ignore[no-unt
     Take vertices out of the ring, always those whose dent is the shallowest round about.
 
     Where the ring starts has no say: only vertices shallower than both their neighbours go in one sweep.
-
     """
     n = len(ring)
     rows = np.flatnonzero(bears)
@@ -118,10 +111,7 @@ def _bridge(ring, bears, depth, length, area, gap_depth):  # type: ignore[no-unt
 
 @njit(cache=True, nogil=True)
 def _open_corners(ring, bears, following, preceding):  # type: ignore[no-untyped-def]
-    """
-    Take out the bridges beside points at which the ring turns inwards; return whether there were any.
-
-    """
+    """Take out the bridges beside points at which the ring turns inwards; return whether there were any."""
     opened = False
     for i in np.flatnonzero(bears):
         first, last = preceding[i], following[i]
@@ -135,10 +125,7 @@ def _open_corners(ring, bears, following, preceding):  # type: ignore[no-untyped
 
 @njit(cache=True, nogil=True)
 def _open(bears, first, last):  # type: ignore[no-untyped-def]
-    """
-    Give the ring back what lies under a bridge; return whether it was one.
-
-    """
+    """Give the ring back what lies under a bridge; return whether it was one."""
     n, opened = len(bears), False
     i = first + 1 if first + 1 < n else 0
     while i != last:
@@ -150,10 +137,7 @@ def _open(bears, first, last):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _merit(ring, first, last, depth, length, area, gap_depth):  # type: ignore[no-untyped-def]
-    """
-    Return the depth of the dent between two vertices, infinite if it has to stay.
-
-    """
+    """Return the depth of the dent between two vertices, infinite if it has to stay."""
     chord, deepest, hollow = _dent(ring, first, last)
     if (deepest <= depth and chord <= length) or (hollow <= area and deepest <= gap_depth):
         return deepest
@@ -166,7 +150,6 @@ def _dent(ring, first, last):  # type: ignore[no-untyped-def]
     Return chord, depth and area of what lies between two vertices; infinite depth if it is no dent.
 
     A dent lies on the left of its chord and its vertices stand between the chord's ends.
-
     """
     n = len(ring)
     x, y = ring[first]

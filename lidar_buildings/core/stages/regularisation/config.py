@@ -1,7 +1,4 @@
-"""
-Settings of the regularisation.
-
-"""
+"""Settings of the regularisation."""
 
 from __future__ import annotations
 
@@ -18,10 +15,7 @@ _MIN_RADIUS, _MIN_ARC = 6.0, 10.0
 
 @dataclass(frozen=True)
 class RegularisationConfig(StageConfig):
-    """
-    Settings of the hierarchical least squares adjustment.
-
-    """
+    """Settings of the hierarchical least squares adjustment."""
 
     stage: ClassVar[str] = "regularisation"
 
@@ -161,10 +155,7 @@ class RegularisationConfig(StageConfig):
     )
 
     def dent_limits(self, spacing: float) -> DentLimits | None:
-        """
-        Return what a dent may measure at a point spacing [m]; None if there are no dents.
-
-        """
+        """Return what a dent may measure at a point spacing [m]; None if there are no dents."""
         if not (self.max_dent_depth or self.max_gap_area):
             return None
         return DentLimits(
@@ -177,7 +168,6 @@ class RegularisationConfig(StageConfig):
     def costs(self, spacing: float) -> Costs:
         """
         Return what walls cost at a point spacing [m]; the step between two parallel ones costs another wall.
-
         """
         return Costs(
             noise=self.noise * spacing,

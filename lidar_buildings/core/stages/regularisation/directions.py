@@ -1,7 +1,4 @@
-"""
-The directions that a building's long walls share, and how many there are: hierarchical least squares.
-
-"""
+"""The directions that a building's long walls share, and how many there are: hierarchical least squares."""
 
 from __future__ import annotations
 
@@ -28,7 +25,6 @@ class WallScatter(NamedTuple):
         Weighted sums of squares and products about the wall's middle [m²].
     length : float
         From its first to its last sample [m].
-
     """
 
     xx: float
@@ -38,17 +34,11 @@ class WallScatter(NamedTuple):
 
     @property
     def angle(self) -> float:
-        """
-        Direction of the wall's normal [rad].
-
-        """
+        """Direction of the wall's normal [rad]."""
         return float(normal_angle(self.xx, self.xy, self.yy))
 
     def misfit(self, angle: float) -> float:
-        """
-        By how much the squared offsets rise if the wall goes along or across a direction [m²].
-
-        """
+        """By how much the squared offsets rise if the wall goes along or across a direction [m²]."""
         nearest = angle + _RIGHT_ANGLE * round((self.angle - angle) / _RIGHT_ANGLE)
         c, s = np.cos(nearest), np.sin(nearest)
         offsets = c * c * self.xx + 2 * c * s * self.xy + s * s * self.yy
@@ -58,10 +48,7 @@ class WallScatter(NamedTuple):
 def wall_scatters(
     points: NDArray[np.float64], sums: NDArray[np.float64], division: Division
 ) -> list[WallScatter]:
-    """
-    Return the scatters of a ring's straight walls of at least three samples.
-
-    """
+    """Return the scatters of a ring's straight walls of at least three samples."""
     n, walls = len(points), []
     for first, last, kind in zip(division.first, division.last, division.kind, strict=True):
         if kind != ARC and last - first > 2:
@@ -99,7 +86,6 @@ def shared_directions(
     -------
     tuple of float
         Angles of normals within 0 to π/2, each standing for itself and its perpendicular [rad].
-
     """
     remaining = sorted(walls, key=lambda wall: -wall.length)
     groups: list[tuple[float, float, list[WallScatter]]] = []
@@ -116,7 +102,6 @@ def shared_directions(
 def _at_45(main: float, angle: float, members: list[WallScatter], limit: float) -> float:
     """
     Return the direction at 45° to the main one if all of a group's walls fit it, otherwise the group's own.
-
     """
     diagonal = (main + _RIGHT_ANGLE / 2) % _RIGHT_ANGLE
     fits = all(wall.misfit(diagonal) - wall.misfit(angle) <= limit for wall in members)
@@ -126,10 +111,7 @@ def _at_45(main: float, angle: float, members: list[WallScatter], limit: float) 
 def _group(
     candidates: list[WallScatter], tolerance: float, max_misfit: float
 ) -> tuple[float, list[WallScatter]]:
-    """
-    Return the direction of the longest candidate's group and its members.
-
-    """
+    """Return the direction of the longest candidate's group and its members."""
     angle = candidates[0].angle % _RIGHT_ANGLE
     members = [wall for wall in candidates if turn_between(wall.angle, angle) <= tolerance]
     for _ in range(_MAX_ROUNDS):
@@ -147,7 +129,6 @@ def _group(
 def joint_angle(walls: list[WallScatter], near: float) -> float:
     """
     Return the normal's angle, within 0 to π/2, that parallel and perpendicular walls have in common [rad].
-
     """
     xx = xy = yy = 0.0
     for wall in walls:
@@ -160,9 +141,6 @@ def joint_angle(walls: list[WallScatter], near: float) -> float:
 
 
 def turn_between(one: float, other: float) -> float:
-    """
-    Return the angle between two directions when a right angle counts as none [rad].
-
-    """
+    """Return the angle between two directions when a right angle counts as none [rad]."""
     difference = (one - other) % _RIGHT_ANGLE
     return float(min(difference, _RIGHT_ANGLE - difference))

@@ -1,7 +1,4 @@
-"""
-Where a ring turns: its best division into straight walls and arcs.
-
-"""
+"""Where a ring turns: its best division into straight walls and arcs."""
 
 from __future__ import annotations
 
@@ -51,7 +48,6 @@ class Costs(NamedTuple):
         Added for an arc.
     min_radius, min_arc : float
         Smallest radius and length of an arc [m].
-
     """
 
     noise: float
@@ -76,7 +72,6 @@ class Division:
         Which of the given directions, or `FREE`, or `ARC`.
     cost : float
         Squared offsets over noise² and the cost of the walls.
-
     """
 
     first: NDArray[np.int64]
@@ -85,10 +80,7 @@ class Division:
     cost: float
 
     def rows(self, wall: int, n_samples: int) -> NDArray[np.int64]:
-        """
-        Return the rows of a wall's samples.
-
-        """
+        """Return the rows of a wall's samples."""
         return np.arange(self.first[wall], self.last[wall]) % n_samples
 
 
@@ -124,7 +116,6 @@ def divide_ring(
     -------
     Division
         Its first wall begins within the ring's first round.
-
     """
     n = len(points)
     weights = np.ones(n) if weights is None else weights
@@ -145,7 +136,6 @@ def _divide(sums, n, shift, cosines, sines, noise, wall, own_direction, step, ar
     Return the first sample and the kind of each wall of an open chain from `shift` on, and the whole cost.
 
     Columns are the directions, then free walls, then arcs.
-
     """
     free, bow = len(cosines), len(cosines) + 1
     variance = noise * noise
@@ -202,10 +192,7 @@ def _divide(sums, n, shift, cosines, sines, noise, wall, own_direction, step, ar
 
 @njit(cache=True, nogil=True)
 def _bent(sums, start, end, min_radius, min_arc, variance):  # type: ignore[no-untyped-def]
-    """
-    Return the squared offsets from the best circle, and whether the stretch may be an arc of it.
-
-    """
+    """Return the squared offsets from the best circle, and whether the stretch may be an arc of it."""
     _, _, radius, offsets = algebraic_circle(sums, start, end)
     way = way_along(sums, start, end)
     turn = way / radius
@@ -216,10 +203,7 @@ def _bent(sums, start, end, min_radius, min_arc, variance):  # type: ignore[no-u
 
 @njit(cache=True, nogil=True)
 def _enter(best, entry, before, free, wall, own_direction, step, arc):  # type: ignore[no-untyped-def]
-    """
-    Find, for each kind of wall that may start here, the kind of wall that it had best follow.
-
-    """
+    """Find, for each kind of wall that may start here, the kind of wall that it had best follow."""
     for k in range(free + 2):
         for last in range(free + 2):
             cost = best[last] + wall
@@ -236,10 +220,7 @@ def _enter(best, entry, before, free, wall, own_direction, step, arc):  # type: 
 
 @njit(cache=True, nogil=True)
 def _traced_back(best, came_from, before, n, free):  # type: ignore[no-untyped-def]
-    """
-    Return the walls' first samples and kinds from the last one back.
-
-    """
+    """Return the walls' first samples and kinds from the last one back."""
     first = np.zeros(n, dtype=np.int64)
     kind = np.zeros(n, dtype=np.int64)
     n_walls, end, k = 0, n, int(np.argmin(best[n]))

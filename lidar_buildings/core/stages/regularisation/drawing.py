@@ -1,7 +1,4 @@
-"""
-A walled ring drawn as a polygon: corners, the chords of its arcs, and what to do where walls cross.
-
-"""
+"""A walled ring drawn as a polygon: corners, the chords of its arcs, and what to do where walls cross."""
 
 from __future__ import annotations
 
@@ -34,7 +31,6 @@ class DrawnRing(NamedTuple):
         The wall that the edge from each vertex to the next belongs to, `STEP` if none.
     n_traced : int
         Number of walls that are drawn through their samples because fitted ones cross.
-
     """
 
     vertices: NDArray[np.float64]
@@ -54,7 +50,6 @@ def draw_ring(points: NDArray[np.float64], walled: WalledRing, chord_error: floa
         The walls.
     chord_error : float
         Largest distance of an arc from its chords [m].
-
     """
     m = len(walled.first)
     detail = np.zeros(m, dtype=np.int64)
@@ -76,10 +71,7 @@ def draw_ring(points: NDArray[np.float64], walled: WalledRing, chord_error: floa
 def arc_chords(
     shape: NDArray[np.float64], start: NDArray[np.float64], end: NDArray[np.float64], chord_error: float
 ) -> NDArray[np.float64]:
-    """
-    Return the vertices between the ends of an arc: equal chords that leave it by no more than an error.
-
-    """
+    """Return the vertices between the ends of an arc: equal chords that leave it by no more than an error."""
     radius = abs(float(shape[RADIUS]))
     sweep = float(swept(shape, start, end)) or 2.0 * math.pi
     widest = 2.0 * math.acos(max(1.0 - chord_error / radius, 0.5))
@@ -93,10 +85,7 @@ def arc_chords(
 def _drawn(
     points: NDArray[np.float64], walled: WalledRing, chord_error: float, detail: NDArray[np.int64]
 ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """
-    Return all vertices in order and the wall of the edge that starts at each.
-
-    """
+    """Return all vertices in order and the wall of the edge that starts at each."""
     m = len(walled.first)
     if m == 1:
         return _whole_circle(points, walled, chord_error)
@@ -123,7 +112,6 @@ def _ends(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """
     Return where a fitted wall begins and ends: at its joints, or beside a neighbour that is drawn as traced.
-
     """
     m, n = len(walled.first), len(points)
     before, behind = (i - 1) % m, (i + 1) % m
@@ -140,10 +128,7 @@ def _ends(
 def _whole_circle(
     points: NDArray[np.float64], walled: WalledRing, chord_error: float
 ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """
-    Draw a ring that is one circle.
-
-    """
+    """Draw a ring that is one circle."""
     start = np.array(foot_on(walled.shape[0], *points[walled.first[0] % len(points)]))
     vertices = np.vstack([start, arc_chords(walled.shape[0], start, start, chord_error)])
     return vertices, np.zeros(len(vertices), dtype=np.int64)
@@ -152,10 +137,7 @@ def _whole_circle(
 def _without_repeats(
     vertices: NDArray[np.float64], owners: NDArray[np.int64]
 ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """
-    Leave out vertices that are followed by the same one, and with them the edges of no length.
-
-    """
+    """Leave out vertices that are followed by the same one, and with them the edges of no length."""
     if not len(vertices):
         return vertices, owners
     goes_on = (vertices != np.roll(vertices, -1, axis=0)).any(axis=1)
@@ -163,10 +145,7 @@ def _without_repeats(
 
 
 def _crossing_edges(vertices: NDArray[np.float64]) -> NDArray[np.int64]:
-    """
-    Return the edges of a ring that meet another than their neighbours.
-
-    """
+    """Return the edges of a ring that meet another than their neighbours."""
     n = len(vertices)
     if n < 4:
         return np.arange(n)

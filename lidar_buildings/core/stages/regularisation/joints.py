@@ -1,7 +1,4 @@
-"""
-How two walls of a ring meet: in a corner, in a step, or going on as one.
-
-"""
+"""How two walls of a ring meet: in a corner, in a step, or going on as one."""
 
 from __future__ import annotations
 
@@ -31,20 +28,14 @@ _SMOOTH = 1.0
 
 @njit(cache=True, nogil=True)
 def extent_of(points, first, last):  # type: ignore[no-untyped-def]
-    """
-    Return how far the first and the last sample of a wall are apart [m].
-
-    """
+    """Return how far the first and the last sample of a wall are apart [m]."""
     a, b = first % len(points), (last - 1) % len(points)
     return np.hypot(points[a, 0] - points[b, 0], points[a, 1] - points[b, 1])
 
 
 @njit(cache=True, nogil=True)
 def turn_at(points, first, last, shape, i, k, x, y):  # type: ignore[no-untyped-def]
-    """
-    Return the angle by which the ring turns from one wall to the next, 0 to π [rad].
-
-    """
+    """Return the angle by which the ring turns from one wall to the next, 0 to π [rad]."""
     ax, ay = travel_of(points, first, last, shape, i, x, y)
     bx, by = travel_of(points, first, last, shape, k, x, y)
     return np.arccos(min(max(ax * bx + ay * by, -1.0), 1.0))
@@ -52,10 +43,7 @@ def turn_at(points, first, last, shape, i, k, x, y):  # type: ignore[no-untyped-
 
 @njit(cache=True, nogil=True)
 def travel_of(points, first, last, shape, i, x, y):  # type: ignore[no-untyped-def]
-    """
-    Return the unit vector along a wall in the ring's sense near a point.
-
-    """
+    """Return the unit vector along a wall in the ring's sense near a point."""
     n = len(points)
     a, b = (first[i] - 1) % n, last[i] % n
     return travel_at(shape[i], points[b, 0] - points[a, 0], points[b, 1] - points[a, 1], x, y)
@@ -65,7 +53,6 @@ def travel_of(points, first, last, shape, i, x, y):  # type: ignore[no-untyped-d
 def turning_point(points, first, last, i, k):  # type: ignore[no-untyped-def]
     """
     Return the middle between the last sample of a wall and the first of the next, and how far they are apart.
-
     """
     n = len(points)
     a, b = (last[i] - 1) % n, first[k] % n
@@ -78,10 +65,7 @@ def turning_point(points, first, last, i, k):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def joint_of(points, first, last, shape, i, k, min_step):  # type: ignore[no-untyped-def]
-    """
-    Return the corner between two walls twice, or the two ends of the step between them.
-
-    """
+    """Return the corner between two walls twice, or the two ends of the step between them."""
     joint = np.empty((2, 2))
     x, y, gap = turning_point(points, first, last, i, k)
     turn = turn_at(points, first, last, shape, i, k, x, y)
@@ -109,7 +93,6 @@ def joint_of(points, first, last, shape, i, k, min_step):  # type: ignore[no-unt
 def length_of(points, first, last, shape, i, start, end):  # type: ignore[no-untyped-def]
     """
     Return the length of a wall between its ends in the ring's sense, negative if they are in the wrong order.
-
     """
     if shape[i, RADIUS] == 0:
         tx, ty = travel_of(points, first, last, shape, i, start[0], start[1])
@@ -129,10 +112,7 @@ def length_of(points, first, last, shape, i, start, end):  # type: ignore[no-unt
 
 @njit(cache=True, nogil=True)
 def swept(shape, start, end):  # type: ignore[no-untyped-def]
-    """
-    Return the angle of an arc from one point to another in its sense, 0 to 2π [rad].
-
-    """
+    """Return the angle of an arc from one point to another in its sense, 0 to 2π [rad]."""
     a = np.arctan2(start[1] - shape[CENTRE_Y], start[0] - shape[CENTRE_X])
     b = np.arctan2(end[1] - shape[CENTRE_Y], end[0] - shape[CENTRE_X])
     return (b - a) % (2.0 * np.pi) if shape[RADIUS] > 0 else (a - b) % (2.0 * np.pi)

@@ -1,7 +1,4 @@
-"""
-Running sums of a ring's points, from which the best line and circle of any stretch follow at once.
-
-"""
+"""Running sums of a ring's points, from which the best line and circle of any stretch follow at once."""
 
 from __future__ import annotations
 
@@ -30,7 +27,6 @@ def running_sums(points, weights):  # type: ignore[no-untyped-def]
     -------
     ndarray of shape (2 n_points + 2, 10)
         Row i is of the points before the i-th; the way is that from point 0 to point i [m].
-
     """
     n = len(points)
     sums = np.zeros((2 * n + 2, N_SUMS))
@@ -53,19 +49,13 @@ def running_sums(points, weights):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def way_along(sums, start, end):  # type: ignore[no-untyped-def]
-    """
-    Return the length of the way from the first to the last point of a stretch [m].
-
-    """
+    """Return the length of the way from the first to the last point of a stretch [m]."""
     return sums[end - 1, 9] - sums[start, 9] if end > start else 0.0
 
 
 @njit(cache=True, nogil=True)
 def scatter_of(sums, start, end):  # type: ignore[no-untyped-def]
-    """
-    Return the weight of a stretch, its middle and its scatter: sums of xx, xy, yy about the middle.
-
-    """
+    """Return the weight of a stretch, its middle and its scatter: sums of xx, xy, yy about the middle."""
     weight = sums[end, 0] - sums[start, 0]
     x, y = (sums[end, 1] - sums[start, 1]) / weight, (sums[end, 2] - sums[start, 2]) / weight
     xx = sums[end, 3] - sums[start, 3] - x * x * weight
@@ -76,19 +66,13 @@ def scatter_of(sums, start, end):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def least_scatter(xx, xy, yy):  # type: ignore[no-untyped-def]
-    """
-    Return the scatter across the best line: the smaller eigenvalue.
-
-    """
+    """Return the scatter across the best line: the smaller eigenvalue."""
     return max(0.5 * (xx + yy) - np.hypot(0.5 * (xx - yy), xy), 0.0)
 
 
 @njit(cache=True, nogil=True)
 def normal_angle(xx, xy, yy):  # type: ignore[no-untyped-def]
-    """
-    Return the direction of the least scatter, −π/2 to π/2 and beyond by π/2 [rad].
-
-    """
+    """Return the direction of the least scatter, −π/2 to π/2 and beyond by π/2 [rad]."""
     return 0.5 * np.arctan2(2.0 * xy, xx - yy) + 0.5 * np.pi
 
 
@@ -99,7 +83,6 @@ def algebraic_circle(sums, start, end):  # type: ignore[no-untyped-def]
 
     The offsets are those of the points from the circle to first order, (d² − r²) / 2r; radius and offsets are
     infinite where the points lie on a line.
-
     """
     weight, mx, my, uu, uv, vv = scatter_of(sums, start, end)
     determinant = uu * vv - uv * uv

@@ -1,7 +1,4 @@
-"""
-How precise walls and corners are, and how well points lie on them.
-
-"""
+"""How precise walls and corners are, and how well points lie on them."""
 
 from __future__ import annotations
 
@@ -35,7 +32,6 @@ def fit_quality(points: NDArray[np.float64], outline: Outline, n_unknowns: int) 
         The walls [m].
     n_unknowns : int
         What was adjusted to the points: see `unknowns_of`.
-
     """
     offsets = shapely.distance(outline.polygon.boundary, shapely.points(points))
     redundancy = max(len(points) - n_unknowns, 1)
@@ -45,7 +41,6 @@ def fit_quality(points: NDArray[np.float64], outline: Outline, n_unknowns: int) 
 def unknowns_of(rings: Sequence[WalledRing], n_directions: int) -> int:
     """
     Count what the adjustment had to find: a direction each, and each wall's offset, own angle, or circle.
-
     """
     kinds = np.concatenate([ring.kind for ring in rings])
     return n_directions + int(np.select([kinds == FREE, kinds == ARC], [2, 3], 1).sum())
@@ -54,10 +49,7 @@ def unknowns_of(rings: Sequence[WalledRing], n_directions: int) -> int:
 def outline_walls(
     ring: int, samples: RingSamples, walled: WalledRing, centre: NDArray[np.float64], sigma: float
 ) -> list[OutlineWall]:
-    """
-    Return a ring's walls and the steps between them, in order, in the map frame.
-
-    """
+    """Return a ring's walls and the steps between them, in order, in the map frame."""
     walls: list[OutlineWall] = []
     m = len(walled.first)
     joints = (walled.joints + centre).tolist()
@@ -82,7 +74,6 @@ def corner_sigmas(
 
     The offset of a wall at the corner has the variance of its middle and that of its direction over the
     distance between the two; the corner's follow from those of its two walls and the angle between them.
-
     """
     variances = _corner_variances(samples.points, samples.bears, *walled, direction_weight)
     at = dict(zip(map(tuple, walled.joints[:, 0].tolist()), variances.tolist(), strict=True))
@@ -90,19 +81,13 @@ def corner_sigmas(
 
 
 def _pair(place: list[float]) -> tuple[float, float]:
-    """
-    Return x and y as a tuple.
-
-    """
+    """Return x and y as a tuple."""
     return place[0], place[1]
 
 
 @njit(cache=True, nogil=True)
 def _bearing_counts(bears, first, last):  # type: ignore[no-untyped-def]
-    """
-    Count the traced points that bear each wall.
-
-    """
+    """Count the traced points that bear each wall."""
     n = len(bears)
     counts = np.zeros(len(first), dtype=np.int64)
     for i in range(len(first)):
@@ -113,10 +98,7 @@ def _bearing_counts(bears, first, last):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _corner_variances(points, bears, first, last, kind, shape, joints, direction_weight):  # type: ignore[no-untyped-def]
-    """
-    Return the variance of the corner behind each wall, in units of a point's; NaN where it is none.
-
-    """
+    """Return the variance of the corner behind each wall, in units of a point's; NaN where it is none."""
     sums = running_sums(points, bears.astype(np.float64))
     m = len(first)
     variances = np.full(m, np.nan)
@@ -134,10 +116,7 @@ def _corner_variances(points, bears, first, last, kind, shape, joints, direction
 
 @njit(cache=True, nogil=True)
 def _variance_at(sums, first, last, kind, angle, x, y, direction_weight):  # type: ignore[no-untyped-def]
-    """
-    Return the variance of a wall's offset at a place of it, in units of a point's.
-
-    """
+    """Return the variance of a wall's offset at a place of it, in units of a point's."""
     if sums[last, 0] - sums[first, 0] < 2:
         return np.nan
     count, mx, my, xx, xy, yy = scatter_of(sums, first, last)

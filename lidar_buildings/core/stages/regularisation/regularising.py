@@ -1,7 +1,4 @@
-"""
-Straight walls, right angles and arcs from a traced outline: hierarchical least squares.
-
-"""
+"""Straight walls, right angles and arcs from a traced outline: hierarchical least squares."""
 
 from __future__ import annotations
 
@@ -41,7 +38,6 @@ class _Fitted(NamedTuple):
 
     `bearing` are the walls on the bearing points, `walled` those where they are drawn; in the mean these lie
     `move` further out [m].
-
     """
 
     samples: RingSamples
@@ -83,7 +79,6 @@ def regularise_outline(traced: Outline, config: RegularisationConfig | None = No
     -----
     Coordinates are metres: points are worth `finest_spacing` at best, so that much smaller things stay as
     traced. Some 500 buildings a second; a ring of 100,000 points takes seconds.
-
     """
     config = config or RegularisationConfig()
     checked = _checked(traced)
@@ -126,7 +121,6 @@ def measure_outline(
         Before and after regularisation [m].
     config : RegularisationConfig, optional
         Settings that `outline` was made with; they tell why an outline was left as traced.
-
     """
     config = config or RegularisationConfig()
     if config.keep_outlines:
@@ -149,18 +143,12 @@ def measure_outline(
 
 
 def working_spacing(traced: Outline, config: RegularisationConfig) -> float:
-    """
-    Return the point spacing, made larger by how well points are placed at best [m].
-
-    """
+    """Return the point spacing, made larger by how well points are placed at best [m]."""
     return float(np.hypot(ring_spacing(traced), config.finest_spacing))
 
 
 def ring_spacing(traced: Outline) -> float:
-    """
-    Return the point spacing that a traced outline's edges speak of [m].
-
-    """
+    """Return the point spacing that a traced outline's edges speak of [m]."""
     edges = [np.hypot(*(np.roll(ring, -1, axis=0) - ring).T) for ring in traced.rings]
     return float(np.median(np.concatenate(edges))) / SAMPLE_LENGTH
 
@@ -168,7 +156,6 @@ def ring_spacing(traced: Outline) -> float:
 def estimated_bias(samples: list[RingSamples], spacing: float) -> float:
     """
     Return how far bearing points lie inside the edge [m]: the area that each leaves empty over its length.
-
     """
     length = sum(ring.length for ring in samples)
     n_bearing = sum(int(ring.bears.sum()) for ring in samples)
@@ -183,7 +170,6 @@ def _checked(outline: Outline) -> Outline:
     ------
     ValueError
         If a ring is not of finite x and y.
-
     """
     rings = []
     for number, given in enumerate(outline.rings):
@@ -198,30 +184,21 @@ def _checked(outline: Outline) -> Outline:
 
 
 def _fitted(samples: RingSamples, division: Division, fit: Fit, chord_error: float) -> _Fitted:
-    """
-    Fit one ring's walls and draw them.
-
-    """
+    """Fit one ring's walls and draw them."""
     bearing = assemble(samples, division, fit)
     walled, move = through_the_points(samples, bearing, fit)
     return _Fitted(samples, bearing, walled, draw_ring(samples.points, walled, chord_error), move)
 
 
 def _corrected(ring: _Fitted, distance: float, fit: Fit, chord_error: float) -> _Fitted:
-    """
-    Move one ring's walls out from the bearing points and draw them anew.
-
-    """
+    """Move one ring's walls out from the bearing points and draw them anew."""
     walled = moved_out(ring.samples, ring.bearing, fit, distance)
     drawn = draw_ring(ring.samples.points, walled, chord_error)
     return ring._replace(walled=walled, drawn=drawn, move=distance)
 
 
 def _mean_move(rings: list[_Fitted]) -> float:
-    """
-    Return how far the walls lie outside the bearing points, over all rings [m].
-
-    """
+    """Return how far the walls lie outside the bearing points, over all rings [m]."""
     lengths = [ring.samples.length for ring in rings]
     return float(np.average([ring.move for ring in rings], weights=lengths)) if sum(lengths) > 0 else 0.0
 
@@ -235,10 +212,7 @@ def _result(
     config: RegularisationConfig,
     moved: float = 0.0,
 ) -> RegularisedOutline:
-    """
-    Put the rings together, measure them, and say what is out of the ordinary.
-
-    """
+    """Put the rings together, measure them, and say what is out of the ordinary."""
     exterior = rings[0].drawn.vertices + centre
     walled = [ring.drawn.vertices + centre for ring in rings[1:]]
     holes, kept = _fitting_holes(exterior, walled, traced.holes)
@@ -276,10 +250,7 @@ def _result(
 
 
 def _notes(rings: list[_Fitted], kept: list[int]) -> str:
-    """
-    Say what is out of the ordinary about an outline that could be regularised.
-
-    """
+    """Say what is out of the ordinary about an outline that could be regularised."""
     notes = {
         "walls drawn through traced points because straight ones would cross": sum(
             ring.drawn.n_traced for ring in rings
@@ -292,10 +263,7 @@ def _notes(rings: list[_Fitted], kept: list[int]) -> str:
 def _fitting_holes(
     exterior: NDArray[np.float64], walled: list[NDArray[np.float64]], traced: tuple[NDArray[np.float64], ...]
 ) -> tuple[tuple[NDArray[np.float64], ...], list[int]]:
-    """
-    Return the courtyards, and the numbers of those left as traced: whose walls meet another ring.
-
-    """
+    """Return the courtyards, and the numbers of those left as traced: whose walls meet another ring."""
     holes: list[NDArray[np.float64]] = []
     kept = []
     for number, (straight, ring) in enumerate(zip(walled, traced, strict=True), start=1):
@@ -309,10 +277,7 @@ def _fitting_holes(
 
 
 def _problem(outline: Outline, traced: Outline, moved: float, config: RegularisationConfig) -> str:
-    """
-    Say why an outline cannot stand for the traced one, moved outwards [m]; empty if it can.
-
-    """
+    """Say why an outline cannot stand for the traced one, moved outwards [m]; empty if it can."""
     if len(outline.exterior) < 3:
         return "fewer than three walls were found"
     polygon, ring = outline.polygon, traced.polygon
@@ -334,8 +299,5 @@ def _problem(outline: Outline, traced: Outline, moved: float, config: Regularisa
 def _as_traced(
     traced: Outline, directions: tuple[float, ...], reason: str, bias: float = 0.0
 ) -> RegularisedOutline:
-    """
-    Return the traced outline as the result.
-
-    """
+    """Return the traced outline as the result."""
     return RegularisedOutline(traced, 0.0, 0.0, directions, BuildingStatus.TRACED_OUTLINE, reason, bias=bias)

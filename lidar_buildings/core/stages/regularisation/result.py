@@ -1,7 +1,4 @@
-"""
-What a regularised outline consists of.
-
-"""
+"""What a regularised outline consists of."""
 
 from __future__ import annotations
 
@@ -32,7 +29,6 @@ class OutlineWall:
         Standard deviation of the wall's place, across it, at its middle; NaN if no points bear it [m].
     n_points : int
         Traced points that bear the wall.
-
     """
 
     ring: int
@@ -73,7 +69,6 @@ class RegularisedOutline:
     bias : float
         How far the lines through the points lie inside the building's edge, as estimated from how points lie
         along it [m]. With `correct_bias` the walls were moved out by so much.
-
     """
 
     outline: Outline
@@ -89,10 +84,7 @@ class RegularisedOutline:
 
 @dataclass(frozen=True)
 class OutlineQuality:
-    """
-    How well an outline fits the ring it was made from; members as in `RegularisedOutline`.
-
-    """
+    """How well an outline fits the ring it was made from; members as in `RegularisedOutline`."""
 
     sigma: float
     max_offset: float

@@ -1,7 +1,4 @@
-"""
-A traced ring as weighted samples: every metre of it counts alike, however the points are spread.
-
-"""
+"""A traced ring as weighted samples: every metre of it counts alike, however the points are spread."""
 
 from __future__ import annotations
 
@@ -40,7 +37,6 @@ class RingSamples:
     is_on_wall : ndarray of bool, shape (n_points,)
         Whether a point of the ring lies on a wall: it bears one, or lies in a dent no deeper than points
         of one wall are scattered.
-
     """
 
     points: NDArray[np.float64]
@@ -52,18 +48,12 @@ class RingSamples:
 
     @property
     def on_walls(self) -> NDArray[np.float64]:
-        """
-        The points of the ring that lie on walls, shape (n_on_walls, 2) [m].
-
-        """
+        """The points of the ring that lie on walls, shape (n_on_walls, 2) [m]."""
         return self.ring[self.is_on_wall]
 
     @property
     def length(self) -> float:
-        """
-        Length of the ring of bearing points [m].
-
-        """
+        """Length of the ring of bearing points [m]."""
         return float(np.hypot(*(np.roll(self.points, -1, axis=0) - self.points).T).sum())
 
 
@@ -79,7 +69,6 @@ def sample_ring(ring: NDArray[np.float64], spacing: float, limits: DentLimits | 
         Point spacing [m].
     limits : DentLimits or None
         What counts as a dent; None: every point of the ring is a sample of weight 1.
-
     """
     if limits is None:
         every = np.ones(len(ring), dtype=bool)
@@ -104,7 +93,6 @@ def sample_ring(ring: NDArray[np.float64], spacing: float, limits: DentLimits | 
 def _depths(ring: NDArray[np.float64], rows: NDArray[np.int64]) -> NDArray[np.float64]:
     """
     Return how far the points of a ring lie inside the bridges between those in `rows`, shape (n_points,) [m].
-
     """
     corners = ring[rows]
     along = np.roll(corners, -1, axis=0) - corners

@@ -1,7 +1,4 @@
-"""
-Walls moved from where they were found to where they are drawn.
-
-"""
+"""Walls moved from where they were found to where they are drawn."""
 
 from __future__ import annotations
 
@@ -25,7 +22,6 @@ def through_the_points(samples: RingSamples, walled: WalledRing, fit: Fit) -> tu
 
     Walls are found by the points that bear the ring, the outermost ones; the line of least squares through
     all points of a wall, as Sampath & Shan (2007) adjust it, lies inside.
-
     """
     offsets = _mean_offsets(samples.ring, samples.is_on_wall, samples.rows, len(samples.points), *walled[:4])
     lengths = np.hypot(*(walled.joints[:, 0] - np.roll(walled.joints[:, 1], 1, axis=0)).T)
@@ -35,20 +31,14 @@ def through_the_points(samples: RingSamples, walled: WalledRing, fit: Fit) -> tu
 
 
 def moved_out(samples: RingSamples, walled: WalledRing, fit: Fit, distance: float) -> WalledRing:
-    """
-    Move all walls away from the building.
-
-    """
+    """Move all walls away from the building."""
     distances = np.full(len(walled.first), distance)
     return WalledRing(*_moved(samples.points, *walled[:4], distances, fit.min_step))
 
 
 @njit(cache=True, nogil=True)
 def _mean_offsets(ring, is_on_wall, rows, n_samples, first, last, kind, shape):  # type: ignore[no-untyped-def]
-    """
-    Return how far outside each wall its points lie in the mean, negative inside [m].
-
-    """
+    """Return how far outside each wall its points lie in the mean, negative inside [m]."""
     n = len(ring)
     offsets = np.zeros(len(first))
     for i in range(len(first)):
@@ -72,7 +62,6 @@ def _mean_offsets(ring, is_on_wall, rows, n_samples, first, last, kind, shape): 
 def _moved(points, first, last, kind, shape, distances, min_step):  # type: ignore[no-untyped-def]
     """
     Move each wall by its distance and join them anew; steps and walls that shrink by it too much are dropped.
-
     """
     m, n = len(first), len(points)
     first, last, kind, shape = first.copy(), last.copy(), kind.copy(), shape.copy()
@@ -94,7 +83,6 @@ def _moved(points, first, last, kind, shape, distances, min_step):  # type: igno
 def _spoilt(points, first, last, shape, joints, m, least):  # type: ignore[no-untyped-def]
     """
     Return a wall that is too short, or the shorter one beside a step that is too small, −1 if there is none.
-
     """
     for i in range(m):
         k, before = (i + 1) % m, i - 1 if i else m - 1

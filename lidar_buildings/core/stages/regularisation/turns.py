@@ -1,7 +1,4 @@
-"""
-The division as published: a segment ends where the ring's edges change their slope.
-
-"""
+"""The division as published: a segment ends where the ring's edges change their slope."""
 
 from __future__ import annotations
 
@@ -33,7 +30,6 @@ def divide_at_turns(points: NDArray[np.float64], angles: NDArray[np.float64], ma
     -------
     Division
         Its cost is 0: nothing was weighed.
-
     """
     n = len(points)
     first = _turns(points, max_turn)
@@ -43,10 +39,7 @@ def divide_at_turns(points: NDArray[np.float64], angles: NDArray[np.float64], ma
 
 @njit(cache=True, nogil=True)
 def _turns(points, max_turn):  # type: ignore[no-untyped-def]
-    """
-    Return the first point of each segment, from the sharpest turn of the ring on.
-
-    """
+    """Return the first point of each segment, from the sharpest turn of the ring on."""
     n = len(points)
     sharpest, start = -1.0, 0
     for i in range(n):
@@ -62,10 +55,7 @@ def _turns(points, max_turn):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _between(points, a, b, c, d):  # type: ignore[no-untyped-def]
-    """
-    Return the angle between the ways from a to b and from c to d, 0 to π [rad].
-
-    """
+    """Return the angle between the ways from a to b and from c to d, 0 to π [rad]."""
     ux, uy = points[b, 0] - points[a, 0], points[b, 1] - points[a, 1]
     vx, vy = points[d, 0] - points[c, 0], points[d, 1] - points[c, 1]
     return abs(np.arctan2(ux * vy - uy * vx, ux * vx + uy * vy))
@@ -73,10 +63,7 @@ def _between(points, a, b, c, d):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _nearest(sums, first, last, angles):  # type: ignore[no-untyped-def]
-    """
-    Return the direction that is nearest to each segment's own, `FREE` if there are none.
-
-    """
+    """Return the direction that is nearest to each segment's own, `FREE` if there are none."""
     kind = np.full(len(first), FREE)
     for i in range(len(first)):
         # The point at which the next segment begins is the end of this one.

@@ -1,7 +1,4 @@
-"""
-Lines and arcs fitted to stretches of a ring: least squares in normal form.
-
-"""
+"""Lines and arcs fitted to stretches of a ring: least squares in normal form."""
 
 from __future__ import annotations
 
@@ -47,7 +44,6 @@ def fit_wall(points, weights, bears, sums, first, last, kind, angles, direction_
     -------
     ndarray of shape (5,)
         See `ANGLE` to `RADIUS`.
-
     """
     shape = np.zeros(N_SHAPE)
     if kind == ARC:
@@ -71,10 +67,7 @@ def fit_wall(points, weights, bears, sums, first, last, kind, angles, direction_
 
 @njit(cache=True, nogil=True)
 def _fit_arc(points, bears, sums, first, last, shape):  # type: ignore[no-untyped-def]
-    """
-    Fit a circle by the least squared distances of bearing points, from the algebraic one on.
-
-    """
+    """Fit a circle by the least squared distances of bearing points, from the algebraic one on."""
     n = len(points)
     x, y, radius, _ = algebraic_circle(sums, first, last)
     for _ in range(_CIRCLE_ROUNDS):
@@ -105,10 +98,7 @@ def _fit_arc(points, bears, sums, first, last, shape):  # type: ignore[no-untype
 
 @njit(cache=True, nogil=True)
 def foot_on(shape, x, y):  # type: ignore[no-untyped-def]
-    """
-    Return the point of a wall that is nearest to another.
-
-    """
+    """Return the point of a wall that is nearest to another."""
     if shape[RADIUS] != 0:
         dx, dy = x - shape[CENTRE_X], y - shape[CENTRE_Y]
         distance = max(np.hypot(dx, dy), 1e-12)
@@ -121,10 +111,7 @@ def foot_on(shape, x, y):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def travel_at(shape, chord_x, chord_y, x, y):  # type: ignore[no-untyped-def]
-    """
-    Return the unit vector along a wall, in the ring's sense, nearest to a point.
-
-    """
+    """Return the unit vector along a wall, in the ring's sense, nearest to a point."""
     if shape[RADIUS] != 0:
         dx, dy = x - shape[CENTRE_X], y - shape[CENTRE_Y]
         distance = max(np.hypot(dx, dy), 1e-12) * np.sign(shape[RADIUS])
@@ -137,10 +124,7 @@ def travel_at(shape, chord_x, chord_y, x, y):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def offset_of(shape, chord_x, chord_y, x, y):  # type: ignore[no-untyped-def]
-    """
-    Return how far a point lies outside a wall, negative inside, the building being on the left [m].
-
-    """
+    """Return how far a point lies outside a wall, negative inside, the building being on the left [m]."""
     if shape[RADIUS] != 0:
         away = np.hypot(x - shape[CENTRE_X], y - shape[CENTRE_Y]) - abs(shape[RADIUS])
         return away if shape[RADIUS] > 0 else -away
@@ -152,10 +136,7 @@ def offset_of(shape, chord_x, chord_y, x, y):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def move_out(shape, chord_x, chord_y, distance):  # type: ignore[no-untyped-def]
-    """
-    Move a wall away from the building, which is on its left, in place.
-
-    """
+    """Move a wall away from the building, which is on its left, in place."""
     if shape[RADIUS] != 0:
         shape[RADIUS] += distance
     else:
@@ -165,10 +146,7 @@ def move_out(shape, chord_x, chord_y, distance):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def nearest_meeting(one, other, x, y):  # type: ignore[no-untyped-def]
-    """
-    Return where two walls meet, the nearest such point to another, and whether they meet at all.
-
-    """
+    """Return where two walls meet, the nearest such point to another, and whether they meet at all."""
     if one[RADIUS] == 0 and other[RADIUS] == 0:
         sine = np.sin(other[ANGLE] - one[ANGLE])
         if abs(sine) < 1e-9:

@@ -1,7 +1,4 @@
-"""
-What a method looks for roofs among, the same for all methods.
-
-"""
+"""What a method looks for roofs among, the same for all methods."""
 
 from __future__ import annotations
 
@@ -31,7 +28,6 @@ class Candidates(NamedTuple):
         Smallest radius of a neighbourhood, and longest step within a surface [m].
     cell : float
         Side of the cells in which areas are counted, two spacings [m].
-
     """
 
     points: NDArray[np.float64]

@@ -1,7 +1,4 @@
-"""
-Parameters of roof selection.
-
-"""
+"""Parameters of roof selection."""
 
 from __future__ import annotations
 
@@ -13,10 +10,7 @@ from lidar_buildings.core.model.parameters import StageConfig, parameter
 
 @dataclass(frozen=True)
 class RoofSelectionConfig(StageConfig):
-    """
-    Parameters of roof selection; the defaults serve 1 to 60 pts/m².
-
-    """
+    """Parameters of roof selection; the defaults serve 1 to 60 pts/m²."""
 
     stage: ClassVar[str] = "roof_selection"
 

@@ -1,7 +1,4 @@
-"""
-Façades: what of a building lies below the edges of its roofs, and between them.
-
-"""
+"""Façades: what of a building lies below the edges of its roofs, and between them."""
 
 from __future__ import annotations
 
@@ -55,7 +52,6 @@ def find_facades(
         Largest distance from a roof point in plan [m]; 0 for none. It is no less than 0.7 spacings.
     spacing : float
         Spacing of the pulses [m].
-
     """
     found = np.zeros(len(points), dtype=bool)
     rows = np.flatnonzero(is_roof | (is_open & (height >= MIN_HEIGHT)))
@@ -72,10 +68,7 @@ def find_facades(
 
 @njit(cache=True, nogil=True)
 def _hang(grid, is_roof, is_last, reach, around, hangs, begin, end):  # type: ignore[no-untyped-def]
-    """
-    Judge sorted points begin to end.
-
-    """
+    """Judge sorted points begin to end."""
     points = grid.points
     near = np.empty(len(points), dtype=np.int64)
     seen = np.zeros(N_SECTORS, dtype=np.bool_)

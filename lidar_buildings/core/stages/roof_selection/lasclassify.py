@@ -1,7 +1,4 @@
-"""
-Roofs by the published rules of LAStools' lasclassify: cells that are planar, cells that are rugged.
-
-"""
+"""Roofs by the published rules of LAStools' lasclassify: cells that are planar, cells that are rugged."""
 
 from __future__ import annotations
 
@@ -55,7 +52,6 @@ def find_roofs(candidates: Candidates, config: RoofSelectionConfig) -> NDArray[n
     -------
     ndarray of bool, shape (n_points,)
         Roofs of any size; the caller drops small buildings.
-
     """
     rows = np.flatnonzero(candidates.height >= config.min_height)
     points = candidates.points[rows]
@@ -73,10 +69,7 @@ def find_roofs(candidates: Candidates, config: RoofSelectionConfig) -> NDArray[n
 def _judged(
     points: NDArray[np.float64], side: float, config: RoofSelectionConfig
 ) -> tuple[NDArray[np.int8], NDArray[np.float64]]:
-    """
-    Return what the cells make of each point, and the normal of the most planar one.
-
-    """
+    """Return what the cells make of each point, and the normal of the most planar one."""
     limits = (
         config.max_planar_deviation,
         config.min_rugged_deviation,
@@ -101,10 +94,7 @@ def _judged(
 def _cells(
     points: NDArray[np.float64], side: float, shift: NDArray[np.float64]
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """
-    Return the rows in the order of their cells, and where in it each cell begins.
-
-    """
+    """Return the rows in the order of their cells, and where in it each cell begins."""
     column, row = np.floor(points[:, :2] / side - shift).T
     rows = np.lexsort((row, column))
     changes = (np.diff(column[rows]) != 0) | (np.diff(row[rows]) != 0)
@@ -113,10 +103,7 @@ def _cells(
 
 @njit(cache=True, nogil=True)
 def _judge(points, rows, first, limits, kind, least, normals, begin, end):  # type: ignore[no-untyped-def]
-    """
-    Let cells begin to end say what their points are.
-
-    """
+    """Let cells begin to end say what their points are."""
     max_planar, min_rugged, min_upward = limits
     for c in range(begin, end):
         inside = rows[first[c] : first[c + 1]]
@@ -139,10 +126,7 @@ def _judge(points, rows, first, limits, kind, least, normals, begin, end):  # ty
 
 @njit(cache=True, nogil=True)
 def _covariance(points, inside):  # type: ignore[no-untyped-def]
-    """
-    Return xx, xy, xz, yy, yz, zz about the mean of the points of one cell.
-
-    """
+    """Return xx, xy, xz, yy, yz, zz about the mean of the points of one cell."""
     n = len(inside)
     x = y = z = 0.0
     for i in inside:

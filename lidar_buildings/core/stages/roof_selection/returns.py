@@ -1,7 +1,4 @@
-"""
-Which returns end their pulse, and which are all that came back of it.
-
-"""
+"""Which returns end their pulse, and which are all that came back of it."""
 
 from __future__ import annotations
 
@@ -33,7 +30,6 @@ def last_and_only_returns(
         In any order [m].
     return_number, number_of_returns : array_like of shape (n_points,), optional
         Used only if both are given; else every point counts as the only return of its pulse.
-
     """
     n = len(points)
     if return_number is None or number_of_returns is None:
@@ -49,10 +45,7 @@ def last_and_only_returns(
 
 @njit(cache=True, nogil=True)
 def _find_twins(grid, number, has_twin, begin, end):  # type: ignore[no-untyped-def]
-    """
-    Mark sorted points begin to end next to which a return of another number lies.
-
-    """
+    """Mark sorted points begin to end next to which a return of another number lies."""
     near = np.empty(len(grid.points), dtype=np.int64)
     for i in range(begin, end):
         x, y, z = grid.points[i]

@@ -1,7 +1,4 @@
-"""
-Roads: ground that is darker than the rest over an area, not here and there.
-
-"""
+"""Roads: ground that is darker than the rest over an area, not here and there."""
 
 from __future__ import annotations
 
@@ -55,7 +52,6 @@ def find_roads(
         Leaves above the ground [m].
     dark_limit : float, optional
         Brightness of the darkest other ground where it is known already; only the automatic search uses it.
-
     """
     nothing = np.zeros(len(ground), dtype=bool)
     if config.road_method == "none" or not is_whole.any():
@@ -74,10 +70,7 @@ def find_roads(
 def _limits(
     raster: BrightnessRaster, config: RoofSelectionConfig, dark_limit: float | None
 ) -> tuple[float, float] | None:
-    """
-    Return the lowest and the highest brightness of roads, None where there are none.
-
-    """
+    """Return the lowest and the highest brightness of roads, None where there are none."""
     if config.road_method == "thresholds":
         return config.min_road_intensity, config.max_road_intensity
     limit = raster.dark_limit() if dark_limit is None else dark_limit
@@ -90,7 +83,6 @@ def _wide(dark: NDArray[np.bool_], bright: NDArray[np.bool_], width: float) -> N
 
     An opening for which cells that are no ground, or of unknown brightness, do not count as bright: cars and
     walls beside a road do not make it narrower.
-
     """
     radius = width / 2
     reach = math.ceil(radius) - 1
@@ -103,10 +95,7 @@ def _wide(dark: NDArray[np.bool_], bright: NDArray[np.bool_], width: float) -> N
 
 
 def _filled(road: NDArray[np.bool_], raster: BrightnessRaster) -> NDArray[np.bool_]:
-    """
-    Add ground of unknown brightness that has more road than other ground around it.
-
-    """
+    """Add ground of unknown brightness that has more road than other ground around it."""
     known = raster.is_known
     share = ndimage.uniform_filter(road.astype(float), FILL_CELLS, mode="constant")
     among = ndimage.uniform_filter(known.astype(float), FILL_CELLS, mode="constant")
@@ -114,10 +103,7 @@ def _filled(road: NDArray[np.bool_], raster: BrightnessRaster) -> NDArray[np.boo
 
 
 def _large(road: NDArray[np.bool_], counts: NDArray[np.bool_], n_cells: float) -> NDArray[np.bool_]:
-    """
-    Keep the connected parts that have so many cells that count.
-
-    """
+    """Keep the connected parts that have so many cells that count."""
     part, _ = ndimage.label(road, structure=_AROUND)
     size = np.bincount(part[counts], minlength=part.max() + 1)
     return (size >= n_cells)[part] & road

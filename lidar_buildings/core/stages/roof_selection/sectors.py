@@ -1,7 +1,4 @@
-"""
-The eight compass sectors in which what lies around a point is counted.
-
-"""
+"""The eight compass sectors in which what lies around a point is counted."""
 
 from __future__ import annotations
 
@@ -15,7 +12,6 @@ N_SECTORS = 8
 def sector_of(dx, dy):  # type: ignore[no-untyped-def]
     """
     Return the sector, 0 to 7 and counterclockwise from east, of a direction in plan, without trigonometry.
-
     """
     if dy < 0.0 or (dy == 0.0 and dx < 0.0):
         return _of_upper_half(-dx, -dy) + 4
@@ -24,10 +20,7 @@ def sector_of(dx, dy):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _of_upper_half(dx, dy):  # type: ignore[no-untyped-def]
-    """
-    Return the sector of a direction from east to just before west.
-
-    """
+    """Return the sector of a direction from east to just before west."""
     if dx > 0.0:
         return 0 if dy < dx else 1
     return 2 if dy > -dx else 3

@@ -1,7 +1,4 @@
-"""
-The public function of roof selection, and its steps.
-
-"""
+"""The public function of roof selection, and its steps."""
 
 from __future__ import annotations
 
@@ -67,7 +64,6 @@ class RoofSelection:
         `lidar_buildings.core.model.point_classes.PointClass`; 6 = building: roofs and façades.
     is_facade : ndarray of bool, shape (n_points,)
         Which of the building's points are no roof: walls, windows, what is under the eaves.
-
     """
 
     classification: NDArray[np.uint8]
@@ -139,7 +135,6 @@ def select_roofs(
     -----
     Neither the order of the points nor the number of threads changes the result.
     A roof's own points decide on it, so a tile's limits do not, but for buildings that they cut.
-
     """
     config = config or RoofSelectionConfig()
     if dark_limit is not None and not np.isfinite(dark_limit):
@@ -192,10 +187,7 @@ def select_roofs(
 def _prepared(
     points: NDArray[np.float64], height_above_ground: ArrayLike | None, classification: ArrayLike | None
 ) -> tuple[NDArray[np.float64], NDArray[np.uint8]]:
-    """
-    Return heights and classes, derived where they are not given.
-
-    """
+    """Return heights and classes, derived where they are not given."""
     n = len(points)
     if height_above_ground is None:
         height = height_above_minimum(points)
@@ -217,10 +209,7 @@ def _brightness(
     strip: ArrayLike | None,
     is_only: NDArray[np.bool_],
 ) -> NDArray[np.float32] | None:
-    """
-    Return normalised intensities as given, or from the intensities; None without either.
-
-    """
+    """Return normalised intensities as given, or from the intensities; None without either."""
     if normalised is not None:
         return checked_column("normalised_intensity", normalised, n_points, np.float32)
     if intensity is None:
@@ -234,10 +223,7 @@ def _brightness(
 
 
 def _roofs(candidates: Candidates, config: RoofSelectionConfig) -> NDArray[np.bool_]:
-    """
-    Tell which candidates are roof by the method asked for, of buildings that are large enough.
-
-    """
+    """Tell which candidates are roof by the method asked for, of buildings that are large enough."""
     roof = METHODS[config.method](candidates, config)
     return roof & _in_large_building(
         candidates.points, roof, candidates.radius, candidates.cell, config.min_building_area
@@ -247,10 +233,7 @@ def _roofs(candidates: Candidates, config: RoofSelectionConfig) -> NDArray[np.bo
 def _in_large_building(
     points: NDArray[np.float64], roof: NDArray[np.bool_], radius: float, cell: float, min_area: float
 ) -> NDArray[np.bool_]:
-    """
-    Tell which roof points are of buildings, connected in plan, that are large enough.
-
-    """
+    """Tell which roof points are of buildings, connected in plan, that are large enough."""
     rows = np.flatnonzero(roof)
     building = connected_parts(points[rows], radius, in_plan=True)
     large = np.zeros(len(points), dtype=bool)

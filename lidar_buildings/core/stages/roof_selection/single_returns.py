@@ -1,7 +1,4 @@
-"""
-Roofs by the rules of the Villalba study: single returns on planes, over a large enough area.
-
-"""
+"""Roofs by the rules of the Villalba study: single returns on planes, over a large enough area."""
 
 from __future__ import annotations
 
@@ -42,7 +39,6 @@ def find_roofs(candidates: Candidates, config: RoofSelectionConfig) -> NDArray[n
     -------
     ndarray of bool, shape (n_points,)
         Roofs of any size; the caller drops small buildings.
-
     """
     counts = {
         "single": candidates.is_only,
@@ -60,10 +56,7 @@ def find_roofs(candidates: Candidates, config: RoofSelectionConfig) -> NDArray[n
 def _planes(
     points: NDArray[np.float64], radius: float, config: RoofSelectionConfig
 ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-    """
-    Return the normals, and which points lie within a plane of some extent.
-
-    """
+    """Return the normals, and which points lie within a plane of some extent."""
     features = eigen_features(points, [radius], min_neighbours=MIN_PLANE_POINTS)
     is_flat = (features.roughness <= config.max_roughness) & (features.n_neighbours >= MIN_PLANE_POINTS)
     is_flat &= (features.linearity <= MAX_LINEARITY) & (features.eigenvalues[:, 0] > 0)

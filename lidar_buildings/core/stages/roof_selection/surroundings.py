@@ -1,7 +1,4 @@
-"""
-What lies around each point: a surface it continues, roof on all sides, roof above, foliage.
-
-"""
+"""What lies around each point: a surface it continues, roof on all sides, roof above, foliage."""
 
 from __future__ import annotations
 
@@ -46,7 +43,6 @@ def near_tangent_plane(
     -------
     ndarray of bool, shape (n_points,)
         True for surface points and what continues them.
-
     """
     grid = build_grid(points, radius)
     joined = is_surface.copy()
@@ -77,7 +73,6 @@ def surrounded_by(
         How far to look in plan [m].
     max_below, max_above : float
         How far a point may lie below the lowest and above the highest of the roof points around it [m].
-
     """
     grid = build_grid(points, radius)
     held = np.zeros(len(points), dtype=bool)
@@ -89,10 +84,7 @@ def surrounded_by(
 
 
 def share_around(points: NDArray[np.float64], flag: NDArray[np.bool_], radius: float) -> NDArray[np.float64]:
-    """
-    Return the share of flagged points within a radius of each point.
-
-    """
+    """Return the share of flagged points within a radius of each point."""
     grid = build_grid(points, radius)
     share = np.zeros(len(points))
     for_row_blocks(lambda begin, end: _share(grid, flag, radius, share, begin, end), len(points))
@@ -100,10 +92,7 @@ def share_around(points: NDArray[np.float64], flag: NDArray[np.bool_], radius: f
 
 
 def below_roof(points: NDArray[np.float64], is_roof: NDArray[np.bool_], radius: float) -> NDArray[np.bool_]:
-    """
-    Tell which points have a roof point above them within a radius in plan [m].
-
-    """
+    """Tell which points have a roof point above them within a radius in plan [m]."""
     grid = build_grid(points, radius)
     below = np.zeros(len(points), dtype=bool)
     for_row_blocks(lambda begin, end: _below(grid, is_roof, radius, below, begin, end), len(points))
@@ -112,10 +101,7 @@ def below_roof(points: NDArray[np.float64], is_roof: NDArray[np.bool_], radius: 
 
 @njit(cache=True, nogil=True)
 def _near_plane(grid, normals, is_surface, radius, max_distance, joined, begin, end):  # type: ignore[no-untyped-def]
-    """
-    Judge sorted points begin to end.
-
-    """
+    """Judge sorted points begin to end."""
     near = np.empty(len(grid.points), dtype=np.int64)
     for i in range(begin, end):
         row = grid.rows[i]
@@ -135,10 +121,7 @@ def _near_plane(grid, normals, is_surface, radius, max_distance, joined, begin, 
 
 @njit(cache=True, nogil=True)
 def _surrounded(grid, is_roof, radius, max_below, max_above, held, begin, end):  # type: ignore[no-untyped-def]
-    """
-    Judge sorted points begin to end.
-
-    """
+    """Judge sorted points begin to end."""
     near = np.empty(len(grid.points), dtype=np.int64)
     seen = np.zeros(N_SECTORS, dtype=np.bool_)
     for i in range(begin, end):
@@ -159,10 +142,7 @@ def _surrounded(grid, is_roof, radius, max_below, max_above, held, begin, end): 
 
 @njit(cache=True, nogil=True)
 def _share(grid, flag, radius, share, begin, end):  # type: ignore[no-untyped-def]
-    """
-    Count around sorted points begin to end.
-
-    """
+    """Count around sorted points begin to end."""
     near = np.empty(len(grid.points), dtype=np.int64)
     for i in range(begin, end):
         x, y, z = grid.points[i]
@@ -175,10 +155,7 @@ def _share(grid, flag, radius, share, begin, end):  # type: ignore[no-untyped-de
 
 @njit(cache=True, nogil=True)
 def _below(grid, is_roof, radius, below, begin, end):  # type: ignore[no-untyped-def]
-    """
-    Judge sorted points begin to end.
-
-    """
+    """Judge sorted points begin to end."""
     near = np.empty(len(grid.points), dtype=np.int64)
     for i in range(begin, end):
         x, y, z = grid.points[i]

@@ -1,7 +1,4 @@
-"""
-Vegetation by height.
-
-"""
+"""Vegetation by height."""
 
 from __future__ import annotations
 
@@ -25,7 +22,6 @@ def vegetation_classes(height: NDArray[np.float64], config: RoofSelectionConfig)
         Above ground [m], of points that are neither ground nor roof. A limit belongs to the class above it.
     config : RoofSelectionConfig
         The stage's parameters.
-
     """
     limits = np.maximum.accumulate(
         [

@@ -1,7 +1,4 @@
-"""
-How the planes of a roof border on one another: ridges, hips, valleys, step edges, and the kind of roof.
-
-"""
+"""How the planes of a roof border on one another: ridges, hips, valleys, step edges, and the kind of roof."""
 
 from lidar_buildings.core.stages.roof_topology.result import (
     HIP,

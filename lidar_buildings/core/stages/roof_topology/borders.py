@@ -1,7 +1,4 @@
-"""
-Borders between the regions of planes: the sides of cells at which one ends and another begins.
-
-"""
+"""Borders between the regions of planes: the sides of cells at which one ends and another begins."""
 
 from __future__ import annotations
 
@@ -34,7 +31,6 @@ class Borders(NamedTuple):
         Pair k has the sides ``start[k]`` to ``start[k + 1]`` (exclusive).
     cell : float
         Length of a side [m].
-
     """
 
     xy: NDArray[np.float64]
@@ -49,10 +45,7 @@ class Borders(NamedTuple):
 
     @property
     def n_pairs(self) -> int:
-        """
-        Number of pairs of planes that border on one another.
-
-        """
+        """Number of pairs of planes that border on one another."""
         return len(self.start) - 1
 
 
@@ -65,7 +58,6 @@ def find_borders(raster: RegionRaster, centre: NDArray[np.float64]) -> Borders:
     raster : RegionRaster
     centre : ndarray of shape (2 or more,)
         Origin of the positions returned [m].
-
     """
     n = _count(raster.label)
     numbers = np.empty((n, 4), dtype=np.int32)
@@ -92,10 +84,7 @@ def find_borders(raster: RegionRaster, centre: NDArray[np.float64]) -> Borders:
 
 @njit(cache=True, nogil=True)
 def _count(label):  # type: ignore[no-untyped-def]
-    """
-    Count the sides between different planes.
-
-    """
+    """Count the sides between different planes."""
     n = 0
     n_rows, n_columns = label.shape
     for r in range(n_rows):
@@ -112,7 +101,6 @@ def _count(label):  # type: ignore[no-untyped-def]
 def _fill(label, nearest, distance, numbers, place):  # type: ignore[no-untyped-def]
     """
     Write planes and nearest points of each side, and its middle in cells, whether it is upright, and its gap.
-
     """
     n = 0
     n_rows, n_columns = label.shape

@@ -1,6 +1,5 @@
 """
 Positions where planes should meet: outline corners that lines pass, and points that four or more planes pass.
-
 """
 
 from __future__ import annotations
@@ -25,10 +24,7 @@ _LEAST_PLANES = 4
 
 
 def piece_ends(pieces: Pieces, gradients: NDArray[np.float64]) -> NDArray[np.float64]:
-    """
-    Return both ends of every piece in plan about the centre, shape (n_pieces, 2, 2) [m].
-
-    """
+    """Return both ends of every piece in plan about the centre, shape (n_pieces, 2, 2) [m]."""
     ends = np.empty((len(pieces.pair), 2, 2))
     for k, (i, j) in enumerate(zip(pieces.first, pieces.second, strict=True)):
         fx, fy, ux, uy, _ = intersection_line(gradients[i - 1], gradients[j - 1])
@@ -57,7 +53,6 @@ def find_meetings(
         The outline's [m].
     spacing : float
         Point spacing [m].
-
     """
     if not len(pieces.pair):
         return []
@@ -75,10 +70,7 @@ def _corners(
     centre: NDArray[np.float64],
     spacing: float,
 ) -> list[Meeting]:
-    """
-    Pair the ends of lines with the outline's corners that they nearly pass through.
-
-    """
+    """Pair the ends of lines with the outline's corners that they nearly pass through."""
     along = ends[:, 1] - ends[:, 0]
     along /= np.maximum(np.hypot(along[:, 0], along[:, 1]), 1e-12)[:, None]
     away = corners[None, None] - ends[:, :, None]
@@ -100,10 +92,7 @@ def _common_points(
     centre: NDArray[np.float64],
     spacing: float,
 ) -> list[Meeting]:
-    """
-    Find where the ends of lines between four or more planes come together.
-
-    """
+    """Find where the ends of lines between four or more planes come together."""
     positions = ends.reshape(-1, 2)
     gap = np.hypot(*(positions[:, None] - positions[None]).transpose(2, 0, 1))
     cluster = sets_of_pairs(len(positions), *np.nonzero(gap <= _SAME_POINT * spacing))
@@ -129,10 +118,7 @@ def _common_points(
 def _agreeing(
     gradients: NDArray[np.float64], planes: NDArray[np.int32]
 ) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
-    """
-    Leave out the planes that miss the common point of the others most until they agree on one.
-
-    """
+    """Leave out the planes that miss the common point of the others most until they agree on one."""
     while True:
         point, miss = common_point(gradients[planes - 1])
         if miss <= _MOST_MISS or len(planes) < _LEAST_PLANES:

@@ -1,6 +1,5 @@
 """
 Short steps between ends that nothing holds: the cheeks of small dormers, too short for a line of their own.
-
 """
 
 from __future__ import annotations
@@ -44,7 +43,6 @@ def joined(
         [m].
     spacing : float
         Point spacing [m].
-
     """
     segments = [line.segment[:, :2] for line in intersections] + [step.segment for step in steps]
     pairs = [(line.first, line.second) for line in intersections]
@@ -67,7 +65,6 @@ def joined(
 def _loose(lines, obstacles, reach):  # type: ignore[no-untyped-def]
     """
     Return which ends of lines have none of the obstacles near; the first obstacles are the lines themselves.
-
     """
     loose = np.ones((len(lines), 2), dtype=np.bool_)
     for k in range(len(lines)):
@@ -88,10 +85,7 @@ def _loose(lines, obstacles, reach):  # type: ignore[no-untyped-def]
 def _couples(
     lines: NDArray[np.float64], ends: list[tuple[int, int]], reach: float
 ) -> list[tuple[tuple[int, int], tuple[int, int]]]:
-    """
-    Couple the ends of different lines, the nearest first.
-
-    """
+    """Couple the ends of different lines, the nearest first."""
     candidates = []
     for k, one in enumerate(ends):
         for other in ends[:k]:
@@ -108,10 +102,7 @@ def _couples(
 
 
 def _lead_on(lines: NDArray[np.float64], one: tuple[int, int], other: tuple[int, int]) -> bool:
-    """
-    Whether the way between two ends turns back along neither of the lines that end there.
-
-    """
+    """Whether the way between two ends turns back along neither of the lines that end there."""
     for here, there in ((one, other), (other, one)):
         outward, onward = lines[here] - lines[here[0], 1 - here[1]], lines[there] - lines[here]
         if outward @ onward < -_TURN_BACK * np.hypot(*outward) * np.hypot(*onward):
@@ -122,10 +113,7 @@ def _lead_on(lines: NDArray[np.float64], one: tuple[int, int], other: tuple[int,
 def _edge(
     segment: NDArray[np.float64], i: int, j: int, gradients: NDArray[np.float64], centre: NDArray[np.float64]
 ) -> StepEdge:
-    """
-    Return the step between two planes along a segment about the centre.
-
-    """
+    """Return the step between two planes along a segment about the centre."""
     difference = gradients[i - 1] - gradients[j - 1]
     rise = segment @ difference[:2] + difference[2]
     if rise.sum() < 0:

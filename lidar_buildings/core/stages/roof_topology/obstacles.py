@@ -1,7 +1,4 @@
-"""
-What lines end at: walls of the outline and other lines.
-
-"""
+"""What lines end at: walls of the outline and other lines."""
 
 from __future__ import annotations
 
@@ -13,10 +10,7 @@ from numpy.typing import NDArray
 
 
 def walls_about(rings: tuple[NDArray[np.float64], ...], centre: NDArray[np.float64]) -> NDArray[np.float64]:
-    """
-    Return the edges of rings about the centre, shape (n, 2, 2) [m].
-
-    """
+    """Return the edges of rings about the centre, shape (n, 2, 2) [m]."""
     walls = [np.stack([ring, np.roll(ring, -1, axis=0)], axis=1) for ring in rings]
     return np.concatenate(walls) - centre[:2] if walls else np.zeros((0, 2, 2))
 
@@ -28,7 +22,6 @@ def stop(t, fx, fy, ux, uy, stops, reach, beyond, but):  # type: ignore[no-untyp
 
     Stops are taken for longer than they are by `beyond` at either end: a line through a corner has to hit one
     of its walls. Stop number `but` is left out.
-
     """
     best, place = reach, math.nan
     for m in range(len(stops)):

@@ -1,7 +1,4 @@
-"""
-Where along its border a pair of planes meets: pieces of the exact intersection line.
-
-"""
+"""Where along its border a pair of planes meets: pieces of the exact intersection line."""
 
 from __future__ import annotations
 
@@ -53,7 +50,6 @@ class Pieces(NamedTuple):
         Distinct points nearest to the border.
     on_line : ndarray of shape (n_sides,), bool
         Which sides of the borders are accounted for by a piece.
-
     """
 
     pair: NDArray[np.int64]
@@ -86,7 +82,6 @@ def find_pieces(
         [m].
     spacing : float
         Point spacing [m].
-
     """
     n = len(borders.first)
     numbers = np.empty((n, 2), dtype=np.int64)
@@ -130,7 +125,6 @@ def intersection_line(p, q):  # type: ignore[no-untyped-def]
     x, y, ux, uy, bend : float
         Position nearest to the origin, unit direction, and the difference of the planes' gradients; a bend
         less than `LEAST_BEND` means that there is no line.
-
     """
     gx, gy, d = p[0] - q[0], p[1] - q[1], p[2] - q[2]
     bend = math.hypot(gx, gy)
@@ -144,10 +138,7 @@ def _all_pieces(  # type: ignore[no-untyped-def]
     xy, upright, first, second, near_first, near_second, gap, start, cell, gradients, spacing, label, origin,
     numbers, values, on_line,
 ):  # fmt: skip
-    """
-    Write pair and number of points, ends, length and vote on convexity of each piece; return how many.
-
-    """
+    """Write pair and number of points, ends, length and vote on convexity of each piece; return how many."""
     n_pieces = 0
     for pair in range(len(start) - 1):
         a, b = start[pair], start[pair + 1]
@@ -185,7 +176,6 @@ def _all_pieces(  # type: ignore[no-untyped-def]
 def _near_line(xy, gap, a, b, fx, fy, ux, uy, bend, spacing):  # type: ignore[no-untyped-def]
     """
     Return the sides a to b near a line, their places along it, and whether each is surely on it; in order.
-
     """
     least, strict = max(_TOLERANCE * spacing, _NOISE / bend), max(_END_TOLERANCE * spacing, _NOISE / bend)
     t = np.empty(b - a)
@@ -203,10 +193,7 @@ def _near_line(xy, gap, a, b, fx, fy, ux, uy, bend, spacing):  # type: ignore[no
 
 @njit(cache=True, nogil=True)
 def _trimmed(sure, low, high):  # type: ignore[no-untyped-def]
-    """
-    Return the first and the last of a run that are surely on the line.
-
-    """
+    """Return the first and the last of a run that are surely on the line."""
     while low < high and not sure[low]:
         low += 1
     while low < high and not sure[high]:
@@ -216,10 +203,7 @@ def _trimmed(sure, low, high):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _swallow(xy, fx, fy, ux, uy, a, b, gap, t0, t1, spacing, on_line):  # type: ignore[no-untyped-def]
-    """
-    Account for sides that run beside a piece: its planes' points are mixed there, but there is no step.
-
-    """
+    """Account for sides that run beside a piece: its planes' points are mixed there, but there is no step."""
     for k in range(a, b):
         t = xy[k, 0] * ux + xy[k, 1] * uy
         off = abs((xy[k, 0] - fx) * uy - (xy[k, 1] - fy) * ux)
@@ -229,10 +213,7 @@ def _swallow(xy, fx, fy, ux, uy, a, b, gap, t0, t1, spacing, on_line):  # type: 
 
 @njit(cache=True, nogil=True)
 def _distinct(numbers):  # type: ignore[no-untyped-def]
-    """
-    Count distinct numbers.
-
-    """
+    """Count distinct numbers."""
     ordered = np.sort(numbers)
     n = 1
     for k in range(1, len(ordered)):
@@ -248,7 +229,6 @@ def _convexity(t, fx, fy, ux, uy, first, second, label, origin, cell):  # type: 
 
     The first plane is the higher one on the side of (uy, -ux): that is where its gradient less the other's
     points to.
-
     """
     votes = 0
     for k in range(len(t)):

@@ -1,6 +1,5 @@
 """
 The regions of a roof's planes as a raster: every cell inside the outline has the plane of its nearest point.
-
 """
 
 from __future__ import annotations
@@ -42,7 +41,6 @@ class RegionRaster(NamedTuple):
         Corner of the first cell [m]; a multiple of `cell`.
     cell : float
         Side of a cell [m].
-
     """
 
     label: NDArray[np.int32]
@@ -72,7 +70,6 @@ def region_raster(
         The outline's rings; none: cells near points [m].
     spacing : float
         Point spacing [m].
-
     """
     low, high = points[:, :2].min(axis=0), points[:, :2].max(axis=0)
     reach = np.maximum(high - low, _LEAST_MARGIN)
@@ -108,10 +105,7 @@ def region_raster(
 
 @njit(cache=True, nogil=True)
 def _squared(points, i, x, y):  # type: ignore[no-untyped-def]
-    """
-    Squared distance of a point from a position in plan.
-
-    """
+    """Squared distance of a point from a position in plan."""
     return (points[i, 0] - x) ** 2 + (points[i, 1] - y) ** 2
 
 
@@ -119,7 +113,6 @@ def _squared(points, i, x, y):  # type: ignore[no-untyped-def]
 def _plant(points, plane_id, west, south, cell, nearest, distance):  # type: ignore[no-untyped-def]
     """
     Give every cell that holds points of planes the one nearest to its middle, and the square of its distance.
-
     """
     for i in range(len(points)):
         if plane_id[i] == 0:
@@ -134,10 +127,7 @@ def _plant(points, plane_id, west, south, cell, nearest, distance):  # type: ign
 
 @njit(cache=True, nogil=True)
 def _sweep(points, plane_id, west, south, cell, nearest, distance):  # type: ignore[no-untyped-def]
-    """
-    Hand nearest points on to neighbouring cells, to the north-east and back.
-
-    """
+    """Hand nearest points on to neighbouring cells, to the north-east and back."""
     n_rows, n_columns = nearest.shape
     for turn in range(2):
         step = 1 if turn == 0 else -1
@@ -169,10 +159,7 @@ def _sweep(points, plane_id, west, south, cell, nearest, distance):  # type: ign
 
 @njit(cache=True, nogil=True)
 def _label_inside(vertices, ends, west, south, cell, nearest, plane_id, label):  # type: ignore[no-untyped-def]
-    """
-    Label the cells whose middle lies inside an odd number of rings.
-
-    """
+    """Label the cells whose middle lies inside an odd number of rings."""
     n_rows, n_columns = label.shape
     crossings = np.empty(len(vertices))
     for r in range(n_rows):
@@ -191,10 +178,7 @@ def _label_inside(vertices, ends, west, south, cell, nearest, plane_id, label): 
 
 @njit(cache=True, nogil=True)
 def _crossings(vertices, ends, y, crossings):  # type: ignore[no-untyped-def]
-    """
-    Write where the rings cross a line of constant y, and return how often they do.
-
-    """
+    """Write where the rings cross a line of constant y, and return how often they do."""
     n, first = 0, 0
     for end in ends:
         j = end - 1

@@ -1,7 +1,4 @@
-"""
-What is found of a roof's topology.
-
-"""
+"""What is found of a roof's topology."""
 
 from __future__ import annotations
 
@@ -36,7 +33,6 @@ class IntersectionSegment:
         Length in plan of the border between the two planes' regions that lies along it [m].
     n_points : int
         Points of the two planes near the border.
-
     """
 
     first: int
@@ -62,7 +58,6 @@ class StepEdge:
         Height of the step at either end [m]; NaN where the lower side is unknown.
     length : float
         Length of the border between the two regions that lies along it [m].
-
     """
 
     upper: int
@@ -84,7 +79,6 @@ class Adjacency(NamedTuple):
         What most of the border is: ``ridge``, ``hip``, ``valley`` or ``step``.
     length : float
         Length of the border in plan [m].
-
     """
 
     first: int
@@ -110,7 +104,6 @@ class RoofTopology:
         Pairs of planes that border on one another.
     roof_type : str
         See `lidar_buildings.core.stages.roof_topology.roof_type`.
-
     """
 
     planes: tuple[RoofPlane, ...]

@@ -1,7 +1,4 @@
-"""
-The kind of a roof, told from its large faces and the lines between them.
-
-"""
+"""The kind of a roof, told from its large faces and the lines between them."""
 
 from __future__ import annotations
 
@@ -55,7 +52,6 @@ class Faces(NamedTuple):
         Pair of faces (numbered from 0, the lower first) and kind → length of their lines [m].
     size : float
         Square root of the roof's area [m].
-
     """
 
     planes: list[list[int]]
@@ -65,33 +61,21 @@ class Faces(NamedTuple):
 
     @property
     def slope_deg(self) -> NDArray[np.float64]:
-        """
-        Slope of each face [deg].
-
-        """
+        """Slope of each face [deg]."""
         return np.asarray(np.degrees(np.arctan(np.hypot(self.gradient[:, 0], self.gradient[:, 1]))))
 
     @property
     def azimuth_deg(self) -> NDArray[np.float64]:
-        """
-        Direction in which each face rises, mathematically [deg].
-
-        """
+        """Direction in which each face rises, mathematically [deg]."""
         return np.asarray(np.degrees(np.arctan2(self.gradient[:, 1], self.gradient[:, 0])))
 
     def pairs(self, kind: str) -> list[tuple[int, int]]:
-        """
-        Pairs of faces that meet in a line of this kind, the longest first; short lines do not count.
-
-        """
+        """Pairs of faces that meet in a line of this kind, the longest first; short lines do not count."""
         found = [(-v, i, j) for (i, j, k), v in self.lines.items() if k == kind]
         return [(i, j) for v, i, j in sorted(found) if -v >= _LEAST_LINE * self.size]
 
     def turned(self, i: int, j: int) -> float:
-        """
-        Angle between the directions that two faces look in, 0 to 180 [deg].
-
-        """
+        """Angle between the directions that two faces look in, 0 to 180 [deg]."""
         turn = abs(self.azimuth_deg[i] - self.azimuth_deg[j]) % 360.0
         return float(min(turn, 360.0 - turn))
 
@@ -127,7 +111,6 @@ def roof_type(
         the eaves), ``pyramid`` (all faces meet in one point), ``L`` or ``T`` (two ridges at right angles),
         ``complex`` for anything else, ``unknown`` where too few points lie in planes. Details such as
         dormers and chimneys do not count.
-
     """
     counts = np.bincount(plane_id, minlength=len(coefficients) + 1)[1:]
     n_planar = int(counts.sum())
@@ -148,10 +131,7 @@ def roof_type(
 
 
 def _large_planes(counts: NDArray[np.int64], intersections: Sequence[IntersectionSegment]) -> list[int]:
-    """
-    Return the numbers of planes that are no details; hipped ends count, however small.
-
-    """
+    """Return the numbers of planes that are no details; hipped ends count, however small."""
     large = (counts >= _DETAIL_SHARE * counts.sum()) | (counts >= _DETAIL_OF_LARGEST * counts.max())
     hips = np.zeros(len(counts), dtype=np.int64)
     for line in intersections:
@@ -164,10 +144,7 @@ def _large_planes(counts: NDArray[np.int64], intersections: Sequence[Intersectio
 def _largest_detail(
     counts: NDArray[np.int64], large: list[int], intersections: Sequence[IntersectionSegment]
 ) -> float:
-    """
-    Return the largest share of the points on details that meet, such as the faces of a tower.
-
-    """
+    """Return the largest share of the points on details that meet, such as the faces of a tower."""
     meeting = [(line.first - 1, line.second - 1) for line in intersections]
     links = [(i, j) for i, j in meeting if not {i + 1, j + 1} & set(large)]
     rows, columns = np.array(links, dtype=np.int64).reshape(-1, 2).T
@@ -184,10 +161,7 @@ def _faces(
     steps: Sequence[StepEdge],
     size: float,
 ) -> Faces:
-    """
-    Join planes that are pieces of one face, and sum the lines between faces.
-
-    """
+    """Join planes that are pieces of one face, and sum the lines between faces."""
     planes: list[list[int]] = []
     for number in large:
         for face in planes:
@@ -211,19 +185,13 @@ def _faces(
 
 
 def _same_face(one: NDArray[np.float64], other: NDArray[np.float64], size: float) -> bool:
-    """
-    Whether two planes are nearly one, as far as half the roof's size from the centre.
-
-    """
+    """Whether two planes are nearly one, as far as half the roof's size from the centre."""
     turn = math.hypot(*(one[:2] - other[:2]))
     return turn < _SAME_GRADIENT and abs(one[2] - other[2]) + 0.5 * size * turn < 2 * _SAME_HEIGHT
 
 
 def _without_valleys(points: NDArray[np.float64], plane_id: NDArray[np.uint16], faces: Faces) -> str:
-    """
-    Tell the kind of a pitched roof whose faces meet in ridges and hips only.
-
-    """
+    """Tell the kind of a pitched roof whose faces meet in ridges and hips only."""
     n, ridges, hips = len(faces.planes), faces.pairs(RIDGE), faces.pairs(HIP)
     if n == 2:
         opposite = faces.turned(0, 1) >= 180.0 - _TOLERANCE_DEG
@@ -244,10 +212,7 @@ def _without_valleys(points: NDArray[np.float64], plane_id: NDArray[np.uint16], 
 
 
 def _is_ring(pairs: list[tuple[int, int]], n: int) -> bool:
-    """
-    Whether each of n faces meets two others, all in one ring.
-
-    """
+    """Whether each of n faces meets two others, all in one ring."""
     neighbours: dict[int, list[int]] = {k: [] for k in range(n)}
     for i, j in pairs:
         neighbours[i].append(j)
@@ -265,7 +230,6 @@ def _heights(
 ) -> tuple[float, float]:
     """
     Return the elevations near the eaves and the ridge of planes [m]: percentiles, as a few points may be off.
-
     """
     z = points[np.isin(plane_id, planes), 2]
     low, high = np.percentile(z, (2.0, 98.0))

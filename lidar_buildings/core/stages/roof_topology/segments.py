@@ -1,7 +1,4 @@
-"""
-Pieces of intersection lines as segments in space, their ends where the line meets something.
-
-"""
+"""Pieces of intersection lines as segments in space, their ends where the line meets something."""
 
 from __future__ import annotations
 
@@ -59,7 +56,6 @@ def finished(
         Where planes have been made to meet.
     spacing : float
         Point spacing [m].
-
     """
     stops = np.concatenate([walls_about(rings, centre), steps])
     partners = _partners(pieces, len(gradients))
@@ -75,10 +71,7 @@ def finished(
 
 
 def _partners(pieces: Pieces, n_planes: int) -> NDArray[np.bool_]:
-    """
-    Return which planes meet, as a table.
-
-    """
+    """Return which planes meet, as a table."""
     table = np.zeros((n_planes + 1, n_planes + 1), dtype=np.bool_)
     table[pieces.first, pieces.second] = table[pieces.second, pieces.first] = True
     return table
@@ -87,10 +80,7 @@ def _partners(pieces: Pieces, n_planes: int) -> NDArray[np.bool_]:
 def _points_of(
     meetings: tuple[Meeting, ...], n_planes: int, centre: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-    """
-    Return where planes meet in points about the centre, and which planes each time, as a table.
-
-    """
+    """Return where planes meet in points about the centre, and which planes each time, as a table."""
     points = [meeting for meeting in meetings if not meeting.fixed]
     members = np.zeros((len(points), n_planes + 1), dtype=np.bool_)
     for row, meeting in zip(members, points, strict=True):
@@ -105,7 +95,6 @@ def _moved_ends(first, second, t, gradients, partners, stops, positions, members
     Return the places of all ends along their lines.
 
     No end moves to where the other one is to end, but for stubs that end nowhere else: they vanish.
-
     """
     moved = t.copy()
     for k in range(len(first)):
@@ -134,10 +123,7 @@ def _moved_ends(first, second, t, gradients, partners, stops, positions, members
 
 @njit(cache=True, nogil=True)
 def _point(t, i, j, ux, uy, positions, members, reach):  # type: ignore[no-untyped-def]
-    """
-    Return where on the line of planes i and j the nearest point lies in which both meet others, or NaN.
-
-    """
+    """Return where on the line of planes i and j the nearest point lies in which both meet others, or NaN."""
     best, place = reach, math.nan
     for m in range(len(positions)):
         at = positions[m, 0] * ux + positions[m, 1] * uy
@@ -150,7 +136,6 @@ def _point(t, i, j, ux, uy, positions, members, reach):  # type: ignore[no-untyp
 def _third_plane(t, i, j, fx, fy, ux, uy, gradients, partners, reach):  # type: ignore[no-untyped-def]
     """
     Return where on the line of planes i and j the nearest plane that meets both passes, NaN if none does.
-
     """
     best, place = reach, math.nan
     p = gradients[i - 1]
@@ -174,10 +159,7 @@ def _segment(
     gradients: NDArray[np.float64],
     centre: NDArray[np.float64],
 ) -> IntersectionSegment:
-    """
-    Return a piece as a segment in space.
-
-    """
+    """Return a piece as a segment in space."""
     i, j = int(pieces.first[k]), int(pieces.second[k])
     p, q = gradients[i - 1], gradients[j - 1]
     fx, fy, ux, uy, _ = intersection_line(p, q)
@@ -188,10 +170,7 @@ def _segment(
 
 
 def _kind(convex: bool, rise: float, steepness: float) -> str:
-    """
-    Name the kind of line by its shape and its own slope.
-
-    """
+    """Name the kind of line by its shape and its own slope."""
     if not convex:
         return VALLEY
     return RIDGE if abs(rise) < _RIDGE_SHARE * steepness else HIP

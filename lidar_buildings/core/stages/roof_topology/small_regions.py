@@ -1,6 +1,5 @@
 """
 Specks in the raster of regions: a few cells of one plane amid another, as noise and rough surfaces make them.
-
 """
 
 from __future__ import annotations
@@ -22,7 +21,6 @@ def absorb_specks(label: NDArray[np.int32], least_cells: int) -> None:
         Numbers of planes, 0 = none; changed in place.
     least_cells : int
         Pieces with fewer cells are specks.
-
     """
     piece, first, size = _pieces(label)
     if not len(first):
@@ -36,10 +34,7 @@ def absorb_specks(label: NDArray[np.int32], least_cells: int) -> None:
 
 @njit(cache=True, nogil=True)
 def _pieces(label):  # type: ignore[no-untyped-def]
-    """
-    Number the connected pieces of equal labels, and return a cell and the size of each.
-
-    """
+    """Number the connected pieces of equal labels, and return a cell and the size of each."""
     n_rows, n_columns = label.shape
     flat = label.reshape(-1)
     piece = np.full(len(flat), -1, dtype=np.int32)
@@ -72,10 +67,7 @@ def _pieces(label):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _neighbour(r, c, k):  # type: ignore[no-untyped-def]
-    """
-    Return the cell east, north, west or south of one.
-
-    """
+    """Return the cell east, north, west or south of one."""
     if k == 0:
         return r, c + 1
     if k == 1:
@@ -87,10 +79,7 @@ def _neighbour(r, c, k):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _absorb(label, piece, first, specks):  # type: ignore[no-untyped-def]
-    """
-    Relabel specks one by one.
-
-    """
+    """Relabel specks one by one."""
     n_rows, n_columns = label.shape
     flat = label.reshape(-1)
     stack = np.empty(len(flat), dtype=np.int64)

@@ -1,7 +1,4 @@
-"""
-Lines of step edges moved onto walls, into corners and onto one another where they nearly are.
-
-"""
+"""Lines of step edges moved onto walls, into corners and onto one another where they nearly are."""
 
 from __future__ import annotations
 
@@ -40,7 +37,6 @@ def snapped(
         [m].
     spacing : float
         Point spacing [m].
-
     """
     n = len(steps.angle)
     if not n:
@@ -59,10 +55,7 @@ def snapped(
 
 @njit(cache=True, nogil=True)
 def _onto_walls(angle, offset, low, high, walls, spacing):  # type: ignore[no-untyped-def]
-    """
-    Move lines in place; return which were moved.
-
-    """
+    """Move lines in place; return which were moved."""
     fixed = np.zeros(len(angle), dtype=np.bool_)
     most, reach = _MOST_MOVE * spacing, _REACH * spacing
     for k in range(len(angle)):
@@ -102,20 +95,14 @@ def _onto_walls(angle, offset, low, high, walls, spacing):  # type: ignore[no-un
 
 @njit(cache=True, nogil=True)
 def _difference(one, other):  # type: ignore[no-untyped-def]
-    """
-    Difference of two angles between -π and π.
-
-    """
+    """Difference of two angles between -π and π."""
     turn = one - other
     return turn - 2.0 * math.pi * np.rint(turn / (2.0 * math.pi))
 
 
 @njit(cache=True, nogil=True)
 def _apart(angle, offset, t, other_angle, other_offset):  # type: ignore[no-untyped-def]
-    """
-    Distance of a position on one line from another line.
-
-    """
+    """Distance of a position on one line from another line."""
     x = t * math.cos(angle) - offset * math.sin(angle)
     y = t * math.sin(angle) + offset * math.cos(angle)
     return abs(y * math.cos(other_angle) - x * math.sin(other_angle) - other_offset)
@@ -123,10 +110,7 @@ def _apart(angle, offset, t, other_angle, other_offset):  # type: ignore[no-unty
 
 @njit(cache=True, nogil=True)
 def _together(angle, offset, low, high, fixed, spacing):  # type: ignore[no-untyped-def]
-    """
-    Move shorter lines in place onto longer ones that they continue.
-
-    """
+    """Move shorter lines in place onto longer ones that they continue."""
     most, reach = _MOST_MOVE * spacing, _REACH * spacing
     order = np.argsort(-(high - low) - 1e6 * fixed)
     for a in range(len(order)):
@@ -166,7 +150,6 @@ def extended(
         [m].
     spacing : float
         Point spacing [m].
-
     """
     if not len(steps.line):
         return steps
@@ -179,10 +162,7 @@ def extended(
 
 @njit(cache=True, nogil=True)
 def _extended(t, angle, offset, walls, others, reach):  # type: ignore[no-untyped-def]
-    """
-    Return the new ends; the first of the others are the steps themselves.
-
-    """
+    """Return the new ends; the first of the others are the steps themselves."""
     moved = t.copy()
     for k in range(len(t)):
         ux, uy = math.cos(angle[k]), math.sin(angle[k])

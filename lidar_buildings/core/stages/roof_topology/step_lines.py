@@ -1,7 +1,4 @@
-"""
-Lines of step edges in plan and the pieces of them.
-
-"""
+"""Lines of step edges in plan and the pieces of them."""
 
 from __future__ import annotations
 
@@ -36,7 +33,6 @@ class StepLines(NamedTuple):
         Numbers of the upper and the lower plane.
     length : ndarray of shape (n_steps,)
         Length of the border along it [m].
-
     """
 
     angle: NDArray[np.float64]
@@ -48,10 +44,7 @@ class StepLines(NamedTuple):
 
 
 def closed_up(line: NDArray[np.int64], ends: NDArray[np.float64], spacing: float) -> NDArray[np.float64]:
-    """
-    Let pieces of one line that nearly touch do so half-way.
-
-    """
+    """Let pieces of one line that nearly touch do so half-way."""
     order = np.lexsort((ends[:, 0], line))
     before, after = order[:-1], order[1:]
     gap = ends[after, 0] - ends[before, 1]
@@ -65,10 +58,7 @@ def closed_up(line: NDArray[np.int64], ends: NDArray[np.float64], spacing: float
 
 
 def merged(steps: StepLines, spacing: float) -> StepLines:
-    """
-    Join pieces between the same planes that have come to lie on one line, and nearly touch.
-
-    """
+    """Join pieces between the same planes that have come to lie on one line, and nearly touch."""
     line = steps.line
     if not len(line):
         return steps
@@ -90,7 +80,6 @@ def step_edges(
 ) -> list[StepEdge]:
     """
     Return the pieces as segments in plan with the heights of their ends; what is short and low is left out.
-
     """
     segments = step_segments(steps)
     edges = []
@@ -105,10 +94,7 @@ def step_edges(
 
 
 def step_segments(steps: StepLines) -> NDArray[np.float64]:
-    """
-    Return the ends of all steps about the centre, shape (n_steps, 2, 2) [m].
-
-    """
+    """Return the ends of all steps about the centre, shape (n_steps, 2, 2) [m]."""
     angle, offset = steps.angle[steps.line], steps.offset[steps.line]
     along = np.column_stack([np.cos(angle), np.sin(angle)])
     left = np.column_stack([-along[:, 1], along[:, 0]])
@@ -116,8 +102,5 @@ def step_segments(steps: StepLines) -> NDArray[np.float64]:
 
 
 def _elevation(plane: NDArray[np.float64], xy: NDArray[np.float64]) -> NDArray[np.float64]:
-    """
-    Elevation of a plane above the centre at positions about it [m].
-
-    """
+    """Elevation of a plane above the centre at positions about it [m]."""
     return np.asarray(xy @ plane[:2] + plane[2])

@@ -1,7 +1,4 @@
-"""
-Step edges: straight pieces of borders between planes that do not meet there.
-
-"""
+"""Step edges: straight pieces of borders between planes that do not meet there."""
 
 from __future__ import annotations
 
@@ -63,7 +60,6 @@ def find_step_lines(
         [m].
     spacing : float
         Point spacing, or more if edges are to be straighter [m].
-
     """
     rows = np.flatnonzero(~on_line)
     if not len(rows):
@@ -100,7 +96,6 @@ def _all_runs(
 
     First long ones in the main directions, then long ones in any; and last short ones in the main directions
     that run from line to line, such as the side walls of dormers.
-
     """
     free = np.ones(len(xy), dtype=np.bool_)
     runs, run = straight_runs(xy, upright, cell, angles, spacing, free)
@@ -119,10 +114,7 @@ def _all_runs(
 def _candidate_angles(
     gradients: NDArray[np.float64], area: NDArray[np.float64], rings: tuple[NDArray[np.float64], ...]
 ) -> NDArray[np.float64]:
-    """
-    Return the directions of the outline and the planes, and those across them [rad].
-
-    """
+    """Return the directions of the outline and the planes, and those across them [rad]."""
     outline, planes = outline_directions(rings), plane_directions(gradients, area)
     angles, weights = (np.concatenate(both) for both in zip(outline, planes, strict=True))
     main = main_directions(angles, weights)
@@ -132,10 +124,7 @@ def _candidate_angles(
 def _first_is_higher(
     borders: Borders, rows: NDArray[np.int64], run: NDArray[np.int64], gradients: NDArray[np.float64]
 ) -> NDArray[np.bool_]:
-    """
-    Whether, of the planes of each side, the first is the higher one along the run, on average.
-
-    """
+    """Whether, of the planes of each side, the first is the higher one along the run, on average."""
     difference = gradients[borders.first[rows] - 1] - gradients[borders.second[rows] - 1]
     rise = np.einsum("ki,ki->k", difference[:, :2], borders.xy[rows]) + difference[:, 2]
     key = np.column_stack([run, borders.first[rows], borders.second[rows]])
@@ -159,7 +148,6 @@ def _towards_upper(
 
     A border lies in the middle between points. The upper roof hides a strip of the lower one: where both keep
     farther from the border than points usually do, the edge is where the upper points end.
-
     """
     near = np.where(higher, borders.near_first[rows], borders.near_second[rows])
     away = points[near, :2] - centre[:2]
@@ -175,10 +163,7 @@ def _pieces(
     cell: float,
     spacing: float,
 ) -> tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.int32], NDArray[np.float64]]:
-    """
-    Divide runs where the pair of planes changes: return run, ends, planes and length of every piece.
-
-    """
+    """Divide runs where the pair of planes changes: return run, ends, planes and length of every piece."""
     order = np.lexsort((t, planes[:, 1], planes[:, 0], run))
     run, t, planes = run[order], t[order], planes[order]
     if not len(run):

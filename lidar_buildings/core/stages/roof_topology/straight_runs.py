@@ -1,7 +1,4 @@
-"""
-Straight lines through the sides of cells, the longest first, in given directions.
-
-"""
+"""Straight lines through the sides of cells, the longest first, in given directions."""
 
 from __future__ import annotations
 
@@ -60,7 +57,6 @@ def straight_runs(
         Angle [rad], offset from the origin to the left of that direction, and both ends along it [m].
     run : ndarray of shape (n_sides,)
         Which run each side lies on, -1 = none.
-
     """
     run = np.full(len(xy), -1, dtype=np.int64)
     if not len(xy) or not len(angles):
@@ -69,10 +65,7 @@ def straight_runs(
 
 
 def run_segments(runs: NDArray[np.float64]) -> NDArray[np.float64]:
-    """
-    Return the ends of runs, shape (n_runs, 2, 2) [m].
-
-    """
+    """Return the ends of runs, shape (n_runs, 2, 2) [m]."""
     along = np.column_stack([np.cos(runs[:, 0]), np.sin(runs[:, 0])])
     left = np.column_stack([-along[:, 1], along[:, 0]])
     return np.asarray((runs[:, 1:2] * left)[:, None] + runs[:, 2:, None] * along[:, None])
@@ -91,7 +84,6 @@ def closing(runs, stops, spacing):  # type: ignore[no-untyped-def]
         Ends of the lines [m].
     spacing : float
         Point spacing [m].
-
     """
     closed = np.zeros(len(runs), dtype=np.bool_)
     for k in range(len(runs)):
@@ -105,10 +97,7 @@ def closing(runs, stops, spacing):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _greedy(xy, upright, cell, angles, spacing, free, run, least):  # type: ignore[no-untyped-def]
-    """
-    Take the line with the longest sides near it, then its runs from the sides, and so on.
-
-    """
+    """Take the line with the longest sides near it, then its runs from the sides, and so on."""
     reach = 0.0
     for k in range(len(xy)):
         reach = max(reach, math.hypot(xy[k, 0], xy[k, 1]))
@@ -155,19 +144,13 @@ def _greedy(xy, upright, cell, angles, spacing, free, run, least):  # type: igno
 
 @njit(cache=True, nogil=True)
 def _along(upright, cell, cosine, sine):  # type: ignore[no-untyped-def]
-    """
-    Length of a side in a direction [m].
-
-    """
+    """Length of a side in a direction [m]."""
     return cell * (abs(sine) if upright else abs(cosine))
 
 
 @njit(cache=True, nogil=True)
 def _vote(votes, x, y, upright, cell, cosine, sine, size, sign):  # type: ignore[no-untyped-def]
-    """
-    Add a side to the line through it in every direction, or take it away.
-
-    """
+    """Add a side to the line through it in every direction, or take it away."""
     middle = votes.shape[1] // 2
     for d in range(len(cosine)):
         b = math.floor((y * cosine[d] - x * sine[d]) / size) + middle
@@ -176,10 +159,7 @@ def _vote(votes, x, y, upright, cell, cosine, sine, size, sign):  # type: ignore
 
 @njit(cache=True, nogil=True)
 def _peak(votes):  # type: ignore[no-untyped-def]
-    """
-    Return direction, first bin and votes of the window with the most votes.
-
-    """
+    """Return direction, first bin and votes of the window with the most votes."""
     best, best_d, best_b = 0.0, 0, 0
     for d in range(votes.shape[0]):
         total = 0.0
@@ -195,10 +175,7 @@ def _peak(votes):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _members(xy, upright, cell, cosine, sine, offset, half, free, rows, t):  # type: ignore[no-untyped-def]
-    """
-    Write the free sides near a line and their places along it; return how many, and their mean offset.
-
-    """
+    """Write the free sides near a line and their places along it; return how many, and their mean offset."""
     n, total, weight = 0, 0.0, 0.0
     for k in range(len(xy)):
         r = xy[k, 1] * cosine - xy[k, 0] * sine
@@ -214,10 +191,7 @@ def _members(xy, upright, cell, cosine, sine, offset, half, free, rows, t):  # t
 
 @njit(cache=True, nogil=True)
 def _take(xy, upright, cell, cosine, sine, d, offset, t0, t1, spacing, free, run, number, votes, size):  # type: ignore[no-untyped-def]
-    """
-    Account for all sides near a run: they vote no more.
-
-    """
+    """Account for all sides near a run: they vote no more."""
     for k in range(len(xy)):
         if not free[k]:
             continue

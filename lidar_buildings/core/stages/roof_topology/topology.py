@@ -1,7 +1,4 @@
-"""
-The verb: planes of a building in, adjusted planes and the lines between them out.
-
-"""
+"""The verb: planes of a building in, adjusted planes and the lines between them out."""
 
 from __future__ import annotations
 
@@ -68,7 +65,6 @@ def find_topology(
     ------
     ValueError
         If an array has another shape, a value is not finite, or the spacing no positive length.
-
     """
     points = checked_points(points)
     numbers, number = without_gaps(checked_column("plane_id", plane_id, len(points), np.uint16))
@@ -80,10 +76,7 @@ def find_topology(
 def _topology(
     points: NDArray[np.float64], numbers: NDArray[np.uint16], outline: Outline | None, spacing: float
 ) -> RoofTopology:
-    """
-    Find the topology of planes whose numbers have no gaps.
-
-    """
+    """Find the topology of planes whose numbers have no gaps."""
     adjustment = adjust(points, numbers, outline)
     seen = _regions_of(adjustment)[numbers]
     if np.count_nonzero(seen) < 3:
@@ -121,10 +114,7 @@ def _topology(
 
 
 def _renumbered(topology: RoofTopology, number: NDArray[np.int64]) -> RoofTopology:
-    """
-    Return a topology with planes under their old numbers.
-
-    """
+    """Return a topology with planes under their old numbers."""
 
     def old(k: int) -> int:
         return int(number[k])
@@ -143,7 +133,6 @@ def _regions_of(adjustment: Adjustment) -> NDArray[np.uint16]:
     Return the number under which each plane's points are seen from above, item 0 being for no plane.
 
     Walls have none, and planes that have become one all have that of the first.
-
     """
     region = np.zeros(len(adjustment.coefficients) + 1, dtype=np.uint16)
     roofs = np.flatnonzero(adjustment.free.roof)
@@ -154,10 +143,7 @@ def _regions_of(adjustment: Adjustment) -> NDArray[np.uint16]:
 
 
 def _adjacency(intersections: list[IntersectionSegment], steps: list[StepEdge]) -> tuple[Adjacency, ...]:
-    """
-    Sum the borders of each pair by kind; the longest kind names the pair.
-
-    """
+    """Sum the borders of each pair by kind; the longest kind names the pair."""
     lengths: dict[tuple[int, int], dict[str, float]] = {}
     for line in intersections:
         kinds = lengths.setdefault((line.first, line.second), {})

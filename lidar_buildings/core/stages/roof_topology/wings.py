@@ -1,7 +1,4 @@
-"""
-Roofs of two wings at right angles: L or T.
-
-"""
+"""Roofs of two wings at right angles: L or T."""
 
 from __future__ import annotations
 
@@ -46,7 +43,6 @@ def l_or_t(
     -------
     str
         ``L``, ``T`` or ``complex``.
-
     """
     face_of = {number: k for k, face in enumerate(faces) for number in face}
     ridges = _ridges(intersections, face_of)
@@ -68,10 +64,7 @@ def l_or_t(
 def _ridges(
     intersections: Sequence[IntersectionSegment], face_of: dict[int, int]
 ) -> list[tuple[NDArray[np.float64], float, set[int]]]:
-    """
-    Return direction, length and faces of each ridge between large faces, pieces of one ridge joined.
-
-    """
+    """Return direction, length and faces of each ridge between large faces, pieces of one ridge joined."""
     pieces: dict[tuple[int, int], IntersectionSegment] = {}
     for line in intersections:
         pair = face_of.get(line.first, -1), face_of.get(line.second, -1)
@@ -92,18 +85,12 @@ def _span(
     planes: list[int],
     directions: list[NDArray[np.float64]],
 ) -> list[tuple[float, float]]:
-    """
-    Return from where to where planes reach in each direction [m].
-
-    """
+    """Return from where to where planes reach in each direction [m]."""
     xy = points[np.isin(plane_id, planes), :2]
     return [(float(low), float(high)) for low, high in (np.percentile(xy @ d, (1, 99)) for d in directions)]
 
 
 def _at_corner(main: tuple[float, float], wing: tuple[float, float]) -> bool:
-    """
-    Whether a wing stands at an end of the main part, neither in its middle nor beyond.
-
-    """
+    """Whether a wing stands at an end of the main part, neither in its middle nor beyond."""
     axis, width = 0.5 * (wing[0] + wing[1]), wing[1] - wing[0]
     return 0.0 < min(axis - main[0], main[1] - axis) < _AT_CORNER * width

@@ -1,7 +1,4 @@
-"""
-Segmentation: roof points that belong to one building.
-
-"""
+"""Segmentation: roof points that belong to one building."""
 
 from lidar_buildings.core.stages.segmentation.config import AS_PUBLISHED, SegmentationConfig
 from lidar_buildings.core.stages.segmentation.segmentation import Segmentation, segment_buildings

@@ -1,7 +1,4 @@
-"""
-Settings of the segmentation.
-
-"""
+"""Settings of the segmentation."""
 
 from __future__ import annotations
 
@@ -13,10 +10,7 @@ from lidar_buildings.core.model.parameters import StageConfig, parameter
 
 @dataclass(frozen=True)
 class SegmentationConfig(StageConfig):
-    """
-    Settings of the moving-window region growing.
-
-    """
+    """Settings of the moving-window region growing."""
 
     stage: ClassVar[str] = "segmentation"
 

@@ -1,7 +1,4 @@
-"""
-Loose points beside a building: too few for one of their own.
-
-"""
+"""Loose points beside a building: too few for one of their own."""
 
 from __future__ import annotations
 
@@ -32,7 +29,6 @@ def building_beside(
     reach : float
         Loose points join a building if one of them lies no farther from it in plan, and none so near to
         another [m].
-
     """
     joined = np.arange(len(is_building))
     loose = np.flatnonzero(is_loose[component])
@@ -54,10 +50,7 @@ def building_beside(
 
 @njit(cache=True, nogil=True)
 def _is_beside(points, others, reach):  # type: ignore[no-untyped-def]
-    """
-    Return which points lie within reach of one of the others in x and in y; the others by rising x.
-
-    """
+    """Return which points lie within reach of one of the others in x and in y; the others by rising x."""
     is_beside = np.zeros(len(points), dtype=np.bool_)
     x = np.ascontiguousarray(others[:, 0])
     for i in range(len(points)):

@@ -1,7 +1,4 @@
-"""
-What is asked of components of points: their members, anchors, area.
-
-"""
+"""What is asked of components of points: their members, anchors, area."""
 
 from __future__ import annotations
 
@@ -21,10 +18,7 @@ MAX_TABLE_CELLS = 64
 
 
 def sizes(component: NDArray[np.int64], n_components: int) -> NDArray[np.int64]:
-    """
-    Return the number of points of every component.
-
-    """
+    """Return the number of points of every component."""
     return np.bincount(component, minlength=n_components).astype(np.int64)
 
 
@@ -36,7 +30,6 @@ def occupied_areas(
 
     Points that fall into one cell of the spacing's size count once, so that overlapping strips do not add to
     the area; a cell that random points leave empty is made up for by the share of cells that they fill.
-
     """
     numbers = cell_numbers(points, spacing)
     n_cells = int(numbers.max(initial=-1)) + 1
@@ -49,10 +42,7 @@ def occupied_areas(
 
 @njit(cache=True, nogil=True)
 def by_component(component, n_components):  # type: ignore[no-untyped-def]
-    """
-    Return the rows component by component, in rising order within each, and where each begins.
-
-    """
+    """Return the rows component by component, in rising order within each, and where each begins."""
     first = np.zeros(n_components + 1, dtype=np.int64)
     for number in component:
         first[number + 1] += 1
@@ -72,7 +62,6 @@ def anchor_rows(points, component, n_components):  # type: ignore[no-untyped-def
     Return the row of every component's anchor: its westernmost point, ties broken by y, then z; −1 if empty.
 
     Points of component −1 are of none.
-
     """
     anchor = np.full(n_components, -1, dtype=np.int64)
     for i in range(len(component)):
@@ -94,7 +83,6 @@ def distinct_ids(anchors: NDArray[np.float64]) -> NDArray[np.uint32]:
     ----------
     anchors : ndarray of shape (n_buildings, 3)
         In any order [m].
-
     """
     wanted = [building_id(anchor) for anchor in anchors]
     order = np.lexsort((anchors[:, 2], anchors[:, 1], anchors[:, 0]))
@@ -114,10 +102,7 @@ def distinct_ids(anchors: NDArray[np.float64]) -> NDArray[np.uint32]:
 
 @njit(cache=True, nogil=True)
 def _comes_first(p, q):  # type: ignore[no-untyped-def]
-    """
-    Whether a point comes before another by x, then y, then z.
-
-    """
+    """Whether a point comes before another by x, then y, then z."""
     for axis in range(3):
         if p[axis] != q[axis]:
             return p[axis] < q[axis]
@@ -126,10 +111,7 @@ def _comes_first(p, q):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _cells_of_each(numbers, n_cells, rows, first):  # type: ignore[no-untyped-def]
-    """
-    Count the different cells of every component.
-
-    """
+    """Count the different cells of every component."""
     last = np.full(n_cells, -1, dtype=np.int32)
     count = np.zeros(len(first) - 1, dtype=np.int64)
     for k in range(len(count)):

@@ -1,7 +1,4 @@
-"""
-Buildings that hang together by a neck of few points, cut apart.
-
-"""
+"""Buildings that hang together by a neck of few points, cut apart."""
 
 from __future__ import annotations
 
@@ -54,7 +51,6 @@ def cut_necks(
     -------
     list of (int, ndarray of int)
         Component and rows of every part but the first of each component that falls apart.
-
     """
     half = window / 2.0
     # A strip of width w has w points a spacing.
@@ -80,10 +76,7 @@ def cut_necks(
 
 
 def _nearest_labels(positions: NDArray[np.float64], label: NDArray[np.int64]) -> NDArray[np.int64]:
-    """
-    Return labels, those of −1 replaced by the label of the nearest point that has one.
-
-    """
+    """Return labels, those of −1 replaced by the label of the nearest point that has one."""
     members = np.flatnonzero(label >= 0)
     # By their coordinates, so that of equally near ones the same is taken in whatever order they come.
     members = members[np.lexsort(positions[members].T)]
@@ -95,10 +88,7 @@ def _nearest_labels(positions: NDArray[np.float64], label: NDArray[np.int64]) ->
 
 @njit(cache=True, nogil=True)
 def _core(positions, cells, half, needed):  # type: ignore[no-untyped-def]
-    """
-    Return which points have `needed` in their windows, their own among them, and do not stand alone.
-
-    """
+    """Return which points have `needed` in their windows, their own among them, and do not stand alone."""
     is_core = np.zeros(len(positions), dtype=np.bool_)
     runs = np.empty((3, 2), dtype=np.int64)
     ahead = np.zeros(3, dtype=np.int64)
@@ -121,10 +111,7 @@ def _core(positions, cells, half, needed):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _is_core(positions, rows, runs, i, half, needed):  # type: ignore[no-untyped-def]
-    """
-    Whether a point has enough others in its window, one of them near.
-
-    """
+    """Whether a point has enough others in its window, one of them near."""
     x, y = positions[i, 0], positions[i, 1]
     count, is_alone = 0, True
     for run in (1, 0, 2):

@@ -1,7 +1,4 @@
-"""
-Borders between the parts of a building, and what parts go back to their neighbours.
-
-"""
+"""Borders between the parts of a building, and what parts go back to their neighbours."""
 
 from __future__ import annotations
 
@@ -31,7 +28,6 @@ class Borders(NamedTuple):
         Perimeter in the open [m].
     shared : dict
         (part, other part) → length of their border [m], both ways round.
-
     """
 
     free: NDArray[np.float64]
@@ -58,7 +54,6 @@ def measure_borders(
         Number of parts.
     cell : float
         Side of the cells, which start at multiples of it from (0, 0) [m].
-
     """
     cells = rows_by_cell(points, cell)
     owner, one, other = _owners(part, cells.rows, cells.first)
@@ -82,7 +77,6 @@ def _within(
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """
     Return the codes of the borders of parts that own no cell with the owners of those they have points in.
-
     """
     has_cell = np.zeros(n_parts, dtype=np.bool_)
     has_cell[owner] = True
@@ -95,7 +89,6 @@ def _within(
 def _owners(part, rows, first):  # type: ignore[no-untyped-def]
     """
     Return the part with most points of every cell, the last of equals, and all (part, cell) with points.
-
     """
     owner = np.empty(len(first) - 1, dtype=np.int64)
     number, place = np.empty(len(rows), dtype=np.int64), np.empty(len(rows), dtype=np.int64)
@@ -115,10 +108,7 @@ def _owners(part, rows, first):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _sides(owner, numbers, n_columns, n_parts):  # type: ignore[no-untyped-def]
-    """
-    Return a code, part · (n_parts + 1) + part beside it, or n_parts where it is open, of every side.
-
-    """
+    """Return a code, part · (n_parts + 1) + part beside it, or n_parts where it is open, of every side."""
     codes = np.empty(4 * len(owner), dtype=np.int64)
     n = 0
     for cell in range(len(owner)):
@@ -133,10 +123,7 @@ def _sides(owner, numbers, n_columns, n_parts):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _beside(numbers, cell, step, n_columns):  # type: ignore[no-untyped-def]
-    """
-    Return the next occupied cell, one or two steps off, −1 if both are empty.
-
-    """
+    """Return the next occupied cell, one or two steps off, −1 if both are empty."""
     column = numbers[cell] % n_columns
     for far in (1, 2):
         if abs(step) == 1 and not 0 <= column + far * step < n_columns:
@@ -178,7 +165,6 @@ def merge_parts(
         another [m²], [m], [m²].
     sums : ndarray of shape (n_parts, 6), optional
         See `part_shape.plan_sums`: if given, a part's points must scatter as over the least width, too.
-
     """
     parts = _Parts(borders, area, block, sums)
     into = np.arange(len(area))
@@ -203,10 +189,7 @@ def merge_parts(
 
 
 class _Parts:
-    """
-    Parts while they merge.
-
-    """
+    """Parts while they merge."""
 
     def __init__(
         self,
@@ -230,10 +213,7 @@ class _Parts:
                 self.free[one] += length
 
     def is_building(self, number: int, min_area: float, min_width: float, min_tower_area: float) -> bool:
-        """
-        Whether a part is large, wide and free enough to be one.
-
-        """
+        """Whether a part is large, wide and free enough to be one."""
         perimeter = self.free[number] + sum(self.shared[number].values())
         is_free = self.free[number] >= MIN_FREE_SHARE * perimeter
         is_large = self.area[number] >= (min_area if is_free else max(min_area, min_tower_area))
@@ -242,10 +222,7 @@ class _Parts:
         return self.sums is None or spread_width(self.sums[number]) >= min_width
 
     def neighbour(self, number: int) -> int | None:
-        """
-        Return the part with the longest border, or else the largest of the block; the first of equals.
-
-        """
+        """Return the part with the longest border, or else the largest of the block; the first of equals."""
         shared = self.shared[number]
         if shared:
             return max(shared, key=lambda other: (shared[other], self.area[other], -other))
@@ -253,10 +230,7 @@ class _Parts:
         return max(others, key=lambda other: (self.area[other], -other)) if others else None
 
     def merge(self, number: int, target: int) -> None:
-        """
-        Count a part to another.
-
-        """
+        """Count a part to another."""
         self.area[target] += self.area[number]
         if self.sums is not None:
             self.sums[target] += self.sums[number]

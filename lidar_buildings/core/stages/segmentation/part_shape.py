@@ -1,7 +1,4 @@
-"""
-How wide a part is, from sums over its points that add up when parts merge.
-
-"""
+"""How wide a part is, from sums over its points that add up when parts merge."""
 
 from __future__ import annotations
 
@@ -16,7 +13,6 @@ def plan_sums(points: NDArray[np.float64], part: NDArray[np.int64], n_parts: int
     Return the number of points and the sums of x, y, x², y² and xy of every part, shape (n_parts, 6).
 
     Coordinates are taken from the middle of all points, in which squares keep their digits.
-
     """
     if not len(points):
         return np.zeros((n_parts, 6))
@@ -31,7 +27,6 @@ def spread_width(sums: NDArray[np.float64]) -> float:
 
     Points spread evenly over a width w scatter by w/√12. Bent parts, whose points scatter more, come out
     wider than they are.
-
     """
     n, x, y, xx, yy, xy = sums.tolist()
     if n < 1.0:
@@ -44,7 +39,6 @@ def spread_width(sums: NDArray[np.float64]) -> float:
 def rectangle_width(area: float, perimeter: float) -> float:
     """
     Return the shorter side of the rectangle with this area and perimeter, of the square where there is none.
-
     """
     half = perimeter / 2.0
     root = half * half - 4.0 * area

@@ -1,7 +1,4 @@
-"""
-The moving window laid along the scan lines, each group of roofs with the pattern of its own points.
-
-"""
+"""The moving window laid along the scan lines, each group of roofs with the pattern of its own points."""
 
 from __future__ import annotations
 
@@ -34,7 +31,6 @@ class Chains(NamedTuple):
         Number of components.
     patterns : list of ScanPattern
         The pattern whose window chained each component.
-
     """
 
     component: NDArray[np.int64]
@@ -68,7 +64,6 @@ def chain_along_scan(
         See `lidar_buildings.core.neighbours.scan_pattern.measure_scan_pattern` [deg].
     cells : CellRows, optional
         The points by `lidar_buildings.core.neighbours.scan_pattern.scan_cells`, if they are at hand.
-
     """
     half = window / 2.0 * SLACK
     component, n_components = chain_windows(pulses.points, (half * spacing, half * spacing))
@@ -98,7 +93,6 @@ def _groups(
 ) -> tuple[NDArray[np.int64], list[ScanPattern]]:
     """
     Return each point's group and the groups' patterns; no window of a group reaches another of its kind.
-
     """
     reach = max(2.0 * half, MIN_GROUP_REACH) * spacing
     group, n_groups = chain_windows(pulses.points, (reach, reach))

@@ -1,7 +1,4 @@
-"""
-Roof points that belong together: moving-window region growing.
-
-"""
+"""Roof points that belong together: moving-window region growing."""
 
 from __future__ import annotations
 
@@ -57,7 +54,6 @@ class Segmentation:
         Greatest extent of the windows along x and y [m].
     patterns : dict of int to ScanPattern
         How pulses lie on each building.
-
     """
 
     building_id: NDArray[np.uint32]
@@ -108,7 +104,6 @@ def segment_buildings(
     Notes
     -----
     Linear in the number of points. Splitting at steps takes several times as long as all the rest.
-
     """
     config = config or SegmentationConfig()
     cloud = checked_points(points)
@@ -151,10 +146,7 @@ def segment_buildings(
 def _without_necks(
     cloud: NDArray[np.float64], chains: Chains, config: SegmentationConfig, cells: CellRows, spacing: float
 ) -> tuple[Chains, NDArray[np.int64]]:
-    """
-    Cut the necks of every component, in units of its own spacing; also return what each was cut from.
-
-    """
+    """Cut the necks of every component, in units of its own spacing; also return what each was cut from."""
     component, patterns = chains.component.copy(), list(chains.patterns)
     cut_from = list(range(chains.n_components))
     for unit, rows in _by_unit(cloud, chains, cells, spacing):
@@ -178,7 +170,6 @@ def _by_unit(
 ) -> list[tuple[ScanPattern, NDArray[np.intp]]]:
     """
     Return the rows of components with their units; those with the general one, which keep apart, together.
-
     """
     own = group_spacings(cloud, cells, chains.component, chains.n_components)
     general = ScanPattern.isotropic(spacing)
@@ -196,10 +187,7 @@ def _by_unit(
 def _buildings(
     cloud: NDArray[np.float64], chains: Chains, config: SegmentationConfig, spacing: float
 ) -> NDArray[np.int64]:
-    """
-    Return every point's component, with the loose points beside it, and −1 where that is no building.
-
-    """
+    """Return every point's component, with the loose points beside it, and −1 where that is no building."""
     n_points = sizes(chains.component, chains.n_components)
     is_building = n_points >= config.min_points
     is_loose = ~is_building
@@ -218,10 +206,7 @@ def _identified(
     part: NDArray[np.int64],
     block_of_part: NDArray[np.int64],
 ) -> tuple[NDArray[np.uint32], NDArray[np.uint32]]:
-    """
-    Return the ids of all parts and of all blocks, 0 for those without points; the last of either is 0.
-
-    """
+    """Return the ids of all parts and of all blocks, 0 for those without points; the last of either is 0."""
     n_parts = len(block_of_part)
     anchor = anchor_rows(cloud, part, n_parts)
     used = np.flatnonzero(anchor >= 0)
@@ -240,7 +225,6 @@ def _told(own: ScanPattern, around: ScanPattern, own_spacing: float, spacing: fl
     Return a building's own pattern, or, where it is too small to show lines far apart, its surroundings'.
 
     Without lines its spacing is its own where its points are clearly sparser than they are in general.
-
     """
     if not own.is_isotropic:
         return own
@@ -250,10 +234,7 @@ def _told(own: ScanPattern, around: ScanPattern, own_spacing: float, spacing: fl
 
 
 def _extent(patterns: list[ScanPattern], window: float, spacing: float) -> tuple[float, float]:
-    """
-    Return how far the widest window extends along x and y [m].
-
-    """
+    """Return how far the widest window extends along x and y [m]."""
     wide = [ScanPattern.isotropic(spacing), *(one for one in set(patterns) if not one.is_isotropic)]
     sides = np.array([(one.along, one.across) for one in wide]) * window
     cos, sin = np.abs([(np.cos(one.direction), np.sin(one.direction)) for one in wide]).T

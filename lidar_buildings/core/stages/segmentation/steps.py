@@ -1,7 +1,4 @@
-"""
-Buildings that touch at different heights, split at the step edges between them.
-
-"""
+"""Buildings that touch at different heights, split at the step edges between them."""
 
 from __future__ import annotations
 
@@ -68,7 +65,6 @@ def split_blocks(
         From 0; −1 where there is no block.
     block_of_part : ndarray of int64
         The block of every part.
-
     """
     rows = np.flatnonzero(block >= 0)
     some, of_block = points[rows], block[rows]
@@ -98,10 +94,7 @@ def split_blocks(
 def _linked_parts(
     points: NDArray[np.float64], block: NDArray[np.int64], reach: float, min_step: float
 ) -> NDArray[np.int64]:
-    """
-    Number the parts that links connect, before any goes back to another.
-
-    """
+    """Number the parts that links connect, before any goes back to another."""
     grid = build_grid(points, reach)
     n = len(points)
     plane, best = np.empty((n, 4)), np.empty((n, 2))
@@ -128,7 +121,6 @@ def _follow_nearest(
     Give points on no plane the root of the nearest that is on one, or their block's first where none is.
 
     Nearest in plan: half-way up a tower's wall, the roof of another tower may be nearer than its own.
-
     """
     for number in np.unique(block[~is_flat]):
         members = np.flatnonzero(block == number)
@@ -142,7 +134,6 @@ def _follow_nearest(
 def _fit_planes(grid, reach, plane, begin, end):  # type: ignore[no-untyped-def]
     """
     Fit a plane about each of the sorted points begin to end: slope in x, in y, height, rms of residuals.
-
     """
     near = np.empty(len(grid.points), dtype=np.int64)
     for i in range(begin, end):
@@ -156,10 +147,7 @@ def _fit_planes(grid, reach, plane, begin, end):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _fit_plane(points, i, near, reach, plane):  # type: ignore[no-untyped-def]
-    """
-    Fit the plane of least squares to heights of neighbours; left as it is where they lie on a line.
-
-    """
+    """Fit the plane of least squares to heights of neighbours; left as it is where they lie on a line."""
     sx = sy = sz = sxx = sxy = syy = sxz = syz = szz = 0.0
     for j in near:
         x, y, z = points[j, 0] - points[i, 0], points[j, 1] - points[i, 1], points[j, 2] - points[i, 2]
@@ -181,10 +169,7 @@ def _fit_plane(points, i, near, reach, plane):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _choose_planes(grid, reach, plane, max_offset, best, is_flat, begin, end):  # type: ignore[no-untyped-def]
-    """
-    Give each of the sorted points begin to end the slope of the best plane near it that passes it.
-
-    """
+    """Give each of the sorted points begin to end the slope of the best plane near it that passes it."""
     near = np.empty(len(grid.points), dtype=np.int64)
     for i in range(begin, end):
         x, y, z = grid.points[i]
@@ -202,10 +187,7 @@ def _choose_planes(grid, reach, plane, max_offset, best, is_flat, begin, end):  
 
 @njit(cache=True, nogil=True)
 def _link_levels(grid, block, reach, best, is_flat, min_step, parent):  # type: ignore[no-untyped-def]
-    """
-    Link neighbours of one block that lie on one level, the slope of either taken off.
-
-    """
+    """Link neighbours of one block that lie on one level, the slope of either taken off."""
     near = np.empty(len(grid.points), dtype=np.int64)
     for i in range(len(grid.points)):
         if not is_flat[i]:

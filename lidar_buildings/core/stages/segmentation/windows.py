@@ -1,7 +1,4 @@
-"""
-Chains of points that lie in each other's windows, found cell by cell in linear time.
-
-"""
+"""Chains of points that lie in each other's windows, found cell by cell in linear time."""
 
 from __future__ import annotations
 
@@ -35,7 +32,6 @@ def chain_windows(xy: NDArray[np.float64], reach: tuple[float, float]) -> tuple[
         From 0, the same whatever the points' order.
     n_components : int
         Number of components.
-
     """
     if reach[0] != reach[1]:
         xy = xy[:, :2] * np.array([1.0, reach[0] / reach[1]])
@@ -47,10 +43,7 @@ def chain_windows(xy: NDArray[np.float64], reach: tuple[float, float]) -> tuple[
 
 
 def turned(xy: NDArray[np.float64], pattern: ScanPattern) -> NDArray[np.float64]:
-    """
-    Return positions along and across the scan lines in units of the spacing along and across.
-
-    """
+    """Return positions along and across the scan lines in units of the spacing along and across."""
     cos, sin = np.cos(pattern.direction), np.sin(pattern.direction)
     along, across = xy[:, 0] * cos + xy[:, 1] * sin, xy[:, 1] * cos - xy[:, 0] * sin
     return np.column_stack((along / pattern.along, across / pattern.across))
@@ -59,7 +52,6 @@ def turned(xy: NDArray[np.float64], pattern: ScanPattern) -> NDArray[np.float64]
 def _without_gaps(xy: NDArray[np.float64], cell: float) -> NDArray[np.float64]:
     """
     Return positions with all gaps of several cells shortened, so that an enormous extent can be numbered.
-
     """
     closed = np.empty((len(xy), 2))
     for axis in range(2):
@@ -72,10 +64,7 @@ def _without_gaps(xy: NDArray[np.float64], cell: float) -> NDArray[np.float64]:
 
 @njit(cache=True, nogil=True)
 def _chain(xy, rows, numbers, first, n_columns, reach):  # type: ignore[no-untyped-def]
-    """
-    Return every row's component and their number; components are numbered by their first cells.
-
-    """
+    """Return every row's component and their number; components are numbered by their first cells."""
     n = len(numbers)
     parent = np.arange(n)
     box = _boxes(xy, rows, first)
@@ -96,10 +85,7 @@ def _chain(xy, rows, numbers, first, n_columns, reach):  # type: ignore[no-untyp
 
 @njit(cache=True, nogil=True)
 def _boxes(xy, rows, first):  # type: ignore[no-untyped-def]
-    """
-    Return the least x and y and the greatest x and y of every cell.
-
-    """
+    """Return the least x and y and the greatest x and y of every cell."""
     box = np.empty((len(first) - 1, 4))
     for cell in range(len(box)):
         box[cell, :2], box[cell, 2:] = np.inf, -np.inf
@@ -112,10 +98,7 @@ def _boxes(xy, rows, first):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _link_beside(parent, numbers, n_columns, box, reach):  # type: ignore[no-untyped-def]
-    """
-    Link cells to their eastern and northern neighbours, where one coordinate alone decides.
-
-    """
+    """Link cells to their eastern and northern neighbours, where one coordinate alone decides."""
     above = 0
     for cell in range(len(numbers)):
         number = numbers[cell]
@@ -131,10 +114,7 @@ def _link_beside(parent, numbers, n_columns, box, reach):  # type: ignore[no-unt
 
 @njit(cache=True, nogil=True)
 def _link_cornerwise(parent, xy, rows, numbers, first, n_columns, box, reach):  # type: ignore[no-untyped-def]
-    """
-    Link cells to those that they touch at a corner, where they are not linked already.
-
-    """
+    """Link cells to those that they touch at a corner, where they are not linked already."""
     above = 0
     for cell in range(len(numbers)):
         column = numbers[cell] % n_columns
@@ -160,7 +140,6 @@ def _reach_each_other(xy, lower, upper, side, reach):  # type: ignore[no-untyped
 
     Both are swept once, the nearest in x first: of the lower points within reach in x there are only ever
     more, so that their highest y suffices.
-
     """
     lower = lower[np.argsort(-side * xy[lower, 0])]
     upper = upper[np.argsort(side * xy[upper, 0])]

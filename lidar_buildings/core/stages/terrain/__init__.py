@@ -1,7 +1,4 @@
-"""
-Terrain: the ground's TIN as elevations anywhere, heights above it, and rasters of ground and surface.
-
-"""
+"""Terrain: the ground's TIN as elevations anywhere, heights above it, and rasters of ground and surface."""
 
 from lidar_buildings.core.stages.terrain.config import RasterConfig
 from lidar_buildings.core.stages.terrain.rasters import TerrainRasters, make_rasters

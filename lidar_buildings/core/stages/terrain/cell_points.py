@@ -1,6 +1,5 @@
 """
 What the points of each cell come to: the middle of the ground's points, and the highest of the surface's.
-
 """
 
 from __future__ import annotations
@@ -26,7 +25,6 @@ class CellPoints:
         The cells, row by row.
     points : ndarray of shape (n_cells, 3)
         Each within its cell [m].
-
     """
 
     rows: NDArray[np.int64]
@@ -34,26 +32,17 @@ class CellPoints:
     points: NDArray[np.float64]
 
     def mask(self, shape: tuple[int, int]) -> NDArray[np.bool_]:
-        """
-        Return an array in which these cells are True.
-
-        """
+        """Return an array in which these cells are True."""
         mask = np.zeros(shape, dtype=bool)
         mask[self.rows, self.columns] = True
         return mask
 
     def select(self, chosen: NDArray[np.bool_]) -> CellPoints:
-        """
-        Return those chosen by a mask.
-
-        """
+        """Return those chosen by a mask."""
         return CellPoints(self.rows[chosen], self.columns[chosen], self.points[chosen])
 
     def joined(self, others: CellPoints) -> CellPoints:
-        """
-        Return these and those of other cells.
-
-        """
+        """Return these and those of other cells."""
         rows, columns = np.append(self.rows, others.rows), np.append(self.columns, others.columns)
         return CellPoints(rows, columns, np.vstack((self.points, others.points)))
 
@@ -74,7 +63,6 @@ def mean_points(
         Each point's cell.
     shape : tuple of two int
         Rows and columns of all cells.
-
     """
     counts, sums = _summed(np.ascontiguousarray(points), rows, columns, shape)
     at_rows, at_columns = np.nonzero(counts)
@@ -97,7 +85,6 @@ def highest_points(
         Each point's cell.
     shape : tuple of two int
         Rows and columns of all cells.
-
     """
     highest = _highest(np.ascontiguousarray(points), rows, columns, shape)
     at_rows, at_columns = np.nonzero(highest >= 0)
@@ -106,10 +93,7 @@ def highest_points(
 
 @njit(cache=True, nogil=True)
 def _summed(points, rows, columns, shape):  # type: ignore[no-untyped-def]
-    """
-    Count each cell's points and sum their coordinates up.
-
-    """
+    """Count each cell's points and sum their coordinates up."""
     counts = np.zeros(shape, dtype=np.int32)
     sums = np.zeros((shape[0], shape[1], 3), dtype=np.int64)
     for i in range(len(points)):
@@ -122,10 +106,7 @@ def _summed(points, rows, columns, shape):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _highest(points, rows, columns, shape):  # type: ignore[no-untyped-def]
-    """
-    Return the row of each cell's highest point, −1 where it has none.
-
-    """
+    """Return the row of each cell's highest point, −1 where it has none."""
     highest = np.full(shape, -1, dtype=np.int32)
     for i in range(len(points)):
         best = highest[rows[i], columns[i]]
@@ -136,10 +117,7 @@ def _highest(points, rows, columns, shape):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _higher(points, i, j):  # type: ignore[no-untyped-def]
-    """
-    Whether point i lies higher than point j, ties broken by x, then y.
-
-    """
+    """Whether point i lies higher than point j, ties broken by x, then y."""
     if points[i, 2] != points[j, 2]:
         return points[i, 2] > points[j, 2]
     if points[i, 0] != points[j, 0]:

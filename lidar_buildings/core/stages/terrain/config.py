@@ -1,7 +1,4 @@
-"""
-The rasters' parameters.
-
-"""
+"""The rasters' parameters."""
 
 from __future__ import annotations
 
@@ -17,7 +14,6 @@ class RasterConfig(StageConfig):
     Parameters of `make_rasters`.
 
     They are parameters of the node that makes the rasters, and carry its name.
-
     """
 
     stage: ClassVar[str] = "model_writer"

@@ -1,7 +1,4 @@
-"""
-Which cells of a raster are known, and which of them a tile answers for.
-
-"""
+"""Which cells of a raster are known, and which of them a tile answers for."""
 
 from __future__ import annotations
 
@@ -24,7 +21,6 @@ def closed(occupied: NDArray[np.bool_], reach: int) -> NDArray[np.bool_]:
         With at least `reach` + 1 empty cells on each side.
     reach : int
         Radius in cells.
-
     """
     near = squared_distance(occupied, reach) <= reach * (reach + 1)  # (reach + ½)² in whole cells
     return squared_distance(~near, reach) > reach * reach
@@ -48,7 +44,6 @@ def squared_distance(marked, reach):  # type: ignore[no-untyped-def]
     Returns
     -------
     ndarray of int32, shape (height, width)
-
     """
     height, width = marked.shape
     far = reach + 1
@@ -71,10 +66,7 @@ def squared_distance(marked, reach):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _nearest_in_row(along, column, far):  # type: ignore[no-untyped-def]
-    """
-    Return the least squared distance over the columns of a row, going outwards until none can be less.
-
-    """
+    """Return the least squared distance over the columns of a row, going outwards until none can be less."""
     best = min(along[column] ** 2, far * far)
     for step in range(1, far):
         if step * step >= best:

@@ -1,7 +1,4 @@
-"""
-Rasters of ground and surface of one tile.
-
-"""
+"""Rasters of ground and surface of one tile."""
 
 from __future__ import annotations
 
@@ -40,7 +37,6 @@ class TerrainRasters:
     distance : ndarray of shape (height, width), int32
         Squared distance to the tile's nearest core cell, in cells: of several tiles that answer for a cell
         the nearest is right.
-
     """
 
     window: RasterWindow
@@ -50,10 +46,7 @@ class TerrainRasters:
 
     @property
     def ndsm(self) -> NDArray[np.float32]:
-        """
-        Height of the surface above the ground [m]; NaN where one of them is unknown.
-
-        """
+        """Height of the surface above the ground [m]; NaN where one of them is unknown."""
         return self.dsm - self.dtm
 
 
@@ -117,7 +110,6 @@ def make_rasters(
     >>> rasters = make_rasters(points, np.where(house.ravel(), 6, 2), RasterConfig(raster_resolution=1.0))
     >>> rasters.dtm.shape, float(rasters.dtm.max()), float(rasters.ndsm.max())
     ((6, 6), 0.0, 5.0)
-
     """
     config = config or RasterConfig()
     points = checked_points(points)
@@ -146,18 +138,12 @@ def make_rasters(
 
 
 def _checked_or(missing, name: str, column: ArrayLike | None, n: int, dtype) -> NDArray:  # type: ignore[no-untyped-def]
-    """
-    Return a column checked, or one made where none is given.
-
-    """
+    """Return a column checked, or one made where none is given."""
     return missing(n, dtype=dtype) if column is None else checked_column(name, column, n, dtype)
 
 
 def _cropped(rasters: TerrainRasters, known: NDArray[np.bool_]) -> TerrainRasters:
-    """
-    Leave out rows and columns without a known cell.
-
-    """
+    """Leave out rows and columns without a known cell."""
     rows, columns = (_span(known.any(axis=axis)) for axis in (1, 0))
     return TerrainRasters(
         rasters.window.part(columns, rows),
@@ -168,9 +154,6 @@ def _cropped(rasters: TerrainRasters, known: NDArray[np.bool_]) -> TerrainRaster
 
 
 def _span(marked: Any) -> slice:
-    """
-    Return the slice from the first to the last mark.
-
-    """
+    """Return the slice from the first to the last mark."""
     at = np.flatnonzero(marked)
     return slice(int(at[0]), int(at[-1]) + 1) if len(at) else slice(0, 0)

@@ -1,7 +1,4 @@
-"""
-The surface that a scanner sees from above, cell by cell.
-
-"""
+"""The surface that a scanner sees from above, cell by cell."""
 
 from __future__ import annotations
 
@@ -32,7 +29,6 @@ def widest_gap(point_spacing: float, resolution: float) -> int:
     ----------
     point_spacing, resolution : float
         Mean distance of neighbouring points, and side of a cell [m].
-
     """
     return reach_in_cells(max(_GAP_SPACINGS * point_spacing, _MIN_GAP), resolution)
 
@@ -67,7 +63,6 @@ def surface_elevations(
         The cells that are wanted.
     gap : int
         See `widest_gap`.
-
     """
     highest = _with_later_returns(cells, cells.highest(points[is_first]), points[~is_first], gap)
     measured = highest.mask(cells.window.shape)
@@ -83,10 +78,7 @@ def surface_elevations(
 def _holes_on_ground(
     lowest: CellPoints, ground: NDArray[np.float32], holes: NDArray[np.bool_]
 ) -> NDArray[np.bool_]:
-    """
-    Return the cells of those holes round which the ground was seen.
-
-    """
+    """Return the cells of those holes round which the ground was seen."""
     number, n_holes = ndimage.label(holes, _ADJACENT)
     beside = ndimage.maximum_filter(number, footprint=_ADJACENT)[lowest.rows, lowest.columns]
     height = lowest.points[:, 2] - ground[lowest.rows, lowest.columns]
@@ -100,18 +92,12 @@ def _holes_on_ground(
 def _with_later_returns(
     cells: Cells, highest: CellPoints, later: NDArray[np.float64], gap: int
 ) -> CellPoints:
-    """
-    Add the highest later return of cells that have no first return near.
-
-    """
+    """Add the highest later return of cells that have no first return near."""
     stand_ins = cells.highest(later)
     lacking = ~closed(highest.mask(cells.window.shape), gap)[stand_ins.rows, stand_ins.columns]
     return highest.joined(stand_ins.select(lacking))
 
 
 def _near(points: CellPoints, cells: NDArray[np.bool_]) -> CellPoints:
-    """
-    Return the points of cells that are near some of these cells.
-
-    """
+    """Return the points of cells that are near some of these cells."""
     return points.select(squared_distance(cells, _RIM)[points.rows, points.columns] <= _RIM * _RIM)

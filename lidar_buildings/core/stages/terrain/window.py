@@ -1,7 +1,4 @@
-"""
-Windows of the endless grid of square cells that all rasters of one resolution share.
-
-"""
+"""Windows of the endless grid of square cells that all rasters of one resolution share."""
 
 from __future__ import annotations
 
@@ -30,7 +27,6 @@ class RasterWindow:
         so that its north-western corner is at (`column`, −`row`) × `resolution`.
     width, height : int
         Columns and rows of cells; 0 where there is no cell.
-
     """
 
     resolution: float
@@ -41,25 +37,16 @@ class RasterWindow:
 
     @property
     def shape(self) -> tuple[int, int]:
-        """
-        Shape of an array with a value per cell: the first row is the northernmost.
-
-        """
+        """Shape of an array with a value per cell: the first row is the northernmost."""
         return self.height, self.width
 
     @property
     def corner(self) -> tuple[float, float]:
-        """
-        The north-western corner in source coordinates [m].
-
-        """
+        """The north-western corner in source coordinates [m]."""
         return self.column * self.resolution, -self.row * self.resolution
 
     def grown(self, n_cells: int) -> RasterWindow:
-        """
-        Return the window with so many more cells on each side.
-
-        """
+        """Return the window with so many more cells on each side."""
         return RasterWindow(
             self.resolution,
             self.column - n_cells,
@@ -69,10 +56,7 @@ class RasterWindow:
         )
 
     def part(self, columns: slice, rows: slice) -> RasterWindow:
-        """
-        Return a part of the window, given by slices of its columns and rows with both ends named.
-
-        """
+        """Return a part of the window, given by slices of its columns and rows with both ends named."""
         return RasterWindow(
             self.resolution,
             self.column + columns.start,
@@ -82,10 +66,7 @@ class RasterWindow:
         )
 
     def shared(self, other: RasterWindow) -> tuple[slice, slice]:
-        """
-        Return the rows and columns of this window that another one has as well; empty slices if none.
-
-        """
+        """Return the rows and columns of this window that another one has as well; empty slices if none."""
         top, left = other.row - self.row, other.column - self.column
         rows = slice(max(top, 0), max(min(top + other.height, self.height), 0))
         columns = slice(max(left, 0), max(min(left + other.width, self.width), 0))
@@ -103,7 +84,6 @@ class RasterWindow:
             In the map frame [m].
         origin : tuple of two float
             What to add to map coordinates [m].
-
         """
         columns, rows = _grid_cells(points, origin, self.resolution)
         return rows - self.row, columns - self.column
@@ -111,10 +91,7 @@ class RasterWindow:
     def centres(
         self, rows: NDArray[np.int64], columns: NDArray[np.int64], origin: tuple[float, float]
     ) -> NDArray[np.float64]:
-        """
-        Return the middles of cells in the map frame, shape (…, 2) [m].
-
-        """
+        """Return the middles of cells in the map frame, shape (…, 2) [m]."""
         x = (columns + (self.column + 0.5)) * self.resolution - origin[0]
         y = -(rows + (self.row + 0.5)) * self.resolution - origin[1]
         return np.stack((x, y), axis=-1)
@@ -137,7 +114,6 @@ def window_of(points: NDArray[np.float64], origin: tuple[float, float], resoluti
     ------
     ValueError
         If it has too many cells to be meant.
-
     """
     if len(points) == 0:
         return RasterWindow(resolution)
@@ -153,10 +129,7 @@ def window_of(points: NDArray[np.float64], origin: tuple[float, float], resoluti
 
 
 def enclosing(windows: Iterable[RasterWindow]) -> RasterWindow | None:
-    """
-    Return the smallest window that holds all those given; None if they have no cell.
-
-    """
+    """Return the smallest window that holds all those given; None if they have no cell."""
     filled = [window for window in windows if window.width and window.height]
     if not filled:
         return None
@@ -167,10 +140,7 @@ def enclosing(windows: Iterable[RasterWindow]) -> RasterWindow | None:
 
 
 def reach_in_cells(distance: float, resolution: float) -> int:
-    """
-    Return how many whole cells a distance spans; rounding must not cost one.
-
-    """
+    """Return how many whole cells a distance spans; rounding must not cost one."""
     return math.floor(distance / resolution + 1e-9)
 
 
@@ -181,7 +151,6 @@ def _grid_cells(
     Return column and row in the endless grid of each point's cell.
 
     A cell holds its western and its southern edge.
-
     """
     columns = np.floor((points[:, 0] + origin[0]) / resolution).astype(np.int64)
     rows = -1 - np.floor((points[:, 1] + origin[1]) / resolution).astype(np.int64)

@@ -1,7 +1,4 @@
-"""
-The triangulation that alpha shapes are read from, and the sizes of its empty discs.
-
-"""
+"""The triangulation that alpha shapes are read from, and the sizes of its empty discs."""
 
 from __future__ import annotations
 
@@ -40,7 +37,6 @@ class ScaledMesh:
         How many of the vertices are points.
     alpha : float
         The radius in the units of the vertices.
-
     """
 
     vertices: NDArray[np.float64]
@@ -51,17 +47,11 @@ class ScaledMesh:
 
     @property
     def n_vertices(self) -> int:
-        """
-        Number of points and of the frame's vertices.
-
-        """
+        """Number of points and of the frame's vertices."""
         return len(self.vertices)
 
     def sides(self, chosen: NDArray[np.bool_]) -> NDArray[np.int32]:
-        """
-        Return the sides opposite the chosen corners, shape (n, 2), each with its triangle on the left.
-
-        """
+        """Return the sides opposite the chosen corners, shape (n, 2), each with its triangle on the left."""
         triangle, corner = np.nonzero(chosen)
         return np.column_stack([self.triangles[triangle, (corner + k) % 3] for k in (1, 2)])
 
@@ -71,7 +61,6 @@ def to_scale(plan: NDArray[np.float64]) -> tuple[NDArray[np.float64], int]:
     Return points in the mesh's units, relative to their lower left corner, and the units' power of two.
 
     Points that lie within 10⁻¹⁰ of the extent come to one place.
-
     """
     low, high = plan.min(axis=0), plan.max(axis=0)
     # Of halves, so that not even the largest numbers overflow.
@@ -95,7 +84,6 @@ def one_per_place(
         The place of each point.
     row : ndarray of int64, shape (n_places,)
         The first row of each place.
-
     """
     order = np.lexsort((local[:, 1], local[:, 0]))
     ordered = local[order]
@@ -117,7 +105,6 @@ def scaled_mesh(places: NDArray[np.float64], alpha: float) -> ScaledMesh:
         In the mesh's units, distinct.
     alpha : float
         Radius in the same units; capped at 10⁴ times the extent.
-
     """
     extent = places.max(axis=0)
     radius = min(alpha, _MAX_RADIUS * float(extent.max()))
@@ -128,10 +115,7 @@ def scaled_mesh(places: NDArray[np.float64], alpha: float) -> ScaledMesh:
 
 
 def circumradii(mesh: ScaledMesh) -> NDArray[np.float64]:
-    """
-    Return the radius of each triangle's circumscribed circle; infinite for those at the frame or flat.
-
-    """
+    """Return the radius of each triangle's circumscribed circle; infinite for those at the frame or flat."""
     a, b, c = (mesh.vertices[mesh.triangles[:, k]] for k in range(3))
     product = np.hypot(*(b - a).T) * np.hypot(*(c - b).T) * np.hypot(*(a - c).T)
     double_area = _cross(b - a, c - a)
@@ -146,7 +130,6 @@ def singular_sides(mesh: ScaledMesh, is_area: NDArray[np.bool_]) -> NDArray[np.i
     The centres of the empty discs through both ends of a side lie on its bisector between the centres of
     the circles of its two triangles, at cot(angle opposite)/2 side lengths from the side. Neither
     triangle being smaller than a disc of radius alpha, one on either side of the side has to fit between.
-
     """
     beyond = mesh.neighbours
     triangle_number = np.arange(len(beyond))[:, None]
@@ -177,17 +160,11 @@ def _reaches(
     apex: NDArray[np.float64],
     offset: NDArray[np.float64],
 ) -> NDArray[np.bool_]:
-    """
-    Whether the cotangent of the angle at the apex, to the left of the side, is at least the offset.
-
-    """
+    """Whether the cotangent of the angle at the apex, to the left of the side, is at least the offset."""
     u, v = start - apex, end - apex
     return (u * v).sum(axis=1) >= offset * np.maximum(_cross(u, v), 0.0)
 
 
 def _cross(u: NDArray[np.float64], v: NDArray[np.float64]) -> NDArray[np.float64]:
-    """
-    Return twice the signed areas between vectors.
-
-    """
+    """Return twice the signed areas between vectors."""
     return u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0]

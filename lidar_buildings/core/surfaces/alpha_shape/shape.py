@@ -1,6 +1,5 @@
 """
 The alpha shape of points in the plane: which of them lie on its boundary, and the area that it encloses.
-
 """
 
 from __future__ import annotations
@@ -46,7 +45,6 @@ class AlphaShape:
         The Delaunay triangles that fill the area, counter-clockwise.
     n_area_edges : int
         How many of `edges` bound the area.
-
     """
 
     points: NDArray[np.float64]
@@ -58,10 +56,7 @@ class AlphaShape:
 
     @property
     def area(self) -> float:
-        """
-        Size of the area [m²].
-
-        """
+        """Size of the area [m²]."""
         a, b, c = (self.points[self.triangles[:, k]] for k in range(3))
         u, v = b - a, c - a
         return float((u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0]).sum() / 2.0)
@@ -72,7 +67,6 @@ class AlphaShape:
         The area as valid polygons with holes, by their western and then southern ends; none overlaps another.
 
         Parts that meet in a point are polygons of their own.
-
         """
         rows = self.edges[: self.n_area_edges]
         faces = shapely.get_parts(shapely.polygonize(list(shapely.linestrings(self.points[rows]))))
@@ -83,7 +77,6 @@ class AlphaShape:
     def _is_area(self, faces: NDArray[Any]) -> NDArray[np.bool_]:
         """
         Whether each face that the edges enclose is area, not a hole: an edge of its ring has it on its left.
-
         """
         rings = shapely.get_exterior_ring(faces)
         coordinates, ring = shapely.get_coordinates(rings, return_index=True)
@@ -133,7 +126,6 @@ def alpha_shape(points: ArrayLike, alpha: float, *, regularised: bool = False) -
     O(n log n); about 2 s for a million points. The order of points does not matter. A radius beyond 10⁴ times
     the extent of the points counts as so large: what a straight side misses by a hundred-thousandth of the
     extent is then on the hull.
-
     """
     plan, radius = _checked(points, alpha)
     if len(plan) == 0:
@@ -164,10 +156,7 @@ def alpha_shape(points: ArrayLike, alpha: float, *, regularised: bool = False) -
 
 
 def _checked(points: ArrayLike, alpha: float) -> tuple[NDArray[np.float64], float]:
-    """
-    Return x and y, and alpha as a number.
-
-    """
+    """Return x and y, and alpha as a number."""
     array = np.asarray(points, dtype=np.float64)
     if array.ndim != 2 or array.shape[1] < 2:
         raise ValueError(f"points has shape {array.shape}: must be (n_points, 2) or (n_points, 3)")
@@ -183,19 +172,13 @@ def _checked(points: ArrayLike, alpha: float) -> tuple[NDArray[np.float64], floa
 
 
 def _without_area(plan: NDArray[np.float64], alpha: float, on_shape: bool) -> AlphaShape:
-    """
-    Return the shape of points at one place, or of none.
-
-    """
+    """Return the shape of points at one place, or of none."""
     none = np.zeros((0, 3), dtype=np.int64)
     return AlphaShape(plan, alpha, np.full(len(plan), on_shape), none[:, :2], none, 0)
 
 
 def _times_power_of_two(value: float, exponent: int) -> float:
-    """
-    Return value × 2^exponent, infinite where that is too large.
-
-    """
+    """Return value × 2^exponent, infinite where that is too large."""
     try:
         return math.ldexp(value, exponent)
     except OverflowError:

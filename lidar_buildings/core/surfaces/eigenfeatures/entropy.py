@@ -1,7 +1,4 @@
-"""
-Entropy of neighbourhoods' shapes: how ambiguous they are between line, plane and volume.
-
-"""
+"""Entropy of neighbourhoods' shapes: how ambiguous they are between line, plane and volume."""
 
 from __future__ import annotations
 
@@ -35,7 +32,6 @@ def entropy_of_shape(dimensionality, xx, xy, xz, yy, yz, zz):  # type: ignore[no
         or of the eigenvalues divided by their sum (Weinmann and others, 2015).
     xx, xy, xz, yy, yz, zz : float
         The covariance.
-
     """
     trace = xx + yy + zz
     first, second, third = eigenvalues_3x3(xx, xy, xz, yy, yz, zz)
@@ -55,10 +51,7 @@ def entropy_of_shape(dimensionality, xx, xy, xz, yy, yz, zz):  # type: ignore[no
 
 @njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
 def _parts(share):  # type: ignore[no-untyped-def]
-    """
-    Return a share, at least `SMALLEST`, and x and e of it: a = x 2^e, x between √½ and √2.
-
-    """
+    """Return a share, at least `SMALLEST`, and x and e of it: a = x 2^e, x between √½ and √2."""
     share = max(share, SMALLEST)
     bits = np.float64(share).view(np.int64)
     exponent = (bits - SQRT_HALF_BITS) >> 52
@@ -71,7 +64,6 @@ def _log(t, exponent):  # type: ignore[no-untyped-def]
     Return ln a = 2 atanh t + e ln 2 for t = (x − 1)/(x + 1) of `_parts`.
 
     Unlike the library's logarithm it can be part of a vector instruction.
-
     """
     square, log = t * t, SERIES[0]
     for k in range(1, len(SERIES)):

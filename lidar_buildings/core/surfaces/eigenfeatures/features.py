@@ -1,7 +1,4 @@
-"""
-Shape of every point's neighbourhood, from the eigenvalues of its covariance.
-
-"""
+"""Shape of every point's neighbourhood, from the eigenvalues of its covariance."""
 
 from __future__ import annotations
 
@@ -50,7 +47,6 @@ class EigenFeatures:
     entropy : ndarray of shape (n_points,)
         The least entropy that the radius was chosen by, from 0 to ln 3, which is also that of a neighbourhood
         whose points all coincide.
-
     """
 
     eigenvalues: NDArray[np.float64]
@@ -62,58 +58,37 @@ class EigenFeatures:
 
     @property
     def linearity(self) -> NDArray[np.float64]:
-        """
-        (λ1 − λ2)/λ1.
-
-        """
+        """(λ1 − λ2)/λ1."""
         return _differences(self.eigenvalues, 0, 1)
 
     @property
     def planarity(self) -> NDArray[np.float64]:
-        """
-        (λ2 − λ3)/λ1.
-
-        """
+        """(λ2 − λ3)/λ1."""
         return _differences(self.eigenvalues, 1, 2)
 
     @property
     def scattering(self) -> NDArray[np.float64]:
-        """
-        λ3/λ1.
-
-        """
+        """λ3/λ1."""
         return _ratio(self.eigenvalues[:, 2], self.eigenvalues[:, 0])
 
     @property
     def anisotropy(self) -> NDArray[np.float64]:
-        """
-        (λ1 − λ3)/λ1.
-
-        """
+        """(λ1 − λ3)/λ1."""
         return _differences(self.eigenvalues, 0, 2)
 
     @property
     def surface_variation(self) -> NDArray[np.float64]:
-        """
-        λ3/(λ1 + λ2 + λ3), Pauly and others (2002).
-
-        """
+        """λ3/(λ1 + λ2 + λ3), Pauly and others (2002)."""
         return _ratio(self.eigenvalues[:, 2], self.eigenvalues.sum(axis=1))
 
     @property
     def omnivariance(self) -> NDArray[np.float64]:
-        """
-        The geometric mean ∛(λ1 λ2 λ3) [m²].
-
-        """
+        """The geometric mean ∛(λ1 λ2 λ3) [m²]."""
         return np.cbrt(self.eigenvalues.prod(axis=1))
 
     @property
     def eigenentropy(self) -> NDArray[np.float64]:
-        """
-        − Σ e ln e of the eigenvalues divided by their sum, Weinmann and others (2015).
-
-        """
+        """− Σ e ln e of the eigenvalues divided by their sum, Weinmann and others (2015)."""
         total = self.eigenvalues.sum(axis=1)
         shares = np.column_stack([_ratio(column, total) for column in self.eigenvalues.T])
         logarithms = np.log(shares, out=np.zeros_like(shares), where=shares > 0)
@@ -121,18 +96,12 @@ class EigenFeatures:
 
     @property
     def roughness(self) -> NDArray[np.float64]:
-        """
-        Root mean square distance of the neighbours from their plane, √λ3 [m].
-
-        """
+        """Root mean square distance of the neighbours from their plane, √λ3 [m]."""
         return np.sqrt(self.eigenvalues[:, 2])
 
     @property
     def verticality(self) -> NDArray[np.float64]:
-        """
-        1 − n_z: 0 on level surfaces, 1 on walls.
-
-        """
+        """1 − n_z: 0 on level surfaces, 1 on walls."""
         return 1.0 - self.normals[:, 2]
 
 
@@ -180,7 +149,6 @@ def eigen_features(
     order of rows nor the number of threads changes a bit of the result, nor does what lies beyond the largest
     radius. But where the cells around hold more than `MAX_CANDIDATES` points, evenly spaced ones stand for
     all. Time is proportional to the number of neighbours within the largest radius.
-
     """
     squares = _checked_radii(radii) ** 2
     if min_neighbours < 1:
@@ -203,10 +171,7 @@ def eigen_features(
 
 
 def _checked_radii(radii: Sequence[float]) -> NDArray[np.float64]:
-    """
-    Return the radii as an array.
-
-    """
+    """Return the radii as an array."""
     steps = np.asarray(radii, dtype=np.float64)
     rising = steps.ndim == 1 and len(steps) > 0 and steps[0] > 0 and bool(np.all(np.diff(steps) > 0))
     if not (rising and steps[0] >= SMALLEST_RADIUS and steps[-1] <= LARGEST_RADIUS):
@@ -220,10 +185,7 @@ def _checked_radii(radii: Sequence[float]) -> NDArray[np.float64]:
 
 
 def _differences(eigenvalues: NDArray[np.float64], larger: int, smaller: int) -> NDArray[np.float64]:
-    """
-    Return (λ_larger − λ_smaller)/λ1, counted from 0, and 0 where all neighbours coincide; on all cores.
-
-    """
+    """Return (λ_larger − λ_smaller)/λ1, counted from 0, and 0 where all neighbours coincide; on all cores."""
     shares = np.empty(len(eigenvalues))
     for_row_blocks(lambda a, b: _fill_differences(eigenvalues, larger, smaller, shares, a, b), len(shares))
     return shares
@@ -231,10 +193,7 @@ def _differences(eigenvalues: NDArray[np.float64], larger: int, smaller: int) ->
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _fill_differences(eigenvalues, larger, smaller, shares, begin, end):  # type: ignore[no-untyped-def]
-    """
-    Fill rows begin to end.
-
-    """
+    """Fill rows begin to end."""
     for i in range(begin, end):
         first = eigenvalues[i, 0]
         difference = eigenvalues[i, larger] - eigenvalues[i, smaller]
@@ -242,8 +201,5 @@ def _fill_differences(eigenvalues, larger, smaller, shares, begin, end):  # type
 
 
 def _ratio(part: NDArray[np.float64], whole: NDArray[np.float64]) -> NDArray[np.float64]:
-    """
-    Divide, 0 where there is nothing to divide by.
-
-    """
+    """Divide, 0 where there is nothing to divide by."""
     return np.divide(part, whole, out=np.zeros_like(part), where=whole > 0)

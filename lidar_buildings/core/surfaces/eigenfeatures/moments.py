@@ -1,7 +1,4 @@
-"""
-Sums over the neighbours of a point within each of several radii, in one pass over the neighbours.
-
-"""
+"""Sums over the neighbours of a point within each of several radii, in one pass over the neighbours."""
 
 from __future__ import annotations
 
@@ -29,7 +26,6 @@ def gather_window(cloud, windows, low, high, near):  # type: ignore[no-untyped-d
     -------
     int
         How many there are; what is beyond is rubbish. More than `MAX_CANDIDATES` are thinned evenly.
-
     """
     candidates = 0
     for begin, end in windows:
@@ -48,10 +44,7 @@ def gather_window(cloud, windows, low, high, near):  # type: ignore[no-untyped-d
 
 @njit(cache=True, nogil=True)
 def _gather_thinned(cloud, windows, low, high, near):  # type: ignore[no-untyped-def]
-    """
-    Do the same where the points of all elevations may be too many.
-
-    """
+    """Do the same where the points of all elevations may be too many."""
     z = cloud.points[:, 2]
     candidates = 0
     for begin, end in windows:
@@ -73,7 +66,6 @@ def _gather_thinned(cloud, windows, low, high, near):  # type: ignore[no-untyped
 def rows_within(near, n_near, position, square_reach, square, rows):  # type: ignore[no-untyped-def]
     """
     Write the squared distances from a position, and which of the points are within reach; return how many.
-
     """
     x, y, z = near[0], near[1], near[2]
     for j in range(n_near):
@@ -89,10 +81,7 @@ def rows_within(near, n_near, position, square_reach, square, rows):  # type: ig
 
 @njit(cache=True, nogil=True)
 def sum_shells(near, rows, position, square, squares, lookup, shells):  # type: ignore[no-untyped-def]
-    """
-    Sum 1, d and d dᵀ over the neighbours between one radius and the next.
-
-    """
+    """Sum 1, d and d dᵀ over the neighbours between one radius and the next."""
     shells[:] = 0.0
     scale = LOOKUP_BINS / squares[-1]
     x, y, z = near[0], near[1], near[2]
@@ -118,7 +107,6 @@ def sum_shells(near, rows, position, square, squares, lookup, shells):  # type: 
 def sum_sphere(near, rows, position, shell):  # type: ignore[no-untyped-def]
     """
     Sum 1, d and d dᵀ over all neighbours: in registers, which need not wait for memory as shells have to.
-
     """
     x, y, z = near[0], near[1], near[2]
     sx = sy = sz = sxx = sxy = sxz = syy = syz = szz = 0.0
@@ -138,7 +126,6 @@ def shell_lookup(squares: NDArray[np.float64]) -> NDArray[np.uint64]:
     Return, by the bins of the squared distance, a shell that is not too far out.
 
     Few bins hold a limit between two shells. The last one is for the largest radius itself.
-
     """
     lowest = np.arange(LOOKUP_BINS + 1) * (squares[-1] / LOOKUP_BINS) * (1 - 1e-9)
     return np.searchsorted(squares, lowest).astype(np.uint64)

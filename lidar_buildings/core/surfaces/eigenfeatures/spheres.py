@@ -3,7 +3,6 @@ From the neighbours of each point to the radius of least entropy and the princip
 
 Candidates are gathered once for the points of a cell, and radii are judged by the batch, so that the loops
 over candidates and over radii are long and plain enough to become vector instructions.
-
 """
 
 from __future__ import annotations
@@ -55,7 +54,6 @@ def describe_cells(cloud, squares, lookup, min_neighbours, dimensionality, found
         One row per input row, in the order of the attributes of `EigenFeatures`.
     begin, end : int
         Which of the occupied cells.
-
     """
     reach = math.sqrt(squares[-1])
     z = cloud.points[:, 2]
@@ -89,10 +87,7 @@ def describe_cells(cloud, squares, lookup, min_neighbours, dimensionality, found
 
 @njit(cache=True, nogil=True)
 def _end_of_run(z, start, last, height):  # type: ignore[no-untyped-def]
-    """
-    Return where the points that rise from z[start] by no more than a height end.
-
-    """
+    """Return where the points that rise from z[start] by no more than a height end."""
     stop = start + 1
     while stop < last and z[stop] <= z[start] + height:
         stop += 1
@@ -101,10 +96,7 @@ def _end_of_run(z, start, last, height):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _add_to_batch(shells, batch, slot):  # type: ignore[no-untyped-def]
-    """
-    Add up the shells of a point, so that there are sums within each radius.
-
-    """
+    """Add up the shells of a point, so that there are sums within each radius."""
     n_radii = len(shells)
     for moment in range(N_MOMENTS):
         total = 0.0
@@ -116,10 +108,7 @@ def _add_to_batch(shells, batch, slot):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _finish(batch, waiting, squares, min_neighbours, dimensionality, found):  # type: ignore[no-untyped-def]
-    """
-    Choose the radius of each point of a batch and write what is found there.
-
-    """
+    """Choose the radius of each point of a batch and write what is found there."""
     n_radii = len(squares)
     _judge(batch, len(waiting) * n_radii, dimensionality)
     chosen = np.empty(len(waiting), dtype=np.int64)
@@ -140,10 +129,7 @@ def _finish(batch, waiting, squares, min_neighbours, dimensionality, found):  # 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _judge(batch, n_rows, dimensionality):  # type: ignore[no-untyped-def]
-    """
-    Put the entropy of the batch's rows behind their sums.
-
-    """
+    """Put the entropy of the batch's rows behind their sums."""
     for row in range(n_rows):
         entropy = entropy_of_shape(dimensionality, *_covariance(batch, row))
         batch[N_MOMENTS * BATCH_ROWS + row] = entropy
@@ -153,7 +139,6 @@ def _judge(batch, n_rows, dimensionality):  # type: ignore[no-untyped-def]
 def _least_entropy(batch, first, n_radii, min_neighbours):  # type: ignore[no-untyped-def]
     """
     Return the radius of least entropy among those with enough neighbours, the largest one if there is none.
-
     """
     best, least = n_radii - 1, np.inf
     for k in range(n_radii):
@@ -167,7 +152,6 @@ def _least_entropy(batch, first, n_radii, min_neighbours):  # type: ignore[no-un
 def _axes_of(batch, rows):  # type: ignore[no-untyped-def]
     """
     Return eigenvalues and axes of the batch's chosen rows, one after the other at steps of `BATCH_ROWS`.
-
     """
     axes = np.empty((N_COVARIANCE + N_AXES) * BATCH_ROWS)
     for i in range(len(rows)):
@@ -190,10 +174,7 @@ def _axes_of(batch, rows):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
 def _covariance(batch, row):  # type: ignore[no-untyped-def]
-    """
-    Return xx, xy, xz, yy, yz, zz of the covariance about the mean, 0 for fewer than two points.
-
-    """
+    """Return xx, xy, xz, yy, yz, zz of the covariance about the mean, 0 for fewer than two points."""
     share = 1.0 / max(batch[row], 1.0)
     x = batch[BATCH_ROWS + row] * share
     y = batch[2 * BATCH_ROWS + row] * share

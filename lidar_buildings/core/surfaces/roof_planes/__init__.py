@@ -1,7 +1,4 @@
-"""
-The planes of a roof: what finding them and building models from them share.
-
-"""
+"""The planes of a roof: what finding them and building models from them share."""
 
 from lidar_buildings.core.surfaces.roof_planes.adjustment import (
     Adjustment,

@@ -1,7 +1,4 @@
-"""
-Least squares of all planes of a roof together.
-
-"""
+"""Least squares of all planes of a roof together."""
 
 from __future__ import annotations
 
@@ -55,7 +52,6 @@ class Adjustment:
         a, b, c of z = a x + b y + c about the building's centre, after the adjustment.
     meetings : tuple of Meeting
         Those imposed.
-
     """
 
     free: FreePlanes
@@ -66,18 +62,12 @@ class Adjustment:
 
     @property
     def centre(self) -> NDArray[np.float64]:
-        """
-        Where coefficients have their origin [m].
-
-        """
+        """Where coefficients have their origin [m]."""
         return self.free.moments.centre
 
     @property
     def planes(self) -> tuple[RoofPlane, ...]:
-        """
-        The planes; number k is item k - 1.
-
-        """
+        """The planes; number k is item k - 1."""
         return tuple(_roof_plane(self.free, self.coefficients, k) for k in range(len(self.coefficients)))
 
     def with_meetings(self, meetings: Sequence[Meeting]) -> Adjustment:
@@ -86,7 +76,6 @@ class Adjustment:
 
         At first under all relations. These and the outline's corners may contradict one another by little, as
         when a corner is rounded to a millimetre: then planes turn and lift by what is left to be exactly met.
-
         """
         if self.unknowns is None:
             return self
@@ -97,10 +86,7 @@ class Adjustment:
     def _imposed(
         self, meetings: list[Meeting], unknowns: Unknowns, start: NDArray[np.float64] | None
     ) -> Adjustment:
-        """
-        Impose meetings, giving up those that pull most at planes that move too far.
-
-        """
+        """Impose meetings, giving up those that pull most at planes that move too far."""
         allowed = np.clip(self.free.rms, _LEAST_MOVE, _MOST_MOVE)
         while meetings:
             coefficients, meetings, pull = self._settled(meetings, unknowns, start)
@@ -114,10 +100,7 @@ class Adjustment:
     def _settled(
         self, meetings: list[Meeting], unknowns: Unknowns, start: NDArray[np.float64] | None
     ) -> tuple[NDArray[np.float64], list[Meeting], NDArray[np.float64]]:
-        """
-        Solve, let meetings whose position is not given follow the planes, solve again, and so on.
-
-        """
+        """Solve, let meetings whose position is not given follow the planes, solve again, and so on."""
         coefficients = self.coefficients
         rounds = 1 if all(meeting.fixed for meeting in meetings) else _FOLLOW_ROUNDS
         for _ in range(rounds):
@@ -126,10 +109,7 @@ class Adjustment:
         return coefficients, meetings, pull
 
     def _following(self, meeting: Meeting, coefficients: NDArray[np.float64]) -> Meeting:
-        """
-        Move a meeting whose position is not given to where planes are nearest to meeting.
-
-        """
+        """Move a meeting whose position is not given to where planes are nearest to meeting."""
         if meeting.fixed:
             return meeting
         xy, _ = common_point(coefficients[np.array(meeting.planes) - 1])
@@ -171,7 +151,6 @@ def adjust_planes(
     ------
     ValueError
         If an array has another shape, or a value is not finite.
-
     """
     points = checked_points(points)
     numbers, number = without_gaps(checked_column("plane_id", plane_id, len(points), np.uint16))
@@ -189,7 +168,6 @@ def adjust(points: NDArray[np.float64], plane_id: NDArray[np.uint16], outline: O
     Fit all planes together under the relations that the points allow; see `adjust_planes`.
 
     Numbers of planes must have no gaps. Of very many planes each stays by itself.
-
     """
     n_planes = int(plane_id.max()) if len(plane_id) else 0
     free = free_planes(plane_moments(points, plane_id, n_planes))
@@ -201,10 +179,7 @@ def adjust(points: NDArray[np.float64], plane_id: NDArray[np.uint16], outline: O
 
 
 def _with_relations(free: FreePlanes, relations: Relations) -> Adjustment:
-    """
-    Solve under relations, giving up those of planes that move too far.
-
-    """
+    """Solve under relations, giving up those of planes that move too far."""
     limit = 1.5 * allowed_move(free.rms)
     for _ in range(_MAX_ROUNDS):
         unknowns = unknowns_of(relations)
@@ -217,10 +192,7 @@ def _with_relations(free: FreePlanes, relations: Relations) -> Adjustment:
 
 
 def _culprits(pull: NDArray[np.float64], planes: NDArray[np.int64]) -> set[int]:
-    """
-    Return the meetings that pull most at planes that have moved too far, one for each of these.
-
-    """
+    """Return the meetings that pull most at planes that have moved too far, one for each of these."""
     return {int(np.argmax(pull[:, k])) for k in planes if pull[:, k].any()}
 
 
@@ -233,7 +205,6 @@ def common_point(coefficients):  # type: ignore[no-untyped-def]
     ----------
     coefficients : ndarray of shape (n_planes, 3)
         a, b, c of z = a x + b y + c; planes that share a direction have their point far off.
-
     """
     n = len(coefficients)
     a, b, c = 0.0, 0.0, 0.0
@@ -253,10 +224,7 @@ def common_point(coefficients):  # type: ignore[no-untyped-def]
 
 
 def _roof_plane(free: FreePlanes, coefficients: NDArray[np.float64], k: int) -> RoofPlane:
-    """
-    Return one plane after the adjustment; walls stay as they were fitted.
-
-    """
+    """Return one plane after the adjustment; walls stay as they were fitted."""
     mean, n = free.mean[k], free.counts[k]
     normal, place = free.normals[k], mean
     if free.roof[k]:
@@ -271,10 +239,7 @@ def _roof_plane(free: FreePlanes, coefficients: NDArray[np.float64], k: int) -> 
 
 
 def _sigmas(free: FreePlanes, k: int, rms: float, normal: NDArray[np.float64]) -> tuple[float, float]:
-    """
-    Standard deviations of slope [deg] and elevation [m] from the scatter of a plane's points alone.
-
-    """
+    """Standard deviations of slope [deg] and elevation [m] from the scatter of a plane's points alone."""
     n = float(free.counts[k])
     if n <= 3 or not free.roof[k]:
         return math.nan, math.nan

@@ -1,7 +1,4 @@
-"""
-The directions that a building's outline and planes have in common.
-
-"""
+"""The directions that a building's outline and planes have in common."""
 
 from __future__ import annotations
 
@@ -33,7 +30,6 @@ def main_directions(angles: NDArray[np.float64], weights: NDArray[np.float64]) -
     -------
     ndarray of shape (n_groups,)
         Angles from 0 to π/2 [rad], the weightiest first.
-
     """
     remaining = np.exp(4j * angles) * weights
     total = weights.sum()
@@ -55,10 +51,7 @@ def main_directions(angles: NDArray[np.float64], weights: NDArray[np.float64]) -
 def outline_directions(
     rings: tuple[NDArray[np.float64], ...],
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """
-    Return angle [rad] and length [m] of every edge of an outline.
-
-    """
+    """Return angle [rad] and length [m] of every edge of an outline."""
     if not rings:
         return np.zeros(0), np.zeros(0)
     edges = np.concatenate([np.roll(ring, -1, axis=0) - ring for ring in rings])
@@ -68,10 +61,7 @@ def outline_directions(
 def plane_directions(
     gradients: NDArray[np.float64], area: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """
-    Return the azimuth of every plane [rad] and what it counts as an edge of an outline would [m].
-
-    """
+    """Return the azimuth of every plane [rad] and what it counts as an edge of an outline would [m]."""
     steepness = np.hypot(gradients[:, 0], gradients[:, 1])
     weight = np.sqrt(area) * np.minimum(steepness / 0.2, 1.0)
     return np.arctan2(gradients[:, 1], gradients[:, 0]), weight

@@ -1,7 +1,4 @@
-"""
-Each plane of a roof by itself: least squares, and what a change of the plane costs.
-
-"""
+"""Each plane of a roof by itself: least squares, and what a change of the plane costs."""
 
 from __future__ import annotations
 
@@ -46,7 +43,6 @@ class FreePlanes(NamedTuple):
         Matrix Q: a plane changed by d has a sum of squared orthogonal distances greater by dᵀ Q d.
     roof : ndarray of shape (n_planes,), bool
         Which are roofs: not a wall, and not without points.
-
     """
 
     moments: PlaneMoments
@@ -60,26 +56,17 @@ class FreePlanes(NamedTuple):
 
     @property
     def counts(self) -> NDArray[np.float64]:
-        """
-        Number of points of each plane, at least 1.
-
-        """
+        """Number of points of each plane, at least 1."""
         return np.maximum(self.moments.sums[:, 0], 1.0)
 
     def offsets(self, coefficients: NDArray[np.float64]) -> NDArray[np.float64]:
-        """
-        Root mean square of the distances between each plane and another at its own points [m].
-
-        """
+        """Root mean square of the distances between each plane and another at its own points [m]."""
         change = coefficients - self.coefficients
         return np.sqrt(np.maximum(np.einsum("ki,kij,kj->k", change, self.cost, change), 0.0) / self.counts)
 
 
 def free_planes(moments: PlaneMoments) -> FreePlanes:
-    """
-    Fit every plane to its points by orthogonal least squares.
-
-    """
+    """Fit every plane to its points by orthogonal least squares."""
     sums = moments.sums
     mean, scatter = centroids_and_scatters(moments)
     values, axes = np.linalg.eigh(scatter)

@@ -1,7 +1,4 @@
-"""
-Sums over the points of each plane, the same whatever the order of the points.
-
-"""
+"""Sums over the points of each plane, the same whatever the order of the points."""
 
 from __future__ import annotations
 
@@ -30,7 +27,6 @@ class PlaneMoments(NamedTuple):
         Middle of the points' bounding box [m].
     sums : ndarray of shape (n_planes, 10)
         n, Σx, Σy, Σz, Σxx, Σxy, Σxz, Σyy, Σyz, Σzz about the centre.
-
     """
 
     centre: NDArray[np.float64]
@@ -51,7 +47,6 @@ def plane_moments(points: NDArray[np.float64], plane_id: NDArray[np.uint16], n_p
         Number of each point's plane, 0 = none.
     n_planes : int
         The highest number.
-
     """
     if not len(points):
         return PlaneMoments(np.zeros(3), np.zeros((n_planes, N_SUMS)))
@@ -68,10 +63,6 @@ def plane_moments(points: NDArray[np.float64], plane_id: NDArray[np.uint16], n_p
 
 @njit(cache=True, nogil=True)
 def _add_points(points, plane_id, centre, unit, sums):  # type: ignore[no-untyped-def]
-    """
-    Add all points to the sums of their planes.
-
-    """
     for i in range(len(points)):
         k = np.int64(plane_id[i]) - 1
         if k < 0:
@@ -97,7 +88,6 @@ def centroids_and_scatters(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """
     Return each plane's centroid about the centre, shape (n, 3), and its scatter matrix about it, (n, 3, 3).
-
     """
     n = np.maximum(moments.sums[:, 0], 1.0)
     mean = moments.sums[:, 1:4] / n[:, None]

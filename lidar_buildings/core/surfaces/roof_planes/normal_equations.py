@@ -1,7 +1,4 @@
-"""
-Joint least squares of planes under relations and meetings.
-
-"""
+"""Joint least squares of planes under relations and meetings."""
 
 from __future__ import annotations
 
@@ -31,7 +28,6 @@ class Meeting(NamedTuple):
         Position in plan [m].
     fixed : bool
         Whether the position is given, such as an outline's corner; otherwise it follows the planes.
-
     """
 
     planes: tuple[int, ...]
@@ -51,7 +47,6 @@ class Unknowns(NamedTuple):
         Plane k is ``share[k] @ unknowns[number[k]]``.
     n : int
         Number of unknowns.
-
     """
 
     number: NDArray[np.int64]
@@ -60,10 +55,7 @@ class Unknowns(NamedTuple):
 
 
 def unknowns_of(relations: Relations) -> Unknowns:
-    """
-    Number the unknowns: heights (shared or not), free gradients, slopes (shared or not).
-
-    """
+    """Number the unknowns: heights (shared or not), free gradients, slopes (shared or not)."""
     n_planes = len(relations.level)
     facing = np.isfinite(relations.azimuth) & ~relations.level
     free = ~facing & ~relations.level
@@ -84,10 +76,7 @@ def unknowns_of(relations: Relations) -> Unknowns:
 
 
 def _numbered(group: NDArray[np.int64], kept: NDArray[np.bool_]) -> tuple[NDArray[np.int64], int]:
-    """
-    Number groups and what is in none from 0; return each one's number and how many there are.
-
-    """
+    """Number groups and what is in none from 0; return each one's number and how many there are."""
     own = np.where(group >= 0, group, group.max(initial=-1) + 1 + np.arange(len(group)))
     distinct, inverse = np.unique(own[kept], return_inverse=True)
     number = np.zeros(len(group), dtype=np.int64)
@@ -123,7 +112,6 @@ def solve(
         a, b, c about the centre.
     pull : ndarray of shape (n_meetings, n_planes)
         By how much each meeting alone moves each plane at its points, roughly [m].
-
     """
     weight = 1.0 / np.maximum(planes.rms, _LEAST_RMS) ** 2
     cost = planes.cost * weight[:, None, None]
@@ -155,7 +143,6 @@ def _equations(
 
     At a given position all planes have the elevation of the first. Elsewhere the position is unknown, too:
     combinations of elevations in which it cancels out are zero, three fewer than there are planes.
-
     """
     rows, owner = [np.zeros((0, len(planes.rms), 3))], []
     for number, meeting in enumerate(meetings):
@@ -183,7 +170,6 @@ def _pulls(
 ) -> NDArray[np.float64]:
     """
     Return by how much the multipliers of each meeting's equations would move each plane if it were free [m].
-
     """
     pull = np.zeros((n_meetings, len(weight)))
     at, plane = np.nonzero(np.any(rows != 0, axis=2))

@@ -1,6 +1,5 @@
 """
 Numbers of planes without gaps, and back: work grows with the planes that have points, not with their numbers.
-
 """
 
 from __future__ import annotations
@@ -25,7 +24,6 @@ def without_gaps(plane_id: NDArray[np.uint16]) -> tuple[NDArray[np.uint16], NDAr
     renumbered : ndarray of shape (n_points,), uint16
     number : ndarray of shape (n_planes + 1,), int64
         The number that each new number stands for; 0 for 0.
-
     """
     counts = np.bincount(plane_id, minlength=1)
     counts[0] = 1
@@ -38,10 +36,7 @@ def without_gaps(plane_id: NDArray[np.uint16]) -> tuple[NDArray[np.uint16], NDAr
 
 
 def with_gaps(planes: tuple[RoofPlane, ...], number: NDArray[np.int64]) -> tuple[RoofPlane, ...]:
-    """
-    Return planes under their old numbers, with level planes without points in the gaps.
-
-    """
+    """Return planes under their old numbers, with level planes without points in the gaps."""
     if number[-1] == len(planes):
         return planes
     nothing = RoofPlane(np.array([0.0, 0.0, 1.0]), planes[0].centroid, 0.0, 0)

@@ -1,7 +1,4 @@
-"""
-Relations between the planes of a roof: level, facing common directions, equally steep, one plane.
-
-"""
+"""Relations between the planes of a roof: level, facing common directions, equally steep, one plane."""
 
 from __future__ import annotations
 
@@ -39,7 +36,6 @@ class Relations(NamedTuple):
         Number of the group of planes with the same slope.
     surface : ndarray of shape (n_planes,), int64
         Number of the group of pieces of one plane.
-
     """
 
     level: NDArray[np.bool_]
@@ -48,10 +44,7 @@ class Relations(NamedTuple):
     surface: NDArray[np.int64]
 
     def without(self, planes: NDArray[np.int64]) -> Relations:
-        """
-        Return the relations without the latest one that each of these planes has.
-
-        """
+        """Return the relations without the latest one that each of these planes has."""
         level, azimuth = self.level.copy(), self.azimuth.copy()
         slope, surface = self.slope.copy(), self.surface.copy()
         for k in planes:
@@ -64,28 +57,19 @@ class Relations(NamedTuple):
         return Relations(level, azimuth, slope, surface)
 
     def loosened(self) -> Relations:
-        """
-        Return the relations of level planes and pieces of one plane alone.
-
-        """
+        """Return the relations of level planes and pieces of one plane alone."""
         alone = np.full(len(self.level), -1, dtype=np.int64)
         return Relations(self.level, np.full(len(self.level), math.nan), alone, self.surface)
 
 
 def no_relations(n_planes: int) -> Relations:
-    """
-    Return relations of planes that share nothing.
-
-    """
+    """Return relations of planes that share nothing."""
     alone = np.full(n_planes, -1, dtype=np.int64)
     return Relations(np.zeros(n_planes, dtype=np.bool_), np.full(n_planes, math.nan), alone, alone)
 
 
 def allowed_move(rms: NDArray[np.float64]) -> NDArray[np.float64]:
-    """
-    By how much relations may move planes at their points, root mean square [m].
-
-    """
+    """By how much relations may move planes at their points, root mean square [m]."""
     return np.clip(_SHARE_OF_RMS * rms, LEAST_MOVE, _MOST_MOVE)
 
 
@@ -98,7 +82,6 @@ def find_relations(planes: FreePlanes, directions: NDArray[np.float64]) -> Relat
     planes : FreePlanes
     directions : ndarray of shape (n_directions,)
         Directions of the outline, each standing for its perpendicular, too [rad].
-
     """
     move = allowed_move(planes.rms)
     slopes = planes.coefficients[:, :2]
@@ -136,7 +119,6 @@ def _common_azimuths(
 
     Planes group round the best known of them; a group takes a direction of the outline if nearly all of it
     can.
-
     """
     common = np.full(len(azimuth), math.nan)
     remaining = np.flatnonzero(facing)
@@ -164,7 +146,6 @@ def _outline_direction(
 ) -> float:
     """
     Return the outline's direction nearest to a group's mean if all but a tenth of the group can take it.
-
     """
     if len(directions):
         nearest = directions[np.argmin(np.abs(_to_right_angle(directions - mean)))]
@@ -175,10 +156,7 @@ def _outline_direction(
 
 
 def _to_right_angle(angle: NDArray[np.float64]) -> NDArray[np.float64]:
-    """
-    Difference of angles from the nearest multiple of a right angle [rad].
-
-    """
+    """Difference of angles from the nearest multiple of a right angle [rad]."""
     return np.asarray(angle - _RIGHT_ANGLE * np.rint(angle / _RIGHT_ANGLE))
 
 
@@ -186,7 +164,6 @@ def _to_right_angle(angle: NDArray[np.float64]) -> NDArray[np.float64]:
 def _groups(values, reach, weight, candidates):  # type: ignore[no-untyped-def]
     """
     Group values round the weightiest within their reach; return each one's group of several, and its mean.
-
     """
     group = np.full(len(values), -1, dtype=np.int64)
     means = values.copy()
@@ -221,10 +198,7 @@ def _common_surfaces(
     rise: NDArray[np.float64],
     move: NDArray[np.float64],
 ) -> NDArray[np.int64]:
-    """
-    Number the groups of level planes at one height, and of parallel planes that are pieces of one.
-
-    """
+    """Number the groups of level planes at one height, and of parallel planes that are pieces of one."""
     surface = np.full(len(level), -1, dtype=np.int64)
     kinds = np.where(level, 0, np.where(slope >= 0, slope + 1, -1))
     kept = np.where(level | (slope < 0), 0.0, azimuth)

@@ -1,7 +1,4 @@
-"""
-One plane of a roof.
-
-"""
+"""One plane of a roof."""
 
 from __future__ import annotations
 
@@ -34,7 +31,6 @@ class RoofPlane:
         Standard deviation of the slope [deg], NaN if unknown.
     height_sigma : float
         Standard deviation of the elevation at the centroid [m], NaN if unknown.
-
     """
 
     normal: NDArray[np.float64]
@@ -46,15 +42,9 @@ class RoofPlane:
 
     @property
     def gradient(self) -> NDArray[np.float64]:
-        """
-        By how much the plane rises towards x and y [m/m].
-
-        """
+        """By how much the plane rises towards x and y [m/m]."""
         return -self.normal[:2] / max(float(self.normal[2]), _LEAST_UPRIGHT)
 
     def elevation(self, xy: NDArray[np.float64]) -> NDArray[np.float64]:
-        """
-        Elevation of the plane [m] at positions of shape (n, 2).
-
-        """
+        """Elevation of the plane [m] at positions of shape (n, 2)."""
         return np.asarray(self.centroid[2] + (xy - self.centroid[:2]) @ self.gradient)

@@ -3,7 +3,6 @@ Least squares with equality constraints for matrices that are mostly zero.
 
 Written out rather than left to LAPACK, whose threads cost more than such small systems do: their number
 shows in the last digits.
-
 """
 
 from __future__ import annotations
@@ -45,7 +44,6 @@ def constrained_minimum(
     -------
     x : ndarray of shape (n,)
     multipliers : ndarray of shape (m,)
-
     """
     start, row, value = _factor(normal)
     right = np.vstack([target[None], rows])
@@ -62,7 +60,6 @@ def constrained_minimum(
 def _factor(normal):  # type: ignore[no-untyped-def]
     """
     Return the Cholesky factor L of N = L Lᵀ column by column: starts, rows and values, the diagonal first.
-
     """
     n = len(normal)
     start = np.zeros(n + 1, dtype=np.int64)
@@ -87,10 +84,7 @@ def _factor(normal):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _back_substitute(start, row, value, x):  # type: ignore[no-untyped-def]
-    """
-    Replace x by (L Lᵀ)⁻¹ x.
-
-    """
+    """Replace x by (L Lᵀ)⁻¹ x."""
     n = len(x)
     for j in range(n):
         if x[j] != 0.0:
@@ -105,10 +99,7 @@ def _back_substitute(start, row, value, x):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _products(rows, others):  # type: ignore[no-untyped-def]
-    """
-    Return the scalar products of sparse rows with other rows.
-
-    """
+    """Return the scalar products of sparse rows with other rows."""
     products = np.zeros((len(rows), len(others)))
     for a in range(len(rows)):
         for k in range(rows.shape[1]):
@@ -120,10 +111,7 @@ def _products(rows, others):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _combination(factors, rows):  # type: ignore[no-untyped-def]
-    """
-    Return the sum of rows times factors.
-
-    """
+    """Return the sum of rows times factors."""
     total = np.zeros(rows.shape[1])
     for a in range(len(rows)):
         total += factors[a] * rows[a]
@@ -132,10 +120,7 @@ def _combination(factors, rows):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _solve_semidefinite(matrix, right):  # type: ignore[no-untyped-def]
-    """
-    Solve a symmetric system by Cholesky; unknowns that depend on earlier ones become 0.
-
-    """
+    """Solve a symmetric system by Cholesky; unknowns that depend on earlier ones become 0."""
     n = len(matrix)
     lower = np.zeros((n, n))
     kept = np.ones(n, dtype=np.bool_)

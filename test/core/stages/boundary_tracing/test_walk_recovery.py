@@ -1,7 +1,4 @@
-"""
-What walks stumble over, courtyards that are none, windows along the scan, and the second method.
-
-"""
+"""What walks stumble over, courtyards that are none, windows along the scan, and the second method."""
 
 import time
 
@@ -30,19 +27,13 @@ def scattered(width, height, density=8.0, seed=0, at=(0.0, 0.0)):
 
 
 def without(xy, *boxes):
-    """
-    Leave out the points in boxes (west, south, east, north).
-
-    """
+    """Leave out the points in boxes (west, south, east, north)."""
     inside = [((xy >= box[:2]) & (xy <= box[2:])).all(axis=1) for box in boxes]
     return xy[~np.any(inside, axis=0)]
 
 
 def scan(width, height, along, across, direction, seed=0):
-    """
-    Scan lines with jitter over a rectangle at the origin, which is turned with them.
-
-    """
+    """Scan lines with jitter over a rectangle at the origin, which is turned with them."""
     u, v = np.meshgrid(np.arange(0, width, along), np.arange(0, height, across))
     xy = np.column_stack([u.ravel(), v.ravel()])
     xy += np.random.default_rng(seed).uniform(-0.2, 0.2, xy.shape) * (along, across)
@@ -55,10 +46,7 @@ def rotation(angle):
 
 
 def same_ring(one, other, tolerance=1e-9):
-    """
-    Whether two rings have the same vertices in the same cyclic order, either way round.
-
-    """
+    """Whether two rings have the same vertices in the same cyclic order, either way round."""
     if len(one) != len(other):
         return False
     first = int(np.argmin(np.hypot(*(other - one[0]).T)))

@@ -1,7 +1,4 @@
-"""
-Building models: solids, heights, attributes, and what becomes of buildings that get none.
-
-"""
+"""Building models: solids, heights, attributes, and what becomes of buildings that get none."""
 
 import json
 

@@ -1,7 +1,4 @@
-"""
-The steps by which a roof is divided into faces, each against brute force or exact geometry.
-
-"""
+"""The steps by which a roof is divided into faces, each against brute force or exact geometry."""
 
 import itertools
 

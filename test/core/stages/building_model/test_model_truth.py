@@ -1,7 +1,4 @@
-"""
-Models from points and outline alone against exact truth, and what comes of input that is hard or bad.
-
-"""
+"""Models from points and outline alone against exact truth, and what comes of input that is hard or bad."""
 
 import numpy as np
 import pytest
@@ -17,10 +14,7 @@ from lidar_buildings.evaluation.scores.wireframe import roof_wireframe
 
 
 def modelled(scene, order=None):
-    """
-    Build a scene's model, its points in another order if one is given.
-
-    """
+    """Build a scene's model, its points in another order if one is given."""
     order = np.arange(len(scene.points)) if order is None else order
     points = scene.points[order]
     plane_id = fit_roof_planes(points).plane_id if scene.given_planes is None else scene.given_planes[order]

@@ -1,7 +1,4 @@
-"""
-What holds for every way to tell edges: order, threads, tiles, scale, and points that are no roof.
-
-"""
+"""What holds for every way to tell edges: order, threads, tiles, scale, and points that are no roof."""
 
 import subprocess
 import sys

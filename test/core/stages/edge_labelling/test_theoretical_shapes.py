@@ -97,7 +97,6 @@ def cube_and_six_points(n=60):
     Return a densely sampled cube, of n steps a side, and the rows of the six points of the paper's Figure 2.
 
     Three lie on edges, well away from the corners; three on faces, away from the edges.
-
     """
     step = np.arange(n + 1.0)
     u, v = (grid.ravel() for grid in np.meshgrid(step, step))

@@ -1,7 +1,4 @@
-"""
-Given footprints: repaired, numbered, and the points of each.
-
-"""
+"""Given footprints: repaired, numbered, and the points of each."""
 
 import numpy as np
 import pytest
@@ -34,10 +31,7 @@ def footprints(*polygons):
 
 
 def town(*houses, step=0.5, side=40.0, **columns):
-    """
-    A grid of points: ground at 1 m, and in every house a roof at 6 m of class 6.
-
-    """
+    """A grid of points: ground at 1 m, and in every house a roof at 6 m of class 6."""
     axis = np.arange(0.25, side, step)
     x, y = (each.ravel() for each in np.meshgrid(axis, axis))
     roof = np.zeros(len(x), dtype=bool)

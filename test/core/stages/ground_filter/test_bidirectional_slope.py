@@ -1,7 +1,4 @@
-"""
-Ground by slopes along profiles: synthetic truths, odd clouds, orders and tiles, and real samples.
-
-"""
+"""Ground by slopes along profiles: synthetic truths, odd clouds, orders and tiles, and real samples."""
 
 from dataclasses import replace
 
@@ -30,10 +27,7 @@ PAPER = GroundFilterConfig(
 
 
 def lattice(width, depth, spacing, seed=0):
-    """
-    Jittered points over a rectangle in scan order, level but for 2 cm of noise.
-
-    """
+    """Jittered points over a rectangle in scan order, level but for 2 cm of noise."""
     random = np.random.default_rng(seed)
     x, y = np.meshgrid(np.arange(0.0, width, spacing), np.arange(0.0, depth, spacing))
     xy = np.column_stack((x.ravel(), y.ravel())) + random.uniform(0, 0.3 * spacing, (x.size, 2))
@@ -41,20 +35,14 @@ def lattice(width, depth, spacing, seed=0):
 
 
 def box(points, middle, half, height):
-    """
-    Raise the points of a rectangle; return which they are.
-
-    """
+    """Raise the points of a rectangle; return which they are."""
     inside = (np.abs(points[:, :2] - middle) < half).all(axis=1)
     points[inside, 2] += height
     return inside
 
 
 def errors(ground, truth):
-    """
-    Ground rejected and object accepted, as shares.
-
-    """
+    """Ground rejected and object accepted, as shares."""
     return np.mean(~ground[truth]), np.mean(ground[~truth])
 
 
@@ -105,10 +93,7 @@ def test_a_courtyard_is_ground_where_a_block_is_closed():
 
 
 def hedge(points, half_length):
-    """
-    Raise a hedge 4 m wide whose sides rise by 1 m within 0.8 m; return how high each point stands.
-
-    """
+    """Raise a hedge 4 m wide whose sides rise by 1 m within 0.8 m; return how high each point stands."""
     side = np.maximum(np.abs(points[:, 0] - 20.0), np.abs(points[:, 1] - 20.0) - half_length + 2.0)
     height = np.clip((2.0 - side) / 0.8, 0.0, 1.0)
     points[:, 2] += height

@@ -6,10 +6,7 @@ from lidar_buildings.core.surfaces.tin import build_tin
 
 
 def lattice(width, depth, spacing=1.0, seed=0):
-    """
-    Jittered points over a level rectangle about the origin, 2 cm rough.
-
-    """
+    """Jittered points over a level rectangle about the origin, 2 cm rough."""
     random = np.random.default_rng(seed)
     x, y = np.meshgrid(np.arange(-width / 2, width / 2, spacing), np.arange(-depth / 2, depth / 2, spacing))
     xy = np.column_stack((x.ravel(), y.ravel())) + random.uniform(0, 0.8 * spacing, (x.size, 2))
@@ -17,27 +14,20 @@ def lattice(width, depth, spacing=1.0, seed=0):
 
 
 def turned(points, angle_deg):
-    """
-    Points turned about the origin.
-
-    """
+    """Points turned about the origin."""
     angle = np.deg2rad(angle_deg)
     x, y, z = points.T
     return np.column_stack((np.cos(angle) * x - np.sin(angle) * y, np.sin(angle) * x + np.cos(angle) * y, z))
 
 
 def decks_of(candidates, spacing=1.0):
-    """
-    The decks of a terrain that took in every candidate.
-
-    """
+    """The decks of a terrain that took in every candidate."""
     return find_decks(build_tin(candidates), candidates, spacing)
 
 
 def road_over_cut(spacing=1.0, width=9.0, depth=7.0):
     """
     A level road along x on a bridge over a cut 36 m wide; which points are its deck; how deep the cut is.
-
     """
     points = lattice(100.0, 80.0, spacing)
     along, across = abs(points[:, 0]), abs(points[:, 1])

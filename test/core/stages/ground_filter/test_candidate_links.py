@@ -9,10 +9,7 @@ from lidar_buildings.core.stages.ground_filter.growing_tin.candidate_links impor
 
 
 def nearest_by_brute_force(candidates, rows, reach):
-    """
-    What `nearest_by_sector` returns, by looking at every pair.
-
-    """
+    """What `nearest_by_sector` returns, by looking at every pair."""
     found = np.full((len(rows), SECTORS), -1)
     for r, row in enumerate(rows):
         dx, dy = (candidates[:, :2] - candidates[row, :2]).T
@@ -26,10 +23,7 @@ def nearest_by_brute_force(candidates, rows, reach):
 
 
 def scattered(n, seed=0, side=40.0):
-    """
-    Random points over a square about the origin.
-
-    """
+    """Random points over a square about the origin."""
     return np.random.default_rng(seed).uniform(-side / 2, side / 2, (n, 3))
 
 

@@ -13,10 +13,7 @@ METHODS = ("progressive_tin", "bidirectional_slope", "morphological")
 
 
 def lattice(width, depth, spacing, elevation=0.0, seed=0):
-    """
-    Jittered points over a rectangle, at one elevation but for 2 cm of noise.
-
-    """
+    """Jittered points over a rectangle, at one elevation but for 2 cm of noise."""
     random = np.random.default_rng(seed)
     x, y = np.meshgrid(np.arange(0.0, width, spacing), np.arange(0.0, depth, spacing))
     xy = np.column_stack((x.ravel(), y.ravel())) + random.uniform(0, 0.8 * spacing, (x.size, 2))
@@ -26,7 +23,6 @@ def lattice(width, depth, spacing, elevation=0.0, seed=0):
 def hilly_town(seed=0):
     """
     300 m x 160 m of rolling terrain (slopes to 25 %) with 40 box houses, 4 pts/m²; points and which are roof.
-
     """
     random = np.random.default_rng(seed)
     points = lattice(300.0, 160.0, 0.5, seed=seed)
@@ -67,10 +63,7 @@ def test_heights_are_those_above_the_true_ground(name):
 
 
 def town_with_errors(seed=0):
-    """
-    The town of `hilly_town` with a hundred gross errors, single and in groups, most of them below it.
-
-    """
+    """The town of `hilly_town` with a hundred gross errors, single and in groups, most of them below it."""
     points, _ = hilly_town(seed)
     random = np.random.default_rng(seed + 1)
     places = random.uniform((5, 5), (295, 155), (30, 2)).repeat(random.integers(1, 7, 30), axis=0)
@@ -190,10 +183,7 @@ def test_a_bird_is_high_noise_and_a_tower_is_not():
 
 
 def errors_below(n_points=20_000, share=0.99, seed=0):
-    """
-    Points of which only a few are of the surface; all others lie anywhere below it.
-
-    """
+    """Points of which only a few are of the surface; all others lie anywhere below it."""
     points = np.random.default_rng(seed).uniform(0, 60, (n_points, 3))
     points[:, 2] = np.where(np.arange(n_points) < share * n_points, -points[:, 2], 0.0)
     return points
@@ -303,10 +293,7 @@ def test_total_error_on_the_isprs_samples_stays_at_the_level_reached(data_folder
 
 
 def total_error(cloud, position):
-    """
-    Share of points with the wrong label [%].
-
-    """
+    """Share of points with the wrong label [%]."""
     points = cloud.xyz - np.floor(cloud.xyz.min(axis=0)) + [*position, 0.0]
     ground = classify_ground(points).classification == GROUND
     return 100 * np.mean(ground != (np.asarray(cloud.classification) == GROUND))

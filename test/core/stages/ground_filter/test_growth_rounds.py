@@ -12,10 +12,7 @@ LIMITS = GrowthLimits(np.radians(9.0), 0.5, 1.4, 1.0)
 
 
 def started(n=400, seed=0):
-    """
-    Hilly ground with blocks on it, a few of its points in the TIN already; elevations repeat.
-
-    """
+    """Hilly ground with blocks on it, a few of its points in the TIN already; elevations repeat."""
     rng = np.random.default_rng(seed)
     points = rng.uniform(0.0, 60.0, (n, 3))
     points[:, 2] = 2.0 * np.sin(points[:, 0] / 9.0) + 5.0 * (points[:, 1] % 25.0 > 18.0)
@@ -27,7 +24,6 @@ def started(n=400, seed=0):
 def grow_plainly(growth, limits, barred):
     """
     Let candidates join, all that wait asked in every round whether their triangle changed in the last one.
-
     """
     n_real, n_start = growth.start.n_real, len(growth.start.vertices)
     vertices, triangles, neighbours = growth.vertices, growth.triangles, growth.neighbours

@@ -10,10 +10,7 @@ CONFIG = GroundFilterConfig(method="morphological")
 
 
 def lattice(width, depth, spacing, seed=0):
-    """
-    Jittered points over a level rectangle, 2 cm rough.
-
-    """
+    """Jittered points over a level rectangle, 2 cm rough."""
     random = np.random.default_rng(seed)
     x, y = np.meshgrid(np.arange(0.0, width, spacing), np.arange(0.0, depth, spacing))
     xy = np.column_stack((x.ravel(), y.ravel())) + random.uniform(0, 0.8 * spacing, (x.size, 2))
@@ -21,10 +18,7 @@ def lattice(width, depth, spacing, seed=0):
 
 
 def town(slope=0.0, seed=0, size=160.0):
-    """
-    Box houses of 8 to 24 m on a plane of the given slope, 2 points/m²; points and which are roof.
-
-    """
+    """Box houses of 8 to 24 m on a plane of the given slope, 2 points/m²; points and which are roof."""
     random = np.random.default_rng(seed)
     points = lattice(size, size, 0.7, seed=seed)
     roof = np.zeros(len(points), dtype=bool)

@@ -1,7 +1,4 @@
-"""
-Gross errors among terrain, buildings and trees whose every point is known.
-
-"""
+"""Gross errors among terrain, buildings and trees whose every point is known."""
 
 import numpy as np
 import pytest
@@ -24,10 +21,7 @@ TERRAINS = {
 
 
 def noise_of(points):
-    """
-    Class of each point, in the order given.
-
-    """
+    """Class of each point, in the order given."""
     cloud = sort_by_cell(points, CONFIG.candidate_spacing)
     classes = np.empty(len(points), dtype=np.uint8)
     classes[cloud.rows] = find_noise(cloud, CONFIG)
@@ -35,30 +29,21 @@ def noise_of(points):
 
 
 def ground(density, terrain="flat", size=SIZE, seed=0):
-    """
-    Points scattered over a square of terrain, with 3 cm of noise.
-
-    """
+    """Points scattered over a square of terrain, with 3 cm of noise."""
     random = np.random.default_rng(seed)
     xy = random.uniform(0, size, (int(density * size * size), 2))
     return np.column_stack((xy, TERRAINS[terrain](*xy.T) + random.normal(0, 0.03, len(xy))))
 
 
 def clump(at, n_points, depth, radius, terrain="flat", seed=0):
-    """
-    Points round a place, below the terrain.
-
-    """
+    """Points round a place, below the terrain."""
     random = np.random.default_rng(seed)
     xy = at + random.uniform(-radius, radius, (n_points, 2))
     return np.column_stack((xy, TERRAINS[terrain](*xy.T) - depth + random.uniform(-0.2, 0.2, n_points)))
 
 
 def sunk(points, centre, half, depth):
-    """
-    Points of which those in a rectangle lie lower; and which these are.
-
-    """
+    """Points of which those in a rectangle lie lower; and which these are."""
     inside = (np.abs(points[:, :2] - centre) < half).all(axis=1)
     points = points.copy()
     points[inside, 2] -= depth

@@ -11,10 +11,7 @@ from lidar_buildings.core.stages.ground_filter.growing_tin.object_density import
 
 
 def bareness_by_brute_force(candidates, standing):
-    """
-    What `measure_bareness` returns, candidate by candidate.
-
-    """
+    """What `measure_bareness` returns, candidate by candidate."""
     cell = np.floor(candidates[:, :2] / CELL)
     bareness = np.empty(len(candidates))
     for i in range(len(candidates)):
@@ -26,10 +23,7 @@ def bareness_by_brute_force(candidates, standing):
 
 
 def scattered(n, side, seed=0):
-    """
-    Random points over a square about the origin.
-
-    """
+    """Random points over a square about the origin."""
     return np.random.default_rng(seed).uniform(-side / 2, side / 2, (n, 3))
 
 

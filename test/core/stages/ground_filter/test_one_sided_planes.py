@@ -13,10 +13,7 @@ from lidar_buildings.core.stages.ground_filter.growing_tin.one_sided_planes impo
 
 
 def lattice(width, depth, seed=0):
-    """
-    Jittered points 1 m apart over a level rectangle, 2 cm rough.
-
-    """
+    """Jittered points 1 m apart over a level rectangle, 2 cm rough."""
     random = np.random.default_rng(seed)
     x, y = np.meshgrid(np.arange(0.0, width), np.arange(0.0, depth))
     xy = np.column_stack((x.ravel(), y.ravel())) + random.uniform(0, 0.8, (x.size, 2))
@@ -24,10 +21,7 @@ def lattice(width, depth, seed=0):
 
 
 def continues_by_least_squares(candidates, rows, ground, spacing):
-    """
-    What `continues_terrain` returns, with a plane by least squares through each half plane's points.
-
-    """
+    """What `continues_terrain` returns, with a plane by least squares through each half plane's points."""
     rules = PlaneRules()
     found = np.zeros(len(rows), dtype=bool)
     for r, row in enumerate(rows):
@@ -70,7 +64,6 @@ def test_points_continue_the_planes_that_least_squares_fit_to_half_planes(roughn
 def cliff():
     """
     Ground at 0 m up to x = 20, a plateau at 6 m beyond; the plateau's outer metre is not yet known as ground.
-
     """
     candidates = lattice(40.0, 20.0)
     plateau = candidates[:, 0] > 20.0

@@ -57,10 +57,7 @@ ISPRS_WORST, ISPRS_MEAN = 9.0, 3.2
 
 
 def lattice(width, depth, spacing=0.8, seed=0):
-    """
-    Jittered points over a level rectangle about the origin, 2 cm rough.
-
-    """
+    """Jittered points over a level rectangle about the origin, 2 cm rough."""
     random = np.random.default_rng(seed)
     x, y = np.meshgrid(np.arange(-width / 2, width / 2, spacing), np.arange(-depth / 2, depth / 2, spacing))
     xy = np.column_stack((x.ravel(), y.ravel())) + random.uniform(0, 0.8 * spacing, (x.size, 2))
@@ -68,18 +65,12 @@ def lattice(width, depth, spacing=0.8, seed=0):
 
 
 def is_ground(points, config=CONFIG):
-    """
-    Which points `classify_ground` calls ground.
-
-    """
+    """Which points `classify_ground` calls ground."""
     return classify_ground(points, config).classification == 2
 
 
 def error_on(scene):
-    """
-    Points of a scene with the wrong label [%].
-
-    """
+    """Points of a scene with the wrong label [%]."""
     return 100 * np.mean(is_ground(scene.points) != scene.is_ground)
 
 

@@ -7,10 +7,7 @@ MAX_AREA = 2500.0
 
 
 def lattice(width, depth, seed=0):
-    """
-    Jittered points 1 m apart over a level rectangle about the origin, 2 cm rough.
-
-    """
+    """Jittered points 1 m apart over a level rectangle about the origin, 2 cm rough."""
     random = np.random.default_rng(seed)
     x, y = np.meshgrid(np.arange(-width / 2, width / 2), np.arange(-depth / 2, depth / 2))
     xy = np.column_stack((x.ravel(), y.ravel())) + random.uniform(0, 0.8, (x.size, 2))
@@ -18,10 +15,7 @@ def lattice(width, depth, seed=0):
 
 
 def islands_of(candidates, max_area=MAX_AREA):
-    """
-    The islands where every candidate is taken for ground.
-
-    """
+    """The islands where every candidate is taken for ground."""
     return find_islands(candidates, np.ones(len(candidates), dtype=bool), 1.0, max_area)
 
 

@@ -1,6 +1,5 @@
 """
 Scan lines: found by each thing that a file may say of them, and not found where the order is none of a scan.
-
 """
 
 import laspy
@@ -14,10 +13,7 @@ SPACING = 1.0
 
 
 def zigzag(n_lines=40, n_points=60, seed=0):
-    """
-    Points of a swinging mirror, line after line to and fro along y; and which line each lies on.
-
-    """
+    """Points of a swinging mirror, line after line to and fro along y; and which line each lies on."""
     random = np.random.default_rng(seed)
     y = np.tile(np.arange(n_points) * SPACING, (n_lines, 1))
     y[1::2] = y[1::2, ::-1]
@@ -28,19 +24,13 @@ def zigzag(n_lines=40, n_points=60, seed=0):
 
 
 def parallel(**options):
-    """
-    Points of a rotating mirror: every line in the same direction.
-
-    """
+    """Points of a rotating mirror: every line in the same direction."""
     points, line = zigzag(**options)
     return points[np.lexsort((points[:, 1], line))], line
 
 
 def agree(found, line):
-    """
-    Share of neighbouring points on which two numberings agree whether a line ends between them.
-
-    """
+    """Share of neighbouring points on which two numberings agree whether a line ends between them."""
     return np.mean((np.diff(found) != 0) == (np.diff(line) != 0))
 
 

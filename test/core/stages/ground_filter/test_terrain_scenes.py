@@ -1,7 +1,4 @@
-"""
-The terrain scenes themselves: their truth is what they say, and they can be made again.
-
-"""
+"""The terrain scenes themselves: their truth is what they say, and they can be made again."""
 
 import numpy as np
 import pytest
@@ -26,10 +23,7 @@ GROUND_SHARE = {
 
 
 def made(name, **arguments):
-    """
-    Make a scene at a quarter of its own density.
-
-    """
+    """Make a scene at a quarter of its own density."""
     scene = TERRAIN_SCENES[name]
     arguments.setdefault("density", scene.__kwdefaults__["density"] / THINNER)
     return scene(**arguments)

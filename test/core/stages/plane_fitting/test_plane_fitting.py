@@ -1,7 +1,4 @@
-"""
-Roof planes: the sampling rule, synthetic roofs with known planes, degenerate input, real roofs.
-
-"""
+"""Roof planes: the sampling rule, synthetic roofs with known planes, degenerate input, real roofs."""
 
 import laspy
 import numpy as np
@@ -48,10 +45,7 @@ ROOFS = (
 
 
 def matches(reference, found):
-    """
-    Pairs of labels whose points overlap with an intersection over union of at least one half.
-
-    """
+    """Pairs of labels whose points overlap with an intersection over union of at least one half."""
     labels = [
         (r, f) for r in np.unique(reference[reference > 0]) for f in np.unique(found[reference == r]) if f
     ]

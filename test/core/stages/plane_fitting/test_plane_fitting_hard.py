@@ -1,6 +1,5 @@
 """
 Roof planes where it is hard: small steps, curved roofs, trees, spires, coincident layers; and as published.
-
 """
 
 import time
@@ -18,10 +17,7 @@ from lidar_buildings.simulation import special_roofs
 
 
 def lattice(width, depth, density=10.0, seed=0):
-    """
-    Positions in a rectangle at the origin, one somewhere in every square of 1 / density.
-
-    """
+    """Positions in a rectangle at the origin, one somewhere in every square of 1 / density."""
     step = 1 / np.sqrt(density)
     x, y = (a.ravel() for a in np.meshgrid(np.arange(0, width, step), np.arange(0, depth, step)))
     return np.column_stack([x, y]) + np.random.default_rng(seed).random((len(x), 2)) * step
@@ -32,10 +28,7 @@ def surface(xy, z, noise=0.02, seed=0):
 
 
 def sampled(building, density=10.0, noise=0.02):
-    """
-    Points of a building's roof and the number of each one's face.
-
-    """
+    """Points of a building's roof and the number of each one's face."""
     placed = building.placed(30, 30, rotation_deg=25)
     low, high = placed.exterior.min(axis=0), placed.exterior.max(axis=0)
     xy = low + lattice(*(high - low), density)

@@ -37,10 +37,7 @@ def turned(xy, angle_deg):
 
 
 def noisy_ring(corners, step=0.5, noise=0.1, seed=0):
-    """
-    Points along a polygon's edges, moved about at random.
-
-    """
+    """Points along a polygon's edges, moved about at random."""
     rng = np.random.default_rng(seed)
     parts = []
     for a, b in zip(np.array(corners, float), np.roll(corners, -1, axis=0), strict=True):

@@ -43,10 +43,7 @@ def circle(x, y, radius):
 
 
 def jagged_box(seed, width=30.0, height=20.0):
-    """
-    The ring of a rectangle whose points lie up to a spacing inside.
-
-    """
+    """The ring of a rectangle whose points lie up to a spacing inside."""
     rng = np.random.default_rng(seed)
     sides = []
     for start, along, inwards, length in (
@@ -244,10 +241,7 @@ def test_an_arc_is_found_where_it_is_worth_its_cost():
 
 
 def test_the_division_is_the_best_of_all():
-    """
-    Try every division of a small chain by brute force.
-
-    """
+    """Try every division of a small chain by brute force."""
     rng = np.random.default_rng(0)
     box = shapely.segmentize(shapely.box(0, 0, 4, 3), 1.0)
     ring = shapely.get_coordinates(shapely.orient_polygons(box).exterior)[:-1]

@@ -1,7 +1,4 @@
-"""
-Façades lie below the edges of roofs, and light wells between roofs.
-
-"""
+"""Façades lie below the edges of roofs, and light wells between roofs."""
 
 import numpy as np
 import pytest

@@ -1,7 +1,4 @@
-"""
-Flat spots of foliage are told from roofs by what pulses do there and by what lies around them.
-
-"""
+"""Flat spots of foliage are told from roofs by what pulses do there and by what lies around them."""
 
 import numpy as np
 

@@ -1,7 +1,4 @@
-"""
-What is too narrow to be a building is told by an opening in plan.
-
-"""
+"""What is too narrow to be a building is told by an opening in plan."""
 
 import numpy as np
 import pytest

@@ -1,6 +1,5 @@
 """
 Returns end their pulse, or are all of it; some scanners record two of every pulse, be there one echo or two.
-
 """
 
 import numpy as np

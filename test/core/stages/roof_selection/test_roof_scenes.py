@@ -1,7 +1,4 @@
-"""
-The roof scenes themselves: their truth is what they say, and they can be made again.
-
-"""
+"""The roof scenes themselves: their truth is what they say, and they can be made again."""
 
 import numpy as np
 import pytest
@@ -24,10 +21,7 @@ ROOF_AREA = {
 
 
 def made(name, **arguments):
-    """
-    Make a scene at a quarter of its own density.
-
-    """
+    """Make a scene at a quarter of its own density."""
     scene = ROOF_SCENES[name]
     arguments.setdefault("density", scene.__kwdefaults__["density"] / THINNER)
     return scene(**arguments)
@@ -85,10 +79,7 @@ def test_a_scene_without_returns_has_the_same_points():
 
 
 def site_with_box(density=30.0, height=8.0, **arguments):
-    """
-    A box of 10 × 10 m.
-
-    """
+    """A box of 10 × 10 m."""
     site = RoofSite(30, 30, density, 0)
     box = Box(15, 15, 10, 10)
     site.put(box, GROUND + height)

@@ -1,7 +1,4 @@
-"""
-What every method of roof selection must keep to, and what the published rules promise.
-
-"""
+"""What every method of roof selection must keep to, and what the published rules promise."""
 
 from dataclasses import fields
 
@@ -29,37 +26,25 @@ every_method = pytest.mark.parametrize("method", METHODS)
 
 
 def roofs(points, method="smooth_patches", columns=None, **settings):
-    """
-    Return which points a method takes for roof.
-
-    """
+    """Return which points a method takes for roof."""
     config = RoofSelectionConfig(method=method, **settings)
     found = select_roofs(points, config, **(columns or {}))
     return (found.classification == BUILDING) & ~found.is_facade
 
 
 def of_rows(columns, rows):
-    """
-    Return some rows of all columns.
-
-    """
+    """Return some rows of all columns."""
     return {name: column[rows] for name, column in columns.items()}
 
 
 def known(scene):
-    """
-    Return heights and classes of a scene of scenes.py on level ground.
-
-    """
+    """Return heights and classes of a scene of scenes.py on level ground."""
     height = scene.points[:, 2] - scenes.GROUND
     return {"height_above_ground": height, "classification": np.where(scene.is_ground, 2, 1)}
 
 
 def f1(found, scene):
-    """
-    Return F1 of a roof scene.
-
-    """
+    """Return F1 of a roof scene."""
     judged = scene.is_judged
     hits = (found & scene.is_building & judged).sum()
     return 2 * hits / ((found & judged).sum() + (scene.is_building & judged).sum())
@@ -67,10 +52,7 @@ def f1(found, scene):
 
 @pytest.fixture(scope="module")
 def town():
-    """
-    Houses and trees at two points a square metre.
-
-    """
+    """Houses and trees at two points a square metre."""
     return ROOF_SCENES["trees_over_roofs"](density=4.0, rotation_deg=20.0)
 
 
@@ -211,10 +193,7 @@ def test_sparse_clouds_get_larger_cells():
 
 
 def at_edge(scene):
-    """
-    Return which points lie within 0.3 m of the edge of the only building.
-
-    """
+    """Return which points lie within 0.3 m of the edge of the only building."""
     edge = scene.buildings[0].polygon.boundary
     return scene.is_roof & (shapely.distance(edge, shapely.points(scene.points[:, :2])) < 0.3)
 

@@ -1,7 +1,4 @@
-"""
-Ridges, hips, valleys, step edges and kinds of roofs.
-
-"""
+"""Ridges, hips, valleys, step edges and kinds of roofs."""
 
 import numpy as np
 import pytest
@@ -25,10 +22,7 @@ def count(topology):
 
 
 def true_lines(scene):
-    """
-    Edges in plan at which two faces of the building meet at one height.
-
-    """
+    """Edges in plan at which two faces of the building meet at one height."""
     return [
         np.array(part.coords)
         for k, face in enumerate(scene.building.faces)

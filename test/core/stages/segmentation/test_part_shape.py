@@ -1,7 +1,4 @@
-"""
-The width of parts from sums over their points.
-
-"""
+"""The width of parts from sums over their points."""
 
 import numpy as np
 import pytest

@@ -16,10 +16,7 @@ KEEP_ALL = SegmentationConfig(min_points=1, min_area=0.0)
 
 
 def pairwise_components(xy, reach):
-    """
-    Compare every pair of points: the oracle.
-
-    """
+    """Compare every pair of points: the oracle."""
     apart = np.abs(xy[:, None] - xy[None])
     linked = (apart <= np.asarray(reach)).all(axis=2)
     return connected_components(coo_matrix(linked), directed=False)[1]

@@ -12,10 +12,7 @@ SPLIT = SegmentationConfig(split_at_steps=True)
 
 
 def plane(west, south, east, north, elevation, *, slope=(0.0, 0.0), density=8.0, noise=0.03, seed=0):
-    """
-    Points on a rectangle; `elevation` is that of its south-western corner.
-
-    """
+    """Points on a rectangle; `elevation` is that of its south-western corner."""
     rng = np.random.default_rng(seed)
     n_points = int(density * (east - west) * (north - south))
     xy = rng.uniform((west, south), (east, north), (n_points, 2))
@@ -29,10 +26,7 @@ def turned(points, deg):
 
 
 def agreement(found, truth):
-    """
-    Share of points whose building is the one that most of their true building have.
-
-    """
+    """Share of points whose building is the one that most of their true building have."""
     right = sum(np.unique(found[truth == k], return_counts=True)[1].max() for k in np.unique(truth))
     return right / len(truth)
 

@@ -11,10 +11,7 @@ KEEP_ALL = SegmentationConfig(min_points=1, min_area=0.0, loose_reach=0.0, min_n
 
 
 def grown_as_published(xy, pattern, window):
-    """
-    The paper's ten steps, point by point: the oracle. Quadratic.
-
-    """
+    """The paper's ten steps, point by point: the oracle. Quadratic."""
     cos, sin = math.cos(pattern.direction), math.sin(pattern.direction)
     half_along, half_across = (window / 2 * side * (1 + 1e-6) for side in (pattern.along, pattern.across))
     label = np.zeros(len(xy), dtype=int)
@@ -39,10 +36,7 @@ def partition(labels):
 
 
 def scanned_houses(along, across, turn, *, jitter=0.0, size=40.0, share=0.45, seed=0):
-    """
-    Lines of pulses on houses at random places.
-
-    """
+    """Lines of pulses on houses at random places."""
     rng = np.random.default_rng(seed)
     u, v = np.meshgrid(np.arange(0, size, along), np.arange(0, size, across))
     flat = np.column_stack((u.ravel(), v.ravel()))

@@ -1,7 +1,4 @@
-"""
-What rasters are made of: the fast TIN, distances between cells, closing, and the points of a cell.
-
-"""
+"""What rasters are made of: the fast TIN, distances between cells, closing, and the points of a cell."""
 
 import numpy as np
 import pytest
@@ -19,10 +16,7 @@ MASKS = hnp.arrays(bool, st.tuples(st.integers(1, 14), st.integers(1, 14)), elem
 
 
 def area(tin):
-    """
-    Twice the signed area of every triangle [m²].
-
-    """
+    """Twice the signed area of every triangle [m²]."""
     a, b, c = (tin.vertices[tin.triangles[:, k], :2] for k in range(3))
     return (b[:, 0] - a[:, 0]) * (c[:, 1] - a[:, 1]) - (b[:, 1] - a[:, 1]) * (c[:, 0] - a[:, 0])
 

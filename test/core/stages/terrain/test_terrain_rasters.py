@@ -1,7 +1,4 @@
-"""
-Rasters of ground and surface: values, alignment, what is known, and that tiles fit together.
-
-"""
+"""Rasters of ground and surface: values, alignment, what is known, and that tiles fit together."""
 
 import numpy as np
 import pytest
@@ -18,10 +15,7 @@ HILLS = Terrain(50.0, (0.05, 0.02), (Wave(3.0, 60.0), Wave(1.5, 35.0, 70.0)))
 
 
 def scattered(size, density, seed=0):
-    """
-    Positions all over a rectangle from the origin.
-
-    """
+    """Positions all over a rectangle from the origin."""
     random = np.random.default_rng(seed)
     return random.uniform(0.0, 1.0, (int(size[0] * size[1] * density), 2)) * size
 
@@ -43,10 +37,7 @@ def truth(terrain, rasters):
 
 
 def hall(xy, *sides, height=8.0, terrain=SLOPE):
-    """
-    Points and classes of ground with a flat-roofed hall on it.
-
-    """
+    """Points and classes of ground with a flat-roofed hall on it."""
     roof = inside(xy, *sides)
     return on(terrain, xy, np.where(roof, height, 0.0)), np.where(roof, ROOF, GROUND)
 
@@ -170,10 +161,7 @@ def test_nothing_is_made_up_beyond_the_survey_nor_across_wide_water():
 
 
 def town(density=5.0, size=(200.0, 160.0)):
-    """
-    Hills with halls, sheds and trees: points, classes and return numbers.
-
-    """
+    """Hills with halls, sheds and trees: points, classes and return numbers."""
     random = np.random.default_rng(4)
     xy = scattered(size, density)
     height, classes = np.zeros(len(xy)), np.full(len(xy), GROUND)

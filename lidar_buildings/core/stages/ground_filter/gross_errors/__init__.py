@@ -1,4 +1,1 @@
-"""
-Gross errors, low and high, found before any method of the ground filter runs.
-
-"""
+"""Gross errors, low and high, found before any method of the ground filter runs."""

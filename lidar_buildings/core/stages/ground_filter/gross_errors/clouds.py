@@ -1,7 +1,4 @@
-"""
-Clouds and flocks: any number of points so far above the surface that nothing built reaches them.
-
-"""
+"""Clouds and flocks: any number of points so far above the surface that nothing built reaches them."""
 
 from __future__ import annotations
 
@@ -33,7 +30,6 @@ def find_cloud_layers(layers: Layers, errors: NDArray[np.bool_]) -> NDArray[np.b
         All of them.
     errors : ndarray of shape (n_layers,), bool
         Which are known as low gross errors: they do not count.
-
     """
     if np.ptp(layers.points[:, 2]) <= CLOUD_GAP:
         return np.zeros(len(layers.column), dtype=np.bool_)
@@ -47,10 +43,7 @@ def find_cloud_layers(layers: Layers, errors: NDArray[np.bool_]) -> NDArray[np.b
 def _clouds_of_blocks(
     layers: Layers, errors: NDArray[np.bool_], lowest: NDArray[np.float64], side: float
 ) -> NDArray[np.bool_]:
-    """
-    Return which layers belong to clouds, their lowest points having been sorted into blocks.
-
-    """
+    """Return which layers belong to clouds, their lowest points having been sorted into blocks."""
     clouds = np.zeros(len(layers.column), dtype=np.bool_)
     blocks = sort_by_cell(lowest, side)
     _mark_clouds(layers, errors, blocks.rows, blocks.first, clouds)
@@ -63,7 +56,6 @@ def _mark_clouds(layers, errors, rising, first, clouds):  # type: ignore[no-unty
     Mark what lies above the lowest gap of each block that divides surface and clouds.
 
     `rising` holds the layers block by block, in each by their lowest point.
-
     """
     for block in range(len(first) - 1):
         top = np.inf
@@ -81,10 +73,7 @@ def _mark_clouds(layers, errors, rising, first, clouds):  # type: ignore[no-unty
 
 @njit(cache=True, nogil=True)
 def _is_transparent(layers, errors, block, split):  # type: ignore[no-untyped-def]
-    """
-    Whether enough of the surface is seen below what lies above an elevation.
-
-    """
+    """Whether enough of the surface is seen below what lies above an elevation."""
     n_upper, n_both = 0, 0
     for layer in block:
         if errors[layer] or low_end(layers, layer) < split:

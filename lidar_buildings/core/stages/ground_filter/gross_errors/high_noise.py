@@ -1,7 +1,4 @@
-"""
-High gross errors: birds and the like, alone in the air, and clouds.
-
-"""
+"""High gross errors: birds and the like, alone in the air, and clouds."""
 
 from __future__ import annotations
 
@@ -41,7 +38,6 @@ def find_high_layers(layers: Layers, errors: NDArray[np.bool_], gap: float, radi
         Distance in space to everything else [m].
     radius : int
         Within how many columns the surface has to lie below.
-
     """
     lonely = np.empty(len(layers.numbers), dtype=np.bool_)
     for_row_blocks(lambda a, b: _mark_lonely(layers, gap, lonely, a, b), len(lonely))
@@ -53,7 +49,6 @@ def find_high_layers(layers: Layers, errors: NDArray[np.bool_], gap: float, radi
 def _mark_lonely(layers, gap, lonely, begin, end):  # type: ignore[no-untyped-def]
     """
     Mark the columns, from `begin` to `end`, whose top layer is small and stands far above what is next to it.
-
     """
     for k in range(begin, end):
         top = layers.first[k + 1] - 1
@@ -72,10 +67,7 @@ def _mark_lonely(layers, gap, lonely, begin, end):  # type: ignore[no-untyped-de
 
 @njit(cache=True, nogil=True)
 def _judge_groups(layers, seeds, errors, gap, radius):  # type: ignore[no-untyped-def]
-    """
-    Return which layers are part of a group that is an error, starting from the seeds.
-
-    """
+    """Return which layers are part of a group that is an error, starting from the seeds."""
     high = np.zeros(len(layers.column), dtype=np.bool_)
     group_of = np.full(len(layers.column), -1, dtype=np.int64)
     is_large = np.zeros(len(layers.column), dtype=np.bool_)
@@ -94,7 +86,6 @@ def _judge_groups(layers, seeds, errors, gap, radius):  # type: ignore[no-untype
 def _gather_group(layers, seed, errors, gap, group_of, is_large, members):  # type: ignore[no-untyped-def]
     """
     Fill `members` with what is within the gap of a layer, and so on; return how many, −1 if it is too much.
-
     """
     n_members, done, n_points = 1, 0, _n_points(layers, seed)
     members[0], group_of[seed] = seed, seed
@@ -128,10 +119,7 @@ def _gather_group(layers, seed, errors, gap, group_of, is_large, members):  # ty
 
 @njit(cache=True, nogil=True)
 def _is_in_the_air(layers, group, errors, gap, radius, group_of):  # type: ignore[no-untyped-def]
-    """
-    Whether enough columns around end far below a group.
-
-    """
+    """Whether enough columns around end far below a group."""
     seed = group[0]
     low = np.inf
     for layer in group:
@@ -149,8 +137,5 @@ def _is_in_the_air(layers, group, errors, gap, radius, group_of):  # type: ignor
 
 @njit(cache=True, nogil=True)
 def _n_points(layers, layer):  # type: ignore[no-untyped-def]
-    """
-    Return the number of a layer's points.
-
-    """
+    """Return the number of a layer's points."""
     return layers.begin[layer + 1] - layers.begin[layer]

@@ -1,7 +1,4 @@
-"""
-Low gross errors: small groups of points below everything that surrounds them.
-
-"""
+"""Low gross errors: small groups of points below everything that surrounds them."""
 
 from __future__ import annotations
 
@@ -54,7 +51,6 @@ def find_low_layers(layers: Layers, gap: float, radius: int, limit: int) -> NDAr
         How far around is looked, in columns.
     limit : int
         Most layers of a group.
-
     """
     bottom = layers.first[:-1].copy()
     seeds = bottom[_alone(layers, gap)]
@@ -72,29 +68,20 @@ def find_low_layers(layers: Layers, gap: float, radius: int, limit: int) -> NDAr
 
 
 def _unknown(layers: Layers) -> tuple[NDArray[np.uint8], NDArray[np.int64]]:
-    """
-    Return what is known of the layers, and the seeds of their groups, before anything is.
-
-    """
+    """Return what is known of the layers, and the seeds of their groups, before anything is."""
     n_layers = len(layers.column)
     return np.zeros(n_layers, dtype=np.uint8), np.full(n_layers, -1, dtype=np.int64)
 
 
 def _alone(layers: Layers, gap: float) -> NDArray[np.bool_]:
-    """
-    Return the columns at the western and eastern ends of what lies apart; see `_mark_alone`.
-
-    """
+    """Return the columns at the western and eastern ends of what lies apart; see `_mark_alone`."""
     alone = np.empty(len(layers.numbers), dtype=np.bool_)
     for_row_blocks(lambda a, b: _mark_alone(layers, gap, alone, a, b), len(alone))
     return alone
 
 
 def _with_gradient_of_the_rest(layers: Layers, seeds: NDArray[np.int64], gap: float, limit: int) -> Layers:
-    """
-    Return the layers with the terrain's gradient taken anew, from columns that end in no small group.
-
-    """
+    """Return the layers with the terrain's gradient taken anew, from columns that end in no small group."""
     members, _ = _gather_groups(layers, seeds, gap, limit, *_unknown(layers))
     counts = np.ones(len(layers.numbers), dtype=np.bool_)
     counts[layers.column[members]] = False
@@ -105,10 +92,7 @@ def _with_gradient_of_the_rest(layers: Layers, seeds: NDArray[np.int64], gap: fl
 def _new_bottoms(
     layers: Layers, bottom: NDArray[np.int64], state: NDArray[np.uint8], columns: NDArray[np.int64]
 ) -> NDArray[np.int64]:
-    """
-    Raise the bottom of some columns above the errors; −1 where none is left. Return the new ones.
-
-    """
+    """Raise the bottom of some columns above the errors; −1 where none is left. Return the new ones."""
     for k in columns:
         left = np.flatnonzero(state[layers.first[k] : layers.first[k + 1]] != ERROR)
         bottom[k] = layers.first[k] + left[0] if len(left) > 0 else -1
@@ -122,7 +106,6 @@ def _mark_alone(layers, gap, alone, begin, end):  # type: ignore[no-untyped-def]
     Mark the columns, from `begin` to `end`, to whose west or east most columns end above their bottom.
 
     Whatever lies apart has a westernmost and an easternmost column.
-
     """
     for k in range(begin, end):
         top = high_end(layers, layers.first[k]) + gap
@@ -140,10 +123,7 @@ def _mark_alone(layers, gap, alone, begin, end):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _judge_groups(layers, bottom, seeds, gap, radius, limit, state, group_of):  # type: ignore[no-untyped-def]
-    """
-    Return the layers of groups that are errors, and the seeds of those that others may still hide.
-
-    """
+    """Return the layers of groups that are errors, and the seeds of those that others may still hide."""
     members, begins = _gather_groups(layers, seeds, gap, limit, state, group_of)
     errors, open_cases = [np.int64(0) for _ in range(0)], [np.int64(0) for _ in range(0)]
     # How many columns of a small group bear out the one under judgement, which is noted beside.
@@ -159,10 +139,7 @@ def _judge_groups(layers, bottom, seeds, gap, radius, limit, state, group_of):  
 
 @njit(cache=True, nogil=True)
 def _gather_groups(layers, seeds, gap, limit, state, group_of):  # type: ignore[no-untyped-def]
-    """
-    Return the layers of all small groups that a seed belongs to, and where each begins, and the end.
-
-    """
+    """Return the layers of all small groups that a seed belongs to, and where each begins, and the end."""
     members, begins = [np.int64(0) for _ in range(0)], [np.int64(0)]
     group = np.empty(limit, dtype=np.int64)
     for seed in seeds:
@@ -180,7 +157,6 @@ def _gather_group(layers, seed, gap, state, group_of, members):  # type: ignore[
     Fill `members` with what hangs together with a layer; return how many, or −1 if they do not fit.
 
     `group_of` becomes the seed for each; all of a group that does not fit are marked as LARGE.
-
     """
     n_members, done = 1, 0
     members[0], group_of[seed] = seed, seed
@@ -214,7 +190,6 @@ def _is_borne_out(  # type: ignore[no-untyped-def]
     Whether enough columns around reach down to a group's level, or too few are there to tell.
 
     Another small group, which may be an error as well, counts for no more than two of its columns.
-
     """
     seed, k = group[0], layers.column[group[0]]
     top = -np.inf
@@ -243,10 +218,7 @@ def _is_borne_out(  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _count_small(small, seed, counted, judged):  # type: ignore[no-untyped-def]
-    """
-    Count a column of a small group for the group of a seed: 1 until there are enough of it, then 0.
-
-    """
+    """Count a column of a small group for the group of a seed: 1 until there are enough of it, then 0."""
     if judged[small] != seed:
         judged[small], counted[small] = seed, 0
     counted[small] += 1

@@ -1,7 +1,4 @@
-"""
-Gross errors: points far below the surface (multipath) and alone far above it (birds, clouds).
-
-"""
+"""Gross errors: points far below the surface (multipath) and alone far above it (birds, clouds)."""
 
 from __future__ import annotations
 
@@ -43,7 +40,6 @@ def find_noise(cloud: SortedPoints, config: GroundFilterConfig) -> NDArray[np.ui
     -------
     ndarray of shape (n_points,), uint8
         In the order of `cloud`.
-
     """
     step = _column_cells(cloud)
     if step == 1:
@@ -55,10 +51,7 @@ def find_noise(cloud: SortedPoints, config: GroundFilterConfig) -> NDArray[np.ui
 
 
 def _find_in_columns(cloud: SortedPoints, config: GroundFilterConfig) -> NDArray[np.uint8]:
-    """
-    Return the points' noise classes, the columns being the cells.
-
-    """
+    """Return the points' noise classes, the columns being the cells."""
     layers = split_into_layers(cloud, config.low_point_gap)
     radius, limit = round(config.noise_radius), config.noise_group
     low = find_low_layers(layers, config.low_point_gap, radius, limit)
@@ -76,7 +69,6 @@ def _column_cells(cloud: SortedPoints) -> int:
     Return how many cells wide a column is: about as wide as points are apart, whole cells.
 
     Points are as far apart as in the block in which the middle cell lies: where most of them are.
-
     """
     lowest = cloud.points[cloud.first[:-1]]
     side = BLOCK_CELLS

@@ -1,7 +1,4 @@
-"""
-The cloud as columns of layers: runs of points on top of one another without a larger gap between them.
-
-"""
+"""The cloud as columns of layers: runs of points on top of one another without a larger gap between them."""
 
 from __future__ import annotations
 
@@ -38,7 +35,6 @@ class Layers(NamedTuple):
         Side of a column [m].
     gradient : ndarray of shape (n_columns, 2)
         The terrain's rise over run along x and y; see `terrain_gradient`.
-
     """
 
     points: NDArray[np.float64]
@@ -52,10 +48,7 @@ class Layers(NamedTuple):
 
 
 def split_into_layers(cloud: SortedPoints, gap: float) -> Layers:
-    """
-    Split each column where two points on top of one another are more than `gap` [m] apart.
-
-    """
+    """Split each column where two points on top of one another are more than `gap` [m] apart."""
     starts = np.empty(len(cloud.points), dtype=np.bool_)
     for_row_blocks(
         lambda a, b: _mark_starts(cloud.points, cloud.first, gap, starts, a, b), len(cloud.numbers)
@@ -70,10 +63,7 @@ def split_into_layers(cloud: SortedPoints, gap: float) -> Layers:
 
 @njit(cache=True, nogil=True)
 def _mark_starts(points, first, gap, starts, begin, end):  # type: ignore[no-untyped-def]
-    """
-    Mark each layer's first point in the columns `begin` to `end`.
-
-    """
+    """Mark each layer's first point in the columns `begin` to `end`."""
     for k in range(begin, end):
         for i in range(first[k], first[k + 1]):
             starts[i] = i == first[k] or points[i, 2] - points[i - 1, 2] > gap
@@ -83,7 +73,6 @@ def _mark_starts(points, first, gap, starts, begin, end):  # type: ignore[no-unt
 def columns_in_row(layers, k, step, reach):  # type: ignore[no-untyped-def]
     """
     Return the columns (start, stop) at most `reach` west and east of column k, in the row `step` north of it.
-
     """
     numbers, width = layers.numbers, layers.width
     across = numbers[k] % width
@@ -94,10 +83,7 @@ def columns_in_row(layers, k, step, reach):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def rise(layers, k, other):  # type: ignore[no-untyped-def]
-    """
-    Return by how much the terrain at column k would rise to another column, if it were plane [m].
-
-    """
+    """Return by how much the terrain at column k would rise to another column, if it were plane [m]."""
     width = layers.width
     here, there = layers.numbers[k], layers.numbers[other]
     along = (there % width - here % width) * layers.gradient[k, 0]
@@ -106,17 +92,11 @@ def rise(layers, k, other):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def low_end(layers, layer):  # type: ignore[no-untyped-def]
-    """
-    Return the elevation of a layer's lowest point [m].
-
-    """
+    """Return the elevation of a layer's lowest point [m]."""
     return layers.points[layers.begin[layer], 2]
 
 
 @njit(cache=True, nogil=True)
 def high_end(layers, layer):  # type: ignore[no-untyped-def]
-    """
-    Return the elevation of a layer's highest point [m].
-
-    """
+    """Return the elevation of a layer's highest point [m]."""
     return layers.points[layers.begin[layer + 1] - 1, 2]

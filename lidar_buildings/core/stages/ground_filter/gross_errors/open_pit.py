@@ -1,7 +1,4 @@
-"""
-Pits and light wells, which low gross errors must be told from: all pulses reach their floor.
-
-"""
+"""Pits and light wells, which low gross errors must be told from: all pulses reach their floor."""
 
 from __future__ import annotations
 
@@ -41,7 +38,6 @@ def is_open_pit(layers, group, gap):  # type: ignore[no-untyped-def]
         The layers to judge.
     gap : float
         What is farther above than this covers a point [m].
-
     """
     n_points = 0
     for layer in group:
@@ -67,7 +63,6 @@ def _spacing_around(layers, group):  # type: ignore[no-untyped-def]
     Return the spacing of the points in the columns around a group that hold none of it [m].
 
     In each row of columns, empty ones count from the first to the last that is not.
-
     """
     k = layers.column[group[0]]
     own = layers.column[group]
@@ -89,7 +84,6 @@ def _spacing_around(layers, group):  # type: ignore[no-untyped-def]
 def _count_disc(layers, k, point, radius, gap):  # type: ignore[no-untyped-def]
     """
     Return how many points of a disc about a point of column k lie above it by the gap, and how many not.
-
     """
     above, beside = 0, 0
     reach = math.ceil(radius / layers.size)

@@ -1,6 +1,5 @@
 """
 How steep the terrain is, roughly, before anything is known of it: enough to compare places some steps apart.
-
 """
 
 from __future__ import annotations
@@ -48,7 +47,6 @@ def terrain_gradient(
         Which of them take part.
     cell : float
         Side of the cells [m].
-
     """
     blocks = sort_by_cell(lowest, BLOCK_CELLS * cell)
     nodes = _low_points(blocks.points, counts[blocks.rows], blocks.first)
@@ -65,10 +63,7 @@ def terrain_gradient(
 
 @njit(cache=True, nogil=True)
 def _low_points(points, counts, first):  # type: ignore[no-untyped-def]
-    """
-    Return the point of each block below which the share of those that count lies; NaN if there is none.
-
-    """
+    """Return the point of each block below which the share of those that count lies; NaN if there is none."""
     nodes = np.full((len(first) - 1, 3), np.nan)
     for k in range(len(nodes)):
         n_points = np.count_nonzero(counts[first[k] : first[k + 1]])
@@ -83,10 +78,7 @@ def _low_points(points, counts, first):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _fit_blocks(nodes, numbers, width, gradient, begin, end):  # type: ignore[no-untyped-def]
-    """
-    Set the gradient of the blocks `begin` to `end`.
-
-    """
+    """Set the gradient of the blocks `begin` to `end`."""
     around = np.empty(((2 * REACH + 1) ** 2, 3))
     for k in range(begin, end):
         n_around = 0
@@ -105,10 +97,7 @@ def _fit_blocks(nodes, numbers, width, gradient, begin, end):  # type: ignore[no
 
 @njit(cache=True, nogil=True)
 def _low_plane(around):  # type: ignore[no-untyped-def]
-    """
-    Return the gradient of the plane through the lower ones of some points.
-
-    """
+    """Return the gradient of the plane through the lower ones of some points."""
     kept = np.ones(len(around), dtype=np.bool_)
     east, north, level = _plane(around, kept)
     for _ in range(MAX_PASSES):
@@ -124,10 +113,7 @@ def _low_plane(around):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _explained(around, kept, east, north):  # type: ignore[no-untyped-def]
-    """
-    Return which share of the variance of the kept points' elevations a slope explains, 0 to 1.
-
-    """
+    """Return which share of the variance of the kept points' elevations a slope explains, 0 to 1."""
     x, y, z = around[kept, 0], around[kept, 1], around[kept, 2]
     variance = np.var(z)
     return max(0.0, 1.0 - np.var(z - east * x - north * y) / variance) if variance > 0.0 else 0.0
@@ -137,7 +123,6 @@ def _explained(around, kept, east, north):  # type: ignore[no-untyped-def]
 def _plane(around, kept):  # type: ignore[no-untyped-def]
     """
     Return rise over run along x and y and the elevation at 0 of the least squares plane; level if undefined.
-
     """
     n, mean = 0, np.zeros(3)
     for i in range(len(around)):

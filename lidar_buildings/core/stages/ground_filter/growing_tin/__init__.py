@@ -1,4 +1,1 @@
-"""
-Method `progressive_tin`: a TIN that grows over the terrain.
-
-"""
+"""Method `progressive_tin`: a TIN that grows over the terrain."""

@@ -1,7 +1,4 @@
-"""
-Bridges: ground that lies between two opposite drops is a deck, not terrain.
-
-"""
+"""Bridges: ground that lies between two opposite drops is a deck, not terrain."""
 
 from __future__ import annotations
 
@@ -48,7 +45,6 @@ def find_decks(terrain: Tin, candidates: NDArray[np.float64], spacing: float) ->
     Returns
     -------
     ndarray of shape (n_candidates,), bool
-
     """
     decks = np.zeros(len(candidates), dtype=np.bool_)
     rims, outward = _rims(terrain, spacing)
@@ -65,10 +61,7 @@ def find_decks(terrain: Tin, candidates: NDArray[np.float64], spacing: float) ->
 
 
 def _rims(terrain: Tin, spacing: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """
-    Return the vertices above drops (n, 3) and the direction in which it falls off there (n, 2).
-
-    """
+    """Return the vertices above drops (n, 3) and the direction in which it falls off there (n, 2)."""
     top, step = _drops(terrain.vertices, terrain.triangles, MAX_DROP_LENGTH * spacing)
     vertices, place = np.unique(top, return_inverse=True)
     total = np.column_stack([np.bincount(place, step[:, axis], len(vertices)) for axis in range(2)])
@@ -84,7 +77,6 @@ def _drops(vertices, triangles, max_length):  # type: ignore[no-untyped-def]
     Return the upper ends of the sides that drop (n,), and the directions that they fall off in (n, 2).
 
     A side inside the mesh is a side of two triangles, once each way round: every drop is met once at least.
-
     """
     top, direction = [np.int64(0) for _ in range(0)], [0.0 for _ in range(0)]
     for k in range(3):
@@ -105,10 +97,7 @@ def _drops(vertices, triangles, max_length):  # type: ignore[no-untyped-def]
 def _opposite(
     rims: NDArray[np.float64], outward: NDArray[np.float64]
 ) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """
-    Return pairs of rims, about level, that fall off away from each other.
-
-    """
+    """Return pairs of rims, about level, that fall off away from each other."""
     pairs = (
         cKDTree(rims[:, :2]).query_pairs(MAX_WIDTH, output_type="ndarray")
         if len(rims)
@@ -125,10 +114,7 @@ def _opposite(
 
 
 def _along(start: NDArray[np.float64], end: NDArray[np.float64], step: float) -> NDArray[np.float64]:
-    """
-    Return points along lines, ends included, half a step apart at most.
-
-    """
+    """Return points along lines, ends included, half a step apart at most."""
     n_steps = np.ceil(2.0 * np.hypot(*(end - start)[:, :2].T) / step).astype(np.intp) + 1
     line = np.repeat(np.arange(len(start)), n_steps + 1)
     place = np.arange(len(line)) - np.repeat(np.cumsum(n_steps + 1) - (n_steps + 1), n_steps + 1)

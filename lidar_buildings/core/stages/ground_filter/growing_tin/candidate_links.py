@@ -1,7 +1,4 @@
-"""
-Which candidates are next to each other, the nearest one in each direction, and which hang together.
-
-"""
+"""Which candidates are next to each other, the nearest one in each direction, and which hang together."""
 
 from __future__ import annotations
 
@@ -41,7 +38,6 @@ def nearest_by_sector(
     Returns
     -------
     ndarray of shape (n_rows, 8), int32
-
     """
     cells = sort_by_cell(candidates, reach)
     found = np.full((len(rows), SECTORS), -1, dtype=np.int32)
@@ -71,7 +67,6 @@ def level_parts(candidates, rows, links, max_slope, min_rise):  # type: ignore[n
         Their neighbours, as `nearest_by_sector` gives them.
     max_slope, min_rise : float
         Neighbours hang together if they rise by no more than this over their distance, or by this at all [m].
-
     """
     place = np.full(len(candidates), -1, dtype=np.int32)
     place[rows] = np.arange(len(rows))
@@ -89,10 +84,7 @@ def level_parts(candidates, rows, links, max_slope, min_rise):  # type: ignore[n
 
 @njit(cache=True, nogil=True)
 def rise_and_length(start, end):  # type: ignore[no-untyped-def]
-    """
-    Return the rise from one point to another and their distance in plan [m].
-
-    """
+    """Return the rise from one point to another and their distance in plan [m]."""
     return end[2] - start[2], math.hypot(end[0] - start[0], end[1] - start[1])
 
 
@@ -100,7 +92,6 @@ def rise_and_length(start, end):  # type: ignore[no-untyped-def]
 def _runs_around(numbers, first, n_columns):  # type: ignore[no-untyped-def]
     """
     Return between which sorted points those of the cells around lie, south, level and north: (n_cells, 3, 2).
-
     """
     runs = np.empty((len(numbers), 3, 2), dtype=np.int64)
     for line in range(3):
@@ -118,10 +109,7 @@ def _runs_around(numbers, first, n_columns):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _look_around(candidates, rows, cell, runs, points, origin, reach, found, begin, end):  # type: ignore[no-untyped-def]
-    """
-    Fill the rows `begin` to `end` of `found`; `points` are the candidates by cell, `origin` their rows.
-
-    """
+    """Fill the rows `begin` to `end` of `found`; `points` are the candidates by cell, `origin` their rows."""
     nearest = np.empty(SECTORS)
     for r in range(begin, end):
         x, y, k = candidates[rows[r], 0], candidates[rows[r], 1], cell[rows[r]]
@@ -140,10 +128,7 @@ def _look_around(candidates, rows, cell, runs, points, origin, reach, found, beg
 
 @njit(cache=True, nogil=True)
 def _sector(dx, dy):  # type: ignore[no-untyped-def]
-    """
-    Return in which eighth of the circle an offset points, counted from west anticlockwise.
-
-    """
+    """Return in which eighth of the circle an offset points, counted from west anticlockwise."""
     across, up = abs(dx), abs(dy)
     if min(across, up, abs(across - up)) <= BORDER * max(across, up):
         return int((math.atan2(dy, dx) + math.pi) / (2.0 * math.pi) * SECTORS) % SECTORS

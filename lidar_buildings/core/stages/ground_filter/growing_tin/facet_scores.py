@@ -1,7 +1,4 @@
-"""
-How well a candidate fits a facet of the terrain, or its mirror image the facet beyond (Axelsson 2000).
-
-"""
+"""How well a candidate fits a facet of the terrain, or its mirror image the facet beyond (Axelsson 2000)."""
 
 from __future__ import annotations
 
@@ -25,7 +22,6 @@ def candidate_score(p, triangle, vertices, n_real, n_start, triangles, neighbour
     Return how well a candidate, row p of `vertices`, fits the terrain, the less the better.
 
     Infinity where it may not join: neither as it is nor mirrored, or since its facet is small enough.
-
     """
     a, b, c = corners_of(triangle, vertices, triangles)
     point = _place(p, vertices)
@@ -43,7 +39,6 @@ def _far_above(point, a, b, c, distance):  # type: ignore[no-untyped-def]
     Whether a point is beyond reach both as it is and mirrored; costs neither roots nor divisions.
 
     It is if its height above the highest corner, taken along the facet's normal, is more than the distance.
-
     """
     over = point[2] - max(a[2], b[2], c[2])
     if over <= distance:
@@ -62,7 +57,6 @@ def _facet_score(point, a, b, c, limits):  # type: ignore[no-untyped-def]
     Return how well a point fits a facet; infinity where it may not join.
 
     Below the facet the distance to it, negative; above it the largest angle at a corner.
-
     """
     angle, gain, distance, _ = limits
     slope = plane_slope(a, b, c)
@@ -81,7 +75,6 @@ def _mirrored_score(p, triangle, vertices, n_real, n_start, triangles, neighbour
     Return how well a candidate, mirrored at its facet's nearest corner, fits the terrain there.
 
     Level ground that ends in a step reaches its edge in this way; a roof does not, as its corners are ground.
-
     """
     angle, _, distance, _ = limits
     if plane_slope(*corners_of(triangle, vertices, triangles)) < MIRROR_SLOPE:
@@ -104,19 +97,13 @@ def _mirrored_score(p, triangle, vertices, n_real, n_start, triangles, neighbour
 
 @njit(cache=True, nogil=True)
 def _place(v, vertices):  # type: ignore[no-untyped-def]
-    """
-    Return a vertex's coordinates.
-
-    """
+    """Return a vertex's coordinates."""
     return vertices[v, 0], vertices[v, 1], vertices[v, 2]
 
 
 @njit(cache=True, nogil=True)
 def corners_of(triangle, vertices, triangles):  # type: ignore[no-untyped-def]
-    """
-    Return the coordinates of a triangle's corners.
-
-    """
+    """Return the coordinates of a triangle's corners."""
     return (
         _place(triangles[triangle, 0], vertices),
         _place(triangles[triangle, 1], vertices),
@@ -126,20 +113,14 @@ def corners_of(triangle, vertices, triangles):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _angle_at_corners(point, a, b, c, off):  # type: ignore[no-untyped-def]
-    """
-    Return the largest angle between a facet and the lines from its corners to a point `off` it [rad].
-
-    """
+    """Return the largest angle between a facet and the lines from its corners to a point `off` it [rad]."""
     nearest = math.sqrt(min(_squared(point, a), _squared(point, b), _squared(point, c)))
     return math.asin(min(1.0, off / nearest)) if nearest > 0.0 else 0.0
 
 
 @njit(cache=True, nogil=True)
 def _nearest_corner(x, y, triangle, vertices, triangles):  # type: ignore[no-untyped-def]
-    """
-    Return the corner of a triangle nearest to a place in plan.
-
-    """
+    """Return the corner of a triangle nearest to a place in plan."""
     nearest, least = triangles[triangle, 0], np.inf
     for k in range(3):
         v = triangles[triangle, k]
@@ -151,10 +132,7 @@ def _nearest_corner(x, y, triangle, vertices, triangles):  # type: ignore[no-unt
 
 @njit(cache=True, nogil=True)
 def _squared_longest_side(a, b, c):  # type: ignore[no-untyped-def]
-    """
-    Return the square of a triangle's longest side in plan [m²].
-
-    """
+    """Return the square of a triangle's longest side in plan [m²]."""
     ab = (b[0] - a[0]) ** 2 + (b[1] - a[1]) ** 2
     bc = (c[0] - b[0]) ** 2 + (c[1] - b[1]) ** 2
     ca = (a[0] - c[0]) ** 2 + (a[1] - c[1]) ** 2
@@ -163,8 +141,5 @@ def _squared_longest_side(a, b, c):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _squared(p, q):  # type: ignore[no-untyped-def]
-    """
-    Return the squared distance of two points in space [m²].
-
-    """
+    """Return the squared distance of two points in space [m²]."""
     return (p[0] - q[0]) ** 2 + (p[1] - q[1]) ** 2 + (p[2] - q[2]) ** 2

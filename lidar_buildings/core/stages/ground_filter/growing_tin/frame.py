@@ -1,7 +1,4 @@
-"""
-Terrain beyond the outermost vertices: the virtual points of the frame carry it on as it slopes there.
-
-"""
+"""Terrain beyond the outermost vertices: the virtual points of the frame carry it on as it slopes there."""
 
 from __future__ import annotations
 
@@ -33,7 +30,6 @@ def edge_gradients(seeds: NDArray[np.float64], frame: NDArray[np.float64]) -> ND
     -------
     ndarray of shape (n_frame, 2)
         Rise over run along x and y.
-
     """
     k = min(NEIGHBOURS, len(seeds))
     _, nearest = cKDTree(seeds[:, :2]).query(frame[:, :2], [*range(1, k + 1)])
@@ -46,10 +42,7 @@ def edge_gradients(seeds: NDArray[np.float64], frame: NDArray[np.float64]) -> ND
 
 @njit(cache=True, nogil=True)
 def at_frame(triangle, triangles, n_real, n_start):  # type: ignore[no-untyped-def]
-    """
-    Whether a triangle has a virtual corner: rows `n_real` to `n_start` are the virtual vertices.
-
-    """
+    """Whether a triangle has a virtual corner: rows `n_real` to `n_start` are the virtual vertices."""
     a, b, c = triangles[triangle, 0], triangles[triangle, 1], triangles[triangle, 2]
     return n_real <= a < n_start or n_real <= b < n_start or n_real <= c < n_start
 
@@ -76,7 +69,6 @@ def extend_terrain(vertices, n_real, n_start, triangles, rim, gradient):  # type
     -------
     ndarray of shape (n_start - n_real,), bool
         Which virtual vertices moved.
-
     """
     least = np.full(n_start - n_real, np.inf)
     elevation = vertices[n_real:n_start, 2].copy()

@@ -1,6 +1,5 @@
 """
 The rounds in which candidates join a TIN: each costs as much as there are candidates whose facet changed.
-
 """
 
 from __future__ import annotations
@@ -35,7 +34,6 @@ class Mesh(NamedTuple):
         See `vertices`.
     gradient : ndarray of shape (n_start - n_real, 2)
         The terrain's slope at the frame.
-
     """
 
     vertices: NDArray[np.float64]
@@ -60,7 +58,6 @@ class Waiting(NamedTuple):
         The triangle in whose list a candidate is, or was last.
     score : ndarray of shape (n_candidates,)
         How well it fits there; see `candidate_score`.
-
     """
 
     first: NDArray[np.int32]
@@ -99,7 +96,6 @@ def join_in_rounds(
     -------
     int
         The number of triangles.
-
     """
     waiting = Waiting(
         np.full(len(mesh.triangles), -1, dtype=np.int32), np.empty_like(home), home, np.empty(len(home))
@@ -125,20 +121,14 @@ def join_in_rounds(
 
 
 def _at_frame(mesh: Mesh, triangles: NDArray[np.int32]) -> NDArray[np.int32]:
-    """
-    Return which of the triangles have a corner in the frame.
-
-    """
+    """Return which of the triangles have a corner in the frame."""
     corners = mesh.triangles[triangles]
     return triangles[((corners >= mesh.n_real) & (corners < mesh.n_start)).any(axis=1)]
 
 
 @njit(cache=True, nogil=True)
 def _extend(mesh, rim, waiting, stirred, n_stirred):  # type: ignore[no-untyped-def]
-    """
-    Carry the terrain on to the frame; candidates of triangles that move with it are stirred.
-
-    """
+    """Carry the terrain on to the frame; candidates of triangles that move with it are stirred."""
     vertices, triangles, _, n_real, n_start, gradient = mesh
     moved = extend_terrain(vertices, n_real, n_start, triangles, rim, gradient)
     for triangle in rim:
@@ -151,10 +141,7 @@ def _extend(mesh, rim, waiting, stirred, n_stirred):  # type: ignore[no-untyped-
 
 @njit(cache=True, nogil=True)
 def _stir(triangle, waiting, stirred, n_stirred):  # type: ignore[no-untyped-def]
-    """
-    Empty a triangle's list into `stirred`; return how many are there then.
-
-    """
+    """Empty a triangle's list into `stirred`; return how many are there then."""
     i = waiting.first[triangle]
     waiting.first[triangle] = -1
     while i >= 0:
@@ -166,10 +153,7 @@ def _stir(triangle, waiting, stirred, n_stirred):  # type: ignore[no-untyped-def
 
 @njit(cache=True, nogil=True)
 def _look(mesh, limits, waiting, stirred, begin, end):  # type: ignore[no-untyped-def]
-    """
-    Find the triangles and the scores of some of the stirred candidates.
-
-    """
+    """Find the triangles and the scores of some of the stirred candidates."""
     vertices, triangles, neighbours, n_real, n_start, _ = mesh
     for k in range(begin, end):
         i = stirred[k]
@@ -181,10 +165,7 @@ def _look(mesh, limits, waiting, stirred, begin, end):  # type: ignore[no-untype
 
 @njit(cache=True, nogil=True)
 def _file(waiting, stirred):  # type: ignore[no-untyped-def]
-    """
-    Put candidates into the lists of their triangles, the best first; return the triangles one may join.
-
-    """
+    """Put candidates into the lists of their triangles, the best first; return the triangles one may join."""
     facets, n_facets = np.empty(len(stirred), dtype=np.int32), 0
     first, following, home, score = waiting
     for i in stirred:
@@ -202,10 +183,7 @@ def _file(waiting, stirred):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _take_best(waiting, facets):  # type: ignore[no-untyped-def]
-    """
-    Take the best candidate out of each of the triangles' lists.
-
-    """
+    """Take the best candidate out of each of the triangles' lists."""
     best = np.empty_like(facets)
     for k in range(len(facets)):
         best[k] = waiting.first[facets[k]]
@@ -219,7 +197,6 @@ def _insert(mesh, n_triangles, facets, best, waiting, stirred, marks):  # type: 
     Insert the best candidate of each facet; candidates of triangles that change are stirred.
 
     Return the numbers of triangles and of stirred candidates, and the triangles at the frame that changed.
-
     """
     vertices, triangles, neighbours, n_real, n_start, _ = mesh
     n_stirred, n_fresh, fresh = 0, 0, np.empty(64, dtype=np.int32)

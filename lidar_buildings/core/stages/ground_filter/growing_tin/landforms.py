@@ -1,6 +1,5 @@
 """
 Landforms or objects: what a bolder growth gains is judged part by part, by how it meets the terrain around.
-
 """
 
 from __future__ import annotations
@@ -42,7 +41,6 @@ class PartRules(NamedTuple):
         Smallest part that is judged as a whole, among objects and in bare land [candidates].
     barred_share, min_barred_part : float
         Parts with at least this share of steep links, of at least so many candidates, are barred.
-
     """
 
     max_link_slope: float = 0.7
@@ -89,7 +87,6 @@ def find_landforms(
     -------
     landform, barred : ndarray of shape (n_candidates,), bool
         Parts of `gained`.
-
     """
     rows = np.flatnonzero(gained)
     links = nearest_by_sector(candidates, rows, REACH * spacing)
@@ -109,10 +106,7 @@ def find_landforms(
 def _judge(
     counts: NDArray[np.float64], bareness: NDArray[np.float64], config: GroundFilterConfig, rules: PartRules
 ) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-    """
-    Return which parts are terrain, and which are certainly objects.
-
-    """
+    """Return which parts are terrain, and which are certainly objects."""
     size, n_links, n_steep, n_rising = counts.T
     bare = bareness / np.maximum(size, 1.0)
     steep = (n_steep + rules.prior_links) / (n_links + rules.prior_links)
@@ -126,10 +120,7 @@ def _judge(
 
 @njit(cache=True, nogil=True)
 def _count_links(candidates, rows, links, ground, part, rules):  # type: ignore[no-untyped-def]
-    """
-    Return each part's size, its links to the ground, and how many of them are steep, and rise at all.
-
-    """
+    """Return each part's size, its links to the ground, and how many of them are steep, and rise at all."""
     counts = np.zeros((len(rows), 4))
     for r in range(len(rows)):
         count = counts[part[r]]

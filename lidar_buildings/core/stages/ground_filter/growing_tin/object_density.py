@@ -1,7 +1,4 @@
-"""
-How bare the land is: how little stands on the terrain around.
-
-"""
+"""How bare the land is: how little stands on the terrain around."""
 
 from __future__ import annotations
 
@@ -32,7 +29,6 @@ def measure_bareness(candidates: NDArray[np.float64], standing: NDArray[np.bool_
         At least one [m].
     standing : ndarray of shape (n_candidates,), bool
         Which of them are objects beyond doubt.
-
     """
     cells = sort_by_cell(candidates, CELL)
     n_standing = np.add.reduceat(standing[cells.rows].astype(np.float64), cells.first[:-1])
@@ -48,7 +44,6 @@ def measure_bareness(candidates: NDArray[np.float64], standing: NDArray[np.bool_
 def _smoothed(numbers, n_columns, values):  # type: ignore[no-untyped-def]
     """
     Return the weighted sums of values (k, n_cells) over the cells around; only occupied cells take part.
-
     """
     total = np.zeros_like(values)
     for north in range(-RADIUS, RADIUS + 1):

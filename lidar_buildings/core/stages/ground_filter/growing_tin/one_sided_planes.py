@@ -1,6 +1,5 @@
 """
 Points that continue the terrain on one side, whatever it does on the other: rims of cliffs and terraces.
-
 """
 
 from __future__ import annotations
@@ -37,7 +36,6 @@ class PlaneRules(NamedTuple):
         Steepest, rise over run, and its largest root mean square residual [m].
     max_distance : float
         How far from it a point may be beyond that residual [m].
-
     """
 
     reach: float = 3.5
@@ -67,7 +65,6 @@ def continues_terrain(
         Which are ground.
     spacing : float
         Spacing of the candidates [m].
-
     """
     rules = PlaneRules()
     known = candidates[ground]
@@ -90,10 +87,7 @@ def continues_terrain(
 
 @njit(cache=True, nogil=True)
 def _test(candidates, rows, table, start, spacing, rules, result, begin, end):  # type: ignore[no-untyped-def]
-    """
-    Set the rows `begin` to `end` of `result`.
-
-    """
+    """Set the rows `begin` to `end` of `result`."""
     points, numbers, first, n_columns, size = table
     sums = np.empty((SIDES, 11))
     turns = 2.0 * math.pi * np.arange(SIDES) / SIDES
@@ -122,10 +116,7 @@ def _test(candidates, rows, table, start, spacing, rules, result, begin, end):  
 
 @njit(cache=True, nogil=True)
 def _count(dx, dy, dz, reach, towards, sums):  # type: ignore[no-untyped-def]
-    """
-    Add a ground point, relative to the candidate, to the moments of the sides it lies on.
-
-    """
+    """Add a ground point, relative to the candidate, to the moments of the sides it lies on."""
     away = math.hypot(dx, dy)
     if away > reach:
         return
@@ -148,10 +139,7 @@ def _count(dx, dy, dz, reach, towards, sums):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _fits(s, nearest, rules):  # type: ignore[no-untyped-def]
-    """
-    Whether the moments make a plane that passes near the candidate, which lies at the origin.
-
-    """
+    """Whether the moments make a plane that passes near the candidate, which lies at the origin."""
     n = s[0]
     if n < rules.min_points or s[10] > nearest:
         return False

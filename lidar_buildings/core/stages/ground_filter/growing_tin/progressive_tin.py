@@ -1,7 +1,4 @@
-"""
-Progressive TIN densification: a coarse terrain grows, round by round, by the points that lie near it.
-
-"""
+"""Progressive TIN densification: a coarse terrain grows, round by round, by the points that lie near it."""
 
 from __future__ import annotations
 
@@ -70,7 +67,6 @@ def densify(candidates: NDArray[np.float64], extent: NDArray[np.float64], config
     Notes
     -----
     Only candidates whose facet changed are looked at again, so the time is near linear in their number.
-
     """
     spacing = quantised_spacing(candidates)
     is_seed = np.zeros(len(candidates), dtype=np.bool_)
@@ -96,10 +92,7 @@ def _grown(
     spacing: float,
     config: GroundFilterConfig,
 ) -> TerrainGrowth:
-    """
-    Return the terrain grown from its seeds, landforms included.
-
-    """
+    """Return the terrain grown from its seeds, landforms included."""
     terrain = start_growth(candidates, is_seed, extent)
     cautious = GrowthLimits(
         math.radians(config.iteration_angle),
@@ -120,10 +113,7 @@ def _add_landforms(
     cautious: GrowthLimits,
     config: GroundFilterConfig,
 ) -> None:
-    """
-    Let the terrain grow on over the landforms that the cautious limits left out.
-
-    """
+    """Let the terrain grow on over the landforms that the cautious limits left out."""
     height, slope = terrain.height_and_slope()
     ground = near_terrain(height, slope, config)
     trial = terrain.branch()

@@ -1,7 +1,4 @@
-"""
-Islands: ground that meets other ground in drops alone is a roof that a seed fell on.
-
-"""
+"""Islands: ground that meets other ground in drops alone is a roof that a seed fell on."""
 
 from __future__ import annotations
 
@@ -50,7 +47,6 @@ def find_islands(
     Returns
     -------
     ndarray of shape (n_candidates,), bool
-
     """
     rows = np.flatnonzero(ground)
     links = nearest_by_sector(candidates, rows, REACH * spacing)
@@ -65,10 +61,7 @@ def find_islands(
 
 @njit(cache=True, nogil=True)
 def _count_drops(candidates, rows, links, part, min_drop):  # type: ignore[no-untyped-def]
-    """
-    Return each part's size, its links to other ground, and how many of them drop.
-
-    """
+    """Return each part's size, its links to other ground, and how many of them drop."""
     place = np.full(len(candidates), -1, dtype=np.int32)
     place[rows] = np.arange(len(rows))
     counts = np.zeros((len(rows), 3))

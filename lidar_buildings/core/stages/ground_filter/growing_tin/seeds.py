@@ -1,7 +1,4 @@
-"""
-The first, coarse terrain: the lowest points of large cells, less those that lie on buildings.
-
-"""
+"""The first, coarse terrain: the lowest points of large cells, less those that lie on buildings."""
 
 from __future__ import annotations
 
@@ -39,7 +36,6 @@ def choose_seeds(candidates: NDArray[np.float64], cell: float, max_rise: float) 
         Side of the cells [m].
     max_rise : float
         How far a seed may stand above that plane, in multiples of `cell`.
-
     """
     shifted = candidates + np.array([0.5 * cell, 0.5 * cell, 0.0])
     seeds = np.union1d(lowest_per_cell(candidates, cell), lowest_per_cell(shifted, cell))
@@ -56,7 +52,6 @@ def choose_seeds(candidates: NDArray[np.float64], cell: float, max_rise: float) 
 def _stand_out(seeds: NDArray[np.float64], max_rise: float) -> NDArray[np.bool_]:
     """
     Return which seeds stand more than `max_rise` above their neighbours' plane, half of which are lower.
-
     """
     distance, nearest = cKDTree(seeds[:, :2]).query(seeds[:, :2], min(NEIGHBOURS + 1, len(seeds)))
     around = seeds[nearest[:, 1:]] - seeds[:, None, :]
@@ -69,10 +64,7 @@ def _stand_out(seeds: NDArray[np.float64], max_rise: float) -> NDArray[np.bool_]
 
 
 def _surrounded(around: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """
-    Return where no half plane is free of neighbours; `around` holds their offsets, (n, k, 3).
-
-    """
+    """Return where no half plane is free of neighbours; `around` holds their offsets, (n, k, 3)."""
     bearing = np.sort(np.arctan2(around[..., 1], around[..., 0]), axis=1)
     gap = np.diff(bearing, axis=1, append=bearing[:, :1] + 2.0 * np.pi)
     return gap.max(axis=1) < np.pi

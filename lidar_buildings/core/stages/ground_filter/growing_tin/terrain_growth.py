@@ -1,7 +1,4 @@
-"""
-A terrain that grows: candidates join a TIN round by round, as far as the limits given allow.
-
-"""
+"""A terrain that grows: candidates join a TIN round by round, as far as the limits given allow."""
 
 from __future__ import annotations
 
@@ -34,7 +31,6 @@ class GrowthLimits(NamedTuple):
         Largest distance above the facet [m].
     squared_side : float
         Facets whose longest side is shorter than the root of this are left as they are [m²].
-
     """
 
     angle: float
@@ -64,7 +60,6 @@ class TerrainGrowth:
         Of each waiting candidate whether it has joined and in which triangle it was seen last.
     gradient : ndarray of shape (n_frame, 2)
         The terrain's slope at the frame.
-
     """
 
     start: Tin
@@ -78,10 +73,7 @@ class TerrainGrowth:
     gradient: NDArray[np.float64]
 
     def branch(self) -> TerrainGrowth:
-        """
-        Return a terrain that can grow on without changing this one.
-
-        """
+        """Return a terrain that can grow on without changing this one."""
         return replace(
             self,
             vertices=self.vertices.copy(),
@@ -92,10 +84,7 @@ class TerrainGrowth:
         )
 
     def grow(self, limits: GrowthLimits, barred: NDArray[np.bool_] | None = None) -> None:
-        """
-        Let candidates join until none is left that may; those `barred` never may.
-
-        """
+        """Let candidates join until none is left that may; those `barred` never may."""
         waiting = ~self.joined if barred is None else ~(self.joined | barred[~self.is_seed])
         self.n_triangles = join_in_rounds(
             Mesh(
@@ -114,10 +103,7 @@ class TerrainGrowth:
         )
 
     def force(self, chosen: NDArray[np.bool_]) -> None:
-        """
-        Let the chosen candidates join, whatever the limits.
-
-        """
+        """Let the chosen candidates join, whatever the limits."""
         rows = np.flatnonzero(chosen[~self.is_seed] & ~self.joined)
         self.n_triangles = _force(
             rows,
@@ -133,7 +119,6 @@ class TerrainGrowth:
     def height_and_slope(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """
         Return every candidate's height above the terrain [m], and the terrain's slope there (rise over run).
-
         """
         height, slope = np.zeros(len(self.is_seed)), np.zeros(len(self.is_seed))
         rows = np.flatnonzero(~self.is_seed).astype(np.int32)
@@ -145,10 +130,7 @@ class TerrainGrowth:
         return height, slope
 
     def tin(self) -> Tin:
-        """
-        Return the terrain as it is.
-
-        """
+        """Return the terrain as it is."""
         return replace(
             self.start,
             vertices=self.vertices,
@@ -171,7 +153,6 @@ def start_growth(
         At least one.
     extent : ndarray of shape (2, 2)
         Lower left and upper right corner of what the terrain has to cover [m].
-
     """
     start = build_tin(candidates[is_seed], extent)
     waiting = candidates[~is_seed] - [*start.origin, 0.0]
@@ -192,10 +173,7 @@ def start_growth(
 
 @njit(cache=True, nogil=True)
 def _force(rows, vertices, n_start, triangles, neighbours, n_triangles, joined, home):  # type: ignore[no-untyped-def]
-    """
-    Insert these waiting candidates; return the number of triangles.
-
-    """
+    """Insert these waiting candidates; return the number of triangles."""
     marks = np.zeros(len(triangles), dtype=np.int8)
     for i in rows:
         p = n_start + i
@@ -209,7 +187,6 @@ def _force(rows, vertices, n_start, triangles, neighbours, n_triangles, joined, 
 def _heights(vertices, triangles, neighbours, n_start, home, rows, height, slope, begin, end):  # type: ignore[no-untyped-def]
     """
     Set the height of waiting candidates `begin` to `end` above the mesh, and its slope there, at their rows.
-
     """
     for i in range(begin, end):
         x, y, z = vertices[n_start + i, 0], vertices[n_start + i, 1], vertices[n_start + i, 2]

@@ -1,7 +1,4 @@
-"""
-Which points are ground, once the terrain is known: those near it.
-
-"""
+"""Which points are ground, once the terrain is known: those near it."""
 
 from __future__ import annotations
 
@@ -28,7 +25,6 @@ def near_terrain(
         The terrain's rise over run there.
     config : GroundFilterConfig
         Tolerances.
-
     """
     tolerance = config.ground_distance + config.ground_distance_slope * np.minimum(slope, MAX_SLOPE)
     return np.abs(height) <= tolerance

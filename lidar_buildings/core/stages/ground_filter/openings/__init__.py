@@ -1,4 +1,1 @@
-"""
-Method `morphological`: openings of the lowest surface.
-
-"""
+"""Method `morphological`: openings of the lowest surface."""

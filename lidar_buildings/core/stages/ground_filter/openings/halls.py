@@ -1,7 +1,4 @@
-"""
-Large buildings in a raster of lowest elevations: told from hills by the step in which they end.
-
-"""
+"""Large buildings in a raster of lowest elevations: told from hills by the step in which they end."""
 
 from __future__ import annotations
 
@@ -38,7 +35,6 @@ def find_halls(
     raised : ndarray of shape (n_rows, n_columns), bool
         Known cells that a large disc does not reach from below, those of smaller objects among them: trees
         that stand against a wall hide its step, but end in one themselves.
-
     """
     if not raised.any():
         return raised
@@ -52,7 +48,6 @@ def _share_of_steps(
 ) -> NDArray[np.float64]:
     """
     Return the share of each region's sides that are steps; 0 for what is in no region, which comes first.
-
     """
     surface = np.pad(surface, 1, constant_values=np.nan)
     region = np.pad(region, 1)

@@ -1,7 +1,4 @@
-"""
-The morphological filter: growing discs pushed up from below do not reach what is narrower than they.
-
-"""
+"""The morphological filter: growing discs pushed up from below do not reach what is narrower than they."""
 
 from __future__ import annotations
 
@@ -50,7 +47,6 @@ class CellMinima(NamedTuple):
         Rows and columns from the first to the last occupied cell.
     cell : float
         Side of a cell [m].
-
     """
 
     numbers: NDArray[np.int64]
@@ -92,7 +88,6 @@ def label_ground(points: NDArray[np.float64], config: GroundFilterConfig) -> NDA
     Worked on in blocks, each with what lies around it within reach of the largest disc: memory does not
     depend on the extent, and time is linear in the number of occupied blocks and of points. What lies
     beyond has no say, but for the doubling of cells in sparse clouds.
-
     """
     points = checked_points(points)
     ground = np.zeros(len(points), dtype=np.bool_)
@@ -110,10 +105,7 @@ def label_ground(points: NDArray[np.float64], config: GroundFilterConfig) -> NDA
 
 
 def _cell_minima(points: NDArray[np.float64], cell: float) -> CellMinima:
-    """
-    Return the minima of cells that are large enough for the points' density.
-
-    """
+    """Return the minima of cells that are large enough for the points' density."""
     lowest = points[lowest_per_cell(points, cell)]
     while _occupied(lowest, cell) < MIN_OCCUPIED:
         cell *= 2.0
@@ -128,10 +120,7 @@ def _cell_minima(points: NDArray[np.float64], cell: float) -> CellMinima:
 
 
 def _occupied(lowest: NDArray[np.float64], cell: float) -> float:
-    """
-    Return the share of cells that hold a point, of those in squares that do; 1 for a single square.
-
-    """
+    """Return the share of cells that hold a point, of those in squares that do; 1 for a single square."""
     n_squares = len(lowest_per_cell(lowest, SQUARE * cell))
     return len(lowest) / (n_squares * SQUARE**2) if n_squares > 1 else 1.0
 
@@ -143,10 +132,6 @@ def _label_block(
     config: GroundFilterConfig,
     ground: NDArray[np.bool_],
 ) -> None:
-    """
-    Label the points of one block.
-
-    """
     cell = minima.cell
     radii = _radii(config.opening_radius, config.opening_hall_radius, cell)
     halo = 2 * radii[-1] + FILL_REACH
@@ -166,7 +151,6 @@ def _label_block(
 def _radii(largest: float, hall: float, cell: float) -> list[int]:
     """
     Return the discs' radii in cells, rising: by steps up to `largest` [m], by a ratio from there to `hall`.
-
     """
     radii = [RADIUS_STEP * k for k in range(1, math.ceil(largest / RADIUS_STEP))] + [largest]
     while radii[-1] < hall:
@@ -177,10 +161,7 @@ def _radii(largest: float, hall: float, cell: float) -> list[int]:
 def _bare_cells(
     lowest: NDArray[np.float64], cell: float, radii: list[int], config: GroundFilterConfig
 ) -> NDArray[np.bool_]:
-    """
-    Return which cells show the ground; all that hold points if none does.
-
-    """
+    """Return which cells show the ground; all that hold points if none does."""
     known = np.isfinite(lowest)
     solid = known & ~_pits(lowest, known, cell)
     surface = np.where(solid, lowest, np.inf)
@@ -201,7 +182,6 @@ def _bare_cells(
 def _pits(lowest: NDArray[np.float64], known: NDArray[np.bool_], cell: float) -> NDArray[np.bool_]:
     """
     Return the cells far below all beside them: those that an opening of the surface turned over cuts off.
-
     """
     turned = np.where(known, -lowest, np.inf)
     return _sunk(turned, opened(turned, 1), known, PIT_SLOPE * cell)
@@ -210,19 +190,13 @@ def _pits(lowest: NDArray[np.float64], known: NDArray[np.bool_], cell: float) ->
 def _sunk(
     before: NDArray[np.float64], after: NDArray[np.float64], known: NDArray[np.bool_], limit: float
 ) -> NDArray[np.bool_]:
-    """
-    Return the known cells that an opening lowered by more than the limit.
-
-    """
+    """Return the known cells that an opening lowered by more than the limit."""
     return np.subtract(before, after, out=np.zeros_like(before), where=known) > limit
 
 
 @njit(cache=True, nogil=True)
 def _place(numbers, elevation, n_columns, south, west, lowest):  # type: ignore[no-untyped-def]
-    """
-    Set a window of the raster of minima, whose first cell is in row `south` and column `west`.
-
-    """
+    """Set a window of the raster of minima, whose first cell is in row `south` and column `west`."""
     for y in range(lowest.shape[0]):
         start = (south + y) * n_columns + west
         k = np.searchsorted(numbers, start)
@@ -233,10 +207,7 @@ def _place(numbers, elevation, n_columns, south, west, lowest):  # type: ignore[
 
 @njit(cache=True, nogil=True)
 def _slope(terrain, cell):  # type: ignore[no-untyped-def]
-    """
-    Return the slope of a raster, rise over run, by central differences.
-
-    """
+    """Return the slope of a raster, rise over run, by central differences."""
     n_rows, n_columns = terrain.shape
     slope = np.zeros(terrain.shape)
     for y in range(n_rows):
@@ -251,10 +222,7 @@ def _slope(terrain, cell):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _label(points, rows, terrain, slope, window, cell, limits, ground):  # type: ignore[no-untyped-def]
-    """
-    Set which points lie within a distance of the terrain that grows with its slope; `limits` are both.
-
-    """
+    """Set which points lie within a distance of the terrain that grows with its slope; `limits` are both."""
     for p in rows:
         # Values belong to the middles of cells.
         y = min(max(points[p, 1] / cell - window[0] - 0.5, 0.0), terrain.shape[0] - 1.0)
@@ -265,10 +233,7 @@ def _label(points, rows, terrain, slope, window, cell, limits, ground):  # type:
 
 @njit(cache=True, nogil=True)
 def _between(raster, y, x):  # type: ignore[no-untyped-def]
-    """
-    Interpolate a raster linearly between the four cells around a place in it.
-
-    """
+    """Interpolate a raster linearly between the four cells around a place in it."""
     south, west = int(y), int(x)
     north, east = min(south + 1, raster.shape[0] - 1), min(west + 1, raster.shape[1] - 1)
     v, u = y - south, x - west

@@ -1,4 +1,1 @@
-"""
-Method `bidirectional_slope`: profiles walked forth and back.
-
-"""
+"""Method `bidirectional_slope`: profiles walked forth and back."""

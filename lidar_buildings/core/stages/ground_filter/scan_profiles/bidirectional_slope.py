@@ -1,6 +1,5 @@
 """
 Ground by slopes along profiles, forth and back (Shan & Sampath 2005), with profiles across where wanted.
-
 """
 
 from __future__ import annotations
@@ -75,7 +74,6 @@ def label_ground(
     -----
     O(n log n): some 3 M points/s on two cores in dense clouds, where only the lowest points of cells are
     walked over; 0.5 M points/s where all are.
-
     """
     config = config or GroundFilterConfig(method="bidirectional_slope")
     cloud = checked_points(points)
@@ -112,7 +110,6 @@ def _label_lines(
 ) -> NDArray[np.bool_]:
     """
     Label every point along the scan lines alone, or along strips from west to east where there are none.
-
     """
     if lines is None:
         profiles = cut_profiles(cloud, config.profile_width * spacing, 0.0)
@@ -124,10 +121,7 @@ def _label_lines(
 def _label_candidates(
     points: NDArray[np.float64], profiles: list[Profiles], spacing: float, config: GroundFilterConfig
 ) -> NDArray[np.bool_]:
-    """
-    Vote and grow; once more on heights above the trend that was found; then reject, close gaps, reject.
-
-    """
+    """Vote and grow; once more on heights above the trend that was found; then reject, close gaps, reject."""
     z, radius = points[:, 2], config.profile_trend_radius
     ground = net_votes(profiles, z, config) > config.profile_agreement
     ground = take_back(profiles, z, ground, spacing, config)
@@ -151,7 +145,6 @@ def _without_islands(
 
     Where ground has been taken back from a point on a roof, all of the roof may have become ground. A walk
     along nothing but the ground meets its edges on all sides.
-
     """
     votes = net_votes([one.along_chosen(ground) for one in profiles], z[ground], config)
     kept = ground.copy()
@@ -176,7 +169,6 @@ def _label_all(
     -------
     ndarray of shape (n_points,), bool
         By input row.
-
     """
     ground = np.zeros(len(cells.rows), dtype=np.bool_)
     ground[chosen] = True
@@ -193,10 +185,7 @@ def _label_all(
 
 @njit(cache=True, nogil=True)
 def _kept_of_cells(first):  # type: ignore[no-untyped-def]
-    """
-    Return the sorted points that are walked over: all of sparse cells, the lowest of crowded ones.
-
-    """
+    """Return the sorted points that are walked over: all of sparse cells, the lowest of crowded ones."""
     kept = np.empty(first[-1], dtype=np.intp)
     n = 0
     for k in range(len(first) - 1):
@@ -209,10 +198,7 @@ def _kept_of_cells(first):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _near_lowest(points, first, gradient, limits, ground, begin, end):  # type: ignore[no-untyped-def]
-    """
-    Compare the points of crowded cells with their lowest, carried on along the terrain's gradient.
-
-    """
+    """Compare the points of crowded cells with their lowest, carried on along the terrain's gradient."""
     for k in range(begin, end):
         low = first[k]
         if first[k + 1] - low <= SPARSE or not ground[low]:

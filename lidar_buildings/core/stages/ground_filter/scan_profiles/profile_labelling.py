@@ -1,7 +1,4 @@
-"""
-Labels along profiles: ground or object, by slope and elevation difference, forth and back.
-
-"""
+"""Labels along profiles: ground or object, by slope and elevation difference, forth and back."""
 
 from __future__ import annotations
 
@@ -44,7 +41,6 @@ def net_votes(
         Elevations, or heights above a trend [m].
     config : GroundFilterConfig
         The members that begin with `profile_`.
-
     """
     limits = (
         config.profile_max_slope,
@@ -67,10 +63,7 @@ def net_votes(
 
 @njit(cache=True, nogil=True)
 def _label_both_ways(rows, first, along, elevation, limits, votes):  # type: ignore[no-untyped-def]
-    """
-    Add up the labels of both passes over every profile.
-
-    """
+    """Add up the labels of both passes over every profile."""
     z = elevation[rows]
     label = np.empty(len(rows), dtype=np.int8)
     for heading in (1, -1):
@@ -89,7 +82,6 @@ def _walk(along, z, begin, end, heading, limits, label):  # type: ignore[no-unty
     The first points are likely ground, until the profile falls by more than the terrain can: then they were
     on an object, and nothing is said of them. Where it has gone on for longer than any object, ground is
     sure, that on the way there too.
-
     """
     _, step, fall, reentry_slope, max_object, _ = limits
     i = begin if heading > 0 else end - 1
@@ -127,10 +119,7 @@ def _walk(along, z, begin, end, heading, limits, label):  # type: ignore[no-unty
 
 @njit(cache=True, nogil=True)
 def _fallen(fall, steepest, run, on_ground):  # type: ignore[no-untyped-def]
-    """
-    Return by how much a profile has to fall until what came before was no ground [m].
-
-    """
+    """Return by how much a profile has to fall until what came before was no ground [m]."""
     return max(fall, steepest * run) if on_ground else fall + steepest * run
 
 
@@ -141,7 +130,6 @@ def _rises(along, z, i, last, begin, end, heading, limits, label):  # type: igno
 
     In dense clouds a step spreads over several points; looking back over a fixed distance finds it all the
     same.
-
     """
     max_slope, step, window = limits[0], limits[1], limits[5]
     j = last
@@ -157,10 +145,7 @@ def _rises(along, z, i, last, begin, end, heading, limits, label):  # type: igno
 
 @njit(cache=True, nogil=True)
 def _change(label, start, end, heading, before, after):  # type: ignore[no-untyped-def]
-    """
-    Change one label to another from `start` to before `end`.
-
-    """
+    """Change one label to another from `start` to before `end`."""
     i = start
     while i != end:
         if label[i] == before:

@@ -1,6 +1,5 @@
 """
 The last look along profiles: gaps between ground points are closed, what stands out on all sides is rejected.
-
 """
 
 from __future__ import annotations
@@ -54,7 +53,6 @@ def close_gaps(
         Spacing of the points [m].
     tolerance : float
         How far above a point may lie [m].
-
     """
     height, weight = np.zeros((2, len(profiles), len(ground)))
 
@@ -97,7 +95,6 @@ def reject_outliers(
         Spacing of the points [m].
     config : GroundFilterConfig
         The members that begin with `profile_`.
-
     """
     ground = ground.copy()
     limits = (REACH * spacing, config.profile_step, config.profile_rejection)
@@ -122,7 +119,6 @@ def reject_outliers(
 def _between(rows, first, along, elevation, ground, max_gap, height, weight):  # type: ignore[no-untyped-def]
     """
     Set the weighted height above the line between the nearest ground points of a profile, and the weight.
-
     """
     for k in range(len(first) - 1):
         last, ahead = -1, first[k]
@@ -149,7 +145,6 @@ def _between(rows, first, along, elevation, ground, max_gap, height, weight):  #
 def _stand_out(rows, first, along, elevation, ground, limits, judged, above):  # type: ignore[no-untyped-def]
     """
     Tell of each point whether it is ground with ground on both sides, and well above the line through it.
-
     """
     for k in range(len(first) - 1):
         for i in range(first[k], first[k + 1]):
@@ -169,7 +164,6 @@ def _line_across(rows, along, elevation, ground, i, begin, end, reach):  # type:
 
     Returns whether there are enough, the height of point i above the line [m], and the standard deviation of
     the others from it [m].
-
     """
     n, sides, st, sz, stt, stz, szz = 0, 0, 0.0, 0.0, 0.0, 0.0, 0.0
     for heading in (-1, 1):

@@ -1,7 +1,4 @@
-"""
-Local regression along profiles: ground points that stand out are rejected, others taken back.
-
-"""
+"""Local regression along profiles: ground points that stand out are rejected, others taken back."""
 
 from __future__ import annotations
 
@@ -55,7 +52,6 @@ def take_back(
         Spacing of the points [m].
     config : GroundFilterConfig
         The members that begin with `profile_`.
-
     """
     ground = ground.copy()
     reach = config.profile_reach * spacing
@@ -78,10 +74,7 @@ def take_back(
 
 
 class _Axis:
-    """
-    One set of profiles with the ground and the votes of its lines so far.
-
-    """
+    """One set of profiles with the ground and the votes of its lines so far."""
 
     def __init__(
         self,
@@ -100,10 +93,7 @@ class _Axis:
         self.votes = votes
 
     def judge(self, new: NDArray[np.intp], limits: tuple[float, ...]) -> None:
-        """
-        Add new ground and count the lines again of all points within its reach.
-
-        """
+        """Add new ground and count the lines again of all points within its reach."""
         one = self.profiles
         changed = self.place[new]
         self.ground[changed] = True
@@ -114,10 +104,7 @@ class _Axis:
 
 @njit(cache=True, nogil=True)
 def _joining(votes, ground, least):  # type: ignore[no-untyped-def]
-    """
-    Return the rows that are no ground yet and have enough half votes of all sets of profiles.
-
-    """
+    """Return the rows that are no ground yet and have enough half votes of all sets of profiles."""
     rows = np.empty(len(ground), dtype=np.intp)
     n = 0
     for i in range(len(ground)):
@@ -134,10 +121,7 @@ def _joining(votes, ground, least):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _mark_around(changed, along, line, ground, reach, stale):  # type: ignore[no-untyped-def]
-    """
-    Mark points that are no ground within reach of changed ones, on the same profile.
-
-    """
+    """Mark points that are no ground within reach of changed ones, on the same profile."""
     for i in changed:
         for heading in (-1, 1):
             j = i + heading
@@ -148,10 +132,7 @@ def _mark_around(changed, along, line, ground, reach, stale):  # type: ignore[no
 
 @njit(cache=True, nogil=True)
 def _judge(along, z, first, line, ground, stale, limits, rows, votes):  # type: ignore[no-untyped-def]
-    """
-    Count the lines that lead to each marked point.
-
-    """
+    """Count the lines that lead to each marked point."""
     reach, tolerance, tolerance_slope, roughness = limits
     for i in range(len(rows)):
         if not stale[i]:
@@ -178,7 +159,6 @@ def _line_beyond(along, z, i, heading, begin, end, ground, reach):  # type: igno
 
     Returns the number of points, 0 if too few for a line, the height of point i above the line [m], the
     line's slope, and the standard deviation of its points [m].
-
     """
     n, st, sz, stt, stz, szz = 0, 0.0, 0.0, 0.0, 0.0, 0.0
     j = i + heading

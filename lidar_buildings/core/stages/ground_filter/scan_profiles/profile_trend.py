@@ -1,7 +1,4 @@
-"""
-The trend of a terrain: local planes through ground points, on a grid.
-
-"""
+"""The trend of a terrain: local planes through ground points, on a grid."""
 
 from __future__ import annotations
 
@@ -37,7 +34,6 @@ class Trend:
         South-west corner of the grid [m].
     cell : float
         Side of a cell [m].
-
     """
 
     elevation: NDArray[np.float64]
@@ -46,24 +42,15 @@ class Trend:
     cell: float
 
     def elevation_at(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
-        """
-        Return the trend's elevation at points [m].
-
-        """
+        """Return the trend's elevation at points [m]."""
         return self._at(self.elevation, points)
 
     def gradient_at(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
-        """
-        Return the trend's gradient at points, shape (n_points, 2).
-
-        """
+        """Return the trend's gradient at points, shape (n_points, 2)."""
         return np.column_stack([self._at(part, points) for part in self.gradient])
 
     def _at(self, values: NDArray[np.float64], points: NDArray[np.float64]) -> NDArray[np.float64]:
-        """
-        Interpolate between the middles of cells.
-
-        """
+        """Interpolate between the middles of cells."""
         column, row = ((points[:, :2] - self.corner) / self.cell - 0.5).T
         return ndimage.map_coordinates(values, [row, column], order=1, mode="nearest")
 
@@ -93,7 +80,6 @@ def fit_trend(
         Fineness of the grid; cells grow where there would be too many.
     far : bool
         Whether planes are wanted further than three radii away from any ground.
-
     """
     cell = radius / cells_per_radius
     low, extent = points[:, :2].min(axis=0), np.ptp(points[:, :2], axis=0)
@@ -127,7 +113,6 @@ def _planes(
 
     `level` is added to the variances in plan [m²]: points that are all near one place, or on a line, have no
     slope beyond it.
-
     """
     weight = np.maximum(moments[0], 1e-30)
     mx, my, mz, mxx, mxy, myy, mxz, myz = moments[1:] / weight
@@ -139,10 +124,7 @@ def _planes(
 
 
 def _smoothed(sums: NDArray[np.float64], sigma: float, far: bool) -> NDArray[np.float64]:
-    """
-    Smooth sums, with a little of what lies further away where there is nothing near.
-
-    """
+    """Smooth sums, with a little of what lies further away where there is nothing near."""
     smoothed = _blur(sums, sigma) + FLOOR * sums.mean()
     return smoothed + FAR_WEIGHT * _blur(sums, FAR * sigma) if far else smoothed
 
@@ -150,7 +132,6 @@ def _smoothed(sums: NDArray[np.float64], sigma: float, far: bool) -> NDArray[np.
 def _blur(values: NDArray[np.float64], sigma: float) -> NDArray[np.float64]:
     """
     Smooth with nearly Gaussian weights, three moving means one after another; nothing lies beyond the grid.
-
     """
     # Three means over w cells have a variance of (w² - 1) / 4.
     width = max(round(math.sqrt(4.0 * sigma * sigma + 1.0)), 1)

@@ -1,7 +1,4 @@
-"""
-Profiles: sequences of points along which a terrain is walked, scan lines or strips cut through a cloud.
-
-"""
+"""Profiles: sequences of points along which a terrain is walked, scan lines or strips cut through a cloud."""
 
 from __future__ import annotations
 
@@ -28,7 +25,6 @@ class Profiles:
         Where each profile begins in `rows`; the last one is the number of points.
     along : ndarray of shape (n_points,)
         Distance along the profile, never falling within one [m].
-
     """
 
     rows: NDArray[np.intp]
@@ -36,10 +32,7 @@ class Profiles:
     along: NDArray[np.float64]
 
     def along_chosen(self, chosen: NDArray[np.bool_]) -> Profiles:
-        """
-        Return the profiles of the chosen rows alone, numbered as they follow each other in the cloud.
-
-        """
+        """Return the profiles of the chosen rows alone, numbered as they follow each other in the cloud."""
         kept = chosen[self.rows]
         before = np.concatenate(([0], np.cumsum(kept)))
         number = np.cumsum(chosen) - 1
@@ -60,7 +53,6 @@ def cut_profiles(points: NDArray[np.float64], width: float, direction_deg: float
         Width of the strips [m]; doubled until an enormous extent can be numbered.
     direction_deg : float
         Direction of travel, from x towards y [deg].
-
     """
     angle = math.radians(direction_deg)
     along = points[:, 0] * math.cos(angle) + points[:, 1] * math.sin(angle)
@@ -85,7 +77,6 @@ def sorted_profiles(
         Place along the line [m].
     xy : ndarray of shape (n_points, 2), optional
         Points in the plane, if distances are to be measured from point to point instead of by `along` [m].
-
     """
     if len(line) == 0:
         nothing = np.zeros(0, dtype=np.intp)

@@ -1,6 +1,5 @@
 """
 Scan lines from what a file says of the scan: time, direction flag, angle, or the order of its points alone.
-
 """
 
 from __future__ import annotations
@@ -50,17 +49,13 @@ class ScanLines:
         Number of the line, in the order of the scan.
     way : ndarray of shape (n_points,), float32
         Place along the direction of the lines, from the line's first point [m].
-
     """
 
     line: NDArray[np.int32]
     way: NDArray[np.float32]
 
     def profiles(self, points: NDArray[np.float64], rows: NDArray[np.intp]) -> Profiles:
-        """
-        Return the lines as profiles of some of the points, numbered as in `rows`.
-
-        """
+        """Return the lines as profiles of some of the points, numbered as in `rows`."""
         return sorted_profiles(self.line[rows].astype(float), self.way[rows].astype(float), points[rows, :2])
 
 
@@ -93,7 +88,6 @@ def find_scan_lines(
     -------
     ScanLines or None
         None if the order is not that of a scan: shuffled, or sorted by tiles or by a curve.
-
     """
     n = len(points)
     if n < 2:
@@ -120,7 +114,6 @@ def _order_in_time(
 ) -> NDArray[np.intp] | None:
     """
     Return the rows by strip and time, None where neither is known; the returns of a pulse from the top down.
-
     """
     order = None
     if gps_time is not None and np.isfinite(gps_time).all() and gps_time.min() < gps_time.max():
@@ -139,10 +132,7 @@ def _turns(
     way: NDArray[np.float64],
     median_step: float,
 ) -> Iterator[NDArray[np.bool_]]:
-    """
-    Yield for each way of telling lines apart whether one ends between two points.
-
-    """
+    """Yield for each way of telling lines apart whether one ends between two points."""
     if flag is not None:
         flag = flag[order]
         yield flag[1:] != flag[:-1]
@@ -154,7 +144,6 @@ def _turns(
 def _axes(products: NDArray[np.float64]) -> NDArray[np.float64]:
     """
     Return the main axis of each block's steps, whichever way they go; neighbouring blocks in like directions.
-
     """
     axes = np.empty((len(products), 2))
     last = np.array([1.0, 0.0])
@@ -171,10 +160,7 @@ def _is_scan(
     ends: NDArray[np.bool_],
     spacing: float,
 ) -> bool:
-    """
-    Whether most points lie on lines that lead somewhere without detours.
-
-    """
+    """Whether most points lie on lines that lead somewhere without detours."""
     extent = np.maximum.reduceat(way, first) - np.minimum.reduceat(way, first)
     length = float(np.diff(first, append=len(way)) @ extent) / len(way)
     path = float(np.sum(step, where=~ends, dtype=np.float64))
@@ -185,7 +171,6 @@ def _is_scan(
 def _steps(points, order, strip, max_step):  # type: ignore[no-untyped-def]
     """
     Measure the steps from point to point [m], mark jumps, and sum up products of the others block by block.
-
     """
     n = len(order) - 1
     step, jump = np.empty(n, dtype=np.float32), np.empty(n, dtype=np.bool_)
@@ -204,10 +189,7 @@ def _steps(points, order, strip, max_step):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _way(points, order, jump, axes):  # type: ignore[no-untyped-def]
-    """
-    Return how far each point lies along the direction of the lines [m]; jumps count as no step.
-
-    """
+    """Return how far each point lies along the direction of the lines [m]; jumps count as no step."""
     way = np.zeros(len(order))
     for i in range(len(jump)):
         p, q, axis = order[i], order[i + 1], axes[i // BLOCK]
@@ -218,10 +200,7 @@ def _way(points, order, jump, axes):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _by_row(order, ends, way):  # type: ignore[no-untyped-def]
-    """
-    Return each row's line and its place on it, counted from the line's first point.
-
-    """
+    """Return each row's line and its place on it, counted from the line's first point."""
     line, place = np.empty(len(order), dtype=np.int32), np.empty(len(order), dtype=np.float32)
     number, begin = 0, way[0]
     for i in range(len(order)):
@@ -233,10 +212,7 @@ def _by_row(order, ends, way):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _sort_pulses(order, gps_time, points):  # type: ignore[no-untyped-def]
-    """
-    Sort rows of equal times by elevation from the top, then by x and y, in place.
-
-    """
+    """Sort rows of equal times by elevation from the top, then by x and y, in place."""
     begin = 0
     for end in range(1, len(order) + 1):
         if end < len(order) and gps_time[order[end]] == gps_time[order[begin]]:
@@ -252,10 +228,7 @@ def _sort_pulses(order, gps_time, points):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _above(p, q):  # type: ignore[no-untyped-def]
-    """
-    Whether p lies higher than q, ties broken by x, then y.
-
-    """
+    """Whether p lies higher than q, ties broken by x, then y."""
     if p[2] != q[2]:
         return p[2] > q[2]
     if p[0] != q[0]:
@@ -265,10 +238,7 @@ def _above(p, q):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _turning_points(value, back):  # type: ignore[no-untyped-def]
-    """
-    Mark the steps after which a signal, having gone one way, comes back by more than `back`.
-
-    """
+    """Mark the steps after which a signal, having gone one way, comes back by more than `back`."""
     turns = np.zeros(max(len(value) - 1, 0), dtype=np.bool_)
     low, high, far, heading = 0, 0, 0, 0
     for i in range(1, len(value)):

@@ -1,7 +1,4 @@
-"""
-Facing walls of different buildings, laid on one line between them.
-
-"""
+"""Facing walls of different buildings, laid on one line between them."""
 
 from __future__ import annotations
 
@@ -41,7 +38,6 @@ class Walls(NamedTuple):
         Whose they are.
     before : ndarray of int64, shape (n_walls,)
         The wall that ends where each starts.
-
     """
 
     start: NDArray[np.float64]
@@ -51,10 +47,7 @@ class Walls(NamedTuple):
 
     @property
     def length(self) -> NDArray[np.float64]:
-        """
-        [m].
-
-        """
+        """[m]."""
         return np.hypot(*(self.end - self.start).T)
 
 
@@ -68,7 +61,6 @@ class Lines(NamedTuple):
         [m].
     group : ndarray of int64, shape (n_walls,)
         Walls of one group have the same line; −1 where a wall keeps its own.
-
     """
 
     point: NDArray[np.float64]
@@ -76,10 +68,7 @@ class Lines(NamedTuple):
     group: NDArray[np.int64]
 
     def foot(self, wall: int, place: NDArray[np.float64]) -> NDArray[np.float64]:
-        """
-        Return the place on a wall's line that is nearest.
-
-        """
+        """Return the place on a wall's line that is nearest."""
         along = self.along[wall]
         return np.asarray(self.point[wall] + along * ((place - self.point[wall]) @ along))
 
@@ -99,7 +88,6 @@ def on_common_lines(polygons: NDArray[np.object_], gaps: NDArray[np.float64]) ->
     -------
     ndarray of Polygon, shape (n_buildings,)
         Not valid where walls of a building came to cross each other.
-
     """
     rings, ring_of = shapely.get_rings(polygons, return_index=True)
     walls = _walls_of(rings, ring_of)
@@ -125,10 +113,7 @@ def on_common_lines(polygons: NDArray[np.object_], gaps: NDArray[np.float64]) ->
 
 
 def _walls_of(rings: NDArray[np.object_], ring_of: NDArray[np.int64]) -> Walls:
-    """
-    Return the edges of closed rings.
-
-    """
+    """Return the edges of closed rings."""
     starts, ends, before, building = [], [], [], []
     first = 0
     for ring, owner in zip(rings, ring_of, strict=True):
@@ -145,7 +130,6 @@ def _walls_of(rings: NDArray[np.object_], ring_of: NDArray[np.int64]) -> Walls:
 def _is_chord(walls: Walls) -> NDArray[np.bool_]:
     """
     Tell which walls are chords of an arc: one of three or more in a row that are equal and turn equally.
-
     """
     after = np.empty_like(walls.before)
     after[walls.before] = np.arange(len(after))
@@ -164,7 +148,6 @@ def _is_chord(walls: Walls) -> NDArray[np.bool_]:
 def _facing(walls: Walls, gaps: NDArray[np.float64]) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
     """
     Return pairs of walls of different buildings that run side by side, and how far apart, up to the gap.
-
     """
     segments = shapely.linestrings(np.stack([walls.start, walls.end], axis=1))
     found = shapely.STRtree(segments).query(segments, predicate="dwithin", distance=gaps.max())
@@ -193,10 +176,7 @@ def _facing(walls: Walls, gaps: NDArray[np.float64]) -> tuple[NDArray[np.int64],
 def _common(
     walls: Walls, pairs: NDArray[np.int64], apart: NDArray[np.float64], gaps: NDArray[np.float64]
 ) -> Lines:
-    """
-    Return the line of each wall: of its group if it faces others, else its own.
-
-    """
+    """Return the line of each wall: of its group if it faces others, else its own."""
     n = len(walls.building)
     label = sets_of_pairs(n, pairs[:, 0], pairs[:, 1])
     along = (walls.end - walls.start) / np.maximum(walls.length, 1e-12)[:, None]
@@ -216,10 +196,7 @@ def _common(
 
 
 def _fitted(walls: Walls, members: NDArray[np.int64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """
-    Fit a line to all points of walls by orthogonal least squares.
-
-    """
+    """Fit a line to all points of walls by orthogonal least squares."""
     start, end, weight = walls.start[members], walls.end[members], walls.length[members]
     middle, half = (start + end) / 2.0, (end - start) / 2.0
     point = weight @ middle / weight.sum()
@@ -230,10 +207,7 @@ def _fitted(walls: Walls, members: NDArray[np.int64]) -> tuple[NDArray[np.float6
 
 
 def _corners(walls: Walls, lines: Lines, wall: int, gap: float) -> list[NDArray[np.float64]]:
-    """
-    Return the vertices between a wall and the one before it.
-
-    """
+    """Return the vertices between a wall and the one before it."""
     before, corner = walls.before[wall], walls.start[wall]
     groups = lines.group[before], lines.group[wall]
     if groups == (-1, -1):

@@ -1,6 +1,5 @@
 """
 The block as a partition: every face of the arrangement of all outlines belongs to one building or to none.
-
 """
 
 from __future__ import annotations
@@ -40,7 +39,6 @@ def partitioned(
     ndarray of Polygon or None, shape (n_buildings,)
         Touching ones have the same vertices along their common walls; None for one that is nothing any more,
         or of several parts.
-
     """
     slots = _slots(polygons, gaps)
     rings = shapely.get_parts(shapely.boundary(np.concatenate([polygons, slots])))
@@ -56,7 +54,6 @@ def partitioned(
 def _slots(polygons: NDArray[np.object_], gaps: NDArray[np.float64]) -> NDArray[np.object_]:
     """
     Return the places between two buildings that are too narrow to stay open, though they are at one end.
-
     """
     reach = gaps.max() / 2.0
     if reach == 0.0:
@@ -76,10 +73,7 @@ def _slots(polygons: NDArray[np.object_], gaps: NDArray[np.float64]) -> NDArray[
 
 
 def _narrow(places: NDArray[np.object_], width: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """
-    Tell which places are nowhere wider than this, but for the grid.
-
-    """
+    """Tell which places are nowhere wider than this, but for the grid."""
     return np.asarray(shapely.is_empty(shapely.buffer(places, -(width / 2.0 + GRID), join_style="mitre")))
 
 
@@ -90,7 +84,6 @@ def _owners(
     Return the building of each face, −1 for none: of several the one whose points it is among.
 
     If that does not tell, the one that has more to lose.
-
     """
     inside = shapely.point_on_surface(faces)
     building, face = shapely.STRtree(inside).query(polygons, predicate="contains")
@@ -104,10 +97,7 @@ def _owners(
 
 
 def _drop_loose_parts(faces: NDArray[np.object_], owner: NDArray[np.int64], n_buildings: int) -> None:
-    """
-    Take from buildings what no longer hangs on their largest part.
-
-    """
+    """Take from buildings what no longer hangs on their largest part."""
     for building in range(n_buildings):
         own = np.flatnonzero(owner == building)
         if len(own) < 2:
@@ -119,10 +109,7 @@ def _drop_loose_parts(faces: NDArray[np.object_], owner: NDArray[np.int64], n_bu
 
 
 def _fill(faces: NDArray[np.object_], owner: NDArray[np.int64], gaps: NDArray[np.float64]) -> None:
-    """
-    Give narrow faces between two buildings to the one with the longer border, until nothing changes.
-
-    """
+    """Give narrow faces between two buildings to the one with the longer border, until nothing changes."""
     open_faces = np.flatnonzero(owner < 0)
     open_faces = open_faces[_narrow(faces[open_faces], np.full(len(open_faces), gaps.max()))]
     if len(open_faces) == 0:

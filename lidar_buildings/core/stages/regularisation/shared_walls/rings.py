@@ -1,7 +1,4 @@
-"""
-Buildings put together from faces, in the coordinates that their outlines had.
-
-"""
+"""Buildings put together from faces, in the coordinates that their outlines had."""
 
 from __future__ import annotations
 
@@ -25,7 +22,6 @@ def merged_rings(
 
     Vertices that an outline had get back the coordinates they had there, the same in all buildings. Those
     that are not `kept` go where no wall bends or begins.
-
     """
     merged = np.array(
         [shapely.coverage_union_all(faces[owner == building]) for building in range(len(polygons))],
@@ -49,28 +45,19 @@ def merged_rings(
 
 
 def _cells(places: NDArray[np.float64], grid: float) -> list[tuple[int, int]]:
-    """
-    Return the grid cells that places are the middle of, or nearest to.
-
-    """
+    """Return the grid cells that places are the middle of, or nearest to."""
     return [(x, y) for x, y in np.rint(places / grid).astype(np.int64).tolist()]
 
 
 def _known_places(polygons: NDArray[np.object_], grid: float) -> dict[tuple[int, int], tuple[float, float]]:
-    """
-    Return the coordinates of the outlines' vertices by cell; of several in a cell the least.
-
-    """
+    """Return the coordinates of the outlines' vertices by cell; of several in a cell the least."""
     places = shapely.get_coordinates(polygons)
     places = places[np.lexsort(places.T[::-1])][::-1]
     return {cell: (x, y) for cell, (x, y) in zip(_cells(places, grid), places.tolist(), strict=True)}
 
 
 def _straight(rings: list[list[tuple[int, int]]], kept: set[tuple[int, int]]) -> set[tuple[int, int]]:
-    """
-    Return the vertices, but for those kept, that lie between the same two on a line in all rings.
-
-    """
+    """Return the vertices, but for those kept, that lie between the same two on a line in all rings."""
     neighbours: dict[tuple[int, int], set[tuple[int, int]]] = {}
     for ring in rings:
         for before, cell, after in zip(ring[-1:] + ring[:-1], ring, ring[1:] + ring[:1], strict=True):

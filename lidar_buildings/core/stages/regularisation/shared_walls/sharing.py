@@ -1,7 +1,4 @@
-"""
-The public function, and what becomes of buildings that sharing would spoil.
-
-"""
+"""The public function, and what becomes of buildings that sharing would spoil."""
 
 from __future__ import annotations
 
@@ -32,7 +29,6 @@ class SharedWalls:
         In the order they were given.
     reasons : tuple of str
         For each, why it stayed as it was although it touches others; empty where there is nothing to say.
-
     """
 
     outlines: tuple[Outline, ...]
@@ -75,7 +71,6 @@ def share_walls(
     -----
     Neither the order of the buildings nor the first vertex of a ring matters. Vertices closer than 1 mm
     become one. Shared vertices are equal numbers, so that they stay equal when rounded to float32.
-
     """
     gaps = _checked_gaps(outlines, traced, max_gap)
     order = np.array(sorted(range(len(outlines)), key=lambda k: _key(outlines[k])), dtype=np.int64)
@@ -101,10 +96,7 @@ def share_walls(
 def _shared(
     polygons: NDArray[np.object_], hints: NDArray[np.object_], gaps: NDArray[np.float64]
 ) -> NDArray[np.object_]:
-    """
-    Return buildings that share their walls, None where one would be nothing or of several parts.
-
-    """
+    """Return buildings that share their walls, None where one would be nothing or of several parts."""
     if len(polygons) == 0:
         return polygons
     laid = on_common_lines(polygons, gaps)
@@ -115,10 +107,7 @@ def _shared(
 
 
 def _touches(polygons: NDArray[np.object_], gaps: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """
-    Tell which buildings have another one within the gap.
-
-    """
+    """Tell which buildings have another one within the gap."""
     touches = np.zeros(len(polygons), dtype=bool)
     if len(polygons) > 1:
         near = shapely.STRtree(polygons).query(polygons, predicate="dwithin", distance=gaps.max())
@@ -131,18 +120,12 @@ def _touches(polygons: NDArray[np.object_], gaps: NDArray[np.float64]) -> NDArra
 def _most_gained(
     polygons: NDArray[np.object_] | shapely.Polygon, gaps: NDArray[np.float64] | float
 ) -> NDArray[np.float64]:
-    """
-    Return by how much buildings may grow [m²].
-
-    """
+    """Return by how much buildings may grow [m²]."""
     return np.maximum(MAX_CHANGE * shapely.area(polygons), 0.5 * gaps * shapely.length(polygons))
 
 
 def _fault(before: shapely.Polygon, after: shapely.Polygon | None, gap: float) -> str:
-    """
-    Say what is wrong with a building's shared outline, nothing if it is sound.
-
-    """
+    """Say what is wrong with a building's shared outline, nothing if it is sound."""
     if after is None:
         return "sharing walls would leave nothing of it or several parts"
     if not after.is_valid:
@@ -157,7 +140,6 @@ def _fault(before: shapely.Polygon, after: shapely.Polygon | None, gap: float) -
 def _as_given(polygon: shapely.Polygon, before: Outline) -> Outline:
     """
     Return a polygon as an outline, each ring from the vertex on that the one before began with, if it can.
-
     """
     rings = [shapely.get_coordinates(ring)[:-1] for ring in (polygon.exterior, *polygon.interiors)]
     after = Outline(rings[0], tuple(rings[1:])).oriented()
@@ -169,19 +151,13 @@ def _as_given(polygon: shapely.Polygon, before: Outline) -> Outline:
 
 
 def _begun(ring: NDArray[np.float64], first: NDArray[np.float64]) -> NDArray[np.float64]:
-    """
-    Turn a ring so that it begins with one of these vertices, else with its westernmost.
-
-    """
+    """Turn a ring so that it begins with one of these vertices, else with its westernmost."""
     known = np.flatnonzero(_places(ring, first) < len(first))
     return np.roll(ring, -(known[0] if len(known) else np.lexsort(ring.T[::-1])[0]), axis=0)
 
 
 def _places(vertices: NDArray[np.float64], among: NDArray[np.float64]) -> NDArray[np.int64]:
-    """
-    Return where among others equal vertices stand, the number of these for one that has no equal.
-
-    """
+    """Return where among others equal vertices stand, the number of these for one that has no equal."""
     equal = (vertices[:, None] == among[None]).all(axis=2)
     return np.where(equal.any(axis=1), equal.argmax(axis=1), len(among))
 
@@ -189,16 +165,12 @@ def _places(vertices: NDArray[np.float64], among: NDArray[np.float64]) -> NDArra
 def _polygon(outline: Outline) -> shapely.Polygon:
     """
     Return an outline as a polygon whose rings begin with their westernmost vertices, empty without a ring.
-
     """
     return outline.polygon.normalize()
 
 
 def _key(outline: Outline) -> tuple[float, ...]:
-    """
-    Return by what buildings are put in order, whatever the order they come in.
-
-    """
+    """Return by what buildings are put in order, whatever the order they come in."""
     ring = outline.exterior
     if len(ring) == 0:
         return ()
@@ -208,10 +180,7 @@ def _key(outline: Outline) -> tuple[float, ...]:
 def _checked_gaps(
     outlines: Sequence[Outline], traced: Sequence[Outline], max_gap: ArrayLike
 ) -> NDArray[np.float64]:
-    """
-    Return the gap of each building.
-
-    """
+    """Return the gap of each building."""
     if len(traced) != len(outlines):
         raise ValueError(f"traced has {len(traced)} outlines: must be as many as outlines, {len(outlines)}")
     gaps = np.asarray(max_gap, dtype=np.float64)

@@ -4,5 +4,4 @@ Method ``smooth_patches``, the default: `roofs` has the steps, in the order of t
 `roof_patches` starts roofs (but for `foliage` and `decks`), `canopies` and `parapets` complete them,
 `narrow_parts` and `attached_parts` drop what is too narrow; `wet_roofs` adds roofs of which only
 the rims came back.
-
 """

@@ -1,7 +1,4 @@
-"""
-What is attached to a building at another level, and too narrow: balconies, awnings, lorries at a dock.
-
-"""
+"""What is attached to a building at another level, and too narrow: balconies, awnings, lorries at a dock."""
 
 from __future__ import annotations
 
@@ -47,7 +44,6 @@ def wide_levels(
     config : RoofSelectionConfig
         `max_part_area`: of smaller parts what is narrower than `min_roof_width` goes. Parts that only touch
         other roofs go if they are nowhere as wide as `min_building_width`.
-
     """
     kept = np.ones(len(points), dtype=bool)
     if len(points) == 0 or config.min_roof_width < 2.0 * cell:
@@ -80,7 +76,6 @@ def _with_surroundings(
 ) -> Iterator[tuple[int, NDArray[np.int64], NDArray[np.int64]]]:
     """
     Go through the parts asked for: number, rows, and the rows within their bounds and a margin of cells.
-
     """
     rows_of_part = np.split(np.argsort(part, kind="stable"), np.cumsum(np.bincount(part))[:-1])
     blocks, inverse, count = np.unique(
@@ -98,20 +93,14 @@ def _with_surroundings(
 
 
 def _plan(cells: NDArray[np.int64], shape: NDArray[np.int64]) -> NDArray[np.bool_]:
-    """
-    Return a window with these cells occupied.
-
-    """
+    """Return a window with these cells occupied."""
     plan = np.zeros(shape, dtype=bool)
     plan[tuple(cells.T)] = True
     return plan
 
 
 def _contact(own: NDArray[np.bool_], others: NDArray[np.bool_], cell: float) -> float:
-    """
-    Return which share of a part's rim lies beside other roofs.
-
-    """
+    """Return which share of a part's rim lies beside other roofs."""
     if not others.any():
         return 0.0
     own = closed(own)

@@ -1,7 +1,4 @@
-"""
-Canopies: what stands above a roof and lets pulses through to it, as crowns do and chimneys do not.
-
-"""
+"""Canopies: what stands above a roof and lets pulses through to it, as crowns do and chimneys do not."""
 
 from __future__ import annotations
 
@@ -44,7 +41,6 @@ def is_canopy(
         Which others are asked for; parts are what steps of a radius connect among them.
     radius : float
         Radius of a neighbourhood [m].
-
     """
     canopy = np.zeros(len(points), dtype=bool)
     rows = np.flatnonzero(above)
@@ -66,10 +62,7 @@ def is_canopy(
 
 @njit(cache=True, nogil=True)
 def _count_seen(grid, part, reach, counts):  # type: ignore[no-untyped-def]
-    """
-    Count for each part the roof points (of no part) that it hangs over, seen in most directions.
-
-    """
+    """Count for each part the roof points (of no part) that it hangs over, seen in most directions."""
     points = grid.points
     near = np.empty(len(points), dtype=np.int64)
     seen = np.zeros(N_SECTORS, dtype=np.bool_)

@@ -1,7 +1,4 @@
-"""
-Decks: bridges and viaducts, which meet the ground at their own level at two opposite ends.
-
-"""
+"""Decks: bridges and viaducts, which meet the ground at their own level at two opposite ends."""
 
 from __future__ import annotations
 
@@ -48,7 +45,6 @@ def is_deck(
     -------
     ndarray of bool, shape (n_surfaces,)
         The order of the points does not matter.
-
     """
     n = label.max(initial=-1) + 1
     cell = max(CELL, cell)
@@ -68,7 +64,6 @@ def _top_of_cells(
 ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
     """
     Return the middle of each cell that a surface occupies, as high as its highest point, and the surface.
-
     """
     cells = np.floor(points[:, :2] / cell)
     order = np.lexsort((points[:, 2], cells[:, 1], cells[:, 0], label))
@@ -80,10 +75,7 @@ def _top_of_cells(
 
 
 def _voxels(points: NDArray[np.float64], cell: float) -> NDArray[np.float64]:
-    """
-    Return the middles of occupied voxels, half a step high, so that ground is thin.
-
-    """
+    """Return the middles of occupied voxels, half a step high, so that ground is thin."""
     size = np.array([cell, cell, MAX_STEP / 2.0])
     voxels = np.floor(points / size)
     voxels = voxels[np.lexsort(voxels.T)]
@@ -96,7 +88,6 @@ def _voxels(points: NDArray[np.float64], cell: float) -> NDArray[np.float64]:
 def _count_ends(grid, owner, reach, ends, met):  # type: ignore[no-untyped-def]
     """
     Count, by surface and sector, the cells beyond which it does not go on, and those of them with ground.
-
     """
     near = np.empty(len(grid.points), dtype=np.int64)
     goes_on, is_met = np.zeros(N_SECTORS, dtype=np.bool_), np.zeros(N_SECTORS, dtype=np.bool_)

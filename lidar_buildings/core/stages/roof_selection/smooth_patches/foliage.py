@@ -1,7 +1,4 @@
-"""
-Flat spots of foliage: clipped hedges and crowns that are as smooth as a roof over a few square metres.
-
-"""
+"""Flat spots of foliage: clipped hedges and crowns that are as smooth as a roof over a few square metres."""
 
 from __future__ import annotations
 
@@ -48,7 +45,6 @@ class Patches(NamedTuple):
         Their unit normals.
     area : ndarray of shape (n_patches,)
         In plan [m²].
-
     """
 
     rows: NDArray[np.int64]
@@ -57,10 +53,7 @@ class Patches(NamedTuple):
     area: NDArray[np.float64]
 
     def mean(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
-        """
-        Return the mean of the smooth points' values in each patch.
-
-        """
+        """Return the mean of the smooth points' values in each patch."""
         return np.bincount(self.label, values) / np.bincount(self.label)
 
 
@@ -85,7 +78,6 @@ def is_foliage(
     -------
     ndarray of bool, shape (n_patches,)
         Without return numbers only the loose points tell.
-
     """
     points, radius = candidates.points, candidates.radius
     split = patches.mean(share_around(points, ~candidates.is_only, SPLIT_REACH * radius)[patches.rows])
@@ -101,10 +93,7 @@ def _loose_per_point(
     radius: float,
     config: RoofSelectionConfig,
 ) -> NDArray[np.float64]:
-    """
-    Return how many points that go on no surface lie around each patch, per point of the patch.
-
-    """
+    """Return how many points that go on no surface lie around each patch, per point of the patch."""
     area, normals = np.zeros(len(points)), np.zeros((len(points), 3))
     area[patches.rows], normals[patches.rows] = patches.area[patches.label], patches.normals
     is_surface = area >= config.min_patch_area
@@ -120,10 +109,7 @@ def _loose_per_point(
 
 @njit(cache=True, nogil=True)
 def _count_loose(grid, label, is_loose, radius, counts):  # type: ignore[no-untyped-def]
-    """
-    Add each loose point to the count of every patch near it but its own, once.
-
-    """
+    """Add each loose point to the count of every patch near it but its own, once."""
     near = np.empty(len(grid.points), dtype=np.int64)
     counted_last = np.full(len(counts), -1, dtype=np.int64)
     for i in range(len(grid.points)):

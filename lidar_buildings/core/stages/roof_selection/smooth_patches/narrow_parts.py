@@ -1,6 +1,5 @@
 """
 What is too narrow to be a building: hedges, balconies, walls; and vehicles, which are narrow as a whole.
-
 """
 
 from __future__ import annotations
@@ -38,7 +37,6 @@ def half_widths(points: NDArray[np.float64], cell: float, max_width: float) -> N
     ndarray of shape (n_points,)
         To within half a cell [m]. The order of the points does not matter, nor what lies farther away
         than the width and some cells.
-
     """
     return _measured(points, cell, max_width, lambda plan: (to_edge(plan) - 0.5) * cell)
 
@@ -55,7 +53,6 @@ def wide_enough(points: NDArray[np.float64], cell: float, min_width: float) -> N
         As for `half_widths`.
     min_width : float
         Diameter of the disc [m]; one below two cells says nothing, and all points pass.
-
     """
     if min_width < 2.0 * cell:
         return np.ones(len(points), dtype=bool)
@@ -65,17 +62,13 @@ def wide_enough(points: NDArray[np.float64], cell: float, min_width: float) -> N
 def opened(depth: NDArray[np.float64], width: float) -> NDArray[np.bool_]:
     """
     Tell which cells lie within a disc, of a diameter in cells, within a plan given by distances to its edge.
-
     """
     core = depth >= width / 2.0
     return ndimage.distance_transform_edt(~core) <= width / 2.0 + 1.0 if core.any() else core
 
 
 def _measured(points, cell, width, measure):  # type: ignore[no-untyped-def]
-    """
-    Return what `measure` makes of the plan at each point, block by block with a margin.
-
-    """
+    """Return what `measure` makes of the plan at each point, block by block with a margin."""
     values = np.zeros(len(points))
     cells = np.floor(points[:, :2] / cell).astype(np.int64)
     blocks, block = np.unique(cells // BLOCK, axis=0, return_inverse=True)
@@ -92,17 +85,13 @@ def _measured(points, cell, width, measure):  # type: ignore[no-untyped-def]
 
 
 def closed(plan: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """
-    Return a plan with cells filled that are empty by chance.
-
-    """
+    """Return a plan with cells filled that are empty by chance."""
     return plan | ndimage.binary_closing(plan, CLOSING)
 
 
 def to_edge(plan: NDArray[np.bool_]) -> NDArray[np.float64]:
     """
     Return the distance of each cell from the nearest empty one in cells; the window's limits are no edges.
-
     """
     distance = ndimage.distance_transform_edt(np.pad(plan, 1, mode="edge"))[1:-1, 1:-1]
     return np.asarray(distance, dtype=np.float64)

@@ -1,7 +1,4 @@
-"""
-Parapets: thin rims that stand a little higher than the roof beside them, all along.
-
-"""
+"""Parapets: thin rims that stand a little higher than the roof beside them, all along."""
 
 from __future__ import annotations
 
@@ -45,7 +42,6 @@ def find_parapets(
         Which of them are smooth roof, above which rims rise.
     radius : float
         Longest step along a rim [m].
-
     """
     rise = np.full(len(points), np.inf)
     reach = max(REACH, radius)
@@ -61,20 +57,14 @@ def find_parapets(
 
 
 def _is_even(rise: NDArray[np.float64], part: NDArray[np.int64]) -> NDArray[np.bool_]:
-    """
-    Tell which parts rise about as much everywhere.
-
-    """
+    """Tell which parts rise about as much everywhere."""
     n = np.bincount(part)
     mean = np.bincount(part, rise) / n
     return np.sqrt(np.bincount(part, (rise - mean[part]) ** 2) / n) <= MAX_UNEVENNESS
 
 
 def _lengths(points: NDArray[np.float64], part: NDArray[np.int64]) -> NDArray[np.float64]:
-    """
-    Return the diagonals of the parts' bounds in plan [m].
-
-    """
+    """Return the diagonals of the parts' bounds in plan [m]."""
     low, high = np.full((part.max() + 1, 2), np.inf), np.full((part.max() + 1, 2), -np.inf)
     np.minimum.at(low, part, points[:, :2])
     np.maximum.at(high, part, points[:, :2])
@@ -85,7 +75,6 @@ def _lengths(points: NDArray[np.float64], part: NDArray[np.int64]) -> NDArray[np
 def _rises(grid, roof, surface, reach, rise, begin, end):  # type: ignore[no-untyped-def]
     """
     Measure how far sorted points begin to end lie above the lowest surface beside them, if none is higher.
-
     """
     near = np.empty(len(grid.points), dtype=np.int64)
     for i in range(begin, end):

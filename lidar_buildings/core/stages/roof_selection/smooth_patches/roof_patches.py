@@ -1,7 +1,4 @@
-"""
-The smooth patches of opaque surface that roofs are made of.
-
-"""
+"""The smooth patches of opaque surface that roofs are made of."""
 
 from __future__ import annotations
 
@@ -49,7 +46,6 @@ class RoofSurface:
         Point of a smooth surface steeper than a roof.
     normals : ndarray of shape (n_points, 3)
         Unit normals of the surface points, 0 elsewhere.
-
     """
 
     is_surface: NDArray[np.bool_]
@@ -68,7 +64,6 @@ def find_roof_surface(candidates: Candidates, config: RoofSelectionConfig) -> Ro
         decks are.
     config : RoofSelectionConfig
         The stage's parameters.
-
     """
     points, height, is_last, _, ground, radius, cell = candidates
     n = len(points)
@@ -107,10 +102,7 @@ def find_roof_surface(candidates: Candidates, config: RoofSelectionConfig) -> Ro
 def _link_lengths(
     n_neighbours: NDArray[np.int64], chosen: NDArray[np.float64], radius: float
 ) -> NDArray[np.float64]:
-    """
-    Return the longest link of each point: its own radius where few points lie, as on wet or dark roofs.
-
-    """
+    """Return the longest link of each point: its own radius where few points lie, as on wet or dark roofs."""
     is_sparse = n_neighbours * (radius / chosen) ** 2 < MIN_PLANE_POINTS
     return np.where(is_sparse, chosen, radius)
 
@@ -122,10 +114,7 @@ def _judged(
     height: NDArray[np.float64],
     config: RoofSelectionConfig,
 ) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-    """
-    Tell which patches start a roof, and which are part of one if they touch it.
-
-    """
+    """Tell which patches start a roof, and which are part of one if they touch it."""
     relative = patches.mean(roughness) / config.max_roughness
     limit = PATCH_ROUGHNESS[np.digitize(patches.area, PATCH_SIZES * config.min_patch_area)]
     hard = (patches.mean(penetration) <= config.max_penetration) & (patches.mean(height) >= config.min_height)
@@ -141,10 +130,7 @@ def _touching(
     touches: NDArray[np.bool_],
     radius: float,
 ) -> NDArray[np.bool_]:
-    """
-    Tell which points are of patches that start a roof, or are connected with one in plan.
-
-    """
+    """Tell which points are of patches that start a roof, or are connected with one in plan."""
     accepted = (starts | touches)[patch]
     rows = np.flatnonzero(accepted)
     part = connected_parts(points[rows], radius, in_plan=True)
@@ -153,8 +139,5 @@ def _touching(
 
 
 def _sine(normals: NDArray[np.float64]) -> NDArray[np.float64]:
-    """
-    Return the sine of the slope of surfaces with these normals.
-
-    """
+    """Return the sine of the slope of surfaces with these normals."""
     return np.hypot(normals[:, 0], normals[:, 1])

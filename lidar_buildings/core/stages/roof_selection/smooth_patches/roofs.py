@@ -1,7 +1,4 @@
-"""
-The default method: smooth patches, completed to roofs.
-
-"""
+"""The default method: smooth patches, completed to roofs."""
 
 from __future__ import annotations
 
@@ -48,7 +45,6 @@ def find_roofs(candidates: Candidates, config: RoofSelectionConfig) -> NDArray[n
     -------
     ndarray of bool, shape (n_points,)
         Roofs of any size; the caller drops small buildings.
-
     """
     points, radius, cell = candidates.points, candidates.radius, candidates.cell
     surface = find_roof_surface(candidates, config)
@@ -74,10 +70,7 @@ def _drop_narrow(
     cell: float,
     config: RoofSelectionConfig,
 ) -> None:
-    """
-    Take narrow parts out of the roofs, and then what is nowhere as wide as a building.
-
-    """
+    """Take narrow parts out of the roofs, and then what is nowhere as wide as a building."""
     rows = np.flatnonzero(roof)
     roof[rows] = wide_enough(points[rows], cell, config.min_roof_width)
     rows = np.flatnonzero(roof)
@@ -101,7 +94,6 @@ def _small_parts(
 ) -> NDArray[np.bool_]:
     """
     Tell which points are of connected parts, not roof yet, that are small and mostly held by roof around.
-
     """
     rows = np.flatnonzero(~roof)
     part = connected_parts(points[rows], radius)

@@ -1,7 +1,4 @@
-"""
-Wet and dark flat roofs: nothing comes back from them but along their rims.
-
-"""
+"""Wet and dark flat roofs: nothing comes back from them but along their rims."""
 
 from __future__ import annotations
 
@@ -72,7 +69,6 @@ def find_wet_roofs(
     -------
     ndarray of bool, shape (n_points,)
         Neither the order of the points matters nor what lies farther away than `MAX_LENGTH` and some cells.
-
     """
     found = np.zeros(len(points), dtype=bool)
     raised = np.flatnonzero((is_open | is_roof) & (height >= config.min_height))
@@ -100,10 +96,7 @@ def find_wet_roofs(
 
 
 def _blocks(cells: NDArray[np.int64]) -> Iterator[NDArray[np.int64]]:
-    """
-    Go through the blocks that hold cells, and the cells in each.
-
-    """
+    """Go through the blocks that hold cells, and the cells in each."""
     if len(cells) == 0:
         return
     block = cells // BLOCK
@@ -119,7 +112,6 @@ def _empty_places(
     Go through the empty places that touch these rim cells: a window with a margin, and the cells in it.
 
     An opening: the middles of empty windows, connected, grown by the window again.
-
     """
     labels, n = ndimage.label(~_grown(plan, half), structure=np.ones((3, 3)))
     touched = np.zeros(n + 1, dtype=bool)
@@ -131,10 +123,7 @@ def _empty_places(
 
 
 def _grown(plan: NDArray[np.bool_], half: int) -> NDArray[np.bool_]:
-    """
-    Return a plan with every cell grown to a square window.
-
-    """
+    """Return a plan with every cell grown to a square window."""
     sums = np.pad(plan, ((half + 1, half), (half + 1, half))).astype(np.int32).cumsum(0).cumsum(1)
     width = 2 * half + 1
     counts = sums[width:, width:] - sums[:-width, width:] - sums[width:, :-width] + sums[:-width, :-width]
@@ -148,10 +137,7 @@ def _is_rim(
     spacing: float,
     config: RoofSelectionConfig,
 ) -> NDArray[np.bool_]:
-    """
-    Tell which raised points, given with their cells, are the rim of the roof that the empty place is.
-
-    """
+    """Tell which raised points, given with their cells, are the rim of the roof that the empty place is."""
     is_near = ndimage.distance_transform_edt(~empty)[tuple(places.T)] <= RIM_REACH
     if is_near.sum() < 3:
         return np.zeros(len(points), dtype=bool)
@@ -166,10 +152,7 @@ def _is_rim(
 
 
 def _perimeter_share(empty: NDArray[np.bool_], rim: NDArray[np.bool_]) -> float:
-    """
-    Return along which share of an empty place's perimeter rim cells are near.
-
-    """
+    """Return along which share of an empty place's perimeter rim cells are near."""
     edge = empty & ~ndimage.binary_erosion(empty)
     return float((ndimage.distance_transform_edt(~rim)[edge] <= RIM_REACH).mean()) if rim.any() else 0.0
 
@@ -177,7 +160,6 @@ def _perimeter_share(empty: NDArray[np.bool_], rim: NDArray[np.bool_]) -> float:
 def _off_plane(points: NDArray[np.float64], chosen: NDArray[np.bool_]) -> NDArray[np.float64]:
     """
     Return how far points lie above the plane z = a·x + b·y + c of the chosen ones' least absolute residuals.
-
     """
     fitted = points[chosen]
     fitted = fitted[np.lexsort(fitted.T)]
@@ -193,10 +175,7 @@ def _off_plane(points: NDArray[np.float64], chosen: NDArray[np.bool_]) -> NDArra
 
 @njit(cache=True, nogil=True)
 def _mark(points, cell, low_x, low_y, plan):  # type: ignore[no-untyped-def]
-    """
-    Mark the cells of a window that hold points.
-
-    """
+    """Mark the cells of a window that hold points."""
     for i in range(len(points)):
         x, y = np.floor(points[i, 0] / cell) - low_x, np.floor(points[i, 1] / cell) - low_y
         if 0 <= x < plan.shape[0] and 0 <= y < plan.shape[1]:
@@ -205,10 +184,7 @@ def _mark(points, cell, low_x, low_y, plan):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _is_marked(points, rows, cell, low_x, low_y, plan):  # type: ignore[no-untyped-def]
-    """
-    Tell which rows' points lie in marked cells of a window.
-
-    """
+    """Tell which rows' points lie in marked cells of a window."""
     marked = np.zeros(len(rows), dtype=np.bool_)
     for k in range(len(rows)):
         x, y = np.floor(points[rows[k], 0] / cell) - low_x, np.floor(points[rows[k], 1] / cell) - low_y
