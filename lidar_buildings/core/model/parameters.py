@@ -30,6 +30,8 @@ class ParameterSpec:
         The allowed words of a text or list parameter, empty where any will do.
     read_only : bool
         Whether the value is fixed once the node has started.
+    advanced : bool
+        Whether it stands among the many that few users turn, under ``<stage>.advanced`` in ROS.
     """
 
     description: str
@@ -38,6 +40,7 @@ class ParameterSpec:
     maximum: float | None = None
     choices: tuple[str, ...] = ()
     read_only: bool = False
+    advanced: bool = False
 
     def allowed(self) -> str:
         """Say in words which values are allowed."""
