@@ -7,16 +7,9 @@ from pathlib import Path
 from setuptools import find_packages, setup
 
 PACKAGE = "lidar_buildings"
-NODES = (
-    "tile_player",
-    "ground_filter",
-    "roof_selector",
-    "edge_labeller",
-    "building_tracer",
-    "outline_regulariser",
-    "plane_fitter",
-    "model_builder",
-    "model_writer",
+#: Every module of `nodes` that runs one is an executable of its name.
+NODES = sorted(
+    path.stem for path in Path(PACKAGE, "nodes").glob("*.py") if "return run_node(" in path.read_text()
 )
 VERSION = re.search(r'__version__ = "(.+)"', Path(PACKAGE, "__init__.py").read_text()).group(1)
 

@@ -10,18 +10,14 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from lidar_buildings.core.model.parameters import StageConfig, parameter
-from lidar_buildings.core.model.stage_names import STAGES
-from lidar_buildings.core.stages.boundary_tracing import BoundaryTracingConfig
-from lidar_buildings.core.stages.building_model import BuildingModelConfig
+from lidar_buildings.core.model.stage_table import STAGE_TABLE, STAGES
 from lidar_buildings.core.stages.edge_labelling import EdgeLabellingConfig
 from lidar_buildings.core.stages.footprints import FootprintConfig
 from lidar_buildings.core.stages.ground_filter import GroundFilterConfig
-from lidar_buildings.core.stages.plane_fitting import PlaneFittingConfig
 from lidar_buildings.core.stages.regularisation import RegularisationConfig
-from lidar_buildings.core.stages.roof_selection import RoofSelectionConfig
-from lidar_buildings.core.stages.segmentation import SegmentationConfig
 from lidar_buildings.io.results.output_config import OutputConfig
 from lidar_buildings.io.tiling.tiling_config import TilingConfig
+from lidar_buildings.pipeline.reconstruct import STAGE_CONFIGS
 
 
 @dataclass(frozen=True)
@@ -160,23 +156,23 @@ class ModelWriterConfig(OutputConfig):
     )
 
 
+#: What a node's configs have beside those of its stage: parameters that only nodes know.
+_OF_NODES: dict[str, type[StageConfig]] = {
+    "ground_filter": GroundFilterNodeConfig,
+    "footprints": FootprintNodeConfig,
+}
+#: Node → configs beside those of its stage: what stands in footprints is labelled by the tracer.
+_BESIDE: dict[str, tuple[type[StageConfig], ...]] = {
+    "building_tracer": (EdgeLabellingConfig,),
+    "model_builder": (RegularisationConfig, FlowControlConfig),
+}
 #: Node → stage → config class. A node's parameters carry the stage's name as a prefix where it has several.
 NODE_CONFIGS: dict[str, dict[str, type[StageConfig]]] = {
-    node: {config.stage: config for config in configs}
-    for node, configs in {
-        "tile_player": (TilePlayerConfig,),
-        "ground_filter": (GroundFilterNodeConfig,),
-        "roof_selector": (RoofSelectionConfig,),
-        "edge_labeller": (EdgeLabellingConfig,),
-        "building_tracer": (
-            SegmentationConfig,
-            BoundaryTracingConfig,
-            FootprintNodeConfig,
-            EdgeLabellingConfig,
-        ),
-        "outline_regulariser": (RegularisationConfig,),
-        "plane_fitter": (PlaneFittingConfig,),
-        "model_builder": (BuildingModelConfig, RegularisationConfig, FlowControlConfig),
-        "model_writer": (ModelWriterConfig,),
-    }.items()
+    "tile_player": {TilePlayerConfig.stage: TilePlayerConfig},
+    **{
+        stage.node: {name: _OF_NODES.get(name, STAGE_CONFIGS[name]) for name in stage.configs}
+        | {config.stage: config for config in _BESIDE.get(stage.node, ())}
+        for stage in STAGE_TABLE
+    },
+    "model_writer": {ModelWriterConfig.stage: ModelWriterConfig},
 }

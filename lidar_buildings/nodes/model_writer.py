@@ -28,7 +28,7 @@ from lidar_buildings.nodes.table import (
     OUTLINES,
     ROOF_FACES,
     TRACED_OUTLINES,
-    WRITER_TOPICS,
+    writer_topics,
 )
 from lidar_buildings.pipeline.tile_rasters import rasterise_tile
 from lidar_buildings.ros.features import FeaturePool
@@ -141,7 +141,7 @@ class ModelWriter(StageNode):
         )
         self._on_disk = self._folder.done_stamps()
         self._record = RunRecord()
-        self._topics = [topic.name for topic in WRITER_TOPICS[config.until]]
+        self._topics = [topic.name for topic in writer_topics(config.until)]
         self._last_look: Timer | None = None
         self._features = FeaturePool()
         self._join = TileJoin((t for t in self._topics if t != CITY_MODEL.name), self._fit)

@@ -8,6 +8,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from lidar_buildings.core.model.stage_table import STAGE_TABLE, STAGES
+
 _CLOUD = "sensor_msgs/PointCloud2"
 _RINGS = "geometry_msgs/PolygonInstanceStamped"
 _HEADER = "std_msgs/Header"
@@ -45,8 +47,6 @@ class NodeCard:
         Of the node, its module and its executable.
     summary : str
         Two sentences.
-    stage : str
-        Under which its seconds are counted, empty where it runs no stage.
     subscribes, publishes : tuple of Topic
         Beside `diagnostics`, which every node publishes.
     services : tuple of (name, type, meaning)
@@ -55,7 +55,6 @@ class NodeCard:
 
     name: str
     summary: str
-    stage: str
     subscribes: tuple[Topic, ...]
     publishes: tuple[Topic, ...]
     services: tuple[tuple[str, str, str], ...] = ()
@@ -156,7 +155,6 @@ NODE_TABLE: tuple[NodeCard, ...] = (
         "tile_player",
         "Cuts clouds into tiles and sends them into the graph. "
         "It keeps few tiles in flight, sends again what got lost, and larger what was too small.",
-        "",
         (TILE_DONE, TILE_CLIPPED, DIAGNOSTICS),
         (POINTS, TILE_BOUNDS, MAP_ORIGIN, MAP_UNITS, SURVEY_DONE, TILE_FAILED, CLOCK),
         (
@@ -169,7 +167,6 @@ NODE_TABLE: tuple[NodeCard, ...] = (
         "ground_filter",
         "Tells the ground from what stands on it, and low and high noise from both. "
         "It gives every point its height above the ground.",
-        "ground_filter",
         (POINTS,),
         (GROUND_POINTS, DTM),
     ),
@@ -177,14 +174,12 @@ NODE_TABLE: tuple[NodeCard, ...] = (
         "roof_selector",
         "Gives every point its final class: roofs, vegetation by height, roads by the ground's brightness. "
         "The points of class 6 go on as roof points.",
-        "roof_selection",
         (GROUND_POINTS,),
         (CLASSIFIED_POINTS, ROOF_POINTS),
     ),
     NodeCard(
         "edge_labeller",
         "Finds the roof points on edges. It appends the shape of each point's neighbourhood.",
-        "edge_labelling",
         (ROOF_POINTS,),
         (EDGE_POINTS,),
     ),
@@ -193,7 +188,6 @@ NODE_TABLE: tuple[NodeCard, ...] = (
         "Gathers roof points into buildings and traces their outlines and courtyards, or takes given "
         "footprints for which it listens to all points. "
         "A tile that cuts one of its buildings off is held back and asked for with a larger buffer.",
-        "boundary_tracing",
         (TILE_BOUNDS, EDGE_POINTS, MAP_ORIGIN, MAP_UNITS, CLASSIFIED_POINTS),
         (BUILDING_POINTS, TRACED_OUTLINES, TILE_CLIPPED),
     ),
@@ -201,14 +195,12 @@ NODE_TABLE: tuple[NodeCard, ...] = (
         "outline_regulariser",
         "Fits straight edges and the building's own directions to traced outlines. "
         "An outline that cannot be regularised goes on as it is.",
-        "regularisation",
         (TRACED_OUTLINES,),
         (OUTLINES,),
     ),
     NodeCard(
         "plane_fitter",
         "Finds the planes of each building's roof. It numbers them within their building.",
-        "plane_fitting",
         (BUILDING_POINTS,),
         (PLANE_POINTS,),
     ),
@@ -216,7 +208,6 @@ NODE_TABLE: tuple[NodeCard, ...] = (
         "model_builder",
         "Builds solids from outlines and roof planes. "
         "Every building comes out, with a status that says what became of it.",
-        "building_model",
         (MAP_ORIGIN, MAP_UNITS, PLANE_POINTS, TRACED_OUTLINES, OUTLINES),
         (ROOF_FACES, CITY_MODEL, CITY_MODEL_HEADER, BUILDING_MARKERS, TILE_DONE),
     ),
@@ -224,7 +215,6 @@ NODE_TABLE: tuple[NodeCard, ...] = (
         "model_writer",
         "Puts each tile's results safely on disk and reports the tile as done. "
         "When the survey is done it makes the files from them and ends.",
-        "",
         (
             CLASSIFIED_POINTS,
             PLANE_POINTS,
@@ -240,19 +230,21 @@ NODE_TABLE: tuple[NodeCard, ...] = (
     ),
 )
 
-#: Node name → the stage under which its seconds are counted.
-NODE_STAGES: dict[str, str] = {card.name: card.stage for card in NODE_TABLE}
+#: Node → the stage under which its seconds are counted.
+NODE_STAGES = {stage.node: stage.name for stage in STAGE_TABLE}
+#: What says the same of all points or of the roofs' again: a later one takes an earlier one's place.
+_SUPERSEDED = ((GROUND_POINTS, CLASSIFIED_POINTS), (EDGE_POINTS, BUILDING_POINTS, PLANE_POINTS))
+#: What is for looking, or for other nodes alone.
+_NOT_IN_FILES = {DTM, ROOF_POINTS, CITY_MODEL_HEADER, BUILDING_MARKERS, TILE_CLIPPED, TILE_DONE}
 
-#: What `model_writer` reads, by the last stage of the run: every point, roof points, rings.
-WRITER_TOPICS: dict[str, tuple[Topic, ...]] = {
-    "ground_filter": (GROUND_POINTS,),
-    "roof_selection": (CLASSIFIED_POINTS,),
-    "edge_labelling": (CLASSIFIED_POINTS, EDGE_POINTS),
-    "boundary_tracing": (CLASSIFIED_POINTS, BUILDING_POINTS, TRACED_OUTLINES),
-    "regularisation": (CLASSIFIED_POINTS, BUILDING_POINTS, TRACED_OUTLINES, OUTLINES),
-    "plane_fitting": (CLASSIFIED_POINTS, PLANE_POINTS, TRACED_OUTLINES, OUTLINES),
-    "building_model": (CLASSIFIED_POINTS, PLANE_POINTS, TRACED_OUTLINES, OUTLINES, ROOF_FACES, CITY_MODEL),
-}
+
+def writer_topics(until: str) -> tuple[Topic, ...]:
+    """Return what `model_writer` reads of a run that ends with a stage."""
+    nodes = nodes_until(until)[1:-1]
+    found = {topic for card in NODE_TABLE if card.name in nodes for topic in card.publishes} - _NOT_IN_FILES
+    for topics in _SUPERSEDED:
+        found -= set([topic for topic in topics if topic in found][:-1])
+    return tuple(sorted(found, key=lambda topic: topic.name))
 
 
 #: Node → what it listens to only where footprints are given.
@@ -266,9 +258,8 @@ GRAPH_TOPICS = tuple(
 
 def nodes_until(stage: str) -> tuple[str, ...]:
     """Return the nodes that a run ending with `stage` needs, the player first and the writer last."""
-    stages = list(WRITER_TOPICS)
-    needed = set(stages[: stages.index(stage) + 1]) | {""}
-    return tuple(card.name for card in NODE_TABLE if card.stage in needed)
+    later = {one.node for one in STAGE_TABLE[STAGES.index(stage) + 1 :]}
+    return tuple(card.name for card in NODE_TABLE if card.name not in later)
 
 
 def topics_until(stage: str, *, has_writer: bool = True) -> tuple[str, ...]:
@@ -282,5 +273,5 @@ def topics_until(stage: str, *, has_writer: bool = True) -> tuple[str, ...]:
         if topic not in ON_REQUEST.get(card.name, ())
     }
     if has_writer:
-        read |= {topic.name for topic in WRITER_TOPICS[stage]}
+        read |= {topic.name for topic in writer_topics(stage)}
     return tuple(sorted(read))

@@ -11,7 +11,7 @@ from typing import Any
 from lidar_buildings.core.model.errors import ParameterError
 from lidar_buildings.core.model.outline import BuildingOutline
 from lidar_buildings.core.model.parameters import StageConfig
-from lidar_buildings.core.model.stage_names import STAGES
+from lidar_buildings.core.model.stage_table import STAGES
 from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.core.stages.boundary_tracing import BoundaryTracingConfig
 from lidar_buildings.core.stages.building_model import BuildingModelConfig
@@ -153,78 +153,54 @@ def reconstruct_tile(
         raise ValueError(f"until = {until!r}: must be one of {', '.join(STAGES)}")
     if footprints is not None:
         config = replace(config, regularisation=replace(config.regularisation, keep_outlines=True))
-    chain = _Chain(tile, config, footprints)
-    for stage in STAGES[: STAGES.index(until) + 1]:
-        started = time.perf_counter()
-        getattr(chain, stage)()
-        chain.seconds[stage] = time.perf_counter() - started
-        if chain.clipped:
-            break
-    return chain.result()
+    is_last = _StageClock(until)
+
+    classified = filter_ground(tile, config.ground_filter)
+    if is_last("ground_filter"):
+        return TileResult(classified, seconds=is_last.seconds)
+
+    classified = select_roof_points(classified, config.roof_selection)
+    roofs = roof_points(classified)
+    if is_last("roof_selection"):
+        return TileResult(classified, roofs, seconds=is_last.seconds)
+
+    roofs = label_roof_edges(roofs, config.edge_labelling).tile
+    if is_last("edge_labelling"):
+        return TileResult(classified, roofs, seconds=is_last.seconds)
+
+    if footprints is None:
+        found = trace_buildings(roofs, config.segmentation, config.boundary_tracing)
+    else:
+        found = trace_footprints(classified, roofs, footprints, config.footprints, config.edge_labelling)
+    roofs, traced = found.tile, found.outlines
+    if is_last("boundary_tracing") or found.clipped:
+        return TileResult(classified, roofs, traced, clipped=found.clipped, seconds=is_last.seconds)
+
+    outlines = regularise_outlines(traced, config.regularisation)
+    if is_last("regularisation"):
+        return TileResult(classified, roofs, traced, outlines, seconds=is_last.seconds)
+
+    roofs = fit_planes(roofs, config.plane_fitting)
+    if is_last("plane_fitting"):
+        return TileResult(classified, roofs, traced, outlines, seconds=is_last.seconds)
+
+    models = build_models(roofs, traced, outlines, config.building_model, config.regularisation)
+    is_last("building_model")
+    return TileResult(classified, roofs, traced, outlines, models, seconds=is_last.seconds)
 
 
-class _Chain:
-    """What is known of a tile so far; one method per stage, named as the stage."""
+class _StageClock:
+    """Notes the seconds of each stage when told that it is done, and says whether it is the last one."""
 
-    def __init__(self, tile: PointTile, config: PipelineConfig, footprints: Footprints | None) -> None:
-        self.classified = tile
-        self.config = config
-        self.footprints = footprints
-        self.roofs: PointTile | None = None
-        self.traced: tuple[BuildingOutline, ...] = ()
-        self.outlines: tuple[BuildingOutline, ...] = ()
-        self.models: tuple[TileModel, ...] = ()
-        self.clipped = False
+    def __init__(self, until: str) -> None:
         self.seconds: dict[str, float] = {}
+        self._until = until
+        self._started = time.perf_counter()
 
-    def ground_filter(self) -> None:
-        self.classified = filter_ground(self.classified, self.config.ground_filter)
-
-    def roof_selection(self) -> None:
-        self.classified = select_roof_points(self.classified, self.config.roof_selection)
-        self.roofs = roof_points(self.classified)
-
-    def edge_labelling(self) -> None:
-        self.roofs = label_roof_edges(self.roofs, self.config.edge_labelling).tile
-
-    def boundary_tracing(self) -> None:
-        if self.footprints is None:
-            found = trace_buildings(self.roofs, self.config.segmentation, self.config.boundary_tracing)
-        else:
-            found = trace_footprints(
-                self.classified,
-                self.roofs,
-                self.footprints,
-                self.config.footprints,
-                self.config.edge_labelling,
-            )
-        self.roofs, self.traced, self.clipped = found.tile, found.outlines, found.clipped
-
-    def regularisation(self) -> None:
-        self.outlines = regularise_outlines(self.traced, self.config.regularisation)
-
-    def plane_fitting(self) -> None:
-        self.roofs = fit_planes(self.roofs, self.config.plane_fitting)
-
-    def building_model(self) -> None:
-        self.models = build_models(
-            self.roofs,
-            self.traced,
-            self.outlines,
-            self.config.building_model,
-            self.config.regularisation,
-        )
-
-    def result(self) -> TileResult:
-        return TileResult(
-            self.classified,
-            self.roofs,
-            self.traced,
-            self.outlines,
-            self.models,
-            self.clipped,
-            self.seconds,
-        )
+    def __call__(self, stage: str) -> bool:
+        now = time.perf_counter()
+        self.seconds[stage], self._started = now - self._started, now
+        return stage == self._until
 
 
 def _nearest(word: str, known: Any) -> str:

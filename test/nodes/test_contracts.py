@@ -17,9 +17,9 @@ from lidar_buildings.nodes.table import (
     DIAGNOSTICS,
     NODE_TABLE,
     ON_REQUEST,
-    WRITER_TOPICS,
     nodes_until,
     topics_until,
+    writer_topics,
 )
 from lidar_buildings.pipeline.reconstruct import STAGE_CONFIGS, STAGES
 from lidar_buildings.ros import qos
@@ -171,8 +171,8 @@ def test_a_shorter_run_has_a_listener_for_every_topic_that_it_must_wait_for(stag
         for topic in CARDS[name].subscribes
         if topic not in ON_REQUEST.get(name, ())
     }
-    assert set(topics_until(stage)) == {topic.name for topic in (*heard, *WRITER_TOPICS[stage])}
-    assert {topic.name for topic in WRITER_TOPICS[stage]} <= published
+    assert set(topics_until(stage)) == {topic.name for topic in (*heard, *writer_topics(stage))}
+    assert {topic.name for topic in writer_topics(stage)} <= published
 
 
 def declared(configs):

@@ -10,37 +10,32 @@ from numpy.typing import NDArray
 
 from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.model.point_classes import PointClass
+from lidar_buildings.core.model.stage_table import STAGE_TABLE
 
+#: What the source knows of its points, and what is measured when a tile is made: name → dtype.
+_SOURCE_COLUMNS = {
+    "intensity": "<f4",
+    "return_number": "u1",
+    "number_of_returns": "u1",
+    "classification": "u1",
+    "scan_angle": "<f4",
+    "scan_direction_flag": "u1",
+    "point_source_id": "<u2",
+    "gps_time": "<f8",
+    "buffer": "u1",
+    "source": "<u2",
+    "index": "<u4",
+    "point_spacing": "<f4",
+    "normalised_intensity": "<f4",
+    "dark_limit": "<f4",
+}
 #: Column name → dtype, in the order in which messages carry them after x, y, z.
 COLUMNS: dict[str, np.dtype[Any]] = {
     name: np.dtype(kind)
-    for name, kind in {
-        "intensity": "<f4",
-        "return_number": "u1",
-        "number_of_returns": "u1",
-        "classification": "u1",
-        "scan_angle": "<f4",
-        "scan_direction_flag": "u1",
-        "point_source_id": "<u2",
-        "gps_time": "<f8",
-        "buffer": "u1",
-        "source": "<u2",
-        "index": "<u4",
-        "point_spacing": "<f4",
-        "normalised_intensity": "<f4",
-        "dark_limit": "<f4",
-        "height_above_ground": "<f4",
-        "facade": "u1",
-        "linearity": "<f4",
-        "planarity": "<f4",
-        "normal_x": "<f4",
-        "normal_y": "<f4",
-        "normal_z": "<f4",
-        "neighbourhood_radius": "<f4",
-        "edge": "u1",
-        "building_id": "<u4",
-        "plane_id": "<u2",
-    }.items()
+    for name, kind in (
+        *_SOURCE_COLUMNS.items(),
+        *(column for stage in STAGE_TABLE for column in stage.columns),
+    )
 }
 
 

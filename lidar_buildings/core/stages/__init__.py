@@ -1,1 +1,1 @@
-"""One folder a stage, in the order of `lidar_buildings.core.model.stage_names`."""
+"""One folder a stage, in the order of `lidar_buildings.core.model.stage_table`."""

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lidar_buildings.core.model.errors import InputError
-from lidar_buildings.core.model.stage_names import STAGES
+from lidar_buildings.core.model.stage_table import STAGES
 from lidar_buildings.core.neighbours.point_spacing import measure_spacing
 from lidar_buildings.evaluation.command.sides import BUILDING, ScoreOptions, check_same_system, is_inside
 from lidar_buildings.evaluation.readers.labelled_points import (

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from lidar_buildings import __version__
 from lidar_buildings.core.model.errors import InputError
 from lidar_buildings.core.model.map_frame import MapFrame
+from lidar_buildings.core.model.stage_table import STAGES
 from lidar_buildings.io.clouds.classified_las import suffix_for, write_classified
 from lidar_buildings.io.clouds.las import InputFile, open_cloud
 from lidar_buildings.io.files.atomic_files import cannot_write, whole_file
@@ -39,8 +40,8 @@ _ENDING = ".npz"
 #: File among the tiles in which the models' lines wait for their turn.
 _LINES = "features.jsonl"
 #: Last stage of a run that ends before there are outlines, or before there are models.
-_WITHOUT_OUTLINES = ("ground_filter", "roof_selection", "edge_labelling")
-_WITHOUT_MODELS = (*_WITHOUT_OUTLINES, "boundary_tracing", "regularisation", "plane_fitting")
+_WITHOUT_OUTLINES = STAGES[: STAGES.index("boundary_tracing")]
+_WITHOUT_MODELS = STAGES[: STAGES.index("building_model")]
 
 
 @dataclass(frozen=True)
