@@ -9,6 +9,8 @@ from launch_ros.actions import Node
 from launch_ros.substitutions import FindPackageShare
 
 from launch import LaunchDescription
+from lidar_buildings.core.model.parameter_names import parameter_names, spellings
+from lidar_buildings.nodes.configs import NODE_CONFIGS
 from lidar_buildings.nodes.table import nodes_until, topics_until
 
 PACKAGE = "lidar_buildings"
@@ -114,12 +116,13 @@ def _footprints(path: str) -> dict[str, dict]:
 
 def _node(name: str, parameters: dict, value) -> Node:
     """Return one node; a writer that has finished is not started again."""
+    full_names = spellings(parameter_names(NODE_CONFIGS[name]))
     return Node(
         package=PACKAGE,
         executable=name,
         name=name,
         namespace=value("namespace"),
-        parameters=[value("params_file"), parameters],
+        parameters=[value("params_file"), {full_names[key]: one for key, one in parameters.items()}],
         arguments=["--ros-args", "--log-level", value("log_level")],
         respawn=value("respawn").lower() == "true" and name != "model_writer",
         respawn_delay=1.0,

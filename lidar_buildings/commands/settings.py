@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping
-from dataclasses import fields
 from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
@@ -12,6 +11,7 @@ from typing import Any
 import yaml
 
 from lidar_buildings.core.model.errors import InputError, ParameterError
+from lidar_buildings.core.model.parameter_names import ADVANCED, parameter_names, spellings
 from lidar_buildings.core.model.parameters import StageConfig, checked_value
 
 #: {stage: {parameter name: value}}
@@ -33,7 +33,8 @@ def read_settings(params: Path | None, assignments: list[str], nodes: NodeConfig
     params : Path or None
         YAML as ``ros2 run … --params-file`` takes it.
     assignments : list of str
-        ``STAGE.NAME=VALUE``; the name of a node stands for its stage where it has just one.
+        ``STAGE.NAME=VALUE``; the name of a node stands for its stage where it has just one. ``advanced.``
+        before a parameter's name may be left out, here and in the file.
     nodes : mapping
         Which node has which stages.
 
@@ -113,11 +114,14 @@ def _checked(origin: str, stage: str, name: str, value: Any, nodes: NodeConfigs)
     stages = {stage: config for configs in nodes.values() for stage, config in configs.items()}
     if stage not in stages:
         raise ParameterError(f"{origin}: there is no stage {stage!r}{_nearest(stage, stages)}")
-    known = {member.name: member for member in fields(stages[stage])}
+    members = parameter_names({stage: stages[stage]})
+    known = spellings(members)
     if name not in known:
-        raise ParameterError(f"{origin}: there is no parameter {stage}.{name}{_nearest(name, known)}")
+        nearest = _nearest(name.removeprefix(ADVANCED), {one.name: one for _, one in members.values()})
+        raise ParameterError(f"{origin}: there is no parameter {stage}.{name}{nearest}")
+    _, one = members[known[name]]
     try:
-        return stage, name, checked_value(stage, known[name], _as_ros_reads(value))
+        return stage, one.name, checked_value(stage, one, _as_ros_reads(value))
     except ParameterError as error:
         raise ParameterError(f"{origin}: {error}") from error
 

@@ -39,6 +39,7 @@ class TilePlayerConfig(TilingConfig):
         False,
         "Whether to begin again after the last tile, under new stamps; to look at, not to write files.",
         read_only=True,
+        advanced=True,
     )
     max_tiles_in_flight: int = parameter(
         2,
@@ -56,6 +57,7 @@ class TilePlayerConfig(TilingConfig):
         minimum=0.1,
         maximum=86_400.0,
         read_only=True,
+        advanced=True,
     )
     max_attempts: int = parameter(
         4,
@@ -63,17 +65,22 @@ class TilePlayerConfig(TilingConfig):
         minimum=1,
         maximum=100,
         read_only=True,
+        advanced=True,
     )
     wait_for: tuple[str, ...] = parameter(
         ("points",),
         "Topics that must have a subscriber before a tile is sent, so that no node misses the first one.",
         read_only=True,
+        advanced=True,
     )
     publish_clock: bool = parameter(
-        False, "Whether to publish the stamps as time on `/clock`, for use_sim_time.", read_only=True
+        False,
+        "Whether to publish the stamps as time on `/clock`, for use_sim_time.",
+        read_only=True,
+        advanced=True,
     )
     start_paused: bool = parameter(
-        False, "Whether to wait for ~/resume or ~/step before the first tile.", read_only=True
+        False, "Whether to wait for ~/resume or ~/step before the first tile.", read_only=True, advanced=True
     )
 
 
@@ -84,7 +91,10 @@ class GroundFilterNodeConfig(GroundFilterConfig):
     stage: ClassVar[str] = GroundFilterConfig.stage
 
     publish_dtm: bool = parameter(
-        False, "Whether to publish each tile's terrain on `dtm`, to look at or to plan with.", read_only=True
+        False,
+        "Whether to publish each tile's terrain on `dtm`, to look at or to plan with.",
+        read_only=True,
+        advanced=True,
     )
     dtm_resolution: float = parameter(
         0.5,
@@ -92,6 +102,7 @@ class GroundFilterNodeConfig(GroundFilterConfig):
         unit="m",
         minimum=0.05,
         maximum=100.0,
+        advanced=True,
     )
 
 
@@ -107,7 +118,9 @@ class FootprintNodeConfig(FootprintConfig):
         "`regularisation.keep_outlines`. Empty: outlines are traced.",
         read_only=True,
     )
-    layer: str = parameter("", "Layer of the file; empty: its only one of polygons.", read_only=True)
+    layer: str = parameter(
+        "", "Layer of the file; empty: its only one of polygons.", read_only=True, advanced=True
+    )
 
 
 @dataclass(frozen=True)
@@ -120,6 +133,7 @@ class FlowControlConfig(StageConfig):
         False,
         "Whether to report a tile as done once its models are published, in a graph that writes no files.",
         read_only=True,
+        advanced=True,
     )
 
 
@@ -130,29 +144,36 @@ class ModelWriterConfig(OutputConfig):
     stage: ClassVar[str] = OutputConfig.stage
 
     input: tuple[str, ...] = parameter(
-        (), "The same files, folders and globs as of `tile_player`.", read_only=True
+        (), "The same files, folders and globs as of `tile_player`.", read_only=True, advanced=True
     )
     output: str = parameter("", "Folder for the results.", read_only=True)
     overwrite: bool = parameter(
-        False, "Whether to begin anew in a folder with earlier results.", read_only=True
+        False, "Whether to begin anew in a folder with earlier results.", read_only=True, advanced=True
     )
-    until: str = parameter(STAGES[-1], "The last stage that the graph runs.", choices=STAGES, read_only=True)
+    until: str = parameter(
+        STAGES[-1], "The last stage that the graph runs.", choices=STAGES, read_only=True, advanced=True
+    )
     settings: str = parameter(
         "",
         "All settings that results depend on, as JSON; an unfinished run goes on only with the same.",
         read_only=True,
+        advanced=True,
     )
     footprints: str = parameter(
-        "", "File of the footprints that `building_tracer` was given, empty if none.", read_only=True
+        "",
+        "File of the footprints that `building_tracer` was given, empty if none.",
+        read_only=True,
+        advanced=True,
     )
     footprints_layer: str = parameter(
-        "", "Layer of the footprints' file; empty: its only one of polygons.", read_only=True
+        "", "Layer of the footprints' file; empty: its only one of polygons.", read_only=True, advanced=True
     )
     footprint_id: str = parameter(
         "",
         "Column of the footprints' file that names them in the results; empty: one that looks like it, or "
         "the features' numbers.",
         read_only=True,
+        advanced=True,
     )
 
 

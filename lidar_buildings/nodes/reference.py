@@ -10,14 +10,14 @@ from __future__ import annotations
 import argparse
 import sys
 import textwrap
-from collections.abc import Iterator
-from dataclasses import Field, fields
+from dataclasses import Field
 from importlib import resources
 from pathlib import Path
 from typing import Any
 
 import yaml
 
+from lidar_buildings.core.model.parameter_names import parameter_names
 from lidar_buildings.core.model.parameters import StageConfig, spec_of
 from lidar_buildings.nodes.configs import NODE_CONFIGS
 from lidar_buildings.nodes.table import DIAGNOSTICS, NODE_TABLE, NodeCard, Topic
@@ -29,21 +29,28 @@ _WIDTH = 110
 
 
 def parameter_yaml() -> str:
-    """Return ``config/pipeline.param.yaml``: every parameter, its default, its unit and its range."""
+    """Return ``config/pipeline.param.yaml``: the parameters that users turn, with default, unit and range."""
     lines = [
-        f"# Every parameter with its default. Written by `{_COMMAND}`.",
-        "# `/**/` stands for any namespace. Copy the lines that you change into a file of your own.",
+        f"# The parameters that users turn, with their defaults. Written by `{_COMMAND}`.",
+        "# All others are in doc/nodes.md, under `advanced`. `/**/` stands for any namespace.",
+        "# Copy the lines that you change into a file of your own.",
     ]
+    owners: dict[str, str] = {}
     for node, configs in NODE_CONFIGS.items():
-        lines += ["", f"/**/{node}:", "  ros__parameters:"]
+        indent = "      " if len(configs) > 1 else "    "
         for stage, config in configs.items():
-            indent = "    "
+            shown = [one for _, one in parameter_names({stage: config}).values() if not spec_of(one).advanced]
+            if not shown or owners.setdefault(stage, node) != node:
+                continue
+            if f"/**/{node}:" not in lines:
+                lines += ["", f"/**/{node}:", "  ros__parameters:"]
             if len(configs) > 1:
-                lines.append(f"{indent}{stage}:")
-                indent += "  "
-            for one in fields(config):
-                lines += _comment(_sentence(one), indent)
-                lines.append(f"{indent}{one.name}: {_yaml_value(one.default)}")
+                lines.append(f"    {stage}:")
+            for one in shown:
+                lines += [
+                    *_comment(_sentence(one), indent),
+                    f"{indent}{one.name}: {_yaml_value(one.default)}",
+                ]
     return "\n".join(lines) + "\n"
 
 
@@ -54,7 +61,9 @@ def nodes_page() -> str:
         f"<!-- Written by `{_COMMAND}`; change the configs or `nodes/table.py` instead. -->",
         "All names are relative: put a graph under a namespace and remap as you like. Parameters marked "
         "*fixed* are set when the node starts, the others can be changed while it runs and count from the "
-        "next tile on. A parameter file is in `config/pipeline.param.yaml`.",
+        "next tile on. `config/pipeline.param.yaml` has the few that users turn; the others are called "
+        "`advanced.NAME`, after the stage where a node has several; parameter files and `--set` may leave "
+        "`advanced.` out.",
         "Fast DDS keeps at most 5000 messages of a topic, and a tile can have more rings. The nodes lift "
         "that limit by a profile of their own (`ros/fastdds_profile.xml`), unless "
         "`FASTRTPS_DEFAULT_PROFILES_FILE` names yours: set `max_samples`, `max_instances` and "
@@ -171,7 +180,7 @@ def _node_section(card: NodeCard) -> str:
     if card.services:
         rows = [f"| **{name}** | {kind} | {meaning} |" for name, kind, meaning in card.services]
         parts.append("\n".join(["### Services", "", "| name | type | meaning |", "|---|---|---|", *rows]))
-    parts.append(_parameter_table(NODE_CONFIGS[card.name]))
+    parts += _parameter_tables(NODE_CONFIGS[card.name])
     return "\n\n".join(parts)
 
 
@@ -181,21 +190,20 @@ def _topic_table(title: str, topics: tuple[Topic, ...]) -> str:
     return "\n".join([*head, *rows])
 
 
-def _parameter_table(configs: dict[str, type[StageConfig]]) -> str:
-    head = ["### Parameters", "", "| name | type | default | meaning |", "|---|---|---|---|"]
-    return "\n".join([*head, *_parameter_rows(configs)])
-
-
-def _parameter_rows(configs: dict[str, type[StageConfig]]) -> Iterator[str]:
-    """Yield one row per parameter."""
-    for stage, config in configs.items():
-        prefix = f"{stage}." if len(configs) > 1 else ""
-        for one in fields(config):
-            kind = {"tuple": "string[]", "str": "string", "float": "double"}.get(
-                type(one.default).__name__, type(one.default).__name__
-            )
-            meaning = f"{_sentence(one)}{' *fixed*' if spec_of(one).read_only else ''}"
-            yield f"| **{prefix}{one.name}** | {kind} | `{_yaml_value(one.default)}` | {meaning} |"
+def _parameter_tables(configs: dict[str, type[StageConfig]]) -> list[str]:
+    """Return the table of what users turn and that of all else."""
+    rows: dict[bool, list[str]] = {False: [], True: []}
+    for name, (_, one) in parameter_names(configs).items():
+        kind = {"tuple": "string[]", "str": "string", "float": "double"}.get(
+            type(one.default).__name__, type(one.default).__name__
+        )
+        meaning = f"{_sentence(one)}{' *fixed*' if spec_of(one).read_only else ''}"
+        rows[spec_of(one).advanced].append(
+            f"| **{name}** | {kind} | `{_yaml_value(one.default)}` | {meaning} |"
+        )
+    head = ["", "| name | type | default | meaning |", "|---|---|---|---|"]
+    titles = {False: "### Parameters", True: "### Advanced parameters"}
+    return ["\n".join([titles[advanced], *head, *found]) for advanced, found in rows.items() if found]
 
 
 if __name__ == "__main__":

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Mapping
-from dataclasses import Field, fields, replace
+from dataclasses import Field, replace
 from difflib import get_close_matches
 from typing import Any, TypeVar
 
@@ -18,6 +18,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from lidar_buildings.core.model.errors import ParameterError
+from lidar_buildings.core.model.parameter_names import parameter_names, spellings
 from lidar_buildings.core.model.parameters import ParameterSpec, StageConfig, checked_value, spec_of
 
 Config = TypeVar("Config", bound=StageConfig)
@@ -27,15 +28,8 @@ _MAX_INTEGER = 2**63 - 1
 _BUILT_IN = ("use_sim_time", "start_type_description_service")
 
 
-def parameter_prefix(stage: str, configs: Mapping[str, type[StageConfig]]) -> str:
-    """Return what stands before a stage's parameter names: nothing where the node has one stage only."""
-    return "" if len(configs) == 1 else f"{stage}."
-
-
 def ros_value(value: Any) -> Any:
-    """
-    Return a config value as ROS holds it; an empty list is [""], because ROS lists have no type when empty.
-    """
+    """Return a config value as ROS holds it: ROS lists have no type when empty, an empty one is [""]."""
     return (list(value) or [""]) if isinstance(value, tuple) else value
 
 
@@ -53,9 +47,9 @@ def parameter_overrides(
     Stages that the node does not have are left out.
     """
     return [
-        Parameter(f"{parameter_prefix(stage, configs)}{name}", value=ros_value(value))
-        for stage in configs
-        for name, value in settings.get(stage, {}).items()
+        Parameter(name, value=ros_value(settings[stage][one.name]))
+        for name, (stage, one) in parameter_names(configs).items()
+        if one.name in settings.get(stage, {})
     ]
 
 
@@ -91,7 +85,8 @@ class NodeParameters:
     node : Node
         Where to declare them.
     configs : mapping
-        Stage name → config class; parameters carry the stage's name as a prefix where there are several.
+        Stage name → config class; `parameter_names` says how their members are called. Start values may
+        leave ``advanced.`` out.
 
     Raises
     ------
@@ -102,9 +97,9 @@ class NodeParameters:
     def __init__(self, node: Node, configs: Mapping[str, type[StageConfig]]) -> None:
         self._node = node
         # rclpy shows overrides that nobody declared nowhere else; the only use of the private name
-        overrides = {name: one.value for name, one in node._parameter_overrides.items()}
-        self._fields = _fields_by_name(configs)
-        self._check_names(overrides)
+        given = {name: one.value for name, one in node._parameter_overrides.items()}
+        self._fields = parameter_names(configs)
+        overrides = self._by_name(given)
         self._values = {
             name: self._checked(name, overrides[name]) if name in overrides else one.default
             for name, (_, one) in self._fields.items()
@@ -128,14 +123,16 @@ class NodeParameters:
         """Return one stage's values by the names in its config."""
         return {one.name: self._values[name] for name, (of, one) in self._fields.items() if of == stage}
 
-    def _check_names(self, names: Mapping[str, Any]) -> None:
-        """Refuse a name that is not ours, and suggest the nearest one."""
-        for name in names:
-            if name in self._fields or name in _BUILT_IN or name.startswith("qos_overrides."):
+    def _by_name(self, given: Mapping[str, Any]) -> dict[str, Any]:
+        """Return our parameters among the start values; refuse an unknown name and suggest the nearest."""
+        known = spellings(self._fields)
+        for name in given:
+            if name in known or name in _BUILT_IN or name.startswith("qos_overrides."):
                 continue
-            near = get_close_matches(name, self._fields, n=1)
-            hint = f"did you mean {near[0]}?" if near else f"there are {', '.join(self._fields)}"
+            near = get_close_matches(name, known, n=1)
+            hint = f"did you mean {known[near[0]]}?" if near else f"there are {', '.join(self._fields)}"
             raise ParameterError(f"{self._node.get_name()}.{name}: there is no such parameter ({hint})")
+        return {known[name]: value for name, value in given.items() if name in known}
 
     def _checked(self, name: str, value: Any) -> Any:
         """Return a value as the config holds it, or refuse it under its full name."""
@@ -169,15 +166,6 @@ class NodeParameters:
             stage, member = self._fields[name]
             members.setdefault(stage, {})[member.name] = value
         return values, {stage: replace(self._configs[stage], **new) for stage, new in members.items()}
-
-
-def _fields_by_name(configs: Mapping[str, type[StageConfig]]) -> dict[str, tuple[str, Field[Any]]]:
-    """Return parameter name → (stage, config field)."""
-    return {
-        f"{parameter_prefix(stage, configs)}{one.name}": (stage, one)
-        for stage, kind in configs.items()
-        for one in fields(kind)
-    }
 
 
 def _limits(spec: ParameterSpec, lowest: float, highest: float) -> tuple[float, float]:

@@ -47,6 +47,34 @@ def test_an_assignment_names_the_stage_or_its_node(settings, text):
     assert settings("", text) == {"roof_selection": {"min_height": 3.0}}
 
 
+@pytest.mark.parametrize("name", ["raster_reach", "advanced.raster_reach"])
+def test_advanced_parameters_have_two_spellings(settings, name):
+    assert settings("", f"model_writer.{name}=9") == {"model_writer": {"raster_reach": 9.0}}
+    text = f"model_writer: {{ros__parameters: {{{name}: 9.0}}}}"
+    assert settings(text) == {"model_writer": {"raster_reach": 9.0}}
+
+
+def test_the_stage_stands_before_an_advanced_name_where_a_node_has_several(settings):
+    nested = "building_tracer: {ros__parameters: {footprints: {advanced: {layer: houses}}}}"
+    assert settings(nested) == {"footprints": {"layer": "houses"}}
+    assert settings("", "building_tracer.footprints.advanced.layer=houses") == settings(nested)
+
+
+@pytest.mark.parametrize(
+    ("name", "nearest"),
+    [
+        ("raster_reech", "raster_reach"),
+        ("advanced.raster_reech", "raster_reach"),
+        ("advanced.raster_resolution", "raster_resolution"),
+    ],
+)
+def test_a_wrong_name_suggests_the_nearest(settings, name, nearest):
+    with pytest.raises(
+        ParameterError, match=rf"no parameter model_writer\.{name} \(did you mean {nearest}\?\)"
+    ):
+        settings("", f"model_writer.{name}=9")
+
+
 def test_the_last_assignment_wins_over_earlier_ones_and_over_the_file(settings):
     text = "roof_selector: {ros__parameters: {min_height: 3.0, max_part_area: 9.0}}"
     found = settings(text, "roof_selection.min_height=4", "roof_selection.min_height=5")

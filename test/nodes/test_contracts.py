@@ -9,6 +9,7 @@ from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 from support.cloud_files import random_cloud
 
+from lidar_buildings.core.model.parameter_names import parameter_names
 from lidar_buildings.core.model.parameters import spec_of
 from lidar_buildings.nodes import reference
 from lidar_buildings.nodes.configs import NODE_CONFIGS
@@ -23,7 +24,7 @@ from lidar_buildings.nodes.table import (
 )
 from lidar_buildings.pipeline.reconstruct import STAGE_CONFIGS, STAGES
 from lidar_buildings.ros import qos
-from lidar_buildings.ros.parameters import parameter_prefix, ros_value
+from lidar_buildings.ros.parameters import ros_value
 
 CARDS = {card.name: card for card in NODE_TABLE}
 
@@ -177,11 +178,7 @@ def test_a_shorter_run_has_a_listener_for_every_topic_that_it_must_wait_for(stag
 
 def declared(configs):
     """Parameter name → (value as ROS has it, config field)."""
-    return {
-        f"{parameter_prefix(stage, configs)}{one.name}": (ros_value(one.default), one)
-        for stage, config in configs.items()
-        for one in fields(config)
-    }
+    return {name: (ros_value(one.default), one) for name, (_, one) in parameter_names(configs).items()}
 
 
 @pytest.mark.graph
@@ -204,7 +201,7 @@ def test_declared_parameters_have_the_defaults_and_ranges_of_the_configs(start, 
 @pytest.mark.parametrize("name", ["tile_player", "model_writer"])
 def test_the_parameters_of_source_and_sink_have_their_defaults_where_none_was_given(start, name):
     node = start(name)
-    given = {"input", "output", "publish_clock"}
+    given = {"input", "advanced.input", "output", "advanced.publish_clock"}
     for parameter, (value, _) in declared(NODE_CONFIGS[name]).items():
         assert parameter in given or node.get_parameter(parameter).value == value
 
@@ -217,14 +214,31 @@ def flat(parameters, prefix=""):
             yield f"{prefix}{name}", value
 
 
-def test_the_parameter_file_has_exactly_the_defaults_of_the_configs():
-    path = reference.installed_parameter_file()
-    content = yaml.safe_load(path.read_text(encoding="utf-8"))
-    assert content.keys() == {f"/**/{name}" for name in NODE_CONFIGS}
-    for name, configs in NODE_CONFIGS.items():
-        found = dict(flat(content[f"/**/{name}"]["ros__parameters"]))
-        assert found == {parameter: value for parameter, (value, _) in declared(configs).items()}
-        assert all(type(found[p]) is type(value) for p, (value, _) in declared(configs).items())
+def parameters_of_the_file():
+    """(node, parameter name) → value in the parameter file that we ship."""
+    content = yaml.safe_load(reference.installed_parameter_file().read_text(encoding="utf-8"))
+    return {
+        (key.removeprefix("/**/"), name): value
+        for key, body in content.items()
+        for name, value in flat(body["ros__parameters"])
+    }
+
+
+def test_the_parameter_file_has_the_defaults_of_all_that_is_not_advanced_once_per_stage():
+    found = parameters_of_the_file()
+    stages = set()
+    for (node, name), value in found.items():
+        default, one = declared(NODE_CONFIGS[node])[name]
+        assert (value, type(value)) == (default, type(default))
+        assert not spec_of(one).advanced
+        stages.add((parameter_names(NODE_CONFIGS[node])[name][0], one.name))
+    assert len(stages) == len(found)
+    assert stages == {
+        (stage, one.name)
+        for configs in NODE_CONFIGS.values()
+        for stage, one in parameter_names(configs).values()
+        if not spec_of(one).advanced
+    }
 
 
 def test_the_generated_files_are_up_to_date():

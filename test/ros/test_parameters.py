@@ -24,6 +24,7 @@ class RoofConfig(StageConfig):
 class WallConfig(StageConfig):
     stage: ClassVar[str] = "walls"
     max_distance: float = parameter(0.1, "Raising it takes more.", unit="m", maximum=1.0)
+    noise: float = parameter(0.2, "Raising it smooths.", unit="m", minimum=0.0, advanced=True)
 
 
 @dataclass(frozen=True)
@@ -69,6 +70,34 @@ def test_a_node_with_several_stages_puts_the_stage_before_the_name(make):
     assert parameters[WallConfig].max_distance == 0.2
     assert parameters[RoofConfig].max_distance == 0.5
     assert node.has_parameter("roofs.max_distance")
+
+
+def test_advanced_parameters_have_a_name_that_says_so(make):
+    one, _ = make({"walls": WallConfig})
+    several, _ = make(TWO)
+    assert one.get_parameter("advanced.noise").value == 0.2
+    assert several.get_parameter("walls.advanced.noise").value == 0.2
+    assert not one.has_parameter("noise")
+
+
+@pytest.mark.parametrize("name", ["walls.noise", "walls.advanced.noise"])
+def test_start_values_of_advanced_parameters_have_two_spellings(make, name):
+    node, parameters = make(TWO, **{name: 0.4})
+    assert parameters[WallConfig].noise == node.get_parameter("walls.advanced.noise").value == 0.4
+    assert parameters.as_dict()["walls"]["noise"] == 0.4
+
+
+def test_advanced_parameters_change_at_run_time(make):
+    node, parameters = make(TWO)
+    assert node.set_parameters([Parameter("walls.advanced.noise", value=0.6)])[0].successful
+    assert parameters[WallConfig].noise == 0.6
+    assert not node.set_parameters([Parameter("walls.advanced.noise", value=-0.6)])[0].successful
+
+
+@pytest.mark.parametrize("name", ["walls.noize", "walls.advanced.noize"])
+def test_a_wrong_name_suggests_the_full_one(make, name):
+    with pytest.raises(ParameterError, match=r"\(did you mean walls\.advanced\.noise\?\)"):
+        make(TWO, **{name: 0.4})
 
 
 def test_start_values_are_taken_and_whole_numbers_will_do_for_floats(make):
@@ -149,6 +178,6 @@ def test_changes_that_do_not_go_together_are_refused_and_change_nothing(make):
 
 
 def test_overrides_of_a_node_are_made_from_settings_by_stage(make):
-    settings = {"walls": {"max_distance": 0.3}, "roofs": {"input": ()}, "other": {"x": 1}}
+    settings = {"walls": {"max_distance": 0.3, "noise": 0.1}, "roofs": {"input": ()}, "other": {"x": 1}}
     made = {one.name: one.value for one in parameter_overrides(TWO, settings)}
-    assert made == {"walls.max_distance": 0.3, "roofs.input": [""]}
+    assert made == {"walls.max_distance": 0.3, "walls.advanced.noise": 0.1, "roofs.input": [""]}

@@ -38,4 +38,5 @@ class TilingConfig(StageConfig):
         minimum=0.0,
         maximum=2_000.0,
         read_only=True,
+        advanced=True,
     )

@@ -35,4 +35,5 @@ class RasterConfig(StageConfig):
         minimum=0.0,
         maximum=200.0,
         read_only=True,
+        advanced=True,
     )

@@ -1,0 +1,34 @@
+"""How the members of configs are named as the parameters of a node."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import Field, fields
+from typing import Any
+
+from lidar_buildings.core.model.parameters import StageConfig, spec_of
+
+#: Stands before the name of a parameter that few users turn.
+ADVANCED = "advanced."
+
+
+def parameter_names(configs: Mapping[str, type[StageConfig]]) -> dict[str, tuple[str, Field[Any]]]:
+    """
+    Return parameter name → (stage, config field) of a node with these stages.
+
+    ``window`` and ``advanced.noise`` where the node has one stage, ``segmentation.window`` and
+    ``segmentation.advanced.noise`` where it has several.
+    """
+    return {
+        f"{'' if len(configs) == 1 else f'{stage}.'}{ADVANCED * spec_of(one).advanced}{one.name}": (
+            stage,
+            one,
+        )
+        for stage, config in configs.items()
+        for one in fields(config)
+    }
+
+
+def spellings(names: Iterable[str]) -> dict[str, str]:
+    """Return what users may write → parameter name: they may leave ``advanced.`` out."""
+    return {spelling: name for name in names for spelling in (name.replace(ADVANCED, "", 1), name)}
