@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lidar_buildings.core.model.building_id import anchor_near, anchor_row
-from lidar_buildings.core.model.outline import BuildingOutline, Outline
+from lidar_buildings.core.model.outline import BuildingOutline, Outline, OutlineQuality
 from lidar_buildings.core.model.status import BuildingStatus
 from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.core.neighbours.parallel import work_alone
@@ -23,7 +23,7 @@ from lidar_buildings.core.stages.building_model import (
     build_model,
 )
 from lidar_buildings.core.stages.footprints import remark_on_points
-from lidar_buildings.core.stages.regularisation import OutlineQuality, RegularisationConfig, measure_outline
+from lidar_buildings.core.stages.regularisation import RegularisationConfig, measure_outline
 from lidar_buildings.pipeline.tile_stages import rows_by_building
 
 _log = logging.getLogger(__name__)
@@ -128,6 +128,8 @@ def _built(building: PointTile, one: BuildingOutline, config: BuildingModelConfi
 
 def _measured(one: BuildingOutline, traced: Outline, regularisation: RegularisationConfig) -> OutlineQuality:
     """Measure an outline against its traced ring; whatever goes wrong, the quality says so."""
+    if one.quality is not None:
+        return one.quality
     try:
         return measure_outline(traced, one.outline, regularisation)
     except Exception as error:

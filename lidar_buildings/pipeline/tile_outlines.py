@@ -9,10 +9,13 @@ from dataclasses import replace
 import numpy as np
 import shapely
 
-from lidar_buildings.core.model.outline import BuildingOutline, Outline
+from lidar_buildings.core.model.outline import BuildingOutline, Outline, OutlineQuality
+from lidar_buildings.core.model.status import BuildingStatus
 from lidar_buildings.core.neighbours.union_find import sets_of_pairs
 from lidar_buildings.core.stages.regularisation import (
     RegularisationConfig,
+    RegularisedOutline,
+    outline_quality,
     regularise_outline,
     ring_spacing,
     working_spacing,
@@ -34,14 +37,17 @@ def regularise_outlines(
     """
     Regularise every traced outline, and let touching ones share walls; one that cannot be keeps its rings.
 
-    With `keep_outlines` all stay as they are, given footprints for instance.
+    All come back with their quality. With `keep_outlines` their rings stay as they are, given footprints for
+    instance.
 
     What becomes of an outline depends on those of its own block alone, which is never cut by a tile's edge.
     """
     if config.keep_outlines:
-        return outlines
+        given = OutlineQuality(0.0, 0.0, BuildingStatus.OK, "")
+        return tuple(replace(one, quality=given) for one in outlines)
     traced = [one.outline for one in outlines]
-    regular = [_regularised(one, config) for one in outlines]
+    own = [_regularised(one, config) for one in outlines]
+    regular = [one.outline for one in own]
     groups = touching_groups(traced)
     if config.max_wall_gap:
         for members in groups:
@@ -49,7 +55,10 @@ def regularise_outlines(
     regular = [_sound(outline.as_carried(), ring) for outline, ring in zip(regular, traced, strict=True)]
     for members in groups:
         _part(regular, traced, members)
-    return tuple(replace(one, outline=outline) for one, outline in zip(outlines, regular, strict=True))
+    return tuple(
+        replace(one, outline=outline, quality=_quality(one.outline, outline, alone, config))
+        for one, outline, alone in zip(outlines, regular, own, strict=True)
+    )
 
 
 def touching_groups(traced: Sequence[Outline]) -> list[list[int]]:
@@ -90,13 +99,22 @@ def _share_walls(
         outlines[row] = outline
 
 
-def _regularised(traced: BuildingOutline, config: RegularisationConfig) -> Outline:
+def _regularised(traced: BuildingOutline, config: RegularisationConfig) -> RegularisedOutline:
     """Regularise one outline, or keep it as it is."""
     try:
-        return regularise_outline(traced.outline, config).outline
-    except Exception:
+        return regularise_outline(traced.outline, config)
+    except Exception as error:
         _log.exception("building %d: regularisation failed, the traced ring is kept", traced.building_id)
-        return traced.outline
+        reason = f"unexpected error: {error!r}"
+        return RegularisedOutline(traced.outline, np.nan, np.nan, (), BuildingStatus.FAILED, reason)
+
+
+def _quality(
+    traced: Outline, outline: Outline, own: RegularisedOutline, config: RegularisationConfig
+) -> OutlineQuality:
+    if own.status is BuildingStatus.FAILED:
+        return OutlineQuality(own.sigma, own.max_offset, own.status, own.reason)
+    return outline_quality(traced, outline, own, config)
 
 
 def _sound(outline: Outline, traced: Outline) -> Outline:

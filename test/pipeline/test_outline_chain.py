@@ -13,7 +13,7 @@ from lidar_buildings.core.model.outline import signed_area
 from lidar_buildings.core.model.status import BuildingStatus
 from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.core.stages.boundary_tracing import BoundaryTracingConfig, trace_boundary
-from lidar_buildings.core.stages.regularisation import RegularisationConfig, measure_outline
+from lidar_buildings.core.stages.regularisation import RegularisationConfig
 from lidar_buildings.core.stages.segmentation import SegmentationConfig
 from lidar_buildings.pipeline.tile_outlines import regularise_outlines
 from lidar_buildings.pipeline.tile_stages import trace_buildings
@@ -61,9 +61,8 @@ def outlines_of(points, segmentation=None, spacing=SPACING):
         # Nothing lost: all points are in the traced outline, as it is carried (millimetres).
         assert shapely.distance(polygon(before.outline), shapely.points(own)).max() < 0.005
         if after.outline.same_as(before.outline):
-            quality = measure_outline(before.outline, after.outline)
-            assert quality.status is BuildingStatus.TRACED_OUTLINE
-            assert quality.reason
+            assert after.quality.status is BuildingStatus.TRACED_OUTLINE
+            assert after.quality.reason
     return traced.tile, [polygon(one.outline) for one in outlines]
 
 

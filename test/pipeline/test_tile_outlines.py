@@ -3,7 +3,8 @@ import pytest
 import shapely
 
 from lidar_buildings.core.model.outline import BuildingOutline, Outline
-from lidar_buildings.core.stages.regularisation import RegularisationConfig
+from lidar_buildings.core.model.status import BuildingStatus
+from lidar_buildings.core.stages.regularisation import RegularisationConfig, RegularisedOutline
 from lidar_buildings.core.stages.regularisation.shared_walls import share_walls
 from lidar_buildings.pipeline.tile_outlines import regularise_outlines, touching_groups
 
@@ -61,21 +62,22 @@ def test_empty_rings_are_passed_on():
     assert [len(one.outline.exterior) for one in regularise_outlines(given, RegularisationConfig())] == [0, 0]
 
 
+def regularised(outline):
+    return RegularisedOutline(outline, 0.1, 0.2, (), BuildingStatus.OK, "")
+
+
 def test_an_outline_that_rounding_would_spoil_stays_as_traced(monkeypatch):
     traced = ring_of(shapely.box(0, 0, 12, 8))
     sliver = np.array([(0, 0), (12, 0), (12, 8), (6, 1e-12), (0, 8)])
-
-    class Result:
-        outline = Outline(sliver)
-
     assert Outline(sliver).polygon.is_valid
-    monkeypatch.setattr("lidar_buildings.pipeline.tile_outlines.regularise_outline", lambda *_: Result())
     far = 1e6
     moved = BuildingOutline(1, Outline(traced.exterior + far))
-    monkeypatch.setattr(Result, "outline", Outline(sliver + far))
+    spoilt = regularised(Outline(sliver + far))
+    monkeypatch.setattr("lidar_buildings.pipeline.tile_outlines.regularise_outline", lambda *_: spoilt)
     (result,) = regularise_outlines((moved,), RegularisationConfig())
     assert result.outline.polygon.is_valid
     assert len(result.outline.exterior) == len(traced.exterior)
+    assert result.quality.status is BuildingStatus.TRACED_OUTLINE
 
 
 def test_walls_that_would_lie_over_a_neighbour_leave_the_smaller_one_as_traced(monkeypatch):
@@ -85,12 +87,11 @@ def test_walls_that_would_lie_over_a_neighbour_leave_the_smaller_one_as_traced(m
         len(small.exterior): shapely.box(20.5, 2, 26.5, 8),
     }
 
-    class Result:
-        def __init__(self, traced, _):
-            box = shapely.orient_polygons(grown[len(traced.exterior)])
-            self.outline = Outline(shapely.get_coordinates(box.exterior)[:-1])
+    def grow(traced, _):
+        box = shapely.orient_polygons(grown[len(traced.exterior)])
+        return regularised(Outline(shapely.get_coordinates(box.exterior)[:-1]))
 
-    monkeypatch.setattr("lidar_buildings.pipeline.tile_outlines.regularise_outline", Result)
+    monkeypatch.setattr("lidar_buildings.pipeline.tile_outlines.regularise_outline", grow)
     given = tuple(BuildingOutline(k + 1, one) for k, one in enumerate((large, small)))
     alone = RegularisationConfig(max_wall_gap=0.0)
     result = polygons(one.outline for one in regularise_outlines(given, alone))

@@ -8,6 +8,8 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
+from lidar_buildings.core.model.status import BuildingStatus
+
 
 @dataclass(frozen=True, eq=False)
 class Outline:
@@ -58,6 +60,29 @@ class Outline:
         )
 
 
+@dataclass(frozen=True)
+class OutlineQuality:
+    """
+    How well a regularised outline fits the traced one.
+
+    Attributes
+    ----------
+    sigma : float
+        Standard deviation of the points on walls about the outline [m].
+    max_offset : float
+        Largest distance of a point on a wall from the outline [m].
+    status : BuildingStatus
+        OK, TRACED_OUTLINE, or FAILED with NaN for the other two.
+    reason : str
+        Why it is the traced outline, or what else was out of the ordinary; else empty.
+    """
+
+    sigma: float
+    max_offset: float
+    status: BuildingStatus
+    reason: str
+
+
 @dataclass(frozen=True, eq=False)
 class BuildingOutline:
     """
@@ -71,11 +96,14 @@ class BuildingOutline:
         Rings in the map frame [m].
     ground_elevation : float or None
         Of the ground at the building, map frame [m]; None where it is left to the building's points.
+    quality : OutlineQuality or None
+        From regularisation on.
     """
 
     building_id: int
     outline: Outline
     ground_elevation: float | None = None
+    quality: OutlineQuality | None = None
 
 
 def signed_area(ring: NDArray[np.float64]) -> float:

@@ -3,19 +3,20 @@
 from lidar_buildings.core.stages.regularisation.config import AS_PUBLISHED, RegularisationConfig
 from lidar_buildings.core.stages.regularisation.regularising import (
     measure_outline,
+    outline_quality,
     regularise_outline,
     ring_spacing,
     working_spacing,
 )
-from lidar_buildings.core.stages.regularisation.result import OutlineQuality, OutlineWall, RegularisedOutline
+from lidar_buildings.core.stages.regularisation.result import OutlineWall, RegularisedOutline
 
 __all__ = [
     "AS_PUBLISHED",
-    "OutlineQuality",
     "OutlineWall",
     "RegularisationConfig",
     "RegularisedOutline",
     "measure_outline",
+    "outline_quality",
     "regularise_outline",
     "ring_spacing",
     "working_spacing",

@@ -9,7 +9,7 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from lidar_buildings.core.model.outline import Outline
+from lidar_buildings.core.model.outline import Outline, OutlineQuality
 from lidar_buildings.core.model.status import BuildingStatus
 from lidar_buildings.core.stages.regularisation.assembly import Fit, WalledRing, assemble
 from lidar_buildings.core.stages.regularisation.building_walls import both_ways, divide_building
@@ -22,7 +22,7 @@ from lidar_buildings.core.stages.regularisation.precision import (
     outline_walls,
     unknowns_of,
 )
-from lidar_buildings.core.stages.regularisation.result import OutlineQuality, RegularisedOutline
+from lidar_buildings.core.stages.regularisation.result import RegularisedOutline
 from lidar_buildings.core.stages.regularisation.samples import SAMPLE_LENGTH, RingSamples, sample_ring
 from lidar_buildings.core.stages.regularisation.settling import moved_out, through_the_points
 
@@ -112,20 +112,28 @@ def regularise_outline(traced: Outline, config: RegularisationConfig | None = No
 def measure_outline(
     traced: Outline, outline: Outline, config: RegularisationConfig | None = None
 ) -> OutlineQuality:
+    """Measure how well an outline fits the traced one, for when only the two are known."""
+    config = config or RegularisationConfig()
+    if config.keep_outlines:
+        return OutlineQuality(0.0, 0.0, BuildingStatus.OK, "")
+    return outline_quality(traced, outline, regularise_outline(traced, config), config)
+
+
+def outline_quality(
+    traced: Outline, outline: Outline, own: RegularisedOutline, config: RegularisationConfig
+) -> OutlineQuality:
     """
-    Measure how well an outline fits the traced one, for when only the two are known.
+    Return how well a building's final outline fits the traced one.
 
     Parameters
     ----------
     traced, outline : Outline
-        Before and after regularisation [m].
-    config : RegularisationConfig, optional
-        Settings that `outline` was made with; they tell why an outline was left as traced.
+        Before regularisation, and what came of it with shared walls and rounding [m].
+    own : RegularisedOutline
+        The traced outline regularised alone; its precision holds where `outline` is still that.
+    config : RegularisationConfig
+        Settings that the outlines were made with.
     """
-    config = config or RegularisationConfig()
-    if config.keep_outlines:
-        return OutlineQuality(0.0, 0.0, BuildingStatus.OK, "")
-    own = regularise_outline(traced, config)
     if outline.same_as(own.outline) or outline.same_as(own.outline.as_carried()):
         return OutlineQuality(own.sigma, own.max_offset, own.status, own.reason)
     if outline.same_as(traced):

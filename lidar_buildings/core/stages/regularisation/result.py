@@ -80,13 +80,3 @@ class RegularisedOutline:
     walls: tuple[OutlineWall, ...] = ()
     corner_sigma: tuple[float, ...] = ()
     bias: float = 0.0
-
-
-@dataclass(frozen=True)
-class OutlineQuality:
-    """How well an outline fits the ring it was made from; members as in `RegularisedOutline`."""
-
-    sigma: float
-    max_offset: float
-    status: BuildingStatus
-    reason: str
