@@ -104,7 +104,7 @@ def chain_of(roofs: PointTile, configs: Configs) -> Chain:
         segment_buildings,
         roofs.points,
         configs.segmentation,
-        point_spacing=roofs.spacing,
+        point_spacing=roofs.point_spacing,
         **scan,
     )
     buildings = []
@@ -116,7 +116,7 @@ def chain_of(roofs: PointTile, configs: Configs) -> Chain:
             roofs.points[rows],
             configs.boundary_tracing,
             pattern=found.patterns[number],
-            point_spacing=roofs.spacing,
+            point_spacing=roofs.point_spacing,
         )
         regular = _timed(
             seconds, "regularisation", regularise_outline, traced.outline, configs.regularisation

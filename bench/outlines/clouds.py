@@ -69,7 +69,7 @@ def read_roofs(name: str, files: list[Path], *, own_classes: bool = False) -> Ro
     """
     tile, frame = read_files(files)
     spacing = steady_spacing(pulses(tile.points, tile.return_number, tile.number_of_returns), None)
-    tile = tile.with_columns(point_spacing=np.full(len(tile), spacing))
+    tile = tile.with_columns(point_spacing=spacing)
     extent = np.array([tile.points[:, :2].min(axis=0), tile.points[:, :2].max(axis=0)])
     if name.split("/")[0] in ROOFS_ONLY:
         roofs, classes = tile, "roofs"

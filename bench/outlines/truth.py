@@ -146,7 +146,7 @@ def worst(verdicts: Sequence[Verdict]) -> dict[str, Verdict]:
 def tile_of(scene: OutlineScene) -> PointTile:
     """Return a scene's points as a tile whose pulses have the scene's spacing."""
     tile = PointTile(points=scene.points)
-    return tile.with_columns(point_spacing=np.full(len(tile), scene.spacing))
+    return tile.with_columns(point_spacing=scene.spacing)
 
 
 def _polygons(scene: OutlineScene, method: str, configs: Configs) -> Sequence[shapely.Polygon]:

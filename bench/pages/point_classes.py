@@ -65,9 +65,10 @@ def village() -> PointTile:
         simulate_survey(folder, "village", density=4.0)
         with TileSource(folder, TilingConfig(buffer=0.0)) as source:
             tiles = list(source)
-    names = ("intensity", "return_number", "number_of_returns", "point_source_id", "point_spacing")
+    names = ("intensity", "return_number", "number_of_returns", "point_source_id")
     columns = {name: np.concatenate([getattr(tile, name) for tile in tiles]) for name in names}
-    return PointTile(np.concatenate([tile.points for tile in tiles]), **columns)
+    points = np.concatenate([tile.points for tile in tiles])
+    return PointTile(points, point_spacing=tiles[0].point_spacing, **columns)
 
 
 def with_strips_and_field(tile: PointTile) -> PointTile:
@@ -93,7 +94,7 @@ def draw_modes(
     """Draw the histogram of the ground's brightness and the limit found in it."""
     leaves = tile.points[tile.classification == 5]
     raster = brightness_raster(
-        tile.points[is_ground], normalised[is_ground], is_only[is_ground], tile.spacing, leaves
+        tile.points[is_ground], normalised[is_ground], is_only[is_ground], tile.point_spacing, leaves
     )
     limit = raster.dark_limit()
     axes.hist(raster.brightness[raster.is_known], np.arange(0, 256, 4), color="#9a8f7a")

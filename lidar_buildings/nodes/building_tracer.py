@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from collections import OrderedDict
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from geometry_msgs.msg import PointStamped, PolygonInstanceStamped, PolygonStamped, Vector3Stamped
+from geometry_msgs.msg import PointStamped, PolygonInstanceStamped, Vector3Stamped
 from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Header
 
@@ -21,8 +19,8 @@ from lidar_buildings.nodes.configs import NODE_CONFIGS, FootprintNodeConfig
 from lidar_buildings.pipeline.tile_stages import TracedTile, trace_buildings, trace_footprints
 from lidar_buildings.ros.map_frames import frame_of
 from lidar_buildings.ros.point_cloud import to_message
-from lidar_buildings.ros.polygons import Bounds, bounds_of, outline_messages
-from lidar_buildings.ros.qos import BUILDING, CLOUD, EVENT, LATCHED, LATCHED_TILE
+from lidar_buildings.ros.polygons import outline_messages
+from lidar_buildings.ros.qos import BUILDING, CLOUD, EVENT, LATCHED
 from lidar_buildings.ros.runner import run_node
 from lidar_buildings.ros.stage_node import StageNode
 from lidar_buildings.ros.stamps import header_of
@@ -31,8 +29,6 @@ from lidar_buildings.ros.tile_join import TileJoin, agree_on_roofs
 _EDGES, _ALL = "edge_points", "classified_points"
 #: Topic → what it said of a tile.
 Parts = dict[str, PointTile]
-#: How many tiles' bounds are remembered; many more than can be in flight.
-_MAX_BOUNDS = 64
 
 
 class BuildingTracer(StageNode):
@@ -40,7 +36,6 @@ class BuildingTracer(StageNode):
 
     def __init__(self, **kwargs: Any) -> None:
         super().__init__("building_tracer", NODE_CONFIGS["building_tracer"], **kwargs)
-        self._bounds: OrderedDict[int, Bounds | None] = OrderedDict()
         self._waiting: dict[int, Parts] = {}
         self._origin: PointStamped | None = None
         self._units: Vector3Stamped | None = None
@@ -49,21 +44,11 @@ class BuildingTracer(StageNode):
         self._building_points = self.create_publisher(PointCloud2, "building_points", CLOUD)
         self._traced = self.create_publisher(PolygonInstanceStamped, "traced_outlines", BUILDING)
         self._clipped = self.create_publisher(Header, "tile_clipped", EVENT)
-        self.create_subscription(PolygonStamped, "tile_bounds", self.on_bounds, LATCHED_TILE)
         if self._has_footprints:
             self.create_subscription(Vector3Stamped, "map_units", self.on_units, LATCHED)
             self.create_subscription(PointStamped, "map_origin", self.on_origin, LATCHED)
             self.subscribe_tiles(_ALL, lambda tile: self.on_tile(_ALL, tile))
         self.subscribe_tiles(_EDGES, lambda tile: self.on_tile(_EDGES, tile))
-
-    def on_bounds(self, message: PolygonStamped) -> None:
-        """Remember a tile's limits, and go on with a tile that came before them."""
-        stamp, bounds = bounds_of(message)
-        self._bounds[stamp] = bounds
-        self._bounds.move_to_end(stamp)
-        while len(self._bounds) > _MAX_BOUNDS:
-            self._bounds.popitem(last=False)
-        self._go_on_with(stamp)
 
     def on_units(self, message: Vector3Stamped) -> None:
         """Learn the source's units, and go on with the tiles that came before."""
@@ -82,16 +67,10 @@ class BuildingTracer(StageNode):
         parts = self._join.add(tile.stamp, topic, tile)
         if parts is None:
             return
-        if self._must_wait(tile.stamp):
+        if self._has_footprints and self._frame is None:
             self._waiting[tile.stamp] = parts
             return
         self._trace(tile.stamp, parts)
-
-    def _must_wait(self, stamp: int) -> bool:
-        """Whether a tile's limits are still to come, or with footprints the map frame."""
-        if self._has_footprints and self._frame is None:
-            return True
-        return stamp not in self._bounds and bool(self.count_publishers("tile_bounds"))
 
     @property
     def _frame(self) -> MapFrame | None:
@@ -102,7 +81,7 @@ class BuildingTracer(StageNode):
 
     def _go_on_with(self, stamp: int) -> None:
         """Trace a tile that has waited, if nothing is missing any more."""
-        if stamp in self._waiting and not self._must_wait(stamp):
+        if stamp in self._waiting and self._frame is not None:
             with self.reporting(stamp) as report:
                 parts = self._waiting.pop(stamp)
                 report.n_points = len(parts[_EDGES])
@@ -110,16 +89,12 @@ class BuildingTracer(StageNode):
 
     def _trace(self, stamp: int, parts: Parts) -> None:
         """Publish one tile's buildings, or ask for more of the tile."""
-        traced = self._traced_tile({topic: self._bounded(tile) for topic, tile in parts.items()})
+        traced = self._traced_tile(parts)
         if traced.clipped and self._clipped.get_subscription_count():
             self._clipped.publish(header_of(stamp))
             return
         self._building_points.publish(to_message(traced.tile))
         self.publish_rings(self._traced, outline_messages(stamp, traced.outlines))
-
-    def _bounded(self, tile: PointTile) -> PointTile:
-        """Return a tile with its limits."""
-        return replace(tile, bounds=self._bounds.get(tile.stamp))
 
     def _traced_tile(self, parts: Parts) -> TracedTile:
         """Trace one tile's buildings, or take the footprints for them."""

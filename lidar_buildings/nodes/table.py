@@ -70,8 +70,7 @@ POINTS = Topic(
     "points",
     _CLOUD,
     "CLOUD",
-    "points as in the source, with `source` and `index` (its row there), `point_spacing` [m] and "
-    "`normalised_intensity` (0 to 255; `dark_limit` parts the two modes of the ground, if it has two); "
+    "points as in the source, with `source` and `index` (its row there), `normalised_intensity` (0 to 255); "
     "`buffer` = 1 are the neighbours'",
 )
 GROUND_POINTS = Topic(
@@ -136,11 +135,12 @@ MAP_UNITS = Topic(
     "LATCHED",
     "metres per unit of the source's x, y and z",
 )
-TILE_BOUNDS = Topic(
-    "tile_bounds",
-    "geometry_msgs/PolygonStamped",
+TILE_INFO = Topic(
+    "tile_info",
+    "std_msgs/String",
     "LATCHED_TILE",
-    "limits of a tile with its buffer; empty where nothing lies beyond",
+    "JSON of a tile: `stamp`, `bounds` (west, south, east, north of it with its buffer; null where nothing "
+    "lies beyond), `point_spacing` [m], `dark_limit` (parts the two modes of the ground, if it has two)",
 )
 TILE_CLIPPED = Topic("tile_clipped", _HEADER, "EVENT", "a building of this tile is not whole")
 TILE_DONE = Topic("tile_done", _HEADER, "LATCHED_HISTORY", "this tile is done, or safely on disk")
@@ -156,7 +156,7 @@ NODE_TABLE: tuple[NodeCard, ...] = (
         "Cuts clouds into tiles and sends them into the graph. "
         "It keeps few tiles in flight, sends again what got lost, and larger what was too small.",
         (TILE_DONE, TILE_CLIPPED, DIAGNOSTICS),
-        (POINTS, TILE_BOUNDS, MAP_ORIGIN, MAP_UNITS, SURVEY_DONE, TILE_FAILED, CLOCK),
+        (POINTS, TILE_INFO, MAP_ORIGIN, MAP_UNITS, SURVEY_DONE, TILE_FAILED, CLOCK),
         (
             ("~/pause", _TRIGGER, "send no more tiles"),
             ("~/resume", _TRIGGER, "go on"),
@@ -167,20 +167,20 @@ NODE_TABLE: tuple[NodeCard, ...] = (
         "ground_filter",
         "Tells the ground from what stands on it, and low and high noise from both. "
         "It gives every point its height above the ground.",
-        (POINTS,),
+        (TILE_INFO, POINTS),
         (GROUND_POINTS, DTM),
     ),
     NodeCard(
         "roof_selector",
         "Gives every point its final class: roofs, vegetation by height, roads by the ground's brightness. "
         "The points of class 6 go on as roof points.",
-        (GROUND_POINTS,),
+        (TILE_INFO, GROUND_POINTS),
         (CLASSIFIED_POINTS, ROOF_POINTS),
     ),
     NodeCard(
         "edge_labeller",
         "Finds the roof points on edges. It appends the shape of each point's neighbourhood.",
-        (ROOF_POINTS,),
+        (TILE_INFO, ROOF_POINTS),
         (EDGE_POINTS,),
     ),
     NodeCard(
@@ -188,7 +188,7 @@ NODE_TABLE: tuple[NodeCard, ...] = (
         "Gathers roof points into buildings and traces their outlines and courtyards, or takes given "
         "footprints for which it listens to all points. "
         "A tile that cuts one of its buildings off is held back and asked for with a larger buffer.",
-        (TILE_BOUNDS, EDGE_POINTS, MAP_ORIGIN, MAP_UNITS, CLASSIFIED_POINTS),
+        (TILE_INFO, EDGE_POINTS, MAP_ORIGIN, MAP_UNITS, CLASSIFIED_POINTS),
         (BUILDING_POINTS, TRACED_OUTLINES, TILE_CLIPPED),
     ),
     NodeCard(
@@ -201,14 +201,14 @@ NODE_TABLE: tuple[NodeCard, ...] = (
     NodeCard(
         "plane_fitter",
         "Finds the planes of each building's roof. It numbers them within their building.",
-        (BUILDING_POINTS,),
+        (TILE_INFO, BUILDING_POINTS),
         (PLANE_POINTS,),
     ),
     NodeCard(
         "model_builder",
         "Builds solids from outlines and roof planes. "
         "Every building comes out, with a status that says what became of it.",
-        (MAP_ORIGIN, MAP_UNITS, PLANE_POINTS, TRACED_OUTLINES, OUTLINES),
+        (TILE_INFO, MAP_ORIGIN, MAP_UNITS, PLANE_POINTS, TRACED_OUTLINES, OUTLINES),
         (ROOF_FACES, CITY_MODEL, CITY_MODEL_HEADER, BUILDING_MARKERS, TILE_DONE),
     ),
     NodeCard(
@@ -216,6 +216,7 @@ NODE_TABLE: tuple[NodeCard, ...] = (
         "Puts each tile's results safely on disk and reports the tile as done. "
         "When the survey is done it makes the files from them and ends.",
         (
+            TILE_INFO,
             CLASSIFIED_POINTS,
             PLANE_POINTS,
             TRACED_OUTLINES,
@@ -239,12 +240,13 @@ _NOT_IN_FILES = {DTM, ROOF_POINTS, CITY_MODEL_HEADER, BUILDING_MARKERS, TILE_CLI
 
 
 def writer_topics(until: str) -> tuple[Topic, ...]:
-    """Return what `model_writer` reads of a run that ends with a stage."""
+    """Return what `model_writer` reads of a run that ends with a stage, in the order of the chain."""
     nodes = nodes_until(until)[1:-1]
-    found = {topic for card in NODE_TABLE if card.name in nodes for topic in card.publishes} - _NOT_IN_FILES
-    for topics in _SUPERSEDED:
-        found -= set([topic for topic in topics if topic in found][:-1])
-    return tuple(sorted(found, key=lambda topic: topic.name))
+    found = [topic for card in NODE_TABLE if card.name in nodes for topic in card.publishes]
+    earlier = {
+        topic for topics in _SUPERSEDED for topic in [one for one in topics if one in found][:-1]
+    } | _NOT_IN_FILES
+    return tuple(topic for topic in found if topic not in earlier)
 
 
 #: Node → what it listens to only where footprints are given.

@@ -6,10 +6,10 @@ from dataclasses import replace
 from typing import Any, NamedTuple
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
-from geometry_msgs.msg import PointStamped, PolygonStamped, Vector3Stamped
+from geometry_msgs.msg import PointStamped, Vector3Stamped
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import PointCloud2
-from std_msgs.msg import Header
+from std_msgs.msg import Header, String
 from std_srvs.srv import Trigger
 
 from lidar_buildings.core.model.tile import PointTile
@@ -22,11 +22,11 @@ from lidar_buildings.ros.graph_watch import GraphWatch
 from lidar_buildings.ros.map_frames import origin_message, units_message
 from lidar_buildings.ros.playback import Playback
 from lidar_buildings.ros.point_cloud import to_message
-from lidar_buildings.ros.polygons import bounds_message
 from lidar_buildings.ros.qos import CLOUD, EVENT, LATCHED, LATCHED_HISTORY, LATCHED_TILE
 from lidar_buildings.ros.runner import run_node
 from lidar_buildings.ros.stage_node import StageNode
 from lidar_buildings.ros.stamps import header_of, to_stamp, to_time
+from lidar_buildings.ros.tile_info import info_message
 
 #: How often deadlines and subscribers are looked at [s].
 _TICK = 0.05
@@ -122,7 +122,7 @@ class TilePlayer(StageNode):
     def _make_publishers(self) -> None:
         """Create the publishers and say where the map lies."""
         self._points = self.create_publisher(PointCloud2, "points", CLOUD)
-        self._bounds = self.create_publisher(PolygonStamped, "tile_bounds", LATCHED_TILE)
+        self._info = self.create_publisher(String, "tile_info", LATCHED_TILE)
         self._survey_done = self.create_publisher(Header, "survey_done", LATCHED)
         self._tile_failed = self.create_publisher(Header, "tile_failed", LATCHED_HISTORY)
         self._clock_publisher = None
@@ -215,12 +215,12 @@ class TilePlayer(StageNode):
             self._done.add(tile.stamp)
 
     def _publish(self, tile: PointTile) -> None:
-        """Publish a tile's bounds and its points."""
+        """Publish what holds for a tile as a whole, and its points."""
         with self.reporting(tile.stamp) as report:
             report.n_points = len(tile)
             if self._clock_publisher is not None:
                 self._clock_publisher.publish(Clock(clock=to_time(max(tile.stamp, 0))))
-            self._bounds.publish(bounds_message(tile.stamp, tile.bounds))
+            self._info.publish(info_message(tile))
             self._points.publish(to_message(tile))
 
     def _send_larger(self, tile: PointTile) -> None:

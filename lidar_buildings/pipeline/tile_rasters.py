@@ -31,6 +31,6 @@ def rasterise_tile(tile: PointTile, config: RasterConfig, frame: MapFrame) -> Te
         config,
         return_number=tile.return_number,
         is_core=np.asarray(tile.is_core),
-        point_spacing=tile.spacing,
+        point_spacing=tile.point_spacing,
         origin=(x, y),
     )

@@ -103,8 +103,8 @@ def select_roof_points(tile: PointTile, config: RoofSelectionConfig) -> PointTil
         intensity=tile.intensity,
         normalised_intensity=tile.normalised_intensity,
         point_source_id=tile.point_source_id,
-        dark_limit=tile.darkness,
-        point_spacing=tile.spacing,
+        dark_limit=tile.dark_limit,
+        point_spacing=tile.point_spacing,
     )
     return tile.with_columns(classification=result.classification, facade=result.is_facade)
 
@@ -116,7 +116,7 @@ def roof_points(tile: PointTile) -> PointTile:
 
 def label_roof_edges(tile: PointTile, config: EdgeLabellingConfig) -> LabelledTile:
     """Append edge labels, features, normals and the chosen radius to a tile of roof points."""
-    result = label_edges(tile.points, config, point_spacing=tile.spacing)
+    result = label_edges(tile.points, config, point_spacing=tile.point_spacing)
     labelled = tile.with_columns(
         linearity=result.linearity,
         planarity=result.planarity,
@@ -144,7 +144,7 @@ def trace_buildings(
         scan_angle=tile.scan_angle,
         gps_time=tile.gps_time,
         point_source_id=tile.point_source_id,
-        point_spacing=tile.spacing,
+        point_spacing=tile.point_spacing,
     )
     is_core = tile.is_core
     blocks = {
@@ -161,7 +161,9 @@ def trace_buildings(
     outlines = []
     for number, rows in owned:
         building_id[rows] = number
-        traced = _traced(number, tile.points[rows], boundary_tracing, found.patterns[number], tile.spacing)
+        traced = _traced(
+            number, tile.points[rows], boundary_tracing, found.patterns[number], tile.point_spacing
+        )
         outlines.append(BuildingOutline(number, traced))
     clipped = any(_reaches(tile.bounds, tile.points[rows], max(found.window)) for _, rows in owned)
     return TracedTile(tile.with_columns(building_id=building_id), tuple(outlines), clipped)
@@ -207,7 +209,7 @@ def fit_planes(tile: PointTile, config: PlaneFittingConfig) -> PointTile:
     def fit(building: tuple[int, NDArray[np.intp]]) -> None:
         number, rows = building
         try:
-            plane_id[rows] = number_planes(tile.points[rows], config, point_spacing=tile.spacing)
+            plane_id[rows] = number_planes(tile.points[rows], config, point_spacing=tile.point_spacing)
         except Exception:
             _log.exception("building %d: no planes were fitted", number)
 

@@ -10,19 +10,17 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 
 import numpy as np
-from geometry_msgs.msg import Point32, Polygon, PolygonInstance, PolygonInstanceStamped, PolygonStamped
+from geometry_msgs.msg import Point32, Polygon, PolygonInstance, PolygonInstanceStamped
 from numpy.typing import NDArray
 
 from lidar_buildings.core.model.outline import BuildingOutline
 from lidar_buildings.ros.errors import MessageError
-from lidar_buildings.ros.stamps import header_of, to_stamp
+from lidar_buildings.ros.stamps import header_of
 
 #: The id of the message that closes a tile.
 CLOSING_ID = -1
 #: An outline at z = 0 is one whose ground is not known; ground at 0 itself is sent as a micrometre [m].
 _NOT_ZERO = 1e-6
-
-Bounds = tuple[float, float, float, float]
 
 
 def ring_message(stamp: int, building_id: int, ring: NDArray[np.float64]) -> PolygonInstanceStamped:
@@ -71,25 +69,6 @@ def ring_of(message: PolygonInstanceStamped) -> NDArray[np.float64]:
     if not np.isfinite(ring).all():
         raise MessageError(f"polygon {message.polygon.id} has a vertex that is not finite")
     return ring
-
-
-def bounds_message(stamp: int, bounds: Bounds | None) -> PolygonStamped:
-    """Return a tile's limits as four corners; no corners where nothing lies beyond the tile."""
-    polygon = Polygon()
-    if bounds is not None:
-        west, south, east, north = bounds
-        polygon = _polygon(np.array([[west, south], [east, south], [east, north], [west, north]]))
-    return PolygonStamped(header=header_of(stamp), polygon=polygon)
-
-
-def bounds_of(message: PolygonStamped) -> tuple[int, Bounds | None]:
-    """Return a tile's stamp [ns] and its limits."""
-    stamp = to_stamp(message.header.stamp)
-    if not message.polygon.points:
-        return stamp, None
-    x = [corner.x for corner in message.polygon.points]
-    y = [corner.y for corner in message.polygon.points]
-    return stamp, (min(x), min(y), max(x), max(y))
 
 
 def _polygon(ring: NDArray[np.float64]) -> Polygon:

@@ -25,6 +25,7 @@ from lidar_buildings.ros.publishing import publish_all
 from lidar_buildings.ros.qos import BUILDING, CLOUD, EVENT
 from lidar_buildings.ros.ring_collector import RingCollector, Rings
 from lidar_buildings.ros.stamps import header_of, to_stamp
+from lidar_buildings.ros.tile_info import TileInfos
 
 
 @dataclass
@@ -88,15 +89,21 @@ class StageNode(Node):
             self.destroy_node()
             raise
         self._diagnostics = self.create_publisher(DiagnosticArray, "diagnostics", EVENT)
+        self._tile_infos: TileInfos | None = None
 
     def subscribe_tiles(self, topic: str, work: Callable[[PointTile], Mapping[str, int] | None]) -> None:
         """
         Have `work` called with every tile of a topic; what it raises ends that tile alone.
 
-        What it returns, if anything, are counts for `diagnostics`.
+        The tile has its limits and spacing if the source tells them. What `work` returns, if anything, are
+        counts for `diagnostics`.
         """
+        infos = self._tile_infos = self._tile_infos or TileInfos(self)
 
         def on_message(message: PointCloud2) -> None:
+            infos.when_known(to_stamp(message.header.stamp), lambda: handle(message))
+
+        def handle(message: PointCloud2) -> None:
             with self.reporting(to_stamp(message.header.stamp)) as report:
                 reading = from_message(message)
                 report.n_points = len(reading.tile)
@@ -104,7 +111,7 @@ class StageNode(Node):
                     report.warnings.append(
                         f"{reading.n_dropped} points of {topic} were left out: x, y or z is not finite"
                     )
-                report.counts.update(work(reading.tile) or {})
+                report.counts.update(work(infos.complete(reading.tile)) or {})
 
         self.create_subscription(PointCloud2, topic, on_message, CLOUD)
 

@@ -2,10 +2,11 @@
 
 import json
 import time
+from dataclasses import replace
 
 import numpy as np
 import pytest
-from geometry_msgs.msg import PolygonInstanceStamped, PolygonStamped
+from geometry_msgs.msg import PolygonInstanceStamped
 from rclpy.parameter import Parameter
 from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Header, String
@@ -26,10 +27,11 @@ from lidar_buildings.pipeline.tile_stages import TracedTile
 from lidar_buildings.ros.composition import Composition
 from lidar_buildings.ros.map_frames import origin_message, units_message
 from lidar_buildings.ros.point_cloud import to_message
-from lidar_buildings.ros.polygons import bounds_message, outline_messages
+from lidar_buildings.ros.polygons import outline_messages
 from lidar_buildings.ros.qos import BUILDING, CLOUD, EVENT, LATCHED, LATCHED_HISTORY, LATCHED_TILE
 from lidar_buildings.ros.stage_node import StageNode
 from lidar_buildings.ros.stamps import header_of, to_stamp
+from lidar_buildings.ros.tile_info import info_message
 
 pytestmark = pytest.mark.graph
 
@@ -144,12 +146,16 @@ def test_the_ground_filter_publishes_no_terrain_unless_asked(context, bench):
 # the tracer
 
 
-TRACER_SENDS = {"edge_points": (PointCloud2, CLOUD), "tile_bounds": (PolygonStamped, LATCHED_TILE)}
+TRACER_SENDS = {"edge_points": (PointCloud2, CLOUD), "tile_info": (String, LATCHED_TILE)}
 TRACER_HEARS = {
     "building_points": (PointCloud2, CLOUD),
     "traced_outlines": (PolygonInstanceStamped, BUILDING),
     "tile_clipped": (Header, EVENT),
 }
+
+
+def info_of_tile(bounds):
+    return info_message(replace(roof(HOUSE), stamp=STAMP, bounds=bounds))
 
 
 @pytest.fixture
@@ -167,12 +173,12 @@ def tracing(monkeypatch):
 
 def test_a_clipped_tile_is_held_back_and_asked_for(context, bench, tracing):
     other = bench(BuildingTracer(context=context), TRACER_SENDS, TRACER_HEARS)
-    other.send("tile_bounds", bounds_message(STAMP, (0.0, 0.0, 9.0, 9.0)))
+    other.send("tile_info", info_of_tile((0.0, 0.0, 9.0, 9.0)))
     other.send("edge_points", to_message(roof(HOUSE)))
     wait_until(lambda: other.heard["tile_clipped"])
     assert to_stamp(other.heard["tile_clipped"][0].stamp) == STAMP
     assert tracing == [(0.0, 0.0, 9.0, 9.0)]
-    other.send("tile_bounds", bounds_message(STAMP, None))
+    other.send("tile_info", info_of_tile(None))
     time.sleep(0.2)
     other.send("edge_points", to_message(roof(HOUSE)))
     wait_until(lambda: len(other.heard["traced_outlines"]) == 2)
@@ -180,20 +186,20 @@ def test_a_clipped_tile_is_held_back_and_asked_for(context, bench, tracing):
     assert len(other.heard["tile_clipped"]) == 1
 
 
-def test_a_tile_waits_for_its_bounds_where_someone_publishes_them(context, bench, tracing):
+def test_a_tile_waits_for_what_is_said_of_it_where_someone_says_it(context, bench, tracing):
     other = bench(BuildingTracer(context=context), TRACER_SENDS, TRACER_HEARS)
     other.send("edge_points", to_message(roof(HOUSE)))
     time.sleep(0.3)
     assert tracing == []
-    other.send("tile_bounds", bounds_message(STAMP, None))
+    other.send("tile_info", info_of_tile(None))
     wait_until(lambda: other.heard["building_points"])
 
 
 def test_a_clipped_tile_is_handed_on_where_nobody_can_send_more(context, bench, tracing):
-    sends = {"edge_points": (PointCloud2, CLOUD), "tile_bounds": (PolygonStamped, LATCHED_TILE)}
+    sends = {"edge_points": (PointCloud2, CLOUD), "tile_info": (String, LATCHED_TILE)}
     hears = {topic: TRACER_HEARS[topic] for topic in ("building_points", "traced_outlines")}
     other = bench(BuildingTracer(context=context), sends, hears)
-    other.send("tile_bounds", bounds_message(STAMP, (0.0, 0.0, 9.0, 9.0)))
+    other.send("tile_info", info_of_tile((0.0, 0.0, 9.0, 9.0)))
     time.sleep(0.2)
     other.send("edge_points", to_message(roof(HOUSE)))
     wait_until(lambda: other.heard["building_points"] and len(other.heard["traced_outlines"]) == 2)

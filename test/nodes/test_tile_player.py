@@ -1,15 +1,16 @@
 """The player against the end of a graph that is slow, forgets tiles, or asks for more of them."""
 
+import json
 import time
 from collections import Counter
 
 import numpy as np
 import pytest
-from geometry_msgs.msg import PointStamped, PolygonStamped
+from geometry_msgs.msg import PointStamped
 from rclpy.parameter import Parameter
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import PointCloud2
-from std_msgs.msg import Header
+from std_msgs.msg import Header, String
 from std_srvs.srv import Trigger
 from support.cloud_files import random_cloud
 
@@ -17,7 +18,6 @@ from lidar_buildings.core.model.errors import InputError
 from lidar_buildings.nodes.tile_player import TilePlayer
 from lidar_buildings.ros.composition import Composition
 from lidar_buildings.ros.point_cloud import from_message
-from lidar_buildings.ros.polygons import bounds_of
 from lidar_buildings.ros.qos import CLOUD, EVENT, LATCHED, LATCHED_HISTORY, LATCHED_TILE
 from lidar_buildings.ros.stage_node import StageNode
 from lidar_buildings.ros.stamps import header_of, to_stamp
@@ -35,7 +35,7 @@ class GraphEnd(StageNode):
         self._numbers = {}
         self._tile_done = self.create_publisher(Header, "tile_done", LATCHED_HISTORY)
         self._clipped = self.create_publisher(Header, "tile_clipped", EVENT)
-        self.create_subscription(PolygonStamped, "tile_bounds", self.on_bounds, LATCHED_TILE)
+        self.create_subscription(String, "tile_info", self.on_info, LATCHED_TILE)
         self.create_subscription(Header, "tile_failed", self.on_failed, LATCHED_HISTORY)
         self.create_subscription(Header, "survey_done", self.on_survey_done, LATCHED)
         self.create_subscription(PointCloud2, "points", self.on_points, CLOUD)
@@ -54,9 +54,9 @@ class GraphEnd(StageNode):
             self.done.append(tile.stamp)
             self._tile_done.publish(header_of(tile.stamp))
 
-    def on_bounds(self, message):
-        stamp, bounds = bounds_of(message)
-        self.bounds.setdefault(stamp, []).append(bounds)
+    def on_info(self, message):
+        info = json.loads(message.data)
+        self.bounds.setdefault(info["stamp"], []).append(info["bounds"])
 
     def on_failed(self, message):
         self.failed.append(to_stamp(message.stamp))

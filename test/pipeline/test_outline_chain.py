@@ -51,7 +51,7 @@ def polygon(outline):
 
 def outlines_of(points, segmentation=None, spacing=SPACING):
     """Run the three stages, check what must hold of every result, and return the tile and its polygons."""
-    tile = PointTile(points=points, point_spacing=np.full(len(points), spacing))
+    tile = PointTile(points=points, point_spacing=spacing)
     traced = trace_buildings(tile, segmentation or SegmentationConfig(), BoundaryTracingConfig())
     outlines = regularise_outlines(traced.outlines, RegularisationConfig())
     assert [one.building_id for one in outlines] == sorted(set(traced.tile.building_id.tolist()) - {0})

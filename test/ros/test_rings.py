@@ -4,8 +4,6 @@ import pytest
 from lidar_buildings.core.model.errors import InputError
 from lidar_buildings.core.model.outline import BuildingOutline, Outline
 from lidar_buildings.ros.polygons import (
-    bounds_message,
-    bounds_of,
     closing_message,
     outline_messages,
     ring_message,
@@ -102,8 +100,3 @@ def test_a_vertex_that_is_not_finite_is_refused():
     bad[2, 1] = np.nan
     with pytest.raises(InputError, match="polygon 4 has a vertex that is not finite"):
         RingCollector().add(ring_message(STAMP, 4, bad))
-
-
-@pytest.mark.parametrize("bounds", [None, (-5.0, 1.0, 20.0, 30.5)])
-def test_bounds_come_back_as_they_were_sent(bounds):
-    assert bounds_of(bounds_message(STAMP, bounds)) == (STAMP, bounds)

@@ -25,9 +25,7 @@ _SOURCE_COLUMNS = {
     "buffer": "u1",
     "source": "<u2",
     "index": "<u4",
-    "point_spacing": "<f4",
     "normalised_intensity": "<f4",
-    "dark_limit": "<f4",
 }
 #: Column name → dtype, in the order in which messages carry them after x, y, z.
 COLUMNS: dict[str, np.dtype[Any]] = {
@@ -59,16 +57,16 @@ class PointTile:
         1 = belongs to a neighbouring tile, given as context only.
     source, index : ndarray or None
         The point is row `index` of input number `source`.
-    point_spacing : ndarray or None
-        Spacing of the pulses [m], the yardstick of other lengths; one value for a tile, mostly for a survey.
     normalised_intensity : ndarray or None
         0 to 255, the same in all flight strips of a survey; see `lidar_buildings.core.surfaces.intensity`.
-    dark_limit : ndarray or None
-        Normalised intensity up to which ground is dark: one value for a survey, whose ground has two modes.
     height_above_ground ... plane_id : ndarray or None
         What the stages appended.
     stamp : int
         The tile's key [ns].
+    point_spacing : float or None
+        Spacing of the pulses [m], the yardstick of other lengths; mostly one for a survey. None: not known.
+    dark_limit : float or None
+        Normalised intensity up to which ground is dark: one for a survey whose ground has two modes.
     bounds : tuple of four float or None
         West, south, east and north limit of the tile with its buffer [m]; None where nothing lies beyond it.
         A building that reaches these limits is not whole.
@@ -78,7 +76,8 @@ class PointTile:
     Raises
     ------
     ValueError
-        If a column's length differs from the number of points, or `points` is not (n, 3).
+        If a column's length differs from the number of points, `points` is not (n, 3), or a spacing or
+        limit is not above 0.
     """
 
     points: NDArray[np.float64]
@@ -93,9 +92,7 @@ class PointTile:
     buffer: NDArray[np.uint8] | None = None
     source: NDArray[np.uint16] | None = None
     index: NDArray[np.uint32] | None = None
-    point_spacing: NDArray[np.float32] | None = None
     normalised_intensity: NDArray[np.float32] | None = None
-    dark_limit: NDArray[np.float32] | None = None
     height_above_ground: NDArray[np.float32] | None = None
     facade: NDArray[np.uint8] | None = None
     linearity: NDArray[np.float32] | None = None
@@ -108,6 +105,8 @@ class PointTile:
     building_id: NDArray[np.uint32] | None = None
     plane_id: NDArray[np.uint16] | None = None
     stamp: int = 0
+    point_spacing: float | None = None
+    dark_limit: float | None = None
     bounds: tuple[float, float, float, float] | None = None
     frame: MapFrame = field(default_factory=MapFrame)
 
@@ -117,6 +116,11 @@ class PointTile:
         if points.ndim != 2 or points.shape[1] != 3:
             raise ValueError(f"points has shape {points.shape}: must be (n_points, 3)")
         object.__setattr__(self, "points", points.astype(np.float32).astype(np.float64))
+        for name in ("point_spacing", "dark_limit"):
+            value = getattr(self, name)
+            if value is not None and not 0 < value < np.inf:
+                raise ValueError(f"{name} = {value}: must be a finite number above 0, or None")
+            object.__setattr__(self, name, None if value is None else float(np.float32(value)))
         if self.bounds is not None:
             object.__setattr__(self, "bounds", tuple(float(np.float32(limit)) for limit in self.bounds))
         for name, dtype in COLUMNS.items():
@@ -149,23 +153,6 @@ class PointTile:
             return np.ones(len(self), dtype=bool)
         is_building = self.classification == PointClass.BUILDING
         return is_building if self.facade is None else is_building & (self.facade == 0)
-
-    @property
-    def spacing(self) -> float | None:
-        """The tile's point spacing [m], None where it is not known or there is no point."""
-        return self._one_value(self.point_spacing)
-
-    @property
-    def darkness(self) -> float | None:
-        """The tile's `dark_limit`, None where it is not known or there is no point."""
-        return self._one_value(self.dark_limit)
-
-    def _one_value(self, column: NDArray[Any] | None) -> float | None:
-        """Return a column's median, None where that is no number above 0."""
-        if column is None or not len(self):
-            return None
-        value = float(np.median(column))
-        return value if np.isfinite(value) and value > 0 else None
 
     def with_columns(self, **columns: Any) -> PointTile:
         """Return the tile with these columns set or replaced."""

@@ -198,7 +198,7 @@ def read_tile(path: str | Path) -> PointTile:
     numbers = {"source": np.zeros(len(tile)), "index": np.arange(len(tile))}
     kept = without_empty_columns(columns)
     spacing = steady_spacing(pulses(tile.points, kept["return_number"], kept["number_of_returns"]), None)
-    return tile.with_columns(**kept, **numbers, point_spacing=np.full(len(tile), spacing))
+    return tile.with_columns(**kept, **numbers, point_spacing=spacing)
 
 
 def frame_of(clouds: list[Cloud]) -> MapFrame:

@@ -183,11 +183,11 @@ class TileStore:
         return PointTile(
             points,
             buffer=is_buffer,
-            point_spacing=np.full(len(points), spacing, dtype=np.float32),
+            point_spacing=spacing,
             normalised_intensity=self._brightness.normalised(
                 columns["intensity"], columns["point_source_id"]
             ),
-            dark_limit=None if plan.dark_limit is None else np.full(len(points), plan.dark_limit, np.float32),
+            dark_limit=plan.dark_limit,
             stamp=plan.stamp,
             bounds=(area.x_min, area.y_min, area.x_max, area.y_max),
             frame=self.frame,

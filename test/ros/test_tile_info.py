@@ -1,0 +1,77 @@
+"""What the source says of a tile as a whole, and the tiles that wait for it."""
+
+import pytest
+from std_msgs.msg import String
+
+from lidar_buildings.core.model.tile import PointTile
+from lidar_buildings.ros.errors import MessageError
+from lidar_buildings.ros.tile_info import TileInfos, info_message
+
+STAMP = 1_700_000_000_123_456_789
+
+
+class Listener:
+    """Stands for a node."""
+
+    def __init__(self, n_publishers):
+        self.n_publishers, self.errors = n_publishers, []
+
+    def create_subscription(self, *_):
+        pass
+
+    def count_publishers(self, _):
+        return self.n_publishers
+
+    def get_logger(self):
+        return self
+
+    def error(self, text):
+        self.errors.append(text)
+
+
+def tile(**members):
+    return PointTile([[1.0, 2.0, 3.0]], stamp=STAMP, **members)
+
+
+@pytest.mark.parametrize(
+    "members",
+    [{}, {"bounds": (-5.0, 1.0, 20.0, 30.1), "point_spacing": 0.1, "dark_limit": 91.7}],
+)
+def test_a_tile_has_what_was_sent_of_it(members):
+    infos = TileInfos(Listener(1))
+    sent = tile(**members)
+    infos.on_info(info_message(sent))
+    found = infos.complete(tile())
+    for name in ("bounds", "point_spacing", "dark_limit"):
+        assert getattr(found, name) == getattr(sent, name)
+
+
+def test_work_waits_for_its_tile_alone():
+    infos, done = TileInfos(Listener(1)), []
+    infos.when_known(STAMP, lambda: done.append("first"))
+    infos.on_info(info_message(PointTile([[0.0, 0.0, 0.0]], stamp=STAMP + 1)))
+    assert done == []
+    infos.on_info(info_message(tile()))
+    infos.when_known(STAMP, lambda: done.append("second"))
+    assert done == ["first", "second"]
+
+
+def test_where_nobody_says_anything_nothing_is_waited_for():
+    infos, done = TileInfos(Listener(0)), []
+    infos.when_known(STAMP, lambda: done.append("now"))
+    assert done == ["now"]
+    assert infos.complete(tile(point_spacing=0.5)).point_spacing == 0.5
+
+
+@pytest.mark.parametrize("text", ["", "[]", "{}", '{"stamp": "x"}', "null"])
+def test_a_message_that_is_not_understood_is_reported_and_holds_nothing(text):
+    node = Listener(1)
+    TileInfos(node).on_info(String(data=text))
+    assert len(node.errors) == 1
+
+
+def test_a_value_that_no_tile_can_have_is_named():
+    infos = TileInfos(Listener(1))
+    infos.on_info(String(data=f'{{"stamp": {STAMP}, "point_spacing": -1.0}}'))
+    with pytest.raises(MessageError, match=r"point_spacing = -1\.0"):
+        infos.complete(tile())
