@@ -25,6 +25,7 @@ PYTHON_DEPENDENCIES = {
     "setuptools": ("python3-setuptools", "setuptools"),
     "shapely": ("python3-shapely", "shapely"),
     "sklearn": ("python3-sklearn", "scikit-learn"),
+    "threadpoolctl": ("python3-sklearn", "scikit-learn"),  # a requirement of it
     "tqdm": ("python3-tqdm", "tqdm"),
     "yaml": ("python3-yaml", "pyyaml"),
 }

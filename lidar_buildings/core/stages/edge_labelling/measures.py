@@ -23,9 +23,9 @@ def eigenvalues_by_area(found: EigenFeatures) -> NDArray[np.float64]:
 
 def measures_of(
     found: EigenFeatures, linearity: NDArray[np.float64], planarity: NDArray[np.float64], features: str
-) -> tuple[NDArray[np.float64], ...]:
+) -> NDArray[np.float64]:
     """
-    Return what points are clustered by, one array per feature, each number within 0 to 1.
+    Return what points are clustered by, shape (n_points, n_features), within 0 to 1.
 
     Parameters
     ----------
@@ -37,8 +37,8 @@ def measures_of(
         The feature set (Santos and others, Table 2).
     """
     if features == "eigenvalues":
-        return tuple(np.ascontiguousarray(eigenvalues_by_area(found).T))
-    return (linearity,) if features == "linearity" else (linearity, planarity)
+        return eigenvalues_by_area(found)
+    return np.column_stack([linearity] if features == "linearity" else [linearity, planarity])
 
 
 def centres_of(features: str, given: tuple[float, ...]) -> NDArray[np.float64]:
