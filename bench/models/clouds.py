@@ -20,7 +20,7 @@ from bench.common.tables import percent, table
 from bench.outlines.clouds import ADJOINING, ROOFS_ONLY, UNREADABLE
 from lidar_buildings.cli import main as command
 from lidar_buildings.core.model.tile import PointTile
-from lidar_buildings.core.solids.raising import Solid
+from lidar_buildings.core.solids.shell import Solid
 from lidar_buildings.core.solids.validity import check_solid
 from lidar_buildings.evaluation.readers.city_model import read_city_model
 from lidar_buildings.evaluation.readers.labelled_points import read_roof_points

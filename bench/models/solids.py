@@ -22,8 +22,9 @@ import numpy as np
 import shapely
 from shapely import affinity
 
-from lidar_buildings.core.solids.raising import RoofPiece, Solid, roof_solid
+from lidar_buildings.core.solids.raising import RoofPiece, roof_solid
 from lidar_buildings.core.solids.raising.minimum_height import cleared_pieces
+from lidar_buildings.core.solids.shell import Solid
 from lidar_buildings.core.solids.validity import check_solid
 
 

@@ -11,7 +11,7 @@ import mapbox_earcut
 import numpy as np
 from numba import njit
 
-from lidar_buildings.core.solids.raising import GROUND_SURFACE, ROOF_SURFACE, Solid
+from lidar_buildings.core.solids.shell import GROUND_SURFACE, ROOF_SURFACE, Solid
 
 #: Drawn this much larger in each direction and then reduced, which smooths edges.
 OVERSAMPLING = 2

@@ -14,7 +14,7 @@ from PIL import Image, ImageDraw, ImageFont
 
 from bench.pages.draw_models import View, draw_solids
 from bench.scenes.models import BAD_SCENES, model_scene
-from lidar_buildings.core.solids.raising import Solid
+from lidar_buildings.core.solids.shell import Solid
 from lidar_buildings.core.stages.building_model import build_model
 from lidar_buildings.core.stages.plane_fitting import fit_roof_planes
 from lidar_buildings.pipeline.reconstruct import reconstruct_tile

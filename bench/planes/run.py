@@ -26,7 +26,6 @@ from bench.common.tables import percent, table
 from bench.planes.peers import METHODS, Method, own_method
 from bench.planes.truth import KnownRoof, labelled_roofs, virtual_roofs
 from lidar_buildings.core.stages.plane_fitting import PlaneFittingConfig
-from lidar_buildings.core.surfaces.least_squares_plane import least_squares_plane
 from lidar_buildings.evaluation.scores.planes import PlaneScore, score_planes
 
 OWN = "lidar_buildings"
@@ -73,7 +72,8 @@ def angles_of(roof: KnownRoof, found: NDArray[np.int64]) -> list[float]:
     for number, normal in enumerate(roof.normals, start=1):
         labels = found[(roof.planes == number) & (found > 0)]
         if len(labels):
-            mine = least_squares_plane(roof.points[found == np.bincount(labels).argmax()])[0]
+            own = roof.points[found == np.bincount(labels).argmax()]
+            mine = np.linalg.svd(own - own.mean(axis=0), full_matrices=False)[2][2]
             angles.append(float(np.degrees(np.arccos(min(1.0, abs(mine @ normal))))))
     return angles
 

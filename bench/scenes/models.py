@@ -16,7 +16,7 @@ import shapely
 from numpy.typing import NDArray
 
 from lidar_buildings.core.model.outline import Outline
-from lidar_buildings.core.solids.raising import Solid
+from lidar_buildings.core.solids.shell import Solid
 from lidar_buildings.evaluation.scores.wireframe import Wireframe, roof_wireframe
 from lidar_buildings.simulation import roof_shapes as shapes
 from lidar_buildings.simulation import special_roofs as special

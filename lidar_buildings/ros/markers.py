@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from std_msgs.msg import ColorRGBA
 from visualization_msgs.msg import Marker, MarkerArray
 
-from lidar_buildings.core.solids.raising import Solid
+from lidar_buildings.core.solids.shell import Solid
 from lidar_buildings.ros.stamps import header_of
 
 #: Width of the lines [m].

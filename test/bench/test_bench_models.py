@@ -10,7 +10,8 @@ from bench.models import run as models
 from bench.models import speed as model_speed
 from bench.models import truth as model_truth
 from bench.scenes.models import model_scene
-from lidar_buildings.core.solids.raising import Solid, extrude
+from lidar_buildings.core.solids.raising import extrude
+from lidar_buildings.core.solids.shell import Solid
 
 
 @pytest.fixture(scope="module")

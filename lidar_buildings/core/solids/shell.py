@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -47,21 +46,6 @@ class Solid:
         fans = np.array([(ring[0], a, b) for ring in rings for a, b in pairwise(ring[1:])], dtype=np.int64)
         tip, one, other = corners[fans.reshape(-1, 3)].transpose(1, 0, 2)
         return float(np.einsum("ij,ij->", tip, np.cross(one, other))) / 6.0
-
-    @property
-    def is_watertight(self) -> bool:
-        """Whether every edge is shared by exactly two faces, once in each direction."""
-        edges = Counter(self.edges())
-        return bool(edges) and all(n == 1 and edges.get((b, a)) == 1 for (a, b), n in edges.items())
-
-    def edges(self) -> list[tuple[int, int]]:
-        """Return all directed edges, ring by ring."""
-        return [
-            (ring[k], ring[(k + 1) % len(ring)])
-            for face in self.faces
-            for ring in face
-            for k in range(len(ring))
-        ]
 
     def face_rings(self, face: Face) -> tuple[NDArray[np.float64], ...]:
         """Return the coordinates of a face's rings, each of shape (n, 3)."""

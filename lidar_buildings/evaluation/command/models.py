@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lidar_buildings.core.solids.raising import Solid
+from lidar_buildings.core.solids.shell import Solid
 from lidar_buildings.core.solids.validity import check_solid
 from lidar_buildings.evaluation.command.sides import BUILDING, ScoreOptions, check_same_system, is_inside
 from lidar_buildings.evaluation.readers.city_model import CityBuilding, holds_city_model, read_city_model

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from pyproj.exceptions import CRSError
 
 from lidar_buildings.core.model.errors import InputError
-from lidar_buildings.core.solids.raising import GROUND_SURFACE, ROOF_SURFACE, WALL_SURFACE, Face, Solid
+from lidar_buildings.core.solids.shell import GROUND_SURFACE, ROOF_SURFACE, WALL_SURFACE, Face, Solid
 from lidar_buildings.evaluation.scores.roof_surfaces import unit_normal
 
 #: What a folder is searched for: the output of a run, the truth of a simulated survey, then any of this kind.

@@ -11,7 +11,7 @@ import numpy as np
 import shapely
 from numpy.typing import ArrayLike, NDArray
 
-from lidar_buildings.core.solids.raising import ROOF_SURFACE
+from lidar_buildings.core.solids.shell import ROOF_SURFACE
 from lidar_buildings.evaluation.scores.confusion import ratio
 from lidar_buildings.evaluation.scores.outlines import MIN_IOU, match_outlines
 from lidar_buildings.evaluation.scores.polygons import MIN_INSIDE, cut_to, limits_of, valid_polygons

@@ -10,7 +10,7 @@ import numpy as np
 import shapely
 from numpy.typing import ArrayLike, NDArray
 
-from lidar_buildings.core.solids.raising import GROUND_SURFACE, ROOF_SURFACE, Face, Solid
+from lidar_buildings.core.solids.shell import GROUND_SURFACE, ROOF_SURFACE, Face, Solid
 
 #: A building: one solid, or several parts.
 Solids = Sequence[Solid]

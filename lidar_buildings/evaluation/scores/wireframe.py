@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lidar_buildings.core.solids.raising import ROOF_SURFACE, Solid
+from lidar_buildings.core.solids.shell import ROOF_SURFACE, Solid
 from lidar_buildings.evaluation.scores.roof_surfaces import unit_normal
 
 #: Faces that meet at a smaller angle are one surface, and edges that turn by less are one line [deg].

@@ -20,7 +20,7 @@ from lidar_buildings.core.model.building_id import readable_id
 from lidar_buildings.core.model.errors import InputError
 from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.solids.output_grid import GRID
-from lidar_buildings.core.solids.raising import GROUND_SURFACE, ROOF_SURFACE, WALL_SURFACE, Solid
+from lidar_buildings.core.solids.shell import GROUND_SURFACE, ROOF_SURFACE, WALL_SURFACE, Solid
 from lidar_buildings.core.stages.building_model import BuildingModel
 from lidar_buildings.io.models.building_attributes import face_attributes, in_source_units
 

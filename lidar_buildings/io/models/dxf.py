@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lidar_buildings.core.model.map_frame import MapFrame
-from lidar_buildings.core.solids.raising import GROUND_SURFACE, ROOF_SURFACE, WALL_SURFACE
+from lidar_buildings.core.solids.shell import GROUND_SURFACE, ROOF_SURFACE, WALL_SURFACE
 from lidar_buildings.io.files.atomic_files import whole_file
 from lidar_buildings.io.models.arcs import ring_arcs
 from lidar_buildings.io.models.dxf_entities import Corner, DxfEntities, corner_text

@@ -16,7 +16,7 @@ import numpy as np
 
 from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.solids.face_triangles import triangles_of
-from lidar_buildings.core.solids.raising import GROUND_SURFACE, ROOF_SURFACE, WALL_SURFACE
+from lidar_buildings.core.solids.shell import GROUND_SURFACE, ROOF_SURFACE, WALL_SURFACE
 from lidar_buildings.io.files.atomic_files import whole_file
 from lidar_buildings.io.results.survey_buildings import SolidMesh, SurveyBuilding
 

@@ -22,7 +22,7 @@ from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.model.outline import Outline
 from lidar_buildings.core.solids.face_triangles import face_pieces
 from lidar_buildings.core.solids.output_grid import GRID
-from lidar_buildings.core.solids.raising import Solid
+from lidar_buildings.core.solids.shell import Solid
 from lidar_buildings.io.files.atomic_files import cannot_write
 from lidar_buildings.io.models.building_attributes import in_source_units
 from lidar_buildings.io.models.cityjson import CityFeature, parse_feature

@@ -1,12 +1,12 @@
-"""Extruded solids: volume, watertightness, orientation."""
-
-from dataclasses import replace
+"""Extruded solids: volume, orientation."""
 
 import numpy as np
 import pytest
 
 from lidar_buildings.core.model.outline import Outline
-from lidar_buildings.core.solids.raising import GROUND_SURFACE, ROOF_SURFACE, WALL_SURFACE, Solid, extrude
+from lidar_buildings.core.solids.raising import extrude
+from lidar_buildings.core.solids.shell import GROUND_SURFACE, ROOF_SURFACE, WALL_SURFACE, Solid
+from lidar_buildings.core.solids.validity import check_solid
 
 SQUARE = np.array([[0.0, 0.0], [10.0, 0.0], [10.0, 10.0], [0.0, 10.0]])
 COURTYARD = np.array([[4.0, 4.0], [4.0, 7.0], [6.0, 7.0], [6.0, 4.0]])
@@ -21,13 +21,13 @@ def test_a_box_has_six_faces_and_its_volume():
     box = extrude(Outline(SQUARE), 1.0, 4.0)
     assert len(box.faces) == 6
     assert box.volume == pytest.approx(300.0)
-    assert box.is_watertight
+    assert check_solid(box) == ()
 
 
 def test_a_courtyard_is_left_open():
     house = extrude(Outline(SQUARE, (COURTYARD,)), 0.0, 5.0)
     assert house.volume == pytest.approx((100.0 - 6.0) * 5.0)
-    assert house.is_watertight
+    assert check_solid(house) == ()
     assert [len(face) for face in house.faces[:2]] == [2, 2]
     assert house.semantics.count(WALL_SURFACE) == 8
 
@@ -55,18 +55,6 @@ def test_volume_is_exact_far_from_the_origin():
     assert extrude(far, 1000.0, 1003.0).volume == pytest.approx(300.0, abs=1e-6)
 
 
-def test_a_solid_without_one_wall_is_not_watertight():
-    box = extrude(Outline(SQUARE), 0.0, 3.0)
-    assert not replace(box, faces=box.faces[:-1], semantics=box.semantics[:-1]).is_watertight
-
-
-def test_a_solid_with_one_face_turned_is_not_watertight():
-    box = extrude(Outline(SQUARE), 0.0, 3.0)
-    turned = (box.faces[0][0][::-1],)
-    assert not replace(box, faces=(turned, *box.faces[1:])).is_watertight
-
-
 def test_nothing_is_no_solid():
     nothing = Solid(np.empty((0, 3)), (), ())
     assert nothing.volume == 0.0
-    assert not nothing.is_watertight

@@ -5,7 +5,8 @@ import pytest
 import shapely
 
 from lidar_buildings.core.model.outline import Outline
-from lidar_buildings.core.solids.raising import ROOF_SURFACE, Solid, extrude
+from lidar_buildings.core.solids.raising import extrude
+from lidar_buildings.core.solids.shell import ROOF_SURFACE, Solid
 from lidar_buildings.evaluation.scores.model_points import score_model_points
 from lidar_buildings.evaluation.scores.models import score_models
 from lidar_buildings.evaluation.scores.ridges import ridge_errors

@@ -11,7 +11,7 @@ from support.cjio_process import cjio
 from bench.scenes import buildings as scenes
 from lidar_buildings.core.model.errors import InputError
 from lidar_buildings.core.model.map_frame import MapFrame
-from lidar_buildings.core.solids.raising import ROOF_SURFACE
+from lidar_buildings.core.solids.shell import ROOF_SURFACE
 from lidar_buildings.core.solids.validity import check_solid
 from lidar_buildings.core.stages.building_model import build_model
 from lidar_buildings.core.stages.plane_fitting import fit_roof_planes

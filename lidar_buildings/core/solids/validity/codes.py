@@ -1,7 +1,7 @@
 """The codes of what can be wrong with a solid, and the tolerances, as in val3dity 2.6."""
 
-#: Code → name. Not looked for: 103 (rings are open by definition here), 300 and 304 (no longer in use), 5xx
-#: to 7xx (they concern several solids).
+#: Code → name. Not looked for: 103 (rings are open by definition here), 300 and 304 (no longer in use), 401
+#: to 404 (they concern voids, which are not built), 5xx to 7xx (they concern several solids).
 CODES = {
     101: "TOO_FEW_POINTS",
     102: "CONSECUTIVE_POINTS_SAME",
@@ -21,10 +21,6 @@ CODES = {
     306: "SHELL_SELF_INTERSECTION",
     307: "POLYGON_WRONG_ORIENTATION",
     309: "VERTICES_NOT_USED",
-    401: "INTERSECTION_SHELLS",
-    402: "DUPLICATED_SHELLS",
-    403: "INNER_SHELL_OUTSIDE",
-    404: "SOLID_INTERIOR_DISCONNECTED",
     405: "WRONG_ORIENTATION_SHELL",
     902: "EMPTY_PRIMITIVE",
 }

@@ -6,6 +6,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from lidar_buildings.core.neighbours.union_find import sets_of_pairs
+
 
 def broken_edges(triangles: NDArray[np.int64]) -> set[int]:
     """
@@ -33,30 +35,11 @@ def broken_edges(triangles: NDArray[np.int64]) -> set[int]:
     if (starts[pairs[:, 0]] == starts[pairs[:, 1]]).any():
         codes.add(307)
     same = np.flatnonzero(np.diff(keys[order]) == 0)
-    if _n_parts(np.column_stack([order[same], order[same + 1]]) // 3, len(triangles)) > 1:
+    if sets_of_pairs(len(triangles), order[same] // 3, order[same + 1] // 3).any():
         codes.add(305)
     if codes <= {305} and _n_umbrellas(pairs, len(keys)) > len(np.unique(starts)):
         codes.add(303)
     return codes
-
-
-@njit(cache=True, nogil=True)
-def _n_parts(joined: NDArray[np.int64], n_triangles: int) -> int:
-    """Return the number of parts of a shell that share no edge; rows of joined triangles are given."""
-    leader = np.arange(n_triangles)
-    parts = n_triangles
-    for i in range(len(joined)):
-        a, b = joined[i, 0], joined[i, 1]
-        while leader[a] != a:
-            leader[a] = leader[leader[a]]
-            a = leader[a]
-        while leader[b] != b:
-            leader[b] = leader[leader[b]]
-            b = leader[b]
-        if a != b:
-            leader[max(a, b)] = min(a, b)
-            parts -= 1
-    return parts
 
 
 @njit(cache=True, nogil=True)

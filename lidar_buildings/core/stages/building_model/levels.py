@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from lidar_buildings.core.model.outline import Outline
 from lidar_buildings.core.solids.output_grid import GRID, on_grid, repaired_outlines
-from lidar_buildings.core.solids.raising import RoofPiece, Solid, checked_roof_solid, extrude
+from lidar_buildings.core.solids.raising import RoofPiece, checked_roof_solid, extrude
+from lidar_buildings.core.solids.shell import Solid
 from lidar_buildings.core.solids.validity import check_solid
 from lidar_buildings.core.stages.building_model.roof_face import RoofFacePatch, open_rings
 

@@ -15,7 +15,7 @@ from lidar_buildings.core.model.point_array import checked_column, checked_point
 from lidar_buildings.core.model.status import BuildingStatus
 from lidar_buildings.core.neighbours.point_spacing import measure_spacing
 from lidar_buildings.core.solids.output_grid import gridded_outline, on_grid
-from lidar_buildings.core.solids.raising import ROOF_SURFACE, Solid
+from lidar_buildings.core.solids.shell import ROOF_SURFACE, Solid
 from lidar_buildings.core.stages.building_model.config import ELEVATIONS, BuildingModelConfig
 from lidar_buildings.core.stages.building_model.heights import parts_of_one_height, settle_planes
 from lidar_buildings.core.stages.building_model.levels import (

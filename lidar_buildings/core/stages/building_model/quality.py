@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from lidar_buildings.core.model.outline import Outline
-from lidar_buildings.core.solids.raising import Solid
+from lidar_buildings.core.solids.shell import Solid
 from lidar_buildings.core.stages.building_model.cell_costs import EMPTY_DISTANCE
 from lidar_buildings.core.stages.building_model.roof_face import RoofFacePatch
 from lidar_buildings.core.stages.building_model.surface_distance import distance_to_surface

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lidar_buildings.core.model.status import BuildingStatus
-from lidar_buildings.core.solids.raising import Solid
+from lidar_buildings.core.solids.shell import Solid
 
 #: Names of a model's attributes, whatever becomes of it.
 ATTRIBUTES = (

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -67,26 +66,6 @@ class StepEdge:
     length: float
 
 
-class Adjacency(NamedTuple):
-    """
-    Two planes whose regions border on one another.
-
-    Attributes
-    ----------
-    first, second : int
-        Numbers of the planes, ``first < second``.
-    kind : str
-        What most of the border is: ``ridge``, ``hip``, ``valley`` or ``step``.
-    length : float
-        Length of the border in plan [m].
-    """
-
-    first: int
-    second: int
-    kind: str
-    length: float
-
-
 @dataclass(frozen=True, eq=False)
 class RoofTopology:
     """
@@ -100,8 +79,6 @@ class RoofTopology:
         Ridges, hips and valleys.
     steps : tuple of StepEdge
         Borders where planes do not meet.
-    adjacency : tuple of Adjacency
-        Pairs of planes that border on one another.
     roof_type : str
         See `lidar_buildings.core.stages.roof_topology.roof_type`.
     """
@@ -109,5 +86,4 @@ class RoofTopology:
     planes: tuple[RoofPlane, ...]
     intersections: tuple[IntersectionSegment, ...]
     steps: tuple[StepEdge, ...]
-    adjacency: tuple[Adjacency, ...]
     roof_type: str

@@ -17,11 +17,7 @@ from lidar_buildings.core.stages.roof_topology.obstacles import walls_about
 from lidar_buildings.core.stages.roof_topology.pieces import find_pieces
 from lidar_buildings.core.stages.roof_topology.region_raster import region_raster
 from lidar_buildings.core.stages.roof_topology.result import (
-    STEP,
-    Adjacency,
-    IntersectionSegment,
     RoofTopology,
-    StepEdge,
 )
 from lidar_buildings.core.stages.roof_topology.roof_type import roof_type
 from lidar_buildings.core.stages.roof_topology.segments import finished
@@ -80,7 +76,7 @@ def _topology(
     adjustment = adjust(points, numbers, outline)
     seen = _regions_of(adjustment)[numbers]
     if np.count_nonzero(seen) < 3:
-        return RoofTopology(adjustment.planes, (), (), (), "unknown")
+        return RoofTopology(adjustment.planes, (), (), "unknown")
     rings = tuple(ring for ring in outline.rings if len(ring) >= 3) if outline is not None else ()
     raster = region_raster(points, seen, rings, spacing)
     centre = adjustment.centre
@@ -108,7 +104,6 @@ def _topology(
         adjustment.planes,
         tuple(intersections),
         tuple(steps),
-        _adjacency(intersections, steps),
         kind,
     )
 
@@ -123,7 +118,6 @@ def _renumbered(topology: RoofTopology, number: NDArray[np.int64]) -> RoofTopolo
         with_gaps(topology.planes, number),
         tuple(replace(x, first=old(x.first), second=old(x.second)) for x in topology.intersections),
         tuple(replace(x, upper=old(x.upper), lower=old(x.lower)) for x in topology.steps),
-        tuple(x._replace(first=old(x.first), second=old(x.second)) for x in topology.adjacency),
         topology.roof_type,
     )
 
@@ -140,19 +134,3 @@ def _regions_of(adjustment: Adjustment) -> NDArray[np.uint16]:
     _, first, inverse = np.unique(rounded, axis=0, return_index=True, return_inverse=True)
     region[roofs + 1] = roofs[first][inverse.reshape(-1)] + 1
     return region
-
-
-def _adjacency(intersections: list[IntersectionSegment], steps: list[StepEdge]) -> tuple[Adjacency, ...]:
-    """Sum the borders of each pair by kind; the longest kind names the pair."""
-    lengths: dict[tuple[int, int], dict[str, float]] = {}
-    for line in intersections:
-        kinds = lengths.setdefault((line.first, line.second), {})
-        kinds[line.kind] = kinds.get(line.kind, 0.0) + line.length
-    for step in steps:
-        if step.lower:
-            kinds = lengths.setdefault((min(step.upper, step.lower), max(step.upper, step.lower)), {})
-            kinds[STEP] = kinds.get(STEP, 0.0) + step.length
-    return tuple(
-        Adjacency(i, j, max(kinds, key=lambda kind: kinds[kind]), sum(kinds.values()))
-        for (i, j), kinds in sorted(lengths.items())
-    )

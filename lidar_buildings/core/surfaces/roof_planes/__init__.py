@@ -3,7 +3,6 @@
 from lidar_buildings.core.surfaces.roof_planes.adjustment import (
     Adjustment,
     adjust,
-    adjust_planes,
     common_point,
 )
 from lidar_buildings.core.surfaces.roof_planes.normal_equations import Meeting
@@ -15,7 +14,6 @@ __all__ = [
     "Meeting",
     "RoofPlane",
     "adjust",
-    "adjust_planes",
     "common_point",
     "with_gaps",
     "without_gaps",

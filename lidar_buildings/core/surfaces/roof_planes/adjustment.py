@@ -8,15 +8,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numba import njit
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from lidar_buildings.core.model.outline import Outline
-from lidar_buildings.core.model.point_array import checked_column, checked_points
 from lidar_buildings.core.surfaces.roof_planes.directions import main_directions, outline_directions
 from lidar_buildings.core.surfaces.roof_planes.free_planes import FreePlanes, free_planes
 from lidar_buildings.core.surfaces.roof_planes.moments import plane_moments
 from lidar_buildings.core.surfaces.roof_planes.normal_equations import Meeting, Unknowns, solve, unknowns_of
-from lidar_buildings.core.surfaces.roof_planes.numbering import with_gaps, without_gaps
 from lidar_buildings.core.surfaces.roof_planes.relations import (
     Relations,
     allowed_move,
@@ -116,13 +114,7 @@ class Adjustment:
         return meeting._replace(xy=(float(xy[0] + self.centre[0]), float(xy[1] + self.centre[1])))
 
 
-def adjust_planes(
-    points: ArrayLike,
-    plane_id: ArrayLike,
-    *,
-    outline: Outline | None = None,
-    meetings: Sequence[Meeting] = (),
-) -> tuple[RoofPlane, ...]:
+def adjust(points: NDArray[np.float64], plane_id: NDArray[np.uint16], outline: Outline | None) -> Adjustment:
     """
     Fit all planes of a roof together by least squares, with the relations that the points allow.
 
@@ -133,41 +125,12 @@ def adjust_planes(
 
     Parameters
     ----------
-    points : array_like of shape (n_points, 3)
+    points : ndarray of shape (n_points, 3)
         The building's roof points, in any order [m].
-    plane_id : array_like of shape (n_points,)
-        Number of each point's plane, 0 = none.
-    outline : Outline, optional
+    plane_id : ndarray of shape (n_points,), uint16
+        Number of each point's plane without gaps, 0 = none. Of very many planes each stays by itself.
+    outline : Outline or None
         Its main directions are preferred.
-    meetings : sequence of Meeting, optional
-        Where planes should meet exactly: imposed where no plane moves too far by it.
-
-    Returns
-    -------
-    tuple of RoofPlane
-        Plane number k is item k - 1; a number without points has a level plane.
-
-    Raises
-    ------
-    ValueError
-        If an array has another shape, or a value is not finite.
-    """
-    points = checked_points(points)
-    numbers, number = without_gaps(checked_column("plane_id", plane_id, len(points), np.uint16))
-    adjustment = adjust(points, numbers, outline)
-    if meetings:
-        known = [meeting for meeting in meetings if np.isin(meeting.planes, number[1:]).all()]
-        adjustment = adjustment.with_meetings(
-            [m._replace(planes=tuple(int(np.searchsorted(number, k)) for k in m.planes)) for m in known]
-        )
-    return with_gaps(adjustment.planes, number)
-
-
-def adjust(points: NDArray[np.float64], plane_id: NDArray[np.uint16], outline: Outline | None) -> Adjustment:
-    """
-    Fit all planes together under the relations that the points allow; see `adjust_planes`.
-
-    Numbers of planes must have no gaps. Of very many planes each stays by itself.
     """
     n_planes = int(plane_id.max()) if len(plane_id) else 0
     free = free_planes(plane_moments(points, plane_id, n_planes))
@@ -233,21 +196,4 @@ def _roof_plane(free: FreePlanes, coefficients: NDArray[np.float64], k: int) -> 
         place = np.array([mean[0], mean[1], a * mean[0] + b * mean[1] + c])
     squares = normal @ free.scatter[k] @ normal / n + float(normal @ (mean - place)) ** 2
     rms = math.sqrt(max(squares, 0.0))
-    slope_sigma, height_sigma = _sigmas(free, k, rms, normal)
-    n_points = int(free.moments.sums[k, 0])
-    return RoofPlane(normal, place + free.moments.centre, rms, n_points, slope_sigma, height_sigma)
-
-
-def _sigmas(free: FreePlanes, k: int, rms: float, normal: NDArray[np.float64]) -> tuple[float, float]:
-    """Standard deviations of slope [deg] and elevation [m] from the scatter of a plane's points alone."""
-    n = float(free.counts[k])
-    if n <= 3 or not free.roof[k]:
-        return math.nan, math.nan
-    sigma = rms * math.sqrt(n / (n - 3.0))
-    slopes = np.hypot(*normal[:2])
-    along = normal[:2] / slopes if slopes > 1e-9 else np.array([1.0, 0.0])
-    spread = free.scatter[k, :2, :2]
-    depth = max(float(along @ spread @ along), 1e-12)
-    upright = max(float(normal[2]), 1e-6)
-    # The slope s = tan(angle) has the deviation sigma / (cos(angle) √depth), the angle cos² of it.
-    return math.degrees(sigma * upright / math.sqrt(depth)), sigma / (upright * math.sqrt(n))
+    return RoofPlane(normal, place + free.moments.centre, rms, int(free.moments.sums[k, 0]))

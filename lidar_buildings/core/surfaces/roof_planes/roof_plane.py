@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -27,18 +26,12 @@ class RoofPlane:
         Root mean square of the points' orthogonal distances [m].
     n_points : int
         Number of points.
-    slope_sigma_deg : float
-        Standard deviation of the slope [deg], NaN if unknown.
-    height_sigma : float
-        Standard deviation of the elevation at the centroid [m], NaN if unknown.
     """
 
     normal: NDArray[np.float64]
     centroid: NDArray[np.float64]
     rms: float
     n_points: int
-    slope_sigma_deg: float = math.nan
-    height_sigma: float = math.nan
 
     @property
     def gradient(self) -> NDArray[np.float64]:

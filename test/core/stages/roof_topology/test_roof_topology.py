@@ -6,7 +6,7 @@ import shapely
 
 from bench.scenes.models import BAD_SCENES, model_scene
 from lidar_buildings.core.model.outline import Outline
-from lidar_buildings.core.stages.roof_topology import HIP, RIDGE, STEP, VALLEY, find_topology
+from lidar_buildings.core.stages.roof_topology import HIP, RIDGE, VALLEY, find_topology
 
 SPACING = 8.0**-0.5
 
@@ -147,13 +147,6 @@ def test_the_line_of_two_planes_is_found_over_a_gap_without_points():
     (ridge,) = topology_of(east).intersections
     assert np.sort(ridge.segment[:, 0]) == pytest.approx([33.0, 47.0], abs=0.05)
     assert ridge.segment[:, 2] == pytest.approx(scene.ridges[0, :, 2], abs=0.05)
-
-
-def test_neighbours_are_named_with_the_kind_and_length_of_their_border():
-    topology = topology_of(model_scene("dormer", seed=1))
-    kinds = {(pair.first, pair.second): pair.kind for pair in topology.adjacency}
-    assert kinds == {(1, 2): RIDGE, (1, 3): STEP}
-    assert [pair.length for pair in topology.adjacency] == pytest.approx([16.0, 14.0], rel=0.15)
 
 
 def test_planes_that_are_one_have_no_border():
