@@ -7,14 +7,11 @@ import importlib.util
 import logging
 import sys
 import time
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
-from dataclasses import dataclass
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from tqdm import tqdm
-
+from lidar_buildings.commands.progress import RunOutcome, counted, progress_bar
 from lidar_buildings.commands.run_request import RunRequest, request_of
 from lidar_buildings.core.model.errors import LidarBuildingsError
 from lidar_buildings.io.clouds.las import frame_of, open_inputs
@@ -25,23 +22,6 @@ from lidar_buildings.io.vectors.footprints import FootprintFile, check_overlap, 
 
 #: Exit statuses: users' scripts rely on them.
 DONE, WRONG_USE, TILE_FAILED = 0, 2, 3
-
-
-@dataclass(frozen=True)
-class RunOutcome:
-    """
-    What a run gave.
-
-    Attributes
-    ----------
-    summary : RunSummary
-        What the files hold.
-    failed : mapping
-        Stamp of each tile that was given up → why.
-    """
-
-    summary: RunSummary
-    failed: Mapping[int, str]
 
 
 def run_command(options: argparse.Namespace) -> int:
@@ -65,25 +45,6 @@ def run_command(options: argparse.Namespace) -> int:
     if outcome.failed or (outcome.summary.n_unclassified and not outcome.summary.problems):
         return TILE_FAILED
     return WRONG_USE if outcome.summary.problems else DONE
-
-
-@contextmanager
-def progress_bar(tile_count: Callable[[], int]) -> Iterator[Callable[[int], None]]:
-    """Give a function that shows how many tiles are done: a bar on a terminal, plain lines elsewhere."""
-    is_terminal = sys.stderr.isatty()
-    bar = tqdm(total=tile_count(), unit="tile", disable=not is_terminal)
-
-    def show(done: int) -> None:
-        bar.total = max(tile_count(), done)
-        bar.update(done - bar.n)
-        if not is_terminal:
-            bar.n = done
-            # in one piece: print() writes the line and its end apart, and other threads run in between
-            sys.stderr.write(f"{done} of {_count(bar.total, 'tile')} done\n")
-            sys.stderr.flush()
-
-    with bar:
-        yield show
 
 
 def _footprints(request: RunRequest) -> FootprintFile | None:
@@ -154,7 +115,7 @@ def _report_trouble(outcome: RunOutcome) -> None:
     ]
     if summary.n_unclassified and (outcome.failed or not summary.problems):
         lines.append(
-            f"{_count(summary.n_unclassified, 'point')} kept the class from before: the same command with "
+            f"{counted(summary.n_unclassified, 'point')} kept the class from before: the same command with "
             "--overwrite tries again"
         )
     is_bare = BUILDINGS in summary.files and not summary.buildings
@@ -167,23 +128,18 @@ def _report_trouble(outcome: RunOutcome) -> None:
 def _report(output: Path, summary: RunSummary, wall: float) -> None:
     """Print what was found and where it is."""
     counts = ", ".join(f"{n} {status}" for status, n in sorted(summary.buildings.items())) or "none"
-    print(f"{_count(summary.n_points, 'point')} in {_count(summary.n_tiles, 'tile')}, {wall:.1f} s")
+    print(f"{counted(summary.n_points, 'point')} in {counted(summary.n_tiles, 'tile')}, {wall:.1f} s")
     print(f"buildings: {sum(summary.buildings.values())} ({counts})")
     if summary.footprints:
-        print(_told_of_footprints(summary.footprints))
+        print(_footprints_line(summary.footprints))
     for name in summary.files:
         print(f"  {output / name}")
 
 
-def _told_of_footprints(record: Mapping[str, Any]) -> str:
+def _footprints_line(record: Mapping[str, Any]) -> str:
     """Say in one line what became of the footprints."""
-    told = [f"{record['n_read']:,} read"]
-    told += [f"{record['n_repaired']:,} repaired"] * bool(record["n_repaired"])
-    told += [f"{number:,} {reason} left out" for reason, number in record["left_out"].items()]
-    told += [f"{record['n_outside']:,} outside the points"] * bool(record["n_outside"])
-    return f"footprints: {', '.join(told)}"
-
-
-def _count(number: int, what: str) -> str:
-    """Write how many there are of something."""
-    return f"{number:,} {what}" if number == 1 else f"{number:,} {what}s"
+    counts = [f"{record['n_read']:,} read"]
+    counts += [f"{record['n_repaired']:,} repaired"] * bool(record["n_repaired"])
+    counts += [f"{number:,} {reason} left out" for reason, number in record["left_out"].items()]
+    counts += [f"{record['n_outside']:,} outside the points"] * bool(record["n_outside"])
+    return f"footprints: {', '.join(counts)}"

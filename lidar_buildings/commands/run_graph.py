@@ -6,10 +6,10 @@ import os
 from contextlib import suppress
 from typing import TYPE_CHECKING
 
+from lidar_buildings.commands.progress import RunOutcome, progress_bar
 from lidar_buildings.ros.middleware import prepare_middleware
 
 if TYPE_CHECKING:
-    from lidar_buildings.commands.run import RunOutcome
     from lidar_buildings.commands.run_request import RunRequest
     from lidar_buildings.nodes.tile_player import TilePlayer
 
@@ -63,8 +63,6 @@ def run_graph(request: RunRequest) -> RunOutcome:
 
 def _outcome(composition, nodes) -> RunOutcome:
     """Show the progress until the writer has its outcome."""
-    from lidar_buildings.commands.run import RunOutcome, progress_bar
-
     player: TilePlayer = nodes["tile_player"]
     writer = nodes["model_writer"]
     shown = -1

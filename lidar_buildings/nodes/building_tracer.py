@@ -5,11 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from geometry_msgs.msg import PointStamped, PolygonInstanceStamped, Vector3Stamped
+from geometry_msgs.msg import PolygonInstanceStamped
 from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Header
 
-from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.core.stages.boundary_tracing import BoundaryTracingConfig
 from lidar_buildings.core.stages.edge_labelling import EdgeLabellingConfig
@@ -17,18 +16,16 @@ from lidar_buildings.core.stages.segmentation import SegmentationConfig
 from lidar_buildings.io.vectors.footprints import FootprintSource, read_footprints
 from lidar_buildings.nodes.configs import NODE_CONFIGS, FootprintNodeConfig
 from lidar_buildings.pipeline.tile_stages import TracedTile, trace_buildings, trace_footprints
-from lidar_buildings.ros.map_frames import frame_of
+from lidar_buildings.ros.map_frames import FrameListener
 from lidar_buildings.ros.point_cloud import to_message
 from lidar_buildings.ros.polygons import outline_messages
-from lidar_buildings.ros.qos import BUILDING, CLOUD, EVENT, LATCHED
+from lidar_buildings.ros.qos import BUILDING, CLOUD, EVENT
 from lidar_buildings.ros.runner import run_node
 from lidar_buildings.ros.stage_node import StageNode
 from lidar_buildings.ros.stamps import header_of
-from lidar_buildings.ros.tile_join import TileJoin, agree_on_roofs
+from lidar_buildings.ros.tile_join import Parts, TileJoin, agree_on_roofs
 
 _EDGES, _ALL = "edge_points", "classified_points"
-#: Topic → what it said of a tile.
-Parts = dict[str, PointTile]
 
 
 class BuildingTracer(StageNode):
@@ -36,54 +33,31 @@ class BuildingTracer(StageNode):
 
     def __init__(self, **kwargs: Any) -> None:
         super().__init__("building_tracer", NODE_CONFIGS["building_tracer"], **kwargs)
-        self._waiting: dict[int, Parts] = {}
-        self._origin: PointStamped | None = None
-        self._units: Vector3Stamped | None = None
-        self._has_footprints = bool(self.parameters[FootprintNodeConfig].file)
-        self._join = TileJoin((_EDGES, _ALL) if self._has_footprints else (_EDGES,), _are_of_one_sending)
         self._building_points = self.create_publisher(PointCloud2, "building_points", CLOUD)
         self._traced = self.create_publisher(PolygonInstanceStamped, "traced_outlines", BUILDING)
         self._clipped = self.create_publisher(Header, "tile_clipped", EVENT)
-        if self._has_footprints:
-            self.create_subscription(Vector3Stamped, "map_units", self.on_units, LATCHED)
-            self.create_subscription(PointStamped, "map_origin", self.on_origin, LATCHED)
-            self.subscribe_tiles(_ALL, lambda tile: self.on_tile(_ALL, tile))
-        self.subscribe_tiles(_EDGES, lambda tile: self.on_tile(_EDGES, tile))
-
-    def on_units(self, message: Vector3Stamped) -> None:
-        """Learn the source's units, and go on with the tiles that came before."""
-        self._units = message
-        for stamp in list(self._waiting):
-            self._go_on_with(stamp)
-
-    def on_origin(self, message: PointStamped) -> None:
-        """Learn where the map lies, and go on with the tiles that came before."""
-        self._origin = message
-        for stamp in list(self._waiting):
-            self._go_on_with(stamp)
+        self._map: FrameListener | None = None
+        if self.parameters[FootprintNodeConfig].file:
+            self._map = FrameListener(self, lambda _: self._go_on())
+        topics = (_EDGES,) if self._map is None else (_EDGES, _ALL)
+        self._join = TileJoin(topics, _are_of_one_sending, lambda *_: self._knows_frame())
+        for topic in topics:
+            self.subscribe_tiles(topic, lambda tile, topic=topic: self.on_tile(topic, tile))
 
     def on_tile(self, topic: str, tile: PointTile) -> None:
         """Take one tile's points, and trace its buildings when all is there."""
         parts = self._join.add(tile.stamp, topic, tile)
-        if parts is None:
-            return
-        if self._has_footprints and self._frame is None:
-            self._waiting[tile.stamp] = parts
-            return
-        self._trace(tile.stamp, parts)
+        if parts is not None:
+            self._trace(tile.stamp, parts)
 
-    @property
-    def _frame(self) -> MapFrame | None:
-        """Where the map lies, None as long as it is not known."""
-        if self._origin is None or (self._units is None and self.count_publishers("map_units")):
-            return None
-        return frame_of(self._origin, self._units)
+    def _knows_frame(self) -> bool:
+        """Whether it is known where the map lies, if footprints are given."""
+        return self._map is None or self._map.frame is not None
 
-    def _go_on_with(self, stamp: int) -> None:
-        """Trace a tile that has waited, if nothing is missing any more."""
-        if stamp in self._waiting and self._frame is not None:
+    def _go_on(self) -> None:
+        """Trace the tiles that came before the map frame."""
+        for stamp, parts in self._join.take_ready():
             with self.reporting(stamp) as report:
-                parts = self._waiting.pop(stamp)
                 report.n_points = len(parts[_EDGES])
                 self._trace(stamp, parts)
 
@@ -99,8 +73,8 @@ class BuildingTracer(StageNode):
     def _traced_tile(self, parts: Parts) -> TracedTile:
         """Trace one tile's buildings, or take the footprints for them."""
         config = self.parameters[FootprintNodeConfig]
-        frame = self._frame
-        if not self._has_footprints or frame is None:
+        frame = None if self._map is None else self._map.frame
+        if frame is None:
             return trace_buildings(
                 parts[_EDGES], self.parameters[SegmentationConfig], self.parameters[BoundaryTracingConfig]
             )

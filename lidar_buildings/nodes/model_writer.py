@@ -37,7 +37,7 @@ from lidar_buildings.ros.ring_collector import Rings, outlines_of, roof_faces_of
 from lidar_buildings.ros.runner import run_node
 from lidar_buildings.ros.stage_node import StageNode
 from lidar_buildings.ros.stamps import header_of, to_stamp
-from lidar_buildings.ros.tile_join import TileJoin, agree_on_buildings, agree_on_roofs
+from lidar_buildings.ros.tile_join import Parts, TileJoin, agree_on_buildings, agree_on_roofs
 
 #: Exit status when a tile was given up and the rest was done.
 TILE_FAILED = 3
@@ -89,10 +89,10 @@ class ModelWriter(StageNode):
         except Exception as error:
             self.get_logger().error(f"city_model: {error}: left out")
             return
-        stamp = self._features.add(number, message.data)
-        if stamp is not None:
-            with self.reporting(stamp):
-                self._store(stamp, self._whole.pop(stamp))
+        if self._features.add(number, message.data):
+            for stamp, parts in self._join.take_ready():
+                with self.reporting(stamp):
+                    self._store(stamp, parts)
 
     def on_failed(self, message: Header) -> None:
         """Note that a tile was given up."""
@@ -144,8 +144,9 @@ class ModelWriter(StageNode):
         self._topics = [topic.name for topic in writer_topics(config.until)]
         self._last_look: Timer | None = None
         self._features = FeaturePool()
-        self._join = TileJoin((t for t in self._topics if t != CITY_MODEL.name), self._fit)
-        self._whole: dict[int, dict[str, Any]] = {}
+        self._join = TileJoin(
+            (t for t in self._topics if t != CITY_MODEL.name), self._fit, self._has_features
+        )
 
     def _subscribe_results(self) -> None:
         """Subscribe to what the last stage of the run and those before it publish."""
@@ -159,38 +160,37 @@ class ModelWriter(StageNode):
                 self.subscribe_tiles(topic, lambda tile, t=topic: self.on_tile(t, tile))
 
     def _add(self, stamp: int, topic: str, part: Any) -> None:
-        """Put a part to the others of its tile, and store the tile when all is there."""
+        """Join a part with the others of its tile, and store the tile when all is there."""
         parts = self._join.add(stamp, topic, part)
-        if parts is None:
-            return
-        numbers = self._buildings_of(parts)
-        if self._features.expect(stamp, numbers):
-            self._whole[stamp] = parts
-        else:
+        if parts is not None:
             self._store(stamp, parts)
 
-    def _fit(self, parts: dict[str, Any]) -> bool:
+    def _has_features(self, stamp: int, parts: Parts) -> bool:
+        """Whether the models of all buildings of a tile have come."""
+        return not self._features.expect(stamp, self._buildings_of(parts))
+
+    def _fit(self, parts: Parts) -> bool:
         """
         Whether parts are of one sending: a tile that was sent larger has more points under the same stamp.
         """
         return agree_on_roofs(*self._clouds_of(parts)) and agree_on_buildings(parts)
 
-    def _clouds_of(self, parts: dict[str, Any]) -> list[PointTile]:
+    def _clouds_of(self, parts: Parts) -> list[PointTile]:
         """Return the clouds among a tile's parts: all its points first, then its roofs."""
         return [parts[topic] for topic in self._topics if isinstance(parts.get(topic), PointTile)]
 
-    def _buildings_of(self, parts: dict[str, Any]) -> set[int]:
+    def _buildings_of(self, parts: Parts) -> set[int]:
         """Return the buildings whose models a tile must wait for."""
         if CITY_MODEL.name not in self._topics:
             return set()
         return {one.building_id for one in parts[OUTLINES.name]}
 
-    def _store(self, stamp: int, parts: dict[str, Any]) -> None:
+    def _store(self, stamp: int, parts: Parts) -> None:
         """Put a tile on disk, and say that it is done."""
         self._write(self._clouds_of(parts), parts)
         self._tile_done.publish(header_of(stamp))
 
-    def _write(self, points: list[PointTile], parts: dict[str, Any]) -> None:
+    def _write(self, points: list[PointTile], parts: Parts) -> None:
         """Put a tile on disk."""
         faces = parts.get(ROOF_FACES.name, {})
         rasters = rasterise_tile(points[0], self.parameters[ModelWriterConfig], self._folder.frame)

@@ -233,20 +233,24 @@ NODE_TABLE: tuple[NodeCard, ...] = (
 
 #: Node → the stage under which its seconds are counted.
 NODE_STAGES = {stage.node: stage.name for stage in STAGE_TABLE}
-#: What says the same of all points or of the roofs' again: a later one takes an earlier one's place.
-_SUPERSEDED = ((GROUND_POINTS, CLASSIFIED_POINTS), (EDGE_POINTS, BUILDING_POINTS, PLANE_POINTS))
-#: What is for looking, or for other nodes alone.
-_NOT_IN_FILES = {DTM, ROOF_POINTS, CITY_MODEL_HEADER, BUILDING_MARKERS, TILE_CLIPPED, TILE_DONE}
+#: What files are made of: all points, the roofs' points, rings, models; of topics that say the same of all
+#: points or of the roofs' the last one counts.
+_OF_FILES = (
+    (GROUND_POINTS, CLASSIFIED_POINTS),
+    (EDGE_POINTS, BUILDING_POINTS, PLANE_POINTS),
+    (TRACED_OUTLINES,),
+    (OUTLINES,),
+    (ROOF_FACES,),
+    (CITY_MODEL,),
+)
 
 
 def writer_topics(until: str) -> tuple[Topic, ...]:
-    """Return what `model_writer` reads of a run that ends with a stage, in the order of the chain."""
+    """Return what `model_writer` reads of a run that ends with a stage: all points first, then the roofs'."""
     nodes = nodes_until(until)[1:-1]
-    found = [topic for card in NODE_TABLE if card.name in nodes for topic in card.publishes]
-    earlier = {
-        topic for topics in _SUPERSEDED for topic in [one for one in topics if one in found][:-1]
-    } | _NOT_IN_FILES
-    return tuple(topic for topic in found if topic not in earlier)
+    published = {topic for card in NODE_TABLE if card.name in nodes for topic in card.publishes}
+    found = ([topic for topic in topics if topic in published] for topics in _OF_FILES)
+    return tuple(topics[-1] for topics in found if topics)
 
 
 #: Node → what it listens to only where footprints are given.

@@ -16,8 +16,8 @@ class FeaturePool:
         self._lines: OrderedDict[int, str] = OrderedDict()
         self._missing: dict[int, set[int]] = {}
 
-    def add(self, building_id: int, line: str) -> int | None:
-        """Take a feature; return the stamp of the tile that it was the last one for."""
+    def add(self, building_id: int, line: str) -> bool:
+        """Take a feature; return whether it was the last one that a tile has waited for."""
         self._lines[building_id] = line
         self._lines.move_to_end(building_id)
         if len(self._lines) > _MAX_FEATURES:
@@ -26,8 +26,8 @@ class FeaturePool:
             missing.discard(building_id)
             if not missing:
                 del self._missing[stamp]
-                return stamp
-        return None
+                return True
+        return False
 
     def expect(self, stamp: int, building_ids: Iterable[int]) -> bool:
         """Say which features a tile needs; return whether it has to wait for any."""

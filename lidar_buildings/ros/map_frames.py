@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 from geometry_msgs.msg import Point, PointStamped, Vector3, Vector3Stamped
+from rclpy.node import Node
 from std_msgs.msg import Header
 
 from lidar_buildings.core.model.map_frame import MapFrame
+from lidar_buildings.ros.qos import LATCHED
 from lidar_buildings.ros.stamps import FRAME_ID
 
 
@@ -21,8 +25,44 @@ def units_message(frame: MapFrame) -> Vector3Stamped:
     return Vector3Stamped(header=Header(frame_id=FRAME_ID), vector=Vector3(x=x, y=y, z=z))
 
 
-def frame_of(origin: PointStamped, units: Vector3Stamped | None) -> MapFrame:
-    """Return the frame that the messages describe; the source is in metres where no units are given."""
-    point = origin.point
-    horizontal, vertical = (units.vector.x, units.vector.z) if units is not None else (1.0, 1.0)
-    return MapFrame(origin.header.frame_id, (point.x, point.y, point.z), horizontal, vertical)
+class FrameListener:
+    """
+    Subscribes to `map_origin` and `map_units`.
+
+    Parameters
+    ----------
+    node : Node
+        Who listens.
+    on_frame : callable
+        Called with the frame whenever a message has told or changed it.
+    """
+
+    def __init__(self, node: Node, on_frame: Callable[[MapFrame], None]) -> None:
+        self._node = node
+        self._on_frame = on_frame
+        self._origin: PointStamped | None = None
+        self._units: Vector3Stamped | None = None
+        node.create_subscription(Vector3Stamped, "map_units", self._on_units, LATCHED)
+        node.create_subscription(PointStamped, "map_origin", self._on_origin, LATCHED)
+
+    @property
+    def frame(self) -> MapFrame | None:
+        """The frame, None as long as it is not known; in metres where nothing publishes units."""
+        if self._origin is None or (self._units is None and self._node.count_publishers("map_units")):
+            return None
+        point, units = self._origin.point, self._units
+        horizontal, vertical = (1.0, 1.0) if units is None else (units.vector.x, units.vector.z)
+        return MapFrame(self._origin.header.frame_id, (point.x, point.y, point.z), horizontal, vertical)
+
+    def _on_units(self, message: Vector3Stamped) -> None:
+        self._units = message
+        self._tell()
+
+    def _on_origin(self, message: PointStamped) -> None:
+        self._origin = message
+        self._tell()
+
+    def _tell(self) -> None:
+        frame = self.frame
+        if frame is not None:
+            self._on_frame(frame)

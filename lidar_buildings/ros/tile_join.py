@@ -1,4 +1,4 @@
-"""What several topics say of one tile, put together by stamp."""
+"""The parts of a tile that several topics carry, joined by stamp."""
 
 from __future__ import annotations
 
@@ -11,13 +11,15 @@ import numpy as np
 from lidar_buildings.core.model.outline import BuildingOutline
 from lidar_buildings.core.model.tile import PointTile
 
-#: How many tiles may be waiting: those in flight, and copies sent again.
-MAX_WAITING_TILES = 16
+#: How many tiles may be incomplete: those in flight (at most 8), and copies sent again.
+MAX_INCOMPLETE_TILES = 16
+#: Topic → what it said of a tile.
+Parts = dict[str, Any]
 
 
 class TileJoin:
     """
-    Waits until every topic has spoken of a tile and the parts fit together.
+    Joins the parts of a tile that several topics carry, and holds it back until it can be worked on.
 
     A part that comes again replaces the earlier one, so a tile that was sent again completes what a restart
     had torn.
@@ -28,31 +30,43 @@ class TileJoin:
         What a complete tile has.
     fits : callable, optional
         Whether parts that are all there belong together; they wait for a better part if not.
+    is_ready : callable, optional
+        Whether what a complete tile needs beside its parts is there; called with its stamp and its parts.
     """
 
     def __init__(
-        self, topics: Iterable[str], fits: Callable[[dict[str, Any]], bool] = lambda parts: True
+        self,
+        topics: Iterable[str],
+        fits: Callable[[Parts], bool] = lambda parts: True,
+        is_ready: Callable[[int, Parts], bool] = lambda stamp, parts: True,
     ) -> None:
         self._topics = frozenset(topics)
         self._fits = fits
-        self._waiting: OrderedDict[int, dict[str, Any]] = OrderedDict()
+        self._is_ready = is_ready
+        self._incomplete: OrderedDict[int, Parts] = OrderedDict()
+        self._complete: dict[int, Parts] = {}
 
-    def add(self, stamp: int, topic: str, part: Any) -> dict[str, Any] | None:
-        """Take one part; return the tile's parts by topic if they are now complete."""
-        parts = self._waiting.setdefault(stamp, {})
+    def add(self, stamp: int, topic: str, part: Any) -> Parts | None:
+        """Take one part; return the tile's parts by topic if it is now complete and ready."""
+        parts = self._incomplete.setdefault(stamp, {})
         parts[topic] = part
         if parts.keys() >= self._topics and self._fits(parts):
-            return self._waiting.pop(stamp)
-        while len(self._waiting) > MAX_WAITING_TILES:
-            self._waiting.popitem(last=False)
+            del self._incomplete[stamp]
+            if self._is_ready(stamp, parts):
+                self._complete.pop(stamp, None)
+                return parts
+            self._complete[stamp] = parts
+        while len(self._incomplete) > MAX_INCOMPLETE_TILES:
+            self._incomplete.popitem(last=False)
         return None
 
-    def forget(self, stamp: int) -> None:
-        """Drop what is known of a tile."""
-        self._waiting.pop(stamp, None)
+    def take_ready(self) -> list[tuple[int, Parts]]:
+        """Return the stamps and parts of the complete tiles that have become ready."""
+        ready = [stamp for stamp, parts in self._complete.items() if self._is_ready(stamp, parts)]
+        return [(stamp, self._complete.pop(stamp)) for stamp in ready]
 
 
-def agree_on_buildings(parts: dict[str, Any]) -> bool:
+def agree_on_buildings(parts: Parts) -> bool:
     """
     Whether all outlines of a tile are of the same buildings, and its points of no others.
 

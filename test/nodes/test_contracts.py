@@ -154,6 +154,21 @@ def test_every_stage_has_its_node():
     assert all(config.stage == stage for stage, config in found.items())
 
 
+@pytest.mark.parametrize(
+    ("stage", "clouds"),
+    [
+        ("ground_filter", ["ground_points"]),
+        ("roof_selection", ["classified_points"]),
+        ("boundary_tracing", ["classified_points", "building_points"]),
+        ("building_model", ["classified_points", "plane_points"]),
+    ],
+)
+def test_the_writer_takes_all_points_first_and_then_the_roofs(stage, clouds):
+    topics = [topic.name for topic in writer_topics(stage)]
+    assert topics[: len(clouds)] == clouds
+    assert not any("points" in name for name in topics[len(clouds) :])
+
+
 def test_every_node_can_be_started_by_its_name():
     for name in CARDS:
         assert callable(importlib.import_module(f"lidar_buildings.nodes.{name}").main)

@@ -3,7 +3,7 @@ import numpy as np
 from lidar_buildings.core.model.outline import BuildingOutline, Outline
 from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.ros.features import FeaturePool
-from lidar_buildings.ros.tile_join import MAX_WAITING_TILES, TileJoin, agree_on_buildings
+from lidar_buildings.ros.tile_join import MAX_INCOMPLETE_TILES, TileJoin, agree_on_buildings
 
 
 def points(*building_ids):
@@ -30,6 +30,21 @@ def test_parts_that_do_not_fit_wait_for_better_ones():
     assert join.add(1, "outlines", outlines(4, 9)) is not None
 
 
+def test_a_complete_tile_is_held_back_until_it_is_ready():
+    known = set()
+    join = TileJoin("ab", is_ready=lambda stamp, parts: stamp in known)
+    for stamp in (1, 2):
+        assert join.add(stamp, "a", "first") is None
+        assert join.add(stamp, "b", "second") is None
+    assert join.take_ready() == []
+    known.add(2)
+    assert join.take_ready() == [(2, {"a": "first", "b": "second"})]
+    known.add(1)
+    join.add(1, "a", "sent again")
+    assert join.add(1, "b", "second") == {"a": "sent again", "b": "second"}
+    assert join.take_ready() == []
+
+
 def test_points_without_buildings_agree_with_no_outlines():
     assert agree_on_buildings({"points": points(0, 0), "outlines": ()})
     assert not agree_on_buildings({"points": points(0, 1), "outlines": ()})
@@ -41,18 +56,19 @@ def test_points_that_know_of_no_buildings_agree_with_anything():
 
 def test_leftovers_of_tiles_that_came_again_do_not_pile_up():
     join = TileJoin("ab")
-    for stamp in range(MAX_WAITING_TILES + 1):
+    for stamp in range(MAX_INCOMPLETE_TILES + 1):
         join.add(stamp, "a", stamp)
     assert join.add(0, "b", 0) is None
-    assert join.add(MAX_WAITING_TILES, "b", 0) is not None
+    assert join.add(MAX_INCOMPLETE_TILES, "b", 0) is not None
 
 
 def test_a_tile_waits_for_the_features_of_its_buildings():
     pool = FeaturePool()
-    assert pool.add(1, "one") is None
+    assert not pool.add(1, "one")
     assert pool.expect(50, {1, 2, 3})
-    assert pool.add(3, "three") is None
-    assert pool.add(2, "two") == 50
+    assert not pool.add(3, "three")
+    assert pool.add(2, "two")
+    assert not pool.expect(50, {1, 2, 3})
     assert pool.take([1, 2, 3]) == ("one", "two", "three")
 
 

@@ -1,0 +1,53 @@
+"""How far a run is, and what it gave: what runs with and without ROS share."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+
+from tqdm import tqdm
+
+from lidar_buildings.io.results.output_folder import RunSummary
+
+
+@dataclass(frozen=True)
+class RunOutcome:
+    """
+    What a run gave.
+
+    Attributes
+    ----------
+    summary : RunSummary
+        What the files hold.
+    failed : mapping
+        Stamp of each tile that was given up → why.
+    """
+
+    summary: RunSummary
+    failed: Mapping[int, str]
+
+
+@contextmanager
+def progress_bar(tile_count: Callable[[], int]) -> Iterator[Callable[[int], None]]:
+    """Give a function that shows how many tiles are done: a bar on a terminal, plain lines elsewhere."""
+    is_terminal = sys.stderr.isatty()
+    bar = tqdm(total=tile_count(), unit="tile", disable=not is_terminal)
+
+    def show(done: int) -> None:
+        bar.total = max(tile_count(), done)
+        bar.update(done - bar.n)
+        if not is_terminal:
+            bar.n = done
+            # in one piece: print() writes the line and its end apart, and other threads run in between
+            sys.stderr.write(f"{done} of {counted(bar.total, 'tile')} done\n")
+            sys.stderr.flush()
+
+    with bar:
+        yield show
+
+
+def counted(number: int, what: str) -> str:
+    """Write how many there are of something."""
+    return f"{number:,} {what}" if number == 1 else f"{number:,} {what}s"
