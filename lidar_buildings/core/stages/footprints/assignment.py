@@ -71,7 +71,7 @@ def assign_footprints(
     places = footprints.touching(_box(tile.points, config.search_distance))
     owner = last_outline_around(tile.points[:, :2], [footprints.outlines[row] for row in places])
     is_core, is_roof, stands = tile.is_core, tile.is_roof, _may_stand(tile, config.min_height)
-    tile_spacing = tile.spacing
+    tile_spacing = tile.point_spacing
     outlines, clipped = [], False
     surroundings = _Surroundings(tile.points, config.search_distance)
     for place, rows in zip(places, _rows_of(owner, len(places)), strict=True):
