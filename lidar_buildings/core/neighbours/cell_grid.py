@@ -23,24 +23,28 @@ CELLS_A_BLOCK = 2048
 SHELL_STEPS = (85_764, 38_117, 16_941, 7_529, 3_346, 1_487, 661, 294, 132, 57, 23, 10, 4, 1)
 
 
-class SortedPoints(NamedTuple):
+class CellGrid(NamedTuple):
     """
-    Points sorted by cell, and by z, x, y within each: the same sequence whatever the rows' order.
+    Points in square cells that start at multiples of their size from (0, 0), cell by cell.
 
     Attributes
     ----------
-    points : ndarray of shape (n_points, 3)
-        The sorted points [m].
+    points : ndarray of shape (n_points, 2 or 3)
+        The points cell by cell [m].
     rows : ndarray of shape (n_points,), intp
         The input row of each.
     numbers : ndarray of shape (n_cells,), int64
         The numbers of the occupied cells, rising: row by row from the south-west.
     first : ndarray of shape (n_cells + 1,), int64
-        Cell k holds the sorted points first[k] to first[k + 1] (exclusive); the first is its lowest.
+        Cell k holds the points first[k] to first[k + 1] (exclusive).
     n_columns : int
         By how much the number of a cell's northern neighbour is higher.
     size : float
         Side of a cell [m].
+    cell : ndarray of shape (n_points,), int64
+        The cell k of each point; empty unless made by `neighbourhoods.build_grid`.
+    adjacent : ndarray of shape (n_cells, 9), int64
+        The cell itself and its eight neighbours, −1 where empty; empty as `cell` is.
     """
 
     points: NDArray[np.float64]
@@ -49,48 +53,35 @@ class SortedPoints(NamedTuple):
     first: NDArray[np.int64]
     n_columns: int
     size: float
+    cell: NDArray[np.int64] = np.zeros(0, dtype=np.int64)
+    adjacent: NDArray[np.int64] = np.zeros((0, 9), dtype=np.int64)
 
 
-class CellRows(NamedTuple):
+#: Names that compiled kernels in existing caches still ask for; to go with those caches.
+SortedPoints = CellRows = CellGrid
+
+
+def rows_by_cell(points: NDArray[np.float64], cell: float) -> CellGrid:
     """
-    Rows by cell, those of one cell in the order given: quicker than sorted points where that is no matter.
-
-    Attributes
-    ----------
-    rows : ndarray of shape (n_points,), intp
-        The rows, cell by cell.
-    numbers, first, n_columns, size
-        As of `SortedPoints`.
-    """
-
-    rows: NDArray[np.intp]
-    numbers: NDArray[np.int64]
-    first: NDArray[np.int64]
-    n_columns: int
-    size: float
-
-
-def rows_by_cell(points: NDArray[np.float64], cell: float) -> CellRows:
-    """
-    Gather the rows of points in square cells that start at multiples of `cell` from (0, 0).
+    Gather points cell by cell, those of one cell in the order given.
 
     Parameters
     ----------
     points : ndarray of shape (n_points, 2 or more)
-        Only x and y are looked at [m].
+        Only x and y decide [m].
     cell : float
         Side of a cell [m]; doubled until an enormous extent can be numbered.
     """
     numbers, n_columns, cell = _numbered(points, cell)
-    return CellRows(*_rows_by_number(numbers), n_columns, cell)
+    rows, numbers, first = _rows_by_number(numbers)
+    return CellGrid(points[rows], rows, numbers, first, n_columns, cell)
 
 
-def sort_by_cell(points: NDArray[np.float64], cell: float) -> SortedPoints:
+def sort_by_cell(points: NDArray[np.float64], cell: float) -> CellGrid:
     """
-    Sort points into square cells that start at multiples of `cell` from (0, 0).
+    Sort points by cell, and by z, x, y within each: the same sequence whatever the rows' order.
 
-    Cells are counted, not compared, so that the time is linear in the number of points; on all cores where it
-    is the larger part.
+    Cells are counted, not compared: the time is linear in the number of points.
 
     Parameters
     ----------
@@ -105,29 +96,29 @@ def sort_by_cell(points: NDArray[np.float64], cell: float) -> SortedPoints:
     for_row_blocks(lambda a, b: _fill_cells(points, rows, ordered, first, a, b), len(numbers), CELLS_A_BLOCK)
     for k in np.flatnonzero(np.diff(first) > LARGE_CELL):
         _sort_large_cell(ordered, rows, slice(first[k], first[k + 1]))
-    return SortedPoints(ordered, rows, numbers, first, n_columns, cell)
+    return CellGrid(ordered, rows, numbers, first, n_columns, cell)
 
 
-def lowest_of_cells(cloud: SortedPoints, kept: NDArray[np.bool_]) -> NDArray[np.int64]:
+def lowest_of_cells(grid: CellGrid, kept: NDArray[np.bool_]) -> NDArray[np.int64]:
     """
     Return the sorted point that is the lowest kept one of each cell, where there is one, cell by cell.
 
     Parameters
     ----------
-    cloud : SortedPoints
-        The points in their cells.
+    grid : CellGrid
+        Of `sort_by_cell`.
     kept : ndarray of shape (n_points,), bool
         Which of the sorted points count.
     """
-    lowest = np.full(len(cloud.numbers), -1, dtype=np.int64)
-    for_row_blocks(lambda a, b: _first_kept(cloud.first, kept, lowest, a, b), len(lowest))
+    lowest = np.full(len(grid.numbers), -1, dtype=np.int64)
+    for_row_blocks(lambda a, b: _first_kept(grid.first, kept, lowest, a, b), len(lowest))
     return lowest[lowest >= 0]
 
 
-def in_rows_order(cloud: SortedPoints, values: NDArray[Any]) -> NDArray[Any]:
-    """Return one value per sorted point in the order of the input rows."""
+def in_rows_order(grid: CellGrid, values: NDArray[Any]) -> NDArray[Any]:
+    """Return one value per point of the grid in the order of the input rows."""
     unsorted = np.empty_like(values)
-    for_row_blocks(lambda a, b: _scatter(cloud.rows, values, unsorted, a, b), len(values))
+    for_row_blocks(lambda a, b: _scatter(grid.rows, values, unsorted, a, b), len(values))
     return unsorted
 
 
@@ -180,13 +171,8 @@ def lowest_per_cell(points: NDArray[np.float64], cell: float) -> NDArray[np.intp
     cell : float
         Side of a cell [m].
     """
-    points = np.ascontiguousarray(points)
-    numbers = cell_numbers(points, cell)
-    if not _can_be_counted(numbers):
-        rows, _, first = _rows_by_number(numbers)
-        return _lowest_of_runs(rows, first, points)
-    lowest = _lowest_of_cells(numbers, int(numbers.max(initial=-1)) + 1, points)
-    return lowest[lowest >= 0]
+    rows, _, first = _rows_by_number(cell_numbers(points, cell))
+    return _lowest_of_runs(rows, first, np.ascontiguousarray(points))
 
 
 def _numbered(points: NDArray[np.float64], cell: float) -> tuple[NDArray[np.int64], int, float]:
@@ -301,17 +287,6 @@ def _sort_large_cell(points: NDArray[np.float64], rows: NDArray[np.intp], cell: 
     """Sort one cell's points in place."""
     order = np.lexsort((points[cell, 1], points[cell, 0], points[cell, 2]))
     points[cell], rows[cell] = points[cell][order], rows[cell][order]
-
-
-@njit(cache=True, nogil=True)
-def _lowest_of_cells(numbers, n_cells, points):  # type: ignore[no-untyped-def]
-    """Return the row of the lowest point of each cell, −1 where there is none."""
-    lowest = np.full(n_cells, -1, dtype=np.intp)
-    for i in range(len(numbers)):
-        k = numbers[i]
-        if lowest[k] < 0 or _comes_first(points, points[i, 2], i, points[lowest[k], 2], lowest[k]):
-            lowest[k] = i
-    return lowest
 
 
 @njit(cache=True, nogil=True)

@@ -10,21 +10,20 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from lidar_buildings.core.neighbours.cell_grid import CellRows
+from lidar_buildings.core.neighbours.cell_grid import CellGrid
+from lidar_buildings.core.neighbours.nearest_neighbours import distance_to_last
 from lidar_buildings.core.neighbours.scan_neighbours import mark_probes
 
 #: Points of a group whose neighbours are looked at; the median of so many densities is good to a few percent.
 MAX_PROBES = 200
 #: Neighbours that a density is estimated from, and fewest points that each of these needs in its group.
 NEIGHBOURS, POINTS_A_NEIGHBOUR = 16, 10
-#: Cells on each side in which neighbours are sought.
-REACH = 4
 #: Distances beyond this multiple of the median weigh no more: a few strays far off have no say.
 MAX_STRAY = 3.0
 
 
 def group_spacings(
-    points: NDArray[np.float64], cells: CellRows, group: NDArray[np.int64], n_groups: int
+    points: NDArray[np.float64], cells: CellGrid, group: NDArray[np.int64], n_groups: int
 ) -> NDArray[np.float64]:
     """
     Measure 1/√density of each group of points from its own points alone.
@@ -36,7 +35,7 @@ def group_spacings(
     ----------
     points : ndarray of shape (n_points, 3)
         In any order; positions that occur twice count twice [m].
-    cells : CellRows
+    cells : CellGrid
         The points in cells a few spacings wide, or less.
     group : ndarray of int64, shape (n_points,)
         0 to `n_groups` (exclusive), or −1 for points of none.
@@ -51,16 +50,14 @@ def group_spacings(
     size = np.bincount(group[group >= 0], minlength=n_groups)
     is_probe = mark_probes(points, group, size, MAX_PROBES, 2 * POINTS_A_NEIGHBOUR)
     probes = np.flatnonzero(is_probe)
-    distance = _nth_distances(
-        points, cells, group, np.minimum(NEIGHBOURS, size // POINTS_A_NEIGHBOUR), is_probe
-    )
+    nth = np.minimum(NEIGHBOURS, size // POINTS_A_NEIGHBOUR)
+    distance = _nth_distances(cells, group, nth, is_probe)
     order = probes[np.lexsort((distance[probes], group[probes]))]
     first = np.searchsorted(group[order], np.arange(n_groups + 1))
     spacings = np.full(n_groups, np.nan)
     for number in np.flatnonzero(np.diff(first)):
         middle = _middle(distance[order[first[number] : first[number + 1]]])
-        k = min(NEIGHBOURS, size[number] // POINTS_A_NEIGHBOUR)
-        spacings[number] = middle * math.sqrt(math.pi / (k + 1 / 3))
+        spacings[number] = middle * math.sqrt(math.pi / (nth[number] + 1 / 3))
     return spacings
 
 
@@ -75,43 +72,16 @@ def _middle(distance: NDArray[np.float64]) -> float:
 
 
 @njit(cache=True, nogil=True)
-def _nth_distances(points, cells, group, nth, is_probe):  # type: ignore[no-untyped-def]
+def _nth_distances(cells, group, nth, is_probe):  # type: ignore[no-untyped-def]
     """Return each probe's distance to its n-th neighbour of the same group, infinite if that is not near."""
     distance = np.full(len(group), np.inf)
-    nearest = np.empty(NEIGHBOURS)
+    nearest = np.empty(NEIGHBOURS + 1)
     for cell in range(len(cells.numbers)):
+        row, column = cells.numbers[cell] // cells.n_columns, cells.numbers[cell] % cells.n_columns
         for m in range(cells.first[cell], cells.first[cell + 1]):
             i = cells.rows[m]
-            if not is_probe[i]:
-                continue
-            n = nth[group[i]]
-            for reach in (REACH // 2, REACH):
-                _find_nearest(points, cells, cell, reach, group, i, nearest[:n])
-                if nearest[n - 1] <= (reach * cells.size) ** 2:
-                    distance[i] = np.sqrt(nearest[n - 1])
-                    break
+            if is_probe[i]:
+                x, y = cells.points[m, 0], cells.points[m, 1]
+                room = nearest[: nth[group[i]] + 1]
+                distance[i] = distance_to_last(cells, row, column, x, y, group, group[i], room)
     return distance
-
-
-@njit(cache=True, nogil=True)
-def _find_nearest(points, cells, cell, reach, group, i, nearest):  # type: ignore[no-untyped-def]
-    """Write the least squared distances, rising, to the group's other points in a window of cells."""
-    nearest[:] = np.inf
-    column = cells.numbers[cell] % cells.n_columns
-    west, east = min(reach, column), min(reach, cells.n_columns - 1 - column)
-    for row in range(-reach, reach + 1):
-        beside = cells.numbers[cell] + row * cells.n_columns
-        begin = np.searchsorted(cells.numbers, beside - west)
-        end = np.searchsorted(cells.numbers, beside + east, side="right")
-        for m in range(cells.first[begin], cells.first[end]):
-            j = cells.rows[m]
-            if group[j] != group[i] or j == i:
-                continue
-            square = (points[j, 0] - points[i, 0]) ** 2 + (points[j, 1] - points[i, 1]) ** 2
-            k = len(nearest) - 1
-            if square >= nearest[k]:
-                continue
-            while k > 0 and nearest[k - 1] > square:
-                nearest[k] = nearest[k - 1]
-                k -= 1
-            nearest[k] = square

@@ -9,8 +9,9 @@ from numba import njit
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from lidar_buildings.core.neighbours.cell_grid import sort_by_cell
+from lidar_buildings.core.neighbours.cell_grid import rows_by_cell
 from lidar_buildings.core.neighbours.parallel import for_row_blocks
+from lidar_buildings.core.neighbours.windows import cells_in_row
 
 #: A cell's side in units of 1/√density for each √n: neighbours mostly lie in the cells round a point's own.
 CELL = 0.62
@@ -46,15 +47,13 @@ def nth_distances(
     reach : float
         A few times what is usual [m].
     """
-    flat = np.zeros((len(plan), 3))
-    flat[:, :2] = plan
     # Positions may be so near that the square of their distance is 0.
     side = max(CELL * math.sqrt(n) * _guessed_spacing(plan), float(np.finfo(np.float64).tiny))
-    cloud = sort_by_cell(flat, side)
-    origin = np.floor(plan.min(axis=0) / cloud.size)
+    grid = rows_by_cell(plan, side)
+    origin = np.floor(plan.min(axis=0) / grid.size)
     distances = np.empty(len(probes))
-    for_row_blocks(lambda a, b: _search(cloud, origin, probes, n, distances, a, b), len(probes), BLOCK)
-    return distances, SLACK * REACHES[-1] * cloud.size
+    for_row_blocks(lambda a, b: _search(grid, origin, probes, n, distances, a, b), len(probes), BLOCK)
+    return distances, SLACK * REACHES[-1] * grid.size
 
 
 def _guessed_spacing(plan: NDArray[np.float64]) -> float:
@@ -67,36 +66,53 @@ def _guessed_spacing(plan: NDArray[np.float64]) -> float:
 
 
 @njit(cache=True, nogil=True)
-def _search(cloud, origin, probes, n, distances, begin, end):  # type: ignore[no-untyped-def]
-    """Fill the distances of probes begin to end."""
-    nearest = np.empty(n)
+def _search(grid, origin, probes, n, distances, begin, end):  # type: ignore[no-untyped-def]
+    nearest, no_groups = np.empty(n), np.empty(0, dtype=np.int64)
     for i in range(begin, end):
-        distances[i] = np.inf
-        for reach in REACHES:
-            _find_nearest(cloud, origin, probes[i], reach, nearest)
-            distance = math.sqrt(nearest[-1])
-            if distance <= SLACK * reach * cloud.size:
-                distances[i] = distance
-                break
+        x, y = probes[i]
+        row = np.int64(math.floor(y / grid.size) - origin[1])
+        column = np.int64(math.floor(x / grid.size) - origin[0])
+        distances[i] = distance_to_last(grid, row, column, x, y, no_groups, 0, nearest)
 
 
 @njit(cache=True, nogil=True)
-def _find_nearest(cloud, origin, probe, reach, nearest):  # type: ignore[no-untyped-def]
+def distance_to_last(grid, row, column, x, y, group, own, nearest):  # type: ignore[no-untyped-def]
     """
-    Write the least squared distances, rising, to the points of a window of cells; infinite beyond the last.
+    Return how far the n-th nearest point of a group is in plan, the first being the position itself.
+
+    Parameters
+    ----------
+    grid : CellGrid
+        The points.
+    row, column : int
+        The cell that the position lies in, counted from the grid's first row and column.
+    x, y : float
+        The position [m].
+    group : ndarray of int64, shape (n_points,) or (0,)
+        Group of each input row; empty where all points are of one.
+    own : int
+        Only points of this group count.
+    nearest : ndarray of shape (n,)
+        Room for the squared distances of the n nearest.
+
+    Returns
+    -------
+    float
+        Infinite where it is farther than the widest of `REACHES` is sure to show [m].
     """
-    nearest[:] = np.inf
-    column = np.int64(math.floor(probe[0] / cloud.size) - origin[0])
-    row = np.int64(math.floor(probe[1] / cloud.size) - origin[1])
-    west, east = max(column - reach, 0), min(column + reach, cloud.n_columns - 1)
-    for beside in range(row - reach, row + reach + 1):
-        first = np.searchsorted(cloud.numbers, beside * cloud.n_columns + west)
-        last = np.searchsorted(cloud.numbers, beside * cloud.n_columns + east, side="right")
-        for j in range(cloud.first[first], cloud.first[last]):
-            dx, dy = cloud.points[j, 0] - probe[0], cloud.points[j, 1] - probe[1]
-            square = dx * dx + dy * dy
-            if square < nearest[-1]:
-                _insert(nearest, square)
+    for reach in REACHES:
+        nearest[:] = np.inf
+        for beside in range(row - reach, row + reach + 1):
+            begin, end = cells_in_row(grid.numbers, grid.n_columns, beside, column, reach)
+            for j in range(grid.first[begin], grid.first[end]):
+                dx, dy = grid.points[j, 0] - x, grid.points[j, 1] - y
+                square = dx * dx + dy * dy
+                if square < nearest[-1] and (len(group) == 0 or group[grid.rows[j]] == own):
+                    _insert(nearest, square)
+        distance = math.sqrt(nearest[-1])
+        if distance <= SLACK * reach * grid.size:
+            return distance
+    return np.inf
 
 
 @njit(cache=True, nogil=True)

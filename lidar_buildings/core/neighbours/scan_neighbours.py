@@ -13,6 +13,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from lidar_buildings.core.neighbours.windows import first_windows
+
 #: What 1 is in whole numbers.
 UNIT = 2**30
 #: Cells a block of work.
@@ -100,8 +102,7 @@ def add_directions(pulses, cells, group, is_probe, spacing, by_time, sums):  # t
             if not is_probe[i]:
                 continue
             if not is_found:
-                _find_runs(cells, cell, 1, runs)
-                is_found = True
+                runs, is_found = first_windows(cells.numbers, cells.n_columns, 1, cell), True
             count, second = _gather(pulses, cells, runs, group, i, spacing, by_time, near)
             if second < np.inf:
                 cosine, sine = _mean_direction(near[:count], second)
@@ -124,8 +125,7 @@ def steps_along(pulses, cells, group, is_probe, spacing, by_time, axis, step, be
             if not is_probe[i]:
                 continue
             if not is_found:
-                _find_runs(cells, cell, 1, runs)
-                is_found = True
+                runs, is_found = first_windows(cells.numbers, cells.n_columns, 1, cell), True
             count, second = _gather(pulses, cells, runs, group, i, spacing, by_time, near)
             if second < np.inf:
                 step[i] = spacing * _mean_step(near[:count], second, axis[group[i]], spacing)
@@ -142,8 +142,7 @@ def lines_beside(pulses, cells, group, is_probe, spacing, axis, along, sides, be
             if not is_probe[i] or not along[group[i]] > 0.0:
                 continue
             if not is_found:
-                _find_runs(cells, cell, REACH, runs)
-                is_found = True
+                runs, is_found = first_windows(cells.numbers, cells.n_columns, REACH, cell), True
             cos, sin = axis[group[i]]
             step = along[group[i]]
             least = OFF_LINE * spacing * spacing / step
@@ -162,18 +161,6 @@ def lines_beside(pulses, cells, group, is_probe, spacing, axis, along, sides, be
             for side in range(2):
                 if near[side] < np.inf:
                     sides[i, side] = near[side]
-
-
-@njit(cache=True, nogil=True)
-def _find_runs(cells, cell, reach, runs):  # type: ignore[no-untyped-def]
-    """Write the runs of occupied cells (begin, end) of a window about a cell, row by row."""
-    number = cells.numbers[cell]
-    column = number % cells.n_columns
-    west, east = min(reach, column), min(reach, cells.n_columns - 1 - column)
-    for row in range(2 * reach + 1):
-        beside = number + (row - reach) * cells.n_columns
-        runs[row, 0] = np.searchsorted(cells.numbers, beside - west)
-        runs[row, 1] = np.searchsorted(cells.numbers, beside + east, side="right")
 
 
 @njit(cache=True, nogil=True)

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from lidar_buildings.core.model.point_array import checked_column, checked_points
-from lidar_buildings.core.neighbours.cell_grid import CellRows, rows_by_cell
+from lidar_buildings.core.neighbours.cell_grid import CellGrid, rows_by_cell
 from lidar_buildings.core.neighbours.parallel import for_row_blocks
 from lidar_buildings.core.neighbours.point_spacing import given_or_measured
 from lidar_buildings.core.neighbours.scan_neighbours import (
@@ -156,7 +156,7 @@ def measure_scan_patterns(
     spacing: float,
     *,
     scan_angle: NDArray[np.float64] | None = None,
-    cells: CellRows | None = None,
+    cells: CellGrid | None = None,
 ) -> list[ScanPattern]:
     """
     Measure the pattern of each group of points from its own points alone.
@@ -173,7 +173,7 @@ def measure_scan_patterns(
         1/√density [m].
     scan_angle : ndarray of shape (n_points,), optional
         See `measure_scan_pattern`.
-    cells : CellRows, optional
+    cells : CellGrid, optional
         The points by `scan_cells`, if they are at hand.
     """
     patterns = [ScanPattern.isotropic(spacing) for _ in range(n_groups)]
@@ -193,14 +193,14 @@ def measure_scan_patterns(
     return patterns
 
 
-def scan_cells(pulses: Pulses, spacing: float) -> CellRows:
+def scan_cells(pulses: Pulses, spacing: float) -> CellGrid:
     """Return the cells in which neighbours are sought."""
     return rows_by_cell(pulses.points, CELL * spacing)
 
 
 def _lines(
     pulses: Pulses,
-    cells: CellRows,
+    cells: CellGrid,
     group: NDArray[np.int64],
     is_probe: NDArray[np.bool_],
     spacing: float,
@@ -244,7 +244,7 @@ def _is_backed(
 
 def _spaced(
     pulses: Pulses,
-    cells: CellRows,
+    cells: CellGrid,
     group: NDArray[np.int64],
     is_probe: NDArray[np.bool_],
     spacing: float,

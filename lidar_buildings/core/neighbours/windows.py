@@ -33,11 +33,22 @@ def first_windows(numbers, n_columns, reach, cell):  # type: ignore[no-untyped-d
         Positions in `numbers` where each row's run begins and ends (exclusive), from south to north.
     """
     windows = np.empty((2 * reach + 1, 2), dtype=np.int64)
-    for row in range(len(windows)):
-        beside = numbers[cell] + (row - reach) * n_columns
-        windows[row] = np.searchsorted(numbers, beside - reach)
-    move_windows(numbers, n_columns, reach, cell, windows)
+    row, column = numbers[cell] // n_columns, numbers[cell] % n_columns
+    for k in range(len(windows)):
+        windows[k] = cells_in_row(numbers, n_columns, row + k - reach, column, reach)
     return windows
+
+
+@njit(cache=True, nogil=True)
+def cells_in_row(numbers, n_columns, row, column, reach):  # type: ignore[no-untyped-def]
+    """
+    Return where the run of a row's occupied cells begins and ends that lie at most `reach` from a column.
+
+    Row and column, counted from the first cell's as `numbers` are, may lie beyond the grid.
+    """
+    west, east = max(column - reach, 0), min(column + reach, n_columns - 1)
+    begin = np.searchsorted(numbers, row * n_columns + west)
+    return begin, np.searchsorted(numbers, row * n_columns + east, side="right")
 
 
 @njit(cache=True, nogil=True)

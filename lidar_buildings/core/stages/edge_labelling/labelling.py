@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from lidar_buildings.core.model.point_array import checked_column, checked_points
-from lidar_buildings.core.neighbours.cell_grid import SortedPoints, sort_by_cell
+from lidar_buildings.core.neighbours.cell_grid import CellGrid, sort_by_cell
 from lidar_buildings.core.neighbours.point_spacing import given_or_measured
 from lidar_buildings.core.stages.edge_labelling.clusters import Clusters, cluster_edges
 from lidar_buildings.core.stages.edge_labelling.config import EdgeLabellingConfig
@@ -148,7 +148,7 @@ def _features(
     return eigen_features(apart, list(radii), min_neighbours=config.min_neighbours, entropy=config.entropy)
 
 
-def _cells(points: NDArray[np.float64], spacing: float, config: EdgeLabellingConfig) -> SortedPoints | None:
+def _cells(points: NDArray[np.float64], spacing: float, config: EdgeLabellingConfig) -> CellGrid | None:
     """Sort the points into cells where roofs or rims have to be found."""
     if config.thinning == "none" and config.scope != "roof":
         return None
@@ -156,7 +156,7 @@ def _cells(points: NDArray[np.float64], spacing: float, config: EdgeLabellingCon
 
 
 def _groups(
-    cells: SortedPoints | None, roofs: NDArray[np.int64] | None, config: EdgeLabellingConfig
+    cells: CellGrid | None, roofs: NDArray[np.int64] | None, config: EdgeLabellingConfig
 ) -> NDArray[np.int64] | None:
     """Number the points that share their clusters; None if all do, or there are no clusters."""
     if config.scope != "roof" or config.method != "k_means":
@@ -179,7 +179,7 @@ def _band(
 
 
 def _thinned(
-    cells: SortedPoints | None,
+    cells: CellGrid | None,
     roofs: NDArray[np.int64] | None,
     spacing: float,
     band: NDArray[np.bool_],

@@ -6,7 +6,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from lidar_buildings.core.neighbours.cell_grid import SortedPoints
+from lidar_buildings.core.neighbours.cell_grid import CellGrid
 from lidar_buildings.core.neighbours.parallel import for_row_blocks
 from lidar_buildings.core.neighbours.union_find import flatten, link
 from lidar_buildings.core.neighbours.windows import first_windows, move_windows
@@ -15,7 +15,7 @@ from lidar_buildings.core.neighbours.windows import first_windows, move_windows
 CELLS_A_BLOCK = 2048
 
 
-def roofs_in_plan(cells: SortedPoints) -> NDArray[np.int64]:
+def roofs_in_plan(cells: CellGrid) -> NDArray[np.int64]:
     """Number roofs from 0, per input row: points in cells that touch, be it at a corner, are of one."""
     parent = np.arange(len(cells.numbers))
     _link_neighbours(cells.numbers, cells.n_columns, parent)

@@ -9,7 +9,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from lidar_buildings.core.neighbours.cell_grid import SortedPoints
+from lidar_buildings.core.neighbours.cell_grid import CellGrid
 from lidar_buildings.core.neighbours.parallel import for_row_blocks
 from lidar_buildings.core.neighbours.windows import first_windows, move_windows
 from lidar_buildings.core.stages.edge_labelling.open_arcs import (
@@ -32,7 +32,7 @@ CELLS_A_BLOCK = 2048
 
 
 def on_rims(
-    cells: SortedPoints,
+    cells: CellGrid,
     band: NDArray[np.bool_],
     roof_id: NDArray[np.int64] | None,
     *,
@@ -48,7 +48,7 @@ def on_rims(
 
     Parameters
     ----------
-    cells : SortedPoints
+    cells : CellGrid
         The points, in cells no smaller than twice the radius and than the reach.
     band : ndarray of bool, shape (n_points,)
         Points that an edge is near to, per input row.
@@ -81,7 +81,7 @@ def on_rims(
     return rim
 
 
-def _sorted(values: NDArray[Any], cells: SortedPoints) -> NDArray[Any]:
+def _sorted(values: NDArray[Any], cells: CellGrid) -> NDArray[Any]:
     """Return one value per input row in the order of the sorted points."""
     ordered = np.empty_like(values)
     for_row_blocks(lambda begin, end: _gather(values, cells.rows, ordered, begin, end), len(values))

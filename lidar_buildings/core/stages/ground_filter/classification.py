@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from lidar_buildings.core.model.point_array import checked_column, checked_columns, checked_points
 from lidar_buildings.core.model.point_classes import PointClass
 from lidar_buildings.core.neighbours.cell_grid import (
-    SortedPoints,
+    CellGrid,
     in_rows_order,
     lowest_of_cells,
     sort_by_cell,
@@ -151,7 +151,7 @@ def _free(noise: NDArray[np.uint8], aside: NDArray[np.bool_] | None) -> NDArray[
 
 def _labelled_ground(
     points: NDArray[np.float64],
-    cloud: SortedPoints,
+    cloud: CellGrid,
     free: NDArray[np.bool_],
     config: GroundFilterConfig,
     scan: dict[str, NDArray[Any] | None],
@@ -174,7 +174,7 @@ def _labelled_ground(
     return in_order[cloud.rows]
 
 
-def _terrain(cloud: SortedPoints, ground: NDArray[np.bool_], config: GroundFilterConfig) -> Tin:
+def _terrain(cloud: CellGrid, ground: NDArray[np.bool_], config: GroundFilterConfig) -> Tin:
     """
     Return the terrain over the extent of all points: densified, or the TIN of what a method labelled ground.
 

@@ -11,8 +11,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from lidar_buildings.core.neighbours.cell_grid import CELLS_A_BLOCK
-from lidar_buildings.core.neighbours.neighbourhoods import CellGrid, build_grid
+from lidar_buildings.core.neighbours.cell_grid import CELLS_A_BLOCK, CellGrid
+from lidar_buildings.core.neighbours.neighbourhoods import build_grid
 from lidar_buildings.core.neighbours.parallel import for_row_blocks
 from lidar_buildings.core.stages.plane_fitting.plane_geometry import N_MOMENTS, distance_of, fitted_plane
 

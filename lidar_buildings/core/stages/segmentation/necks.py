@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from lidar_buildings.core.neighbours.cell_grid import rows_by_cell
+from lidar_buildings.core.neighbours.windows import first_windows, move_windows
 from lidar_buildings.core.stages.segmentation.members import occupied_areas
 from lidar_buildings.core.stages.segmentation.windows import chain_windows
 
@@ -54,7 +55,7 @@ def cut_necks(
     """
     half = window / 2.0
     # A strip of width w has w points a spacing.
-    is_core = _core(positions, rows_by_cell(positions, half), half, math.ceil(min_neck * window))
+    is_core = _core(rows_by_cell(positions, half), half, math.ceil(min_neck * window))
     if is_core.all() or not is_core.any():
         return []
     core = np.flatnonzero(is_core)
@@ -87,37 +88,27 @@ def _nearest_labels(positions: NDArray[np.float64], label: NDArray[np.int64]) ->
 
 
 @njit(cache=True, nogil=True)
-def _core(positions, cells, half, needed):  # type: ignore[no-untyped-def]
+def _core(cells, half, needed):  # type: ignore[no-untyped-def]
     """Return which points have `needed` in their windows, their own among them, and do not stand alone."""
-    is_core = np.zeros(len(positions), dtype=np.bool_)
-    runs = np.empty((3, 2), dtype=np.int64)
-    ahead = np.zeros(3, dtype=np.int64)
+    is_core = np.zeros(len(cells.rows), dtype=np.bool_)
+    if len(is_core) == 0:
+        return is_core
+    windows = first_windows(cells.numbers, cells.n_columns, 1, 0)
     for cell in range(len(cells.numbers)):
-        column = cells.numbers[cell] % cells.n_columns
-        west, east = min(1, column), min(1, cells.n_columns - 1 - column)
-        for row in range(3):
-            # Cells come by rising numbers, so that those beside them only ever lie farther on.
-            beside = cells.numbers[cell] + (row - 1) * cells.n_columns
-            while ahead[row] < len(cells.numbers) and cells.numbers[ahead[row]] < beside - west:
-                ahead[row] += 1
-            last = ahead[row]
-            while last < len(cells.numbers) and cells.numbers[last] <= beside + east:
-                last += 1
-            runs[row, 0], runs[row, 1] = cells.first[ahead[row]], cells.first[last]
+        move_windows(cells.numbers, cells.n_columns, 1, cell, windows)
         for k in range(cells.first[cell], cells.first[cell + 1]):
-            is_core[cells.rows[k]] = _is_core(positions, cells.rows, runs, cells.rows[k], half, needed)
+            is_core[cells.rows[k]] = _is_core(cells, windows, k, half, needed)
     return is_core
 
 
 @njit(cache=True, nogil=True)
-def _is_core(positions, rows, runs, i, half, needed):  # type: ignore[no-untyped-def]
+def _is_core(cells, windows, i, half, needed):  # type: ignore[no-untyped-def]
     """Whether a point has enough others in its window, one of them near."""
-    x, y = positions[i, 0], positions[i, 1]
+    x, y = cells.points[i, 0], cells.points[i, 1]
     count, is_alone = 0, True
-    for run in (1, 0, 2):
-        for k in range(runs[run, 0], runs[run, 1]):
-            j = rows[k]
-            far = max(abs(positions[j, 0] - x), abs(positions[j, 1] - y))
+    for row in (1, 0, 2):
+        for j in range(cells.first[windows[row, 0]], cells.first[windows[row, 1]]):
+            far = max(abs(cells.points[j, 0] - x), abs(cells.points[j, 1] - y))
             if far > half:
                 continue
             count += 1

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lidar_buildings.core.neighbours.cell_grid import CellRows
+from lidar_buildings.core.neighbours.cell_grid import CellGrid
 from lidar_buildings.core.neighbours.scan_neighbours import Pulses
 from lidar_buildings.core.neighbours.scan_pattern import MAX_RATIO, ScanPattern, measure_scan_patterns
 from lidar_buildings.core.stages.segmentation.windows import chain_windows, turned
@@ -43,7 +43,7 @@ def chain_along_scan(
     window: float,
     spacing: float,
     scan_angle: NDArray[np.float64] | None = None,
-    cells: CellRows | None = None,
+    cells: CellGrid | None = None,
 ) -> Chains:
     """
     Number the connected components of points that lie in each other's windows.
@@ -62,7 +62,7 @@ def chain_along_scan(
         1/√density [m].
     scan_angle : ndarray of shape (n_points,), optional
         See `lidar_buildings.core.neighbours.scan_pattern.measure_scan_pattern` [deg].
-    cells : CellRows, optional
+    cells : CellGrid, optional
         The points by `lidar_buildings.core.neighbours.scan_pattern.scan_cells`, if they are at hand.
     """
     half = window / 2.0 * SLACK
@@ -89,7 +89,7 @@ def _groups(
     half: float,
     spacing: float,
     scan_angle: NDArray[np.float64] | None,
-    cells: CellRows | None,
+    cells: CellGrid | None,
 ) -> tuple[NDArray[np.int64], list[ScanPattern]]:
     """
     Return each point's group and the groups' patterns; no window of a group reaches another of its kind.

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from lidar_buildings.core.model.point_array import checked_column, checked_points
-from lidar_buildings.core.neighbours.cell_grid import CellRows
+from lidar_buildings.core.neighbours.cell_grid import CellGrid
 from lidar_buildings.core.neighbours.group_spacing import group_spacings
 from lidar_buildings.core.neighbours.point_spacing import given_or_measured
 from lidar_buildings.core.neighbours.scan_pattern import (
@@ -144,7 +144,7 @@ def segment_buildings(
 
 
 def _without_necks(
-    cloud: NDArray[np.float64], chains: Chains, config: SegmentationConfig, cells: CellRows, spacing: float
+    cloud: NDArray[np.float64], chains: Chains, config: SegmentationConfig, cells: CellGrid, spacing: float
 ) -> tuple[Chains, NDArray[np.int64]]:
     """Cut the necks of every component, in units of its own spacing; also return what each was cut from."""
     component, patterns = chains.component.copy(), list(chains.patterns)
@@ -166,7 +166,7 @@ def _without_necks(
 
 
 def _by_unit(
-    cloud: NDArray[np.float64], chains: Chains, cells: CellRows, spacing: float
+    cloud: NDArray[np.float64], chains: Chains, cells: CellGrid, spacing: float
 ) -> list[tuple[ScanPattern, NDArray[np.intp]]]:
     """
     Return the rows of components with their units; those with the general one, which keep apart, together.

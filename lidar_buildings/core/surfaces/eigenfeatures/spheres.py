@@ -40,7 +40,7 @@ def describe_cells(cloud, squares, lookup, min_neighbours, dimensionality, found
 
     Parameters
     ----------
-    cloud : SortedPoints
+    cloud : CellGrid
         Points in cells as wide as the largest radius, or more.
     squares : ndarray of shape (n_radii,)
         Rising squares of the radii [m²].

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lidar_buildings.core.model.point_classes import PointClass
-from lidar_buildings.core.neighbours.cell_grid import SortedPoints, sort_by_cell
+from lidar_buildings.core.neighbours.cell_grid import CellGrid, sort_by_cell
 from lidar_buildings.core.stages.ground_filter.config import GroundFilterConfig
 from lidar_buildings.core.stages.ground_filter.gross_errors.clouds import find_cloud_layers
 from lidar_buildings.core.stages.ground_filter.gross_errors.high_noise import find_high_layers
@@ -21,7 +21,7 @@ MAX_COLUMN = 64
 MIN_GAP_COLUMNS = 10
 
 
-def find_noise(cloud: SortedPoints, config: GroundFilterConfig) -> NDArray[np.uint8]:
+def find_noise(cloud: CellGrid, config: GroundFilterConfig) -> NDArray[np.uint8]:
     """
     Mark gross errors with their class, 7 or 18; 0 elsewhere.
 
@@ -31,7 +31,7 @@ def find_noise(cloud: SortedPoints, config: GroundFilterConfig) -> NDArray[np.ui
 
     Parameters
     ----------
-    cloud : SortedPoints
+    cloud : CellGrid
         The points, sorted into cells no larger than the columns have to be.
     config : GroundFilterConfig
         Gaps, radius and group size.
@@ -50,7 +50,7 @@ def find_noise(cloud: SortedPoints, config: GroundFilterConfig) -> NDArray[np.ui
     return noise
 
 
-def _find_in_columns(cloud: SortedPoints, config: GroundFilterConfig) -> NDArray[np.uint8]:
+def _find_in_columns(cloud: CellGrid, config: GroundFilterConfig) -> NDArray[np.uint8]:
     """Return the points' noise classes, the columns being the cells."""
     layers = split_into_layers(cloud, config.low_point_gap)
     radius, limit = round(config.noise_radius), config.noise_group
@@ -64,7 +64,7 @@ def _find_in_columns(cloud: SortedPoints, config: GroundFilterConfig) -> NDArray
     return np.repeat(noise, np.diff(layers.begin))
 
 
-def _column_cells(cloud: SortedPoints) -> int:
+def _column_cells(cloud: CellGrid) -> int:
     """
     Return how many cells wide a column is: about as wide as points are apart, whole cells.
 

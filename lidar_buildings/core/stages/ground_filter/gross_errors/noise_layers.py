@@ -8,8 +8,9 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from lidar_buildings.core.neighbours.cell_grid import SortedPoints
+from lidar_buildings.core.neighbours.cell_grid import CellGrid
 from lidar_buildings.core.neighbours.parallel import for_row_blocks
+from lidar_buildings.core.neighbours.windows import cells_in_row
 from lidar_buildings.core.stages.ground_filter.gross_errors.terrain_gradient import terrain_gradient
 
 
@@ -28,7 +29,7 @@ class Layers(NamedTuple):
     column : ndarray of shape (n_layers,), int64
         The column that each layer stands in.
     numbers : ndarray of shape (n_columns,), int64
-        The columns' numbers, row by row; see `SortedPoints`.
+        The columns' numbers, row by row; see `CellGrid`.
     width : int
         By how much the number of a column's northern neighbour is higher.
     size : float
@@ -47,7 +48,7 @@ class Layers(NamedTuple):
     gradient: NDArray[np.float64]
 
 
-def split_into_layers(cloud: SortedPoints, gap: float) -> Layers:
+def split_into_layers(cloud: CellGrid, gap: float) -> Layers:
     """Split each column where two points on top of one another are more than `gap` [m] apart."""
     starts = np.empty(len(cloud.points), dtype=np.bool_)
     for_row_blocks(
@@ -74,11 +75,9 @@ def columns_in_row(layers, k, step, reach):  # type: ignore[no-untyped-def]
     """
     Return the columns (start, stop) at most `reach` west and east of column k, in the row `step` north of it.
     """
-    numbers, width = layers.numbers, layers.width
-    across = numbers[k] % width
-    middle = numbers[k] + step * width
-    west, east = middle - min(reach, across), middle + min(reach, width - 1 - across)
-    return np.searchsorted(numbers, west), np.searchsorted(numbers, east + 1)
+    width = layers.width
+    row, column = layers.numbers[k] // width, layers.numbers[k] % width
+    return cells_in_row(layers.numbers, width, row + step, column, reach)
 
 
 @njit(cache=True, nogil=True)

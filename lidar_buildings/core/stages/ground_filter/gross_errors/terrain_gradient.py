@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from lidar_buildings.core.neighbours.cell_grid import sort_by_cell
 from lidar_buildings.core.neighbours.parallel import for_row_blocks
+from lidar_buildings.core.neighbours.windows import cells_in_row
 
 #: Cells along a block's side.
 BLOCK_CELLS = 8
@@ -82,11 +83,9 @@ def _fit_blocks(nodes, numbers, width, gradient, begin, end):  # type: ignore[no
     around = np.empty(((2 * REACH + 1) ** 2, 3))
     for k in range(begin, end):
         n_around = 0
-        across = numbers[k] % width
-        west, east = min(REACH, across), min(REACH, width - 1 - across)
-        for step in range(-REACH, REACH + 1):
-            middle = numbers[k] + step * width
-            start, stop = np.searchsorted(numbers, middle - west), np.searchsorted(numbers, middle + east + 1)
+        row, column = numbers[k] // width, numbers[k] % width
+        for beside in range(row - REACH, row + REACH + 1):
+            start, stop = cells_in_row(numbers, width, beside, column, REACH)
             for j in range(start, stop):
                 if not np.isnan(nodes[j, 2]):
                     around[n_around] = nodes[j]

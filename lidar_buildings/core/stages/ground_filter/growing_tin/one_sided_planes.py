@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from lidar_buildings.core.neighbours.cell_grid import sort_by_cell
 from lidar_buildings.core.neighbours.parallel import for_row_blocks
+from lidar_buildings.core.neighbours.windows import cells_in_row
 
 #: Sides that are tried.
 SIDES = 8
@@ -73,12 +74,11 @@ def continues_terrain(
         return result
     cells = sort_by_cell(known, rules.reach * spacing)
     # A candidate's cell by the same numbering, without sorting again: from the first known point's.
-    table = (cells.points, cells.numbers, cells.first, cells.n_columns, cells.size)
     column = math.floor(cells.points[0, 0] / cells.size) - cells.numbers[0] % cells.n_columns
     row = math.floor(cells.points[0, 1] / cells.size) - cells.numbers[0] // cells.n_columns
     start = (float(column), float(row))
     for_row_blocks(
-        lambda a, b: _test(candidates, rows, table, start, spacing, rules, result, a, b),
+        lambda a, b: _test(candidates, rows, cells, start, spacing, rules, result, a, b),
         len(rows),
         ROWS_A_BLOCK,
     )
@@ -86,9 +86,8 @@ def continues_terrain(
 
 
 @njit(cache=True, nogil=True)
-def _test(candidates, rows, table, start, spacing, rules, result, begin, end):  # type: ignore[no-untyped-def]
+def _test(candidates, rows, cells, start, spacing, rules, result, begin, end):  # type: ignore[no-untyped-def]
     """Set the rows `begin` to `end` of `result`."""
-    points, numbers, first, n_columns, size = table
     sums = np.empty((SIDES, 11))
     turns = 2.0 * math.pi * np.arange(SIDES) / SIDES
     towards = np.column_stack((np.cos(turns), np.sin(turns)))
@@ -97,17 +96,13 @@ def _test(candidates, rows, table, start, spacing, rules, result, begin, end):  
         sums[:] = 0.0
         sums[:, 10] = np.inf
         # Whole numbers before the product: over an enormous extent it would be rounded.
-        column = np.int64(math.floor(x / size) - start[0])
-        line = np.int64(math.floor(y / size) - start[1])
-        west, east = max(column - 1, 0), min(column + 1, n_columns - 1)
-        for step in range(-1, 2):
-            low, high = (line + step) * n_columns + west, (line + step) * n_columns + east
-            k = np.searchsorted(numbers, low)
-            while k < len(numbers) and numbers[k] <= high:
-                for i in range(first[k], first[k + 1]):
-                    dx, dy, dz = points[i, 0] - x, points[i, 1] - y, points[i, 2] - z
-                    _count(dx, dy, dz, rules.reach * spacing, towards, sums)
-                k += 1
+        column = np.int64(math.floor(x / cells.size) - start[0])
+        line = np.int64(math.floor(y / cells.size) - start[1])
+        for beside in range(line - 1, line + 2):
+            low, high = cells_in_row(cells.numbers, cells.n_columns, beside, column, 1)
+            for i in range(cells.first[low], cells.first[high]):
+                dx, dy, dz = cells.points[i, 0] - x, cells.points[i, 1] - y, cells.points[i, 2] - z
+                _count(dx, dy, dz, rules.reach * spacing, towards, sums)
         for side in range(SIDES):
             if _fits(sums[side], rules.nearest * spacing, rules):
                 result[r] = True

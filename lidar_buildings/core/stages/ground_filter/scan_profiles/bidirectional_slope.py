@@ -9,7 +9,7 @@ from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
 from lidar_buildings.core.model.point_array import checked_columns, checked_points
-from lidar_buildings.core.neighbours.cell_grid import SortedPoints, sort_by_cell
+from lidar_buildings.core.neighbours.cell_grid import CellGrid, sort_by_cell
 from lidar_buildings.core.neighbours.parallel import for_row_blocks
 from lidar_buildings.core.neighbours.point_spacing import quantised_spacing
 from lidar_buildings.core.stages.ground_filter.config import GroundFilterConfig
@@ -153,7 +153,7 @@ def _without_islands(
 
 
 def _label_all(
-    cells: SortedPoints, chosen: NDArray[np.intp], planes: Trend, config: GroundFilterConfig
+    cells: CellGrid, chosen: NDArray[np.intp], planes: Trend, config: GroundFilterConfig
 ) -> NDArray[np.bool_]:
     """
     Label the points of crowded cells: those no further above their lowest, if ground, than the terrain rises.
