@@ -26,7 +26,7 @@ from bench.common.clouds import data_folder
 from bench.common.tables import table
 from bench.edges.feature_agreement import differences
 from bench.edges.feature_peers import CHOSEN, FIXED, LABELS, OWN, Library, Task, edge_radii, task_of
-from lidar_buildings.core.model.point_classes import PointClass
+from lidar_buildings.core.model.classes import PointClass
 from lidar_buildings.core.neighbours.point_spacing import quantised_spacing
 from lidar_buildings.simulation import simulate_tile
 

@@ -15,7 +15,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from bench.common.tables import table
-from lidar_buildings.core.model.point_classes import PointClass
+from lidar_buildings.core.model.classes import PointClass
 from lidar_buildings.core.stages.ground_filter import classify_ground
 
 #: Rise over run of planes, and rolling ground.

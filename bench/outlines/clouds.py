@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bench.common.areas import read_files
-from lidar_buildings.core.model.point_classes import PointClass
+from lidar_buildings.core.model.classes import PointClass
 from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.core.neighbours.point_spacing import steady_spacing
 from lidar_buildings.core.stages.ground_filter import GroundFilterConfig

@@ -16,7 +16,7 @@ matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 from PIL import Image
 
-from lidar_buildings.core.model.point_classes import PointClass
+from lidar_buildings.core.model.classes import PointClass
 from lidar_buildings.core.neighbours.point_spacing import quantised_spacing
 from lidar_buildings.core.surfaces.eigenfeatures import eigen_features
 from lidar_buildings.simulation import simulate_tile

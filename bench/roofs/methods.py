@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bench.common.tables import percent
+from lidar_buildings.core.model.classes import PointClass
 from lidar_buildings.core.model.parameters import spec_of
-from lidar_buildings.core.model.point_classes import PointClass
 from lidar_buildings.core.stages.roof_selection import RoofSelectionConfig, select_roofs
 from lidar_buildings.evaluation.scores.confusion import Confusion, confusion_of
 

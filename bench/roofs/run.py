@@ -27,7 +27,7 @@ from bench.common.arguments import add_pictures, parser_of, picture_folder, sett
 from bench.common.clouds import data_folder
 from bench.common.tables import percent, table
 from bench.roofs.methods import METHODS, method_headings, point_score
-from lidar_buildings.core.model.point_classes import PointClass
+from lidar_buildings.core.model.classes import PointClass
 from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.core.stages.ground_filter import GroundFilterConfig
 from lidar_buildings.core.stages.roof_selection import RoofSelectionConfig

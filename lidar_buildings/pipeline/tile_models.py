@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lidar_buildings.core.model.building_id import anchor_near, anchor_row
+from lidar_buildings.core.model.ids import anchor_near, anchor_row
 from lidar_buildings.core.model.outline import BuildingOutline, Outline, OutlineQuality
 from lidar_buildings.core.model.status import BuildingStatus
 from lidar_buildings.core.model.tile import PointTile
@@ -40,7 +40,7 @@ class TileModel:
     Attributes
     ----------
     building_id : int
-        See `lidar_buildings.core.model.building_id`.
+        See `lidar_buildings.core.model.ids`.
     anchor : tuple of two float
         The anchor point's x and y in the map frame [m].
     model : BuildingModel

@@ -14,8 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from lidar_buildings.core.model.building_id import anchor_row
-from lidar_buildings.core.model.kept_classes import ON_TERRAIN, is_of_groups
+from lidar_buildings.core.model.classes import ON_TERRAIN, is_of_groups
+from lidar_buildings.core.model.ids import anchor_row
 from lidar_buildings.core.model.outline import BuildingOutline, Outline
 from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.core.neighbours.parallel import work_alone

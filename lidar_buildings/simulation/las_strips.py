@@ -8,8 +8,8 @@ import laspy
 import numpy as np
 import pyproj
 
+from lidar_buildings.core.model.classes import PointClass
 from lidar_buildings.core.model.map_frame import MapFrame
-from lidar_buildings.core.model.point_classes import PointClass
 from lidar_buildings.simulation.scanner import StripPoints
 from lidar_buildings.simulation.survey_date import SURVEY_DATE
 

@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from lidar_buildings.core.model.classes import PointClass
 from lidar_buildings.core.model.errors import ParameterError
-from lidar_buildings.core.model.point_classes import PointClass
 from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.simulation.atomic import make_folder, write_whole
 from lidar_buildings.simulation.building import Building

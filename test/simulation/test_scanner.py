@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import shapely
 
-from lidar_buildings.core.model.point_classes import PointClass
+from lidar_buildings.core.model.classes import PointClass
 from lidar_buildings.simulation import SimulationConfig, make_scene, simulate_tile
 from lidar_buildings.simulation.casting import ON_ROOF, cell_of, first_hit
 from lidar_buildings.simulation.scanner import StripPoints, joined, scan

@@ -91,7 +91,7 @@ class BuildingOutline:
     Attributes
     ----------
     building_id : int
-        See `lidar_buildings.core.model.building_id`.
+        See `lidar_buildings.core.model.ids`.
     outline : Outline
         Rings in the map frame [m].
     ground_elevation : float or None

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from lidar_buildings.core.model.classes import PointClass
 from lidar_buildings.core.model.map_frame import MapFrame
-from lidar_buildings.core.model.point_classes import PointClass
 from lidar_buildings.core.model.stage_table import STAGE_TABLE
 
 #: What the source knows of its points, and what is measured when a tile is made: name → dtype.

@@ -9,8 +9,8 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
+from lidar_buildings.core.model.classes import PointClass
 from lidar_buildings.core.model.errors import InputError
-from lidar_buildings.core.model.point_classes import PointClass
 from lidar_buildings.evaluation.readers.metric_polygons import MetricPolygons
 
 #: A result's building points, and a reference's unless told otherwise.

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from lidar_buildings.core.model.point_classes import PointClass
+from lidar_buildings.core.model.classes import PointClass
 from lidar_buildings.evaluation.scores.confusion import confusion_of, ratio
 
 #: A result's ground: roads and rails lie on it, and water kept from the source is part of its surface.

@@ -8,7 +8,7 @@ import laspy
 import numpy as np
 from numpy.typing import NDArray
 
-from lidar_buildings.core.model.point_classes import PointClass
+from lidar_buildings.core.model.classes import PointClass
 
 #: Degrees per step of the scan angle in point formats 6 to 10 (LAS 1.4).
 SCAN_ANGLE_STEP = 0.006

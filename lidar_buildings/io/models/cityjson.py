@@ -16,8 +16,8 @@ import numpy as np
 import pyproj
 from numpy.typing import NDArray
 
-from lidar_buildings.core.model.building_id import readable_id
 from lidar_buildings.core.model.errors import InputError
+from lidar_buildings.core.model.ids import readable_id
 from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.solids.output_grid import GRID
 from lidar_buildings.core.solids.shell import GROUND_SURFACE, ROOF_SURFACE, WALL_SURFACE, Solid
@@ -41,7 +41,7 @@ class CityFeature:
     readable_id : str
         The feature's id, made from the anchor's coordinates.
     building_id : int
-        See `lidar_buildings.core.model.building_id`.
+        See `lidar_buildings.core.model.ids`.
     attributes : dict
         As written: in the source's units.
     solids : dict of str to Solid

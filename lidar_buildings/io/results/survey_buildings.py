@@ -16,8 +16,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lidar_buildings.core.model.building_id import anchor_near, anchor_row, readable_id
 from lidar_buildings.core.model.errors import InputError
+from lidar_buildings.core.model.ids import anchor_near, anchor_row, readable_id
 from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.model.outline import Outline
 from lidar_buildings.core.solids.face_triangles import face_pieces
@@ -57,7 +57,7 @@ class SurveyBuilding:
     Attributes
     ----------
     building_id : int
-        See `lidar_buildings.core.model.building_id`.
+        See `lidar_buildings.core.model.ids`.
     readable_id : str
         The name that files carry, made from the anchor's coordinates.
     traced, outline : Outline or None

@@ -38,7 +38,7 @@ class RoofFace:
     Attributes
     ----------
     building_id : int
-        See `lidar_buildings.core.model.building_id`.
+        See `lidar_buildings.core.model.ids`.
     rings : tuple of ndarray of shape (n_vertices, 3)
         Outer ring first, then its holes; open, map frame [m].
     """

@@ -8,9 +8,9 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from lidar_buildings.core.model.building_id import anchor_row
+from lidar_buildings.core.model.classes import PointClass
+from lidar_buildings.core.model.ids import anchor_row
 from lidar_buildings.core.model.outline import BuildingOutline
-from lidar_buildings.core.model.point_classes import PointClass
 from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.core.stages.footprints.config import FootprintConfig
 from lidar_buildings.core.stages.footprints.footprints import Footprints

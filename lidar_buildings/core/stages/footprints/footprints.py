@@ -9,7 +9,7 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from lidar_buildings.core.model.building_id import CELL, building_id
+from lidar_buildings.core.model.ids import CELL, building_id
 from lidar_buildings.core.model.outline import Outline
 
 

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from lidar_buildings.core.model.classes import PointClass
 from lidar_buildings.core.model.point_array import checked_column, checked_columns, checked_points
-from lidar_buildings.core.model.point_classes import PointClass
 from lidar_buildings.core.neighbours.cell_grid import (
     CellGrid,
     in_rows_order,

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
-from lidar_buildings.core.model.kept_classes import CLASS_GROUPS
+from lidar_buildings.core.model.classes import CLASS_GROUPS
 from lidar_buildings.core.model.parameters import StageConfig, parameter
 
 

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from lidar_buildings.core.model.classes import PointClass
 from lidar_buildings.core.model.point_array import checked_column, checked_points
-from lidar_buildings.core.model.point_classes import PointClass
 from lidar_buildings.core.neighbours.point_spacing import given_or_measured
 from lidar_buildings.core.stages.roof_selection import lasclassify, single_returns
 from lidar_buildings.core.stages.roof_selection.candidates import Candidates
@@ -61,7 +61,7 @@ class RoofSelection:
     Attributes
     ----------
     classification : ndarray of uint8, shape (n_points,)
-        `lidar_buildings.core.model.point_classes.PointClass`; 6 = building: roofs and façades.
+        `lidar_buildings.core.model.classes.PointClass`; 6 = building: roofs and façades.
     is_facade : ndarray of bool, shape (n_points,)
         Which of the building's points are no roof: walls, windows, what is under the eaves.
     """

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from lidar_buildings.core.model.point_classes import PointClass
+from lidar_buildings.core.model.classes import PointClass
 from lidar_buildings.core.stages.roof_selection.config import RoofSelectionConfig
 
 #: Lowest vegetation [m] (Mancera-Taboada and others, 2012): what is lower stays unclassified.

@@ -6,7 +6,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from lidar_buildings.core.model.building_id import building_id
+from lidar_buildings.core.model.ids import building_id
 from lidar_buildings.core.neighbours.cell_grid import cell_numbers
 
 #: Share of cells of the spacing's size that random points fill: 1 − 1/e.

@@ -94,7 +94,7 @@ def segment_buildings(
     Returns
     -------
     Segmentation
-        Ids are made from each building's westernmost point (`lidar_buildings.core.model.building_id`).
+        Ids are made from each building's westernmost point (`lidar_buildings.core.model.ids`).
 
     Raises
     ------

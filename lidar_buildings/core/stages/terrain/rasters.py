@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from lidar_buildings.core.model.classes import PointClass
 from lidar_buildings.core.model.point_array import checked_column, checked_points
-from lidar_buildings.core.model.point_classes import PointClass
 from lidar_buildings.core.neighbours.point_spacing import given_or_measured
 from lidar_buildings.core.stages.terrain.cells import Cells
 from lidar_buildings.core.stages.terrain.config import RasterConfig

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import shapely
 
-from lidar_buildings.core.model.building_id import CELL, anchor_near
+from lidar_buildings.core.model.ids import CELL, anchor_near
 from lidar_buildings.core.model.outline import Outline
 from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.core.stages.footprints import (

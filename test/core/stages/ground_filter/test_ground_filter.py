@@ -3,8 +3,8 @@ import numpy as np
 import pytest
 
 from bench.scenes import buildings as scenes
+from lidar_buildings.core.model.classes import PointClass
 from lidar_buildings.core.model.errors import ParameterError
-from lidar_buildings.core.model.point_classes import PointClass
 from lidar_buildings.core.stages.ground_filter import GroundFilterConfig, classify_ground
 
 GROUND, LOW, HIGH = PointClass.GROUND, PointClass.LOW_NOISE, PointClass.HIGH_NOISE

@@ -7,7 +7,7 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
 from bench.scenes.buildings import GALLERY, touching_houses
-from lidar_buildings.core.model.building_id import building_id
+from lidar_buildings.core.model.ids import building_id
 from lidar_buildings.core.stages.segmentation import AS_PUBLISHED, SegmentationConfig, segment_buildings
 from lidar_buildings.core.stages.segmentation.members import distinct_ids
 from lidar_buildings.core.stages.segmentation.windows import chain_windows

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from lidar_buildings.core.model.point_classes import PointClass
+from lidar_buildings.core.model.classes import PointClass
 from lidar_buildings.core.stages.terrain import RasterConfig, RasterWindow, height_above_ground, make_rasters
 from lidar_buildings.core.surfaces import tin
 from lidar_buildings.simulation.terrain import Terrain, Wave

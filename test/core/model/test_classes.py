@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
+from lidar_buildings.core.model.classes import CLASS_GROUPS, is_of_groups
 from lidar_buildings.core.model.errors import ParameterError
-from lidar_buildings.core.model.kept_classes import CLASS_GROUPS, is_of_groups
 from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.core.stages.ground_filter import GroundFilterConfig
 from lidar_buildings.core.stages.roof_selection import RoofSelectionConfig

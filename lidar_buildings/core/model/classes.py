@@ -1,15 +1,35 @@
-"""Classes that a file brings along and that this package cannot find better itself."""
+"""The point classes of ASPRS LAS 1.4, and those that a source's points keep."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
+from enum import IntEnum
 
 import numpy as np
 from numpy.typing import NDArray
 
-from lidar_buildings.core.model.point_classes import PointClass
 
-#: What a parameter calls them → ASPRS classes. All others (0 to 6, 8) are decided anew.
+class PointClass(IntEnum):
+    """Standard lidar point classes (ASPRS LAS Specification 1.4-R15, table 17)."""
+
+    NEVER_CLASSIFIED = 0
+    UNCLASSIFIED = 1
+    GROUND = 2
+    LOW_VEGETATION = 3
+    MEDIUM_VEGETATION = 4
+    HIGH_VEGETATION = 5
+    BUILDING = 6
+    LOW_NOISE = 7
+    MODEL_KEY_POINT = 8
+    WATER = 9
+    RAIL = 10
+    ROAD_SURFACE = 11
+    OVERLAP = 12
+    BRIDGE_DECK = 17
+    HIGH_NOISE = 18
+
+
+#: Classes that a source's points keep, by what a parameter calls them; others (0 to 6, 8) are decided anew.
 CLASS_GROUPS: dict[str, tuple[int, ...]] = {
     "noise": (PointClass.LOW_NOISE, PointClass.HIGH_NOISE),
     "water": (PointClass.WATER,),
@@ -25,16 +45,7 @@ ON_TERRAIN = ("water", "rail", "road", "overlap")
 
 
 def is_of_groups(classification: NDArray[np.uint8], groups: Iterable[str]) -> NDArray[np.bool_]:
-    """
-    Tell which points have a class of one of these groups.
-
-    Parameters
-    ----------
-    classification : ndarray of uint8, shape (n_points,)
-        ASPRS classes.
-    groups : iterable of str
-        Names in `CLASS_GROUPS`.
-    """
+    """Tell which points have a class of one of these groups, named as in `CLASS_GROUPS`."""
     table = np.zeros(256, dtype=bool)
     for group in groups:
         table[list(CLASS_GROUPS[group])] = True
