@@ -10,13 +10,12 @@ from numba import njit
 from numpy.typing import NDArray
 
 from lidar_buildings.core.stages.plane_fitting.plane_geometry import (
-    N_MOMENTS,
-    add_point,
     distance_of,
-    normal_of,
+    fitted_plane,
     plane_through,
 )
 from lidar_buildings.core.stages.plane_fitting.surroundings import Cloud
+from lidar_buildings.core.surfaces.point_moments import N_MOMENTS, add_point
 
 
 class Limits(NamedTuple):
@@ -126,7 +125,7 @@ def fit_near(
 @njit(cache=True, nogil=True)
 def refit(moments: NDArray[np.float64], origin: NDArray[np.float64], plane: NDArray[np.float64]) -> bool:
     """Write the plane of sums taken about `origin` to `plane`."""
-    if not normal_of(moments, plane):
+    if fitted_plane(moments, plane) < 0.0:
         return False
     plane[3] -= plane[0] * origin[0] + plane[1] * origin[1] + plane[2] * origin[2]
     return True

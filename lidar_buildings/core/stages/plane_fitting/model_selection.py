@@ -21,13 +21,12 @@ from lidar_buildings.core.stages.plane_fitting.adjacency import (
     touching_planes,
 )
 from lidar_buildings.core.stages.plane_fitting.plane_geometry import (
-    N_MOMENTS,
-    add_point,
     distance_of,
-    normal_of,
+    fitted_plane,
     residual_of,
 )
 from lidar_buildings.core.stages.plane_fitting.surroundings import Cloud
+from lidar_buildings.core.surfaces.point_moments import N_MOMENTS, add_point
 
 
 class Prices(NamedTuple):
@@ -124,7 +123,7 @@ def equations_of(moments: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return a, b, c, d of every plane's least-squares plane; zeros where it has no points."""
     equations = np.zeros((len(moments), 4))
     for k in range(1, len(moments)):
-        normal_of(moments[k], equations[k])
+        fitted_plane(moments[k], equations[k])
     return equations
 
 

@@ -9,12 +9,11 @@ from numpy.typing import NDArray
 from lidar_buildings.core.stages.plane_fitting.config import PlaneFittingConfig
 from lidar_buildings.core.stages.plane_fitting.consensus import samples_needed
 from lidar_buildings.core.stages.plane_fitting.plane_geometry import (
-    N_MOMENTS,
-    add_point,
     distance_of,
-    normal_of,
+    fitted_plane,
     plane_through,
 )
+from lidar_buildings.core.surfaces.point_moments import N_MOMENTS, add_point
 
 #: Times that a plane is adjusted to all its points at most; two or three mostly suffice.
 _MAX_ADJUSTMENTS = 20
@@ -97,6 +96,6 @@ def best_plane(
             members[i] = on_plane
             if on_plane:
                 add_point(moments, points[i, 0], points[i, 1], points[i, 2])
-        if not changed or not normal_of(moments, best):
+        if not changed or fitted_plane(moments, best) < 0.0:
             break
     return members

@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 from lidar_buildings.core.neighbours.cell_grid import CELLS_A_BLOCK, CellGrid
 from lidar_buildings.core.neighbours.neighbourhoods import build_grid
 from lidar_buildings.core.neighbours.parallel import for_row_blocks
-from lidar_buildings.core.stages.plane_fitting.plane_geometry import N_MOMENTS, distance_of, fitted_plane
+from lidar_buildings.core.stages.plane_fitting.plane_geometry import distance_of, fitted_plane
+from lidar_buildings.core.surfaces.point_moments import N_MOMENTS
 
 #: Neighbours kept of a point; of more, as many are taken evenly.
 MAX_NEIGHBOURS = 24

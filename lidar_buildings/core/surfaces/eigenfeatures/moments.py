@@ -7,14 +7,13 @@ from numba import njit
 from numpy.typing import NDArray
 
 from lidar_buildings.core.neighbours.windows import z_range
+from lidar_buildings.core.surfaces.point_moments import add_point
 
 #: Points looked at around one cell; where there are more, every second, third… by elevation of each cell is
 #: taken. The window of three by three cells holds three times as many points as the disc of that radius.
 MAX_CANDIDATES = 4608
 #: Bins of the squared distance by which shells are looked up.
 LOOKUP_BINS = 256
-#: Sums over neighbours: of 1, dx, dy, dz, and the six products of two.
-N_MOMENTS = 10
 
 
 @njit(cache=True, nogil=True)
@@ -90,17 +89,7 @@ def sum_shells(near, rows, position, square, squares, lookup, shells):  # type: 
         while square[j] > squares[k]:
             k += np.uint64(1)
         dx, dy, dz = x[j] - position[0], y[j] - position[1], z[j] - position[2]
-        shell = shells[k]
-        shell[0] += 1.0
-        shell[1] += dx
-        shell[2] += dy
-        shell[3] += dz
-        shell[4] += dx * dx
-        shell[5] += dx * dy
-        shell[6] += dx * dz
-        shell[7] += dy * dy
-        shell[8] += dy * dz
-        shell[9] += dz * dz
+        add_point(shells[k], dx, dy, dz)
 
 
 @njit(cache=True, nogil=True)

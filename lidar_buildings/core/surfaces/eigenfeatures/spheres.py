@@ -16,12 +16,12 @@ from lidar_buildings.core.neighbours.windows import first_windows, move_windows
 from lidar_buildings.core.surfaces.eigenfeatures.entropy import MAX_ENTROPY, entropy_of_shape
 from lidar_buildings.core.surfaces.eigenfeatures.moments import (
     MAX_CANDIDATES,
-    N_MOMENTS,
     gather_window,
     rows_within,
     sum_shells,
     sum_sphere,
 )
+from lidar_buildings.core.surfaces.point_moments import N_MOMENTS
 from lidar_buildings.core.surfaces.symmetric_eigen import principal_axes
 
 #: Cells that a window extends on each side: they are as wide as the largest radius. With smaller ones there

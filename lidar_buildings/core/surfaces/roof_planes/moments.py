@@ -9,8 +9,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-#: Number of sums: n, Σx, Σy, Σz, Σxx, Σxy, Σxz, Σyy, Σyz, Σzz.
-N_SUMS = 10
+from lidar_buildings.core.surfaces.point_moments import N_MOMENTS, add_point
+
 #: Bits of an integer that a sum of products may take.
 _SUM_BITS = 62
 #: Coordinates are rounded to 2^-13 m, an eighth of a millimetre, unless the building is enormous.
@@ -49,12 +49,12 @@ def plane_moments(points: NDArray[np.float64], plane_id: NDArray[np.uint16], n_p
         The highest number.
     """
     if not len(points):
-        return PlaneMoments(np.zeros(3), np.zeros((n_planes, N_SUMS)))
+        return PlaneMoments(np.zeros(3), np.zeros((n_planes, N_MOMENTS)))
     low, high = points.min(axis=0), points.max(axis=0)
     centre = 0.5 * (low + high)
     half = max(float((high - low).max()), 1e-3)
     bits = min(_FINEST_BITS, int((_SUM_BITS - math.log2(len(points))) / 2 - math.log2(half)))
-    sums = np.zeros((n_planes, N_SUMS), dtype=np.int64)
+    sums = np.zeros((n_planes, N_MOMENTS), dtype=np.int64)
     unit = 2.0**bits
     _add_points(points, plane_id, centre, unit, sums)
     scale = np.array([1.0, *[1 / unit] * 3, *[1 / unit**2] * 6])
@@ -70,17 +70,7 @@ def _add_points(points, plane_id, centre, unit, sums):  # type: ignore[no-untype
         x = np.int64(np.rint((points[i, 0] - centre[0]) * unit))
         y = np.int64(np.rint((points[i, 1] - centre[1]) * unit))
         z = np.int64(np.rint((points[i, 2] - centre[2]) * unit))
-        row = sums[k]
-        row[0] += 1
-        row[1] += x
-        row[2] += y
-        row[3] += z
-        row[4] += x * x
-        row[5] += x * y
-        row[6] += x * z
-        row[7] += y * y
-        row[8] += y * z
-        row[9] += z * z
+        add_point(sums[k], x, y, z)
 
 
 def centroids_and_scatters(

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from lidar_buildings.core.neighbours.cell_grid import sort_by_cell
 from lidar_buildings.core.neighbours.parallel import for_row_blocks
 from lidar_buildings.core.neighbours.windows import cells_in_row
+from lidar_buildings.core.surfaces.point_moments import N_MOMENTS, add_point, covariance
 
 #: Sides that are tried.
 SIDES = 8
@@ -88,13 +89,13 @@ def continues_terrain(
 @njit(cache=True, nogil=True)
 def _test(candidates, rows, cells, start, spacing, rules, result, begin, end):  # type: ignore[no-untyped-def]
     """Set the rows `begin` to `end` of `result`."""
-    sums = np.empty((SIDES, 11))
+    sums = np.empty((SIDES, N_MOMENTS + 1))
     turns = 2.0 * math.pi * np.arange(SIDES) / SIDES
     towards = np.column_stack((np.cos(turns), np.sin(turns)))
     for r in range(begin, end):
         x, y, z = candidates[rows[r]]
         sums[:] = 0.0
-        sums[:, 10] = np.inf
+        sums[:, N_MOMENTS] = np.inf
         # Whole numbers before the product: over an enormous extent it would be rounded.
         column = np.int64(math.floor(x / cells.size) - start[0])
         line = np.int64(math.floor(y / cells.size) - start[1])
@@ -119,28 +120,18 @@ def _count(dx, dy, dz, reach, towards, sums):  # type: ignore[no-untyped-def]
         if dx * towards[side, 0] + dy * towards[side, 1] <= 1e-9:
             continue
         s = sums[side]
-        s[0] += 1.0
-        s[1] += dx
-        s[2] += dy
-        s[3] += dz
-        s[4] += dx * dx
-        s[5] += dx * dy
-        s[6] += dy * dy
-        s[7] += dx * dz
-        s[8] += dy * dz
-        s[9] += dz * dz
-        s[10] = min(s[10], away)
+        add_point(s, dx, dy, dz)
+        s[N_MOMENTS] = min(s[N_MOMENTS], away)
 
 
 @njit(cache=True, nogil=True)
 def _fits(s, nearest, rules):  # type: ignore[no-untyped-def]
     """Whether the moments make a plane that passes near the candidate, which lies at the origin."""
     n = s[0]
-    if n < rules.min_points or s[10] > nearest:
+    if n < rules.min_points or s[N_MOMENTS] > nearest:
         return False
     x, y, z = s[1] / n, s[2] / n, s[3] / n
-    xx, xy, yy = s[4] / n - x * x, s[5] / n - x * y, s[6] / n - y * y
-    xz, yz, zz = s[7] / n - x * z, s[8] / n - y * z, s[9] / n - z * z
+    xx, xy, xz, yy, yz, zz = covariance(s)
     determinant = xx * yy - xy * xy
     if determinant <= MIN_SPREAD * 0.25 * (xx + yy) ** 2:
         return False
