@@ -26,6 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lidar_buildings.core.stages.edge_labelling import EdgeLabellingConfig, label_edges
+from lidar_buildings.core.stages.edge_labelling.labelling import MIN_RADIUS
 from lidar_buildings.core.surfaces.eigenfeatures import EigenFeatures, eigen_features
 
 # Threads that wait in a loop for one another slow down whatever is measured next.
@@ -173,12 +174,12 @@ CHOSEN = {
 def edge_radii(spacing: float) -> NDArray[np.float64]:
     """Return the radii that edge labelling chooses from by default."""
     config = EdgeLabellingConfig()
-    return np.geomspace(config.min_radius, config.max_radius, config.n_radii) * spacing
+    return np.geomspace(MIN_RADIUS, config.max_radius, config.n_radii) * spacing
 
 
 def own_edges(task: Task, is_given: bool) -> NDArray[np.uint8]:
     """Label edges with the default parameters; the spacing is measured if it is not given."""
-    spacing = float(task.radii[0]) / EdgeLabellingConfig().min_radius
+    spacing = float(task.radii[0]) / MIN_RADIUS
     return label_edges(task.points, point_spacing=spacing if is_given else None).edge
 
 

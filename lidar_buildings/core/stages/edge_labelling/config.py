@@ -34,30 +34,20 @@ class EdgeLabellingConfig(StageConfig):
         "Distance of k-means: Manhattan takes medians for centres, Mahalanobis weighs by the features' "
         "covariance.",
         choices=("euclidean", "manhattan", "mahalanobis"),
+        advanced=True,
     )
     scope: str = parameter(
         "roof",
         "Which points share their clusters: those of a roof, all of a tile, or of all tiles (the "
         "centres then are given).",
         choices=("roof", "tile", "given"),
+        advanced=True,
     )
     centres: str = parameter(
         "",
         "Two centres for scope given, that of surfaces first: numbers parted by blanks, two times as many as "
         "there are features, eigenvalues in units of R²; empty takes typical ones.",
-    )
-    min_roof_points: int = parameter(
-        30,
-        "Roofs of fewer points are clustered by typical centres; raising it steadies small roofs.",
-        minimum=2,
-        maximum=100_000,
-    )
-    min_radius: float = parameter(
-        1.6,
-        "Smallest radius that the entropy can choose; raising it makes edges broader and steadier.",
-        unit="spacings",
-        minimum=1.0,
-        maximum=20.0,
+        advanced=True,
     )
     max_radius: float = parameter(
         4.0,
@@ -65,24 +55,21 @@ class EdgeLabellingConfig(StageConfig):
         unit="spacings",
         minimum=1.0,
         maximum=50.0,
+        advanced=True,
     )
     n_radii: int = parameter(
         10,
         "Number of radii between these two, closer together at the small end; raising it takes longer.",
         minimum=1,
         maximum=50,
+        advanced=True,
     )
     entropy: str = parameter(
         "dimensionality",
         "What is least at the radius chosen: the entropy of line, plane and volume (Demantké and others, "
         "2011), or that of the eigenvalues (Weinmann and others, 2015), which favours lines.",
         choices=("dimensionality", "eigenentropy"),
-    )
-    min_neighbours: int = parameter(
-        9,
-        "Points that a radius has to hold to be chosen; raising it suppresses edges seen by chance.",
-        minimum=3,
-        maximum=100,
+        advanced=True,
     )
     thinning: str = parameter(
         "outline",
@@ -105,13 +92,7 @@ class EdgeLabellingConfig(StageConfig):
         unit="spacings",
         minimum=0.0,
         maximum=20.0,
-    )
-    max_step: float = parameter(
-        3.0,
-        "Rims of surfaces look past points farther up or down than this; raising it passes over low steps.",
-        unit="spacings",
-        minimum=0.5,
-        maximum=50.0,
+        advanced=True,
     )
 
     def __post_init__(self) -> None:

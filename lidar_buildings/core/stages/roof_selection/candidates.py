@@ -7,6 +7,15 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+#: Smallest radius of a neighbourhood, in spacings: sixteen points on an even surface, where planes take six.
+RADIUS_SPACINGS = 2.25
+#: The same where the cloud is dense: the scale at which foliage is no longer flat [m].
+MIN_RADIUS = 0.75
+#: Steepest roof: between mansards and walls [deg].
+MAX_SLOPE_DEG = 75.0
+#: Largest angle between the normals of neighbours on one roof: smooth at `max_roughness`, and no ridge [deg].
+MAX_ANGLE_DEG = 15.0
+
 
 class Candidates(NamedTuple):
     """

@@ -28,21 +28,6 @@ class RoofSelectionConfig(StageConfig):
         minimum=0.1,
         maximum=50.0,
     )
-    neighbourhood_radius: float = parameter(
-        2.25,
-        "Smallest radius of the surface that roughness is measured on; raising it suppresses vegetation and "
-        "small roofs.",
-        unit="spacings",
-        minimum=1.5,
-        maximum=20.0,
-    )
-    min_neighbourhood_radius: float = parameter(
-        0.75,
-        "The same in metres, for dense clouds: the scale at which foliage is no longer flat.",
-        unit="m",
-        minimum=0.05,
-        maximum=10.0,
-    )
     max_roughness: float = parameter(
         0.125,
         "Root mean square distance from the plane up to which a level surface is smooth (steep ones may be "
@@ -51,35 +36,6 @@ class RoofSelectionConfig(StageConfig):
         minimum=0.005,
         maximum=2.0,
     )
-    max_slope_deg: float = parameter(
-        75.0,
-        "Steepest roof; raising it lets walls in.",
-        unit="deg",
-        minimum=10.0,
-        maximum=89.0,
-    )
-    max_angle_deg: float = parameter(
-        15.0,
-        "Largest angle between the normals of neighbours on one roof; raising it joins rougher surfaces.",
-        unit="deg",
-        minimum=1.0,
-        maximum=60.0,
-    )
-    min_patch_area: float = parameter(
-        4.0,
-        "Smallest smooth patch that starts a roof; raising it suppresses flat spots of tree crowns. "
-        "Smaller ones count if they touch a roof.",
-        unit="m^2",
-        minimum=0.0,
-        maximum=1000.0,
-    )
-    max_penetration: float = parameter(
-        0.25,
-        "Share of returns around a patch that are not the last of their pulse, from which on it is foliage; "
-        "raising it keeps roofs among trees, and more trees. Not used where there are no return numbers.",
-        minimum=0.0,
-        maximum=1.0,
-    )
     max_plane_distance: float = parameter(
         0.25,
         "Distance from the plane of a nearby roof up to which a point belongs to it; raising it completes "
@@ -87,6 +43,7 @@ class RoofSelectionConfig(StageConfig):
         unit="m",
         minimum=0.01,
         maximum=5.0,
+        advanced=True,
     )
     max_part_area: float = parameter(
         12.0,
@@ -95,13 +52,7 @@ class RoofSelectionConfig(StageConfig):
         unit="m^2",
         minimum=0.0,
         maximum=1000.0,
-    )
-    max_part_height: float = parameter(
-        3.0,
-        "How far such a part may rise above the roof around it.",
-        unit="m",
-        minimum=0.0,
-        maximum=50.0,
+        advanced=True,
     )
     min_building_area: float = parameter(
         12.0,
@@ -117,6 +68,7 @@ class RoofSelectionConfig(StageConfig):
         unit="m",
         minimum=0.5,
         maximum=20.0,
+        advanced=True,
     )
     max_planar_deviation: float = parameter(
         0.1,
@@ -125,6 +77,7 @@ class RoofSelectionConfig(StageConfig):
         unit="m",
         minimum=0.005,
         maximum=2.0,
+        advanced=True,
     )
     min_rugged_deviation: float = parameter(
         0.4,
@@ -133,6 +86,7 @@ class RoofSelectionConfig(StageConfig):
         unit="m",
         minimum=0.005,
         maximum=10.0,
+        advanced=True,
     )
     min_roof_width: float = parameter(
         2.5,
@@ -141,6 +95,7 @@ class RoofSelectionConfig(StageConfig):
         unit="m",
         minimum=0.0,
         maximum=20.0,
+        advanced=True,
     )
     min_building_width: float = parameter(
         3.0,
@@ -149,6 +104,7 @@ class RoofSelectionConfig(StageConfig):
         unit="m",
         minimum=0.0,
         maximum=50.0,
+        advanced=True,
     )
     facade_reach: float = parameter(
         0.2,
@@ -157,12 +113,14 @@ class RoofSelectionConfig(StageConfig):
         unit="m",
         minimum=0.0,
         maximum=5.0,
+        advanced=True,
     )
     roof_returns: str = parameter(
         "single",
         "With single_returns: the returns that can be roof; the paper's single ones lose roof edges, where "
         "pulses are split. Where there are no return numbers, all count.",
         choices=("single", "last", "all"),
+        advanced=True,
     )
     low_vegetation_height: float = parameter(
         0.2,
@@ -170,6 +128,7 @@ class RoofSelectionConfig(StageConfig):
         unit="m",
         minimum=0.01,
         maximum=5.0,
+        advanced=True,
     )
     medium_vegetation_height: float = parameter(
         3.0,
@@ -177,6 +136,7 @@ class RoofSelectionConfig(StageConfig):
         unit="m",
         minimum=0.1,
         maximum=20.0,
+        advanced=True,
     )
     max_vegetation_height: float = parameter(
         150.0,
@@ -184,31 +144,28 @@ class RoofSelectionConfig(StageConfig):
         unit="m",
         minimum=5.0,
         maximum=1000.0,
+        advanced=True,
     )
     road_method: str = parameter(
         "automatic",
         "How roads are told from other ground: by the two modes of the ground's brightness, if it has two; "
         "by the intensities given; or not at all.",
         choices=("automatic", "thresholds", "none"),
+        advanced=True,
     )
     min_road_intensity: float = parameter(
         40.0,
         "With thresholds: darkest normalised intensity of roads; raising it drops the darkest ground.",
         minimum=0.0,
         maximum=255.0,
+        advanced=True,
     )
     max_road_intensity: float = parameter(
         100.0,
         "With thresholds: brightest normalised intensity of roads; raising it takes in more ground.",
         minimum=0.0,
         maximum=255.0,
-    )
-    min_road_width: float = parameter(
-        3.0,
-        "Narrowest road; raising it drops paths and the dark rims of walls and hedges.",
-        unit="m",
-        minimum=0.0,
-        maximum=50.0,
+        advanced=True,
     )
     min_road_area: float = parameter(
         100.0,
@@ -216,4 +173,5 @@ class RoofSelectionConfig(StageConfig):
         unit="m^2",
         minimum=0.0,
         maximum=100000.0,
+        advanced=True,
     )

@@ -9,7 +9,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from lidar_buildings.core.neighbours.parallel import for_row_blocks
-from lidar_buildings.core.stages.roof_selection.candidates import Candidates
+from lidar_buildings.core.stages.roof_selection.candidates import MAX_SLOPE_DEG, Candidates
 from lidar_buildings.core.stages.roof_selection.config import RoofSelectionConfig
 from lidar_buildings.core.stages.roof_selection.surroundings import MAX_LINEARITY, near_tangent_plane
 from lidar_buildings.core.surfaces.symmetric_eigen import eigenvalues_3x3, smallest_eigenvector_3x3
@@ -45,8 +45,8 @@ def find_roofs(candidates: Candidates, config: RoofSelectionConfig) -> NDArray[n
         Of which returns have no say in the published rules, nor heights beyond the limit; cells have a size
         of their own.
     config : RoofSelectionConfig
-        `planarity_cell`, `max_planar_deviation`, `min_rugged_deviation`, `max_slope_deg`, and
-        `max_plane_distance` for the edges.
+        `planarity_cell`, `max_planar_deviation`, `min_rugged_deviation`, and `max_plane_distance` for the
+        edges.
 
     Returns
     -------
@@ -73,7 +73,7 @@ def _judged(
     limits = (
         config.max_planar_deviation,
         config.min_rugged_deviation,
-        math.cos(math.radians(config.max_slope_deg)),
+        math.cos(math.radians(MAX_SLOPE_DEG)),
     )
     kind = np.full(len(points), UNKNOWN, dtype=np.int8)
     least = np.full(len(points), np.inf)

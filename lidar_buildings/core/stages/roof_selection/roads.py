@@ -13,6 +13,8 @@ from lidar_buildings.core.surfaces.brightness import BrightnessRaster, brightnes
 
 #: Side of the square of cells whose majority decides on ground of unknown brightness, as under trees.
 FILL_CELLS = 5
+#: Narrowest road, one lane; narrower are paths and the dark edges of walls and hedges [m].
+MIN_WIDTH = 3.0
 #: Cells that touch at a side or a corner are connected.
 _AROUND = np.ones((3, 3), dtype=bool)
 
@@ -32,7 +34,7 @@ def find_roads(
 
     Ground whose brightness lies between two thresholds is road (Mancera-Taboada and others, 2012), the
     thresholds being given, or the upper one found where the ground's brightness has two modes. Brightness is
-    the median over cells, so that single dark points do not count; what is narrower than `min_road_width` or
+    the median over cells, so that single dark points do not count; what is narrower than `MIN_WIDTH` or
     has less than `min_road_area` under the open sky is left out; ground of unknown brightness follows what is
     around it.
 
@@ -62,7 +64,7 @@ def find_roads(
         return nothing
     with np.errstate(invalid="ignore"):
         dark = (raster.brightness >= limits[0]) & (raster.brightness <= limits[1])
-    wide = _wide(dark, raster.is_known & ~dark, config.min_road_width / raster.cell)
+    wide = _wide(dark, raster.is_known & ~dark, MIN_WIDTH / raster.cell)
     road = _large(_filled(wide, raster), ~raster.is_covered, config.min_road_area / raster.cell**2)
     return road.ravel()[raster.row_of]
 

@@ -11,7 +11,7 @@ from lidar_buildings.core.model.classes import PointClass
 from lidar_buildings.core.model.point_array import checked_column, checked_points
 from lidar_buildings.core.neighbours.point_spacing import given_or_measured
 from lidar_buildings.core.stages.roof_selection import lasclassify, single_returns
-from lidar_buildings.core.stages.roof_selection.candidates import Candidates
+from lidar_buildings.core.stages.roof_selection.candidates import MIN_RADIUS, RADIUS_SPACINGS, Candidates
 from lidar_buildings.core.stages.roof_selection.config import RoofSelectionConfig
 from lidar_buildings.core.stages.roof_selection.facades import find_facades
 from lidar_buildings.core.stages.roof_selection.returns import last_and_only_returns
@@ -144,7 +144,7 @@ def select_roofs(
     is_last, is_only = last_and_only_returns(points, return_number, number_of_returns)
     settled = ~np.isin(classes, OPEN)
     spacing = given_or_measured(points, point_spacing)
-    radius = max(config.neighbourhood_radius * spacing, config.min_neighbourhood_radius)
+    radius = max(RADIUS_SPACINGS * spacing, MIN_RADIUS)
     is_raised = height >= CONTEXT * config.min_height
     raised = np.flatnonzero(is_raised & ~settled)
     low = points[~is_raised & ~np.isin(classes, NOISE)]

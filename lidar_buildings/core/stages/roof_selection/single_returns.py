@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from lidar_buildings.core.stages.roof_selection.candidates import Candidates
+from lidar_buildings.core.stages.roof_selection.candidates import MAX_ANGLE_DEG, MAX_SLOPE_DEG, Candidates
 from lidar_buildings.core.stages.roof_selection.config import RoofSelectionConfig
 from lidar_buildings.core.stages.roof_selection.surroundings import MAX_LINEARITY, near_tangent_plane
 from lidar_buildings.core.surfaces.eigenfeatures import eigen_features
@@ -33,7 +33,7 @@ def find_roofs(candidates: Candidates, config: RoofSelectionConfig) -> NDArray[n
     candidates : Candidates
         Of which those below `min_height` are left aside.
     config : RoofSelectionConfig
-        `roof_returns`, `max_roughness`, `max_slope_deg`, `max_angle_deg`, `max_plane_distance`.
+        `roof_returns`, `max_roughness`, `max_plane_distance`.
 
     Returns
     -------
@@ -60,13 +60,13 @@ def _planes(
     features = eigen_features(points, [radius], min_neighbours=MIN_PLANE_POINTS)
     is_flat = (features.roughness <= config.max_roughness) & (features.n_neighbours >= MIN_PLANE_POINTS)
     is_flat &= (features.linearity <= MAX_LINEARITY) & (features.eigenvalues[:, 0] > 0)
-    is_flat &= features.normals[:, 2] >= math.cos(math.radians(config.max_slope_deg))
+    is_flat &= features.normals[:, 2] >= math.cos(math.radians(MAX_SLOPE_DEG))
     rows = np.flatnonzero(is_flat)
     patch = smooth_patches(
         points[rows],
         features.normals[rows],
         radius,
-        max_angle_deg=config.max_angle_deg,
+        max_angle_deg=MAX_ANGLE_DEG,
         max_offset=config.max_plane_distance,
     )
     is_flat[rows] = (np.bincount(patch) >= MIN_PATCH_POINTS)[patch]

@@ -17,6 +17,8 @@ from lidar_buildings.core.stages.roof_selection.surroundings import (
     share_around,
 )
 
+#: Smallest smooth patch that starts a roof: flat spots of crowns are smaller [m²].
+MIN_PATCH_AREA = 4.0
 #: Foliage splits pulses: share of the returns at a small patch that belong to pulses with several, above
 #: which it is no roof, and how far from its points to look, in radii. Edges of small roofs make it up to 0.5.
 MAX_SPLIT = 0.55
@@ -72,7 +74,7 @@ def is_foliage(
     small_area : float
         Larger patches are never foliage [m²].
     config : RoofSelectionConfig
-        `min_height`, `min_patch_area`, `max_plane_distance`.
+        `min_height`, `max_plane_distance`.
 
     Returns
     -------
@@ -96,7 +98,7 @@ def _loose_per_point(
     """Return how many points that go on no surface lie around each patch, per point of the patch."""
     area, normals = np.zeros(len(points)), np.zeros((len(points), 3))
     area[patches.rows], normals[patches.rows] = patches.area[patches.label], patches.normals
-    is_surface = area >= config.min_patch_area
+    is_surface = area >= MIN_PATCH_AREA
     is_loose = ~near_tangent_plane(points, normals, is_surface, radius, config.max_plane_distance)
     is_loose &= ~below_roof(points, area >= small_area, COVER_REACH)
     label = np.full(len(points), -1, dtype=np.int64)

@@ -8,10 +8,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from lidar_buildings.core.stages.roof_selection.candidates import Candidates
+from lidar_buildings.core.stages.roof_selection.candidates import MAX_ANGLE_DEG, MAX_SLOPE_DEG, Candidates
 from lidar_buildings.core.stages.roof_selection.config import RoofSelectionConfig
 from lidar_buildings.core.stages.roof_selection.smooth_patches.decks import is_deck
-from lidar_buildings.core.stages.roof_selection.smooth_patches.foliage import Patches, is_foliage
+from lidar_buildings.core.stages.roof_selection.smooth_patches.foliage import (
+    MIN_PATCH_AREA,
+    Patches,
+    is_foliage,
+)
 from lidar_buildings.core.stages.roof_selection.surroundings import MAX_LINEARITY, share_around
 from lidar_buildings.core.surfaces.eigenfeatures import eigen_features
 from lidar_buildings.core.surfaces.surface_patches import connected_parts, plan_areas, smooth_patches
@@ -23,12 +27,14 @@ MIN_PLANE_POINTS = 6
 #: Largest mean roughness of small, middling and large patches that start a roof, in parts of `max_roughness`:
 #: flat spots of foliage are small, so the smaller a patch the smoother it has to be.
 PATCH_ROUGHNESS = np.array([0.4, 0.55, 0.85])
-#: Where middling and large patches begin, in multiples of `min_patch_area`.
+#: Where middling and large patches begin, in multiples of `MIN_PATCH_AREA`.
 PATCH_SIZES = np.array([2.0, 10.0])
-#: Patches beside a roof count down to this part of `min_patch_area`, if as smooth as middling ones.
+#: Patches beside a roof count down to this part of `MIN_PATCH_AREA`, if as smooth as middling ones.
 TOUCHING_PATCH = 0.25
 #: Noise of a point in plan as a multiple of that in height, which makes steep roofs rougher than level ones.
 HORIZONTAL_NOISE = 1.5
+#: Share of returns around a patch that are not the last of their pulse, from which on it is foliage.
+MAX_PENETRATION = 0.25
 #: Distance from the neighbour's tangent plane over which a patch goes on, a multiple of `max_roughness`.
 PATCH_OFFSET = 1.5
 
@@ -75,7 +81,7 @@ def find_roof_surface(candidates: Candidates, config: RoofSelectionConfig) -> Ro
     )
     smooth = (roughness <= config.max_roughness) & (features.linearity <= MAX_LINEARITY)
     smooth &= features.n_neighbours >= MIN_PLANE_POINTS
-    steep = features.normals[:, 2] < math.cos(math.radians(config.max_slope_deg))
+    steep = features.normals[:, 2] < math.cos(math.radians(MAX_SLOPE_DEG))
     surface = RoofSurface(np.zeros(n, dtype=bool), np.zeros(n, dtype=bool), np.zeros((n, 3)))
     surface.is_wall[rows[smooth & steep]] = True
     roof = smooth & ~steep
@@ -84,13 +90,13 @@ def find_roof_surface(candidates: Candidates, config: RoofSelectionConfig) -> Ro
         points[rows],
         normals,
         _link_lengths(features.n_neighbours[roof], features.radius[roof], radius),
-        max_angle_deg=config.max_angle_deg,
+        max_angle_deg=MAX_ANGLE_DEG,
         max_offset=PATCH_OFFSET * config.max_roughness,
     )
     patches = Patches(rows, patch, normals, plan_areas(points[rows], patch, cell))
     penetration = share_around(points, ~is_last, radius)[rows]
     starts, touches = _judged(patches, roughness, penetration, height[rows], config)
-    small_area = PATCH_SIZES[1] * config.min_patch_area
+    small_area = PATCH_SIZES[1] * MIN_PATCH_AREA
     is_other = is_foliage(candidates, patches, small_area, config)
     is_other |= is_deck(points[rows], patch, ground, cell)
     accepted = _touching(points[rows], patch, starts & ~is_other, touches & ~is_other, radius)
@@ -116,11 +122,11 @@ def _judged(
 ) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
     """Tell which patches start a roof, and which are part of one if they touch it."""
     relative = patches.mean(roughness) / config.max_roughness
-    limit = PATCH_ROUGHNESS[np.digitize(patches.area, PATCH_SIZES * config.min_patch_area)]
-    hard = (patches.mean(penetration) <= config.max_penetration) & (patches.mean(height) >= config.min_height)
-    starts = hard & (relative <= limit) & (patches.area >= config.min_patch_area)
+    limit = PATCH_ROUGHNESS[np.digitize(patches.area, PATCH_SIZES * MIN_PATCH_AREA)]
+    hard = (patches.mean(penetration) <= MAX_PENETRATION) & (patches.mean(height) >= config.min_height)
+    starts = hard & (relative <= limit) & (patches.area >= MIN_PATCH_AREA)
     touches = hard & (relative <= np.maximum(limit, PATCH_ROUGHNESS[1]))
-    return starts, touches & (patches.area >= TOUCHING_PATCH * config.min_patch_area)
+    return starts, touches & (patches.area >= TOUCHING_PATCH * MIN_PATCH_AREA)
 
 
 def _touching(

@@ -20,6 +20,8 @@ PART_REACH = 2.0
 PART_REACH_RADII = 2.0
 #: How far a part may lie below the lowest roof around it [m].
 PART_SINK = 0.5
+#: How far a chimney, dormer or other part may rise above the roof around it: one storey [m].
+MAX_PART_HEIGHT = 3.0
 #: Share of a part's points that have to have roof around them.
 PART_SHARE = 0.7
 #: Side of the cells in which narrow parts are found: half of an area's cell, but no smaller than this [m].
@@ -53,7 +55,7 @@ def find_roofs(candidates: Candidates, config: RoofSelectionConfig) -> NDArray[n
     too_low = candidates.height < config.min_height
     roof &= ~too_low
     reach = max(PART_REACH, PART_REACH_RADII * radius)
-    held = surrounded_by(points, roof, reach, PART_SINK, config.max_part_height)
+    held = surrounded_by(points, roof, reach, PART_SINK, MAX_PART_HEIGHT)
     stands = _small_parts(points, roof, held, radius, cell, config) | (held & candidates.is_last)
     roof |= stands & ~is_canopy(points, roof, stands, radius)
     roof &= ~surface.is_wall
