@@ -45,7 +45,6 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 def _parser() -> argparse.ArgumentParser:
-    """Build the command line."""
     parser = OneLineParser(prog="lidar-buildings", description="Raw lidar in, valid 3D city models out.")
     parser.add_argument("--version", action="version", version=__version__)
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
@@ -56,7 +55,6 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def _add_run(parser: argparse.ArgumentParser) -> None:
-    """Describe ``lidar-buildings run``."""
     parser.add_argument("input", nargs="+", metavar="INPUT", help="LAS, LAZ or COPC files, folders or globs")
     parser.add_argument("--output", required=True, type=Path, metavar="DIR", help="folder for the results")
     parser.add_argument(
@@ -94,14 +92,12 @@ def _add_run(parser: argparse.ArgumentParser) -> None:
 
 
 def _run(options: argparse.Namespace) -> int:
-    """Execute ``lidar-buildings run``."""
     from lidar_buildings.commands.run import run_command
 
     return run_command(options)
 
 
 def _add_simulate(parser: argparse.ArgumentParser) -> None:
-    """Describe ``lidar-buildings simulate``."""
     parser.add_argument("--output", required=True, type=Path, metavar="DIR", help="folder for the survey")
     parser.add_argument("--scene", default="village", metavar="NAME", help="which scene (default: village)")
     parser.add_argument(
@@ -113,14 +109,12 @@ def _add_simulate(parser: argparse.ArgumentParser) -> None:
 
 
 def _simulate(options: argparse.Namespace) -> int:
-    """Execute ``lidar-buildings simulate``."""
     from lidar_buildings.simulation.command import simulate_command
 
     return simulate_command(options)
 
 
 def _add_score(parser: argparse.ArgumentParser) -> None:
-    """Describe ``lidar-buildings score``."""
     from lidar_buildings.evaluation.command.score import add_score_arguments, score_command
 
     add_score_arguments(parser)

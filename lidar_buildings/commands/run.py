@@ -17,6 +17,7 @@ from lidar_buildings.core.model.errors import LidarBuildingsError
 from lidar_buildings.io.clouds.las import frame_of, open_inputs
 from lidar_buildings.io.results.output_folder import OutputFolder, RunSummary
 from lidar_buildings.io.results.run_folder import BUILDINGS, discard_unfinished
+from lidar_buildings.io.results.run_info import run_info
 from lidar_buildings.io.tiling.tiling import TileSource
 from lidar_buildings.io.vectors.footprints import FootprintFile, check_overlap, read_footprints
 
@@ -26,7 +27,7 @@ DONE, WRONG_USE, TILE_FAILED = 0, 2, 3
 
 def run_command(options: argparse.Namespace) -> int:
     """
-    Run the whole job and say what came of it.
+    Run the whole job and report its outcome.
 
     Returns
     -------
@@ -40,7 +41,7 @@ def run_command(options: argparse.Namespace) -> int:
     started = time.perf_counter()
     footprints = _footprints(request)
     outcome = _run_local(request, footprints) if options.no_ros else _run_graph(request)
-    _report_trouble(outcome)
+    _report_problems(outcome)
     _report(request.output, outcome.summary, time.perf_counter() - started)
     if outcome.failed or (outcome.summary.n_unclassified and not outcome.summary.problems):
         return TILE_FAILED
@@ -62,8 +63,7 @@ def _footprints(request: RunRequest) -> FootprintFile | None:
 
 
 def _run_local(request: RunRequest, footprints: FootprintFile | None) -> RunOutcome:
-    """Run without ROS."""
-    from lidar_buildings.commands.run_local import process_tiles, run_info
+    from lidar_buildings.commands.run_local import process_tiles
 
     started = time.perf_counter()
     skip: set[int] = set()
@@ -95,7 +95,6 @@ def _run_local(request: RunRequest, footprints: FootprintFile | None) -> RunOutc
 
 
 def _run_graph(request: RunRequest) -> RunOutcome:
-    """Run through the node graph."""
     if importlib.util.find_spec("rclpy") is None:
         raise LidarBuildingsError(
             "rclpy is not installed: source a ROS 2 Jazzy workspace, or pip install '.[ros]' "
@@ -106,7 +105,7 @@ def _run_graph(request: RunRequest) -> RunOutcome:
     return run_graph(request)
 
 
-def _report_trouble(outcome: RunOutcome) -> None:
+def _report_problems(outcome: RunOutcome) -> None:
     """Print one line for each file and each tile that was not done."""
     summary = outcome.summary
     lines = list(summary.problems)
@@ -137,7 +136,6 @@ def _report(output: Path, summary: RunSummary, wall: float) -> None:
 
 
 def _footprints_line(record: Mapping[str, Any]) -> str:
-    """Say in one line what became of the footprints."""
     counts = [f"{record['n_read']:,} read"]
     counts += [f"{record['n_repaired']:,} repaired"] * bool(record["n_repaired"])
     counts += [f"{number:,} {reason} left out" for reason, number in record["left_out"].items()]

@@ -37,7 +37,7 @@ def run_graph(request: RunRequest) -> RunOutcome:
     context = rclpy.Context()
     rclpy.init(args=[], context=context)
     namespace = (request.namespace or f"lidar_buildings_{os.getpid()}").strip("/")
-    # what the nodes would say, the command says once, in one line
+    # what the nodes would log, the command prints once, in one line
     set_logger_level(namespace.replace("/", "."), LoggingSeverity.FATAL)
     composition = None
     try:

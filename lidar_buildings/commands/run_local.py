@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +14,6 @@ from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.core.stages.footprints import Footprints
 from lidar_buildings.core.stages.terrain import RasterConfig
-from lidar_buildings.io.files.library_versions import library_versions
 from lidar_buildings.io.models.cityjson import feature_line
 from lidar_buildings.io.results.output_folder import OutputFolder
 from lidar_buildings.io.results.tile_products import RoofFace, TileProducts
@@ -75,22 +73,6 @@ def process_tiles(
         seconds.update(result.seconds)
         progress(number - len(failed))
     return dict(seconds), failed
-
-
-def run_info(
-    seconds: Mapping[str, float],
-    parameters: Mapping[str, Any],
-    failed: Mapping[int, str],
-    problems: Iterable[str],
-) -> dict[str, Any]:
-    """Return what ``run.json`` tells beside the counts."""
-    return {
-        "versions": library_versions(),
-        "parameters": dict(parameters),
-        "seconds": {stage: round(taken, 3) for stage, taken in seconds.items()},
-        "failed_tiles": [{"tile": stamp, "reason": failed[stamp]} for stamp in sorted(failed)],
-        "problems": list(problems),
-    }
 
 
 def whole_result(

@@ -147,7 +147,6 @@ def _footprints(options: argparse.Namespace) -> FootprintSource | None:
 
 
 def _use_footprints(settings: Settings, source: FootprintSource) -> None:
-    """Tell the nodes of the footprints."""
     settings.setdefault(FootprintConfig.stage, {}).update(file=str(source.path), layer=source.layer)
     settings.setdefault(RegularisationConfig.stage, {})["keep_outlines"] = True
     settings.setdefault("model_writer", {}).update(
@@ -172,7 +171,6 @@ def _check_own(settings: Settings) -> None:
 
 
 def _check_namespace(namespace: str | None) -> None:
-    """Refuse a namespace that ROS would refuse."""
     if namespace is not None and not _NAMESPACE.fullmatch(namespace):
         raise ParameterError(
             f"--namespace {namespace!r}: must be words of letters, digits and _, beginning with no digit, "

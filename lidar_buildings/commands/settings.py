@@ -74,7 +74,6 @@ def _from_file(path: Path | None, nodes: NodeConfigs) -> Iterator[tuple[str, str
 
 
 def _content(path: Path) -> dict[Any, Any]:
-    """Read a file of parameters."""
     try:
         content = yaml.safe_load(path.read_text(encoding="utf-8")) or {}
     except OSError as error:
@@ -136,7 +135,6 @@ def _as_ros_reads(value: Any) -> Any:
 
 
 def _flat(parameters: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
-    """Yield (dotted name, value)."""
     for name, value in parameters.items():
         if isinstance(value, dict):
             yield from _flat(value, f"{prefix}{name}.")

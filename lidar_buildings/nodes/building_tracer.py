@@ -62,7 +62,6 @@ class BuildingTracer(StageNode):
                 self._trace(stamp, parts)
 
     def _trace(self, stamp: int, parts: Parts) -> None:
-        """Publish one tile's buildings, or ask for more of the tile."""
         traced = self._traced_tile(parts)
         if traced.clipped and self._clipped.get_subscription_count():
             self._clipped.publish(header_of(stamp))
@@ -71,7 +70,6 @@ class BuildingTracer(StageNode):
         self.publish_rings(self._traced, outline_messages(stamp, traced.outlines))
 
     def _traced_tile(self, parts: Parts) -> TracedTile:
-        """Trace one tile's buildings, or take the footprints for them."""
         config = self.parameters[FootprintNodeConfig]
         frame = None if self._map is None else self._map.frame
         if frame is None:

@@ -62,18 +62,8 @@ def survey_nodes(
     LidarBuildingsError
         If a node cannot start; those made before are destroyed.
     """
-    given = {stage: dict(values) for stage, values in (settings or {}).items()}
-    own: dict[str, dict[str, Any]] = {
-        "tile_player": {"input": tuple(inputs), "wait_for": topics_until(until)},
-        "model_writer": {
-            "input": tuple(inputs),
-            "output": output,
-            "until": until,
-            "overwrite": overwrite,
-            "settings": json.dumps(dict(given if identity is None else identity), sort_keys=True),
-        },
-    }
-    merged = given | {stage: given.get(stage, {}) | values for stage, values in own.items()}
+    given = settings or {}
+    merged = _merged(given, inputs, output, until, overwrite, given if identity is None else identity)
     nodes: dict[str, StageNode] = {}
     try:
         # the writer first: it refuses an output folder before anything is read
@@ -85,3 +75,25 @@ def survey_nodes(
             node.destroy_node()
         raise
     return dict(reversed(nodes.items()))
+
+
+def _merged(
+    given: Mapping[str, Mapping[str, Any]],
+    inputs: Sequence[str],
+    output: str,
+    until: str,
+    overwrite: bool,
+    identity: Mapping[str, Any],
+) -> dict[str, dict[str, Any]]:
+    """Return settings with what player and writer are given of the run."""
+    own: dict[str, dict[str, Any]] = {
+        "tile_player": {"input": tuple(inputs), "wait_for": topics_until(until)},
+        "model_writer": {
+            "input": tuple(inputs),
+            "output": output,
+            "until": until,
+            "overwrite": overwrite,
+            "settings": json.dumps(dict(identity), sort_keys=True),
+        },
+    }
+    return {stage: {**given.get(stage, {}), **own.get(stage, {})} for stage in given.keys() | own.keys()}

@@ -61,7 +61,6 @@ class ModelBuilder(StageNode):
         self._add(tile.stamp, _POINTS, tile)
 
     def _make_publishers(self) -> None:
-        """Create the publishers."""
         # One topic, two durabilities: each kind of subscription is meant to match its own publisher.
         silent = PublisherEventCallbacks(use_default_callbacks=False)
         self._header = self.create_publisher(String, "city_model", LATCHED)
@@ -73,13 +72,11 @@ class ModelBuilder(StageNode):
             self._tile_done = self.create_publisher(Header, "tile_done", LATCHED_HISTORY)
 
     def _add(self, stamp: int, topic: str, part: Any) -> None:
-        """Join a part with the others of its tile, and build when all are there."""
         parts, frame = self._join.add(stamp, topic, part), self._map.frame
         if parts is not None and frame is not None:
             self._build(stamp, parts, frame)
 
     def _build(self, stamp: int, parts: Parts, frame: MapFrame) -> None:
-        """Build one tile's models and publish them."""
         models = build_models(
             parts[_POINTS],
             parts[_TRACED],
@@ -102,7 +99,6 @@ class ModelBuilder(StageNode):
 
 
 def _feature(one: TileModel, frame: MapFrame) -> str:
-    """Return one building's line of CityJSON."""
     return feature_line(one.model, one.building_id, frame, one.attributes, anchor=one.anchor)
 
 

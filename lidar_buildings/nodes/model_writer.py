@@ -41,8 +41,9 @@ from lidar_buildings.ros.tile_join import Parts, TileJoin, agree_on_buildings, a
 
 #: Exit status when a tile was given up and the rest was done.
 TILE_FAILED = 3
-#: Nothing heard of the nodes for so long: their last words have come [s]; and how often that is looked at.
-_QUIET, _MOST_LOOKS = 0.1, 20
+#: After so long without diagnostics the last have come [s]; at most so many periods are waited for them.
+#: Wide margin: they are sent right after the results.
+_SILENCE, _MAX_PERIODS = 0.1, 20
 
 
 class ModelWriter(StageNode):
@@ -99,20 +100,19 @@ class ModelWriter(StageNode):
         self._record.failed.add(to_stamp(message.stamp))
 
     def on_survey_done(self, _: Header) -> None:
-        """Make the files as soon as what the nodes said of the last tiles has been heard, and end."""
-        if self._last_look is None:
-            self._looks = [self._record.n_heard]
-            self._last_look = self.create_timer(_QUIET, self._finish_when_quiet)
+        """Make the files as soon as the diagnostics of the last tiles have come, and end."""
+        if self._end_timer is None:
+            self._counts = [self._record.n_heard]
+            self._end_timer = self.create_timer(_SILENCE, self._finish_after_silence)
 
-    def _finish_when_quiet(self) -> None:
-        """Make the files if nothing was heard since the last look."""
-        self._looks.append(self._record.n_heard)
-        if self._looks[-1] == self._looks[-2] or len(self._looks) > _MOST_LOOKS:
-            self._last_look.cancel()
+    def _finish_after_silence(self) -> None:
+        """Make the files if no diagnostics have come since the last call."""
+        self._counts.append(self._record.n_heard)
+        if self._counts[-1] == self._counts[-2] or len(self._counts) > _MAX_PERIODS:
+            self._end_timer.cancel()
             self._finish()
 
     def _finish(self) -> None:
-        """Make the files, and end."""
         failed = self._record.failed - self._on_disk
         try:
             summary = self._folder.finalise(self._record.as_dict(failed, self._problems))
@@ -142,10 +142,10 @@ class ModelWriter(StageNode):
         self._on_disk = self._folder.done_stamps()
         self._record = RunRecord()
         self._topics = [topic.name for topic in writer_topics(config.until)]
-        self._last_look: Timer | None = None
+        self._end_timer: Timer | None = None
         self._features = FeaturePool()
         self._join = TileJoin(
-            (t for t in self._topics if t != CITY_MODEL.name), self._fit, self._has_features
+            (t for t in self._topics if t != CITY_MODEL.name), self._fits, self._has_features
         )
 
     def _subscribe_results(self) -> None:
@@ -160,7 +160,6 @@ class ModelWriter(StageNode):
                 self.subscribe_tiles(topic, lambda tile, t=topic: self.on_tile(t, tile))
 
     def _add(self, stamp: int, topic: str, part: Any) -> None:
-        """Join a part with the others of its tile, and store the tile when all is there."""
         parts = self._join.add(stamp, topic, part)
         if parts is not None:
             self._store(stamp, parts)
@@ -169,7 +168,7 @@ class ModelWriter(StageNode):
         """Whether the models of all buildings of a tile have come."""
         return not self._features.expect(stamp, self._buildings_of(parts))
 
-    def _fit(self, parts: Parts) -> bool:
+    def _fits(self, parts: Parts) -> bool:
         """
         Whether parts are of one sending: a tile that was sent larger has more points under the same stamp.
         """
@@ -186,12 +185,10 @@ class ModelWriter(StageNode):
         return {one.building_id for one in parts[OUTLINES.name]}
 
     def _store(self, stamp: int, parts: Parts) -> None:
-        """Put a tile on disk, and say that it is done."""
         self._write(self._clouds_of(parts), parts)
         self._tile_done.publish(header_of(stamp))
 
     def _write(self, points: list[PointTile], parts: Parts) -> None:
-        """Put a tile on disk."""
         faces = parts.get(ROOF_FACES.name, {})
         rasters = rasterise_tile(points[0], self.parameters[ModelWriterConfig], self._folder.frame)
         products = TileProducts.from_tiles(
@@ -211,7 +208,6 @@ class ModelWriter(StageNode):
 
 
 def _settings(text: str) -> dict[str, Any]:
-    """Read the parameter `settings`."""
     try:
         settings = json.loads(text or "{}")
     except ValueError as error:
@@ -222,7 +218,6 @@ def _settings(text: str) -> dict[str, Any]:
 
 
 def _footprints(config: ModelWriterConfig, frame: MapFrame) -> FootprintFile | None:
-    """Read the footprints, if any are given."""
     if not config.footprints:
         return None
     source = FootprintSource(Path(config.footprints), config.footprints_layer, config.footprint_id)

@@ -106,7 +106,6 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 def _root() -> Path:
-    """Return the source folder."""
     return Path(__file__).resolve().parents[2]
 
 
@@ -119,12 +118,10 @@ def _files() -> dict[Path, str]:
 
 
 def _holds(path: Path, content: str) -> bool:
-    """Whether a file has this content."""
     return path.is_file() and path.read_text(encoding="utf-8") == content
 
 
 def _comment(text: str, indent: str) -> list[str]:
-    """Return a comment of the parameter file, wrapped."""
     return textwrap.wrap(text, _WIDTH, initial_indent=f"{indent}# ", subsequent_indent=f"{indent}# ")
 
 

@@ -1,4 +1,4 @@
-"""What the nodes say of a run on `diagnostics`, for ``run.json``."""
+"""What the nodes' `diagnostics` hold of a run, for ``run.json``."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 
-from lidar_buildings.io.files.library_versions import library_versions
+from lidar_buildings.io.results.run_info import run_info
 from lidar_buildings.nodes.table import NODE_STAGES
 
 
@@ -34,7 +34,7 @@ class RunRecord:
         self._started = time.perf_counter()
 
     def add(self, message: DiagnosticArray) -> None:
-        """Take what one node says of one tile; the last word on a tile counts."""
+        """Take one node's status of one tile; a node's last status of a tile counts."""
         self.n_heard += 1
         for status in message.status:
             stage = NODE_STAGES.get(status.name)
@@ -49,16 +49,11 @@ class RunRecord:
                 self._seconds[stage][values["tile"]] = float(values["seconds"])
 
     def reasons(self, failed: Iterable[int]) -> dict[int, str]:
-        """Return tile → the last that a node said against it."""
+        """Return tile → the last error that a node reported of it."""
         return {stamp: self._reasons.get(stamp, "it was not done in time") for stamp in sorted(failed)}
 
     def as_dict(self, failed: Iterable[int], problems: Iterable[str]) -> dict[str, Any]:
-        """Return what ``run.json`` is to tell."""
-        seconds = {stage: round(sum(per.values()), 3) for stage, per in self._seconds.items() if per}
-        return {
-            "versions": library_versions(),
-            "parameters": self._parameters,
-            "seconds": {"wall": round(time.perf_counter() - self._started, 3), **seconds},
-            "failed_tiles": [{"tile": one, "reason": why} for one, why in self.reasons(failed).items()],
-            "problems": list(problems),
-        }
+        """Return the content of ``run.json``."""
+        seconds = {stage: sum(per.values()) for stage, per in self._seconds.items() if per}
+        seconds = {"wall": time.perf_counter() - self._started, **seconds}
+        return run_info(seconds, self._parameters, self.reasons(failed), problems)

@@ -28,9 +28,9 @@ from lidar_buildings.ros.stage_node import StageNode
 from lidar_buildings.ros.stamps import header_of, to_stamp, to_time
 from lidar_buildings.ros.tile_info import info_message
 
-#: How often deadlines and subscribers are looked at [s].
+#: Period of the checks of deadlines and subscribers, short against the time that a tile takes [s].
 _TICK = 0.05
-#: How often to say what is waited for [s].
+#: Period of the reminders of what is waited for [s].
 _REMIND = 10.0
 
 
@@ -81,7 +81,7 @@ class TilePlayer(StageNode):
         """Send what is due."""
         if self._is_finished or self._reader_has_failed():
             return
-        if self._watch.has_news():
+        if self._watch.has_new_nodes():
             self._flow.expire()
         self._send_overdue()
         while self._may_send():
@@ -120,7 +120,7 @@ class TilePlayer(StageNode):
         super().destroy_node()
 
     def _make_publishers(self) -> None:
-        """Create the publishers and say where the map lies."""
+        """Create the publishers, and publish the map frame."""
         self._points = self.create_publisher(PointCloud2, "points", CLOUD)
         self._info = self.create_publisher(String, "tile_info", LATCHED_TILE)
         self._survey_done = self.create_publisher(Header, "survey_done", LATCHED)
@@ -134,13 +134,11 @@ class TilePlayer(StageNode):
         self._map_origin.publish(origin_message(self._source.frame))
 
     def _make_services(self) -> None:
-        """Create the services."""
         self.create_service(Trigger, "~/pause", self.on_pause)
         self.create_service(Trigger, "~/resume", self.on_resume)
         self.create_service(Trigger, "~/step", self.on_step)
 
     def _make_subscriptions(self) -> None:
-        """Create the subscriptions."""
         self.create_subscription(Header, "tile_clipped", self.on_clipped, EVENT)
         self.create_subscription(DiagnosticArray, "diagnostics", self.on_diagnostics, EVENT)
         self.create_subscription(Header, "tile_done", self.on_done, LATCHED_HISTORY)
@@ -171,10 +169,10 @@ class TilePlayer(StageNode):
 
     def _may_send(self) -> bool:
         """Whether there is a tile, a credit for it, someone to take it, and its time has come."""
-        tile = self._peek() if self._flow.has_room and self._watch.is_settled else None
+        tile = self._peek() if self._flow.has_room and self._watch.is_stable else None
         if tile is None or not self._playback.is_due(tile.stamp, self.parameters[TilePlayerConfig].rate):
             return False
-        return self._is_heard()
+        return self._has_listeners()
 
     def _peek(self) -> PointTile | None:
         """Return the next tile that is not done yet, None if none has been read."""
@@ -185,26 +183,24 @@ class TilePlayer(StageNode):
         return self._next
 
     def _take(self) -> PointTile:
-        """Return the tile that `_peek` has found."""
         tile, self._next = self._next, None
         if tile is None:
             raise RuntimeError("no tile was found")
         self._playback.sent()
         return tile
 
-    def _is_heard(self) -> bool:
-        """Whether all topics have their subscribers, and someone will say when a tile is done."""
+    def _has_listeners(self) -> bool:
+        """Whether all topics have their subscribers, and something publishes when a tile is done."""
         config = self.parameters[TilePlayerConfig]
         missing = [topic for topic in config.wait_for if not self.count_subscribers(topic)]
         what = f"a subscriber of {', '.join(missing)}"
         if not missing and config.max_tiles_in_flight and not self.count_publishers("tile_done"):
             missing, what = ["tile_done"], "a publisher of tile_done (model_writer, or model_builder)"
         if missing:
-            self._remind(what)
+            self._log_waiting(what)
         return not missing
 
-    def _remind(self, what: str) -> None:
-        """Say now and then what the player waits for."""
+    def _log_waiting(self, what: str) -> None:
         self.get_logger().info(f"waiting for {what}", throttle_duration_sec=_REMIND, skip_first=True)
 
     def _send(self, tile: PointTile) -> None:

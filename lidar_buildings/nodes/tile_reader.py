@@ -10,9 +10,9 @@ from dataclasses import replace
 from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.io.tiling.tiling import TileSource
 
-#: Tiles read ahead.
+#: Tiles read ahead: enough to read while one is sent, and no more memory.
 _AHEAD = 1
-#: How often a full queue is tried, so that stopping is noticed [s].
+#: Timeout of a wait for room in the queue, after which stopping is noticed [s].
 _TRY = 0.1
 _SECOND = 1_000_000_000
 

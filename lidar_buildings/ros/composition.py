@@ -10,7 +10,8 @@ from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 
 from lidar_buildings.ros.stage_node import StageNode
 
-_JOIN_SECONDS = 60.0
+#: Time that a node gets to finish its callback at the end; wide margin: a tile takes seconds [s].
+_JOIN_TIMEOUT = 60.0
 
 
 class Composition:
@@ -71,13 +72,12 @@ class Composition:
             rclpy.try_shutdown(context=node.context)
         for thread in self._threads:
             if thread.ident is not None:
-                thread.join(_JOIN_SECONDS)
+                thread.join(_JOIN_TIMEOUT)
         for node in self._nodes:
             node.destroy_node()
 
     @staticmethod
     def _spin(node: StageNode, executor: SingleThreadedExecutor) -> None:
-        """Spin one node until ROS is shut down."""
         try:
             executor.spin()
         except ExternalShutdownException:

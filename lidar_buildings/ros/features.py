@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import OrderedDict
 from collections.abc import Iterable
 
-#: More than a few tiles can have; the oldest are leftovers of tiles that were sent again.
+#: How many features are kept; wide margin: a tile has hundreds. The oldest are of tiles that were sent again.
 _MAX_FEATURES = 100_000
 
 

@@ -8,9 +8,10 @@ from dataclasses import dataclass
 
 from lidar_buildings.core.model.tile import PointTile
 
-#: What a tile gets that should be done by now [s].
+#: Time that a tile gets that should be done by now; wide margin over a message's way [s].
 _GRACE = 1.0
-#: After this time a tile is sent again as long as nothing has come through the graph; then doubled [s].
+#: After this time a tile is sent again as long as nothing has come through the graph; then doubled. Wide
+#: margin over the discovery of nodes [s].
 _FIRST_RETRY = 10.0
 
 

@@ -7,10 +7,10 @@ from collections.abc import Callable, Collection, Iterable
 
 from rclpy.node import Node
 
-#: How often to look [s].
+#: Period of the look-ups of endpoints, much shorter than what a restart takes [s].
 _INTERVAL = 0.25
-#: Time that new endpoints are given to find their counterparts [s].
-_SETTLING = 0.75
+#: Time that new endpoints are given to discover their counterparts; wide margin [s].
+_DISCOVERY = 0.75
 
 
 class GraphWatch:
@@ -45,14 +45,14 @@ class GraphWatch:
         self._now = now
         self._known: set[bytes] = set()
         self._next = 0.0
-        self._settled_at: float | None = None
+        self._stable_at: float | None = None
 
     @property
-    def is_settled(self) -> bool:
+    def is_stable(self) -> bool:
         """Whether no node has started just now."""
-        return self._settled_at is None
+        return self._stable_at is None
 
-    def has_news(self) -> bool:
+    def has_new_nodes(self) -> bool:
         """Whether nodes have started since the last time, and have found their counterparts by now."""
         now = self._now()
         if now >= self._next:
@@ -60,14 +60,13 @@ class GraphWatch:
             found = self._endpoints()
             if found - self._known:
                 self._known |= found
-                self._settled_at = now + _SETTLING
-        if self._settled_at is None or now < self._settled_at:
+                self._stable_at = now + _DISCOVERY
+        if self._stable_at is None or now < self._stable_at:
             return False
-        self._settled_at = None
+        self._stable_at = None
         return True
 
     def _endpoints(self) -> set[bytes]:
-        """Return what identifies the graph's subscriptions."""
         return {
             bytes(one.endpoint_gid)
             for topic in self._topics

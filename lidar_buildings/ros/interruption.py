@@ -15,7 +15,7 @@ _ENDING = (signal.SIGINT, signal.SIGTERM)
 
 class Interruption:
     """
-    Makes a KeyboardInterrupt of SIGINT and of SIGTERM, until it is told that the process ends anyway.
+    Makes a KeyboardInterrupt of SIGINT and of SIGTERM until `disregard_signals`.
 
     Start ROS without handlers of its own (``SignalHandlerOptions.NO``). Those of rclpy wake the executor
     *before* they shut the context down: an executor that is quick finds nothing to end for, and waits on for
@@ -30,13 +30,13 @@ class Interruption:
         for number in _ENDING:
             signal.signal(number, self._on_signal)
 
-    def take_no_more(self) -> None:
-        """Let signals disturb nothing from here on: a launch system sends several."""
+    def disregard_signals(self) -> None:
+        """Raise nothing from here on: the process ends, and a launch system sends several signals."""
         self._is_over = True
 
     @staticmethod
-    def outlive_python() -> None:
-        """Keep a late signal from ending the process in Python's place."""
+    def ignore_signals() -> None:
+        """Keep a late signal from ending the process before Python has."""
         for number in _ENDING:
             signal.signal(number, signal.SIG_IGN)
 
@@ -51,14 +51,13 @@ class Interruption:
         try:
             yield
         finally:
-            self.take_no_more()
+            self.disregard_signals()
             signal.set_wakeup_fd(-1)
             sender.close()
             thread.join()
             receiver.close()
 
     def _on_signal(self, number: int, frame: FrameType | None) -> None:
-        """Interrupt what runs."""
         if not self._is_over:
             raise KeyboardInterrupt
 

@@ -34,7 +34,7 @@ class FrameListener:
     node : Node
         Who listens.
     on_frame : callable
-        Called with the frame whenever a message has told or changed it.
+        Called with the frame when a message has made it known or changed it.
     """
 
     def __init__(self, node: Node, on_frame: Callable[[MapFrame], None]) -> None:
@@ -56,13 +56,13 @@ class FrameListener:
 
     def _on_units(self, message: Vector3Stamped) -> None:
         self._units = message
-        self._tell()
+        self._notify()
 
     def _on_origin(self, message: PointStamped) -> None:
         self._origin = message
-        self._tell()
+        self._notify()
 
-    def _tell(self) -> None:
+    def _notify(self) -> None:
         frame = self.frame
         if frame is not None:
             self._on_frame(frame)

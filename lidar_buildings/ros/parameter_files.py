@@ -38,7 +38,6 @@ def check_parameter_files(arguments: Sequence[str]) -> None:
 
 
 def _named(arguments: Sequence[str]) -> Iterator[Path]:
-    """Yield the files that the arguments name."""
     for option, value in pairwise(arguments):
         if option == _OPTION:
             yield Path(value)

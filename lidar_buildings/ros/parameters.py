@@ -120,7 +120,6 @@ class NodeParameters:
         return {stage: self._members(stage) for stage in self._configs}
 
     def _members(self, stage: str) -> dict[str, Any]:
-        """Return one stage's values by the names in its config."""
         return {one.name: self._values[name] for name, (of, one) in self._fields.items() if of == stage}
 
     def _by_name(self, given: Mapping[str, Any]) -> dict[str, Any]:
@@ -141,7 +140,6 @@ class NodeParameters:
         return checked_value(path, one, config_value(value))
 
     def _on_set(self, parameters: list[Parameter]) -> SetParametersResult:
-        """Accept or refuse a change at run time."""
         try:
             self._changed(parameters)
         except ParameterError as error:
@@ -175,5 +173,4 @@ def _limits(spec: ParameterSpec, lowest: float, highest: float) -> tuple[float, 
 
 
 def _is_free(spec: ParameterSpec) -> bool:
-    """Whether any value of the type will do."""
     return not spec.choices and spec.minimum is None and spec.maximum is None

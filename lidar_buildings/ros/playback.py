@@ -38,7 +38,7 @@ class Playback:
         return self._is_paused
 
     def is_due(self, stamp: int, rate: float) -> bool:
-        """Whether a tile's time has come at `rate` times the recorded speed; 0 knows no waiting."""
+        """Whether a tile's time has come at `rate` times the recorded speed; 0 means at once."""
         if self._is_paused:
             return self._steps > 0
         if not rate:

@@ -127,7 +127,6 @@ def _fill(message: PointCloud2, rows: NDArray[Any]) -> None:
 
 
 def _fields_of(layout: np.dtype[Any]) -> list[PointField]:
-    """Describe a packed layout."""
     return [
         PointField(name=name, offset=offset, datatype=_CODES[dtype], count=1)
         for name, (dtype, offset) in ((n, layout.fields[n][:2]) for n in layout.names)

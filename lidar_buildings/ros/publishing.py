@@ -8,8 +8,8 @@ from typing import Any
 
 from rclpy.publisher import Publisher
 
-#: How long to wait for subscribers that do not keep up, and how often to try [s].
-_PATIENCE = 30.0
+#: Time to wait for subscribers that do not keep up, several times that of a tile, and between attempts [s].
+_TIMEOUT = 30.0
 _PAUSE = 0.2
 
 
@@ -20,7 +20,7 @@ def publish_all(publisher: Publisher, messages: Iterable[Any]) -> None:
     Our profile of Fast DDS has no limit (`lidar_buildings.ros.middleware`); under a user's own profile a
     KEEP_ALL topic may be full until a subscriber in another process has caught up.
     """
-    give_up = time.monotonic() + _PATIENCE
+    give_up = time.monotonic() + _TIMEOUT
     for message in messages:
         while True:
             try:

@@ -4,35 +4,31 @@ from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPo
 
 from lidar_buildings.ros.depths import CLOUD_DEPTH, EVENT_DEPTH, HISTORY_DEPTH
 
+
+def _profile(depth: int, *, latched: bool = False) -> QoSProfile:
+    """Return a reliable profile that keeps the last messages, with `latched` for late joiners as well."""
+    return QoSProfile(
+        reliability=ReliabilityPolicy.RELIABLE,
+        durability=DurabilityPolicy.TRANSIENT_LOCAL if latched else DurabilityPolicy.VOLATILE,
+        history=HistoryPolicy.KEEP_LAST,
+        depth=depth,
+    )
+
+
 #: One message per tile. The credits of the player bound what is under way, so nothing is overwritten.
-CLOUD = QoSProfile(reliability=ReliabilityPolicy.RELIABLE, history=HistoryPolicy.KEEP_LAST, depth=CLOUD_DEPTH)
+CLOUD = _profile(CLOUD_DEPTH)
 
 #: Many messages per tile, one per ring or building.
 BUILDING = QoSProfile(reliability=ReliabilityPolicy.RELIABLE, history=HistoryPolicy.KEEP_ALL)
 
-#: The last message is given to whoever comes later.
-LATCHED = QoSProfile(
-    reliability=ReliabilityPolicy.RELIABLE,
-    durability=DurabilityPolicy.TRANSIENT_LOCAL,
-    history=HistoryPolicy.KEEP_LAST,
-    depth=1,
-)
+#: The last message is given to late joiners.
+LATCHED = _profile(1, latched=True)
 
 #: One message per tile, given to late joiners as long as the tile can be under way.
-LATCHED_TILE = QoSProfile(
-    reliability=ReliabilityPolicy.RELIABLE,
-    durability=DurabilityPolicy.TRANSIENT_LOCAL,
-    history=HistoryPolicy.KEEP_LAST,
-    depth=CLOUD_DEPTH,
-)
+LATCHED_TILE = _profile(CLOUD_DEPTH, latched=True)
 
-#: All messages are given to whoever comes later.
-LATCHED_HISTORY = QoSProfile(
-    reliability=ReliabilityPolicy.RELIABLE,
-    durability=DurabilityPolicy.TRANSIENT_LOCAL,
-    history=HistoryPolicy.KEEP_LAST,
-    depth=HISTORY_DEPTH,
-)
+#: All messages are given to late joiners.
+LATCHED_HISTORY = _profile(HISTORY_DEPTH, latched=True)
 
 #: Headers and diagnostics: small, a few per tile and node.
-EVENT = QoSProfile(reliability=ReliabilityPolicy.RELIABLE, history=HistoryPolicy.KEEP_LAST, depth=EVENT_DEPTH)
+EVENT = _profile(EVENT_DEPTH)

@@ -14,7 +14,7 @@ from lidar_buildings.core.model.outline import BuildingOutline, Outline, signed_
 from lidar_buildings.ros.polygons import CLOSING_ID, ring_of
 from lidar_buildings.ros.stamps import to_stamp
 
-#: How many tiles may be open at once; more are leftovers of tiles that were sent again.
+#: How many tiles may be open at once; wide margin: at most 8 are in flight, more were sent again.
 _MAX_OPEN_TILES = 64
 
 Ring = NDArray[np.float64]
@@ -59,7 +59,6 @@ class RingCollector:
         return None
 
     def _add_ring(self, stamp: int, number: int, ring: Ring) -> None:
-        """Append a ring to its building, or start the building anew."""
         buildings = self._open.setdefault(stamp, {})
         rings = buildings.setdefault(number, [])
         if rings and np.array_equal(rings[0], ring):

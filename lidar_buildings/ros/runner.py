@@ -39,13 +39,13 @@ def run_node(node_class: Callable[[], StageNode]) -> int:
     except KeyboardInterrupt:
         return DONE
     finally:
-        interruption.take_no_more()
+        interruption.disregard_signals()
         rclpy.try_shutdown()
-        interruption.outlive_python()
+        interruption.ignore_signals()
 
 
 def _run(node_class: Callable[[], StageNode], interruption: Interruption) -> int:
-    """Start ROS and spin the node; say in one line what of the user's kept it from running."""
+    """Start ROS and spin the node; print a user's mistake in one line."""
     try:
         prepare_middleware()
         check_parameter_files(sys.argv)
@@ -54,13 +54,13 @@ def _run(node_class: Callable[[], StageNode], interruption: Interruption) -> int
     except ExternalShutdownException:
         return DONE
     except LidarBuildingsError as error:
-        return _complain(error)
+        return _print_error(error)
     except RuntimeError as error:  # rclpy's own, for instance a parameter file that is no YAML
         if rclpy.ok() and "rgument" not in str(error):
             raise
-        return _complain(error)
+        return _print_error(error)
     finally:
-        interruption.take_no_more()
+        interruption.disregard_signals()
 
 
 def _spin(node: StageNode, interruption: Interruption) -> int:
@@ -74,12 +74,11 @@ def _spin(node: StageNode, interruption: Interruption) -> int:
             node.outcome.result()
         return node.exit_status
     finally:
-        interruption.take_no_more()
+        interruption.disregard_signals()
         executor.shutdown()
         node.destroy_node()
 
 
-def _complain(error: Exception) -> int:
-    """Write one line."""
+def _print_error(error: Exception) -> int:
     sys.stderr.write(" ".join(str(error).split()) + "\n")
     return WRONG_USE

@@ -31,7 +31,7 @@ from lidar_buildings.ros.tile_info import TileInfos
 @dataclass
 class TileReport:
     """
-    What a node says of a tile in `diagnostics`.
+    A node's report of a tile in `diagnostics`.
 
     Attributes
     ----------
@@ -142,7 +142,7 @@ class StageNode(Node):
         stamp : int
             The tile's key [ns].
         quiet : bool
-            Whether success is not worth a word.
+            Whether success is not reported.
         """
         report = TileReport(stamp)
         started = time.perf_counter()
@@ -171,7 +171,6 @@ class StageNode(Node):
         self._publish_status(report, DiagnosticStatus.ERROR, reason, 0.0)
 
     def _publish_status(self, report: TileReport, level: bytes, text: str, seconds: float) -> None:
-        """Publish one tile's status on `diagnostics`."""
         values = {
             "tile": str(report.stamp),
             "seconds": f"{seconds:.6f}",

@@ -13,7 +13,7 @@ from lidar_buildings.core.model.tile import PointTile
 
 #: How many tiles may be incomplete: those in flight (at most 8), and copies sent again.
 MAX_INCOMPLETE_TILES = 16
-#: Topic → what it said of a tile.
+#: Topic → what it carried of a tile.
 Parts = dict[str, Any]
 
 
@@ -22,7 +22,7 @@ class TileJoin:
     Joins the parts of a tile that several topics carry, and holds it back until it can be worked on.
 
     A part that comes again replaces the earlier one, so a tile that was sent again completes what a restart
-    had torn.
+    has left incomplete.
 
     Parameters
     ----------

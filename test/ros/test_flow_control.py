@@ -167,26 +167,26 @@ class View:
 
 def test_a_node_that_started_is_news_once_it_has_had_time_to_find_the_others(clock):
     watch = GraphWatch(View(Endpoint(1)), ["points"], ["ground_filter"], clock)
-    assert not watch.has_news()
-    assert not watch.is_settled
+    assert not watch.has_new_nodes()
+    assert not watch.is_stable
     clock.time += 1.0
-    assert watch.has_news()
-    assert watch.is_settled
+    assert watch.has_new_nodes()
+    assert watch.is_stable
     clock.time += 1.0
-    assert not watch.has_news()
+    assert not watch.has_new_nodes()
 
 
 def test_a_restarted_node_is_known_by_its_new_endpoint(clock):
     view = View(Endpoint(1))
     watch = GraphWatch(view, ["points"], ["ground_filter"], clock)
-    watch.has_news()
+    watch.has_new_nodes()
     clock.time += 1.0
-    assert watch.has_news()
+    assert watch.has_new_nodes()
     view.endpoints = [Endpoint(2)]
     clock.time += 1.0
-    assert not watch.has_news()
+    assert not watch.has_new_nodes()
     clock.time += 1.0
-    assert watch.has_news()
+    assert watch.has_new_nodes()
 
 
 def test_tools_that_listen_in_and_other_graphs_are_no_news(clock):
@@ -194,8 +194,8 @@ def test_tools_that_listen_in_and_other_graphs_are_no_news(clock):
     watch = GraphWatch(view, ["points"], ["ground_filter"], clock)
     for _ in range(5):
         clock.time += 1.0
-        assert not watch.has_news()
-        assert watch.is_settled
+        assert not watch.has_new_nodes()
+        assert watch.is_stable
 
 
 def test_a_recording_plays_at_a_multiple_of_its_own_speed(clock):
