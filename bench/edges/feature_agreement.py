@@ -78,7 +78,7 @@ def _of_jakteristics(task: Task, own: EigenFeatures) -> Iterator[Difference]:
     for k in range(3):
         off = peer[f"eigenvalue{k + 1}"] * share - own.eigenvalues[:, k] / own.eigenvalues[:, 0].clip(1e-300)
         yield Difference("jakteristics", f"λ{k + 1}/λ1", *_largest(off, used), sample)
-    for name in ("linearity", "planarity", "sphericity", "anisotropy", "surface_variation"):
+    for name in ("linearity", "planarity", "sphericity"):
         mine = getattr(own, "scattering" if name == "sphericity" else name)
         yield Difference("jakteristics", name, *_largest(peer[name] - mine, used), "")
     sure, remark = used & _distinct(own), "where λ differ by 1 %"

@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 
 from lidar_buildings.core.neighbours.parallel import for_row_blocks
 
-#: Largest number of cells that a row-by-column number may count.
+#: Largest number of cells that a row-by-column number may count: an eighth of what int64 holds.
 MAX_CELLS = 2.0**60
-#: Up to so many cells a point are counted one by one; where points are farther apart, numbers are sorted.
+#: Up to so many cells a point are counted one by one, else numbers are sorted; the result is the same.
 MAX_COUNTED_CELLS = 8
-#: Cells with more points than this are sorted by numpy.
+#: Cells with more points than this are sorted by numpy; the result is the same.
 LARGE_CELL = 50_000
 #: Cells a block of work: some ten thousand points.
 CELLS_A_BLOCK = 2048
@@ -124,7 +124,6 @@ def in_rows_order(grid: CellGrid, values: NDArray[Any]) -> NDArray[Any]:
 
 @njit(cache=True, nogil=True)
 def _scatter(rows, values, unsorted, begin, end):  # type: ignore[no-untyped-def]
-    """Put the values of sorted points `begin` to `end` into their rows."""
     for i in range(begin, end):
         unsorted[rows[i]] = values[i]
 
@@ -193,13 +192,12 @@ def _numbered(points: NDArray[np.float64], cell: float) -> tuple[NDArray[np.int6
 
 
 def _n_across(low: float, high: float, cell: float) -> float:
-    """Return how many cells there may be from `low` to `high`, without overflow."""
+    # Differences of quotients do not overflow.
     return high / cell - low / cell + 2.0
 
 
 @njit(cache=True, nogil=True)
 def _number(points, cell, start, n_columns, numbers, begin, end):  # type: ignore[no-untyped-def]
-    """Number the cells of the rows `begin` to `end`."""
     for i in range(begin, end):
         column = np.int64(math.floor(points[i, 0] / cell) - start[0])
         row = np.int64(math.floor(points[i, 1] / cell) - start[1])
@@ -284,14 +282,12 @@ def _comes_first(points, z, row, other_z, other_row):  # type: ignore[no-untyped
 
 
 def _sort_large_cell(points: NDArray[np.float64], rows: NDArray[np.intp], cell: slice) -> None:
-    """Sort one cell's points in place."""
     order = np.lexsort((points[cell, 1], points[cell, 0], points[cell, 2]))
     points[cell], rows[cell] = points[cell][order], rows[cell][order]
 
 
 @njit(cache=True, nogil=True)
 def _lowest_of_runs(rows, first, points):  # type: ignore[no-untyped-def]
-    """Return the lowest point of each cell."""
     lowest = np.empty(len(first) - 1, dtype=np.intp)
     for k in range(len(lowest)):
         best = rows[first[k]]

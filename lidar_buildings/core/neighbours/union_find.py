@@ -1,7 +1,8 @@
 """
-Sets that grow together by links (union-find); compiled, and the same whatever the order of the links.
+Union-find: sets that grow together by links, the same whatever the order of the links.
 
-A forest is an int array, at first each member's own number; the lowest number of a set is its root.
+Not scipy's connected components: kernels link as they find, and each set is named by its lowest member. A
+forest is an int array, at first each member's own number; the lowest number of a set is its root.
 """
 
 from __future__ import annotations
@@ -45,14 +46,12 @@ def link(parent, i, j):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def flatten(parent):  # type: ignore[no-untyped-def]
-    """Let every member name its root."""
     for i in range(len(parent)):
         parent[i] = root(parent, i)
 
 
 @njit(cache=True, nogil=True)
 def _link_pairs(parent, one, other):  # type: ignore[no-untyped-def]
-    """Link members pair by pair, and let each name its root."""
     for i in range(len(one)):
         link(parent, one[i], other[i])
     flatten(parent)

@@ -124,12 +124,11 @@ def test_the_chosen_radius_is_the_one_of_least_entropy(kind):
     assert len(np.unique(chosen.radius)) == len(radii)
 
 
-def test_the_two_entropies_choose_differently_and_one_of_them_is_a_feature():
+def test_the_two_entropies_choose_differently():
     points, radii = wavy_cloud(), [0.7, 1.4, 2.8]
     by_eigenvalues = eigen_features(points, radii, entropy="eigenentropy")
     by_shape = eigen_features(points, radii)
     assert (by_eigenvalues.radius != by_shape.radius).mean() > 0.1
-    assert by_eigenvalues.entropy == pytest.approx(by_eigenvalues.eigenentropy, abs=1e-7)
 
 
 def test_radii_that_hold_too_few_points_are_passed_over_but_for_the_largest():
@@ -144,10 +143,6 @@ def test_radii_that_hold_too_few_points_are_passed_over_but_for_the_largest():
 def test_shares_of_line_plane_and_volume_add_up_to_one():
     found = eigen_features(wavy_cloud(), [1.5])
     assert found.linearity + found.planarity + found.scattering == pytest.approx(1)
-    assert found.anisotropy + found.scattering == pytest.approx(1)
-    assert np.all(found.surface_variation <= 1 / 3)
-    assert found.omnivariance**3 == pytest.approx(found.eigenvalues.prod(axis=1), abs=1e-12)
-    assert np.all((found.eigenentropy >= 0) & (found.eigenentropy <= np.log(3)))
 
 
 def test_a_wall_is_vertical_and_a_flat_roof_is_not():
@@ -245,8 +240,6 @@ def test_points_that_coincide_have_no_shape_however_many():
         found.linearity,
         found.planarity,
         found.scattering,
-        found.omnivariance,
-        found.eigenentropy,
     ):
         assert not values.any()
 

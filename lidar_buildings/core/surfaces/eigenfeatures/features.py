@@ -69,30 +69,8 @@ class EigenFeatures:
     @property
     def scattering(self) -> NDArray[np.float64]:
         """λ3/λ1."""
-        return _ratio(self.eigenvalues[:, 2], self.eigenvalues[:, 0])
-
-    @property
-    def anisotropy(self) -> NDArray[np.float64]:
-        """(λ1 − λ3)/λ1."""
-        return _differences(self.eigenvalues, 0, 2)
-
-    @property
-    def surface_variation(self) -> NDArray[np.float64]:
-        """λ3/(λ1 + λ2 + λ3), Pauly and others (2002)."""
-        return _ratio(self.eigenvalues[:, 2], self.eigenvalues.sum(axis=1))
-
-    @property
-    def omnivariance(self) -> NDArray[np.float64]:
-        """The geometric mean ∛(λ1 λ2 λ3) [m²]."""
-        return np.cbrt(self.eigenvalues.prod(axis=1))
-
-    @property
-    def eigenentropy(self) -> NDArray[np.float64]:
-        """− Σ e ln e of the eigenvalues divided by their sum, Weinmann and others (2015)."""
-        total = self.eigenvalues.sum(axis=1)
-        shares = np.column_stack([_ratio(column, total) for column in self.eigenvalues.T])
-        logarithms = np.log(shares, out=np.zeros_like(shares), where=shares > 0)
-        return -(shares * logarithms).sum(axis=1)
+        first, _, third = self.eigenvalues.T
+        return np.divide(third, first, out=np.zeros_like(third), where=first > 0)
 
     @property
     def roughness(self) -> NDArray[np.float64]:
@@ -171,7 +149,6 @@ def eigen_features(
 
 
 def _checked_radii(radii: Sequence[float]) -> NDArray[np.float64]:
-    """Return the radii as an array."""
     steps = np.asarray(radii, dtype=np.float64)
     rising = steps.ndim == 1 and len(steps) > 0 and steps[0] > 0 and bool(np.all(np.diff(steps) > 0))
     if not (rising and steps[0] >= SMALLEST_RADIUS and steps[-1] <= LARGEST_RADIUS):
@@ -185,7 +162,7 @@ def _checked_radii(radii: Sequence[float]) -> NDArray[np.float64]:
 
 
 def _differences(eigenvalues: NDArray[np.float64], larger: int, smaller: int) -> NDArray[np.float64]:
-    """Return (λ_larger − λ_smaller)/λ1, counted from 0, and 0 where all neighbours coincide; on all cores."""
+    """Return (λ_larger − λ_smaller)/λ1, counted from 0, and 0 where all neighbours coincide."""
     shares = np.empty(len(eigenvalues))
     for_row_blocks(lambda a, b: _fill_differences(eigenvalues, larger, smaller, shares, a, b), len(shares))
     return shares
@@ -193,13 +170,7 @@ def _differences(eigenvalues: NDArray[np.float64], larger: int, smaller: int) ->
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _fill_differences(eigenvalues, larger, smaller, shares, begin, end):  # type: ignore[no-untyped-def]
-    """Fill rows begin to end."""
     for i in range(begin, end):
         first = eigenvalues[i, 0]
         difference = eigenvalues[i, larger] - eigenvalues[i, smaller]
         shares[i] = difference / first if first > 0.0 else 0.0
-
-
-def _ratio(part: NDArray[np.float64], whole: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Divide, 0 where there is nothing to divide by."""
-    return np.divide(part, whole, out=np.zeros_like(part), where=whole > 0)
