@@ -23,7 +23,7 @@ import shapely
 from shapely import affinity
 
 from lidar_buildings.core.solids.raising import RoofPiece, roof_solid
-from lidar_buildings.core.solids.raising.minimum_height import cleared_pieces
+from lidar_buildings.core.solids.raising.minimum_height import with_minimum_height
 from lidar_buildings.core.solids.shell import Solid
 from lidar_buildings.core.solids.validity import check_solid
 
@@ -197,7 +197,7 @@ def main() -> None:
     built = time.process_time()
     codes = Counter(check_solid(solid) for solid in solids)
     checked = time.process_time()
-    volumes = np.array([volume_below(cleared_pieces(roof, 0.0), 0.0) for roof in roofs])
+    volumes = np.array([volume_below(with_minimum_height(roof, 0.0), 0.0) for roof in roofs])
     off = np.abs([solid.volume for solid in solids] / volumes - 1.0)
     n_pieces, n_faces = (np.mean(list(map(len, lists))) for lists in (roofs, (s.faces for s in solids)))
     print(f"{options.number} roofs, {n_pieces:.1f} pieces, {n_faces:.1f} faces on average")

@@ -30,12 +30,12 @@ LIGHT = np.array([-0.4, -0.6, 0.7]) / np.linalg.norm([-0.4, -0.6, 0.7])
 
 def main(picture: Path) -> None:
     """
-    Draw a roof in pieces, walls with all elevations of their posts, a crossing, pinched posts, and folds.
+    Draw a roof in pieces, walls with all elevations of their vertices, a crossing, touching walls, and folds.
     """
     figure = plt.figure(figsize=(13.0, 8.4), dpi=80, layout="constrained")
     draw(figure.add_subplot(231, projection="3d"), town_house(), "a roof in four pieces, a courtyard")
-    posts = figure.add_subplot(232, projection="3d")
-    draw(posts, steps(), "walls contain all elevations of their posts", alpha=0.35, vertices=True)
+    columns = figure.add_subplot(232, projection="3d")
+    draw(columns, steps(), "walls contain all elevations of their vertices", alpha=0.35, vertices=True)
     draw(figure.add_subplot(233, projection="3d"), crossing(), "where profiles cross, the edge is divided")
     draw(
         figure.add_subplot(234, projection="3d"),
@@ -69,7 +69,7 @@ def town_house():
 
 
 def steps():
-    """Three flat pieces that meet in one post."""
+    """Three flat pieces that meet in one vertex."""
     heights = {(0, 0, 8, 5): 3.0, (0, 5, 4, 9): 8.0, (4, 5, 8, 9): 5.5}
     return [RoofPiece((rectangle(*box),), (0.0, 0.0, z)) for box, z in heights.items()]
 

@@ -281,14 +281,14 @@ def test_the_parameter_file_that_we_ship_changes_nothing(roofs, result, tmp_path
 
 def test_parameters_come_from_the_file_and_before_it_from_the_command_line(command, house, tmp_path):
     text = "/**/roof_selector: {ros__parameters: {min_height: 2.5, max_part_area: 10.0}}\n"
-    (tmp_path / "few.yaml").write_text(text + "plane_fitter: {ros__parameters: {min_plane_points: 7}}\n")
+    (tmp_path / "few.yaml").write_text(text + "plane_fitter: {ros__parameters: {min_plane_area: 7.0}}\n")
     assignments = ["--set", "roof_selection.min_height=3", "--set", "tile_player.buffer=40"]
     given = ["--params", tmp_path / "few.yaml", *assignments, "--until", "roof_selection", "--no-ros"]
     assert command("run", house, "--output", tmp_path / "out", *given).status == 0
     told = json.loads((tmp_path / "out" / "run.json").read_text())["parameters"]
     assert told["roof_selection"]["min_height"] == 3.0
     assert told["roof_selection"]["max_part_area"] == 10.0
-    assert told["plane_fitting"]["min_plane_points"] == 7
+    assert told["plane_fitting"]["min_plane_area"] == 7.0
     assert told["tile_player"]["buffer"] == 40.0
 
 

@@ -55,7 +55,7 @@ def _triangles(vertices: NDArray[np.float64], face: Face) -> list[Triangle]:
     cut = mapbox_earcut.triangulate_float64(plan, ends).reshape(-1, 3).tolist()
     places = plan.tolist()
     turned = [_counter_clockwise(places, *corners) for corners in cut]
-    return _mended([(rows[a], rows[b], rows[c]) for a, b, c in turned], face, vertices)
+    return _split_at_vertices([(rows[a], rows[b], rows[c]) for a, b, c in turned], face, vertices)
 
 
 def _is_convex_quadrilateral(vertices: NDArray[np.float64], ring: Sequence[int]) -> bool:
@@ -97,7 +97,9 @@ def _counter_clockwise(places: Sequence[Sequence[float]], a: int, b: int, c: int
     return (a, b, c) if (bx - ax) * (cy - ay) >= (cx - ax) * (by - ay) else (a, c, b)
 
 
-def _mended(triangles: list[Triangle], face: Face, vertices: NDArray[np.float64]) -> list[Triangle]:
+def _split_at_vertices(
+    triangles: list[Triangle], face: Face, vertices: NDArray[np.float64]
+) -> list[Triangle]:
     """Divide triangles along whose edges lie vertices of the face that were left out."""
     owner = {edge: number for number, triangle in enumerate(triangles) for edge in _edges(triangle)}
     outer = {edge for ring in face for edge in _edges(ring)}

@@ -7,7 +7,7 @@ import shapely
 from bench.scenes.models import SHAPES, solid_of
 from lidar_buildings.core.model.outline import Outline
 from lidar_buildings.core.solids.raising import RoofPiece, checked_roof_solid, extrude, roof_solid
-from lidar_buildings.core.solids.raising.triangulate_non_planar import without_folds
+from lidar_buildings.core.solids.raising.triangulate_non_planar import triangulate_non_planar
 from lidar_buildings.core.solids.shell import GROUND_SURFACE, ROOF_SURFACE, WALL_SURFACE, Solid
 from lidar_buildings.core.solids.validity import check_solid
 
@@ -238,10 +238,10 @@ def test_a_roof_face_that_is_not_planar_is_cut_into_triangles():
     raised[6, 2] += 0.1
     bent = Solid(raised, house.faces, house.semantics)
     assert check_solid(bent) == (203,)
-    cut = without_folds(bent)
+    cut = triangulate_non_planar(bent)
     assert check_solid(cut) == ()
     assert count(cut, ROOF_SURFACE) == 2
-    assert without_folds(house).faces == house.faces
+    assert triangulate_non_planar(house).faces == house.faces
 
 
 def test_pieces_a_millimetre_wide_are_left_out():

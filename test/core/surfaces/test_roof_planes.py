@@ -5,7 +5,7 @@ import pytest
 
 from bench.scenes.models import model_scene
 from lidar_buildings.core.model.outline import Outline
-from lidar_buildings.core.surfaces.roof_planes import Meeting, adjust, common_point
+from lidar_buildings.core.surfaces.roof_planes import CommonVertex, adjust, common_point
 from lidar_buildings.core.surfaces.roof_planes.moments import plane_moments
 from lidar_buildings.core.surfaces.roof_planes.sparse_least_squares import constrained_minimum
 
@@ -70,9 +70,9 @@ def test_pieces_of_one_plane_become_one():
 def test_planes_meet_in_a_point_to_rounding():
     scene = model_scene("pyramid", rotation_deg=10, seed=3)
     adjustment = adjust(scene.points, scene.plane_id, scene.outline)
-    meeting = Meeting((1, 2, 3, 4), (40.1, 29.9), False)
+    vertex = CommonVertex((1, 2, 3, 4), (40.1, 29.9), False)
     _, before = common_point(adjustment.coefficients)
-    _, after = common_point(adjustment.with_meetings([meeting]).coefficients)
+    _, after = common_point(adjustment.with_common_vertices([vertex]).coefficients)
     assert before > 1e-4
     assert after < 1e-8
 
@@ -87,8 +87,8 @@ def test_planes_meet_over_a_corner_if_it_is_near_enough_and_not_if_it_is_not():
     ]
     for shift, met in ((0.03, True), (0.8, False)):
         xy = corner + np.array([shift, 0.0])
-        meeting = Meeting(tuple(touching), tuple(xy), True)
-        planes = adjust(scene.points, scene.plane_id, None).with_meetings([meeting]).planes
+        vertex = CommonVertex(tuple(touching), tuple(xy), True)
+        planes = adjust(scene.points, scene.plane_id, None).with_common_vertices([vertex]).planes
         one, other = (planes[k - 1].elevation(xy[None])[0] for k in touching)
         assert (abs(one - other) < 1e-9) == met
         assert max(plane.rms for plane in planes) < 0.05

@@ -1,4 +1,4 @@
-"""The faces of a roof, its walls and its ground, put together from a plan and its posts."""
+"""The faces of a roof, its walls and its ground, put together from a plan and its columns."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import shapely
 
 from lidar_buildings.core.solids.output_grid import GRID
 from lidar_buildings.core.solids.raising.plan_graph import OUTSIDE, Vertex, doubled_area
-from lidar_buildings.core.solids.raising.vertex_columns import Posts
+from lidar_buildings.core.solids.raising.vertex_columns import VertexColumns
 from lidar_buildings.core.solids.shell import GROUND_SURFACE, ROOF_SURFACE, WALL_SURFACE, Face, Solid
 
 #: A point of the grid in space.
@@ -35,33 +35,33 @@ class _Shell:
         return Solid(vertices, tuple(self.faces), tuple(self.semantics))
 
 
-def assemble(posts: Posts) -> Solid:
+def assemble(columns: VertexColumns) -> Solid:
     """Return the solid: ground faces, roof faces and a wall for each edge where elevations differ."""
     shell = _Shell()
-    rings = posts.graph.rings()
+    rings = columns.graph.rings()
     for face in _faces(rings.pop(OUTSIDE, []), sign=-1):
-        shell.add(GROUND_SURFACE, *([(x, y, posts.ground) for x, y in ring] for ring in face))
+        shell.add(GROUND_SURFACE, *([(x, y, columns.ground) for x, y in ring] for ring in face))
     for piece in sorted(rings):
         for face in _faces(rings[piece], sign=1):
-            roof = [[(*vertex, posts.level(vertex, piece)) for vertex in ring] for ring in face]
+            roof = [[(*vertex, columns.level(vertex, piece)) for vertex in ring] for ring in face]
             shell.add(ROOF_SURFACE, *roof)
-    for start, end in sorted(posts.graph.left):
-        wall = _wall(posts, start, end)
+    for start, end in sorted(columns.graph.left):
+        wall = _wall(columns, start, end)
         if wall:
             shell.add(WALL_SURFACE, wall)
     return shell.solid()
 
 
-def _wall(posts: Posts, start: Vertex, end: Vertex) -> list[_Corner]:
+def _wall(columns: VertexColumns, start: Vertex, end: Vertex) -> list[_Corner]:
     """Return the wall above an edge if what is to its left is higher than what is to its right."""
-    left, right = posts.graph.left[start, end], posts.graph.left[end, start]
+    left, right = columns.graph.left[start, end], columns.graph.left[end, start]
     (low_a, high_a), (low_b, high_b) = (
-        (posts.level(vertex, right), posts.level(vertex, left)) for vertex in (start, end)
+        (columns.level(vertex, right), columns.level(vertex, left)) for vertex in (start, end)
     )
     if low_a > high_a or low_b > high_b or (low_a == high_a and low_b == high_b):
         return []
-    up = [(*end, z) for z in posts.stack(end) if low_b <= z <= high_b]
-    down = [(*start, z) for z in reversed(posts.stack(start)) if low_a <= z <= high_a]
+    up = [(*end, z) for z in columns.stack(end) if low_b <= z <= high_b]
+    down = [(*start, z) for z in reversed(columns.stack(start)) if low_a <= z <= high_a]
     return [down[-1], *up, *down[:-1]]
 
 

@@ -6,12 +6,12 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from lidar_buildings.core.solids.raising.roof_piece import RoofPiece
-from lidar_buildings.core.solids.raising.vertex_columns import MERGED_WITHIN
+from lidar_buildings.core.solids.raising.vertex_columns import MERGE_TOLERANCE
 
 
-def levelled_pieces(pieces: Sequence[RoofPiece]) -> list[RoofPiece]:
+def align_flat_heights(pieces: Sequence[RoofPiece]) -> list[RoofPiece]:
     """
-    Return the pieces, the flat ones within `MERGED_WITHIN` of each other at the middle of their elevations.
+    Return the pieces, the flat ones within `MERGE_TOLERANCE` of each other at the middle of their elevations.
 
     Otherwise elevations would be merged at common vertices only, and flat roofs slope by millimetres.
     """
@@ -19,7 +19,7 @@ def levelled_pieces(pieces: Sequence[RoofPiece]) -> list[RoofPiece]:
     common: dict[float, float] = {}
     group: list[float] = []
     for elevation in [*sorted(flat), float("inf")]:
-        if group and elevation - group[0] > MERGED_WITHIN:
+        if group and elevation - group[0] > MERGE_TOLERANCE:
             common |= dict.fromkeys(group, 0.5 * (group[0] + group[-1]))
             group = []
         group.append(elevation)

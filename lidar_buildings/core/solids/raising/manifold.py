@@ -1,5 +1,5 @@
 """
-Posts at which four walls would meet: high and low pieces in turns around one vertex of the plan.
+Vertices at which four walls would meet: high and low pieces in turns around one vertex of the plan.
 
 A shell must not touch itself (ISO 19107; val3dity's code 303). Around a vertex the elevations, taken in a
 circle, may therefore rise once and fall once. Where they do so twice, the pieces of one valley are drawn
@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 
 from lidar_buildings.core.solids.raising.plan_graph import Vertex
-from lidar_buildings.core.solids.raising.vertex_columns import Posts
+from lidar_buildings.core.solids.raising.vertex_columns import VertexColumns
 
 #: How far a valley's tip is drawn back, in steps of the grid.
 DRAWN_BACK = 10
@@ -19,24 +19,22 @@ DRAWN_BACK = 10
 _MAX_FACTOR = 4.0
 
 
-def open_pinched_posts(posts: Posts) -> bool:
-    """Draw valleys back until no post of the plan is pinched; say whether there was one."""
+def make_manifold(columns: VertexColumns) -> bool:
+    """Draw valleys back until no vertex of the plan joins four walls; say whether one did."""
     changed = False
-    for vertex in sorted(posts.graph.around):
-        valley = _valley_to_cut(posts, vertex)
+    for vertex in sorted(columns.graph.around):
+        valley = _valley_to_cut(columns, vertex)
         if valley:
-            changed |= _draw_back(posts, vertex, valley)
+            changed |= _draw_back(columns, vertex, valley)
     return changed
 
 
-def _valley_to_cut(posts: Posts, vertex: Vertex) -> list[int]:
-    """
-    Return the sectors, counter-clockwise, of the shallowest valley of a pinched post, none if it is sound.
-    """
-    sectors = posts.graph.sectors(vertex)
+def _valley_to_cut(columns: VertexColumns, vertex: Vertex) -> list[int]:
+    """Return the sectors, counter-clockwise, of the shallowest valley to cut, none if the vertex is sound."""
+    sectors = columns.graph.sectors(vertex)
     if len(sectors) < 4:
         return []
-    heights = [posts.level(vertex, piece) for piece in sectors]
+    heights = [columns.level(vertex, piece) for piece in sectors]
     for level in sorted(set(heights), reverse=True)[1:]:
         valleys = _valleys(heights, level)
         if len(valleys) > 1:
@@ -57,15 +55,15 @@ def _valleys(heights: list[int], level: int) -> list[list[int]]:
     return runs
 
 
-def _draw_back(posts: Posts, vertex: Vertex, valley: list[int]) -> bool:
+def _draw_back(columns: VertexColumns, vertex: Vertex, valley: list[int]) -> bool:
     """Move the tip of a valley away from a vertex."""
-    ends = posts.graph.around[vertex]
+    ends = columns.graph.around[vertex]
     first, last = ends[valley[0]], ends[(valley[-1] + 1) % len(ends)]
     apex = _apex(vertex, first, last)
-    if apex in posts.graph.around:
+    if apex in columns.graph.around:
         return False
-    posts.graph.cut_corner(vertex, valley, apex)
-    posts.forget(vertex)
+    columns.graph.cut_corner(vertex, valley, apex)
+    columns.forget(vertex)
     return True
 
 

@@ -13,17 +13,17 @@ from lidar_buildings.core.solids.raising.roof_piece import RoofPiece
 
 #: Least height of a roof above the ground [m].
 MIN_HEIGHT = 0.1
-#: Pieces that are too low by less than this keep their planes: their posts are lifted [m].
+#: Pieces that are too low by less than this keep their planes: their columns are lifted [m].
 _TOLERATED = 0.004
 
 
-def cleared_pieces(pieces: Sequence[RoofPiece], ground_elevation: float) -> list[RoofPiece]:
+def with_minimum_height(pieces: Sequence[RoofPiece], ground_elevation: float) -> list[RoofPiece]:
     """Return the pieces, with what lies lower than `MIN_HEIGHT` above the ground replaced by flat pieces."""
     floor = ground_elevation + MIN_HEIGHT
-    return [part for piece in pieces for part in _cleared(piece, floor)]
+    return [part for piece in pieces for part in _part_above(piece, floor)]
 
 
-def _cleared(piece: RoofPiece, floor: float) -> list[RoofPiece]:
+def _part_above(piece: RoofPiece, floor: float) -> list[RoofPiece]:
     """Return a piece itself, or what of it lies above a floor and the flat rest."""
     if not piece.rings or not len(piece.rings[0]):
         return []

@@ -11,22 +11,22 @@ from lidar_buildings.core.solids.output_grid import GRID
 from lidar_buildings.core.solids.raising.assembly import assemble
 from lidar_buildings.core.solids.raising.coverage import matched_coverage, noded_coverage
 from lidar_buildings.core.solids.raising.crossings import split_crossings
-from lidar_buildings.core.solids.raising.flat_heights import levelled_pieces
-from lidar_buildings.core.solids.raising.manifold import open_pinched_posts
-from lidar_buildings.core.solids.raising.minimum_height import cleared_pieces
+from lidar_buildings.core.solids.raising.flat_heights import align_flat_heights
+from lidar_buildings.core.solids.raising.manifold import make_manifold
+from lidar_buildings.core.solids.raising.minimum_height import with_minimum_height
 from lidar_buildings.core.solids.raising.plan_graph import PlanGraph
 from lidar_buildings.core.solids.raising.roof_piece import RoofPiece, check_pieces
-from lidar_buildings.core.solids.raising.triangulate_non_planar import without_folds
-from lidar_buildings.core.solids.raising.vertex_columns import MERGED_WITHIN, Posts
+from lidar_buildings.core.solids.raising.triangulate_non_planar import triangulate_non_planar
+from lidar_buildings.core.solids.raising.vertex_columns import MERGE_TOLERANCE, VertexColumns
 from lidar_buildings.core.solids.shell import Solid
 from lidar_buildings.core.solids.validity import check_solid
 
 #: Repairs may make others necessary; no more rounds than this.
 _MAX_ROUNDS = 10
 #: Elevations at one vertex that lie within this become one where merging more folds a small face [m].
-_MERGED_LITTLE = 0.002
+_FINE_MERGE_TOLERANCE = 0.002
 #: Codes of faces that are not flat.
-_FOLDED = {203, 204}
+_NON_PLANAR = {203, 204}
 #: What is tried if a solid fails its checks: details narrower than the first vanish, on a grid of the second
 #: [steps of the output grid].
 _SIMPLER = ((5.0, 1.0), (10.0, 5.0), (20.0, 10.0), (50.0, 25.0), (150.0, 50.0))
@@ -74,7 +74,7 @@ def checked_roof_solid(pieces: Sequence[RoofPiece], ground_elevation: float) -> 
         raise ValueError(f"ground_elevation = {ground_elevation}: must be finite")
     check_pieces(pieces)
     ground = round(ground_elevation / GRID)
-    pieces = levelled_pieces(cleared_pieces(pieces, ground * GRID))
+    pieces = align_flat_heights(with_minimum_height(pieces, ground * GRID))
     first = None
     for graph in _plans(pieces):
         tried = []
@@ -82,9 +82,9 @@ def checked_roof_solid(pieces: Sequence[RoofPiece], ground_elevation: float) -> 
             tried.append((solid, check_solid(solid)))
             if not tried[-1][1]:
                 return tried[-1]
-        for unfolded in _unfolded(tried):
-            if not check_solid(unfolded):
-                return unfolded, ()
+        for triangulated in _triangulated(tried):
+            if not check_solid(triangulated):
+                return triangulated, ()
         first = first or tried[0]
     nothing = Solid(np.empty((0, 3)), (), ())
     return first or (nothing, check_solid(nothing))
@@ -93,15 +93,15 @@ def checked_roof_solid(pieces: Sequence[RoofPiece], ground_elevation: float) -> 
 def _candidates(graph: PlanGraph, pieces: Sequence[RoofPiece], ground: int) -> Iterator[Solid]:
     """Yield the solids to try above one plan, the one with the fewest vertices first."""
     left = graph.left.copy()
-    yield _raised(graph, pieces, ground, MERGED_WITHIN)
-    yield _raised(PlanGraph(left), pieces, ground, _MERGED_LITTLE)
+    yield _raised(graph, pieces, ground, MERGE_TOLERANCE)
+    yield _raised(PlanGraph(left), pieces, ground, _FINE_MERGE_TOLERANCE)
 
 
-def _unfolded(tried: Sequence[tuple[Solid, tuple[int, ...]]]) -> Iterator[Solid]:
+def _triangulated(tried: Sequence[tuple[Solid, tuple[int, ...]]]) -> Iterator[Solid]:
     """Yield solids whose only fault are folded faces with these cut into triangles: many faces for one."""
     for solid, codes in tried:
-        if _FOLDED.issuperset(codes):
-            yield without_folds(solid)
+        if _NON_PLANAR.issuperset(codes):
+            yield triangulate_non_planar(solid)
 
 
 def _plans(pieces: Sequence[RoofPiece]) -> Iterator[PlanGraph]:
@@ -115,11 +115,11 @@ def _plans(pieces: Sequence[RoofPiece]) -> Iterator[PlanGraph]:
             yield simpler
 
 
-def _raised(graph: PlanGraph, pieces: Sequence[RoofPiece], ground: int, merged_within: float) -> Solid:
-    """Return the solid above a plan, repaired where roofs cross or posts are pinched."""
-    posts = Posts(graph, pieces, ground, merged_within)
+def _raised(graph: PlanGraph, pieces: Sequence[RoofPiece], ground: int, merge_tolerance: float) -> Solid:
+    """Return the solid above a plan, repaired where roofs cross or four walls meet."""
+    columns = VertexColumns(graph, pieces, ground, merge_tolerance)
     for _ in range(_MAX_ROUNDS):
-        crossed = split_crossings(posts)
-        if not open_pinched_posts(posts) and not crossed:
+        crossed = split_crossings(columns)
+        if not make_manifold(columns) and not crossed:
             break
-    return assemble(posts)
+    return assemble(columns)

@@ -11,7 +11,7 @@ from lidar_buildings.core.solids.validity.normals import folds
 from lidar_buildings.core.solids.validity.triangulation import triangulate
 
 
-def without_folds(solid: Solid) -> Solid:
+def triangulate_non_planar(solid: Solid) -> Solid:
     """Return a solid with the roof faces that are folded, or not planar, cut into triangles."""
     if not solid.faces:
         return solid

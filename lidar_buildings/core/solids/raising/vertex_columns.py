@@ -10,10 +10,10 @@ from lidar_buildings.core.solids.raising.plan_graph import OUTSIDE, PlanGraph, V
 from lidar_buildings.core.solids.raising.roof_piece import RoofPiece
 
 #: Elevations at one vertex within this become one: no face leaves its plane by more than half of it [m].
-MERGED_WITHIN = 0.008
+MERGE_TOLERANCE = 0.008
 
 
-class Posts:
+class VertexColumns:
     """
     The vertical lines above the vertices of a plan, and the elevations at which pieces meet them.
 
@@ -24,12 +24,16 @@ class Posts:
     """
 
     def __init__(
-        self, graph: PlanGraph, pieces: Sequence[RoofPiece], ground: int, merged_within: float = MERGED_WITHIN
+        self,
+        graph: PlanGraph,
+        pieces: Sequence[RoofPiece],
+        ground: int,
+        merge_tolerance: float = MERGE_TOLERANCE,
     ) -> None:
         self.graph = graph
         self.pieces = pieces
         self.ground = ground
-        self.merged_within = merged_within
+        self.merge_tolerance = merge_tolerance
         self.joined: set[Vertex] = set()
         self._levels: dict[Vertex, dict[int, int]] = {}
 
@@ -61,7 +65,7 @@ class Posts:
         found = self.graph.pieces_at(vertex)
         levels = {OUTSIDE: self.ground} if OUTSIDE in found else {}
         raw = sorted((self.raw(vertex, piece), piece) for piece in found if piece != OUTSIDE)
-        within = float("inf") if vertex in self.joined else self.merged_within / GRID
+        within = float("inf") if vertex in self.joined else self.merge_tolerance / GRID
         first = 0
         for last in range(1, len(raw) + 1):
             if last == len(raw) or raw[last][0] - raw[first][0] > within:

@@ -22,7 +22,7 @@ def weld(vertices: NDArray[np.float64], tolerance: float) -> NDArray[np.int64]:
     leader = np.arange(len(vertices))
     pairs = cKDTree(vertices).query_pairs(tolerance, output_type="ndarray")
     for first, second in sorted(map(tuple, np.sort(pairs, axis=1).tolist())):
-        # Earlier pairs have settled whether the first one is kept.
+        # Earlier pairs have decided whether the first one is kept.
         if leader[first] == first and leader[second] == second:
             leader[second] = first
     return leader

@@ -31,37 +31,6 @@ class BuildingModelConfig(StageConfig):
         minimum=0.0,
         maximum=100.0,
     )
-    min_height: float = parameter(
-        0.1,
-        "Least height of the flat tops of LoD1.2 and LoD1.3 above the ground, to which lower ones are "
-        "raised; raising it lifts low buildings.",
-        unit="m",
-        minimum=0.001,
-        maximum=100.0,
-    )
-    border_cost: float = parameter(
-        0.15,
-        "Cost of a metre of border between two roof faces, as a misfit over an area; raising it gives fewer "
-        "and simpler faces.",
-        unit="spacings",
-        minimum=0.0,
-        maximum=10.0,
-    )
-    step_cost: float = parameter(
-        0.05,
-        "Cost of a square metre of step between two roof faces, as a misfit over a square metre; raising it "
-        "moves borders to where faces meet.",
-        unit="m",
-        minimum=0.0,
-        maximum=10.0,
-    )
-    max_step_cost_height: float = parameter(
-        2.0,
-        "Steps higher than this cost no more; raising it lets high steps be smoothed away.",
-        unit="m",
-        minimum=0.0,
-        maximum=100.0,
-    )
     min_face_area: float = parameter(
         0.5,
         "Smallest roof face; raising it drops dormers and chimneys.",

@@ -54,7 +54,7 @@ class Limits:
         return np.maximum(beyond, 0.0)
 
 
-def settle_planes(
+def fit_face_planes(
     faces: list[RoofFacePatch], points: NDArray[np.float64], spacing: float
 ) -> list[RoofFacePatch]:
     """

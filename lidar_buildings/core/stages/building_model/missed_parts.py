@@ -72,11 +72,11 @@ def find_missed_parts(
     """
     fewest = max(3, int(np.ceil(min_area / spacing**2)))
     planar = np.flatnonzero((np.abs(above) > _MISSED) & (plane_id > 0))
-    loose = np.flatnonzero((above > _STANDS_OUT) & (plane_id == 0))
+    unassigned = np.flatnonzero((above > _STANDS_OUT) & (plane_id == 0))
     parts = _parts(points[planar, :2], plane_id[planar], _TOGETHER * spacing, fewest)
     groups = [planar[rows] for rows in parts]
-    level = np.zeros(len(loose), dtype=np.uint16)
-    tops = [loose[rows] for rows in _parts(points[loose, :2], level, _TOGETHER * spacing, fewest)]
+    level = np.zeros(len(unassigned), dtype=np.uint16)
+    tops = [unassigned[rows] for rows in _parts(points[unassigned, :2], level, _TOGETHER * spacing, fewest)]
     tops = [rows for rows in tops if _is_level(points[rows, 2])]
     directions = _directions(outline)
     sides = [_rectangle(points[rows, :2], directions, _MARGIN * spacing) for rows in groups + tops]

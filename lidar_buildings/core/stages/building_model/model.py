@@ -15,9 +15,15 @@ from lidar_buildings.core.model.point_array import checked_column, checked_point
 from lidar_buildings.core.model.status import BuildingStatus
 from lidar_buildings.core.neighbours.point_spacing import measure_spacing
 from lidar_buildings.core.solids.output_grid import gridded_outline, on_grid
+from lidar_buildings.core.solids.raising.minimum_height import MIN_HEIGHT
 from lidar_buildings.core.solids.shell import ROOF_SURFACE, Solid
+from lidar_buildings.core.stages.building_model.attributes import (
+    known_attributes,
+    roof_attributes,
+    solid_attributes,
+)
 from lidar_buildings.core.stages.building_model.config import ELEVATIONS, BuildingModelConfig
-from lidar_buildings.core.stages.building_model.heights import parts_of_one_height, settle_planes
+from lidar_buildings.core.stages.building_model.heights import fit_face_planes, parts_of_one_height
 from lidar_buildings.core.stages.building_model.levels import (
     LOD12,
     LOD13,
@@ -110,18 +116,18 @@ def build_model(
     points, plane_id = points[order], plane_id[order]
     outline = gridded_outline(outline)
     spacing = point_spacing or (measure_spacing(points) if len(points) > 1 else _ASSUMED_SPACING)
-    attributes = _attributes(points, outline, plane_id if known_planes else None, spacing)
+    attributes = known_attributes(points, outline, plane_id if known_planes else None, spacing)
     if not len(points):
         return _without_solid(attributes, ground_elevation, BuildingStatus.DEGENERATE, "no roof points")
     ground, remark = _ground(points, ground_elevation, config)
-    flat = _Flat.of(points, ground, config)
-    lowest, outline = level_12(outline, ground, flat.elevation)
-    attributes |= {"ground_elevation": ground, "height": float(on_grid(flat.elevation - ground))}
+    top, why_raised = _flat_top(points, ground, config)
+    lowest, outline = level_12(outline, ground, top)
+    attributes |= {"ground_elevation": ground, "height": float(on_grid(top - ground))}
     if lowest.solid is None:
         reason = "the solid fails checks " + ", ".join(map(str, lowest.codes))
         attributes |= {"validity": str(list(lowest.codes))}
         return _without_solid(attributes, ground, BuildingStatus.NO_SOLID, reason)
-    remarks = [remark, flat.remark]
+    remarks = [remark, why_raised]
     try:
         topology = find_topology(points, plane_id, outline, point_spacing=spacing)
         roof = _Roof(points, outline, ground, spacing, topology, plane_id)
@@ -133,21 +139,13 @@ def build_model(
         return _lowest_alone(lowest.solid, attributes, remarks)
 
 
-@dataclass(frozen=True)
-class _Flat:
-    """The elevation of a flat top [m], and what to remark about it."""
-
-    elevation: float
-    remark: str = ""
-
-    @classmethod
-    def of(cls, points: NDArray[np.float64], ground: float, config: BuildingModelConfig) -> _Flat:
-        """Return the top of LoD1.2."""
-        roof = _top(points[:, 2], config)
-        least = float(on_grid(ground + config.min_height))
-        if roof >= least:
-            return cls(roof)
-        return cls(least, f"the roof at {roof:.2f} m is not above the ground at {ground:.2f} m: raised")
+def _flat_top(points: NDArray[np.float64], ground: float, config: BuildingModelConfig) -> tuple[float, str]:
+    """Return the elevation of LoD1.2's top [m], and what to remark about it."""
+    roof = _top(points[:, 2], config)
+    lowest = float(on_grid(ground + MIN_HEIGHT))
+    if roof >= lowest:
+        return roof, ""
+    return lowest, f"the roof at {roof:.2f} m is not above the ground at {ground:.2f} m: raised"
 
 
 def _top(z: NDArray[np.float64], config: BuildingModelConfig) -> float:
@@ -165,7 +163,7 @@ def _finer_levels(
         faces = _roof_faces_of(roof, config)
         part = parts_of_one_height(faces, config.min_part_step)
         tops = part_elevations(faces, part, roof.points, lambda z: _top(z, config))
-        tops = np.maximum(tops, on_grid(roof.ground + config.min_height))
+        tops = np.maximum(tops, on_grid(roof.ground + MIN_HEIGHT))
         # A roof in one part is the same at both levels.
         parts = level_13(faces, tops, roof.ground) if part.any() else lowest
         levels = {LOD13: parts, LOD22: level_22(faces, roof.ground)}
@@ -188,7 +186,7 @@ def _roof_faces_of(roof: _Roof, config: BuildingModelConfig) -> list[RoofFacePat
     segments += [one.segment for one in roof.topology.steps]
     lines = np.array(segments).reshape(-1, 2, 2)
     faces = partition_outline(roof.outline, roof.points, plane_id, planes, lines, roof.spacing, config)
-    return settle_planes(faces, roof.points, roof.spacing)
+    return fit_face_planes(faces, roof.points, roof.spacing)
 
 
 def _distinct_planes(roof: _Roof) -> tuple[NDArray[np.float64], NDArray[np.uint16]]:
@@ -228,16 +226,8 @@ def _finished(
     whole = np.array([0.0, 0.0, solids[LOD12].vertices[:, 2].max()])
     flat = [RoofFacePatch(roof.outline.rings, whole, np.arange(len(roof.points)))]
     quality = measure_model(faces.get(finest, flat), solids[finest], roof.points, roof.outline, roof.spacing)
-    attributes = attributes | {
-        "roof_type": roof.topology.roof_type,
-        "rmse": None if quality.rmse is None else _rounded(quality.rmse),
-        "coverage": _rounded(quality.coverage),
-        "no_data_share": _rounded(quality.no_data_share),
-        "plane_sigma": _plane_sigma(roof.topology),
-        "volume": _rounded(solids[finest].volume),
-        "lod": finest,
-        "validity": "[]",
-    }
+    attributes = attributes | roof_attributes(roof.topology, quality)
+    attributes |= solid_attributes(finest, solids[finest])
     reason = "; ".join(text for text in (*remarks, levels[LOD12].remark) if text)
     status = BuildingStatus.OK if _has_extent(roof.points) else BuildingStatus.DEGENERATE
     return BuildingModel(solids, attributes, _roof_faces(solids[finest]), status, reason)
@@ -245,7 +235,7 @@ def _finished(
 
 def _lowest_alone(solid: Solid, attributes: dict[str, Any], remarks: list[str]) -> BuildingModel:
     """Return the model of a building whose LoD1.2 is sound and of which no more could be told."""
-    attributes = attributes | {"volume": _rounded(solid.volume), "lod": LOD12, "validity": "[]"}
+    attributes = attributes | solid_attributes(LOD12, solid)
     reason = "; ".join(text for text in remarks if text)
     return BuildingModel({LOD12: solid}, attributes, _roof_faces(solid), BuildingStatus.OK, reason)
 
@@ -257,41 +247,6 @@ def _has_extent(points: NDArray[np.float64]) -> bool:
     offsets = points[:, :2] - points[:, :2].mean(axis=0)
     least, most = np.linalg.eigvalsh(offsets.T @ offsets)
     return bool(least > 1e-12 * most)
-
-
-def _plane_sigma(topology: RoofTopology) -> float | None:
-    """Return the root mean square distance of all planes' points to their planes [m]."""
-    n = sum(plane.n_points for plane in topology.planes)
-    if not n:
-        return None
-    return _rounded(math.sqrt(sum(plane.n_points * plane.rms**2 for plane in topology.planes) / n))
-
-
-def _attributes(
-    points: NDArray[np.float64], outline: Outline, plane_id: NDArray[np.uint16] | None, spacing: float
-) -> dict[str, Any]:
-    """Return all attributes, those that need a solid still unknown."""
-    elevations = {
-        f"roof_elevation_{name}": float(on_grid(np.percentile(points[:, 2], share))) if len(points) else None
-        for name, share in ELEVATIONS.items()
-    }
-    return {
-        "ground_elevation": None,
-        **elevations,
-        "height": None,
-        "area": _rounded(outline.area),
-        "n_points": len(points),
-        "point_spacing": _rounded(spacing) if len(points) > 1 else None,
-        "n_planes": None if plane_id is None else len(np.unique(plane_id[plane_id > 0])),
-        "roof_type": "unknown",
-        "rmse": None,
-        "coverage": None,
-        "no_data_share": None,
-        "plane_sigma": None,
-        "volume": None,
-        "lod": "",
-        "validity": "",
-    }
 
 
 def _without_solid(
@@ -319,10 +274,3 @@ def _roof_faces(solid: Solid) -> RoofFaces:
         for face, kind in zip(solid.faces, solid.semantics, strict=True)
         if kind == ROOF_SURFACE
     )
-
-
-def _rounded(value: float) -> float:
-    """
-    Round what is measured to a tenth of a millimetre: sums may differ in their last digits with the order.
-    """
-    return round(float(value), 4)

@@ -28,6 +28,11 @@ from lidar_buildings.core.stages.building_model.heights import Limits
 from lidar_buildings.core.stages.building_model.missed_parts import find_missed_parts
 from lidar_buildings.core.stages.building_model.roof_face import RoofFacePatch
 
+# Those with which `bench.models.run` divides the virtual roofs into their true faces.
+#: Cost of a metre of border between two roof faces, as a misfit over an area [spacings].
+_BORDER_COST = 0.15
+#: Cost of a square metre of step between two roof faces [m]; steps higher than this cost no more [m].
+_STEP_COST, _MAX_STEP = 0.05, 2.0
 #: Walls of a re-entrant corner run on into the roof where they turn by more than this [rad].
 _REENTRANT = 0.35
 #: Planes steeper than this are walls [m/m]: about 83 degrees; roofing with one costs so much [m].
@@ -122,9 +127,9 @@ def _label(roof: _Roof, segments: NDArray[np.float64]) -> _Labelled:
         cells.edges,
         cells.ends,
         planes,
-        config.border_cost * roof.spacing,
-        config.step_cost,
-        config.max_step_cost_height,
+        _BORDER_COST * roof.spacing,
+        _STEP_COST,
+        _MAX_STEP,
     )
     labels = absorb_small_faces(cells, labels, config.min_face_area)
     return _Labelled(cells, labels, cell[: len(roof.points)])

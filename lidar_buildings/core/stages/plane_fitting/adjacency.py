@@ -10,7 +10,7 @@ from lidar_buildings.core.stages.plane_fitting.plane_geometry import distance_of
 from lidar_buildings.core.stages.plane_fitting.surroundings import Cloud
 
 #: Pairs of planes that are remembered while pairs are listed.
-_LATELY = 1021
+_N_RECENT = 1021
 #: Planes that are looked at around a point: more meet at no corner.
 _MOST_AROUND = 4
 #: Cosine of the angle between planes beyond which they are not one: 10°.
@@ -99,16 +99,16 @@ def _pair_codes(
     """Return first × size + second of planes that meet around a point, the smaller number first."""
     codes = np.empty(6 * len(seam), np.int64)
     here = np.empty(_MOST_AROUND, np.int64)
-    # Mostly the same pairs come again and again: those met lately are passed over.
-    lately = np.full(_LATELY, -1, np.int64)
+    # Mostly the same pairs come again and again: recent ones are passed over.
+    recent = np.full(_N_RECENT, -1, np.int64)
     n = 0
     for i in seam:
         found = _planes_around(neighbours, labels, i, here)
         for a in range(found):
             for b in range(a):
                 code = min(here[a], here[b]) * size + max(here[a], here[b])
-                if lately[code % _LATELY] != code:
-                    lately[code % _LATELY] = codes[n] = code
+                if recent[code % _N_RECENT] != code:
+                    recent[code % _N_RECENT] = codes[n] = code
                     n += 1
     return codes[:n]
 

@@ -19,21 +19,15 @@ class PlaneFittingConfig(StageConfig):
         "How planes are found: connected, each a piece of surface, as many as pay; or ransac, one after "
         "the other out of all points, as published.",
         choices=("connected", "ransac"),
+        advanced=True,
     )
     max_plane_distance: float = parameter(
         0.18,
         "Largest distance of a point to its plane, about three times the vertical accuracy of the scan; "
-        "raising it makes planes swallow small steps.",
+        "raising it smooths small steps away.",
         unit="m",
         minimum=0.01,
         maximum=2.0,
-    )
-    max_noise_ratio: float = parameter(
-        3.0,
-        "Points of a noisier cloud may lie farther off their plane, by this many times the measured noise; "
-        "raising it lets noisy planes keep more points (connected).",
-        minimum=0.0,
-        maximum=10.0,
     )
     max_normal_angle_deg: float = parameter(
         35.0,
@@ -42,22 +36,7 @@ class PlaneFittingConfig(StageConfig):
         unit="deg",
         minimum=5.0,
         maximum=90.0,
-    )
-    connection_radius: float = parameter(
-        3.0,
-        "Points of a plane that are closer than this are connected; raising it joins separate parts "
-        "(connected).",
-        unit="spacings",
-        minimum=1.5,
-        maximum=10.0,
-    )
-    bridge: float = parameter(
-        2.0,
-        "Longest way between parts of a plane over points on it that belong to others, as where two valleys "
-        "end at a ridge, that makes them one plane; raising it joins parts farther apart (connected).",
-        unit="m",
-        minimum=0.0,
-        maximum=10.0,
+        advanced=True,
     )
     min_plane_area: float = parameter(
         1.5,
@@ -71,6 +50,7 @@ class PlaneFittingConfig(StageConfig):
         "Fewest points of a plane whatever its area; raising it drops small planes of sparse clouds.",
         minimum=4,
         maximum=100000,
+        advanced=True,
     )
     max_slope_deg: float = parameter(
         80.0,
@@ -79,50 +59,17 @@ class PlaneFittingConfig(StageConfig):
         minimum=10.0,
         maximum=90.0,
     )
-    plane_cost: float = parameter(
-        20.0,
-        "Cost of a plane against the squared distances of points, as half their ratio to the variance; "
-        "raising it joins and dissolves more planes (connected).",
-        minimum=0.0,
-        maximum=10000.0,
-    )
-    unevenness: float = parameter(
-        0.05,
-        "By how much roofs swell and sag without being two planes; raising it joins planes with small steps "
-        "and bends (connected).",
-        unit="m",
-        minimum=0.0,
-        maximum=1.0,
-    )
-    grain: float = parameter(
-        0.4,
-        "Points nearer to one another than this err alike and count as one; raising it joins more planes of "
-        "dense clouds (connected).",
-        unit="m",
-        minimum=0.01,
-        maximum=10.0,
-    )
-    smoothness: float = parameter(
-        1.0,
-        "Weight of a point's neighbours against its distances when two planes claim it; raising it "
-        "straightens the seams of planes (connected).",
-        minimum=0.0,
-        maximum=10.0,
-    )
-    probability: float = parameter(
-        0.95,
-        "Probability that the samples hold one free of gross errors; raising it draws more samples.",
-        minimum=0.5,
-        maximum=0.9999,
-    )
     outlier_share: float = parameter(
         0.4,
         "Expected share of points that lie on other surfaces: of those near a roof point (connected), or of "
         "all (ransac); raising it draws more samples.",
         minimum=0.0,
         maximum=0.95,
+        advanced=True,
     )
-    random_state: int = parameter(0, "Seed of the random samples; another value draws others.", minimum=0)
+    random_state: int = parameter(
+        0, "Seed of the random samples; another value draws others.", minimum=0, advanced=True
+    )
 
 
 #: The method of Mancera-Taboada et al. (2012): planes out of all points, one after the other.

@@ -17,6 +17,9 @@ from lidar_buildings.core.stages.plane_fitting.plane_geometry import (
 from lidar_buildings.core.stages.plane_fitting.surroundings import Cloud
 from lidar_buildings.core.surfaces.point_moments import N_MOMENTS, add_point
 
+#: Probability that the samples hold one free of gross errors (Mancera-Taboada et al. 2012, section II.D).
+PROBABILITY = 0.95
+
 
 class Limits(NamedTuple):
     """What a plane has to satisfy, and how sure the search has to be."""

@@ -15,7 +15,7 @@ _MAX_FITS, _MAX_ROUNDS = 2, 4
 
 
 @njit(cache=True, nogil=True)
-def settle(
+def refine_labels(
     cloud: Cloud,
     labels: NDArray[np.int32],
     seam: NDArray[np.int64],

@@ -1,8 +1,8 @@
 """
-How many planes there are: planes join or dissolve wherever that describes the points more briefly.
+Model selection: planes are merged or dissolved wherever that describes the points more briefly.
 
-A plane costs as much as it takes to write it down; points cost the squares of their distances. Two planes
-stay two if the points gain more by it than a plane costs.
+A plane has a cost, and points cost the squares of their distances. Two planes stay two if the points gain
+more by it than a plane costs (an energy of fit and number of models, Isack and Boykov 2012).
 """
 
 from __future__ import annotations
@@ -28,6 +28,14 @@ from lidar_buildings.core.stages.plane_fitting.plane_geometry import (
 from lidar_buildings.core.stages.plane_fitting.surroundings import Cloud
 from lidar_buildings.core.surfaces.point_moments import N_MOMENTS, add_point
 
+# Those with which `bench.planes.run` finds all planes of the roofs labelled by hand and none too many.
+#: Cost of a plane against half the squared distances of points in parts of their variance.
+_PLANE_COST = 20.0
+#: By how much roofs swell and sag without being two planes [m].
+_UNEVENNESS = 0.05
+#: Points nearer to one another than this err alike and count as one [m].
+_CORRELATION_LENGTH = 0.4
+
 
 class Prices(NamedTuple):
     """What describing points costs."""
@@ -36,15 +44,13 @@ class Prices(NamedTuple):
     plane: float
     #: Cost of a point, per squared metre of its distance from its plane.
     point: float
-    #: Cost that each point of a plane adds to the price of the plane: real roofs are not quite plane.
+    #: Cost that each point of a plane adds to the cost of the plane: real roofs are not quite plane.
     unevenness: float
     #: Largest distance of a point from its plane [m].
     distance: float
 
 
-def prices_of(
-    distance: float, noise: float, spacing: float, plane_cost: float, unevenness: float, grain: float
-) -> Prices:
+def prices_of(distance: float, noise: float, spacing: float) -> Prices:
     """
     Return the prices for a cloud.
 
@@ -56,20 +62,14 @@ def prices_of(
         Standard deviation of points about the surface [m].
     spacing : float
         Point spacing [m].
-    plane_cost : float
-        Cost of a plane.
-    unevenness : float
-        By how much real roof surfaces swell and sag [m].
-    grain : float
-        Points nearer than this to one another err alike: together they count as one [m].
     """
     deviation = max(noise, distance / 3.0)
-    weight = min(1.0, (spacing / grain) ** 2)
+    weight = min(1.0, (spacing / _CORRELATION_LENGTH) ** 2)
     point = weight / (2.0 * deviation**2)
-    return Prices(plane_cost, point, point * unevenness**2, distance)
+    return Prices(_PLANE_COST, point, point * _UNEVENNESS**2, distance)
 
 
-def economise(
+def select_planes(
     cloud: Cloud, labels: NDArray[np.int32], seam: NDArray[np.int64], prices: Prices, bridge: float
 ) -> NDArray[np.int32]:
     """

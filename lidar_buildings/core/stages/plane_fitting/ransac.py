@@ -7,7 +7,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from lidar_buildings.core.stages.plane_fitting.config import PlaneFittingConfig
-from lidar_buildings.core.stages.plane_fitting.consensus import samples_needed
+from lidar_buildings.core.stages.plane_fitting.consensus import PROBABILITY, samples_needed
 from lidar_buildings.core.stages.plane_fitting.plane_geometry import (
     distance_of,
     fitted_plane,
@@ -15,7 +15,7 @@ from lidar_buildings.core.stages.plane_fitting.plane_geometry import (
 )
 from lidar_buildings.core.surfaces.point_moments import N_MOMENTS, add_point
 
-#: Times that a plane is adjusted to all its points at most; two or three mostly suffice.
+#: Times that a plane is adjusted to all its points at most. Wide margin: two or three mostly suffice.
 _MAX_ADJUSTMENTS = 20
 
 
@@ -42,7 +42,7 @@ def ransac_planes(
     order = np.lexsort(points.T[::-1])
     ordered = np.ascontiguousarray(points[order])
     chance = np.random.default_rng(config.random_state)
-    n_samples = samples_needed(config.probability, config.outlier_share)
+    n_samples = samples_needed(PROBABILITY, config.outlier_share)
     labels = np.zeros(len(points), dtype=np.int32)
     number = 0
     while np.count_nonzero(labels == 0) >= min_points:

@@ -1,4 +1,4 @@
-"""The point spacing of a building where nobody says it."""
+"""The point spacing of a building where it is not given."""
 
 from __future__ import annotations
 

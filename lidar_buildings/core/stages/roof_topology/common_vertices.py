@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from lidar_buildings.core.neighbours.union_find import sets_of_pairs
 from lidar_buildings.core.stages.roof_topology.pieces import Pieces, intersection_line
-from lidar_buildings.core.surfaces.roof_planes import Meeting, common_point
+from lidar_buildings.core.surfaces.roof_planes import CommonVertex, common_point
 
 #: A line passes through a corner if no farther off it and ending no farther from it, in spacings.
 _BESIDE_CORNER, _BEFORE_CORNER = 1.0, 2.0
@@ -32,15 +32,15 @@ def piece_ends(pieces: Pieces, gradients: NDArray[np.float64]) -> NDArray[np.flo
     return ends
 
 
-def find_meetings(
+def find_common_vertices(
     pieces: Pieces,
     gradients: NDArray[np.float64],
     centre: NDArray[np.float64],
     rings: tuple[NDArray[np.float64], ...],
     spacing: float,
-) -> list[Meeting]:
+) -> list[CommonVertex]:
     """
-    Collect the meetings that lines hint at; the adjustment finds out which of them the points allow.
+    Collect the common vertices that lines hint at; the adjustment finds out which of them the points allow.
 
     Parameters
     ----------
@@ -57,10 +57,10 @@ def find_meetings(
     if not len(pieces.pair):
         return []
     ends = piece_ends(pieces, gradients)
-    meetings = _common_points(pieces, ends, gradients, centre, spacing)
+    vertices = _common_points(pieces, ends, gradients, centre, spacing)
     if rings:
-        meetings += _corners(pieces, ends, np.concatenate(rings) - centre[:2], centre, spacing)
-    return meetings
+        vertices += _corners(pieces, ends, np.concatenate(rings) - centre[:2], centre, spacing)
+    return vertices
 
 
 def _corners(
@@ -69,7 +69,7 @@ def _corners(
     corners: NDArray[np.float64],
     centre: NDArray[np.float64],
     spacing: float,
-) -> list[Meeting]:
+) -> list[CommonVertex]:
     """Pair the ends of lines with the outline's corners that they nearly pass through."""
     along = ends[:, 1] - ends[:, 0]
     along /= np.maximum(np.hypot(along[:, 0], along[:, 1]), 1e-12)[:, None]
@@ -77,12 +77,12 @@ def _corners(
     beside = np.abs(away[..., 0] * along[:, None, None, 1] - away[..., 1] * along[:, None, None, 0])
     distance = np.hypot(away[..., 0], away[..., 1])
     distance[(beside > _BESIDE_CORNER * spacing) | (distance > _BEFORE_CORNER * spacing)] = np.inf
-    meetings = []
+    vertices = []
     for k, end in np.argwhere(np.isfinite(distance.min(axis=2))):
         x, y = corners[int(np.argmin(distance[k, end]))] + centre[:2]
         pair = int(pieces.first[k]), int(pieces.second[k])
-        meetings.append(Meeting(pair, (float(x), float(y)), True))
-    return list(dict.fromkeys(meetings))
+        vertices.append(CommonVertex(pair, (float(x), float(y)), True))
+    return list(dict.fromkeys(vertices))
 
 
 def _common_points(
@@ -91,13 +91,13 @@ def _common_points(
     gradients: NDArray[np.float64],
     centre: NDArray[np.float64],
     spacing: float,
-) -> list[Meeting]:
+) -> list[CommonVertex]:
     """Find where the ends of lines between four or more planes come together."""
     positions = ends.reshape(-1, 2)
     gap = np.hypot(*(positions[:, None] - positions[None]).transpose(2, 0, 1))
     cluster = sets_of_pairs(len(positions), *np.nonzero(gap <= _SAME_POINT * spacing))
     pairs = np.repeat(np.column_stack([pieces.first, pieces.second]), 2, axis=0)
-    meetings = []
+    vertices = []
     for number in np.unique(cluster):
         mine = cluster == number
         planes = np.unique(pairs[mine])
@@ -111,8 +111,8 @@ def _common_points(
             miss = gradients[others - 1, :2] @ point[:2] + gradients[others - 1, 2] - point[2]
             planes = np.union1d(planes, others[np.abs(miss) <= _MOST_MISS])
             x, y = point[:2] + centre[:2]
-            meetings.append(Meeting(tuple(int(k) for k in planes), (float(x), float(y)), False))
-    return meetings
+            vertices.append(CommonVertex(tuple(int(k) for k in planes), (float(x), float(y)), False))
+    return vertices
 
 
 def _agreeing(

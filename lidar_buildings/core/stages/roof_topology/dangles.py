@@ -1,6 +1,4 @@
-"""
-Short steps between ends that nothing holds: the cheeks of small dormers, too short for a line of their own.
-"""
+"""Short steps between dangling ends: the cheeks of small dormers, too short for a line of their own."""
 
 from __future__ import annotations
 
@@ -14,13 +12,13 @@ from numpy.typing import NDArray
 from lidar_buildings.core.stages.roof_topology.obstacles import walls_about
 from lidar_buildings.core.stages.roof_topology.result import IntersectionSegment, StepEdge
 
-#: Ends are loose if no other line is so near, and two of them belong together if they are so near [spacings].
+#: Ends dangle if no other line is so near; two of them belong together if they are so near [spacings].
 _HELD, _TOGETHER = 0.1, 5.0
 #: Cosine of the sharpest angle between a line and what leads on from its end.
 _TURN_BACK = 0.3
 
 
-def joined(
+def with_joined_dangles(
     intersections: Sequence[IntersectionSegment],
     steps: Sequence[StepEdge],
     gradients: NDArray[np.float64],
@@ -29,7 +27,7 @@ def joined(
     spacing: float,
 ) -> list[StepEdge]:
     """
-    Return the steps and further ones between loose ends of lines between the same two planes.
+    Return the steps and further ones between dangling ends of lines between the same two planes.
 
     Parameters
     ----------
@@ -50,9 +48,9 @@ def joined(
     if not segments:
         return list(steps)
     lines = np.array(segments) - centre[:2]
-    loose = _loose(lines, np.concatenate([lines, walls_about(rings, centre)]), _HELD * spacing)
+    dangling = _dangling(lines, np.concatenate([lines, walls_about(rings, centre)]), _HELD * spacing)
     by_pair: dict[tuple[int, int], list[tuple[int, int]]] = {}
-    for number, end in np.argwhere(loose):
+    for number, end in np.argwhere(dangling):
         by_pair.setdefault(pairs[number], []).append((int(number), int(end)))
     edges = list(steps)
     for (i, j), ends in by_pair.items():
@@ -62,11 +60,11 @@ def joined(
 
 
 @njit(cache=True, nogil=True)
-def _loose(lines, obstacles, reach):  # type: ignore[no-untyped-def]
+def _dangling(lines, obstacles, reach):  # type: ignore[no-untyped-def]
     """
     Return which ends of lines have none of the obstacles near; the first obstacles are the lines themselves.
     """
-    loose = np.ones((len(lines), 2), dtype=np.bool_)
+    dangling = np.ones((len(lines), 2), dtype=np.bool_)
     for k in range(len(lines)):
         for end in range(2):
             x, y = lines[k, end]
@@ -77,9 +75,9 @@ def _loose(lines, obstacles, reach):  # type: ignore[no-untyped-def]
                 share = ((x - ax) * dx + (y - ay) * dy) / square if square > 0.0 else 0.0
                 share = min(max(share, 0.0), 1.0)
                 if m != k and math.hypot(ax + share * dx - x, ay + share * dy - y) <= reach:
-                    loose[k, end] = False
+                    dangling[k, end] = False
                     break
-    return loose
+    return dangling
 
 
 def _couples(

@@ -168,7 +168,7 @@ def _all_pieces(  # type: ignore[no-untyped-def]
             )
             n_pieces += 1
         for piece in range(first_piece, n_pieces):
-            _swallow(xy, fx, fy, ux, uy, a, b, gap, values[piece, 0], values[piece, 1], spacing, on_line)
+            _mark_beside(xy, fx, fy, ux, uy, a, b, gap, values[piece, 0], values[piece, 1], spacing, on_line)
     return n_pieces
 
 
@@ -202,7 +202,7 @@ def _trimmed(sure, low, high):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _swallow(xy, fx, fy, ux, uy, a, b, gap, t0, t1, spacing, on_line):  # type: ignore[no-untyped-def]
+def _mark_beside(xy, fx, fy, ux, uy, a, b, gap, t0, t1, spacing, on_line):  # type: ignore[no-untyped-def]
     """Account for sides that run beside a piece: its planes' points are mixed there, but there is no step."""
     for k in range(a, b):
         t = xy[k, 0] * ux + xy[k, 1] * uy

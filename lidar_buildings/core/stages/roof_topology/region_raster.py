@@ -11,14 +11,14 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from lidar_buildings.core.stages.roof_topology.small_regions import absorb_specks
+from lidar_buildings.core.stages.roof_topology.small_regions import absorb_small_regions
 
 #: Side of a cell in point spacings.
 CELL = 0.5
 #: Cells are enlarged until so many suffice.
 _MAX_CELLS = 4_000_000
-#: Pieces of regions smaller than this are specks [square spacings].
-_SPECK = 4.0
+#: Pieces of regions smaller than this go to their neighbour [square spacings].
+_SMALL_REGION = 4.0
 #: Without an outline a cell belongs to the roof if a point lies within so many spacings.
 _REACH = 1.5
 #: Where the outline reaches beyond the points by more than their extent and so much [m], it is cut.
@@ -89,7 +89,7 @@ def region_raster(
     west, south = column * cell, row * cell
     nearest = np.full((n_rows, n_columns), -1, dtype=np.int32)
     distance = np.full((n_rows, n_columns), np.inf)
-    _plant(points, plane_id, west, south, cell, nearest, distance)
+    _seed_cells(points, plane_id, west, south, cell, nearest, distance)
     _sweep(points, plane_id, west, south, cell, nearest, distance)
     distance = np.sqrt(distance)
     label = np.zeros((n_rows, n_columns), dtype=np.int32)
@@ -99,7 +99,7 @@ def region_raster(
     else:
         reached = (distance <= _REACH * spacing) & (nearest >= 0)
         label[reached] = plane_id[nearest[reached]]
-    absorb_specks(label, int(_SPECK / CELL**2))
+    absorb_small_regions(label, int(_SMALL_REGION / CELL**2))
     return RegionRaster(label, nearest, distance, west, south, cell)
 
 
@@ -110,7 +110,7 @@ def _squared(points, i, x, y):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _plant(points, plane_id, west, south, cell, nearest, distance):  # type: ignore[no-untyped-def]
+def _seed_cells(points, plane_id, west, south, cell, nearest, distance):  # type: ignore[no-untyped-def]
     """
     Give every cell that holds points of planes the one nearest to its middle, and the square of its distance.
     """

@@ -145,8 +145,8 @@ def _largest_detail(
     counts: NDArray[np.int64], large: list[int], intersections: Sequence[IntersectionSegment]
 ) -> float:
     """Return the largest share of the points on details that meet, such as the faces of a tower."""
-    meeting = [(line.first - 1, line.second - 1) for line in intersections]
-    links = [(i, j) for i, j in meeting if not {i + 1, j + 1} & set(large)]
+    vertex = [(line.first - 1, line.second - 1) for line in intersections]
+    links = [(i, j) for i, j in vertex if not {i + 1, j + 1} & set(large)]
     rows, columns = np.array(links, dtype=np.int64).reshape(-1, 2).T
     group = sets_of_pairs(len(counts), rows, columns)
     small = counts.copy()

@@ -12,7 +12,7 @@ from lidar_buildings.core.stages.roof_topology.common_vertices import POINT_REAC
 from lidar_buildings.core.stages.roof_topology.obstacles import stop, walls_about
 from lidar_buildings.core.stages.roof_topology.pieces import LEAST_BEND, Pieces, intersection_line
 from lidar_buildings.core.stages.roof_topology.result import HIP, RIDGE, VALLEY, IntersectionSegment
-from lidar_buildings.core.surfaces.roof_planes import Meeting
+from lidar_buildings.core.surfaces.roof_planes import CommonVertex
 
 #: A convex line is a ridge if it is less steep than this share of the steeper plane.
 _RIDGE_SHARE = 0.3
@@ -33,7 +33,7 @@ def finished(
     centre: NDArray[np.float64],
     rings: tuple[NDArray[np.float64], ...],
     steps: NDArray[np.float64],
-    meetings: tuple[Meeting, ...],
+    vertices: tuple[CommonVertex, ...],
     spacing: float,
 ) -> list[IntersectionSegment]:
     """
@@ -52,14 +52,14 @@ def finished(
         The outline's [m].
     steps : ndarray of shape (n_steps, 2, 2)
         Ends of the step edges about the centre [m].
-    meetings : tuple of Meeting
+    vertices : tuple of CommonVertex
         Where planes have been made to meet.
     spacing : float
         Point spacing [m].
     """
     stops = np.concatenate([walls_about(rings, centre), steps])
     partners = _partners(pieces, len(gradients))
-    positions, members = _points_of(meetings, len(gradients), centre)
+    positions, members = _points_of(vertices, len(gradients), centre)
     t = _moved_ends(
         pieces.first, pieces.second, pieces.t, gradients, partners, stops, positions, members, spacing
     )
@@ -78,14 +78,14 @@ def _partners(pieces: Pieces, n_planes: int) -> NDArray[np.bool_]:
 
 
 def _points_of(
-    meetings: tuple[Meeting, ...], n_planes: int, centre: NDArray[np.float64]
+    vertices: tuple[CommonVertex, ...], n_planes: int, centre: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
     """Return where planes meet in points about the centre, and which planes each time, as a table."""
-    points = [meeting for meeting in meetings if not meeting.fixed]
+    points = [vertex for vertex in vertices if not vertex.fixed]
     members = np.zeros((len(points), n_planes + 1), dtype=np.bool_)
-    for row, meeting in zip(members, points, strict=True):
-        row[list(meeting.planes)] = True
-    positions = np.array([meeting.xy for meeting in points]).reshape(-1, 2)
+    for row, vertex in zip(members, points, strict=True):
+        row[list(vertex.planes)] = True
+    positions = np.array([vertex.xy for vertex in points]).reshape(-1, 2)
     return positions - centre[:2], members
 
 

@@ -1,6 +1,4 @@
-"""
-Specks in the raster of regions: a few cells of one plane amid another, as noise and rough surfaces make them.
-"""
+"""Small regions: a few cells of one plane amid another, as noise and rough surfaces make them."""
 
 from __future__ import annotations
 
@@ -9,7 +7,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 
-def absorb_specks(label: NDArray[np.int32], least_cells: int) -> None:
+def absorb_small_regions(label: NDArray[np.int32], least_cells: int) -> None:
     """
     Give connected cells of a plane that are too few to the neighbour with which they share most sides.
 
@@ -20,7 +18,7 @@ def absorb_specks(label: NDArray[np.int32], least_cells: int) -> None:
     label : ndarray of shape (n_rows, n_columns), int32
         Numbers of planes, 0 = none; changed in place.
     least_cells : int
-        Pieces with fewer cells are specks.
+        Pieces with fewer cells are small.
     """
     piece, first, size = _pieces(label)
     if not len(first):
@@ -78,13 +76,13 @@ def _neighbour(r, c, k):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _absorb(label, piece, first, specks):  # type: ignore[no-untyped-def]
-    """Relabel specks one by one."""
+def _absorb(label, piece, first, small):  # type: ignore[no-untyped-def]
+    """Relabel small regions one by one."""
     n_rows, n_columns = label.shape
     flat = label.reshape(-1)
     stack = np.empty(len(flat), dtype=np.int64)
     sides = np.zeros(flat.max() + 1, dtype=np.int64)
-    for number in specks:
+    for number in small:
         begin = first[number]
         stack[0], top, n = begin, 1, 0
         piece[begin] = -2

@@ -11,8 +11,8 @@ from lidar_buildings.core.model.outline import Outline
 from lidar_buildings.core.model.point_array import checked_column, checked_points
 from lidar_buildings.core.neighbours.point_spacing import given_or_measured
 from lidar_buildings.core.stages.roof_topology.borders import find_borders
-from lidar_buildings.core.stages.roof_topology.common_vertices import find_meetings, piece_ends
-from lidar_buildings.core.stages.roof_topology.dangles import joined
+from lidar_buildings.core.stages.roof_topology.common_vertices import find_common_vertices, piece_ends
+from lidar_buildings.core.stages.roof_topology.dangles import with_joined_dangles
 from lidar_buildings.core.stages.roof_topology.obstacles import walls_about
 from lidar_buildings.core.stages.roof_topology.pieces import find_pieces
 from lidar_buildings.core.stages.roof_topology.region_raster import region_raster
@@ -82,9 +82,9 @@ def _topology(
     centre = adjustment.centre
     borders = find_borders(raster, centre)
     pieces = find_pieces(borders, raster, adjustment.coefficients, centre, spacing)
-    meetings = find_meetings(pieces, adjustment.coefficients, centre, rings, spacing)
-    if meetings:
-        adjustment = adjustment.with_meetings(meetings)
+    vertices = find_common_vertices(pieces, adjustment.coefficients, centre, rings, spacing)
+    if vertices:
+        adjustment = adjustment.with_common_vertices(vertices)
         pieces = find_pieces(borders, raster, adjustment.coefficients, centre, spacing)
     gradients = adjustment.coefficients
     area = adjustment.free.counts * spacing**2
@@ -95,10 +95,10 @@ def _topology(
     lines = merged(snapped(lines, rings, centre, scale), scale)
     lines = extended(lines, ends, rings, centre, scale)
     intersections = finished(
-        pieces, gradients, centre, rings, step_segments(lines), adjustment.meetings, spacing
+        pieces, gradients, centre, rings, step_segments(lines), adjustment.vertices, spacing
     )
     steps = step_edges(lines, gradients, centre, scale)
-    steps = joined(intersections, steps, gradients, rings, centre, scale)
+    steps = with_joined_dangles(intersections, steps, gradients, rings, centre, scale)
     kind = roof_type(points, seen, gradients, intersections, steps, spacing)
     return RoofTopology(
         adjustment.planes,

@@ -5,13 +5,13 @@ from lidar_buildings.core.surfaces.roof_planes.adjustment import (
     adjust,
     common_point,
 )
-from lidar_buildings.core.surfaces.roof_planes.normal_equations import Meeting
+from lidar_buildings.core.surfaces.roof_planes.normal_equations import CommonVertex
 from lidar_buildings.core.surfaces.roof_planes.numbering import with_gaps, without_gaps
 from lidar_buildings.core.surfaces.roof_planes.roof_plane import RoofPlane
 
 __all__ = [
     "Adjustment",
-    "Meeting",
+    "CommonVertex",
     "RoofPlane",
     "adjust",
     "common_point",

@@ -14,7 +14,12 @@ from lidar_buildings.core.model.outline import Outline
 from lidar_buildings.core.surfaces.roof_planes.directions import main_directions, outline_directions
 from lidar_buildings.core.surfaces.roof_planes.free_planes import FreePlanes, free_planes
 from lidar_buildings.core.surfaces.roof_planes.moments import plane_moments
-from lidar_buildings.core.surfaces.roof_planes.normal_equations import Meeting, Unknowns, solve, unknowns_of
+from lidar_buildings.core.surfaces.roof_planes.normal_equations import (
+    CommonVertex,
+    Unknowns,
+    solve,
+    unknowns_of,
+)
 from lidar_buildings.core.surfaces.roof_planes.relations import (
     Relations,
     allowed_move,
@@ -23,20 +28,20 @@ from lidar_buildings.core.surfaces.roof_planes.relations import (
 )
 from lidar_buildings.core.surfaces.roof_planes.roof_plane import RoofPlane
 
-#: A meeting may move a plane by this at its points, or by its own roughness if that is more [m].
+#: A vertex may move a plane by this at its points, or by its own roughness if that is more [m].
 _LEAST_MOVE, _MOST_MOVE = 0.03, 0.06
 #: More planes are not adjusted together: the normal matrix would not fit into memory.
 _MOST_PLANES = 1500
 #: Rounds in which relations that move planes too far are given up.
 _MAX_ROUNDS = 6
-#: Rounds in which the positions of meetings follow the planes.
+#: Rounds in which the positions of common vertices follow the planes.
 _FOLLOW_ROUNDS = 3
 
 
 @dataclass(frozen=True, eq=False)
 class Adjustment:
     """
-    Planes under relations, to which meetings can be added.
+    Planes under relations, to which common vertices can be added.
 
     Attributes
     ----------
@@ -48,7 +53,7 @@ class Adjustment:
         How the planes depend on one another; None if they do not.
     coefficients : ndarray of shape (n_planes, 3)
         a, b, c of z = a x + b y + c about the building's centre, after the adjustment.
-    meetings : tuple of Meeting
+    vertices : tuple of CommonVertex
         Those imposed.
     """
 
@@ -56,7 +61,7 @@ class Adjustment:
     relations: Relations
     unknowns: Unknowns | None
     coefficients: NDArray[np.float64]
-    meetings: tuple[Meeting, ...] = ()
+    vertices: tuple[CommonVertex, ...] = ()
 
     @property
     def centre(self) -> NDArray[np.float64]:
@@ -68,50 +73,50 @@ class Adjustment:
         """The planes; number k is item k - 1."""
         return tuple(_roof_plane(self.free, self.coefficients, k) for k in range(len(self.coefficients)))
 
-    def with_meetings(self, meetings: Sequence[Meeting]) -> Adjustment:
+    def with_common_vertices(self, vertices: Sequence[CommonVertex]) -> Adjustment:
         """
-        Return the adjustment with all those meetings imposed that the points allow.
+        Return the adjustment with those common vertices imposed that the points allow.
 
         At first under all relations. These and the outline's corners may contradict one another by little, as
         when a corner is rounded to a millimetre: then planes turn and lift by what is left to be exactly met.
         """
         if self.unknowns is None:
             return self
-        wanted = [meeting for meeting in meetings if all(self.free.roof[k - 1] for k in meeting.planes)]
+        wanted = [vertex for vertex in vertices if all(self.free.roof[k - 1] for k in vertex.planes)]
         related = self._imposed(wanted, self.unknowns, None)
         return related._imposed(wanted, unknowns_of(self.relations.loosened()), related.coefficients)
 
     def _imposed(
-        self, meetings: list[Meeting], unknowns: Unknowns, start: NDArray[np.float64] | None
+        self, vertices: list[CommonVertex], unknowns: Unknowns, start: NDArray[np.float64] | None
     ) -> Adjustment:
-        """Impose meetings, giving up those that pull most at planes that move too far."""
+        """Impose vertices, giving up those that pull most at planes that move too far."""
         allowed = np.clip(self.free.rms, _LEAST_MOVE, _MOST_MOVE)
-        while meetings:
-            coefficients, meetings, pull = self._settled(meetings, unknowns, start)
+        while vertices:
+            coefficients, vertices, pull = self._solved(vertices, unknowns, start)
             excess = self.free.offsets(coefficients) / allowed
             culprits = _culprits(pull, np.flatnonzero(self.free.roof & (excess > 1.0)))
             if not culprits:
-                return replace(self, coefficients=coefficients, meetings=tuple(meetings))
-            meetings = [meeting for k, meeting in enumerate(meetings) if k not in culprits]
+                return replace(self, coefficients=coefficients, vertices=tuple(vertices))
+            vertices = [vertex for k, vertex in enumerate(vertices) if k not in culprits]
         return self
 
-    def _settled(
-        self, meetings: list[Meeting], unknowns: Unknowns, start: NDArray[np.float64] | None
-    ) -> tuple[NDArray[np.float64], list[Meeting], NDArray[np.float64]]:
-        """Solve, let meetings whose position is not given follow the planes, solve again, and so on."""
+    def _solved(
+        self, vertices: list[CommonVertex], unknowns: Unknowns, start: NDArray[np.float64] | None
+    ) -> tuple[NDArray[np.float64], list[CommonVertex], NDArray[np.float64]]:
+        """Solve, let vertices whose position is not given follow the planes, solve again, and so on."""
         coefficients = self.coefficients
-        rounds = 1 if all(meeting.fixed for meeting in meetings) else _FOLLOW_ROUNDS
+        rounds = 1 if all(vertex.fixed for vertex in vertices) else _FOLLOW_ROUNDS
         for _ in range(rounds):
-            meetings = [self._following(meeting, coefficients) for meeting in meetings]
-            coefficients, pull = solve(self.free, unknowns, meetings, coefficients[:, :2], start)
-        return coefficients, meetings, pull
+            vertices = [self._following(vertex, coefficients) for vertex in vertices]
+            coefficients, pull = solve(self.free, unknowns, vertices, coefficients[:, :2], start)
+        return coefficients, vertices, pull
 
-    def _following(self, meeting: Meeting, coefficients: NDArray[np.float64]) -> Meeting:
-        """Move a meeting whose position is not given to where planes are nearest to meeting."""
-        if meeting.fixed:
-            return meeting
-        xy, _ = common_point(coefficients[np.array(meeting.planes) - 1])
-        return meeting._replace(xy=(float(xy[0] + self.centre[0]), float(xy[1] + self.centre[1])))
+    def _following(self, vertex: CommonVertex, coefficients: NDArray[np.float64]) -> CommonVertex:
+        """Move a vertex whose position is not given to where planes are nearest to meeting."""
+        if vertex.fixed:
+            return vertex
+        xy, _ = common_point(coefficients[np.array(vertex.planes) - 1])
+        return vertex._replace(xy=(float(xy[0] + self.centre[0]), float(xy[1] + self.centre[1])))
 
 
 def adjust(points: NDArray[np.float64], plane_id: NDArray[np.uint16], outline: Outline | None) -> Adjustment:
@@ -155,7 +160,7 @@ def _with_relations(free: FreePlanes, relations: Relations) -> Adjustment:
 
 
 def _culprits(pull: NDArray[np.float64], planes: NDArray[np.int64]) -> set[int]:
-    """Return the meetings that pull most at planes that have moved too far, one for each of these."""
+    """Return the vertices that pull most at planes that have moved too far, one for each of these."""
     return {int(np.argmax(pull[:, k])) for k in planes if pull[:, k].any()}
 
 

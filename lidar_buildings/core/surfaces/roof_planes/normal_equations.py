@@ -1,4 +1,4 @@
-"""Joint least squares of planes under relations and meetings."""
+"""Joint least squares of planes under relations and with common vertices."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from lidar_buildings.core.surfaces.roof_planes.sparse_least_squares import const
 _LEAST_RMS = 0.02
 
 
-class Meeting(NamedTuple):
+class CommonVertex(NamedTuple):
     """
     Planes that are to have one elevation at a position.
 
@@ -87,7 +87,7 @@ def _numbered(group: NDArray[np.int64], kept: NDArray[np.bool_]) -> tuple[NDArra
 def solve(
     planes: FreePlanes,
     unknowns: Unknowns,
-    meetings: Sequence[Meeting],
+    vertices: Sequence[CommonVertex],
     slopes: NDArray[np.float64],
     start: NDArray[np.float64] | None = None,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -100,9 +100,9 @@ def solve(
     ----------
     planes : FreePlanes
     unknowns : Unknowns
-    meetings : sequence of Meeting
+    vertices : sequence of CommonVertex
     slopes : ndarray of shape (n_planes, 2)
-        Approximate gradients, for meetings whose position is not given.
+        Approximate gradients, for vertices whose position is not given.
     start : ndarray of shape (n_planes, 3), optional
         Planes to change as little as need be, instead of the free ones; the unknowns are then changes.
 
@@ -110,8 +110,8 @@ def solve(
     -------
     coefficients : ndarray of shape (n_planes, 3)
         a, b, c about the centre.
-    pull : ndarray of shape (n_meetings, n_planes)
-        By how much each meeting alone moves each plane at its points, roughly [m].
+    pull : ndarray of shape (n_vertices, n_planes)
+        By how much each vertex alone moves each plane at its points, roughly [m].
     """
     weight = 1.0 / np.maximum(planes.rms, _LEAST_RMS) ** 2
     cost = planes.cost * weight[:, None, None]
@@ -125,30 +125,30 @@ def solve(
     target = np.zeros(unknowns.n)
     np.add.at(target, unknowns.number, right)
     normal[np.diag_indices(unknowns.n)] += 1e-9 * (1.0 + normal.diagonal())
-    rows, owner = _equations(planes, meetings, slopes)
+    rows, owner = _equations(planes, vertices, slopes)
     bordering = np.zeros((len(rows), unknowns.n))
     for row, k in np.argwhere(np.any(rows != 0, axis=2)):
         np.add.at(bordering[row], unknowns.number[k], rows[row, k] @ unknowns.share[k])
     lacking = -np.einsum("rki,ki->r", rows, start)
     solution, force = constrained_minimum(normal, target, bordering, lacking)
     coefficients = start + np.einsum("kij,kj->ki", unknowns.share, solution[unknowns.number])
-    return coefficients, _pulls(planes, weight, rows, owner, force, len(meetings))
+    return coefficients, _pulls(planes, weight, rows, owner, force, len(vertices))
 
 
 def _equations(
-    planes: FreePlanes, meetings: Sequence[Meeting], slopes: NDArray[np.float64]
+    planes: FreePlanes, vertices: Sequence[CommonVertex], slopes: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
     """
-    Return the equations of meetings, shape (n, n_planes, 3), and the meeting that each belongs to.
+    Return the equations of vertices, shape (n, n_planes, 3), and the vertex that each belongs to.
 
     At a given position all planes have the elevation of the first. Elsewhere the position is unknown, too:
     combinations of elevations in which it cancels out are zero, three fewer than there are planes.
     """
     rows, owner = [np.zeros((0, len(planes.rms), 3))], []
-    for number, meeting in enumerate(meetings):
-        x, y = np.asarray(meeting.xy) - planes.moments.centre[:2]
-        members = np.array(meeting.planes) - 1
-        if meeting.fixed:
+    for number, vertex in enumerate(vertices):
+        x, y = np.asarray(vertex.xy) - planes.moments.centre[:2]
+        members = np.array(vertex.planes) - 1
+        if vertex.fixed:
             combination = np.column_stack([np.ones(len(members) - 1), -np.eye(len(members) - 1)])
         else:
             position = np.column_stack([slopes[members], np.ones(len(members))])
@@ -166,12 +166,12 @@ def _pulls(
     rows: NDArray[np.float64],
     owner: NDArray[np.int64],
     force: NDArray[np.float64],
-    n_meetings: int,
+    n_vertices: int,
 ) -> NDArray[np.float64]:
     """
-    Return by how much the multipliers of each meeting's equations would move each plane if it were free [m].
+    Return by how much the multipliers of each vertex's equations would move each plane if it were free [m].
     """
-    pull = np.zeros((n_meetings, len(weight)))
+    pull = np.zeros((n_vertices, len(weight)))
     at, plane = np.nonzero(np.any(rows != 0, axis=2))
     pushed = rows[at, plane]
     give = np.linalg.inv(planes.cost)[plane]

@@ -19,7 +19,7 @@ from lidar_buildings.core.stages.building_model.faces import (
     join_equal_cells,
     without_straight_vertices,
 )
-from lidar_buildings.core.stages.building_model.heights import parts_of_one_height, settle_planes
+from lidar_buildings.core.stages.building_model.heights import fit_face_planes, parts_of_one_height
 from lidar_buildings.core.stages.building_model.minimum_cut import source_side
 from lidar_buildings.core.stages.building_model.missed_parts import find_missed_parts
 from lidar_buildings.core.stages.building_model.roof_face import RoofFacePatch
@@ -182,8 +182,8 @@ def test_faces_that_meet_are_one_part_and_a_high_step_makes_two():
 def test_a_face_that_does_not_fit_its_points_gets_a_plane_that_does():
     points = np.column_stack([np.random.default_rng(0).uniform(0, 10, (200, 2)), np.full(200, 5.0)])
     steep = patch(0, 10, (2.0, 0.0, 0.0), range(200))
-    (settled,) = settle_planes([steep], points, 0.5)
-    assert settled.plane == pytest.approx([0.0, 0.0, 5.0], abs=1e-6)
+    (fitted,) = fit_face_planes([steep], points, 0.5)
+    assert fitted.plane == pytest.approx([0.0, 0.0, 5.0], abs=1e-6)
 
 
 def test_a_small_steep_face_does_not_stand_above_its_points_as_a_blade():
@@ -192,13 +192,13 @@ def test_a_small_steep_face_does_not_stand_above_its_points_as_a_blade():
     blade = RoofFacePatch(
         (np.array([[0, 0], [0.4, 0], [0.4, 10], [0, 10.0]]),), np.array([9.0, 0, 4.2]), np.arange(20)
     )
-    (settled,) = settle_planes([blade], points, 0.4)
-    assert np.abs(blade.rings[0] @ settled.plane[:2] + settled.plane[2] - 5.1).max() < 0.2
+    (fitted,) = fit_face_planes([blade], points, 0.4)
+    assert np.abs(blade.rings[0] @ fitted.plane[:2] + fitted.plane[2] - 5.1).max() < 0.2
 
 
 def test_a_plane_is_cut_off_level_where_it_rises_above_and_falls_below_all_that_was_seen():
     points = np.array([[4.0, 5.0, 4.0], [5.0, 5.0, 5.0], [6.0, 5.0, 6.0]])
-    pieces = settle_planes([patch(0, 10, (1.0, 0.0, 0.0), range(3))], points, 0.5)
+    pieces = fit_face_planes([patch(0, 10, (1.0, 0.0, 0.0), range(3))], points, 0.5)
     assert sum(piece.polygon.area for piece in pieces) == pytest.approx(100.0)
     below, sloping, above = pieces
     # A margin of 0.3 m above and 1 m below, and half a metre more at this slope and spacing.
@@ -218,10 +218,10 @@ def test_a_step_without_line_is_found_as_a_rectangle_round_its_points():
     assert missed.sides.shape == (4, 2, 2)
     assert np.abs(np.abs(missed.sides - 5.0).max(axis=(1, 2)) - 2.0).max() < 0.1
     assert len(missed.planes) == 0
-    loose = find_missed_parts(
+    missed = find_missed_parts(
         points, np.where(high, 0, 1).astype(np.uint16), above, Outline(SQUARE), 0.5, 1.0
     )
-    assert loose.planes == pytest.approx(np.array([[0.0, 0.0, 7.0]]))
+    assert missed.planes == pytest.approx(np.array([[0.0, 0.0, 7.0]]))
 
 
 def test_points_of_a_tree_on_a_roof_make_no_part():

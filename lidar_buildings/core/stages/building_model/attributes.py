@@ -1,0 +1,67 @@
+"""The attributes of a building's model, as of DESIGN.md section 3."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lidar_buildings.core.model.outline import Outline
+from lidar_buildings.core.solids.output_grid import on_grid
+from lidar_buildings.core.solids.shell import Solid
+from lidar_buildings.core.stages.building_model.config import ELEVATIONS
+from lidar_buildings.core.stages.building_model.quality import ModelQuality
+from lidar_buildings.core.stages.building_model.result import ATTRIBUTES
+from lidar_buildings.core.stages.roof_topology import RoofTopology
+
+
+def known_attributes(
+    points: NDArray[np.float64], outline: Outline, plane_id: NDArray[np.uint16] | None, spacing: float
+) -> dict[str, Any]:
+    """Return all attributes, those that need a solid still unknown."""
+    elevations = {
+        f"roof_elevation_{name}": float(on_grid(np.percentile(points[:, 2], share))) if len(points) else None
+        for name, share in ELEVATIONS.items()
+    }
+    return {
+        **dict.fromkeys(ATTRIBUTES),
+        **elevations,
+        "area": _rounded(outline.area),
+        "n_points": len(points),
+        "point_spacing": _rounded(spacing) if len(points) > 1 else None,
+        "n_planes": None if plane_id is None else len(np.unique(plane_id[plane_id > 0])),
+        "roof_type": "unknown",
+        "lod": "",
+        "validity": "",
+    }
+
+
+def solid_attributes(lod: str, solid: Solid) -> dict[str, Any]:
+    """Return what the finest solid, a valid one, tells by itself."""
+    return {"volume": _rounded(solid.volume), "lod": lod, "validity": "[]"}
+
+
+def roof_attributes(topology: RoofTopology, quality: ModelQuality) -> dict[str, Any]:
+    """Return what the roof's planes and the agreement with the points tell."""
+    return {
+        "roof_type": topology.roof_type,
+        "rmse": None if quality.rmse is None else _rounded(quality.rmse),
+        "coverage": _rounded(quality.coverage),
+        "no_data_share": _rounded(quality.no_data_share),
+        "plane_sigma": _plane_sigma(topology),
+    }
+
+
+def _plane_sigma(topology: RoofTopology) -> float | None:
+    """Return the root mean square distance of all planes' points to their planes [m]."""
+    n = sum(plane.n_points for plane in topology.planes)
+    if not n:
+        return None
+    return _rounded(math.sqrt(sum(plane.n_points * plane.rms**2 for plane in topology.planes) / n))
+
+
+def _rounded(value: float) -> float:
+    """Round to a tenth of a millimetre: sums may differ in their last digits with the order."""
+    return round(float(value), 4)
