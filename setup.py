@@ -77,7 +77,6 @@ setup(
         "ezdxf>=1.0",
         "pyyaml>=6",
         "tqdm>=4.66",
-        "rosbags>=0.10",
     ],
     extras_require={"ros": ROS_WHEELS, "test": TEST, "bench": BENCH},
     python_requires=">=3.10",

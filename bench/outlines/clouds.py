@@ -15,7 +15,7 @@ from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.core.neighbours.point_spacing import steady_spacing
 from lidar_buildings.core.stages.ground_filter import GroundFilterConfig
 from lidar_buildings.core.stages.roof_selection import RoofSelectionConfig
-from lidar_buildings.io.clouds.pulse_spacing import pulses
+from lidar_buildings.io.clouds.point_columns import last_returns
 from lidar_buildings.pipeline.tile_stages import filter_ground, select_roof_points
 
 #: Folders whose files adjoin and are read as one cloud; in others every file is one.
@@ -68,7 +68,7 @@ def read_roofs(name: str, files: list[Path], *, own_classes: bool = False) -> Ro
     Read one cloud: the provider's class 6 where there is one and it is wanted, else this package's choice.
     """
     tile, frame = read_files(files)
-    spacing = steady_spacing(pulses(tile.points, tile.return_number, tile.number_of_returns), None)
+    spacing = steady_spacing(last_returns(tile.points, tile.return_number, tile.number_of_returns), None)
     tile = tile.with_columns(point_spacing=spacing)
     extent = np.array([tile.points[:, :2].min(axis=0), tile.points[:, :2].max(axis=0)])
     if name.split("/")[0] in ROOFS_ONLY:

@@ -6,9 +6,6 @@ from collections import Counter
 from collections.abc import Callable
 from dataclasses import replace
 
-import numpy as np
-from numpy.typing import NDArray
-
 from lidar_buildings.core.model.errors import LidarBuildingsError
 from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.model.tile import PointTile
@@ -16,7 +13,7 @@ from lidar_buildings.core.stages.footprints import Footprints
 from lidar_buildings.core.stages.terrain import RasterConfig
 from lidar_buildings.io.models.cityjson import feature_line
 from lidar_buildings.io.results.output_folder import OutputFolder
-from lidar_buildings.io.results.tile_products import RoofFace, TileProducts
+from lidar_buildings.io.results.tile_products import TileProducts
 from lidar_buildings.io.tiling.tiling import TileSource
 from lidar_buildings.pipeline.reconstruct import PipelineConfig, TileResult, reconstruct_tile
 from lidar_buildings.pipeline.tile_rasters import rasterise_tile
@@ -94,11 +91,6 @@ def whole_result(
 
 def products_of(result: TileResult, frame: MapFrame, rasters: RasterConfig) -> TileProducts:
     """Gather what a tile's files need."""
-    faces = [
-        RoofFace(one.building_id, tuple(_as_carried(ring) for ring in rings))
-        for one in result.models
-        for rings in one.model.roof_faces
-    ]
     features = [
         feature_line(one.model, one.building_id, frame, one.attributes, anchor=one.anchor)
         for one in result.models
@@ -108,12 +100,6 @@ def products_of(result: TileResult, frame: MapFrame, rasters: RasterConfig) -> T
         result.roofs,
         result.traced,
         result.outlines,
-        faces,
         features,
         rasterise_tile(result.classified, rasters, frame),
     )
-
-
-def _as_carried(ring: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Round a ring to what its message would carry."""
-    return ring.astype(np.float32).astype(np.float64)

@@ -19,7 +19,7 @@ from lidar_buildings.io.clouds.las import InputFile, frame_of, open_inputs
 from lidar_buildings.io.models.cityjson import parse_feature
 from lidar_buildings.io.results.output_config import OutputConfig
 from lidar_buildings.io.results.output_folder import OutputFolder
-from lidar_buildings.io.results.tile_products import RoofFace, TileProducts
+from lidar_buildings.io.results.tile_products import TileProducts
 from lidar_buildings.io.vectors.footprints import FootprintFile, FootprintSource, read_footprints
 from lidar_buildings.nodes.configs import NODE_CONFIGS, ModelWriterConfig
 from lidar_buildings.nodes.run_record import RunRecord
@@ -189,13 +189,11 @@ class ModelWriter(StageNode):
         self._tile_done.publish(header_of(stamp))
 
     def _write(self, points: list[PointTile], parts: Parts) -> None:
-        faces = parts.get(ROOF_FACES.name, {})
         rasters = rasterise_tile(points[0], self.parameters[ModelWriterConfig], self._folder.frame)
         products = TileProducts.from_tiles(
             *points,
             traced=parts.get(TRACED_OUTLINES.name, ()),
             outlines=parts.get(OUTLINES.name, ()),
-            roof_faces=[RoofFace(number, rings) for number, found in faces.items() for rings in found],
             features=self._features.take(sorted(self._buildings_of(parts))),
             rasters=rasters,
         )

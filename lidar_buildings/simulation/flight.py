@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from datetime import date
 
 import numpy as np
 import shapely
@@ -10,7 +11,9 @@ import shapely
 from lidar_buildings.simulation.config import SimulationConfig
 from lidar_buildings.simulation.scene import VirtualScene
 
-#: Adjusted standard GPS time (GPS seconds less 10⁹) at take-off: 6 May 2024, 9 h [s].
+#: The day of every survey: files must not depend on the day they are made.
+SURVEY_DATE = date(2024, 5, 6)
+#: Adjusted standard GPS time (GPS seconds less 10⁹) at take-off: that day, 9 h [s].
 TAKE_OFF = 1_399_021_218.0 - 1e9
 #: Time for a turn between two strips [s].
 TURN = 120.0

@@ -10,8 +10,8 @@ import pyproj
 
 from lidar_buildings.core.model.classes import PointClass
 from lidar_buildings.core.model.map_frame import MapFrame
+from lidar_buildings.simulation.flight import SURVEY_DATE
 from lidar_buildings.simulation.scanner import StripPoints
-from lidar_buildings.simulation.survey_date import SURVEY_DATE
 
 #: Resolution of the coordinates [m].
 SCALE = 0.001

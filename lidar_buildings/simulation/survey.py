@@ -8,13 +8,15 @@ from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
+import laspy
 import numpy as np
+import pyogrio
 from numpy.typing import NDArray
 
 from lidar_buildings.core.model.classes import PointClass
 from lidar_buildings.core.model.errors import ParameterError
 from lidar_buildings.core.model.tile import PointTile
-from lidar_buildings.simulation.atomic import make_folder, write_whole
+from lidar_buildings.io.files.atomic_files import atomic_file, write_error
 from lidar_buildings.simulation.building import Building
 from lidar_buildings.simulation.config import SimulationConfig
 from lidar_buildings.simulation.las_strips import write_strip
@@ -24,6 +26,8 @@ from lidar_buildings.simulation.scene import VirtualScene
 from lidar_buildings.simulation.truth_city_model import write_truth_city_model
 from lidar_buildings.simulation.truth_layers import write_truth_layers
 
+#: What the writers of clouds and layers raise when a file cannot be written.
+WRITE_ERRORS = (OSError, laspy.errors.LaspyException, pyogrio.errors.DataSourceError, RuntimeError)
 #: Names of the files of a survey.
 STRIP_NAME, LAYERS_NAME, CITY_MODEL_NAME = "strip_{:02d}.laz", "truth.gpkg", "truth.city.jsonl"
 
@@ -115,15 +119,18 @@ def simulate_survey(
     """
     begin = time.perf_counter()
     virtual, config, output = make_scene(scene, seed), _replaced(config, parameters), Path(output)
-    make_folder(output)
+    _make_folder(output)
     files, n_points = [], 0
     for strip in scan(virtual, seed, config):
         files.append(output / STRIP_NAME.format(len(files) + 1))
-        write_whole(files[-1], lambda part, strip=strip: write_strip(part, strip, virtual.frame))
+        with atomic_file(files[-1], WRITE_ERRORS) as part:
+            write_strip(part, strip, virtual.frame)
         n_points += len(strip.points)
     layers, model = output / LAYERS_NAME, output / CITY_MODEL_NAME
-    write_whole(layers, lambda part: write_truth_layers(part, virtual))
-    write_whole(model, lambda part: write_truth_city_model(part, virtual))
+    with atomic_file(layers, WRITE_ERRORS) as part:
+        write_truth_layers(part, virtual)
+    with atomic_file(model) as part:
+        write_truth_city_model(part, virtual)
     _remove_surplus(output, files)
     seconds = time.perf_counter() - begin
     return SurveySummary(tuple(files), (layers, model), n_points, len(virtual.buildings), seconds)
@@ -173,6 +180,13 @@ def _replaced(config: SimulationConfig, parameters: dict[str, Any]) -> Simulatio
         if name not in known:
             raise ParameterError(f"simulation.{name}: unknown parameter, must be one of {', '.join(known)}")
     return replace(config, **parameters)
+
+
+def _make_folder(folder: Path) -> None:
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise write_error(folder, error) from error
 
 
 def _remove_surplus(output: Path, files: list[Path]) -> None:

@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 
 from lidar_buildings.simulation.attributes import building_attributes
 from lidar_buildings.simulation.building import Building
+from lidar_buildings.simulation.flight import SURVEY_DATE
 from lidar_buildings.simulation.scene import VirtualScene
 from lidar_buildings.simulation.shell import shell_of
-from lidar_buildings.simulation.survey_date import SURVEY_DATE
 
 #: Coordinates are whole multiples of this [m].
 SCALE = 0.001

@@ -11,8 +11,8 @@ import shapely
 from numpy.typing import NDArray
 
 from lidar_buildings.simulation.attributes import building_attributes
+from lidar_buildings.simulation.flight import SURVEY_DATE
 from lidar_buildings.simulation.scene import VirtualScene
-from lidar_buildings.simulation.survey_date import SURVEY_DATE
 
 #: Column → dtype of layer `outlines`.
 OUTLINE_COLUMNS: dict[str, Any] = {

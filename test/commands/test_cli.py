@@ -145,7 +145,7 @@ def test_a_survey_does_not_replace_files_unless_told_to(command, tmp_path, house
     assert command(*arguments, "--overwrite").status == 0
     assert files_in(tmp_path) == sorted(["kept.txt", *files_in(house)])
     (tmp_path / "file").write_text("")
-    assert "file/out: cannot be made" in command.refused("simulate", "--output", tmp_path / "file" / "out")
+    assert "file/out: cannot be written" in command.refused("simulate", "--output", tmp_path / "file" / "out")
 
 
 def test_it_runs_as_a_program_of_its_own(tmp_path, house):

@@ -11,7 +11,7 @@ import shapely
 from support.cli_runs import Command
 
 from lidar_buildings.cli import main
-from lidar_buildings.io.vectors.geopackage import read_polygons
+from lidar_buildings.io.vectors.polygon_file import read_polygons
 from lidar_buildings.simulation import simulate_survey
 
 #: Cuts the house's survey into nine tiles.

@@ -29,8 +29,15 @@ LAYERS = {
     "nodes": {"core", "pipeline", "io", "ros", "nodes"},
     "commands": {"core", "pipeline", "io", "ros", "nodes", "commands"},
 }
-#: Rooms of the core, from the ground up: one may import those before it, and the stages not each other.
-ROOMS = ("model", "neighbours", "surfaces", "solids", "stages")
+#: Layer → its rooms from the ground up: one may import those before it, and the stages not each other.
+ROOMS = {
+    "core": ("model", "neighbours", "surfaces", "solids", "stages"),
+    "io": ("files", "clouds", "tiling", "vectors", "models", "results"),
+    "evaluation": ("scores", "readers", "command"),
+}
+#: Rooms of io that do not know of each other.
+APART = {("vectors", "clouds"), ("vectors", "tiling"), ("models", "clouds"), ("models", "tiling")}
+APART |= {("models", "vectors"), ("results", "tiling")}
 #: A stage that is a step of another one, which alone may import it.
 STEPS = {"roof_topology": "building_model"}
 #: The command line: it may import all layers, and nothing imports it.
@@ -48,9 +55,9 @@ def layer_of(module):
 
 
 def room_of(module):
-    """The room of the core that a module stands in, None outside."""
+    """The room of its layer that a module stands in, None outside."""
     parts = module.split(".")
-    return parts[2] if parts[:2] == ["lidar_buildings", "core"] and len(parts) > 2 else None
+    return parts[2] if len(parts) > 2 and parts[2] in ROOMS.get(parts[1], ()) else None
 
 
 def stage_of(module):
@@ -66,8 +73,11 @@ def internal_refusal(module, imported):
     if module in WITHOUT_ROS and (theirs in ("ros", "nodes") or imported in WITH_ROS):
         return f"{module} imports {imported}: it must run without ROS"
     here, there = room_of(module), room_of(imported)
-    if here and there and ROOMS.index(there) > ROOMS.index(here):
-        return f"{module} imports {imported}: {here} stands below {there}"
+    if here and there and mine == theirs:
+        if ROOMS[mine].index(there) > ROOMS[mine].index(here):
+            return f"{module} imports {imported}: {here} stands below {there}"
+        if (here, there) in APART:
+            return f"{module} imports {imported}: {here} does not know of {there}"
     other = stage_of(imported)
     if here == "stages" and other and other != stage_of(module) != STEPS.get(other):
         return f"{module} imports {imported}: stages do not import each other"
@@ -101,6 +111,10 @@ def test_imports_go_one_way():
         ("lidar_buildings.commands.run_local", "lidar_buildings.commands.run"),
         ("lidar_buildings.commands.run", "lidar_buildings.cli"),
         ("lidar_buildings.io.clouds.las", "lidar_buildings.commands.run_local"),
+        ("lidar_buildings.io.clouds.las", "lidar_buildings.io.tiling.tile_grid"),
+        ("lidar_buildings.io.models.obj", "lidar_buildings.io.results.survey_buildings"),
+        ("lidar_buildings.io.models.obj", "lidar_buildings.io.vectors.geopackage"),
+        ("lidar_buildings.evaluation.scores.edges", "lidar_buildings.evaluation.command.score"),
         ("lidar_buildings.unheard_of", "lidar_buildings.core.model.tile"),
     ],
 )
@@ -115,6 +129,9 @@ def test_an_import_against_the_directions_would_be_refused(module, imported):
         ("lidar_buildings.pipeline.tile_stages", "lidar_buildings.core.stages.ground_filter"),
         ("lidar_buildings.nodes.tile_player", "lidar_buildings.io.clouds.las"),
         ("lidar_buildings.commands.run", "lidar_buildings.commands.run_local"),
+        ("lidar_buildings.io.tiling.tiling", "lidar_buildings.io.clouds.las"),
+        ("lidar_buildings.io.results.output_folder", "lidar_buildings.io.vectors.footprints"),
+        ("lidar_buildings.evaluation.readers.city_model", "lidar_buildings.io.files.reference_systems"),
         ("lidar_buildings.cli", "lidar_buildings.evaluation.command.score"),
     ],
 )

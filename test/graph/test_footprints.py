@@ -5,9 +5,11 @@ import json
 import pytest
 import shapely
 from support.cli_runs import Command
+from support.geopackages import write_geopackage
 from support.results import contents
 
-from lidar_buildings.io.vectors.geopackage import GeoPackageLayer, read_polygons, write_geopackage
+from lidar_buildings.io.vectors.geopackage import GeoPackageLayer
+from lidar_buildings.io.vectors.polygon_file import read_polygons
 from lidar_buildings.simulation import simulate_survey
 
 pytestmark = pytest.mark.graph

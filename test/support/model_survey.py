@@ -89,7 +89,7 @@ def shapes(frame=DUTCH, buildings=None):
         feature_line(model, number, frame, model.attributes, anchor=tuple(outline.exterior[0]))
         for number, (outline, model) in made.items()
     )
-    return Shapes(outlines, outlines, (), lines)
+    return Shapes(outlines, outlines, lines)
 
 
 def survey(folder, *tiles, frame=DUTCH, **options):

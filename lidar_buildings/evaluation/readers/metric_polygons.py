@@ -7,18 +7,14 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pyogrio
-import pyproj
 import shapely
 from numpy.typing import NDArray
-from pyogrio.errors import DataSourceError
 from pyproj.exceptions import CRSError
 
 from lidar_buildings.core.model.errors import InputError
-from lidar_buildings.io.vectors.geopackage import read_polygons
+from lidar_buildings.io.files.reference_systems import horizontal_part, name_of
+from lidar_buildings.io.vectors.polygon_file import read_polygons
 
-#: The layer that counts where a file has several.
-OUTLINES = "outlines"
 #: What a folder is searched for: the output of a run, the truth of a simulated survey.
 IN_FOLDER = ("buildings.gpkg", "truth.gpkg")
 
@@ -61,8 +57,8 @@ def read_metric_polygons(path: Path) -> MetricPolygons:
         If there is no such file, no layer of polygons in it, or a coordinate is not finite.
     """
     file = _file_of(path)
-    polygons, attributes, crs = read_polygons(file, _layer_of(file))
-    flat = shapely.force_2d(np.array(polygons, dtype=object))
+    polygons, attributes, crs = read_polygons(file)
+    flat = shapely.force_2d(polygons)
     if not np.isfinite(shapely.bounds(flat)).all():
         raise InputError(f"{file}: a coordinate of a polygon is not a finite number: export the file again")
     name, unit = _system(crs)
@@ -81,25 +77,10 @@ def _file_of(path: Path) -> Path:
     return path
 
 
-def _layer_of(file: Path) -> str:
-    """Return the name of the layer to read."""
-    try:
-        layers = pyogrio.list_layers(file)
-    except DataSourceError as error:
-        raise InputError(f"{file}: is no file of polygons: give a GeoPackage or the like") from error
-    with_polygons = [str(name) for name, kind in layers if kind and ("Polygon" in kind or kind == "Unknown")]
-    if not with_polygons:
-        raise InputError(f"{file}: has no layer of polygons: give a file that does")
-    return OUTLINES if OUTLINES in with_polygons else with_polygons[0]
-
-
 def _system(text: str) -> tuple[str, float]:
     """Return the name of the horizontal reference system and the metres in its unit."""
     try:
-        crs = pyproj.CRS.from_user_input(text)
+        crs = horizontal_part(text)
     except CRSError:
         return "", 1.0
-    horizontal = crs.sub_crs_list[0] if crs.sub_crs_list else crs
-    code = horizontal.to_epsg()
-    unit = horizontal.axis_info[0].unit_conversion_factor if horizontal.is_projected else 1.0
-    return f"EPSG:{code}" if code else horizontal.to_wkt(), float(unit)
+    return name_of(crs), float(crs.axis_info[0].unit_conversion_factor) if crs.is_projected else 1.0

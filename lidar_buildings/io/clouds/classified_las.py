@@ -22,7 +22,7 @@ from lidar_buildings.io.clouds.classified_header import (
 from lidar_buildings.io.clouds.las import Cloud
 from lidar_buildings.io.clouds.las_records import EVLR_HEADER, RawHeader
 from lidar_buildings.io.clouds.point_columns import FIRST_EXTENDED_FORMAT
-from lidar_buildings.io.files.atomic_files import CheckedFile, cannot_write, whole_file
+from lidar_buildings.io.files.atomic_files import CheckedFile, atomic_file, write_error
 
 #: Bits of the class in the class byte of point formats 0 to 5; above stand the flags.
 _LEGACY_CLASS = 0x1F
@@ -78,7 +78,7 @@ def write_classified(cloud: Cloud, rows: ResultRows, path: Path) -> NDArray[np.i
     """
     out = output_format(cloud)
     per_class = np.zeros(256, dtype=np.int64)
-    with whole_file(path) as temporary, open(temporary, "wb+") as plain:
+    with atomic_file(path) as temporary, open(temporary, "wb+") as plain:
         file = CheckedFile(plain)
         try:
             writer = laspy.LasWriter(
@@ -102,7 +102,7 @@ def write_classified(cloud: Cloud, rows: ResultRows, path: Path) -> NDArray[np.i
         except Exception as error:
             if file.error is None:
                 raise
-            raise cannot_write(path, file.error) from error
+            raise write_error(path, file.error) from error
     return per_class
 
 

@@ -1,19 +1,16 @@
 """
-LAS, LAZ and COPC files: opened, checked and read in chunks.
+LAS, LAZ and COPC files: opened, checked and read in chunks by laspy with its lazrs backend.
 
-Reading is laspy's with the lazrs backend. Whatever goes wrong with a file becomes one `InputError` of the
-form "file: what is wrong: what to do".
+Any failure is one `InputError` of the form "file: what is wrong: what to do".
 """
 
 from __future__ import annotations
 
-import logging
 import os
 from collections.abc import Iterable, Iterator
-from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import laspy
 import numpy as np
@@ -23,19 +20,13 @@ from lidar_buildings.core.model.errors import InputError
 from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.core.neighbours.point_spacing import steady_spacing
-from lidar_buildings.io.clouds.crs import SourceCrs, source_crs
 from lidar_buildings.io.clouds.find_inputs import search_inputs
+from lidar_buildings.io.clouds.las_crs import SourceCrs, source_crs
+from lidar_buildings.io.clouds.las_reader import open_reader, reported
 from lidar_buildings.io.clouds.las_records import RawHeader, read_raw_header
-from lidar_buildings.io.clouds.point_columns import point_columns, without_empty_columns
-from lidar_buildings.io.clouds.pulse_spacing import pulses
-from lidar_buildings.io.files.captured_stderr import in_words, is_failure, quiet_panics
+from lidar_buildings.io.clouds.point_columns import last_returns, point_columns, without_empty_columns
+from lidar_buildings.io.files.captured_stderr import captured_panics
 from lidar_buildings.io.files.warn_once import warn_once
-
-__all__ = ["Cloud", "InputFile", "open_cloud", "open_inputs", "read_tile"]
-
-# what laspy logs of a failing file is said again in the one line of the InputError
-for _name in ("laspy.lasreader", "laspy.header"):
-    logging.getLogger(_name).addFilter(lambda record: record.levelno < logging.ERROR)
 
 #: Points read at a time: about 60 MB with all that is made of them.
 CHUNK = 500_000
@@ -102,7 +93,7 @@ class Cloud:
             If they cannot be read to the last one.
         """
         done = 0
-        with _reported(self.path), _reader(self.path) as (reader, guard):
+        with reported(self.path), open_reader(self.path) as (reader, guard):
             while done < self.point_count:
                 with guard():
                     points = reader.read_points(size)
@@ -124,9 +115,12 @@ def open_cloud(path: str | Path) -> Cloud:
         One line naming the file, what is wrong and what to do.
     """
     path = Path(path)
-    with _reported(path):
+    with reported(path):
         raw = read_raw_header(path)
-        with quiet_panics(), laspy.open(path, laz_backend=laspy.LazBackend.Lazrs, read_evlrs=False) as reader:
+        with (
+            captured_panics(),
+            laspy.open(path, laz_backend=laspy.LazBackend.Lazrs, read_evlrs=False) as reader,
+        ):
             header = reader.header.copy()
             first = reader.read_points(_PROBE)
         _check_scaling(path, header)
@@ -197,7 +191,9 @@ def read_tile(path: str | Path) -> PointTile:
     tile = PointTile(columns.pop("points"), frame=frame)
     numbers = {"source": np.zeros(len(tile)), "index": np.arange(len(tile))}
     kept = without_empty_columns(columns)
-    spacing = steady_spacing(pulses(tile.points, kept["return_number"], kept["number_of_returns"]), None)
+    spacing = steady_spacing(
+        last_returns(tile.points, kept["return_number"], kept["number_of_returns"]), None
+    )
     return tile.with_columns(**kept, **numbers, point_spacing=spacing)
 
 
@@ -244,47 +240,6 @@ def _system(cloud: Cloud) -> str:
     """Name a cloud's reference system and units in few words."""
     name = cloud.crs.name.split(",")[0] if cloud.crs.name else "an unknown reference system"
     return f"{name} with units of {cloud.crs.horizontal_unit:.7g} m and {cloud.crs.vertical_unit:.7g} m"
-
-
-@contextmanager
-def _reported(path: Path) -> Iterator[None]:
-    """Turn whatever fails within into one InputError naming the file."""
-    try:
-        yield
-    except InputError:
-        raise
-    except FileNotFoundError:
-        raise InputError(f"{path}: no such file: check the path") from None
-    except OSError as error:
-        raise InputError(
-            f"{path}: cannot be opened ({in_words(error)}): check the file and its rights"
-        ) from error
-    except BaseException as error:
-        if not is_failure(error) or isinstance(error, MemoryError):
-            raise
-        raise InputError(
-            f"{path}: cannot be decoded ({in_words(error)}): it is damaged, or of a kind that is not "
-            "supported; download it again, or convert it with a current LAS tool"
-        ) from None
-
-
-@contextmanager
-def _reader(path: Path) -> Iterator[tuple[Any, Any]]:
-    """
-    Open a reader with the parallel backend, or the sequential one for files without a chunk table.
-
-    The second item guards each read: the sequential backend may panic and print on damaged or very old files.
-    """
-    try:
-        reader = laspy.open(path, laz_backend=laspy.LazBackend.LazrsParallel, read_evlrs=False)
-        guard: Any = nullcontext
-        if reader.header.point_count:
-            _ = reader.point_source  # raises here where the parallel backend cannot serve
-    except (laspy.errors.LaspyException, RuntimeError, ValueError):
-        reader = laspy.open(path, laz_backend=laspy.LazBackend.Lazrs, read_evlrs=False)
-        guard = quiet_panics
-    with reader:
-        yield reader, guard
 
 
 def _check_scaling(path: Path, header: laspy.LasHeader) -> None:

@@ -58,3 +58,15 @@ def without_empty_columns(columns: dict[str, NDArray[Any]]) -> dict[str, NDArray
     if np.isnan(columns["gps_time"]).any() or not columns["gps_time"].any():
         kept["gps_time"] = None
     return kept
+
+
+def last_returns(
+    points: NDArray[np.float64],
+    return_number: NDArray[np.uint8] | None,
+    number_of_returns: NDArray[np.uint8] | None,
+) -> NDArray[np.float64]:
+    """Return one point per pulse: its last return; every point where returns are not known."""
+    if return_number is None or number_of_returns is None:
+        return points
+    is_last = return_number >= number_of_returns
+    return points[is_last] if is_last.any() else points

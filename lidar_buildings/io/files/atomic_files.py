@@ -4,18 +4,25 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any, BinaryIO
 
 from lidar_buildings.core.model.errors import OutputError
-from lidar_buildings.io.files.captured_stderr import in_words
+from lidar_buildings.io.files.captured_stderr import one_line
 
 
 @contextmanager
-def whole_file(path: Path) -> Iterator[Path]:
+def atomic_file(path: Path, failures: tuple[type[BaseException], ...] = (OSError,)) -> Iterator[Path]:
     """
     Give a temporary name in the file's own folder, and rename it to `path` when the block ends well.
+
+    Parameters
+    ----------
+    path : Path
+        The file; its folder must be there.
+    failures : tuple of exception classes
+        What the block's writer raises when it cannot write.
 
     Raises
     ------
@@ -28,17 +35,18 @@ def whole_file(path: Path) -> Iterator[Path]:
         temporary.unlink(missing_ok=True)
         yield temporary
         os.replace(temporary, path)
-    except OSError as error:
-        raise cannot_write(path, error) from error
+    except failures as error:
+        raise write_error(path, error) from error
     finally:
-        _remove(temporary)
+        with suppress(OSError):
+            temporary.unlink(missing_ok=True)
 
 
-def cannot_write(path: Path, error: BaseException) -> OutputError:
-    """Say that a file cannot be written, and that a run may be taken up again."""
+def write_error(path: Path, error: BaseException) -> OutputError:
+    """Return the error of a file that cannot be written; a run may be resumed."""
     return OutputError(
-        f"{path}: cannot be written ({in_words(error)}): make room or mend the rights, "
-        "then give the same command again; it goes on from the finished tiles"
+        f"{path}: cannot be written ({one_line(error)}): free some space or check the permissions, "
+        "then give the same command again; a run resumes from its finished tiles"
     )
 
 
@@ -67,11 +75,3 @@ class CheckedFile:
     def __getattr__(self, name: str) -> Any:
         """Leave everything else to the file."""
         return getattr(self._file, name)
-
-
-def _remove(path: Path) -> None:
-    """Remove a file if it is there and can be removed."""
-    try:
-        path.unlink(missing_ok=True)
-    except OSError:
-        return

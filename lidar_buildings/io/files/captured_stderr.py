@@ -1,4 +1,4 @@
-"""What a compiled decoder throws: turned into words, and its own printing kept off the screen."""
+"""Errors of compiled code: as one line of text, without what the code itself prints to standard error."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
 
 #: One redirection of the process's standard error at a time.
-_one_at_a_time = threading.Lock()
+_one_redirection = threading.Lock()
 
 _STANDARD_ERROR = 2
 
@@ -18,61 +18,57 @@ _PANIC = "PanicException"
 
 
 def is_failure(error: BaseException) -> bool:
-    """Whether `error` tells of a failure to report, not of a wish to stop (Ctrl-C, exit)."""
+    """Whether `error` is a failure to report, not a request to stop (Ctrl-C, exit)."""
     return isinstance(error, Exception) or type(error).__name__ == _PANIC
 
 
-def in_words(error: BaseException) -> str:
+def one_line(error: BaseException) -> str:
     """Return the error's message on one line, without the file name that an OSError repeats."""
     text = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
     return " ".join(text.split()) or type(error).__name__
 
 
-def quiet_panics() -> AbstractContextManager[None]:
+def captured_panics() -> AbstractContextManager[None]:
     """
-    Hold back what is printed to standard error meanwhile, and drop it if the block panics.
-
-    A panicking decoder prints its backtrace from compiled code.
+    Capture standard error, and drop it if a Rust extension panics, which prints its backtrace.
     """
-    return quiet_if(lambda error: type(error).__name__ == _PANIC)
+    return captured_stderr(lambda error: type(error).__name__ == _PANIC)
 
 
 @contextmanager
-def quiet_if(is_noisy: Callable[[BaseException], bool]) -> Iterator[None]:
+def captured_stderr(drops: Callable[[BaseException], bool]) -> Iterator[None]:
     """
-    Hold back what is printed to standard error meanwhile, and drop it if the block ends with such an error.
+    Capture standard error during a block, and print it at its end unless the block raised such an error.
 
-    Compiled code prints past `sys.stderr`; so the file descriptor itself is redirected, for as short as
-    possible since it belongs to the whole process. Whatever was printed is passed on when the block ends
-    well, or with an error that prints nothing of its own.
+    Compiled code bypasses `sys.stderr`, so the file descriptor itself is redirected: briefly, since it
+    belongs to the whole process.
 
     Parameters
     ----------
-    is_noisy : callable
-        Whether an error is of the kind that prints.
+    drops : callable
+        Whether what was printed before an error is to be dropped.
     """
-    with _one_at_a_time, tempfile.TemporaryFile() as held:
+    with _one_redirection, tempfile.TemporaryFile() as captured:
         try:
             saved = os.dup(_STANDARD_ERROR)
-        except OSError:  # standard error is closed: nothing to hold back
+        except OSError:  # standard error is closed: nothing to capture
             yield
             return
-        os.dup2(held.fileno(), _STANDARD_ERROR)
+        os.dup2(captured.fileno(), _STANDARD_ERROR)
         dropped = False
         try:
             yield
         except BaseException as error:
-            dropped = is_noisy(error)
+            dropped = drops(error)
             raise
         finally:
             os.dup2(saved, _STANDARD_ERROR)
             os.close(saved)
             if not dropped:
-                _pass_on(held.fileno())
+                _print_captured(captured.fileno())
 
 
-def _pass_on(held: int) -> None:
-    """Print what was held back."""
-    os.lseek(held, 0, os.SEEK_SET)
-    while block := os.read(held, 65536):
+def _print_captured(captured: int) -> None:
+    os.lseek(captured, 0, os.SEEK_SET)
+    while block := os.read(captured, 65536):
         os.write(_STANDARD_ERROR, block)

@@ -8,12 +8,10 @@ them into the source's coordinates. So what was checked is what is written, in m
 from __future__ import annotations
 
 import json
-import re
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import pyproj
 from numpy.typing import NDArray
 
 from lidar_buildings.core.model.errors import InputError
@@ -22,11 +20,11 @@ from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.solids.output_grid import GRID
 from lidar_buildings.core.solids.shell import GROUND_SURFACE, ROOF_SURFACE, WALL_SURFACE, Solid
 from lidar_buildings.core.stages.building_model import BuildingModel
+from lidar_buildings.io.files.reference_systems import epsg_code
 from lidar_buildings.io.models.building_attributes import face_attributes, in_source_units
 
 #: The surfaces that every solid lists first, whether it has them or not; each roof face has one of its own.
 _SHARED = (GROUND_SURFACE, WALL_SURFACE)
-_EPSG = re.compile(r"EPSG:(\d+)")
 #: Decimals of the extent's coordinates.
 _DECIMALS = 6
 
@@ -94,7 +92,7 @@ def header_line(
     metadata: dict[str, Any] = {}
     if extent is not None:
         metadata["geographicalExtent"] = np.round(frame.to_source(extent), _DECIMALS).ravel().tolist()
-    code = _code_of(crs) or _code_of(frame.crs)
+    code = epsg_code(crs) or epsg_code(frame.crs)
     if code:
         metadata["referenceSystem"] = f"https://www.opengis.net/def/crs/EPSG/0/{code}"
     if title:
@@ -170,18 +168,6 @@ def parse_feature(line: str) -> CityFeature:
         return CityFeature(feature["id"], int(attributes["building_id"]), attributes, solids)
     except (ValueError, KeyError, TypeError, IndexError) as error:
         raise InputError(f"line {line[:60]!r}: no CityJSONFeature of a building: {error!r}") from error
-
-
-def _code_of(crs: str) -> str:
-    """Return the EPSG code of a reference system, empty if it has none."""
-    named = _EPSG.fullmatch(crs)
-    if named or not crs:
-        return named[1] if named else ""
-    try:
-        code = pyproj.CRS.from_user_input(crs).to_epsg()
-    except pyproj.exceptions.CRSError:
-        return ""
-    return str(code or "")
 
 
 def _geometry(

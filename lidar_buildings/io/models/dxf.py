@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 
 from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.solids.shell import GROUND_SURFACE, ROOF_SURFACE, WALL_SURFACE
-from lidar_buildings.io.files.atomic_files import whole_file
+from lidar_buildings.io.files.atomic_files import atomic_file
 from lidar_buildings.io.models.arcs import ring_arcs
 from lidar_buildings.io.models.dxf_entities import Corner, DxfEntities, corner_text
 from lidar_buildings.io.models.dxf_frame import FIRST_HANDLE, dxf_frame
-from lidar_buildings.io.results.survey_buildings import SolidMesh, SurveyBuilding
+from lidar_buildings.io.models.survey_building import SolidMesh, SurveyBuilding
 
 #: Name under which entities carry their building's id, and outlines its attributes.
 APPLICATION = "LIDAR_BUILDINGS"
@@ -53,7 +53,7 @@ def dxf_file(path: Path, frame: MapFrame) -> Iterator[Callable[[SurveyBuilding],
     """
     layers = {layer_name(level, kind): _COLOURS[kind] for level in _LEVELS for kind in _SURFACES}
     around = dxf_frame(layers | {OUTLINE: 7, COURTYARD: 7}, APPLICATION, frame.horizontal_unit)
-    with whole_file(path) as temporary, open(temporary, "wb") as file:
+    with atomic_file(path) as temporary, open(temporary, "wb") as file:
         file.write(around.before.encode("ascii"))
         entities = DxfEntities(around.owner, APPLICATION, FIRST_HANDLE)
         yield _Drawing(file, entities, frame).add
@@ -83,7 +83,7 @@ class _Drawing:
         if not known:
             return []
         outline = known[0]
-        data = self._entities.extended_data([building.readable_id, *_told(building.attributes)])
+        data = self._entities.extended_data([building.readable_id, *_known_attributes(building.attributes)])
         ground = building.attributes.get("ground_elevation") or 0.0
         drawn = []
         for layer, ring in zip((OUTLINE, *(COURTYARD,) * len(outline.holes)), outline.rings, strict=True):
@@ -121,6 +121,6 @@ def _edges(ring: Sequence[int]) -> list[tuple[int, int]]:
     return list(zip(ring, (*ring[1:], ring[0]), strict=True))
 
 
-def _told(attributes: Mapping[str, Any]) -> list[str]:
+def _known_attributes(attributes: Mapping[str, Any]) -> list[str]:
     """Return the attributes that are known, as texts."""
     return [f"{name}={value}" for name, value in sorted(attributes.items()) if value not in (None, "")]

@@ -8,13 +8,14 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from typing import Any, NamedTuple
 
+from lidar_buildings.io.files.reference_systems import FOOT, US_SURVEY_FOOT, is_same_unit
+
 #: AutoCAD 2000: the oldest version with light polylines and units, which everything reads.
 _VERSION = "R2000"
 #: Handle of the first entity; the frame's own are lower, and all that follow have eight digits, too.
 FIRST_HANDLE = 0x10000000
 #: Metres per unit → number of $INSUNITS (and whether the unit is metric).
-_UNITS = {1.0: (6, 1), 0.3048: (2, 0), 1200.0 / 3937.0: (21, 0)}
-_SAME_UNIT = 1e-9
+_UNITS = {1.0: (6, 1), FOOT: (2, 0), US_SURVEY_FOOT: (21, 0)}
 _ENTITIES = "  0\nSECTION\n  2\nENTITIES\n"
 #: ezdxf's options belong to the whole process.
 _one_writer = threading.Lock()
@@ -54,7 +55,7 @@ def dxf_frame(layers: Mapping[str, int], application: str, metres_per_unit: floa
         Of the coordinates; units that drawings have no number for stay unnamed.
     """
     unit, metric = next(
-        (found for metres, found in _UNITS.items() if abs(metres - metres_per_unit) < _SAME_UNIT), (0, 1)
+        (found for metres, found in _UNITS.items() if is_same_unit(metres, metres_per_unit)), (0, 1)
     )
     import ezdxf  # it takes half a second, which only a drawing is worth
 

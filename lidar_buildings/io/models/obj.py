@@ -17,8 +17,8 @@ import numpy as np
 from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.solids.face_triangles import triangles_of
 from lidar_buildings.core.solids.shell import GROUND_SURFACE, ROOF_SURFACE, WALL_SURFACE
-from lidar_buildings.io.files.atomic_files import whole_file
-from lidar_buildings.io.results.survey_buildings import SolidMesh, SurveyBuilding
+from lidar_buildings.io.files.atomic_files import atomic_file
+from lidar_buildings.io.models.survey_building import SolidMesh, SurveyBuilding
 
 #: Surface → its material's name and colour.
 _MATERIALS = {
@@ -50,10 +50,10 @@ def obj_file(path: Path, frame: MapFrame) -> Iterator[Callable[[SurveyBuilding],
         If a file cannot be written.
     """
     materials = path.with_suffix(".mtl")
-    with whole_file(path) as temporary, open(temporary, "w", encoding="utf-8") as file:
+    with atomic_file(path) as temporary, open(temporary, "w", encoding="utf-8") as file:
         file.write(_header(frame, materials.name))
         yield _Mesh(file, frame).add
-        with whole_file(materials) as beside:
+        with atomic_file(materials) as beside:
             beside.write_text("".join(_material(*one) for one in _MATERIALS.values()), encoding="utf-8")
 
 

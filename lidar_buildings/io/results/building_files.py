@@ -8,14 +8,15 @@ from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import NamedTuple
 
-from lidar_buildings.io.files.atomic_files import cannot_write, whole_file
+from lidar_buildings.io.files.atomic_files import atomic_file, write_error
 from lidar_buildings.io.models.cityjson import header_line
 from lidar_buildings.io.models.dxf import dxf_file
 from lidar_buildings.io.models.obj import obj_file
+from lidar_buildings.io.models.survey_building import SurveyBuilding
 from lidar_buildings.io.results.building_layers import building_layers_file
 from lidar_buildings.io.results.output_config import FORMATS
 from lidar_buildings.io.results.run_folder import BUILDINGS, CITY_MODEL, DRAWING, MATERIALS, MESH
-from lidar_buildings.io.results.survey_buildings import SurveyBuilding, SurveyBuildings
+from lidar_buildings.io.results.survey_buildings import SurveyBuildings
 
 #: Format → the files that it makes.
 FILES: dict[str, tuple[str, ...]] = dict(
@@ -83,7 +84,7 @@ def write_buildings(
                 try:
                     add(building)
                 except OSError as error:  # else the file that was opened last would have to answer for it
-                    raise cannot_write(folder / FILES[name][0], error) from error
+                    raise write_error(folder / FILES[name][0], error) from error
             status = building.attributes.get("status") or _NO_FEATURE
             outlined[status] += building.outline is not None
             traced[status] += building.traced is not None
@@ -108,7 +109,7 @@ def _writer(name: str, folder: Path, buildings: SurveyBuildings, heading: ModelH
 def _sequence(path: Path, buildings: SurveyBuildings, heading: ModelHeading) -> Iterator[_Add]:
     """Give a function that adds a building's line to a CityJSONSeq."""
     header = header_line(buildings.frame, crs=heading.crs, extent=buildings.extent, title=heading.title)
-    with whole_file(path) as temporary, open(temporary, "w", encoding="utf-8") as file:
+    with atomic_file(path) as temporary, open(temporary, "w", encoding="utf-8") as file:
         file.write(f"{header}\n")
 
         def add(building: SurveyBuilding) -> None:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.solids.shell import ROOF_SURFACE
 from lidar_buildings.io.models.building_attributes import BUILDING_FIELDS, FACE_FIELDS, face_attributes
-from lidar_buildings.io.results.survey_buildings import SurveyBuilding
+from lidar_buildings.io.models.survey_building import SurveyBuilding
 from lidar_buildings.io.vectors.geopackage import GeoPackageLayer, GeoPackageWriter
 
 #: Column with the name that stays the same in every file, made from the anchor's coordinates.

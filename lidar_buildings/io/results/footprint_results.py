@@ -57,7 +57,6 @@ class FootprintResults:
         return Shapes(
             tuple(one for one in tile.traced if one.building_id not in seen),
             tuple(one for one in tile.outlines if one.building_id not in seen),
-            tuple(face for face in tile.roof_faces if face.building_id not in seen),
             tuple(self._line(feature) for feature in features if _number(feature) not in seen),
         )
 

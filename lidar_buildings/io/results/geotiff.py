@@ -21,8 +21,8 @@ from rasterio.windows import Window
 
 from lidar_buildings import __version__
 from lidar_buildings.core.model.errors import OutputError
-from lidar_buildings.io.files.atomic_files import cannot_write
-from lidar_buildings.io.files.captured_stderr import quiet_if
+from lidar_buildings.io.files.atomic_files import write_error
+from lidar_buildings.io.files.captured_stderr import captured_stderr
 
 #: Side of a block in cells, as in cloud-optimised GeoTIFF.
 BLOCK = 512
@@ -184,7 +184,7 @@ class GeotiffWriter:
         """Turn what fails within into one OutputError, or into nothing where there is an error already."""
         try:
             # libtiff prints what the operating system refused
-            with rasterio.Env(**_GDAL), quiet_if(lambda error: isinstance(error, _FAILURES)):
+            with rasterio.Env(**_GDAL), captured_stderr(lambda error: isinstance(error, _FAILURES)):
                 yield
         except _FAILURES as error:
             if not quiet:
@@ -194,4 +194,4 @@ class GeotiffWriter:
 def _refusal(path: Path, error: Exception) -> OutputError:
     """Say that a file cannot be written, by the system's own words where there are some."""
     code = getattr(error, "errno", None)
-    return cannot_write(path, OSError(code, os.strerror(code)) if code else error)
+    return write_error(path, OSError(code, os.strerror(code)) if code else error)

@@ -10,21 +10,17 @@ from typing import Any
 from zipfile import BadZipFile
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lidar_buildings import __version__
-from lidar_buildings.core.model.errors import InputError
 from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.model.stage_table import STAGES
-from lidar_buildings.io.clouds.classified_las import suffix_for, write_classified
-from lidar_buildings.io.clouds.las import InputFile, open_cloud
-from lidar_buildings.io.files.atomic_files import cannot_write, whole_file
+from lidar_buildings.io.clouds.las import InputFile
+from lidar_buildings.io.files.atomic_files import atomic_file
 from lidar_buildings.io.results.building_files import OF_OUTLINES, ModelHeading, write_buildings
+from lidar_buildings.io.results.classified_files import write_clouds
 from lidar_buildings.io.results.footprint_results import FootprintResults
 from lidar_buildings.io.results.output_config import FORMATS
-from lidar_buildings.io.results.point_results import PointResults
 from lidar_buildings.io.results.run_folder import (
-    CLASSIFIED,
     PARTIAL,
     RUN,
     claim_folder,
@@ -186,24 +182,24 @@ class OutputFolder:
         fragments = [self._partial / f"{stamp}{_ENDING}" for stamp in sorted(self.done_stamps())]
         # footprints are what they are, also where one lies within another
         pieces = set() if self._footprints else seam_pieces([load_outlines(one) for one in fragments])
-        outputs, problems, per_class, n_known = self._write_clouds(fragments, pieces)
+        clouds = write_clouds(self.path, self.inputs, fragments, without=pieces)
         buildings, statuses = self._write_buildings(fragments, pieces)
-        files = [*filter(None, outputs), *buildings]
-        rasters = self._write_rasters(fragments, problems)
+        files = [*filter(None, clouds.outputs), *buildings]
+        rasters = self._write_rasters(fragments, clouds.problems)
         n_points = sum(file.point_count for file in self.inputs)
         summary = RunSummary(
             files=(*files, *rasters, RUN),
             n_tiles=len(fragments),
             n_points=n_points,
-            n_unclassified=n_points - n_known,
-            classes={int(code): int(per_class[code]) for code in np.flatnonzero(per_class)},
+            n_unclassified=n_points - clouds.n_known,
+            classes={int(code): int(clouds.per_class[code]) for code in np.flatnonzero(clouds.per_class)},
             buildings=statuses,
             n_seam_pieces=len(pieces),
             rasters=rasters,
-            problems=tuple(dict.fromkeys([*info.get("problems", ()), *problems])),
+            problems=tuple(dict.fromkeys([*info.get("problems", ()), *clouds.problems])),
             footprints=self._footprints.summary(sum(statuses.values())),
         )
-        self._write_run(summary, outputs, info)
+        self._write_run(summary, clouds.outputs, info)
         self._discard_tiles(fragments)
         return summary
 
@@ -211,50 +207,6 @@ class OutputFolder:
     def _partial(self) -> Path:
         """Folder of the tiles."""
         return self.path / PARTIAL
-
-    def _write_clouds(
-        self, fragments: list[Path], pieces: set[int]
-    ) -> tuple[list[str | None], list[str], NDArray[np.int64], int]:
-        """Write every classified file; a file that cannot be read is noted, the others are written."""
-        touching = _fragments_by_source(fragments, len(self.inputs))
-        outputs: list[str | None] = []
-        problems: list[str] = []
-        per_class, n_known = np.zeros(256, dtype=np.int64), 0
-        for source, name in enumerate(output_names(self.inputs)):
-            try:
-                output, counts, known = self._write_cloud(source, name, touching[source], pieces)
-            except InputError as error:
-                problems.append(str(error))
-                outputs.append(None)
-                continue
-            outputs.append(output)
-            per_class += counts
-            n_known += known
-        return outputs, problems, per_class, n_known
-
-    def _write_cloud(
-        self, source: int, name: str, fragments: list[Path], pieces: set[int]
-    ) -> tuple[str, NDArray[np.int64], int]:
-        """
-        Write one classified file; return its name, points per class and how many were in finished tiles.
-        """
-        file = self.inputs[source]
-        cloud = open_cloud(file.path)
-        if cloud.point_count != file.point_count:
-            raise InputError(f"{file.path}: has changed during the run: run it again with --overwrite")
-        output = f"{CLASSIFIED}/{name}{suffix_for(cloud)}"
-        self._make_folder(CLASSIFIED)
-        with PointResults(self._partial / f"{source}.results", cloud.point_count) as results:
-            results.fill(fragments, source, without=pieces)
-            counts = write_classified(cloud, results.rows, self.path / output)
-            return output, counts, results.n_known()
-
-    def _make_folder(self, name: str) -> None:
-        """Make a folder in the output folder."""
-        try:
-            (self.path / name).mkdir(exist_ok=True)
-        except OSError as error:
-            raise cannot_write(self.path / name, error) from error
 
     def _write_buildings(self, fragments: list[Path], pieces: set[int]) -> tuple[list[str], dict[str, int]]:
         """
@@ -294,7 +246,7 @@ class OutputFolder:
         ]
         own = {"inputs": inputs, "until": self.until, "frame": asdict(self.frame), **asdict(summary)}
         content = own | {name: value for name, value in run_info.items() if name not in own}
-        with whole_file(self.path / RUN) as temporary:
+        with atomic_file(self.path / RUN) as temporary:
             temporary.write_text(json.dumps(content, indent=2, default=str) + "\n", encoding="utf-8")
 
     def _discard_tiles(self, fragments: list[Path]) -> None:
@@ -302,16 +254,6 @@ class OutputFolder:
         for left in (*fragments, *self._partial.glob("*")):
             left.unlink(missing_ok=True)
         self._partial.rmdir()
-
-
-def _fragments_by_source(fragments: list[Path], n_sources: int) -> list[list[Path]]:
-    """Return, per input, the tiles that hold points of it."""
-    touching: list[list[Path]] = [[] for _ in range(n_sources)]
-    for fragment in fragments:
-        for source in load_rows(fragment, "sources"):
-            if source < n_sources:
-                touching[source].append(fragment)
-    return touching
 
 
 def _is_whole(fragment: Path) -> bool:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lidar_buildings.io.files.atomic_files import whole_file
+from lidar_buildings.io.files.atomic_files import atomic_file
 from lidar_buildings.io.results.tile_products import load_rows
 
 #: What is known of a point; `known` is 0 for points that no finished tile holds.
@@ -43,7 +43,7 @@ class PointResults:
     def __init__(self, path: Path, n_points: int) -> None:
         self._path = path
         # written in full before it is mapped: a full disk is then an error, not a bus error
-        with whole_file(path) as temporary, open(temporary, "wb") as file:
+        with atomic_file(path) as temporary, open(temporary, "wb") as file:
             for start in range(0, n_points, _BLOCK):
                 file.write(bytes(min(_BLOCK, n_points - start) * RESULT.itemsize))
         self._table: NDArray[Any] = (

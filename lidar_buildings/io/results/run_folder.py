@@ -10,8 +10,8 @@ from typing import Any
 
 from lidar_buildings.core.model.errors import OutputError
 from lidar_buildings.io.clouds.las import InputFile
-from lidar_buildings.io.files.atomic_files import whole_file
-from lidar_buildings.io.files.captured_stderr import in_words
+from lidar_buildings.io.files.atomic_files import atomic_file
+from lidar_buildings.io.files.captured_stderr import one_line
 
 PARTIAL = ".partial"
 RUN = "run.json"
@@ -67,7 +67,7 @@ def claim_folder(
     except OSError as error:
         raise _unusable(path, error) from error
     try:
-        with whole_file(path / PARTIAL / _IDENTITY) as temporary:
+        with atomic_file(path / PARTIAL / _IDENTITY) as temporary:
             temporary.write_text(json.dumps(identity))
     except OutputError as error:
         raise _unusable(path, error.__cause__ or error) from error
@@ -134,5 +134,5 @@ def _read(path: Path) -> Any:
 def _unusable(path: Path, error: BaseException) -> OutputError:
     """Say that results cannot be written there."""
     return OutputError(
-        f"{path}: cannot be used for output ({in_words(error)}): choose another folder, or mend its rights"
+        f"{path}: cannot be used for output ({one_line(error)}): choose another folder, or mend its rights"
     )

@@ -9,7 +9,6 @@ import os
 from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
-from functools import cached_property
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -20,72 +19,13 @@ from lidar_buildings.core.model.errors import InputError
 from lidar_buildings.core.model.ids import anchor_near, anchor_row, readable_id
 from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.model.outline import Outline
-from lidar_buildings.core.solids.face_triangles import face_pieces
 from lidar_buildings.core.solids.output_grid import GRID
-from lidar_buildings.core.solids.shell import Solid
-from lidar_buildings.io.files.atomic_files import cannot_write
+from lidar_buildings.io.files.atomic_files import write_error
 from lidar_buildings.io.models.building_attributes import in_source_units
-from lidar_buildings.io.models.cityjson import CityFeature, parse_feature
+from lidar_buildings.io.models.cityjson import parse_feature
+from lidar_buildings.io.models.survey_building import SurveyBuilding
 from lidar_buildings.io.results.footprint_results import FOOTPRINT_ID
 from lidar_buildings.io.results.tile_products import Shapes
-
-
-@dataclass(frozen=True, eq=False)
-class SolidMesh:
-    """
-    A solid with its faces divided into convex pieces of three or four corners.
-
-    Attributes
-    ----------
-    lod : str
-        The solid's level of detail.
-    solid : Solid
-    pieces : tuple of tuple of tuple of int
-        Per face its pieces, as rows of the solid's vertices.
-    """
-
-    lod: str
-    solid: Solid
-    pieces: tuple[tuple[tuple[int, ...], ...], ...]
-
-
-@dataclass(frozen=True, eq=False)
-class SurveyBuilding:
-    """
-    One building, as far as the run went.
-
-    Attributes
-    ----------
-    building_id : int
-        See `lidar_buildings.core.model.ids`.
-    readable_id : str
-        The name that files carry, made from the anchor's coordinates.
-    traced, outline : Outline or None
-        Before and after regularisation, map frame [m].
-    line : str
-        The CityJSONFeature, empty if there is none.
-    feature : CityFeature or None
-        What the line says.
-    attributes : dict
-        In the source's units.
-    """
-
-    building_id: int
-    readable_id: str
-    traced: Outline | None
-    outline: Outline | None
-    line: str
-    feature: CityFeature | None
-    attributes: dict[str, Any]
-
-    @cached_property
-    def mesh(self) -> SolidMesh | None:
-        """The finest solid with its faces divided, None if there is no solid."""
-        if self.feature is None or not self.feature.finest:
-            return None
-        solid = self.feature.solids[self.feature.finest]
-        pieces = tuple(tuple(face_pieces(solid.vertices, face)) for face in solid.faces)
-        return SolidMesh(self.feature.finest, solid, pieces)
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,7 +68,7 @@ class SurveyBuildings:
         self._entries: dict[tuple[int, str], _Entry] = {}
         self._low, self._high = np.full(3, np.inf), np.full(3, -np.inf)
         self._path = path
-        with self._failing_in_words():
+        with self._reported():
             self._file = open(path, "w+b")  # noqa: SIM115 (open as long as the object)
 
     def close(self) -> None:
@@ -160,7 +100,7 @@ class SurveyBuildings:
             key = number, model.readable_id if model else self._name_of(number, before or after)
             if key not in self._entries:
                 self._entries[key] = _Entry(before, after, *self._kept(model))
-        with self._failing_in_words():
+        with self._reported():
             self._file.flush()
 
     def __len__(self) -> int:
@@ -182,7 +122,7 @@ class SurveyBuildings:
             return 0, 0
         self._low = np.minimum(self._low, model.low)
         self._high = np.maximum(self._high, model.high)
-        with self._failing_in_words():
+        with self._reported():
             start = self._file.seek(0, os.SEEK_END)
             return start, self._file.write(model.line.encode())
 
@@ -192,12 +132,12 @@ class SurveyBuildings:
         return self._file.read(entry.length).decode()
 
     @contextmanager
-    def _failing_in_words(self) -> Iterator[None]:
+    def _reported(self) -> Iterator[None]:
         """Say which file it is that cannot be written."""
         try:
             yield
         except OSError as error:
-            raise cannot_write(self._path, error) from error
+            raise write_error(self._path, error) from error
 
     def _name_of(self, number: int, outline: Outline | None) -> str:
         """Name a building without model by its westernmost vertex, or by the place a footprint's id is of."""

@@ -9,18 +9,17 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pyproj
 from numpy.typing import NDArray
-from pyproj.exceptions import CRSError
 
 from lidar_buildings.core.model.errors import LidarBuildingsError, OutputError
 from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.stages.terrain import RasterWindow, TerrainRasters
 from lidar_buildings.core.stages.terrain.window import enclosing
-from lidar_buildings.io.clouds.crs import vertical_crs
 from lidar_buildings.io.clouds.las import InputFile
+from lidar_buildings.io.clouds.las_crs import vertical_crs
 from lidar_buildings.io.clouds.las_records import read_raw_header
-from lidar_buildings.io.files.atomic_files import whole_file
+from lidar_buildings.io.files.atomic_files import atomic_file
+from lidar_buildings.io.files.reference_systems import FOOT, US_SURVEY_FOOT, is_same_unit, with_heights
 from lidar_buildings.io.results.geotiff import BLOCK, MOST_BLOCKS, GeotiffWriter, RasterLayout
 from lidar_buildings.io.results.run_folder import DSM, DTM, NDSM
 from lidar_buildings.io.results.tile_products import load_raster_window, load_rasters
@@ -32,8 +31,7 @@ RASTERS = {
     NDSM: "height of the surface above the ground",
 }
 #: Metres per unit → its name in the files.
-_UNITS = {1.0: "metre", 0.3048: "foot", 1200.0 / 3937.0: "US survey foot"}
-_SAME_UNIT = 1e-7
+_UNITS = {1.0: "metre", FOOT: "foot", US_SURVEY_FOOT: "US survey foot"}
 #: Values are rounded to this part of a unit, about a millimetre: what is finer is noise, and large.
 _STEPS = 1024.0
 #: Saved tiles that are kept in memory: a row of blocks visits each several times.
@@ -90,7 +88,7 @@ def write_rasters(
     with ExitStack() as stack:
         writers = {}
         for name, meaning in RASTERS.items():
-            temporary = stack.enter_context(whole_file(folder / name))
+            temporary = stack.enter_context(atomic_file(folder / name))
             writers[name] = stack.enter_context(GeotiffWriter(temporary, layout, meaning))
         for row, column, block in _blocks(whole, windows):
             for name, values in _in_source_units(block, frame).items():
@@ -108,14 +106,9 @@ def crs_with_heights(inputs: Sequence[InputFile], frame: MapFrame) -> str:
     if not frame.crs or len(stated) != 1:
         return frame.crs
     (vertical,) = stated.values()
-    if abs(vertical.axis_info[0].unit_conversion_factor - frame.vertical_unit) > _SAME_UNIT:
+    if not is_same_unit(vertical.axis_info[0].unit_conversion_factor, frame.vertical_unit):
         return frame.crs
-    try:
-        horizontal = pyproj.CRS.from_user_input(frame.crs)
-        name = f"{horizontal.name} + {vertical.name}"
-        return str(pyproj.crs.CompoundCRS(name, [horizontal, vertical]).to_wkt())
-    except CRSError:  # a pair that cannot be written
-        return frame.crs
+    return with_heights(frame.crs, vertical)
 
 
 def _vertical_of(path: Path) -> Any:
@@ -131,7 +124,7 @@ def _layout(window: RasterWindow, frame: MapFrame, crs: str) -> RasterLayout:
     """Describe the files."""
     west, north = (edge / frame.horizontal_unit for edge in window.corner)
     unit = next(
-        (name for metres, name in _UNITS.items() if abs(metres - frame.vertical_unit) < _SAME_UNIT),
+        (name for metres, name in _UNITS.items() if is_same_unit(metres, frame.vertical_unit)),
         f"{frame.vertical_unit:g} m",
     )
     cell = window.resolution / frame.horizontal_unit

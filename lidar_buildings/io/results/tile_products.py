@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from lidar_buildings.core.model.outline import BuildingOutline, Outline
 from lidar_buildings.core.model.tile import COLUMNS, PointTile
 from lidar_buildings.core.stages.terrain import RasterWindow, TerrainRasters
-from lidar_buildings.io.files.atomic_files import whole_file
+from lidar_buildings.io.files.atomic_files import atomic_file
 
 _NAME = ("source", "index")
 #: Names under which a tile's rasters are saved.
@@ -28,23 +28,6 @@ CORE, ROOFS, EDGES = (
         ("edge",),
     )
 )
-
-
-@dataclass(frozen=True, eq=False)
-class RoofFace:
-    """
-    One face of a building's roof.
-
-    Attributes
-    ----------
-    building_id : int
-        See `lidar_buildings.core.model.ids`.
-    rings : tuple of ndarray of shape (n_vertices, 3)
-        Outer ring first, then its holes; open, map frame [m].
-    """
-
-    building_id: int
-    rings: tuple[NDArray[np.float64], ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,8 +48,6 @@ class TileProducts:
         `source`, `index`, `edge` of the core roof points.
     traced, outlines : tuple of BuildingOutline
         Before and after regularisation.
-    roof_faces : tuple of RoofFace
-        Faces of the models' roofs.
     features : tuple of str
         CityJSONFeature lines.
     rasters : TerrainRasters or None
@@ -79,7 +60,6 @@ class TileProducts:
     edges: NDArray[Any]
     traced: tuple[BuildingOutline, ...] = ()
     outlines: tuple[BuildingOutline, ...] = ()
-    roof_faces: tuple[RoofFace, ...] = ()
     features: tuple[str, ...] = ()
     rasters: TerrainRasters | None = None
 
@@ -90,7 +70,6 @@ class TileProducts:
         planes: PointTile | None = None,
         traced: Iterable[BuildingOutline] = (),
         outlines: Iterable[BuildingOutline] = (),
-        roof_faces: Iterable[RoofFace] = (),
         features: Iterable[str] = (),
         rasters: TerrainRasters | None = None,
     ) -> TileProducts:
@@ -103,7 +82,7 @@ class TileProducts:
             Every point of the tile with its final class and height above ground.
         planes : PointTile or None
             Its roof points, core and buffer, with edge labels, building and plane ids as far as the run went.
-        traced, outlines, roof_faces, features, rasters
+        traced, outlines, features, rasters
             As they came.
         """
         roof_tile = planes if planes is not None else classified.select(np.zeros(0, dtype=np.intp))
@@ -118,7 +97,6 @@ class TileProducts:
             _rows(roof_tile, EDGES, labelled),
             tuple(traced),
             tuple(outlines),
-            tuple(roof_faces),
             tuple(features),
             rasters,
         )
@@ -133,10 +111,9 @@ class TileProducts:
             If it cannot be written.
         """
         polygons = {"traced": self.traced, "outlines": self.outlines}
-        shapes: dict[str, Any] = {name: _outlines_as_lists(group) for name, group in polygons.items()}
-        shapes["roof_faces"] = [[f.building_id, [ring.tolist() for ring in f.rings]] for f in self.roof_faces]
+        shapes = {name: _outlines_as_lists(group) for name, group in polygons.items()}
         sources = np.unique(np.concatenate([rows["source"] for rows in (self.core, self.roofs, self.edges)]))
-        with whole_file(path) as temporary, open(temporary, "wb") as file:
+        with atomic_file(path) as temporary, open(temporary, "wb") as file:
             np.savez(
                 file,
                 stamp=np.int64(self.stamp),
@@ -162,7 +139,6 @@ class Shapes(NamedTuple):
 
     traced: tuple[BuildingOutline, ...]
     outlines: tuple[BuildingOutline, ...]
-    roof_faces: tuple[RoofFace, ...]
     features: tuple[str, ...]
 
 
@@ -173,7 +149,6 @@ def load_shapes(path: Path) -> Shapes:
     return Shapes(
         _outlines_from_lists(shapes["traced"]),
         _outlines_from_lists(shapes["outlines"]),
-        tuple(RoofFace(number, _rings(rings, 3)) for number, rings in shapes["roof_faces"]),
         tuple(features),
     )
 
@@ -245,12 +220,10 @@ def _outlines_as_lists(outlines: Sequence[BuildingOutline]) -> list[Any]:
 
 def _outlines_from_lists(lists: list[Any]) -> tuple[BuildingOutline, ...]:
     """Turn them back."""
-    return tuple(
-        BuildingOutline(number, Outline(rings[0], rings[1:]))
-        for number, rings in ((number, _rings(lists_of, 2)) for number, lists_of in lists)
-    )
+    return tuple(BuildingOutline(number, Outline(*_rings(lists_of))) for number, lists_of in lists)
 
 
-def _rings(lists: list[Any], dimensions: int) -> tuple[NDArray[np.float64], ...]:
-    """Turn lists of vertices into arrays."""
-    return tuple(np.array(ring, dtype=np.float64).reshape(-1, dimensions) for ring in lists)
+def _rings(lists: list[Any]) -> tuple[NDArray[np.float64], tuple[NDArray[np.float64], ...]]:
+    """Return the outer ring and the holes."""
+    exterior, *holes = (np.array(ring, dtype=np.float64).reshape(-1, 2) for ring in lists)
+    return exterior, tuple(holes)

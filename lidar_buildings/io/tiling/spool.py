@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lidar_buildings.core.model.errors import OutputError
-from lidar_buildings.io.files.captured_stderr import in_words
+from lidar_buildings.io.files.captured_stderr import one_line
 
 #: A cell's column and row in the grid.
 Cell = tuple[int, int]
@@ -107,7 +107,7 @@ class Spool:
     def _full(folder: str | Path, error: OSError) -> OutputError:
         """Say that the temporary folder cannot be written."""
         return OutputError(
-            f"{folder}: temporary files cannot be written ({in_words(error)}): "
+            f"{folder}: temporary files cannot be written ({one_line(error)}): "
             "free some space, or set TMPDIR to a folder with more"
         )
 

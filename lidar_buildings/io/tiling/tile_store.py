@@ -15,10 +15,10 @@ from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.core.neighbours.point_spacing import steady_spacing
 from lidar_buildings.io.clouds.las import xyz_of
-from lidar_buildings.io.clouds.point_columns import point_columns, without_empty_columns
-from lidar_buildings.io.clouds.pulse_spacing import expected_spacing, pulses, sample_square
+from lidar_buildings.io.clouds.point_columns import last_returns, point_columns, without_empty_columns
 from lidar_buildings.io.tiling.spool import RECORD, Cell, Spool
 from lidar_buildings.io.tiling.survey_brightness import SQUARE_SIDE, SurveyBrightness
+from lidar_buildings.io.tiling.survey_spacing import expected_spacing, sample_square
 from lidar_buildings.io.tiling.tile_grid import Rectangle, TileGrid
 
 
@@ -176,7 +176,7 @@ class TileStore:
         is_buffer = is_buffer[order]
         del records, order
         kept = without_empty_columns(columns)
-        last = pulses(points.astype(np.float64), kept["return_number"], kept["number_of_returns"])
+        last = last_returns(points.astype(np.float64), kept["return_number"], kept["number_of_returns"])
         spacing = steady_spacing(last, self._expected_spacing)
         del last
         area = self._local_area(plan, buffer)
@@ -236,7 +236,7 @@ def _pulses_of(records: NDArray[Any]) -> NDArray[np.float64]:
     """Return one position per pulse of some records."""
     points = np.column_stack([records[name] for name in "xyz"]).astype(np.float64)
     returns = without_empty_columns({name: records[name] for name in RECORD.names or ()})
-    return pulses(points, returns["return_number"], returns["number_of_returns"])
+    return last_returns(points, returns["return_number"], returns["number_of_returns"])
 
 
 def _order_key(records: NDArray[Any]) -> NDArray[np.uint64]:

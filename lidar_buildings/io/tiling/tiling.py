@@ -16,7 +16,7 @@ from lidar_buildings.io.clouds.las import CHUNK, Cloud, InputFile, frame_of, ope
 from lidar_buildings.io.tiling.reading_order import reading_order
 from lidar_buildings.io.tiling.spool import Cell
 from lidar_buildings.io.tiling.tile_grid import Rectangle, TileGrid
-from lidar_buildings.io.tiling.tile_stamps import stamp_of_number, stamp_of_time
+from lidar_buildings.io.tiling.tile_stamps import LATEST, stamp_of_number, stamp_of_time
 from lidar_buildings.io.tiling.tile_store import TilePlan, TileStore
 from lidar_buildings.io.tiling.tiling_config import TilingConfig
 
@@ -282,12 +282,8 @@ class TileSource:
         x0, y0 = (min(first[axis] for first, _ in spans) for axis in (0, 1))
         x1, y1 = (max(last[axis] for _, last in spans) for axis in (0, 1))
         number = (tile[0] - x0) * (y1 - y0 + 1) + tile[1] - y0 + 1
-        is_counted = x0 <= tile[0] <= x1 and y0 <= tile[1] <= y1 and number < _LARGEST_NUMBER
+        is_counted = x0 <= tile[0] <= x1 and y0 <= tile[1] <= y1 and number < LATEST
         return number if is_counted else 1
-
-
-#: Stamps carry seconds as int32.
-_LARGEST_NUMBER = 2**31 - 1
 
 
 def _area(cloud: Cloud) -> Rectangle | None:

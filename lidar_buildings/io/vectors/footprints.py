@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 from lidar_buildings.core.model.errors import InputError
 from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.stages.footprints import Footprints, footprints_of, repaired_polygons
+from lidar_buildings.io.files.reference_systems import is_in_degrees, reprojected
 from lidar_buildings.io.files.warn_once import warn_once
 from lidar_buildings.io.vectors.polygon_file import PolygonLayer, read_layer
-from lidar_buildings.io.vectors.projection import is_in_degrees, to_system
 
 #: Columns that name an object, the most telling first; in any case.
 _ID_COLUMNS = (
@@ -200,7 +200,7 @@ def _in_map(layer: PolygonLayer, frame: MapFrame) -> NDArray[Any]:
             "be in the same one"
         )
     else:
-        flat = to_system(flat, layer.crs, frame.crs, layer.label)
+        flat = reprojected(flat, layer.crs, frame.crs, layer.label)
     origin = np.array(frame.origin[:2])
     return shapely.transform(flat, lambda xy: xy * frame.horizontal_unit - origin)
 

@@ -1,4 +1,4 @@
-"""Polygons with attributes in GeoPackage files, and from any file of polygons."""
+"""Polygons with attributes written to GeoPackage files."""
 
 from __future__ import annotations
 
@@ -14,12 +14,11 @@ from typing import Any
 
 import numpy as np
 import pyogrio
-import pyproj
 import shapely
 from numpy.typing import NDArray
 from pyogrio.errors import DataLayerError, DataSourceError, FeatureError, FieldError, GeometryError
 
-from lidar_buildings.core.model.errors import InputError, OutputError
+from lidar_buildings.core.model.errors import OutputError
 
 #: How each type of attribute is held in arrays.
 _DTYPES: dict[type, Any] = {int: np.int64, float: np.float64, str: object}
@@ -58,29 +57,6 @@ class GeoPackageLayer:
     is_3d: bool = False
 
 
-def write_geopackage(path: str | Path, layers: Sequence[GeoPackageLayer], crs: str) -> None:
-    """
-    Write layers of polygons into one file, which appears under its name only when it is complete.
-
-    Parameters
-    ----------
-    path : str or Path
-        An existing file is replaced.
-    layers : sequence of GeoPackageLayer
-        An empty layer keeps its columns.
-    crs : str
-        ``"EPSG:28992"``, a WKT text, or empty if unknown.
-
-    Raises
-    ------
-    OutputError
-        If the file cannot be written.
-    """
-    with GeoPackageWriter(path, crs) as writer:
-        for layer in layers:
-            writer.append(layer)
-
-
 class GeoPackageWriter:
     """
     Writes layers of polygons in any number of portions; the file appears when all is written.
@@ -109,7 +85,7 @@ class GeoPackageWriter:
         OutputError
             If the file cannot be written.
         """
-        with self._failing_in_words(), _fixed_date():
+        with self._reported(), _fixed_date():
             _write_layer(self._partial, layer, self._crs, append=bool(self._counts))
         self._counts[layer.name] = self._counts.get(layer.name, 0) + len(layer.polygons)
 
@@ -121,7 +97,7 @@ class GeoPackageWriter:
         """Give the file its name if all went well, else leave nothing behind."""
         try:
             if error is None:
-                with self._failing_in_words():
+                with self._reported():
                     _check_complete(self._partial, self._counts)
                     os.replace(self._partial, self._path)
         finally:
@@ -129,7 +105,7 @@ class GeoPackageWriter:
                 left.unlink(missing_ok=True)
 
     @contextmanager
-    def _failing_in_words(self) -> Iterator[None]:
+    def _reported(self) -> Iterator[None]:
         """Turn the libraries' errors into one line."""
         try:
             yield
@@ -137,73 +113,6 @@ class GeoPackageWriter:
             raise OutputError(
                 f"{self._path}: cannot be written: {error}: check the folder and the free space"
             ) from error
-
-
-def read_polygons(
-    path: str | Path, layer: str | None = None
-) -> tuple[list[shapely.Polygon], dict[str, NDArray[Any]], str]:
-    """
-    Read the polygons of a layer from any format that GDAL knows (GeoPackage, Shapefile, GeoJSON…).
-
-    Parameters
-    ----------
-    path : str or Path
-    layer : str, optional
-        The file's first layer by default.
-
-    Returns
-    -------
-    polygons : list of shapely.Polygon
-        The parts of a multi-polygon stand one by one; rows without polygon are left out.
-    attributes : dict of str to ndarray
-        One value per polygon.
-    crs : str
-        ``"EPSG:…"``, a WKT text where no code is known, or empty.
-
-    Raises
-    ------
-    InputError
-        If the file or the layer is not there or cannot be read.
-    """
-    path = Path(path)
-    if not path.exists():
-        raise InputError(f"{path}: no such file: check the path")
-    try:
-        meta, geometry, columns = _read_layer(path, layer)
-        shapes = shapely.from_wkb(geometry)
-    except (*_FAILURES, ValueError, shapely.errors.ShapelyError) as error:
-        raise InputError(
-            f"{path}: cannot be read as polygons: {error}: give a GeoPackage or the like"
-        ) from error
-    kinds = shapely.get_type_id(shapes)
-    rows = np.flatnonzero(np.isin(kinds, [shapely.GeometryType.POLYGON, shapely.GeometryType.MULTIPOLYGON]))
-    parts, owner = shapely.get_parts(shapes[rows], return_index=True)
-    solid = ~shapely.is_empty(parts)
-    names = [str(name) for name in meta["fields"]]
-    attributes = {name: column[rows[owner[solid]]] for name, column in zip(names, columns, strict=True)}
-    return list(parts[solid]), attributes, _crs_name(meta["crs"])
-
-
-def _read_layer(path: Path, layer: str | None) -> tuple[dict[str, Any], NDArray[Any], Sequence[NDArray[Any]]]:
-    """Return a layer's description, geometries as WKB, and columns."""
-    names = [str(name) for name, _ in pyogrio.list_layers(path)]
-    if not names or (layer is not None and layer not in names):
-        raise DataLayerError(f"there is no layer {layer or ''!r} among {names}")
-    meta, _, geometry, columns = pyogrio.raw.read(path, layer=layer or names[0])
-    if geometry is None:
-        raise GeometryError("the layer has no geometry")
-    return meta, geometry, columns
-
-
-def _crs_name(crs: str | None) -> str:
-    """Return an EPSG code where there is one, else the WKT, else nothing."""
-    if not crs:
-        return ""
-    try:
-        code = pyproj.CRS.from_user_input(crs).to_epsg()
-    except pyproj.exceptions.CRSError:
-        return ""
-    return f"EPSG:{code}" if code else crs
 
 
 def _write_layer(path: Path, layer: GeoPackageLayer, crs: str, append: bool) -> None:

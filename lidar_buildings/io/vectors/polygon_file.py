@@ -1,8 +1,9 @@
-"""A layer of polygons of any file that GDAL reads, with its columns."""
+"""Polygons with their attributes from any file that GDAL reads (GeoPackage, Shapefile, GeoJSON…)."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -67,16 +68,48 @@ def read_layer(path: Path, layer: str = "") -> PolygonLayer:
     InputError
         If the file is no vector file, has no such layer, or it is not clear which one is meant.
     """
-    try:
-        found = [(str(name), str(kind or "")) for name, kind in pyogrio.list_layers(path)]
-        name = _chosen(path, found, layer)
+    return _read(path, _chosen(path, layer))
+
+
+def read_polygons(path: Path, layer: str = "") -> tuple[NDArray[np.object_], dict[str, NDArray[Any]], str]:
+    """
+    Read the polygons of a layer one by one: the one that is named, else `outlines`, else the first with any.
+
+    Returns
+    -------
+    polygons : ndarray of shapely.Polygon
+        The parts of a multi-polygon stand one by one; features without polygon are left out.
+    attributes : dict of str to ndarray
+        One value per polygon.
+    crs : str
+        As GDAL names it, empty if unknown.
+
+    Raises
+    ------
+    InputError
+        If the file or the layer is not there or cannot be read.
+    """
+    if not layer:
+        names = _with_polygons(path, _layers(path))
+        layer = _OUTLINES if _OUTLINES in names else names[0]
+    found = _read(path, _chosen(path, layer))
+    kinds = shapely.get_type_id(found.geometries)
+    rows = np.flatnonzero(np.isin(kinds, [shapely.GeometryType.POLYGON, shapely.GeometryType.MULTIPOLYGON]))
+    parts, owner = shapely.get_parts(found.geometries[rows], return_index=True)
+    kept = ~shapely.is_empty(parts)
+    attributes = {name: column[rows[owner[kept]]] for name, column in found.columns.items()}
+    return parts[kept], attributes, found.crs
+
+
+def _layers(path: Path) -> dict[str, str]:
+    """Return the name of each layer of a file with its kind of geometry, empty for none."""
+    with _reported(path):
+        return {str(name): str(kind or "") for name, kind in pyogrio.list_layers(path)}
+
+
+def _read(path: Path, name: str) -> PolygonLayer:
+    with _reported(path):
         meta, fids, wkb, columns = pyogrio.raw.read(path, layer=name, return_fids=True)
-    except _FAILURES as error:
-        reason = " ".join(str(error).split())[:200]
-        raise InputError(
-            f"{path}: cannot be read as a file of polygons ({reason}): give a GeoPackage, Shapefile, GeoJSON "
-            "or the like"
-        ) from error
     names = [str(one) for one in meta["fields"]]
     geometries = np.full(len(fids), None) if wkb is None else shapely.from_wkb(wkb, on_invalid="ignore")
     return PolygonLayer(
@@ -84,21 +117,42 @@ def read_layer(path: Path, layer: str = "") -> PolygonLayer:
     )
 
 
-def _chosen(path: Path, found: list[tuple[str, str]], layer: str) -> str:
-    """Return the name of the layer to read."""
-    names = [name for name, _ in found]
-    if layer:
-        if layer in names:
-            return layer
-        raise InputError(f"{path}: has no layer {layer!r}: there are {', '.join(names) or 'none'}")
-    with_polygons = [name for name, kind in found if any(word in kind for word in _POLYGON_KINDS)]
-    if not with_polygons:
-        kinds = ", ".join(sorted({kind or "no geometry" for _, kind in found})) or "no layer"
+def _with_polygons(path: Path, layers: Mapping[str, str]) -> list[str]:
+    """Return the layers that can hold polygons, of which there must be one."""
+    names = [name for name, kind in layers.items() if any(word in kind for word in _POLYGON_KINDS)]
+    if not names:
+        kinds = ", ".join(sorted({kind or "no geometry" for kind in layers.values()})) or "no layer"
         raise InputError(f"{path}: has no layer of polygons ({kinds}): give a file that has")
-    preferred = [name for name in with_polygons if name in (_OUTLINES, path.stem)]
-    if len(with_polygons) > 1 and len(preferred) != 1:
+    return names
+
+
+def _chosen(path: Path, layer: str) -> str:
+    """Return the name of the layer to read."""
+    layers = _layers(path)
+    if layer:
+        if layer in layers:
+            return layer
+        raise InputError(f"{path}: has no layer {layer!r}: there are {', '.join(layers) or 'none'}")
+    names = _with_polygons(path, layers)
+    preferred = [name for name in names if name in (_OUTLINES, path.stem)]
+    if len(names) > 1 and len(preferred) != 1:
         raise InputError(
-            f"{path}: has several layers of polygons ({', '.join(with_polygons)}): say which one with "
+            f"{path}: has several layers of polygons ({', '.join(names)}): say which one with "
             "--footprints-layer"
         )
-    return (preferred or with_polygons)[0]
+    return (preferred or names)[0]
+
+
+@contextmanager
+def _reported(path: Path) -> Iterator[None]:
+    """Turn what fails within into one InputError."""
+    if not path.exists():
+        raise InputError(f"{path}: no such file: check the path")
+    try:
+        yield
+    except _FAILURES as error:
+        reason = " ".join(str(error).split())[:200]
+        raise InputError(
+            f"{path}: cannot be read as a file of polygons ({reason}): give a GeoPackage, Shapefile, GeoJSON "
+            "or the like"
+        ) from error

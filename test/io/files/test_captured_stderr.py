@@ -4,7 +4,12 @@ import os
 
 import pytest
 
-from lidar_buildings.io.files.captured_stderr import in_words, is_failure, quiet_if, quiet_panics
+from lidar_buildings.io.files.captured_stderr import (
+    captured_panics,
+    captured_stderr,
+    is_failure,
+    one_line,
+)
 
 
 class PanicException(BaseException):
@@ -20,12 +25,12 @@ def test_panics_are_failures_and_wishes_to_stop_are_not():
 
 
 def test_words_fit_on_one_line():
-    assert in_words(ValueError("one\n  two")) == "one two"
-    assert in_words(OSError(28, "No space left on device", "/a/file")) == "No space left on device"
-    assert in_words(RuntimeError()) == "RuntimeError"
+    assert one_line(ValueError("one\n  two")) == "one two"
+    assert one_line(OSError(28, "No space left on device", "/a/file")) == "No space left on device"
+    assert one_line(RuntimeError()) == "RuntimeError"
 
 
-def printing(text, error=None, quiet=quiet_panics):
+def printing(text, error=None, quiet=captured_panics):
     with quiet():
         os.write(2, text)
         if error is not None:
@@ -49,5 +54,5 @@ def test_what_others_print_meanwhile_is_passed_on(capfd):
 def test_of_other_errors_what_they_print_is_dropped_on_request(capfd):
     full = b"_tiffWriteProc: No space left on device.\n"
     with pytest.raises(OSError, match="full"):
-        printing(full, OSError("full"), lambda: quiet_if(lambda error: isinstance(error, OSError)))
+        printing(full, OSError("full"), lambda: captured_stderr(lambda error: isinstance(error, OSError)))
     assert capfd.readouterr().err == ""

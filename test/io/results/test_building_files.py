@@ -19,7 +19,7 @@ from lidar_buildings.io.models.building_attributes import BUILDING_FIELDS
 from lidar_buildings.io.results import building_files
 from lidar_buildings.io.results.building_files import FILES, ModelHeading, write_buildings
 from lidar_buildings.io.results.tile_products import Shapes
-from lidar_buildings.io.vectors.geopackage import read_polygons
+from lidar_buildings.io.vectors.polygon_file import read_polygons
 
 NAMES = ["buildings.gpkg", "city_model.city.jsonl", "city_model.obj", "city_model.mtl", "city_model.dxf"]
 
@@ -171,7 +171,7 @@ def test_buildings_to_leave_out_are_in_no_file(tmp_path):
 
 def test_outlines_without_models_are_named_and_measured(tmp_path):
     square = BuildingOutline(4, Outline(model_survey.rectangle(10, 0, 14, 4)))
-    _, statuses = written(tmp_path, Shapes((square,), (square,), (), ()), formats=["gpkg"])
+    _, statuses = written(tmp_path, Shapes((square,), (square,), ()), formats=["gpkg"])
     assert statuses == {"unknown": 1}
     _, columns, _ = read_polygons(tmp_path / "buildings.gpkg", "outlines")
     assert columns["area"].tolist() == [16.0]
@@ -180,7 +180,7 @@ def test_outlines_without_models_are_named_and_measured(tmp_path):
 
 def test_names_of_footprints_stand_where_there_is_no_model(tmp_path):
     square = BuildingOutline(4, Outline(model_survey.rectangle(10, 0, 14, 4)))
-    written(tmp_path, Shapes((square,), (square,), (), ()), formats=["gpkg"], footprint_id={4: "plot 12"})
+    written(tmp_path, Shapes((square,), (square,), ()), formats=["gpkg"], footprint_id={4: "plot 12"})
     _, columns, _ = read_polygons(tmp_path / "buildings.gpkg", "outlines")
     assert columns["footprint_id"].tolist() == ["plot 12"]
 

@@ -8,7 +8,7 @@ import pytest
 from lidar_buildings.core.model.errors import InputError
 from lidar_buildings.core.model.outline import BuildingOutline, Outline
 from lidar_buildings.io.results.footprint_results import FootprintResults
-from lidar_buildings.io.results.tile_products import RoofFace, Shapes
+from lidar_buildings.io.results.tile_products import Shapes
 
 RING = np.array([[0.0, 0.0], [4.0, 0.0], [4.0, 3.0]])
 GIVEN = FootprintResults({7: "seven", 8: "ächt"}, {"n_used": 3})
@@ -16,8 +16,7 @@ GIVEN = FootprintResults({7: "seven", 8: "ächt"}, {"n_used": 3})
 
 def tile(*numbers):
     outlines = tuple(BuildingOutline(number, Outline(RING)) for number in numbers)
-    faces = tuple(RoofFace(number, (np.column_stack([RING, RING[:, 0]]),)) for number in numbers)
-    return Shapes(outlines, outlines, faces, tuple(map(line, numbers)))
+    return Shapes(outlines, outlines, tuple(map(line, numbers)))
 
 
 def line(number):
@@ -41,7 +40,7 @@ def test_features_get_the_names_of_their_footprints():
 def test_a_building_that_two_tiles_have_counts_once():
     first, second = GIVEN.named([tile(7), tile(7, 8)])
     assert [one.building_id for one in first.outlines] == [7]
-    for group in (second.traced, second.outlines, second.roof_faces):
+    for group in (second.traced, second.outlines):
         assert [one.building_id for one in group] == [8]
     assert [attributes(text)["building_id"] for text in second.features] == [8]
 
@@ -58,4 +57,4 @@ def test_the_summary_counts_the_footprints_outside():
 
 def test_a_line_that_is_no_feature_is_refused():
     with pytest.raises(InputError, match="no CityJSONFeature"):
-        list(GIVEN.named([Shapes((), (), (), ("{}",))]))
+        list(GIVEN.named([Shapes((), (), ("{}",))]))

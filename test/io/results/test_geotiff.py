@@ -156,4 +156,4 @@ def test_a_full_disk_gives_one_line(tmp_path):
     assert done.stderr == ""
     (line,) = done.stdout.splitlines()
     assert line.startswith(f"{path}: cannot be written (")
-    assert "make room" in line
+    assert "free some space" in line

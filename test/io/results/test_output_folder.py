@@ -20,9 +20,9 @@ from lidar_buildings.io.models.cityjson import feature_line
 from lidar_buildings.io.results import output_folder
 from lidar_buildings.io.results.output_folder import OutputFolder
 from lidar_buildings.io.results.run_folder import output_names
-from lidar_buildings.io.results.tile_products import RoofFace, TileProducts
+from lidar_buildings.io.results.tile_products import TileProducts
 from lidar_buildings.io.tiling.tiling import TileSource, TilingConfig
-from lidar_buildings.io.vectors.geopackage import read_polygons
+from lidar_buildings.io.vectors.polygon_file import read_polygons
 
 WEST, SOUTH = 85000.0, 447000.0
 FILES = ["buildings.gpkg", *MODELS, "classified", "run.json"]
@@ -62,8 +62,7 @@ def products_of(tile):
     one = BuildingOutline(number, Outline(ring, (hole,)))
     model = BuildingModel({}, {"height": 8.5}, (), BuildingStatus.NO_SOLID, "made up")
     line = feature_line(model, number, tile.frame, model.attributes, anchor=(west, south))
-    face = RoofFace(number, (np.column_stack([ring, np.full(4, 9.0)]),))
-    return TileProducts.from_tiles(classified, planes, [one], [one], [face], [line])
+    return TileProducts.from_tiles(classified, planes, [one], [one], [line])
 
 
 def everything(folder):
@@ -234,7 +233,6 @@ def test_products_come_back_from_disk_as_they_were(tmp_path, survey):
     assert (after.stamp, after.features) == (before.stamp, before.features)
     assert after.outlines[0].outline.same_as(before.outlines[0].outline)
     assert after.traced[0].building_id == before.traced[0].building_id
-    assert np.array_equal(after.roof_faces[0].rings[0], before.roof_faces[0].rings[0])
 
 
 def test_a_tile_without_roofs_or_without_points_is_legal(tmp_path, survey):

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from support import cloud_files
 
 from lidar_buildings.core.model.errors import InputError, OutputError, ParameterError
-from lidar_buildings.io.clouds.crs import SourceCrs
+from lidar_buildings.io.clouds.las_crs import SourceCrs
 from lidar_buildings.io.tiling import tiling
 from lidar_buildings.io.tiling.spool import RECORD, Spool
 from lidar_buildings.io.tiling.tiling import TileSource, TilingConfig

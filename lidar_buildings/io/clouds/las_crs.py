@@ -11,6 +11,14 @@ import pyproj
 from pyproj.exceptions import CRSError
 
 from lidar_buildings.io.clouds.las_records import RawRecord
+from lidar_buildings.io.files.reference_systems import (
+    FOOT,
+    US_SURVEY_FOOT,
+    horizontal_part,
+    is_same_unit,
+    name_of,
+    unbound,
+)
 from lidar_buildings.io.files.warn_once import warn_once
 
 _PROJECTION = b"LASF_Projection"
@@ -29,9 +37,7 @@ _GEOGRAPHIC_MODEL = 2
 #: Range of keys that are EPSG codes; 32767 means user-defined.
 _EPSG_CODES = range(1024, 32767)
 #: Metres per unit, by EPSG code: metre, international foot, US survey foot.
-_UNITS = {9001: 1.0, 9002: 0.3048, 9003: 1200.0 / 3937.0}
-#: Two units this close are the same (a US survey foot is 2 ppm longer than a foot).
-_SAME_UNIT = 1e-7
+_UNITS = {9001: 1.0, 9002: FOOT, 9003: US_SURVEY_FOOT}
 
 
 @dataclass(frozen=True)
@@ -118,8 +124,8 @@ def vertical_crs(records: Sequence[RawRecord]) -> Any:
 
 def _vertical_part(crs: Any) -> Any:
     """Return the vertical part of a compound system, None of any other."""
-    parts = _unbound(crs).sub_crs_list
-    return _unbound(parts[1]) if len(parts) > 1 else None
+    parts = unbound(crs).sub_crs_list
+    return unbound(parts[1]) if len(parts) > 1 else None
 
 
 def _from_wkt(data: bytes) -> SourceCrs:
@@ -137,24 +143,15 @@ def _wkt_in(data: bytes) -> Any:
 
 def _described(crs: Any) -> SourceCrs:
     """Say what matters here of a reference system, compound and bound ones included."""
-    crs = _unbound(crs)
-    parts = [_unbound(part) for part in crs.sub_crs_list] or [crs]
-    horizontal = parts[0]
+    horizontal, vertical = horizontal_part(crs), _vertical_part(crs)
     axes = horizontal.axis_info
     if not axes:
         raise ValueError("it names no axes")
     horizontal_unit = axes[0].unit_conversion_factor
-    vertical_axes = parts[1].axis_info if len(parts) > 1 else axes[2:3]
+    vertical_axes = axes[2:3] if vertical is None else vertical.axis_info
     vertical_unit = vertical_axes[0].unit_conversion_factor if vertical_axes else horizontal_unit
     is_projected = not (horizontal.is_geographic or horizontal.is_geocentric)
-    code = horizontal.to_epsg()
-    name = f"EPSG:{code}" if code else horizontal.to_wkt()
-    return SourceCrs(name, float(horizontal_unit), float(vertical_unit), is_projected)
-
-
-def _unbound(crs: Any) -> Any:
-    """Return the system itself, without a transformation bound to it."""
-    return crs.source_crs if crs.is_bound else crs
+    return SourceCrs(name_of(horizontal), float(horizontal_unit), float(vertical_unit), is_projected)
 
 
 def _from_geo_keys(data: bytes) -> SourceCrs:
@@ -178,7 +175,7 @@ def _horizontal_from_keys(keys: dict[int, int]) -> SourceCrs:
     stated = _UNITS.get(keys.get(_LINEAR_UNITS, 0))
     if keys.get(_PROJECTED_CRS) in _EPSG_CODES:
         crs = _described(pyproj.CRS.from_epsg(keys[_PROJECTED_CRS]))
-        if stated is None or abs(stated - crs.horizontal_unit) < _SAME_UNIT:
+        if stated is None or is_same_unit(stated, crs.horizontal_unit):
             return crs
         # seen in practice: a code in metres with coordinates in feet; then the code does not fit them
         doubt = f"{crs.name} is not in the unit that the file states ({stated:g} m): taken as unknown"

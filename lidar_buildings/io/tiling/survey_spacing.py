@@ -1,4 +1,4 @@
-"""The spacing of a survey's pulses, one for all its tiles."""
+"""The point spacing that a survey's tiles are expected to have."""
 
 from __future__ import annotations
 
@@ -20,18 +20,6 @@ def sample_square(area: Rectangle, side: float = _SAMPLE_SIDE) -> Rectangle:
     """Return the square of a side [m] in the middle of a file's bounds."""
     x, y = (area.x_min + area.x_max) / 2, (area.y_min + area.y_max) / 2
     return Rectangle(x, y, x, y).grown(side / 2)
-
-
-def pulses(
-    points: NDArray[np.float64],
-    return_number: NDArray[np.uint8] | None,
-    number_of_returns: NDArray[np.uint8] | None,
-) -> NDArray[np.float64]:
-    """Return one point per pulse: its last return, or every point where returns are not known."""
-    if return_number is None or number_of_returns is None:
-        return points
-    is_last = return_number >= number_of_returns
-    return points[is_last] if is_last.any() else points
 
 
 def expected_spacing(samples: Iterable[NDArray[np.float64]]) -> float | None:

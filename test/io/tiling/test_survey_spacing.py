@@ -3,7 +3,8 @@ import numpy as np
 import pytest
 
 from lidar_buildings.core.neighbours.point_spacing import steady_spacing
-from lidar_buildings.io.clouds.pulse_spacing import expected_spacing, pulses
+from lidar_buildings.io.clouds.point_columns import last_returns
+from lidar_buildings.io.tiling.survey_spacing import expected_spacing
 from lidar_buildings.io.tiling.tiling import TileSource, TilingConfig
 from lidar_buildings.simulation import simulate_survey
 
@@ -17,11 +18,11 @@ def test_a_pulse_counts_once_however_many_returns_it_has():
     points = np.repeat(lattice(0.5), 2, axis=0)
     return_number = np.tile([1, 2], len(points) // 2).astype(np.uint8)
     number_of_returns = np.full(len(points), 2, dtype=np.uint8)
-    np.testing.assert_array_equal(pulses(points, return_number, number_of_returns), points[1::2])
+    np.testing.assert_array_equal(last_returns(points, return_number, number_of_returns), points[1::2])
 
 
 def test_without_return_numbers_every_point_is_a_pulse():
-    assert len(pulses(lattice(1.0), None, None)) == 900
+    assert len(last_returns(lattice(1.0), None, None)) == 900
 
 
 def test_few_points_tell_nothing_of_the_survey():

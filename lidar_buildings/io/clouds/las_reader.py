@@ -1,0 +1,59 @@
+"""Readers of laspy, and their failures as an `InputError` of one line."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Iterator
+from contextlib import contextmanager, nullcontext
+from pathlib import Path
+from typing import Any
+
+import laspy
+
+from lidar_buildings.core.model.errors import InputError
+from lidar_buildings.io.files.captured_stderr import captured_panics, is_failure, one_line
+
+# what laspy logs of a failing file is said again in the one line of the InputError
+for _name in ("laspy.lasreader", "laspy.header"):
+    logging.getLogger(_name).addFilter(lambda record: record.levelno < logging.ERROR)
+
+
+@contextmanager
+def reported(path: Path) -> Iterator[None]:
+    """Turn any failure of the block into one InputError that names the file."""
+    try:
+        yield
+    except InputError:
+        raise
+    except FileNotFoundError:
+        raise InputError(f"{path}: no such file: check the path") from None
+    except OSError as error:
+        raise InputError(
+            f"{path}: cannot be opened ({one_line(error)}): check the file and its rights"
+        ) from error
+    except BaseException as error:
+        if not is_failure(error) or isinstance(error, MemoryError):
+            raise
+        raise InputError(
+            f"{path}: cannot be decoded ({one_line(error)}): it is damaged, or of a kind that is not "
+            "supported; download it again, or convert it with a current LAS tool"
+        ) from None
+
+
+@contextmanager
+def open_reader(path: Path) -> Iterator[tuple[Any, Any]]:
+    """
+    Open a reader with the parallel backend, or the sequential one for files without a chunk table.
+
+    The second item is a context for each read: the sequential backend may panic on damaged or very old files.
+    """
+    try:
+        reader = laspy.open(path, laz_backend=laspy.LazBackend.LazrsParallel, read_evlrs=False)
+        guard: Any = nullcontext
+        if reader.header.point_count:
+            _ = reader.point_source  # raises here where the parallel backend cannot serve
+    except (laspy.errors.LaspyException, RuntimeError, ValueError):
+        reader = laspy.open(path, laz_backend=laspy.LazBackend.Lazrs, read_evlrs=False)
+        guard = captured_panics
+    with reader:
+        yield reader, guard

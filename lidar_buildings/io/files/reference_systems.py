@@ -1,0 +1,115 @@
+"""Coordinate reference systems: their horizontal part, their names and units, and from one to another."""
+
+from __future__ import annotations
+
+import re
+from typing import Any
+
+import numpy as np
+import pyproj
+import shapely
+from numpy.typing import NDArray
+from pyproj.exceptions import CRSError, ProjError
+
+from lidar_buildings.core.model.errors import InputError
+
+#: Metres per unit: international foot and US survey foot (ISO 19111, EPSG units 9002 and 9003).
+FOOT, US_SURVEY_FOOT = 0.3048, 1200.0 / 3937.0
+#: Two units this close are the same: a US survey foot is 6e-7 m longer than a foot.
+_SAME_UNIT = 1e-7
+_EPSG = re.compile(r"EPSG:(\d+)")
+
+
+def is_same_unit(one: float, other: float) -> bool:
+    """Whether two units, in metres, are the same."""
+    return abs(one - other) < _SAME_UNIT
+
+
+def unbound(crs: Any) -> Any:
+    """Return a system of pyproj itself, without a transformation bound to it."""
+    return crs.source_crs if crs.is_bound else crs
+
+
+def horizontal_part(crs: Any) -> Any:
+    """
+    Return the horizontal part of a reference system, compound and bound ones included.
+
+    Raises
+    ------
+    CRSError
+        If `crs`, a text or a system of pyproj, is no such system.
+    """
+    crs = unbound(pyproj.CRS.from_user_input(crs))
+    return unbound(crs.sub_crs_list[0]) if crs.sub_crs_list else crs
+
+
+def name_of(crs: Any) -> str:
+    """Return ``"EPSG:28992"`` of a system of pyproj, its WKT where it has no code."""
+    code = crs.to_epsg()
+    return f"EPSG:{code}" if code else str(crs.to_wkt())
+
+
+def epsg_code(crs: str) -> str:
+    """Return the EPSG code of a reference system, empty if it has none."""
+    named = _EPSG.fullmatch(crs)
+    if named or not crs:
+        return named[1] if named else ""
+    try:
+        return str(pyproj.CRS.from_user_input(crs).to_epsg() or "")
+    except CRSError:
+        return ""
+
+
+def with_heights(crs: str, vertical: Any) -> str:
+    """Return a system together with a vertical one of pyproj as WKT, alone where no such pair is legal."""
+    try:
+        horizontal = pyproj.CRS.from_user_input(crs)
+        name = f"{horizontal.name} + {vertical.name}"
+        return str(pyproj.crs.CompoundCRS(name, [horizontal, vertical]).to_wkt())
+    except CRSError:
+        return crs
+
+
+def is_in_degrees(crs: str) -> bool:
+    """Whether a reference system is known to have longitude and latitude."""
+    try:
+        return bool(crs) and bool(horizontal_part(crs).is_geographic)
+    except CRSError:
+        return False
+
+
+def reprojected(geometries: NDArray[Any], source: str, target: str, label: str) -> NDArray[Any]:
+    """
+    Transform geometries in the plane; x stands before y, longitude before latitude, whatever the systems say.
+
+    Vertices outside the area that the systems know become infinite.
+
+    Parameters
+    ----------
+    geometries : ndarray of shapely geometries
+    source, target : str
+        EPSG codes or WKT texts.
+    label : str
+        The file, for the error.
+
+    Raises
+    ------
+    InputError
+        If there is no way from one system to the other.
+    """
+    try:
+        one, other = horizontal_part(source), horizontal_part(target)
+        if one == other:
+            return geometries
+        transformer = pyproj.Transformer.from_crs(one, other, always_xy=True)
+    except (CRSError, ProjError) as error:
+        reason = " ".join(str(error).split())[:200]
+        raise InputError(
+            f"{label}: cannot be transformed from {source[:40]} to {target[:40]} ({reason}): "
+            "transform the file before"
+        ) from error
+
+    def moved(xy: NDArray[np.float64]) -> NDArray[np.float64]:
+        return np.column_stack(transformer.transform(xy[:, 0], xy[:, 1]))
+
+    return shapely.transform(geometries, moved)
