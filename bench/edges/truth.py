@@ -33,7 +33,7 @@ from lidar_buildings.core.neighbours.point_spacing import measure_spacing
 from lidar_buildings.core.stages.edge_labelling import EdgeLabellingConfig
 from lidar_buildings.evaluation.readers.metric_polygons import read_metric_polygons
 from lidar_buildings.evaluation.scores.blocks import merge_touching
-from lidar_buildings.evaluation.scores.confusion import ratio
+from lidar_buildings.evaluation.scores.statistics import ratio
 
 #: Distances from an outline up to which a point should be an edge, and may be one [spacings].
 SHOULD, MAY = 0.5, 1.0

@@ -160,7 +160,6 @@ def _corners(ring: NDArray[np.float64]) -> NDArray[np.float64]:
 def _split(
     rings: list[NDArray[np.float64]],
 ) -> tuple[NDArray[np.float64], tuple[NDArray[np.float64], ...]]:
-    """Outer ring and holes."""
     return rings[0], tuple(rings[1:])
 
 
@@ -171,7 +170,6 @@ def _turned(ring: NDArray[np.float64], angle: float) -> NDArray[np.float64]:
 
 
 def _placed(face: RoofFace, shift: NDArray[np.float64], angle: float, elevation: float) -> RoofFace:
-    """Turn and move one face."""
     a, b = _turned(np.array(face.plane[:2]), angle)
     c = face.plane[2] + elevation - a * shift[0] - b * shift[1]
     return RoofFace(

@@ -35,7 +35,6 @@ def simulate_command(options: argparse.Namespace) -> int:
 
 
 def _check_folder(folder: Path, overwrite: bool) -> None:
-    """Refuse a folder that holds something, unless it may be replaced."""
     try:
         is_full = folder.is_dir() and any(folder.iterdir())
     except OSError as error:

@@ -89,7 +89,6 @@ def plan_flight(scene: VirtualScene, config: SimulationConfig) -> tuple[Strip, .
 
 
 def _strip_offsets(extent: float, swath: float, overlap: float) -> list[float]:
-    """Offsets of the strips' axes from the scene's middle [m]."""
     spacing = swath * (1 - overlap)
     n_strips = 1 + max(0, int(np.ceil((extent - swath) / spacing)))
     return [spacing * (row - (n_strips - 1) / 2) for row in range(n_strips)]

@@ -71,7 +71,6 @@ def joined(faces: tuple[RoofFace, ...]) -> tuple[RoofFace, ...]:
 
 
 def _same_plane(one: RoofFace, other: RoofFace) -> bool:
-    """Whether two faces lie on one plane."""
     return bool(np.allclose(one.plane, other.plane, rtol=0.0, atol=SAME_SLOPE))
 
 

@@ -105,7 +105,6 @@ def _measured(
     surfaces: Surfaces,
     config: SimulationConfig,
 ) -> StripPoints:
-    """Measure one chunk of a strip's pulses."""
     last = min(first + CHUNK, strip.n_pulses)
     space = (last - first) * MAX_RETURNS
     numbers, marks = np.empty((space, 5)), np.empty((space, 7), dtype=np.uint32)

@@ -139,7 +139,6 @@ def _wall_ring(wall: Wall, levels: dict[tuple[float, float], list[float]]) -> ND
 
 
 def _between(levels: list[float], bottom: float, top: float) -> list[float]:
-    """The levels from bottom to top, both included."""
     return sorted(z for z in levels if bottom - SAME_ELEVATION < z < top + SAME_ELEVATION)
 
 

@@ -123,7 +123,6 @@ class Site:
         )
 
     def _standing(self, shape: Building, x: float, y: float, rotation_deg: float) -> Building:
-        """Place a shape on the mean elevation of the terrain along its outline."""
         on_plan = shape.placed(x, y, rotation_deg)
         rim = shapely.segmentize(on_plan.polygon.exterior, 1.0)
         ground = float(self.terrain.at(shapely.get_coordinates(rim)[:-1]).mean())

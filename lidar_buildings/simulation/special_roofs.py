@@ -185,6 +185,5 @@ def parapet(
 
 
 def _moved(face: RoofFace, x: float, y: float) -> RoofFace:
-    """Move a face in plan."""
     a, b, c = face.plane
     return RoofFace(tuple(ring + np.array([x, y]) for ring in face.rings), (a, b, c - a * x - b * y))

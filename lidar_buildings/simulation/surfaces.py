@@ -126,13 +126,11 @@ def _walls(solids: tuple[Building, ...]) -> tuple[NDArray[Any], NDArray[np.float
 
 
 def _axis_bounds(table: NDArray[Any]) -> NDArray[np.float64]:
-    """Bounds of walls or roads: x from, x to, y from, y to."""
     x, y = np.stack([table["x_0"], table["x_1"]]), np.stack([table["y_0"], table["y_1"]])
     return np.column_stack([x.min(axis=0), x.max(axis=0), y.min(axis=0), y.max(axis=0)])
 
 
 def _crown_bounds(crowns: NDArray[Any]) -> NDArray[np.float64]:
-    """Bounds of crowns: x from, x to, y from, y to."""
     x, y, radius = crowns["x"], crowns["y"], crowns["radius"]
     return np.column_stack([x - radius, x + radius, y - radius, y + radius])
 

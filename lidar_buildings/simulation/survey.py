@@ -174,7 +174,6 @@ def simulate_tile(
 
 
 def _replaced(config: SimulationConfig, parameters: dict[str, Any]) -> SimulationConfig:
-    """Replace members of a config."""
     known = [member.name for member in fields(config)]
     for name in parameters:
         if name not in known:

@@ -33,12 +33,10 @@ def city_model_lines(scene: VirtualScene) -> Iterator[str]:
 
 
 def _text(value: dict[str, Any]) -> str:
-    """JSON without needless blanks."""
     return json.dumps(value, separators=(",", ":"))
 
 
 def _header(scene: VirtualScene) -> dict[str, Any]:
-    """The first line: reference system and transform."""
     authority, code = scene.frame.crs.split(":")
     return {
         "type": "CityJSON",
@@ -55,7 +53,6 @@ def _header(scene: VirtualScene) -> dict[str, Any]:
 
 
 def _feature(building: Building, attributes: dict[str, Any]) -> dict[str, Any]:
-    """One building with its solid."""
     name = f"building-{building.number}"
     shell = shell_of(building)
     vertices: dict[tuple[int, ...], int] = {}

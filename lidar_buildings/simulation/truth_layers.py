@@ -65,7 +65,6 @@ def _face_rows(scene: VirtualScene) -> list[dict[str, Any]]:
 
 
 def _polygon(rings: tuple[NDArray[np.float64], ...], scene: VirtualScene) -> shapely.Polygon:
-    """Move rings, (n, 2) or (n, 3), to the source's reference system."""
     moved = [ring + np.asarray(scene.frame.origin)[: ring.shape[1]] for ring in rings]
     return shapely.Polygon(moved[0], moved[1:])
 
@@ -79,7 +78,6 @@ def _write_layer(
     rows: list[dict[str, Any]],
     columns: dict[str, Any],
 ) -> None:
-    """Write one layer, an empty one too."""
     pyogrio.raw.write(
         path,
         np.array([shapely.to_wkb(polygon) for polygon in polygons], dtype=object),

@@ -43,7 +43,6 @@ def village(seed: int) -> VirtualScene:
 
 
 def _build(site: Site, lot: Lot, x: float, y: float) -> None:
-    """Stand the lot's building, or its row of houses, turned at random."""
     turn = site.random.uniform(0, 360)
     if isinstance(lot, list):
         site.add_row(lot, x, y, turn)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 from dataclasses import asdict, fields
 from pathlib import Path
 from typing import Any
@@ -14,7 +13,8 @@ from numpy.typing import NDArray
 from lidar_buildings.core.model.errors import InputError
 from lidar_buildings.core.model.stage_table import STAGES
 from lidar_buildings.core.neighbours.point_spacing import measure_spacing
-from lidar_buildings.evaluation.command.sides import BUILDING, ScoreOptions, check_same_system, is_inside
+from lidar_buildings.evaluation.command.options import ScoreOptions
+from lidar_buildings.evaluation.command.sides import BUILDING, check_same_system, is_inside
 from lidar_buildings.evaluation.readers.labelled_points import (
     LabelledPoints,
     has_clouds,
@@ -110,15 +110,11 @@ def _figures_per_roof(
     roof: NDArray[np.int64],
     n_roofs: int,
 ) -> dict[str, Any]:
-    """Return the number of roofs that have points, and one list per figure; None for a share of nothing."""
     scores = [asdict(score) for score in score_edges_per_roof(edge, truth, roof, n_roofs)]
     return {
         "n_roofs": sum(score["n_points"] > 0 for score in scores),
         "middle_per_roof": _middles(points, roof, n_roofs),
-        **{
-            f"{field.name}_per_roof": [_or_none(score[field.name]) for score in scores]
-            for field in fields(EdgeScore)
-        },
+        **{f"{field.name}_per_roof": [score[field.name] for score in scores] for field in fields(EdgeScore)},
     }
 
 
@@ -128,8 +124,3 @@ def _middles(points: NDArray[np.float64], roof: NDArray[np.int64], n_roofs: int)
     for rows in roof_rows(roof):
         middles[roof[rows[0]]] = points[rows, :2].mean(axis=0).tolist()
     return middles
-
-
-def _or_none(value: float) -> float | None:
-    """Return a figure, None for a share of nothing."""
-    return None if math.isnan(value) else value

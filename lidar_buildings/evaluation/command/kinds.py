@@ -12,9 +12,10 @@ from numpy.typing import NDArray
 
 from lidar_buildings.evaluation.command.edges import edge_figures
 from lidar_buildings.evaluation.command.models import model_figures
+from lidar_buildings.evaluation.command.options import ScoreOptions
 from lidar_buildings.evaluation.command.outlines import outline_figures
 from lidar_buildings.evaluation.command.planes import plane_figures
-from lidar_buildings.evaluation.command.sides import BUILDING, ScoreOptions, check_same_system, is_inside
+from lidar_buildings.evaluation.command.sides import BUILDING, check_same_system, is_inside
 from lidar_buildings.evaluation.readers.labelled_points import (
     LabelledPoints,
     has_clouds,
@@ -57,7 +58,6 @@ FIGURES: dict[str, Callable[[Path, Path, ScoreOptions], dict[str, Any]]] = {
 
 
 def _building_figures_of_points(result: Path, reference: Path, options: ScoreOptions) -> dict[str, Any]:
-    """Compare two clouds of the same points: their cells, and point by point."""
     cloud = read_label_pairs(result, reference)
     wanted = BUILDING, options.reference_classes or BUILDING
     masks = [np.isin(labels, list(classes)) for labels, classes in zip(cloud.labels, wanted, strict=True)]
@@ -76,7 +76,6 @@ def _building_figures_of_points(result: Path, reference: Path, options: ScoreOpt
 
 
 def _cell_figures(result: CellSet, reference: CellSet, options: ScoreOptions) -> dict[str, Any]:
-    """Compare two sets of cells."""
     area = None if options.area is None else options.area.polygons
     return asdict(score_buildings(result, reference, cell=options.cell, area=area))
 
@@ -96,7 +95,6 @@ def _read_side(
 def _inside(
     cloud: LabelledPoints, area: MetricPolygons | None
 ) -> tuple[NDArray[np.float64], tuple[NDArray[np.uint8], ...]]:
-    """Return the points within the area of interest and their labels."""
     check_same_system(cloud.crs, "", area)
     inside = is_inside(cloud.points, area)
     return cloud.points[inside], tuple(labels[inside] for labels in cloud.labels)

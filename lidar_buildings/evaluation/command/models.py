@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import asdict
@@ -14,13 +13,15 @@ from numpy.typing import NDArray
 
 from lidar_buildings.core.solids.shell import Solid
 from lidar_buildings.core.solids.validity import check_solid
-from lidar_buildings.evaluation.command.sides import BUILDING, ScoreOptions, check_same_system, is_inside
+from lidar_buildings.evaluation.command.options import ScoreOptions
+from lidar_buildings.evaluation.command.sides import BUILDING, check_same_system, is_inside
 from lidar_buildings.evaluation.readers.city_model import CityBuilding, holds_city_model, read_city_model
 from lidar_buildings.evaluation.readers.labelled_points import has_clouds, read_roof_points
 from lidar_buildings.evaluation.scores.model_points import WITHIN, score_model_points
 from lidar_buildings.evaluation.scores.models import ModelScore, score_models
 from lidar_buildings.evaluation.scores.roof_surfaces import Solids
 from lidar_buildings.evaluation.scores.roof_words import same_roof_type
+from lidar_buildings.evaluation.scores.statistics import mean, percentile, ratio
 
 #: The levels whose shares are told.
 LEVELS = ("2.2", "1.3", "1.2")
@@ -60,9 +61,9 @@ def _own_figures(buildings: Sequence[CityBuilding], lod: str) -> dict[str, Any]:
     return {
         "lod": lod,
         "n_models": len(buildings),
-        **{f"lod_{level.replace('.', '')}_share": _share(levels[level], len(buildings)) for level in LEVELS},
+        **{f"lod_{level.replace('.', '')}_share": ratio(levels[level], len(buildings)) for level in LEVELS},
         "n_solids": len(valid),
-        "valid_share": _share(sum(valid), len(valid)),
+        "valid_share": ratio(sum(valid), len(valid)),
         "n_vertices": sum(len(s.vertices) for b in buildings for s in b.finest(lod)[1]),
     }
 
@@ -70,7 +71,6 @@ def _own_figures(buildings: Sequence[CityBuilding], lod: str) -> dict[str, Any]:
 def _reference_figures(
     mine: Sequence[CityBuilding], theirs: Sequence[CityBuilding], options: ScoreOptions
 ) -> dict[str, Any]:
-    """Compare with reference models, at their finest."""
     area = None if options.area is None else options.area.polygons
     sides = [building.finest(options.lod)[1] for building in mine], [_finest(building) for building in theirs]
     score = score_models(*sides, tolerance=options.corner_tolerance, area=area)
@@ -81,29 +81,28 @@ def _reference_figures(
         "n_models_reference": score.n_reference,
         "n_matched": score.n_matched,
         **{f"height_{name}": value for name, value in asdict(score.heights).items()},
-        "building_rmse_median": _percentile(rmse, 50),
-        "building_rmse_95": _percentile(rmse, 95),
-        "volume_ratio": float(np.mean(ratios)) if len(ratios) else math.nan,
-        "volume_error_median": _percentile(np.abs(ratios - 1), 50),
-        "volume_error_largest": _percentile(np.abs(ratios - 1), 100),
+        "building_rmse_median": percentile(rmse, 50),
+        "building_rmse_95": percentile(rmse, 95),
+        "volume_ratio": mean(ratios),
+        "volume_error_median": percentile(np.abs(ratios - 1), 50),
+        "volume_error_largest": percentile(np.abs(ratios - 1), 100),
         **{f"ridge_{name}": value for name, value in asdict(score.ridges).items()},
         "roof_tolerance": options.corner_tolerance,
         **{f"roof_{name}": value for name, value in asdict(score.wireframe).items()},
         **{f"solid_{name}": value for name, value in asdict(score.counts).items()},
         "same_roof_type": _same_roof_types(mine, theirs, score),
         "partner_per_reference": score.partner.tolist(),
-        "rmse_per_reference": _or_none(score.rmse),
-        "volume_ratio_per_reference": _or_none(score.volume_ratio),
+        "rmse_per_reference": score.rmse.tolist(),
+        "volume_ratio_per_reference": score.volume_ratio.tolist(),
     }
 
 
 def _point_figures(
     buildings: Sequence[CityBuilding], points: NDArray[np.float64], options: ScoreOptions
 ) -> dict[str, Any]:
-    """Compare with the points of roofs."""
     figures = asdict(score_model_points([building.finest(options.lod)[1] for building in buildings], points))
     within = dict(zip(WITHIN, figures.pop("within"), strict=True))
-    per_building = _or_none(figures.pop("rmse_per_building"))
+    per_building = figures.pop("rmse_per_building").tolist()
     names = {"n_points": "n_roof_points", "n_buildings": "n_buildings_with_points"}
     return {
         **{names.get(name, f"point_{name}"): value for name, value in figures.items()},
@@ -114,7 +113,6 @@ def _point_figures(
 
 
 def _finest(building: CityBuilding) -> Solids:
-    """Return a building's solids at its finest level."""
     return building.finest(max(building.solids, default=""))[1]
 
 
@@ -127,7 +125,7 @@ def _same_roof_types(
     pairs = [(mine[k], theirs[row]) for row, k in enumerate(score.partner.tolist()) if k >= 0]
     types = [(one.attributes.get("roof_type"), other.attributes) for one, other in pairs]
     same = [same_roof_type(found, true) for found, true in types if found and true.get("roof_type")]
-    return _share(sum(same), len(same))
+    return ratio(sum(same), len(same))
 
 
 def _near_origin(solid: Solid) -> Solid:
@@ -135,18 +133,3 @@ def _near_origin(solid: Solid) -> Solid:
     shift = np.floor(solid.vertices.min(axis=0, initial=np.inf)) if len(solid.vertices) else np.zeros(3)
     # Back on the grid that it was read from.
     return Solid(np.round(solid.vertices - shift, 6), solid.faces, solid.semantics)
-
-
-def _share(part: int, whole: int) -> float:
-    """Return a share, NaN of nothing."""
-    return part / whole if whole else math.nan
-
-
-def _percentile(values: NDArray[np.float64], share: float) -> float:
-    """Return a percentile, NaN of nothing."""
-    return float(np.percentile(values, share)) if len(values) else math.nan
-
-
-def _or_none(values: NDArray[np.float64]) -> list[float | None]:
-    """Return figures as a list for JSON."""
-    return [float(value) if np.isfinite(value) else None for value in values]

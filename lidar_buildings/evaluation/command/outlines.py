@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lidar_buildings.evaluation.command.sides import ScoreOptions, check_same_system
+from lidar_buildings.evaluation.command.options import ScoreOptions
+from lidar_buildings.evaluation.command.sides import check_same_system
 from lidar_buildings.evaluation.readers.metric_polygons import MetricPolygons, read_metric_polygons
 from lidar_buildings.evaluation.scores.adjustment import score_adjustment
 from lidar_buildings.evaluation.scores.blocks import merge_touching

@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lidar_buildings.evaluation.command.sides import ScoreOptions, check_same_system, is_inside
+from lidar_buildings.evaluation.command.options import ScoreOptions
+from lidar_buildings.evaluation.command.sides import check_same_system, is_inside
 from lidar_buildings.evaluation.readers.plane_labels import PlaneLabels, read_plane_labels
 from lidar_buildings.evaluation.scores.planes import PlaneScore, planes_of_colours, score_planes
 
@@ -33,7 +34,7 @@ def plane_figures(result: Path, reference: Path, options: ScoreOptions) -> dict[
         "n_clouds": len(clouds),
         **{f"mean_{name}": _mean(scores, name) for name in PER_CLOUD},
         "clouds": [name for name, _, _ in clouds],
-        **{f"{name}_per_cloud": [_or_none(getattr(score, name)) for score in scores] for name in PER_CLOUD},
+        **{f"{name}_per_cloud": [getattr(score, name) for score in scores] for name in PER_CLOUD},
     }
 
 
@@ -59,11 +60,5 @@ def _joined(parts: list[NDArray[np.int64]]) -> NDArray[np.int64]:
 
 
 def _mean(scores: list[PlaneScore], name: str) -> float:
-    """Return the mean of a figure over the clouds that have one."""
     values = [getattr(score, name) for score in scores if not math.isnan(getattr(score, name))]
     return float(np.mean(values)) if values else math.nan
-
-
-def _or_none(value: float) -> float | None:
-    """Return a figure, None for a share of nothing."""
-    return None if math.isnan(value) else value

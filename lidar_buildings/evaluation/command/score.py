@@ -5,24 +5,14 @@ from __future__ import annotations
 import argparse
 import json
 import math
-from collections.abc import Collection
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from lidar_buildings.core.model.errors import InputError, ParameterError
+from lidar_buildings.evaluation.command.options import LODS, ScoreOptions
 
 KINDS = ("ground", "buildings", "outlines", "edges", "planes", "models")
-#: Default side of a cell [m] and default reach of an empty one [spacings].
-CELL, FILL = 0.5, 1.5
-#: Cells below the precision of maps, or larger than buildings, say nothing.
-CELL_RANGE, FILL_RANGE = (0.05, 100.0), (0.0, 10.0)
-#: A disc smaller than the precision of points, or larger than buildings, finds no edges [m].
-ALPHA_RANGE = (0.01, 100.0)
-#: Default distance within which two corners are the same [m], and its range: maps to buildings.
-CORNER_TOLERANCE, CORNER_TOLERANCE_RANGE = 1.0, (0.01, 100.0)
-#: The levels of detail of models.
-LODS = ("1.2", "1.3", "2.2")
 #: Which options apply to which kind.
 _OPTIONS = {
     "ground": {"reference_classes"},
@@ -57,14 +47,7 @@ def run_score(
     reference_path: str | Path,
     *,
     aoi: str | Path | None = None,
-    cell: float = CELL,
-    fill: float = FILL,
-    reference_classes: Collection[int] | None = None,
-    merge_touching: bool = False,
-    alpha: float | None = None,
-    split_steps: bool = False,
-    corner_tolerance: float = CORNER_TOLERANCE,
-    lod: str = LODS[-1],
+    **options: Any,
 ) -> Score:
     """
     Compare a result with a reference.
@@ -81,22 +64,8 @@ def run_score(
         Two clouds must hold the same points in the same order.
     aoi : path, optional
         File of polygons: only what lies inside counts.
-    cell : float
-        Side of the cells in which buildings are compared [m].
-    fill : float
-        How far an empty cell looks for its nearest point, in point spacings; see `core.scores.cells`.
-    reference_classes : collection of int, optional
-        The reference's classes of ground (default 2) or of buildings and roofs (default 6).
-    merge_touching : bool
-        Whether outlines that share a wall are compared as one block, on both sides; see `core.scores.blocks`.
-    alpha : float, optional
-        Radius of the disc that finds the reference's edges [m]; 1.342 point spacings if not given.
-    split_steps : bool
-        Whether a step in height parts one roof of the reference from another, and so is an edge.
-    corner_tolerance : float
-        How far a corner of an outline or of a roof may lie from the one that it stands for [m].
-    lod : str
-        The finest level of detail that is looked at: ``"1.2"``, ``"1.3"`` or ``"2.2"``.
+    **options
+        Members of `ScoreOptions`.
 
     Returns
     -------
@@ -107,94 +76,50 @@ def run_score(
     InputError
         If a file cannot be read or the two sides cannot be compared.
     ParameterError
-        If the kind or the level is unknown, or `cell`, `fill`, `alpha` or `corner_tolerance` is out of range.
+        If the kind or an option is unknown, or its value out of range.
     """
     if kind not in KINDS:
         raise ParameterError(f"score {kind}: must be one of {', '.join(KINDS)}")
-    _check_range("cell", cell, *CELL_RANGE)
-    _check_range("fill", fill, *FILL_RANGE)
-    _check_range("corner-tolerance", corner_tolerance, *CORNER_TOLERANCE_RANGE)
-    if alpha is not None:
-        _check_range("alpha", alpha, *ALPHA_RANGE)
-    if lod not in LODS:
-        raise ParameterError(f"score --lod {lod}: must be one of {', '.join(LODS)}")
+    chosen = ScoreOptions(**options)
     # Imported late: --help answers at once.
     from lidar_buildings.evaluation.command.kinds import FIGURES
-    from lidar_buildings.evaluation.command.sides import ScoreOptions
     from lidar_buildings.evaluation.command.table import score_table
     from lidar_buildings.evaluation.readers.metric_polygons import read_metric_polygons
 
     area = None if aoi is None else read_metric_polygons(Path(aoi))
     if area is not None and not len(area.polygons):
         raise InputError(f"{aoi}: holds no polygon: an area of interest needs one")
-    options = ScoreOptions(
-        area, cell, fill, reference_classes, merge_touching, alpha, split_steps, corner_tolerance, lod
-    )
-    found = FIGURES[kind](Path(result_path), Path(reference_path), options)
-    figures = {name: None if _is_nan(value) else value for name, value in found.items()}
+    found = FIGURES[kind](Path(result_path), Path(reference_path), replace(chosen, area=area))
+    figures = {name: _none_for_nan(value) for name, value in found.items()}
     title = f"{kind}: {result_path} against {reference_path}" + (f" within {aoi}" if aoi else "")
-    title += ", touching ones merged into blocks" if merge_touching else ""
+    title += ", touching ones merged into blocks" if chosen.merge_touching else ""
     return Score(figures, score_table(title, figures))
 
 
 def add_score_arguments(parser: argparse.ArgumentParser) -> None:
     """Describe ``lidar-buildings score``."""
-    parser.add_argument("kind", type=_kind, metavar="{" + ",".join(KINDS) + "}", help="what to compare")
-    parser.add_argument(
-        "result", type=Path, metavar="RESULT", help="output folder of a run, LAZ file, GeoPackage or CityJSON"
-    )
-    parser.add_argument(
-        "reference",
-        type=Path,
-        metavar="REFERENCE",
-        help="folder of a survey, LAZ file, GeoPackage or CityJSON",
-    )
-    parser.add_argument("--aoi", type=Path, metavar="FILE", help="polygons: only what lies inside counts")
-    parser.add_argument(
-        "--cell", type=float, metavar="M", help=f"buildings: side of a cell [m] (default: {CELL})"
-    )
-    parser.add_argument(
-        "--fill",
-        type=float,
-        metavar="SPACINGS",
-        help=f"buildings: how far an empty cell looks for its nearest point (default: {FILL}; 0: not at all)",
-    )
-    parser.add_argument(
-        "--reference-classes",
-        type=_classes,
-        metavar="N[,N...]",
-        help="all but outlines and planes: the reference's classes of that kind, as in 2,9,11 "
-        "(default: 2 or 6)",
-    )
-    parser.add_argument(
-        "--merge-touching",
-        action="store_true",
-        default=None,
-        help="outlines: compare blocks of buildings that share a wall, since lidar cannot tell these apart",
-    )
-    parser.add_argument(
-        "--corner-tolerance",
-        type=float,
-        metavar="M",
-        help="outlines, models: how far a corner may lie from the one that it stands for [m] "
-        f"(default: {CORNER_TOLERANCE})",
-    )
-    parser.add_argument(
-        "--alpha",
-        type=float,
-        metavar="M",
-        help="edges: radius of the disc of the reference's alpha shapes [m] (default: 1.342 point spacings)",
-    )
-    parser.add_argument(
-        "--split-steps",
-        action="store_true",
-        default=None,
-        help="edges: let a step in height part one roof of the reference from another",
-    )
-    parser.add_argument(
-        "--lod", choices=LODS, help=f"models: the finest level of detail to look at (default: {LODS[-1]})"
-    )
-    parser.add_argument("--json", action="store_true", help="print JSON with unrounded numbers")
+    add, default = parser.add_argument, ScoreOptions
+    add("kind", type=_kind, metavar="{" + ",".join(KINDS) + "}", help="what to compare")
+    what = "LAZ file, GeoPackage or CityJSON"
+    add("result", type=Path, metavar="RESULT", help=f"output folder of a run, {what}")
+    add("reference", type=Path, metavar="REFERENCE", help=f"folder of a survey, {what}")
+    add("--aoi", type=Path, metavar="FILE", help="polygons: only what lies inside counts")
+    add("--cell", type=float, metavar="M", help=f"buildings: side of a cell [m] (default: {default.cell})")
+    fill = "buildings: how far an empty cell looks for its nearest point"
+    add("--fill", type=float, metavar="SPACINGS", help=f"{fill} (default: {default.fill}; 0: not at all)")
+    classes = "all but outlines and planes: the reference's classes of that kind, as in 2,9,11"
+    add("--reference-classes", type=_classes, metavar="N[,N...]", help=f"{classes} (default: 2 or 6)")
+    merge = "outlines: compare blocks of buildings that share a wall, since lidar cannot tell these apart"
+    add("--merge-touching", action="store_true", default=None, help=merge)
+    corner = "outlines, models: how far a corner may lie from the one that it stands for [m]"
+    corner += f" (default: {default.corner_tolerance})"
+    add("--corner-tolerance", type=float, metavar="M", help=corner)
+    alpha = "edges: radius of the disc of the reference's alpha shapes [m] (default: 1.342 point spacings)"
+    add("--alpha", type=float, metavar="M", help=alpha)
+    split = "edges: let a step in height part one roof of the reference from another"
+    add("--split-steps", action="store_true", default=None, help=split)
+    add("--lod", choices=LODS, help=f"models: the finest level of detail to look at (default: {LODS[-1]})")
+    add("--json", action="store_true", help="print JSON with unrounded numbers")
 
 
 def score_command(options: argparse.Namespace) -> int:
@@ -208,16 +133,7 @@ def score_command(options: argparse.Namespace) -> int:
     ParameterError
         If an option is out of range or has no meaning for this kind.
     """
-    names = (
-        "cell",
-        "fill",
-        "reference_classes",
-        "merge_touching",
-        "corner_tolerance",
-        "alpha",
-        "split_steps",
-        "lod",
-    )
+    names = sorted(set().union(*_OPTIONS.values()))
     given = {name: getattr(options, name) for name in names}
     given = {name: value for name, value in given.items() if value is not None}
     for name in given.keys() - _OPTIONS[options.kind]:
@@ -230,14 +146,12 @@ def score_command(options: argparse.Namespace) -> int:
 
 
 def _kind(text: str) -> str:
-    """Check the kind of a score for argparse."""
     if text not in KINDS:
         raise argparse.ArgumentTypeError(f"there is no kind {text!r}: choose {', '.join(KINDS)}")
     return text
 
 
 def _classes(text: str) -> tuple[int, ...]:
-    """Read a list of point classes for argparse."""
     try:
         classes = tuple(int(part) for part in text.split(","))
     except ValueError:
@@ -247,12 +161,8 @@ def _classes(text: str) -> tuple[int, ...]:
     return classes
 
 
-def _check_range(name: str, value: float, smallest: float, largest: float) -> None:
-    """Raise ParameterError unless the option is a number in its range."""
-    if not smallest <= value <= largest:
-        raise ParameterError(f"score --{name} {value:g}: must be within {smallest:g} to {largest:g}")
-
-
-def _is_nan(value: Any) -> bool:
-    """Whether a figure is a share or mean of nothing."""
-    return isinstance(value, float) and math.isnan(value)
+def _none_for_nan(value: Any) -> Any:
+    """Return a figure, or a list of them, with None for shares and means of nothing."""
+    if isinstance(value, list):
+        return [_none_for_nan(one) for one in value]
+    return None if isinstance(value, float) and math.isnan(value) else value

@@ -109,7 +109,6 @@ def read_city_model(path: Path) -> CityModel:
 
 
 def _files_of(path: Path) -> list[Path]:
-    """Return the files that the path names."""
     if path.is_dir():
         named = [path / name for name in IN_FOLDER if (path / name).is_file()]
         found = named[:1] or sorted(path.rglob(SEQUENCE))
@@ -135,13 +134,11 @@ def _documents(file: Path) -> Iterator[dict[str, Any]]:
 
 
 def _vertices(document: dict[str, Any], transform: dict[str, Any]) -> NDArray[np.float64]:
-    """Return a document's vertices in the file's reference system."""
     rows = np.array(document["vertices"], dtype=np.float64).reshape(-1, 3)
     return rows * transform.get("scale", (1.0,) * 3) + transform.get("translate", (0.0,) * 3)
 
 
 def _crs_of(document: dict[str, Any]) -> str:
-    """Return the EPSG code that a header names."""
     match = _EPSG.search(document.get("metadata", {}).get("referenceSystem", ""))
     return f"EPSG:{match[1] or match[2]}" if match else ""
 

@@ -20,6 +20,7 @@ TRUE_CLASS = "TrueClass"
 CLASS, FACADE, EDGE = "classification", "Facade", "EdgeLabel"
 #: Folder of an output folder in which the clouds stand.
 CLASSIFIED = "classified"
+_SAME = "point by point only the same points in the same order can be compared"
 
 
 @dataclass(frozen=True, eq=False)
@@ -163,13 +164,34 @@ def matched_clouds(result: Path, reference: Path) -> list[tuple[Path, Path]]:
     return [(by_name[0][name], by_name[1][name]) for name in sorted(by_name[0])]
 
 
+def check_same_count(mine: Cloud, theirs: Cloud) -> None:
+    """Refuse clouds of different numbers of points."""
+    if mine.point_count != theirs.point_count:
+        raise InputError(
+            f"{mine.path}: has {mine.point_count} points, but {theirs.path} has {theirs.point_count}: {_SAME}"
+        )
+
+
+def check_same_points(
+    pair: tuple[Cloud, Cloud], mine: NDArray[np.float64], theirs: NDArray[np.float64], first: int = 0
+) -> None:
+    """Refuse points [m] of two clouds, `first` on, that are others or in another order."""
+    # A coordinate may have been rounded to either file's own step.
+    step = np.maximum(*(np.abs(cloud.header.scales) * cloud.units for cloud in pair))
+    differs = (np.abs(mine - theirs) > 1.01 * step).any(axis=1)
+    if differs.any():
+        raise InputError(
+            f"{pair[0].path}: point {first + int(differs.argmax())} lies elsewhere than in {pair[1].path}: "
+            f"{_SAME}"
+        )
+
+
 def _bare_name(file: Path) -> str:
     """Return a cloud's name without .las, .laz or .copc.laz."""
     return file.stem[: -len(".copc")] if file.stem.lower().endswith(".copc") else file.stem
 
 
 def _class_of(cloud: Cloud, prefer_truth: bool) -> str:
-    """Return the dimension that holds the classes."""
     named = TRUE_CLASS in cloud.header.point_format.extra_dimension_names
     return TRUE_CLASS if prefer_truth and named else CLASS
 
@@ -204,23 +226,12 @@ def _paired_parts(
     """
     Yield coordinates [m] and the labels of both, chunk by chunk, while both clouds hold the same points.
     """
-    if mine.point_count != theirs.point_count:
-        raise InputError(
-            f"{mine.path}: has {mine.point_count} points, but {theirs.path} has {theirs.point_count}: "
-            "point by point only the same points in the same order can be compared"
-        )
-    # A coordinate may have been rounded to either file's own step.
-    step = np.maximum(np.abs(mine.header.scales) * mine.units, np.abs(theirs.header.scales) * theirs.units)
+    check_same_count(mine, theirs)
     row = 0
     for (points, *my_labels), (their_points, *their_labels) in zip(
         _parts(mine, dimensions), _parts(theirs, (_class_of(theirs, True),)), strict=True
     ):
-        differs = (np.abs(points - their_points) > 1.01 * step).any(axis=1)
-        if differs.any():
-            raise InputError(
-                f"{mine.path}: point {row + int(differs.argmax())} lies elsewhere than in {theirs.path}: "
-                "point by point only the same points in the same order can be compared"
-            )
+        check_same_points((mine, theirs), points, their_points, row)
         row += len(points)
         yield points, *my_labels, *their_labels
 

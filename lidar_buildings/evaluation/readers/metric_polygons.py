@@ -66,7 +66,6 @@ def read_metric_polygons(path: Path) -> MetricPolygons:
 
 
 def _file_of(path: Path) -> Path:
-    """Return the file that the path names, or that stands in the folder it names."""
     if path.is_dir():
         for name in IN_FOLDER:
             if (path / name).is_file():

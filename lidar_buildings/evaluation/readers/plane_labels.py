@@ -11,7 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lidar_buildings.core.model.errors import InputError
-from lidar_buildings.evaluation.readers.labelled_points import matched_clouds
+from lidar_buildings.evaluation.readers.labelled_points import (
+    check_same_count,
+    check_same_points,
+    matched_clouds,
+)
 from lidar_buildings.io.clouds.las import Cloud, open_cloud, xyz_of
 
 #: Pairs of dimensions, building and plane within it, in the order in which they are looked for.
@@ -61,10 +65,11 @@ def read_plane_labels(result: Path, reference: Path) -> Iterator[PlaneLabels]:
     """
     for mine, theirs in matched_clouds(result, reference):
         pair = open_cloud(mine), open_cloud(theirs)
+        check_same_count(*pair)
         points, numbers = _read(pair[0], _dimensions(pair[0], (NUMBERS,)))
         wanted = _dimensions(pair[1], (TRUTH, NUMBERS, COLOURS))
         their_points, their_numbers = _read(pair[1], wanted)
-        _check_same_points(pair, points, their_points)
+        check_same_points(pair, points, their_points)
         yield PlaneLabels(
             mine.name, points, numbers, their_numbers, wanted == COLOURS, pair[0].crs.name or pair[1].crs.name
         )
@@ -98,21 +103,3 @@ def _numbers(chunk: Any, names: tuple[str, ...]) -> NDArray[np.int64]:
     if names == COLOURS:
         return np.where(number == 0, -1, number)
     return np.where(columns[-1] == 0, 0, number)
-
-
-def _check_same_points(
-    pair: tuple[Cloud, Cloud], mine: NDArray[np.float64], theirs: NDArray[np.float64]
-) -> None:
-    """Refuse clouds of other points, or of the same in another order."""
-    compared = "point by point only the same points in the same order can be compared"
-    if len(mine) != len(theirs):
-        raise InputError(
-            f"{pair[0].path}: has {len(mine)} points, but {pair[1].path} has {len(theirs)}: {compared}"
-        )
-    # A coordinate may have been rounded to either file's own step.
-    step = sum(np.abs(cloud.header.scales) * cloud.units for cloud in pair)
-    differs = (np.abs(mine - theirs) > 1.01 * step).any(axis=1)
-    if differs.any():
-        raise InputError(
-            f"{pair[0].path}: point {int(differs.argmax())} lies elsewhere than in {pair[1].path}: {compared}"
-        )

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from lidar_buildings.evaluation.scores.confusion import ratio
+from lidar_buildings.evaluation.scores.statistics import ratio
 
 
 @dataclass(frozen=True)

@@ -76,7 +76,6 @@ def _ends(block: NDArray[np.int64]) -> NDArray[np.int64]:
 
 
 def _closed(members: NDArray[Any], tolerance: float) -> Any:
-    """Return the union of a block's buildings without the gaps between their walls."""
     grown = shapely.union_all(shapely.buffer(members, tolerance / 2, join_style="mitre"))
     shrunk = shapely.buffer(grown, -tolerance / 2, join_style="mitre")
     return shapely.union_all([*members, shrunk])

@@ -98,7 +98,6 @@ def distances_of_unions(
 
 
 def _samples(boundary: shapely.Geometry) -> NDArray[Any]:
-    """Return points in equal steps along every ring."""
     samples = []
     for ring in shapely.get_parts(boundary):
         n_steps = max(1, math.ceil(ring.length / STEP))

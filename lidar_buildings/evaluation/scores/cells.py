@@ -156,7 +156,6 @@ def _as_set(keys: NDArray[np.int64]) -> CellSet:
 
 
 def _keys(plan: NDArray[np.float64], cell: float) -> CellSet:
-    """Return the key of the cell that each position lies in."""
     columns, rows = np.floor(plan / cell).astype(np.int64).T
     return _join(columns, rows)
 

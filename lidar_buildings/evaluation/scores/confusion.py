@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+
+from lidar_buildings.evaluation.scores.statistics import ratio
 
 
 @dataclass(frozen=True)
@@ -90,15 +91,9 @@ def confusion_of(result: ArrayLike, reference: ArrayLike) -> Confusion:
     return Confusion(hits, yes - hits, wanted - hits, len(result_mask) - yes - wanted + hits)
 
 
-def ratio(part: float, whole: float) -> float:
-    """Return `part` / `whole`, NaN where `whole` is 0."""
-    return part / whole if whole else math.nan
-
-
 def _same_length(
     result: NDArray[np.bool_], reference: NDArray[np.bool_]
 ) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-    """Check that both masks are one-dimensional and of one length."""
     if result.ndim != 1 or result.shape != reference.shape:
         raise ValueError(f"reference has shape {reference.shape}: must be one-dimensional, as long as result")
     return result, reference

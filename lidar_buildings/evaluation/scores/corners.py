@@ -11,9 +11,9 @@ import shapely
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial import cKDTree
 
-from lidar_buildings.evaluation.scores.confusion import ratio
 from lidar_buildings.evaluation.scores.polygons import limits_of, valid_polygons
 from lidar_buildings.evaluation.scores.real_vertices import open_rings, simplified
+from lidar_buildings.evaluation.scores.statistics import mean, ratio
 
 #: How far a corner may lie from the one that it stands for: two spacings of dense surveys, one of sparse [m].
 DEFAULT_TOLERANCE = 1.0
@@ -83,7 +83,7 @@ def score_corners(
         n_matched=len(distances),
         precision=ratio(len(distances), len(mine)),
         recall=ratio(len(distances), len(theirs)),
-        mean_distance=float(np.mean(distances)) if len(distances) else math.nan,
+        mean_distance=mean(distances),
     )
 
 
@@ -114,7 +114,6 @@ def _turns(ring: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _inside(corners: NDArray[np.float64], limits: shapely.Geometry | None) -> NDArray[np.float64]:
-    """Return the corners in the area of interest."""
     if limits is None:
         return corners
     shapely.prepare(limits)

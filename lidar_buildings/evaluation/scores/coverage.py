@@ -8,8 +8,8 @@ import numpy as np
 import shapely
 from numpy.typing import ArrayLike, NDArray
 
-from lidar_buildings.evaluation.scores.confusion import ratio
 from lidar_buildings.evaluation.scores.polygons import MIN_INSIDE, cut_to, limits_of, valid_polygons
+from lidar_buildings.evaluation.scores.statistics import ratio
 
 #: A building counts as covered from this share of its area on.
 MIN_COVERED = 0.5

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -10,9 +9,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from lidar_buildings.core.model.point_array import checked_points
-from lidar_buildings.evaluation.scores.confusion import ratio
-from lidar_buildings.evaluation.scores.models import root_mean_square
 from lidar_buildings.evaluation.scores.roof_surfaces import Solids, roof_surfaces
+from lidar_buildings.evaluation.scores.statistics import mean, percentile, ratio, root_mean_square
 
 #: The distances within which points are counted [m].
 WITHIN = (0.1, 0.2, 0.5)
@@ -76,14 +74,14 @@ def score_model_points(buildings: Sequence[Solids], points: ArrayLike) -> ModelP
     return ModelPointScore(
         n_points=len(cloud),
         uncovered=ratio(len(cloud) - len(distance), len(cloud)),
-        median=_percentile(np.abs(distance), 50),
-        bias=float(np.mean(distance)) if len(distance) else math.nan,
+        median=percentile(np.abs(distance), 50),
+        bias=mean(distance),
         rmse=root_mean_square(distance),
         within=tuple(
             ratio(int(np.count_nonzero(np.abs(distance) <= limit)), len(distance)) for limit in WITHIN
         ),
-        building_rmse_median=_percentile(known, 50),
-        building_rmse_95=_percentile(known, 95),
+        building_rmse_median=percentile(known, 50),
+        building_rmse_95=percentile(known, 95),
         n_buildings=len(known),
         rmse_per_building=per_building,
     )
@@ -95,10 +93,5 @@ def _rmse_per_building(
     """Return the root of each building's mean square distance [m], NaN with few points."""
     count = np.bincount(building, minlength=n_buildings)
     squares = np.bincount(building, distance**2, minlength=n_buildings)
-    mean = np.divide(squares, count, out=np.full(n_buildings, np.nan), where=count >= MIN_POINTS)
-    return np.sqrt(mean)
-
-
-def _percentile(values: NDArray[np.float64], share: float) -> float:
-    """Return a percentile, NaN of nothing."""
-    return float(np.percentile(values, share)) if len(values) else math.nan
+    mean_square = np.divide(squares, count, out=np.full(n_buildings, np.nan), where=count >= MIN_POINTS)
+    return np.sqrt(mean_square)

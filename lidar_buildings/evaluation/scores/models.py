@@ -12,11 +12,11 @@ import shapely
 from numpy.typing import ArrayLike, NDArray
 
 from lidar_buildings.core.solids.shell import ROOF_SURFACE
-from lidar_buildings.evaluation.scores.confusion import ratio
 from lidar_buildings.evaluation.scores.outlines import MIN_IOU, match_outlines
 from lidar_buildings.evaluation.scores.polygons import MIN_INSIDE, cut_to, limits_of, valid_polygons
 from lidar_buildings.evaluation.scores.ridges import RidgeScore, score_ridges
 from lidar_buildings.evaluation.scores.roof_surfaces import Solids, faces_of, footprints, roof_surfaces
+from lidar_buildings.evaluation.scores.statistics import ratio, root_mean_square
 from lidar_buildings.evaluation.scores.wireframe import Wireframe, n_corners, roof_wireframe
 from lidar_buildings.evaluation.scores.wireframe_match import WireframeScore, score_wireframes
 
@@ -173,12 +173,6 @@ def grid_spots(polygon: shapely.Geometry, step: float) -> NDArray[np.float64]:
     return np.asarray(spots[shapely.contains_xy(polygon, spots)])
 
 
-def root_mean_square(values: NDArray[np.float64]) -> float:
-    """Return the root of the mean square of the finite values, NaN of none."""
-    finite = values[np.isfinite(values)]
-    return float(np.sqrt(np.mean(finite**2))) if len(finite) else math.nan
-
-
 def _differences(
     result: Sequence[Solids], reference: Sequence[Solids], grounds: NDArray[Any]
 ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
@@ -195,7 +189,6 @@ def _differences(
 
 
 def _heights(differences: NDArray[np.float64]) -> HeightDifferences:
-    """Sum up differences, NaN ones being spots that the result does not cover."""
     found = differences[np.isfinite(differences)]
     if not len(found):
         return HeightDifferences(ratio(0, len(differences)), *(math.nan,) * 4)
@@ -211,14 +204,12 @@ def _heights(differences: NDArray[np.float64]) -> HeightDifferences:
 def _volume_ratios(
     result: Sequence[Solids], reference: Sequence[Solids], partner: NDArray[np.int64]
 ) -> NDArray[np.float64]:
-    """Return the ratio of volumes per building of the reference."""
     volumes = [[sum(solid.volume for solid in parts) for parts in side] for side in (result, reference)]
     pairs = zip(partner.tolist(), volumes[1], strict=True)
     return np.array([math.nan if mine < 0 else ratio(volumes[0][mine], true) for mine, true in pairs])
 
 
 def _counts(pairs: list[tuple[Solids, Solids]]) -> SolidCounts:
-    """Count what solids consist of."""
     if not pairs:
         return SolidCounts(*(math.nan,) * 7)
     corners = [[sum(map(n_corners, parts)) for parts in pair] for pair in pairs]
@@ -239,12 +230,10 @@ def _counts(pairs: list[tuple[Solids, Solids]]) -> SolidCounts:
 
 
 def _parts(side: Sequence[Solids]) -> list[Any]:
-    """Return all solids of all buildings."""
     return [solid for parts in side for solid in parts]
 
 
 def _inside(frame: Wireframe, limits: shapely.Geometry | None) -> Wireframe:
-    """Keep the corners within the limits and the edges between them."""
     if limits is None:
         return frame
     shapely.prepare(limits)

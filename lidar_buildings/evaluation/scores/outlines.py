@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -15,9 +14,9 @@ from lidar_buildings.evaluation.scores.boundaries import (
     boundary_distances,
     distances_of_unions,
 )
-from lidar_buildings.evaluation.scores.confusion import ratio
 from lidar_buildings.evaluation.scores.polygons import MIN_INSIDE, cut_to, limits_of, valid_polygons
 from lidar_buildings.evaluation.scores.real_vertices import simplified, vertex_counts
+from lidar_buildings.evaluation.scores.statistics import mean, ratio
 
 #: An object counts as found from this intersection over union on.
 MIN_IOU = 0.5
@@ -127,16 +126,16 @@ def score_outlines(result: ArrayLike, reference: ArrayLike, *, area: ArrayLike |
         completeness=ratio(len(found), n_reference),
         correctness=ratio(len(found), n_result),
         f1=ratio(2 * len(found), n_result + n_reference),
-        mean_iou=_mean(iou[counted]),
-        mean_iou_found=_mean(iou[found]),
+        mean_iou=mean(iou[counted]),
+        mean_iou_found=mean(iou[found]),
         area_completeness=ratio(common, theirs_area),
         area_correctness=ratio(common, mine_area),
         area_iou=ratio(common, mine_area + theirs_area - common),
         boundary=boundary_distances(*pairs, limits=limits),
         boundary_of_unions=distances_of_unions(*unions, limits=limits),
-        vertices_result=_mean(vertex_counts(pairs[0])),
-        vertices_reference=_mean(vertex_counts(pairs[1])),
-        vertices_reference_simplified=_mean(vertex_counts(simplified(pairs[1]))),
+        vertices_result=mean(vertex_counts(pairs[0])),
+        vertices_reference=mean(vertex_counts(pairs[1])),
+        vertices_reference_simplified=mean(vertex_counts(simplified(pairs[1]))),
         n_vertices_result=int(vertex_counts(whole[0][mine_counted]).sum()),
         n_vertices_reference=int(vertex_counts(whole[1][counted]).sum()),
         n_vertices_reference_simplified=int(vertex_counts(simplified(whole[1][counted])).sum()),
@@ -173,8 +172,3 @@ def match_outlines(
             partner[theirs[pair]], best[theirs[pair]] = mine[pair], iou[pair]
             taken[mine[pair]] = True
     return partner, best
-
-
-def _mean(values: NDArray[Any]) -> float:
-    """Return the mean, NaN of nothing."""
-    return float(np.mean(values)) if len(values) else math.nan

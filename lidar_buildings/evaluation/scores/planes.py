@@ -11,13 +11,13 @@ from numpy.typing import ArrayLike, NDArray
 from lidar_buildings.core.model.point_array import checked_column, checked_points
 from lidar_buildings.core.neighbours.point_spacing import measure_spacing
 from lidar_buildings.core.surfaces.surface_patches import connected_parts
-from lidar_buildings.evaluation.scores.confusion import ratio
+from lidar_buildings.evaluation.scores.statistics import ratio
 
 #: Intersection over union from which on two planes are the same.
 MIN_IOU = 0.5
 #: Parts of a colour this near to one another are one plane [m], or so many point spacings if that is more.
 PART_GAP, PART_GAP_SPACINGS = 1.0, 3.0
-#: Parts that stand for less area than this [m²], or of fewer points, are slips of the hand: of no plane.
+#: Parts that stand for less area than this [m²], or of fewer points, are labelling errors: of no plane.
 MIN_PART_AREA, MIN_PART_POINTS = 1.5, 6
 #: What a point has in place of a number if nobody knows whether it is of a plane: it does not count.
 UNKNOWN = -1

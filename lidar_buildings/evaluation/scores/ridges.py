@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from lidar_buildings.evaluation.scores.confusion import ratio
+from lidar_buildings.evaluation.scores.statistics import ratio
 from lidar_buildings.evaluation.scores.wireframe import Wireframe
 from lidar_buildings.evaluation.scores.wireframe_match import MAX_TURN_DEG
 

@@ -117,7 +117,6 @@ def _footprint(parts: Solids) -> shapely.Geometry:
 
 
 def _plan(rings: Sequence[NDArray[np.float64]]) -> shapely.Polygon:
-    """Return a face seen from above."""
     return shapely.Polygon(rings[0][:, :2], [ring[:, :2] for ring in rings[1:]])
 
 

@@ -112,7 +112,6 @@ def _folds(solid: Solid, *, of_roofs: bool = True) -> dict[Pair, bool]:
 
 
 def _is_fold(sides: Sequence[_Side]) -> bool:
-    """Whether the surface ends or bends at an edge."""
     if len(sides) == 1:
         return True
     cosine = min(float(sides[0].normal @ side.normal) for side in sides[1:])
@@ -152,7 +151,6 @@ def _straightened(corners: NDArray[np.float64], edges: dict[Pair, bool]) -> dict
 
 
 def _is_straight(ends: NDArray[np.float64]) -> bool:
-    """Whether a line goes straight on at the second of three points."""
     before, after = ends[1] - ends[0], ends[2] - ends[1]
     lengths = float(np.linalg.norm(before) * np.linalg.norm(after))
     return float(before @ after) > math.cos(math.radians(MIN_FOLD_DEG)) * lengths

@@ -12,7 +12,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
-from lidar_buildings.evaluation.scores.confusion import ratio
+from lidar_buildings.evaluation.scores.statistics import ratio
 from lidar_buildings.evaluation.scores.wireframe import Wireframe
 
 #: Lines whose directions differ by more are not the same [deg].

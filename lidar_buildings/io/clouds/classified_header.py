@@ -105,7 +105,6 @@ def _names(point_format: laspy.PointFormat) -> tuple[dict[str, str], list[_Dimen
 
 
 def _free_name(name: str, taken: Any) -> str:
-    """Return the name with the first number that makes it free."""
     return next(free for n in range(1, len(taken) + 2) if (free := f"{name}_{n}") not in taken)
 
 

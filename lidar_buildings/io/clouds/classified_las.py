@@ -109,7 +109,6 @@ def write_classified(cloud: Cloud, rows: ResultRows, path: Path) -> NDArray[np.i
 def _classified(
     chunk: laspy.ScaleAwarePointRecord, results: NDArray[Any], out: OutputFormat, cloud: Cloud
 ) -> NDArray[Any]:
-    """Return a chunk's points with their results."""
     points = np.zeros(len(chunk), out.dtype)
     size = chunk.array.dtype.itemsize
     points.view(np.uint8).reshape(len(points), -1)[:, :size] = chunk.array.view(np.uint8).reshape(
@@ -131,7 +130,6 @@ def _classified(
 
 
 def _classes(points: NDArray[Any], cloud: Cloud) -> NDArray[np.uint8]:
-    """Return the classes of output points."""
     if cloud.header.point_format.id < FIRST_EXTENDED_FORMAT:
         return np.asarray(points["raw_classification"] & _LEGACY_CLASS)
     return np.asarray(points["classification"])
@@ -161,7 +159,6 @@ def _finish(writer: laspy.LasWriter, file: Any, cloud: Cloud) -> None:
 
 
 def _copy(source: BinaryIO, file: Any, start: int, size: int) -> None:
-    """Append bytes of one file to another."""
     source.seek(start)
     while size > 0 and (block := source.read(min(size, _COPY_BLOCK))):
         file.write(block)

@@ -73,7 +73,6 @@ def search_inputs(
 
 
 def _expanded(path: Path) -> list[Path]:
-    """Return the files that one argument names."""
     if path.is_dir():
         files = _clouds(path.iterdir())
         if not files:
@@ -90,5 +89,4 @@ def _expanded(path: Path) -> list[Path]:
 
 
 def _clouds(paths: Iterable[Path]) -> list[Path]:
-    """Keep the cloud files, by name."""
     return sorted(path for path in paths if path.name.lower().endswith(ENDINGS) and path.is_file())

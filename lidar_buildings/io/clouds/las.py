@@ -224,7 +224,6 @@ def xyz_of(chunk: laspy.ScaleAwarePointRecord) -> NDArray[np.float64]:
 
 
 def _check_agreement(first: Cloud, other: Cloud) -> None:
-    """Refuse two clouds that cannot share a map."""
     if not other.point_count or (
         not other.crs.name and first.crs.name and np.allclose(first.units, other.units)
     ):
@@ -237,7 +236,6 @@ def _check_agreement(first: Cloud, other: Cloud) -> None:
 
 
 def _system(cloud: Cloud) -> str:
-    """Name a cloud's reference system and units in few words."""
     name = cloud.crs.name.split(",")[0] if cloud.crs.name else "an unknown reference system"
     return f"{name} with units of {cloud.crs.horizontal_unit:.7g} m and {cloud.crs.vertical_unit:.7g} m"
 

@@ -129,12 +129,10 @@ def _vertical_part(crs: Any) -> Any:
 
 
 def _from_wkt(data: bytes) -> SourceCrs:
-    """Read a WKT record."""
     return _described(_wkt_in(data))
 
 
 def _wkt_in(data: bytes) -> Any:
-    """Return the system that a WKT record describes."""
     text = data.split(b"\0")[0].decode("utf-8").strip()
     if not text:
         raise ValueError("its WKT text is empty")
@@ -155,7 +153,6 @@ def _described(crs: Any) -> SourceCrs:
 
 
 def _from_geo_keys(data: bytes) -> SourceCrs:
-    """Read a GeoTIFF key directory."""
     keys = _keys_in(data)
     if not keys:
         raise ValueError("its GeoTIFF directory holds no keys")

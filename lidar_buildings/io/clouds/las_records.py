@@ -116,7 +116,6 @@ class RawHeader:
         return self._number("<Q", 227) if inside and len(self.block) >= 235 else 0
 
     def _number(self, kind: str, at: int) -> int:
-        """Read one number of the header."""
         return int(struct.unpack_from(kind, self.block, at)[0])
 
 
@@ -177,7 +176,6 @@ def _check_length(path: Path, file: BinaryIO, header: RawHeader, size: int) -> N
 
 
 def _has_chunk_table(file: BinaryIO, offset: int, size: int) -> bool:
-    """Whether the LAZ chunk table lies within the file."""
     file.seek(offset)
     position = int.from_bytes(file.read(8), "little", signed=True)
     if position == -1:  # written as a stream: its place stands at the file's end

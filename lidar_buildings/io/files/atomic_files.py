@@ -73,5 +73,4 @@ class CheckedFile:
             raise
 
     def __getattr__(self, name: str) -> Any:
-        """Leave everything else to the file."""
         return getattr(self._file, name)

@@ -20,7 +20,6 @@ def library_versions() -> dict[str, str]:
 
 
 def _version(library: str) -> str:
-    """Return a library's version, or that it is not known."""
     try:
         return version(library)
     except PackageNotFoundError:

@@ -97,7 +97,6 @@ def _turns(step: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _run(turn: NDArray[np.float64], goes_on: NDArray[np.bool_], joint: int) -> tuple[int, int, float]:
-    """Follow a run from its first joint."""
     n = len(turn)
     joints = [joint]
     while goes_on[joints[-1]]:

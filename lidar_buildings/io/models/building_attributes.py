@@ -86,7 +86,6 @@ def face_attributes(rings: Sequence[NDArray[np.float64]], frame: MapFrame) -> di
 
 
 def _converted(name: str, value: Any, frame: MapFrame) -> Any:
-    """Return one attribute in the source's units."""
     value = value.item() if hasattr(value, "item") else value
     if not isinstance(value, float):
         return value

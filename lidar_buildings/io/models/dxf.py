@@ -117,10 +117,8 @@ class _Drawing:
 
 
 def _edges(ring: Sequence[int]) -> list[tuple[int, int]]:
-    """Return the pairs of consecutive members, the last with the first."""
     return list(zip(ring, (*ring[1:], ring[0]), strict=True))
 
 
 def _known_attributes(attributes: Mapping[str, Any]) -> list[str]:
-    """Return the attributes that are known, as texts."""
     return [f"{name}={value}" for name, value in sorted(attributes.items()) if value not in (None, "")]

@@ -103,7 +103,6 @@ class DxfEntities:
         return f"1001\n{self._application}\n" + "".join(lines)
 
     def _begun(self, kind: str, layer: str) -> str:
-        """Return an entity's beginning."""
         handle = self.next_handle
         self.next_handle += 1
         return f"  0\n{kind}\n  5\n{handle:X}\n330\n{self._owner}\n100\nAcDbEntity\n  8\n{layer}\n"

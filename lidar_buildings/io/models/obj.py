@@ -94,7 +94,6 @@ class _Mesh:
 
 
 def _header(frame: MapFrame, materials: str) -> str:
-    """Return what stands above the first building."""
     offset = " ".join(repr(c) for c in frame.to_source(np.zeros((1, 3)))[0].tolist())
     crs = " ".join(frame.crs.split()) or "unknown"
     return (

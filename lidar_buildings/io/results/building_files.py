@@ -94,7 +94,6 @@ def write_buildings(
 
 @contextmanager
 def _writer(name: str, folder: Path, buildings: SurveyBuildings, heading: ModelHeading) -> Iterator[_Add]:
-    """Give a function that adds a building to the file of a format."""
     path = folder / FILES[name][0]
     if name == "cityjson":
         with _sequence(path, buildings, heading) as add:
@@ -107,7 +106,6 @@ def _writer(name: str, folder: Path, buildings: SurveyBuildings, heading: ModelH
 
 @contextmanager
 def _sequence(path: Path, buildings: SurveyBuildings, heading: ModelHeading) -> Iterator[_Add]:
-    """Give a function that adds a building's line to a CityJSONSeq."""
     header = header_line(buildings.frame, crs=heading.crs, extent=buildings.extent, title=heading.title)
     with atomic_file(path) as temporary, open(temporary, "w", encoding="utf-8") as file:
         file.write(f"{header}\n")

@@ -96,7 +96,6 @@ class _BuildingLayers:
                 self._write(name)
 
     def _write(self, name: str) -> None:
-        """Write one layer's rows."""
         rows, self._rows[name] = self._rows[name], []
         polygons = [polygon for _, polygon in rows]
         known = [row for row, _ in rows]

@@ -37,7 +37,6 @@ class FootprintResults:
         return cls() if file is None else cls(file.footprint_id, file.record)
 
     def __bool__(self) -> bool:
-        """Whether footprints were given."""
         return bool(self.record)
 
     def named(self, tiles: Iterable[Shapes]) -> Iterator[Shapes]:
@@ -52,7 +51,6 @@ class FootprintResults:
             seen.update(one.building_id for one in (*tile.traced, *tile.outlines))
 
     def _named(self, tile: Shapes, seen: set[int]) -> Shapes:
-        """Return a tile's buildings without those that were seen."""
         features = [_parsed(line) for line in tile.features]
         return Shapes(
             tuple(one for one in tile.traced if one.building_id not in seen),
@@ -73,7 +71,6 @@ class FootprintResults:
 
 
 def _parsed(line: str) -> dict[str, Any]:
-    """Read a feature's line."""
     try:
         feature: dict[str, Any] = json.loads(line)
         _number(feature)
@@ -83,5 +80,4 @@ def _parsed(line: str) -> dict[str, Any]:
 
 
 def _number(feature: dict[str, Any]) -> int:
-    """Return a feature's building id."""
     return int(feature["CityObjects"][feature["id"]]["attributes"]["building_id"])

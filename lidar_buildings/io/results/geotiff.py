@@ -146,7 +146,6 @@ class GeotiffWriter:
         self._n_known += n_known
 
     def __enter__(self) -> GeotiffWriter:
-        """Return itself."""
         return self
 
     def __exit__(

@@ -205,7 +205,6 @@ class OutputFolder:
 
     @property
     def _partial(self) -> Path:
-        """Folder of the tiles."""
         return self.path / PARTIAL
 
     def _write_buildings(self, fragments: list[Path], pieces: set[int]) -> tuple[list[str], dict[str, int]]:
@@ -239,7 +238,6 @@ class OutputFolder:
             return {}
 
     def _write_run(self, summary: RunSummary, outputs: list[str | None], run_info: Mapping[str, Any]) -> None:
-        """Write ``run.json``."""
         inputs = [
             {"path": str(file.path), "point_count": file.point_count, "output": output}
             for file, output in zip(self.inputs, outputs, strict=True)
@@ -250,14 +248,12 @@ class OutputFolder:
             temporary.write_text(json.dumps(content, indent=2, default=str) + "\n", encoding="utf-8")
 
     def _discard_tiles(self, fragments: list[Path]) -> None:
-        """Delete what is no longer needed."""
         for left in (*fragments, *self._partial.glob("*")):
             left.unlink(missing_ok=True)
         self._partial.rmdir()
 
 
 def _is_whole(fragment: Path) -> bool:
-    """Whether a saved tile can be read."""
     try:
         load_rows(fragment, "stamp")
     except (OSError, ValueError, KeyError, EOFError, RuntimeError, BadZipFile):

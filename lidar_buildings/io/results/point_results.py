@@ -51,11 +51,9 @@ class PointResults:
         )
 
     def __enter__(self) -> PointResults:
-        """Return itself."""
         return self
 
     def __exit__(self, *_: object) -> None:
-        """Delete the table."""
         self._table = np.zeros(0, RESULT)
         self._path.unlink(missing_ok=True)
 
@@ -99,13 +97,11 @@ class PointResults:
                     enter(mine)
 
     def _enter_core(self, rows: NDArray[Any]) -> None:
-        """Enter classes, heights and façades."""
         self._table["known"][rows["index"]] = 1
         for name in ("classification", "height_above_ground", "facade"):
             self._table[name][rows["index"]] = rows[name]
 
     def _enter_edges(self, rows: NDArray[Any]) -> None:
-        """Enter edge labels."""
         self._table["edge"][rows["index"]] = rows["edge"]
 
     def _enter_roofs(self, rows: NDArray[Any]) -> None:

@@ -94,7 +94,6 @@ def _holds_run(path: Path) -> bool:
 
 
 def _check_same(path: Path, identity: dict[str, Any]) -> None:
-    """Refuse to go on with another run's tiles."""
     if not _is_same(path, identity):
         raise OutputError(
             f"{path}: holds an unfinished run of other inputs or parameters: give the same to go on with it, "
@@ -103,7 +102,6 @@ def _check_same(path: Path, identity: dict[str, Any]) -> None:
 
 
 def _is_same(path: Path, identity: dict[str, Any]) -> bool:
-    """Whether the folder holds the same run, unfinished."""
     return _read(path / PARTIAL / _IDENTITY) == json.loads(json.dumps(identity))
 
 
@@ -113,7 +111,6 @@ def discard_unfinished(path: Path) -> None:
 
 
 def _clear(path: Path) -> None:
-    """Remove what earlier runs have written."""
     earlier = _read(path / RUN) or {}
     names = [name for name in earlier.get("files", []) if isinstance(name, str)]
     for name in (RUN, BUILDINGS, CITY_MODEL, MESH, MATERIALS, DRAWING, DTM, DSM, NDSM, *names):
@@ -132,7 +129,6 @@ def _read(path: Path) -> Any:
 
 
 def _unusable(path: Path, error: BaseException) -> OutputError:
-    """Say that results cannot be written there."""
     return OutputError(
         f"{path}: cannot be used for output ({one_line(error)}): choose another folder, or mend its rights"
     )

@@ -78,11 +78,9 @@ class SurveyBuildings:
             self._file.close()
 
     def __enter__(self) -> SurveyBuildings:
-        """Return itself."""
         return self
 
     def __exit__(self, *_: object) -> None:
-        """Close the file of lines."""
         self.close()
 
     @property
@@ -104,7 +102,6 @@ class SurveyBuildings:
             self._file.flush()
 
     def __len__(self) -> int:
-        """Return the number of buildings."""
         return len(self._entries)
 
     def __iter__(self) -> Iterator[SurveyBuilding]:
@@ -127,13 +124,11 @@ class SurveyBuildings:
             return start, self._file.write(model.line.encode())
 
     def _line(self, entry: _Entry) -> str:
-        """Return a building's line from the file."""
         self._file.seek(entry.start)
         return self._file.read(entry.length).decode()
 
     @contextmanager
     def _reported(self) -> Iterator[None]:
-        """Say which file it is that cannot be written."""
         try:
             yield
         except OSError as error:

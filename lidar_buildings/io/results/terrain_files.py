@@ -121,7 +121,6 @@ def _vertical_of(path: Path) -> Any:
 
 
 def _layout(window: RasterWindow, frame: MapFrame, crs: str) -> RasterLayout:
-    """Describe the files."""
     west, north = (edge / frame.horizontal_unit for edge in window.corner)
     unit = next(
         (name for metres, name in _UNITS.items() if is_same_unit(metres, frame.vertical_unit)),
@@ -132,7 +131,6 @@ def _layout(window: RasterWindow, frame: MapFrame, crs: str) -> RasterLayout:
 
 
 def _in_source_units(block: TerrainRasters, frame: MapFrame) -> dict[str, NDArray[np.float32]]:
-    """Return a block's values by file name, as the files have them."""
     dtm, dsm = (
         np.rint((raster.astype(np.float64) + frame.origin[2]) / frame.vertical_unit * _STEPS) / _STEPS
         for raster in (block.dtm, block.dsm)

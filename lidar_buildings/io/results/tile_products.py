@@ -186,7 +186,6 @@ def load_rows(path: Path, name: str) -> NDArray[Any]:
 
 
 def _as_bytes(content: Any) -> NDArray[np.uint8]:
-    """Return what JSON holds as an array of its bytes."""
     return np.frombuffer(json.dumps(content).encode(), dtype=np.uint8)
 
 
@@ -219,7 +218,6 @@ def _outlines_as_lists(outlines: Sequence[BuildingOutline]) -> list[Any]:
 
 
 def _outlines_from_lists(lists: list[Any]) -> tuple[BuildingOutline, ...]:
-    """Turn them back."""
     return tuple(BuildingOutline(number, Outline(*_rings(lists_of))) for number, lists_of in lists)
 
 

@@ -92,7 +92,6 @@ class Spool:
         shutil.rmtree(self.folder, ignore_errors=True)
 
     def _write(self, cell: Cell, records: NDArray[Any]) -> None:
-        """Append to one cell's file."""
         try:
             with open(self._file(cell), "ab") as file:
                 file.write(records.view(np.uint8).data)
@@ -105,7 +104,6 @@ class Spool:
 
     @staticmethod
     def _full(folder: str | Path, error: OSError) -> OutputError:
-        """Say that the temporary folder cannot be written."""
         return OutputError(
             f"{folder}: temporary files cannot be written ({one_line(error)}): "
             "free some space, or set TMPDIR to a folder with more"

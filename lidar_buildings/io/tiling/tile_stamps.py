@@ -52,5 +52,4 @@ def stamp_of_number(number: int) -> int:
 
 
 def _unix(gps_seconds: float) -> float:
-    """Turn GPS seconds since 1980 into Unix time."""
     return gps_seconds + GPS_EPOCH - bisect.bisect_right(LEAP_SECONDS, gps_seconds)

@@ -208,7 +208,6 @@ class TileStore:
         return records[:n], is_buffer[:n]
 
     def _local_area(self, plan: TilePlan, buffer: float) -> Rectangle:
-        """Return a tile's square with its buffer, map frame [m]."""
         area = self.grid.area_of(plan.tile).grown(buffer)
         return area.moved(-self.frame.origin[0], -self.frame.origin[1])
 
@@ -233,7 +232,6 @@ class TileStore:
 
 
 def _pulses_of(records: NDArray[Any]) -> NDArray[np.float64]:
-    """Return one position per pulse of some records."""
     points = np.column_stack([records[name] for name in "xyz"]).astype(np.float64)
     returns = without_empty_columns({name: records[name] for name in RECORD.names or ()})
     return last_returns(points, returns["return_number"], returns["number_of_returns"])

@@ -167,11 +167,9 @@ class TileSource:
             self._finalizer()
 
     def __enter__(self) -> TileSource:
-        """Return itself."""
         return self
 
     def __exit__(self, *_: object) -> None:
-        """Close it."""
         self.close()
 
     def _expected_tiles(self) -> set[Cell]:
@@ -295,7 +293,6 @@ def _area(cloud: Cloud) -> Rectangle | None:
 
 
 def _numbered(chunks: Iterable[Any]) -> Iterator[tuple[int, Any]]:
-    """Pair each chunk with the index of its first point."""
     first = 0
     for chunk in chunks:
         yield first, chunk

@@ -180,13 +180,11 @@ def check_overlap(file: FootprintFile, bounds: tuple[float, float, float, float]
 
 
 def _extent(bounds: NDArray[np.float64]) -> str:
-    """Write limits in whole units."""
     west, south, east, north = bounds
     return f"x {west:.0f} to {east:.0f} and y {south:.0f} to {north:.0f}"
 
 
 def _in_map(layer: PolygonLayer, frame: MapFrame) -> NDArray[Any]:
-    """Return a layer's geometries in the map frame."""
     flat = shapely.force_2d(layer.geometries)
     if not frame.crs and is_in_degrees(layer.crs):
         raise InputError(

@@ -90,7 +90,6 @@ class GeoPackageWriter:
         self._counts[layer.name] = self._counts.get(layer.name, 0) + len(layer.polygons)
 
     def __enter__(self) -> GeoPackageWriter:
-        """Return itself."""
         return self
 
     def __exit__(self, error: object, *_: object) -> None:
@@ -106,7 +105,6 @@ class GeoPackageWriter:
 
     @contextmanager
     def _reported(self) -> Iterator[None]:
-        """Turn the libraries' errors into one line."""
         try:
             yield
         except _FAILURES as error:
@@ -116,7 +114,6 @@ class GeoPackageWriter:
 
 
 def _write_layer(path: Path, layer: GeoPackageLayer, crs: str, append: bool) -> None:
-    """Add one layer to a file."""
     values = {name: [row.get(name) for row in layer.rows] for name in layer.fields}
     masks = {
         name: np.array([_is_missing(value) for value in column], dtype=bool)
@@ -142,7 +139,6 @@ def _write_layer(path: Path, layer: GeoPackageLayer, crs: str, append: bool) -> 
 
 
 def _wkb(layer: GeoPackageLayer) -> NDArray[np.object_]:
-    """Return the layer's polygons as WKB."""
     geometry = np.empty(len(layer.polygons), dtype=object)
     if len(layer.polygons):
         geometry[:] = shapely.to_wkb(list(layer.polygons), output_dimension=3 if layer.is_3d else 2)
@@ -150,12 +146,10 @@ def _wkb(layer: GeoPackageLayer) -> NDArray[np.object_]:
 
 
 def _is_missing(value: Any) -> bool:
-    """Whether a value is to be null."""
     return value is None or (isinstance(value, float | np.floating) and not math.isfinite(value))
 
 
 def _column(values: list[Any], missing: NDArray[np.bool_], kind: type) -> NDArray[Any]:
-    """Return one attribute's values as an array of its type."""
     present = [_VOID[kind] if gone else kind(value) for value, gone in zip(values, missing, strict=True)]
     return np.array(present, dtype=_DTYPES[kind])
 

@@ -127,7 +127,6 @@ def _with_polygons(path: Path, layers: Mapping[str, str]) -> list[str]:
 
 
 def _chosen(path: Path, layer: str) -> str:
-    """Return the name of the layer to read."""
     layers = _layers(path)
     if layer:
         if layer in layers:

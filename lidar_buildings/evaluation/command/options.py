@@ -1,0 +1,74 @@
+"""What a comparison needs to know beside its two sides."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from lidar_buildings.core.model.errors import ParameterError
+
+if TYPE_CHECKING:  # imported late: --help answers at once
+    from lidar_buildings.evaluation.readers.metric_polygons import MetricPolygons
+
+#: The levels of detail of models.
+LODS = ("1.2", "1.3", "2.2")
+#: Option → its least and greatest value, from the precision of points and maps to the size of buildings.
+_RANGES = {
+    "cell": (0.05, 100.0),
+    "fill": (0.0, 10.0),
+    "alpha": (0.01, 100.0),
+    "corner_tolerance": (0.01, 100.0),
+}
+
+
+@dataclass(frozen=True)
+class ScoreOptions:
+    """
+    The options of all kinds of score.
+
+    Attributes
+    ----------
+    area : MetricPolygons or None
+        The area of interest: only what lies inside counts.
+    cell : float
+        Side of the cells in which buildings are compared [m].
+    fill : float
+        How far an empty cell looks for its nearest point [spacings]; see `evaluation.scores.cells`.
+    reference_classes : collection of int or None
+        The reference's classes of ground (default 2) or of buildings and roofs (default 6).
+    merge_touching : bool
+        Whether outlines that share a wall are compared as one block; see `evaluation.scores.blocks`.
+    alpha : float or None
+        Radius of the disc that finds the reference's edges [m]; 1.342 point spacings if None.
+    split_steps : bool
+        Whether a step in height parts one roof of the reference from another, and so is an edge.
+    corner_tolerance : float
+        How far a corner of an outline or of a roof may lie from the one that it stands for [m].
+    lod : str
+        The finest level of detail that is looked at: ``"1.2"``, ``"1.3"`` or ``"2.2"``.
+
+    Raises
+    ------
+    ParameterError
+        If a number is out of range or the level is unknown.
+    """
+
+    area: MetricPolygons | None = None
+    cell: float = 0.5
+    fill: float = 1.5
+    reference_classes: Collection[int] | None = None
+    merge_touching: bool = False
+    alpha: float | None = None
+    split_steps: bool = False
+    corner_tolerance: float = 1.0
+    lod: str = LODS[-1]
+
+    def __post_init__(self) -> None:
+        for name, (least, greatest) in _RANGES.items():
+            value = getattr(self, name)
+            if value is not None and not least <= value <= greatest:
+                option = name.replace("_", "-")
+                raise ParameterError(f"score --{option} {value:g}: must be within {least:g} to {greatest:g}")
+        if self.lod not in LODS:
+            raise ParameterError(f"score --lod {self.lod}: must be one of {', '.join(LODS)}")
