@@ -69,7 +69,7 @@ class BrightnessRaster:
 def brightness_raster(
     ground: NDArray[np.float64],
     normalised: NDArray[np.floating],
-    is_whole: NDArray[np.bool_],
+    is_single: NDArray[np.bool_],
     spacing: float,
     cover: NDArray[np.float64] | None = None,
 ) -> BrightnessRaster:
@@ -82,7 +82,7 @@ def brightness_raster(
         Ground points, one at least [m].
     normalised : ndarray of shape (n_points,)
         Their normalised intensities.
-    is_whole : ndarray of bool, shape (n_points,)
+    is_single : ndarray of bool, shape (n_points,)
         Whether the point is the only return of its pulse; the others are too dark.
     spacing : float
         Spacing of the pulses [m].
@@ -98,9 +98,9 @@ def brightness_raster(
     shape = tuple(place.max(axis=0) + 1)
     row_of = place[:, 0] * shape[1] + place[:, 1]
     size = shape[0] * shape[1]
-    count = np.bincount(row_of[is_whole], minlength=size)
-    steps = np.rint(normalised[is_whole].astype(float) * STEPS)  # whole numbers: their sum knows no order
-    total = np.bincount(row_of[is_whole], steps, minlength=size) / STEPS
+    count = np.bincount(row_of[is_single], minlength=size)
+    steps = np.rint(normalised[is_single].astype(float) * STEPS)  # whole numbers: their sum knows no order
+    total = np.bincount(row_of[is_single], steps, minlength=size) / STEPS
     mean = np.divide(total, count, out=np.full(size, np.nan), where=count > 0).reshape(shape)
     is_ground = np.bincount(row_of, minlength=size).reshape(shape) > 0
     is_covered = _occupied(cover, cell, first, shape)

@@ -33,7 +33,7 @@ def measure_scale(intensity: NDArray[np.floating]) -> IntensityScale:
 
 
 def strip_scales(
-    intensity: NDArray[np.floating], strip: NDArray[np.integer], is_whole: NDArray[np.bool_]
+    intensity: NDArray[np.floating], strip: NDArray[np.integer], is_single: NDArray[np.bool_]
 ) -> dict[int, IntensityScale]:
     """
     Measure the scale of every flight strip.
@@ -48,22 +48,22 @@ def strip_scales(
         As recorded.
     strip : ndarray of int, shape (n_points,)
         Which strip a point is of.
-    is_whole : ndarray of bool, shape (n_points,)
+    is_single : ndarray of bool, shape (n_points,)
         Whether the point is the only return of its pulse.
 
     Returns
     -------
     dict
-        Strip → scale, for every strip that has a point; empty where there is no whole pulse at all.
+        Strip → scale, for every strip that has a point; empty where there is no single return at all.
     """
-    whole = intensity[is_whole]
-    if not len(whole):
+    single = intensity[is_single]
+    if not len(single):
         return {}
-    common = measure_scale(whole)
-    of = strip[is_whole]
+    common = measure_scale(single)
+    of = strip[is_single]
     scales = {}
     for number in np.unique(strip).tolist():
-        mine = whole[of == number]
+        mine = single[of == number]
         scales[number] = measure_scale(mine) if len(mine) >= MIN_PULSES else common
     return scales
 

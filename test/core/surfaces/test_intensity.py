@@ -50,9 +50,9 @@ def test_strips_of_different_gain_and_offset_become_alike():
 
 def test_the_scale_is_anchored_at_two_percentiles_of_whole_pulses():
     intensity = np.concatenate([np.linspace(100.0, 200.0, 10_001), np.full(5000, 3.0)])
-    is_whole = np.arange(len(intensity)) <= 10_000
+    is_single = np.arange(len(intensity)) <= 10_000
     strip = np.zeros(len(intensity), dtype=np.uint16)
-    scales = strip_scales(intensity, strip, is_whole)
+    scales = strip_scales(intensity, strip, is_single)
     assert scales == {0: IntensityScale(pytest.approx(101.0), pytest.approx(195.0))}
     found = normalised_intensity(np.array([101.0, 195.0, 3.0, 65_535.0]), strip[:4], scales)
     np.testing.assert_allclose(found, [0.0, HIGH_ANCHOR, 0.0, 255.0], atol=1e-4)
@@ -67,8 +67,8 @@ def test_a_strip_of_few_pulses_takes_the_scale_of_all():
 
 def test_constant_intensity_and_no_whole_pulse_are_dark_throughout():
     intensity, strip = np.full(1000, 77.0), np.zeros(1000, dtype=np.uint16)
-    for is_whole in (np.ones(1000, dtype=bool), np.zeros(1000, dtype=bool)):
-        assert not normalised_intensity(intensity, strip, strip_scales(intensity, strip, is_whole)).any()
+    for is_single in (np.ones(1000, dtype=bool), np.zeros(1000, dtype=bool)):
+        assert not normalised_intensity(intensity, strip, strip_scales(intensity, strip, is_single)).any()
 
 
 def test_nothing_is_legal():

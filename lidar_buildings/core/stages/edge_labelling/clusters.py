@@ -13,8 +13,13 @@ from lidar_buildings.core.stages.edge_labelling.config import EdgeLabellingConfi
 from lidar_buildings.core.stages.edge_labelling.k_means import in_second, metric_of, two_means
 from lidar_buildings.core.stages.edge_labelling.measures import centres_of
 from lidar_buildings.core.stages.edge_labelling.roofs import numbered
-from lidar_buildings.core.stages.edge_labelling.status import OK, ONE_CLUSTER, TOO_FEW_POINTS
 
+#: There were two clusters, edges and surfaces.
+OK = "ok"
+#: What k-means parts are halves of one cluster: typical centres stood for its own.
+ONE_CLUSTER = "one_cluster"
+#: A small roof: typical centres stood for its own. Of fewer than two distinct points none is an edge.
+TOO_FEW_POINTS = "too_few_points"
 #: Two clusters whose mean linearities are nearer than this are halves of one. Theory has 0 for a plane and
 #: 0.72 for its edge. Roofs give 0.36 and more; surfaces without edges, split by force, 0.05 to 0.15, and
 #: points scattered at random 0.20 to 0.23.
@@ -48,6 +53,12 @@ class Clusters:
     n_points: int
     status: str
     centres: NDArray[np.float64]
+
+
+def overall(clusters: tuple[Clusters, ...]) -> str:
+    """Return the best status of several clusters, that of no points if there are none."""
+    found = {one.status for one in clusters}
+    return next((one for one in (OK, ONE_CLUSTER) if one in found), TOO_FEW_POINTS)
 
 
 def cluster_edges(

@@ -11,13 +11,18 @@ from numpy.typing import ArrayLike, NDArray
 from lidar_buildings.core.model.point_array import checked_column, checked_points
 from lidar_buildings.core.neighbours.cell_grid import CellGrid, sort_by_cell
 from lidar_buildings.core.neighbours.point_spacing import given_or_measured
-from lidar_buildings.core.stages.edge_labelling.clusters import Clusters, cluster_edges
+from lidar_buildings.core.stages.edge_labelling.clusters import (
+    OK,
+    TOO_FEW_POINTS,
+    Clusters,
+    cluster_edges,
+    overall,
+)
 from lidar_buildings.core.stages.edge_labelling.config import EdgeLabellingConfig
 from lidar_buildings.core.stages.edge_labelling.measures import eigenvalues_by_area, measures_of
 from lidar_buildings.core.stages.edge_labelling.plan_cells import roofs_in_plan
 from lidar_buildings.core.stages.edge_labelling.rims import on_rims
 from lidar_buildings.core.stages.edge_labelling.roofs import set_apart
-from lidar_buildings.core.stages.edge_labelling.status import OK, TOO_FEW_POINTS, overall
 from lidar_buildings.core.stages.edge_labelling.theoretical_shapes import discriminant_edges
 from lidar_buildings.core.surfaces.eigenfeatures import EigenFeatures, eigen_features
 
@@ -125,22 +130,10 @@ def label_edges(
     found = _features(points, roofs, spacing, config)
     cells = _cells(points, spacing, config)
     groups = _groups(cells, roofs, config)
-    linearity, planarity = found.linearity, found.planarity
-    band, clusters = _band(found, linearity, planarity, groups, config)
-    edge = _thinned(cells, roofs, spacing, band, config)
-    if config.method == "discriminant_analysis":
-        status = OK if found.eigenvalues.any() else TOO_FEW_POINTS
-    else:
-        status = overall(one.status for one in clusters)
+    band, clusters, status = _band(found, groups, config)
+    edge = _thinned(cells, roofs, spacing, band, config).astype(np.uint8)
     return EdgeLabels(
-        edge.astype(np.uint8),
-        linearity,
-        planarity,
-        found.normals,
-        found.radius,
-        status,
-        clusters,
-        groups,
+        edge, found.linearity, found.planarity, found.normals, found.radius, status, clusters, groups
     )
 
 
@@ -174,17 +167,15 @@ def _groups(
 
 
 def _band(
-    found: EigenFeatures,
-    linearity: NDArray[np.float64],
-    planarity: NDArray[np.float64],
-    groups: NDArray[np.int64] | None,
-    config: EdgeLabellingConfig,
-) -> tuple[NDArray[np.bool_], tuple[Clusters, ...]]:
-    """Label the band along edges; return the clusters, too."""
+    found: EigenFeatures, groups: NDArray[np.int64] | None, config: EdgeLabellingConfig
+) -> tuple[NDArray[np.bool_], tuple[Clusters, ...], str]:
+    """Label the band along edges; return the clusters and the status, too."""
+    has_shape = found.eigenvalues[:, 0] > 0.0
     if config.method == "discriminant_analysis":
-        return discriminant_edges(eigenvalues_by_area(found)), ()
-    measures = measures_of(found, linearity, planarity, config.features)
-    return cluster_edges(measures, linearity, found.eigenvalues[:, 0] > 0.0, groups, config)
+        return discriminant_edges(eigenvalues_by_area(found)), (), OK if has_shape.any() else TOO_FEW_POINTS
+    measures = measures_of(found, config.features)
+    band, clusters = cluster_edges(measures, found.linearity, has_shape, groups, config)
+    return band, clusters, overall(clusters)
 
 
 def _thinned(

@@ -21,24 +21,15 @@ def eigenvalues_by_area(found: EigenFeatures) -> NDArray[np.float64]:
     return found.eigenvalues / np.square(found.radius)[:, None]
 
 
-def measures_of(
-    found: EigenFeatures, linearity: NDArray[np.float64], planarity: NDArray[np.float64], features: str
-) -> NDArray[np.float64]:
+def measures_of(found: EigenFeatures, features: str) -> NDArray[np.float64]:
     """
     Return what points are clustered by, shape (n_points, n_features), within 0 to 1.
 
-    Parameters
-    ----------
-    found : EigenFeatures
-        Of all points.
-    linearity, planarity : ndarray of shape (n_points,)
-        Of the same.
-    features : str
-        The feature set (Santos and others, Table 2).
+    `features` is the feature set (Santos and others, Table 2).
     """
     if features == "eigenvalues":
         return eigenvalues_by_area(found)
-    return np.column_stack([linearity] if features == "linearity" else [linearity, planarity])
+    return np.column_stack([getattr(found, name) for name in features.split("_")])
 
 
 def centres_of(features: str, given: tuple[float, ...]) -> NDArray[np.float64]:

@@ -45,7 +45,7 @@ def find_facades(
     is_roof : ndarray of bool, shape (n_points,)
         Which points are roof; the answer for them is False.
     is_open : ndarray of bool, shape (n_points,)
-        Which points can be façade: neither ground nor settled otherwise.
+        Which points can be façade: neither ground nor of a class that stays.
     is_last : ndarray of bool, shape (n_points,)
         Whether the pulse ended there; what has roof all around counts only then, else it is foliage.
     reach : float

@@ -22,7 +22,7 @@ _AROUND = np.ones((3, 3), dtype=bool)
 def find_roads(
     ground: NDArray[np.float64],
     normalised: NDArray[np.floating],
-    is_whole: NDArray[np.bool_],
+    is_single: NDArray[np.bool_],
     spacing: float,
     config: RoofSelectionConfig,
     *,
@@ -44,7 +44,7 @@ def find_roads(
         Ground points [m].
     normalised : ndarray of shape (n_points,)
         Their normalised intensities, 0 to 255.
-    is_whole : ndarray of bool, shape (n_points,)
+    is_single : ndarray of bool, shape (n_points,)
         Whether the point is the only return of its pulse.
     spacing : float
         Spacing of the pulses [m].
@@ -56,9 +56,9 @@ def find_roads(
         Brightness of the darkest other ground where it is known already; only the automatic search uses it.
     """
     nothing = np.zeros(len(ground), dtype=bool)
-    if config.road_method == "none" or not is_whole.any():
+    if config.road_method == "none" or not is_single.any():
         return nothing
-    raster = brightness_raster(ground, normalised, is_whole, spacing, cover)
+    raster = brightness_raster(ground, normalised, is_single, spacing, cover)
     limits = _limits(raster, config, dark_limit)
     if limits is None:
         return nothing

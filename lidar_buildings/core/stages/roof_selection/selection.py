@@ -49,7 +49,7 @@ COMPLETIONS = {"smooth_patches": find_wet_roofs}
 CONTEXT = 0.5
 #: Cells in which areas are counted, in spacings: four points each, so that few cells of a roof stay empty.
 AREA_CELL = 2.0
-#: Heights up to which points are taken for ground where no ground filter has spoken [m].
+#: Heights up to which points count as ground where they have no classes [m].
 GROUND_TOLERANCE = 0.2
 
 
@@ -142,46 +142,48 @@ def select_roofs(
     points = checked_points(points)
     height, classes = _prepared(points, height_above_ground, classification)
     is_last, is_only = last_and_only_returns(points, return_number, number_of_returns)
-    settled = ~np.isin(classes, OPEN)
+    is_open = np.isin(classes, OPEN)
     spacing = given_or_measured(points, point_spacing)
     radius = max(RADIUS_SPACINGS * spacing, MIN_RADIUS)
-    is_raised = height >= CONTEXT * config.min_height
-    raised = np.flatnonzero(is_raised & ~settled)
-    low = points[~is_raised & ~np.isin(classes, NOISE)]
     is_roof = np.zeros(len(points), dtype=bool)
-    is_roof[raised] = _roofs(
-        Candidates(
-            points[raised],
-            height[raised],
-            is_last[raised],
-            is_only[raised],
-            low,
-            radius,
-            AREA_CELL * spacing,
-        ),
-        config,
-    )
+    is_raised = height >= CONTEXT * config.min_height
+    raised = np.flatnonzero(is_raised & is_open)
+    low = points[~is_raised & ~np.isin(classes, NOISE)]
+    own = (points[raised], height[raised], is_last[raised], is_only[raised])
+    is_roof[raised] = _roofs(Candidates(*own, low, radius, AREA_CELL * spacing), config)
     if config.method in COMPLETIONS:
-        is_roof |= COMPLETIONS[config.method](points, height, ~settled, is_roof, spacing, config)
-    others = np.flatnonzero(~settled & ~is_roof)
+        is_roof |= COMPLETIONS[config.method](points, height, is_open, is_roof, spacing, config)
+    others = np.flatnonzero(is_open & ~is_roof)
     classes[others] = vegetation_classes(height[others], config)
-    classes[below_roof(points, is_roof, radius) & ~settled] = PointClass.UNCLASSIFIED
-    is_facade = find_facades(points, height, is_roof, ~settled, is_last, config.facade_reach, spacing)
+    classes[below_roof(points, is_roof, radius) & is_open] = PointClass.UNCLASSIFIED
+    is_facade = find_facades(points, height, is_roof, is_open, is_last, config.facade_reach, spacing)
     classes[is_roof | is_facade] = PointClass.BUILDING
     brightness = _brightness(len(points), intensity, normalised_intensity, point_source_id, is_only)
     if brightness is not None:
-        ground = np.flatnonzero(classes == PointClass.GROUND)
-        is_road = find_roads(
-            points[ground],
-            brightness[ground],
-            is_only[ground],
-            spacing,
-            config,
-            cover=points[classes == PointClass.HIGH_VEGETATION],
-            dark_limit=dark_limit,
-        )
-        classes[ground[is_road]] = PointClass.ROAD_SURFACE
+        _mark_roads(classes, points, brightness, is_only, spacing, config, dark_limit)
     return RoofSelection(classes, is_facade)
+
+
+def _mark_roads(
+    classes: NDArray[np.uint8],
+    points: NDArray[np.float64],
+    brightness: NDArray[np.float32],
+    is_only: NDArray[np.bool_],
+    spacing: float,
+    config: RoofSelectionConfig,
+    dark_limit: float | None,
+) -> None:
+    ground = np.flatnonzero(classes == PointClass.GROUND)
+    is_road = find_roads(
+        points[ground],
+        brightness[ground],
+        is_only[ground],
+        spacing,
+        config,
+        cover=points[classes == PointClass.HIGH_VEGETATION],
+        dark_limit=dark_limit,
+    )
+    classes[ground[is_road]] = PointClass.ROAD_SURFACE
 
 
 def _prepared(
@@ -223,19 +225,10 @@ def _brightness(
 
 
 def _roofs(candidates: Candidates, config: RoofSelectionConfig) -> NDArray[np.bool_]:
-    """Tell which candidates are roof by the method asked for, of buildings that are large enough."""
+    """Return which candidates are roof by the method chosen, of buildings in plan that are large enough."""
     roof = METHODS[config.method](candidates, config)
-    return roof & _in_large_building(
-        candidates.points, roof, candidates.radius, candidates.cell, config.min_building_area
-    )
-
-
-def _in_large_building(
-    points: NDArray[np.float64], roof: NDArray[np.bool_], radius: float, cell: float, min_area: float
-) -> NDArray[np.bool_]:
-    """Tell which roof points are of buildings, connected in plan, that are large enough."""
     rows = np.flatnonzero(roof)
-    building = connected_parts(points[rows], radius, in_plan=True)
-    large = np.zeros(len(points), dtype=bool)
-    large[rows] = (plan_areas(points[rows], building, cell) >= min_area)[building]
-    return large
+    points = candidates.points[rows]
+    building = connected_parts(points, candidates.radius, in_plan=True)
+    roof[rows] = (plan_areas(points, building, candidates.cell) >= config.min_building_area)[building]
+    return roof

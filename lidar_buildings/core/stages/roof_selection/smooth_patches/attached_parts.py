@@ -70,12 +70,12 @@ def wide_levels(
 def _with_surroundings(
     cells: NDArray[np.int64],
     part: NDArray[np.int64],
-    asked: NDArray[np.bool_],
+    chosen: NDArray[np.bool_],
     margin: int,
     block: float,
 ) -> Iterator[tuple[int, NDArray[np.int64], NDArray[np.int64]]]:
     """
-    Go through the parts asked for: number, rows, and the rows within their bounds and a margin of cells.
+    Go through the chosen parts: number, rows, and the rows within their bounds and a margin of cells.
     """
     rows_of_part = np.split(np.argsort(part, kind="stable"), np.cumsum(np.bincount(part))[:-1])
     blocks, inverse, count = np.unique(
@@ -83,7 +83,7 @@ def _with_surroundings(
     )
     rows = np.split(np.argsort(inverse.ravel(), kind="stable"), np.cumsum(count)[:-1])
     rows_of_block = dict(zip(map(tuple, blocks.tolist()), rows, strict=True))
-    for number in np.flatnonzero(asked):
+    for number in np.flatnonzero(chosen):
         own = rows_of_part[number]
         low, high = cells[own].min(axis=0) - margin, cells[own].max(axis=0) + margin
         (x, y), (end_x, end_y) = (np.floor(corner / block).astype(int) for corner in (low, high))

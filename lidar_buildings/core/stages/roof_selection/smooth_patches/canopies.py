@@ -38,7 +38,7 @@ def is_canopy(
     roof : ndarray of bool, shape (n_points,)
         Which points are roof.
     above : ndarray of bool, shape (n_points,)
-        Which others are asked for; parts are what steps of a radius connect among them.
+        Which others may be canopy; parts are what steps of a radius connect among them.
     radius : float
         Radius of a neighbourhood [m].
     """
@@ -48,10 +48,10 @@ def is_canopy(
         return canopy
     part = np.full(len(points), -1, dtype=np.int64)
     part[rows] = connected_parts(points[rows], radius)
-    asked = np.flatnonzero(above | roof)
-    grid = build_grid(points[asked], REACH_RADII * radius)
+    rows_of_both = np.flatnonzero(above | roof)
+    grid = build_grid(points[rows_of_both], REACH_RADII * radius)
     counts = np.zeros(part.max() + 1, dtype=np.int64)
-    _count_seen(grid, part[asked][grid.rows], REACH_RADII * radius, counts)
+    _count_seen(grid, part[rows_of_both][grid.rows], REACH_RADII * radius, counts)
     low, high = np.full(len(counts), np.inf), np.full(len(counts), -np.inf)
     np.minimum.at(low, part[rows], points[rows, 2])
     np.maximum.at(high, part[rows], points[rows, 2])

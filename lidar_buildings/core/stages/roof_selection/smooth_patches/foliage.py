@@ -23,13 +23,13 @@ MIN_PATCH_AREA = 4.0
 #: which it is no roof, and how far from its points to look, in radii. Edges of small roofs make it up to 0.5.
 MAX_SPLIT = 0.55
 SPLIT_REACH = 0.5
-#: Foliage goes on beside and below its flat top: loose points per point of the patch, from which on a low and
-#: small one is a hedge, and how far from it they count [m].
-MAX_LOOSE = 0.45
-LOOSE_REACH = 1.0
+#: Foliage goes on beside and below its flat top: points off surfaces per point of the patch, from which on a
+#: low and small one is a hedge, and how far from it they count [m].
+MAX_OFF_SURFACE = 0.45
+OFF_SURFACE_REACH = 1.0
 #: Patches are low up to this height above `min_height` [m]; clipped hedges are hardly higher.
 LOW_HEIGHT = 1.0
-#: Points this near in plan below a large roof are its façade, and not loose [m].
+#: Points this near in plan below a large roof are its façade, and not off surfaces [m].
 COVER_REACH = 0.6
 
 
@@ -79,43 +79,45 @@ def is_foliage(
     Returns
     -------
     ndarray of bool, shape (n_patches,)
-        Without return numbers only the loose points tell.
+        Without return numbers only the points off surfaces decide.
     """
     points, radius = candidates.points, candidates.radius
     split = patches.mean(share_around(points, ~candidates.is_only, SPLIT_REACH * radius)[patches.rows])
     is_low = patches.mean(candidates.height[patches.rows]) < config.min_height + LOW_HEIGHT
-    is_hedge = is_low & (_loose_per_point(points, patches, small_area, radius, config) > MAX_LOOSE)
+    is_hedge = is_low & (
+        _off_surface_per_point(points, patches, small_area, radius, config) > MAX_OFF_SURFACE
+    )
     return (patches.area < small_area) & ((split > MAX_SPLIT) | is_hedge)
 
 
-def _loose_per_point(
+def _off_surface_per_point(
     points: NDArray[np.float64],
     patches: Patches,
     small_area: float,
     radius: float,
     config: RoofSelectionConfig,
 ) -> NDArray[np.float64]:
-    """Return how many points that go on no surface lie around each patch, per point of the patch."""
+    """Return how many points that continue no surface lie around each patch, per point of the patch."""
     area, normals = np.zeros(len(points)), np.zeros((len(points), 3))
     area[patches.rows], normals[patches.rows] = patches.area[patches.label], patches.normals
     is_surface = area >= MIN_PATCH_AREA
-    is_loose = ~near_tangent_plane(points, normals, is_surface, radius, config.max_plane_distance)
-    is_loose &= ~below_roof(points, area >= small_area, COVER_REACH)
+    is_off_surface = ~near_tangent_plane(points, normals, is_surface, radius, config.max_plane_distance)
+    is_off_surface &= ~below_roof(points, area >= small_area, COVER_REACH)
     label = np.full(len(points), -1, dtype=np.int64)
     label[patches.rows] = patches.label
     counts = np.zeros(len(patches.area), dtype=np.int64)
-    grid = build_grid(points, LOOSE_REACH)
-    _count_loose(grid, label[grid.rows], is_loose[grid.rows], LOOSE_REACH, counts)
+    grid = build_grid(points, OFF_SURFACE_REACH)
+    _count_off_surface(grid, label[grid.rows], is_off_surface[grid.rows], OFF_SURFACE_REACH, counts)
     return counts / np.bincount(patches.label)
 
 
 @njit(cache=True, nogil=True)
-def _count_loose(grid, label, is_loose, radius, counts):  # type: ignore[no-untyped-def]
-    """Add each loose point to the count of every patch near it but its own, once."""
+def _count_off_surface(grid, label, is_off_surface, radius, counts):  # type: ignore[no-untyped-def]
+    """Add each point off surfaces to the count of every patch near it but its own, once."""
     near = np.empty(len(grid.points), dtype=np.int64)
     counted_last = np.full(len(counts), -1, dtype=np.int64)
     for i in range(len(grid.points)):
-        if not is_loose[i]:
+        if not is_off_surface[i]:
             continue
         x, y, z = grid.points[i]
         for k in range(neighbours_of(grid, grid.cell[i], x, y, z, radius, False, near)):

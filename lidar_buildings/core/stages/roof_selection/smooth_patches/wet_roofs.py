@@ -12,18 +12,18 @@ from scipy import ndimage
 
 from lidar_buildings.core.stages.roof_selection.config import RoofSelectionConfig
 
-#: A place is empty if so many cells of a spacing in a row are, either way: by chance that is rare [cells].
-MIN_EMPTY_CELLS = 5
+#: A void has so many empty cells of a spacing in a row, either way: by chance that is rare [cells].
+MIN_VOID_CELLS = 5
 #: Narrower ones, with their rims, are no building [m].
-MIN_EMPTY_WIDTH = 1.5
-#: Empty places longer than this are gaps between strips, water, or what lies beyond the cloud [m].
+MIN_VOID_WIDTH = 1.5
+#: Voids longer than this are gaps between strips, water, or what lies beyond the cloud [m].
 MAX_LENGTH = 30.0
-#: How far from an empty place its rim reaches, in spacings, since lines of a scan may be that far apart; and
+#: How far from a void its rim reaches, in spacings, since lines of a scan may be that far apart; and
 #: how much farther along the plane, since square windows do not reach into the corners of turned roofs.
 RIM_REACH = 2.5
 #: How far from the plane a rim's points may lie [m].
 RIM_DISTANCE = 0.15
-#: Share of an empty place's perimeter that has to have rim beside it: a shadow has roof on one side.
+#: Share of a void's perimeter that has to have rim beside it: a shadow has roof on one side.
 MIN_PERIMETER = 0.75
 #: Share of the raised points along it that have to lie on one plane: leaves are at any height.
 MIN_COPLANAR = 0.6
@@ -31,7 +31,7 @@ MIN_COPLANAR = 0.6
 ROUNDS = 20
 #: Residuals below this weigh alike [m].
 MIN_RESIDUAL = 0.01
-#: Cells along the side of the blocks in which empty places are looked for, so that far points cost no memory.
+#: Cells along the side of the blocks in which voids are looked for, so that far points cost no memory.
 BLOCK = 512
 
 
@@ -72,26 +72,26 @@ def find_wet_roofs(
     """
     found = np.zeros(len(points), dtype=bool)
     raised = np.flatnonzero((is_open | is_roof) & (height >= config.min_height))
-    asked = np.flatnonzero(is_open & ~is_roof & (height >= config.min_height))
-    half = max(MIN_EMPTY_CELLS // 2, round(0.5 * MIN_EMPTY_WIDTH / spacing - 0.5))
+    open_rows = np.flatnonzero(is_open & ~is_roof & (height >= config.min_height))
+    half = max(MIN_VOID_CELLS // 2, round(0.5 * MIN_VOID_WIDTH / spacing - 0.5))
     reach = half + 2 * math.ceil(RIM_REACH) + 1
     margin = math.ceil(MAX_LENGTH / spacing) + 2 * reach
-    for own in _blocks(np.floor(points[asked, :2] / spacing).astype(np.int64)):
+    for own in _blocks(np.floor(points[open_rows, :2] / spacing).astype(np.int64)):
         low = own.min(axis=0) - margin
         plan = np.zeros(own.max(axis=0) + margin + 1 - low, dtype=np.bool_)
         rim, zone = np.zeros_like(plan), np.zeros_like(plan)
         _mark(points, spacing, low[0], low[1], plan)
         rim[tuple((own - low).T)] = True
-        places = list(_empty_places(plan, rim, half, reach, MAX_LENGTH / spacing))
+        places = list(_voids(plan, rim, half, reach, MAX_LENGTH / spacing))
         for window, _ in places:
             zone[window] = True
         near = raised[_is_marked(points, raised, spacing, low[0], low[1], zone)]
         cells = np.floor(points[near, :2] / spacing).astype(np.int64) - low
-        for window, empty in places:
+        for window, void in places:
             start = np.array([part.start for part in window])
-            inside = ((cells >= start) & (cells < start + empty.shape)).all(axis=1)
+            inside = ((cells >= start) & (cells < start + void.shape)).all(axis=1)
             rows = near[inside]
-            found[rows[_is_rim(points[rows], cells[inside] - start, empty, spacing, config)]] = True
+            found[rows[_is_rim(points[rows], cells[inside] - start, void, spacing, config)]] = True
     return found & ~is_roof
 
 
@@ -105,11 +105,11 @@ def _blocks(cells: NDArray[np.int64]) -> Iterator[NDArray[np.int64]]:
     yield from np.split(cells[order], np.flatnonzero(is_new) + 1)
 
 
-def _empty_places(
+def _voids(
     plan: NDArray[np.bool_], rim: NDArray[np.bool_], half: int, reach: int, max_length: float
 ) -> Iterator[tuple[tuple[slice, ...], NDArray[np.bool_]]]:
     """
-    Go through the empty places that touch these rim cells: a window with a margin, and the cells in it.
+    Go through the voids that touch these rim cells: a window with a margin, and the cells in it.
 
     An opening: the middles of empty windows, connected, grown by the window again.
     """
@@ -124,36 +124,33 @@ def _empty_places(
 
 def _grown(plan: NDArray[np.bool_], half: int) -> NDArray[np.bool_]:
     """Return a plan with every cell grown to a square window."""
-    sums = np.pad(plan, ((half + 1, half), (half + 1, half))).astype(np.int32).cumsum(0).cumsum(1)
-    width = 2 * half + 1
-    counts = sums[width:, width:] - sums[:-width, width:] - sums[width:, :-width] + sums[:-width, :-width]
-    return np.asarray(counts > 0)
+    return np.asarray(ndimage.maximum_filter(plan.view(np.uint8), 2 * half + 1, mode="constant") > 0)
 
 
 def _is_rim(
     points: NDArray[np.float64],
     places: NDArray[np.int64],
-    empty: NDArray[np.bool_],
+    void: NDArray[np.bool_],
     spacing: float,
     config: RoofSelectionConfig,
 ) -> NDArray[np.bool_]:
-    """Tell which raised points, given with their cells, are the rim of the roof that the empty place is."""
-    is_near = ndimage.distance_transform_edt(~empty)[tuple(places.T)] <= RIM_REACH
+    """Tell which raised points, given with their cells, are the rim of the roof that the void is."""
+    is_near = ndimage.distance_transform_edt(~void)[tuple(places.T)] <= RIM_REACH
     if is_near.sum() < 3:
         return np.zeros(len(points), dtype=bool)
     is_level = np.abs(_off_plane(points, is_near)) <= RIM_DISTANCE
-    rim = np.zeros_like(empty)
+    rim = np.zeros_like(void)
     rim[tuple(places[is_near & is_level].T)] = True
-    is_large = (empty | rim).sum() * spacing**2 >= config.min_building_area
+    is_large = (void | rim).sum() * spacing**2 >= config.min_building_area
     is_even = (is_near & is_level).sum() >= MIN_COPLANAR * is_near.sum()
-    if not (is_large and is_even and _perimeter_share(empty, rim) >= MIN_PERIMETER):
+    if not (is_large and is_even and _perimeter_share(void, rim) >= MIN_PERIMETER):
         return np.zeros(len(points), dtype=bool)
-    return is_level & (ndimage.distance_transform_edt(~(empty | rim))[tuple(places.T)] <= RIM_REACH)
+    return is_level & (ndimage.distance_transform_edt(~(void | rim))[tuple(places.T)] <= RIM_REACH)
 
 
-def _perimeter_share(empty: NDArray[np.bool_], rim: NDArray[np.bool_]) -> float:
-    """Return along which share of an empty place's perimeter rim cells are near."""
-    edge = empty & ~ndimage.binary_erosion(empty)
+def _perimeter_share(void: NDArray[np.bool_], rim: NDArray[np.bool_]) -> float:
+    """Return along which share of a void's perimeter rim cells are near."""
+    edge = void & ~ndimage.binary_erosion(void)
     return float((ndimage.distance_transform_edt(~rim)[edge] <= RIM_REACH).mean()) if rim.any() else 0.0
 
 
