@@ -218,7 +218,7 @@ def _models_of_roofs(files: Sequence[Path]) -> list[BuiltModel]:
     traced = trace_buildings(roofs, config.segmentation, config.boundary_tracing)
     outlines = regularise_outlines(traced.outlines, config.regularisation)
     roofs = fit_planes(traced.tile, config.plane_fitting)
-    models = build_models(roofs, traced.outlines, outlines, config.building_model, config.regularisation)
+    models = build_models(roofs, outlines, config.building_model)
     return [
         BuiltModel(
             str(one.building_id),

@@ -119,8 +119,6 @@ def _run(before: TileResult, roofs: PointTile, config: PipelineConfig) -> _Run:
     started, used = time.perf_counter(), time.process_time()
     fitted = fit_planes(roofs, config.plane_fitting)
     between = time.perf_counter()
-    models = build_models(
-        fitted, before.traced, before.outlines, config.building_model, config.regularisation
-    )
+    models = build_models(fitted, before.outlines, config.building_model)
     ended = time.perf_counter()
     return _Run(between - started, ended - between, time.process_time() - used, fingerprint(models))

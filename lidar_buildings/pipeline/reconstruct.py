@@ -184,7 +184,7 @@ def reconstruct_tile(
     if is_last("plane_fitting"):
         return TileResult(classified, roofs, traced, outlines, seconds=is_last.seconds)
 
-    models = build_models(roofs, traced, outlines, config.building_model, config.regularisation)
+    models = build_models(roofs, outlines, config.building_model)
     is_last("building_model")
     return TileResult(classified, roofs, traced, outlines, models, seconds=is_last.seconds)
 

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lidar_buildings.core.model.ids import anchor_near, anchor_row
-from lidar_buildings.core.model.outline import BuildingOutline, Outline, OutlineQuality
+from lidar_buildings.core.model.outline import BuildingOutline, OutlineQuality
 from lidar_buildings.core.model.status import BuildingStatus
 from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.core.neighbours.parallel import work_alone
@@ -23,7 +23,6 @@ from lidar_buildings.core.stages.building_model import (
     build_model,
 )
 from lidar_buildings.core.stages.footprints import remark_on_points
-from lidar_buildings.core.stages.regularisation import RegularisationConfig, measure_outline
 from lidar_buildings.pipeline.tile_stages import rows_by_building
 
 _log = logging.getLogger(__name__)
@@ -56,11 +55,7 @@ class TileModel:
 
 
 def build_models(
-    tile: PointTile,
-    traced: tuple[BuildingOutline, ...],
-    outlines: tuple[BuildingOutline, ...],
-    config: BuildingModelConfig,
-    regularisation: RegularisationConfig,
+    tile: PointTile, outlines: tuple[BuildingOutline, ...], config: BuildingModelConfig
 ) -> tuple[TileModel, ...]:
     """
     Build the model of every outline from the tile's points that carry its id.
@@ -69,21 +64,20 @@ def build_models(
     ----------
     tile : PointTile
         Building points with `building_id` and `plane_id`.
-    traced, outlines : tuple of BuildingOutline
-        Before and after regularisation; a building missing from `traced` is not measured against its ring.
-    config, regularisation : BuildingModelConfig, RegularisationConfig
-        `regularisation` as it was for the outlines, to say why an outline was kept as traced.
+    outlines : tuple of BuildingOutline
+        With their quality, if it is known.
+    config : BuildingModelConfig
+        Of the models.
     """
     rows_of = dict(rows_by_building(tile.building_id)) if tile.building_id is not None else {}
-    traced_of = {one.building_id: one.outline for one in traced}
-    nobody = np.zeros(0, dtype=np.intp)
+    no_rows = np.zeros(0, dtype=np.intp)
 
     def model(one: BuildingOutline) -> TileModel:
-        building = tile.select(rows_of.get(one.building_id, nobody))
-        return _model(building, one, traced_of.get(one.building_id), config, regularisation)
+        building = tile.select(rows_of.get(one.building_id, no_rows))
+        return _model(building, one, config)
 
     # Numpy's many small calls for a house would only keep each other waiting; blocks are worth a core each.
-    size = {one.building_id: len(rows_of.get(one.building_id, nobody)) for one in outlines}
+    size = {one.building_id: len(rows_of.get(one.building_id, no_rows)) for one in outlines}
     large = [one for one in outlines if size[one.building_id] >= _LARGE]
     with ThreadPoolExecutor(max_workers=os.cpu_count(), initializer=work_alone) as pool:
         models = list(pool.map(model, sorted(large, key=lambda one: -size[one.building_id])))
@@ -91,20 +85,14 @@ def build_models(
     return tuple(sorted(models, key=lambda each: each.building_id))
 
 
-def _model(
-    building: PointTile,
-    one: BuildingOutline,
-    traced: Outline | None,
-    config: BuildingModelConfig,
-    regularisation: RegularisationConfig,
-) -> TileModel:
+def _model(building: PointTile, one: BuildingOutline, config: BuildingModelConfig) -> TileModel:
     """Build one model and gather its attributes."""
     model = _built(building, one, config)
     reason = "; ".join(text for text in (remark_on_points(building), model.reason) if text)
     attributes = {"building_id": one.building_id, **model.attributes}
     attributes.update(status=model.status.value, reason=reason)
-    if traced is not None:
-        attributes.update(_outline_attributes(model, reason, _measured(one, traced, regularisation)))
+    if one.quality is not None:
+        attributes.update(_outline_attributes(model, reason, one.quality))
     return TileModel(one.building_id, anchor_near(one.building_id, _west(building, one)), model, attributes)
 
 
@@ -124,17 +112,6 @@ def _built(building: PointTile, one: BuildingOutline, config: BuildingModelConfi
         known |= {"area": one.outline.area, "n_points": len(building), "roof_type": "unknown"}
         known |= {"lod": "", "validity": ""}
         return BuildingModel({}, known, (), BuildingStatus.FAILED, f"unexpected error: {error!r}")
-
-
-def _measured(one: BuildingOutline, traced: Outline, regularisation: RegularisationConfig) -> OutlineQuality:
-    """Measure an outline against its traced ring; whatever goes wrong, the quality says so."""
-    if one.quality is not None:
-        return one.quality
-    try:
-        return measure_outline(traced, one.outline, regularisation)
-    except Exception as error:
-        _log.exception("building %d: its outline was not measured", one.building_id)
-        return OutlineQuality(np.nan, np.nan, BuildingStatus.FAILED, f"unexpected error: {error!r}")
 
 
 def _west(building: PointTile, one: BuildingOutline) -> NDArray[np.float64]:

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from lidar_buildings.core.model.outline import BuildingOutline, Outline
+from lidar_buildings.core.model.outline import BuildingOutline, Outline, OutlineQuality
+from lidar_buildings.core.model.status import BuildingStatus
 from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.core.stages.building_model import ATTRIBUTES, BuildingModelConfig
-from lidar_buildings.core.stages.regularisation import RegularisationConfig
 from lidar_buildings.pipeline import tile_models
 
 SQUARE = np.array([[0.0, 0.0], [10.0, 0.0], [10.0, 10.0], [0.0, 10.0]])
@@ -32,7 +32,7 @@ def tile():
 
 def models(tile):
     outlines = tuple(BuildingOutline(k, Outline(SQUARE + np.array([20.0 * k, 0.0]))) for k in (3, 1, 2))
-    return tile_models.build_models(tile, (), outlines, BuildingModelConfig(), RegularisationConfig())
+    return tile_models.build_models(tile, outlines, BuildingModelConfig())
 
 
 def test_models_come_by_rising_id_and_one_without_points_says_so(tile):
@@ -65,13 +65,17 @@ def test_a_building_that_fails_says_why_and_does_not_touch_the_others(tile, monk
 def test_rings_without_vertices_do_not_touch_the_others(tile):
     nothing = Outline(np.empty((0, 2)))
     west, east = (Outline(SQUARE + np.array([20.0 * k, 0.0])) for k in (1, 2))
-    traced = (BuildingOutline(1, west), BuildingOutline(2, nothing))
-    outlines = (BuildingOutline(1, west), BuildingOutline(2, east), BuildingOutline(4, nothing))
-    first, second, empty = tile_models.build_models(
-        tile, traced, outlines, BuildingModelConfig(), RegularisationConfig()
+    measured = OutlineQuality(0.1, 0.2, BuildingStatus.OK, "")
+    failed = OutlineQuality(np.nan, np.nan, BuildingStatus.FAILED, "unexpected error: a ruler broke")
+    outlines = (
+        BuildingOutline(1, west, quality=measured),
+        BuildingOutline(2, east, quality=failed),
+        BuildingOutline(4, nothing),
     )
+    first, second, empty = tile_models.build_models(tile, outlines, BuildingModelConfig())
     assert [one.attributes["lod"] for one in (first, second, empty)] == ["2.2", "2.2", ""]
-    assert np.isfinite(first.attributes["outline_sigma"])
+    assert (first.attributes["outline_sigma"], first.attributes["outline_max_offset"]) == (0.1, 0.2)
+    assert "outline_sigma" not in empty.attributes
     assert second.attributes["status"] == "failed"
     assert "unexpected error" in second.attributes["reason"]
     assert empty.attributes["status"] == "degenerate"

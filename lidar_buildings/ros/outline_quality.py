@@ -1,0 +1,65 @@
+"""How well a tile's outlines fit, as one message: the rings' messages have no room for it."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable
+from dataclasses import replace
+
+import numpy as np
+from std_msgs.msg import String
+
+from lidar_buildings.core.model.outline import BuildingOutline, OutlineQuality
+from lidar_buildings.core.model.status import BuildingStatus
+from lidar_buildings.ros.errors import MessageError
+
+
+class Qualities(dict[int, OutlineQuality]):
+    """Building id → quality of its outline, for all outlines of a tile."""
+
+    def given_to(self, outlines: Iterable[BuildingOutline]) -> tuple[BuildingOutline, ...]:
+        """Return outlines with their quality."""
+        return tuple(replace(one, quality=self.get(one.building_id)) for one in outlines)
+
+
+def quality_message(stamp: int, outlines: Iterable[BuildingOutline]) -> String:
+    """Return the quality of a tile's outlines as a line of JSON; a length that is not known is null."""
+    found = {
+        one.building_id: {
+            "sigma": _or_none(one.quality.sigma),
+            "max_offset": _or_none(one.quality.max_offset),
+            "status": one.quality.status.value,
+            "reason": one.quality.reason,
+        }
+        for one in outlines
+        if one.quality is not None
+    }
+    return String(data=json.dumps({"stamp": stamp, "outlines": found}))
+
+
+def qualities_of(message: String) -> tuple[int, Qualities]:
+    """
+    Return a tile's stamp [ns] and the quality of its outlines.
+
+    Raises
+    ------
+    MessageError
+        If the text is not of the form that `quality_message` gives.
+    """
+    try:
+        content = json.loads(message.data)
+        qualities = Qualities(
+            (int(number), _quality_of(**members)) for number, members in content["outlines"].items()
+        )
+        return int(content["stamp"]), qualities
+    except (ValueError, TypeError, KeyError, AttributeError) as error:
+        raise MessageError(f"outline_quality is not understood: {error!r}: {message.data[:100]}") from error
+
+
+def _quality_of(sigma: float | None, max_offset: float | None, status: str, reason: str) -> OutlineQuality:
+    lengths = [np.nan if length is None else float(length) for length in (sigma, max_offset)]
+    return OutlineQuality(*lengths, BuildingStatus(status), reason)
+
+
+def _or_none(length: float) -> float | None:
+    return float(length) if np.isfinite(length) else None

@@ -1,0 +1,46 @@
+"""The quality of outlines on its way between nodes."""
+
+import math
+
+import numpy as np
+import pytest
+from std_msgs.msg import String
+
+from lidar_buildings.core.model.outline import BuildingOutline, Outline, OutlineQuality
+from lidar_buildings.core.model.status import BuildingStatus
+from lidar_buildings.ros.errors import MessageError
+from lidar_buildings.ros.outline_quality import Qualities, qualities_of, quality_message
+
+SQUARE = Outline(np.array([[0.0, 0.0], [4.0, 0.0], [4.0, 4.0], [0.0, 4.0]]))
+GOOD = OutlineQuality(0.1 + 0.2, 1 / 3, BuildingStatus.OK, "")
+KEPT = OutlineQuality(0.0, 0.0, BuildingStatus.TRACED_OUTLINE, 'too few points for "walls"')
+
+
+def test_qualities_come_back_to_the_last_bit():
+    outlines = [BuildingOutline(7, SQUARE, quality=GOOD), BuildingOutline(2**32 - 1, SQUARE, quality=KEPT)]
+    stamp, qualities = qualities_of(quality_message(123, outlines))
+    assert stamp == 123
+    assert qualities == {7: GOOD, 2**32 - 1: KEPT}
+    bare = [BuildingOutline(one.building_id, one.outline) for one in outlines]
+    assert [one.quality for one in qualities.given_to(bare)] == [GOOD, KEPT]
+
+
+def test_a_quality_that_could_not_be_measured_stays_unknown():
+    failed = OutlineQuality(math.nan, math.nan, BuildingStatus.FAILED, "why")
+    message = quality_message(1, [BuildingOutline(1, SQUARE, quality=failed)])
+    assert "NaN" not in message.data
+    found = qualities_of(message)[1][1]
+    assert math.isnan(found.sigma)
+    assert math.isnan(found.max_offset)
+    assert (found.status, found.reason) == (BuildingStatus.FAILED, "why")
+
+
+def test_outlines_of_which_nothing_is_known_have_no_quality():
+    assert qualities_of(quality_message(1, [BuildingOutline(1, SQUARE)])) == (1, {})
+    assert Qualities().given_to([BuildingOutline(1, SQUARE)])[0].quality is None
+
+
+@pytest.mark.parametrize("text", ["", "[]", '{"stamp": 1}', '{"stamp": 1, "outlines": {"1": {"sigma": 0}}}'])
+def test_a_message_of_another_form_is_refused(text):
+    with pytest.raises(MessageError, match="outline_quality"):
+        qualities_of(String(data=text))
