@@ -110,9 +110,7 @@ class Building:
         return self.roof_elevation_range[1] - self.ground_elevation
 
     def roof_at(self, xy: NDArray[np.float64]) -> tuple[NDArray[np.uint16], NDArray[np.float64]]:
-        """
-        Return plane id (0 = beside the building) and roof elevation (NaN there) at positions of shape (n, 2).
-        """
+        """Return plane id (0: beside the building) and roof elevation (NaN there) at positions (n, 2)."""
         plane_id = np.zeros(len(xy), dtype=np.uint16)
         elevation = np.full(len(xy), np.nan)
         for number, face in enumerate(self.faces, start=1):

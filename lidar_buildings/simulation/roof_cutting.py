@@ -24,9 +24,7 @@ def box(length: float, width: float) -> shapely.Polygon:
 
 
 def rim_planes(length: float, width: float, eave: float, slope: float) -> list[tuple[float, float, float]]:
-    """
-    Planes that rise inwards from the four sides of a centred rectangle (outwards if `slope` is negative).
-    """
+    """Return planes that rise inwards from the four sides of a centred rectangle (outwards if negative)."""
     along, across = eave + slope * length / 2, eave + slope * width / 2
     return [(0.0, slope, across), (-slope, 0.0, along), (0.0, -slope, across), (slope, 0.0, along)]
 

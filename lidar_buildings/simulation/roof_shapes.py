@@ -48,9 +48,7 @@ def l_shape(
     eave: float = 5.0,
     pitch_deg: float = 35.0,
 ) -> Building:
-    """
-    Return a gable house with a lower gable wing at its eastern end towards −y; flat if `pitch_deg` is 0.
-    """
+    """Return a gable house with a lower gable wing at its eastern end; flat if `pitch_deg` is 0."""
     return _winged(
         "l_shape", length, width, wing_length, wing_width, (length - wing_width) / 2, eave, pitch_deg
     )

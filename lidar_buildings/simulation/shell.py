@@ -1,6 +1,4 @@
-"""
-The closed shell of a building: its roof, the walls under every edge where the roof steps, and its floor.
-"""
+"""The closed shell of a building: roof, walls under the roof's edges and steps, and floor."""
 
 from __future__ import annotations
 

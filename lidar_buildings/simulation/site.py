@@ -99,9 +99,7 @@ class Site:
                     break
 
     def add_tree_over_eave(self, number: int, overlap: float = 1.2) -> None:
-        """
-        Plant a tree beside the middle of a building's longest wall, its crown over the roof by `overlap` [m].
-        """
+        """Plant a tree beside a building's longest wall, its crown over the roof by `overlap` [m]."""
         ring = self._buildings[number - 1].exterior
         edges = np.roll(ring, -1, axis=0) - ring
         longest = int(np.argmax(np.hypot(*edges.T)))

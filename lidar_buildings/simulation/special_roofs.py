@@ -111,9 +111,7 @@ def gable_dormer(
     dormer_pitch_deg: float = 30.0,
     setback: float = 0.8,
 ) -> Building:
-    """
-    Return a gable house with a gabled dormer on its southern face; `dormer_eave` is above the face's eave.
-    """
+    """Return a gable house with a gabled dormer to the south; `dormer_eave` is above the house's eave."""
     slope = slope_of(pitch_deg)
     rise = slope_of(dormer_pitch_deg) * dormer_width / 2
     # Eave and ridge of the dormer meet the face on the grid, so that neighbours share these corners.

@@ -50,9 +50,7 @@ class Terrain:
     waves: tuple[Wave, ...] = ()
 
     def coefficients(self) -> NDArray[np.float64]:
-        """
-        Return one row (elevation, slope x, slope y, 0), then amplitude, wave numbers x and y, phase per wave.
-        """
+        """Return (elevation, slope x, slope y, 0), then amplitude, wave numbers x and y, phase per wave."""
         rows = [(self.elevation, *self.slope, 0.0)]
         for wave in self.waves:
             number, direction = 2 * np.pi / wave.wavelength, np.deg2rad(wave.direction_deg)

@@ -86,9 +86,7 @@ def _labelled(cloud: LabelledPoints) -> NDArray[np.bool_]:
 def _roofs_of_reference(
     result: Path, reference: Path, options: ScoreOptions
 ) -> tuple[LabelledPoints, NDArray[np.int64], int]:
-    """
-    Read both sides; return the result's points and labels, each point's roof in the reference, and how many.
-    """
+    """Return the result's points and labels, each point's roof in the reference, and the number of roofs."""
     if not has_clouds(reference):
         cloud = read_labels(result, prefer_truth=False, edges=True)
         layer = read_metric_polygons(reference)

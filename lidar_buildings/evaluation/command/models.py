@@ -47,9 +47,7 @@ def model_figures(result: Path, reference: Path, options: ScoreOptions) -> dict[
 
 
 def _own_figures(buildings: Sequence[CityBuilding], lod: str) -> dict[str, Any]:
-    """
-    Return how many buildings have which level of detail, and the share of all their solids that is valid.
-    """
+    """Return the share of buildings per level of detail, and of valid solids."""
     levels = Counter(building.finest(lod)[0] for building in buildings)
     # Far from the origin of coordinates planes and areas would lose their last digits.
     valid = [
@@ -119,9 +117,7 @@ def _finest(building: CityBuilding) -> Solids:
 def _same_roof_types(
     mine: Sequence[CityBuilding], theirs: Sequence[CityBuilding], score: ModelScore
 ) -> float:
-    """
-    Return the share of matched buildings whose roofs are of the same type, of those where both sides say it.
-    """
+    """Return the share of matched buildings of the same roof type, of those where both sides state it."""
     pairs = [(mine[k], theirs[row]) for row, k in enumerate(score.partner.tolist()) if k >= 0]
     types = [(one.attributes.get("roof_type"), other.attributes) for one, other in pairs]
     same = [same_roof_type(found, true) for found, true in types if found and true.get("roof_type")]

@@ -48,9 +48,7 @@ class CityBuilding:
     solids: dict[str, tuple[Solid, ...]]
 
     def finest(self, lod: str) -> tuple[str, tuple[Solid, ...]]:
-        """
-        Return the finest level not finer than this one and its solids; an empty name where there is none.
-        """
+        """Return the finest level up to this one and its solids; an empty name where there is none."""
         levels = [level for level in self.solids if level <= lod]
         return (max(levels), self.solids[max(levels)]) if levels else ("", ())
 

@@ -223,9 +223,7 @@ def _label_of(cloud: Cloud, chunk: Any, name: str) -> NDArray[np.uint8]:
 def _paired_parts(
     mine: Cloud, theirs: Cloud, dimensions: tuple[str, ...]
 ) -> Iterator[tuple[NDArray[Any], ...]]:
-    """
-    Yield coordinates [m] and the labels of both, chunk by chunk, while both clouds hold the same points.
-    """
+    """Yield coordinates [m] and the labels of both clouds, which must hold the same points."""
     check_same_count(mine, theirs)
     row = 0
     for (points, *my_labels), (their_points, *their_labels) in zip(

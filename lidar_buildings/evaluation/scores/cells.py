@@ -161,9 +161,7 @@ def _keys(plan: NDArray[np.float64], cell: float) -> CellSet:
 
 
 def _join(columns: NDArray[np.int64], rows: NDArray[np.int64]) -> CellSet:
-    """
-    Make keys of columns and rows: adding a step to a key moves it by rows, adding step << 32 by columns.
-    """
+    """Make keys: adding a step to a key moves it by rows, adding step << 32 by columns."""
     return (columns << 32) + rows
 
 

@@ -123,9 +123,7 @@ def _inside(corners: NDArray[np.float64], limits: shapely.Geometry | None) -> ND
 def _matched_distances(
     mine: NDArray[np.float64], theirs: NDArray[np.float64], tolerance: float
 ) -> NDArray[np.float64]:
-    """
-    Pair corners within the tolerance, nearest first, each at most once; return how far each pair is apart.
-    """
+    """Pair corners within the tolerance one to one, nearest first; return the distances of the pairs."""
     if not (len(mine) and len(theirs)):
         return np.empty(0)
     pairs = cKDTree(mine).sparse_distance_matrix(cKDTree(theirs), tolerance, output_type="ndarray")

@@ -176,9 +176,7 @@ def grid_spots(polygon: shapely.Geometry, step: float) -> NDArray[np.float64]:
 def _differences(
     result: Sequence[Solids], reference: Sequence[Solids], grounds: NDArray[Any]
 ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-    """
-    Return each spot's building of the reference and the difference there [m], NaN where the result has none.
-    """
+    """Return each spot's building of the reference and the difference there [m], NaN without a result."""
     spots = [grid_spots(ground, STEP) for ground in grounds]
     row = np.repeat(np.arange(len(spots)), [len(one) for one in spots])
     xy = np.concatenate([*spots, np.empty((0, 2))])

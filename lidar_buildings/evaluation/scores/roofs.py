@@ -1,6 +1,4 @@
-"""
-Which roof each point of a reference is of: that of a polygon, or a part of the cloud that hangs together.
-"""
+"""The roof of each point of a reference: a polygon, or a connected part of the cloud."""
 
 from __future__ import annotations
 

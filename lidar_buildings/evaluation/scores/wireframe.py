@@ -1,6 +1,4 @@
-"""
-The wireframe of a roof: the corners and edges that are seen, whatever faces a model cuts its surfaces into.
-"""
+"""The wireframe of a roof: its visible corners and edges, however a model divides its surfaces."""
 
 from __future__ import annotations
 

@@ -29,9 +29,7 @@ def one_line(error: BaseException) -> str:
 
 
 def captured_panics() -> AbstractContextManager[None]:
-    """
-    Capture standard error, and drop it if a Rust extension panics, which prints its backtrace.
-    """
+    """Capture standard error; drop the backtrace that a panicking Rust extension prints."""
     return captured_stderr(lambda error: type(error).__name__ == _PANIC)
 
 

@@ -67,9 +67,7 @@ def ring_arcs(ring: NDArray[np.float64], precision: float | None = None) -> ArcR
 
 
 def _runs(ring: NDArray[np.float64], tolerance: float) -> list[tuple[int, int, float]]:
-    """
-    Return (first vertex, chords, turn [rad]) of every run of at least two chords of one length and turn.
-    """
+    """Return (first vertex, chords, turn [rad]) of every run of two or more equal chords and turns."""
     n = len(ring)
     if n < 4:
         return []

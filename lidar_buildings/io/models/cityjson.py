@@ -158,16 +158,35 @@ def parse_feature(line: str) -> CityFeature:
         If the line is no such feature.
     """
     try:
-        feature = json.loads(line)
-        if feature["type"] != "CityJSONFeature":
-            raise ValueError(f"its type is {feature['type']}")
+        feature, building_id = load_feature(line)
         building = feature["CityObjects"][feature["id"]]
-        attributes = building["attributes"]
         vertices = np.array(feature["vertices"], dtype=np.float64).reshape(-1, 3) / round(1 / GRID)
         solids = {one["lod"]: _solid(one, vertices) for one in building["geometry"]}
-        return CityFeature(feature["id"], int(attributes["building_id"]), attributes, solids)
+        return CityFeature(feature["id"], building_id, building["attributes"], solids)
     except (ValueError, KeyError, TypeError, IndexError) as error:
-        raise InputError(f"line {line[:60]!r}: no CityJSONFeature of a building: {error!r}") from error
+        raise _no_feature(line, error) from error
+
+
+def load_feature(line: str) -> tuple[dict[str, Any], int]:
+    """
+    Return the JSON of a line that `feature_line` wrote, and its building id.
+
+    Raises
+    ------
+    InputError
+        If the line is no such feature.
+    """
+    try:
+        feature: dict[str, Any] = json.loads(line)
+        if feature["type"] != "CityJSONFeature":
+            raise ValueError(f"its type is {feature['type']}")
+        return feature, int(feature["CityObjects"][feature["id"]]["attributes"]["building_id"])
+    except (ValueError, KeyError, TypeError) as error:
+        raise _no_feature(line, error) from error
+
+
+def _no_feature(line: str, error: Exception) -> InputError:
+    return InputError(f"line {line[:60]!r}: no CityJSONFeature of a building: {error!r}")
 
 
 def _geometry(

@@ -1,6 +1,4 @@
-"""
-The entities of a DXF drawing as text: faces, closed polylines with arcs, points, each with data of its own.
-"""
+"""The entities of a DXF drawing as text: faces, closed polylines with arcs, points, with their data."""
 
 from __future__ import annotations
 

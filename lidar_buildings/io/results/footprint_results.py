@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from lidar_buildings.core.model.errors import InputError
+from lidar_buildings.io.models.cityjson import load_feature
 from lidar_buildings.io.results.tile_products import Shapes
 from lidar_buildings.io.vectors.footprints import FootprintFile
 
@@ -51,33 +51,20 @@ class FootprintResults:
             seen.update(one.building_id for one in (*tile.traced, *tile.outlines))
 
     def _named(self, tile: Shapes, seen: set[int]) -> Shapes:
-        features = [_parsed(line) for line in tile.features]
+        features = map(load_feature, tile.features)
         return Shapes(
             tuple(one for one in tile.traced if one.building_id not in seen),
             tuple(one for one in tile.outlines if one.building_id not in seen),
-            tuple(self._line(feature) for feature in features if _number(feature) not in seen),
+            tuple(self._line(feature, number) for feature, number in features if number not in seen),
         )
 
-    def _line(self, feature: dict[str, Any]) -> str:
+    def _line(self, feature: dict[str, Any], number: int) -> str:
         """Return a feature's line with the footprint's name among the attributes."""
         building = feature["CityObjects"][feature["id"]]
-        attributes = building["attributes"] | {FOOTPRINT_ID: self.names.get(_number(feature), "")}
+        attributes = building["attributes"] | {FOOTPRINT_ID: self.names.get(number, "")}
         building["attributes"] = dict(sorted(attributes.items()))
         return json.dumps(feature, separators=(",", ":"), ensure_ascii=False, allow_nan=False)
 
     def summary(self, n_buildings: int) -> dict[str, Any]:
         """Return the record with the number of footprints that lie outside the data."""
         return {**self.record, "n_outside": self.record["n_used"] - n_buildings} if self else {}
-
-
-def _parsed(line: str) -> dict[str, Any]:
-    try:
-        feature: dict[str, Any] = json.loads(line)
-        _number(feature)
-        return feature
-    except (ValueError, KeyError, TypeError) as error:
-        raise InputError(f"line {line[:60]!r}: no CityJSONFeature of a building: {error!r}") from error
-
-
-def _number(feature: dict[str, Any]) -> int:
-    return int(feature["CityObjects"][feature["id"]]["attributes"]["building_id"])

@@ -1,6 +1,4 @@
-"""
-GeoTIFF files of one band, written block by block so that a survey of any size passes through little memory.
-"""
+"""GeoTIFF files of one band, written block by block so that memory holds little of them."""
 
 from __future__ import annotations
 

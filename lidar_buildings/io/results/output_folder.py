@@ -208,9 +208,7 @@ class OutputFolder:
         return self.path / PARTIAL
 
     def _write_buildings(self, fragments: list[Path], pieces: set[int]) -> tuple[list[str], dict[str, int]]:
-        """
-        Write outlines and models as far as the run went; return the files' names, and buildings per status.
-        """
+        """Write outlines and models as far as the run went; return file names, and buildings per status."""
         names = self._footprints.names if self._footprints else None
         formats = self.formats
         if self.until in _WITHOUT_MODELS:

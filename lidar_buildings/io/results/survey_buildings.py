@@ -1,10 +1,7 @@
-"""
-The buildings of all tiles, each once and in the order of their ids, for whatever files are made of them.
-"""
+"""The buildings of all tiles, each once and in the order of their ids."""
 
 from __future__ import annotations
 
-import json
 import os
 from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager, suppress
@@ -15,14 +12,13 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lidar_buildings.core.model.errors import InputError
 from lidar_buildings.core.model.ids import anchor_near, anchor_row, readable_id
 from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.model.outline import Outline
 from lidar_buildings.core.solids.output_grid import GRID
 from lidar_buildings.io.files.atomic_files import write_error
 from lidar_buildings.io.models.building_attributes import in_source_units
-from lidar_buildings.io.models.cityjson import parse_feature
+from lidar_buildings.io.models.cityjson import load_feature, parse_feature
 from lidar_buildings.io.models.survey_building import SurveyBuilding
 from lidar_buildings.io.results.footprint_results import FOOTPRINT_ID
 from lidar_buildings.io.results.tile_products import Shapes
@@ -164,12 +160,7 @@ class _Head(NamedTuple):
 
 def _head_of(line: str) -> _Head:
     """Read who a line is of, and where its solids are."""
-    try:
-        feature = json.loads(line)
-        name = feature["id"]
-        number = int(feature["CityObjects"][name]["attributes"]["building_id"])
-        vertices = np.array(feature["vertices"], dtype=np.float64).reshape(-1, 3) * GRID
-    except (ValueError, KeyError, TypeError) as error:
-        raise InputError(f"line {line[:60]!r}: no CityJSONFeature of a building: {error!r}") from error
+    feature, number = load_feature(line)
+    vertices = np.array(feature["vertices"], dtype=np.float64).reshape(-1, 3) * GRID
     low, high = vertices.min(axis=0, initial=np.inf), vertices.max(axis=0, initial=-np.inf)
-    return _Head(number, name, line, low, high)
+    return _Head(number, feature["id"], line, low, high)

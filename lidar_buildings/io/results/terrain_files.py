@@ -99,9 +99,7 @@ def write_rasters(
 
 
 def crs_with_heights(inputs: Sequence[InputFile], frame: MapFrame) -> str:
-    """
-    Return the frame's reference system, with the vertical one that the files state where they agree on it.
-    """
+    """Return the frame's reference system, with the vertical one if all files that state one agree."""
     stated = {crs.to_wkt(): crs for file in inputs if (crs := _vertical_of(file.path)) is not None}
     if not frame.crs or len(stated) != 1:
         return frame.crs

@@ -190,9 +190,7 @@ def _as_bytes(content: Any) -> NDArray[np.uint8]:
 
 
 def _raster_arrays(rasters: TerrainRasters | None) -> dict[str, NDArray[Any]]:
-    """
-    Return name → array of what is saved of rasters; whole numbers up to 2^53 pass through float64 unchanged.
-    """
+    """Return the arrays that are saved of rasters; whole numbers up to 2^53 fit float64."""
     if rasters is None:
         return {}
     window = rasters.window

@@ -22,29 +22,10 @@ from lidar_buildings.io.vectors.polygon_file import PolygonLayer, read_layer
 
 #: Columns that name an object, the most telling first; in any case.
 _ID_COLUMNS = (
-    "footprint_id",
-    "building_id",
-    "identificatie",
-    "identifier",
-    "gml_id",
-    "gmlid",
-    "lokaalid",
-    "lokaal_id",
-    "inspireid",
-    "toid",
-    "cleabs",
-    "uuid",
-    "guid",
-    "globalid",
-    "objectid",
-    "object_id",
-    "osm_id",
-    "osm_way_id",
-    "@id",
-    "full_id",
-    "id",
-    "ogc_fid",
-)
+    "footprint_id", "building_id", "identificatie", "identifier", "gml_id", "gmlid", "lokaalid",
+    "lokaal_id", "inspireid", "toid", "cleabs", "uuid", "guid", "globalid", "objectid", "object_id",
+    "osm_id", "osm_way_id", "@id", "full_id", "id", "ogc_fid",
+)  # fmt: skip
 #: Runs of one process that may be under way at a time, each with its footprints.
 _MOST_FILES = 4
 _one_reader = threading.Lock()
