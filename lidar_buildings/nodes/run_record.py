@@ -10,7 +10,9 @@ from typing import Any
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 
 from lidar_buildings.io.results.run_info import run_info
-from lidar_buildings.nodes.table import NODE_STAGES
+from lidar_buildings.nodes.table import NODE_STAGES, NODE_TABLE
+
+_NODES = {card.name for card in NODE_TABLE}
 
 
 class RunRecord:
@@ -28,7 +30,7 @@ class RunRecord:
     def __init__(self) -> None:
         self.failed: set[int] = set()
         self.n_heard = 0
-        self._seconds: dict[str, dict[str, float]] = {stage: {} for stage in NODE_STAGES.values() if stage}
+        self._seconds: dict[str, dict[str, float]] = {stage: {} for stage in NODE_STAGES.values()}
         self._parameters: dict[str, Any] = {}
         self._reasons: dict[int, str] = {}
         self._started = time.perf_counter()
@@ -37,16 +39,15 @@ class RunRecord:
         """Take one node's status of one tile; a node's last status of a tile counts."""
         self.n_heard += 1
         for status in message.status:
-            stage = NODE_STAGES.get(status.name)
             values = {pair.key: pair.value for pair in status.values}
-            if stage is None or "tile" not in values:
+            if status.name not in _NODES or "tile" not in values:
                 continue
             if status.level == DiagnosticStatus.ERROR:
                 self._reasons[int(values["tile"])] = f"{status.name}: {status.message}"
                 continue
             self._parameters.update(json.loads(values.get("parameters", "{}")))
-            if stage and "seconds" in values:
-                self._seconds[stage][values["tile"]] = float(values["seconds"])
+            if status.name in NODE_STAGES and "seconds" in values:
+                self._seconds[NODE_STAGES[status.name]][values["tile"]] = float(values["seconds"])
 
     def reasons(self, failed: Iterable[int]) -> dict[int, str]:
         """Return tile → the last error that a node reported of it."""
