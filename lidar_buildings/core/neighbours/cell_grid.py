@@ -74,7 +74,7 @@ def rows_by_cell(points: NDArray[np.float64], cell: float) -> CellGrid:
     """
     numbers, n_columns, cell = _numbered(points, cell)
     rows, numbers, first = _rows_by_number(numbers)
-    return CellGrid(points[rows], rows, numbers, first, n_columns, cell)
+    return CellGrid(np.take(points, rows, axis=0), rows, numbers, first, n_columns, cell)
 
 
 def sort_by_cell(points: NDArray[np.float64], cell: float) -> CellGrid:

@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from lidar_buildings.core.neighbours import parallel as row_blocks
+from lidar_buildings.core.neighbours import parallel
 from lidar_buildings.core.surfaces.eigenfeatures import eigen_features, features
 
 
@@ -178,7 +178,7 @@ def test_neither_threads_nor_blocks_change_a_bit(monkeypatch, n_threads, block):
     points = wavy_cloud()
     expected = eigen_features(points, [1.0, 1.5, 2.0])
     monkeypatch.setattr(features, "CELLS_A_BLOCK", block)
-    monkeypatch.setattr(row_blocks.os, "cpu_count", lambda: n_threads)
+    monkeypatch.setattr(parallel.os, "cpu_count", lambda: n_threads)
     assert_same_bits(eigen_features(points, [1.0, 1.5, 2.0]), slice(None), expected, slice(None))
 
 

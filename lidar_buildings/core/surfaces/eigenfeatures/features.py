@@ -122,11 +122,9 @@ def eigen_features(
 
     Notes
     -----
-    Coordinates are taken from the point itself before anything is multiplied, so it does not matter how far
-    away the origin is. Neighbours are summed in an order that depends on coordinates alone, so neither the
-    order of rows nor the number of threads changes a bit of the result, nor does what lies beyond the largest
-    radius. But where the cells around hold more than `MAX_CANDIDATES` points, evenly spaced ones stand for
-    all. Time is proportional to the number of neighbours within the largest radius.
+    Coordinates are taken from the point itself, so the distance of the origin does not matter, and summed in
+    an order that depends on them alone. Where the cells around hold more than `MAX_CANDIDATES` points, evenly
+    spaced ones stand for all. Time is proportional to the number of neighbours within the largest radius.
     """
     squares = _checked_radii(radii) ** 2
     if min_neighbours < 1:

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from bench.scenes.edges import level_roof, roof_and_truth
-from lidar_buildings.core.neighbours import parallel as row_blocks
+from lidar_buildings.core.neighbours import parallel
 from lidar_buildings.core.stages.edge_labelling import AS_PUBLISHED, EdgeLabellingConfig, label_edges, rims
 
 CONFIGS = {
@@ -59,7 +59,7 @@ def test_the_number_of_threads_does_not_change_a_label(monkeypatch, config, n_th
     points, _ = roof_and_truth("l_shape", density=8.0)
     expected = label_edges(points, config)
     monkeypatch.setattr(rims, "CELLS_A_BLOCK", 7)
-    monkeypatch.setattr(row_blocks.os, "cpu_count", lambda: n_threads)
+    monkeypatch.setattr(parallel.os, "cpu_count", lambda: n_threads)
     assert_same(label_edges(points, config), expected)
 
 

@@ -5,7 +5,7 @@ import shapely
 from scipy.interpolate import LinearNDInterpolator
 
 from bench.scenes import buildings as scenes
-from lidar_buildings.core.neighbours import parallel as row_blocks
+from lidar_buildings.core.neighbours import parallel
 from lidar_buildings.core.stages.roof_selection import RoofSelectionConfig, select_roofs
 from lidar_buildings.evaluation.scores.buildings import score_buildings
 from lidar_buildings.evaluation.scores.cells import cells_of_points, cells_of_polygons
@@ -156,8 +156,8 @@ def test_the_order_of_points_does_not_change_a_class():
 def test_the_number_of_threads_does_not_change_a_class(monkeypatch):
     scene, _, returns = tree_scene()
     expected = select_roofs(scene.points, **known(scene), **returns).classification
-    monkeypatch.setattr(row_blocks, "BLOCK", 100)
-    monkeypatch.setattr(row_blocks.os, "cpu_count", lambda: 3)
+    monkeypatch.setattr(parallel, "BLOCK", 100)
+    monkeypatch.setattr(parallel.os, "cpu_count", lambda: 3)
     found = select_roofs(scene.points, **known(scene), **returns).classification
     assert np.array_equal(found, expected)
 

@@ -9,7 +9,7 @@ import shapely
 from bench.scenes import buildings as scenes
 from bench.scenes.roofs import ROOF_SCENES
 from lidar_buildings.core.model.parameters import spec_of
-from lidar_buildings.core.neighbours import parallel as row_blocks
+from lidar_buildings.core.neighbours import parallel
 from lidar_buildings.core.stages.roof_selection import RoofSelectionConfig, select_roofs
 
 BUILDING = 6
@@ -68,8 +68,8 @@ def test_the_order_of_points_does_not_matter(method, town):
 @every_method
 def test_the_number_of_threads_does_not_matter(method, town, monkeypatch):
     expected = roofs(town.points, method, town.columns)
-    monkeypatch.setattr(row_blocks, "BLOCK", 128)
-    monkeypatch.setattr(row_blocks.os, "cpu_count", lambda: 4)
+    monkeypatch.setattr(parallel, "BLOCK", 128)
+    monkeypatch.setattr(parallel.os, "cpu_count", lambda: 4)
     np.testing.assert_array_equal(roofs(town.points, method, town.columns), expected)
 
 
