@@ -6,8 +6,7 @@ import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
+from lidar_buildings.core.model.array_types import FloatArray
 
 #: A face less steep than this has no direction [deg]: at a millimetre's rounding there is nothing in it.
 _LEVEL = 0.05
@@ -32,7 +31,7 @@ class FaceShape(NamedTuple):
     area: float
 
 
-def face_shape(rings: Sequence[NDArray[np.float64]]) -> FaceShape:
+def face_shape(rings: Sequence[FloatArray]) -> FaceShape:
     """
     Measure a face.
 
@@ -49,7 +48,7 @@ def face_shape(rings: Sequence[NDArray[np.float64]]) -> FaceShape:
     return FaceShape(slope, azimuth, math.hypot(plan, z))
 
 
-def area_vector(rings: Sequence[NDArray[np.float64]]) -> tuple[float, float, float]:
+def area_vector(rings: Sequence[FloatArray]) -> tuple[float, float, float]:
     """
     Return the normal of a face, as long as its area is large (Newell's method) [m²].
 

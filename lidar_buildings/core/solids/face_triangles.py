@@ -7,8 +7,8 @@ from itertools import chain, pairwise
 
 import mapbox_earcut
 import numpy as np
-from numpy.typing import NDArray
 
+from lidar_buildings.core.model.array_types import FloatArray
 from lidar_buildings.core.solids.face_shape import area_vector
 from lidar_buildings.core.solids.shell import Face
 
@@ -17,7 +17,7 @@ Triangle = tuple[int, int, int]
 _Edge = tuple[int, int]
 
 
-def face_pieces(vertices: NDArray[np.float64], face: Face) -> list[tuple[int, ...]]:
+def face_pieces(vertices: FloatArray, face: Face) -> list[tuple[int, ...]]:
     """
     Divide a face into convex pieces that have every edge of its rings as an edge.
 
@@ -47,7 +47,7 @@ def triangles_of(pieces: Sequence[tuple[int, ...]]) -> list[Triangle]:
     return [(piece[0], piece[k], piece[k + 1]) for piece in pieces for k in range(1, len(piece) - 1)]
 
 
-def _triangles(vertices: NDArray[np.float64], face: Face) -> list[Triangle]:
+def _triangles(vertices: FloatArray, face: Face) -> list[Triangle]:
     """Divide any face into triangles."""
     rows = list(chain.from_iterable(face))
     plan = _largest_view(vertices, face)
@@ -58,7 +58,7 @@ def _triangles(vertices: NDArray[np.float64], face: Face) -> list[Triangle]:
     return _split_at_vertices([(rows[a], rows[b], rows[c]) for a, b, c in turned], face, vertices)
 
 
-def _is_convex_quadrilateral(vertices: NDArray[np.float64], ring: Sequence[int]) -> bool:
+def _is_convex_quadrilateral(vertices: FloatArray, ring: Sequence[int]) -> bool:
     """Whether a ring has four corners, all of which turn the same way."""
     if len(ring) != 4:
         return False
@@ -79,7 +79,7 @@ def _cross(a: Sequence[float], b: Sequence[float]) -> tuple[float, float, float]
     return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
 
 
-def _largest_view(vertices: NDArray[np.float64], face: Face) -> NDArray[np.float64]:
+def _largest_view(vertices: FloatArray, face: Face) -> FloatArray:
     """
     Return all rings' vertices without the coordinate along which the face looks, exterior counter-clockwise.
     """
@@ -97,9 +97,7 @@ def _counter_clockwise(places: Sequence[Sequence[float]], a: int, b: int, c: int
     return (a, b, c) if (bx - ax) * (cy - ay) >= (cx - ax) * (by - ay) else (a, c, b)
 
 
-def _split_at_vertices(
-    triangles: list[Triangle], face: Face, vertices: NDArray[np.float64]
-) -> list[Triangle]:
+def _split_at_vertices(triangles: list[Triangle], face: Face, vertices: FloatArray) -> list[Triangle]:
     """Divide triangles along whose edges lie vertices of the face that were left out."""
     owner = {edge: number for number, triangle in enumerate(triangles) for edge in _edges(triangle)}
     outer = {edge for ring in face for edge in _edges(ring)}
@@ -148,7 +146,7 @@ def _edges(ring: Sequence[int]) -> list[_Edge]:
     return list(zip(ring, (*ring[1:], ring[0]), strict=True))
 
 
-def _length(vertices: NDArray[np.float64], edge: _Edge) -> float:
+def _length(vertices: FloatArray, edge: _Edge) -> float:
     """Return an edge's squared length."""
     step = vertices[edge[1]] - vertices[edge[0]]
     return float(step @ step)

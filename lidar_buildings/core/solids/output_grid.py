@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import shapely
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from lidar_buildings.core.model.array_types import FloatArray
 from lidar_buildings.core.model.outline import Outline
 
 #: Written coordinates are whole multiples of this [m].
@@ -16,7 +17,7 @@ _INSET = 0.01
 _MAX_LOSS = 0.05
 
 
-def on_grid(coordinates: ArrayLike) -> NDArray[np.float64]:
+def on_grid(coordinates: ArrayLike) -> FloatArray:
     """Round coordinates [m] to the grid."""
     # Dividing by 1000 gives the double nearest to the decimal number; multiplying by 0.001 does not.
     return np.rint(np.asarray(coordinates, dtype=np.float64) / GRID) / round(1 / GRID)
@@ -48,7 +49,7 @@ def repaired_outlines(outline: Outline) -> list[tuple[Outline, str]]:
     ]
 
 
-def _without_repetitions(ring: NDArray[np.float64]) -> NDArray[np.float64]:
+def _without_repetitions(ring: FloatArray) -> FloatArray:
     """Leave out vertices equal to the next one, and tips of spikes, until there are none."""
     while len(ring) >= 3:
         before, after = np.roll(ring, 1, axis=0), np.roll(ring, -1, axis=0)

@@ -6,7 +6,8 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
+
+from lidar_buildings.core.model.array_types import FloatArray
 
 GROUND_SURFACE = "GroundSurface"
 ROOF_SURFACE = "RoofSurface"
@@ -31,7 +32,7 @@ class Solid:
         Per face GroundSurface, RoofSurface or WallSurface (the words of CityJSON).
     """
 
-    vertices: NDArray[np.float64]
+    vertices: FloatArray
     faces: tuple[Face, ...]
     semantics: tuple[str, ...]
 
@@ -47,6 +48,6 @@ class Solid:
         tip, one, other = corners[fans.reshape(-1, 3)].transpose(1, 0, 2)
         return float(np.einsum("ij,ij->", tip, np.cross(one, other))) / 6.0
 
-    def face_rings(self, face: Face) -> tuple[NDArray[np.float64], ...]:
+    def face_rings(self, face: Face) -> tuple[FloatArray, ...]:
         """Return the coordinates of a face's rings, each of shape (n, 3)."""
         return tuple(self.vertices[list(ring)] for ring in face)

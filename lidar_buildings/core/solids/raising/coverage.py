@@ -8,6 +8,7 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
+from lidar_buildings.core.model.array_types import FloatArray, IntArray
 from lidar_buildings.core.solids.raising.plan_graph import (
     OUTSIDE,
     PlanGraph,
@@ -43,7 +44,7 @@ def _matches(graph: PlanGraph, rings: list[list[list[Vertex]]]) -> bool:
     return len(edges) > 0 and not _has_slit(edges)
 
 
-def _has_slit(edges: NDArray[np.float64]) -> bool:
+def _has_slit(edges: FloatArray) -> bool:
     """Whether an end of an edge lies next to another edge that it does not belong to, shape (n, 2, 2)."""
     lines = shapely.linestrings(edges)
     ends = np.unique(edges[:, 0], axis=0)
@@ -114,7 +115,7 @@ def _snapped(rings: list[list[list[Vertex]]], within: float) -> list[list[list[V
     return [[ring for ring in group if ring] if group and group[0] else [] for group in moved]
 
 
-def _with_vertices(ring: list[Vertex], places: NDArray[np.float64], within: float) -> list[Vertex]:
+def _with_vertices(ring: list[Vertex], places: FloatArray, within: float) -> list[Vertex]:
     """Put all places that lie next to an edge of a ring into it."""
     tree = shapely.STRtree(shapely.points(places))
     full: list[Vertex] = []
@@ -137,7 +138,7 @@ def _with_vertices(ring: list[Vertex], places: NDArray[np.float64], within: floa
 
 def _labels(
     faces: NDArray[np.object_], polygons: list[shapely.Geometry], owners: list[int], within: float
-) -> NDArray[np.int64]:
+) -> IntArray:
     """Return the piece that each face belongs to: the first that covers it; slivers go to a neighbour."""
     inside = shapely.point_on_surface(faces)
     hits = shapely.STRtree(polygons).query(inside, predicate="intersects")

@@ -7,8 +7,8 @@ from itertools import pairwise
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 
+from lidar_buildings.core.model.array_types import FloatArray
 from lidar_buildings.core.solids.raising.roof_piece import RoofPiece
 
 #: Least height of a roof above the ground [m].
@@ -59,7 +59,7 @@ def _half_plane(piece: RoofPiece, floor: float) -> shapely.Polygon:
     )
 
 
-def _polygons(geometry: shapely.Geometry) -> list[tuple[NDArray[np.float64], ...]]:
+def _polygons(geometry: shapely.Geometry) -> list[tuple[FloatArray, ...]]:
     """Return the rings of all polygons of a geometry."""
     parts = [part for part in shapely.get_parts(geometry) if part.geom_type in ("Polygon", "MultiPolygon")]
     polygons = [polygon for part in parts for polygon in shapely.get_parts(part)]

@@ -12,8 +12,8 @@ from collections import defaultdict
 from collections.abc import Iterable, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lidar_buildings.core.model.array_types import FloatArray
 from lidar_buildings.core.solids.output_grid import GRID
 from lidar_buildings.core.solids.raising.roof_piece import RoofPiece
 
@@ -141,7 +141,7 @@ def piece_rings(piece: RoofPiece) -> list[list[Vertex]]:
     return [ring for ring in rings if ring] if rings and rings[0] else []
 
 
-def grid_ring(ring: NDArray[np.float64], *, ccw: bool) -> list[Vertex]:
+def grid_ring(ring: FloatArray, *, ccw: bool) -> list[Vertex]:
     """Return a ring given in steps of the grid in the direction asked for, without repetitions and spikes."""
     corners: list[Vertex] = []
     for corner in map(tuple, np.rint(ring).astype(np.int64).tolist()):

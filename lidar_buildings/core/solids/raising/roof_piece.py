@@ -7,7 +7,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+
+from lidar_buildings.core.model.array_types import FloatArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,7 +24,7 @@ class RoofPiece:
         (a, b, c) of the elevation a x + b y + c, map frame [m].
     """
 
-    rings: tuple[NDArray[np.float64], ...]
+    rings: tuple[FloatArray, ...]
     plane: tuple[float, float, float]
 
     def elevation(self, x: float, y: float) -> float:

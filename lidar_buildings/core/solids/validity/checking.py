@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lidar_buildings.core.model.array_types import IntArray
 from lidar_buildings.core.solids.shell import Solid
 from lidar_buildings.core.solids.validity.codes import MARGIN, MAX_PLANE_DISTANCE, SNAP_TOLERANCE
 from lidar_buildings.core.solids.validity.edges import broken_edges
@@ -45,7 +45,7 @@ def check_solid(solid: Solid) -> tuple[int, ...]:
     return tuple(sorted(codes))
 
 
-def _check_welded(solid: Solid, leader: NDArray[np.int64]) -> set[int]:
+def _check_welded(solid: Solid, leader: IntArray) -> set[int]:
     """Return the codes of a solid whose vertices count as others."""
     if not all(face and all(face) for face in solid.faces):
         return {101}
@@ -65,7 +65,7 @@ def _check_welded(solid: Solid, leader: NDArray[np.int64]) -> set[int]:
     return _check_shell(faces, triangles, face_of) | _unused(leader, faces)
 
 
-def _check_shell(faces: FaceArrays, triangles: NDArray[np.int64], face_of: NDArray[np.int64]) -> set[int]:
+def _check_shell(faces: FaceArrays, triangles: IntArray, face_of: IntArray) -> set[int]:
     """Return what is wrong with a shell of sound faces: codes 301 to 307, and 405 if it is inside out."""
     if len(faces.face_starts) <= 4:
         return {301}
@@ -79,6 +79,6 @@ def _check_shell(faces: FaceArrays, triangles: NDArray[np.int64], face_of: NDArr
     return {405} if volume <= 0.0 else set()
 
 
-def _unused(leader: NDArray[np.int64], faces: FaceArrays) -> set[int]:
+def _unused(leader: IntArray, faces: FaceArrays) -> set[int]:
     """Return 309 if a vertex belongs to no face."""
     return set() if len(np.unique(faces.corners)) == len(np.unique(leader)) else {309}

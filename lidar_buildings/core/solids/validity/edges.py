@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
+from lidar_buildings.core.model.array_types import IntArray
 from lidar_buildings.core.neighbours.union_find import sets_of_pairs
 
 
-def broken_edges(triangles: NDArray[np.int64]) -> set[int]:
+def broken_edges(triangles: IntArray) -> set[int]:
     """
     Return the codes 302, 303, 305 and 307 of a shell whose faces are cut into triangles.
 
@@ -43,7 +43,7 @@ def broken_edges(triangles: NDArray[np.int64]) -> set[int]:
 
 
 @njit(cache=True, nogil=True)
-def _n_umbrellas(pairs: NDArray[np.int64], n: int) -> int:
+def _n_umbrellas(pairs: IntArray, n: int) -> int:
     """
     Return the number of closed fans of triangles: one per vertex unless parts meet in a single vertex.
 

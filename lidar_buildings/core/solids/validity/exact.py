@@ -9,15 +9,15 @@ from __future__ import annotations
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
+from lidar_buildings.core.model.array_types import FloatArray, IntArray
 from lidar_buildings.core.solids.output_grid import GRID
 
 #: Extent in units up to which six products of three differences fit in 64 bits.
 _MAX_EXTENT = 1_100_000
 
 
-def whole_numbers(vertices: NDArray[np.float64]) -> NDArray[np.int64]:
+def whole_numbers(vertices: FloatArray) -> IntArray:
     """Return coordinates in units: the output grid's for what lies on it, else the smallest that fits."""
     low = vertices.min(axis=0)
     extent = float(np.ptp(vertices, axis=0).max())
@@ -29,7 +29,7 @@ def whole_numbers(vertices: NDArray[np.float64]) -> NDArray[np.int64]:
 
 
 @njit(cache=True, nogil=True)
-def side_of_plane(p: NDArray[np.int64], a: int, b: int, c: int, d: int) -> int:
+def side_of_plane(p: IntArray, a: int, b: int, c: int, d: int) -> int:
     """Return the sign of the volume of a tetrahedron of rows: 0 if all lie in one plane."""
     ux, uy, uz = p[a, 0] - p[d, 0], p[a, 1] - p[d, 1], p[a, 2] - p[d, 2]
     vx, vy, vz = p[b, 0] - p[d, 0], p[b, 1] - p[d, 1], p[b, 2] - p[d, 2]
@@ -38,14 +38,14 @@ def side_of_plane(p: NDArray[np.int64], a: int, b: int, c: int, d: int) -> int:
 
 
 @njit(cache=True, nogil=True)
-def side_of_line(p: NDArray[np.int64], a: int, b: int, c: int, dropped: int) -> int:
+def side_of_line(p: IntArray, a: int, b: int, c: int, dropped: int) -> int:
     """Return the sign of the area of a triangle of rows, seen along one axis."""
     i, j = (dropped + 1) % 3, (dropped + 2) % 3
     return sign((p[b, i] - p[a, i]) * (p[c, j] - p[a, j]) - (p[b, j] - p[a, j]) * (p[c, i] - p[a, i]))
 
 
 @njit(cache=True, nogil=True)
-def steepest_axis(p: NDArray[np.int64], a: int, b: int, c: int) -> int:
+def steepest_axis(p: IntArray, a: int, b: int, c: int) -> int:
     """Return an axis along which a triangle of rows is seen with an area, −1 if it has none."""
     best, chosen = 0, -1
     for axis in range(3):

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from itertools import chain
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lidar_buildings.core.model.array_types import FloatArray, IntArray
 from lidar_buildings.core.solids.shell import Solid
 
 
@@ -28,18 +28,18 @@ class FaceArrays:
         Where each face begins among the rings.
     """
 
-    vertices: NDArray[np.float64]
-    corners: NDArray[np.int64]
-    ring_starts: NDArray[np.int64]
-    face_starts: NDArray[np.int64]
+    vertices: FloatArray
+    corners: IntArray
+    ring_starts: IntArray
+    face_starts: IntArray
 
     @property
-    def corner_starts(self) -> NDArray[np.int64]:
+    def corner_starts(self) -> IntArray:
         """Where each face begins among the corners, shape (n_faces + 1,)."""
         return self.ring_starts[self.face_starts]
 
 
-def face_arrays(solid: Solid, leader: NDArray[np.int64]) -> FaceArrays:
+def face_arrays(solid: Solid, leader: IntArray) -> FaceArrays:
     """Return the faces of a solid with its vertices replaced by those they count as."""
     rings = list(chain.from_iterable(solid.faces))
     sizes = np.array([len(ring) for ring in rings], dtype=np.int64)
@@ -48,7 +48,7 @@ def face_arrays(solid: Solid, leader: NDArray[np.int64]) -> FaceArrays:
     return FaceArrays(solid.vertices, leader[corners], _starts(sizes), _starts(per_face))
 
 
-def fitted_planes(faces: FaceArrays) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def fitted_planes(faces: FaceArrays) -> tuple[FloatArray, FloatArray]:
     """
     Return each face's largest distance to its plane [m], and the corners' coordinates in the planes [m].
 
@@ -73,7 +73,7 @@ def fitted_planes(faces: FaceArrays) -> tuple[NDArray[np.float64], NDArray[np.fl
     return off_plane, _counter_clockwise(faces, local[:, 2:0:-1].copy())
 
 
-def ring_areas(faces: FaceArrays, flat: NDArray[np.float64]) -> NDArray[np.float64]:
+def ring_areas(faces: FaceArrays, flat: FloatArray) -> FloatArray:
     """Return the area inside each ring, positive if it runs counter-clockwise [m²]."""
     following = np.arange(1, len(flat) + 1)
     following[faces.ring_starts[1:] - 1] = faces.ring_starts[:-1]
@@ -82,13 +82,13 @@ def ring_areas(faces: FaceArrays, flat: NDArray[np.float64]) -> NDArray[np.float
     return 0.5 * np.add.reduceat(cross, faces.ring_starts[:-1])
 
 
-def _counter_clockwise(faces: FaceArrays, flat: NDArray[np.float64]) -> NDArray[np.float64]:
+def _counter_clockwise(faces: FaceArrays, flat: FloatArray) -> FloatArray:
     """Mirror the faces whose exteriors run clockwise."""
     clockwise = ring_areas(faces, flat)[faces.face_starts[:-1]] < 0.0
     flat[np.repeat(clockwise, np.diff(faces.corner_starts)), 1] *= -1.0
     return flat
 
 
-def _starts(sizes: NDArray[np.int64]) -> NDArray[np.int64]:
+def _starts(sizes: IntArray) -> IntArray:
     """Return where each of consecutive groups begins, and where the last one ends."""
     return np.concatenate(([0], np.cumsum(sizes)))

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
+
+from lidar_buildings.core.model.array_types import FloatArray, IntArray
 
 #: Sine of an angle that counts as nothing: flips that gain no more could go on for ever.
 _NO_GAIN = 1e-9
 
 
 @njit(cache=True, nogil=True)
-def flip_to_delaunay(flat: NDArray[np.float64], corners: NDArray[np.int64], rows: NDArray[np.int64]) -> None:
+def flip_to_delaunay(flat: FloatArray, corners: IntArray, rows: IntArray) -> None:
     """
     Flip the inner edges of triangles in place, as Lawson (1977), until all are locally Delaunay.
 
@@ -40,7 +41,7 @@ def flip_to_delaunay(flat: NDArray[np.float64], corners: NDArray[np.int64], rows
 
 
 @njit(cache=True, nogil=True)
-def _neighbours(corners: NDArray[np.int64], rows: NDArray[np.int64]) -> NDArray[np.int64]:
+def _neighbours(corners: IntArray, rows: IntArray) -> IntArray:
     """Return the triangle across each edge (from corner k to k + 1), −1 at the border."""
     n = len(rows)
     across = np.full((n, 3), -1)
@@ -56,7 +57,7 @@ def _neighbours(corners: NDArray[np.int64], rows: NDArray[np.int64]) -> NDArray[
 
 
 @njit(cache=True, nogil=True)
-def _edge_towards(across: NDArray[np.int64], t: int, other: int) -> int:
+def _edge_towards(across: IntArray, t: int, other: int) -> int:
     """Return which edge of a triangle leads to another one."""
     for k in range(3):
         if across[t, k] == other:
@@ -66,12 +67,7 @@ def _edge_towards(across: NDArray[np.int64], t: int, other: int) -> int:
 
 @njit(cache=True, nogil=True)
 def _should_flip(
-    flat: NDArray[np.float64],
-    corners: NDArray[np.int64],
-    rows: NDArray[np.int64],
-    across: NDArray[np.int64],
-    t: int,
-    k: int,
+    flat: FloatArray, corners: IntArray, rows: IntArray, across: IntArray, t: int, k: int
 ) -> bool:
     """Whether the angles opposite an edge add up to more than 180° and the other diagonal lies inside."""
     other = across[t, k]
@@ -86,7 +82,7 @@ def _should_flip(
 
 
 @njit(cache=True, nogil=True)
-def _sine(p: NDArray[np.float64], q: NDArray[np.float64], r: NDArray[np.float64]) -> float:
+def _sine(p: FloatArray, q: FloatArray, r: FloatArray) -> float:
     """Return the sine of the angle at p from q to r, 0 if one coincides with it."""
     ux, uy, vx, vy = q[0] - p[0], q[1] - p[1], r[0] - p[0], r[1] - p[1]
     size = np.sqrt((ux * ux + uy * uy) * (vx * vx + vy * vy))
@@ -94,7 +90,7 @@ def _sine(p: NDArray[np.float64], q: NDArray[np.float64], r: NDArray[np.float64]
 
 
 @njit(cache=True, nogil=True)
-def _cosine(p: NDArray[np.float64], q: NDArray[np.float64], r: NDArray[np.float64]) -> float:
+def _cosine(p: FloatArray, q: FloatArray, r: FloatArray) -> float:
     """Return the cosine of the angle at p from q to r, 1 if one coincides with it."""
     ux, uy, vx, vy = q[0] - p[0], q[1] - p[1], r[0] - p[0], r[1] - p[1]
     size = np.sqrt((ux * ux + uy * uy) * (vx * vx + vy * vy))
@@ -102,9 +98,7 @@ def _cosine(p: NDArray[np.float64], q: NDArray[np.float64], r: NDArray[np.float6
 
 
 @njit(cache=True, nogil=True)
-def _flip(
-    corners: NDArray[np.int64], rows: NDArray[np.int64], across: NDArray[np.int64], t: int, k: int
-) -> None:
+def _flip(corners: IntArray, rows: IntArray, across: IntArray, t: int, k: int) -> None:
     """Replace the common edge ab of triangles abc and bad by cd."""
     other = across[t, k]
     j = _edge_towards(across, other, t)

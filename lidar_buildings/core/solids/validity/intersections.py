@@ -4,15 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
+from lidar_buildings.core.model.array_types import FloatArray, IntArray
 from lidar_buildings.core.solids.validity.exact import whole_numbers
 from lidar_buildings.core.solids.validity.triangle_pairs import triangles_meet
 
 
-def self_intersects(
-    vertices: NDArray[np.float64], triangles: NDArray[np.int64], face_of: NDArray[np.int64]
-) -> bool:
+def self_intersects(vertices: FloatArray, triangles: IntArray, face_of: IntArray) -> bool:
     """
     Whether triangles of different faces meet elsewhere than in common vertices and edges: code 306.
 
@@ -39,11 +37,7 @@ def self_intersects(
 
 @njit(cache=True, nogil=True)
 def _any_meet(
-    points: NDArray[np.int64],
-    triangles: NDArray[np.int64],
-    face_of: NDArray[np.int64],
-    low: NDArray[np.int64],
-    high: NDArray[np.int64],
+    points: IntArray, triangles: IntArray, face_of: IntArray, low: IntArray, high: IntArray
 ) -> bool:
     """Sweep the boxes in the order of their lower ends and test those that overlap."""
     for i in range(len(triangles)):

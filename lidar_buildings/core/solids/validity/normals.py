@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lidar_buildings.core.model.array_types import BoolArray, FloatArray, IntArray
 from lidar_buildings.core.solids.validity.codes import MARGIN, MAX_NORMAL_DEVIATION_DEG
 
 #: Largest angle allowed between two triangles of a face [rad].
@@ -15,9 +15,7 @@ _LEAST_COSINE = math.cos(_MAX_ANGLE)
 _COSINE_OF_HALF = math.cos(0.5 * _MAX_ANGLE)
 
 
-def folds(
-    vertices: NDArray[np.float64], triangles: NDArray[np.int64], face_of: NDArray[np.int64]
-) -> NDArray[np.bool_]:
+def folds(vertices: FloatArray, triangles: IntArray, face_of: IntArray) -> BoolArray:
     """
     Return for each face whether it is folded: code 204.
 

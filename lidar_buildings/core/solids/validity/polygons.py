@@ -8,13 +8,13 @@ from itertools import combinations, pairwise, permutations
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 
+from lidar_buildings.core.model.array_types import FloatArray
 from lidar_buildings.core.solids.validity.codes import TOUCHING
 from lidar_buildings.core.solids.validity.face_arrays import FaceArrays
 
 
-def misplaced_holes(faces: FaceArrays, flat: NDArray[np.float64]) -> set[int]:
+def misplaced_holes(faces: FaceArrays, flat: FloatArray) -> set[int]:
     """Return the codes 201, 202 and 205 to 208 of all faces with holes."""
     codes: set[int] = set()
     for number in np.flatnonzero(np.diff(faces.face_starts) > 1).tolist():
@@ -23,7 +23,7 @@ def misplaced_holes(faces: FaceArrays, flat: NDArray[np.float64]) -> set[int]:
     return codes
 
 
-def _hole_faults(rings: list[NDArray[np.float64]]) -> set[int]:
+def _hole_faults(rings: list[FloatArray]) -> set[int]:
     """Return what is wrong with one face of sound rings, exterior first."""
     exterior, *holes = (shapely.Polygon(ring) for ring in rings)
     if any(hole.exterior.is_ccw for hole in holes):
@@ -36,7 +36,7 @@ def _hole_faults(rings: list[NDArray[np.float64]]) -> set[int]:
     return codes - {0} or {205}
 
 
-def _touches_an_edge(rings: list[NDArray[np.float64]]) -> bool:
+def _touches_an_edge(rings: list[FloatArray]) -> bool:
     """Whether a vertex of one ring lies on an edge of another one, away from its ends."""
     for ring, other in permutations(rings, 2):
         near = shapely.dwithin(shapely.points(ring), shapely.LinearRing(other), TOUCHING)

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
+from lidar_buildings.core.model.array_types import FloatArray, IntArray
 from lidar_buildings.core.solids.validity.codes import TOUCHING
 from lidar_buildings.core.solids.validity.face_arrays import FaceArrays
 
@@ -15,13 +15,13 @@ def repeated_points(faces: FaceArrays) -> set[int]:
     return {int(code) for code in _repetitions(faces.corners, faces.ring_starts)} - {0}
 
 
-def self_intersections(faces: FaceArrays, flat: NDArray[np.float64]) -> set[int]:
+def self_intersections(faces: FaceArrays, flat: FloatArray) -> set[int]:
     """Return 104 if a ring, seen in its face's plane, crosses or touches itself or has no area."""
     return {104} if _any_self_intersection(flat, faces.ring_starts) else set()
 
 
 @njit(cache=True, nogil=True)
-def _repetitions(corners: NDArray[np.int64], ring_starts: NDArray[np.int64]) -> NDArray[np.int64]:
+def _repetitions(corners: IntArray, ring_starts: IntArray) -> IntArray:
     codes = np.zeros(len(ring_starts) - 1, dtype=np.int64)
     for number in range(len(codes)):
         ring = corners[ring_starts[number] : ring_starts[number + 1]]
@@ -35,7 +35,7 @@ def _repetitions(corners: NDArray[np.int64], ring_starts: NDArray[np.int64]) -> 
 
 
 @njit(cache=True, nogil=True)
-def _has_three(ring: NDArray[np.int64]) -> bool:
+def _has_three(ring: IntArray) -> bool:
     """Whether a ring has three different vertices."""
     second = 0
     while second < len(ring) and ring[second] == ring[0]:
@@ -47,7 +47,7 @@ def _has_three(ring: NDArray[np.int64]) -> bool:
 
 
 @njit(cache=True, nogil=True)
-def _any_self_intersection(flat: NDArray[np.float64], ring_starts: NDArray[np.int64]) -> bool:
+def _any_self_intersection(flat: FloatArray, ring_starts: IntArray) -> bool:
     """Whether any ring meets itself."""
     for number in range(len(ring_starts) - 1):
         if _meets_itself(flat[ring_starts[number] : ring_starts[number + 1]]):
@@ -56,7 +56,7 @@ def _any_self_intersection(flat: NDArray[np.float64], ring_starts: NDArray[np.in
 
 
 @njit(cache=True, nogil=True)
-def _meets_itself(ring: NDArray[np.float64]) -> bool:
+def _meets_itself(ring: FloatArray) -> bool:
     """Whether a ring has no area, folds back at a corner, or has edges that meet away from common corners."""
     n = len(ring)
     doubled_area = 0.0
@@ -79,7 +79,7 @@ def _meets_itself(ring: NDArray[np.float64]) -> bool:
 
 
 @njit(cache=True, nogil=True)
-def near_segment(p: NDArray[np.float64], a: NDArray[np.float64], b: NDArray[np.float64]) -> bool:
+def near_segment(p: FloatArray, a: FloatArray, b: FloatArray) -> bool:
     """Whether a point lies within `TOUCHING` of a segment."""
     ex, ey = b[0] - a[0], b[1] - a[1]
     px, py = p[0] - a[0], p[1] - a[1]
@@ -90,9 +90,7 @@ def near_segment(p: NDArray[np.float64], a: NDArray[np.float64], b: NDArray[np.f
 
 
 @njit(cache=True, nogil=True)
-def segments_meet(
-    a: NDArray[np.float64], b: NDArray[np.float64], c: NDArray[np.float64], d: NDArray[np.float64]
-) -> bool:
+def segments_meet(a: FloatArray, b: FloatArray, c: FloatArray, d: FloatArray) -> bool:
     """Whether two segments cross, or come within `TOUCHING` of each other."""
     for axis in range(2):
         if max(a[axis], b[axis]) + TOUCHING < min(c[axis], d[axis]):
@@ -105,6 +103,6 @@ def segments_meet(
 
 
 @njit(cache=True, nogil=True)
-def _turn(a: NDArray[np.float64], b: NDArray[np.float64], c: NDArray[np.float64]) -> float:
+def _turn(a: FloatArray, b: FloatArray, c: FloatArray) -> float:
     """Return twice the area of a triangle, positive if counter-clockwise."""
     return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])

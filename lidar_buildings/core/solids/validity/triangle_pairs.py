@@ -7,15 +7,14 @@ lie decide everything. Triangles may have common vertices; they must not meet el
 
 from __future__ import annotations
 
-import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
+from lidar_buildings.core.model.array_types import IntArray
 from lidar_buildings.core.solids.validity.exact import side_of_line, side_of_plane, steepest_axis
 
 
 @njit(cache=True, nogil=True)
-def triangles_meet(p: NDArray[np.int64], s: NDArray[np.int64], t: NDArray[np.int64]) -> bool:
+def triangles_meet(p: IntArray, s: IntArray, t: IntArray) -> bool:
     """Whether two triangles (three rows each) meet elsewhere than in their common vertices and edge."""
     common = 0
     alone_s, alone_t = 0, 0
@@ -40,9 +39,7 @@ def triangles_meet(p: NDArray[np.int64], s: NDArray[np.int64], t: NDArray[np.int
 
 
 @njit(cache=True, nogil=True)
-def _folded_together(
-    p: NDArray[np.int64], s: NDArray[np.int64], t: NDArray[np.int64], alone_s: int, alone_t: int
-) -> bool:
+def _folded_together(p: IntArray, s: IntArray, t: IntArray, alone_s: int, alone_t: int) -> bool:
     """Whether two triangles with a common edge lie upon each other."""
     a, b, c, d = s[(alone_s + 1) % 3], s[(alone_s + 2) % 3], s[alone_s], t[alone_t]
     if side_of_plane(p, a, b, c, d) != 0:
@@ -52,7 +49,7 @@ def _folded_together(
 
 
 @njit(cache=True, nogil=True)
-def _meet_beyond_vertex(p: NDArray[np.int64], s: NDArray[np.int64], t: NDArray[np.int64]) -> bool:
+def _meet_beyond_vertex(p: IntArray, s: IntArray, t: IntArray) -> bool:
     """
     Whether two triangles with one common vertex meet elsewhere: then an opposite side meets the other one.
     """
@@ -67,7 +64,7 @@ def _meet_beyond_vertex(p: NDArray[np.int64], s: NDArray[np.int64], t: NDArray[n
 
 
 @njit(cache=True, nogil=True)
-def _meet_apart(p: NDArray[np.int64], s: NDArray[np.int64], t: NDArray[np.int64]) -> bool:
+def _meet_apart(p: IntArray, s: IntArray, t: IntArray) -> bool:
     """Whether two triangles without a common vertex meet."""
     if _beside(p, s, t) or _beside(p, t, s):
         return False
@@ -78,7 +75,7 @@ def _meet_apart(p: NDArray[np.int64], s: NDArray[np.int64], t: NDArray[np.int64]
 
 
 @njit(cache=True, nogil=True)
-def _beside(p: NDArray[np.int64], s: NDArray[np.int64], t: NDArray[np.int64]) -> bool:
+def _beside(p: IntArray, s: IntArray, t: IntArray) -> bool:
     """Whether all corners of a triangle lie on one side of the other's plane."""
     first = side_of_plane(p, t[0], t[1], t[2], s[0])
     if first == 0 or side_of_plane(p, t[0], t[1], t[2], s[1]) != first:
@@ -87,7 +84,7 @@ def _beside(p: NDArray[np.int64], s: NDArray[np.int64], t: NDArray[np.int64]) ->
 
 
 @njit(cache=True, nogil=True)
-def _segment_meets(p: NDArray[np.int64], q: int, r: int, t: NDArray[np.int64]) -> bool:
+def _segment_meets(p: IntArray, q: int, r: int, t: IntArray) -> bool:
     """Whether a segment and a triangle have a point in common."""
     side_q = side_of_plane(p, t[0], t[1], t[2], q)
     side_r = side_of_plane(p, t[0], t[1], t[2], r)
@@ -106,7 +103,7 @@ def _segment_meets(p: NDArray[np.int64], q: int, r: int, t: NDArray[np.int64]) -
 
 
 @njit(cache=True, nogil=True)
-def _point_in(p: NDArray[np.int64], q: int, t: NDArray[np.int64]) -> bool:
+def _point_in(p: IntArray, q: int, t: IntArray) -> bool:
     """Whether a point in a triangle's plane lies in the triangle or on its border."""
     axis = steepest_axis(p, t[0], t[1], t[2])
     if axis < 0:
@@ -118,7 +115,7 @@ def _point_in(p: NDArray[np.int64], q: int, t: NDArray[np.int64]) -> bool:
 
 
 @njit(cache=True, nogil=True)
-def _segment_meets_flat(p: NDArray[np.int64], q: int, r: int, t: NDArray[np.int64]) -> bool:
+def _segment_meets_flat(p: IntArray, q: int, r: int, t: IntArray) -> bool:
     """Whether a segment in a triangle's plane has a point in common with the triangle."""
     if _point_in(p, q, t) or _point_in(p, r, t):
         return True
@@ -133,7 +130,7 @@ def _segment_meets_flat(p: NDArray[np.int64], q: int, r: int, t: NDArray[np.int6
 
 
 @njit(cache=True, nogil=True)
-def _segments_meet_flat(p: NDArray[np.int64], q: int, r: int, a: int, b: int, axis: int) -> bool:
+def _segments_meet_flat(p: IntArray, q: int, r: int, a: int, b: int, axis: int) -> bool:
     """Whether segments qr and ab, seen along an axis, have a point in common; q and r do not lie on ab."""
     side_a, side_b = side_of_line(p, q, r, a, axis), side_of_line(p, q, r, b, axis)
     if side_a == 0 and side_b == 0:
@@ -142,7 +139,7 @@ def _segments_meet_flat(p: NDArray[np.int64], q: int, r: int, a: int, b: int, ax
 
 
 @njit(cache=True, nogil=True)
-def _between(p: NDArray[np.int64], q: int, r: int, a: int) -> bool:
+def _between(p: IntArray, q: int, r: int, a: int) -> bool:
     """Whether a point on the line through two others lies between them."""
     for axis in range(3):
         if p[a, axis] < min(p[q, axis], p[r, axis]) or p[a, axis] > max(p[q, axis], p[r, axis]):

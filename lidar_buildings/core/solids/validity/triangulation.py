@@ -9,8 +9,8 @@ from __future__ import annotations
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
+from lidar_buildings.core.model.array_types import FloatArray, IntArray
 from lidar_buildings.core.solids.validity.face_arrays import FaceArrays
 from lidar_buildings.core.solids.validity.flips import flip_to_delaunay
 
@@ -20,7 +20,7 @@ _STRAIGHT = 1e-9
 _MANY = 24
 
 
-def triangulate(faces: FaceArrays, flat: NDArray[np.float64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+def triangulate(faces: FaceArrays, flat: FloatArray) -> tuple[IntArray, IntArray]:
     """
     Return the triangles of all faces, counter-clockwise seen from outside.
 
@@ -42,12 +42,12 @@ def triangulate(faces: FaceArrays, flat: NDArray[np.float64]) -> tuple[NDArray[n
 
 @njit(cache=True, nogil=True)
 def _triangulate_all(
-    flat: NDArray[np.float64],
-    corners: NDArray[np.int64],
-    ring_starts: NDArray[np.int64],
-    face_starts: NDArray[np.int64],
-    starts: NDArray[np.int64],
-    triangles: NDArray[np.int64],
+    flat: FloatArray,
+    corners: IntArray,
+    ring_starts: IntArray,
+    face_starts: IntArray,
+    starts: IntArray,
+    triangles: IntArray,
 ) -> None:
     """Triangulate face by face into the rows reserved for each."""
     for face in range(len(face_starts) - 1):
@@ -69,9 +69,7 @@ def _triangulate_all(
 
 
 @njit(cache=True, nogil=True)
-def _joined_rings(
-    flat: NDArray[np.float64], corners: NDArray[np.int64], rings: NDArray[np.int64]
-) -> NDArray[np.int64]:
+def _joined_rings(flat: FloatArray, corners: IntArray, rings: IntArray) -> IntArray:
     """
     Return one closed loop of corners that runs along all rings of a face, with bridges to the holes.
 
@@ -96,12 +94,7 @@ def _joined_rings(
 
 @njit(cache=True, nogil=True)
 def _join_hole(
-    flat: NDArray[np.float64],
-    corners: NDArray[np.int64],
-    loop: NDArray[np.int64],
-    n: int,
-    rings: NDArray[np.int64],
-    number: int,
+    flat: FloatArray, corners: IntArray, loop: IntArray, n: int, rings: IntArray, number: int
 ) -> int:
     """
     Join a hole to the first n corners of a loop and return how many it has then.
@@ -130,12 +123,7 @@ def _join_hole(
 
 @njit(cache=True, nogil=True)
 def _bridge(
-    flat: NDArray[np.float64],
-    corners: NDArray[np.int64],
-    loop: NDArray[np.int64],
-    rings: NDArray[np.int64],
-    number: int,
-    only: int,
+    flat: FloatArray, corners: IntArray, loop: IntArray, rings: IntArray, number: int, only: int
 ) -> tuple[float, int, int]:
     """
     Return the squared length of the shortest bridge, −1 where none is needed, and its ends in loop and hole.
@@ -163,7 +151,7 @@ def _bridge(
 
 
 @njit(cache=True, nogil=True)
-def _in_cone(flat: NDArray[np.float64], loop: NDArray[np.int64], i: int, p: NDArray[np.float64]) -> bool:
+def _in_cone(flat: FloatArray, loop: IntArray, i: int, p: FloatArray) -> bool:
     """Whether a point is seen from a corner of a loop in the direction of its inside."""
     before, here, after = flat[loop[i - 1]], flat[loop[i]], flat[loop[(i + 1) % len(loop)]]
     left_of_in, left_of_out = turn(before, here, p) > 0.0, turn(here, after, p) > 0.0
@@ -173,9 +161,7 @@ def _in_cone(flat: NDArray[np.float64], loop: NDArray[np.int64], i: int, p: NDAr
 
 
 @njit(cache=True, nogil=True)
-def _in_sight(
-    flat: NDArray[np.float64], loop: NDArray[np.int64], rings: NDArray[np.int64], start: int, end: int
-) -> bool:
+def _in_sight(flat: FloatArray, loop: IntArray, rings: IntArray, start: int, end: int) -> bool:
     """Whether no edge of a loop or of the face's rings lies between two corners."""
     for k in range(len(loop)):
         if _separates(flat[start], flat[end], flat[loop[k - 1]], flat[loop[k]]):
@@ -190,9 +176,7 @@ def _in_sight(
 
 
 @njit(cache=True, nogil=True)
-def _separates(
-    a: NDArray[np.float64], b: NDArray[np.float64], c: NDArray[np.float64], d: NDArray[np.float64]
-) -> bool:
+def _separates(a: FloatArray, b: FloatArray, c: FloatArray, d: FloatArray) -> bool:
     """Whether segment cd meets segment ab elsewhere than in a common end."""
     if _squared(a, c) == 0.0 or _squared(a, d) == 0.0 or _squared(b, c) == 0.0 or _squared(b, d) == 0.0:
         return False
@@ -200,7 +184,7 @@ def _separates(
 
 
 @njit(cache=True, nogil=True)
-def _cut_ears(flat: NDArray[np.float64], loop: NDArray[np.int64], rows: NDArray[np.int64]) -> None:
+def _cut_ears(flat: FloatArray, loop: IntArray, rows: IntArray) -> None:
     """Cut a loop into triangles, ear by ear."""
     left = loop.copy()
     n = len(left)
@@ -223,7 +207,7 @@ def _cut_ears(flat: NDArray[np.float64], loop: NDArray[np.int64], rows: NDArray[
 
 
 @njit(cache=True, nogil=True)
-def _next_ear(flat: NDArray[np.float64], loop: NDArray[np.int64], start: int) -> int:
+def _next_ear(flat: FloatArray, loop: IntArray, start: int) -> int:
     """
     Return the corner with the best ear, in long loops the first good one; a straight corner if there is none.
     """
@@ -240,7 +224,7 @@ def _next_ear(flat: NDArray[np.float64], loop: NDArray[np.int64], start: int) ->
 
 
 @njit(cache=True, nogil=True)
-def _ear_quality(flat: NDArray[np.float64], loop: NDArray[np.int64], k: int) -> float:
+def _ear_quality(flat: FloatArray, loop: IntArray, k: int) -> float:
     """
     Return an ear's height over its longest side as a share of that side; −1 for straight, −2 for no ear.
     """
@@ -262,12 +246,12 @@ def _ear_quality(flat: NDArray[np.float64], loop: NDArray[np.int64], k: int) -> 
 
 
 @njit(cache=True, nogil=True)
-def turn(a: NDArray[np.float64], b: NDArray[np.float64], c: NDArray[np.float64]) -> float:
+def turn(a: FloatArray, b: FloatArray, c: FloatArray) -> float:
     """Return twice the area of a triangle, positive if counter-clockwise."""
     return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
 
 
 @njit(cache=True, nogil=True)
-def _squared(a: NDArray[np.float64], b: NDArray[np.float64]) -> float:
+def _squared(a: FloatArray, b: FloatArray) -> float:
     """Return the squared distance of two points."""
     return (a[0] - b[0]) ** 2 + (a[1] - b[1]) ** 2

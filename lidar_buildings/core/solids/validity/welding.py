@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from lidar_buildings.core.model.array_types import FloatArray, IntArray
 
-def weld(vertices: NDArray[np.float64], tolerance: float) -> NDArray[np.int64]:
+
+def weld(vertices: FloatArray, tolerance: float) -> IntArray:
     """
     Return for each vertex the row of the one that it counts as.
 

@@ -9,6 +9,7 @@ import shapely
 from numba import njit
 from numpy.typing import NDArray
 
+from lidar_buildings.core.model.array_types import FloatArray, IntArray
 from lidar_buildings.core.model.outline import Outline
 from lidar_buildings.core.solids.output_grid import GRID
 
@@ -32,16 +33,16 @@ class Cells:
     """
 
     polygons: NDArray[np.object_]
-    edges: NDArray[np.int64]
-    ends: NDArray[np.float64]
+    edges: IntArray
+    ends: FloatArray
 
     @property
-    def lengths(self) -> NDArray[np.float64]:
+    def lengths(self) -> FloatArray:
         """Length of each inner edge [m]."""
         return np.hypot(self.ends[:, 2] - self.ends[:, 0], self.ends[:, 3] - self.ends[:, 1])
 
 
-def cut_into_cells(outline: Outline, segments: NDArray[np.float64]) -> Cells:
+def cut_into_cells(outline: Outline, segments: FloatArray) -> Cells:
     """
     Cut an outline along segments.
 
@@ -85,7 +86,7 @@ def _cells(polygons: NDArray[np.object_]) -> Cells:
     return Cells(polygons, pairs[apart], ends[twin][apart])
 
 
-def extend_segments(segments: NDArray[np.float64], walls: NDArray[np.float64]) -> NDArray[np.float64]:
+def extend_segments(segments: FloatArray, walls: FloatArray) -> FloatArray:
     """
     Extend segments at both ends to the nearest other segment or wall.
 
@@ -111,9 +112,7 @@ def extend_segments(segments: NDArray[np.float64], walls: NDArray[np.float64]) -
 
 
 @njit(cache=True, nogil=True)
-def _extend(
-    segments: NDArray[np.float64], obstacles: NDArray[np.float64], extended: NDArray[np.float64]
-) -> None:
+def _extend(segments: FloatArray, obstacles: FloatArray, extended: FloatArray) -> None:
     """Write the extended segments; an obstacle with the segment's own row is no obstacle."""
     for i in range(len(segments)):
         for side in range(2):
@@ -126,7 +125,7 @@ def _extend(
 
 
 @njit(cache=True, nogil=True)
-def _reach(x: float, y: float, dx: float, dy: float, own: int, obstacles: NDArray[np.float64]) -> float:
+def _reach(x: float, y: float, dx: float, dy: float, own: int, obstacles: FloatArray) -> float:
     """Return how far a ray runs to the nearest obstacle [m]; 0 where none is met."""
     nearest = np.inf
     for j in range(len(obstacles)):

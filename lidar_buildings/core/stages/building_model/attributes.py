@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from lidar_buildings.core.model.array_types import FloatArray
 from lidar_buildings.core.model.outline import Outline
 from lidar_buildings.core.solids.output_grid import on_grid
 from lidar_buildings.core.solids.shell import Solid
@@ -18,7 +19,7 @@ from lidar_buildings.core.stages.roof_topology import RoofTopology
 
 
 def known_attributes(
-    points: NDArray[np.float64], outline: Outline, plane_id: NDArray[np.uint16] | None, spacing: float
+    points: FloatArray, outline: Outline, plane_id: NDArray[np.uint16] | None, spacing: float
 ) -> dict[str, Any]:
     """Return all attributes, those that need a solid still unknown."""
     elevations = {

@@ -10,6 +10,8 @@ from numba import njit
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from lidar_buildings.core.model.array_types import FloatArray, IntArray
+
 #: Spots farther than this from any point are without data [spacings].
 EMPTY_DISTANCE = 2.0
 #: Most spots of the raster.
@@ -35,16 +37,13 @@ class Samples:
         Row of the plane nearest to a spot without data, -1 for points.
     """
 
-    points: NDArray[np.float64]
-    weight: NDArray[np.float64]
-    plane: NDArray[np.int64]
+    points: FloatArray
+    weight: FloatArray
+    plane: IntArray
 
 
 def make_samples(
-    points: NDArray[np.float64],
-    plane_id: NDArray[np.uint16],
-    outline: shapely.Polygon,
-    spacing: float,
+    points: FloatArray, plane_id: NDArray[np.uint16], outline: shapely.Polygon, spacing: float
 ) -> Samples:
     """
     Weigh points by the area they stand for, and find the spots without any.
@@ -91,14 +90,14 @@ def make_samples(
 
 @njit(cache=True, nogil=True)
 def cells_of_samples(
-    x: NDArray[np.float64],
-    y: NDArray[np.float64],
-    order: NDArray[np.int64],
-    corners: NDArray[np.float64],
-    first: NDArray[np.int64],
-    owner: NDArray[np.int64],
+    x: FloatArray,
+    y: FloatArray,
+    order: IntArray,
+    corners: FloatArray,
+    first: IntArray,
+    owner: IntArray,
     n_cells: int,
-) -> NDArray[np.int64]:
+) -> IntArray:
     """
     Return the cell that each place lies in, -1 for none.
 
@@ -147,13 +146,13 @@ def cells_of_samples(
 
 @njit(cache=True, nogil=True)
 def sum_misfits(
-    points: NDArray[np.float64],
-    weight: NDArray[np.float64],
-    nearest: NDArray[np.int64],
-    cell: NDArray[np.int64],
-    planes: NDArray[np.float64],
+    points: FloatArray,
+    weight: FloatArray,
+    nearest: IntArray,
+    cell: IntArray,
+    planes: FloatArray,
     n_cells: int,
-) -> NDArray[np.float64]:
+) -> FloatArray:
     """
     Return the misfit [m³] of every plane over every cell, shape (n_cells, n_planes).
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
+from lidar_buildings.core.model.array_types import FloatArray, IntArray
 from lidar_buildings.core.stages.building_model.minimum_cut import source_side
 
 #: Rounds over all labels; the energy hardly falls after the second.
@@ -15,14 +15,14 @@ _EPSILON = 1e-9
 
 
 def label_cells(
-    costs: NDArray[np.float64],
-    edges: NDArray[np.int64],
-    ends: NDArray[np.float64],
-    planes: NDArray[np.float64],
+    costs: FloatArray,
+    edges: IntArray,
+    ends: FloatArray,
+    planes: FloatArray,
     border_cost: float,
     step_cost: float,
     max_step: float,
-) -> NDArray[np.int64]:
+) -> IntArray:
     """
     Choose a plane for every cell.
 
@@ -61,12 +61,12 @@ def label_cells(
 
 @njit(cache=True, nogil=True)
 def _expand_all(
-    costs: NDArray[np.float64],
-    edges: NDArray[np.int64],
-    ends: NDArray[np.float64],
-    planes: NDArray[np.float64],
-    weights: NDArray[np.float64],
-    labels: NDArray[np.int64],
+    costs: FloatArray,
+    edges: IntArray,
+    ends: FloatArray,
+    planes: FloatArray,
+    weights: FloatArray,
+    labels: IntArray,
 ) -> None:
     """Expand every label in turn until none gains."""
     unchanged = 0
@@ -81,12 +81,7 @@ def _expand_all(
 
 
 @njit(cache=True, nogil=True)
-def _border(
-    end: NDArray[np.float64],
-    one: NDArray[np.float64],
-    other: NDArray[np.float64],
-    weights: NDArray[np.float64],
-) -> float:
+def _border(end: FloatArray, one: FloatArray, other: FloatArray, weights: FloatArray) -> float:
     """Return the cost of an edge between two different planes [m³]."""
     length = np.hypot(end[2] - end[0], end[3] - end[1])
     a, b, c = one[0] - other[0], one[1] - other[1], one[2] - other[2]
@@ -97,12 +92,12 @@ def _border(
 
 @njit(cache=True, nogil=True)
 def _expand(
-    costs: NDArray[np.float64],
-    edges: NDArray[np.int64],
-    ends: NDArray[np.float64],
-    planes: NDArray[np.float64],
-    weights: NDArray[np.float64],
-    labels: NDArray[np.int64],
+    costs: FloatArray,
+    edges: IntArray,
+    ends: FloatArray,
+    planes: FloatArray,
+    weights: FloatArray,
+    labels: IntArray,
     label: int,
 ) -> bool:
     """Give `label` to the set of cells that gains most; return whether any cell changed."""
@@ -133,13 +128,8 @@ def _expand(
 
 @njit(cache=True, nogil=True)
 def _borders(
-    edges: NDArray[np.int64],
-    ends: NDArray[np.float64],
-    planes: NDArray[np.float64],
-    weights: NDArray[np.float64],
-    labels: NDArray[np.int64],
-    label: int,
-) -> NDArray[np.float64]:
+    edges: IntArray, ends: FloatArray, planes: FloatArray, weights: FloatArray, labels: IntArray, label: int
+) -> FloatArray:
     """Return each edge's cost if both cells keep their planes, only the first does, or only the second."""
     borders = np.zeros((len(edges), 3))
     for e in range(len(edges)):
@@ -155,12 +145,8 @@ def _borders(
 
 @njit(cache=True, nogil=True)
 def _number_candidates(
-    costs: NDArray[np.float64],
-    edges: NDArray[np.int64],
-    borders: NDArray[np.float64],
-    labels: NDArray[np.int64],
-    label: int,
-) -> NDArray[np.int64]:
+    costs: FloatArray, edges: IntArray, borders: FloatArray, labels: IntArray, label: int
+) -> IntArray:
     """
     Number the cells that might take a label; -1 for those that lose more than their borders could ever gain.
     """
@@ -179,12 +165,8 @@ def _number_candidates(
 
 @njit(cache=True, nogil=True)
 def _link_candidates(
-    edges: NDArray[np.int64],
-    borders: NDArray[np.float64],
-    node: NDArray[np.int64],
-    keep: NDArray[np.float64],
-    take: NDArray[np.float64],
-) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    edges: IntArray, borders: FloatArray, node: IntArray, keep: FloatArray, take: FloatArray
+) -> tuple[IntArray, FloatArray]:
     """
     Add the borders to what keeping and taking cost, and return what only pairs can tell.
 

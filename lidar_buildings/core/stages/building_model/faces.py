@@ -6,6 +6,7 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
+from lidar_buildings.core.model.array_types import FloatArray, IntArray
 from lidar_buildings.core.neighbours.union_find import sets_of_pairs
 from lidar_buildings.core.stages.building_model.arrangement import Cells
 
@@ -13,14 +14,14 @@ from lidar_buildings.core.stages.building_model.arrangement import Cells
 _STRAIGHT = 0.004
 
 
-def join_equal_cells(cells: Cells, labels: NDArray[np.int64]) -> NDArray[np.int64]:
+def join_equal_cells(cells: Cells, labels: IntArray) -> IntArray:
     """Number the connected groups of cells of one plane, from 0 in the order of their first cells."""
     same = labels[cells.edges[:, 0]] == labels[cells.edges[:, 1]]
     roots = sets_of_pairs(len(labels), *cells.edges[same].T)
     return np.unique(roots, return_inverse=True)[1].reshape(-1)
 
 
-def absorb_small_faces(cells: Cells, labels: NDArray[np.int64], min_area: float) -> NDArray[np.int64]:
+def absorb_small_faces(cells: Cells, labels: IntArray, min_area: float) -> IntArray:
     """
     Give faces smaller than `min_area` [m²] the plane beyond their longest border, the smallest one first.
     """
@@ -41,7 +42,7 @@ def absorb_small_faces(cells: Cells, labels: NDArray[np.int64], min_area: float)
         labels[face == small] = labels[int(np.argmax(face == longest))]
 
 
-def face_polygons(cells: Cells, face: NDArray[np.int64]) -> list[shapely.Polygon]:
+def face_polygons(cells: Cells, face: IntArray) -> list[shapely.Polygon]:
     """Return the faces' polygons by number, whole edges shared as those of the cells are."""
     order = np.argsort(face, kind="stable")
     starts = np.flatnonzero(np.diff(face[order], prepend=-1))
@@ -56,8 +57,8 @@ def _united(group: NDArray[np.object_]) -> shapely.Polygon:
 
 
 def without_straight_vertices(
-    polygons: list[shapely.Polygon], corners: NDArray[np.float64]
-) -> list[tuple[NDArray[np.float64], ...]]:
+    polygons: list[shapely.Polygon], corners: FloatArray
+) -> list[tuple[FloatArray, ...]]:
     """
     Return the rings of polygons that share whole edges, without vertices in the middle of straight edges.
 

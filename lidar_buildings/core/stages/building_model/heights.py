@@ -6,8 +6,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 
+from lidar_buildings.core.model.array_types import FloatArray, IntArray
 from lidar_buildings.core.neighbours.union_find import sets_of_pairs
 from lidar_buildings.core.solids.output_grid import GRID
 from lidar_buildings.core.stages.building_model.roof_face import RoofFacePatch, open_rings
@@ -43,20 +43,18 @@ class Limits:
     per_rise: float
 
     @classmethod
-    def of(cls, points: NDArray[np.float64], spacing: float) -> Limits:
+    def of(cls, points: FloatArray, spacing: float) -> Limits:
         """Return the limits of a building's points."""
         return cls(float(points[:, 2].min()) - _BELOW, float(points[:, 2].max()) + _ABOVE, spacing)
 
-    def excess(self, planes: NDArray[np.float64], xy: NDArray[np.float64]) -> NDArray[np.float64]:
+    def excess(self, planes: FloatArray, xy: FloatArray) -> FloatArray:
         """Return how far planes, shape (n, 3), lie beyond the limits at places, shape (n, 2) [m]."""
         z = np.einsum("ij,ij->i", planes[:, :2], xy) + planes[:, 2]
         beyond = np.maximum(z - self.high, self.low - z) - self.per_rise * np.hypot(*planes[:, :2].T)
         return np.maximum(beyond, 0.0)
 
 
-def fit_face_planes(
-    faces: list[RoofFacePatch], points: NDArray[np.float64], spacing: float
-) -> list[RoofFacePatch]:
+def fit_face_planes(faces: list[RoofFacePatch], points: FloatArray, spacing: float) -> list[RoofFacePatch]:
     """
     Give faces that do not fit their points a plane of their own, and cut off what reaches beyond all points.
 
@@ -76,7 +74,7 @@ def fit_face_planes(
     return [piece for face in fitting for piece in _within(face, points, limits)]
 
 
-def _fitted(face: RoofFacePatch, own: NDArray[np.float64], spacing: float) -> RoofFacePatch:
+def _fitted(face: RoofFacePatch, own: FloatArray, spacing: float) -> RoofFacePatch:
     """Return a face with the first plane that fits its points."""
     if not len(own) or _suits(face.plane, face, own, spacing):
         return face
@@ -87,7 +85,7 @@ def _fitted(face: RoofFacePatch, own: NDArray[np.float64], spacing: float) -> Ro
     return replace(face, plane=np.array([0.0, 0.0, np.median(own[:, 2])]))
 
 
-def _suits(plane: NDArray[np.float64], face: RoofFacePatch, own: NDArray[np.float64], spacing: float) -> bool:
+def _suits(plane: FloatArray, face: RoofFacePatch, own: FloatArray, spacing: float) -> bool:
     """
     Whether a plane fits a face's points and, if the face is small and full of them, keeps to their heights.
     """
@@ -103,13 +101,13 @@ def _suits(plane: NDArray[np.float64], face: RoofFacePatch, own: NDArray[np.floa
     return bool(z.max() <= own[:, 2].max() + slack and z.min() >= own[:, 2].min() - slack)
 
 
-def _fits(plane: NDArray[np.float64], own: NDArray[np.float64], spacing: float) -> bool:
+def _fits(plane: FloatArray, own: FloatArray, spacing: float) -> bool:
     """Whether half of a face's points are near its plane."""
     misfit = np.abs(own[:, 2] - _elevations(plane, own))
     return bool(np.median(misfit) <= _MAX_MEDIAN_MISFIT + 0.5 * spacing * np.hypot(*plane[:2]))
 
 
-def _within(face: RoofFacePatch, points: NDArray[np.float64], limits: Limits) -> list[RoofFacePatch]:
+def _within(face: RoofFacePatch, points: FloatArray, limits: Limits) -> list[RoofFacePatch]:
     """
     Return a face, or its pieces where it reaches beyond the limits: the part between them, and level ones.
     """
@@ -144,12 +142,12 @@ def _between(face: RoofFacePatch, low: float, high: float) -> shapely.Polygon:
     return shapely.Polygon([centre + u * uphill + v * along for u, v in corners])
 
 
-def _elevations(plane: NDArray[np.float64], xy: NDArray[np.float64]) -> NDArray[np.float64]:
+def _elevations(plane: FloatArray, xy: FloatArray) -> FloatArray:
     """Return a plane's elevations at places."""
     return np.asarray(xy[:, 0] * plane[0] + xy[:, 1] * plane[1] + plane[2])
 
 
-def _least_squares(points: NDArray[np.float64]) -> NDArray[np.float64]:
+def _least_squares(points: FloatArray) -> FloatArray:
     """
     Return the plane z = a·x + b·y + c with the least vertical misfit; flat where the points lie on a line.
     """
@@ -159,7 +157,7 @@ def _least_squares(points: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.array([a, b, centre[2] - a * centre[0] - b * centre[1]])
 
 
-def parts_of_one_height(faces: list[RoofFacePatch], min_step: float) -> NDArray[np.int64]:
+def parts_of_one_height(faces: list[RoofFacePatch], min_step: float) -> IntArray:
     """
     Number the parts of a roof: faces that meet, or are parted by a low step only, belong together.
 

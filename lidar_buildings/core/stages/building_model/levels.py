@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 
+from lidar_buildings.core.model.array_types import FloatArray, IntArray
 from lidar_buildings.core.model.outline import Outline
 from lidar_buildings.core.solids.output_grid import GRID, on_grid, repaired_outlines
 from lidar_buildings.core.solids.raising import RoofPiece, checked_roof_solid, extrude
@@ -53,7 +53,7 @@ def level_12(outline: Outline, ground: float, roof: float) -> tuple[Level, Outli
     return Level(None, codes), outline
 
 
-def level_13(faces: list[RoofFacePatch], elevations: NDArray[np.float64], ground: float) -> Level:
+def level_13(faces: list[RoofFacePatch], elevations: FloatArray, ground: float) -> Level:
     """
     Raise every face to the elevation of its part.
 
@@ -88,10 +88,10 @@ def level_22(faces: list[RoofFacePatch], ground: float) -> Level:
 
 def part_elevations(
     faces: list[RoofFacePatch],
-    part: NDArray[np.int64],
-    points: NDArray[np.float64],
-    elevation_of: Callable[[NDArray[np.float64]], float],
-) -> NDArray[np.float64]:
+    part: IntArray,
+    points: FloatArray,
+    elevation_of: Callable[[FloatArray], float],
+) -> FloatArray:
     """
     Return the elevation of each face's part for LoD1.3 [m], on the output grid.
 

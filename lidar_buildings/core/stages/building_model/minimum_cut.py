@@ -4,19 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
+
+from lidar_buildings.core.model.array_types import BoolArray, FloatArray, IntArray
 
 #: Capacities below this are used up [m³].
 _EPSILON = 1e-12
 
 
 @njit(cache=True, nogil=True)
-def source_side(
-    excess: NDArray[np.float64],
-    links: NDArray[np.int64],
-    forward: NDArray[np.float64],
-    backward: NDArray[np.float64],
-) -> NDArray[np.bool_]:
+def source_side(excess: FloatArray, links: IntArray, forward: FloatArray, backward: FloatArray) -> BoolArray:
     """
     Cut a graph in two parts at the least cost.
 
@@ -73,11 +69,11 @@ def source_side(
 def _set_levels(
     source: int,
     sink: int,
-    first: NDArray[np.int64],
-    arcs: NDArray[np.int64],
-    head: NDArray[np.int64],
-    capacity: NDArray[np.float64],
-    level: NDArray[np.int64],
+    first: IntArray,
+    arcs: IntArray,
+    head: IntArray,
+    capacity: FloatArray,
+    level: IntArray,
 ) -> bool:
     """Write each node's distance from the source, -1 = not reached; return whether the sink is reached."""
     level[:] = -1
@@ -101,11 +97,11 @@ def _set_levels(
 def _saturate(
     source: int,
     sink: int,
-    first: NDArray[np.int64],
-    arcs: NDArray[np.int64],
-    head: NDArray[np.int64],
-    capacity: NDArray[np.float64],
-    level: NDArray[np.int64],
+    first: IntArray,
+    arcs: IntArray,
+    head: IntArray,
+    capacity: FloatArray,
+    level: IntArray,
 ) -> None:
     """Send flow along paths of rising level until every such path is used up."""
     at = first[:-1].copy()

@@ -9,6 +9,7 @@ import shapely
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from lidar_buildings.core.model.array_types import FloatArray, IntArray
 from lidar_buildings.core.model.outline import Outline
 from lidar_buildings.core.neighbours.union_find import sets_of_pairs
 
@@ -36,14 +37,14 @@ class MissedParts:
         z = a·x + b·y + c of the tops of those that had no plane: chimneys and the like.
     """
 
-    sides: NDArray[np.float64]
-    planes: NDArray[np.float64]
+    sides: FloatArray
+    planes: FloatArray
 
 
 def find_missed_parts(
-    points: NDArray[np.float64],
+    points: FloatArray,
     plane_id: NDArray[np.uint16],
-    above: NDArray[np.float64],
+    above: FloatArray,
     outline: Outline,
     spacing: float,
     min_area: float,
@@ -86,15 +87,13 @@ def find_missed_parts(
     )
 
 
-def _is_level(z: NDArray[np.float64]) -> bool:
+def _is_level(z: FloatArray) -> bool:
     """Whether most points of a part are at one level."""
     low, high = np.percentile(z, [20, 80])
     return bool(high - low <= _MAX_SPREAD)
 
 
-def _parts(
-    xy: NDArray[np.float64], plane_id: NDArray[np.uint16], reach: float, fewest: int
-) -> list[NDArray[np.int64]]:
+def _parts(xy: FloatArray, plane_id: NDArray[np.uint16], reach: float, fewest: int) -> list[IntArray]:
     """Return the rows of connected groups of at least so many points of one plane."""
     if len(xy) < fewest:
         return []
@@ -104,7 +103,7 @@ def _parts(
     return [np.flatnonzero(part == number) for number in np.flatnonzero(np.bincount(part) >= fewest)]
 
 
-def _directions(outline: Outline) -> NDArray[np.float64]:
+def _directions(outline: Outline) -> FloatArray:
     """
     Return unit vectors along the longest walls, at most three that differ by more than 10 degrees mod 90.
     """
@@ -120,9 +119,7 @@ def _directions(outline: Outline) -> NDArray[np.float64]:
     return np.column_stack([np.cos(chosen), np.sin(chosen)])
 
 
-def _rectangle(
-    xy: NDArray[np.float64], directions: NDArray[np.float64], margin: float
-) -> NDArray[np.float64]:
+def _rectangle(xy: FloatArray, directions: FloatArray, margin: float) -> FloatArray:
     """Return the four sides, shape (4, 2, 2), of the smallest rectangle in one of the directions."""
     hull = shapely.get_coordinates(shapely.convex_hull(shapely.multipoints(xy)))
     best = None

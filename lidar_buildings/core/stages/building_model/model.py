@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from lidar_buildings.core.model.array_types import FloatArray
 from lidar_buildings.core.model.outline import Outline
 from lidar_buildings.core.model.point_array import checked_column, checked_points
 from lidar_buildings.core.model.status import BuildingStatus
@@ -53,7 +54,7 @@ _ASSUMED_SPACING = 1.0
 class _Roof:
     """What is known of a building before solids are made."""
 
-    points: NDArray[np.float64]
+    points: FloatArray
     outline: Outline
     ground: float
     spacing: float
@@ -139,7 +140,7 @@ def build_model(
         return _lowest_alone(lowest.solid, attributes, remarks)
 
 
-def _flat_top(points: NDArray[np.float64], ground: float, config: BuildingModelConfig) -> tuple[float, str]:
+def _flat_top(points: FloatArray, ground: float, config: BuildingModelConfig) -> tuple[float, str]:
     """Return the elevation of LoD1.2's top [m], and what to remark about it."""
     roof = _top(points[:, 2], config)
     lowest = float(on_grid(ground + MIN_HEIGHT))
@@ -148,7 +149,7 @@ def _flat_top(points: NDArray[np.float64], ground: float, config: BuildingModelC
     return lowest, f"the roof at {roof:.2f} m is not above the ground at {ground:.2f} m: raised"
 
 
-def _top(z: NDArray[np.float64], config: BuildingModelConfig) -> float:
+def _top(z: FloatArray, config: BuildingModelConfig) -> float:
     """Return the elevation of a flat top over points [m]."""
     return float(on_grid(np.percentile(z, ELEVATIONS[config.roof_elevation])))
 
@@ -189,7 +190,7 @@ def _roof_faces_of(roof: _Roof, config: BuildingModelConfig) -> list[RoofFacePat
     return fit_face_planes(faces, roof.points, roof.spacing)
 
 
-def _distinct_planes(roof: _Roof) -> tuple[NDArray[np.float64], NDArray[np.uint16]]:
+def _distinct_planes(roof: _Roof) -> tuple[FloatArray, NDArray[np.uint16]]:
     """
     Return a, b, c of every plane, pieces of one plane once, and the number of each point's; at least one.
     """
@@ -207,7 +208,7 @@ def _distinct_planes(roof: _Roof) -> tuple[NDArray[np.float64], NDArray[np.uint1
     return equations[first[order]], new[roof.plane_id]
 
 
-def _equation(plane: RoofPlane) -> NDArray[np.float64]:
+def _equation(plane: RoofPlane) -> FloatArray:
     """Return a, b, c of z = a·x + b·y + c."""
     a, b = plane.gradient
     return np.array([a, b, plane.centroid[2] - a * plane.centroid[0] - b * plane.centroid[1]])
@@ -240,7 +241,7 @@ def _lowest_alone(solid: Solid, attributes: dict[str, Any], remarks: list[str]) 
     return BuildingModel({LOD12: solid}, attributes, _roof_faces(solid), BuildingStatus.OK, reason)
 
 
-def _has_extent(points: NDArray[np.float64]) -> bool:
+def _has_extent(points: FloatArray) -> bool:
     """Whether points span an area in plan."""
     if len(points) < 3:
         return False
@@ -258,7 +259,7 @@ def _without_solid(
 
 
 def _ground(
-    points: NDArray[np.float64], ground_elevation: float | None, config: BuildingModelConfig
+    points: FloatArray, ground_elevation: float | None, config: BuildingModelConfig
 ) -> tuple[float, str]:
     """Return the elevation that the solid stands on, and what to remark about it."""
     if ground_elevation is not None:

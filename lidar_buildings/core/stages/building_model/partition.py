@@ -8,6 +8,7 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
+from lidar_buildings.core.model.array_types import FloatArray, IntArray
 from lidar_buildings.core.model.outline import Outline
 from lidar_buildings.core.stages.building_model.arrangement import Cells, cut_into_cells, extend_segments
 from lidar_buildings.core.stages.building_model.cell_costs import (
@@ -43,10 +44,10 @@ _SECOND_LOOKS = 2
 
 def partition_outline(
     outline: Outline,
-    points: NDArray[np.float64],
+    points: FloatArray,
     plane_id: NDArray[np.uint16],
-    planes: NDArray[np.float64],
-    segments: NDArray[np.float64],
+    planes: FloatArray,
+    segments: FloatArray,
     spacing: float,
     config: BuildingModelConfig,
 ) -> list[RoofFacePatch]:
@@ -93,9 +94,9 @@ class _Roof:
     """What every attempt at a partition starts from."""
 
     outline: Outline
-    points: NDArray[np.float64]
+    points: FloatArray
     samples: Samples
-    planes: NDArray[np.float64]
+    planes: FloatArray
     spacing: float
     config: BuildingModelConfig
 
@@ -105,17 +106,17 @@ class _Labelled:
     """Cells with the row of each one's plane, and the cell of every point, -1 beside the outline."""
 
     cells: Cells
-    labels: NDArray[np.int64]
-    cell: NDArray[np.int64]
+    labels: IntArray
+    cell: IntArray
 
-    def above(self, roof: _Roof) -> NDArray[np.float64]:
+    def above(self, roof: _Roof) -> FloatArray:
         """Return every point's height above its face, 0 for points beside the outline [m]."""
         plane = roof.planes[self.labels[self.cell]]
         above = roof.points[:, 2] - np.einsum("ij,ij->i", plane[:, :2], roof.points[:, :2]) - plane[:, 2]
         return np.where(self.cell >= 0, above, 0.0)
 
 
-def _label(roof: _Roof, segments: NDArray[np.float64]) -> _Labelled:
+def _label(roof: _Roof, segments: FloatArray) -> _Labelled:
     """Cut the outline and give every cell a plane."""
     outline, samples, planes, config = roof.outline, roof.samples, roof.planes, roof.config
     cells = _cells(outline, segments) if len(planes) > 1 else cut_into_cells(outline, segments[:0])
@@ -135,7 +136,7 @@ def _label(roof: _Roof, segments: NDArray[np.float64]) -> _Labelled:
     return _Labelled(cells, labels, cell[: len(roof.points)])
 
 
-def _impossible(cells: Cells, planes: NDArray[np.float64], limits: Limits) -> NDArray[np.float64]:
+def _impossible(cells: Cells, planes: FloatArray, limits: Limits) -> FloatArray:
     """
     Return what it costs that planes lie beyond what was seen or are walls [m³], shape (n_cells, n_planes).
     """
@@ -161,7 +162,7 @@ def _faces(roof: _Roof, found: _Labelled) -> list[RoofFacePatch]:
     ]
 
 
-def _cells(outline: Outline, segments: NDArray[np.float64]) -> Cells:
+def _cells(outline: Outline, segments: FloatArray) -> Cells:
     """
     Cut an outline along segments and along the walls of its re-entrant corners, all run on to the next line.
     """
@@ -171,7 +172,7 @@ def _cells(outline: Outline, segments: NDArray[np.float64]) -> Cells:
     return cut_into_cells(outline, extend_segments(lines, walls))
 
 
-def _reentrant_walls(ring: NDArray[np.float64]) -> NDArray[np.float64]:
+def _reentrant_walls(ring: FloatArray) -> FloatArray:
     """Return short segments that lead from re-entrant corners along their walls into the building."""
     into = ring - np.roll(ring, 1, axis=0)
     out = np.roll(ring, -1, axis=0) - ring
@@ -183,7 +184,7 @@ def _reentrant_walls(ring: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.stack([starts, starts + 0.01 * steps], axis=1)
 
 
-def _places(cells: Cells, samples: Samples) -> NDArray[np.int64]:
+def _places(cells: Cells, samples: Samples) -> IntArray:
     """Return the cell of every sample, -1 for those beside the outline."""
     rings, owner = shapely.get_rings(cells.polygons, return_index=True)
     corners, ring_of = shapely.get_coordinates(rings, return_index=True)
@@ -195,7 +196,7 @@ def _places(cells: Cells, samples: Samples) -> NDArray[np.int64]:
     )
 
 
-def _rows_by_face(face: NDArray[np.int64], cell: NDArray[np.int64], n_faces: int) -> list[NDArray[np.int64]]:
+def _rows_by_face(face: IntArray, cell: IntArray, n_faces: int) -> list[IntArray]:
     """Return the rows of the points over each face."""
     rows = np.flatnonzero(cell >= 0)
     number = face[cell[rows]]

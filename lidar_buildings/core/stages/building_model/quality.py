@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from lidar_buildings.core.model.array_types import BoolArray, FloatArray
 from lidar_buildings.core.model.outline import Outline
 from lidar_buildings.core.solids.shell import Solid
 from lidar_buildings.core.stages.building_model.cell_costs import EMPTY_DISTANCE
@@ -44,11 +44,7 @@ class ModelQuality:
 
 
 def measure_model(
-    faces: list[RoofFacePatch],
-    solid: Solid,
-    points: NDArray[np.float64],
-    outline: Outline,
-    spacing: float,
+    faces: list[RoofFacePatch], solid: Solid, points: FloatArray, outline: Outline, spacing: float
 ) -> ModelQuality:
     """
     Measure how well roof faces agree with the points.
@@ -80,7 +76,7 @@ def measure_model(
     return ModelQuality(rmse, float(covered.mean()), float(no_data.mean()))
 
 
-def _is_near(spots: NDArray[np.float64], xy: NDArray[np.float64], reach: float) -> NDArray[np.bool_]:
+def _is_near(spots: FloatArray, xy: FloatArray, reach: float) -> BoolArray:
     """Whether places have a position within reach."""
     # Any position in the same cell of this size is near; the tree is asked about the other places only.
     size = reach / 1.5
@@ -94,7 +90,7 @@ def _is_near(spots: NDArray[np.float64], xy: NDArray[np.float64], reach: float) 
     return np.asarray(near)
 
 
-def _misfits(faces: list[RoofFacePatch], points: NDArray[np.float64]) -> NDArray[np.float64]:
+def _misfits(faces: list[RoofFacePatch], points: FloatArray) -> FloatArray:
     """Return every point's distance to the plane of the face over or under it [m]."""
     number = np.full(len(points), -1, dtype=np.int64)
     for k, face in enumerate(faces):
@@ -109,7 +105,7 @@ def _misfits(faces: list[RoofFacePatch], points: NDArray[np.float64]) -> NDArray
     return np.asarray(distance)
 
 
-def _spots(outline: Outline, spacing: float) -> NDArray[np.float64]:
+def _spots(outline: Outline, spacing: float) -> FloatArray:
     """Return places inside an outline on a regular grid."""
     if len(outline.exterior) < 3 or outline.area <= 0:
         return np.zeros((0, 2))

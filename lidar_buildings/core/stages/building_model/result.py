@@ -5,9 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
+from lidar_buildings.core.model.array_types import FloatArray
 from lidar_buildings.core.model.status import BuildingStatus
 from lidar_buildings.core.solids.shell import Solid
 
@@ -33,7 +31,7 @@ ATTRIBUTES = (
     "validity",
 )
 #: The faces of a roof: each its rings of shape (n, 3), the exterior first and then its holes.
-RoofFaces = tuple[tuple[NDArray[np.float64], ...], ...]
+RoofFaces = tuple[tuple[FloatArray, ...], ...]
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,7 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
+
+from lidar_buildings.core.model.array_types import FloatArray, IntArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,9 +25,9 @@ class RoofFacePatch:
         Rows of the building's points over the face.
     """
 
-    rings: tuple[NDArray[np.float64], ...]
-    plane: NDArray[np.float64]
-    rows: NDArray[np.int64]
+    rings: tuple[FloatArray, ...]
+    plane: FloatArray
+    rows: IntArray
 
     @property
     def polygon(self) -> shapely.Polygon:
@@ -34,7 +35,7 @@ class RoofFacePatch:
         return shapely.Polygon(self.rings[0], self.rings[1:])
 
 
-def open_rings(polygon: shapely.Polygon) -> tuple[NDArray[np.float64], ...]:
+def open_rings(polygon: shapely.Polygon) -> tuple[FloatArray, ...]:
     """Return a polygon's rings, the outer one counter-clockwise, its holes clockwise, open."""
     oriented = shapely.geometry.polygon.orient(polygon)
     return tuple(np.asarray(ring.coords)[:-1] for ring in (oriented.exterior, *oriented.interiors))

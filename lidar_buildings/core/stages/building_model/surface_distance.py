@@ -4,14 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
+from lidar_buildings.core.model.array_types import FloatArray, IntArray
 from lidar_buildings.core.solids.shell import Solid
 
 
-def distance_to_surface(
-    points: NDArray[np.float64], solid: Solid, at_most: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def distance_to_surface(points: FloatArray, solid: Solid, at_most: FloatArray) -> FloatArray:
     """
     Return each point's distance to the nearest face of a solid.
 
@@ -41,11 +39,11 @@ def distance_to_surface(
 
 @njit(cache=True, nogil=True)
 def _nearest(
-    points: NDArray[np.float64],
-    corners: NDArray[np.float64],
-    first_corner: NDArray[np.int64],
-    first_ring: NDArray[np.int64],
-    distance: NDArray[np.float64],
+    points: FloatArray,
+    corners: FloatArray,
+    first_corner: IntArray,
+    first_ring: IntArray,
+    distance: FloatArray,
 ) -> None:
     """Lower the distances face by face."""
     for face in range(len(first_ring) - 1):
@@ -87,7 +85,7 @@ def _nearest(
 
 
 @njit(cache=True, nogil=True)
-def _normal(corners: NDArray[np.float64], start: int, stop: int) -> tuple[float, float, float]:
+def _normal(corners: FloatArray, start: int, stop: int) -> tuple[float, float, float]:
     """Return a ring's area vector, doubled (Newell)."""
     nx, ny, nz = 0.0, 0.0, 0.0
     for k in range(start, stop - 1):
@@ -103,9 +101,9 @@ def _normal(corners: NDArray[np.float64], start: int, stop: int) -> tuple[float,
 def _inside(
     x: float,
     y: float,
-    corners: NDArray[np.float64],
-    first_corner: NDArray[np.int64],
-    first_ring: NDArray[np.int64],
+    corners: FloatArray,
+    first_corner: IntArray,
+    first_ring: IntArray,
     face: int,
     u: int,
     v: int,
@@ -122,10 +120,10 @@ def _inside(
 
 @njit(cache=True, nogil=True)
 def _to_edges(
-    point: NDArray[np.float64],
-    corners: NDArray[np.float64],
-    first_corner: NDArray[np.int64],
-    first_ring: NDArray[np.int64],
+    point: FloatArray,
+    corners: FloatArray,
+    first_corner: IntArray,
+    first_ring: IntArray,
     face: int,
     reach: float,
 ) -> float:

@@ -6,6 +6,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from lidar_buildings.core.model.array_types import FloatArray, IntArray
 from lidar_buildings.core.stages.plane_fitting.plane_geometry import distance_of
 from lidar_buildings.core.stages.plane_fitting.surroundings import Cloud
 
@@ -20,7 +21,7 @@ _OFF = 3.0
 
 
 @njit(cache=True, nogil=True)
-def seam_points(neighbours: NDArray[np.int32], labels: NDArray[np.int32]) -> NDArray[np.int64]:
+def seam_points(neighbours: NDArray[np.int32], labels: NDArray[np.int32]) -> IntArray:
     """Return the rows of the points that have neighbours in a plane, but not in their own."""
     rows = np.empty(len(labels), np.int64)
     n = 0
@@ -35,9 +36,7 @@ def seam_points(neighbours: NDArray[np.int32], labels: NDArray[np.int32]) -> NDA
     return rows[:n].copy()
 
 
-def touching_planes(
-    neighbours: NDArray[np.int32], labels: NDArray[np.int32], seam: NDArray[np.int64]
-) -> NDArray[np.int64]:
+def touching_planes(neighbours: NDArray[np.int32], labels: NDArray[np.int32], seam: IntArray) -> IntArray:
     """Return the pairs of planes, shape (n_pairs, 2), that have points in the neighbourhood of one point."""
     size = int(labels.max(initial=0)) + 1
     codes = np.unique(_pair_codes(neighbours, labels, seam, size))
@@ -47,11 +46,11 @@ def touching_planes(
 def bridged_planes(
     cloud: Cloud,
     labels: NDArray[np.int32],
-    seam: NDArray[np.int64],
-    equations: NDArray[np.float64],
+    seam: IntArray,
+    equations: FloatArray,
     bridge: float,
     max_distance: float,
-) -> NDArray[np.int64]:
+) -> IntArray:
     """
     Return the pairs of planes, shape (n_pairs, 2), that may be one that another comes between.
 
@@ -77,7 +76,7 @@ def bridged_planes(
 
 
 @njit(cache=True, nogil=True)
-def rows_of_planes(labels: NDArray[np.int32], size: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+def rows_of_planes(labels: NDArray[np.int32], size: int) -> tuple[IntArray, IntArray]:
     """Return the rows plane by plane: those of plane k are ``rows[first[k]:first[k + 1]]``, rising."""
     first = np.zeros(size + 1, np.int64)
     for label in labels:
@@ -94,8 +93,8 @@ def rows_of_planes(labels: NDArray[np.int32], size: int) -> tuple[NDArray[np.int
 
 @njit(cache=True, nogil=True)
 def _pair_codes(
-    neighbours: NDArray[np.int32], labels: NDArray[np.int32], seam: NDArray[np.int64], size: int
-) -> NDArray[np.int64]:
+    neighbours: NDArray[np.int32], labels: NDArray[np.int32], seam: IntArray, size: int
+) -> IntArray:
     """Return first × size + second of planes that meet around a point, the smaller number first."""
     codes = np.empty(6 * len(seam), np.int64)
     here = np.empty(_MOST_AROUND, np.int64)
@@ -114,9 +113,7 @@ def _pair_codes(
 
 
 @njit(cache=True, nogil=True)
-def _planes_around(
-    neighbours: NDArray[np.int32], labels: NDArray[np.int32], i: int, here: NDArray[np.int64]
-) -> int:
+def _planes_around(neighbours: NDArray[np.int32], labels: NDArray[np.int32], i: int, here: IntArray) -> int:
     """Write the planes of a point and its neighbours to `here`, the first few; return how many."""
     n, last = 0, 0
     if labels[i] > 0:

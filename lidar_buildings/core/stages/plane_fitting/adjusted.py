@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from lidar_buildings.core.model.array_types import FloatArray
 from lidar_buildings.core.neighbours.cell_grid import sort_by_cell
 from lidar_buildings.core.stages.plane_fitting.model_selection import plane_sums
 from lidar_buildings.core.surfaces.roof_planes import RoofPlane
@@ -17,7 +18,7 @@ _CELL = 1.0
 _LINE = 1e-12
 
 
-def why_degenerate(points: NDArray[np.float64]) -> str:
+def why_degenerate(points: FloatArray) -> str:
     """Say in words why no plane can be fitted to points in any order, nothing if it can."""
     n_distinct = min(len(points), 1) + int(bool((points[1:] != points[:1]).any()))
     if n_distinct < 2 or len(points) < 3:
@@ -31,7 +32,7 @@ def why_degenerate(points: NDArray[np.float64]) -> str:
     return f"all {len(points)} points lie on a line" if spread[1] <= _LINE * spread[2] else ""
 
 
-def numbered_by_size(points: NDArray[np.float64], labels: NDArray[np.int32]) -> NDArray[np.uint16]:
+def numbered_by_size(points: FloatArray, labels: NDArray[np.int32]) -> NDArray[np.uint16]:
     """
     Number planes from the largest on, equal ones by their westernmost, southernmost and lowest coordinates.
 
@@ -55,7 +56,7 @@ def numbered_by_size(points: NDArray[np.float64], labels: NDArray[np.int32]) -> 
     return number[labels]
 
 
-def adjusted_planes(points: NDArray[np.float64], plane_id: NDArray[np.uint16]) -> tuple[RoofPlane, ...]:
+def adjusted_planes(points: FloatArray, plane_id: NDArray[np.uint16]) -> tuple[RoofPlane, ...]:
     """Fit every plane to its points by orthogonal least squares, whatever the order of the points."""
     ordered = sort_by_cell(points, _CELL)
     points, plane_id = ordered.points, plane_id[ordered.rows]

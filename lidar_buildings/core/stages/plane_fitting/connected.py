@@ -7,6 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from lidar_buildings.core.model.array_types import FloatArray
 from lidar_buildings.core.stages.plane_fitting.adjacency import seam_points
 from lidar_buildings.core.stages.plane_fitting.config import PlaneFittingConfig
 from lidar_buildings.core.stages.plane_fitting.consensus import PROBABILITY, Limits, samples_needed
@@ -31,7 +32,7 @@ _SMOOTHNESS = 1.0
 
 
 def connected_planes(
-    points: NDArray[np.float64], spacing: float, min_points: int, config: PlaneFittingConfig
+    points: FloatArray, spacing: float, min_points: int, config: PlaneFittingConfig
 ) -> NDArray[np.int32]:
     """
     Number the points of each plane, 0 = none.

@@ -9,6 +9,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from lidar_buildings.core.model.array_types import BoolArray, FloatArray, IntArray
 from lidar_buildings.core.stages.plane_fitting.plane_geometry import (
     distance_of,
     fitted_plane,
@@ -37,15 +38,15 @@ class Scratch(NamedTuple):
     """Arrays that are used again and again while planes grow."""
 
     #: Number of the growth that last visited a point.
-    visit: NDArray[np.int64]
+    visit: IntArray
     #: The members of the growing plane.
-    queue: NDArray[np.int64]
+    queue: IntArray
     #: Points that were a seed already: they are not worth a second try.
-    tried: NDArray[np.bool_]
+    tried: BoolArray
     #: Points that were drawn as seeds in this round, tried or not.
-    drawn: NDArray[np.bool_]
+    drawn: BoolArray
     #: Numbers of the current growth, free points, free points drawn in this round, points visited in vain.
-    counter: NDArray[np.int64]
+    counter: IntArray
 
 
 @njit(cache=True, nogil=True)
@@ -62,7 +63,7 @@ def samples_needed(probability: float, outlier_share: float, n_unknowns: int = 3
 
 
 @njit(cache=True, nogil=True)
-def belongs(cloud: Cloud, limits: Limits, plane: NDArray[np.float64], i: int) -> bool:
+def belongs(cloud: Cloud, limits: Limits, plane: FloatArray, i: int) -> bool:
     """Whether a point lies on a plane, and its surroundings along it."""
     if distance_of(plane, cloud.points, i) > limits.distance:
         return False
@@ -72,12 +73,7 @@ def belongs(cloud: Cloud, limits: Limits, plane: NDArray[np.float64], i: int) ->
 
 @njit(cache=True, nogil=True)
 def propose(
-    cloud: Cloud,
-    limits: Limits,
-    labels: NDArray[np.int32],
-    seed: int,
-    samples: NDArray[np.float64],
-    plane: NDArray[np.float64],
+    cloud: Cloud, limits: Limits, labels: NDArray[np.int32], seed: int, samples: FloatArray, plane: FloatArray
 ) -> bool:
     """
     Write the best plane around a seed to `plane`; False if there is none through the seed.
@@ -111,9 +107,7 @@ def propose(
 
 
 @njit(cache=True, nogil=True)
-def fit_near(
-    cloud: Cloud, limits: Limits, near: NDArray[np.int64], seed: int, plane: NDArray[np.float64]
-) -> bool:
+def fit_near(cloud: Cloud, limits: Limits, near: IntArray, seed: int, plane: FloatArray) -> bool:
     """Replace `plane` by the least-squares plane of its inliers among the seed's neighbours."""
     origin, points = cloud.points[seed], cloud.points
     x, y, z = origin
@@ -126,7 +120,7 @@ def fit_near(
 
 
 @njit(cache=True, nogil=True)
-def refit(moments: NDArray[np.float64], origin: NDArray[np.float64], plane: NDArray[np.float64]) -> bool:
+def refit(moments: FloatArray, origin: FloatArray, plane: FloatArray) -> bool:
     """Write the plane of sums taken about `origin` to `plane`."""
     if fitted_plane(moments, plane) < 0.0:
         return False
@@ -140,7 +134,7 @@ def grow(
     limits: Limits,
     labels: NDArray[np.int32],
     seed: int,
-    plane: NDArray[np.float64],
+    plane: FloatArray,
     refine: bool,
     scratch: Scratch,
 ) -> tuple[int, float]:
@@ -189,12 +183,7 @@ def grow(
 
 @njit(cache=True, nogil=True)
 def refine(
-    cloud: Cloud,
-    limits: Limits,
-    labels: NDArray[np.int32],
-    seed: int,
-    plane: NDArray[np.float64],
-    scratch: Scratch,
+    cloud: Cloud, limits: Limits, labels: NDArray[np.int32], seed: int, plane: FloatArray, scratch: Scratch
 ) -> tuple[int, float]:
     """Let a plane find its way across the roof; then collect the points of where it came to lie."""
     grow(cloud, limits, labels, seed, plane, True, scratch)

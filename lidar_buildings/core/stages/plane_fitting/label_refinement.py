@@ -6,6 +6,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from lidar_buildings.core.model.array_types import BoolArray, FloatArray, IntArray
 from lidar_buildings.core.stages.plane_fitting.model_selection import equations_of, plane_sums
 from lidar_buildings.core.stages.plane_fitting.plane_geometry import distance_of
 from lidar_buildings.core.stages.plane_fitting.surroundings import MAX_NEIGHBOURS, Cloud
@@ -16,11 +17,7 @@ _MAX_FITS, _MAX_ROUNDS = 2, 4
 
 @njit(cache=True, nogil=True)
 def refine_labels(
-    cloud: Cloud,
-    labels: NDArray[np.int32],
-    seam: NDArray[np.int64],
-    max_distance: float,
-    smoothness: float,
+    cloud: Cloud, labels: NDArray[np.int32], seam: IntArray, max_distance: float, smoothness: float
 ) -> NDArray[np.int32]:
     """
     Let every point choose among the planes around it, until none moves.
@@ -60,10 +57,10 @@ def refine_labels(
 def move_points(
     cloud: Cloud,
     labels: NDArray[np.int32],
-    equations: NDArray[np.float64],
+    equations: FloatArray,
     max_distance: float,
     smoothness: float,
-    waiting: NDArray[np.bool_],
+    waiting: BoolArray,
 ) -> int:
     """
     Move points to other planes where that costs less; return how many moved.
@@ -103,7 +100,7 @@ def labels_around(
     labels: NDArray[np.int32],
     own: int,
     number: NDArray[np.int32],
-    count: NDArray[np.int64],
+    count: IntArray,
 ) -> int:
     """
     Write the planes around a point to `number`, and to `count` how many neighbours have each.
@@ -128,12 +125,12 @@ def labels_around(
 
 @njit(cache=True, nogil=True)
 def cheapest(
-    points: NDArray[np.float64],
+    points: FloatArray,
     i: int,
     number: NDArray[np.int32],
-    count: NDArray[np.int64],
+    count: IntArray,
     n: int,
-    equations: NDArray[np.float64],
+    equations: FloatArray,
     max_distance: float,
     smoothness: float,
 ) -> int:

@@ -14,6 +14,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from lidar_buildings.core.model.array_types import FloatArray, IntArray
 from lidar_buildings.core.neighbours.union_find import root
 from lidar_buildings.core.stages.plane_fitting.adjacency import (
     bridged_planes,
@@ -70,7 +71,7 @@ def prices_of(distance: float, noise: float, spacing: float) -> Prices:
 
 
 def select_planes(
-    cloud: Cloud, labels: NDArray[np.int32], seam: NDArray[np.int64], prices: Prices, bridge: float
+    cloud: Cloud, labels: NDArray[np.int32], seam: IntArray, prices: Prices, bridge: float
 ) -> NDArray[np.int32]:
     """
     Join neighbouring planes, the best pair first, and give up planes, the smallest first, where that saves.
@@ -100,7 +101,7 @@ def select_planes(
     return _dissolved(cloud.points, labels, moments, first, beside, rows, begin, prices)
 
 
-def _neighbours_of_planes(pairs: NDArray[np.int64], size: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+def _neighbours_of_planes(pairs: IntArray, size: int) -> tuple[IntArray, IntArray]:
     """Return the planes beside each: those of plane k are ``beside[first[k]:first[k + 1]]``."""
     pairs = pairs[pairs[:, 0] != pairs[:, 1]]
     both = np.unique(np.concatenate([pairs, pairs[:, ::-1]]) @ np.array([size, 1]))
@@ -109,7 +110,7 @@ def _neighbours_of_planes(pairs: NDArray[np.int64], size: int) -> tuple[NDArray[
 
 
 @njit(cache=True, nogil=True)
-def plane_sums(points: NDArray[np.float64], labels: NDArray[np.int32], size: int) -> NDArray[np.float64]:
+def plane_sums(points: FloatArray, labels: NDArray[np.int32], size: int) -> FloatArray:
     """Return the sums of every plane's points by its number."""
     moments = np.zeros((size, N_MOMENTS))
     for i in range(len(labels)):
@@ -119,7 +120,7 @@ def plane_sums(points: NDArray[np.float64], labels: NDArray[np.int32], size: int
 
 
 @njit(cache=True, nogil=True)
-def equations_of(moments: NDArray[np.float64]) -> NDArray[np.float64]:
+def equations_of(moments: FloatArray) -> FloatArray:
     """Return a, b, c, d of every plane's least-squares plane; zeros where it has no points."""
     equations = np.zeros((len(moments), 4))
     for k in range(1, len(moments)):
@@ -128,7 +129,7 @@ def equations_of(moments: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 @njit(cache=True, nogil=True)
-def _saving(moments: NDArray[np.float64], a: int, b: int, prices: Prices) -> float:
+def _saving(moments: FloatArray, a: int, b: int, prices: Prices) -> float:
     """Return what is saved by one plane in place of two."""
     joint = moments[a] + moments[b]
     loss = residual_of(joint) - residual_of(moments[a]) - residual_of(moments[b])
@@ -137,9 +138,7 @@ def _saving(moments: NDArray[np.float64], a: int, b: int, prices: Prices) -> flo
 
 
 @njit(cache=True, nogil=True)
-def _merged(
-    moments: NDArray[np.float64], pairs: NDArray[np.int64], prices: Prices, parent: NDArray[np.int64]
-) -> NDArray[np.int64]:
+def _merged(moments: FloatArray, pairs: IntArray, prices: Prices, parent: IntArray) -> IntArray:
     """Return the number that each plane has after all joins."""
     saving = np.empty(len(pairs))
     for k in range(len(pairs)):

@@ -6,6 +6,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from lidar_buildings.core.model.array_types import IntArray
 from lidar_buildings.core.neighbours.union_find import flatten, link
 
 
@@ -43,7 +44,7 @@ def split_planes(
 
 
 @njit(cache=True, nogil=True)
-def connected_parts(neighbours: NDArray[np.int32], labels: NDArray[np.int32]) -> NDArray[np.int64]:
+def connected_parts(neighbours: NDArray[np.int32], labels: NDArray[np.int32]) -> IntArray:
     """Return the lowest row of the connected part of one plane that each point is of."""
     part = np.arange(len(labels))
     for i in range(len(labels)):

@@ -8,10 +8,9 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
+from lidar_buildings.core.model.array_types import FloatArray
 from lidar_buildings.core.surfaces.point_moments import covariance
 from lidar_buildings.core.surfaces.symmetric_eigen import eigenvalues_3x3, principal_axes
 
@@ -21,7 +20,7 @@ _DEGENERATE = 1e-10
 
 
 @njit(cache=True, nogil=True)
-def fitted_plane(moments: NDArray[np.float64], plane: NDArray[np.float64]) -> float:
+def fitted_plane(moments: FloatArray, plane: FloatArray) -> float:
     """
     Write the orthogonal least-squares plane of the summed points to `plane`.
 
@@ -42,16 +41,14 @@ def fitted_plane(moments: NDArray[np.float64], plane: NDArray[np.float64]) -> fl
 
 
 @njit(cache=True, nogil=True)
-def residual_of(moments: NDArray[np.float64]) -> float:
+def residual_of(moments: FloatArray) -> float:
     """Return the sum of the squared distances of the summed points from their least-squares plane [m²]."""
     n = moments[0]
     return eigenvalues_3x3(*covariance(moments))[2] * n if n >= 3.0 else 0.0
 
 
 @njit(cache=True, nogil=True)
-def plane_through(
-    p: NDArray[np.float64], q: NDArray[np.float64], r: NDArray[np.float64], plane: NDArray[np.float64]
-) -> bool:
+def plane_through(p: FloatArray, q: FloatArray, r: FloatArray, plane: FloatArray) -> bool:
     """Write the plane through three points to `plane`; False if they lie on a line."""
     ux, uy, uz = q[0] - p[0], q[1] - p[1], q[2] - p[2]
     vx, vy, vz = r[0] - p[0], r[1] - p[1], r[2] - p[2]
@@ -67,6 +64,6 @@ def plane_through(
 
 
 @njit(cache=True, nogil=True)
-def distance_of(plane: NDArray[np.float64], points: NDArray[np.float64], i: int) -> float:
+def distance_of(plane: FloatArray, points: FloatArray, i: int) -> float:
     """Return the orthogonal distance of point i to a plane [m]."""
     return abs(plane[0] * points[i, 0] + plane[1] * points[i, 1] + plane[2] * points[i, 2] + plane[3])

@@ -6,6 +6,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from lidar_buildings.core.model.array_types import BoolArray, FloatArray
 from lidar_buildings.core.stages.plane_fitting.config import PlaneFittingConfig
 from lidar_buildings.core.stages.plane_fitting.consensus import PROBABILITY, samples_needed
 from lidar_buildings.core.stages.plane_fitting.plane_geometry import (
@@ -20,7 +21,7 @@ _MAX_ADJUSTMENTS = 20
 
 
 def ransac_planes(
-    points: NDArray[np.float64], spacing: float, min_points: int, config: PlaneFittingConfig
+    points: FloatArray, spacing: float, min_points: int, config: PlaneFittingConfig
 ) -> NDArray[np.int32]:
     """
     Number the points of each plane, 0 = none (Mancera-Taboada et al. 2012, section II.D).
@@ -59,9 +60,7 @@ def ransac_planes(
 
 
 @njit(cache=True, nogil=True)
-def best_plane(
-    points: NDArray[np.float64], samples: NDArray[np.float64], tolerance: float
-) -> NDArray[np.bool_]:
+def best_plane(points: FloatArray, samples: FloatArray, tolerance: float) -> BoolArray:
     """
     Return which points lie on the adjusted plane of the sample with the best consensus.
 

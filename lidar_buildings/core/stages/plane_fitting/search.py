@@ -8,6 +8,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from lidar_buildings.core.model.array_types import FloatArray, IntArray
 from lidar_buildings.core.stages.plane_fitting.consensus import (
     Limits,
     Scratch,
@@ -26,21 +27,19 @@ _PATIENCE = 100
 class Pool(NamedTuple):
     """Hypotheses that wait to be accepted, in the order in which they were found."""
 
-    plane: NDArray[np.float64]
-    seed: NDArray[np.int64]
+    plane: FloatArray
+    seed: IntArray
     #: 0 once accepted or outdated.
-    score: NDArray[np.float64]
-    n_points: NDArray[np.int64]
+    score: FloatArray
+    n_points: IntArray
     #: Per point the last hypothesis that it belonged to, −1 = none.
-    holder: NDArray[np.int64]
+    holder: IntArray
     #: One cell: the number of hypotheses.
-    size: NDArray[np.int64]
+    size: IntArray
 
 
 @njit(cache=True, nogil=True)
-def extract(
-    cloud: Cloud, limits: Limits, order: NDArray[np.int64], samples: NDArray[np.float64]
-) -> NDArray[np.int32]:
+def extract(cloud: Cloud, limits: Limits, order: IntArray, samples: FloatArray) -> NDArray[np.int32]:
     """
     Take planes out of the cloud one after the other until none is left with enough points.
 
@@ -79,8 +78,8 @@ def search_round(
     limits: Limits,
     labels: NDArray[np.int32],
     n_planes: int,
-    order: NDArray[np.int64],
-    samples: NDArray[np.float64],
+    order: IntArray,
+    samples: FloatArray,
     scratch: Scratch,
 ) -> int:
     """
@@ -138,8 +137,8 @@ def draw_seeds(
     cloud: Cloud,
     limits: Limits,
     labels: NDArray[np.int32],
-    order: NDArray[np.int64],
-    samples: NDArray[np.float64],
+    order: IntArray,
+    samples: FloatArray,
     cursor: int,
     pool: Pool,
     scratch: Scratch,
@@ -172,7 +171,7 @@ def add_hypothesis(
     limits: Limits,
     labels: NDArray[np.int32],
     seed: int,
-    samples: NDArray[np.float64],
+    samples: FloatArray,
     pool: Pool,
     scratch: Scratch,
 ) -> int:

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lidar_buildings.core.model.array_types import FloatArray
 from lidar_buildings.core.neighbours.cell_grid import rows_by_cell
 from lidar_buildings.core.neighbours.group_spacing import group_spacings
 from lidar_buildings.core.neighbours.point_spacing import measure_spacing
@@ -14,7 +14,7 @@ from lidar_buildings.core.stages.plane_fitting.surroundings import distinct_grid
 _SORTED, _SOUGHT = 4.0, 1.5
 
 
-def building_spacing(points: NDArray[np.float64]) -> float:
+def building_spacing(points: FloatArray) -> float:
     """
     Measure the spacing from a sample of the distinct positions, or from all of them where that fails [m].
 

@@ -11,6 +11,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from lidar_buildings.core.model.array_types import BoolArray, FloatArray, IntArray
 from lidar_buildings.core.neighbours.cell_grid import CELLS_A_BLOCK, CellGrid
 from lidar_buildings.core.neighbours.neighbourhoods import build_grid
 from lidar_buildings.core.neighbours.parallel import for_row_blocks
@@ -40,10 +41,10 @@ _MAX_WIDENING = 4.0
 class Cloud(NamedTuple):
     """The points of one building with what the search needs to know of them."""
 
-    points: NDArray[np.float64]
-    normals: NDArray[np.float64]
+    points: FloatArray
+    normals: FloatArray
     #: Whether the surroundings hold no ridge and no step.
-    is_smooth: NDArray[np.bool_]
+    is_smooth: BoolArray
     #: Rows of near points within the connection radius, first those that there are, then −1.
     neighbours: NDArray[np.int32]
 
@@ -53,12 +54,12 @@ class Survey(NamedTuple):
 
     cloud: Cloud
     #: Row of the distinct point that stands for each given one.
-    row_of: NDArray[np.int64]
+    row_of: IntArray
     #: Standard deviation of points about the surface [m].
     noise: float
 
 
-def survey_points(points: NDArray[np.float64], radius: float) -> Survey:
+def survey_points(points: FloatArray, radius: float) -> Survey:
     """
     Sort distinct points, list the neighbours of each, estimate the noise and find the normals.
 
@@ -74,7 +75,7 @@ def survey_points(points: NDArray[np.float64], radius: float) -> Survey:
     return survey if reach <= radius else _surveyed(points, reach)
 
 
-def _surveyed(points: NDArray[np.float64], radius: float) -> Survey:
+def _surveyed(points: FloatArray, radius: float) -> Survey:
     """Survey with a fixed radius."""
     grid, row_of = distinct_grid(points, radius)
     distinct = grid.points
@@ -97,7 +98,7 @@ def _surveyed(points: NDArray[np.float64], radius: float) -> Survey:
     return Survey(Cloud(distinct, normals, is_smooth, neighbours), row_of, noise)
 
 
-def distinct_grid(points: NDArray[np.float64], size: float) -> tuple[CellGrid, NDArray[np.int64]]:
+def distinct_grid(points: FloatArray, size: float) -> tuple[CellGrid, IntArray]:
     """
     Sort the distinct points into columns of a size [m]; return each given point's row among them, too.
 
@@ -112,7 +113,7 @@ def distinct_grid(points: NDArray[np.float64], size: float) -> tuple[CellGrid, N
     return (grid if is_new.all() else build_grid(grid.points[is_new], size)), row_of
 
 
-def _noise_of(roughness: NDArray[np.float64]) -> float:
+def _noise_of(roughness: FloatArray) -> float:
     """Return the noise that most surroundings show [m]."""
     known = roughness[np.isfinite(roughness)]
     if not len(known):

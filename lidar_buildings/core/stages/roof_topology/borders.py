@@ -8,6 +8,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from lidar_buildings.core.model.array_types import BoolArray, FloatArray, IntArray
 from lidar_buildings.core.stages.roof_topology.region_raster import RegionRaster
 
 
@@ -33,14 +34,14 @@ class Borders(NamedTuple):
         Length of a side [m].
     """
 
-    xy: NDArray[np.float64]
-    upright: NDArray[np.bool_]
+    xy: FloatArray
+    upright: BoolArray
     first: NDArray[np.int32]
     second: NDArray[np.int32]
     near_first: NDArray[np.int32]
     near_second: NDArray[np.int32]
-    gap: NDArray[np.float64]
-    start: NDArray[np.int64]
+    gap: FloatArray
+    start: IntArray
     cell: float
 
     @property
@@ -49,7 +50,7 @@ class Borders(NamedTuple):
         return len(self.start) - 1
 
 
-def find_borders(raster: RegionRaster, centre: NDArray[np.float64]) -> Borders:
+def find_borders(raster: RegionRaster, centre: FloatArray) -> Borders:
     """
     Collect the sides of cells between different planes.
 

@@ -7,6 +7,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from lidar_buildings.core.model.array_types import FloatArray
 from lidar_buildings.core.neighbours.union_find import sets_of_pairs
 from lidar_buildings.core.stages.roof_topology.pieces import Pieces, intersection_line
 from lidar_buildings.core.surfaces.roof_planes import CommonVertex, common_point
@@ -23,7 +24,7 @@ POINT_REACH = 8.0
 _LEAST_PLANES = 4
 
 
-def piece_ends(pieces: Pieces, gradients: NDArray[np.float64]) -> NDArray[np.float64]:
+def piece_ends(pieces: Pieces, gradients: FloatArray) -> FloatArray:
     """Return both ends of every piece in plan about the centre, shape (n_pieces, 2, 2) [m]."""
     ends = np.empty((len(pieces.pair), 2, 2))
     for k, (i, j) in enumerate(zip(pieces.first, pieces.second, strict=True)):
@@ -33,11 +34,7 @@ def piece_ends(pieces: Pieces, gradients: NDArray[np.float64]) -> NDArray[np.flo
 
 
 def find_common_vertices(
-    pieces: Pieces,
-    gradients: NDArray[np.float64],
-    centre: NDArray[np.float64],
-    rings: tuple[NDArray[np.float64], ...],
-    spacing: float,
+    pieces: Pieces, gradients: FloatArray, centre: FloatArray, rings: tuple[FloatArray, ...], spacing: float
 ) -> list[CommonVertex]:
     """
     Collect the common vertices that lines hint at; the adjustment finds out which of them the points allow.
@@ -64,11 +61,7 @@ def find_common_vertices(
 
 
 def _corners(
-    pieces: Pieces,
-    ends: NDArray[np.float64],
-    corners: NDArray[np.float64],
-    centre: NDArray[np.float64],
-    spacing: float,
+    pieces: Pieces, ends: FloatArray, corners: FloatArray, centre: FloatArray, spacing: float
 ) -> list[CommonVertex]:
     """Pair the ends of lines with the outline's corners that they nearly pass through."""
     along = ends[:, 1] - ends[:, 0]
@@ -86,11 +79,7 @@ def _corners(
 
 
 def _common_points(
-    pieces: Pieces,
-    ends: NDArray[np.float64],
-    gradients: NDArray[np.float64],
-    centre: NDArray[np.float64],
-    spacing: float,
+    pieces: Pieces, ends: FloatArray, gradients: FloatArray, centre: FloatArray, spacing: float
 ) -> list[CommonVertex]:
     """Find where the ends of lines between four or more planes come together."""
     positions = ends.reshape(-1, 2)
@@ -115,9 +104,7 @@ def _common_points(
     return vertices
 
 
-def _agreeing(
-    gradients: NDArray[np.float64], planes: NDArray[np.int32]
-) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
+def _agreeing(gradients: FloatArray, planes: NDArray[np.int32]) -> tuple[FloatArray, NDArray[np.int32]]:
     """Leave out the planes that miss the common point of the others most until they agree on one."""
     while True:
         point, miss = common_point(gradients[planes - 1])

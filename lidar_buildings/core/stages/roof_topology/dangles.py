@@ -7,8 +7,8 @@ from collections.abc import Sequence
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
+from lidar_buildings.core.model.array_types import FloatArray
 from lidar_buildings.core.stages.roof_topology.obstacles import walls_about
 from lidar_buildings.core.stages.roof_topology.result import IntersectionSegment, StepEdge
 
@@ -21,9 +21,9 @@ _TURN_BACK = 0.3
 def with_joined_dangles(
     intersections: Sequence[IntersectionSegment],
     steps: Sequence[StepEdge],
-    gradients: NDArray[np.float64],
-    rings: tuple[NDArray[np.float64], ...],
-    centre: NDArray[np.float64],
+    gradients: FloatArray,
+    rings: tuple[FloatArray, ...],
+    centre: FloatArray,
     spacing: float,
 ) -> list[StepEdge]:
     """
@@ -81,7 +81,7 @@ def _dangling(lines, obstacles, reach):  # type: ignore[no-untyped-def]
 
 
 def _couples(
-    lines: NDArray[np.float64], ends: list[tuple[int, int]], reach: float
+    lines: FloatArray, ends: list[tuple[int, int]], reach: float
 ) -> list[tuple[tuple[int, int], tuple[int, int]]]:
     """Couple the ends of different lines, the nearest first."""
     candidates = []
@@ -99,7 +99,7 @@ def _couples(
     return couples
 
 
-def _lead_on(lines: NDArray[np.float64], one: tuple[int, int], other: tuple[int, int]) -> bool:
+def _lead_on(lines: FloatArray, one: tuple[int, int], other: tuple[int, int]) -> bool:
     """Whether the way between two ends turns back along neither of the lines that end there."""
     for here, there in ((one, other), (other, one)):
         outward, onward = lines[here] - lines[here[0], 1 - here[1]], lines[there] - lines[here]
@@ -108,9 +108,7 @@ def _lead_on(lines: NDArray[np.float64], one: tuple[int, int], other: tuple[int,
     return True
 
 
-def _edge(
-    segment: NDArray[np.float64], i: int, j: int, gradients: NDArray[np.float64], centre: NDArray[np.float64]
-) -> StepEdge:
+def _edge(segment: FloatArray, i: int, j: int, gradients: FloatArray, centre: FloatArray) -> StepEdge:
     """Return the step between two planes along a segment about the centre."""
     difference = gradients[i - 1] - gradients[j - 1]
     rise = segment @ difference[:2] + difference[2]

@@ -6,10 +6,11 @@ import math
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
+
+from lidar_buildings.core.model.array_types import FloatArray
 
 
-def walls_about(rings: tuple[NDArray[np.float64], ...], centre: NDArray[np.float64]) -> NDArray[np.float64]:
+def walls_about(rings: tuple[FloatArray, ...], centre: FloatArray) -> FloatArray:
     """Return the edges of rings about the centre, shape (n, 2, 2) [m]."""
     walls = [np.stack([ring, np.roll(ring, -1, axis=0)], axis=1) for ring in rings]
     return np.concatenate(walls) - centre[:2] if walls else np.zeros((0, 2, 2))

@@ -9,6 +9,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from lidar_buildings.core.model.array_types import BoolArray, FloatArray, IntArray
 from lidar_buildings.core.stages.roof_topology.borders import Borders
 from lidar_buildings.core.stages.roof_topology.region_raster import RegionRaster
 
@@ -52,22 +53,18 @@ class Pieces(NamedTuple):
         Which sides of the borders are accounted for by a piece.
     """
 
-    pair: NDArray[np.int64]
+    pair: IntArray
     first: NDArray[np.int32]
     second: NDArray[np.int32]
-    t: NDArray[np.float64]
-    length: NDArray[np.float64]
-    convex: NDArray[np.bool_]
-    n_points: NDArray[np.int64]
-    on_line: NDArray[np.bool_]
+    t: FloatArray
+    length: FloatArray
+    convex: BoolArray
+    n_points: IntArray
+    on_line: BoolArray
 
 
 def find_pieces(
-    borders: Borders,
-    raster: RegionRaster,
-    gradients: NDArray[np.float64],
-    centre: NDArray[np.float64],
-    spacing: float,
+    borders: Borders, raster: RegionRaster, gradients: FloatArray, centre: FloatArray, spacing: float
 ) -> Pieces:
     """
     Find where pairs of planes meet.
@@ -136,7 +133,7 @@ def intersection_line(p, q):  # type: ignore[no-untyped-def]
 @njit(cache=True, nogil=True)
 def _all_pieces(  # type: ignore[no-untyped-def]
     xy, upright, first, second, near_first, near_second, gap, start, cell, gradients, spacing, label, origin,
-    numbers, values, on_line,
+    numbers, values, on_line
 ):  # fmt: skip
     """Write pair and number of points, ends, length and vote on convexity of each piece; return how many."""
     n_pieces = 0

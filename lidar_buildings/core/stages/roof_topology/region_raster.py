@@ -11,6 +11,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from lidar_buildings.core.model.array_types import FloatArray
 from lidar_buildings.core.stages.roof_topology.small_regions import absorb_small_regions
 
 #: Side of a cell in point spacings.
@@ -45,17 +46,14 @@ class RegionRaster(NamedTuple):
 
     label: NDArray[np.int32]
     nearest: NDArray[np.int32]
-    distance: NDArray[np.float64]
+    distance: FloatArray
     west: float
     south: float
     cell: float
 
 
 def region_raster(
-    points: NDArray[np.float64],
-    plane_id: NDArray[np.uint16],
-    rings: tuple[NDArray[np.float64], ...],
-    spacing: float,
+    points: FloatArray, plane_id: NDArray[np.uint16], rings: tuple[FloatArray, ...], spacing: float
 ) -> RegionRaster:
     """
     Give each cell inside the outline the plane of its nearest point that is in one.

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numpy as np
-from numpy.typing import NDArray
-
+from lidar_buildings.core.model.array_types import FloatArray
 from lidar_buildings.core.surfaces.roof_planes import RoofPlane
 
 #: Kinds of lines in which two planes meet.
@@ -37,7 +35,7 @@ class IntersectionSegment:
     first: int
     second: int
     kind: str
-    segment: NDArray[np.float64]
+    segment: FloatArray
     length: float
     n_points: int
 
@@ -61,7 +59,7 @@ class StepEdge:
 
     upper: int
     lower: int
-    segment: NDArray[np.float64]
+    segment: FloatArray
     height: tuple[float, float]
     length: float
 

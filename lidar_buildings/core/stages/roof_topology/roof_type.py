@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from lidar_buildings.core.model.array_types import FloatArray, IntArray
 from lidar_buildings.core.neighbours.union_find import sets_of_pairs
 from lidar_buildings.core.stages.roof_topology.result import (
     HIP,
@@ -55,17 +56,17 @@ class Faces(NamedTuple):
     """
 
     planes: list[list[int]]
-    gradient: NDArray[np.float64]
+    gradient: FloatArray
     lines: dict[tuple[int, int, str], float]
     size: float
 
     @property
-    def slope_deg(self) -> NDArray[np.float64]:
+    def slope_deg(self) -> FloatArray:
         """Slope of each face [deg]."""
         return np.asarray(np.degrees(np.arctan(np.hypot(self.gradient[:, 0], self.gradient[:, 1]))))
 
     @property
-    def azimuth_deg(self) -> NDArray[np.float64]:
+    def azimuth_deg(self) -> FloatArray:
         """Direction in which each face rises, mathematically [deg]."""
         return np.asarray(np.degrees(np.arctan2(self.gradient[:, 1], self.gradient[:, 0])))
 
@@ -81,9 +82,9 @@ class Faces(NamedTuple):
 
 
 def roof_type(
-    points: NDArray[np.float64],
+    points: FloatArray,
     plane_id: NDArray[np.uint16],
-    coefficients: NDArray[np.float64],
+    coefficients: FloatArray,
     intersections: Sequence[IntersectionSegment],
     steps: Sequence[StepEdge],
     spacing: float,
@@ -130,7 +131,7 @@ def roof_type(
     return _without_valleys(points, plane_id, faces)
 
 
-def _large_planes(counts: NDArray[np.int64], intersections: Sequence[IntersectionSegment]) -> list[int]:
+def _large_planes(counts: IntArray, intersections: Sequence[IntersectionSegment]) -> list[int]:
     """Return the numbers of planes that are no details; hipped ends count, however small."""
     large = (counts >= _DETAIL_SHARE * counts.sum()) | (counts >= _DETAIL_OF_LARGEST * counts.max())
     hips = np.zeros(len(counts), dtype=np.int64)
@@ -142,7 +143,7 @@ def _large_planes(counts: NDArray[np.int64], intersections: Sequence[Intersectio
 
 
 def _largest_detail(
-    counts: NDArray[np.int64], large: list[int], intersections: Sequence[IntersectionSegment]
+    counts: IntArray, large: list[int], intersections: Sequence[IntersectionSegment]
 ) -> float:
     """Return the largest share of the points on details that meet, such as the faces of a tower."""
     vertex = [(line.first - 1, line.second - 1) for line in intersections]
@@ -156,7 +157,7 @@ def _largest_detail(
 
 def _faces(
     large: list[int],
-    coefficients: NDArray[np.float64],
+    coefficients: FloatArray,
     intersections: Sequence[IntersectionSegment],
     steps: Sequence[StepEdge],
     size: float,
@@ -184,13 +185,13 @@ def _faces(
     return Faces(planes, gradient, lines, size)
 
 
-def _same_face(one: NDArray[np.float64], other: NDArray[np.float64], size: float) -> bool:
+def _same_face(one: FloatArray, other: FloatArray, size: float) -> bool:
     """Whether two planes are nearly one, as far as half the roof's size from the centre."""
     turn = math.hypot(*(one[:2] - other[:2]))
     return turn < _SAME_GRADIENT and abs(one[2] - other[2]) + 0.5 * size * turn < 2 * _SAME_HEIGHT
 
 
-def _without_valleys(points: NDArray[np.float64], plane_id: NDArray[np.uint16], faces: Faces) -> str:
+def _without_valleys(points: FloatArray, plane_id: NDArray[np.uint16], faces: Faces) -> str:
     """Tell the kind of a pitched roof whose faces meet in ridges and hips only."""
     n, ridges, hips = len(faces.planes), faces.pairs(RIDGE), faces.pairs(HIP)
     if n == 2:
@@ -225,9 +226,7 @@ def _is_ring(pairs: list[tuple[int, int]], n: int) -> bool:
     return len(seen) == n and all(len(near) == 2 for near in neighbours.values())
 
 
-def _heights(
-    points: NDArray[np.float64], plane_id: NDArray[np.uint16], planes: list[int]
-) -> tuple[float, float]:
+def _heights(points: FloatArray, plane_id: NDArray[np.uint16], planes: list[int]) -> tuple[float, float]:
     """
     Return the elevations near the eaves and the ridge of planes [m]: percentiles, as a few points may be off.
     """

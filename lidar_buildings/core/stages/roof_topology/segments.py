@@ -6,8 +6,8 @@ import math
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
+from lidar_buildings.core.model.array_types import BoolArray, FloatArray
 from lidar_buildings.core.stages.roof_topology.common_vertices import POINT_REACH
 from lidar_buildings.core.stages.roof_topology.obstacles import stop, walls_about
 from lidar_buildings.core.stages.roof_topology.pieces import LEAST_BEND, Pieces, intersection_line
@@ -29,10 +29,10 @@ _CORNER = 0.5
 
 def finished(
     pieces: Pieces,
-    gradients: NDArray[np.float64],
-    centre: NDArray[np.float64],
-    rings: tuple[NDArray[np.float64], ...],
-    steps: NDArray[np.float64],
+    gradients: FloatArray,
+    centre: FloatArray,
+    rings: tuple[FloatArray, ...],
+    steps: FloatArray,
     vertices: tuple[CommonVertex, ...],
     spacing: float,
 ) -> list[IntersectionSegment]:
@@ -70,7 +70,7 @@ def finished(
     ]
 
 
-def _partners(pieces: Pieces, n_planes: int) -> NDArray[np.bool_]:
+def _partners(pieces: Pieces, n_planes: int) -> BoolArray:
     """Return which planes meet, as a table."""
     table = np.zeros((n_planes + 1, n_planes + 1), dtype=np.bool_)
     table[pieces.first, pieces.second] = table[pieces.second, pieces.first] = True
@@ -78,8 +78,8 @@ def _partners(pieces: Pieces, n_planes: int) -> NDArray[np.bool_]:
 
 
 def _points_of(
-    vertices: tuple[CommonVertex, ...], n_planes: int, centre: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+    vertices: tuple[CommonVertex, ...], n_planes: int, centre: FloatArray
+) -> tuple[FloatArray, BoolArray]:
     """Return where planes meet in points about the centre, and which planes each time, as a table."""
     points = [vertex for vertex in vertices if not vertex.fixed]
     members = np.zeros((len(points), n_planes + 1), dtype=np.bool_)
@@ -153,11 +153,7 @@ def _third_plane(t, i, j, fx, fy, ux, uy, gradients, partners, reach):  # type: 
 
 
 def _segment(
-    pieces: Pieces,
-    k: int,
-    t: NDArray[np.float64],
-    gradients: NDArray[np.float64],
-    centre: NDArray[np.float64],
+    pieces: Pieces, k: int, t: FloatArray, gradients: FloatArray, centre: FloatArray
 ) -> IntersectionSegment:
     """Return a piece as a segment in space."""
     i, j = int(pieces.first[k]), int(pieces.second[k])

@@ -6,8 +6,8 @@ import math
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
+from lidar_buildings.core.model.array_types import FloatArray
 from lidar_buildings.core.stages.roof_topology.obstacles import stop, walls_about
 from lidar_buildings.core.stages.roof_topology.step_lines import StepLines, step_segments
 
@@ -19,12 +19,7 @@ _MOST_MOVE = 0.75
 _REACH, _PARALLEL_DEG = 4.0, 4.0
 
 
-def snapped(
-    steps: StepLines,
-    rings: tuple[NDArray[np.float64], ...],
-    centre: NDArray[np.float64],
-    spacing: float,
-) -> StepLines:
+def snapped(steps: StepLines, rings: tuple[FloatArray, ...], centre: FloatArray, spacing: float) -> StepLines:
     """
     Move lines onto outline walls that they continue, else into corners that they end near.
 
@@ -130,11 +125,7 @@ def _together(angle, offset, low, high, fixed, spacing):  # type: ignore[no-unty
 
 
 def extended(
-    steps: StepLines,
-    ridges: NDArray[np.float64],
-    rings: tuple[NDArray[np.float64], ...],
-    centre: NDArray[np.float64],
-    spacing: float,
+    steps: StepLines, ridges: FloatArray, rings: tuple[FloatArray, ...], centre: FloatArray, spacing: float
 ) -> StepLines:
     """
     Move the ends of steps along their lines to walls, other steps and intersection lines that are near.

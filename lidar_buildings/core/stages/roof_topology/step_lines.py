@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from lidar_buildings.core.model.array_types import FloatArray, IntArray
 from lidar_buildings.core.stages.roof_topology.result import StepEdge
 
 #: Longer gaps divide the pieces of a line [spacings].
@@ -35,15 +36,15 @@ class StepLines(NamedTuple):
         Length of the border along it [m].
     """
 
-    angle: NDArray[np.float64]
-    offset: NDArray[np.float64]
-    line: NDArray[np.int64]
-    t: NDArray[np.float64]
+    angle: FloatArray
+    offset: FloatArray
+    line: IntArray
+    t: FloatArray
     planes: NDArray[np.int32]
-    length: NDArray[np.float64]
+    length: FloatArray
 
 
-def closed_up(line: NDArray[np.int64], ends: NDArray[np.float64], spacing: float) -> NDArray[np.float64]:
+def closed_up(line: IntArray, ends: FloatArray, spacing: float) -> FloatArray:
     """Let pieces of one line that nearly touch do so half-way."""
     order = np.lexsort((ends[:, 0], line))
     before, after = order[:-1], order[1:]
@@ -75,9 +76,7 @@ def merged(steps: StepLines, spacing: float) -> StepLines:
     return StepLines(steps.angle, steps.offset, line, closed_up(line, t, spacing), planes, length)
 
 
-def step_edges(
-    steps: StepLines, gradients: NDArray[np.float64], centre: NDArray[np.float64], spacing: float
-) -> list[StepEdge]:
+def step_edges(steps: StepLines, gradients: FloatArray, centre: FloatArray, spacing: float) -> list[StepEdge]:
     """
     Return the pieces as segments in plan with the heights of their ends; what is short and low is left out.
     """
@@ -93,7 +92,7 @@ def step_edges(
     return edges
 
 
-def step_segments(steps: StepLines) -> NDArray[np.float64]:
+def step_segments(steps: StepLines) -> FloatArray:
     """Return the ends of all steps about the centre, shape (n_steps, 2, 2) [m]."""
     angle, offset = steps.angle[steps.line], steps.offset[steps.line]
     along = np.column_stack([np.cos(angle), np.sin(angle)])
@@ -101,6 +100,6 @@ def step_segments(steps: StepLines) -> NDArray[np.float64]:
     return np.asarray((offset[:, None] * left)[:, None] + steps.t[:, :, None] * along[:, None])
 
 
-def _elevation(plane: NDArray[np.float64], xy: NDArray[np.float64]) -> NDArray[np.float64]:
+def _elevation(plane: FloatArray, xy: FloatArray) -> FloatArray:
     """Elevation of a plane above the centre at positions about it [m]."""
     return np.asarray(xy @ plane[:2] + plane[2])

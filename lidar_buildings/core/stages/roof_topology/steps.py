@@ -7,6 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from lidar_buildings.core.model.array_types import BoolArray, FloatArray, IntArray
 from lidar_buildings.core.stages.roof_topology.borders import Borders
 from lidar_buildings.core.stages.roof_topology.step_lines import LONGEST_GAP, StepLines, closed_up
 from lidar_buildings.core.stages.roof_topology.straight_runs import closing, run_segments, straight_runs
@@ -29,13 +30,13 @@ _OPEN_GAP = 0.6
 
 def find_step_lines(
     borders: Borders,
-    on_line: NDArray[np.bool_],
-    points: NDArray[np.float64],
-    gradients: NDArray[np.float64],
-    area: NDArray[np.float64],
-    rings: tuple[NDArray[np.float64], ...],
-    stops: NDArray[np.float64],
-    centre: NDArray[np.float64],
+    on_line: BoolArray,
+    points: FloatArray,
+    gradients: FloatArray,
+    area: FloatArray,
+    rings: tuple[FloatArray, ...],
+    stops: FloatArray,
+    centre: FloatArray,
     spacing: float,
 ) -> StepLines:
     """
@@ -84,13 +85,8 @@ def find_step_lines(
 
 
 def _all_runs(
-    xy: NDArray[np.float64],
-    upright: NDArray[np.bool_],
-    cell: float,
-    angles: NDArray[np.float64],
-    stops: NDArray[np.float64],
-    spacing: float,
-) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    xy: FloatArray, upright: BoolArray, cell: float, angles: FloatArray, stops: FloatArray, spacing: float
+) -> tuple[FloatArray, IntArray]:
     """
     Return straight runs and which of them each side lies on, -1 = none.
 
@@ -111,9 +107,7 @@ def _all_runs(
     return np.concatenate([runs, short]), run
 
 
-def _candidate_angles(
-    gradients: NDArray[np.float64], area: NDArray[np.float64], rings: tuple[NDArray[np.float64], ...]
-) -> NDArray[np.float64]:
+def _candidate_angles(gradients: FloatArray, area: FloatArray, rings: tuple[FloatArray, ...]) -> FloatArray:
     """Return the directions of the outline and the planes, and those across them [rad]."""
     outline, planes = outline_directions(rings), plane_directions(gradients, area)
     angles, weights = (np.concatenate(both) for both in zip(outline, planes, strict=True))
@@ -121,9 +115,7 @@ def _candidate_angles(
     return np.concatenate([main, main + math.pi / 2])
 
 
-def _first_is_higher(
-    borders: Borders, rows: NDArray[np.int64], run: NDArray[np.int64], gradients: NDArray[np.float64]
-) -> NDArray[np.bool_]:
+def _first_is_higher(borders: Borders, rows: IntArray, run: IntArray, gradients: FloatArray) -> BoolArray:
     """Whether, of the planes of each side, the first is the higher one along the run, on average."""
     difference = gradients[borders.first[rows] - 1] - gradients[borders.second[rows] - 1]
     rise = np.einsum("ki,ki->k", difference[:, :2], borders.xy[rows]) + difference[:, 2]
@@ -135,14 +127,14 @@ def _first_is_higher(
 
 def _towards_upper(
     borders: Borders,
-    rows: NDArray[np.int64],
-    points: NDArray[np.float64],
-    centre: NDArray[np.float64],
-    angle: NDArray[np.float64],
-    offset: NDArray[np.float64],
-    higher: NDArray[np.bool_],
+    rows: IntArray,
+    points: FloatArray,
+    centre: FloatArray,
+    angle: FloatArray,
+    offset: FloatArray,
+    higher: BoolArray,
     spacing: float,
-) -> NDArray[np.float64]:
+) -> FloatArray:
     """
     Return how far each side's line should move towards the upper roof, to the left of it positive [m].
 
@@ -157,12 +149,8 @@ def _towards_upper(
 
 
 def _pieces(
-    run: NDArray[np.int64],
-    t: NDArray[np.float64],
-    planes: NDArray[np.int32],
-    cell: float,
-    spacing: float,
-) -> tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.int32], NDArray[np.float64]]:
+    run: IntArray, t: FloatArray, planes: NDArray[np.int32], cell: float, spacing: float
+) -> tuple[IntArray, FloatArray, NDArray[np.int32], FloatArray]:
     """Divide runs where the pair of planes changes: return run, ends, planes and length of every piece."""
     order = np.lexsort((t, planes[:, 1], planes[:, 0], run))
     run, t, planes = run[order], t[order], planes[order]

@@ -6,8 +6,8 @@ import math
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
+from lidar_buildings.core.model.array_types import BoolArray, FloatArray, IntArray
 from lidar_buildings.core.stages.roof_topology.obstacles import stop
 
 #: Bins across the lines, and how many a line takes up, in cells.
@@ -23,14 +23,14 @@ LEAST_LENGTH = 2.0
 
 
 def straight_runs(
-    xy: NDArray[np.float64],
-    upright: NDArray[np.bool_],
+    xy: FloatArray,
+    upright: BoolArray,
     cell: float,
-    angles: NDArray[np.float64],
+    angles: FloatArray,
     spacing: float,
-    free: NDArray[np.bool_],
+    free: BoolArray,
     least_length: float = LEAST_LENGTH,
-) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+) -> tuple[FloatArray, IntArray]:
     """
     Find straight runs of sides of cells, the longest first.
 
@@ -64,7 +64,7 @@ def straight_runs(
     return _greedy(xy, upright, cell, angles, spacing, free, run, least_length * spacing), run
 
 
-def run_segments(runs: NDArray[np.float64]) -> NDArray[np.float64]:
+def run_segments(runs: FloatArray) -> FloatArray:
     """Return the ends of runs, shape (n_runs, 2, 2) [m]."""
     along = np.column_stack([np.cos(runs[:, 0]), np.sin(runs[:, 0])])
     left = np.column_stack([-along[:, 1], along[:, 0]])

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from lidar_buildings.core.model.array_types import FloatArray, IntArray
 from lidar_buildings.core.model.outline import Outline
 from lidar_buildings.core.model.point_array import checked_column, checked_points
 from lidar_buildings.core.neighbours.point_spacing import given_or_measured
@@ -70,7 +71,7 @@ def find_topology(
 
 
 def _topology(
-    points: NDArray[np.float64], numbers: NDArray[np.uint16], outline: Outline | None, spacing: float
+    points: FloatArray, numbers: NDArray[np.uint16], outline: Outline | None, spacing: float
 ) -> RoofTopology:
     """Find the topology of planes whose numbers have no gaps."""
     adjustment = adjust(points, numbers, outline)
@@ -108,7 +109,7 @@ def _topology(
     )
 
 
-def _renumbered(topology: RoofTopology, number: NDArray[np.int64]) -> RoofTopology:
+def _renumbered(topology: RoofTopology, number: IntArray) -> RoofTopology:
     """Return a topology with planes under their old numbers."""
 
     def old(k: int) -> int:

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from lidar_buildings.core.model.array_types import FloatArray
 from lidar_buildings.core.stages.roof_topology.result import RIDGE, IntersectionSegment
 
 #: Ridges within this of a right angle, or parallel to within it, are so [deg].
@@ -18,7 +19,7 @@ _MOST_VALLEYS = 2
 
 
 def l_or_t(
-    points: NDArray[np.float64],
+    points: FloatArray,
     plane_id: NDArray[np.uint16],
     faces: list[list[int]],
     valleys: list[tuple[int, int]],
@@ -63,7 +64,7 @@ def l_or_t(
 
 def _ridges(
     intersections: Sequence[IntersectionSegment], face_of: dict[int, int]
-) -> list[tuple[NDArray[np.float64], float, set[int]]]:
+) -> list[tuple[FloatArray, float, set[int]]]:
     """Return direction, length and faces of each ridge between large faces, pieces of one ridge joined."""
     pieces: dict[tuple[int, int], IntersectionSegment] = {}
     for line in intersections:
@@ -72,7 +73,7 @@ def _ridges(
             key = min(pair), max(pair)
             if key not in pieces or line.length > pieces[key].length:
                 pieces[key] = line
-    ridges: list[tuple[NDArray[np.float64], float, set[int]]] = []
+    ridges: list[tuple[FloatArray, float, set[int]]] = []
     for pair, line in sorted(pieces.items(), key=lambda item: -item[1].length):
         along = line.segment[1, :2] - line.segment[0, :2]
         ridges.append((along / max(float(np.hypot(*along)), 1e-9), line.length, set(pair)))
@@ -80,10 +81,7 @@ def _ridges(
 
 
 def _span(
-    points: NDArray[np.float64],
-    plane_id: NDArray[np.uint16],
-    planes: list[int],
-    directions: list[NDArray[np.float64]],
+    points: FloatArray, plane_id: NDArray[np.uint16], planes: list[int], directions: list[FloatArray]
 ) -> list[tuple[float, float]]:
     """Return from where to where planes reach in each direction [m]."""
     xy = points[np.isin(plane_id, planes), :2]

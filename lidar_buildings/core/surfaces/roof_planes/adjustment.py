@@ -10,6 +10,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from lidar_buildings.core.model.array_types import FloatArray, IntArray
 from lidar_buildings.core.model.outline import Outline
 from lidar_buildings.core.surfaces.roof_planes.directions import main_directions, outline_directions
 from lidar_buildings.core.surfaces.roof_planes.free_planes import FreePlanes, free_planes
@@ -60,11 +61,11 @@ class Adjustment:
     free: FreePlanes
     relations: Relations
     unknowns: Unknowns | None
-    coefficients: NDArray[np.float64]
+    coefficients: FloatArray
     vertices: tuple[CommonVertex, ...] = ()
 
     @property
-    def centre(self) -> NDArray[np.float64]:
+    def centre(self) -> FloatArray:
         """Where coefficients have their origin [m]."""
         return self.free.moments.centre
 
@@ -87,7 +88,7 @@ class Adjustment:
         return related._imposed(wanted, unknowns_of(self.relations.loosened()), related.coefficients)
 
     def _imposed(
-        self, vertices: list[CommonVertex], unknowns: Unknowns, start: NDArray[np.float64] | None
+        self, vertices: list[CommonVertex], unknowns: Unknowns, start: FloatArray | None
     ) -> Adjustment:
         """Impose vertices, giving up those that pull most at planes that move too far."""
         allowed = np.clip(self.free.rms, _LEAST_MOVE, _MOST_MOVE)
@@ -101,8 +102,8 @@ class Adjustment:
         return self
 
     def _solved(
-        self, vertices: list[CommonVertex], unknowns: Unknowns, start: NDArray[np.float64] | None
-    ) -> tuple[NDArray[np.float64], list[CommonVertex], NDArray[np.float64]]:
+        self, vertices: list[CommonVertex], unknowns: Unknowns, start: FloatArray | None
+    ) -> tuple[FloatArray, list[CommonVertex], FloatArray]:
         """Solve, let vertices whose position is not given follow the planes, solve again, and so on."""
         coefficients = self.coefficients
         rounds = 1 if all(vertex.fixed for vertex in vertices) else _FOLLOW_ROUNDS
@@ -111,7 +112,7 @@ class Adjustment:
             coefficients, pull = solve(self.free, unknowns, vertices, coefficients[:, :2], start)
         return coefficients, vertices, pull
 
-    def _following(self, vertex: CommonVertex, coefficients: NDArray[np.float64]) -> CommonVertex:
+    def _following(self, vertex: CommonVertex, coefficients: FloatArray) -> CommonVertex:
         """Move a vertex whose position is not given to where planes are nearest to meeting."""
         if vertex.fixed:
             return vertex
@@ -119,7 +120,7 @@ class Adjustment:
         return vertex._replace(xy=(float(xy[0] + self.centre[0]), float(xy[1] + self.centre[1])))
 
 
-def adjust(points: NDArray[np.float64], plane_id: NDArray[np.uint16], outline: Outline | None) -> Adjustment:
+def adjust(points: FloatArray, plane_id: NDArray[np.uint16], outline: Outline | None) -> Adjustment:
     """
     Fit all planes of a roof together by least squares, with the relations that the points allow.
 
@@ -159,7 +160,7 @@ def _with_relations(free: FreePlanes, relations: Relations) -> Adjustment:
     return Adjustment(free, relations, unknowns, coefficients)
 
 
-def _culprits(pull: NDArray[np.float64], planes: NDArray[np.int64]) -> set[int]:
+def _culprits(pull: FloatArray, planes: IntArray) -> set[int]:
     """Return the vertices that pull most at planes that have moved too far, one for each of these."""
     return {int(np.argmax(pull[:, k])) for k in planes if pull[:, k].any()}
 
@@ -191,7 +192,7 @@ def common_point(coefficients):  # type: ignore[no-untyped-def]
     return np.array([x, y, z]), math.sqrt(miss)
 
 
-def _roof_plane(free: FreePlanes, coefficients: NDArray[np.float64], k: int) -> RoofPlane:
+def _roof_plane(free: FreePlanes, coefficients: FloatArray, k: int) -> RoofPlane:
     """Return one plane after the adjustment; walls stay as they were fitted."""
     mean, n = free.mean[k], free.counts[k]
     normal, place = free.normals[k], mean

@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
+
+from lidar_buildings.core.model.array_types import FloatArray
 
 #: Directions that differ by less are one [deg].
 _TOLERANCE_DEG = 5.0
@@ -15,7 +16,7 @@ _LEAST_SHARE = 0.08
 _MOST = 6
 
 
-def main_directions(angles: NDArray[np.float64], weights: NDArray[np.float64]) -> NDArray[np.float64]:
+def main_directions(angles: FloatArray, weights: FloatArray) -> FloatArray:
     """
     Group directions that are parallel or perpendicular, and return the mean of each group.
 
@@ -48,9 +49,7 @@ def main_directions(angles: NDArray[np.float64], weights: NDArray[np.float64]) -
     return np.array(groups)
 
 
-def outline_directions(
-    rings: tuple[NDArray[np.float64], ...],
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def outline_directions(rings: tuple[FloatArray, ...]) -> tuple[FloatArray, FloatArray]:
     """Return angle [rad] and length [m] of every edge of an outline."""
     if not rings:
         return np.zeros(0), np.zeros(0)
@@ -58,9 +57,7 @@ def outline_directions(
     return np.arctan2(edges[:, 1], edges[:, 0]), np.hypot(edges[:, 0], edges[:, 1])
 
 
-def plane_directions(
-    gradients: NDArray[np.float64], area: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def plane_directions(gradients: FloatArray, area: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return the azimuth of every plane [rad] and what it counts as an edge of an outline would [m]."""
     steepness = np.hypot(gradients[:, 0], gradients[:, 1])
     weight = np.sqrt(area) * np.minimum(steepness / 0.2, 1.0)

@@ -6,8 +6,8 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lidar_buildings.core.model.array_types import BoolArray, FloatArray
 from lidar_buildings.core.surfaces.roof_planes.moments import (
     PlaneMoments,
     centroids_and_scatters,
@@ -46,20 +46,20 @@ class FreePlanes(NamedTuple):
     """
 
     moments: PlaneMoments
-    mean: NDArray[np.float64]
-    scatter: NDArray[np.float64]
-    normals: NDArray[np.float64]
-    rms: NDArray[np.float64]
-    coefficients: NDArray[np.float64]
-    cost: NDArray[np.float64]
-    roof: NDArray[np.bool_]
+    mean: FloatArray
+    scatter: FloatArray
+    normals: FloatArray
+    rms: FloatArray
+    coefficients: FloatArray
+    cost: FloatArray
+    roof: BoolArray
 
     @property
-    def counts(self) -> NDArray[np.float64]:
+    def counts(self) -> FloatArray:
         """Number of points of each plane, at least 1."""
         return np.maximum(self.moments.sums[:, 0], 1.0)
 
-    def offsets(self, coefficients: NDArray[np.float64]) -> NDArray[np.float64]:
+    def offsets(self, coefficients: FloatArray) -> FloatArray:
         """Root mean square of the distances between each plane and another at its own points [m]."""
         change = coefficients - self.coefficients
         return np.sqrt(np.maximum(np.einsum("ki,kij,kj->k", change, self.cost, change), 0.0) / self.counts)

@@ -9,6 +9,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from lidar_buildings.core.model.array_types import FloatArray
 from lidar_buildings.core.surfaces.point_moments import N_MOMENTS, add_point
 
 #: Bits of an integer that a sum of products may take.
@@ -29,11 +30,11 @@ class PlaneMoments(NamedTuple):
         n, Σx, Σy, Σz, Σxx, Σxy, Σxz, Σyy, Σyz, Σzz about the centre.
     """
 
-    centre: NDArray[np.float64]
-    sums: NDArray[np.float64]
+    centre: FloatArray
+    sums: FloatArray
 
 
-def plane_moments(points: NDArray[np.float64], plane_id: NDArray[np.uint16], n_planes: int) -> PlaneMoments:
+def plane_moments(points: FloatArray, plane_id: NDArray[np.uint16], n_planes: int) -> PlaneMoments:
     """
     Sum the coordinates of each plane's points, and their products.
 
@@ -73,9 +74,7 @@ def _add_points(points, plane_id, centre, unit, sums):  # type: ignore[no-untype
         add_point(sums[k], x, y, z)
 
 
-def centroids_and_scatters(
-    moments: PlaneMoments,
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def centroids_and_scatters(moments: PlaneMoments) -> tuple[FloatArray, FloatArray]:
     """
     Return each plane's centroid about the centre, shape (n, 3), and its scatter matrix about it, (n, 3, 3).
     """

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lidar_buildings.core.model.array_types import BoolArray, FloatArray, IntArray
 from lidar_buildings.core.surfaces.roof_planes.free_planes import FreePlanes
 from lidar_buildings.core.surfaces.roof_planes.relations import Relations
 from lidar_buildings.core.surfaces.roof_planes.sparse_least_squares import constrained_minimum
@@ -49,8 +49,8 @@ class Unknowns(NamedTuple):
         Number of unknowns.
     """
 
-    number: NDArray[np.int64]
-    share: NDArray[np.float64]
+    number: IntArray
+    share: FloatArray
     n: int
 
 
@@ -75,7 +75,7 @@ def unknowns_of(relations: Relations) -> Unknowns:
     return Unknowns(number, share, first_slope + n_slopes)
 
 
-def _numbered(group: NDArray[np.int64], kept: NDArray[np.bool_]) -> tuple[NDArray[np.int64], int]:
+def _numbered(group: IntArray, kept: BoolArray) -> tuple[IntArray, int]:
     """Number groups and what is in none from 0; return each one's number and how many there are."""
     own = np.where(group >= 0, group, group.max(initial=-1) + 1 + np.arange(len(group)))
     distinct, inverse = np.unique(own[kept], return_inverse=True)
@@ -88,9 +88,9 @@ def solve(
     planes: FreePlanes,
     unknowns: Unknowns,
     vertices: Sequence[CommonVertex],
-    slopes: NDArray[np.float64],
-    start: NDArray[np.float64] | None = None,
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    slopes: FloatArray,
+    start: FloatArray | None = None,
+) -> tuple[FloatArray, FloatArray]:
     """
     Find the planes nearest to the free ones that obey all relations and meet where they should.
 
@@ -136,8 +136,8 @@ def solve(
 
 
 def _equations(
-    planes: FreePlanes, vertices: Sequence[CommonVertex], slopes: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    planes: FreePlanes, vertices: Sequence[CommonVertex], slopes: FloatArray
+) -> tuple[FloatArray, IntArray]:
     """
     Return the equations of vertices, shape (n, n_planes, 3), and the vertex that each belongs to.
 
@@ -162,12 +162,12 @@ def _equations(
 
 def _pulls(
     planes: FreePlanes,
-    weight: NDArray[np.float64],
-    rows: NDArray[np.float64],
-    owner: NDArray[np.int64],
-    force: NDArray[np.float64],
+    weight: FloatArray,
+    rows: FloatArray,
+    owner: IntArray,
+    force: FloatArray,
     n_vertices: int,
-) -> NDArray[np.float64]:
+) -> FloatArray:
     """
     Return by how much the multipliers of each vertex's equations would move each plane if it were free [m].
     """

@@ -7,10 +7,11 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from lidar_buildings.core.model.array_types import IntArray
 from lidar_buildings.core.surfaces.roof_planes.roof_plane import RoofPlane
 
 
-def without_gaps(plane_id: NDArray[np.uint16]) -> tuple[NDArray[np.uint16], NDArray[np.int64]]:
+def without_gaps(plane_id: NDArray[np.uint16]) -> tuple[NDArray[np.uint16], IntArray]:
     """
     Renumber planes from 1 in their order.
 
@@ -35,7 +36,7 @@ def without_gaps(plane_id: NDArray[np.uint16]) -> tuple[NDArray[np.uint16], NDAr
     return new[plane_id], number
 
 
-def with_gaps(planes: tuple[RoofPlane, ...], number: NDArray[np.int64]) -> tuple[RoofPlane, ...]:
+def with_gaps(planes: tuple[RoofPlane, ...], number: IntArray) -> tuple[RoofPlane, ...]:
     """Return planes under their old numbers, with level planes without points in the gaps."""
     if number[-1] == len(planes):
         return planes

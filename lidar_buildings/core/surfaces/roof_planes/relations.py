@@ -7,8 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
+from lidar_buildings.core.model.array_types import BoolArray, FloatArray, IntArray
 from lidar_buildings.core.surfaces.roof_planes.free_planes import FreePlanes
 
 #: A relation may move a plane by this share of its own roughness at its points,
@@ -38,12 +38,12 @@ class Relations(NamedTuple):
         Number of the group of pieces of one plane.
     """
 
-    level: NDArray[np.bool_]
-    azimuth: NDArray[np.float64]
-    slope: NDArray[np.int64]
-    surface: NDArray[np.int64]
+    level: BoolArray
+    azimuth: FloatArray
+    slope: IntArray
+    surface: IntArray
 
-    def without(self, planes: NDArray[np.int64]) -> Relations:
+    def without(self, planes: IntArray) -> Relations:
         """Return the relations without the latest one that each of these planes has."""
         level, azimuth = self.level.copy(), self.azimuth.copy()
         slope, surface = self.slope.copy(), self.surface.copy()
@@ -68,12 +68,12 @@ def no_relations(n_planes: int) -> Relations:
     return Relations(np.zeros(n_planes, dtype=np.bool_), np.full(n_planes, math.nan), alone, alone)
 
 
-def allowed_move(rms: NDArray[np.float64]) -> NDArray[np.float64]:
+def allowed_move(rms: FloatArray) -> FloatArray:
     """By how much relations may move planes at their points, root mean square [m]."""
     return np.clip(_SHARE_OF_RMS * rms, LEAST_MOVE, _MOST_MOVE)
 
 
-def find_relations(planes: FreePlanes, directions: NDArray[np.float64]) -> Relations:
+def find_relations(planes: FreePlanes, directions: FloatArray) -> Relations:
     """
     Find the relations that the points allow.
 
@@ -108,12 +108,8 @@ def find_relations(planes: FreePlanes, directions: NDArray[np.float64]) -> Relat
 
 
 def _common_azimuths(
-    azimuth: NDArray[np.float64],
-    reach: NDArray[np.float64],
-    weight: NDArray[np.float64],
-    facing: NDArray[np.bool_],
-    directions: NDArray[np.float64],
-) -> NDArray[np.float64]:
+    azimuth: FloatArray, reach: FloatArray, weight: FloatArray, facing: BoolArray, directions: FloatArray
+) -> FloatArray:
     """
     Return the directions that planes may be made to face, NaN where a plane goes its own way.
 
@@ -138,11 +134,7 @@ def _common_azimuths(
 
 
 def _outline_direction(
-    azimuth: NDArray[np.float64],
-    reach: NDArray[np.float64],
-    weight: NDArray[np.float64],
-    mean: float,
-    directions: NDArray[np.float64],
+    azimuth: FloatArray, reach: FloatArray, weight: FloatArray, mean: float, directions: FloatArray
 ) -> float:
     """
     Return the outline's direction nearest to a group's mean if all but a tenth of the group can take it.
@@ -155,7 +147,7 @@ def _outline_direction(
     return mean
 
 
-def _to_right_angle(angle: NDArray[np.float64]) -> NDArray[np.float64]:
+def _to_right_angle(angle: FloatArray) -> FloatArray:
     """Difference of angles from the nearest multiple of a right angle [rad]."""
     return np.asarray(angle - _RIGHT_ANGLE * np.rint(angle / _RIGHT_ANGLE))
 
@@ -192,12 +184,12 @@ def _groups(values, reach, weight, candidates):  # type: ignore[no-untyped-def]
 
 def _common_surfaces(
     planes: FreePlanes,
-    level: NDArray[np.bool_],
-    azimuth: NDArray[np.float64],
-    slope: NDArray[np.int64],
-    rise: NDArray[np.float64],
-    move: NDArray[np.float64],
-) -> NDArray[np.int64]:
+    level: BoolArray,
+    azimuth: FloatArray,
+    slope: IntArray,
+    rise: FloatArray,
+    move: FloatArray,
+) -> IntArray:
     """Number the groups of level planes at one height, and of parallel planes that are pieces of one."""
     surface = np.full(len(level), -1, dtype=np.int64)
     kinds = np.where(level, 0, np.where(slope >= 0, slope + 1, -1))

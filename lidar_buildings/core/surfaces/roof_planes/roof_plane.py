@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+
+from lidar_buildings.core.model.array_types import FloatArray
 
 #: Normals are taken for no more level than this when elevations are asked for: a wall has none.
 _LEAST_UPRIGHT = 1e-6
@@ -28,16 +29,16 @@ class RoofPlane:
         Number of points.
     """
 
-    normal: NDArray[np.float64]
-    centroid: NDArray[np.float64]
+    normal: FloatArray
+    centroid: FloatArray
     rms: float
     n_points: int
 
     @property
-    def gradient(self) -> NDArray[np.float64]:
+    def gradient(self) -> FloatArray:
         """By how much the plane rises towards x and y [m/m]."""
         return -self.normal[:2] / max(float(self.normal[2]), _LEAST_UPRIGHT)
 
-    def elevation(self, xy: NDArray[np.float64]) -> NDArray[np.float64]:
+    def elevation(self, xy: FloatArray) -> FloatArray:
         """Elevation of the plane [m] at positions of shape (n, 2)."""
         return np.asarray(self.centroid[2] + (xy - self.centroid[:2]) @ self.gradient)

@@ -11,18 +11,16 @@ import math
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
+
+from lidar_buildings.core.model.array_types import FloatArray
 
 #: Pivots below this share of the diagonal belong to equations that follow from others.
 _DEPENDENT = 1e-6
 
 
 def constrained_minimum(
-    normal: NDArray[np.float64],
-    target: NDArray[np.float64],
-    rows: NDArray[np.float64],
-    values: NDArray[np.float64],
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    normal: FloatArray, target: FloatArray, rows: FloatArray, values: FloatArray
+) -> tuple[FloatArray, FloatArray]:
     """
     Minimise ½ xᵀ N x - tᵀ x under R x = r.
 
