@@ -1,4 +1,9 @@
-"""Faces of solids divided into triangles, so that the triangles of a closed shell are closed, too."""
+"""
+Faces of solids divided into triangles for files, so that the triangles of a closed shell are closed, too.
+
+By mapbox-earcut, not as the checks do it: of 10,397 faces of `bench.models.solids` 6,676 would be written
+with other diagonals.
+"""
 
 from __future__ import annotations
 
@@ -10,7 +15,7 @@ import numpy as np
 
 from lidar_buildings.core.model.array_types import FloatArray
 from lidar_buildings.core.solids.face_shape import area_vector
-from lidar_buildings.core.solids.shell import Face
+from lidar_buildings.core.solids.shell import Face, ring_edges
 
 #: Rows of three vertices, counter-clockwise as their face is.
 Triangle = tuple[int, int, int]
@@ -48,7 +53,6 @@ def triangles_of(pieces: Sequence[tuple[int, ...]]) -> list[Triangle]:
 
 
 def _triangles(vertices: FloatArray, face: Face) -> list[Triangle]:
-    """Divide any face into triangles."""
     rows = list(chain.from_iterable(face))
     plan = _largest_view(vertices, face)
     ends = np.cumsum([len(ring) for ring in face]).astype(np.uint32)
@@ -70,12 +74,10 @@ def _is_convex_quadrilateral(vertices: FloatArray, ring: Sequence[int]) -> bool:
 
 
 def _step(a: Sequence[float], b: Sequence[float]) -> tuple[float, float, float]:
-    """Return the way from one place to another."""
     return b[0] - a[0], b[1] - a[1], b[2] - a[2]
 
 
 def _cross(a: Sequence[float], b: Sequence[float]) -> tuple[float, float, float]:
-    """Return the vector product."""
     return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
 
 
@@ -92,15 +94,14 @@ def _largest_view(vertices: FloatArray, face: Face) -> FloatArray:
 
 
 def _counter_clockwise(places: Sequence[Sequence[float]], a: int, b: int, c: int) -> Triangle:
-    """Return three corners counter-clockwise."""
     (ax, ay), (bx, by), (cx, cy) = places[a], places[b], places[c]
     return (a, b, c) if (bx - ax) * (cy - ay) >= (cx - ax) * (by - ay) else (a, c, b)
 
 
 def _split_at_vertices(triangles: list[Triangle], face: Face, vertices: FloatArray) -> list[Triangle]:
     """Divide triangles along whose edges lie vertices of the face that were left out."""
-    owner = {edge: number for number, triangle in enumerate(triangles) for edge in _edges(triangle)}
-    outer = {edge for ring in face for edge in _edges(ring)}
+    owner = {edge: number for number, triangle in enumerate(triangles) for edge in ring_edges(triangle)}
+    outer = {edge for ring in face for edge in ring_edges(ring)}
     for _ in range(sum(len(ring) for ring in face)):
         bare = {edge for edge in owner if edge not in outer and edge[::-1] not in owner}
         if not bare:
@@ -113,13 +114,13 @@ def _split_at_vertices(triangles: list[Triangle], face: Face, vertices: FloatArr
             break
         number = owner[long]
         apex = next(corner for corner in triangles[number] if corner not in long)
-        for edge in _edges(triangles[number]):
+        for edge in ring_edges(triangles[number]):
             del owner[edge]
         for start, end in pairwise(path):
             triangles.append((start, end, apex))
-            owner.update((edge, len(triangles) - 1) for edge in _edges(triangles[-1]))
+            owner.update((edge, len(triangles) - 1) for edge in ring_edges(triangles[-1]))
         triangles[number] = triangles.pop()
-        owner.update((edge, number) for edge in _edges(triangles[number]))
+        owner.update((edge, number) for edge in ring_edges(triangles[number]))
     return triangles
 
 
@@ -141,12 +142,6 @@ def _path(edge: _Edge, wanted: Sequence[_Edge]) -> list[int]:
     return []
 
 
-def _edges(ring: Sequence[int]) -> list[_Edge]:
-    """Return the pairs of consecutive members, the last with the first."""
-    return list(zip(ring, (*ring[1:], ring[0]), strict=True))
-
-
 def _length(vertices: FloatArray, edge: _Edge) -> float:
-    """Return an edge's squared length."""
     step = vertices[edge[1]] - vertices[edge[0]]
     return float(step @ step)

@@ -63,14 +63,19 @@ def _without_repetitions(ring: FloatArray) -> FloatArray:
     return ring
 
 
+def polygons_of(geometry: shapely.Geometry) -> list[shapely.Polygon]:
+    """Return all polygons of any geometry."""
+    parts = [part for part in shapely.get_parts(geometry) if part.geom_type in ("Polygon", "MultiPolygon")]
+    return [polygon for part in parts for polygon in shapely.get_parts(part)]
+
+
 def _largest(geometry: shapely.Geometry) -> shapely.Polygon:
     """Return the polygon with the largest area in any geometry, an empty one if there is none."""
-    parts = [part for part in shapely.get_parts(geometry) if part.geom_type in ("Polygon", "MultiPolygon")]
-    polygons = [polygon for part in parts for polygon in shapely.get_parts(part)]
-    return max(polygons, key=lambda polygon: (polygon.area, polygon.wkb), default=shapely.Polygon())
+    return max(
+        polygons_of(geometry), key=lambda polygon: (polygon.area, polygon.wkb), default=shapely.Polygon()
+    )
 
 
 def _outline(polygon: shapely.Polygon) -> Outline:
-    """Turn a polygon into an outline."""
     exterior, *holes = (np.asarray(ring.coords)[:-1, :2] for ring in (polygon.exterior, *polygon.interiors))
     return Outline(exterior, tuple(holes))

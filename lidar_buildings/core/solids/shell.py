@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -15,6 +16,11 @@ WALL_SURFACE = "WallSurface"
 
 #: A face's rings as rows of the solid's vertices, open: its exterior, then its holes.
 Face = tuple[tuple[int, ...], ...]
+
+
+def ring_edges(ring: Sequence[int]) -> list[tuple[int, int]]:
+    """Return the pairs of consecutive members, the last with the first."""
+    return list(zip(ring, (*ring[1:], *ring[:1]), strict=True))
 
 
 @dataclass(frozen=True, eq=False)

@@ -162,5 +162,4 @@ def _sound(polygon: shapely.Polygon) -> shapely.Geometry:
 
 
 def _rings(polygon: shapely.Polygon) -> list[shapely.LinearRing]:
-    """Return the exterior and the holes of a polygon."""
     return [polygon.exterior, *polygon.interiors]

@@ -7,7 +7,7 @@ from itertools import pairwise
 import numpy as np
 
 from lidar_buildings.core.model.outline import Outline
-from lidar_buildings.core.solids.shell import GROUND_SURFACE, ROOF_SURFACE, WALL_SURFACE, Solid
+from lidar_buildings.core.solids.shell import GROUND_SURFACE, ROOF_SURFACE, WALL_SURFACE, Solid, ring_edges
 
 
 def extrude(outline: Outline, z_bottom: float, z_top: float) -> Solid:
@@ -35,11 +35,6 @@ def extrude(outline: Outline, z_bottom: float, z_top: float) -> Solid:
     bottoms = [tuple(range(a, b)) for a, b in pairwise(starts)]
     ground = tuple(ring[::-1] for ring in bottoms)
     roof = tuple(tuple(i + n for i in ring) for ring in bottoms)
-    walls = tuple(((i, j, j + n, i + n),) for ring in bottoms for i, j in _ring_edges(ring))
+    walls = tuple(((i, j, j + n, i + n),) for ring in bottoms for i, j in ring_edges(ring))
     semantics = (GROUND_SURFACE, ROOF_SURFACE, *(WALL_SURFACE for _ in walls))
     return Solid(vertices, (ground, roof, *walls), semantics)
-
-
-def _ring_edges(ring: tuple[int, ...]) -> list[tuple[int, int]]:
-    """Return the pairs of consecutive members, the last with the first."""
-    return list(zip(ring, ring[1:] + ring[:1], strict=True))

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from itertools import pairwise
 
 import numpy as np
 import shapely
 
 from lidar_buildings.core.model.array_types import FloatArray
+from lidar_buildings.core.solids.output_grid import polygons_of
 from lidar_buildings.core.solids.raising.roof_piece import RoofPiece
 
 #: Least height of a roof above the ground [m].
@@ -39,8 +39,8 @@ def _part_above(piece: RoofPiece, floor: float) -> list[RoofPiece]:
     )
     upper = polygon.intersection(_half_plane(piece, floor))
     return [
-        *(RoofPiece(rings, piece.plane) for rings in _polygons(upper)),
-        *(RoofPiece(rings, flat) for rings in _polygons(polygon.difference(upper))),
+        *(RoofPiece(rings, piece.plane) for rings in _rings(upper)),
+        *(RoofPiece(rings, flat) for rings in _rings(polygon.difference(upper))),
     ]
 
 
@@ -59,15 +59,9 @@ def _half_plane(piece: RoofPiece, floor: float) -> shapely.Polygon:
     )
 
 
-def _polygons(geometry: shapely.Geometry) -> list[tuple[FloatArray, ...]]:
-    """Return the rings of all polygons of a geometry."""
-    parts = [part for part in shapely.get_parts(geometry) if part.geom_type in ("Polygon", "MultiPolygon")]
-    polygons = [polygon for part in parts for polygon in shapely.get_parts(part)]
-    starts = [
-        np.concatenate(([0], np.cumsum(shapely.get_num_coordinates(shapely.get_rings(polygon)))))
-        for polygon in polygons
-    ]
+def _rings(geometry: shapely.Geometry) -> list[tuple[FloatArray, ...]]:
+    """Return the rings of all polygons of a geometry, open."""
     return [
-        tuple(shapely.get_coordinates(polygon)[first : last - 1] for first, last in pairwise(bounds.tolist()))
-        for polygon, bounds in zip(polygons, starts, strict=True)
+        tuple(shapely.get_coordinates(ring)[:-1] for ring in (polygon.exterior, *polygon.interiors))
+        for polygon in polygons_of(geometry)
     ]

@@ -80,5 +80,4 @@ def _check_shell(faces: FaceArrays, triangles: IntArray, face_of: IntArray) -> s
 
 
 def _unused(leader: IntArray, faces: FaceArrays) -> set[int]:
-    """Return 309 if a vertex belongs to no face."""
     return set() if len(np.unique(faces.corners)) == len(np.unique(leader)) else {309}

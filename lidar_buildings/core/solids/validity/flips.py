@@ -58,7 +58,6 @@ def _neighbours(corners: IntArray, rows: IntArray) -> IntArray:
 
 @njit(cache=True, nogil=True)
 def _edge_towards(across: IntArray, t: int, other: int) -> int:
-    """Return which edge of a triangle leads to another one."""
     for k in range(3):
         if across[t, k] == other:
             return k

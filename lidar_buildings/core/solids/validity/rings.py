@@ -8,6 +8,7 @@ from numba import njit
 from lidar_buildings.core.model.array_types import FloatArray, IntArray
 from lidar_buildings.core.solids.validity.codes import TOUCHING
 from lidar_buildings.core.solids.validity.face_arrays import FaceArrays
+from lidar_buildings.core.solids.validity.triangulation import turn
 
 
 def repeated_points(faces: FaceArrays) -> set[int]:
@@ -36,7 +37,6 @@ def _repetitions(corners: IntArray, ring_starts: IntArray) -> IntArray:
 
 @njit(cache=True, nogil=True)
 def _has_three(ring: IntArray) -> bool:
-    """Whether a ring has three different vertices."""
     second = 0
     while second < len(ring) and ring[second] == ring[0]:
         second += 1
@@ -48,7 +48,6 @@ def _has_three(ring: IntArray) -> bool:
 
 @njit(cache=True, nogil=True)
 def _any_self_intersection(flat: FloatArray, ring_starts: IntArray) -> bool:
-    """Whether any ring meets itself."""
     for number in range(len(ring_starts) - 1):
         if _meets_itself(flat[ring_starts[number] : ring_starts[number + 1]]):
             return True
@@ -97,12 +96,6 @@ def segments_meet(a: FloatArray, b: FloatArray, c: FloatArray, d: FloatArray) ->
             return False
         if max(c[axis], d[axis]) + TOUCHING < min(a[axis], b[axis]):
             return False
-    if (_turn(a, b, c) > 0.0) != (_turn(a, b, d) > 0.0) and (_turn(c, d, a) > 0.0) != (_turn(c, d, b) > 0.0):
+    if (turn(a, b, c) > 0.0) != (turn(a, b, d) > 0.0) and (turn(c, d, a) > 0.0) != (turn(c, d, b) > 0.0):
         return True
     return near_segment(a, c, d) or near_segment(b, c, d) or near_segment(c, a, b) or near_segment(d, a, b)
-
-
-@njit(cache=True, nogil=True)
-def _turn(a: FloatArray, b: FloatArray, c: FloatArray) -> float:
-    """Return twice the area of a triangle, positive if counter-clockwise."""
-    return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])

@@ -68,7 +68,6 @@ def cut_into_cells(outline: Outline, segments: FloatArray) -> Cells:
 
 
 def _cells(polygons: NDArray[np.object_]) -> Cells:
-    """Find the edges that cells share."""
     order = np.lexsort(shapely.bounds(polygons).T[::-1])
     polygons = polygons[order]
     rings, owner = shapely.get_rings(polygons, return_index=True)

@@ -51,7 +51,6 @@ def face_polygons(cells: Cells, face: IntArray) -> list[shapely.Polygon]:
 
 
 def _united(group: NDArray[np.object_]) -> shapely.Polygon:
-    """Unite cells that share whole edges."""
     united = shapely.coverage_union_all(group)
     return united if united.geom_type == "Polygon" else max(shapely.get_parts(united), key=shapely.area)
 

@@ -143,7 +143,6 @@ def _between(face: RoofFacePatch, low: float, high: float) -> shapely.Polygon:
 
 
 def _elevations(plane: FloatArray, xy: FloatArray) -> FloatArray:
-    """Return a plane's elevations at places."""
     return np.asarray(xy[:, 0] * plane[0] + xy[:, 1] * plane[1] + plane[2])
 
 

@@ -119,7 +119,6 @@ def part_elevations(
 
 
 def _level(solid: Solid, codes: tuple[int, ...]) -> Level:
-    """Return a solid if it passes all checks, else what is wrong with it."""
     return Level(None, codes) if codes else Level(solid)
 
 

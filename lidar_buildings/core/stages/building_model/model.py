@@ -150,7 +150,6 @@ def _flat_top(points: FloatArray, ground: float, config: BuildingModelConfig) ->
 
 
 def _top(z: FloatArray, config: BuildingModelConfig) -> float:
-    """Return the elevation of a flat top over points [m]."""
     return float(on_grid(np.percentile(z, ELEVATIONS[config.roof_elevation])))
 
 
@@ -209,7 +208,6 @@ def _distinct_planes(roof: _Roof) -> tuple[FloatArray, NDArray[np.uint16]]:
 
 
 def _equation(plane: RoofPlane) -> FloatArray:
-    """Return a, b, c of z = a·x + b·y + c."""
     a, b = plane.gradient
     return np.array([a, b, plane.centroid[2] - a * plane.centroid[0] - b * plane.centroid[1]])
 
@@ -253,7 +251,6 @@ def _has_extent(points: FloatArray) -> bool:
 def _without_solid(
     attributes: dict[str, Any], ground: float | None, status: BuildingStatus, reason: str
 ) -> BuildingModel:
-    """Return the model of a building that gets none."""
     known = None if ground is None else float(on_grid(ground))
     return BuildingModel({}, attributes | {"ground_elevation": known}, (), status, reason)
 
@@ -269,7 +266,6 @@ def _ground(
 
 
 def _roof_faces(solid: Solid) -> RoofFaces:
-    """Return the rings of a solid's roof faces."""
     return tuple(
         solid.face_rings(face)
         for face, kind in zip(solid.faces, solid.semantics, strict=True)

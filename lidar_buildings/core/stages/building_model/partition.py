@@ -149,7 +149,6 @@ def _impossible(cells: Cells, planes: FloatArray, limits: Limits) -> FloatArray:
 
 
 def _faces(roof: _Roof, found: _Labelled) -> list[RoofFacePatch]:
-    """Join cells of one plane to faces."""
     face = join_equal_cells(found.cells, found.labels)
     polygons = face_polygons(found.cells, face)
     rings = without_straight_vertices(polygons, np.concatenate(roof.outline.rings))
@@ -197,7 +196,6 @@ def _places(cells: Cells, samples: Samples) -> IntArray:
 
 
 def _rows_by_face(face: IntArray, cell: IntArray, n_faces: int) -> list[IntArray]:
-    """Return the rows of the points over each face."""
     rows = np.flatnonzero(cell >= 0)
     number = face[cell[rows]]
     order = np.argsort(number, kind="stable")

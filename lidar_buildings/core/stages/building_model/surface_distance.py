@@ -45,7 +45,6 @@ def _nearest(
     first_ring: IntArray,
     distance: FloatArray,
 ) -> None:
-    """Lower the distances face by face."""
     for face in range(len(first_ring) - 1):
         start, stop = first_corner[first_ring[face]], first_corner[first_ring[face + 1]]
         outer = first_corner[first_ring[face] + 1]

@@ -7,8 +7,8 @@ from numba import njit
 from numpy.typing import NDArray
 
 from lidar_buildings.core.model.array_types import FloatArray, IntArray
-from lidar_buildings.core.stages.plane_fitting.plane_geometry import distance_of
 from lidar_buildings.core.stages.plane_fitting.surroundings import Cloud
+from lidar_buildings.core.surfaces.plane_geometry import distance_of
 
 #: Pairs of planes that are remembered while pairs are listed.
 _N_RECENT = 1021

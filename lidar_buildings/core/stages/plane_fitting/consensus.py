@@ -10,12 +10,12 @@ from numba import njit
 from numpy.typing import NDArray
 
 from lidar_buildings.core.model.array_types import BoolArray, FloatArray, IntArray
-from lidar_buildings.core.stages.plane_fitting.plane_geometry import (
+from lidar_buildings.core.stages.plane_fitting.surroundings import Cloud
+from lidar_buildings.core.surfaces.plane_geometry import (
     distance_of,
     fitted_plane,
     plane_through,
 )
-from lidar_buildings.core.stages.plane_fitting.surroundings import Cloud
 from lidar_buildings.core.surfaces.point_moments import N_MOMENTS, add_point
 
 #: Probability that the samples hold one free of gross errors (Mancera-Taboada et al. 2012, section II.D).

@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 
 from lidar_buildings.core.model.array_types import BoolArray, FloatArray, IntArray
 from lidar_buildings.core.stages.plane_fitting.model_selection import equations_of, plane_sums
-from lidar_buildings.core.stages.plane_fitting.plane_geometry import distance_of
 from lidar_buildings.core.stages.plane_fitting.surroundings import MAX_NEIGHBOURS, Cloud
+from lidar_buildings.core.surfaces.plane_geometry import distance_of
 
 #: Times that planes are fitted anew to their points, and rounds of moves with the same planes.
 _MAX_FITS, _MAX_ROUNDS = 2, 4

@@ -21,12 +21,12 @@ from lidar_buildings.core.stages.plane_fitting.adjacency import (
     rows_of_planes,
     touching_planes,
 )
-from lidar_buildings.core.stages.plane_fitting.plane_geometry import (
+from lidar_buildings.core.stages.plane_fitting.surroundings import Cloud
+from lidar_buildings.core.surfaces.plane_geometry import (
     distance_of,
     fitted_plane,
     residual_of,
 )
-from lidar_buildings.core.stages.plane_fitting.surroundings import Cloud
 from lidar_buildings.core.surfaces.point_moments import N_MOMENTS, add_point
 
 # Those with which `bench.planes.run` finds all planes of the roofs labelled by hand and none too many.

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from lidar_buildings.core.model.array_types import BoolArray, FloatArray
 from lidar_buildings.core.stages.plane_fitting.config import PlaneFittingConfig
 from lidar_buildings.core.stages.plane_fitting.consensus import PROBABILITY, samples_needed
-from lidar_buildings.core.stages.plane_fitting.plane_geometry import (
+from lidar_buildings.core.surfaces.plane_geometry import (
     distance_of,
     fitted_plane,
     plane_through,

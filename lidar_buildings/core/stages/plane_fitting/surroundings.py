@@ -15,7 +15,7 @@ from lidar_buildings.core.model.array_types import BoolArray, FloatArray, IntArr
 from lidar_buildings.core.neighbours.cell_grid import CELLS_A_BLOCK, CellGrid
 from lidar_buildings.core.neighbours.neighbourhoods import build_grid
 from lidar_buildings.core.neighbours.parallel import for_row_blocks
-from lidar_buildings.core.stages.plane_fitting.plane_geometry import distance_of, fitted_plane
+from lidar_buildings.core.surfaces.plane_geometry import distance_of, fitted_plane
 from lidar_buildings.core.surfaces.point_moments import N_MOMENTS
 
 #: Neighbours kept of a point; of more, as many are taken evenly.

@@ -85,7 +85,6 @@ def find_borders(raster: RegionRaster, centre: FloatArray) -> Borders:
 
 @njit(cache=True, nogil=True)
 def _count(label):  # type: ignore[no-untyped-def]
-    """Count the sides between different planes."""
     n = 0
     n_rows, n_columns = label.shape
     for r in range(n_rows):

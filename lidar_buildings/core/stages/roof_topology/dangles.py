@@ -109,7 +109,6 @@ def _lead_on(lines: FloatArray, one: tuple[int, int], other: tuple[int, int]) ->
 
 
 def _edge(segment: FloatArray, i: int, j: int, gradients: FloatArray, centre: FloatArray) -> StepEdge:
-    """Return the step between two planes along a segment about the centre."""
     difference = gradients[i - 1] - gradients[j - 1]
     rise = segment @ difference[:2] + difference[2]
     if rise.sum() < 0:

@@ -210,7 +210,6 @@ def _mark_beside(xy, fx, fy, ux, uy, a, b, gap, t0, t1, spacing, on_line):  # ty
 
 @njit(cache=True, nogil=True)
 def _distinct(numbers):  # type: ignore[no-untyped-def]
-    """Count distinct numbers."""
     ordered = np.sort(numbers)
     n = 1
     for k in range(1, len(ordered)):

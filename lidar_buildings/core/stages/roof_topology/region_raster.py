@@ -103,7 +103,6 @@ def region_raster(
 
 @njit(cache=True, nogil=True)
 def _squared(points, i, x, y):  # type: ignore[no-untyped-def]
-    """Squared distance of a point from a position in plan."""
     return (points[i, 0] - x) ** 2 + (points[i, 1] - y) ** 2
 
 

@@ -71,7 +71,6 @@ def finished(
 
 
 def _partners(pieces: Pieces, n_planes: int) -> BoolArray:
-    """Return which planes meet, as a table."""
     table = np.zeros((n_planes + 1, n_planes + 1), dtype=np.bool_)
     table[pieces.first, pieces.second] = table[pieces.second, pieces.first] = True
     return table
@@ -155,7 +154,6 @@ def _third_plane(t, i, j, fx, fy, ux, uy, gradients, partners, reach):  # type: 
 def _segment(
     pieces: Pieces, k: int, t: FloatArray, gradients: FloatArray, centre: FloatArray
 ) -> IntersectionSegment:
-    """Return a piece as a segment in space."""
     i, j = int(pieces.first[k]), int(pieces.second[k])
     p, q = gradients[i - 1], gradients[j - 1]
     fx, fy, ux, uy, _ = intersection_line(p, q)
@@ -166,7 +164,6 @@ def _segment(
 
 
 def _kind(convex: bool, rise: float, steepness: float) -> str:
-    """Name the kind of line by its shape and its own slope."""
     if not convex:
         return VALLEY
     return RIDGE if abs(rise) < _RIDGE_SHARE * steepness else HIP

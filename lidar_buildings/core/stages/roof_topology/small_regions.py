@@ -77,7 +77,6 @@ def _neighbour(r, c, k):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _absorb(label, piece, first, small):  # type: ignore[no-untyped-def]
-    """Relabel small regions one by one."""
     n_rows, n_columns = label.shape
     flat = label.reshape(-1)
     stack = np.empty(len(flat), dtype=np.int64)

@@ -101,5 +101,4 @@ def step_segments(steps: StepLines) -> FloatArray:
 
 
 def _elevation(plane: FloatArray, xy: FloatArray) -> FloatArray:
-    """Elevation of a plane above the centre at positions about it [m]."""
     return np.asarray(xy @ plane[:2] + plane[2])

@@ -144,7 +144,6 @@ def _greedy(xy, upright, cell, angles, spacing, free, run, least):  # type: igno
 
 @njit(cache=True, nogil=True)
 def _along(upright, cell, cosine, sine):  # type: ignore[no-untyped-def]
-    """Length of a side in a direction [m]."""
     return cell * (abs(sine) if upright else abs(cosine))
 
 

@@ -110,7 +110,6 @@ def _topology(
 
 
 def _renumbered(topology: RoofTopology, number: IntArray) -> RoofTopology:
-    """Return a topology with planes under their old numbers."""
 
     def old(k: int) -> int:
         return int(number[k])

@@ -97,7 +97,6 @@ def _back_substitute(start, row, value, x):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _products(rows, others):  # type: ignore[no-untyped-def]
-    """Return the scalar products of sparse rows with other rows."""
     products = np.zeros((len(rows), len(others)))
     for a in range(len(rows)):
         for k in range(rows.shape[1]):
@@ -109,7 +108,6 @@ def _products(rows, others):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _combination(factors, rows):  # type: ignore[no-untyped-def]
-    """Return the sum of rows times factors."""
     total = np.zeros(rows.shape[1])
     for a in range(len(rows)):
         total += factors[a] * rows[a]
