@@ -120,6 +120,19 @@ def build_model(
     attributes = known_attributes(points, outline, plane_id if known_planes else None, spacing)
     if not len(points):
         return _without_solid(attributes, ground_elevation, BuildingStatus.DEGENERATE, "no roof points")
+    return _model(points, plane_id, outline, spacing, ground_elevation, attributes, config)
+
+
+def _model(
+    points: FloatArray,
+    plane_id: NDArray[np.uint16],
+    outline: Outline,
+    spacing: float,
+    ground_elevation: float | None,
+    attributes: dict[str, Any],
+    config: BuildingModelConfig,
+) -> BuildingModel:
+    """Build the model of a building with points, LoD1.2 first: what fails above leaves that."""
     ground, remark = _ground(points, ground_elevation, config)
     top, why_raised = _flat_top(points, ground, config)
     lowest, outline = level_12(outline, ground, top)
