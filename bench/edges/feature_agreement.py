@@ -112,7 +112,6 @@ def _of_pgeof(task: Task, own: EigenFeatures) -> Iterator[Difference]:
 
 
 def _pgeof_entropy(own: EigenFeatures) -> NDArray[np.float64]:
-    """Return the eigenentropy by pgeof's formula."""
     shares = own.eigenvalues / (own.eigenvalues.sum(axis=1, keepdims=True) + PGEOF_EPSILON)
     return -(shares * np.log(shares + PGEOF_EPSILON)).sum(axis=1)
 

@@ -62,9 +62,7 @@ class OutlineScore(NamedTuple):
 
 
 def simulated_roofs(scene: str, density: float, seed: int = 0) -> tuple[RoofArea, NDArray[np.float64]]:
-    """
-    Scan a scene; return its roof points, walls left out, and their distances from the outlines of blocks.
-    """
+    """Scan a scene; return its roof points without walls, and their distances from the blocks' outlines."""
     with tempfile.TemporaryDirectory(prefix="bench-") as folder:
         options = ["--scene", scene, "--density", str(density), "--seed", str(seed), "--overwrite"]
         with contextlib.redirect_stdout(io.StringIO()):
@@ -107,7 +105,6 @@ def rows_of(
 
 
 def _cells(*shares: float) -> list[str]:
-    """Write shares in percent."""
     return [percent(share) for share in shares]
 
 

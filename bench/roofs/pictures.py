@@ -67,7 +67,6 @@ def _axes(relief: NDArray[np.float64], low: NDArray[np.float64], extent: NDArray
 
 
 def _save(axes, path: Path) -> None:
-    """Write the picture and forget it."""
     axes.legend(loc="upper right", markerscale=3)
     axes.figure.tight_layout()
     axes.figure.savefig(path, dpi=110)

@@ -52,9 +52,7 @@ def valley_between_modes(values: NDArray[np.floating]) -> float | None:
 
 
 def _valley_around(parting: int, counts: NDArray[np.float64], edges: NDArray[np.float64]) -> float | None:
-    """
-    Return the middle of the valley between the highest peaks on both sides of a bin, None where none is.
-    """
+    """Return the middle of the valley between the highest peaks on both sides of a bin, if there is one."""
     smooth = ndimage.gaussian_filter1d(counts, SMOOTHING / BIN, mode="constant")
     dark, bright = int(np.argmax(smooth[: parting + 1])), parting + 1 + int(np.argmax(smooth[parting + 1 :]))
     between = smooth[dark : bright + 1]
@@ -68,9 +66,7 @@ def _valley_around(parting: int, counts: NDArray[np.float64], edges: NDArray[np.
 
 
 def _otsu(counts: NDArray[np.float64]) -> int:
-    """
-    Return the last bin of the darker class, the classes' variance between them being largest (Otsu 1979).
-    """
+    """Return the last bin of the darker class, the variance between classes being largest (Otsu, 1979)."""
     place = np.arange(len(counts))
     below, total = np.cumsum(counts), counts.sum()
     moment = np.cumsum(counts * place)
@@ -81,9 +77,7 @@ def _otsu(counts: NDArray[np.float64]) -> int:
 
 
 def _least_error(counts: NDArray[np.float64]) -> int:
-    """
-    Return the last bin of the darker class for two normal classes (Kittler and Illingworth 1986, eq. 15).
-    """
+    """Return the last bin of the darker of two normal classes (Kittler and Illingworth, 1986, eq. 15)."""
     place = np.arange(len(counts))
     sums = np.cumsum(np.stack([counts, counts * place, counts * place**2]), axis=1)
     criterion = np.zeros(len(counts))

@@ -76,7 +76,6 @@ def _cell_size(points: NDArray[np.float64]) -> float:
 
 
 def _nearest_filled(values: NDArray[np.float64], known: NDArray[np.bool_]) -> NDArray[np.float64]:
-    """Return the raster with the nearest known value in every cell."""
     nearest = ndimage.distance_transform_edt(~known, return_distances=False, return_indices=True)
     return values[tuple(nearest)]
 
@@ -90,9 +89,7 @@ def _without_pits(surface: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _lower_plane(surface: NDArray[np.float64]) -> NDArray[np.float64]:
-    """
-    Return the plane through the lower half of the cells: fitted to all, then to the lower half in rounds.
-    """
+    """Return the plane through the lower half of the cells, fitted in rounds."""
     row, column = np.indices(surface.shape)
     base = np.column_stack([row.ravel(), column.ravel(), np.ones(surface.size)])
     values = surface.ravel()

@@ -91,7 +91,6 @@ def _numbered(parent: NDArray[np.int64], rows: NDArray[np.int64]) -> NDArray[np.
 
 @njit(cache=True, nogil=True)
 def _link_near(grid, radius, in_plan, parent):  # type: ignore[no-untyped-def]
-    """Link all points within the radius of each other."""
     near = np.empty(len(grid.points), dtype=np.int64)
     for i in range(len(grid.points)):
         x, y, z = grid.points[i]
@@ -102,7 +101,6 @@ def _link_near(grid, radius, in_plan, parent):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _link_smooth(grid, normals, reach, min_cosine, max_offset, parent):  # type: ignore[no-untyped-def]
-    """Link points within the reach of either whose tangent planes agree."""
     points = grid.points
     near = np.empty(len(points), dtype=np.int64)
     for i in range(len(points)):

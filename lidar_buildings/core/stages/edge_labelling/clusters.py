@@ -93,7 +93,6 @@ def cluster_edges(
 def _cluster(
     number: int, features: NDArray[np.float64], linearity: NDArray[np.float64], config: EdgeLabellingConfig
 ) -> tuple[NDArray[np.bool_], Clusters]:
-    """Label a roof's points."""
     if len(features) < 2:
         nothing = np.full((2, features.shape[1]), np.nan)
         return np.zeros(len(features), dtype=np.bool_), Clusters(

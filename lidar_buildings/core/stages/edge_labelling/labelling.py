@@ -143,7 +143,7 @@ def _features(
     spacing: float,
     config: EdgeLabellingConfig,
 ) -> EigenFeatures:
-    """Describe each point's sphere, given roofs each for itself."""
+    """Describe each point's sphere; given roofs do not see one another."""
     largest = max(config.max_radius, MIN_RADIUS)
     radii = np.unique(np.geomspace(MIN_RADIUS, largest, config.n_radii)) * spacing
     apart = set_apart(points, roofs, float(radii[-1]))

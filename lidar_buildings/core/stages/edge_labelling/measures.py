@@ -33,9 +33,7 @@ def measures_of(found: EigenFeatures, features: str) -> NDArray[np.float64]:
 
 
 def centres_of(features: str, given: tuple[float, ...]) -> NDArray[np.float64]:
-    """
-    Return the given centres of surfaces and edges, shape (2, n_features), or the typical ones if none are.
-    """
+    """Return the centres of surfaces and edges, shape (2, n_features): as given, else typical ones."""
     if given:
         return np.array(given).reshape(2, -1)
     return np.array(TYPICAL_CENTRES[features])

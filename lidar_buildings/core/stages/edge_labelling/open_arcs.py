@@ -64,9 +64,7 @@ def sector_table() -> NDArray[np.uint64]:
 
 
 def _squares_off(edges: NDArray[Any], turn: NDArray[Any], off: Callable[..., NDArray[Any]]) -> NDArray[Any]:
-    """
-    Return squared distances of squares or corners (north, east) from the disc's centre in each direction.
-    """
+    """Return squared distances of squares or corners from the disc's centre in each direction."""
     east, north = off(edges[:, None], np.cos(turn)), off(edges[:, None], np.sin(turn))
     return np.square(north)[:, None] + np.square(east)[None]
 
@@ -78,9 +76,7 @@ def _gap(edges: NDArray[Any], place: NDArray[Any]) -> NDArray[Any]:
 
 @njit(cache=True, nogil=True, forceinline=True)
 def square_at(east, north):  # type: ignore[no-untyped-def]
-    """
-    Return the number of the square at a place, which is in units of squares; the first is one too far off.
-    """
+    """Return the number of the square at a place in units of squares; 0 is too far off."""
     column = min(max(np.floor(east) + (N_SQUARES // 2 + 1.0), 0.0), N_SQUARES + 1.0)
     row = min(max(np.floor(north) + (N_SQUARES // 2 + 1.0), 0.0), N_SQUARES + 1.0)
     return row * (N_SQUARES + 2.0) + column

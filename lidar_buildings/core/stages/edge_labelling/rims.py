@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
 from numba import njit
@@ -67,8 +66,8 @@ def on_rims(
         Per input row.
     """
     rim = np.zeros(len(band), dtype=np.bool_)
-    roof = np.zeros(len(band), dtype=np.int64) if roof_id is None else _sorted(numbered(roof_id)[1], cells)
-    in_band = np.flatnonzero(_sorted(band, cells))
+    roof = np.zeros(len(band), dtype=np.int64) if roof_id is None else numbered(roof_id)[1][cells.rows]
+    in_band = np.flatnonzero(band[cells.rows])
     band_first = np.searchsorted(in_band, cells.first)
     everything = (cells.points, roof, cells.first)
     of_band = (cells.points[in_band], roof[in_band], band_first)
@@ -79,20 +78,6 @@ def on_rims(
         CELLS_A_BLOCK,
     )
     return rim
-
-
-def _sorted(values: NDArray[Any], cells: CellGrid) -> NDArray[Any]:
-    """Return one value per input row in the order of the sorted points."""
-    ordered = np.empty_like(values)
-    for_row_blocks(lambda begin, end: _gather(values, cells.rows, ordered, begin, end), len(values))
-    return ordered
-
-
-@njit(cache=True, nogil=True)
-def _gather(values, rows, ordered, begin, end):  # type: ignore[no-untyped-def]
-    """Fill the sorted points begin to end."""
-    for i in range(begin, end):
-        ordered[i] = values[rows[i]]
 
 
 @njit(cache=True, nogil=True)
@@ -160,9 +145,7 @@ def _is_near(band, n_band, place, reach, max_step):  # type: ignore[no-untyped-d
 
 @njit(cache=True, nogil=True)
 def _is_on_rim(near, n_near, place, radius, max_step, table, arcs):  # type: ignore[no-untyped-def]
-    """
-    Whether an empty disc touches a place: by sectors if they tell, else exactly; `arcs` is room to work in.
-    """
+    """Whether an empty disc touches a place: by sectors if they suffice, else by arcs."""
     x, y, z, roof = place
     scale, same = N_SQUARES / (4.0 * radius), (SAME_PLACE * radius) ** 2
     squares = near[4]
@@ -182,7 +165,7 @@ def _is_on_rim(near, n_near, place, radius, max_step, table, arcs):  # type: ign
 
 @njit(cache=True, nogil=True)
 def _is_touched(near, n_near, place, radius, max_step, arcs):  # type: ignore[no-untyped-def]
-    """Tell the same by cutting out arc after arc."""
+    """Return the same by cutting out arc after arc."""
     x, y, z, roof = place
     arcs[0] = 0.0, TURN
     n_open = 1

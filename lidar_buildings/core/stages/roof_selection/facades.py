@@ -68,7 +68,6 @@ def find_facades(
 
 @njit(cache=True, nogil=True)
 def _hang(grid, is_roof, is_last, reach, around, hangs, begin, end):  # type: ignore[no-untyped-def]
-    """Judge sorted points begin to end."""
     points = grid.points
     near = np.empty(len(points), dtype=np.int64)
     seen = np.zeros(N_SECTORS, dtype=np.bool_)

@@ -103,7 +103,6 @@ def _cells(
 
 @njit(cache=True, nogil=True)
 def _judge(points, rows, first, limits, kind, least, normals, begin, end):  # type: ignore[no-untyped-def]
-    """Let cells begin to end say what their points are."""
     max_planar, min_rugged, min_upward = limits
     for c in range(begin, end):
         inside = rows[first[c] : first[c + 1]]

@@ -10,9 +10,7 @@ N_SECTORS = 8
 
 @njit(cache=True, nogil=True)
 def sector_of(dx, dy):  # type: ignore[no-untyped-def]
-    """
-    Return the sector, 0 to 7 and counterclockwise from east, of a direction in plan, without trigonometry.
-    """
+    """Return the sector of a direction in plan, 0 to 7 counterclockwise from east, without trigonometry."""
     if dy < 0.0 or (dy == 0.0 and dx < 0.0):
         return _of_upper_half(-dx, -dy) + 4
     return _of_upper_half(dx, dy)

@@ -101,7 +101,6 @@ def below_roof(points: NDArray[np.float64], is_roof: NDArray[np.bool_], radius: 
 
 @njit(cache=True, nogil=True)
 def _near_plane(grid, normals, is_surface, radius, max_distance, joined, begin, end):  # type: ignore[no-untyped-def]
-    """Judge sorted points begin to end."""
     near = np.empty(len(grid.points), dtype=np.int64)
     for i in range(begin, end):
         row = grid.rows[i]
@@ -121,7 +120,6 @@ def _near_plane(grid, normals, is_surface, radius, max_distance, joined, begin, 
 
 @njit(cache=True, nogil=True)
 def _surrounded(grid, is_roof, radius, max_below, max_above, held, begin, end):  # type: ignore[no-untyped-def]
-    """Judge sorted points begin to end."""
     near = np.empty(len(grid.points), dtype=np.int64)
     seen = np.zeros(N_SECTORS, dtype=np.bool_)
     for i in range(begin, end):
@@ -142,7 +140,6 @@ def _surrounded(grid, is_roof, radius, max_below, max_above, held, begin, end): 
 
 @njit(cache=True, nogil=True)
 def _share(grid, flag, radius, share, begin, end):  # type: ignore[no-untyped-def]
-    """Count around sorted points begin to end."""
     near = np.empty(len(grid.points), dtype=np.int64)
     for i in range(begin, end):
         x, y, z = grid.points[i]
@@ -155,7 +152,6 @@ def _share(grid, flag, radius, share, begin, end):  # type: ignore[no-untyped-de
 
 @njit(cache=True, nogil=True)
 def _below(grid, is_roof, radius, below, begin, end):  # type: ignore[no-untyped-def]
-    """Judge sorted points begin to end."""
     near = np.empty(len(grid.points), dtype=np.int64)
     for i in range(begin, end):
         x, y, z = grid.points[i]

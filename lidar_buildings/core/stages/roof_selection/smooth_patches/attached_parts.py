@@ -74,9 +74,7 @@ def _with_surroundings(
     margin: int,
     block: float,
 ) -> Iterator[tuple[int, NDArray[np.int64], NDArray[np.int64]]]:
-    """
-    Go through the chosen parts: number, rows, and the rows within their bounds and a margin of cells.
-    """
+    """Go through the chosen parts: number, rows, rows within their bounds and a margin of cells."""
     rows_of_part = np.split(np.argsort(part, kind="stable"), np.cumsum(np.bincount(part))[:-1])
     blocks, inverse, count = np.unique(
         np.floor(cells / block).astype(np.int64), axis=0, return_inverse=True, return_counts=True
@@ -93,7 +91,6 @@ def _with_surroundings(
 
 
 def _plan(cells: NDArray[np.int64], shape: NDArray[np.int64]) -> NDArray[np.bool_]:
-    """Return a window with these cells occupied."""
     plan = np.zeros(shape, dtype=bool)
     plan[tuple(cells.T)] = True
     return plan

@@ -60,9 +60,7 @@ def wide_enough(points: NDArray[np.float64], cell: float, min_width: float) -> N
 
 
 def opened(depth: NDArray[np.float64], width: float) -> NDArray[np.bool_]:
-    """
-    Tell which cells lie within a disc, of a diameter in cells, within a plan given by distances to its edge.
-    """
+    """Tell which cells a disc within the plan covers: its diameter in cells, distances to the edge given."""
     core = depth >= width / 2.0
     return ndimage.distance_transform_edt(~core) <= width / 2.0 + 1.0 if core.any() else core
 
@@ -90,8 +88,6 @@ def closed(plan: NDArray[np.bool_]) -> NDArray[np.bool_]:
 
 
 def to_edge(plan: NDArray[np.bool_]) -> NDArray[np.float64]:
-    """
-    Return the distance of each cell from the nearest empty one in cells; the window's limits are no edges.
-    """
+    """Return each cell's distance from the nearest empty one [cells]; the window's limits are no edges."""
     distance = ndimage.distance_transform_edt(np.pad(plan, 1, mode="edge"))[1:-1, 1:-1]
     return np.asarray(distance, dtype=np.float64)

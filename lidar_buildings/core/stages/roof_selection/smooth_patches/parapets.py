@@ -57,7 +57,6 @@ def find_parapets(
 
 
 def _is_even(rise: NDArray[np.float64], part: NDArray[np.int64]) -> NDArray[np.bool_]:
-    """Tell which parts rise about as much everywhere."""
     n = np.bincount(part)
     mean = np.bincount(part, rise) / n
     return np.sqrt(np.bincount(part, (rise - mean[part]) ** 2) / n) <= MAX_UNEVENNESS
@@ -73,9 +72,7 @@ def _lengths(points: NDArray[np.float64], part: NDArray[np.int64]) -> NDArray[np
 
 @njit(cache=True, nogil=True)
 def _rises(grid, roof, surface, reach, rise, begin, end):  # type: ignore[no-untyped-def]
-    """
-    Measure how far sorted points begin to end lie above the lowest surface beside them, if none is higher.
-    """
+    """Measure how far points rise above the lowest surface beside them, if none is higher."""
     near = np.empty(len(grid.points), dtype=np.int64)
     for i in range(begin, end):
         row = grid.rows[i]

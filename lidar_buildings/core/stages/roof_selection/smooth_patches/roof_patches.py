@@ -145,5 +145,4 @@ def _touching(
 
 
 def _sine(normals: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the sine of the slope of surfaces with these normals."""
     return np.hypot(normals[:, 0], normals[:, 1])

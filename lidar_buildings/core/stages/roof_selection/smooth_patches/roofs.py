@@ -94,9 +94,7 @@ def _small_parts(
     cell: float,
     config: RoofSelectionConfig,
 ) -> NDArray[np.bool_]:
-    """
-    Tell which points are of connected parts, not roof yet, that are small and mostly held by roof around.
-    """
+    """Tell which points are of small connected parts, not roof yet, mostly with roof around."""
     rows = np.flatnonzero(~roof)
     part = connected_parts(points[rows], radius)
     share = np.bincount(part, held[rows]) / np.bincount(part)

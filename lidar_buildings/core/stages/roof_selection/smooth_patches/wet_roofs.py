@@ -96,7 +96,6 @@ def find_wet_roofs(
 
 
 def _blocks(cells: NDArray[np.int64]) -> Iterator[NDArray[np.int64]]:
-    """Go through the blocks that hold cells, and the cells in each."""
     if len(cells) == 0:
         return
     block = cells // BLOCK
@@ -149,15 +148,12 @@ def _is_rim(
 
 
 def _perimeter_share(void: NDArray[np.bool_], rim: NDArray[np.bool_]) -> float:
-    """Return along which share of a void's perimeter rim cells are near."""
     edge = void & ~ndimage.binary_erosion(void)
     return float((ndimage.distance_transform_edt(~rim)[edge] <= RIM_REACH).mean()) if rim.any() else 0.0
 
 
 def _off_plane(points: NDArray[np.float64], chosen: NDArray[np.bool_]) -> NDArray[np.float64]:
-    """
-    Return how far points lie above the plane z = a·x + b·y + c of the chosen ones' least absolute residuals.
-    """
+    """Return distances from the plane of the chosen points by least absolute residuals [m]."""
     fitted = points[chosen]
     fitted = fitted[np.lexsort(fitted.T)]
     centre = fitted.mean(axis=0)
