@@ -20,7 +20,7 @@ from lidar_buildings.evaluation.readers.labelled_points import has_clouds, read_
 from lidar_buildings.evaluation.scores.model_points import WITHIN, score_model_points
 from lidar_buildings.evaluation.scores.models import ModelScore, score_models
 from lidar_buildings.evaluation.scores.roof_surfaces import Solids
-from lidar_buildings.evaluation.scores.roof_words import same_roof_type
+from lidar_buildings.evaluation.scores.roof_types import same_roof_type
 from lidar_buildings.evaluation.scores.statistics import mean, percentile, ratio
 
 #: The levels whose shares are told.

@@ -12,8 +12,8 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.spatial import cKDTree
 
 from lidar_buildings.evaluation.scores.polygons import limits_of, valid_polygons
-from lidar_buildings.evaluation.scores.real_vertices import open_rings, simplified
 from lidar_buildings.evaluation.scores.statistics import mean, ratio
+from lidar_buildings.evaluation.scores.vertices import open_rings, simplified
 
 #: How far a corner may lie from the one that it stands for: two spacings of dense surveys, one of sparse [m].
 DEFAULT_TOLERANCE = 1.0
@@ -75,7 +75,7 @@ def score_corners(
     if not (math.isfinite(tolerance) and tolerance > 0):
         raise ValueError(f"tolerance = {tolerance}: must be a length above 0")
     limits = limits_of(area)
-    mine, theirs = (_inside(real_corners(valid_polygons(side)), limits) for side in (result, reference))
+    mine, theirs = (_inside(corners_of(valid_polygons(side)), limits) for side in (result, reference))
     distances = _matched_distances(mine, theirs, tolerance)
     return CornerScore(
         n_result=len(mine),
@@ -87,7 +87,7 @@ def score_corners(
     )
 
 
-def real_corners(polygons: NDArray[Any]) -> NDArray[np.float64]:
+def corners_of(polygons: NDArray[Any]) -> NDArray[np.float64]:
     """
     Return the vertices at which the simplified outlines turn by more than ten degrees, ring after ring.
 

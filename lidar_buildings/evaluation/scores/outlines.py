@@ -15,10 +15,10 @@ from lidar_buildings.evaluation.scores.boundaries import (
     distances_of_unions,
 )
 from lidar_buildings.evaluation.scores.polygons import MIN_INSIDE, cut_to, limits_of, valid_polygons
-from lidar_buildings.evaluation.scores.real_vertices import simplified, vertex_counts
 from lidar_buildings.evaluation.scores.statistics import mean, ratio
+from lidar_buildings.evaluation.scores.vertices import simplified, vertex_counts
 
-#: An object counts as found from this intersection over union on.
+#: An object counts as found from this intersection over union on (Everingham et al. 2010, PASCAL VOC).
 MIN_IOU = 0.5
 
 

@@ -13,7 +13,7 @@ from lidar_buildings.core.neighbours.point_spacing import measure_spacing
 from lidar_buildings.core.surfaces.surface_patches import connected_parts
 from lidar_buildings.evaluation.scores.statistics import ratio
 
-#: Intersection over union from which on two planes are the same.
+#: Intersection over union from which on two planes are the same (Everingham et al. 2010, PASCAL VOC).
 MIN_IOU = 0.5
 #: Parts of a colour this near to one another are one plane [m], or so many point spacings if that is more.
 PART_GAP, PART_GAP_SPACINGS = 1.0, 3.0

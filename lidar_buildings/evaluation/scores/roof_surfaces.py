@@ -16,7 +16,7 @@ from lidar_buildings.core.solids.shell import GROUND_SURFACE, ROOF_SURFACE, Face
 Solids = Sequence[Solid]
 #: A roof face so steep that it hides this much less than its area in plan is a wall [m/m].
 _LEAST_UPRIGHT = 1e-3
-#: Parts of footprints nearer than this are one [m].
+#: Parts of footprints nearer than this are one [m]: the grid on which models are written.
 _GRID = 1e-3
 
 

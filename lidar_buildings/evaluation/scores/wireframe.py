@@ -16,9 +16,9 @@ from lidar_buildings.evaluation.scores.roof_surfaces import unit_normal
 
 #: Faces that meet at a smaller angle are one surface, and edges that turn by less are one line [deg].
 MIN_FOLD_DEG = 1.0
-#: A ridge is level but for so much [deg].
+#: A ridge is level but for so much [deg]; wide margin: a hip of a 30° roof rises by 22°.
 MAX_RIDGE_SLOPE_DEG = 5.0
-#: Corners closer than this are one [m].
+#: Corners closer than this are one [m]: the grid on which models are written.
 SAME_CORNER = 1e-3
 
 #: Two corners by their numbers, the smaller first.

@@ -17,7 +17,7 @@ from lidar_buildings.evaluation.scores.wireframe import Wireframe
 
 #: Lines whose directions differ by more are not the same [deg].
 MAX_TURN_DEG = 15.0
-#: Edges are looked at this often along their length [m].
+#: Edges are looked at this often along their length [m]: finer than any tolerance.
 _STEP = 0.25
 #: So many near spots of the other side are asked for their direction.
 _N_NEAR = 12

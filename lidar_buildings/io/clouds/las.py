@@ -32,9 +32,10 @@ from lidar_buildings.io.files.warn_once import warn_once
 CHUNK = 500_000
 #: The map's origin is rounded down to this, so that neighbouring surveys share it [m].
 ORIGIN_STEP = 100.0
-#: Points that may lie this far outside their header's bounds before these are measured anew [m].
+#: Points that may lie this far outside their header's bounds before these are measured anew [m];
+#: wide margin: headers round to millimetres, wrong ones are kilometres off.
 _BOUNDS_TOLERANCE = 1.0
-#: Points looked at when a file is opened.
+#: Points decoded when a file is opened; wide margin: one shows whether decoding works.
 _PROBE = 100
 #: An index is a uint32.
 MOST_POINTS = 2**32 - 1

@@ -11,11 +11,14 @@ from numpy.typing import NDArray
 
 #: Chords that turn by more are walls of a polygon: an octagon turns by 45° [deg].
 _WIDEST_TURN = 44.0
-#: How many times its coordinates' rounding a chord's length, or a vertex's distance from the arc, may differ.
+#: How many times its coordinates' rounding a chord's length, or a vertex's distance from the arc, may differ:
+#: both ends of a chord are rounded in x and y, and neighbours are compared.
 _TOLERANCE = 4.0
-#: A half circle whose rounded chords turn by this share more is still one.
+#: A half circle whose rounded chords turn by this share more is still one;
+#: wide margin: chords are metres, rounding millimetres.
 _OVER = 1e-2
-#: An arc that leaves its chord by fewer roundings than this is a straight line.
+#: An arc that leaves its chord by fewer roundings than this is a straight line; wide margin above
+#: `_TOLERANCE`.
 _LEAST_BULGE = 20.0
 
 

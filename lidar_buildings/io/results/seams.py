@@ -9,7 +9,8 @@ import shapely
 
 from lidar_buildings.core.model.outline import BuildingOutline
 
-#: A building of which this share lies within a larger one of another tile is a piece of that one.
+#: A building of which this share lies within a larger one of another tile is a piece of that one;
+#: wide margin: pieces lie within it entirely, neighbours not at all.
 _PIECE_SHARE = 0.5
 
 

@@ -18,15 +18,19 @@ from lidar_buildings.core.surfaces.intensity import (
     strip_scales,
 )
 
-#: About how many points of a file tell the scales of its strips.
+#: About how many points of a file tell the scales of its strips;
+#: wide margin: quantiles of so many are known to 0.2 %.
 MAX_SAMPLE = 100_000
 #: Side of the square in the middle of a file on which the modes of the ground are looked for [m].
 SQUARE_SIDE = 250.0
-#: Ground on which modes are looked for covers this much at least [m²].
+#: Ground on which modes are looked for covers this much at least [m²];
+#: wide margin: a road of 100 m fills a tenth.
 MIN_GROUND_AREA = 10_000.0
-#: Widest object that is told from the ground here [m].
+#: Widest object that is told from the ground here [m];
+#: wide margin: few buildings are wider, and halls only lose their own ground.
 MAX_OBJECT = 60.0
-#: Height above the opened surface up to which a point counts as ground here [m].
+#: Height above the opened surface up to which a point counts as ground here [m];
+#: wide margin over the noise of a scanner.
 GROUND_TOLERANCE = 0.3
 #: What tells the scale of a strip.
 _SAMPLE = ("intensity", "point_source_id", "return_number", "number_of_returns")

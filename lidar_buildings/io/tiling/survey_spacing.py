@@ -10,9 +10,10 @@ from numpy.typing import NDArray
 from lidar_buildings.core.neighbours.point_spacing import measure_spacing
 from lidar_buildings.io.tiling.tile_grid import Rectangle
 
-#: Side of the square in the middle of a file in which its spacing is measured [m].
+#: Side of the square in the middle of a file in which its spacing is measured [m];
+#: wide margin: 90,000 pulses at 1/m².
 _SAMPLE_SIDE = 300.0
-#: A square with fewer pulses says too little.
+#: A square with fewer pulses says too little: the standard error of a density is 3 % from here on.
 _MIN_PULSES = 1000
 
 

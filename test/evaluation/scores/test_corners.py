@@ -8,12 +8,12 @@ import shapely
 from shapely import box
 from shapely.affinity import rotate, translate
 
-from lidar_buildings.evaluation.scores.corners import real_corners, score_corners
+from lidar_buildings.evaluation.scores.corners import corners_of, score_corners
 from lidar_buildings.evaluation.scores.polygons import valid_polygons
 
 
-def corners_of(*polygons):
-    return real_corners(valid_polygons(polygons))
+def found_corners(*polygons):
+    return corners_of(valid_polygons(polygons))
 
 
 def test_a_square_has_four_corners_however_densely_it_is_drawn():
@@ -23,18 +23,18 @@ def test_a_square_has_four_corners_however_densely_it_is_drawn():
         shapely.segmentize(square, 0.5),
         shapely.Polygon([(5, 0), *square.exterior.coords]),
     ):
-        found = {tuple(corner) for corner in corners_of(drawn).round(6).tolist()}
+        found = {tuple(corner) for corner in found_corners(drawn).round(6).tolist()}
         assert found == {(0, 0), (10, 0), (10, 10), (0, 10)}
 
 
 def test_a_vertex_that_turns_by_less_than_ten_degrees_is_no_corner():
     # Half a metre out of line on 10 m to either side: the wall turns by 2 · 2.9°; two metres: by 2 · 11.3°.
-    assert len(corners_of(shapely.Polygon([(0, 0), (10, -0.5), (20, 0), (20, 9), (0, 9)]))) == 4
-    assert len(corners_of(shapely.Polygon([(0, 0), (10, -2.0), (20, 0), (20, 9), (0, 9)]))) == 5
+    assert len(found_corners(shapely.Polygon([(0, 0), (10, -0.5), (20, 0), (20, 9), (0, 9)]))) == 4
+    assert len(found_corners(shapely.Polygon([(0, 0), (10, -2.0), (20, 0), (20, 9), (0, 9)]))) == 5
 
 
 def test_corners_of_courtyards_count():
-    assert len(corners_of(shapely.Polygon(box(0, 0, 20, 20).exterior, [box(5, 5, 15, 15).exterior]))) == 8
+    assert len(found_corners(shapely.Polygon(box(0, 0, 20, 20).exterior, [box(5, 5, 15, 15).exterior]))) == 8
 
 
 def test_the_same_outlines_have_the_same_corners():

@@ -1,4 +1,4 @@
-"""Vertices that mean something: maps are densified, and cuts and unions leave vertices on straight walls."""
+"""Vertices of simplified outlines: maps are densified, cuts and unions leave vertices on straight walls."""
 
 from __future__ import annotations
 
