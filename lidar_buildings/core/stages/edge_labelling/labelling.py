@@ -104,7 +104,7 @@ def label_edges(
         Spacing of the pulses [m]; measured if not given.
     roof_id : array_like of int, shape (n_points,), optional
         Which roof each point is of, any numbers. Roofs do not see one another then, so that the edge between
-        two that touch is one of both. If not given, roofs are what hangs together in plan, and a roof's
+        two that touch is one of both. If not given, roofs are what is connected in plan, and a roof's
         points are seen from the next.
 
     Returns

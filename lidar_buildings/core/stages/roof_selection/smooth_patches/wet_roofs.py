@@ -44,7 +44,7 @@ def find_wet_roofs(
     config: RoofSelectionConfig,
 ) -> NDArray[np.bool_]:
     """
-    Tell which points are the rim of a roof that swallows the pulses: water, wet or dark roofing, glass.
+    Tell which points are the rim of a roof that absorbs the pulses: water, wet or dark roofing, glass.
 
     No return of any class comes from an area of several spacings' width, and what lies next to it is raised
     and on one plane, along most of its perimeter. Around water it is ground, around gaps between crowns on no
