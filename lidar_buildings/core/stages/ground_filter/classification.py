@@ -16,11 +16,9 @@ from lidar_buildings.core.neighbours.cell_grid import (
     lowest_of_cells,
     sort_by_cell,
 )
-from lidar_buildings.core.neighbours.parallel import for_row_blocks
-from lidar_buildings.core.stages.ground_filter.config import GroundFilterConfig
+from lidar_buildings.core.stages.ground_filter.config import CANDIDATE_SPACING, GroundFilterConfig
 from lidar_buildings.core.stages.ground_filter.gross_errors.noise import find_noise
-from lidar_buildings.core.stages.ground_filter.growing_tin.progressive_tin import densify
-from lidar_buildings.core.stages.ground_filter.growing_tin.tin_labels import near_terrain
+from lidar_buildings.core.stages.ground_filter.growing_tin.progressive_tin import densify, near_terrain
 from lidar_buildings.core.stages.ground_filter.openings import morphological
 from lidar_buildings.core.stages.ground_filter.scan_profiles import bidirectional_slope
 from lidar_buildings.core.surfaces.tin import Tin, build_tin
@@ -114,31 +112,17 @@ def classify_ground(
     aside = None if set_aside is None else checked_column("set_aside", set_aside, len(points), bool)
     if len(points) == 0:
         return GroundResult(np.zeros(0, dtype=np.uint8), np.zeros(0))
-    cloud = sort_by_cell(points, config.candidate_spacing)
-    classes = find_noise(cloud, config)
+    cloud = sort_by_cell(points, CANDIDATE_SPACING)
+    classes = find_noise(cloud)
     free = _free(classes, None if aside is None else aside[cloud.rows])
     labels = _labelled_ground(points, cloud, free, config, scan)
     terrain = _terrain(cloud, free if labels is None else labels, config)
     elevation, slope = terrain.elevation_and_slope_along(cloud.points)
     height = np.subtract(cloud.points[:, 2], elevation, out=elevation)
-    ground = _near_terrain(height, slope, config) if labels is None else labels
+    ground = near_terrain(height, slope, config) if labels is None else labels
     classes[classes == 0] = PointClass.UNCLASSIFIED
     classes[ground & free] = PointClass.GROUND
     return GroundResult(in_rows_order(cloud, classes), in_rows_order(cloud, height))
-
-
-def _near_terrain(
-    height: NDArray[np.float64], slope: NDArray[np.float64], config: GroundFilterConfig
-) -> NDArray[np.bool_]:
-    """Return `near_terrain` of all points, on all cores."""
-    near = np.empty(len(height), dtype=np.bool_)
-
-    def judge(begin: int, end: int) -> None:
-        """Judge points `begin` to `end`."""
-        near[begin:end] = near_terrain(height[begin:end], slope[begin:end], config)
-
-    for_row_blocks(judge, len(near))
-    return near
 
 
 def _free(noise: NDArray[np.uint8], aside: NDArray[np.bool_] | None) -> NDArray[np.bool_]:

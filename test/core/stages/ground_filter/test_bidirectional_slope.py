@@ -1,7 +1,5 @@
 """Ground by slopes along profiles: synthetic truths, odd clouds, orders and tiles, and real samples."""
 
-from dataclasses import replace
-
 import laspy
 import numpy as np
 import pytest
@@ -9,9 +7,10 @@ import pytest
 from bench.scenes import buildings as scenes
 from bench.scenes.terrain import TERRAIN_SCENES
 from lidar_buildings.core.stages.ground_filter import GroundFilterConfig, classify_ground
+from lidar_buildings.core.stages.ground_filter.scan_profiles import profile_labelling
 from lidar_buildings.core.stages.ground_filter.scan_profiles.bidirectional_slope import label_ground
 from lidar_buildings.core.stages.ground_filter.scan_profiles.profile_labelling import net_votes
-from lidar_buildings.core.stages.ground_filter.scan_profiles.profile_regression import take_back
+from lidar_buildings.core.stages.ground_filter.scan_profiles.profile_regression import grow_ground
 from lidar_buildings.core.stages.ground_filter.scan_profiles.profile_trend import fit_trend
 from lidar_buildings.core.stages.ground_filter.scan_profiles.profiles import cut_profiles
 
@@ -100,12 +99,13 @@ def hedge(points, half_length):
     return height
 
 
-def test_sloping_edges_in_a_dense_cloud_are_steps_all_the_same():
+def test_sloping_edges_in_a_dense_cloud_are_steps_all_the_same(monkeypatch):
     points = lattice(40.0, 40.0, 0.2)
     # The sides rise by 0.25 m from one point to the next: less than a step.
     height = hedge(points, 40.0)
     assert not label_ground(points, PAPER)[height > 0.7].any()
-    assert label_ground(points, replace(PAPER, profile_window=0.0))[height > 0.7].any()
+    monkeypatch.setattr(profile_labelling, "WINDOW", 0.0)
+    assert label_ground(points, PAPER)[height > 0.7].any()
 
 
 def test_a_bush_of_some_metres_in_a_dense_cloud_is_no_ground():
@@ -251,12 +251,12 @@ def test_a_profile_that_begins_on_a_roof_says_nothing_of_it():
     assert (votes[30:] == 1.0).all()
 
 
-def test_a_steady_slope_is_taken_back_from_its_foot_and_a_roof_is_not():
+def test_a_steady_slope_is_climbed_from_its_foot_and_a_roof_is_not():
     points = lattice(40.0, 40.0, 1.0)
     points[:, 2] += 0.5 * np.clip(points[:, 0] - 10, 0, None)
     roof = box(points, [25, 20], [5, 5], 4.0)
     profiles = [cut_profiles(points, 1.5, angle) for angle in (0.0, 45.0, 90.0, 135.0)]
-    ground = take_back(profiles, points[:, 2], points[:, 0] < 14, 1.0, CONFIG)
+    ground = grow_ground(profiles, points[:, 2], points[:, 0] < 14, 1.0, CONFIG)
     assert ground[~roof].mean() > 0.95
     assert not ground[roof].any()
 

@@ -21,7 +21,7 @@ def started(n=400, seed=0):
     return points, start_growth(points, rng.random(n) < 0.05, np.array([[0.0, 0.0], [60.0, 60.0]]))
 
 
-def grow_plainly(growth, limits, barred):
+def grow_plainly(growth, limits, excluded):
     """
     Let candidates join, all that wait asked in every round whether their triangle changed in the last one.
     """
@@ -35,7 +35,7 @@ def grow_plainly(growth, limits, barred):
         moved = np.flatnonzero(extend_terrain(vertices, n_real, n_start, triangles, rim, growth.gradient))
         changed[: len(used)][np.isin(used, n_real + moved).any(axis=1)] = turn - 1
         best = {}
-        for i in np.flatnonzero(~growth.joined & ~barred & (changed[growth.home] >= turn - 1)):
+        for i in np.flatnonzero(~growth.joined & ~excluded & (changed[growth.home] >= turn - 1)):
             p = n_start + i
             growth.home[i] = here = walk(*vertices[p, :2], growth.home[i], *mesh)
             score = candidate_score(p, here, vertices, n_real, n_start, *mesh[1:], tuple(limits))
@@ -55,7 +55,7 @@ def grow_plainly(growth, limits, barred):
 @pytest.mark.parametrize("seed", range(4))
 def test_rounds_that_look_at_what_changed_build_what_rounds_that_ask_everyone_do(seed):
     _, growth = started(seed=seed)
-    plain = growth.branch()
+    plain = growth.copy()
     growth.grow(LIMITS)
     grow_plainly(plain, LIMITS, np.zeros_like(plain.joined))
     assert 50 < growth.joined.sum() < len(growth.joined)
@@ -64,22 +64,22 @@ def test_rounds_that_look_at_what_changed_build_what_rounds_that_ask_everyone_do
     np.testing.assert_array_equal(growth.tin().vertices, plain.tin().vertices)
 
 
-def test_growth_with_bolder_limits_goes_on_from_where_it_stopped_and_leaves_the_barred_out():
+def test_growth_with_wider_limits_goes_on_from_where_it_stopped_and_leaves_the_excluded_out():
     points, growth = started(seed=5)
     growth.grow(LIMITS)
-    plain, barred = growth.branch(), points[:, 0] < 20.0
-    bold = LIMITS._replace(angle=0.6, distance=4.0)
+    plain, excluded = growth.copy(), points[:, 0] < 20.0
+    wide = LIMITS._replace(angle=0.6, distance=4.0)
     before = growth.joined.copy()
-    growth.grow(bold, barred)
-    grow_plainly(plain, bold, barred[~growth.is_seed])
+    growth.grow(wide, excluded)
+    grow_plainly(plain, wide, excluded[~growth.is_seed])
     assert (growth.joined & ~before).any()
-    assert not (growth.joined & ~before & barred[~growth.is_seed]).any()
+    assert not (growth.joined & ~before & excluded[~growth.is_seed]).any()
     np.testing.assert_array_equal(growth.tin().triangles, plain.tin().triangles)
 
 
 def test_threads_have_no_say_in_the_terrain(monkeypatch):
     _, growth = started(seed=6)
-    other = growth.branch()
+    other = growth.copy()
     growth.grow(LIMITS)
     in_blocks = growth_rounds.for_row_blocks
     monkeypatch.setattr(growth_rounds, "for_row_blocks", lambda kernel, n: in_blocks(kernel, n, 7))
@@ -87,7 +87,7 @@ def test_threads_have_no_say_in_the_terrain(monkeypatch):
     np.testing.assert_array_equal(growth.tin().triangles, other.tin().triangles)
 
 
-def test_nobody_waiting_leaves_the_mesh_as_it_is():
+def test_a_terrain_without_waiting_candidates_stays_as_it_is():
     points, _ = started()
     growth = start_growth(points, np.ones(len(points), dtype=bool), np.array([[0.0, 0.0], [60.0, 60.0]]))
     growth.grow(LIMITS)

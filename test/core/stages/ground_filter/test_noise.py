@@ -5,11 +5,10 @@ import pytest
 
 from lidar_buildings.core.model.classes import PointClass
 from lidar_buildings.core.neighbours.cell_grid import sort_by_cell
-from lidar_buildings.core.stages.ground_filter.config import GroundFilterConfig
+from lidar_buildings.core.stages.ground_filter.config import CANDIDATE_SPACING
 from lidar_buildings.core.stages.ground_filter.gross_errors.noise import find_noise
 
 LOW, HIGH = PointClass.LOW_NOISE, PointClass.HIGH_NOISE
-CONFIG = GroundFilterConfig()
 SIZE = 70.0
 
 TERRAINS = {
@@ -22,9 +21,9 @@ TERRAINS = {
 
 def noise_of(points):
     """Class of each point, in the order given."""
-    cloud = sort_by_cell(points, CONFIG.candidate_spacing)
+    cloud = sort_by_cell(points, CANDIDATE_SPACING)
     classes = np.empty(len(points), dtype=np.uint8)
-    classes[cloud.rows] = find_noise(cloud, CONFIG)
+    classes[cloud.rows] = find_noise(cloud)
     return classes
 
 

@@ -4,8 +4,11 @@ import pytest
 
 from bench.scenes.terrain import TERRAIN_SCENES
 from lidar_buildings.core.stages.ground_filter import GroundFilterConfig, classify_ground
-from lidar_buildings.core.stages.ground_filter.growing_tin.progressive_tin import densify
-from lidar_buildings.core.stages.ground_filter.growing_tin.tin_labels import MAX_SLOPE
+from lidar_buildings.core.stages.ground_filter.growing_tin.progressive_tin import (
+    GROUND_DISTANCE_SLOPE,
+    MAX_SLOPE,
+    densify,
+)
 from lidar_buildings.evaluation.scores.ground import score_ground
 
 CONFIG = GroundFilterConfig()
@@ -152,22 +155,22 @@ def test_few_bushes_are_taken_for_ground_on_level_bare_land_and_many_on_bare_hil
     points[:, 2] += slope * points[:, 0]
     points[bush, 2] += np.random.default_rng(0).uniform(1.0, 1.8, bush.sum())
     found = is_ground(points)
-    # Measured: 1, 7 and 56 %. In bare land what is low and meets the ground under slopes counts as a rise.
+    # Measured: 1, 7 and 56 %. In open terrain what is low and meets the ground under slopes counts as a rise.
     assert found[bush].mean() < share
     assert found[~bush].all()
 
 
-def test_bushes_on_bare_hillsides_are_fewer_where_bare_land_has_no_privilege():
+def test_bushes_on_open_hillsides_are_fewer_where_open_terrain_is_judged_like_a_town():
     points = lattice(100.0, 100.0)
     bush = np.hypot(points[:, 0] % 10.0 - 5.0, points[:, 1] % 10.0 - 5.0) < 1.3
     points[:, 2] += 0.3 * points[:, 0]
     points[bush, 2] += np.random.default_rng(0).uniform(1.0, 1.8, bush.sum())
-    alike = GroundFilterConfig(max_bare_steep_share=CONFIG.max_steep_share)
+    alike = GroundFilterConfig(max_open_steep_share=CONFIG.max_steep_share)
     assert is_ground(points, alike)[bush].mean() < 0.6 * is_ground(points)[bush].mean()
 
 
 @pytest.mark.parametrize("run", [3.0, 5.0])
-def test_without_bolder_growth_a_steep_bank_is_lost_that_is_found_with_it(run):
+def test_without_growth_by_wider_limits_a_steep_bank_is_lost_that_is_found_with_it(run):
     # Narrower than a seed cell, so that no seed lies on it.
     points = lattice(140.0, 140.0)
     away = abs(points[:, :2]).max(axis=1)
@@ -183,7 +186,7 @@ def test_labels_follow_from_the_distance_to_the_terrain():
     result = classify_ground(points)
     ground = result.classification == 2
     away = abs(result.height_above_ground)
-    assert away[ground].max() <= CONFIG.ground_distance + MAX_SLOPE * CONFIG.ground_distance_slope
+    assert away[ground].max() <= CONFIG.ground_distance + MAX_SLOPE * GROUND_DISTANCE_SLOPE
     assert away[~ground].min() > CONFIG.ground_distance
 
 

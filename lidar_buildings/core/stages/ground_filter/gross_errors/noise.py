@@ -7,12 +7,18 @@ from numpy.typing import NDArray
 
 from lidar_buildings.core.model.classes import PointClass
 from lidar_buildings.core.neighbours.cell_grid import CellGrid, sort_by_cell
-from lidar_buildings.core.stages.ground_filter.config import GroundFilterConfig
 from lidar_buildings.core.stages.ground_filter.gross_errors.clouds import find_cloud_layers
 from lidar_buildings.core.stages.ground_filter.gross_errors.high_noise import find_high_layers
 from lidar_buildings.core.stages.ground_filter.gross_errors.low_noise import find_low_layers
 from lidar_buildings.core.stages.ground_filter.gross_errors.noise_layers import split_into_layers
 
+# Chosen with `bench.ground.noise` and the scenes of the tests.
+#: A low error lies further than this below what surrounds it, a high one than that from everything else [m].
+LOW_GAP, HIGH_GAP = 1.0, 10.0
+#: Within how many columns around a low error hardly anything else lies as low.
+RADIUS = 20
+#: Most layers of a group of errors.
+MAX_GROUP = 60
 #: Side of the blocks in which occupied cells are counted, in cells; doubled until they hold as many.
 BLOCK_CELLS = 16
 #: Most cells that a column of the search may be wide.
@@ -21,7 +27,7 @@ MAX_COLUMN = 64
 MIN_GAP_COLUMNS = 10
 
 
-def find_noise(cloud: CellGrid, config: GroundFilterConfig) -> NDArray[np.uint8]:
+def find_noise(cloud: CellGrid) -> NDArray[np.uint8]:
     """
     Mark gross errors with their class, 7 or 18; 0 elsewhere.
 
@@ -33,8 +39,6 @@ def find_noise(cloud: CellGrid, config: GroundFilterConfig) -> NDArray[np.uint8]
     ----------
     cloud : CellGrid
         The points, sorted into cells no larger than the columns have to be.
-    config : GroundFilterConfig
-        Gaps, radius and group size.
 
     Returns
     -------
@@ -43,21 +47,19 @@ def find_noise(cloud: CellGrid, config: GroundFilterConfig) -> NDArray[np.uint8]
     """
     step = _column_cells(cloud)
     if step == 1:
-        return _find_in_columns(cloud, config)
+        return _find_in_columns(cloud)
     columns = sort_by_cell(cloud.points, step * cloud.size)
     noise = np.empty(len(cloud.points), dtype=np.uint8)
-    noise[columns.rows] = _find_in_columns(columns, config)
+    noise[columns.rows] = _find_in_columns(columns)
     return noise
 
 
-def _find_in_columns(cloud: CellGrid, config: GroundFilterConfig) -> NDArray[np.uint8]:
+def _find_in_columns(cloud: CellGrid) -> NDArray[np.uint8]:
     """Return the points' noise classes, the columns being the cells."""
-    layers = split_into_layers(cloud, config.low_point_gap)
-    radius, limit = round(config.noise_radius), config.noise_group
-    low = find_low_layers(layers, config.low_point_gap, radius, limit)
-    high_gap = max(config.high_point_gap, MIN_GAP_COLUMNS * cloud.size)
+    layers = split_into_layers(cloud, LOW_GAP)
+    low = find_low_layers(layers, LOW_GAP, RADIUS, MAX_GROUP)
     high = find_cloud_layers(layers, low)
-    high |= find_high_layers(layers, low, high_gap, radius)
+    high |= find_high_layers(layers, low, max(HIGH_GAP, MIN_GAP_COLUMNS * cloud.size), RADIUS)
     noise = np.zeros(len(low), dtype=np.uint8)
     noise[high] = PointClass.HIGH_NOISE
     noise[low] = PointClass.LOW_NOISE

@@ -11,27 +11,29 @@ from scipy.spatial import cKDTree
 
 from lidar_buildings.core.surfaces.tin import Tin
 
+# Chosen with `bench.ground.scenes` and the bridges of the tests.
 #: A side of the mesh is a drop if it falls by this much, and by this much over its length [m].
 MIN_DROP, MIN_DROP_SLOPE = 3.0, 3.0
-#: Longest drop, in spacings of the candidates: beyond it, nobody knows what lies between.
+#: Longest drop, in spacings of the candidates: over a longer one there may be a slope.
 MAX_DROP_LENGTH = 4.0
 #: Widest deck [m].
 MAX_WIDTH = 30.0
-#: Two rims belong together if they look away from each other: largest cosine of the angle between them, and
+#: Two edges belong together if they look away from each other: largest cosine of the angle between them, and
 #: least cosine between each and the line that joins them.
 MAX_OPPOSITION, MIN_ALIGNMENT = -0.85, 0.85
-#: How much higher one rim may be: so much over the width, and this much at all [m].
-MAX_CROSSFALL, RIM_TOLERANCE = 0.12, 0.5
-#: How far from the line between the rims the deck's points may be [m].
+#: How much higher one edge may be: so much over the width, and this much at all [m].
+MAX_CROSSFALL, LEVEL_TOLERANCE = 0.12, 0.5
+#: How far from the line between the edges the deck's points may be [m].
 DECK_TOLERANCE = 0.75
 
 
 def find_decks(terrain: Tin, candidates: NDArray[np.float64], spacing: float) -> NDArray[np.bool_]:
     """
-    Tell which candidates lie on decks: between two rims that drop to the terrain on opposite sides.
+    Tell which candidates lie on decks: between two edges that drop to the terrain on opposite sides.
 
     Growth climbs a bridge along its approach. Across it, the ground falls off in a step on both sides, which
-    an embankment with its slopes does not, nor a terrace, which falls off on one.
+    an embankment with its slopes does not, nor a terrace, which falls off on one. (`roof_selection` looks at
+    what never became ground, elevated surfaces of points, and at their ends instead of their sides.)
 
     Parameters
     ----------
@@ -47,11 +49,11 @@ def find_decks(terrain: Tin, candidates: NDArray[np.float64], spacing: float) ->
     ndarray of shape (n_candidates,), bool
     """
     decks = np.zeros(len(candidates), dtype=np.bool_)
-    rims, outward = _rims(terrain, spacing)
-    first, second = _opposite(rims, outward)
+    edges, outward = _deck_edges(terrain, spacing)
+    first, second = _opposite(edges, outward)
     if len(first) == 0:
         return decks
-    across = _along(rims[first], rims[second], spacing)
+    across = _along(edges[first], edges[second], spacing)
     distance, nearest = cKDTree(candidates[:, :2]).query(across[:, :2], 2, distance_upper_bound=spacing)
     for rows, away in zip(nearest.T, distance.T, strict=True):
         found = np.flatnonzero(np.isfinite(away))
@@ -60,7 +62,7 @@ def find_decks(terrain: Tin, candidates: NDArray[np.float64], spacing: float) ->
     return decks
 
 
-def _rims(terrain: Tin, spacing: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _deck_edges(terrain: Tin, spacing: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return the vertices above drops (n, 3) and the direction in which it falls off there (n, 2)."""
     top, step = _drops(terrain.vertices, terrain.triangles, MAX_DROP_LENGTH * spacing)
     vertices, place = np.unique(top, return_inverse=True)
@@ -95,21 +97,21 @@ def _drops(vertices, triangles, max_length):  # type: ignore[no-untyped-def]
 
 
 def _opposite(
-    rims: NDArray[np.float64], outward: NDArray[np.float64]
+    edges: NDArray[np.float64], outward: NDArray[np.float64]
 ) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Return pairs of rims, about level, that fall off away from each other."""
+    """Return pairs of edges, about level, that fall off away from each other."""
     pairs = (
-        cKDTree(rims[:, :2]).query_pairs(MAX_WIDTH, output_type="ndarray")
-        if len(rims)
+        cKDTree(edges[:, :2]).query_pairs(MAX_WIDTH, output_type="ndarray")
+        if len(edges)
         else np.zeros((0, 2), int)
     )
     first, second = pairs.T
-    across = rims[second] - rims[first]
+    across = edges[second] - edges[first]
     width = np.maximum(np.hypot(across[:, 0], across[:, 1]), 1e-9)
     facing = (outward[first] * outward[second]).sum(axis=1) <= MAX_OPPOSITION
     facing &= (outward[second] * across[:, :2]).sum(axis=1) >= MIN_ALIGNMENT * width
     facing &= (outward[first] * across[:, :2]).sum(axis=1) <= -MIN_ALIGNMENT * width
-    facing &= np.abs(across[:, 2]) <= MAX_CROSSFALL * width + RIM_TOLERANCE
+    facing &= np.abs(across[:, 2]) <= MAX_CROSSFALL * width + LEVEL_TOLERANCE
     return first[facing], second[facing]
 
 

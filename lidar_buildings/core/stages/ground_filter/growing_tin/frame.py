@@ -7,6 +7,7 @@ from numba import njit
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+# Chosen with `bench.ground.scenes` (`quarry`, `steep_forest`).
 #: Seeds that the slope at a virtual point is taken from.
 NEIGHBOURS = 6
 #: Added to the seeds' variance in plan as if it were level: slopes hold only where they reach [m²].
@@ -48,7 +49,7 @@ def at_frame(triangle, triangles, n_real, n_start):  # type: ignore[no-untyped-d
 
 
 @njit(cache=True, nogil=True)
-def extend_terrain(vertices, n_real, n_start, triangles, rim, gradient):  # type: ignore[no-untyped-def]
+def extend_terrain(vertices, n_real, n_start, triangles, border, gradient):  # type: ignore[no-untyped-def]
     """
     Raise each virtual vertex to the slope beyond the nearest real one that it shares a triangle with.
 
@@ -60,7 +61,7 @@ def extend_terrain(vertices, n_real, n_start, triangles, rim, gradient):  # type
         See `vertices`.
     triangles : ndarray of shape (m, 3), int32
         The mesh so far.
-    rim : ndarray of int32
+    border : ndarray of int32
         The triangles with a virtual corner, rising: of several real vertices as near, the first counts.
     gradient : ndarray of shape (n_start - n_real, 2)
         As `edge_gradients` gives it.
@@ -72,7 +73,7 @@ def extend_terrain(vertices, n_real, n_start, triangles, rim, gradient):  # type
     """
     least = np.full(n_start - n_real, np.inf)
     elevation = vertices[n_real:n_start, 2].copy()
-    for t in rim:
+    for t in border:
         for v in triangles[t]:
             if not n_real <= v < n_start:
                 continue

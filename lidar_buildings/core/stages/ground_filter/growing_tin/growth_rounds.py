@@ -16,9 +16,6 @@ from lidar_buildings.core.stages.ground_filter.growing_tin.frame import at_frame
 from lidar_buildings.core.surfaces.incremental_delaunay import insert_vertex
 from lidar_buildings.core.surfaces.tin import walk
 
-#: A guard, never reached on real data: terrain climbs at least one candidate a round.
-MAX_ROUNDS = 1000
-
 
 class Mesh(NamedTuple):
     """
@@ -100,23 +97,23 @@ def join_in_rounds(
     waiting = Waiting(
         np.full(len(mesh.triangles), -1, dtype=np.int32), np.empty_like(home), home, np.empty(len(home))
     )
-    # Those that have to be looked at: they have not been yet, or their triangle changed.
-    stirred, n_stirred = rows.copy(), len(rows)
-    rim, fresh = np.zeros(0, dtype=np.int32), _at_frame(mesh, np.arange(n_triangles, dtype=np.int32))
+    # Those to evaluate: they have not been yet, or their triangle changed.
+    pending, n_pending = rows.copy(), len(rows)
+    border, fresh = np.zeros(0, dtype=np.int32), _at_frame(mesh, np.arange(n_triangles, dtype=np.int32))
     marks = np.zeros(len(mesh.triangles), dtype=np.int8)
-    for _ in range(MAX_ROUNDS):
+    while True:
         if len(fresh):
-            rim = _at_frame(mesh, np.union1d(rim, fresh))
-            n_stirred = _extend(mesh, rim, waiting, stirred, n_stirred)
+            border = _at_frame(mesh, np.union1d(border, fresh))
+            n_pending = _extend(mesh, border, waiting, pending, n_pending)
         # In the candidates' order, which puts neighbours together.
-        stirred[:n_stirred].sort()
-        for_row_blocks(lambda a, b: _look(mesh, limits, waiting, stirred, a, b), n_stirred)
-        facets = np.sort(_file(waiting, stirred[:n_stirred]))
+        pending[:n_pending].sort()
+        for_row_blocks(lambda a, b: _evaluate(mesh, limits, waiting, pending, a, b), n_pending)
+        facets = np.sort(_enqueue(waiting, pending[:n_pending]))
         if len(facets) == 0:
             break
         best = _take_best(waiting, facets)
         joined[best] = True
-        n_triangles, n_stirred, fresh = _insert(mesh, n_triangles, facets, best, waiting, stirred, marks)
+        n_triangles, n_pending, fresh = _insert(mesh, n_triangles, facets, best, waiting, pending, marks)
     return n_triangles
 
 
@@ -127,36 +124,36 @@ def _at_frame(mesh: Mesh, triangles: NDArray[np.int32]) -> NDArray[np.int32]:
 
 
 @njit(cache=True, nogil=True)
-def _extend(mesh, rim, waiting, stirred, n_stirred):  # type: ignore[no-untyped-def]
-    """Carry the terrain on to the frame; candidates of triangles that move with it are stirred."""
+def _extend(mesh, border, waiting, pending, n_pending):  # type: ignore[no-untyped-def]
+    """Carry the terrain on to the frame; candidates of triangles that move with it become pending."""
     vertices, triangles, _, n_real, n_start, gradient = mesh
-    moved = extend_terrain(vertices, n_real, n_start, triangles, rim, gradient)
-    for triangle in rim:
+    moved = extend_terrain(vertices, n_real, n_start, triangles, border, gradient)
+    for triangle in border:
         for k in range(3):
             v = triangles[triangle, k]
             if n_real <= v < n_start and moved[v - n_real]:
-                n_stirred = _stir(triangle, waiting, stirred, n_stirred)
-    return n_stirred
+                n_pending = _release(triangle, waiting, pending, n_pending)
+    return n_pending
 
 
 @njit(cache=True, nogil=True)
-def _stir(triangle, waiting, stirred, n_stirred):  # type: ignore[no-untyped-def]
-    """Empty a triangle's list into `stirred`; return how many are there then."""
+def _release(triangle, waiting, pending, n_pending):  # type: ignore[no-untyped-def]
+    """Empty a triangle's list into `pending`; return how many are there then."""
     i = waiting.first[triangle]
     waiting.first[triangle] = -1
     while i >= 0:
-        stirred[n_stirred] = i
-        n_stirred += 1
+        pending[n_pending] = i
+        n_pending += 1
         i = waiting.following[i]
-    return n_stirred
+    return n_pending
 
 
 @njit(cache=True, nogil=True)
-def _look(mesh, limits, waiting, stirred, begin, end):  # type: ignore[no-untyped-def]
-    """Find the triangles and the scores of some of the stirred candidates."""
+def _evaluate(mesh, limits, waiting, pending, begin, end):  # type: ignore[no-untyped-def]
+    """Update triangle and score of the pending candidates from `begin` to `end`."""
     vertices, triangles, neighbours, n_real, n_start, _ = mesh
     for k in range(begin, end):
-        i = stirred[k]
+        i = pending[k]
         p = n_start + i
         here = walk(vertices[p, 0], vertices[p, 1], waiting.home[i], vertices, triangles, neighbours)
         waiting.home[i] = here
@@ -164,11 +161,11 @@ def _look(mesh, limits, waiting, stirred, begin, end):  # type: ignore[no-untype
 
 
 @njit(cache=True, nogil=True)
-def _file(waiting, stirred):  # type: ignore[no-untyped-def]
+def _enqueue(waiting, pending):  # type: ignore[no-untyped-def]
     """Put candidates into the lists of their triangles, the best first; return the triangles one may join."""
-    facets, n_facets = np.empty(len(stirred), dtype=np.int32), 0
+    facets, n_facets = np.empty(len(pending), dtype=np.int32), 0
     first, following, home, score = waiting
-    for i in stirred:
+    for i in pending:
         head = first[home[i]]
         if score[i] < np.inf and (head < 0 or score[head] == np.inf):
             facets[n_facets] = home[i]
@@ -192,14 +189,14 @@ def _take_best(waiting, facets):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _insert(mesh, n_triangles, facets, best, waiting, stirred, marks):  # type: ignore[no-untyped-def]
+def _insert(mesh, n_triangles, facets, best, waiting, pending, marks):  # type: ignore[no-untyped-def]
     """
-    Insert the best candidate of each facet; candidates of triangles that change are stirred.
+    Insert the best candidate of each facet; candidates of triangles that change become pending.
 
-    Return the numbers of triangles and of stirred candidates, and the triangles at the frame that changed.
+    Return the numbers of triangles and of pending candidates, and the triangles at the frame that changed.
     """
     vertices, triangles, neighbours, n_real, n_start, _ = mesh
-    n_stirred, n_fresh, fresh = 0, 0, np.empty(64, dtype=np.int32)
+    n_pending, n_fresh, fresh = 0, 0, np.empty(64, dtype=np.int32)
     for k in range(len(facets)):
         p = n_start + best[k]
         # Insertions of this round may have cut the point's triangle off this number.
@@ -209,7 +206,7 @@ def _insert(mesh, n_triangles, facets, best, waiting, stirred, marks):  # type: 
         # What changed are the triangles round the new vertex, which is corner 0 of each.
         triangle = within
         while True:
-            n_stirred = _stir(triangle, waiting, stirred, n_stirred)
+            n_pending = _release(triangle, waiting, pending, n_pending)
             if at_frame(triangle, triangles, n_real, n_start):
                 if n_fresh == len(fresh):
                     fresh = np.concatenate((fresh, np.empty_like(fresh)))
@@ -218,4 +215,4 @@ def _insert(mesh, n_triangles, facets, best, waiting, stirred, marks):  # type: 
             triangle = neighbours[triangle, 1]
             if triangle == within:
                 break
-    return n_triangles, n_stirred, fresh[:n_fresh]
+    return n_triangles, n_pending, fresh[:n_fresh]

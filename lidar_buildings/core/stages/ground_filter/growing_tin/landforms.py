@@ -1,5 +1,5 @@
 """
-Landforms or objects: what a bolder growth gains is judged part by part, by how it meets the terrain around.
+Landforms or objects: what growth with wider limits gains is judged part by part, by its links to the terrain.
 """
 
 from __future__ import annotations
@@ -16,11 +16,14 @@ from lidar_buildings.core.stages.ground_filter.growing_tin.candidate_links impor
     nearest_by_sector,
     rise_and_length,
 )
-from lidar_buildings.core.stages.ground_filter.growing_tin.object_density import measure_bareness
+from lidar_buildings.core.stages.ground_filter.growing_tin.object_density import object_density
 from lidar_buildings.core.stages.ground_filter.growing_tin.one_sided_planes import continues_terrain
 
+# These and the rules below were chosen with `bench.ground.isprs` and `bench.ground.scenes`.
 #: How far neighbours may be, in spacings of the candidates.
 REACH = 3.0
+#: Share of objects around up to which terrain is open, and from which on it is not at all.
+OPEN_SHARE, BUILT_SHARE = 0.04, 0.15
 
 
 class PartRules(NamedTuple):
@@ -37,10 +40,10 @@ class PartRules(NamedTuple):
         A cliff's rim is level with the ground on one side: so many links may rise by more than this slope.
     prior_links : float
         So many steep links are added to each part's: with few links, chance would decide.
-    min_part, min_bare_part : float
-        Smallest part that is judged as a whole, among objects and in bare land [candidates].
-    barred_share, min_barred_part : float
-        Parts with at least this share of steep links, of at least so many candidates, are barred.
+    min_part, min_open_part : float
+        Smallest part that is judged as a whole, among objects and in open terrain [candidates].
+    excluded_share, min_excluded_part : float
+        Parts with at least this share of steep links, of at least so many candidates, are excluded.
     """
 
     max_link_slope: float = 0.7
@@ -51,9 +54,9 @@ class PartRules(NamedTuple):
     max_rising_share: float = 0.3
     prior_links: float = 2.0
     min_part: float = 15.0
-    min_bare_part: float = 2.0
-    barred_share: float = 0.7
-    min_barred_part: float = 50.0
+    min_open_part: float = 2.0
+    excluded_share: float = 0.7
+    min_excluded_part: float = 50.0
 
 
 def find_landforms(
@@ -68,16 +71,16 @@ def find_landforms(
 
     Neighbours that are gained and nearly level make up a part. Its links to the ground decide: banks, mounds
     and terraces meet it under slopes, walls in steps (Sithole & Vosselman 2005 judge segments in this way).
-    How many steps are allowed depends on the neighbourhood: where hardly anything stands on the terrain, what
-    rises from it is likely to be terrain. Single candidates are kept where they continue a plane of ground on
-    one side, as at the rim of a cliff, which mirroring (Axelsson 2000) reaches from single corners.
+    How many steps are allowed depends on the density of objects: in open terrain, what rises from it is
+    likely to be terrain. Single candidates are kept where they continue a plane of ground on one side, as at
+    the edge of a cliff, which mirroring (Axelsson 2000) reaches from single corners.
 
     Parameters
     ----------
     candidates : ndarray of shape (n_candidates, 3)
         At most one per place [m].
     ground, gained : ndarray of shape (n_candidates,), bool
-        What is ground without doubt, and what a bolder growth would add.
+        What is ground without doubt, and what growth with wider limits would add.
     spacing : float
         Spacing of the candidates [m].
     config : GroundFilterConfig
@@ -85,37 +88,38 @@ def find_landforms(
 
     Returns
     -------
-    landform, barred : ndarray of shape (n_candidates,), bool
+    landform, excluded : ndarray of shape (n_candidates,), bool
         Parts of `gained`.
     """
     rows = np.flatnonzero(gained)
     links = nearest_by_sector(candidates, rows, REACH * spacing)
-    bareness = measure_bareness(candidates, ~(ground | gained))[rows]
+    density = object_density(candidates, ~(ground | gained))[rows]
+    openness = np.clip((BUILT_SHARE - density) / (BUILT_SHARE - OPEN_SHARE), 0.0, 1.0)
     rules = PartRules()
     part = level_parts(candidates, rows, links, rules.max_link_slope, rules.min_link_rise)
     counts = _count_links(candidates, rows, links, ground, part, rules)
-    kept, certain = _judge(counts, np.bincount(part, bareness, len(rows)).astype(np.float64), config, rules)
-    landform, barred = np.zeros_like(ground), np.zeros_like(ground)
+    kept, certain = _judge(counts, np.bincount(part, openness, len(rows)).astype(np.float64), config, rules)
+    landform, excluded = np.zeros_like(ground), np.zeros_like(ground)
     landform[rows] = kept[part]
     undecided = np.flatnonzero(gained & ~landform)
     landform[undecided] = continues_terrain(candidates, undecided, ground | landform, spacing)
-    barred[rows] = certain[part]
-    return landform, barred & ~landform
+    excluded[rows] = certain[part]
+    return landform, excluded & ~landform
 
 
 def _judge(
-    counts: NDArray[np.float64], bareness: NDArray[np.float64], config: GroundFilterConfig, rules: PartRules
+    counts: NDArray[np.float64], openness: NDArray[np.float64], config: GroundFilterConfig, rules: PartRules
 ) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
     """Return which parts are terrain, and which are certainly objects."""
     size, n_links, n_steep, n_rising = counts.T
-    bare = bareness / np.maximum(size, 1.0)
+    is_open = openness / np.maximum(size, 1.0)
     steep = (n_steep + rules.prior_links) / (n_links + rules.prior_links)
     rising = (n_rising + rules.prior_links) / (n_links + rules.prior_links)
-    allowed = config.max_steep_share + bare * (config.max_bare_steep_share - config.max_steep_share)
-    large = size >= rules.min_part + bare * (rules.min_bare_part - rules.min_part)
+    allowed = config.max_steep_share + is_open * (config.max_open_steep_share - config.max_steep_share)
+    large = size >= rules.min_part + is_open * (rules.min_open_part - rules.min_part)
     kept = large & ((steep <= allowed) | (rising <= rules.max_rising_share))
-    walled = n_steep >= rules.barred_share * np.maximum(n_links, 1.0)
-    return kept, ~kept & walled & (size >= rules.min_barred_part)
+    walled = n_steep >= rules.excluded_share * np.maximum(n_links, 1.0)
+    return kept, ~kept & walled & (size >= rules.min_excluded_part)
 
 
 @njit(cache=True, nogil=True)

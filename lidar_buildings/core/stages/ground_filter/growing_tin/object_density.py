@@ -1,4 +1,4 @@
-"""How bare the land is: how little stands on the terrain around."""
+"""How densely objects stand on the terrain around."""
 
 from __future__ import annotations
 
@@ -10,34 +10,30 @@ from numpy.typing import NDArray
 
 from lidar_buildings.core.neighbours.cell_grid import sort_by_cell
 
-#: Side of the cells that are counted [m], and how many of them around count.
+#: Side of the cells that are counted [m], and the number of them around: `bench.ground.isprs` and `.scenes`.
 CELL, RADIUS = 10.0, 6
-#: Share of objects up to which land is bare, and from which on it is not at all.
-BARE_SHARE, BUILT_SHARE = 0.04, 0.15
 
 
-def measure_bareness(candidates: NDArray[np.float64], standing: NDArray[np.bool_]) -> NDArray[np.float64]:
+def object_density(candidates: NDArray[np.float64], is_object: NDArray[np.bool_]) -> NDArray[np.float64]:
     """
-    Return how bare the land around each candidate is, 0 to 1.
+    Return the share of objects among the candidates around each, 0 to 1.
 
-    Cells up to 60 m away along x and y are weighted by a bell curve (σ = 30 m); what counts is the share of
-    their candidates that stand on the terrain beyond doubt.
+    Cells up to 60 m away along x and y count with Gaussian weights (σ = 30 m).
 
     Parameters
     ----------
     candidates : ndarray of shape (n_candidates, 3)
         At least one [m].
-    standing : ndarray of shape (n_candidates,), bool
+    is_object : ndarray of shape (n_candidates,), bool
         Which of them are objects beyond doubt.
     """
     cells = sort_by_cell(candidates, CELL)
-    n_standing = np.add.reduceat(standing[cells.rows].astype(np.float64), cells.first[:-1])
+    n_objects = np.add.reduceat(is_object[cells.rows].astype(np.float64), cells.first[:-1])
     n_all = np.diff(cells.first).astype(np.float64)
-    share = np.divide(*_smoothed(cells.numbers, cells.n_columns, np.stack((n_standing, n_all))))
-    bareness = np.empty(len(candidates))
-    bare = np.clip((BUILT_SHARE - share) / (BUILT_SHARE - BARE_SHARE), 0.0, 1.0)
-    bareness[cells.rows] = np.repeat(bare, np.diff(cells.first))
-    return bareness
+    share = np.divide(*_smoothed(cells.numbers, cells.n_columns, np.stack((n_objects, n_all))))
+    density = np.empty(len(candidates))
+    density[cells.rows] = np.repeat(share, np.diff(cells.first))
+    return density
 
 
 @njit(cache=True, nogil=True)

@@ -7,25 +7,30 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from lidar_buildings.core.neighbours.parallel import for_row_blocks
 from lidar_buildings.core.neighbours.point_spacing import quantised_spacing
-from lidar_buildings.core.stages.ground_filter.config import GroundFilterConfig
+from lidar_buildings.core.stages.ground_filter.config import CANDIDATE_SPACING, GroundFilterConfig
 from lidar_buildings.core.stages.ground_filter.growing_tin.bridges import find_decks
 from lidar_buildings.core.stages.ground_filter.growing_tin.landforms import find_landforms
-from lidar_buildings.core.stages.ground_filter.growing_tin.roof_terrain import find_islands
+from lidar_buildings.core.stages.ground_filter.growing_tin.roof_terrain import find_roof_terrain
 from lidar_buildings.core.stages.ground_filter.growing_tin.seeds import choose_seeds
 from lidar_buildings.core.stages.ground_filter.growing_tin.terrain_growth import (
     GrowthLimits,
     TerrainGrowth,
     start_growth,
 )
-from lidar_buildings.core.stages.ground_filter.growing_tin.tin_labels import near_terrain
 from lidar_buildings.core.surfaces.tin import Tin
 
-#: Largest roof that a seed may fall on, in cells of the seeds' grid.
-MAX_ISLAND_CELLS = 1.0
-#: Side of the cells whose lowest ground starts the terrain that stays, in cells of the candidates: facets
-#: know only what is near, and growth has something left to decide.
-LOCAL_CELL = 5.0
+# Chosen with `bench.ground.isprs` and `bench.ground.scenes`.
+#: Side of the cells whose lowest ground starts the final terrain [m]: facets depend on what is near only, and
+#: growth has something left to decide.
+LOCAL_CELL = 5.0 * CANDIDATE_SPACING
+#: Facets whose longest side is shorter are not refined [m].
+MIN_FACET_SIDE = 2.0
+#: Iteration angle [deg] and its gain by the facet's slope while landforms are looked for.
+LANDFORM_ANGLE, LANDFORM_SLOPE_GAIN = 20.0, 0.8
+#: By how much the tolerance of ground grows per unit of slope [m], and up to which slope: walls have none.
+GROUND_DISTANCE_SLOPE, MAX_SLOPE = 0.9, 3.0
 
 
 def densify(candidates: NDArray[np.float64], extent: NDArray[np.float64], config: GroundFilterConfig) -> Tin:
@@ -39,16 +44,16 @@ def densify(candidates: NDArray[np.float64], extent: NDArray[np.float64], config
     tested against the terrain there. Each round inserts one candidate a facet, the lowest below it or the one
     under the smallest angle, which keeps a single point on an object from pulling others after it.
 
-    Limits that stop at every bush also stop at the foot of a bank. So the terrain then grows on, on trial,
-    with bolder ones, and what it gains is judged part by part: a part that meets the terrain around it as
-    terrain does is a landform and stays, one with steps around it is an object and is barred for good.
+    Limits that stop at every bush also stop at the foot of a bank. So a copy of the terrain grows on with
+    wider ones, and what it gains is judged part by part: a part that meets the terrain around it as terrain
+    does is a landform and stays, one with steps around it is an object and is excluded.
 
     Candidates on the decks of bridges, and on roofs that a seed fell on, are taken out then, and the terrain
     grows again without them.
 
-    Which of many candidates that hardly differ join depends on where the large facets began, and so on seeds
-    far away. So the terrain grows once more, from seeds chosen among its ground in small cells: what is
-    beyond some cells has no say any more, and neighbouring tiles agree on what they share.
+    Which of many similar candidates join depends on where the large facets began, and so on distant seeds. So
+    the terrain grows once more, from seeds chosen among its ground in small cells: the influence of distant
+    points ends, and neighbouring tiles agree on what they share.
 
     Parameters
     ----------
@@ -70,18 +75,17 @@ def densify(candidates: NDArray[np.float64], extent: NDArray[np.float64], config
     """
     spacing = quantised_spacing(candidates)
     is_seed = np.zeros(len(candidates), dtype=np.bool_)
-    is_seed[choose_seeds(candidates, config.seed_cell, config.max_seed_rise)] = True
+    is_seed[choose_seeds(candidates, config.seed_cell)] = True
     terrain = _grown(candidates, is_seed, extent, spacing, config)
     ground = near_terrain(*terrain.height_and_slope(), config)
-    false = find_islands(candidates, ground, spacing, MAX_ISLAND_CELLS * config.seed_cell**2)
+    false = find_roof_terrain(candidates, ground, spacing, config.seed_cell**2)
     false |= find_decks(terrain.tin(), candidates, spacing)
     if false.any() and (is_seed & ~false).any():
         candidates, is_seed = candidates[~false], is_seed[~false]
         terrain = _grown(candidates, is_seed, extent, spacing, config)
     local = np.zeros(len(candidates), dtype=np.bool_)
     rows = np.flatnonzero(near_terrain(*terrain.height_and_slope(), config))
-    cell = LOCAL_CELL * config.candidate_spacing
-    local[rows[choose_seeds(candidates[rows], cell, config.max_seed_rise)]] = True
+    local[rows[choose_seeds(candidates[rows], LOCAL_CELL)]] = True
     return _grown(candidates, local, extent, spacing, config).tin()
 
 
@@ -94,15 +98,11 @@ def _grown(
 ) -> TerrainGrowth:
     """Return the terrain grown from its seeds, landforms included."""
     terrain = start_growth(candidates, is_seed, extent)
-    cautious = GrowthLimits(
-        math.radians(config.iteration_angle),
-        config.slope_gain,
-        config.iteration_distance,
-        config.min_facet_side**2,
-    )
-    terrain.grow(cautious)
+    angle, squared_side = math.radians(config.iteration_angle), MIN_FACET_SIDE**2
+    limits = GrowthLimits(angle, config.slope_gain, config.iteration_distance, squared_side)
+    terrain.grow(limits)
     if config.landform_distance > config.iteration_distance:
-        _add_landforms(terrain, candidates, spacing, cautious, config)
+        _add_landforms(terrain, candidates, spacing, limits, config)
     return terrain
 
 
@@ -110,22 +110,40 @@ def _add_landforms(
     terrain: TerrainGrowth,
     candidates: NDArray[np.float64],
     spacing: float,
-    cautious: GrowthLimits,
+    limits: GrowthLimits,
     config: GroundFilterConfig,
 ) -> None:
-    """Let the terrain grow on over the landforms that the cautious limits left out."""
-    height, slope = terrain.height_and_slope()
-    ground = near_terrain(height, slope, config)
-    trial = terrain.branch()
-    trial.grow(
-        GrowthLimits(
-            math.radians(config.landform_angle),
-            config.landform_slope_gain,
-            config.landform_distance,
-            cautious.squared_side,
-        )
-    )
+    """Let the terrain grow on over the landforms that the limits left out."""
+    ground = near_terrain(*terrain.height_and_slope(), config)
+    trial = terrain.copy()
+    angle = math.radians(LANDFORM_ANGLE)
+    trial.grow(GrowthLimits(angle, LANDFORM_SLOPE_GAIN, config.landform_distance, limits.squared_side))
     gained = near_terrain(*trial.height_and_slope(), config) & ~ground
-    landform, barred = find_landforms(candidates, ground, gained, spacing, config)
-    terrain.force(landform)
-    terrain.grow(cautious, barred)
+    landform, excluded = find_landforms(candidates, ground, gained, spacing, config)
+    terrain.insert(landform)
+    terrain.grow(limits, excluded)
+
+
+def near_terrain(
+    height: NDArray[np.float64], slope: NDArray[np.float64], config: GroundFilterConfig
+) -> NDArray[np.bool_]:
+    """
+    Return which points lie so near the terrain, above or below, that they are ground.
+
+    Parameters
+    ----------
+    height : ndarray of shape (n_points,)
+        Height above the terrain, negative below it [m].
+    slope : ndarray of shape (n_points,)
+        The terrain's rise over run there.
+    config : GroundFilterConfig
+        Tolerance.
+    """
+    near = np.empty(len(height), dtype=np.bool_)
+
+    def judge(begin: int, end: int) -> None:
+        tolerance = config.ground_distance + GROUND_DISTANCE_SLOPE * np.minimum(slope[begin:end], MAX_SLOPE)
+        near[begin:end] = np.abs(height[begin:end]) <= tolerance
+
+    for_row_blocks(judge, len(near))
+    return near

@@ -1,4 +1,4 @@
-"""Islands: ground that meets other ground in drops alone is a roof that a seed fell on."""
+"""Roofs that a seed fell on: supposed terrain that meets other ground in step edges alone."""
 
 from __future__ import annotations
 
@@ -11,12 +11,13 @@ from lidar_buildings.core.stages.ground_filter.growing_tin.candidate_links impor
     nearest_by_sector,
 )
 
+# Chosen with `bench.ground.isprs` and `bench.ground.scenes`.
 #: How far neighbours may be, in spacings of the candidates.
 REACH = 3.0
 #: Ground hangs together where it rises by no more than this over its distance, or by this at all [m].
 MAX_LINK_SLOPE, MIN_LINK_RISE = 0.7, 0.3
-#: Fewest links to other ground that an island is told by, at all and over the root of its candidates (a
-#: square seen all round has about eight): one cut off by the data's edge may be a hill.
+#: Fewest links to other ground that tell a roof, at all and over the root of its candidates (a square seen
+#: all round has about eight): a part cut off by the data's edge may be a hill.
 MIN_LINKS, MIN_BORDER = 10, 3.2
 #: Share of them that have to be drops.
 MIN_DROP_SHARE = 0.9
@@ -24,11 +25,11 @@ MIN_DROP_SHARE = 0.9
 MIN_DROP = 2.0
 
 
-def find_islands(
+def find_roof_terrain(
     candidates: NDArray[np.float64], ground: NDArray[np.bool_], spacing: float, max_area: float
 ) -> NDArray[np.bool_]:
     """
-    Tell which ground candidates are of parts that other ground lies below on all sides where there is any.
+    Return the ground candidates in parts that lie above the other ground on all sides where there is any.
 
     A large building at the edge of the data may be all that a seed's cell shows; it then becomes terrain. Its
     walls tell it from a hill, whose foot is linked to the ground around.
@@ -42,7 +43,7 @@ def find_islands(
     spacing : float
         Spacing of the candidates [m].
     max_area : float
-        Largest island [m²]: beyond that it is a plateau.
+        Largest roof [m²]: beyond that it is a plateau.
 
     Returns
     -------
@@ -52,10 +53,10 @@ def find_islands(
     links = nearest_by_sector(candidates, rows, REACH * spacing)
     part = level_parts(candidates, rows, links, MAX_LINK_SLOPE, MIN_LINK_RISE)
     size, n_links, n_drops = _count_drops(candidates, rows, links, part, MIN_DROP).T
-    island = (n_drops >= MIN_DROP_SHARE * n_links) & (size * spacing**2 <= max_area)
-    island &= n_links >= np.maximum(MIN_LINKS, MIN_BORDER * np.sqrt(size))
+    is_roof = (n_drops >= MIN_DROP_SHARE * n_links) & (size * spacing**2 <= max_area)
+    is_roof &= n_links >= np.maximum(MIN_LINKS, MIN_BORDER * np.sqrt(size))
     found = np.zeros_like(ground)
-    found[rows] = island[part]
+    found[rows] = is_roof[part]
     return found
 
 

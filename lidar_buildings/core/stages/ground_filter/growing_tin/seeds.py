@@ -8,6 +8,9 @@ from scipy.spatial import cKDTree
 
 from lidar_buildings.core.neighbours.cell_grid import lowest_per_cell
 
+# Chosen with `bench.ground.isprs` and `bench.ground.scenes`.
+#: How far a seed may stand above its neighbours' plane, in parts of the cells' side.
+MAX_RISE = 0.1
 #: Neighbouring seeds that a seed is judged by: those of the cells around, roughly.
 NEIGHBOURS = 8
 #: With fewer seeds than this there is nothing to judge one by.
@@ -16,7 +19,7 @@ MIN_SEEDS = 5
 MAX_PASSES = 3
 
 
-def choose_seeds(candidates: NDArray[np.float64], cell: float, max_rise: float) -> NDArray[np.intp]:
+def choose_seeds(candidates: NDArray[np.float64], cell: float) -> NDArray[np.intp]:
     """
     Return the rows of the points that start the TIN, rising.
 
@@ -34,15 +37,13 @@ def choose_seeds(candidates: NDArray[np.float64], cell: float, max_rise: float) 
         At least one [m].
     cell : float
         Side of the cells [m].
-    max_rise : float
-        How far a seed may stand above that plane, in multiples of `cell`.
     """
     shifted = candidates + np.array([0.5 * cell, 0.5 * cell, 0.0])
     seeds = np.union1d(lowest_per_cell(candidates, cell), lowest_per_cell(shifted, cell))
     for _ in range(MAX_PASSES):
         if len(seeds) < MIN_SEEDS:
             break
-        stands_out = _stand_out(candidates[seeds], max_rise * cell)
+        stands_out = _stand_out(candidates[seeds], MAX_RISE * cell)
         if not stands_out.any():
             break
         seeds = seeds[~stands_out]
@@ -50,9 +51,7 @@ def choose_seeds(candidates: NDArray[np.float64], cell: float, max_rise: float) 
 
 
 def _stand_out(seeds: NDArray[np.float64], max_rise: float) -> NDArray[np.bool_]:
-    """
-    Return which seeds stand more than `max_rise` above their neighbours' plane, half of which are lower.
-    """
+    """Return which seeds stand above their neighbours' plane, half of the neighbours being lower."""
     distance, nearest = cKDTree(seeds[:, :2]).query(seeds[:, :2], min(NEIGHBOURS + 1, len(seeds)))
     around = seeds[nearest[:, 1:]] - seeds[:, None, :]
     weight = 1.0 / np.maximum(distance[:, 1:], 1.0)

@@ -42,7 +42,7 @@ class GrowthLimits(NamedTuple):
 @dataclass(eq=False)
 class TerrainGrowth:
     """
-    A TIN and the candidates that wait to join it.
+    A TIN and the candidates that may join it.
 
     Attributes
     ----------
@@ -72,7 +72,7 @@ class TerrainGrowth:
     home: NDArray[np.int32]
     gradient: NDArray[np.float64]
 
-    def branch(self) -> TerrainGrowth:
+    def copy(self) -> TerrainGrowth:
         """Return a terrain that can grow on without changing this one."""
         return replace(
             self,
@@ -83,9 +83,9 @@ class TerrainGrowth:
             home=self.home.copy(),
         )
 
-    def grow(self, limits: GrowthLimits, barred: NDArray[np.bool_] | None = None) -> None:
-        """Let candidates join until none is left that may; those `barred` never may."""
-        waiting = ~self.joined if barred is None else ~(self.joined | barred[~self.is_seed])
+    def grow(self, limits: GrowthLimits, excluded: NDArray[np.bool_] | None = None) -> None:
+        """Let candidates join until none is left that may; those `excluded` never may."""
+        waiting = ~self.joined if excluded is None else ~(self.joined | excluded[~self.is_seed])
         self.n_triangles = join_in_rounds(
             Mesh(
                 self.vertices,
@@ -102,10 +102,10 @@ class TerrainGrowth:
             self.joined,
         )
 
-    def force(self, chosen: NDArray[np.bool_]) -> None:
+    def insert(self, chosen: NDArray[np.bool_]) -> None:
         """Let the chosen candidates join, whatever the limits."""
         rows = np.flatnonzero(chosen[~self.is_seed] & ~self.joined)
-        self.n_triangles = _force(
+        self.n_triangles = _insert_all(
             rows,
             self.vertices,
             len(self.start.vertices),
@@ -172,8 +172,8 @@ def start_growth(
 
 
 @njit(cache=True, nogil=True)
-def _force(rows, vertices, n_start, triangles, neighbours, n_triangles, joined, home):  # type: ignore[no-untyped-def]
-    """Insert these waiting candidates; return the number of triangles."""
+def _insert_all(rows, vertices, n_start, triangles, neighbours, n_triangles, joined, home):  # type: ignore[no-untyped-def]
+    """Insert waiting candidates; return the number of triangles."""
     marks = np.zeros(len(triangles), dtype=np.int8)
     for i in rows:
         p = n_start + i

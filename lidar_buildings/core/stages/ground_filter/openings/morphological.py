@@ -21,6 +21,9 @@ from lidar_buildings.core.surfaces.morphology import opened
 BLOCK = 512
 #: How far beyond the discs' reach a block looks at the terrain that its holes are filled from, in cells.
 FILL_REACH = 32
+# Chosen with `bench.ground.isprs` and `bench.ground.scenes` where no source is named.
+#: Rise that is terrain whatever the radius [m].
+STEP = 0.2
 #: Cells are doubled until this share is occupied of those in occupied squares of `SQUARE` by `SQUARE` cells.
 MIN_OCCUPIED, SQUARE = 0.08, 8
 #: A pit steeper than this all round is a false low point, rise over run (Pingel et al. 2013).
@@ -141,9 +144,9 @@ def _label_block(
     north, east = (min(n, int(start) + BLOCK + halo) for start, n in zip(block, minima.shape, strict=True))
     lowest = np.full((north - south, east - west), np.inf)
     _place(minima.numbers, minima.elevation, minima.shape[1], south, west, lowest)
-    bare = _bare_cells(lowest, cell, radii, config)
+    ground_cells = _ground_cells(lowest, cell, radii, config)
     window = minima.first[0] + south, minima.first[1] + west
-    terrain = filled(lowest, bare, (int(window[0]), int(window[1])))
+    terrain = filled(lowest, ground_cells, (int(window[0]), int(window[1])))
     limits = config.opening_distance, config.opening_distance_slope
     _label(points, rows, terrain, _slope(terrain, cell), window, cell, limits, ground)
 
@@ -158,7 +161,7 @@ def _radii(largest: float, hall: float, cell: float) -> list[int]:
     return sorted({max(1, round(radius / cell)) for radius in radii})
 
 
-def _bare_cells(
+def _ground_cells(
     lowest: NDArray[np.float64], cell: float, radii: list[int], config: GroundFilterConfig
 ) -> NDArray[np.bool_]:
     """Return which cells show the ground; all that hold points if none does."""
@@ -169,14 +172,14 @@ def _bare_cells(
     before = surface
     for radius in radii:
         after = opened(before, radius)
-        limit = config.opening_slope * radius * cell + config.opening_step
+        limit = config.opening_slope * radius * cell + STEP
         if radius * cell <= config.opening_radius + 0.5 * cell:
             objects |= _sunk(before, after, solid, limit)
         else:
             objects |= find_halls(surface, solid, _sunk(surface, after, solid, min(limit, HALL_HEIGHT)))
         before = after
-    bare = solid & ~objects
-    return bare if bare.any() else known
+    ground = solid & ~objects
+    return ground if ground.any() else known
 
 
 def _pits(lowest: NDArray[np.float64], known: NDArray[np.bool_], cell: float) -> NDArray[np.bool_]:

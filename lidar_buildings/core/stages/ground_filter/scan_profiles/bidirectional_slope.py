@@ -12,17 +12,25 @@ from lidar_buildings.core.model.point_array import checked_columns, checked_poin
 from lidar_buildings.core.neighbours.cell_grid import CellGrid, sort_by_cell
 from lidar_buildings.core.neighbours.parallel import for_row_blocks
 from lidar_buildings.core.neighbours.point_spacing import quantised_spacing
-from lidar_buildings.core.stages.ground_filter.config import GroundFilterConfig
+from lidar_buildings.core.stages.ground_filter.config import CANDIDATE_SPACING, GroundFilterConfig
 from lidar_buildings.core.stages.ground_filter.scan_profiles.profile_labelling import net_votes
 from lidar_buildings.core.stages.ground_filter.scan_profiles.profile_refinement import (
     close_gaps,
     reject_outliers,
 )
-from lidar_buildings.core.stages.ground_filter.scan_profiles.profile_regression import take_back
+from lidar_buildings.core.stages.ground_filter.scan_profiles.profile_regression import (
+    TOLERANCE_SLOPE,
+    grow_ground,
+)
 from lidar_buildings.core.stages.ground_filter.scan_profiles.profile_trend import Trend, fit_trend
 from lidar_buildings.core.stages.ground_filter.scan_profiles.profiles import Profiles, cut_profiles
 from lidar_buildings.core.stages.ground_filter.scan_profiles.scan_lines import ScanLines, find_scan_lines
 
+# Chosen with `bench.ground.isprs`.
+#: Width of the strips that are cut as profiles [multiples of the spacing].
+WIDTH = 1.7
+#: By how much more passes have to call a point ground than object, as a share of all.
+AGREEMENT = 0.1
 #: Cells with no more points keep all of them; of the others the lowest is looked at first.
 SPARSE = 3
 #: Ground further above the first trend is left out of the second: the roofs among it [m].
@@ -30,7 +38,7 @@ MAX_ABOVE_TREND = 1.0
 #: Passes err less where the slope is taken off: so much less agreement is asked of them.
 LESS_ON_TREND = 0.1
 #: Net votes at and below which ground is taken for the roof of an object.
-ISLAND = -0.9
+ROOF_VOTES = -0.9
 #: Radius of the planes that say how the terrain runs within a cell [multiples of the spacing].
 LOCAL_RADIUS = 3.0
 
@@ -57,7 +65,7 @@ def label_ground(
     points : array_like of shape (n_points, 3)
         Without gross errors [m].
     config : GroundFilterConfig, optional
-        The members that begin with `profile_`, and `candidate_spacing`.
+        The members that begin with `profile_`.
     gps_time, scan_angle, scan_direction_flag, point_source_id : array_like of shape (n_points,), optional
         What tells scan lines apart [s], [deg].
 
@@ -86,7 +94,7 @@ def label_ground(
     )
     if len(cloud) == 0:
         return np.zeros(0, dtype=np.bool_)
-    cells = sort_by_cell(cloud, config.candidate_spacing)
+    cells = sort_by_cell(cloud, CANDIDATE_SPACING)
     kept = _kept_of_cells(cells.first)
     chosen = cells.rows[kept]
     spacing = quantised_spacing(cloud[chosen])
@@ -95,7 +103,7 @@ def label_ground(
         return _label_lines(cloud, lines, spacing, config)
     candidates = cells.points[kept]
     profiles = [
-        cut_profiles(candidates, config.profile_width * spacing, 180.0 * k / config.profile_directions)
+        cut_profiles(candidates, WIDTH * spacing, 180.0 * k / config.profile_directions)
         for k in range(config.profile_directions)
     ]
     if lines is not None:
@@ -112,7 +120,7 @@ def _label_lines(
     Label every point along the scan lines alone, or along strips from west to east where there are none.
     """
     if lines is None:
-        profiles = cut_profiles(cloud, config.profile_width * spacing, 0.0)
+        profiles = cut_profiles(cloud, WIDTH * spacing, 0.0)
     else:
         profiles = lines.profiles(cloud, np.arange(len(cloud)))
     return _label_candidates(cloud, [profiles], spacing, config)
@@ -123,21 +131,21 @@ def _label_candidates(
 ) -> NDArray[np.bool_]:
     """Vote and grow; once more on heights above the trend that was found; then reject, close gaps, reject."""
     z, radius = points[:, 2], config.profile_trend_radius
-    ground = net_votes(profiles, z, config) > config.profile_agreement
-    ground = take_back(profiles, z, ground, spacing, config)
+    ground = net_votes(profiles, z, config) > AGREEMENT
+    ground = grow_ground(profiles, z, ground, spacing, config)
     if radius > 0 and ground.any():
         first = fit_trend(points, ground, radius).elevation_at(points)
         low = ground & (z - first < MAX_ABOVE_TREND)
         height = z - fit_trend(points, low, radius).elevation_at(points)
-        ground = net_votes(profiles, height, config) > config.profile_agreement - LESS_ON_TREND
-        ground = take_back(profiles, z, ground, spacing, config)
-    ground = _without_islands(profiles, z, ground, config)
+        ground = net_votes(profiles, height, config) > AGREEMENT - LESS_ON_TREND
+        ground = grow_ground(profiles, z, ground, spacing, config)
+    ground = _without_roofs(profiles, z, ground, config)
     if config.profile_gap_tolerance > 0:
         ground = close_gaps(profiles, z, ground, spacing, config.profile_gap_tolerance)
     return reject_outliers(profiles, z, ground, spacing, config)
 
 
-def _without_islands(
+def _without_roofs(
     profiles: list[Profiles], z: NDArray[np.float64], ground: NDArray[np.bool_], config: GroundFilterConfig
 ) -> NDArray[np.bool_]:
     """
@@ -148,7 +156,7 @@ def _without_islands(
     """
     votes = net_votes([one.along_chosen(ground) for one in profiles], z[ground], config)
     kept = ground.copy()
-    kept[ground] = votes > ISLAND
+    kept[ground] = votes > ROOF_VOTES
     return kept
 
 
@@ -174,7 +182,7 @@ def _label_all(
     ground[chosen] = True
     lowest = cells.points[cells.first[:-1]]
     gradient = planes.gradient_at(lowest)
-    limits = (config.profile_step, config.profile_tolerance_slope)
+    limits = (config.profile_step, TOLERANCE_SLOPE)
     for_row_blocks(
         lambda a, b: _near_lowest(cells.points, cells.first, gradient, limits, ground, a, b), len(lowest)
     )

@@ -14,6 +14,13 @@ from lidar_buildings.core.stages.ground_filter.scan_profiles.profiles import Pro
 
 #: What a pass says of a point, in half votes; likely ground may yet turn out to be the roof that it began on.
 OBJECT, UNKNOWN, LIKELY, GROUND = -2, 0, 1, 2
+# Chosen with `bench.ground.isprs`.
+#: Where a profile's beginning falls by more than this, it began on an object [m].
+FALL = 1.5
+#: How steeply the ground behind an object may lie above the ground before it, rise over run.
+REENTRY_SLOPE = 0.05
+#: How far back along a profile a rise is looked for [m].
+WINDOW = 1.0
 #: Distance over which a pass forgets the slope of the ground that it came over [m].
 SLOPE_MEMORY = 10.0
 #: Steps shorter than this say little about the slope [m].
@@ -42,14 +49,7 @@ def net_votes(
     config : GroundFilterConfig
         The members that begin with `profile_`.
     """
-    limits = (
-        config.profile_max_slope,
-        config.profile_step,
-        config.profile_fall,
-        config.profile_reentry_slope,
-        config.profile_max_object,
-        config.profile_window,
-    )
+    limits = config.profile_max_slope, config.profile_step, config.profile_max_object, WINDOW
     votes = np.zeros((len(profiles), len(elevation)), dtype=np.int8)
 
     def label(begin: int, end: int) -> None:
@@ -83,7 +83,7 @@ def _walk(along, z, begin, end, heading, limits, label):  # type: ignore[no-unty
     on an object, and nothing is said of them. Where it has gone on for longer than any object, ground is
     sure, that on the way there too.
     """
-    _, step, fall, reentry_slope, max_object, _ = limits
+    max_slope, step, max_object, _ = limits
     i = begin if heading > 0 else end - 1
     start, last = i, i
     on_ground, standing, slope = True, LIKELY, 0.0
@@ -95,18 +95,18 @@ def _walk(along, z, begin, end, heading, limits, label):  # type: ignore[no-unty
             on_ground = False
             label[i] = OBJECT
             continue
-        if not on_ground and z[i] > z[last] + step + (max(slope, 0.0) + reentry_slope) * run:
+        if not on_ground and z[i] > z[last] + step + (max(slope, 0.0) + REENTRY_SLOPE) * run:
             label[i] = OBJECT
             if run > max_object:
                 # No object is as long, or the longest was not known: unknown until it goes on as far again.
                 label[i] = UNKNOWN
                 start, last, on_ground, standing, slope = i, i, True, UNKNOWN, 0.0
             continue
-        steepest = limits[0] if on_ground else reentry_slope + max(-slope, 0.0)
+        steepest = max_slope if on_ground else REENTRY_SLOPE + max(-slope, 0.0)
         if standing != GROUND and abs(along[i] - along[start]) > max_object:
             _change(label, start, i, heading, LIKELY, GROUND)
             standing = GROUND
-        if standing != GROUND and z[last] - z[i] > _fallen(fall, steepest, run, on_ground):
+        if standing != GROUND and z[last] - z[i] > _fallen(steepest, run, on_ground):
             _change(label, start, i, heading, LIKELY, UNKNOWN)
             start, standing = i, LIKELY
         if on_ground:
@@ -118,9 +118,9 @@ def _walk(along, z, begin, end, heading, limits, label):  # type: ignore[no-unty
 
 
 @njit(cache=True, nogil=True)
-def _fallen(fall, steepest, run, on_ground):  # type: ignore[no-untyped-def]
+def _fallen(steepest, run, on_ground):  # type: ignore[no-untyped-def]
     """Return by how much a profile has to fall until what came before was no ground [m]."""
-    return max(fall, steepest * run) if on_ground else fall + steepest * run
+    return max(FALL, steepest * run) if on_ground else FALL + steepest * run
 
 
 @njit(cache=True, nogil=True)
@@ -131,7 +131,7 @@ def _rises(along, z, i, last, begin, end, heading, limits, label):  # type: igno
     In dense clouds a step spreads over several points; looking back over a fixed distance finds it all the
     same.
     """
-    max_slope, step, window = limits[0], limits[1], limits[5]
+    max_slope, step, _, window = limits
     j = last
     while begin <= j < end:
         run, rise = abs(along[i] - along[j]), z[i] - z[j]

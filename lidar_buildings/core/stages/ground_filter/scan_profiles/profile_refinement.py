@@ -15,6 +15,9 @@ from lidar_buildings.core.neighbours.parallel import for_row_blocks
 from lidar_buildings.core.stages.ground_filter.config import GroundFilterConfig
 from lidar_buildings.core.stages.ground_filter.scan_profiles.profiles import Profiles
 
+# Chosen with `bench.ground.isprs`.
+#: Ground is rejected that stands so many standard deviations above a line through its neighbours.
+REJECTION = 2.0
 #: Ground points on either side that a line is fitted to, and how far they may lie [multiples of the spacing].
 POINTS, REACH = 6, 10.0
 #: Least mean square of their distances in which a slope can be seen [m²].
@@ -79,7 +82,7 @@ def reject_outliers(
     Return the ground without the points that stand above it on every profile.
 
     The local linear regression of Shan & Sampath (2005): a line is fitted to the ground points on both sides,
-    and a point is rejected if it lies further above it than `profile_step` and than `profile_rejection` times
+    and a point is rejected if it lies further above it than `profile_step` and than `REJECTION` times
     the standard deviation of those. With several profiles through a point all have to agree, so that a ridge
     or the edge of a terrace, which stand out on most, stay.
 
@@ -97,7 +100,7 @@ def reject_outliers(
         The members that begin with `profile_`.
     """
     ground = ground.copy()
-    limits = (REACH * spacing, config.profile_step, config.profile_rejection)
+    limits = (REACH * spacing, config.profile_step, REJECTION)
     judged, above = np.zeros((2, len(profiles), len(ground)), dtype=np.bool_)
 
     def judge(begin: int, end: int) -> None:

@@ -1,4 +1,4 @@
-"""Local regression along profiles: ground points that stand out are rejected, others taken back."""
+"""Ground grows along profiles by local regression: points join that lines through ground lead to."""
 
 from __future__ import annotations
 
@@ -13,6 +13,13 @@ from lidar_buildings.core.neighbours.parallel import for_row_blocks
 from lidar_buildings.core.stages.ground_filter.config import GroundFilterConfig
 from lidar_buildings.core.stages.ground_filter.scan_profiles.profiles import Profiles
 
+# Chosen with `bench.ground.isprs`.
+#: How far away a line through ground points may begin [multiples of the spacing].
+REACH = 6.0
+#: By how many lines ground has to lead to a point, more than half of those that lie well below it.
+SUPPORT = 2
+#: By how much the tolerance grows per unit of slope [m], and per standard deviation of the ground.
+TOLERANCE_SLOPE, ROUGHNESS = 0.3, 1.0
 #: Ground points on either side that a line is fitted to.
 POINTS = 4
 #: Least mean square of their distances in which a slope can be seen [m²].
@@ -26,7 +33,7 @@ AGAINST = 3.0
 FOR_WEIGHT, AGAINST_WEIGHT = 2, -1
 
 
-def take_back(
+def grow_ground(
     profiles: Sequence[Profiles],
     elevation: NDArray[np.float64],
     ground: NDArray[np.bool_],
@@ -37,7 +44,7 @@ def take_back(
     Return the ground with all points that lines through ground points beside them lead to.
 
     On every profile a line is fitted to the nearest ground points on either side of a point and carried on to
-    it. A point joins where `profile_support` more lines lead to it than pass well below it, these counting
+    it. A point joins where `SUPPORT` more lines lead to it than pass well below it, these counting
     half: at the foot and the top of a slope, one side of it always does. Repeated until no point joins.
 
     Parameters
@@ -54,8 +61,7 @@ def take_back(
         The members that begin with `profile_`.
     """
     ground = ground.copy()
-    reach = config.profile_reach * spacing
-    limits = (reach, config.profile_tolerance, config.profile_tolerance_slope, config.profile_roughness)
+    limits = REACH * spacing, config.profile_tolerance
     votes = np.zeros((len(profiles), len(ground)), dtype=np.int8)
     axes = [_Axis(one, elevation, ground, votes[k]) for k, one in enumerate(profiles)]
     new = np.flatnonzero(ground)
@@ -68,7 +74,7 @@ def take_back(
         if not len(new):
             break
         for_row_blocks(judge, len(axes), 1)
-        new = _joining(votes, ground, FOR_WEIGHT * config.profile_support)
+        new = _joining(votes, ground, FOR_WEIGHT * SUPPORT)
         ground[new] = True
     return ground
 
@@ -133,7 +139,7 @@ def _mark_around(changed, along, line, ground, reach, stale):  # type: ignore[no
 @njit(cache=True, nogil=True)
 def _judge(along, z, first, line, ground, stale, limits, rows, votes):  # type: ignore[no-untyped-def]
     """Count the lines that lead to each marked point."""
-    reach, tolerance, tolerance_slope, roughness = limits
+    reach, tolerance = limits
     for i in range(len(rows)):
         if not stale[i]:
             continue
@@ -144,7 +150,7 @@ def _judge(along, z, first, line, ground, stale, limits, rows, votes):  # type: 
             )
             if n < 2:
                 continue
-            margin = tolerance + tolerance_slope * abs(slope) + min(roughness * sigma, MAX_ROUGHNESS)
+            margin = tolerance + TOLERANCE_SLOPE * abs(slope) + min(ROUGHNESS * sigma, MAX_ROUGHNESS)
             if height < margin:
                 vote += FOR_WEIGHT
             elif height > AGAINST * margin:
