@@ -13,7 +13,7 @@ from lidar_buildings.core.model.point_array import checked_column, checked_point
 from lidar_buildings.core.neighbours.point_spacing import given_or_measured
 from lidar_buildings.core.stages.terrain.cells import Cells
 from lidar_buildings.core.stages.terrain.config import RasterConfig
-from lidar_buildings.core.stages.terrain.footprint import closed, squared_distance
+from lidar_buildings.core.stages.terrain.known_cells import closed, squared_distance
 from lidar_buildings.core.stages.terrain.surface import surface_elevations, widest_gap
 from lidar_buildings.core.stages.terrain.window import RasterWindow, reach_in_cells, window_of
 
@@ -138,12 +138,11 @@ def make_rasters(
 
 
 def _checked_or(missing, name: str, column: ArrayLike | None, n: int, dtype) -> NDArray:  # type: ignore[no-untyped-def]
-    """Return a column checked, or one made where none is given."""
     return missing(n, dtype=dtype) if column is None else checked_column(name, column, n, dtype)
 
 
 def _cropped(rasters: TerrainRasters, known: NDArray[np.bool_]) -> TerrainRasters:
-    """Leave out rows and columns without a known cell."""
+    """Return the rasters without the outer rows and columns that hold no known cell."""
     rows, columns = (_span(known.any(axis=axis)) for axis in (1, 0))
     return TerrainRasters(
         rasters.window.part(columns, rows),
@@ -154,6 +153,5 @@ def _cropped(rasters: TerrainRasters, known: NDArray[np.bool_]) -> TerrainRaster
 
 
 def _span(marked: Any) -> slice:
-    """Return the slice from the first to the last mark."""
     at = np.flatnonzero(marked)
     return slice(int(at[0]), int(at[-1]) + 1) if len(at) else slice(0, 0)

@@ -6,11 +6,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from lidar_buildings.core.stages.terrain.cell_points import CellPoints
-from lidar_buildings.core.stages.terrain.cells import Cells
-from lidar_buildings.core.stages.terrain.footprint import closed, squared_distance
+from lidar_buildings.core.stages.terrain.cells import CellPoints, Cells
+from lidar_buildings.core.stages.terrain.known_cells import closed, squared_distance
 from lidar_buildings.core.stages.terrain.window import reach_in_cells
 
+# Chosen by hand on Delft, fusa and Toronto (doc/algorithms/terrain.md).
 #: Empty circles up to this radius are chance, not water: so many spacings, and at least so many metres.
 _GAP_SPACINGS, _MIN_GAP = 3.0, 1.5
 #: Cells so near an empty one are corners of the triangles that close it.
@@ -99,5 +99,4 @@ def _with_later_returns(
 
 
 def _near(points: CellPoints, cells: NDArray[np.bool_]) -> CellPoints:
-    """Return the points of cells that are near some of these cells."""
     return points.select(squared_distance(cells, _RIM)[points.rows, points.columns] <= _RIM * _RIM)

@@ -266,6 +266,8 @@ def test_wrong_points_are_refused_by_name():
         classify_ground(np.zeros((5, 2)))
     with pytest.raises(ValueError, match="finite"):
         classify_ground(scenes.with_nan().points)
+    with pytest.raises(ValueError, match="gps_time"):
+        classify_ground(np.zeros((5, 3)), gps_time=np.zeros(4))
 
 
 def test_a_bad_parameter_is_named_by_its_path():

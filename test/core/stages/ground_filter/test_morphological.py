@@ -103,12 +103,6 @@ def test_points_on_one_vertical_leave_the_lowest_as_ground():
     np.testing.assert_array_equal(label_ground(points, CONFIG), points[:, 2] <= CONFIG.opening_distance)
 
 
-@pytest.mark.parametrize("points", [np.zeros((3, 2)), np.array([[0.0, 0.0, np.nan]])])
-def test_other_shapes_and_nan_are_refused(points):
-    with pytest.raises(ValueError, match="points"):
-        label_ground(points, CONFIG)
-
-
 def test_a_stray_point_far_off_changes_nothing():
     points, _ = town()
     labels = label_ground(points, CONFIG)

@@ -7,8 +7,9 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 from scipy import ndimage
 
-from lidar_buildings.core.stages.terrain.cell_points import highest_points, mean_points
-from lidar_buildings.core.stages.terrain.footprint import closed, squared_distance
+from lidar_buildings.core.stages.terrain import RasterWindow
+from lidar_buildings.core.stages.terrain.cells import Cells
+from lidar_buildings.core.stages.terrain.known_cells import closed, squared_distance
 from lidar_buildings.core.surfaces.tin import build_tin
 from lidar_buildings.core.surfaces.triangulation import triangulate
 
@@ -85,8 +86,9 @@ def test_closing_leaves_open_just_where_an_empty_circle_fits(marked, reach):
 def test_each_cell_has_the_mean_and_the_highest_of_its_points():
     random = np.random.default_rng(6)
     points = random.uniform(0.0, 6.0, (400, 3))
-    rows, columns = points[:, 1].astype(int), points[:, 0].astype(int)
-    means, highest = (f(points, rows, columns, (7, 8)) for f in (mean_points, highest_points))
+    cells = Cells(RasterWindow(1.0, 0, -7, 8, 7), (0.0, 0.0))
+    rows, columns = cells.window.cells_of(points, cells.origin)
+    means, highest = cells.means(points), cells.highest(points)
     for found, choose in ((means, lambda p: p.mean(axis=0)), (highest, lambda p: p[p[:, 2].argmax()])):
         assert found.mask((7, 8)).sum() == len(found.points) == 36
         for row, column, point in zip(found.rows, found.columns, found.points, strict=True):
@@ -96,7 +98,7 @@ def test_each_cell_has_the_mean_and_the_highest_of_its_points():
 
 def test_of_points_as_high_the_same_one_is_taken_in_any_order():
     points = np.column_stack((np.random.default_rng(7).uniform(0, 1, (20, 2)), np.ones(20)))
-    cells = np.zeros(20, dtype=int)
+    cell = Cells(RasterWindow(1.0, 0, -1, 1, 1), (0.0, 0.0))
     for order in (slice(None), slice(None, None, -1)):
-        (found,) = highest_points(points[order], cells, cells, (1, 1)).points
+        (found,) = cell.highest(points[order]).points
         assert found[0] == points[:, 0].min()

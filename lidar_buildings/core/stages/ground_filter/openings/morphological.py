@@ -9,7 +9,6 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from lidar_buildings.core.model.point_array import checked_points
 from lidar_buildings.core.neighbours.cell_grid import cell_numbers, cell_order, lowest_per_cell
 from lidar_buildings.core.neighbours.parallel import for_row_blocks
 from lidar_buildings.core.stages.ground_filter.config import GroundFilterConfig
@@ -81,18 +80,12 @@ def label_ground(points: NDArray[np.float64], config: GroundFilterConfig) -> NDA
     -------
     ndarray of shape (n_points,), bool
 
-    Raises
-    ------
-    ValueError
-        If `points` has another shape or is not finite.
-
     Notes
     -----
     Worked on in blocks, each with what lies around it within reach of the largest disc: memory does not
     depend on the extent, and time is linear in the number of occupied blocks and of points. What lies
     beyond has no say, but for the doubling of cells in sparse clouds.
     """
-    points = checked_points(points)
     ground = np.zeros(len(points), dtype=np.bool_)
     if len(points) == 0:
         return ground

@@ -4,11 +4,12 @@ Ground by slopes along profiles, forth and back (Shan & Sampath 2005), with prof
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numba import njit
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
-from lidar_buildings.core.model.point_array import checked_columns, checked_points
 from lidar_buildings.core.neighbours.cell_grid import CellGrid, sort_by_cell
 from lidar_buildings.core.neighbours.parallel import for_row_blocks
 from lidar_buildings.core.neighbours.point_spacing import quantised_spacing
@@ -44,13 +45,7 @@ LOCAL_RADIUS = 3.0
 
 
 def label_ground(
-    points: ArrayLike,
-    config: GroundFilterConfig | None = None,
-    *,
-    gps_time: ArrayLike | None = None,
-    scan_angle: ArrayLike | None = None,
-    scan_direction_flag: ArrayLike | None = None,
-    point_source_id: ArrayLike | None = None,
+    points: NDArray[np.float64], config: GroundFilterConfig, **scan: NDArray[Any] | None
 ) -> NDArray[np.bool_]:
     """
     Tell which points are ground by walking along profiles in both directions.
@@ -62,68 +57,54 @@ def label_ground(
 
     Parameters
     ----------
-    points : array_like of shape (n_points, 3)
+    points : ndarray of shape (n_points, 3)
         Without gross errors [m].
-    config : GroundFilterConfig, optional
+    config : GroundFilterConfig
         The members that begin with `profile_`.
-    gps_time, scan_angle, scan_direction_flag, point_source_id : array_like of shape (n_points,), optional
-        What tells scan lines apart [s], [deg].
+    **scan : ndarray of shape (n_points,), optional
+        What tells scan lines apart, see `find_scan_lines`.
 
     Returns
     -------
     ndarray of shape (n_points,), bool
-
-    Raises
-    ------
-    ValueError
-        If `points` has another shape or is not finite, or a column has not one number per point.
 
     Notes
     -----
     O(n log n): some 3 M points/s on two cores in dense clouds, where only the lowest points of cells are
     walked over; 0.5 M points/s where all are.
     """
-    config = config or GroundFilterConfig(method="bidirectional_slope")
-    cloud = checked_points(points)
-    columns = checked_columns(
-        len(cloud),
-        gps_time=gps_time,
-        scan_angle=scan_angle,
-        scan_direction_flag=scan_direction_flag,
-        point_source_id=point_source_id,
-    )
-    if len(cloud) == 0:
+    if len(points) == 0:
         return np.zeros(0, dtype=np.bool_)
-    cells = sort_by_cell(cloud, CANDIDATE_SPACING)
+    cells = sort_by_cell(points, CANDIDATE_SPACING)
     kept = _kept_of_cells(cells.first)
     chosen = cells.rows[kept]
-    spacing = quantised_spacing(cloud[chosen])
-    lines = find_scan_lines(cloud, spacing, **columns)
+    spacing = quantised_spacing(points[chosen])
+    lines = find_scan_lines(points, spacing, **scan)
     if config.profile_directions == 0:
-        return _label_lines(cloud, lines, spacing, config)
+        return _label_lines(points, lines, spacing, config)
     candidates = cells.points[kept]
     profiles = [
         cut_profiles(candidates, WIDTH * spacing, 180.0 * k / config.profile_directions)
         for k in range(config.profile_directions)
     ]
     if lines is not None:
-        profiles.append(lines.profiles(cloud, chosen))
+        profiles.append(lines.profiles(points, chosen))
     ground = _label_candidates(candidates, profiles, spacing, config)
     planes = fit_trend(candidates, ground, LOCAL_RADIUS * spacing, cells_per_radius=2.0, far=False)
     return _label_all(cells, kept[ground], planes, config)
 
 
 def _label_lines(
-    cloud: NDArray[np.float64], lines: ScanLines | None, spacing: float, config: GroundFilterConfig
+    points: NDArray[np.float64], lines: ScanLines | None, spacing: float, config: GroundFilterConfig
 ) -> NDArray[np.bool_]:
     """
     Label every point along the scan lines alone, or along strips from west to east where there are none.
     """
     if lines is None:
-        profiles = cut_profiles(cloud, WIDTH * spacing, 0.0)
+        profiles = cut_profiles(points, WIDTH * spacing, 0.0)
     else:
-        profiles = lines.profiles(cloud, np.arange(len(cloud)))
-    return _label_candidates(cloud, [profiles], spacing, config)
+        profiles = lines.profiles(points, np.arange(len(points)))
+    return _label_candidates(points, [profiles], spacing, config)
 
 
 def _label_candidates(
@@ -166,17 +147,7 @@ def _label_all(
     """
     Label the points of crowded cells: those no further above their lowest, if ground, than the terrain rises.
 
-    Parameters
-    ----------
-    chosen : ndarray of intp
-        The candidates that are ground, among the sorted points.
-    planes : Trend
-        How the terrain runs within a cell.
-
-    Returns
-    -------
-    ndarray of shape (n_points,), bool
-        By input row.
+    `chosen` are the candidates that are ground, among the sorted points; labels are by input row.
     """
     ground = np.zeros(len(cells.rows), dtype=np.bool_)
     ground[chosen] = True

@@ -4,7 +4,6 @@ The last look along profiles: gaps between ground points are closed, what stands
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -13,6 +12,13 @@ from numpy.typing import NDArray
 
 from lidar_buildings.core.neighbours.parallel import for_row_blocks
 from lidar_buildings.core.stages.ground_filter.config import GroundFilterConfig
+from lidar_buildings.core.stages.ground_filter.scan_profiles.profile_lines import (
+    MIN_SPREAD,
+    NO_SUMS,
+    add_side,
+    fitted_line,
+    spread_of,
+)
 from lidar_buildings.core.stages.ground_filter.scan_profiles.profiles import Profiles
 
 # Chosen with `bench.ground.isprs`.
@@ -20,8 +26,6 @@ from lidar_buildings.core.stages.ground_filter.scan_profiles.profiles import Pro
 REJECTION = 2.0
 #: Ground points on either side that a line is fitted to, and how far they may lie [multiples of the spacing].
 POINTS, REACH = 6, 10.0
-#: Least mean square of their distances in which a slope can be seen [m²].
-MIN_SPREAD = 0.05
 #: Sets of profiles that have to agree before a point is rejected, where there are as many.
 MIN_AXES = 3
 #: Rejecting a point may show others.
@@ -149,39 +153,18 @@ def _stand_out(rows, first, along, elevation, ground, limits, judged, above):  #
     """
     Tell of each point whether it is ground with ground on both sides, and well above the line through it.
     """
+    reach, step, rejection = limits
+    z, is_ground = elevation[rows], ground[rows]
     for k in range(len(first) - 1):
-        for i in range(first[k], first[k + 1]):
+        begin, end = first[k], first[k + 1]
+        for i in range(begin, end):
             judged[rows[i]] = above[rows[i]] = False
-            if ground[rows[i]]:
-                both, height, sigma = _line_across(
-                    rows, along, elevation, ground, i, first[k], first[k + 1], limits[0]
-                )
-                judged[rows[i]] = both
-                above[rows[i]] = both and height > max(limits[1], limits[2] * sigma)
-
-
-@njit(cache=True, nogil=True)
-def _line_across(rows, along, elevation, ground, i, begin, end, reach):  # type: ignore[no-untyped-def]
-    """
-    Fit a line to the nearest ground points on both sides of point i.
-
-    Returns whether there are enough, the height of point i above the line [m], and the standard deviation of
-    the others from it [m].
-    """
-    n, sides, st, sz, stt, stz, szz = 0, 0, 0.0, 0.0, 0.0, 0.0, 0.0
-    for heading in (-1, 1):
-        j, found = i + heading, 0
-        while begin <= j < end and found < POINTS and abs(along[j] - along[i]) <= reach:
-            if ground[rows[j]]:
-                t, dz = along[j] - along[i], elevation[rows[j]] - elevation[rows[i]]
-                found += 1
-                st, sz, stt, stz, szz = st + t, sz + dz, stt + t * t, stz + t * dz, szz + dz * dz
-            j += heading
-        n += found
-        sides += min(found, 1)
-    spread = stt - st * st / n if n > 0 else 0.0
-    if sides < 2 or n < 3 or spread < MIN_SPREAD * n:
-        return False, 0.0, 0.0
-    slope = (stz - st * sz / n) / spread
-    rest = max(szz - sz * sz / n - slope * (stz - st * sz / n), 0.0)
-    return True, -(sz - slope * st) / n, math.sqrt(rest / (n - 2))
+            if not is_ground[i]:
+                continue
+            one = add_side(NO_SUMS, along, z, is_ground, i, -1, begin, end, POINTS, reach)
+            both = add_side(one, along, z, is_ground, i, 1, begin, end, POINTS, reach)
+            n_one, n = one[0], both[0]
+            if 0 < n_one < n and n >= 3 and spread_of(both) >= MIN_SPREAD * n:
+                height, _, sigma = fitted_line(both, np.inf)
+                judged[rows[i]] = True
+                above[rows[i]] = height > max(step, rejection * sigma)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -11,6 +10,13 @@ from numpy.typing import NDArray
 
 from lidar_buildings.core.neighbours.parallel import for_row_blocks
 from lidar_buildings.core.stages.ground_filter.config import GroundFilterConfig
+from lidar_buildings.core.stages.ground_filter.scan_profiles.profile_lines import (
+    MIN_SPREAD,
+    NO_SUMS,
+    add_side,
+    fitted_line,
+    spread_of,
+)
 from lidar_buildings.core.stages.ground_filter.scan_profiles.profiles import Profiles
 
 # Chosen with `bench.ground.isprs`.
@@ -22,8 +28,6 @@ SUPPORT = 2
 TOLERANCE_SLOPE, ROUGHNESS = 0.3, 1.0
 #: Ground points on either side that a line is fitted to.
 POINTS = 4
-#: Least mean square of their distances in which a slope can be seen [m²].
-MIN_SPREAD = 0.05
 #: Steepest slope that is carried on beyond the points it was fitted to, rise over run.
 MAX_SLOPE = 1.0
 #: Roughness of the ground adds at most so much to the tolerance [m].
@@ -145,40 +149,15 @@ def _judge(along, z, first, line, ground, stale, limits, rows, votes):  # type: 
             continue
         vote = 0
         for heading in (-1, 1):
-            n, height, slope, sigma = _line_beyond(
-                along, z, i, heading, first[line[i]], first[line[i] + 1], ground, reach
+            sums = add_side(
+                NO_SUMS, along, z, ground, i, heading, first[line[i]], first[line[i] + 1], POINTS, reach
             )
-            if n < 2:
+            if sums[0] < 2 or spread_of(sums) < MIN_SPREAD * sums[0]:
                 continue
+            height, slope, sigma = fitted_line(sums, MAX_SLOPE)
             margin = tolerance + TOLERANCE_SLOPE * abs(slope) + min(ROUGHNESS * sigma, MAX_ROUGHNESS)
             if height < margin:
                 vote += FOR_WEIGHT
             elif height > AGAINST * margin:
                 vote += AGAINST_WEIGHT
         votes[rows[i]] = vote
-
-
-@njit(cache=True, nogil=True)
-def _line_beyond(along, z, i, heading, begin, end, ground, reach):  # type: ignore[no-untyped-def]
-    """
-    Fit a line to the nearest ground points on one side of point i.
-
-    Returns the number of points, 0 if too few for a line, the height of point i above the line [m], the
-    line's slope, and the standard deviation of its points [m].
-    """
-    n, st, sz, stt, stz, szz = 0, 0.0, 0.0, 0.0, 0.0, 0.0
-    j = i + heading
-    while begin <= j < end and n < POINTS and abs(along[j] - along[i]) <= reach:
-        if ground[j]:
-            t, dz = along[j] - along[i], z[j] - z[i]
-            n += 1
-            st, sz, stt, stz, szz = st + t, sz + dz, stt + t * t, stz + t * dz, szz + dz * dz
-        j += heading
-    spread = stt - st * st / n if n >= 2 else 0.0
-    if spread < MIN_SPREAD * n or n < 2:
-        return 0, 0.0, 0.0, 0.0
-    slope = (stz - st * sz / n) / spread
-    rest = max(szz - sz * sz / n - slope * (stz - st * sz / n), 0.0)
-    sigma = math.sqrt(rest / (n - 2)) if n > 2 else 0.0
-    slope = min(max(slope, -MAX_SLOPE), MAX_SLOPE)
-    return n, -(sz - slope * st) / n, slope, sigma
