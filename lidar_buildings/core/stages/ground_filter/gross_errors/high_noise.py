@@ -16,6 +16,7 @@ from lidar_buildings.core.stages.ground_filter.gross_errors.noise_layers import 
     low_end,
 )
 
+# Chosen with `bench.ground.noise` and the scenes of the tests.
 #: Most points of a group: crowns, masts and the corners of roofs that a tile cuts off have more.
 MAX_POINTS = 3
 #: Columns around that have to be lower: with fewer there is nothing that a group could be above.
@@ -39,30 +40,30 @@ def find_high_layers(layers: Layers, errors: NDArray[np.bool_], gap: float, radi
     radius : int
         Within how many columns the surface has to lie below.
     """
-    lonely = np.empty(len(layers.numbers), dtype=np.bool_)
-    for_row_blocks(lambda a, b: _mark_lonely(layers, gap, lonely, a, b), len(lonely))
-    seeds = layers.first[1:][lonely] - 1
+    isolated = np.empty(len(layers.numbers), dtype=np.bool_)
+    for_row_blocks(lambda a, b: _mark_isolated(layers, gap, isolated, a, b), len(isolated))
+    seeds = layers.first[1:][isolated] - 1
     return _judge_groups(layers, seeds, errors, gap, radius)
 
 
 @njit(cache=True, nogil=True)
-def _mark_lonely(layers, gap, lonely, begin, end):  # type: ignore[no-untyped-def]
+def _mark_isolated(layers, gap, isolated, begin, end):  # type: ignore[no-untyped-def]
     """
     Mark the columns, from `begin` to `end`, whose top layer is small and stands far above what is next to it.
     """
     for k in range(begin, end):
         top = layers.first[k + 1] - 1
         low = low_end(layers, top)
-        lonely[k] = False
+        isolated[k] = False
         if _n_points(layers, top) > MAX_POINTS:
             continue
         if top > layers.first[k]:
-            lonely[k] = low - high_end(layers, top - 1) > gap
+            isolated[k] = low - high_end(layers, top - 1) > gap
             continue
         for other in (k - 1, k + 1):
             if 0 <= other < len(layers.numbers):
                 beside = high_end(layers, layers.first[other + 1] - 1)
-                lonely[k] = lonely[k] or low - beside > LOWER_SHARE * gap
+                isolated[k] = isolated[k] or low - beside > LOWER_SHARE * gap
 
 
 @njit(cache=True, nogil=True)
@@ -119,7 +120,6 @@ def _gather_group(layers, seed, errors, gap, group_of, is_large, members):  # ty
 
 @njit(cache=True, nogil=True)
 def _is_in_the_air(layers, group, errors, gap, radius, group_of):  # type: ignore[no-untyped-def]
-    """Whether enough columns around end far below a group."""
     seed = group[0]
     low = np.inf
     for layer in group:
@@ -137,5 +137,4 @@ def _is_in_the_air(layers, group, errors, gap, radius, group_of):  # type: ignor
 
 @njit(cache=True, nogil=True)
 def _n_points(layers, layer):  # type: ignore[no-untyped-def]
-    """Return the number of a layer's points."""
     return layers.begin[layer + 1] - layers.begin[layer]

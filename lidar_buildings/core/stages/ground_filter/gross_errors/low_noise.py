@@ -17,9 +17,10 @@ from lidar_buildings.core.stages.ground_filter.gross_errors.noise_layers import 
 from lidar_buildings.core.stages.ground_filter.gross_errors.open_pit import is_open_pit
 from lidar_buildings.core.stages.ground_filter.gross_errors.terrain_gradient import terrain_gradient
 
-#: Columns between which layers still touch: ground seen through gaps hangs together over so many.
+# Chosen with `bench.ground.noise` and the scenes of the tests.
+#: Columns between which layers still touch: ground seen through gaps is connected over so many.
 REACH = 3
-#: Columns around that bear out the level of a group: fewer may be gross errors themselves ...
+#: Columns around that support the level of a group: fewer may be gross errors themselves ...
 MIN_SUPPORT = 6
 #: ... and most of these from one other small group.
 MAX_OF_SMALL = 2
@@ -27,7 +28,7 @@ MAX_OF_SMALL = 2
 SHRINKAGE = 1.0
 #: A group has to be below the larger part of what is around: this many columns for each of its own.
 MIN_SURROUNDINGS = 2
-#: Gross errors below gross errors come to light one after the other.
+#: Gross errors below gross errors are found one after the other; wide margin.
 MAX_PASSES = 10
 #: What is known of a layer.
 UNKNOWN, LARGE, ERROR = 0, 1, 2
@@ -37,7 +38,7 @@ def find_low_layers(layers: Layers, gap: float, radius: int, limit: int) -> NDAr
     """
     Return which layers are low gross errors.
 
-    A group is what hangs together: layers of columns at most three apart whose elevations, the terrain's
+    A group is what is connected: layers of columns at most three apart whose elevations, the terrain's
     slope allowed for, are within `gap`. It is an error if it is small, if within the radius hardly
     anything else reaches down to its level, the slope again allowed for, and if it is no open pit.
 
@@ -53,9 +54,9 @@ def find_low_layers(layers: Layers, gap: float, radius: int, limit: int) -> NDAr
         Most layers of a group.
     """
     bottom = layers.first[:-1].copy()
-    seeds = bottom[_alone(layers, gap)]
+    seeds = bottom[_isolated(layers, gap)]
     layers = _with_gradient_of_the_rest(layers, seeds, gap, limit)
-    seeds = bottom[_alone(layers, gap)]
+    seeds = bottom[_isolated(layers, gap)]
     state, group_of = _unknown(layers)
     for _ in range(MAX_PASSES):
         errors, open_cases = _judge_groups(layers, bottom, seeds, gap, radius, limit, state, group_of)
@@ -68,16 +69,15 @@ def find_low_layers(layers: Layers, gap: float, radius: int, limit: int) -> NDAr
 
 
 def _unknown(layers: Layers) -> tuple[NDArray[np.uint8], NDArray[np.int64]]:
-    """Return what is known of the layers, and the seeds of their groups, before anything is."""
     n_layers = len(layers.column)
     return np.zeros(n_layers, dtype=np.uint8), np.full(n_layers, -1, dtype=np.int64)
 
 
-def _alone(layers: Layers, gap: float) -> NDArray[np.bool_]:
-    """Return the columns at the western and eastern ends of what lies apart; see `_mark_alone`."""
-    alone = np.empty(len(layers.numbers), dtype=np.bool_)
-    for_row_blocks(lambda a, b: _mark_alone(layers, gap, alone, a, b), len(alone))
-    return alone
+def _isolated(layers: Layers, gap: float) -> NDArray[np.bool_]:
+    """Return the columns at the western and eastern ends of what lies apart; see `_mark_isolated`."""
+    isolated = np.empty(len(layers.numbers), dtype=np.bool_)
+    for_row_blocks(lambda a, b: _mark_isolated(layers, gap, isolated, a, b), len(isolated))
+    return isolated
 
 
 def _with_gradient_of_the_rest(layers: Layers, seeds: NDArray[np.int64], gap: float, limit: int) -> Layers:
@@ -101,7 +101,7 @@ def _new_bottoms(
 
 
 @njit(cache=True, nogil=True)
-def _mark_alone(layers, gap, alone, begin, end):  # type: ignore[no-untyped-def]
+def _mark_isolated(layers, gap, isolated, begin, end):  # type: ignore[no-untyped-def]
     """
     Mark the columns, from `begin` to `end`, to whose west or east most columns end above their bottom.
 
@@ -118,7 +118,7 @@ def _mark_alone(layers, gap, alone, begin, end):  # type: ignore[no-untyped-def]
                     side = 0 if across < 0 else 1
                     around[side] += 1
                     level[side] += low_end(layers, layers.first[other]) - rise(layers, k, other) <= top
-        alone[k] = 2 * level[0] <= around[0] or 2 * level[1] <= around[1]
+        isolated[k] = 2 * level[0] <= around[0] or 2 * level[1] <= around[1]
 
 
 @njit(cache=True, nogil=True)
@@ -126,11 +126,11 @@ def _judge_groups(layers, bottom, seeds, gap, radius, limit, state, group_of):  
     """Return the layers of groups that are errors, and the seeds of those that others may still hide."""
     members, begins = _gather_groups(layers, seeds, gap, limit, state, group_of)
     errors, open_cases = [np.int64(0) for _ in range(0)], [np.int64(0) for _ in range(0)]
-    # How many columns of a small group bear out the one under judgement, which is noted beside.
+    # How many columns of a small group support the one under judgement, which is noted beside.
     counted, judged = np.zeros(len(state), dtype=np.int64), np.full(len(state), -1, dtype=np.int64)
     for i in range(len(begins) - 1):
         group = members[begins[i] : begins[i + 1]]
-        if _is_borne_out(layers, bottom, group, gap, radius, state, group_of, counted, judged):
+        if _is_supported(layers, bottom, group, gap, radius, state, group_of, counted, judged):
             open_cases.append(group[0])
         elif not is_open_pit(layers, group, gap):
             errors.extend(group)
@@ -154,7 +154,7 @@ def _gather_groups(layers, seeds, gap, limit, state, group_of):  # type: ignore[
 @njit(cache=True, nogil=True)
 def _gather_group(layers, seed, gap, state, group_of, members):  # type: ignore[no-untyped-def]
     """
-    Fill `members` with what hangs together with a layer; return how many, or −1 if they do not fit.
+    Fill `members` with what is connected with a layer; return how many, or −1 if they do not fit.
 
     `group_of` becomes the seed for each; all of a group that does not fit are marked as LARGE.
     """
@@ -183,7 +183,7 @@ def _gather_group(layers, seed, gap, state, group_of, members):  # type: ignore[
 
 
 @njit(cache=True, nogil=True)
-def _is_borne_out(  # type: ignore[no-untyped-def]
+def _is_supported(  # type: ignore[no-untyped-def]
     layers, bottom, group, gap, radius, state, group_of, counted, judged
 ):
     """

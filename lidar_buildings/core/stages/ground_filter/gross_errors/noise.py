@@ -32,7 +32,7 @@ def find_noise(cloud: CellGrid) -> NDArray[np.uint8]:
     Mark gross errors with their class, 7 or 18; 0 elsewhere.
 
     Points are looked at in columns about as wide as their spacing, and there in layers. Errors are small
-    groups of layers that hang together and lie apart from everything else: low ones below all that
+    groups of layers that are connected and lie apart from everything else: low ones below all that
     surrounds them, high ones in the air.
 
     Parameters
@@ -55,7 +55,6 @@ def find_noise(cloud: CellGrid) -> NDArray[np.uint8]:
 
 
 def _find_in_columns(cloud: CellGrid) -> NDArray[np.uint8]:
-    """Return the points' noise classes, the columns being the cells."""
     layers = split_into_layers(cloud, LOW_GAP)
     low = find_low_layers(layers, LOW_GAP, RADIUS, MAX_GROUP)
     high = find_cloud_layers(layers, low)

@@ -64,7 +64,6 @@ def split_into_layers(cloud: CellGrid, gap: float) -> Layers:
 
 @njit(cache=True, nogil=True)
 def _mark_starts(points, first, gap, starts, begin, end):  # type: ignore[no-untyped-def]
-    """Mark each layer's first point in the columns `begin` to `end`."""
     for k in range(begin, end):
         for i in range(first[k], first[k + 1]):
             starts[i] = i == first[k] or points[i, 2] - points[i - 1, 2] > gap

@@ -8,6 +8,7 @@ from numba import njit
 
 from lidar_buildings.core.stages.ground_filter.gross_errors.noise_layers import columns_in_row
 
+# Chosen with `bench.ground.noise` and the courtyards, pits and shafts of the tests.
 #: Points that are not enough to show a pit.
 FEW = 3
 #: Columns around that the density of points is taken from.

@@ -99,7 +99,6 @@ def _drops(vertices, triangles, max_length):  # type: ignore[no-untyped-def]
 def _opposite(
     edges: NDArray[np.float64], outward: NDArray[np.float64]
 ) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Return pairs of edges, about level, that fall off away from each other."""
     pairs = (
         cKDTree(edges[:, :2]).query_pairs(MAX_WIDTH, output_type="ndarray")
         if len(edges)

@@ -1,4 +1,4 @@
-"""Which candidates are next to each other, the nearest one in each direction, and which hang together."""
+"""Which candidates are next to each other, the nearest one in each direction, and which are connected."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from lidar_buildings.core.neighbours.union_find import flatten, link
 SECTORS = 8
 #: So near the border of two sectors, relative to the larger offset, rounding decides: left to the angle.
 BORDER = 1e-9
-#: Rows a block of work.
+#: Rows a block of work; wide margin, the result does not depend on it.
 ROWS_A_BLOCK = 1024
 
 
@@ -55,7 +55,7 @@ def nearest_by_sector(
 @njit(cache=True, nogil=True)
 def level_parts(candidates, rows, links, max_slope, min_rise):  # type: ignore[no-untyped-def]
     """
-    Return the part of each row: the lowest of the rows that it hangs together with.
+    Return the part of each row: the lowest of the rows that it is connected with.
 
     Parameters
     ----------
@@ -66,7 +66,7 @@ def level_parts(candidates, rows, links, max_slope, min_rise):  # type: ignore[n
     links : ndarray of shape (n_rows, 8), int32
         Their neighbours, as `nearest_by_sector` gives them.
     max_slope, min_rise : float
-        Neighbours hang together if they rise by no more than this over their distance, or by this at all [m].
+        Neighbours are connected if they rise by no more than this over their distance, or by this at all [m].
     """
     place = np.full(len(candidates), -1, dtype=np.int32)
     place[rows] = np.arange(len(rows))

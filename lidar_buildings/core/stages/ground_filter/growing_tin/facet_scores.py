@@ -10,6 +10,7 @@ from numba import njit
 from lidar_buildings.core.stages.ground_filter.growing_tin.frame import at_frame
 from lidar_buildings.core.surfaces.tin import plane_elevation, plane_slope, walk
 
+# Chosen with `bench.ground.isprs` and `bench.ground.scenes`; mirroring is Axelsson's (2000).
 #: A facet is left as it is by points this close to it: they add nothing to its shape [m].
 FLAT_DISTANCE = 0.05
 #: Rise over run from which a facet may span a step of the terrain, so that points are tried mirrored as well.
@@ -97,7 +98,6 @@ def _mirrored_score(p, triangle, vertices, n_real, n_start, triangles, neighbour
 
 @njit(cache=True, nogil=True)
 def _place(v, vertices):  # type: ignore[no-untyped-def]
-    """Return a vertex's coordinates."""
     return vertices[v, 0], vertices[v, 1], vertices[v, 2]
 
 
@@ -120,7 +120,6 @@ def _angle_at_corners(point, a, b, c, off):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _nearest_corner(x, y, triangle, vertices, triangles):  # type: ignore[no-untyped-def]
-    """Return the corner of a triangle nearest to a place in plan."""
     nearest, least = triangles[triangle, 0], np.inf
     for k in range(3):
         v = triangles[triangle, k]
@@ -132,7 +131,6 @@ def _nearest_corner(x, y, triangle, vertices, triangles):  # type: ignore[no-unt
 
 @njit(cache=True, nogil=True)
 def _squared_longest_side(a, b, c):  # type: ignore[no-untyped-def]
-    """Return the square of a triangle's longest side in plan [m²]."""
     ab = (b[0] - a[0]) ** 2 + (b[1] - a[1]) ** 2
     bc = (c[0] - b[0]) ** 2 + (c[1] - b[1]) ** 2
     ca = (a[0] - c[0]) ** 2 + (a[1] - c[1]) ** 2
@@ -141,5 +139,4 @@ def _squared_longest_side(a, b, c):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _squared(p, q):  # type: ignore[no-untyped-def]
-    """Return the squared distance of two points in space [m²]."""
     return (p[0] - q[0]) ** 2 + (p[1] - q[1]) ** 2 + (p[2] - q[2]) ** 2

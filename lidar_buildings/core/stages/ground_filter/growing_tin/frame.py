@@ -7,7 +7,7 @@ from numba import njit
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-# Chosen with `bench.ground.scenes` (`quarry`, `steep_forest`).
+# Chosen with `bench.ground.isprs` and `bench.ground.scenes`.
 #: Seeds that the slope at a virtual point is taken from.
 NEIGHBOURS = 6
 #: Added to the seeds' variance in plan as if it were level: slopes hold only where they reach [m²].

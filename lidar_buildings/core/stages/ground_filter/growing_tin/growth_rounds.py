@@ -118,7 +118,6 @@ def join_in_rounds(
 
 
 def _at_frame(mesh: Mesh, triangles: NDArray[np.int32]) -> NDArray[np.int32]:
-    """Return which of the triangles have a corner in the frame."""
     corners = mesh.triangles[triangles]
     return triangles[((corners >= mesh.n_real) & (corners < mesh.n_start)).any(axis=1)]
 
@@ -180,7 +179,6 @@ def _enqueue(waiting, pending):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _take_best(waiting, facets):  # type: ignore[no-untyped-def]
-    """Take the best candidate out of each of the triangles' lists."""
     best = np.empty_like(facets)
     for k in range(len(facets)):
         best[k] = waiting.first[facets[k]]

@@ -110,7 +110,6 @@ def find_landforms(
 def _judge(
     counts: NDArray[np.float64], openness: NDArray[np.float64], config: GroundFilterConfig, rules: PartRules
 ) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-    """Return which parts are terrain, and which are certainly objects."""
     size, n_links, n_steep, n_rising = counts.T
     is_open = openness / np.maximum(size, 1.0)
     steep = (n_steep + rules.prior_links) / (n_links + rules.prior_links)

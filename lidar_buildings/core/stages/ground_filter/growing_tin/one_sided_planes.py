@@ -21,7 +21,7 @@ from lidar_buildings.core.surfaces.point_moments import N_MOMENTS, add_point, co
 SIDES = 8
 #: Least 4 λ₁ λ₂ / (λ₁ + λ₂)² of the points' moments in plan: 1 if they lie all round, 0 if on a line.
 MIN_SPREAD = 0.05
-#: Rows a block of work.
+#: Rows a block of work; wide margin, the result does not depend on it.
 ROWS_A_BLOCK = 1024
 
 
@@ -89,7 +89,6 @@ def continues_terrain(
 
 @njit(cache=True, nogil=True)
 def _test(candidates, rows, cells, start, spacing, rules, result, begin, end):  # type: ignore[no-untyped-def]
-    """Set the rows `begin` to `end` of `result`."""
     sums = np.empty((SIDES, N_MOMENTS + 1))
     turns = 2.0 * math.pi * np.arange(SIDES) / SIDES
     towards = np.column_stack((np.cos(turns), np.sin(turns)))

@@ -96,7 +96,6 @@ def _grown(
     spacing: float,
     config: GroundFilterConfig,
 ) -> TerrainGrowth:
-    """Return the terrain grown from its seeds, landforms included."""
     terrain = start_growth(candidates, is_seed, extent)
     angle, squared_side = math.radians(config.iteration_angle), MIN_FACET_SIDE**2
     limits = GrowthLimits(angle, config.slope_gain, config.iteration_distance, squared_side)
@@ -113,7 +112,6 @@ def _add_landforms(
     limits: GrowthLimits,
     config: GroundFilterConfig,
 ) -> None:
-    """Let the terrain grow on over the landforms that the limits left out."""
     ground = near_terrain(*terrain.height_and_slope(), config)
     trial = terrain.copy()
     angle = math.radians(LANDFORM_ANGLE)

@@ -14,7 +14,7 @@ from lidar_buildings.core.stages.ground_filter.growing_tin.candidate_links impor
 # Chosen with `bench.ground.isprs` and `bench.ground.scenes`.
 #: How far neighbours may be, in spacings of the candidates.
 REACH = 3.0
-#: Ground hangs together where it rises by no more than this over its distance, or by this at all [m].
+#: Ground is connected where it rises by no more than this over its distance, or by this at all [m].
 MAX_LINK_SLOPE, MIN_LINK_RISE = 0.7, 0.3
 #: Fewest links to other ground that tell a roof, at all and over the root of its candidates (a square seen
 #: all round has about eight): a part cut off by the data's edge may be a hill.

@@ -173,7 +173,6 @@ def start_growth(
 
 @njit(cache=True, nogil=True)
 def _insert_all(rows, vertices, n_start, triangles, neighbours, n_triangles, joined, home):  # type: ignore[no-untyped-def]
-    """Insert waiting candidates; return the number of triangles."""
     marks = np.zeros(len(triangles), dtype=np.int8)
     for i in rows:
         p = n_start + i
@@ -185,9 +184,6 @@ def _insert_all(rows, vertices, n_start, triangles, neighbours, n_triangles, joi
 
 @njit(cache=True, nogil=True)
 def _heights(vertices, triangles, neighbours, n_start, home, rows, height, slope, begin, end):  # type: ignore[no-untyped-def]
-    """
-    Set the height of waiting candidates `begin` to `end` above the mesh, and its slope there, at their rows.
-    """
     for i in range(begin, end):
         x, y, z = vertices[n_start + i, 0], vertices[n_start + i, 1], vertices[n_start + i, 2]
         here = walk(x, y, home[i], vertices, triangles, neighbours)

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
+# Chosen with `bench.ground.scenes` and `bench.ground.isprs`.
 #: A side of a cell across which the surface falls by more is a step [m].
 STEP = 2.0
 #: Share of its sides that have to be steps.

@@ -16,7 +16,7 @@ from lidar_buildings.core.stages.ground_filter.openings.halls import find_halls
 from lidar_buildings.core.surfaces.elevation_raster import filled
 from lidar_buildings.core.surfaces.morphology import opened
 
-#: Side of the blocks that are worked on at a time, in cells: memory is bounded by them, whatever the extent.
+#: Side of the blocks that are worked on at a time, in cells: bounds the memory; wide margin.
 BLOCK = 512
 #: How far beyond the discs' reach a block looks at the terrain that its holes are filled from, in cells.
 FILL_REACH = 32
@@ -101,7 +101,6 @@ def label_ground(points: NDArray[np.float64], config: GroundFilterConfig) -> NDA
 
 
 def _cell_minima(points: NDArray[np.float64], cell: float) -> CellMinima:
-    """Return the minima of cells that are large enough for the points' density."""
     lowest = points[lowest_per_cell(points, cell)]
     while _occupied(lowest, cell) < MIN_OCCUPIED:
         cell *= 2.0
@@ -186,7 +185,6 @@ def _pits(lowest: NDArray[np.float64], known: NDArray[np.bool_], cell: float) ->
 def _sunk(
     before: NDArray[np.float64], after: NDArray[np.float64], known: NDArray[np.bool_], limit: float
 ) -> NDArray[np.bool_]:
-    """Return the known cells that an opening lowered by more than the limit."""
     return np.subtract(before, after, out=np.zeros_like(before), where=known) > limit
 
 
@@ -203,7 +201,6 @@ def _place(numbers, elevation, n_columns, south, west, lowest):  # type: ignore[
 
 @njit(cache=True, nogil=True)
 def _slope(terrain, cell):  # type: ignore[no-untyped-def]
-    """Return the slope of a raster, rise over run, by central differences."""
     n_rows, n_columns = terrain.shape
     slope = np.zeros(terrain.shape)
     for y in range(n_rows):
@@ -229,7 +226,6 @@ def _label(points, rows, terrain, slope, window, cell, limits, ground):  # type:
 
 @njit(cache=True, nogil=True)
 def _between(raster, y, x):  # type: ignore[no-untyped-def]
-    """Interpolate a raster linearly between the four cells around a place in it."""
     south, west = int(y), int(x)
     north, east = min(south + 1, raster.shape[0] - 1), min(west + 1, raster.shape[1] - 1)
     v, u = y - south, x - west

@@ -164,7 +164,6 @@ def _label_all(
 
 @njit(cache=True, nogil=True)
 def _kept_of_cells(first):  # type: ignore[no-untyped-def]
-    """Return the sorted points that are walked over: all of sparse cells, the lowest of crowded ones."""
     kept = np.empty(first[-1], dtype=np.intp)
     n = 0
     for k in range(len(first) - 1):

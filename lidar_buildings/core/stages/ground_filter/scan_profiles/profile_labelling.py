@@ -63,7 +63,6 @@ def net_votes(
 
 @njit(cache=True, nogil=True)
 def _label_both_ways(rows, first, along, elevation, limits, votes):  # type: ignore[no-untyped-def]
-    """Add up the labels of both passes over every profile."""
     z = elevation[rows]
     label = np.empty(len(rows), dtype=np.int8)
     for heading in (1, -1):
@@ -145,7 +144,6 @@ def _rises(along, z, i, last, begin, end, heading, limits, label):  # type: igno
 
 @njit(cache=True, nogil=True)
 def _change(label, start, end, heading, before, after):  # type: ignore[no-untyped-def]
-    """Change one label to another from `start` to before `end`."""
     i = start
     while i != end:
         if label[i] == before:

@@ -131,7 +131,6 @@ def _joining(votes, ground, least):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _mark_around(changed, along, line, ground, reach, stale):  # type: ignore[no-untyped-def]
-    """Mark points that are no ground within reach of changed ones, on the same profile."""
     for i in changed:
         for heading in (-1, 1):
             j = i + heading
@@ -142,7 +141,6 @@ def _mark_around(changed, along, line, ground, reach, stale):  # type: ignore[no
 
 @njit(cache=True, nogil=True)
 def _judge(along, z, first, line, ground, stale, limits, rows, votes):  # type: ignore[no-untyped-def]
-    """Count the lines that lead to each marked point."""
     reach, tolerance = limits
     for i in range(len(rows)):
         if not stale[i]:

@@ -19,6 +19,7 @@ from lidar_buildings.core.stages.ground_filter.scan_profiles.profiles import (
     sorted_profiles,
 )
 
+# Chosen with `bench.ground.isprs`, `bench.ground.providers` and the scans of `test_scan_lines.py`.
 #: Points whose steps give the direction of the lines; headings hold at least that long.
 BLOCK = 16384
 #: A line turns where it comes back by so many median steps, and at least by so many metres: the returns of an
@@ -160,7 +161,6 @@ def _is_scan(
     ends: NDArray[np.bool_],
     spacing: float,
 ) -> bool:
-    """Whether most points lie on lines that lead somewhere without detours."""
     extent = np.maximum.reduceat(way, first) - np.minimum.reduceat(way, first)
     length = float(np.diff(first, append=len(way)) @ extent) / len(way)
     path = float(np.sum(step, where=~ends, dtype=np.float64))
@@ -228,7 +228,6 @@ def _sort_pulses(order, gps_time, points):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _above(p, q):  # type: ignore[no-untyped-def]
-    """Whether p lies higher than q, ties broken by x, then y."""
     if p[2] != q[2]:
         return p[2] > q[2]
     if p[0] != q[0]:
