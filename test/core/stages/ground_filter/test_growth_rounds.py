@@ -25,14 +25,13 @@ def grow_plainly(growth, limits, excluded):
     """
     Let candidates join, all that wait asked in every round whether their triangle changed in the last one.
     """
-    n_real, n_start = growth.start.n_real, len(growth.start.vertices)
-    vertices, triangles, neighbours = growth.vertices, growth.triangles, growth.neighbours
+    vertices, triangles, neighbours, n_real, n_start, gradient = growth.mesh
     mesh, changed = (vertices, triangles, neighbours), np.zeros(len(triangles), dtype=np.int32)
     for turn in range(1, 1000):
         used = triangles[: growth.n_triangles]
         virtual = (used >= n_real) & (used < n_start)
         rim = np.flatnonzero(virtual.any(axis=1))
-        moved = np.flatnonzero(extend_terrain(vertices, n_real, n_start, triangles, rim, growth.gradient))
+        moved = np.flatnonzero(extend_terrain(vertices, n_real, n_start, triangles, rim, gradient))
         changed[: len(used)][np.isin(used, n_real + moved).any(axis=1)] = turn - 1
         best = {}
         for i in np.flatnonzero(~growth.joined & ~excluded & (changed[growth.home] >= turn - 1)):

@@ -35,18 +35,7 @@ def find_decks(terrain: Tin, candidates: NDArray[np.float64], spacing: float) ->
     an embankment with its slopes does not, nor a terrace, which falls off on one. (`roof_selection` looks at
     what never became ground, elevated surfaces of points, and at their ends instead of their sides.)
 
-    Parameters
-    ----------
-    terrain : Tin
-        The grown terrain.
-    candidates : ndarray of shape (n_candidates, 3)
-        At most one per place [m].
-    spacing : float
-        Spacing of the candidates [m].
-
-    Returns
-    -------
-    ndarray of shape (n_candidates,), bool
+    Candidates and their spacing are those of `find_landforms`.
     """
     decks = np.zeros(len(candidates), dtype=np.bool_)
     edges, outward = _deck_edges(terrain, spacing)

@@ -57,16 +57,8 @@ def level_parts(candidates, rows, links, max_slope, min_rise):  # type: ignore[n
     """
     Return the part of each row: the lowest of the rows that it is connected with.
 
-    Parameters
-    ----------
-    candidates : ndarray of shape (n_candidates, 3)
-        At most one per place [m].
-    rows : ndarray of shape (n_rows,), intp
-        The candidates that parts are made of.
-    links : ndarray of shape (n_rows, 8), int32
-        Their neighbours, as `nearest_by_sector` gives them.
-    max_slope, min_rise : float
-        Neighbours are connected if they rise by no more than this over their distance, or by this at all [m].
+    Neighbours, the `links` of `nearest_by_sector`, are connected if they rise by no more than `max_slope`
+    over their distance, or by `min_rise` at all [m].
     """
     place = np.full(len(candidates), -1, dtype=np.int32)
     place[rows] = np.arange(len(rows))

@@ -58,16 +58,7 @@ def continues_terrain(
     A robust form of mirroring (Axelsson 2000): instead of one corner's far side, all ground on one side of
     the point has to make a plane that the point lies on. A roof has ground below it on every side.
 
-    Parameters
-    ----------
-    candidates : ndarray of shape (n_candidates, 3)
-        At most one per place [m].
-    rows : ndarray of shape (n_rows,), intp
-        The candidates asked for.
-    ground : ndarray of shape (n_candidates,), bool
-        Which are ground.
-    spacing : float
-        Spacing of the candidates [m].
+    Candidates, ground and spacing are those of `find_landforms`; `rows` are the candidates asked for.
     """
     rules = PlaneRules()
     known = candidates[ground]

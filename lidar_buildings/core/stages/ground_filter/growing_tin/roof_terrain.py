@@ -34,20 +34,7 @@ def find_roof_terrain(
     A large building at the edge of the data may be all that a seed's cell shows; it then becomes terrain. Its
     walls tell it from a hill, whose foot is linked to the ground around.
 
-    Parameters
-    ----------
-    candidates : ndarray of shape (n_candidates, 3)
-        At most one per place [m].
-    ground : ndarray of shape (n_candidates,), bool
-        Which are ground so far.
-    spacing : float
-        Spacing of the candidates [m].
-    max_area : float
-        Largest roof [m²]: beyond that it is a plateau.
-
-    Returns
-    -------
-    ndarray of shape (n_candidates,), bool
+    Arguments are those of `find_landforms`; what is larger than `max_area` [m²] is a plateau.
     """
     rows = np.flatnonzero(ground)
     links = nearest_by_sector(candidates, rows, REACH * spacing)

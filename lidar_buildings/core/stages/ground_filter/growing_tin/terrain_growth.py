@@ -50,71 +50,41 @@ class TerrainGrowth:
         The TIN of the seeds.
     is_seed : ndarray of shape (n_candidates,), bool
         Which candidates are in it; the others wait, in their order.
-    vertices : ndarray of shape (n_vertices, 3)
-        The seeds, the virtual points of the frame, and the waiting candidates, relative to its origin [m].
-    triangles, neighbours : ndarray of shape (m, 3), int32
-        The mesh, with room for every candidate.
+    mesh : Mesh
+        The seeds, the frame and the waiting candidates, relative to the TIN's origin, with room for all.
     n_triangles : int
-        How many of those rows are in use.
+        How many of the mesh's triangles are in use.
     joined, home : ndarray
         Of each waiting candidate whether it has joined and in which triangle it was seen last.
-    gradient : ndarray of shape (n_frame, 2)
-        The terrain's slope at the frame.
     """
 
     start: Tin
     is_seed: NDArray[np.bool_]
-    vertices: NDArray[np.float64]
-    triangles: NDArray[np.int32]
-    neighbours: NDArray[np.int32]
+    mesh: Mesh
     n_triangles: int
     joined: NDArray[np.bool_]
     home: NDArray[np.int32]
-    gradient: NDArray[np.float64]
 
     def copy(self) -> TerrainGrowth:
         """Return a terrain that can grow on without changing this one."""
-        return replace(
-            self,
-            vertices=self.vertices.copy(),
-            triangles=self.triangles.copy(),
-            neighbours=self.neighbours.copy(),
-            joined=self.joined.copy(),
-            home=self.home.copy(),
+        mesh = self.mesh
+        mesh = mesh._replace(
+            vertices=mesh.vertices.copy(), triangles=mesh.triangles.copy(), neighbours=mesh.neighbours.copy()
         )
+        return replace(self, mesh=mesh, joined=self.joined.copy(), home=self.home.copy())
 
     def grow(self, limits: GrowthLimits, excluded: NDArray[np.bool_] | None = None) -> None:
         """Let candidates join until none is left that may; those `excluded` never may."""
         waiting = ~self.joined if excluded is None else ~(self.joined | excluded[~self.is_seed])
+        rows = np.flatnonzero(waiting).astype(np.int32)
         self.n_triangles = join_in_rounds(
-            Mesh(
-                self.vertices,
-                self.triangles,
-                self.neighbours,
-                self.start.n_real,
-                len(self.start.vertices),
-                self.gradient,
-            ),
-            self.n_triangles,
-            tuple(limits),
-            np.flatnonzero(waiting).astype(np.int32),
-            self.home,
-            self.joined,
+            self.mesh, self.n_triangles, tuple(limits), rows, self.home, self.joined
         )
 
     def insert(self, chosen: NDArray[np.bool_]) -> None:
         """Let the chosen candidates join, whatever the limits."""
         rows = np.flatnonzero(chosen[~self.is_seed] & ~self.joined)
-        self.n_triangles = _insert_all(
-            rows,
-            self.vertices,
-            len(self.start.vertices),
-            self.triangles,
-            self.neighbours,
-            self.n_triangles,
-            self.joined,
-            self.home,
-        )
+        self.n_triangles = _insert_all(rows, self.mesh, self.n_triangles, self.joined, self.home)
 
     def height_and_slope(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """
@@ -122,21 +92,14 @@ class TerrainGrowth:
         """
         height, slope = np.zeros(len(self.is_seed)), np.zeros(len(self.is_seed))
         rows = np.flatnonzero(~self.is_seed).astype(np.int32)
-        mesh = (self.vertices, self.triangles, self.neighbours)
-        for_row_blocks(
-            lambda a, b: _heights(*mesh, len(self.start.vertices), self.home, rows, height, slope, a, b),
-            len(rows),
-        )
+        for_row_blocks(lambda a, b: _heights(self.mesh, self.home, rows, height, slope, a, b), len(rows))
         return height, slope
 
     def tin(self) -> Tin:
         """Return the terrain as it is."""
-        return replace(
-            self.start,
-            vertices=self.vertices,
-            triangles=self.triangles[: self.n_triangles],
-            neighbours=self.neighbours[: self.n_triangles],
-        )
+        vertices, triangles, neighbours, *_ = self.mesh
+        n = self.n_triangles
+        return replace(self.start, vertices=vertices, triangles=triangles[:n], neighbours=neighbours[:n])
 
 
 def start_growth(
@@ -158,21 +121,21 @@ def start_growth(
     waiting = candidates[~is_seed] - [*start.origin, 0.0]
     vertices = np.vstack((start.vertices, waiting))
     room = len(start.triangles) + 2 * len(waiting)
-    return TerrainGrowth(
-        start,
-        is_seed,
+    mesh = Mesh(
         vertices,
         with_room(start.triangles, room),
         with_room(start.neighbours, room),
-        len(start.triangles),
-        np.zeros(len(waiting), dtype=np.bool_),
-        start.locate(candidates[~is_seed]),
+        start.n_real,
+        len(start.vertices),
         edge_gradients(start.vertices[: start.n_real], start.vertices[start.n_real :]),
     )
+    joined, home = np.zeros(len(waiting), dtype=np.bool_), start.locate(candidates[~is_seed])
+    return TerrainGrowth(start, is_seed, mesh, len(start.triangles), joined, home)
 
 
 @njit(cache=True, nogil=True)
-def _insert_all(rows, vertices, n_start, triangles, neighbours, n_triangles, joined, home):  # type: ignore[no-untyped-def]
+def _insert_all(rows, mesh, n_triangles, joined, home):  # type: ignore[no-untyped-def]
+    vertices, triangles, neighbours, _, n_start, _ = mesh
     marks = np.zeros(len(triangles), dtype=np.int8)
     for i in rows:
         p = n_start + i
@@ -183,7 +146,8 @@ def _insert_all(rows, vertices, n_start, triangles, neighbours, n_triangles, joi
 
 
 @njit(cache=True, nogil=True)
-def _heights(vertices, triangles, neighbours, n_start, home, rows, height, slope, begin, end):  # type: ignore[no-untyped-def]
+def _heights(mesh, home, rows, height, slope, begin, end):  # type: ignore[no-untyped-def]
+    vertices, triangles, neighbours, _, n_start, _ = mesh
     for i in range(begin, end):
         x, y, z = vertices[n_start + i, 0], vertices[n_start + i, 1], vertices[n_start + i, 2]
         here = walk(x, y, home[i], vertices, triangles, neighbours)

@@ -48,18 +48,8 @@ def close_gaps(
 
     Elevations that the profiles give are weighted by how near their ground points are.
 
-    Parameters
-    ----------
-    profiles : sequence of Profiles
-        Each with all points.
-    elevation : ndarray of shape (n_points,)
-        Elevations [m].
-    ground : ndarray of shape (n_points,), bool
-        Ground so far.
-    spacing : float
-        Spacing of the points [m].
-    tolerance : float
-        How far above a point may lie [m].
+    Profiles and elevations are those of `net_votes`, `ground` is what is known so far; `spacing` and
+    `tolerance`, how far above a point may lie, in [m].
     """
     height, weight = np.zeros((2, len(profiles), len(ground)))
 
@@ -90,18 +80,7 @@ def reject_outliers(
     the standard deviation of those. With several profiles through a point all have to agree, so that a ridge
     or the edge of a terrace, which stand out on most, stay.
 
-    Parameters
-    ----------
-    profiles : sequence of Profiles
-        Each with all points.
-    elevation : ndarray of shape (n_points,)
-        Elevations [m].
-    ground : ndarray of shape (n_points,), bool
-        Ground so far.
-    spacing : float
-        Spacing of the points [m].
-    config : GroundFilterConfig
-        The members that begin with `profile_`.
+    The other arguments are those of `close_gaps`.
     """
     ground = ground.copy()
     limits = (REACH * spacing, config.profile_step, REJECTION)

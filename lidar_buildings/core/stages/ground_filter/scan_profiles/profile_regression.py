@@ -51,18 +51,7 @@ def grow_ground(
     it. A point joins where `SUPPORT` more lines lead to it than pass well below it, these counting
     half: at the foot and the top of a slope, one side of it always does. Repeated until no point joins.
 
-    Parameters
-    ----------
-    profiles : sequence of Profiles
-        Each with all points.
-    elevation : ndarray of shape (n_points,)
-        Elevations [m].
-    ground : ndarray of shape (n_points,), bool
-        Ground so far.
-    spacing : float
-        Spacing of the points [m].
-    config : GroundFilterConfig
-        The members that begin with `profile_`.
+    Profiles and elevations are those of `net_votes`, `ground` is what is known so far, `spacing` in [m].
     """
     ground = ground.copy()
     limits = REACH * spacing, config.profile_tolerance
