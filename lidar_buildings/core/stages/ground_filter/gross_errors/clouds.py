@@ -23,14 +23,7 @@ def find_cloud_layers(layers: Layers, errors: NDArray[np.bool_]) -> NDArray[np.b
     Return which layers belong to clouds, block by block.
 
     In two divisions into blocks, one shifted against the other: the corner of a tower that one cuts off
-    looks like a small cloud, but not in both.
-
-    Parameters
-    ----------
-    layers : Layers
-        All of them.
-    errors : ndarray of shape (n_layers,), bool
-        Which are known as low gross errors: they do not count.
+    looks like a small cloud, but not in both. Layers known as low gross errors do not count.
     """
     if np.ptp(layers.points[:, 2]) <= CLOUD_GAP:
         return np.zeros(len(layers.column), dtype=np.bool_)

@@ -29,16 +29,8 @@ def find_high_layers(layers: Layers, errors: NDArray[np.bool_], gap: float, radi
     """
     Return which layers are high gross errors: few points in the air, farther than a gap from everything.
 
-    Parameters
-    ----------
-    layers : Layers
-        Split at less than `gap`.
-    errors : ndarray of shape (n_layers,), bool
-        Which are known as low gross errors: they do not count.
-    gap : float
-        Distance in space to everything else [m].
-    radius : int
-        Within how many columns the surface has to lie below.
+    Layers, split at less than the `gap` [m], that are known as low gross errors do not count. The surface has
+    to lie below within `radius` columns.
     """
     isolated = np.empty(len(layers.numbers), dtype=np.bool_)
     for_row_blocks(lambda a, b: _mark_isolated(layers, gap, isolated, a, b), len(isolated))

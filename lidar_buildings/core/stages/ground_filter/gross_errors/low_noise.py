@@ -42,16 +42,7 @@ def find_low_layers(layers: Layers, gap: float, radius: int, limit: int) -> NDAr
     slope allowed for, are within `gap`. It is an error if it is small, if within the radius hardly
     anything else reaches down to its level, the slope again allowed for, and if it is no open pit.
 
-    Parameters
-    ----------
-    layers : Layers
-        Split at `gap`.
-    gap : float
-        How far below everything around an error lies at least [m].
-    radius : int
-        How far around is looked, in columns.
-    limit : int
-        Most layers of a group.
+    Layers are split at `gap` [m]; the `radius` is in columns, and `limit` is the most layers of a group.
     """
     bottom = layers.first[:-1].copy()
     seeds = bottom[_isolated(layers, gap)]

@@ -29,21 +29,12 @@ MIN_GAP_COLUMNS = 10
 
 def find_noise(cloud: CellGrid) -> NDArray[np.uint8]:
     """
-    Mark gross errors with their class, 7 or 18; 0 elsewhere.
+    Return the class of gross errors, 7 or 18, and 0 elsewhere, in the order of `cloud`.
 
     Points are looked at in columns about as wide as their spacing, and there in layers. Errors are small
     groups of layers that are connected and lie apart from everything else: low ones below all that
     surrounds them, high ones in the air.
-
-    Parameters
-    ----------
-    cloud : CellGrid
-        The points, sorted into cells no larger than the columns have to be.
-
-    Returns
-    -------
-    ndarray of shape (n_points,), uint8
-        In the order of `cloud`.
+    The cells of `cloud` may be no larger than the columns have to be.
     """
     step = _column_cells(cloud)
     if step == 1:

@@ -30,15 +30,7 @@ def is_open_pit(layers, group, gap):  # type: ignore[no-untyped-def]
 
     Errors lie scattered among the pulses that reached the surface, however dense they are themselves, so that
     no more of them are counted than the surface would have.
-
-    Parameters
-    ----------
-    layers : Layers
-        All of them.
-    group : ndarray of int64
-        The layers to judge.
-    gap : float
-        What is farther above than this covers a point [m].
+    What is farther above a point than the `gap` [m] covers it.
     """
     n_points = 0
     for layer in group:

@@ -76,23 +76,14 @@ def join_in_rounds(
 
     Parameters
     ----------
-    mesh : Mesh
-        Changed in place.
-    n_triangles : int
-        How many triangles are in use.
+    mesh, n_triangles
+        Changed in place, and how many of its triangles are in use; the new number is returned.
     limits : tuple
         See `GrowthLimits`.
     rows : ndarray of shape (n_rows,), int32
         The candidates that may join.
-    home : ndarray of shape (n_candidates,), int32
-        A triangle near each candidate, best the one it is in; kept up to date.
-    joined : ndarray of shape (n_candidates,), bool
-        Set for those that join.
-
-    Returns
-    -------
-    int
-        The number of triangles.
+    home, joined : ndarray of shape (n_candidates,), int32 and bool
+        A triangle near each candidate, and whether it has joined; kept up to date.
     """
     waiting = Waiting(
         np.full(len(mesh.triangles), -1, dtype=np.int32), np.empty_like(home), home, np.empty(len(home))

@@ -38,11 +38,10 @@ def densify(candidates: NDArray[np.float64], extent: NDArray[np.float64], config
     Return the terrain that the candidates make up (Axelsson 2000, with the thresholds taken facet by facet).
 
     A candidate joins the TIN if its distance to its facet and the angles at which it is seen from the facet's
-    corners stay within limits; the angle's limit grows with the facet's own slope, so that the data set it
-    where the terrain is, and the rest of the tile has no say. Candidates below a facet may join at any depth.
-    On a facet that may span a step, a candidate too far above is mirrored at the facet's nearest corner and
-    tested against the terrain there. Each round inserts one candidate a facet, the lowest below it or the one
-    under the smallest angle, which keeps a single point on an object from pulling others after it.
+    corners stay within limits; the angle's limit grows with the facet's own slope. Candidates below a facet
+    may join at any depth. On a facet that may span a step, a candidate too far above is mirrored at the
+    facet's nearest corner and tested against the terrain there. Each round inserts one candidate a facet, the
+    lowest below it or the one under the smallest angle: a single point on an object pulls no others after it.
 
     Limits that stop at every bush also stop at the foot of a bank. So a copy of the terrain grows on with
     wider ones, and what it gains is judged part by part: a part that meets the terrain around it as terrain
@@ -125,18 +124,7 @@ def _add_landforms(
 def near_terrain(
     height: NDArray[np.float64], slope: NDArray[np.float64], config: GroundFilterConfig
 ) -> NDArray[np.bool_]:
-    """
-    Return which points lie so near the terrain, above or below, that they are ground.
-
-    Parameters
-    ----------
-    height : ndarray of shape (n_points,)
-        Height above the terrain, negative below it [m].
-    slope : ndarray of shape (n_points,)
-        The terrain's rise over run there.
-    config : GroundFilterConfig
-        Tolerance.
-    """
+    """Return which points are ground, from their height above the terrain [m] and its slope there."""
     near = np.empty(len(height), dtype=np.bool_)
 
     def judge(begin: int, end: int) -> None:

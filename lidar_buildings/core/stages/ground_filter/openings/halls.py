@@ -29,10 +29,8 @@ def find_halls(
 
     Parameters
     ----------
-    surface : ndarray of shape (n_rows, n_columns)
-        Lowest elevation of each known cell [m].
-    known : ndarray of shape (n_rows, n_columns), bool
-        Cells with points.
+    surface, known : ndarray of shape (n_rows, n_columns)
+        Lowest elevation of each cell [m], and which cells have points.
     raised : ndarray of shape (n_rows, n_columns), bool
         Known cells that a large disc does not reach from below, those of smaller objects among them: trees
         that stand against a wall hide its step, but end in one themselves.

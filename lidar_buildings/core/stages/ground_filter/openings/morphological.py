@@ -69,22 +69,13 @@ def label_ground(points: NDArray[np.float64], config: GroundFilterConfig) -> NDA
     (after Chen et al. 2007). The terrain is spanned between the cells left, and points are ground within a
     distance of it that grows with its slope (Pingel et al. 2013).
 
-    Parameters
-    ----------
-    points : ndarray of shape (n_points, 3)
-        Gross errors removed, in any order [m]; single low ones that are left do no harm.
-    config : GroundFilterConfig
-        Cells, discs and thresholds.
-
-    Returns
-    -------
-    ndarray of shape (n_points,), bool
+    Points come in any order, gross errors removed; single low ones that are left do no harm.
 
     Notes
     -----
     Worked on in blocks, each with what lies around it within reach of the largest disc: memory does not
     depend on the extent, and time is linear in the number of occupied blocks and of points. What lies
-    beyond has no say, but for the doubling of cells in sparse clouds.
+    beyond has no influence, but for the doubling of cells in sparse clouds.
     """
     ground = np.zeros(len(points), dtype=np.bool_)
     if len(points) == 0:
