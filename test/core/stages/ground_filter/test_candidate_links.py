@@ -59,7 +59,7 @@ def test_the_order_of_candidates_does_not_matter():
     np.testing.assert_array_equal(np.where(shuffled < 0, -1, order[shuffled]), plain)
 
 
-def test_height_has_no_say_in_who_is_next():
+def test_height_does_not_decide_who_is_next():
     candidates = scattered(200, seed=6)
     higher = candidates * [1, 1, 1000.0]
     rows = np.arange(200)
@@ -83,7 +83,7 @@ def test_neighbours_are_found_where_one_stray_is_enormously_far_off():
 
 
 @pytest.mark.parametrize("n", [0, 1])
-def test_nobody_and_one_alone_have_no_neighbours(n):
+def test_none_and_one_alone_have_no_neighbours(n):
     found = nearest_by_sector(np.zeros((n, 3)), np.arange(n), 1.0)
     np.testing.assert_array_equal(found, np.full((n, SECTORS), -1))
 

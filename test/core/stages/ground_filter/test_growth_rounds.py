@@ -76,7 +76,7 @@ def test_growth_with_wider_limits_goes_on_from_where_it_stopped_and_leaves_the_e
     np.testing.assert_array_equal(growth.tin().triangles, plain.tin().triangles)
 
 
-def test_threads_have_no_say_in_the_terrain(monkeypatch):
+def test_threads_do_not_change_the_terrain(monkeypatch):
     _, growth = started(seed=6)
     other = growth.copy()
     growth.grow(LIMITS)

@@ -137,7 +137,7 @@ def test_more_rows_than_a_block_of_work_and_any_order_are_answered_alike():
 
 
 @pytest.mark.parametrize("n", [0, 1, 2])
-def test_nobody_one_and_two_continue_nothing(n):
+def test_none_one_and_two_continue_nothing(n):
     candidates = np.zeros((n, 3)) + np.arange(n)[:, None]
     for ground in (np.zeros(n, dtype=bool), np.ones(n, dtype=bool)):
         assert not continues_terrain(candidates, np.arange(n), ground, 1.0).any()
