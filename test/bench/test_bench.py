@@ -12,11 +12,11 @@ import numpy as np
 import pytest
 from support.source_tree import ROOT
 
-from bench.common import arguments, clouds, pictures
-from bench.common import tables as agreement
+from bench.common import arguments, clouds, pictures, tables
 from bench.ground import isprs, optimisation, providers
 from bench.ground import peers as filters
 from bench.ground import scenes as terrain_bench
+from bench.ground import scores as agreement
 from bench.ground import speed as ground
 from bench.scenes.terrain_site import GROUND, TerrainSite
 from lidar_buildings.core.stages.ground_filter import GroundFilterConfig
@@ -117,7 +117,7 @@ def test_a_peer_finds_the_ground_of_a_simple_scene(name):
 
 def test_a_peer_that_is_absent_is_left_out_and_named(monkeypatch, capsys):
     monkeypatch.setattr(filters.importlib.util, "find_spec", lambda package: None)
-    assert arguments.installed([METHOD, "csf"]) == [METHOD]
+    assert filters.installed([METHOD, "csf"]) == [METHOD]
     assert "csf: not installed" in capsys.readouterr().err
 
 
@@ -158,7 +158,7 @@ def test_speed_is_measured_in_processes_of_their_own(capsys):
     runs = ground.run_all(cloud, [METHOD], [1, 2], repeats=1)
     assert [len(records) for records in runs.values()] == [1, 1]
     assert runs[METHOD, 2][0]["points"] == 4 * len(cloud.points)
-    text = agreement.table(ground.HEADINGS, ground.rows_of(runs, [METHOD], [2, 1]))
+    text = tables.table(ground.HEADINGS, ground.rows_of(runs, [METHOD], [2, 1]))
     assert [words[1] for words in lines_of(text, METHOD)] == [str(k * len(cloud.points)) for k in (1, 4)]
     assert "round 1" in capsys.readouterr().err
 
@@ -297,7 +297,7 @@ def test_parameters_given_are_used_and_unknown_ones_refused():
 
 
 def test_tables_are_aligned():
-    text = agreement.table(("name", "a"), [["long name", "1.00"], ["b", "10.00"]])
+    text = tables.table(("name", "a"), [["long name", "1.00"], ["b", "10.00"]])
     assert text.splitlines() == [
         "name           a",
         "---------  -----",
