@@ -23,7 +23,7 @@ from bench.common.clouds import Cloud, data_folder, moved, read_cloud
 from bench.common.tables import percent, table
 from bench.ground.optimisation import GRIDS, errors_of, optimum_of, settings_grid
 from bench.ground.peers import filter_names, filters, ground_mask, installed, own_methods
-from bench.ground.scores import SCORE_HEADINGS, cells_of, mean_cells, score_of, score_of_mask
+from bench.ground.scores import SCORE_HEADINGS, cells_of, draw_errors, mean_cells, score_of, score_of_mask
 
 #: How far the samples are moved from one try to the next [m]: in no simple ratio to any grid's cells.
 OFFSET_STEP = np.array([17.37, 29.83])
@@ -54,18 +54,9 @@ def default_rows(
                 mask = ground_mask(ground_filter, sample)
                 scores.append(score_of_mask(mask, sample.is_ground))
                 rows.append([method, name, *cells_of(scores[-1])])
-                if pictures is not None:
-                    _draw(pictures / f"{name}_{method}.png", sample, mask, rows[-1])
+                draw_errors(pictures, method, name, sample, mask)
             rows.append([method, "mean", *mean_cells(scores)])
     return rows
-
-
-def _draw(path: Path, sample: Cloud, mask: np.ndarray, row: Sequence[str]) -> None:
-    """Draw one sample's disagreements; matplotlib is needed only for this."""
-    from bench.common.pictures import draw_disagreement
-
-    title = f"{row[1]}, {row[0]}: total {row[2]} %, type I {row[3]} %, type II {row[4]} %"
-    draw_disagreement(path, sample, mask, title)
 
 
 def offset_rows(

@@ -24,7 +24,7 @@ from bench.common.arguments import add_pictures, parser_of, picture_folder, sett
 from bench.common.clouds import Cloud, data_folder, read_cloud
 from bench.common.tables import percent, table
 from bench.ground.peers import filter_names, filters, ground_mask, installed
-from bench.ground.scores import SCORE_HEADINGS, cells_of, score_of_mask
+from bench.ground.scores import SCORE_HEADINGS, cells_of, draw_errors, score_of_mask
 
 #: Folder → classes that count as ground there.
 FOLDERS = {"delft": (2, 9), "montpellier": (2,), "fusa": (2,), "lowdensity": (2,)}
@@ -81,17 +81,8 @@ def rows_of(
                 for rows, part, share in zip(tables, parts, shares, strict=True):
                     cells = cells_of(score_of_mask(mask[part], cloud.is_ground[part]))
                     rows.append([method, name, percent(share), *cells])
-                if pictures is not None:
-                    _draw(pictures / f"{name}_{method}.png", cloud, mask, tables[0][-1])
+                draw_errors(pictures, method, name, cloud, mask)
     return tables
-
-
-def _draw(path: Path, cloud: Cloud, mask: NDArray[np.bool_], row: Sequence[str]) -> None:
-    """Draw one folder's disagreements; matplotlib is needed only for this."""
-    from bench.common.pictures import draw_disagreement
-
-    title = f"{row[1]}, {row[0]}: total {row[3]} %, type I {row[4]} %, type II {row[5]} %"
-    draw_disagreement(path, cloud, mask, title)
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

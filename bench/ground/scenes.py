@@ -17,7 +17,7 @@ from bench.common.arguments import add_pictures, parser_of, settings_of
 from bench.common.clouds import Cloud
 from bench.common.tables import percent, table
 from bench.ground.peers import filter_names, filters, ground_mask, installed
-from bench.ground.scores import SCORE_HEADINGS, cells_of, mean_cells, score_of_mask
+from bench.ground.scores import SCORE_HEADINGS, cells_of, draw_errors, mean_cells, score_of_mask
 from bench.scenes.terrain import TERRAIN_SCENES
 
 
@@ -44,19 +44,11 @@ def rows_of(
                 mask = ground_mask(ground_filter, cloud)
                 scores[name] = score_of_mask(mask, cloud.is_ground)
                 rows.append([method, name, *cells_of(scores[name])])
-                if pictures is not None:
-                    _draw(pictures / f"{name}_{method}.png", cloud, mask, f"{name}, {method}")
+                draw_errors(pictures, method, name, cloud, mask)
             rows.append([method, "mean", *mean_cells(list(scores.values()))])
             worst = max(scores, key=lambda name: scores[name].total_error)
             rows.append([method, f"worst: {worst}", percent(scores[worst].total_error), "", "", ""])
     return rows
-
-
-def _draw(path: Path, cloud: Cloud, mask: Any, title: str) -> None:
-    """Draw one scene's errors; matplotlib is needed only for this."""
-    from bench.common.pictures import draw_disagreement
-
-    draw_disagreement(path, cloud, mask, title)
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

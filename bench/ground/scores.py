@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,6 +37,17 @@ def mean_cells(scores: Sequence[GroundScore]) -> list[str]:
     """Return the means over clouds, each cloud weighing the same."""
     members = [*(member for _, member in FIGURES), "kappa"]
     return [percent(float(np.nanmean([getattr(s, member) for s in scores]))) for member in members]
+
+
+def draw_errors(folder: Path | None, method: str, name: str, cloud: Cloud, mask: NDArray[np.bool_]) -> None:
+    """Draw a cloud's disagreements into the folder, if there is one; matplotlib is needed only for this."""
+    if folder is None:
+        return
+    from bench.common.pictures import draw_disagreement
+
+    total, type_1, type_2, _ = cells_of(score_of_mask(mask, cloud.is_ground))
+    title = f"{name}, {method}: total {total} %, type I {type_1} %, type II {type_2} %"
+    draw_disagreement(folder / f"{name}_{method}.png", cloud, mask, title)
 
 
 #: Headings of the four columns that `cells_of` and `mean_cells` fill, all in percent.
