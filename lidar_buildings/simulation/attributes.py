@@ -1,4 +1,4 @@
-"""What is known of each building of a scene, in the words of the results."""
+"""What is known of each building of a scene, named as in the results."""
 
 from __future__ import annotations
 

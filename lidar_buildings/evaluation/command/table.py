@@ -159,12 +159,12 @@ def score_table(title: str, figures: Mapping[str, Any]) -> str:
     shown = {name: figures[name] for name in LABELS if name in figures}
     width = max(len(LABELS[name][0]) for name in shown)
     lines = [
-        f"  {LABELS[name][0]:<{width}}  {_in_words(value, LABELS[name][1])}" for name, value in shown.items()
+        f"  {LABELS[name][0]:<{width}}  {_formatted(value, LABELS[name][1])}" for name, value in shown.items()
     ]
     return "\n".join([title, *lines])
 
 
-def _in_words(value: float | None, unit: str) -> str:
+def _formatted(value: float | None, unit: str) -> str:
     """Write a count, a share, a mean or a length; a dash where there is nothing to take a share of."""
     if value is None:
         return f"{'–':>10}"

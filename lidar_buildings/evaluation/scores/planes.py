@@ -19,7 +19,7 @@ MIN_IOU = 0.5
 PART_GAP, PART_GAP_SPACINGS = 1.0, 3.0
 #: Parts that stand for less area than this [m²], or of fewer points, are labelling errors: of no plane.
 MIN_PART_AREA, MIN_PART_POINTS = 1.5, 6
-#: What a point has in place of a number if nobody knows whether it is of a plane: it does not count.
+#: Number of points whose plane is not known: they do not count.
 UNKNOWN = -1
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-#: Word of a reference → the words of a result that say the same, or the same of its largest part.
+#: Roof type of a reference → the types of a result that mean the same, or the same of its largest part.
 _ALSO: dict[str, set[str]] = {
     "hip": {"pyramid"},
     "l": {"l-shape"},
@@ -40,12 +40,12 @@ def same_roof_type(found: str, true: Mapping[str, Any]) -> bool:
         shape, one level plane is a flat roof.
     """
     mine, theirs = _plain(found), _plain(str(true["roof_type"]))
-    words = {theirs} | _ALSO.get(theirs, set())
+    types = {theirs} | _ALSO.get(theirs, set())
     if theirs in _COMPLEX:
-        words.add("complex")
+        types.add("complex")
     if true.get("n_planes") == 1 and theirs != "shed":
-        words = {"flat", theirs}
-    return mine in words
+        types = {"flat", theirs}
+    return mine in types
 
 
 def _plain(word: str) -> str:

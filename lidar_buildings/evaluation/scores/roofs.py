@@ -12,7 +12,7 @@ from scipy.spatial import cKDTree
 from lidar_buildings.core.model.point_array import checked_column, checked_points
 from lidar_buildings.core.surfaces.surface_patches import connected_parts
 
-#: Smaller parts of a reference's class are strays, not roofs: as small as a run drops them [m²].
+#: Smaller parts of a reference's class are noise, not roofs: as small as a run drops them [m²].
 MIN_ROOF_AREA = 6.0
 #: What a point of no roof has in place of a number.
 NO_ROOF = -1
@@ -55,7 +55,7 @@ def roofs_of_polygons(points: ArrayLike, polygons: ArrayLike) -> NDArray[np.int6
 
 def roofs_of_points(points: ArrayLike, gap: float, *, min_points: int = 1) -> NDArray[np.int64]:
     """
-    Number the parts of a cloud that hang together in plan, from west to east; −1 for too small ones.
+    Number the parts of a cloud that are connected in plan, from west to east; −1 for too small ones.
 
     Parameters
     ----------
@@ -92,7 +92,7 @@ def split_at_steps(
     gap : float
         Points no further apart than this in space belong together [m], > 0.
     min_points : int
-        Smaller parts (chimneys, dormers, strays) stay with the nearest larger part of their roof in plan; a
+        Smaller parts (chimneys, dormers, noise) stay with the nearest larger part of their roof in plan; a
         roof without a larger one stays whole.
 
     Returns

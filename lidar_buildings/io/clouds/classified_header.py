@@ -83,7 +83,7 @@ def output_format(cloud: Cloud) -> OutputFormat:
     for dimension in missing:
         point_format.add_extra_dimension(laspy.ExtraBytesParams(dimension.name, dimension.kind))
     header.set_version_and_point_format(_version(header), point_format)
-    header.system_identifier = header.generating_software = ""  # laspy balks at other than ASCII
+    header.system_identifier = header.generating_software = ""  # laspy refuses other than ASCII
     records = _with_entries(cloud, header, names, undocumented, missing)
     header.vlrs[:] = [_placeholder(record) for record in records]
     return OutputFormat(header, records, point_format.dtype())

@@ -83,7 +83,7 @@ def write_buildings(
             for name, add in zip(chosen, writers, strict=True):
                 try:
                     add(building)
-                except OSError as error:  # else the file that was opened last would have to answer for it
+                except OSError as error:  # else the file opened last would be named
                     raise write_error(folder / FILES[name][0], error) from error
             status = building.attributes.get("status") or _NO_FEATURE
             outlined[status] += building.outline is not None

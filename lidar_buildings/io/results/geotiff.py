@@ -35,7 +35,7 @@ _FORMAT = {
     "tiled": True, "blockxsize": BLOCK, "blockysize": BLOCK,
     "compress": "deflate", "predictor": 3, "zlevel": 6, "SPARSE_OK": True, "BIGTIFF": "IF_SAFER",
 }  # fmt: skip
-#: GDAL would take a twentieth of the memory; that these are bytes goes by the type.
+#: GDAL would take a twentieth of the memory; an integer cache size is in bytes.
 _GDAL = {
     "GDAL_CACHEMAX": 64_000_000,
     "COMPRESS_OVERVIEW": "DEFLATE",
@@ -189,6 +189,6 @@ class GeotiffWriter:
 
 
 def _refusal(path: Path, error: Exception) -> OutputError:
-    """Say that a file cannot be written, by the system's own words where there are some."""
+    """Return the error of a file that cannot be written, with the system's message where there is one."""
     code = getattr(error, "errno", None)
     return write_error(path, OSError(code, os.strerror(code)) if code else error)

@@ -129,6 +129,7 @@ def _read(path: Path) -> Any:
 
 
 def _unusable(path: Path, error: BaseException) -> OutputError:
+    reason = one_line(error)
     return OutputError(
-        f"{path}: cannot be used for output ({one_line(error)}): choose another folder, or mend its rights"
+        f"{path}: cannot be used for output ({reason}): choose another folder, or check its permissions"
     )

@@ -19,7 +19,7 @@ def seam_pieces(tiles: Sequence[Sequence[BuildingOutline]]) -> set[int]:
     Return the ids of buildings that are pieces of a larger building of another tile.
 
     Points near the edge of a tile's buffer can be judged otherwise than in the middle of the next tile, and
-    a part that hangs on by a few points then seems to be a building of its own. Buildings of one tile never
+    a part connected by a few points then seems to be a building of its own. Buildings of one tile never
     overlap by so much and are never taken for pieces of each other.
 
     Parameters

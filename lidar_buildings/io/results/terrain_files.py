@@ -48,7 +48,7 @@ def write_rasters(
     """
     Write the rasters of saved tiles; a block is made at a time, so that memory holds some tiles only.
 
-    Where several tiles answer for a cell the one whose core is nearest has it, then the one that comes first.
+    Of several tiles with a cell the one whose core is nearest counts, then the first.
 
     Parameters
     ----------

@@ -18,7 +18,7 @@ def reading_order(areas: Sequence[Rectangle | None]) -> list[int]:
     Parameters
     ----------
     areas : sequence of Rectangle or None
-        None for a file without points; those come first, they hold nobody up.
+        None for a file without points; those come first.
 
     Returns
     -------

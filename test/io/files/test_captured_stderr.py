@@ -1,4 +1,4 @@
-"""Failures of compiled code: in words, and without noise."""
+"""Failures of compiled code: on one line, and without its own output."""
 
 import os
 
