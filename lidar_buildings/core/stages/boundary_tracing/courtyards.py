@@ -1,4 +1,4 @@
-"""Courtyards: which empty places inside an outer ring are some, and the roof that is left round them."""
+"""Courtyards: which gaps inside an outer ring count as one, and the width of the roof round them."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from lidar_buildings.core.model.outline import signed_area
-from lidar_buildings.core.stages.boundary_tracing.ground import cells_within, span_of
+from lidar_buildings.core.stages.boundary_tracing.point_grid import cells_within, span_of
 
 #: A roof that is narrow along more of a courtyard's rim than this is the rim of a roof without returns.
 _MAX_NARROW_SHARE = 0.5
@@ -19,7 +19,7 @@ _MAX_NARROW_SHARE = 0.5
 @dataclass(frozen=True)
 class CourtyardRules:
     """
-    What makes an empty place a courtyard.
+    What makes a gap between roof points a courtyard.
 
     Attributes
     ----------
@@ -57,20 +57,16 @@ class CourtyardRules:
             return ""
         if narrow_share > _MAX_NARROW_SHARE:
             return "only the rim of the roof has points: the empty place inside is taken for roof"
-        if self.others is not None and self._n_others(ring) < max(1.0, self.min_others * area):
-            return "an empty place without points below is taken for roof"
+        if self.others is not None:
+            near = ((self.others >= ring.min(axis=0)) & (self.others <= ring.max(axis=0))).all(axis=1)
+            n_others = int(shapely.contains_xy(shapely.polygons(ring), self.others[near]).sum())
+            if n_others < max(1.0, self.min_others * area):
+                return "an empty place without points below is taken for roof"
         return None
-
-    def _n_others(self, ring: NDArray[np.float64]) -> int:
-        """Count the points that are not roof inside a ring."""
-        if self.others is None:
-            return 0
-        near = ((self.others >= ring.min(axis=0)) & (self.others <= ring.max(axis=0))).all(axis=1)
-        return int(shapely.contains_xy(shapely.polygons(ring), self.others[near]).sum())
 
 
 @njit(cache=True, nogil=True)
-def narrow_share(ground, hole, exterior, width):  # type: ignore[no-untyped-def]
+def narrow_share(grid, hole, exterior, width):  # type: ignore[no-untyped-def]
     """
     Return the share of a courtyard's rim along which the outer ring is nearer than a width.
 
@@ -78,33 +74,33 @@ def narrow_share(ground, hole, exterior, width):  # type: ignore[no-untyped-def]
 
     Parameters
     ----------
-    ground : Ground
+    grid : PointGrid
         The points.
     hole, exterior : ndarray of int64
         Rows of the rings.
     width : float
         Of the roof between them [spacings' half sides of the neighbourhood].
     """
-    is_exterior = np.zeros(len(ground.x), dtype=np.bool_)
+    is_exterior = np.zeros(len(grid.x), dtype=np.bool_)
     is_exterior[exterior] = True
     narrow, total = 0.0, 0.0
     for k in range(len(hole)):
         i, before, after = hole[k], hole[k - 1], hole[(k + 1) % len(hole)]
-        length = np.hypot(ground.x[i] - ground.x[before], ground.y[i] - ground.y[before])
-        length += np.hypot(ground.x[i] - ground.x[after], ground.y[i] - ground.y[after])
+        length = np.hypot(grid.x[i] - grid.x[before], grid.y[i] - grid.y[before])
+        length += np.hypot(grid.x[i] - grid.x[after], grid.y[i] - grid.y[after])
         total += length
-        if _has_near(ground, i, is_exterior, width):
+        if _has_near(grid, i, is_exterior, width):
             narrow += length
     return narrow / total
 
 
 @njit(cache=True, nogil=True)
-def _has_near(ground, row, is_wanted, width):  # type: ignore[no-untyped-def]
+def _has_near(grid, row, is_wanted, width):  # type: ignore[no-untyped-def]
     """Whether one of the points wanted lies within a width of a point."""
-    x, y, n = ground.x[row], ground.y[row], ground.n_columns
-    low_row, high_row, low_column, high_column = cells_within(ground, x, y, width)
+    x, y, n = grid.x[row], grid.y[row], grid.n_columns
+    low_row, high_row, low_column, high_column = cells_within(grid, x, y, width)
     for line in range(low_row, high_row + 1):
-        for i in range(ground.first[line * n + low_column], ground.first[line * n + high_column + 1]):
-            if is_wanted[i] and span_of(ground, ground.x[i] - x, ground.y[i] - y) <= width:
+        for i in range(grid.first[line * n + low_column], grid.first[line * n + high_column + 1]):
+            if is_wanted[i] and span_of(grid, grid.x[i] - x, grid.y[i] - y) <= width:
                 return True
     return False

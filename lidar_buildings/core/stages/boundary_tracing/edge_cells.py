@@ -8,16 +8,15 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from lidar_buildings.core.stages.boundary_tracing.ground import Ground, column_of, row_of
+from lidar_buildings.core.stages.boundary_tracing.point_grid import PointGrid, column_of, row_of
 
-#: Entries that there is room for at first: this many, and so many a position.
-_ROOM = 256
-_ROOM_A_POSITION = 4
+#: Room for entries at first, plus so much per position; wide margin: it doubles where needed.
+_ROOM, _ROOM_PER_POSITION = 256, 4
 
 
 class EdgeCells(NamedTuple):
     """
-    For every cell a list of the edges whose bounding box, in the ground's frame, meets it.
+    For every cell a list of the edges whose bounding box, in the grid's frame, meets it.
 
     Attributes
     ----------
@@ -36,10 +35,9 @@ class EdgeCells(NamedTuple):
     size: NDArray[np.int64]
 
 
-def no_edges(ground: Ground) -> EdgeCells:
-    """Return empty lists for a ground's cells."""
-    room = _ROOM + _ROOM_A_POSITION * len(ground.x)
-    head = np.full(len(ground.first) - 1, -1, dtype=np.int64)
+def empty_edge_cells(grid: PointGrid) -> EdgeCells:
+    room = _ROOM + _ROOM_PER_POSITION * len(grid.x)
+    head = np.full(len(grid.first) - 1, -1, dtype=np.int64)
     link, owner, cell = (np.empty(room, dtype=np.int64) for _ in range(3))
     return EdgeCells(head, link, owner, cell, np.zeros(1, dtype=np.int64))
 
@@ -51,15 +49,15 @@ def with_more_room(edges: EdgeCells) -> EdgeCells:
 
 
 @njit(cache=True, nogil=True)
-def add_edge(ground, edges, a, b):  # type: ignore[no-untyped-def]
+def add_edge(grid, edges, a, b):  # type: ignore[no-untyped-def]
     """Enter the edge from a to b into its cells; False, and nothing done, if there is no room for it."""
-    low_row, high_row, low_column, high_column = _box(ground, a, b)
+    low_row, high_row, low_column, high_column = _box(grid, a, b)
     k = edges.size[0]
     if k + (high_row - low_row + 1) * (high_column - low_column + 1) > len(edges.link):
         return False
     for row in range(low_row, high_row + 1):
         for column in range(low_column, high_column + 1):
-            cell = row * ground.n_columns + column
+            cell = row * grid.n_columns + column
             edges.link[k], edges.owner[k], edges.cell[k] = edges.head[cell], a, cell
             edges.head[cell] = k
             k += 1
@@ -76,23 +74,23 @@ def remove_edges(edges, size):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def meets_edges(ground, edges, follower, a, b):  # type: ignore[no-untyped-def]
+def meets_edges(grid, edges, follower, a, b):  # type: ignore[no-untyped-def]
     """Whether the segment ab crosses or touches an edge, beyond sharing its ends."""
     x, y, rounding, head, link, owner = (
-        ground.x,
-        ground.y,
-        ground.rounding,
+        grid.x,
+        grid.y,
+        grid.rounding,
         edges.head,
         edges.link,
         edges.owner,
     )
     # What is in the way mostly begins near a: a stuck walk has tried hundreds of segments in vain.
-    home = row_of(ground, x[a], y[a]) * ground.n_columns + column_of(ground, x[a], y[a])
+    home = row_of(grid, x[a], y[a]) * grid.n_columns + column_of(grid, x[a], y[a])
     if _meets_list(x, y, rounding, follower, link, owner, head[home], a, b):
         return True
-    low_row, high_row, low_column, high_column = _box(ground, a, b)
+    low_row, high_row, low_column, high_column = _box(grid, a, b)
     for row in range(low_row, high_row + 1):
-        for cell in range(row * ground.n_columns + low_column, row * ground.n_columns + high_column + 1):
+        for cell in range(row * grid.n_columns + low_column, row * grid.n_columns + high_column + 1):
             if cell != home and _meets_list(x, y, rounding, follower, link, owner, head[cell], a, b):
                 return True
     return False
@@ -115,11 +113,11 @@ def _meets_list(x, y, rounding, follower, link, owner, k, a, b):  # type: ignore
 
 
 @njit(cache=True, nogil=True)
-def _box(ground, a, b):  # type: ignore[no-untyped-def]
+def _box(grid, a, b):  # type: ignore[no-untyped-def]
     """Return the rows and columns that the bounding box of a segment extends over."""
-    row_a, row_b = row_of(ground, ground.x[a], ground.y[a]), row_of(ground, ground.x[b], ground.y[b])
-    column_a = column_of(ground, ground.x[a], ground.y[a])
-    column_b = column_of(ground, ground.x[b], ground.y[b])
+    row_a, row_b = row_of(grid, grid.x[a], grid.y[a]), row_of(grid, grid.x[b], grid.y[b])
+    column_a = column_of(grid, grid.x[a], grid.y[a])
+    column_b = column_of(grid, grid.x[b], grid.y[b])
     return min(row_a, row_b), max(row_a, row_b), min(column_a, column_b), max(column_a, column_b)
 
 

@@ -1,4 +1,4 @@
-"""Empty places inside a ring: discs without points, and the points that are nearest to them."""
+"""Empty discs inside a ring: discs without points, and the points that are nearest to them."""
 
 from __future__ import annotations
 
@@ -6,17 +6,16 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from lidar_buildings.core.stages.boundary_tracing.ground import Ground, cells_within
+from lidar_buildings.core.stages.boundary_tracing.point_grid import PointGrid, cells_within
 from lidar_buildings.core.stages.boundary_tracing.point_in_ring import filled
 
 #: A disc counts as fitting if its centre is found to this accuracy [sides of a cell].
 _ACCURACY = 0.01
-#: Cells looked at: at most this many, and so many a point; a vast place is looked at coarsely.
-_MAX_CELLS = 1_000_000
-_MAX_CELLS_A_POINT = 4
+#: Cells looked at: at most this many or so many per point; a vast gap is looked at coarsely.
+_MAX_CELLS, _MAX_CELLS_PER_POINT = 1_000_000, 4
 
 
-class EmptyPlaces:
+class EmptyDiscs:
     """
     Looks for discs without points inside a ring, one by one.
 
@@ -25,7 +24,7 @@ class EmptyPlaces:
 
     Parameters
     ----------
-    ground : Ground
+    grid : PointGrid
         The points.
     ring : ndarray of int64
         Rows of the outer ring's vertices.
@@ -33,31 +32,30 @@ class EmptyPlaces:
         The discs' radius [m].
     """
 
-    def __init__(self, ground: Ground, ring: NDArray[np.int64], radius: float) -> None:
-        """Mark the cells that a disc's centre may be in."""
-        self._ground, self._radius = ground, radius
-        size = np.hypot(ground.ux, ground.uy), np.hypot(ground.vx, ground.vy)
-        # Axes of the ground's frame, in metres.
-        self._axes = (ground.ux / size[0], ground.uy / size[0], ground.vx / size[1], ground.vy / size[1])
+    def __init__(self, grid: PointGrid, ring: NDArray[np.int64], radius: float) -> None:
+        self._grid, self._radius = grid, radius
+        size = np.hypot(grid.ux, grid.uy), np.hypot(grid.vx, grid.vy)
+        # Axes of the grid's frame, in metres.
+        self._axes = (grid.ux / size[0], grid.uy / size[0], grid.vx / size[1], grid.vy / size[1])
         self._span = radius * max(size)
         self._side = radius / np.sqrt(2.0)
-        width = ground.n_columns * ground.cell / size[0]
-        height = ground.n_rows * ground.cell / size[1]
-        limit = max(_MAX_CELLS, _MAX_CELLS_A_POINT * len(ground.x))
+        width = grid.n_columns * grid.cell / size[0]
+        height = grid.n_rows * grid.cell / size[1]
+        limit = max(_MAX_CELLS, _MAX_CELLS_PER_POINT * len(grid.x))
         while (width / self._side + 1) * (height / self._side + 1) > limit:
             self._side *= 2.0
         self._n_columns, self._n_rows = int(width / self._side) + 1, int(height / self._side) + 1
-        self._west, self._south = ground.west / size[0], ground.south / size[1]
+        self._west, self._south = grid.west / size[0], grid.south / size[1]
         self._is_open = self._inside(ring)
         _close_occupied(
-            ground, self._is_open, *self._axes, self._west, self._south, self._side, self._n_columns
+            grid, self._is_open, *self._axes, self._west, self._south, self._side, self._n_columns
         )
         self._is_empty = self._is_open.copy()
         self._cells = np.flatnonzero(self._is_open)
         self._last = 0
 
     def next_centre(self) -> tuple[float, float] | None:
-        """Return the centre of a disc that fits into a place not seen so far, None if there is none."""
+        """Return the centre of a disc that fits into a gap not seen so far, None if there is none."""
         for k, cell in enumerate(self._cells.tolist()):
             if not self._is_open[cell]:
                 continue
@@ -66,7 +64,7 @@ class EmptyPlaces:
             ux, uy, vx, vy = self._axes
             x, y = u * ux + v * vx, u * uy + v * vy
             fits, x, y = _disc_in_cell(
-                self._ground, x, y, ux * self._side, uy * self._side, self._radius, self._span
+                self._grid, x, y, ux * self._side, uy * self._side, self._radius, self._span
             )
             self._is_open[cell] = False
             if fits:
@@ -84,7 +82,7 @@ class EmptyPlaces:
 
     def _inside(self, ring: NDArray[np.int64]) -> NDArray[np.bool_]:
         """Return the cells whose centres a ring holds."""
-        x, y = self._ground.x[ring], self._ground.y[ring]
+        x, y = self._grid.x[ring], self._grid.y[ring]
         ux, uy, vx, vy = self._axes
         u = (ux * x + uy * y - self._west) / self._side
         v = (vx * x + vy * y - self._south) / self._side
@@ -92,20 +90,20 @@ class EmptyPlaces:
 
 
 @njit(cache=True, nogil=True)
-def nearest_free(ground, follower, x, y, n):  # type: ignore[no-untyped-def]
+def nearest_free(grid, follower, x, y, n):  # type: ignore[no-untyped-def]
     """Return the rows of the up to n nearest points to a place that no ring has taken, the nearest first."""
-    size_u, size_v = np.hypot(ground.ux, ground.uy), np.hypot(ground.vx, ground.vy)
+    size_u, size_v = np.hypot(grid.ux, grid.uy), np.hypot(grid.vx, grid.vy)
     shortest = 1.0 / max(size_u, size_v)
-    farthest = ground.cell * (ground.n_columns + ground.n_rows) * max(size_u, size_v) / min(size_u, size_v)
+    farthest = grid.cell * (grid.n_columns + grid.n_rows) * max(size_u, size_v) / min(size_u, size_v)
     span, n_found = 1.0, 0
     found, distance = np.empty(n, dtype=np.int64), np.full(n, np.inf)
     while True:
-        low_row, high_row, low_column, high_column = cells_within(ground, x, y, span)
+        low_row, high_row, low_column, high_column = cells_within(grid, x, y, span)
         n_found, distance[:] = 0, np.inf
         for row in range(low_row, high_row + 1):
-            cell = row * ground.n_columns
-            for i in range(ground.first[cell + low_column], ground.first[cell + high_column + 1]):
-                away = np.hypot(ground.x[i] - x, ground.y[i] - y)
+            cell = row * grid.n_columns
+            for i in range(grid.first[cell + low_column], grid.first[cell + high_column + 1]):
+                away = np.hypot(grid.x[i] - x, grid.y[i] - y)
                 if follower[i] < 0 and away <= span * shortest and away < distance[n - 1]:
                     k = min(n_found, n - 1)
                     while k > 0 and distance[k - 1] > away:
@@ -119,12 +117,12 @@ def nearest_free(ground, follower, x, y, n):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _close_occupied(ground, is_open, ux, uy, vx, vy, west, south, side, n_columns):  # type: ignore[no-untyped-def]
+def _close_occupied(grid, is_open, ux, uy, vx, vy, west, south, side, n_columns):  # type: ignore[no-untyped-def]
     """Close the cells that hold points."""
     n_rows = len(is_open) // n_columns
-    for i in range(len(ground.x)):
-        u = (ux * ground.x[i] + uy * ground.y[i] - west) / side
-        v = (vx * ground.x[i] + vy * ground.y[i] - south) / side
+    for i in range(len(grid.x)):
+        u = (ux * grid.x[i] + uy * grid.y[i] - west) / side
+        v = (vx * grid.x[i] + vy * grid.y[i] - south) / side
         row = np.int64(max(0.0, min(v, n_rows - 1.0)))
         is_open[row * n_columns + np.int64(max(0.0, min(u, n_columns - 1.0)))] = False
 
@@ -145,24 +143,24 @@ def _close_connected(is_open, is_empty, cell, n_columns):  # type: ignore[no-unt
 
 
 @njit(cache=True, nogil=True)
-def _disc_in_cell(ground, x, y, dx, dy, radius, span):  # type: ignore[no-untyped-def]
+def _disc_in_cell(grid, x, y, dx, dy, radius, span):  # type: ignore[no-untyped-def]
     """
     Return whether a disc without points has its centre in a cell about (x, y) with the side (dx, dy), and it.
 
-    The centre is sought uphill, towards more distance from the nearest point, from nine places.
+    The centre is sought uphill, towards more distance from the nearest point, from nine positions.
     """
     side = np.hypot(dx, dy)
-    if _clearance(ground, x, y, radius, span) + 0.75 * side < radius:
+    if _clearance(grid, x, y, radius, span) + 0.75 * side < radius:
         return False, x, y
     for start in range(9):
         u, v, step = (start % 3 - 1) / 3.0, (start // 3 - 1) / 3.0, 1.0 / 6.0
-        best = _clearance(ground, x + u * dx - v * dy, y + u * dy + v * dx, radius, span)
+        best = _clearance(grid, x + u * dx - v * dy, y + u * dy + v * dx, radius, span)
         while best < radius and step >= _ACCURACY:
             is_better = False
             for k in range(9):
                 p, q = u + (k % 3 - 1) * step, v + (k // 3 - 1) * step
                 if abs(p) <= 0.5 and abs(q) <= 0.5:
-                    found = _clearance(ground, x + p * dx - q * dy, y + p * dy + q * dx, radius, span)
+                    found = _clearance(grid, x + p * dx - q * dy, y + p * dy + q * dx, radius, span)
                     if found > best + 1e-3 * step * side:
                         best, best_u, best_v, is_better = found, p, q, True
             if is_better:
@@ -175,13 +173,13 @@ def _disc_in_cell(ground, x, y, dx, dy, radius, span):  # type: ignore[no-untype
 
 
 @njit(cache=True, nogil=True)
-def _clearance(ground, x, y, radius, span):  # type: ignore[no-untyped-def]
+def _clearance(grid, x, y, radius, span):  # type: ignore[no-untyped-def]
     """Return the distance from a place to the nearest point, but no more than `radius` [m]."""
-    low_row, high_row, low_column, high_column = cells_within(ground, x, y, span)
+    low_row, high_row, low_column, high_column = cells_within(grid, x, y, span)
     nearest = radius * radius
     for row in range(low_row, high_row + 1):
-        cell = row * ground.n_columns
-        for i in range(ground.first[cell + low_column], ground.first[cell + high_column + 1]):
-            dx, dy = ground.x[i] - x, ground.y[i] - y
+        cell = row * grid.n_columns
+        for i in range(grid.first[cell + low_column], grid.first[cell + high_column + 1]):
+            dx, dy = grid.x[i] - x, grid.y[i] - y
             nearest = min(nearest, dx * dx + dy * dy)
     return np.sqrt(nearest)

@@ -1,4 +1,4 @@
-"""Rings traced one after the other over the same points, with the cures for walks that fail."""
+"""Rings traced one after the other over the same points, with the recovery of walks that fail."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from lidar_buildings.core.model.outline import Outline
 from lidar_buildings.core.stages.boundary_tracing.courtyards import CourtyardRules, narrow_share
 from lidar_buildings.core.stages.boundary_tracing.edge_cells import (
     add_edge,
-    no_edges,
+    empty_edge_cells,
     remove_edges,
     with_more_room,
 )
-from lidar_buildings.core.stages.boundary_tracing.empty_discs import EmptyPlaces, nearest_free
-from lidar_buildings.core.stages.boundary_tracing.ground import Ground
+from lidar_buildings.core.stages.boundary_tracing.empty_discs import EmptyDiscs, nearest_free
+from lidar_buildings.core.stages.boundary_tracing.point_grid import PointGrid
 from lidar_buildings.core.stages.boundary_tracing.point_in_ring import holds, misplaced
 from lidar_buildings.core.stages.boundary_tracing.triangles import characteristic_ring
 from lidar_buildings.core.stages.boundary_tracing.walk import ASTRAY, NO_ROOM, STUCK, walk_round
@@ -28,9 +28,9 @@ _MAX_WALKS, _MAX_RIM_WALKS = 40, 8
 _MAX_RIM_STEPS = 2
 #: Points that a walk round an empty place is begun from before the place is given up.
 _MAX_STARTS = 4
-#: Empty places looked at, and those among them whose rims could not be traced: a cloud with more is no roof,
+#: Empty discs looked at, and those among them whose rims could not be traced: a cloud with more is no roof,
 #: but has been given a spacing that is not its own.
-_MAX_PLACES, _MAX_FAILURES = 2000, 20
+_MAX_DISCS, _MAX_FAILURES = 2000, 20
 #: Points in one cell that a walk can still look through, where cells had to be enlarged.
 _MAX_CROWD = 2000
 _NO_WALK = "no walk round all points was found: the ring comes from a triangulation"
@@ -43,7 +43,7 @@ class RingTracer:
 
     Parameters
     ----------
-    ground : Ground
+    grid : PointGrid
         Distinct positions, not all on a line.
     max_reach : float
         How many times the neighbourhood may be enlarged where a walk fails.
@@ -54,12 +54,12 @@ class RingTracer:
         What was out of the ordinary.
     """
 
-    def __init__(self, ground: Ground, max_reach: float) -> None:
+    def __init__(self, grid: PointGrid, max_reach: float) -> None:
         """Begin without rings."""
-        self._ground = ground
+        self._grid = grid
         self._max_reach = max(1.0, max_reach)
-        self._follower = np.full(len(ground.x), -1, dtype=np.int64)
-        self._edges = no_edges(ground)
+        self._follower = np.full(len(grid.x), -1, dtype=np.int64)
+        self._edges = empty_edge_cells(grid)
         self._exterior = np.zeros(0, dtype=np.int64)
         self._holes: list[NDArray[np.int64]] = []
         self.reasons: list[str] = []
@@ -73,18 +73,18 @@ class RingTracer:
         """
         Trace the ring round all points from the one farthest from their middle, or take it from triangles.
         """
-        x, y = self._ground.x, self._ground.y
+        x, y = self._grid.x, self._grid.y
         dx, dy = x - x.mean(), y - y.mean()
         start = int(np.argmax(dx * dx + dy * dy))
         heading = float(dx[start]), float(dy[start])
         # Mirrored points are walked round the other way, so that their ring is the mirrored ring.
         across = heading[0] * dy - heading[1] * dx
         skew = float((across * across * across).sum())
-        self._ground = self._ground._replace(hand=1 if skew >= 0 else -1)
+        self._grid = self._grid._replace(orientation=1 if skew >= 0 else -1)
         ring = None
-        if self._ground.cell == 1.0 or np.diff(self._ground.first).max() <= _MAX_CROWD:
+        if self._grid.cell == 1.0 or np.diff(self._grid.first).max() <= _MAX_CROWD:
             ring = self._walk(
-                start, heading, _MAX_WALKS, len(x), lambda rows: misplaced(self._ground, rows, False)
+                start, heading, _MAX_WALKS, len(x), lambda rows: misplaced(self._grid, rows, False)
             )
         if ring is None:
             self._note(_NO_WALK)
@@ -93,18 +93,18 @@ class RingTracer:
 
     def trace_courtyards(self, rules: CourtyardRules) -> None:
         """
-        Trace the rims of the empty places inside the outer ring that are courtyards.
+        Trace the rims of the empty discs inside the outer ring that are courtyards.
 
         Where no walk round all points was found there are none: their gaps are wider than the windows.
         """
         if _NO_WALK in self.reasons:
             return
-        ground = self._ground
-        unit = 1.0 / np.sqrt(abs(ground.ux * ground.vy - ground.uy * ground.vx))
-        places = EmptyPlaces(ground, self._exterior, rules.radius)
+        grid = self._grid
+        unit = 1.0 / np.sqrt(abs(grid.ux * grid.vy - grid.uy * grid.vx))
+        discs = EmptyDiscs(grid, self._exterior, rules.radius)
         n_failures = 0
-        for _ in range(_MAX_PLACES):
-            centre = places.next_centre()
+        for _ in range(_MAX_DISCS):
+            centre = discs.next_centre()
             if centre is None or n_failures >= _MAX_FAILURES:
                 break
             before = int(self._edges.size[0])
@@ -112,10 +112,10 @@ class RingTracer:
             if hole is None:
                 n_failures += 1
                 self._note(_SHARED_RIM)
-                places.give_up()
+                discs.give_up()
                 continue
-            places.close(hole)
-            narrow = narrow_share(ground, hole, self._exterior, rules.min_band / unit)
+            discs.close(hole)
+            narrow = narrow_share(grid, hole, self._exterior, rules.min_band / unit)
             refusal = rules.refusal(self._positions(hole), narrow)
             if refusal is None:
                 self._holes.append(hole)
@@ -126,8 +126,8 @@ class RingTracer:
     def _rim(self, centre: tuple[float, float]) -> NDArray[np.int64] | None:
         """Walk round an empty place from one of the points nearest to it that no other ring has taken."""
         max_steps = _MAX_RIM_STEPS * len(self._exterior)
-        for start in nearest_free(self._ground, self._follower, *centre, _MAX_STARTS).tolist():
-            heading = centre[0] - float(self._ground.x[start]), centre[1] - float(self._ground.y[start])
+        for start in nearest_free(self._grid, self._follower, *centre, _MAX_STARTS).tolist():
+            heading = centre[0] - float(self._grid.x[start]), centre[1] - float(self._grid.y[start])
             ring = self._walk(
                 start, heading, _MAX_RIM_WALKS, max_steps, lambda rows: self._inside_hole(rows, centre)
             )
@@ -141,7 +141,7 @@ class RingTracer:
         heading: tuple[float, float],
         max_walks: int,
         max_steps: int,
-        trouble_with: Callable[[NDArray[np.int64]], NDArray[np.int64] | None],
+        points_on_wrong_side: Callable[[NDArray[np.int64]], NDArray[np.int64] | None],
     ) -> NDArray[np.int64] | None:
         """
         Walk until a ring gives no trouble; widen the reach where the last walk did.
@@ -152,14 +152,14 @@ class RingTracer:
             The row to start from, and the direction into the empty side.
         max_walks, max_steps : int
             Walks before the ring is given up, and steps before a walk is.
-        trouble_with : callable
-            Returns the rows on the wrong side of a closed ring, or None if it is beyond cure.
+        points_on_wrong_side : callable
+            Returns the rows on the wrong side of a closed ring, or None if it is no ring at all.
         """
-        ground, before = self._ground, int(self._edges.size[0])
+        grid, before = self._grid, int(self._edges.size[0])
         reach = np.ones(len(self._follower))
         for _ in range(max_walks):
             ring, end = walk_round(
-                ground, self._edges, self._follower, reach, self._max_reach, start, heading, max_steps
+                grid, self._edges, self._follower, reach, self._max_reach, start, heading, max_steps
             )
             if end == NO_ROOM:
                 self._edges = with_more_room(self._edges)
@@ -167,35 +167,35 @@ class RingTracer:
             if end == ASTRAY:
                 break
             if end == STUCK:
-                is_wider = widen_about(ground, reach, ring[-1], self._max_reach)
+                is_wider = widen_about(grid, reach, ring[-1], self._max_reach)
             else:
-                wrong = trouble_with(ring)
+                wrong = points_on_wrong_side(ring)
                 if wrong is not None and not len(wrong):
                     return ring
                 self._give_up(ring, before)
-                is_wider = wrong is not None and bridge_gap(ground, reach, wrong, ring, self._max_reach)
+                is_wider = wrong is not None and bridge_gap(grid, reach, wrong, ring, self._max_reach)
             if not is_wider:
                 break
         return None
 
     def _inside_hole(self, rows: NDArray[np.int64], centre: tuple[float, float]) -> NDArray[np.int64] | None:
         """Return the points that lie inside a courtyard's rim; None if it is no rim round the centre."""
-        if not holds(self._ground, rows, *centre):
+        if not holds(self._grid, rows, *centre):
             return None
-        return misplaced(self._ground, rows, True)
+        return misplaced(self._grid, rows, True)
 
     def _ring_by_triangles(self) -> NDArray[np.int64]:
         """Return a ring that is simple and holds all points, whatever they are; its edges are entered."""
-        ground = self._ground
-        xy = np.column_stack([ground.x, ground.y])
-        unit = 1.0 / min(np.hypot(ground.ux, ground.uy), np.hypot(ground.vx, ground.vy))
+        grid = self._grid
+        xy = np.column_stack([grid.x, grid.y])
+        unit = 1.0 / min(np.hypot(grid.ux, grid.uy), np.hypot(grid.vx, grid.vy))
         for max_edge in (np.sqrt(self._max_reach) * unit, self._max_reach * unit, np.inf):
             ring = characteristic_ring(xy, max_edge)
-            if not len(misplaced(ground, ring, False)):
+            if not len(misplaced(grid, ring, False)):
                 break
         self._follower[ring] = np.roll(ring, -1)
         for row in ring.tolist():
-            while not add_edge(ground, self._edges, row, self._follower[row]):
+            while not add_edge(grid, self._edges, row, self._follower[row]):
                 self._edges = with_more_room(self._edges)
         return ring
 
@@ -211,7 +211,7 @@ class RingTracer:
 
     def _positions(self, rows: NDArray[np.int64]) -> NDArray[np.float64]:
         """Return the positions of rows, shape (n, 2) [m]."""
-        return np.column_stack([self._ground.x[rows], self._ground.y[rows]])
+        return np.column_stack([self._grid.x[rows], self._grid.y[rows]])
 
     def _from_west(self, rows: NDArray[np.int64]) -> NDArray[np.float64]:
         """Return a ring from its westernmost vertex on."""

@@ -19,7 +19,7 @@ from lidar_buildings.core.neighbours.scan_pattern import ScanPattern
 from lidar_buildings.core.stages.boundary_tracing.alpha_rings import alpha_outline
 from lidar_buildings.core.stages.boundary_tracing.config import BoundaryTracingConfig
 from lidar_buildings.core.stages.boundary_tracing.courtyards import CourtyardRules
-from lidar_buildings.core.stages.boundary_tracing.ground import Ground, prepare_ground
+from lidar_buildings.core.stages.boundary_tracing.point_grid import PointGrid, build_point_grid
 from lidar_buildings.core.stages.boundary_tracing.rings import RingTracer
 
 #: Fewest distinct positions that a walk makes sense for.
@@ -110,10 +110,10 @@ def trace_boundary(
     cloud = checked_points(points)
     others = None if other_points is None else _plan(other_points)
     spacing = _spacing(cloud, pattern, point_spacing)
-    ground = prepare_ground(cloud, _widened(pattern or ScanPattern.isotropic(spacing)), config.window)
-    why_degenerate = _degeneracy(ground, spacing)
+    grid = build_point_grid(cloud, _widened(pattern or ScanPattern.isotropic(spacing)), config.window)
+    why_degenerate = _degeneracy(grid, spacing)
     if why_degenerate:
-        outline = Outline(_simple_cover(np.column_stack([ground.x, ground.y]), spacing))
+        outline = Outline(_simple_cover(np.column_stack([grid.x, grid.y]), spacing))
         return TracedBoundary(outline, spacing, BuildingStatus.DEGENERATE, why_degenerate)
     rules = CourtyardRules(
         radius=config.min_courtyard_width * spacing / 2,
@@ -122,15 +122,15 @@ def trace_boundary(
         min_others=_MIN_OTHER_SHARE / spacing**2,
         others=others,
     )
-    outline, reasons = _METHODS[config.method](ground, config, spacing, rules if config.courtyards else None)
+    outline, reasons = _METHODS[config.method](grid, config, spacing, rules if config.courtyards else None)
     return TracedBoundary(outline, spacing, BuildingStatus.OK, "; ".join(reasons))
 
 
 def _by_walk(
-    ground: Ground, config: BoundaryTracingConfig, spacing: float, rules: CourtyardRules | None
+    grid: PointGrid, config: BoundaryTracingConfig, spacing: float, rules: CourtyardRules | None
 ) -> tuple[Outline, list[str]]:
     """Trace by the modified convex hull."""
-    tracer = RingTracer(ground, config.max_window / config.window)
+    tracer = RingTracer(grid, config.max_window / config.window)
     tracer.trace_exterior()
     if rules is not None:
         tracer.trace_courtyards(rules)
@@ -138,10 +138,10 @@ def _by_walk(
 
 
 def _by_alpha_shape(
-    ground: Ground, config: BoundaryTracingConfig, spacing: float, rules: CourtyardRules | None
+    grid: PointGrid, config: BoundaryTracingConfig, spacing: float, rules: CourtyardRules | None
 ) -> tuple[Outline, list[str]]:
     """Take the rings of the alpha shape."""
-    return alpha_outline(np.column_stack([ground.x, ground.y]), config.alpha * spacing, rules)
+    return alpha_outline(np.column_stack([grid.x, grid.y]), config.alpha * spacing, rules)
 
 
 _METHODS = {"modified_convex_hull": _by_walk, "alpha_shape": _by_alpha_shape}
@@ -173,8 +173,8 @@ def _sampled_spacing(cloud: NDArray[np.float64]) -> float:
     guess = float(np.sqrt(width / max(len(cloud), 1)) * np.sqrt(height))
     if not 0.0 < guess < np.inf:
         return measure_spacing(cloud)
-    ground = prepare_ground(cloud, ScanPattern.isotropic(guess), _GUESS_WINDOW)
-    positions = np.column_stack((ground.x, ground.y))
+    grid = build_point_grid(cloud, ScanPattern.isotropic(guess), _GUESS_WINDOW)
+    positions = np.column_stack((grid.x, grid.y))
     group = np.zeros(len(positions), dtype=np.int64)
     spacing = float(group_spacings(positions, rows_by_cell(positions, 1.5 * guess), group, 1)[0])
     return spacing if np.isfinite(spacing) else measure_spacing(cloud)
@@ -186,11 +186,11 @@ def _widened(pattern: ScanPattern) -> ScanPattern:
     return replace(pattern, along=max(pattern.along, least), across=max(pattern.across, least))
 
 
-def _degeneracy(ground: Ground, spacing: float) -> str:
+def _degeneracy(grid: PointGrid, spacing: float) -> str:
     """Say why positions have no ring worth a walk; empty if they have."""
-    if len(ground.x) < _MIN_POSITIONS:
-        return f"only {len(ground.x)} distinct positions"
-    if _width(ground.x, ground.y) < _MIN_WIDTH * spacing:
+    if len(grid.x) < _MIN_POSITIONS:
+        return f"only {len(grid.x)} distinct positions"
+    if _width(grid.x, grid.y) < _MIN_WIDTH * spacing:
         return "all points lie on a line"
     return ""
 

@@ -12,7 +12,7 @@ from lidar_buildings.core.stages.boundary_tracing.edge_cells import (
     meets_edges,
     remove_edges,
 )
-from lidar_buildings.core.stages.boundary_tracing.ground import Ground, cells_within, span_of
+from lidar_buildings.core.stages.boundary_tracing.point_grid import PointGrid, cells_within, span_of
 
 #: How the neighbourhood grows at a point from which no step is possible.
 GROWTH = 1.5
@@ -26,7 +26,7 @@ _FEW = 4
 
 
 def walk_round(
-    ground: Ground,
+    grid: PointGrid,
     edges: EdgeCells,
     follower: NDArray[np.int64],
     reach: NDArray[np.float64],
@@ -36,7 +36,7 @@ def walk_round(
     max_steps: int,
 ) -> tuple[NDArray[np.int64], int]:
     """
-    Walk from a rim point along the rim of a cloud, the empty side to one hand, until back at the start.
+    Walk along the rim of a cloud, the empty side always to the same hand, until back at the start.
 
     Each step takes the point in the neighbourhood with the smallest clockwise turn from the direction back
     to the previous point, whose segment meets none of the rings so far (Sampath & Shan, 2007). Where no step
@@ -44,16 +44,14 @@ def walk_round(
 
     Parameters
     ----------
-    ground : Ground
+    grid : PointGrid
         The points.
     edges : EdgeCells
-        The edges of earlier rings. Extended by those of the new ring if it closes.
+        The edges of earlier rings; those of the new ring are added if it closes.
     follower : ndarray of int64, shape (n_positions,)
-        Next row in its ring for the points of rings, −1 for all others. Extended likewise.
-    reach : ndarray of shape (n_positions,)
-        How many times the neighbourhood of each point is enlarged.
-    max_reach : float
-        The same, at most.
+        Next row in its ring for the points of rings, −1 for all others; updated likewise.
+    reach, max_reach : ndarray of shape (n_positions,), float
+        How many times the neighbourhood of each point is enlarged, and may be at most.
     start : int
         Row of a point on the rim.
     heading : tuple of two float
@@ -68,28 +66,28 @@ def walk_round(
     end : int
         `CLOSED`, `STUCK` in the last row, `NO_ROOM`, or `ASTRAY`.
     """
-    return _walk(ground, edges, follower, reach, max_reach, start, heading[0], heading[1], max_steps)
+    return _walk(grid, edges, follower, reach, max_reach, start, heading[0], heading[1], max_steps)
 
 
 @njit(cache=True, nogil=True)
-def _walk(ground, edges, follower, reach, max_reach, start, dx, dy, max_steps):  # type: ignore[no-untyped-def]
+def _walk(grid, edges, follower, reach, max_reach, start, dx, dy, max_steps):  # type: ignore[no-untyped-def]
     """Walk until back at the start or without a way on; ends for certain, since no point is entered twice."""
     ring = np.empty(min(len(follower), max_steps + 1), dtype=np.int64)
     ring[0], n, size, end = start, 1, edges.size[0], STUCK
     while True:
         current = ring[n - 1]
         chosen = _step(
-            ground, edges, follower, reach[current], max_reach, ring, n, _direction(dx, ground.hand * dy)
+            grid, edges, follower, reach[current], max_reach, ring, n, _direction(dx, grid.orientation * dy)
         )
         if chosen < 0:
             break
-        if not add_edge(ground, edges, current, chosen):
+        if not add_edge(grid, edges, current, chosen):
             end = NO_ROOM
             break
         follower[current] = chosen
         if chosen == start:
             return ring[:n].copy(), CLOSED
-        dx, dy = ground.x[current] - ground.x[chosen], ground.y[current] - ground.y[chosen]
+        dx, dy = grid.x[current] - grid.x[chosen], grid.y[current] - grid.y[chosen]
         ring[n] = chosen
         n += 1
         if n > max_steps:
@@ -101,18 +99,18 @@ def _walk(ground, edges, follower, reach, max_reach, start, dx, dy, max_steps): 
 
 
 @njit(cache=True, nogil=True)
-def _step(ground, edges, follower, reach, max_reach, ring, n, back):  # type: ignore[no-untyped-def]
+def _step(grid, edges, follower, reach, max_reach, ring, n, back):  # type: ignore[no-untyped-def]
     """Return the next point in the smallest neighbourhood that has one, −1 if even the largest has none."""
     seen, reach = 0.0, min(reach, max_reach)
     while True:
-        chosen = _step_within(ground, edges, follower, seen, reach, ring, n, back)
+        chosen = _step_within(grid, edges, follower, seen, reach, ring, n, back)
         if chosen >= 0 or reach >= max_reach:
             return chosen
         seen, reach = reach, min(reach * GROWTH, max_reach)
 
 
 @njit(cache=True, nogil=True)
-def _step_within(ground, edges, follower, seen, reach, ring, n, back):  # type: ignore[no-untyped-def]
+def _step_within(grid, edges, follower, seen, reach, ring, n, back):  # type: ignore[no-untyped-def]
     """
     Return the point with the smallest clockwise turn that can be stepped to, −1 if there is none.
 
@@ -121,38 +119,38 @@ def _step_within(ground, edges, follower, seen, reach, ring, n, back):  # type: 
     tried, tried_distance = np.int64(-1), 0.0
     for _ in range(_FEW):
         best, tried, tried_distance = _next_in_turn(
-            ground, follower, seen, reach, ring, n, back, tried, tried_distance
+            grid, follower, seen, reach, ring, n, back, tried, tried_distance
         )
-        if best < 0 or not meets_edges(ground, edges, follower, ring[n - 1], best):
+        if best < 0 or not meets_edges(grid, edges, follower, ring[n - 1], best):
             return best
-    for i in _in_turn(ground, follower, seen, reach, ring, n, back, tried, tried_distance):
-        if not meets_edges(ground, edges, follower, ring[n - 1], i):
+    for i in _in_turn(grid, follower, seen, reach, ring, n, back, tried, tried_distance):
+        if not meets_edges(grid, edges, follower, ring[n - 1], i):
             return i
     return -1
 
 
 @njit(cache=True, nogil=True)
-def _next_in_turn(ground, follower, seen, reach, ring, n, back, tried, tried_distance):  # type: ignore[no-untyped-def]
+def _next_in_turn(grid, follower, seen, reach, ring, n, back, tried, tried_distance):  # type: ignore[no-untyped-def]
     """
     Return the first free point in clockwise order after those tried, its turn and its squared distance.
 
     Written without calls in the loop: this is where a walk spends its time.
     """
-    xs, ys, current, start = ground.x, ground.y, ring[n - 1], ring[0] if n > 2 else ring[n - 1]
-    ux, uy, vx, vy, is_disc = ground.ux, ground.uy, ground.vx, ground.vy, ground.is_disc
-    hand = ground.hand
+    xs, ys, current, start = grid.x, grid.y, ring[n - 1], ring[0] if n > 2 else ring[n - 1]
+    ux, uy, vx, vy, is_disc = grid.ux, grid.uy, grid.vx, grid.vy, grid.is_disc
+    orientation = grid.orientation
     x, y = xs[current], ys[current]
     best, best_turn, best_distance = -1, np.int64(2 * _FULL_TURN), np.inf
-    low_row, high_row, low_column, high_column = cells_within(ground, x, y, reach)
+    low_row, high_row, low_column, high_column = cells_within(grid, x, y, reach)
     for row in range(low_row, high_row + 1):
-        cell = row * ground.n_columns
-        for i in range(ground.first[cell + low_column], ground.first[cell + high_column + 1]):
+        cell = row * grid.n_columns
+        for i in range(grid.first[cell + low_column], grid.first[cell + high_column + 1]):
             dx, dy = xs[i] - x, ys[i] - y
             u, v = ux * dx + uy * dy, vx * dx + vy * dy
             span = u * u + v * v if is_disc else max(u * u, v * v)
             if span > reach * reach or span <= seen * seen or (follower[i] >= 0 and i != start):
                 continue
-            slant = hand * dy / (abs(dx) + abs(dy))
+            slant = orientation * dy / (abs(dx) + abs(dy))
             angle = back - (slant if dx >= 0 else 2.0 - slant)
             turn = np.int64((angle if angle >= 0 else angle + 4.0) / _TURN_UNIT + 0.5)
             turn = turn if turn > 1 else np.int64(_FULL_TURN)
@@ -165,17 +163,17 @@ def _next_in_turn(ground, follower, seen, reach, ring, n, back, tried, tried_dis
 
 
 @njit(cache=True, nogil=True)
-def _in_turn(ground, follower, seen, reach, ring, n, back, tried, tried_distance):  # type: ignore[no-untyped-def]
+def _in_turn(grid, follower, seen, reach, ring, n, back, tried, tried_distance):  # type: ignore[no-untyped-def]
     """Return all free points in clockwise order after those tried."""
-    x, y, current = ground.x, ground.y, ring[n - 1]
+    x, y, current = grid.x, grid.y, ring[n - 1]
     rows, turns, distances = [np.int64(0)], [np.int64(-1)], [0.0]
-    low_row, high_row, low_column, high_column = cells_within(ground, x[current], y[current], reach)
+    low_row, high_row, low_column, high_column = cells_within(grid, x[current], y[current], reach)
     for row in range(low_row, high_row + 1):
-        cell = row * ground.n_columns
-        for i in range(ground.first[cell + low_column], ground.first[cell + high_column + 1]):
-            if _may_follow(ground, follower, seen, reach, ring, n, i):
+        cell = row * grid.n_columns
+        for i in range(grid.first[cell + low_column], grid.first[cell + high_column + 1]):
+            if _may_follow(grid, follower, seen, reach, ring, n, i):
                 dx, dy = x[i] - x[current], y[i] - y[current]
-                turn, distance = _turn(back, _direction(dx, ground.hand * dy)), dx * dx + dy * dy
+                turn, distance = _turn(back, _direction(dx, grid.orientation * dy)), dx * dx + dy * dy
                 if turn > tried or (turn == tried and distance > tried_distance):
                     rows.append(i)
                     turns.append(turn)
@@ -187,12 +185,12 @@ def _in_turn(ground, follower, seen, reach, ring, n, back, tried, tried_distance
 
 
 @njit(cache=True, nogil=True)
-def _may_follow(ground, follower, seen, reach, ring, n, i):  # type: ignore[no-untyped-def]
+def _may_follow(grid, follower, seen, reach, ring, n, i):  # type: ignore[no-untyped-def]
     """Whether a point is free, or the start of a ring that may close, and between two reaches away."""
     current = ring[n - 1]
     if i == current or (follower[i] >= 0 and (i != ring[0] or n < 3)):
         return False
-    span = span_of(ground, ground.x[i] - ground.x[current], ground.y[i] - ground.y[current])
+    span = span_of(grid, grid.x[i] - grid.x[current], grid.y[i] - grid.y[current])
     return seen < span <= reach
 
 

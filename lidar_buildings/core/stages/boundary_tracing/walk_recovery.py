@@ -1,34 +1,32 @@
-"""
-Cures for walks that fail: the neighbourhood grows where a walk got stuck or left points on the wrong side.
-"""
+"""Recovery of walks: wider neighbourhoods where one got stuck or left points on the wrong side."""
 
 from __future__ import annotations
 
 import numpy as np
 from numba import njit
 
-from lidar_buildings.core.stages.boundary_tracing.ground import cells_within, span_of
+from lidar_buildings.core.stages.boundary_tracing.point_grid import cells_within, span_of
 from lidar_buildings.core.stages.boundary_tracing.walk import GROWTH
 
 
 @njit(cache=True, nogil=True)
-def widen_about(ground, reach, row, max_reach):  # type: ignore[no-untyped-def]
+def widen_about(grid, reach, row, max_reach):  # type: ignore[no-untyped-def]
     """Widen the reach of the points about one from which there was no way on; False where it cannot grow."""
-    x, y, n = ground.x, ground.y, ground.n_columns
+    x, y, n = grid.x, grid.y, grid.n_columns
     about = 2.0 * reach[row]
     is_wider = False
-    low_row, high_row, low_column, high_column = cells_within(ground, x[row], y[row], about)
+    low_row, high_row, low_column, high_column = cells_within(grid, x[row], y[row], about)
     for line in range(low_row, high_row + 1):
-        for i in range(ground.first[line * n + low_column], ground.first[line * n + high_column + 1]):
+        for i in range(grid.first[line * n + low_column], grid.first[line * n + high_column + 1]):
             wider = min(reach[i] * GROWTH, max_reach)
-            if wider > reach[i] and span_of(ground, x[i] - x[row], y[i] - y[row]) <= about:
+            if wider > reach[i] and span_of(grid, x[i] - x[row], y[i] - y[row]) <= about:
                 reach[i] = wider
                 is_wider = True
     return is_wider
 
 
 @njit(cache=True, nogil=True)
-def bridge_gap(ground, reach, wrong, ring, max_reach):  # type: ignore[no-untyped-def]
+def bridge_gap(grid, reach, wrong, ring, max_reach):  # type: ignore[no-untyped-def]
     """
     Widen the reach where points on a ring's wrong side are nearest to it; False where it cannot grow.
 
@@ -43,24 +41,24 @@ def bridge_gap(ground, reach, wrong, ring, max_reach):  # type: ignore[no-untype
         level = min(level * GROWTH, max_reach)
         is_wider = False
         for i in wrong:
-            is_wider |= _widen_pairs(ground, reach, i, on_ring, level)
+            is_wider |= _widen_pairs(grid, reach, i, on_ring, level)
         if is_wider:
             return True
     return False
 
 
 @njit(cache=True, nogil=True)
-def _widen_pairs(ground, reach, row, on_ring, level):  # type: ignore[no-untyped-def]
+def _widen_pairs(grid, reach, row, on_ring, level):  # type: ignore[no-untyped-def]
     """
     Raise the reach of a point and of the ring's points near it to a level; False if they have it already.
     """
-    x, y, n = ground.x, ground.y, ground.n_columns
+    x, y, n = grid.x, grid.y, grid.n_columns
     is_wider = False
-    low_row, high_row, low_column, high_column = cells_within(ground, x[row], y[row], level)
+    low_row, high_row, low_column, high_column = cells_within(grid, x[row], y[row], level)
     for line in range(low_row, high_row + 1):
-        for i in range(ground.first[line * n + low_column], ground.first[line * n + high_column + 1]):
+        for i in range(grid.first[line * n + low_column], grid.first[line * n + high_column + 1]):
             is_new = on_ring[i] and (reach[i] < level or reach[row] < level)
-            if is_new and span_of(ground, x[i] - x[row], y[i] - y[row]) <= level:
+            if is_new and span_of(grid, x[i] - x[row], y[i] - y[row]) <= level:
                 reach[i], reach[row] = max(reach[i], level), max(reach[row], level)
                 is_wider = True
     return is_wider

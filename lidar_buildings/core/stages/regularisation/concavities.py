@@ -1,6 +1,4 @@
-"""
-Dents of a traced ring that are gaps between points, not shape: they are bridged before walls are sought.
-"""
+"""Concavities of a traced ring that are gaps between points, bridged before walls are sought."""
 
 from __future__ import annotations
 
@@ -14,19 +12,18 @@ from numpy.typing import NDArray
 _FEWEST = 4
 #: Where the bridged ring turns inwards by more, a bridge cuts a corner of the building [rad].
 _CORNER_TURN = np.deg2rad(25.0)
-#: Size of the dents that are bridged at first, and beside corners [limits].
+#: Size of the concavities that are bridged at first, and beside corners [limits].
 _SIZES = (1.0, 0.6)
 
 
-class DentLimits(NamedTuple):
+class ConcavityLimits(NamedTuple):
     """
-    Up to where a dent is none of the building's.
+    Up to where a concavity is none of the building's.
 
     Attributes
     ----------
     depth, length : float
-        A dent so shallow, and no longer than that, is what a row of points looks like whose scan lines end
-        anywhere [m].
+        Up to these it is what a row of points looks like whose scan lines end anywhere [m].
     area : float
         A gap no larger than that may be left empty by chance, however deep it is, up to `gap_depth` [m²].
     gap_depth : float
@@ -39,21 +36,21 @@ class DentLimits(NamedTuple):
     gap_depth: float
 
 
-def bearing_points(ring: NDArray[np.float64], limits: DentLimits) -> NDArray[np.bool_]:
+def bearing_points(ring: NDArray[np.float64], limits: ConcavityLimits) -> NDArray[np.bool_]:
     """
-    Mark the vertices that bear a ring: all but those in dents that are gaps between points.
+    Mark the vertices that bear a ring: all but those in concavities that are gaps between points.
 
     Points are scattered inside a wall, none outside: a ring dips inwards between those that happen to lie
-    near it, and a line through all vertices runs inside the wall by a third of a spacing or more. A dent is
-    bridged if it is shallow, or so small that points leave its area empty by chance, and if the ring goes
+    near it, and a line through all vertices runs inside the wall by a third of a spacing or more. A concavity
+    is bridged if it is shallow, or so small that points leave its area empty by chance, and if the ring goes
     straight on beside it: otherwise it is a re-entrant corner. All points stay inside the ring.
 
     Parameters
     ----------
     ring : ndarray of shape (n_points, 2)
         Open and simple, the building on its left (courtyards: clockwise) [m].
-    limits : DentLimits
-        What a dent may measure.
+    limits : ConcavityLimits
+        What a concavity may measure.
 
     Returns
     -------
@@ -65,7 +62,7 @@ def bearing_points(ring: NDArray[np.float64], limits: DentLimits) -> NDArray[np.
 
 @njit(cache=True, nogil=True)
 def _bridged(ring, depth, length, area, gap_depth):  # type: ignore[no-untyped-def]
-    """Bridge all dents; where a bridge cuts a corner, take it out and bridge only smaller dents there."""
+    """Bridge all concavities; take out bridges that cut corners and bridge only smaller ones there."""
     bears = np.ones(len(ring), dtype=np.bool_)
     for size in _SIZES:
         following, preceding = _bridge(
@@ -79,7 +76,7 @@ def _bridged(ring, depth, length, area, gap_depth):  # type: ignore[no-untyped-d
 @njit(cache=True, nogil=True)
 def _bridge(ring, bears, depth, length, area, gap_depth):  # type: ignore[no-untyped-def]
     """
-    Take vertices out of the ring, always those whose dent is the shallowest round about.
+    Take vertices out of the ring, always those whose concavity is the shallowest round about.
 
     Where the ring starts has no say: only vertices shallower than both their neighbours go in one sweep.
     """
@@ -87,23 +84,23 @@ def _bridge(ring, bears, depth, length, area, gap_depth):  # type: ignore[no-unt
     rows = np.flatnonzero(bears)
     left = len(rows)
     following, preceding = np.zeros(n, dtype=np.int64), np.zeros(n, dtype=np.int64)
-    merit = np.full(n, np.inf)
+    removal = np.full(n, np.inf)
     for k in range(left):
         following[rows[k]], preceding[rows[k]] = rows[(k + 1) % left], rows[k - 1]
     for i in rows:
-        merit[i] = _merit(ring, preceding[i], following[i], depth, length, area, gap_depth)
+        removal[i] = _removal_depth(ring, preceding[i], following[i], depth, length, area, gap_depth)
     changed = True
     while changed and left > _FEWEST:
         changed = False
         for i in rows:
             first, last = preceding[i], following[i]
-            is_next = bears[i] and merit[i] < merit[first] and merit[i] <= merit[last]
+            is_next = bears[i] and removal[i] < removal[first] and removal[i] <= removal[last]
             if not is_next or left <= _FEWEST:
                 continue
-            bears[i], merit[i] = False, np.inf
+            bears[i], removal[i] = False, np.inf
             following[first], preceding[last] = last, first
             for k in (first, last):
-                merit[k] = _merit(ring, preceding[k], following[k], depth, length, area, gap_depth)
+                removal[k] = _removal_depth(ring, preceding[k], following[k], depth, length, area, gap_depth)
             left -= 1
             changed = True
     return following, preceding
@@ -136,20 +133,20 @@ def _open(bears, first, last):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _merit(ring, first, last, depth, length, area, gap_depth):  # type: ignore[no-untyped-def]
-    """Return the depth of the dent between two vertices, infinite if it has to stay."""
-    chord, deepest, hollow = _dent(ring, first, last)
+def _removal_depth(ring, first, last, depth, length, area, gap_depth):  # type: ignore[no-untyped-def]
+    """Return the depth of the concavity between two vertices, infinite if it has to stay."""
+    chord, deepest, hollow = _concavity(ring, first, last)
     if (deepest <= depth and chord <= length) or (hollow <= area and deepest <= gap_depth):
         return deepest
     return np.inf
 
 
 @njit(cache=True, nogil=True)
-def _dent(ring, first, last):  # type: ignore[no-untyped-def]
+def _concavity(ring, first, last):  # type: ignore[no-untyped-def]
     """
-    Return chord, depth and area of what lies between two vertices; infinite depth if it is no dent.
+    Return chord, depth and area of what lies between two vertices; infinite depth if it is no concavity.
 
-    A dent lies on the left of its chord and its vertices stand between the chord's ends.
+    A concavity lies on the left of its chord and its vertices stand between the chord's ends.
     """
     n = len(ring)
     x, y = ring[first]

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from lidar_buildings.core.model.parameters import StageConfig, parameter
-from lidar_buildings.core.stages.regularisation.concavities import DentLimits
+from lidar_buildings.core.stages.regularisation.concavities import ConcavityLimits
 from lidar_buildings.core.stages.regularisation.division import Costs
 
 #: Smallest radius and length of an arc that points can tell from a corner [spacings].
@@ -49,14 +49,14 @@ class RegularisationConfig(StageConfig):
     )
     max_dent_depth: float = parameter(
         1.0,
-        "Depth up to which a dent is where scan lines happen to end; raising it straightens walls.",
+        "Depth up to which a concavity is where scan lines happen to end; raising it straightens walls.",
         unit="spacings",
         minimum=0.0,
         maximum=10.0,
     )
     max_dent_length: float = parameter(
         12.0,
-        "Length up to which a dent is where scan lines happen to end; raising it straightens walls.",
+        "Length up to which a concavity is where scan lines happen to end; raising it straightens walls.",
         unit="spacings",
         minimum=0.0,
         maximum=100.0,
@@ -154,11 +154,11 @@ class RegularisationConfig(StageConfig):
         "Whether all outlines stay as they are: set where footprints are given.",
     )
 
-    def dent_limits(self, spacing: float) -> DentLimits | None:
-        """Return what a dent may measure at a point spacing [m]; None if there are no dents."""
+    def concavity_limits(self, spacing: float) -> ConcavityLimits | None:
+        """Return what a concavity may measure at a point spacing [m]; None if there are no concavities."""
         if not (self.max_dent_depth or self.max_gap_area):
             return None
-        return DentLimits(
+        return ConcavityLimits(
             self.max_dent_depth * spacing,
             self.max_dent_length * spacing,
             self.max_gap_area * spacing**2,

@@ -24,7 +24,7 @@ from lidar_buildings.core.stages.regularisation.precision import (
 )
 from lidar_buildings.core.stages.regularisation.result import RegularisedOutline
 from lidar_buildings.core.stages.regularisation.samples import SAMPLE_LENGTH, RingSamples, sample_ring
-from lidar_buildings.core.stages.regularisation.settling import moved_out, through_the_points
+from lidar_buildings.core.stages.regularisation.wall_offsets import offset_outwards, through_all_points
 
 #: Fewest ring points that are worth fitting walls to.
 _MIN_RING_POINTS = 8
@@ -55,8 +55,8 @@ def regularise_outline(traced: Outline, config: RegularisationConfig | None = No
     by least squares with their directions held parallel or perpendicular; then all walls are, with these
     directions as heavily weighted observations (Sampath & Shan, 2007). Beyond the paper, a building may have
     several pairs of directions, as many as an information criterion finds worth their parameters (Schwarz,
-    1978), a wall keeps its own direction or bends where it clearly does, and dents that are gaps between
-    points are bridged first.
+    1978), a wall keeps its own direction or bends where it clearly does, and concavities that are gaps
+    between points are bridged first.
 
     Parameters
     ----------
@@ -88,7 +88,9 @@ def regularise_outline(traced: Outline, config: RegularisationConfig | None = No
         return _as_traced(traced, (), "a courtyard of fewer than three vertices")
     centre = checked.exterior.mean(axis=0)
     spacing = working_spacing(checked, config)
-    samples = [sample_ring(ring - centre, spacing, config.dent_limits(spacing)) for ring in checked.rings]
+    samples = [
+        sample_ring(ring - centre, spacing, config.concavity_limits(spacing)) for ring in checked.rings
+    ]
     directions, divisions = divide_building(samples, spacing, config)
     fit = Fit(both_ways(directions), config.direction_weight, config.min_step * spacing)
     rings = [
@@ -144,7 +146,7 @@ def outline_quality(
             "straight walls would lie over a neighbour's, or be spoilt by rounding",
         )
     spacing = working_spacing(traced, config)
-    limits = config.dent_limits(spacing)
+    limits = config.concavity_limits(spacing)
     points = np.concatenate([sample_ring(ring, spacing, limits).on_walls for ring in traced.rings])
     quality = fit_quality(points, outline, sum(map(len, outline.rings)) + 1)
     return OutlineQuality(*quality, own.status, own.reason)
@@ -194,13 +196,13 @@ def _checked(outline: Outline) -> Outline:
 def _fitted(samples: RingSamples, division: Division, fit: Fit, chord_error: float) -> _Fitted:
     """Fit one ring's walls and draw them."""
     bearing = assemble(samples, division, fit)
-    walled, move = through_the_points(samples, bearing, fit)
+    walled, move = through_all_points(samples, bearing, fit)
     return _Fitted(samples, bearing, walled, draw_ring(samples.points, walled, chord_error), move)
 
 
 def _corrected(ring: _Fitted, distance: float, fit: Fit, chord_error: float) -> _Fitted:
     """Move one ring's walls out from the bearing points and draw them anew."""
-    walled = moved_out(ring.samples, ring.bearing, fit, distance)
+    walled = offset_outwards(ring.samples, ring.bearing, fit, distance)
     drawn = draw_ring(ring.samples.points, walled, chord_error)
     return ring._replace(walled=walled, drawn=drawn, move=distance)
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from lidar_buildings.core.stages.regularisation.concavities import DentLimits, bearing_points
+from lidar_buildings.core.stages.regularisation.concavities import ConcavityLimits, bearing_points
 
 #: Longest piece of a bridge between two bearing points that gets no sample of its own [spacings].
 _LONGEST_PIECE = 2.0
@@ -35,7 +35,7 @@ class RingSamples:
     ring : ndarray of shape (n_points, 2)
         All points of the ring [m].
     is_on_wall : ndarray of bool, shape (n_points,)
-        Whether a point of the ring lies on a wall: it bears one, or lies in a dent no deeper than points
+        Whether a point of the ring lies on a wall: it bears one, or lies in a concavity no deeper than points
         of one wall are scattered.
     """
 
@@ -57,9 +57,9 @@ class RingSamples:
         return float(np.hypot(*(np.roll(self.points, -1, axis=0) - self.points).T).sum())
 
 
-def sample_ring(ring: NDArray[np.float64], spacing: float, limits: DentLimits | None) -> RingSamples:
+def sample_ring(ring: NDArray[np.float64], spacing: float, limits: ConcavityLimits | None) -> RingSamples:
     """
-    Bridge a ring's dents and spread samples along what is left.
+    Bridge a ring's concavities and spread samples along what is left.
 
     Parameters
     ----------
@@ -67,8 +67,8 @@ def sample_ring(ring: NDArray[np.float64], spacing: float, limits: DentLimits | 
         Open and simple, the building on its left [m].
     spacing : float
         Point spacing [m].
-    limits : DentLimits or None
-        What counts as a dent; None: every point of the ring is a sample of weight 1.
+    limits : ConcavityLimits or None
+        What counts as a concavity; None: every point of the ring is a sample of weight 1.
     """
     if limits is None:
         every = np.ones(len(ring), dtype=bool)

@@ -13,7 +13,7 @@ from lidar_buildings.core.model.status import BuildingStatus
 from lidar_buildings.core.neighbours.point_spacing import measure_spacing
 from lidar_buildings.core.neighbours.scan_pattern import ScanPattern
 from lidar_buildings.core.stages.boundary_tracing import BoundaryTracingConfig, trace_boundary
-from lidar_buildings.core.stages.boundary_tracing.ground import prepare_ground
+from lidar_buildings.core.stages.boundary_tracing.point_grid import build_point_grid
 from lidar_buildings.core.stages.boundary_tracing.rings import RingTracer
 from lidar_buildings.core.stages.boundary_tracing.triangles import characteristic_ring
 from lidar_buildings.core.stages.segmentation import segment_buildings
@@ -155,7 +155,7 @@ def test_where_no_walk_succeeds_the_ring_comes_from_a_triangulation():
     # Two clouds farther apart than the reach may grow: no walk can hold both.
     rng = np.random.default_rng(0)
     positions = np.vstack([rng.uniform(0, 5, (60, 2)), rng.uniform(0, 5, (60, 2)) + np.array([100.0, 0.0])])
-    tracer = RingTracer(prepare_ground(positions, ScanPattern.isotropic(1.0), window=4.0), max_reach=2.0)
+    tracer = RingTracer(build_point_grid(positions, ScanPattern.isotropic(1.0), window=4.0), max_reach=2.0)
     tracer.trace_exterior()
     assert any("triangulation" in reason for reason in tracer.reasons)
     ring = shapely.Polygon(tracer.outline().exterior)

@@ -5,14 +5,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from lidar_buildings.core.stages.regularisation.assembly import Fit, assemble
-from lidar_buildings.core.stages.regularisation.concavities import DentLimits, bearing_points
+from lidar_buildings.core.stages.regularisation.concavities import ConcavityLimits, bearing_points
 from lidar_buildings.core.stages.regularisation.directions import WallScatter, shared_directions
 from lidar_buildings.core.stages.regularisation.division import ARC, FREE, Costs, divide_ring
 from lidar_buildings.core.stages.regularisation.joints import joint_of
 from lidar_buildings.core.stages.regularisation.moments import algebraic_circle, running_sums
 from lidar_buildings.core.stages.regularisation.samples import sample_ring
-from lidar_buildings.core.stages.regularisation.settling import moved_out, through_the_points
 from lidar_buildings.core.stages.regularisation.turns import divide_at_turns
+from lidar_buildings.core.stages.regularisation.wall_offsets import offset_outwards, through_all_points
 from lidar_buildings.core.stages.regularisation.walls import (
     ANGLE,
     CENTRE_X,
@@ -27,7 +27,7 @@ from lidar_buildings.core.stages.regularisation.walls import (
     offset_of,
 )
 
-LIMITS = DentLimits(1.0, 12.0, 3.0, 3.0)
+LIMITS = ConcavityLimits(1.0, 12.0, 3.0, 3.0)
 
 
 def line(angle, offset):
@@ -162,12 +162,12 @@ def test_walls_found_by_bearing_points_move_to_the_middle_of_all():
     fit = Fit(np.array([0.0, np.pi / 2]), 100.0, 1.0)
     bearing = assemble(samples, divide_ring(samples.points, fit.angles, Costs(0.3, 10, 15, 10)), fit)
     assert len(bearing.first) == 4
-    walled, move = through_the_points(samples, bearing, fit)
+    walled, move = through_all_points(samples, bearing, fit)
     # Points lie up to 0.9 inside the box, evenly: in the middle 0.45.
     assert -0.5 < move < -0.15
     corners = np.abs(walled.joints[:, 0])
     assert np.allclose(corners, (15.0 - 0.45, 10.0 - 0.45), atol=0.15)
-    back = moved_out(samples, bearing, fit, 0.5)
+    back = offset_outwards(samples, bearing, fit, 0.5)
     assert np.allclose(np.abs(back.joints[:, 0]), np.abs(bearing.joints[:, 0]) + 0.5, atol=1e-2)
 
 

@@ -1,4 +1,4 @@
-"""Where walks take place: a building's positions in cells, and what counts as the neighbourhood of one."""
+"""A building's distinct positions in cells, and the neighbourhood of one."""
 
 from __future__ import annotations
 
@@ -10,16 +10,15 @@ from numpy.typing import NDArray
 
 from lidar_buildings.core.neighbours.scan_pattern import ScanPattern
 
-#: Cells that a ground may have: this many, or this many times the number of points.
-_MAX_CELLS = 4096
-_MAX_CELLS_A_POINT = 4
+#: Cells that the grid may have: this many or so many per point; wide margin, memory only.
+_MAX_CELLS, _MAX_CELLS_PER_POINT = 4096, 4
 #: Cells with more points than this are not sorted by insertion.
 _LARGE_CELL = 32
 #: Rounding of coordinates: points nearer to a line than this lie on it [largest coordinate].
 _ROUNDING = 4e-15
 
 
-class Ground(NamedTuple):
+class PointGrid(NamedTuple):
     """
     Distinct positions sorted into cells, in a frame whose axes are those of the neighbourhood.
 
@@ -45,8 +44,8 @@ class Ground(NamedTuple):
         Whether the neighbourhood is a disc.
     rounding : float
         Points nearer to a line than this lie on it [m].
-    hand : int
-        1 = walks keep the empty side to their left, −1 = to their right.
+    orientation : int
+        1 = rings are walked counter-clockwise, −1 = clockwise: walks see mirrored positions.
     """
 
     x: NDArray[np.float64]
@@ -63,10 +62,10 @@ class Ground(NamedTuple):
     vy: float
     is_disc: bool
     rounding: float
-    hand: int = 1
+    orientation: int = 1
 
 
-def prepare_ground(points: NDArray[np.float64], pattern: ScanPattern, window: float) -> Ground:
+def build_point_grid(points: NDArray[np.float64], pattern: ScanPattern, window: float) -> PointGrid:
     """
     Sort positions into cells, every position once.
 
@@ -84,48 +83,48 @@ def prepare_ground(points: NDArray[np.float64], pattern: ScanPattern, window: fl
     frame = (cosine / along, sine / along, -sine / across, cosine / across)
     low_u, high_u, low_v, high_v, largest = _extent(points, *frame) if len(points) else (0.0,) * 5
     # A sparse cloud of great extent gets larger cells, so that there are not many more than points.
-    cell, limit = 1.0, max(_MAX_CELLS, _MAX_CELLS_A_POINT * len(points))
+    cell, limit = 1.0, max(_MAX_CELLS, _MAX_CELLS_PER_POINT * len(points))
     while ((high_u - low_u) / cell + 1) * ((high_v - low_v) / cell + 1) > limit:
         cell *= 2.0
     n_columns, n_rows = int((high_u - low_u) / cell) + 1, int((high_v - low_v) / cell) + 1
     x, y, first = _sorted_by_cell(points, *frame, low_u, low_v, cell, n_columns, n_rows)
     is_disc = pattern.along == pattern.across
-    return Ground(x, y, first, n_columns, n_rows, cell, low_u, low_v, *frame, is_disc, _ROUNDING * largest)
+    return PointGrid(x, y, first, n_columns, n_rows, cell, low_u, low_v, *frame, is_disc, _ROUNDING * largest)
 
 
 @njit(cache=True, nogil=True)
-def column_of(ground, x, y):  # type: ignore[no-untyped-def]
-    """Return the column of a place, limited to the ground's."""
-    u = (ground.ux * x + ground.uy * y - ground.west) / ground.cell
-    return np.int64(max(0.0, min(u, ground.n_columns - 1.0)))
+def column_of(grid, x, y):  # type: ignore[no-untyped-def]
+    """Return the column of a place, limited to the grid's."""
+    u = (grid.ux * x + grid.uy * y - grid.west) / grid.cell
+    return np.int64(max(0.0, min(u, grid.n_columns - 1.0)))
 
 
 @njit(cache=True, nogil=True)
-def row_of(ground, x, y):  # type: ignore[no-untyped-def]
-    """Return the row of a place, limited to the ground's."""
-    v = (ground.vx * x + ground.vy * y - ground.south) / ground.cell
-    return np.int64(max(0.0, min(v, ground.n_rows - 1.0)))
+def row_of(grid, x, y):  # type: ignore[no-untyped-def]
+    """Return the row of a place, limited to the grid's."""
+    v = (grid.vx * x + grid.vy * y - grid.south) / grid.cell
+    return np.int64(max(0.0, min(v, grid.n_rows - 1.0)))
 
 
 @njit(cache=True, nogil=True)
-def cells_within(ground, x, y, span):  # type: ignore[no-untyped-def]
+def cells_within(grid, x, y, span):  # type: ignore[no-untyped-def]
     """Return the first and last row and the first and last column of the cells within `span` of a place."""
-    u = ground.ux * x + ground.uy * y - ground.west
-    v = ground.vx * x + ground.vy * y - ground.south
-    top, right = ground.n_rows - 1.0, ground.n_columns - 1.0
+    u = grid.ux * x + grid.uy * y - grid.west
+    v = grid.vx * x + grid.vy * y - grid.south
+    top, right = grid.n_rows - 1.0, grid.n_columns - 1.0
     return (
-        np.int64(max(0.0, min((v - span) / ground.cell, top))),
-        np.int64(max(0.0, min((v + span) / ground.cell, top))),
-        np.int64(max(0.0, min((u - span) / ground.cell, right))),
-        np.int64(max(0.0, min((u + span) / ground.cell, right))),
+        np.int64(max(0.0, min((v - span) / grid.cell, top))),
+        np.int64(max(0.0, min((v + span) / grid.cell, top))),
+        np.int64(max(0.0, min((u - span) / grid.cell, right))),
+        np.int64(max(0.0, min((u + span) / grid.cell, right))),
     )
 
 
 @njit(cache=True, nogil=True)
-def span_of(ground, dx, dy):  # type: ignore[no-untyped-def]
+def span_of(grid, dx, dy):  # type: ignore[no-untyped-def]
     """Return how many times the neighbourhood has to be enlarged for its rim to pass a place (dx, dy) off."""
-    u, v = ground.ux * dx + ground.uy * dy, ground.vx * dx + ground.vy * dy
-    if ground.is_disc:
+    u, v = grid.ux * dx + grid.uy * dy, grid.vx * dx + grid.vy * dy
+    if grid.is_disc:
         return np.sqrt(u * u + v * v)
     return max(abs(u), abs(v))
 

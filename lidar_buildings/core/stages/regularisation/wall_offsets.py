@@ -16,7 +16,7 @@ _MOVED = 1.5
 _LEAST_LEFT = 0.7
 
 
-def through_the_points(samples: RingSamples, walled: WalledRing, fit: Fit) -> tuple[WalledRing, float]:
+def through_all_points(samples: RingSamples, walled: WalledRing, fit: Fit) -> tuple[WalledRing, float]:
     """
     Move walls from the bearing points to the middle of all points on them; also return how far, in the mean.
 
@@ -30,7 +30,7 @@ def through_the_points(samples: RingSamples, walled: WalledRing, fit: Fit) -> tu
     return WalledRing(*moved), float(offsets @ lengths) / whole if whole > 0 else 0.0
 
 
-def moved_out(samples: RingSamples, walled: WalledRing, fit: Fit, distance: float) -> WalledRing:
+def offset_outwards(samples: RingSamples, walled: WalledRing, fit: Fit, distance: float) -> WalledRing:
     """Move all walls away from the building."""
     distances = np.full(len(walled.first), distance)
     return WalledRing(*_moved(samples.points, *walled[:4], distances, fit.min_step))
