@@ -21,6 +21,7 @@ class BoundaryTracingConfig(StageConfig):
         "modified_convex_hull",
         "Walk round the points like a convex hull in small windows, or take the alpha shape.",
         choices=METHODS,
+        advanced=True,
     )
     window: float = parameter(
         5.0,
@@ -29,30 +30,18 @@ class BoundaryTracingConfig(StageConfig):
         minimum=2.0,
         maximum=40.0,
     )
-    max_window: float = parameter(
-        20.0,
-        "Sides up to which the neighbourhood grows where the walk fails; raising it falls back later.",
-        unit="spacings",
-        minimum=2.0,
-        maximum=200.0,
-    )
     alpha: float = parameter(
         2.0,
         "Radius of the alpha shape's disc, where that is the method; raising it smooths the ring.",
         unit="spacings",
         minimum=0.5,
         maximum=100.0,
+        advanced=True,
     )
     courtyards: bool = parameter(
         True,
         "Whether courtyards are traced as holes.",
-    )
-    min_courtyard_width: float = parameter(
-        8.0,
-        "Width of the disc that has to fit into a courtyard; raising it leaves more gaps inside unmarked.",
-        unit="spacings",
-        minimum=2.0,
-        maximum=200.0,
+        advanced=True,
     )
     min_courtyard_area: float = parameter(
         9.0,
@@ -66,6 +55,7 @@ class BoundaryTracingConfig(StageConfig):
         unit="spacings",
         minimum=0.0,
         maximum=40.0,
+        advanced=True,
     )
 
 

@@ -30,6 +30,12 @@ _MIN_WIDTH = 0.1
 _MAX_RATIO = 2.0
 #: Window of the cells in which copies of points are sought before the spacing is known [guessed spacings].
 _GUESS_WINDOW = 4.0
+#: Sides up to which the neighbourhood grows where the walk fails; wide margin: gaps in roofs are narrower,
+#: and beyond it the ring comes from a triangulation [spacings].
+_MAX_WINDOW = 20.0
+#: Width of the disc that has to fit into a courtyard: gaps left by chance or by wet patches are narrower
+#: [spacings].
+_MIN_COURTYARD_WIDTH = 8.0
 #: Other points in a courtyard, at least, as a share of what the building's spacing makes expect: ground in
 #: a yard is scanned through the same opening, while glass and wet felt return next to nothing.
 _MIN_OTHER_SHARE = 0.1
@@ -116,7 +122,7 @@ def trace_boundary(
         outline = Outline(_simple_cover(np.column_stack([grid.x, grid.y]), spacing))
         return TracedBoundary(outline, spacing, BuildingStatus.DEGENERATE, why_degenerate)
     rules = CourtyardRules(
-        radius=config.min_courtyard_width * spacing / 2,
+        radius=_MIN_COURTYARD_WIDTH * spacing / 2,
         min_area=config.min_courtyard_area,
         min_band=config.min_courtyard_band * spacing,
         min_others=_MIN_OTHER_SHARE / spacing**2,
@@ -130,7 +136,7 @@ def _by_walk(
     grid: PointGrid, config: BoundaryTracingConfig, spacing: float, rules: CourtyardRules | None
 ) -> tuple[Outline, list[str]]:
     """Trace by the modified convex hull."""
-    tracer = RingTracer(grid, config.max_window / config.window)
+    tracer = RingTracer(grid, _MAX_WINDOW / config.window)
     tracer.trace_exterior()
     if rules is not None:
         tracer.trace_courtyards(rules)

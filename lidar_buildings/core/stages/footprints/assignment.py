@@ -19,6 +19,10 @@ from lidar_buildings.core.stages.footprints.inside import last_outline_around
 
 #: Classes of what may be a building that was not recognised as one.
 _STANDING = (0, 1, PointClass.LOW_VEGETATION, PointClass.MEDIUM_VEGETATION, PointClass.HIGH_VEGETATION)
+#: With a smaller share of roof points among those that stand within a footprint, all that stand are taken.
+_MIN_ROOF_SHARE = 0.2
+#: How near points must lie around a footprint that holds none for it to be inside the data [m].
+_SEARCH_DISTANCE = 5.0
 #: So many last returns are enough to do without the others.
 _MIN_LAST = 3
 #: Points so much farther away than the nearest one still tell of the ground at a footprint [m].
@@ -68,18 +72,18 @@ def assign_footprints(
     building_id = np.zeros(len(tile), dtype=np.uint32)
     if not len(tile) or not len(footprints):
         return AssignedPoints(building_id, (), False)
-    places = footprints.touching(_box(tile.points, config.search_distance))
+    places = footprints.touching(_box(tile.points, _SEARCH_DISTANCE))
     owner = last_outline_around(tile.points[:, :2], [footprints.outlines[row] for row in places])
     is_core, is_roof, stands = tile.is_core, tile.is_roof, _may_stand(tile, config.min_height)
     tile_spacing = tile.point_spacing
     outlines, clipped = [], False
-    surroundings = _Surroundings(tile.points, config.search_distance)
+    surroundings = _Surroundings(tile.points, _SEARCH_DISTANCE)
     for place, rows in zip(places, _rows_of(owner, len(places)), strict=True):
         outline, number = footprints.outlines[place], int(footprints.building_id[place])
         near = rows if len(rows) else surroundings.rows_around(outline.polygon)
         if not len(near) or not is_core[near[anchor_row(tile.points[near])]]:
             continue
-        reach = 0.0 if len(rows) else config.search_distance
+        reach = 0.0 if len(rows) else _SEARCH_DISTANCE
         clipped |= not _is_within(footprints.bounds[place], tile.bounds, reach)
         chosen = _building_rows(tile, rows, is_roof[rows], stands[rows], tile_spacing, config)
         building_id[chosen] = number
@@ -176,7 +180,7 @@ def _building_rows(
     n_roof, n_standing = int(np.count_nonzero(is_roof)), int(np.count_nonzero(stands))
     if not n_standing:
         return rows[is_roof]
-    if n_roof < config.min_roof_share * (n_roof + n_standing):
+    if n_roof < _MIN_ROOF_SHARE * (n_roof + n_standing):
         return rows[is_roof | _last_ones(tile, rows, stands)]
     # walls and branches have roof points beside them, parts that were not recognised have none
     counted = np.flatnonzero(is_roof | stands)

@@ -14,13 +14,6 @@ class FootprintConfig(StageConfig):
 
     stage: ClassVar[str] = "footprints"
 
-    min_roof_share: float = parameter(
-        0.2,
-        "Share of the points that stand within a footprint which must be roof points; where fewer are, all "
-        "that stand there are taken; raising it takes them at more footprints.",
-        minimum=0.0,
-        maximum=1.0,
-    )
     min_height: float = parameter(
         1.5,
         "Height above ground from which a point stands within a footprint; raising it leaves low buildings "
@@ -36,12 +29,4 @@ class FootprintConfig(StageConfig):
         unit="m²",
         minimum=0.0,
         maximum=1_000_000.0,
-    )
-    search_distance: float = parameter(
-        5.0,
-        "How near points must lie around a footprint that holds none for it to be inside the data; raising "
-        "it reports more footprints without points.",
-        unit="m",
-        minimum=0.0,
-        maximum=100.0,
     )

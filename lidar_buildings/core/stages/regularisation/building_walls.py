@@ -5,12 +5,18 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from lidar_buildings.core.stages.regularisation.config import RegularisationConfig
+from lidar_buildings.core.stages.regularisation.config import OWN_DIRECTION_COST, RegularisationConfig
 from lidar_buildings.core.stages.regularisation.directions import shared_directions, wall_scatters
 from lidar_buildings.core.stages.regularisation.division import Division, divide_ring
 from lidar_buildings.core.stages.regularisation.moments import running_sums
 from lidar_buildings.core.stages.regularisation.samples import RingSamples
 from lidar_buildings.core.stages.regularisation.turns import divide_at_turns
+
+#: What a further pair of directions must save in squared offsets over noise²: a term of the information
+#: criterion (Schwarz, 1978).
+_DIRECTION_COST = 10.0
+#: Length from which a wall helps to find the directions [spacings]; Sampath & Shan (2007) take 10 m.
+_LONG_WALL = 8.0
 
 
 def divide_building(
@@ -68,7 +74,7 @@ def _divided(
     best, least = free, _total(free)
     for count in range(1, len(candidates) + 1):
         found = divided(candidates[:count], free)
-        total = _total(found) + count * config.direction_cost
+        total = _total(found) + count * _DIRECTION_COST
         if total < least:
             best, directions, least = found, candidates[:count], total
         elif count > len(directions) + 1:
@@ -114,11 +120,11 @@ def _long_directions(
         for wall in wall_scatters(ring.points, running_sums(ring.points, ring.weights), division)
     ]
     longest = max((wall.length for wall in walls), default=0.0)
-    min_length = min(config.long_wall * spacing, 0.5 * longest)
+    min_length = min(_LONG_WALL * spacing, 0.5 * longest)
     return shared_directions(
         [wall for wall in walls if wall.length >= min_length],
         np.deg2rad(config.angle_tolerance_deg),
         config.noise * spacing,
-        config.own_direction_cost,
+        OWN_DIRECTION_COST,
         max_directions,
     )

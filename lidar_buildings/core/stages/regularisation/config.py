@@ -11,6 +11,12 @@ from lidar_buildings.core.stages.regularisation.division import Costs
 
 #: Smallest radius and length of an arc that points can tell from a corner [spacings].
 _MIN_RADIUS, _MIN_ARC = 6.0, 10.0
+#: Depth and length of a concavity up to which it is where scan lines happen to end [spacings].
+_MAX_DEPTH, _MAX_LENGTH = 1.0, 12.0
+#: Area of a gap up to which it is left by chance [spacings²], and its depth [spacings].
+_MAX_GAP_AREA = 3.0
+#: What a direction of its own and an arc must save in squared offsets over noise² beside the wall's cost.
+OWN_DIRECTION_COST, _ARC_COST = 15.0, 32.0
 
 
 @dataclass(frozen=True)
@@ -24,6 +30,7 @@ class RegularisationConfig(StageConfig):
         "How a ring is divided into walls: the best division of all, or where its edges turn, as published "
         "by Sampath & Shan (2007).",
         choices=("optimal", "turns"),
+        advanced=True,
     )
     max_turn_deg: float = parameter(
         40.0,
@@ -32,6 +39,7 @@ class RegularisationConfig(StageConfig):
         unit="deg",
         minimum=1.0,
         maximum=90.0,
+        advanced=True,
     )
     noise: float = parameter(
         0.3,
@@ -46,51 +54,23 @@ class RegularisationConfig(StageConfig):
         unit="m",
         minimum=0.0,
         maximum=100.0,
+        advanced=True,
     )
-    max_dent_depth: float = parameter(
-        1.0,
-        "Depth up to which a concavity is where scan lines happen to end; raising it straightens walls.",
-        unit="spacings",
-        minimum=0.0,
-        maximum=10.0,
-    )
-    max_dent_length: float = parameter(
-        12.0,
-        "Length up to which a concavity is where scan lines happen to end; raising it straightens walls.",
-        unit="spacings",
-        minimum=0.0,
-        maximum=100.0,
-    )
-    max_gap_area: float = parameter(
-        3.0,
-        "Area up to which a gap is left by chance; raising it fills narrow notches.",
-        unit="spacings²",
-        minimum=0.0,
-        maximum=100.0,
+    bridge_concavities: bool = parameter(
+        True,
+        "Whether concavities that are gaps between points are bridged before walls are sought.",
+        advanced=True,
     )
     wall_cost: float = parameter(
         10.0,
         "What a wall must save in squared offsets over noise²; raising it gives fewer walls.",
         minimum=0.0,
-    )
-    own_direction_cost: float = parameter(
-        15.0,
-        "What a direction of its own must save; raising it turns more walls into the building's directions.",
-        minimum=0.0,
-    )
-    direction_cost: float = parameter(
-        10.0,
-        "What a further pair of directions must save; raising it gives a building fewer of them.",
-        minimum=0.0,
-    )
-    arc_cost: float = parameter(
-        32.0,
-        "What an arc must save over a wall along a direction; raising it draws more curves straight.",
-        minimum=0.0,
+        advanced=True,
     )
     curved_walls: bool = parameter(
         True,
         "Whether arcs are sought; without them curved walls are drawn with straight ones.",
+        advanced=True,
     )
     chord_error: float = parameter(
         0.1,
@@ -98,19 +78,14 @@ class RegularisationConfig(StageConfig):
         unit="spacings",
         minimum=0.001,
         maximum=10.0,
-    )
-    long_wall: float = parameter(
-        8.0,
-        "Length from which a wall helps to find the directions; raising it leaves that to fewer walls.",
-        unit="spacings",
-        minimum=1.0,
-        maximum=1000.0,
+        advanced=True,
     )
     max_directions: int = parameter(
         8,
         "Most pairs of perpendicular directions that are tried; raising it serves crooked blocks.",
         minimum=0,
         maximum=32,
+        advanced=True,
     )
     angle_tolerance_deg: float = parameter(
         10.0,
@@ -118,11 +93,13 @@ class RegularisationConfig(StageConfig):
         unit="deg",
         minimum=0.0,
         maximum=45.0,
+        advanced=True,
     )
     direction_weight: float = parameter(
         100.0,
         "Weight of the long walls' directions over a wall's own points; raising it makes angles more exact.",
         minimum=0.0,
+        advanced=True,
     )
     min_step: float = parameter(
         1.0,
@@ -130,6 +107,7 @@ class RegularisationConfig(StageConfig):
         unit="spacings",
         minimum=0.0,
         maximum=100.0,
+        advanced=True,
     )
     correct_bias: bool = parameter(
         False,
@@ -148,6 +126,7 @@ class RegularisationConfig(StageConfig):
         "Smallest intersection over union with the traced outline; raising it keeps more outlines as traced.",
         minimum=0.0,
         maximum=1.0,
+        advanced=True,
     )
     keep_outlines: bool = parameter(
         False,
@@ -155,14 +134,11 @@ class RegularisationConfig(StageConfig):
     )
 
     def concavity_limits(self, spacing: float) -> ConcavityLimits | None:
-        """Return what a concavity may measure at a point spacing [m]; None if there are no concavities."""
-        if not (self.max_dent_depth or self.max_gap_area):
+        """Return which concavities are bridged at a point spacing [m]; None if none are."""
+        if not self.bridge_concavities:
             return None
         return ConcavityLimits(
-            self.max_dent_depth * spacing,
-            self.max_dent_length * spacing,
-            self.max_gap_area * spacing**2,
-            self.max_gap_area * spacing,
+            _MAX_DEPTH * spacing, _MAX_LENGTH * spacing, _MAX_GAP_AREA * spacing**2, _MAX_GAP_AREA * spacing
         )
 
     def costs(self, spacing: float) -> Costs:
@@ -172,9 +148,9 @@ class RegularisationConfig(StageConfig):
         return Costs(
             noise=self.noise * spacing,
             wall=self.wall_cost,
-            own_direction=self.own_direction_cost,
+            own_direction=OWN_DIRECTION_COST,
             step=self.wall_cost,
-            arc=self.arc_cost if self.curved_walls else float("inf"),
+            arc=_ARC_COST if self.curved_walls else float("inf"),
             min_radius=_MIN_RADIUS * spacing,
             min_arc=_MIN_ARC * spacing,
         )
@@ -183,8 +159,7 @@ class RegularisationConfig(StageConfig):
 #: The method as published: two perpendicular directions of the long walls, and all points of the ring.
 AS_PUBLISHED = RegularisationConfig(
     division="turns",
-    max_dent_depth=0.0,
-    max_gap_area=0.0,
+    bridge_concavities=False,
     finest_spacing=0.0,
     max_directions=1,
     angle_tolerance_deg=45.0,

@@ -26,6 +26,7 @@ class SegmentationConfig(StageConfig):
         10,
         "Fewest points of a building; raising it drops more of the small clusters.",
         minimum=1,
+        advanced=True,
     )
     min_area: float = parameter(
         6.0,
@@ -40,6 +41,7 @@ class SegmentationConfig(StageConfig):
         unit="spacings",
         minimum=0.0,
         maximum=20.0,
+        advanced=True,
     )
     min_neck: float = parameter(
         2.5,
@@ -48,6 +50,7 @@ class SegmentationConfig(StageConfig):
         unit="spacings",
         minimum=0.0,
         maximum=4.0,
+        advanced=True,
     )
     split_at_steps: bool = parameter(
         False, "Whether buildings that touch at different heights are split at their step edges."
@@ -58,13 +61,7 @@ class SegmentationConfig(StageConfig):
         unit="m",
         minimum=0.1,
         maximum=100.0,
-    )
-    min_part_width: float = parameter(
-        2.5,
-        "Least width of a part that a step parts, from its area and perimeter and from how its points "
-        "scatter; raising it gives more dormers and ledges back to their buildings.",
-        unit="m",
-        minimum=0.0,
+        advanced=True,
     )
     min_tower_area: float = parameter(
         100.0,
@@ -72,6 +69,7 @@ class SegmentationConfig(StageConfig):
         "gives more penthouses and plant rooms back to their buildings.",
         unit="m²",
         minimum=0.0,
+        advanced=True,
     )
 
 

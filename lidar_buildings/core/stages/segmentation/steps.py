@@ -22,6 +22,9 @@ MIN_NEIGHBOURS = 6
 MAX_OFFSET = 0.25
 #: Cells in which borders are measured [spacings]: hardly one of them is empty amid a roof.
 BORDER_CELL = 2.0
+#: Least width of a part, from its area and perimeter and from how its points scatter: dormers and ledges go
+#: back to their buildings [m].
+MIN_PART_WIDTH = 2.5
 #: Points a block of work.
 BLOCK = 2048
 
@@ -34,7 +37,6 @@ def split_blocks(
     *,
     min_step_height: float,
     min_area: float,
-    min_width: float,
     min_tower_area: float,
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """
@@ -56,7 +58,7 @@ def split_blocks(
         Number of blocks.
     spacing : float
         1/√density [m].
-    min_step_height, min_area, min_width, min_tower_area : float
+    min_step_height, min_area, min_tower_area : float
         See `SegmentationConfig` [m], [m²].
 
     Returns
@@ -80,7 +82,7 @@ def split_blocks(
             area,
             block_of_linked,
             min_area=min_area,
-            min_width=min_width,
+            min_width=MIN_PART_WIDTH,
             min_tower_area=min_tower_area,
             sums=plan_sums(some, linked, n_linked),
         )

@@ -288,7 +288,7 @@ def test_corners_scatter_as_their_sigma_says():
     found, said = [], []
     for seed in range(40):
         ring = noisy_ring([(0, 0), (30, 0), (30, 20), (0, 20)], step=0.5, noise=0.08, seed=seed)
-        result = regularise_outline(Outline(ring), RegularisationConfig(max_dent_depth=0.0, max_gap_area=0.0))
+        result = regularise_outline(Outline(ring), RegularisationConfig(bridge_concavities=False))
         corner = np.abs(result.outline.exterior).sum(axis=1).argmin()
         found.append(result.outline.exterior[corner])
         said.append(result.corner_sigma[corner])
