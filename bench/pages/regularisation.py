@@ -20,7 +20,7 @@ from bench.scenes.outlines import outline_scene
 from lidar_buildings.core.stages.boundary_tracing import trace_boundary
 from lidar_buildings.core.stages.regularisation import AS_PUBLISHED, RegularisationConfig, regularise_outline
 from lidar_buildings.core.stages.regularisation.concavities import bearing_points
-from lidar_buildings.core.stages.regularisation.regularising import working_spacing
+from lidar_buildings.core.stages.regularisation.samples import working_spacing
 
 POINTS, TRACED, WALLS, TRUTH = "#b4bac4", "#8d95a3", "#c8472f", "#3f9b58"
 #: One per pair of directions; walls in none of them are black.
@@ -54,7 +54,7 @@ def draw_bearing_points(axes) -> None:
     traced = trace_boundary(scene.points, point_spacing=scene.spacing).outline
     config = RegularisationConfig()
     ring = traced.exterior
-    bears = bearing_points(ring, config.dent_limits(working_spacing(traced, config)))
+    bears = bearing_points(ring, config.concavity_limits(working_spacing(traced, config)))
     set_up(axes, scene, "bearing points (full); walls, and corrected (dashed)")
     line(axes, ring, TRACED, linewidth=1.0)
     axes.plot(*ring[~bears].T, "o", color="white", markeredgecolor=TRACED, markersize=4)

@@ -5,10 +5,9 @@ from lidar_buildings.core.stages.regularisation.regularising import (
     measure_outline,
     outline_quality,
     regularise_outline,
-    ring_spacing,
-    working_spacing,
 )
 from lidar_buildings.core.stages.regularisation.result import OutlineWall, RegularisedOutline
+from lidar_buildings.core.stages.regularisation.samples import ring_spacing, working_spacing
 
 __all__ = [
     "AS_PUBLISHED",

@@ -23,13 +23,17 @@ from lidar_buildings.core.stages.regularisation.precision import (
     unknowns_of,
 )
 from lidar_buildings.core.stages.regularisation.result import RegularisedOutline
-from lidar_buildings.core.stages.regularisation.samples import SAMPLE_LENGTH, RingSamples, sample_ring
+from lidar_buildings.core.stages.regularisation.samples import (
+    RingSamples,
+    estimated_bias,
+    ring_spacing,
+    sample_ring,
+    working_spacing,
+)
 from lidar_buildings.core.stages.regularisation.wall_offsets import offset_outwards, through_all_points
 
 #: Fewest ring points that are worth fitting walls to.
 _MIN_RING_POINTS = 8
-#: What each bearing point leaves empty between itself and the wall, measured on virtual roofs [spacings²].
-_EMPTY_AREA = 0.55
 
 
 class _Fitted(NamedTuple):
@@ -150,26 +154,6 @@ def outline_quality(
     points = np.concatenate([sample_ring(ring, spacing, limits).on_walls for ring in traced.rings])
     quality = fit_quality(points, outline, sum(map(len, outline.rings)) + 1)
     return OutlineQuality(*quality, own.status, own.reason)
-
-
-def working_spacing(traced: Outline, config: RegularisationConfig) -> float:
-    """Return the point spacing, made larger by how well points are placed at best [m]."""
-    return float(np.hypot(ring_spacing(traced), config.finest_spacing))
-
-
-def ring_spacing(traced: Outline) -> float:
-    """Return the point spacing that a traced outline's edges speak of [m]."""
-    edges = [np.hypot(*(np.roll(ring, -1, axis=0) - ring).T) for ring in traced.rings]
-    return float(np.median(np.concatenate(edges))) / SAMPLE_LENGTH
-
-
-def estimated_bias(samples: list[RingSamples], spacing: float) -> float:
-    """
-    Return how far bearing points lie inside the edge [m]: the area that each leaves empty over its length.
-    """
-    length = sum(ring.length for ring in samples)
-    n_bearing = sum(int(ring.bears.sum()) for ring in samples)
-    return _EMPTY_AREA * spacing**2 * n_bearing / length if length > 0 else 0.0
 
 
 def _checked(outline: Outline) -> Outline:

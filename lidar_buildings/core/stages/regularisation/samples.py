@@ -7,7 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from lidar_buildings.core.model.outline import Outline
 from lidar_buildings.core.stages.regularisation.concavities import ConcavityLimits, bearing_points
+from lidar_buildings.core.stages.regularisation.config import RegularisationConfig
 
 #: Longest piece of a bridge between two bearing points that gets no sample of its own [spacings].
 _LONGEST_PIECE = 2.0
@@ -15,6 +17,8 @@ _LONGEST_PIECE = 2.0
 _LEAST_WEIGHT = 1e-6
 #: Length that one sample of weight 1 stands for: the median edge of a traced ring [spacings].
 SAMPLE_LENGTH = 1.65
+#: What each bearing point leaves empty between itself and the wall, measured on virtual roofs [spacings²].
+_EMPTY_AREA = 0.55
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,6 +92,26 @@ def sample_ring(ring: NDArray[np.float64], spacing: float, limits: ConcavityLimi
     np.maximum(weights, _LEAST_WEIGHT, out=weights)
     is_on_wall = _depths(ring, rows) <= limits.depth
     return RingSamples(points, weights, step == 0, rows[edge], ring, is_on_wall)
+
+
+def working_spacing(traced: Outline, config: RegularisationConfig) -> float:
+    """Return the point spacing, made larger by how well points are placed at best [m]."""
+    return float(np.hypot(ring_spacing(traced), config.finest_spacing))
+
+
+def ring_spacing(traced: Outline) -> float:
+    """Return the point spacing that a traced outline's edges speak of [m]."""
+    edges = [np.hypot(*(np.roll(ring, -1, axis=0) - ring).T) for ring in traced.rings]
+    return float(np.median(np.concatenate(edges))) / SAMPLE_LENGTH
+
+
+def estimated_bias(samples: list[RingSamples], spacing: float) -> float:
+    """
+    Return how far bearing points lie inside the edge [m]: the area that each leaves empty over its length.
+    """
+    length = sum(ring.length for ring in samples)
+    n_bearing = sum(int(ring.bears.sum()) for ring in samples)
+    return _EMPTY_AREA * spacing**2 * n_bearing / length if length > 0 else 0.0
 
 
 def _depths(ring: NDArray[np.float64], rows: NDArray[np.int64]) -> NDArray[np.float64]:

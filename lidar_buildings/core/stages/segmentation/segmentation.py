@@ -134,7 +134,7 @@ def segment_buildings(
     own = measure_scan_patterns(pulses, part, len(chain_of_part), spacing, scan_angle=angle, cells=cells)
     wide = group_spacings(cloud, cells, part, len(chain_of_part))
     patterns = {
-        int(ids[k]): _told(own[k], chains.patterns[chain_of_part[k]], float(wide[k]), spacing)
+        int(ids[k]): _traced_pattern(own[k], chains.patterns[chain_of_part[k]], float(wide[k]), spacing)
         for k in np.flatnonzero(ids[:-1])
     }
     return Segmentation(
@@ -173,7 +173,7 @@ def _by_unit(
     own = group_spacings(cloud, cells, chains.component, chains.n_components)
     general = ScanPattern.isotropic(spacing)
     units = [
-        _told(pattern, pattern, float(one), spacing)
+        _traced_pattern(pattern, pattern, float(one), spacing)
         for pattern, one in zip(chains.patterns, own, strict=True)
     ]
     is_general = np.array([unit == general for unit in units], dtype=bool)
@@ -219,7 +219,7 @@ def _identified(
     return ids, id_of_block
 
 
-def _told(own: ScanPattern, around: ScanPattern, own_spacing: float, spacing: float) -> ScanPattern:
+def _traced_pattern(own: ScanPattern, around: ScanPattern, own_spacing: float, spacing: float) -> ScanPattern:
     """
     Return a building's own pattern, or, where it is too small to show lines far apart, its surroundings'.
 
