@@ -2,7 +2,6 @@
 
 from lidar_buildings.core.stages.regularisation.config import AS_PUBLISHED, RegularisationConfig
 from lidar_buildings.core.stages.regularisation.regularising import (
-    measure_outline,
     outline_quality,
     regularise_outline,
 )
@@ -14,7 +13,6 @@ __all__ = [
     "OutlineWall",
     "RegularisationConfig",
     "RegularisedOutline",
-    "measure_outline",
     "outline_quality",
     "regularise_outline",
     "ring_spacing",

@@ -115,16 +115,6 @@ def regularise_outline(traced: Outline, config: RegularisationConfig | None = No
     return replace(moved, sigma=result.sigma, max_offset=result.max_offset)
 
 
-def measure_outline(
-    traced: Outline, outline: Outline, config: RegularisationConfig | None = None
-) -> OutlineQuality:
-    """Measure how well an outline fits the traced one, for when only the two are known."""
-    config = config or RegularisationConfig()
-    if config.keep_outlines:
-        return OutlineQuality(0.0, 0.0, BuildingStatus.OK, "")
-    return outline_quality(traced, outline, regularise_outline(traced, config), config)
-
-
 def outline_quality(
     traced: Outline, outline: Outline, own: RegularisedOutline, config: RegularisationConfig
 ) -> OutlineQuality:

@@ -15,7 +15,7 @@ from lidar_buildings.core.stages.boundary_tracing import trace_boundary
 from lidar_buildings.core.stages.regularisation import (
     AS_PUBLISHED,
     RegularisationConfig,
-    measure_outline,
+    outline_quality,
     regularise_outline,
 )
 
@@ -214,17 +214,20 @@ def test_a_neck_where_straight_walls_would_cross_leaves_the_other_walls_straight
     assert len(result.outline.exterior) < 20
 
 
-def test_measuring_from_the_two_outlines_alone_gives_the_same_quality():
+def test_the_quality_is_that_of_the_adjustment_or_of_the_outline_put_in_its_place():
+    config = RegularisationConfig()
     traced = trace_boundary(GALLERY["hip"]().roof_points()).outline
     result = regularise_outline(traced)
-    quality = measure_outline(traced, result.outline)
-    assert (quality.sigma, quality.max_offset) == (result.sigma, result.max_offset)
-    assert quality.status is BuildingStatus.OK
-    strict = RegularisationConfig(min_overlap=1.0)
-    kept = regularise_outline(traced, strict)
-    again = measure_outline(traced, kept.outline, strict)
-    assert again.status is BuildingStatus.TRACED_OUTLINE
-    assert again.reason == kept.reason != ""
+    adjusted = outline_quality(traced, result.outline.as_carried(), result, config)
+    assert (adjusted.sigma, adjusted.max_offset) == (result.sigma, result.max_offset)
+    assert adjusted.status is BuildingStatus.OK
+    moved = outline_quality(traced, Outline(result.outline.exterior + 0.5), result, config)
+    assert moved.sigma > result.sigma
+    kept = outline_quality(traced, traced, result, config)
+    assert kept.status is BuildingStatus.TRACED_OUTLINE
+    assert kept.reason
+    strict = regularise_outline(traced, RegularisationConfig(min_overlap=1.0))
+    assert outline_quality(traced, traced, strict, config).reason == strict.reason != ""
 
 
 def test_nearly_all_buildings_of_right_angles_get_their_number_of_corners_in_all_orientations():
