@@ -256,6 +256,10 @@ def test_the_parameter_file_has_the_defaults_of_all_that_is_not_advanced_once_pe
     }
 
 
+def test_the_parameter_file_shows_few():
+    assert len(parameters_of_the_file()) <= 40
+
+
 def test_the_generated_files_are_up_to_date():
     assert reference.main(["--check"]) == 0
 
