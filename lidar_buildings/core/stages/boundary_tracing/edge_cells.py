@@ -36,6 +36,7 @@ class EdgeCells(NamedTuple):
 
 
 def empty_edge_cells(grid: PointGrid) -> EdgeCells:
+    """Return the lists of a grid without edges."""
     room = _ROOM + _ROOM_PER_POSITION * len(grid.x)
     head = np.full(len(grid.first) - 1, -1, dtype=np.int64)
     link, owner, cell = (np.empty(room, dtype=np.int64) for _ in range(3))
