@@ -14,7 +14,6 @@ from lidar_buildings.core.model.stage_table import STAGE_TABLE, STAGES
 from lidar_buildings.core.stages.edge_labelling import EdgeLabellingConfig
 from lidar_buildings.core.stages.footprints import FootprintConfig
 from lidar_buildings.core.stages.ground_filter import GroundFilterConfig
-from lidar_buildings.core.stages.regularisation import RegularisationConfig
 from lidar_buildings.io.results.output_config import OutputConfig
 from lidar_buildings.io.tiling.tiling_config import TilingConfig
 from lidar_buildings.pipeline.reconstruct import STAGE_CONFIGS
@@ -185,7 +184,7 @@ _OF_NODES: dict[str, type[StageConfig]] = {
 #: Node → configs beside those of its stage: what stands in footprints is labelled by the tracer.
 _BESIDE: dict[str, tuple[type[StageConfig], ...]] = {
     "building_tracer": (EdgeLabellingConfig,),
-    "model_builder": (RegularisationConfig, FlowControlConfig),
+    "model_builder": (FlowControlConfig,),
 }
 #: Node → stage → config class. A node's parameters carry the stage's name as a prefix where it has several.
 NODE_CONFIGS: dict[str, dict[str, type[StageConfig]]] = {

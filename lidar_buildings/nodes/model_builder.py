@@ -13,12 +13,13 @@ from visualization_msgs.msg import MarkerArray
 from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.core.stages.building_model import BuildingModelConfig
-from lidar_buildings.core.stages.regularisation import RegularisationConfig
 from lidar_buildings.io.models.cityjson import feature_line, header_line
 from lidar_buildings.nodes.configs import NODE_CONFIGS, FlowControlConfig
 from lidar_buildings.pipeline.tile_models import TileModel, build_models
+from lidar_buildings.ros.errors import MessageError
 from lidar_buildings.ros.map_frames import FrameListener
 from lidar_buildings.ros.markers import model_markers
+from lidar_buildings.ros.outline_quality import qualities_of
 from lidar_buildings.ros.polygons import roof_messages
 from lidar_buildings.ros.publishing import publish_all
 from lidar_buildings.ros.qos import BUILDING, CLOUD, LATCHED, LATCHED_HISTORY
@@ -28,7 +29,7 @@ from lidar_buildings.ros.stage_node import StageNode
 from lidar_buildings.ros.stamps import header_of
 from lidar_buildings.ros.tile_join import Parts, TileJoin, agree_on_buildings
 
-_POINTS, _TRACED, _OUTLINES = "plane_points", "traced_outlines", "outlines"
+_POINTS, _OUTLINES, _QUALITY = "plane_points", "outlines", "outline_quality"
 
 
 class ModelBuilder(StageNode):
@@ -39,10 +40,10 @@ class ModelBuilder(StageNode):
         self._make_publishers()
         self._map = FrameListener(self, self.on_frame)
         self._join = TileJoin(
-            (_POINTS, _TRACED, _OUTLINES), agree_on_buildings, lambda *_: self._map.frame is not None
+            (_POINTS, _OUTLINES, _QUALITY), agree_on_buildings, lambda *_: self._map.frame is not None
         )
-        self.subscribe_rings(_TRACED, lambda stamp, rings: self.on_outlines(_TRACED, stamp, rings))
-        self.subscribe_rings(_OUTLINES, lambda stamp, rings: self.on_outlines(_OUTLINES, stamp, rings))
+        self.create_subscription(String, _QUALITY, self.on_quality, CLOUD)
+        self.subscribe_rings(_OUTLINES, self.on_outlines)
         self.subscribe_tiles(_POINTS, self.on_tile)
 
     def on_frame(self, frame: MapFrame) -> None:
@@ -52,9 +53,19 @@ class ModelBuilder(StageNode):
             with self.reporting(stamp):
                 self._build(stamp, parts, frame)
 
-    def on_outlines(self, topic: str, stamp: int, rings: Rings) -> None:
+    def on_quality(self, message: String) -> None:
+        """Take the quality of one tile's outlines."""
+        try:
+            stamp, qualities = qualities_of(message)
+        except MessageError as error:
+            self.get_logger().error(str(error))
+            return
+        with self.reporting(stamp):
+            self._add(stamp, _QUALITY, qualities)
+
+    def on_outlines(self, stamp: int, rings: Rings) -> None:
         """Take the outlines of one tile."""
-        self._add(stamp, topic, outlines_of(rings))
+        self._add(stamp, _OUTLINES, outlines_of(rings))
 
     def on_tile(self, tile: PointTile) -> None:
         """Take the points of one tile."""
@@ -77,13 +88,8 @@ class ModelBuilder(StageNode):
             self._build(stamp, parts, frame)
 
     def _build(self, stamp: int, parts: Parts, frame: MapFrame) -> None:
-        models = build_models(
-            parts[_POINTS],
-            parts[_TRACED],
-            parts[_OUTLINES],
-            self.parameters[BuildingModelConfig],
-            self.parameters[RegularisationConfig],
-        )
+        outlines = parts[_QUALITY].given_to(parts[_OUTLINES])
+        models = build_models(parts[_POINTS], outlines, self.parameters[BuildingModelConfig])
         publish_all(self._features, (String(data=_feature(one, frame)) for one in models))
         faces = ((one.building_id, face) for one in models for face in one.model.roof_faces)
         self.publish_rings(self._roof_faces, roof_messages(stamp, faces))

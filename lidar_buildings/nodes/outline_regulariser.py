@@ -5,12 +5,14 @@ from __future__ import annotations
 from typing import Any
 
 from geometry_msgs.msg import PolygonInstanceStamped
+from std_msgs.msg import String
 
 from lidar_buildings.core.stages.regularisation import RegularisationConfig
 from lidar_buildings.nodes.configs import NODE_CONFIGS
 from lidar_buildings.pipeline.tile_outlines import regularise_outlines
+from lidar_buildings.ros.outline_quality import quality_message
 from lidar_buildings.ros.polygons import outline_messages
-from lidar_buildings.ros.qos import BUILDING
+from lidar_buildings.ros.qos import BUILDING, CLOUD
 from lidar_buildings.ros.ring_collector import Rings, outlines_of
 from lidar_buildings.ros.runner import run_node
 from lidar_buildings.ros.stage_node import StageNode
@@ -22,11 +24,13 @@ class OutlineRegulariser(StageNode):
     def __init__(self, **kwargs: Any) -> None:
         super().__init__("outline_regulariser", NODE_CONFIGS["outline_regulariser"], **kwargs)
         self._outlines = self.create_publisher(PolygonInstanceStamped, "outlines", BUILDING)
+        self._quality = self.create_publisher(String, "outline_quality", CLOUD)
         self.subscribe_rings("traced_outlines", self.on_rings)
 
     def on_rings(self, stamp: int, rings: Rings) -> None:
         """Regularise one tile's outlines."""
         outlines = regularise_outlines(outlines_of(rings), self.parameters[RegularisationConfig])
+        self._quality.publish(quality_message(stamp, outlines))
         self.publish_rings(self._outlines, outline_messages(stamp, outlines))
 
 

@@ -117,6 +117,13 @@ TRACED_OUTLINES = Topic(
     "outlines as traced, or footprints as given; z is the ground's elevation where it is known, else 0",
 )
 OUTLINES = Topic("outlines", _RINGS, "BUILDING", "regularised outlines")
+OUTLINE_QUALITY = Topic(
+    "outline_quality",
+    "std_msgs/String",
+    "CLOUD",
+    "JSON of a tile: by building the `sigma` and `max_offset` [m] of its outline from the traced ring, and "
+    "why it is the traced one, if it is",
+)
 ROOF_FACES = Topic("roof_faces", _RINGS, "BUILDING", "the models' roofs in 3D; ids are the buildings'")
 CITY_MODEL = Topic("city_model", "std_msgs/String", "BUILDING", "one CityJSONFeature per building")
 CITY_MODEL_HEADER = Topic("city_model", "std_msgs/String", "LATCHED", "CityJSON header: CRS and transform")
@@ -196,7 +203,7 @@ NODE_TABLE: tuple[NodeCard, ...] = (
         "Fits straight edges and the building's own directions to traced outlines. "
         "An outline that cannot be regularised goes on as it is.",
         (TRACED_OUTLINES,),
-        (OUTLINES,),
+        (OUTLINES, OUTLINE_QUALITY),
     ),
     NodeCard(
         "plane_fitter",
@@ -208,7 +215,7 @@ NODE_TABLE: tuple[NodeCard, ...] = (
         "model_builder",
         "Builds solids from outlines and roof planes. "
         "Every building comes out, with a status that says what became of it.",
-        (TILE_INFO, MAP_ORIGIN, MAP_UNITS, PLANE_POINTS, TRACED_OUTLINES, OUTLINES),
+        (TILE_INFO, MAP_ORIGIN, MAP_UNITS, PLANE_POINTS, OUTLINES, OUTLINE_QUALITY),
         (ROOF_FACES, CITY_MODEL, CITY_MODEL_HEADER, BUILDING_MARKERS, TILE_DONE),
     ),
     NodeCard(

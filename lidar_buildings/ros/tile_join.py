@@ -10,6 +10,7 @@ import numpy as np
 
 from lidar_buildings.core.model.outline import BuildingOutline
 from lidar_buildings.core.model.tile import PointTile
+from lidar_buildings.ros.outline_quality import Qualities
 
 #: How many tiles may be incomplete: those in flight (at most 8), and copies sent again.
 MAX_INCOMPLETE_TILES = 16
@@ -101,4 +102,6 @@ def _building_ids(part: Any) -> set[int] | None:
         return None if part.building_id is None else set(np.unique(part.building_id).tolist()) - {0}
     if isinstance(part, tuple) and all(isinstance(one, BuildingOutline) for one in part):
         return {one.building_id for one in part}
+    if isinstance(part, Qualities):
+        return set(part)
     return None

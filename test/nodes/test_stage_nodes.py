@@ -13,7 +13,8 @@ from std_msgs.msg import Header, String
 from support.cloud_files import random_cloud
 
 from lidar_buildings.core.model.map_frame import MapFrame
-from lidar_buildings.core.model.outline import BuildingOutline, Outline
+from lidar_buildings.core.model.outline import BuildingOutline, Outline, OutlineQuality
+from lidar_buildings.core.model.status import BuildingStatus
 from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.io.results.tile_products import TileProducts
 from lidar_buildings.nodes import building_tracer
@@ -26,6 +27,7 @@ from lidar_buildings.pipeline.reconstruct import STAGES
 from lidar_buildings.pipeline.tile_stages import TracedTile
 from lidar_buildings.ros.composition import Composition
 from lidar_buildings.ros.map_frames import origin_message, units_message
+from lidar_buildings.ros.outline_quality import quality_message
 from lidar_buildings.ros.point_cloud import to_message
 from lidar_buildings.ros.polygons import outline_messages
 from lidar_buildings.ros.qos import BUILDING, CLOUD, EVENT, LATCHED, LATCHED_HISTORY, LATCHED_TILE
@@ -210,14 +212,19 @@ def test_a_clipped_tile_is_handed_on_where_nobody_can_send_more(context, bench, 
 
 BUILDER_SENDS = {
     "plane_points": (PointCloud2, CLOUD),
-    "traced_outlines": (PolygonInstanceStamped, BUILDING),
     "outlines": (PolygonInstanceStamped, BUILDING),
+    "outline_quality": (String, CLOUD),
 }
 BUILDER_HEARS = {
     "roof_faces": (PolygonInstanceStamped, BUILDING),
     "tile_done": (Header, LATCHED_HISTORY),
 }
 FRAME = MapFrame("EPSG:2229", (1000.0, 2000.0, 0.0), 0.3048, 0.3048)
+
+
+def quality_of_outlines(*ids):
+    quality = OutlineQuality(0.125, 0.5, BuildingStatus.TRACED_OUTLINE, "too narrow")
+    return quality_message(STAMP, [replace(one, quality=quality) for one in outlines(*ids)])
 
 
 def builder(context):
@@ -230,7 +237,7 @@ def test_the_builder_waits_until_points_and_outlines_name_the_same_buildings(con
     origin = other.create_publisher(type(origin_message(FRAME)), "map_origin", LATCHED)
     origin.publish(origin_message(FRAME))
     other.send("plane_points", to_message(roof(HOUSE, SHED)))
-    other.send("traced_outlines", *outline_messages(STAMP, outlines(HOUSE, SHED)))
+    other.send("outline_quality", quality_of_outlines(HOUSE, SHED))
     other.send("outlines", *outline_messages(STAMP, outlines(SHED)))
     time.sleep(0.4)
     assert other.heard["tile_done"] == []
@@ -244,7 +251,7 @@ def test_features_wait_for_the_map_frame_and_the_header_for_late_listeners(conte
     other = bench(builder(context), BUILDER_SENDS, hears)
     units = other.create_publisher(type(units_message(FRAME)), "map_units", LATCHED)
     other.send("plane_points", to_message(roof(HOUSE)))
-    other.send("traced_outlines", *outline_messages(STAMP, outlines(HOUSE)))
+    other.send("outline_quality", quality_of_outlines(HOUSE))
     other.send("outlines", *outline_messages(STAMP, outlines(HOUSE)))
     time.sleep(0.3)
     assert other.heard["tile_done"] == []
@@ -256,6 +263,9 @@ def test_features_wait_for_the_map_frame_and_the_header_for_late_listeners(conte
     wait_until(lambda: other.heard["tile_done"] and len(other.heard["city_model"]) >= 2)
     feature = json.loads(other.heard["city_model"][-1].data)
     assert feature["type"] == "CityJSONFeature"
+    attributes = next(iter(feature["CityObjects"].values()))["attributes"]
+    assert "too narrow" in attributes["reason"]
+    assert attributes["outline_sigma"] == pytest.approx(0.125 / 0.3048, abs=1e-3)
     late = []
     other.create_subscription(String, "city_model", late.append, LATCHED)
     wait_until(lambda: late)
