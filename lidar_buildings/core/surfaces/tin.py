@@ -1,7 +1,7 @@
 """
 A triangulated irregular network (TIN) over scattered points: elevation anywhere in the plane.
 
-Delaunay triangles come from Qhull; points are located by walking from triangle to triangle in compiled code.
+Made by `triangulation`; points are located by walking from triangle to triangle in compiled code.
 """
 
 from __future__ import annotations
@@ -11,17 +11,10 @@ from dataclasses import dataclass
 
 import numpy as np
 from numba import njit
-from numpy.typing import ArrayLike, NDArray
-from scipy.spatial import Delaunay, cKDTree
+from numpy.typing import NDArray
 
-from lidar_buildings.core.model.point_array import checked_points
 from lidar_buildings.core.neighbours.cell_grid import cell_order
 from lidar_buildings.core.neighbours.parallel import BLOCK, for_row_blocks
-
-#: Virtual points per side of the frame round the vertices.
-FRAME_POINTS_PER_SIDE = 16
-#: Distance of the frame from what it encloses, as a share of its longer side, and at least [m].
-FRAME_MARGIN, MIN_FRAME_MARGIN = 0.05, 1.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,7 +29,7 @@ class Tin:
     Attributes
     ----------
     vertices : ndarray of shape (n_vertices, 3)
-        The real ones first, ordered by x, then y; then the virtual ones; x and y relative to `origin` [m].
+        The real ones first, then the virtual ones; x and y relative to `origin` [m].
         A TIN that was densified has more real ones after those, some of them in no triangle.
     triangles : ndarray of shape (n_triangles, 3), int32
         Rows of `vertices`, counter-clockwise.
@@ -128,94 +121,6 @@ class Tin:
         """Side of a square as large as two mean triangles [m]."""
         width, height = self.frame[1] - self.frame[0]
         return math.sqrt(2.0 * width * height / len(self.triangles))
-
-
-def build_tin(vertices: ArrayLike, extent: NDArray[np.float64] | None = None) -> Tin:
-    """
-    Triangulate points; the result depends on neither their order nor their repetition.
-
-    Of several points at one place the lowest counts. O(n log n); about 0.2 M vertices/s.
-
-    Parameters
-    ----------
-    vertices : ndarray of shape (n_points, 3)
-        At least one point [m]. Identical and collinear points are fine.
-    extent : ndarray of shape (2, 2), optional
-        Lower left and upper right corner of what the frame has to enclose as well [m].
-
-    Raises
-    ------
-    ValueError
-        If there is no point, the shape is wrong, or a coordinate is not finite.
-    """
-    vertices = checked_points(vertices)
-    if len(vertices) == 0:
-        raise ValueError("vertices is empty: a TIN needs at least one point")
-    corners = vertices[:, :2] if extent is None else np.vstack((vertices[:, :2], extent))
-    origin = np.floor(corners.min(axis=0))
-    real = _one_per_place(vertices)
-    real[:, :2] -= origin
-    frame = _frame(corners.min(axis=0) - origin, corners.max(axis=0) - origin)
-    _, nearest = cKDTree(real[:, :2]).query(frame)
-    vertices = np.vstack((real, np.column_stack((frame, real[nearest, 2]))))
-    mesh = Delaunay(vertices[:, :2])
-    triangles, neighbours = _counter_clockwise(vertices, mesh.simplices, mesh.neighbors)
-    box = np.array([frame.min(axis=0), frame.max(axis=0)])
-    return Tin(vertices, triangles, neighbours, len(real), box, origin)
-
-
-def height_above_ground(points: ArrayLike, ground: ArrayLike) -> NDArray[np.float64]:
-    """
-    Return each point's height above the TIN of the ground points [m].
-
-    Parameters
-    ----------
-    points : ndarray of shape (n_points, 3)
-        In any order [m].
-    ground : ndarray of shape (n_vertices, 3), or of shape (n_points,) and bool
-        The ground's points [m], or which of `points` they are; at least one.
-
-    Raises
-    ------
-    ValueError
-        If there is no ground point, or a shape is wrong.
-    """
-    points, ground = checked_points(points), np.asarray(ground)
-    vertices = points[ground] if ground.dtype == np.bool_ else ground
-    return points[:, 2] - build_tin(vertices).elevation(points)
-
-
-def _one_per_place(points: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the points ordered by x, then y; of those at one place only the lowest."""
-    points = points[np.lexsort((points[:, 2], points[:, 1], points[:, 0]))]
-    first = np.ones(len(points), dtype=bool)
-    first[1:] = (points[1:, :2] != points[:-1, :2]).any(axis=1)
-    return points[first]
-
-
-def _frame(low: NDArray[np.float64], high: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return points along a rectangle round the box from `low` to `high`, shape (n, 2) [m]."""
-    margin = max(FRAME_MARGIN * float((high - low).max()), MIN_FRAME_MARGIN)
-    (left, bottom), (right, top) = low - margin, high + margin
-    share = np.arange(FRAME_POINTS_PER_SIDE) / FRAME_POINTS_PER_SIDE
-    x, y = left + share * (right - left), bottom + share * (top - bottom)
-    sides = (
-        (x, np.full_like(x, bottom)),
-        (np.full_like(y, right), y),
-        ((left + right) - x, np.full_like(x, top)),
-        (np.full_like(y, left), (bottom + top) - y),
-    )
-    return np.vstack([np.column_stack(side) for side in sides])
-
-
-def _counter_clockwise(
-    vertices: NDArray[np.float64], triangles: NDArray[np.int32], neighbours: NDArray[np.int32]
-) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
-    """Return the triangles and their neighbours with every triangle turning left."""
-    a, b, c = (vertices[triangles[:, k], :2] for k in range(3))
-    turn = (b[:, 0] - a[:, 0]) * (c[:, 1] - a[:, 1]) - (b[:, 1] - a[:, 1]) * (c[:, 0] - a[:, 0])
-    order = np.where((turn < 0)[:, None], [0, 2, 1], [0, 1, 2])
-    return np.take_along_axis(triangles, order, axis=1), np.take_along_axis(neighbours, order, axis=1)
 
 
 @njit(cache=True, nogil=True)

@@ -5,7 +5,8 @@ from scipy.interpolate import LinearNDInterpolator
 from scipy.spatial import Delaunay
 
 from lidar_buildings.core.surfaces.incremental_delaunay import insert_vertex, with_room
-from lidar_buildings.core.surfaces.tin import build_tin, height_above_ground, walk
+from lidar_buildings.core.surfaces.tin import walk
+from lidar_buildings.core.surfaces.triangulation import build_tin, height_above_ground
 
 
 @pytest.fixture

@@ -21,7 +21,8 @@ from lidar_buildings.core.stages.ground_filter.gross_errors.noise import find_no
 from lidar_buildings.core.stages.ground_filter.growing_tin.progressive_tin import densify, near_terrain
 from lidar_buildings.core.stages.ground_filter.openings import morphological
 from lidar_buildings.core.stages.ground_filter.scan_profiles import bidirectional_slope
-from lidar_buildings.core.surfaces.tin import Tin, build_tin
+from lidar_buildings.core.surfaces.tin import Tin
+from lidar_buildings.core.surfaces.triangulation import build_tin
 
 
 @dataclass(frozen=True, eq=False)

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from lidar_buildings.core.stages.ground_filter.growing_tin.bridges import MAX_WIDTH, find_decks
-from lidar_buildings.core.surfaces.tin import build_tin
+from lidar_buildings.core.surfaces.triangulation import build_tin
 
 
 def lattice(width, depth, spacing=1.0, seed=0):

@@ -5,7 +5,7 @@ import pytest
 
 from lidar_buildings.core.model.classes import PointClass
 from lidar_buildings.core.stages.terrain import RasterConfig, RasterWindow, height_above_ground, make_rasters
-from lidar_buildings.core.surfaces import tin
+from lidar_buildings.core.surfaces import triangulation
 from lidar_buildings.simulation.terrain import Terrain, Wave
 
 GROUND, TREE, ROOF = PointClass.GROUND, PointClass.HIGH_VEGETATION, PointClass.BUILDING
@@ -293,4 +293,4 @@ def test_windows_know_what_they_share():
 
 
 def test_heights_above_ground_are_to_be_had_beside_the_rasters():
-    assert height_above_ground is tin.height_above_ground
+    assert height_above_ground is triangulation.height_above_ground

@@ -14,7 +14,8 @@ from lidar_buildings.core.stages.ground_filter.growing_tin.facet_scores import c
 from lidar_buildings.core.stages.ground_filter.growing_tin.frame import edge_gradients
 from lidar_buildings.core.stages.ground_filter.growing_tin.growth_rounds import Mesh, join_in_rounds
 from lidar_buildings.core.surfaces.incremental_delaunay import insert_vertex, with_room
-from lidar_buildings.core.surfaces.tin import Tin, build_tin, plane_elevation, plane_slope, walk
+from lidar_buildings.core.surfaces.tin import Tin, plane_elevation, plane_slope, walk
+from lidar_buildings.core.surfaces.triangulation import build_tin
 
 
 class GrowthLimits(NamedTuple):
