@@ -109,7 +109,6 @@ def _footprints(path: str) -> dict[str, dict]:
     return {
         "building_tracer": {"footprints.file": path},
         "outline_regulariser": {"keep_outlines": True},
-        "model_builder": {"regularisation.keep_outlines": True},
         "model_writer": {"footprints": path},
     }
 

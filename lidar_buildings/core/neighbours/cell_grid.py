@@ -58,7 +58,6 @@ class CellGrid(NamedTuple):
 
 
 #: Names that compiled kernels in existing caches still ask for; to go with those caches.
-SortedPoints = CellRows = CellGrid
 
 
 def rows_by_cell(points: NDArray[np.float64], cell: float) -> CellGrid:
