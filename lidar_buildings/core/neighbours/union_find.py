@@ -46,6 +46,7 @@ def link(parent, i, j):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def flatten(parent):  # type: ignore[no-untyped-def]
+    """Give every member the number of its set."""
     for i in range(len(parent)):
         parent[i] = root(parent, i)
 
