@@ -1,7 +1,7 @@
 """
 The stages of the chain in their order, and what belongs to each: the one table that other lists derive from.
 
-`lidar_buildings.pipeline.reconstruct_tile` calls them in this order; what a run may end with (``--until``),
+`lidar_buildings.reconstruct_tile` calls them in this order; what a run may end with (``--until``),
 the columns of a tile, the nodes of the graph and their parameters follow from here.
 """
 

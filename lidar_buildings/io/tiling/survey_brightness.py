@@ -64,7 +64,7 @@ class SurveyBrightness:
         source, first : int
             The file, and the index of the chunk's first point in it.
         records : structured ndarray
-            The chunk's points, as `io.spool.RECORD`.
+            The chunk's points, as `io.tiling.spool.RECORD`.
         n_points : int
             Points of the whole file.
         """
