@@ -15,8 +15,9 @@ from lidar_buildings.commands.progress import RunOutcome, counted, progress_bar
 from lidar_buildings.commands.run_request import RunRequest, request_of
 from lidar_buildings.core.model.errors import LidarBuildingsError
 from lidar_buildings.io.clouds.las import frame_of, open_inputs
+from lidar_buildings.io.results.output_config import FORMAT_FILES
 from lidar_buildings.io.results.output_folder import OutputFolder, RunSummary
-from lidar_buildings.io.results.run_folder import BUILDINGS, discard_unfinished
+from lidar_buildings.io.results.run_folder import discard_unfinished
 from lidar_buildings.io.results.run_info import run_info
 from lidar_buildings.io.tiling.tiling import TileSource
 from lidar_buildings.io.vectors.footprints import FootprintFile, check_overlap, read_footprints
@@ -117,7 +118,7 @@ def _report_problems(outcome: RunOutcome) -> None:
             f"{counted(summary.n_unclassified, 'point')} kept the class from before: the same command with "
             "--overwrite tries again"
         )
-    is_bare = BUILDINGS in summary.files and not summary.buildings
+    is_bare = FORMAT_FILES["gpkg"][0] in summary.files and not summary.buildings
     if is_bare and summary.n_points and not outcome.failed:
         lines.append("no building was found: doc/data_requirements.md says what the points must be like")
     for line in lines:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Collection, Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import AbstractContextManager, ExitStack, contextmanager
 from pathlib import Path
 from typing import NamedTuple
 
@@ -14,14 +14,9 @@ from lidar_buildings.io.models.dxf import dxf_file
 from lidar_buildings.io.models.obj import obj_file
 from lidar_buildings.io.models.survey_building import SurveyBuilding
 from lidar_buildings.io.results.building_layers import building_layers_file
-from lidar_buildings.io.results.output_config import FORMATS
-from lidar_buildings.io.results.run_folder import BUILDINGS, CITY_MODEL, DRAWING, MATERIALS, MESH
+from lidar_buildings.io.results.output_config import FORMAT_FILES
 from lidar_buildings.io.results.survey_buildings import SurveyBuildings
 
-#: Format → the files that it makes.
-FILES: dict[str, tuple[str, ...]] = dict(
-    zip(FORMATS, ((BUILDINGS,), (CITY_MODEL,), (MESH, MATERIALS), (DRAWING,)), strict=True)
-)
 #: Formats that tell of outlines, also where there are no models.
 OF_OUTLINES = ("gpkg",)
 _NO_FEATURE = "unknown"
@@ -58,7 +53,7 @@ def write_buildings(
     buildings : SurveyBuildings
         Of all tiles.
     formats : collection of str
-        Names of `FILES`.
+        Names of `FORMAT_FILES`.
     heading : ModelHeading
         What a city model is to say of itself.
 
@@ -74,34 +69,25 @@ def write_buildings(
     OutputError
         If a file cannot be written.
     """
-    chosen = [name for name in FILES if name in formats]
+    chosen = [name for name in FORMAT_FILES if name in formats]
     outlined: Counter[str] = Counter()
     traced: Counter[str] = Counter()
     with ExitStack() as stack:
-        writers = [stack.enter_context(_writer(name, folder, buildings, heading)) for name in chosen]
+        writers = [
+            stack.enter_context(_WRITERS[name](folder / FORMAT_FILES[name][0], buildings, heading))
+            for name in chosen
+        ]
         for building in buildings:
             for name, add in zip(chosen, writers, strict=True):
                 try:
                     add(building)
                 except OSError as error:  # else the file opened last would be named
-                    raise write_error(folder / FILES[name][0], error) from error
+                    raise write_error(folder / FORMAT_FILES[name][0], error) from error
             status = building.attributes.get("status") or _NO_FEATURE
             outlined[status] += building.outline is not None
             traced[status] += building.traced is not None
     counted = outlined if outlined.total() else traced
-    return [file for name in chosen for file in FILES[name]], dict(sorted((+counted).items()))
-
-
-@contextmanager
-def _writer(name: str, folder: Path, buildings: SurveyBuildings, heading: ModelHeading) -> Iterator[_Add]:
-    path = folder / FILES[name][0]
-    if name == "cityjson":
-        with _sequence(path, buildings, heading) as add:
-            yield add
-        return
-    of_format = {"gpkg": building_layers_file, "obj": obj_file, "dxf": dxf_file}[name]
-    with of_format(path, buildings.frame) as add:
-        yield add
+    return [file for name in chosen for file in FORMAT_FILES[name]], dict(sorted((+counted).items()))
 
 
 @contextmanager
@@ -115,3 +101,12 @@ def _sequence(path: Path, buildings: SurveyBuildings, heading: ModelHeading) -> 
                 file.write(f"{building.line}\n")
 
         yield add
+
+
+#: Format → what opens its first file for a survey's buildings.
+_WRITERS: dict[str, Callable[[Path, SurveyBuildings, ModelHeading], AbstractContextManager[_Add]]] = {
+    "gpkg": lambda path, buildings, _: building_layers_file(path, buildings.frame),
+    "cityjson": _sequence,
+    "obj": lambda path, buildings, _: obj_file(path, buildings.frame),
+    "dxf": lambda path, buildings, _: dxf_file(path, buildings.frame),
+}

@@ -8,8 +8,14 @@ from typing import ClassVar
 from lidar_buildings.core.model.parameters import parameter
 from lidar_buildings.core.stages.terrain import RasterConfig
 
-#: What the files that tell of buildings may be.
-FORMATS = ("gpkg", "cityjson", "obj", "dxf")
+#: Format of the files that tell of buildings → their names; `building_files` has a writer for each.
+FORMAT_FILES = {
+    "gpkg": ("buildings.gpkg",),
+    "cityjson": ("city_model.city.jsonl",),
+    "obj": ("city_model.obj", "city_model.mtl"),
+    "dxf": ("city_model.dxf",),
+}
+FORMATS = tuple(FORMAT_FILES)
 
 
 @dataclass(frozen=True)

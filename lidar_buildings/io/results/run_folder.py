@@ -12,13 +12,11 @@ from lidar_buildings.core.model.errors import OutputError
 from lidar_buildings.io.clouds.las import InputFile
 from lidar_buildings.io.files.atomic_files import atomic_file
 from lidar_buildings.io.files.captured_stderr import one_line
+from lidar_buildings.io.results.output_config import FORMAT_FILES
 
 PARTIAL = ".partial"
 RUN = "run.json"
 CLASSIFIED = "classified"
-BUILDINGS = "buildings.gpkg"
-CITY_MODEL = "city_model.city.jsonl"
-MESH, MATERIALS, DRAWING = "city_model.obj", "city_model.mtl", "city_model.dxf"
 DTM, DSM, NDSM = "dtm.tif", "dsm.tif", "ndsm.tif"
 #: What identifies the unfinished run, beside its tiles.
 _IDENTITY = "identity.json"
@@ -113,7 +111,8 @@ def discard_unfinished(path: Path) -> None:
 def _clear(path: Path) -> None:
     earlier = _read(path / RUN) or {}
     names = [name for name in earlier.get("files", []) if isinstance(name, str)]
-    for name in (RUN, BUILDINGS, CITY_MODEL, MESH, MATERIALS, DRAWING, DTM, DSM, NDSM, *names):
+    of_buildings = [name for files in FORMAT_FILES.values() for name in files]
+    for name in (RUN, DTM, DSM, NDSM, *of_buildings, *names):
         file = path / name
         if path.resolve() in file.resolve().parents:
             file.unlink(missing_ok=True)

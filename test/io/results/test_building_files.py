@@ -17,7 +17,8 @@ from lidar_buildings.core.model.outline import BuildingOutline, Outline
 from lidar_buildings.core.stages.building_model import BuildingModel
 from lidar_buildings.io.models.building_attributes import BUILDING_FIELDS
 from lidar_buildings.io.results import building_files
-from lidar_buildings.io.results.building_files import FILES, ModelHeading, write_buildings
+from lidar_buildings.io.results.building_files import ModelHeading, write_buildings
+from lidar_buildings.io.results.output_config import FORMAT_FILES as FILES
 from lidar_buildings.io.results.tile_products import Shapes
 from lidar_buildings.io.vectors.polygon_file import read_polygons
 
