@@ -180,9 +180,9 @@ PARAMS = {
         "no parameter model_writer.outpt (did you mean output?)",
     ),
     "two values": (
-        "outline_regulariser: {ros__parameters: {noise: 0.5}}\n"
-        "model_builder: {ros__parameters: {regularisation: {noise: 0.4}}}",
-        "regularisation.noise is both 0.5 and 0.4",
+        "edge_labeller: {ros__parameters: {rim_radius: 1.5}}\n"
+        "building_tracer: {ros__parameters: {edge_labelling: {rim_radius: 1.4}}}",
+        "edge_labelling.rim_radius is both 1.5 and 1.4",
     ),
 }
 

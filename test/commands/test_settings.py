@@ -83,12 +83,12 @@ def test_the_last_assignment_wins_over_earlier_ones_and_over_the_file(settings):
 
 def test_two_nodes_with_one_stage_must_agree_in_a_file(settings):
     text = (
-        "outline_regulariser: {{ros__parameters: {{noise: {}}}}}\n"
-        "model_builder: {{ros__parameters: {{regularisation.noise: {}}}}}"
+        "edge_labeller: {{ros__parameters: {{rim_radius: {}}}}}\n"
+        "building_tracer: {{ros__parameters: {{edge_labelling.rim_radius: {}}}}}"
     )
-    assert settings(text.format(0.5, 0.5)) == {"regularisation": {"noise": 0.5}}
-    with pytest.raises(ParameterError, match=r"regularisation\.noise is both 0\.5 and 0\.3"):
-        settings(text.format(0.5, 0.3))
+    assert settings(text.format(1.5, 1.5)) == {"edge_labelling": {"rim_radius": 1.5}}
+    with pytest.raises(ParameterError, match=r"edge_labelling\.rim_radius is both 1\.5 and 1\.3"):
+        settings(text.format(1.5, 1.3))
 
 
 @pytest.mark.parametrize(("text", "value"), [("1e1", 10.0), ("1E+1", 10.0), ("1.5e0", 1.5), ("3", 3.0)])
