@@ -8,6 +8,7 @@ import yaml
 from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 from support.cloud_files import random_cloud
+from support.source_tree import ROOT
 
 from lidar_buildings.core.model.parameter_names import parameter_names
 from lidar_buildings.core.model.parameters import spec_of
@@ -298,3 +299,13 @@ def test_the_parameter_file_is_read_by_a_node_in_any_namespace(context, tmp_path
     node = node_class(node_name)(context=context, namespace=namespace, cli_args=arguments)
     assert node.get_parameter(name).value == kind(float(default) * 1.5)
     node.destroy_node()
+
+
+def test_rviz_shows_topics_that_nodes_publish_in_messages_that_it_can_draw():
+    displays = yaml.safe_load((ROOT / "config" / "lidar_buildings.rviz").read_text())["Visualization Manager"]
+    shown = {
+        one["Topic"]["Value"]: one["Class"].split("/")[1] for one in displays["Displays"] if "Topic" in one
+    }
+    types = {topic.name: topic.type.split("/")[1] for card in NODE_TABLE for topic in card.publishes}
+    assert shown
+    assert shown == {name: types.get(name) for name in shown}
