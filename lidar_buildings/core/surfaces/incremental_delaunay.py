@@ -10,8 +10,8 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-#: A fourth point this little inside the circle, relative to the sides to the fourth power, counts as on it:
-#: far above rounding (1e-16), so that flips cannot chase each other, far below what matters to the shape.
+#: A fourth point this little inside or outside the circle, relative to the sides to the fourth power, counts
+#: as on it: far above rounding (1e-16), far below what matters to the shape.
 ON_CIRCLE = 1e-12
 
 
@@ -115,6 +115,9 @@ def _corner_facing(triangle, other, neighbours):  # type: ignore[no-untyped-def]
 def _has_to_flip(triangle, vertex, vertices, triangles):  # type: ignore[no-untyped-def]
     """
     Whether a vertex d lies within the circle round a triangle abc and the side bc may be turned into ad.
+
+    Of four on one circle the first by x, then y, gets the side, as if it alone lay a little lower on the
+    paraboloid (Edelsbrunner and Mücke 1990): the triangles depend on neither order nor cut.
     """
     a, b, c = triangles[triangle, 0], triangles[triangle, 1], triangles[triangle, 2]
     dx, dy = vertices[vertex, 0], vertices[vertex, 1]
@@ -126,8 +129,11 @@ def _has_to_flip(triangle, vertex, vertices, triangles):  # type: ignore[no-unty
     if abd <= 0.0 or adc <= 0.0:
         return False
     aa, bb, cc = ax * ax + ay * ay, bx * bx + by * by, cx * cx + cy * cy
-    inside = aa * bcd + bb * adc + cc * abd
-    return inside > ON_CIRCLE * max(aa, bb, cc) ** 2
+    inside, rounding = aa * bcd + bb * adc + cc * abd, ON_CIRCLE * max(aa, bb, cc) ** 2
+    if abs(inside) > rounding:
+        return inside > 0.0
+    west, south = min(ax, 0.0), ay if ax < 0.0 or (ax == 0.0 and ay < 0.0) else 0.0
+    return (west, south) < (bx, by) and (west, south) < (cx, cy)
 
 
 def with_room(mesh_array: np.ndarray, n_rows: int) -> np.ndarray:

@@ -81,8 +81,8 @@ def triangulate(
     Triangulate points of which no two lie at one place (Delaunay; rounds after Amenta, Choi & Rote 2003).
 
     A random quarter of the vertices after another is inserted, each round sorted along rows of cells, so
-    that every walk to the next place is short. The triangles do not depend on the order, but for four
-    vertices on a circle. About 0.7 M vertices/s.
+    that every walk to the next place is short. The triangles do not depend on the order. About
+    0.7 M vertices/s.
 
     Parameters
     ----------

@@ -47,6 +47,17 @@ def test_order_and_repetition_of_vertices_do_not_matter(scattered, inside):
     np.testing.assert_array_equal(build_tin(again).elevation(inside), build_tin(scattered).elevation(inside))
 
 
+def test_triangles_of_a_lattice_do_not_depend_on_where_it_is_cut():
+    """Every square's corners lie on one circle; which diagonal is drawn must not tell the cut."""
+    random = np.random.default_rng(2)
+    x, y = np.meshgrid(np.arange(40) * 0.5, np.arange(40) * 0.5)
+    lattice = np.column_stack((x.ravel(), y.ravel(), random.normal(size=x.size)))
+    queries = random.uniform(4.0, 12.0, (2000, 2))
+    expected = build_tin(lattice).elevation(queries)
+    for part in (lattice[lattice[:, 0] < 15.0], lattice[lattice[:, 1] > 1.0], random.permutation(lattice)):
+        np.testing.assert_allclose(build_tin(part).elevation(queries), expected, atol=1e-12)
+
+
 def test_order_of_queries_does_not_matter(scattered, inside):
     shuffled = np.random.default_rng(3).permutation(len(inside))
     tin = build_tin(scattered)
