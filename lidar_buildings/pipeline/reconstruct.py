@@ -22,6 +22,7 @@ from lidar_buildings.core.stages.plane_fitting import PlaneFittingConfig
 from lidar_buildings.core.stages.regularisation import RegularisationConfig
 from lidar_buildings.core.stages.roof_selection import RoofSelectionConfig
 from lidar_buildings.core.stages.segmentation import SegmentationConfig
+from lidar_buildings.pipeline.building_pool import BuildingPool
 from lidar_buildings.pipeline.tile_models import TileModel, build_models
 from lidar_buildings.pipeline.tile_outlines import regularise_outlines
 from lidar_buildings.pipeline.tile_stages import (
@@ -123,6 +124,7 @@ def reconstruct_tile(
     *,
     until: str = STAGES[-1],
     footprints: Footprints | None = None,
+    pool: BuildingPool | None = None,
 ) -> TileResult:
     """
     Take one tile from raw points to models.
@@ -137,6 +139,8 @@ def reconstruct_tile(
         The last stage to run, one of `STAGES`.
     footprints : Footprints, optional
         Outlines to use as they are instead of tracing and regularising.
+    pool : BuildingPool, optional
+        Processes that share the buildings; one after the other here without.
 
     Returns
     -------
@@ -180,11 +184,11 @@ def reconstruct_tile(
     if is_last("regularisation"):
         return TileResult(classified, roofs, traced, outlines, seconds=is_last.seconds)
 
-    roofs = fit_planes(roofs, config.plane_fitting)
+    roofs = fit_planes(roofs, config.plane_fitting, pool)
     if is_last("plane_fitting"):
         return TileResult(classified, roofs, traced, outlines, seconds=is_last.seconds)
 
-    models = build_models(roofs, outlines, config.building_model)
+    models = build_models(roofs, outlines, config.building_model, pool)
     is_last("building_model")
     return TileResult(classified, roofs, traced, outlines, models, seconds=is_last.seconds)
 

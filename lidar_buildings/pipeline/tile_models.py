@@ -3,19 +3,17 @@
 from __future__ import annotations
 
 import logging
-import os
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from lidar_buildings.core.model.array_types import FloatArray
 from lidar_buildings.core.model.ids import anchor_near, anchor_row
-from lidar_buildings.core.model.outline import BuildingOutline, OutlineQuality
+from lidar_buildings.core.model.outline import BuildingOutline, Outline, OutlineQuality
 from lidar_buildings.core.model.status import BuildingStatus
 from lidar_buildings.core.model.tile import PointTile
-from lidar_buildings.core.neighbours.parallel import work_alone
 from lidar_buildings.core.stages.building_model import (
     ATTRIBUTES,
     BuildingModel,
@@ -23,12 +21,13 @@ from lidar_buildings.core.stages.building_model import (
     build_model,
 )
 from lidar_buildings.core.stages.footprints import remark_on_points
+from lidar_buildings.pipeline.building_pool import BuildingPool, map_buildings
 from lidar_buildings.pipeline.tile_stages import rows_by_building
 
 _log = logging.getLogger(__name__)
 
-#: A building with so many points is worth a thread of its own.
-_LARGE = 4000
+#: What models and their attributes are made from.
+_NEEDED = {"classification", "facade", "height_above_ground", "plane_id"}
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,7 +54,10 @@ class TileModel:
 
 
 def build_models(
-    tile: PointTile, outlines: tuple[BuildingOutline, ...], config: BuildingModelConfig
+    tile: PointTile,
+    outlines: tuple[BuildingOutline, ...],
+    config: BuildingModelConfig,
+    pool: BuildingPool | None = None,
 ) -> tuple[TileModel, ...]:
     """
     Build the model of every outline from the tile's points that carry its id.
@@ -68,50 +70,67 @@ def build_models(
         With their quality, if it is known.
     config : BuildingModelConfig
         Of the models.
+    pool : BuildingPool, optional
+        Where they are built; here, one after the other, if not given.
     """
     rows_of = dict(rows_by_building(tile.building_id)) if tile.building_id is not None else {}
     no_rows = np.zeros(0, dtype=np.intp)
-
-    def model(one: BuildingOutline) -> TileModel:
-        building = tile.select(rows_of.get(one.building_id, no_rows))
-        return _model(building, one, config)
-
-    # Numpy's many small calls for a house would only keep each other waiting; blocks are worth a core each.
-    size = {one.building_id: len(rows_of.get(one.building_id, no_rows)) for one in outlines}
-    large = [one for one in outlines if size[one.building_id] >= _LARGE]
-    with ThreadPoolExecutor(max_workers=os.cpu_count(), initializer=work_alone) as pool:
-        models = list(pool.map(model, sorted(large, key=lambda one: -size[one.building_id])))
-    models += [model(one) for one in outlines if size[one.building_id] < _LARGE]
-    return tuple(sorted(models, key=lambda each: each.building_id))
+    needed = tile.with_columns(**dict.fromkeys(tile.columns.keys() - _NEEDED))
+    ordered = sorted(outlines, key=lambda one: one.building_id)
+    buildings = [needed.select(rows_of.get(one.building_id, no_rows)) for one in ordered]
+    jobs = [
+        _Job(one.building_id, part.points, one.outline, part.plane_id, _ground_elevation(part, one), config)
+        for one, part in zip(ordered, buildings, strict=True)
+    ]
+    models = map_buildings(pool, _built, jobs, [len(part) for part in buildings], _lost)
+    return tuple(map(_with_attributes, buildings, ordered, models))
 
 
-def _model(building: PointTile, one: BuildingOutline, config: BuildingModelConfig) -> TileModel:
-    """Build one model and gather its attributes."""
-    model = _built(building, one, config)
+class _Job(NamedTuple):
+    """What one model is built from."""
+
+    building_id: int
+    points: FloatArray
+    outline: Outline
+    plane_id: NDArray[np.uint16] | None
+    ground_elevation: float | None
+    config: BuildingModelConfig
+
+
+def _built(job: _Job) -> BuildingModel:
+    """Build one model; whatever goes wrong, one comes back that says so."""
+    try:
+        return build_model(
+            job.points,
+            job.outline,
+            job.config,
+            plane_id=job.plane_id,
+            ground_elevation=job.ground_elevation,
+        )
+    except Exception as error:
+        _log.exception("building %d: no model was built", job.building_id)
+        return _failed(job, f"unexpected error: {error!r}")
+
+
+def _lost(job: _Job) -> BuildingModel:
+    return _failed(job, "two processes ended while they built it")
+
+
+def _failed(job: _Job, reason: str) -> BuildingModel:
+    known: dict[str, Any] = dict.fromkeys(ATTRIBUTES)
+    known |= {"area": job.outline.area, "n_points": len(job.points), "roof_type": "unknown"}
+    known |= {"lod": "", "validity": ""}
+    return BuildingModel({}, known, (), BuildingStatus.FAILED, reason)
+
+
+def _with_attributes(building: PointTile, one: BuildingOutline, model: BuildingModel) -> TileModel:
+    """Add what is known of a building beside its model."""
     reason = "; ".join(text for text in (remark_on_points(building), model.reason) if text)
     attributes = {"building_id": one.building_id, **model.attributes}
     attributes.update(status=model.status.value, reason=reason)
     if one.quality is not None:
         attributes.update(_outline_attributes(model, reason, one.quality))
     return TileModel(one.building_id, anchor_near(one.building_id, _west(building, one)), model, attributes)
-
-
-def _built(building: PointTile, one: BuildingOutline, config: BuildingModelConfig) -> BuildingModel:
-    """Build one model; whatever goes wrong, one comes back that says so."""
-    try:
-        return build_model(
-            building.points,
-            one.outline,
-            config,
-            plane_id=building.plane_id,
-            ground_elevation=_ground_elevation(building, one),
-        )
-    except Exception as error:
-        _log.exception("building %d: no model was built", one.building_id)
-        known: dict[str, Any] = dict.fromkeys(ATTRIBUTES)
-        known |= {"area": one.outline.area, "n_points": len(building), "roof_type": "unknown"}
-        known |= {"lod": "", "validity": ""}
-        return BuildingModel({}, known, (), BuildingStatus.FAILED, f"unexpected error: {error!r}")
 
 
 def _west(building: PointTile, one: BuildingOutline) -> NDArray[np.float64]:

@@ -7,9 +7,8 @@ The nodes and the ROS-free pipeline both call these functions, so that they do t
 from __future__ import annotations
 
 import logging
-import os
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +17,6 @@ from lidar_buildings.core.model.classes import ON_TERRAIN, is_of_groups
 from lidar_buildings.core.model.ids import anchor_row
 from lidar_buildings.core.model.outline import BuildingOutline, Outline
 from lidar_buildings.core.model.tile import PointTile
-from lidar_buildings.core.neighbours.parallel import work_alone
 from lidar_buildings.core.neighbours.scan_pattern import ScanPattern
 from lidar_buildings.core.stages.boundary_tracing import BoundaryTracingConfig, trace_boundary
 from lidar_buildings.core.stages.edge_labelling import EdgeLabellingConfig, label_edges
@@ -27,6 +25,7 @@ from lidar_buildings.core.stages.ground_filter import GroundFilterConfig, classi
 from lidar_buildings.core.stages.plane_fitting import PlaneFittingConfig, number_planes
 from lidar_buildings.core.stages.roof_selection import RoofSelectionConfig, select_roofs
 from lidar_buildings.core.stages.segmentation import SegmentationConfig, segment_buildings
+from lidar_buildings.pipeline.building_pool import BuildingPool, map_buildings
 
 _log = logging.getLogger(__name__)
 
@@ -197,25 +196,42 @@ def trace_footprints(
     return TracedTile(tile.with_columns(building_id=found.building_id[chosen]), found.outlines, found.clipped)
 
 
-def fit_planes(tile: PointTile, config: PlaneFittingConfig) -> PointTile:
+def fit_planes(tile: PointTile, config: PlaneFittingConfig, pool: BuildingPool | None = None) -> PointTile:
     """
-    Append `plane_id`, numbered within each building, to a tile of building points; buildings on all cores.
+    Append `plane_id`, numbered within each building, to a tile of building points.
+
+    Buildings are shared out over the pool's processes if there is one.
     """
     plane_id = np.zeros(len(tile), dtype=np.uint16)
     buildings = [] if tile.building_id is None else rows_by_building(tile.building_id)
-    # The largest first, so that no core is left with one at the end.
-    buildings.sort(key=lambda building: -len(building[1]))
-
-    def fit(building: tuple[int, NDArray[np.intp]]) -> None:
-        number, rows = building
-        try:
-            plane_id[rows] = number_planes(tile.points[rows], config, point_spacing=tile.point_spacing)
-        except Exception:
-            _log.exception("building %d: no planes were fitted", number)
-
-    with ThreadPoolExecutor(max_workers=os.cpu_count(), initializer=work_alone) as pool:
-        list(pool.map(fit, buildings))
+    jobs = [_PlaneJob(number, tile.points[rows], config, tile.point_spacing) for number, rows in buildings]
+    found = map_buildings(pool, _fitted_planes, jobs, [len(rows) for _, rows in buildings], _no_planes)
+    for (_, rows), numbers in zip(buildings, found, strict=True):
+        plane_id[rows] = numbers
     return tile.with_columns(plane_id=plane_id)
+
+
+class _PlaneJob(NamedTuple):
+    """What one building's planes are fitted to."""
+
+    building_id: int
+    points: NDArray[np.float64]
+    config: PlaneFittingConfig
+    point_spacing: float | None
+
+
+def _fitted_planes(job: _PlaneJob) -> NDArray[np.uint16]:
+    """Number the planes of one building; whatever goes wrong, numbers come back."""
+    try:
+        return number_planes(job.points, job.config, point_spacing=job.point_spacing)
+    except Exception:
+        _log.exception("building %d: no planes were fitted", job.building_id)
+        return np.zeros(len(job.points), dtype=np.uint16)
+
+
+def _no_planes(job: _PlaneJob) -> NDArray[np.uint16]:
+    _log.error("building %d: no planes were fitted, two processes ended at it", job.building_id)
+    return np.zeros(len(job.points), dtype=np.uint16)
 
 
 def rows_by_building(building_id: NDArray[np.uint32]) -> list[tuple[int, NDArray[np.intp]]]:

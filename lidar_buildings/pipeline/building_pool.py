@@ -1,0 +1,293 @@
+"""
+Buildings shared out over processes: their steps hold the interpreter's lock, so that threads bring little.
+
+Open a `BuildingPool` once a run, before any thread is started, and hand it to `build_models` and the like;
+these call `BuildingPool.map`. Not `concurrent.futures`: there one worker that dies takes all work with it.
+"""
+
+from __future__ import annotations
+
+import gc
+import logging
+import multiprocessing
+import os
+import pickle
+import queue
+import signal
+import sys
+import threading
+import traceback
+import warnings
+from collections.abc import Callable, Sequence
+from concurrent.futures import Future
+from multiprocessing.connection import Connection
+from multiprocessing.process import BaseProcess
+from types import TracebackType
+from typing import Any, TypeVar
+
+from lidar_buildings.core.neighbours.parallel import work_alone
+
+_Job = TypeVar("_Job")
+_Result = TypeVar("_Result")
+
+_log = logging.getLogger(__name__)
+
+#: What a building costs beside its points, in points.
+_LEAST_SIZE = 400
+#: Work that is not worth the way to a process and back, in points.
+_LITTLE = 4000
+#: Batches for each process: small enough to end together, large enough to cost little to send.
+_BATCHES_A_WORKER = 6
+
+
+class WorkerLostError(RuntimeError):
+    """A process ended in the middle of its work."""
+
+
+class BuildingPool:
+    """
+    Processes that wait for buildings; a context manager.
+
+    Parameters
+    ----------
+    n_workers : int, optional
+        One for each core that this process may use if not given. With fewer than two there are no processes,
+        and `map` does everything itself.
+
+    Notes
+    -----
+    Processes are forked where the platform is Linux and this process has a single thread of Python's, which
+    costs some milliseconds; else they are spawned, and each imports its modules anew. So: import first, open
+    the pool next, start threads last. Several threads may call `map` at the same time.
+    """
+
+    def __init__(self, n_workers: int | None = None) -> None:
+        n_workers = _n_cores() if n_workers is None else n_workers
+        self._workers = _start_workers(n_workers if n_workers > 1 else 0)
+        self._tasks: queue.SimpleQueue[tuple[bytes, Future[bytes]] | None] = queue.SimpleQueue()
+        self._threads: list[threading.Thread] = []
+        self._lock = threading.Lock()
+        self._n_alive = len(self._workers)
+
+    def __enter__(self) -> BuildingPool:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """End the processes; `map` goes on without them."""
+        with self._lock:
+            workers, self._workers, self._n_alive = self._workers, [], 0
+        for process, link in workers:
+            process.terminate()
+            process.join()
+            if not self._threads:
+                link.close()
+        for _ in self._threads:
+            self._tasks.put(None)
+        for thread in self._threads:
+            thread.join()
+
+    def map(
+        self,
+        function: Callable[[_Job], _Result],
+        jobs: Sequence[_Job],
+        sizes: Sequence[int],
+        lost: Callable[[_Job], _Result],
+    ) -> list[_Result]:
+        """
+        Call a function for each of many buildings, the largest first, and return the results in their order.
+
+        Parameters
+        ----------
+        function : callable
+            At the top of a module; its result depends on the job alone.
+        jobs : sequence
+            What it is called with, one per building.
+        sizes : sequence of int
+            Number of points of each building.
+        lost : callable
+            ``lost(job)`` stands in for the result of a building during which two processes ended. One that
+            was merely in a batch with it is done again.
+
+        Raises
+        ------
+        RuntimeError
+            If the function raises an exception.
+        """
+        weights = [size + _LEAST_SIZE for size in sizes]
+        if not self._n_alive or len(jobs) < 2 or sum(weights) < _LITTLE:
+            return [function(job) for job in jobs]
+        batches = _batches(weights, self._n_alive)
+        answers = [self._send(function, [(k, jobs[k]) for k in batch]) for batch in batches]
+        results: dict[int, _Result] = {}
+        again: list[int] = []
+        for batch, answer in zip(batches, answers, strict=True):
+            try:
+                results |= _received(answer)
+            except WorkerLostError:
+                again += batch
+        for k in again:
+            results[k] = self._done_alone(function, k, jobs[k], lost)
+        return [results[k] for k in range(len(jobs))]
+
+    def _done_alone(
+        self, function: Callable[[_Job], _Result], number: int, job: _Job, lost: Callable[[_Job], _Result]
+    ) -> _Result:
+        """Do a building again whose process ended, in another one as long as there is one."""
+        if not self._n_alive:
+            return function(job)
+        try:
+            result: _Result = _received(self._send(function, [(number, job)]))[number]
+        except WorkerLostError:
+            return lost(job)
+        return result
+
+    def _send(self, function: Callable[..., Any], batch: list[tuple[int, Any]]) -> Future[bytes]:
+        """Queue a batch for the next free process."""
+        answer: Future[bytes] = Future()
+        message = pickle.dumps((function, batch), protocol=5)
+        with self._lock:
+            if not self._n_alive:
+                answer.set_exception(WorkerLostError("no process is left"))
+                return answer
+            if not self._threads:
+                self._threads = [
+                    threading.Thread(target=self._serve, args=worker, daemon=True) for worker in self._workers
+                ]
+                for thread in self._threads:
+                    thread.start()
+            self._tasks.put((message, answer))
+        return answer
+
+    def _serve(self, process: BaseProcess, link: Connection) -> None:
+        """Hand one process its work as long as it lives."""
+        while (task := self._tasks.get()) is not None:
+            message, answer = task
+            try:
+                link.send_bytes(message)
+                answer.set_result(link.recv_bytes())
+            except (OSError, EOFError):
+                self._lose(process, answer)
+                break
+        link.close()
+
+    def _lose(self, process: BaseProcess, answer: Future[bytes]) -> None:
+        """Note that a process has ended; without any nobody must wait for work."""
+        process.join(1.0)
+        error = WorkerLostError(f"a process ended in the middle of its work (exit code {process.exitcode})")
+        with self._lock:
+            if self._workers:  # not closed
+                _log.warning("%s", error)
+                self._n_alive -= 1
+            answer.set_exception(error)
+            while not self._n_alive and not self._tasks.empty():
+                task = self._tasks.get()
+                if task is not None:
+                    task[1].set_exception(error)
+
+
+def map_buildings(
+    pool: BuildingPool | None,
+    function: Callable[[_Job], _Result],
+    jobs: Sequence[_Job],
+    sizes: Sequence[int],
+    lost: Callable[[_Job], _Result],
+) -> list[_Result]:
+    """Do as `BuildingPool.map`, or without a pool everything here."""
+    return [function(job) for job in jobs] if pool is None else pool.map(function, jobs, sizes, lost)
+
+
+def _received(answer: Future[bytes]) -> dict[int, Any]:
+    """Return a batch's results by number, and log what the process had to say."""
+    results, error, records = pickle.loads(answer.result())
+    for record in records:
+        logging.getLogger(record.name).handle(record)
+    if error:
+        raise RuntimeError(f"in a process of buildings:\n{error}")
+    return dict(results)
+
+
+def _batches(weights: Sequence[int], n_workers: int) -> list[list[int]]:
+    """Divide buildings into batches by their weights, the heaviest first."""
+    enough = sum(weights) / (n_workers * _BATCHES_A_WORKER)
+    batches: list[list[int]] = []
+    filled = enough
+    for k in sorted(range(len(weights)), key=lambda k: -weights[k]):
+        if filled >= enough:
+            batches.append([])
+            filled = 0.0
+        batches[-1].append(k)
+        filled += weights[k]
+    return batches
+
+
+def _n_cores() -> int:
+    """Return the number of cores that this process may use."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
+def _start_workers(n: int) -> list[tuple[BaseProcess, Connection]]:
+    """Start processes, and return each with the near end of its pipe."""
+    is_forked = sys.platform == "linux" and threading.active_count() == 1
+    context = multiprocessing.get_context("fork" if is_forked else "spawn")
+    workers: list[tuple[BaseProcess, Connection]] = []
+    for _ in range(n):
+        near, far = multiprocessing.Pipe()
+        # A forked process has the others' near ends as well: held open, they would outlive this process.
+        inherited = [near, *(link for _, link in workers)] if is_forked else []
+        process = context.Process(target=_work, args=(far, inherited), daemon=True, name="buildings")  # type: ignore[attr-defined]
+        with warnings.catch_warnings():
+            # Python 3.12 counts the threads of numpy's BLAS, which know of forks.
+            warnings.simplefilter("ignore", DeprecationWarning)
+            process.start()
+        far.close()
+        workers.append((process, near))
+    return workers
+
+
+def _work(link: Connection, inherited: list[Connection]) -> None:
+    """Do batches until the other end is closed."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.signal(signal.SIGTERM, signal.SIG_DFL)
+    for other in inherited:
+        other.close()
+    gc.freeze()
+    work_alone()
+    records = _Records()
+    logging.getLogger().handlers = [records]
+    while True:
+        try:
+            message = link.recv_bytes()
+        except (EOFError, OSError):
+            return
+        try:
+            function, batch = pickle.loads(message)
+            reply = pickle.dumps(([(k, function(job)) for k, job in batch], "", records.take()), protocol=5)
+        except Exception:
+            reply = pickle.dumps(([], traceback.format_exc(), records.take()))
+        link.send_bytes(reply)
+
+
+class _Records(logging.Handler):
+    """Keeps what is logged, as text, until it is taken."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._kept: list[logging.LogRecord] = []
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Keep a record that can be sent."""
+        record.msg, record.args = self.format(record), None
+        record.exc_info = record.exc_text = record.stack_info = None
+        self._kept.append(record)
+
+    def take(self) -> list[logging.LogRecord]:
+        """Return what was kept, and keep nothing of it."""
+        kept, self._kept = self._kept, []
+        return kept

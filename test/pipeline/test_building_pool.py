@@ -1,0 +1,131 @@
+"""Buildings in processes: the same results as without, whatever happens to a process."""
+
+import logging
+import os
+import signal
+
+import numpy as np
+import pytest
+
+from lidar_buildings.core.model.outline import BuildingOutline, Outline
+from lidar_buildings.core.model.tile import PointTile
+from lidar_buildings.core.stages.building_model import BuildingModelConfig
+from lidar_buildings.core.stages.plane_fitting import PlaneFittingConfig
+from lidar_buildings.pipeline.building_pool import BuildingPool
+from lidar_buildings.pipeline.tile_models import build_models
+from lidar_buildings.pipeline.tile_stages import fit_planes
+
+LARGE = 10_000
+
+
+def process_of(job):
+    return job, os.getpid()
+
+
+def do(job):
+    """Do what a job says, in whatever process."""
+    if job == "raise":
+        raise ValueError("a beam broke")
+    if job == "log":
+        logging.getLogger("beams").warning("beam %d bends", 3)
+    if job == "interrupt":
+        os.kill(os.getpid(), signal.SIGINT)
+    if isinstance(job, tuple):
+        if job[0] == "end":
+            os._exit(9)
+        if job[0] == "end once" and not job[1].exists():
+            job[1].touch()
+            os._exit(9)
+    return job
+
+
+def lost(job):
+    return "lost"
+
+
+@pytest.fixture(autouse=True)
+def _forked(monkeypatch):
+    """Fork whatever threads other tests have left, so that processes know this file's functions."""
+    monkeypatch.setattr("threading.active_count", lambda: 1)
+
+
+@pytest.fixture
+def pool():
+    with BuildingPool(2) as opened:
+        yield opened
+
+
+def test_results_come_in_the_order_of_the_jobs_from_other_processes(pool):
+    sizes = [LARGE * (k % 5 + 1) for k in range(40)]
+    found = pool.map(process_of, list(range(40)), sizes, lost)
+    assert [job for job, _ in found] == list(range(40))
+    assert os.getpid() not in {process for _, process in found}
+
+
+def test_a_handful_of_small_buildings_stays_here(pool):
+    assert pool.map(process_of, [1, 2], [10, 10], lost) == [(1, os.getpid()), (2, os.getpid())]
+
+
+def test_one_core_has_no_processes():
+    with BuildingPool(1) as alone:
+        assert {process for _, process in alone.map(process_of, [1, 2], [LARGE] * 2, lost)} == {os.getpid()}
+
+
+def test_a_process_that_ends_loses_nothing(pool, tmp_path):
+    jobs = [1, ("end once", tmp_path / "ended"), *range(2, 30)]
+    assert pool.map(do, jobs, [LARGE] * len(jobs), lost) == jobs
+    assert pool.map(do, jobs, [LARGE] * len(jobs), lost) == jobs
+
+
+def test_a_building_that_ends_every_process_is_given_up_and_the_others_are_done_here(pool):
+    jobs = [1, ("end",), *range(2, 30)]
+    expected = [1, "lost", *range(2, 30)]
+    assert pool.map(do, jobs, [LARGE] * len(jobs), lost) == expected
+    here = pool.map(process_of, [1, 2], [LARGE] * 2, lost)
+    assert {process for _, process in here} == {os.getpid()}
+
+
+def test_an_interrupt_ends_no_process(pool):
+    jobs = ["interrupt", 1, 2]
+    assert pool.map(do, jobs, [LARGE] * 3, lost) == jobs
+
+
+def test_an_exception_arrives_with_its_words(pool):
+    with pytest.raises(RuntimeError, match="a beam broke"):
+        pool.map(do, ["raise", 1], [LARGE] * 2, lost)
+
+
+def test_what_a_process_logs_is_logged_here(pool, caplog):
+    pool.map(do, ["log", 1], [LARGE] * 2, lost)
+    assert ("beams", logging.WARNING, "beam 3 bends") in caplog.record_tuples
+
+
+def test_a_closed_pool_works_here(pool):
+    pool.map(do, [1, 2], [LARGE] * 2, lost)
+    pool.close()
+    assert {process for _, process in pool.map(process_of, [1, 2], [LARGE] * 2, lost)} == {os.getpid()}
+
+
+def test_models_and_planes_are_the_same_with_and_without_processes(pool):
+    random = np.random.default_rng(0)
+    square = np.array([[0.0, 0.0], [10.0, 0.0], [10.0, 10.0], [0.0, 10.0]])
+    n = 3000
+    xy = random.uniform(0, 10, (4, n, 2))
+    z = 8.0 - np.arange(1, 5)[:, None] * 0.1 * np.abs(xy[..., 0] - 5.0) + random.normal(0, 0.02, (4, n))
+    points = np.concatenate([np.column_stack([xy[k] + [20.0 * k, 0.0], z[k]]) for k in range(4)])
+    tile = PointTile(
+        points,
+        height_above_ground=points[:, 2] - 1.0,
+        building_id=np.repeat(np.arange(1, 5), n).astype(np.uint32),
+    )
+    outlines = tuple(BuildingOutline(k + 1, Outline(square + np.array([20.0 * k, 0.0]))) for k in range(4))
+    planes = [fit_planes(tile, PlaneFittingConfig(), each) for each in (None, pool)]
+    assert planes[0].plane_id.any()
+    assert np.array_equal(planes[0].plane_id, planes[1].plane_id)
+    here, there = (build_models(planes[0], outlines, BuildingModelConfig(), each) for each in (None, pool))
+    for one, other in zip(here, there, strict=True):
+        assert one.attributes == other.attributes
+        assert one.model.solids.keys() == other.model.solids.keys() == {"1.2", "1.3", "2.2"}
+        for lod, solid in one.model.solids.items():
+            assert solid.vertices.tobytes() == other.model.solids[lod].vertices.tobytes()
+            assert solid.faces == other.model.solids[lod].faces
