@@ -9,7 +9,7 @@ STAMP := $(VENV)/.installed
 help:
 	@echo "make demo   a virtual survey through the ROS 2 graph: what was found against the truth"
 	@echo "make test   lint, types and all tests"
-	@echo "make bench  ground, roofs, edges, features, outlines, planes and models beside their peers: errors, speed (needs the real clouds)"
+	@echo "make bench  ground, roofs, edges, features, outlines, planes, models and the whole chain beside their peers: errors, speed (needs the real clouds)"
 	@echo "make reference   write config/pipeline.param.yaml and doc/nodes.md anew from the configs"
 
 setup: $(STAMP)
@@ -73,6 +73,8 @@ bench: setup
 	@$(BIN)/python -m bench.models.run
 	@echo "Speed and memory of ground filters:"
 	@$(BIN)/python -m bench.ground.speed
+	@echo "Speed of the whole chain:"
+	@$(BIN)/python -m bench.chain.run
 
 lint: setup
 	$(BIN)/ruff check .

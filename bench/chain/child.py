@@ -1,0 +1,168 @@
+"""A command in a process of its own, on so many cores: its times, memory and temporary files."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import tempfile
+import threading
+import time
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import NamedTuple
+
+from bench.chain.process_tree import tree_memory, tree_of
+from bench.common.clouds import ROOT
+
+#: Between two looks at the process: short against a run, long against a look of some milliseconds [s].
+PERIOD = 0.25
+
+
+class Usage(NamedTuple):
+    """
+    What a command took.
+
+    Attributes
+    ----------
+    wall, cpu : float
+        The latter of all its processes, user and system [s].
+    memory : int
+        Most that it had at a time: the kernel's own mark of its largest process, or the sum over its
+        processes each `PERIOD`, if that was more [bytes].
+    disk : int
+        Most of its temporary files at a time, looked at each `PERIOD` [bytes].
+    printed : str
+        Its standard output.
+    """
+
+    wall: float
+    cpu: float
+    memory: int
+    disk: int
+    printed: str
+
+
+def run_child(
+    command: Sequence[str],
+    *,
+    cores: int | None = None,
+    output: Path | None = None,
+    environment: Mapping[str, str] | None = None,
+) -> Usage:
+    """
+    Run a command and wait for its end.
+
+    Parameters
+    ----------
+    command : sequence of str
+    cores : int, optional
+        On how many it may run.
+    output : Path, optional
+        Its output folder: what is there for a while only counts as temporary.
+    environment : mapping, optional
+        What differs from this process's.
+
+    Raises
+    ------
+    SystemExit
+        If its exit status is not 0.
+    """
+    with tempfile.TemporaryDirectory(prefix="bench-") as folder, tempfile.TemporaryFile("w+") as printed:
+        watched = Watch(Path(folder), output)
+        environment = {**os.environ, "TMPDIR": folder, **(environment or {})}
+        with _on_cores(cores):
+            started = time.perf_counter()
+            process = subprocess.Popen(
+                command, cwd=ROOT, env=environment, stdout=printed, stderr=subprocess.STDOUT
+            )
+        with watched.watching(process.pid):
+            _, status, used = os.wait4(process.pid, 0)
+            wall = time.perf_counter() - started
+        process.returncode = os.waitstatus_to_exitcode(status)
+        printed.seek(0)
+        text = printed.read()
+    if process.returncode:
+        raise SystemExit(f"{' '.join(command)}: status {process.returncode}:\n{text[-2000:]}")
+    memory = max(watched.memory, 1024 * used.ru_maxrss)
+    return Usage(wall, used.ru_utime + used.ru_stime, memory, watched.disk(), text)
+
+
+class Watch:
+    """
+    Looks at a process and its descendants time and again.
+
+    Parameters
+    ----------
+    temporary : Path
+        Its folder for temporary files.
+    output : Path, optional
+        Its output folder.
+
+    Attributes
+    ----------
+    memory : int
+        The largest sum over several processes at a time, 0 if there was never more than one [bytes].
+    """
+
+    def __init__(self, temporary: Path, output: Path | None = None) -> None:
+        self.memory = 0
+        self._temporary, self._output = temporary, output
+        self._looks: list[Counter[str]] = []
+
+    @contextmanager
+    def watching(self, pid: int) -> Iterator[None]:
+        """Look each `PERIOD` as long as this lasts."""
+        ended = threading.Event()
+
+        def watch() -> None:
+            while not ended.wait(PERIOD):
+                self.look(pid)
+
+        thread = threading.Thread(target=watch)
+        thread.start()
+        try:
+            yield
+        finally:
+            ended.set()
+            thread.join()
+
+    def look(self, pid: int) -> None:
+        """Look once."""
+        if len(tree_of(pid)) > 1:
+            self.memory = max(self.memory, tree_memory(pid))
+        self._looks.append(_sizes(self._temporary, self._output))
+
+    def disk(self) -> int:
+        """Return the most of temporary files: all but what stands in the output folder now [bytes]."""
+        last = {path.name for path in self._output.iterdir()} if self._output else set()
+        return max(
+            (sum(n for name, n in look.items() if name not in last) for look in self._looks), default=0
+        )
+
+
+@contextmanager
+def _on_cores(number: int | None) -> Iterator[None]:
+    """Let what is started meanwhile have so many of this process's cores only."""
+    allowed = os.sched_getaffinity(0)
+    if number is not None:
+        os.sched_setaffinity(0, sorted(allowed)[:number])
+    try:
+        yield
+    finally:
+        os.sched_setaffinity(0, allowed)
+
+
+def _sizes(temporary: Path, output: Path | None) -> Counter[str]:
+    """Return the bytes of all files by the output folder's member they are in; temporary ones have none."""
+    sizes: Counter[str] = Counter()
+    for folder in (temporary, *([output] if output else [])):
+        for path, _, names in os.walk(folder):
+            for name in names:
+                member = (Path(path) / name).relative_to(folder).parts[0] if folder == output else ""
+                try:
+                    sizes[member] += (Path(path) / name).stat().st_size
+                except OSError:
+                    continue  # it was there a moment ago
+    return sizes

@@ -1,0 +1,147 @@
+"""The tables of a landing, as plain text or as Markdown."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+
+from bench.chain.stages import DECODING, GROUND, MODELS, PLANES, ROOFS
+from bench.common.tables import table
+
+Records = dict[str, list[dict[str, Any]]]
+Rows = list[list[str]]
+
+#: What is said of roofer; the source was not found, and neither the machine nor its cores are known.
+ROOFER_SAID = ("roofer, as stated by others", 160, 588, 2.33)
+
+
+class Table:
+    """
+    A heading, what the columns are, and the rows.
+
+    Parameters
+    ----------
+    title : str
+    headings : sequence of str
+    rows : list of list of str
+    missing : sequence of str
+        What could not be measured, and why.
+    """
+
+    def __init__(self, title: str, headings: Sequence[str], rows: Rows, missing: Sequence[str] = ()) -> None:
+        self.title, self.headings, self.rows, self.missing = title, headings, rows, missing
+
+    def plain(self) -> str:
+        """Return it for a terminal."""
+        return "\n".join([f"{self.title}:", table(self.headings, self.rows), *self.missing])
+
+    def markdown(self) -> str:
+        """Return it for a document."""
+        lines = [self.headings, ["---", *["--:"] * (len(self.headings) - 1)], *self.rows]
+        text = [f"| {' | '.join(line)} |".replace("| ---", "|---") for line in lines]
+        return "\n".join([f"{self.title}:", "", *text, *(f"\n{line}" for line in self.missing)])
+
+
+def tables_of(records: Records) -> list[Table]:
+    """Return the tables of those parts that were measured."""
+    made = {"runs": runs_table, "stages": stages_table, "peers": models_table, "start": start_table}
+    ordered = {
+        "runs": [*records.get("runs", []), *records.get("village", [])],
+        "stages": records.get("stages", []),
+        "peers": [*records.get("stages", []), *records.get("peers", [])],
+        "start": [*records.get("start", []), *records.get("latency", [])],
+    }
+    return [make(ordered[part]) for part, make in made.items() if ordered[part]]
+
+
+def runs_table(records: Sequence[dict[str, Any]]) -> Table:
+    """Return a line per run of the whole chain."""
+    headings = (
+        *("run", "cores", "tiles", "points", "CPU s", "wall s", "M points/s", "CPU × decoding"),
+        *("wall × decoding", "wall, ROS / ROS-free", "CPU, ROS / ROS-free", "memory MB", "temporary MB"),
+    )
+    there = [one for one in records if "missing" not in one]
+    without = {(one["name"], one["cores"]): one for one in there if not one["is_ros"]}
+
+    def row(one: dict[str, Any]) -> list[str]:
+        plain = without.get((one["name"], one["cores"])) if one["is_ros"] else None
+        return [
+            one["name"] + (", ROS" if one["is_ros"] else ""),
+            *(str(one["cores"]), str(one["tiles"]), f"{one['points']:,}"),
+            *(f"{one['cpu']:.1f}", f"{one['wall']:.1f}", f"{one['points'] / one['wall'] / 1e6:.3f}"),
+            *(f"{one[name] / one[f'decoding_{name}']:.0f}" for name in ("cpu", "wall")),
+            *("" if plain is None else f"{one[name] / plain[name]:.2f}" for name in ("wall", "cpu")),
+            *(f"{one[name] / 1e6:.0f}" for name in ("memory", "disk")),
+        ]
+
+    return Table("Whole runs with all files", headings, [row(one) for one in there], _missing(records))
+
+
+def stages_table(records: Sequence[dict[str, Any]]) -> Table:
+    """Return a line per stage: processor seconds on one core, and points per second."""
+    there = [one for one in records if "cpu" in one]
+    names = list(dict.fromkeys(stage for one in there for stage in (DECODING, *one["cpu"])))
+
+    def cells(one: dict[str, Any], seconds: float | None) -> list[str]:
+        return ["", ""] if seconds is None else [f"{seconds:.2f}", f"{one['points'] / seconds / 1e6:.2f}"]
+
+    rows = [[stage, *(c for one in there for c in cells(one, one["cpu"].get(stage)))] for stage in names]
+    sums: dict[str, Callable[[dict[str, float]], float]] = {
+        "raw points to building class": lambda cpu: cpu[GROUND] + cpu[ROOFS],
+        "all stages": lambda cpu: sum(cpu.values()) - cpu.get(DECODING, 0.0),
+    }
+    rows += [[name, *(c for one in there for c in cells(one, add(one["cpu"])))] for name, add in sums.items()]
+    headings = ["stage", *(text for one in there for text in (f"{one['name']}: CPU s", "M points/s"))]
+    return Table("Stages, one core", headings, rows, _missing(records))
+
+
+def models_table(records: Sequence[dict[str, Any]]) -> Table:
+    """Return a line per cloud and peer: buildings and roof faces per second on one core."""
+    headings = ("buildings of", "buildings", "roof faces", "CPU s", "buildings/s", "faces/s")
+    rows = []
+    for one in records:
+        if "buildings" in one and isinstance(one["cpu"], dict):
+            for name, parts in (("models", (MODELS,)), ("planes and models", (PLANES, MODELS))):
+                seconds = sum(one["cpu"][part] for part in parts)
+                rows.append(_models_row(f"{one['name']}: {name}", one["buildings"], one["faces"], seconds))
+        elif "buildings" in one:
+            rows.append(_models_row(f"{one['name']}: all", one["buildings"], one["faces"], one["cpu"]))
+    return Table("Models", headings, [*rows, _models_row(*ROOFER_SAID)], _missing(records))
+
+
+def start_table(records: Sequence[dict[str, Any]]) -> Table:
+    """Return lines of the first run and of the latency."""
+    by_name = {one["name"]: one for one in records if "missing" not in one}
+    rows = []
+    if "first" in by_name:
+        first, second = by_name["first"], by_name["second"]
+        rows += [
+            [f"demo, {text}", f"{one['wall']:.1f}", f"{one['cpu']:.1f}", str(one["compiled"])]
+            for text, one in (("nothing compiled before", first), ("once more", second))
+        ]
+        both = ((one["wall"], one["cpu"]) for one in (first, second))
+        cold, warm = both
+        rows.append(
+            ["compiling: the difference", *(f"{a - b:.1f}" for a, b in zip(cold, warm, strict=True)), ""]
+        )
+    if "latency" in by_name:
+        one = by_name["latency"]
+        name = f"last point to last model, {one['points']:,} points"
+        rows.append([name, f"{np.median(one['seconds']):.2f}", f"{one['cpu']:.1f}", ""])
+    return Table("Start and latency", ("", "wall s", "CPU s", "loops compiled"), rows, _missing(records))
+
+
+def _models_row(name: str, buildings: int, faces: int, seconds: float) -> list[str]:
+    rates = (f"{buildings / seconds:.1f}", f"{faces / seconds:.0f}")
+    return [name, str(buildings), str(faces), f"{seconds:.2f}", *rates]
+
+
+def _missing(records: Sequence[dict[str, Any]]) -> list[str]:
+    """Say what was not measured."""
+    return [
+        f"Not measured: {one.get('name', one.get('key'))}: {one['missing']}."
+        for one in records
+        if "missing" in one
+    ]

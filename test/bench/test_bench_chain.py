@@ -1,0 +1,183 @@
+"""The benchmark of the whole chain: its inputs, how it watches a process, its tables."""
+
+import json
+import os
+import subprocess
+import sys
+
+import laspy
+import numpy as np
+import pytest
+
+from bench.chain import report
+from bench.chain import run as chain
+from bench.chain.child import PERIOD, Watch, run_child
+from bench.chain.copies import GAP, PAUSE, input_files
+from bench.chain.decoding import decode
+from bench.chain.latency import middle_tile
+from bench.chain.parts import n_compiled
+from bench.chain.process_tree import children_cpu, tree_memory, tree_of
+from bench.chain.stages import Clock
+from lidar_buildings.core.model.tile import PointTile
+
+
+@pytest.fixture(scope="module")
+def clouds(tmp_path_factory):
+    """Two small files side by side, with an extra dimension, far from the origin."""
+    folder = tmp_path_factory.mktemp("clouds")
+    rng = np.random.default_rng(0)
+    for name, west in (("a", 84_808.0), ("b", 84_828.0)):
+        header = laspy.LasHeader(version="1.2", point_format=1)
+        header.scales, header.offsets = (0.001, 0.01, 0.001), (0.0, 447_000.0, 0.0)
+        header.add_extra_dim(laspy.ExtraBytesParams("note", "u2"))
+        las = laspy.LasData(header)
+        las.x, las.y = west + rng.uniform(0, 20, 50), 447_412.0 + rng.uniform(0, 10, 50)
+        las.z, las.gps_time, las.note = rng.uniform(0, 5, 50), rng.uniform(0, 7, 50), np.arange(50)
+        las.write(folder / f"{name}.laz")
+    return sorted(folder.glob("*.laz"))
+
+
+def test_copies_are_the_same_points_elsewhere_and_later(clouds, tmp_path):
+    copies = input_files(clouds, 3, tmp_path)
+    assert len(copies) == 6
+    first, moved, below = (laspy.read(copies[2 * number]) for number in range(3))
+    for axis in "XYZ":
+        np.testing.assert_array_equal(first[axis], laspy.read(clouds[0])[axis])
+    # 40 and 10 m wide but for what chance leaves free at the ends, in whole metres
+    east, south = np.unique(moved.X - first.X), np.unique(below.Y - first.Y)
+    assert east.tolist() == [(40 + GAP) * 1000]
+    assert south.tolist() == [(10 + GAP) * 100]
+    assert (moved.Y == first.Y).all()
+    assert (below.X == first.X).all()
+    shift = np.ptp(moved.gps_time - first.gps_time), (moved.gps_time - first.gps_time)[0]
+    assert shift[0] < 1e-9
+    assert shift[1] >= 6 + PAUSE
+    for name in ("Z", "note", "intensity"):
+        np.testing.assert_array_equal(moved[name], first[name])
+
+
+def test_one_copy_is_the_files_and_copies_are_made_once(clouds, tmp_path):
+    assert input_files(clouds, 1, tmp_path) == clouds
+    made = input_files(clouds, 2, tmp_path)
+    times = [path.stat().st_mtime_ns for path in made]
+    assert [path.stat().st_mtime_ns for path in input_files(clouds, 2, tmp_path)] == times
+    assert decode([str(path) for path in made]) == 200
+
+
+#: A process that hands most of its work to another, which says when its memory is taken and waits for a word.
+_PARENT = """
+import subprocess, sys
+child = [sys.executable, "-c", '''
+held = bytearray(b"x") * 80_000_000
+sum(range(3_000_000))
+print("ready", flush=True)
+input()
+''']
+raise SystemExit(subprocess.run(child).returncode)
+"""
+
+
+def test_what_a_descendant_takes_is_seen(tmp_path):
+    with subprocess.Popen(
+        [sys.executable, "-c", _PARENT], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+    ) as process:
+        assert process.stdout.readline() == "ready\n"
+        watch = Watch(tmp_path)
+        watch.look(process.pid)
+        assert len(tree_of(process.pid)) == 2
+        assert tree_memory(process.pid) > 80_000_000
+        assert watch.memory > 80_000_000
+        # a loop of three million takes longer than a tick of the kernel's clock
+        assert children_cpu(process.pid) > 0
+        process.communicate("end\n")
+    assert process.returncode == 0
+    assert tree_memory(process.pid) == 0
+
+
+def test_a_child_s_memory_time_and_temporary_files_are_counted(tmp_path):
+    allowed, output = os.sched_getaffinity(0), tmp_path / "out"
+    output.mkdir()
+    program = """
+import os, sys, tempfile, time
+held = bytearray(b"x") * 60_000_000
+(kept, partial) = (os.path.join(sys.argv[1], name) for name in ("kept", ".partial"))
+for path, size in ((kept, 5000), (partial, 300), (os.path.join(tempfile.gettempdir(), "spool"), 20)):
+    with open(path, "wb") as file:
+        file.write(bytes(size))
+time.sleep(float(sys.argv[2]))
+os.remove(partial)
+print(len(os.sched_getaffinity(0)))
+"""
+    used = run_child([sys.executable, "-c", program, str(output), str(4 * PERIOD)], cores=1, output=output)
+    assert used.printed == "1\n"
+    assert used.memory > 60_000_000
+    assert used.disk == 320
+    assert used.cpu > 0
+    assert used.wall > 4 * PERIOD
+    with pytest.raises(SystemExit, match="status 3:\nwhy"):
+        run_child([sys.executable, "-c", "print('why'); raise SystemExit(3)"])
+    assert os.sched_getaffinity(0) == allowed
+
+
+def test_a_stage_s_least_time_counts():
+    clock = Clock()
+    longest = 0.0
+    for n in (3_000_000, 10, 2_000_000):
+        assert clock("sum", sum, range(n)) == n * (n - 1) // 2
+        longest = max(longest, clock.wall["sum"])
+    assert 0 < clock.wall["sum"] < longest
+    assert set(clock.cpu) == {"sum"}
+
+
+def test_the_middle_of_a_tile_is_a_square_of_so_many_points():
+    x, y = np.meshgrid(np.arange(21.0), np.arange(21.0))
+    tile = middle_tile(PointTile(np.column_stack([x.ravel(), y.ravel(), x.ravel()])), 25)
+    assert tile.points[:, :2].min(axis=0).tolist() == [8.0, 8.0]
+    assert tile.points[:, :2].max(axis=0).tolist() == [12.0, 12.0]
+
+
+def test_compiled_loops_are_counted(tmp_path):
+    assert n_compiled(tmp_path / "none") == 0
+    (tmp_path / "sub").mkdir()
+    for name in ("a.nbi", "a.1.nbc", "sub/b.1.nbc"):
+        (tmp_path / name).touch()
+    assert n_compiled(tmp_path) == 2
+
+
+def _run(*, is_ros: bool, wall: float) -> dict:
+    key = f"Delft × 1 2 {is_ros}"
+    sizes = {"points": 800_000, "tiles": 4, "buildings": 45, "memory": 9e8, "disk": 5e7}
+    times = {"wall": wall, "cpu": 2 * wall, "decoding_wall": 0.5, "decoding_cpu": 1.0}
+    return {"key": key, "name": "Delft × 1", "cores": 2, "is_ros": is_ros, **sizes, **times}
+
+
+def test_runs_are_set_beside_decoding_and_ros_beside_none():
+    made = report.runs_table([_run(is_ros=False, wall=4.0), _run(is_ros=True, wall=5.0)])
+    plain, ros = (dict(zip(made.headings, row, strict=True)) for row in made.rows)
+    assert (plain["M points/s"], plain["CPU × decoding"], plain["wall × decoding"]) == ("0.200", "8", "8")
+    assert (plain["wall, ROS / ROS-free"], ros["wall, ROS / ROS-free"]) == ("", "1.25")
+    assert (ros["memory MB"], ros["temporary MB"]) == ("900", "50")
+
+
+def test_a_later_record_takes_the_place_of_the_earlier_and_what_is_missing_is_said():
+    records = {}
+    chain.keep(records, "runs", _run(is_ros=False, wall=4.0))
+    chain.keep(records, "runs", _run(is_ros=True, wall=5.0))
+    chain.keep(records, "runs", _run(is_ros=False, wall=3.0))
+    chain.keep(records, "peers", {"name": "roofer", "missing": "not there"})
+    assert [one["wall"] for one in records["runs"]] == [3.0, 5.0]
+    runs, models = report.tables_of(records)
+    assert len(runs.rows) == 2
+    assert models.missing == ["Not measured: roofer: not there."]
+
+
+def test_a_landing_is_appended_from_what_was_kept(tmp_path, monkeypatch, capsys):
+    document, record = tmp_path / "benchmarks.md", tmp_path / "figures.json"
+    document.write_text("# Benchmarks\n")
+    record.write_text(json.dumps({"runs": [_run(is_ros=False, wall=4.0)]}))
+    monkeypatch.setattr(chain, "DOCUMENT", document)
+    chain.main(["--only", "--record", str(record), "--landing", "A landing"])
+    text = document.read_text()
+    assert text.startswith("# Benchmarks\n\n#### A landing\n\nWhole runs")
+    assert "| Delft × 1 | 2 | 4 | 800,000 |" in text
+    assert "Delft × 1" in capsys.readouterr().out
