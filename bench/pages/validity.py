@@ -91,7 +91,7 @@ def checkers():
 def draw(axes, pieces, title, alpha=1.0, vertices=False) -> None:
     """Draw a solid, triangle by triangle, so that faces with holes show them, and the edges of its faces."""
     solid = roof_solid(pieces, 0.0)
-    arrays = face_arrays(solid, np.arange(len(solid.vertices)))
+    arrays = face_arrays(solid)
     triangles, face_of = triangulate(arrays, fitted_planes(arrays)[1])
     corners = solid.vertices[triangles]
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
@@ -131,7 +131,7 @@ def draw_plan(axes, pieces, title, limits) -> None:
 def draw_triangles(axes, pieces) -> None:
     """Draw the triangles in which the ground face and the roof faces are checked."""
     solid = roof_solid(pieces, 0.0)
-    arrays = face_arrays(solid, np.arange(len(solid.vertices)))
+    arrays = face_arrays(solid)
     triangles, face_of = triangulate(arrays, fitted_planes(arrays)[1])
     for number, kind in enumerate(solid.semantics):
         if kind == ROOF_SURFACE:

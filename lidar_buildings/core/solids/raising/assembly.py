@@ -1,81 +1,230 @@
-"""The faces of a roof, its walls and its ground, put together from a plan and its columns."""
+"""The faces of a roof, its walls and its ground, put together from the half-edges of its plan."""
 
 from __future__ import annotations
 
 import numpy as np
 import shapely
+from numba import njit
 
+from lidar_buildings.core.model.array_types import IntArray
 from lidar_buildings.core.solids.output_grid import GRID
-from lidar_buildings.core.solids.raising.plan_graph import OUTSIDE, Vertex, doubled_area
-from lidar_buildings.core.solids.raising.vertex_columns import VertexColumns
-from lidar_buildings.core.solids.shell import GROUND_SURFACE, ROOF_SURFACE, WALL_SURFACE, Face, Solid
-
-#: A point of the grid in space.
-_Corner = tuple[int, int, int]
-
-
-class _Shell:
-    """Faces as they are found, with one row per corner."""
-
-    def __init__(self) -> None:
-        self.rows: dict[_Corner, int] = {}
-        self.faces: list[Face] = []
-        self.semantics: list[str] = []
-
-    def add(self, kind: str, *rings: list[_Corner]) -> None:
-        """Add a face."""
-        self.faces.append(
-            tuple(tuple(self.rows.setdefault(corner, len(self.rows)) for corner in ring) for ring in rings)
-        )
-        self.semantics.append(kind)
-
-    def solid(self) -> Solid:
-        """Return the solid of all faces."""
-        vertices = np.array(list(self.rows), dtype=np.float64).reshape(-1, 3) / round(1 / GRID)
-        return Solid(vertices, tuple(self.faces), tuple(self.semantics))
+from lidar_buildings.core.solids.raising.half_edges import (
+    CCW,
+    CW,
+    EDGE,
+    LEFT,
+    LEVEL,
+    START,
+    HalfEdges,
+    X,
+    Y,
+    level_of,
+)
+from lidar_buildings.core.solids.raising.plan_graph import OUTSIDE
+from lidar_buildings.core.solids.shell import GROUND_SURFACE, ROOF_SURFACE, WALL_SURFACE
+from lidar_buildings.core.solids.validity.face_arrays import FaceArrays
 
 
-def assemble(columns: VertexColumns) -> Solid:
-    """Return the solid: ground faces, roof faces and a wall for each edge where elevations differ."""
-    shell = _Shell()
-    rings = columns.graph.rings()
-    for face in _faces(rings.pop(OUTSIDE, []), sign=-1):
-        shell.add(GROUND_SURFACE, *([(x, y, columns.ground) for x, y in ring] for ring in face))
-    for piece in sorted(rings):
-        for face in _faces(rings[piece], sign=1):
-            roof = [[(*vertex, columns.level(vertex, piece)) for vertex in ring] for ring in face]
-            shell.add(ROOF_SURFACE, *roof)
-    for start, end in sorted(columns.graph.left):
-        wall = _wall(columns, start, end)
-        if wall:
-            shell.add(WALL_SURFACE, wall)
-    return shell.solid()
+def assemble(plan: HalfEdges) -> tuple[FaceArrays, tuple[str, ...]]:
+    """
+    Return ground faces, roof faces, a wall for each edge where elevations differ, and what each face is.
 
-
-def _wall(columns: VertexColumns, start: Vertex, end: Vertex) -> list[_Corner]:
-    """Return the wall above an edge if what is to its left is higher than what is to its right."""
-    left, right = columns.graph.left[start, end], columns.graph.left[end, start]
-    (low_a, high_a), (low_b, high_b) = (
-        (columns.level(vertex, right), columns.level(vertex, left)) for vertex in (start, end)
+    Nothing is returned if a ring has different pieces to its left: its edges cross.
+    """
+    vertices, edges, order = plan.vertices, plan.edges, plan.order()
+    around, first, owner, area = (np.empty(len(edges) + 1, dtype=np.int64) for _ in range(4))
+    n_rings = _trace_rings(vertices, edges, order, around, first, owner, area)
+    faces = _faces(
+        plan, around, first[: n_rings + 1].tolist(), owner[:n_rings].tolist(), area[:n_rings].tolist()
     )
-    if low_a > high_a or low_b > high_b or (low_a == high_a and low_b == high_b):
-        return []
-    up = [(*end, z) for z in columns.stack(end) if low_b <= z <= high_b]
-    down = [(*start, z) for z in reversed(columns.stack(start)) if low_a <= z <= high_a]
-    return [down[-1], *up, *down[:-1]]
+    rings = np.array([ring for _, face in faces for ring in face], dtype=np.int64)
+    if not len(rings):
+        return FaceArrays(np.empty((0, 3)), rings, np.zeros(1, np.int64), np.zeros(1, np.int64)), ()
+    degrees = np.bincount(edges[:, START])
+    places = np.empty((len(edges), 3), dtype=np.int64)
+    corners = np.empty(len(edges) + 2 * int((degrees**2).sum()), dtype=np.int64)
+    ring_starts = np.empty(len(rings) + len(edges) + 1, dtype=np.int64)
+    n_places, n_walls = _raise(vertices, edges, order, around, first, rings, places, corners, ring_starts)
+    n_all = len(rings) + n_walls
+    sizes = [len(face) for _, face in faces]
+    face_starts = np.concatenate([np.cumsum([0, *sizes]), np.arange(len(rings) + 1, n_all + 1)])
+    kinds = [GROUND_SURFACE if piece == OUTSIDE else ROOF_SURFACE for piece, _ in faces]
+    shell = FaceArrays(
+        places[:n_places] / round(1 / GRID),
+        corners[: ring_starts[n_all]],
+        ring_starts[: n_all + 1],
+        face_starts,
+    )
+    return shell, (*kinds, *[WALL_SURFACE] * n_walls)
 
 
-def _faces(rings: list[list[Vertex]], sign: int) -> list[list[list[Vertex]]]:
-    """Return each exterior with the holes inside it; exteriors are the rings whose area has a sign."""
-    exteriors = [ring for ring in rings if sign * doubled_area(ring) > 0]
-    holes = [ring for ring in rings if sign * doubled_area(ring) < 0]
-    if len(exteriors) <= 1:
-        return [[exterior, *holes] for exterior in exteriors]
-    polygons = [shapely.Polygon(exterior) for exterior in exteriors]
+def _faces(
+    plan: HalfEdges, around: IntArray, first: list[int], owner: list[int], area: list[int]
+) -> list[tuple[int, list[int]]]:
+    """Return each exterior's piece, and its number with those of the holes inside it; the ground first."""
+    faces: list[tuple[int, list[int]]] = []
+    groups: dict[int, list[int]] = {}
+    for ring, piece in enumerate(owner):
+        groups.setdefault(piece, []).append(ring)
+    for piece in sorted(groups):
+        sign = -1 if piece == OUTSIDE else 1
+        exteriors = [ring for ring in groups[piece] if sign * area[ring] > 0]
+        holes = [ring for ring in groups[piece] if sign * area[ring] < 0]
+        if len(exteriors) > 1 and holes:
+            corners = plan.vertices[plan.edges[around, START], :2]
+            found = _with_holes(
+                [shapely.Polygon(corners[first[k] : first[k + 1]]) for k in exteriors + holes],
+                exteriors,
+                holes,
+            )
+            faces += [(piece, face) for face in found]
+        else:
+            faces += [(piece, [ring, *holes]) for ring in exteriors]
+    return faces
+
+
+def _with_holes(polygons: list[shapely.Polygon], exteriors: list[int], holes: list[int]) -> list[list[int]]:
+    """Give each hole to the smallest exterior around it; polygons of exteriors come before those of holes."""
     faces = [[exterior] for exterior in exteriors]
-    for hole in holes:
-        inside = shapely.Polygon(hole).representative_point()
-        owners = [k for k, polygon in enumerate(polygons) if polygon.contains(inside)]
+    for hole, polygon in zip(holes, polygons[len(exteriors) :], strict=True):
+        inside = polygon.representative_point()
+        owners = [k for k in range(len(exteriors)) if polygons[k].contains(inside)]
         if owners:
             faces[min(owners, key=lambda k: polygons[k].area)].append(hole)
     return faces
+
+
+@njit(cache=True, nogil=True)
+def _trace_rings(
+    vertices: IntArray,
+    edges: IntArray,
+    order: IntArray,
+    around: IntArray,
+    first: IntArray,
+    owner: IntArray,
+    area: IntArray,
+) -> int:
+    """
+    Write the half-edges of the rings around every piece and around what is outside; return their number.
+
+    No ring passes a vertex twice: where a piece touches itself, its ring is divided.
+    """
+    done = np.zeros(len(edges), dtype=np.bool_)
+    place = np.full(len(vertices), -1)
+    path = np.empty(len(edges), dtype=np.int64)
+    n_rings, filled, first[0] = 0, 0, 0
+    for start in order:
+        piece, n, e = edges[start, LEFT], 0, start
+        is_closed = done[start]
+        while not is_closed:
+            is_closed, at = done[e], 0
+            if not is_closed:
+                if edges[e, LEFT] != piece:
+                    return 0
+                done[e] = True
+                v = edges[e, START]
+                here, e = e, edges[e ^ 1, CW]
+                at = place[v]
+                if at < 0:
+                    place[v], path[n] = n, here
+                    n += 1
+                    continue
+            doubled, origin = 0, edges[path[at], START]
+            for k in range(at, n):
+                a, b = edges[path[k], START], edges[path[k + 1 if k + 1 < n else at], START]
+                ax, ay = vertices[a, X] - vertices[origin, X], vertices[a, Y] - vertices[origin, Y]
+                bx, by = vertices[b, X] - vertices[origin, X], vertices[b, Y] - vertices[origin, Y]
+                doubled += ax * by - bx * ay
+                around[filled] = path[k]
+                filled += 1
+                if is_closed or k > at:
+                    place[a] = -1
+            owner[n_rings], area[n_rings] = piece, doubled
+            n_rings += 1
+            first[n_rings] = filled
+            n = at + 1
+    return n_rings
+
+
+@njit(cache=True, nogil=True)
+def _raise(
+    vertices: IntArray,
+    edges: IntArray,
+    order: IntArray,
+    around: IntArray,
+    first: IntArray,
+    rings: IntArray,
+    places: IntArray,
+    corners: IntArray,
+    ring_starts: IntArray,
+) -> tuple[int, int]:
+    """
+    Write the rings of roof and ground, then the walls; number corners in space as they come up.
+
+    Returns
+    -------
+    n_places, n_walls : int
+        Corners in space, and walls.
+    """
+    stack, levels = np.zeros(len(vertices) + 1, dtype=np.int64), np.empty(len(edges), dtype=np.int64)
+    for v in range(len(vertices)):
+        n = stack[v]
+        e = vertices[v, EDGE]
+        while e >= 0:
+            level, k = edges[e, LEVEL], n
+            while k > stack[v] and levels[k - 1] > level:
+                k -= 1
+            if k == stack[v] or levels[k - 1] != level:
+                for j in range(n, k, -1):
+                    levels[j] = levels[j - 1]
+                levels[k] = level
+                n += 1
+            e = edges[e, CCW]
+            if e == vertices[v, EDGE]:
+                break
+        stack[v + 1] = n
+    rows = np.full(stack[-1], -1)
+    n_places, filled, n_rings = 0, 0, 0
+    ring_starts[0] = 0
+    for ring in rings:
+        for k in range(first[ring], first[ring + 1]):
+            v = edges[around[k], START]
+            slot = stack[v]
+            while levels[slot] != edges[around[k], LEVEL]:
+                slot += 1
+            if rows[slot] < 0:
+                rows[slot] = n_places
+                places[n_places, 0], places[n_places, 1] = vertices[v, X], vertices[v, Y]
+                places[n_places, 2] = levels[slot]
+                n_places += 1
+            corners[filled] = rows[slot]
+            filled += 1
+        n_rings += 1
+        ring_starts[n_rings] = filled
+    for e in order:
+        left, right = edges[e, LEFT], edges[e ^ 1, LEFT]
+        a, b = edges[e, START], edges[e ^ 1, START]
+        low_a, high_a = level_of(edges, e, right), edges[e, LEVEL]
+        low_b, high_b = edges[e ^ 1, LEVEL], level_of(edges, e ^ 1, left)
+        if low_a > high_a or low_b > high_b or (low_a == high_a and low_b == high_b):
+            continue
+        # from the foot at the start to the end, up there, back, and down
+        for step in range(3):
+            v, low, high = (b, low_b, high_b) if step == 1 else (a, low_a, high_a)
+            n = stack[v + 1] - stack[v]
+            for k in range(n):
+                slot = stack[v] + k if step < 2 else stack[v + 1] - 1 - k
+                if levels[slot] < low or levels[slot] > high:
+                    continue
+                if (step == 0 and levels[slot] != low) or (step == 2 and levels[slot] == low):
+                    continue
+                if rows[slot] < 0:
+                    rows[slot] = n_places
+                    places[n_places, 0], places[n_places, 1] = vertices[v, X], vertices[v, Y]
+                    places[n_places, 2] = levels[slot]
+                    n_places += 1
+                corners[filled] = rows[slot]
+                filled += 1
+        n_rings += 1
+        ring_starts[n_rings] = filled
+    return n_places, n_rings - len(rings)

@@ -9,14 +9,8 @@ import shapely
 from numpy.typing import NDArray
 
 from lidar_buildings.core.model.array_types import FloatArray, IntArray
-from lidar_buildings.core.solids.raising.plan_graph import (
-    OUTSIDE,
-    PlanGraph,
-    Vertex,
-    grid_ring,
-    labelled_graph,
-    piece_rings,
-)
+from lidar_buildings.core.solids.raising.grid_rings import GridRings, grid_rings, piece_rings
+from lidar_buildings.core.solids.raising.plan_graph import OUTSIDE, PlanGraph, labelled_graph
 from lidar_buildings.core.solids.raising.roof_piece import RoofPiece
 from lidar_buildings.core.solids.validity.welding import weld
 
@@ -26,28 +20,26 @@ LEAST_DISTANCE = 3.0
 
 def matched_coverage(pieces: Sequence[RoofPiece]) -> PlanGraph:
     """Return the graph of the pieces, noded anew if they do not match edge by edge."""
-    rings = [piece_rings(piece) for piece in pieces]
-    graph = labelled_graph(list(enumerate(rings)))
-    if graph is not None and _matches(graph, rings):
+    rings = piece_rings(pieces)
+    graph = labelled_graph(rings)
+    if graph is not None and len(graph.ends) and _are_sound(rings) and not _has_slit(graph):
         return graph
     return noded_coverage(pieces, LEAST_DISTANCE, 1.0)
 
 
-def _matches(graph: PlanGraph, rings: list[list[list[Vertex]]]) -> bool:
-    """
-    Whether the edges left over bound one sound region without slits, and the pieces themselves are sound.
-    """
-    polygons = [shapely.Polygon(group[0], group[1:]) for group in rings if group]
-    if not shapely.is_valid(np.array(polygons, dtype=object)).all():
-        return False
-    edges = np.array([edge for edge, piece in graph.left.items() if piece == OUTSIDE], dtype=np.float64)
-    return len(edges) > 0 and not _has_slit(edges)
+def _are_sound(rings: GridRings) -> bool:
+    """Whether all pieces are valid polygons."""
+    polygons = [shapely.Polygon(group[0], group[1:]) for _, group in rings.groups()]
+    return bool(shapely.is_valid(np.array(polygons, dtype=object)).all())
 
 
-def _has_slit(edges: FloatArray) -> bool:
-    """Whether an end of an edge lies next to another edge that it does not belong to, shape (n, 2, 2)."""
+def _has_slit(graph: PlanGraph) -> bool:
+    """Whether an end of an outer edge lies next to another one that it does not belong to, or two cross."""
+    edges = graph.places[graph.ends[(graph.sides == OUTSIDE).any(axis=1)]].astype(np.float64)
+    if not len(edges):
+        return True
     lines = shapely.linestrings(edges)
-    ends = np.unique(edges[:, 0], axis=0)
+    ends = np.unique(edges.reshape(-1, 2), axis=0)
     points = shapely.points(ends)
     near = shapely.STRtree(lines).query(points, predicate="dwithin", distance=LEAST_DISTANCE)
     apart = (edges[near[1]] != ends[near[0], None, :]).any(axis=2).all(axis=1)
@@ -71,69 +63,58 @@ def noded_coverage(pieces: Sequence[RoofPiece], within: float, grid: float) -> P
         All vertices come to lie on multiples of this, edges nearer than half of it to a vertex run through it
         (snap rounding, Hobby 1999) [grid steps].
     """
-    rings = [piece_rings(piece) for piece in pieces]
-    if not any(rings):
-        return PlanGraph({})
+    rings = piece_rings(pieces)
+    nothing = PlanGraph(rings.corners[:0], rings.corners[:0], rings.corners[:0])
+    if not len(rings.owner):
+        return nothing
     rings = _snapped(rings, within)
-    polygons = [_sound(shapely.Polygon(group[0], group[1:])) for group in rings if group]
-    owners = [number for number, group in enumerate(rings) if group]
-    if not polygons:
-        return PlanGraph({})
-    lines = [shapely.LineString([*ring, ring[0]]) for group in rings for ring in group]
+    if not len(rings.owner):
+        return nothing
+    polygons = [_sound(shapely.Polygon(group[0], group[1:])) for _, group in rings.groups()]
+    owners = [number for number, _ in rings.groups()]
+    lines = [shapely.LineString([*ring, ring[0]]) for _, group in rings.groups() for ring in group]
     noded = shapely.union_all(lines, grid_size=grid)
     faces = shapely.get_parts(shapely.polygonize([noded]))
     labels = _labels(faces, polygons, owners, within)
     labelled = [
-        (
-            int(label),
-            [grid_ring(np.asarray(ring.coords)[:-1], ccw=k == 0) for k, ring in enumerate(_rings(face))],
-        )
+        (int(label), [np.asarray(ring.coords)[:-1] for ring in (face.exterior, *face.interiors)])
         for face, label in zip(faces, labels, strict=True)
         if label != OUTSIDE
     ]
-    return labelled_graph(labelled) or PlanGraph({})
+    graph = labelled_graph(grid_rings(labelled))
+    return nothing if graph is None else graph
 
 
-def _snapped(rings: list[list[list[Vertex]]], within: float) -> list[list[list[Vertex]]]:
+def _snapped(rings: GridRings, within: float) -> GridRings:
     """Move vertices onto others, or onto edges, that are nearer than `within`."""
-    places = np.array(
-        sorted({vertex for group in rings for ring in group for vertex in ring}), dtype=np.float64
-    )
+    places, row = np.unique(rings.corners.astype(np.float64), axis=0, return_inverse=True)
     leader = weld(places, within)
-    target = {
-        (int(x), int(y)): (int(places[to, 0]), int(places[to, 1]))
-        for (x, y), to in zip(places, leader, strict=True)
-    }
-    kept = np.unique(places[leader], axis=0)
-    moved = [
-        [
-            grid_ring(np.array(_with_vertices([target[v] for v in ring], kept, within)), ccw=k == 0)
-            for k, ring in enumerate(group)
-        ]
-        for group in rings
-    ]
-    return [[ring for ring in group if ring] if group and group[0] else [] for group in moved]
+    kept = places[np.unique(leader)]
+    moved = rings._replace(corners=places[leader[row.reshape(-1)]].astype(np.int64))
+    return grid_rings(
+        [(k, [_with_vertices(ring, kept, within) for ring in group]) for k, group in moved.groups()]
+    )
 
 
-def _with_vertices(ring: list[Vertex], places: FloatArray, within: float) -> list[Vertex]:
+def _with_vertices(ring: IntArray, places: FloatArray, within: float) -> FloatArray:
     """Put all places that lie next to an edge of a ring into it."""
-    tree = shapely.STRtree(shapely.points(places))
-    full: list[Vertex] = []
-    for start, end in zip(ring, [*ring[1:], *ring[:1]], strict=True):
-        full.append(start)
-        if start == end:
-            continue
-        near = tree.query(shapely.LineString([start, end]), predicate="dwithin", distance=within)
-        along = (
-            (places[near] - start)
-            @ np.subtract(end, start)
-            / np.dot(np.subtract(end, start), np.subtract(end, start))
+    steps = np.roll(ring, -1, axis=0) - ring
+    lines = shapely.linestrings(np.stack([ring, ring + steps], axis=1))
+    edge, near = shapely.STRtree(shapely.points(places)).query(lines, predicate="dwithin", distance=within)
+    length = np.einsum("ij,ij->i", steps, steps)
+    edge, near = edge[length[edge] > 0.0], near[length[edge] > 0.0]
+    share = np.einsum("ij,ij->i", places[near] - ring[edge], steps[edge]) / length[edge]
+    is_end = (places[near] == ring[edge]).all(axis=1) | (places[near] == ring[edge] + steps[edge]).all(axis=1)
+    between = (share > 0.0) & (share < 1.0) & ~is_end
+    all_places = np.concatenate([ring, places[near[between]]])
+    order = np.lexsort(
+        (
+            *all_places.T[::-1],
+            np.append(np.zeros(len(ring)), share[between]),
+            np.append(np.arange(len(ring)), edge[between]),
         )
-        between = sorted(
-            (share, *places[k].astype(int).tolist()) for share, k in zip(along, near, strict=True)
-        )
-        full += [(x, y) for share, x, y in between if 0.0 < share < 1.0 and (x, y) not in (start, end)]
-    return full
+    )
+    return all_places[order]
 
 
 def _labels(
@@ -159,7 +140,3 @@ def _labels(
 def _sound(polygon: shapely.Polygon) -> shapely.Geometry:
     """Return a polygon whose holes stay holes even where they have come to cross its exterior."""
     return shapely.make_valid(polygon, method="structure", keep_collapsed=False)
-
-
-def _rings(polygon: shapely.Polygon) -> list[shapely.LinearRing]:
-    return [polygon.exterior, *polygon.interiors]

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
+from lidar_buildings.core.solids.raising.half_edges import MERGE_TOLERANCE
 from lidar_buildings.core.solids.raising.roof_piece import RoofPiece
-from lidar_buildings.core.solids.raising.vertex_columns import MERGE_TOLERANCE
 
 
 def align_flat_heights(pieces: Sequence[RoofPiece]) -> list[RoofPiece]:

@@ -10,19 +10,15 @@ import numpy as np
 from lidar_buildings.core.solids.output_grid import GRID
 from lidar_buildings.core.solids.raising.assembly import assemble
 from lidar_buildings.core.solids.raising.coverage import matched_coverage, noded_coverage
-from lidar_buildings.core.solids.raising.crossings import split_crossings
 from lidar_buildings.core.solids.raising.flat_heights import align_flat_heights
-from lidar_buildings.core.solids.raising.manifold import make_manifold
+from lidar_buildings.core.solids.raising.half_edges import MERGE_TOLERANCE, HalfEdges
 from lidar_buildings.core.solids.raising.minimum_height import with_minimum_height
 from lidar_buildings.core.solids.raising.plan_graph import PlanGraph
 from lidar_buildings.core.solids.raising.roof_piece import RoofPiece, check_pieces
 from lidar_buildings.core.solids.raising.triangulate_non_planar import triangulate_non_planar
-from lidar_buildings.core.solids.raising.vertex_columns import MERGE_TOLERANCE, VertexColumns
 from lidar_buildings.core.solids.shell import Solid
-from lidar_buildings.core.solids.validity import check_solid
+from lidar_buildings.core.solids.validity.checking import check_faces, check_solid
 
-#: Repairs may make others necessary; no more rounds than this.
-_MAX_ROUNDS = 10
 #: Elevations at one vertex that lie within this become one where merging more folds a small face [m].
 _FINE_MERGE_TOLERANCE = 0.002
 #: Codes of faces that are not flat.
@@ -75,51 +71,33 @@ def checked_roof_solid(pieces: Sequence[RoofPiece], ground_elevation: float) -> 
     check_pieces(pieces)
     ground = round(ground_elevation / GRID)
     pieces = align_flat_heights(with_minimum_height(pieces, ground * GRID))
+    planes = np.array([piece.plane for piece in pieces], dtype=np.float64).reshape(-1, 3)
     first = None
     for graph in _plans(pieces):
         tried = []
-        for solid in _candidates(graph, pieces, ground):
-            tried.append((solid, check_solid(solid)))
-            if not tried[-1][1]:
-                return tried[-1]
-        for triangulated in _triangulated(tried):
-            if not check_solid(triangulated):
-                return triangulated, ()
+        for tolerance in (MERGE_TOLERANCE, _FINE_MERGE_TOLERANCE):
+            shell, semantics = assemble(HalfEdges(graph, planes, ground, tolerance))
+            tried.append((shell, semantics, check_faces(shell)))
+            if not tried[-1][2]:
+                return shell.solid(semantics), ()
+        for shell, semantics, codes in tried:
+            if _NON_PLANAR.issuperset(codes):
+                triangulated = triangulate_non_planar(shell.solid(semantics))
+                if not check_solid(triangulated):
+                    return triangulated, ()
         first = first or tried[0]
-    nothing = Solid(np.empty((0, 3)), (), ())
-    return first or (nothing, check_solid(nothing))
-
-
-def _candidates(graph: PlanGraph, pieces: Sequence[RoofPiece], ground: int) -> Iterator[Solid]:
-    """Yield the solids to try above one plan, the one with the fewest vertices first."""
-    left = graph.left.copy()
-    yield _raised(graph, pieces, ground, MERGE_TOLERANCE)
-    yield _raised(PlanGraph(left), pieces, ground, _FINE_MERGE_TOLERANCE)
-
-
-def _triangulated(tried: Sequence[tuple[Solid, tuple[int, ...]]]) -> Iterator[Solid]:
-    """Yield solids whose only fault are folded faces with these cut into triangles: many faces for one."""
-    for solid, codes in tried:
-        if _NON_PLANAR.issuperset(codes):
-            yield triangulate_non_planar(solid)
+    if first is None:
+        nothing = Solid(np.empty((0, 3)), (), ())
+        return nothing, check_solid(nothing)
+    return first[0].solid(first[1]), first[2]
 
 
 def _plans(pieces: Sequence[RoofPiece]) -> Iterator[PlanGraph]:
     """Yield the plan of the pieces and simpler ones, those left out that change its area much."""
     given = matched_coverage(pieces)
-    if given.left:
+    if len(given.ends):
         yield given
-    for within, grid in _SIMPLER if given.left else ():
+    for within, grid in _SIMPLER if len(given.ends) else ():
         simpler = noded_coverage(pieces, within, grid)
         if abs(simpler.area - given.area) <= _MAX_CHANGE * given.area:
             yield simpler
-
-
-def _raised(graph: PlanGraph, pieces: Sequence[RoofPiece], ground: int, merge_tolerance: float) -> Solid:
-    """Return the solid above a plan, repaired where roofs cross or four walls meet."""
-    columns = VertexColumns(graph, pieces, ground, merge_tolerance)
-    for _ in range(_MAX_ROUNDS):
-        crossed = split_crossings(columns)
-        if not make_manifold(columns) and not crossed:
-            break
-    return assemble(columns)

@@ -15,7 +15,7 @@ def triangulate_non_planar(solid: Solid) -> Solid:
     """Return a solid with the roof faces that are folded, or not planar, cut into triangles."""
     if not solid.faces:
         return solid
-    arrays = face_arrays(solid, np.arange(len(solid.vertices)))
+    arrays = face_arrays(solid)
     off_plane, flat = fitted_planes(arrays)
     triangles, face_of = triangulate(arrays, flat)
     is_roof = np.array([kind == ROOF_SURFACE for kind in solid.semantics])

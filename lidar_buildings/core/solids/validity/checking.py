@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from lidar_buildings.core.model.array_types import IntArray
@@ -35,21 +37,26 @@ def check_solid(solid: Solid) -> tuple[int, ...]:
     Codes, names and tolerances: `core.solids.validity.codes`. Whether vertices exactly one snap
     tolerance apart count as one depends on others' rounding: such solids have to be valid both ways.
     """
-    if not solid.faces or not len(solid.vertices):
+    if not all(face and all(face) for face in solid.faces):
+        return (101,)
+    return check_faces(face_arrays(solid))
+
+
+def check_faces(faces: FaceArrays) -> tuple[int, ...]:
+    """Return what `check_solid` does of a shell given as arrays."""
+    if len(faces.face_starts) < 2 or not len(faces.vertices):
         return (902,)
-    perhaps = weld(solid.vertices, SNAP_TOLERANCE * (1.0 + MARGIN))
-    codes = _check_welded(solid, perhaps)
+    perhaps = weld(faces.vertices, SNAP_TOLERANCE * (1.0 + MARGIN))
+    codes = _check_welded(faces, perhaps)
     if len(np.unique(perhaps)) < len(perhaps):
-        surely = weld(solid.vertices, SNAP_TOLERANCE * (1.0 - MARGIN))
-        codes |= set() if np.array_equal(surely, perhaps) else _check_welded(solid, surely)
+        surely = weld(faces.vertices, SNAP_TOLERANCE * (1.0 - MARGIN))
+        codes |= set() if np.array_equal(surely, perhaps) else _check_welded(faces, surely)
     return tuple(sorted(codes))
 
 
-def _check_welded(solid: Solid, leader: IntArray) -> set[int]:
-    """Return the codes of a solid whose vertices count as others."""
-    if not all(face and all(face) for face in solid.faces):
-        return {101}
-    faces = face_arrays(solid, leader)
+def _check_welded(faces: FaceArrays, leader: IntArray) -> set[int]:
+    """Return the codes of a shell whose vertices count as others."""
+    faces = replace(faces, corners=leader[faces.corners])
     codes = repeated_points(faces)
     if codes:
         return codes

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from itertools import chain
+from itertools import chain, pairwise
 
 import numpy as np
 
@@ -38,14 +38,21 @@ class FaceArrays:
         """Where each face begins among the corners, shape (n_faces + 1,)."""
         return self.ring_starts[self.face_starts]
 
+    def solid(self, semantics: tuple[str, ...]) -> Solid:
+        """Return the shell whose faces are these."""
+        corners, starts = self.corners.tolist(), self.ring_starts.tolist()
+        rings = [tuple(corners[a:b]) for a, b in pairwise(starts)]
+        faces = tuple(tuple(rings[a:b]) for a, b in pairwise(self.face_starts.tolist()))
+        return Solid(self.vertices, faces, semantics)
 
-def face_arrays(solid: Solid, leader: IntArray) -> FaceArrays:
-    """Return the faces of a solid with its vertices replaced by those they count as."""
+
+def face_arrays(solid: Solid) -> FaceArrays:
+    """Return the faces of a solid."""
     rings = list(chain.from_iterable(solid.faces))
     sizes = np.array([len(ring) for ring in rings], dtype=np.int64)
     corners = np.fromiter(chain.from_iterable(rings), dtype=np.int64, count=int(sizes.sum()))
     per_face = np.array([len(face) for face in solid.faces], dtype=np.int64)
-    return FaceArrays(solid.vertices, leader[corners], _starts(sizes), _starts(per_face))
+    return FaceArrays(solid.vertices, corners, _starts(sizes), _starts(per_face))
 
 
 def fitted_planes(faces: FaceArrays) -> tuple[FloatArray, FloatArray]:

@@ -1,0 +1,120 @@
+"""The rings of a roof's pieces in steps of the output grid, as arrays."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+from lidar_buildings.core.model.array_types import FloatArray, IntArray
+from lidar_buildings.core.solids.output_grid import GRID
+from lidar_buildings.core.solids.raising.roof_piece import RoofPiece
+
+
+class GridRings(NamedTuple):
+    """
+    Rings end to end, without repetitions and spikes.
+
+    Attributes
+    ----------
+    corners : ndarray of shape (n_corners, 2)
+        Open rings [steps of the grid].
+    starts : ndarray of shape (n_rings + 1,)
+        Where each ring begins among the corners.
+    owner : ndarray of shape (n_rings,)
+        The piece that lies to the left of each ring: its exterior, counter-clockwise, comes before its holes.
+    """
+
+    corners: IntArray
+    starts: IntArray
+    owner: IntArray
+
+    def groups(self) -> list[tuple[int, list[IntArray]]]:
+        """Return each piece's number and its rings, the exterior first."""
+        groups: dict[int, list[IntArray]] = {}
+        for number, ring in zip(self.owner.tolist(), np.split(self.corners, self.starts[1:-1]), strict=True):
+            groups.setdefault(number, []).append(ring)
+        return list(groups.items())
+
+
+def piece_rings(pieces: Sequence[RoofPiece]) -> GridRings:
+    """Return the rings of pieces; none of a piece whose exterior has no area."""
+    return grid_rings([(number, [ring / GRID for ring in one.rings]) for number, one in enumerate(pieces)])
+
+
+def grid_rings(groups: Sequence[tuple[int, Sequence[FloatArray]]]) -> GridRings:
+    """
+    Put rings on the grid: the first of each group counter-clockwise, the others clockwise.
+
+    Parameters
+    ----------
+    groups : sequence of (int, sequence of ndarray of shape (n, 2))
+        Number of a piece, and its rings in steps of the grid, with fractions.
+    """
+    rings = [ring for _, group in groups for ring in group]
+    if not rings:
+        return GridRings(np.empty((0, 2), np.int64), np.zeros(1, np.int64), np.empty(0, np.int64))
+    corners = np.rint(np.concatenate(rings)).astype(np.int64)
+    starts = np.cumsum([0, *(len(ring) for ring in rings)])
+    rank = np.array([k for _, group in groups for k in range(len(group))])
+    owner = np.array([number for number, group in groups for _ in group])
+    n_rings = _clean(corners, starts, rank, owner)
+    return GridRings(corners[: starts[n_rings]], starts[: n_rings + 1], owner[:n_rings])
+
+
+@njit(cache=True, nogil=True)
+def _clean(corners: IntArray, starts: IntArray, rank: IntArray, owner: IntArray) -> int:
+    """Leave out repetitions, spikes, and rings without area, in place; return how many rings are left."""
+    n_rings, filled, keeps_holes = 0, 0, False
+    begin = starts[0]
+    for number in range(len(rank)):
+        end = starts[number + 1]
+        first = filled
+        for k in range(begin, end):
+            x, y = corners[k, 0], corners[k, 1]
+            if filled > first and corners[filled - 1, 0] == x and corners[filled - 1, 1] == y:
+                continue
+            if filled > first + 1 and corners[filled - 2, 0] == x and corners[filled - 2, 1] == y:
+                filled -= 1  # back along the last edge
+                continue
+            corners[filled, 0], corners[filled, 1] = x, y
+            filled += 1
+        begin, head = end, first
+        while filled - head > 2:
+            is_last = (
+                corners[filled - 1, 0] == corners[head, 0] and corners[filled - 1, 1] == corners[head, 1]
+            )
+            is_tip = corners[filled - 2, 0] == corners[head, 0] and corners[filled - 2, 1] == corners[head, 1]
+            if is_last or is_tip:
+                filled -= 1
+            elif (
+                corners[filled - 1, 0] == corners[head + 1, 0]
+                and corners[filled - 1, 1] == corners[head + 1, 1]
+            ):
+                head += 1
+            else:
+                break
+        if rank[number] == 0:
+            keeps_holes = filled - head > 2
+        if filled - head < 3 or not keeps_holes:
+            filled = first
+            continue
+        doubled_area = 0
+        for k in range(head, filled):
+            after = k + 1 if k + 1 < filled else head
+            doubled_area += (corners[k, 0] - corners[head, 0]) * (corners[after, 1] - corners[head, 1])
+            doubled_area -= (corners[k, 1] - corners[head, 1]) * (corners[after, 0] - corners[head, 0])
+        for k in range(head, filled):
+            corners[first + k - head, 0], corners[first + k - head, 1] = corners[k, 0], corners[k, 1]
+        filled -= head - first
+        if (doubled_area > 0) != (rank[number] == 0):
+            for k in range((filled - first) // 2):
+                for axis in range(2):
+                    low, high = corners[first + k, axis], corners[filled - 1 - k, axis]
+                    corners[first + k, axis], corners[filled - 1 - k, axis] = high, low
+        owner[n_rings] = owner[number]
+        n_rings += 1
+        starts[n_rings] = filled
+    return n_rings

@@ -1,0 +1,406 @@
+"""
+The edges of a plan in both directions, and the elevations at which pieces meet above its vertices.
+
+Where the profiles of two pieces cross along their common edge it is divided. A shell must not touch itself
+either (ISO 19107; val3dity's code 303): around a vertex the elevations, taken in a circle, may rise once and
+fall once. Where they do so twice, the pieces of one valley are drawn back by a centimetre, so that the higher
+ones beside it meet.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+
+from lidar_buildings.core.model.array_types import FloatArray, IntArray
+from lidar_buildings.core.solids.output_grid import GRID
+from lidar_buildings.core.solids.raising.minimum_height import MIN_HEIGHT
+from lidar_buildings.core.solids.raising.plan_graph import OUTSIDE, PlanGraph
+
+#: Elevations at one vertex within this become one: no face leaves its plane by more than half of it [m].
+MERGE_TOLERANCE = 0.008
+#: How far a valley's tip is drawn back, in steps of the grid.
+DRAWN_BACK = 10
+#: Tips of narrow valleys are drawn back further, up to so many times.
+_MAX_FACTOR = 4.0
+#: Repairs may make others necessary; no more rounds than this.
+_MAX_ROUNDS = 10
+#: Least height above the ground [steps of the grid].
+_MIN_STEPS = round(MIN_HEIGHT / GRID)
+
+#: Columns of vertices: place in steps of the grid, a half-edge that starts there (the first counter-clockwise
+#: from −x on, −1 for none), whether all pieces have to meet there in one elevation.
+X, Y, EDGE, JOINED = range(4)
+#: Columns of half-edges, of which 2k and 2k + 1 are one edge: the vertex where one starts, the piece to its
+#: left, the next ones around its start, counter-clockwise and clockwise, and its piece's elevation there.
+START, LEFT, CCW, CW, LEVEL = range(5)
+
+
+class HalfEdges:
+    """
+    A plan's half-edges, repaired so that a shell can be raised on them.
+
+    Attributes
+    ----------
+    vertices : ndarray of shape (n_vertices, 4)
+        Columns X, Y, EDGE, JOINED.
+    edges : ndarray of shape (2 n_edges, 5)
+        Columns START, LEFT, CCW, CW, LEVEL.
+    """
+
+    def __init__(self, graph: PlanGraph, planes: FloatArray, ground: int, merge_tolerance: float) -> None:
+        self._vertices = np.zeros((len(graph.places), 4), dtype=np.int64)
+        self._vertices[:, :2] = graph.places
+        self._edges = np.zeros((2 * len(graph.ends), 5), dtype=np.int64)
+        self._edges[:, START] = graph.ends.ravel()
+        self._edges[:, LEFT] = graph.sides.ravel()
+        self._sizes = np.array([len(self._vertices), len(self._edges)])
+        within = merge_tolerance / GRID
+        _link(self._vertices, self._edges, planes, ground, within)
+        for _ in range(_MAX_ROUNDS):
+            order = np.lexsort((self.vertices[:, Y], self.vertices[:, X]))
+            self._reserve()
+            if not _repair(
+                self._vertices, self._edges, self._sizes, planes, order, self.order(), ground, within
+            ):
+                break
+
+    @property
+    def vertices(self) -> IntArray:
+        """The vertices that there are."""
+        return self._vertices[: self._sizes[0]]
+
+    @property
+    def edges(self) -> IntArray:
+        """The half-edges that there are."""
+        return self._edges[: self._sizes[1]]
+
+    def order(self) -> IntArray:
+        """Return the half-edges by the places of their starts, then of their ends."""
+        starts = self.edges[:, START]
+        ends = starts.reshape(-1, 2)[:, ::-1].ravel()
+        rank = np.empty(len(self.vertices), dtype=np.int64)
+        rank[np.lexsort((self.vertices[:, Y], self.vertices[:, X]))] = np.arange(len(rank))
+        return np.argsort(rank[starts] * len(rank) + rank[ends])
+
+    def _reserve(self) -> None:
+        """Make room for all that one round may add."""
+        n_vertices, n_edges = self._sizes.tolist()
+        most = n_edges // 2 + n_vertices
+        self._vertices = np.concatenate([self.vertices, np.zeros((most, 4), dtype=np.int64)])
+        self._edges = np.concatenate([self.edges, np.zeros((2 * most, 5), dtype=np.int64)])
+
+
+@njit(cache=True, nogil=True)
+def _link(vertices: IntArray, edges: IntArray, planes: FloatArray, ground: int, within: float) -> None:
+    """Find the half-edges around every vertex and the elevations there."""
+    first = np.zeros(len(vertices) + 1, dtype=np.int64)
+    for e in range(len(edges)):
+        first[edges[e, START] + 1] += 1
+    most = 0
+    for v in range(len(vertices)):
+        most = max(most, first[v + 1])
+        first[v + 1] += first[v]
+    fan, value = np.empty(most, dtype=np.int64), np.empty(most)
+    order, filled = np.empty(len(edges), dtype=np.int64), first.copy()
+    for e in range(len(edges)):
+        order[filled[edges[e, START]]] = e
+        filled[edges[e, START]] += 1
+    for v in range(len(vertices)):
+        n = first[v + 1] - first[v]
+        for k in range(n):
+            fan[k] = order[first[v] + k]
+        _arrange(vertices, edges, v, fan, n, value)
+        _measure(vertices, edges, planes, v, fan, value, ground, within)
+
+
+@njit(cache=True, nogil=True)
+def _arrange(vertices: IntArray, edges: IntArray, v: int, fan: IntArray, n: int, value: FloatArray) -> None:
+    """Link the n half-edges of a vertex counter-clockwise, from the direction of −x on."""
+    for i in range(n):
+        e = fan[i]
+        end = edges[e ^ 1, START]
+        angle = math.atan2(vertices[end, Y] - vertices[v, Y], vertices[end, X] - vertices[v, X])
+        k = i
+        while k > 0 and value[k - 1] > angle:
+            value[k], fan[k] = value[k - 1], fan[k - 1]
+            k -= 1
+        value[k], fan[k] = angle, e
+    for i in range(n):
+        after = fan[i + 1 if i + 1 < n else 0]
+        edges[fan[i], CCW] = after
+        edges[after, CW] = fan[i]
+    vertices[v, EDGE] = fan[0] if n else -1
+
+
+@njit(cache=True, nogil=True)
+def _around(vertices: IntArray, edges: IntArray, v: int, fan: IntArray) -> int:
+    """Put the half-edges around a vertex into `fan` and return how many there are."""
+    n, e = 0, vertices[v, EDGE]
+    while e >= 0:
+        fan[n] = e
+        n += 1
+        e = edges[e, CCW]
+        if e == vertices[v, EDGE]:
+            break
+    return n
+
+
+@njit(cache=True, nogil=True)
+def _raw(planes: FloatArray, x: int, y: int, piece: int) -> float:
+    """Return the elevation of a piece's own plane at a place [steps of the grid]."""
+    return (planes[piece, 0] * (x * GRID) + planes[piece, 1] * (y * GRID) + planes[piece, 2]) / GRID
+
+
+@njit(cache=True, nogil=True)
+def _measure(
+    vertices: IntArray,
+    edges: IntArray,
+    planes: FloatArray,
+    v: int,
+    fan: IntArray,
+    value: FloatArray,
+    ground: int,
+    within: float,
+) -> None:
+    """Measure the elevations at a vertex and make almost equal ones one, from the lowest on."""
+    n = 0
+    e = vertices[v, EDGE]
+    while e >= 0:
+        if edges[e, LEFT] == OUTSIDE:
+            edges[e, LEVEL] = ground
+        else:
+            raw = _raw(planes, vertices[v, X], vertices[v, Y], edges[e, LEFT])
+            k = n
+            while k > 0 and value[k - 1] > raw:
+                value[k], fan[k] = value[k - 1], fan[k - 1]
+                k -= 1
+            value[k], fan[k] = raw, e
+            n += 1
+        e = edges[e, CCW]
+        if e == vertices[v, EDGE]:
+            break
+    first = 0
+    for last in range(1, n + 1):
+        if last == n or (value[last] - value[first] > within and not vertices[v, JOINED]):
+            level = int(np.rint(0.5 * (value[first] + value[last - 1])))
+            for k in range(first, last):
+                edges[fan[k], LEVEL] = max(level, ground + _MIN_STEPS)
+            first = last
+
+
+@njit(cache=True, nogil=True)
+def level_of(edges: IntArray, e: int, piece: int) -> int:
+    """Return the elevation of a piece at the start of a half-edge beside it."""
+    other = edges[e, CW]
+    while edges[other, LEFT] != piece and other != e:
+        other = edges[other, CW]
+    return edges[other, LEVEL]
+
+
+@njit(cache=True, nogil=True)
+def _repair(
+    vertices: IntArray,
+    edges: IntArray,
+    sizes: IntArray,
+    planes: FloatArray,
+    vertex_order: IntArray,
+    edge_order: IntArray,
+    ground: int,
+    within: float,
+) -> bool:
+    """Divide all edges where profiles cross, then draw valleys back; say whether there was anything to do."""
+    changed = False
+    most = len(edges)
+    fan, moved, value = np.empty(most, dtype=np.int64), np.empty(most, dtype=np.int64), np.empty(most)
+    for e in edge_order:
+        a, b = edges[e, START], edges[e ^ 1, START]
+        left, right = edges[e, LEFT], edges[e ^ 1, LEFT]
+        if left == OUTSIDE or right == OUTSIDE:
+            continue
+        if not (
+            vertices[a, X] < vertices[b, X]
+            or (vertices[a, X] == vertices[b, X] and vertices[a, Y] < vertices[b, Y])
+        ):
+            continue
+        at_start = edges[e, LEVEL] - level_of(edges, e, right)
+        at_end = level_of(edges, e ^ 1, left) - edges[e ^ 1, LEVEL]
+        if at_start == 0 or at_end == 0 or (at_start > 0) == (at_end > 0):
+            continue
+        new = sizes[0]
+        _find_crossing(vertices, planes, a, b, left, right, new)
+        if _is_taken(vertices, new):
+            continue
+        sizes[0] += 1
+        vertices[new, JOINED] = 1
+        _split_edge(vertices, edges, sizes, e, new, fan, value)
+        _measure(vertices, edges, planes, new, fan, value, ground, within)
+        changed = True
+    for v in vertex_order:
+        n = _around(vertices, edges, v, fan)
+        first, last = _valley_to_cut(edges, fan, n)
+        if first < 0:
+            continue
+        new = sizes[0]
+        _find_apex(vertices, edges, v, fan[first], fan[(last + 1) % n], new)
+        if _is_taken(vertices, new):
+            continue
+        sizes[0] += 1
+        vertices[new, JOINED] = 0
+        _cut_corner(vertices, edges, sizes, v, first, last, new, fan, n, moved, value)
+        _measure(vertices, edges, planes, v, fan, value, ground, within)
+        _measure(vertices, edges, planes, new, fan, value, ground, within)
+        changed = True
+    return changed
+
+
+@njit(cache=True, nogil=True)
+def _is_taken(vertices: IntArray, new: int) -> bool:
+    """Whether an earlier vertex with edges lies where a new one is to lie."""
+    for v in range(new):
+        if (
+            vertices[v, X] == vertices[new, X]
+            and vertices[v, Y] == vertices[new, Y]
+            and vertices[v, EDGE] >= 0
+        ):
+            return True
+    return False
+
+
+@njit(cache=True, nogil=True)
+def _find_crossing(
+    vertices: IntArray, planes: FloatArray, a: int, b: int, left: int, right: int, new: int
+) -> None:
+    """Put a vertex on the place of the grid next to the crossing at which both pieces differ least."""
+    ax, ay, bx, by = vertices[a, X], vertices[a, Y], vertices[b, X], vertices[b, Y]
+    first = _raw(planes, ax, ay, left) - _raw(planes, ax, ay, right)
+    last = _raw(planes, bx, by, left) - _raw(planes, bx, by, right)
+    share = first / (first - last) if first != last else 0.5
+    x, y = ax + share * (bx - ax), ay + share * (by - ay)
+    least = np.inf
+    for squared in range(3):
+        for dx in range(-1, 2):
+            for dy in range(-1, 2):
+                if dx * dx + dy * dy == squared:
+                    u, v = int(np.rint(x)) + dx, int(np.rint(y)) + dy
+                    step = _raw(planes, u, v, left) - _raw(planes, u, v, right)
+                    # how far the pieces are apart there against how far it is from where it should be
+                    misfit = abs(step) + abs(u - x) + abs(v - y)
+                    if misfit < least:
+                        least = misfit
+                        vertices[new, X], vertices[new, Y] = u, v
+
+
+@njit(cache=True, nogil=True)
+def _split_edge(
+    vertices: IntArray, edges: IntArray, sizes: IntArray, e: int, new: int, fan: IntArray, value: FloatArray
+) -> None:
+    """Put a new vertex into an edge: its second half becomes an edge of its own."""
+    a, b = edges[e, START], edges[e ^ 1, START]
+    half = sizes[1]
+    sizes[1] += 2
+    edges[half, START], edges[half + 1, START] = new, b
+    for column in (LEFT, LEVEL):
+        edges[half, column], edges[half + 1, column] = edges[e, column], edges[e ^ 1, column]
+    n = _around(vertices, edges, b, fan)
+    for k in range(n):
+        if fan[k] == e ^ 1:
+            fan[k] = half + 1
+    edges[e ^ 1, START] = new
+    _arrange(vertices, edges, b, fan, n, value)
+    _arrange(vertices, edges, a, fan, _around(vertices, edges, a, fan), value)
+    fan[0], fan[1] = e ^ 1, half
+    _arrange(vertices, edges, new, fan, 2, value)
+
+
+@njit(cache=True, nogil=True)
+def _valley_to_cut(edges: IntArray, fan: IntArray, n: int) -> tuple[int, int]:
+    """Return the first and the last sector of the shallowest valley to cut, −1 if the vertex is sound."""
+    chosen, chosen_last, shallowest = -1, -1, 0
+    if n < 4:
+        return chosen, chosen_last
+    top = edges[fan[0], LEVEL]
+    for k in range(n):
+        top = max(top, edges[fan[k], LEVEL])
+    while True:
+        # the next lower elevation
+        level, found = top, False
+        for k in range(n):
+            height = edges[fan[k], LEVEL]
+            if height < top and (not found or height > level):
+                level, found = height, True
+        if not found:
+            return -1, -1
+        top = level
+        n_valleys = 0
+        for start in range(n):
+            if not edges[fan[start], LEVEL] <= level < edges[fan[start - 1 if start else n - 1], LEVEL]:
+                continue
+            last, lowest = start, edges[fan[start], LEVEL]
+            while edges[fan[(last + 1) % n], LEVEL] <= level:
+                last = (last + 1) % n
+                lowest = min(lowest, edges[fan[last], LEVEL])
+            if n_valleys == 0 or lowest > shallowest:
+                chosen, chosen_last, shallowest = start, last, lowest
+            n_valleys += 1
+        if n_valleys > 1:
+            return chosen, chosen_last
+
+
+@njit(cache=True, nogil=True)
+def _find_apex(vertices: IntArray, edges: IntArray, v: int, first: int, last: int, new: int) -> None:
+    """Put a vertex on the bisector between two half-edges, the first one clockwise of the second."""
+    p, q = edges[first ^ 1, START], edges[last ^ 1, START]
+    px, py = vertices[p, X] - vertices[v, X], vertices[p, Y] - vertices[v, Y]
+    qx, qy = vertices[q, X] - vertices[v, X], vertices[q, Y] - vertices[v, Y]
+    begin = math.atan2(py, px)
+    opening = (math.atan2(qy, qx) - begin) % (2.0 * math.pi)
+    half = 0.5 * (opening if opening != 0.0 else 2.0 * math.pi)
+    reach = DRAWN_BACK * min(_MAX_FACTOR, 1.0 / max(math.sin(min(half, 0.5 * math.pi)), 1e-9))
+    reach = min(reach, 0.4 * min(math.sqrt(px * px + py * py), math.sqrt(qx * qx + qy * qy)))
+    vertices[new, X] = int(np.rint(vertices[v, X] + reach * math.cos(begin + half)))
+    vertices[new, Y] = int(np.rint(vertices[v, Y] + reach * math.sin(begin + half)))
+
+
+@njit(cache=True, nogil=True)
+def _cut_corner(
+    vertices: IntArray,
+    edges: IntArray,
+    sizes: IntArray,
+    v: int,
+    first: int,
+    last: int,
+    new: int,
+    fan: IntArray,
+    n: int,
+    moved: IntArray,
+    value: FloatArray,
+) -> None:
+    """Draw the sectors first to last back from a vertex to a new one, so that those beside them meet."""
+    n_moved = (last - first) % n + 2
+    for k in range(n_moved):
+        moved[k] = fan[(first + k) % n]
+    n_kept = n - n_moved
+    kept = np.empty(n_kept + 1, dtype=np.int64)
+    for k in range(n_kept):
+        kept[k] = fan[(first + n_moved + k) % n]
+    before, after = edges[moved[0] ^ 1, LEFT], edges[moved[n_moved - 1], LEFT]
+    for k in range(n_moved):
+        edges[moved[k], START] = new
+    for k in range(n_moved):
+        end = edges[moved[k] ^ 1, START]
+        size = _around(vertices, edges, end, fan)
+        _arrange(vertices, edges, end, fan, size, value)
+    if before != after:
+        half = sizes[1]
+        sizes[1] += 2
+        edges[half, START], edges[half, LEFT] = v, after
+        edges[half + 1, START], edges[half + 1, LEFT] = new, before
+        kept[n_kept] = half
+        n_kept += 1
+        moved[n_moved] = half + 1
+        n_moved += 1
+    _arrange(vertices, edges, v, kept, n_kept, value)
+    _arrange(vertices, edges, new, moved, n_moved, value)
