@@ -13,7 +13,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import NamedTuple
 
-from bench.chain.process_tree import tree_memory, tree_of
+from bench.chain.process_tree import machine_cpu, tree_memory, tree_of
 from bench.common.clouds import ROOT
 
 #: Between two looks at the process: short against a run, long against a look of some milliseconds [s].
@@ -28,6 +28,9 @@ class Usage(NamedTuple):
     ----------
     wall, cpu : float
         The latter of all its processes, user and system [s].
+    others : float
+        Processor time that the machine spent on others meanwhile; where it is not small, wall time tells of
+        them, too [s].
     memory : int
         Most that it had at a time: the kernel's own mark of its largest process, or the sum over its
         processes each `PERIOD`, if that was more [bytes].
@@ -39,6 +42,7 @@ class Usage(NamedTuple):
 
     wall: float
     cpu: float
+    others: float
     memory: int
     disk: int
     printed: str
@@ -73,20 +77,21 @@ def run_child(
         watched = Watch(Path(folder), output)
         environment = {**os.environ, "TMPDIR": folder, **(environment or {})}
         with _on_cores(cores):
-            started = time.perf_counter()
+            started, busy = time.perf_counter(), machine_cpu()
             process = subprocess.Popen(
                 command, cwd=ROOT, env=environment, stdout=printed, stderr=subprocess.STDOUT
             )
         with watched.watching(process.pid):
             _, status, used = os.wait4(process.pid, 0)
-            wall = time.perf_counter() - started
+            wall, busy = time.perf_counter() - started, machine_cpu() - busy
         process.returncode = os.waitstatus_to_exitcode(status)
         printed.seek(0)
         text = printed.read()
     if process.returncode:
         raise SystemExit(f"{' '.join(command)}: status {process.returncode}:\n{text[-2000:]}")
     memory = max(watched.memory, 1024 * used.ru_maxrss)
-    return Usage(wall, used.ru_utime + used.ru_stime, memory, watched.disk(), text)
+    cpu = used.ru_utime + used.ru_stime
+    return Usage(wall, cpu, max(busy - cpu, 0.0), memory, watched.disk(), text)
 
 
 class Watch:

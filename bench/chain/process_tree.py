@@ -34,6 +34,12 @@ def children_cpu(pid: int) -> float:
     return _sum(tree_of(pid)[1:], _cpu)
 
 
+def machine_cpu() -> float:
+    """Return the processor time that all processes of the machine have had since it was started [s]."""
+    user, nice, system, _, _, *interrupts = map(int, (_PROC / "stat").read_text().split("\n")[0].split()[1:8])
+    return (user + nice + system + sum(interrupts)) / _TICKS
+
+
 def _sum(pids: list[int], figure: Callable[[Path], Figure]) -> Figure:
     """Add a figure of processes up; those that have ended meanwhile count nothing."""
     total = type(figure(_PROC / "self"))()

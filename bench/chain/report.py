@@ -60,7 +60,14 @@ def runs_table(records: Sequence[dict[str, Any]]) -> Table:
     """Return a line per run of the whole chain."""
     headings = (
         *("run", "cores", "tiles", "points", "CPU s", "wall s", "M points/s", "CPU × decoding"),
-        *("wall × decoding", "wall, ROS / ROS-free", "CPU, ROS / ROS-free", "memory MB", "temporary MB"),
+        *(
+            "wall × decoding",
+            "wall, ROS / ROS-free",
+            "CPU, ROS / ROS-free",
+            "memory MB",
+            "temporary MB",
+            "others' CPU s",
+        ),
     )
     there = [one for one in records if "missing" not in one]
     without = {(one["name"], one["cores"]): one for one in there if not one["is_ros"]}
@@ -74,6 +81,7 @@ def runs_table(records: Sequence[dict[str, Any]]) -> Table:
             *(f"{one[name] / one[f'decoding_{name}']:.0f}" for name in ("cpu", "wall")),
             *("" if plain is None else f"{one[name] / plain[name]:.2f}" for name in ("wall", "cpu")),
             *(f"{one[name] / 1e6:.0f}" for name in ("memory", "disk")),
+            f"{one['others']:.1f}",
         ]
 
     return Table("Whole runs with all files", headings, [row(one) for one in there], _missing(records))
@@ -114,23 +122,24 @@ def models_table(records: Sequence[dict[str, Any]]) -> Table:
 def start_table(records: Sequence[dict[str, Any]]) -> Table:
     """Return lines of the first run and of the latency."""
     by_name = {one["name"]: one for one in records if "missing" not in one}
-    rows = []
-    if "first" in by_name:
+    rows: Rows = []
+    if "first" in by_name and "second" in by_name:
         first, second = by_name["first"], by_name["second"]
-        rows += [
-            [f"demo, {text}", f"{one['wall']:.1f}", f"{one['cpu']:.1f}", str(one["compiled"])]
-            for text, one in (("nothing compiled before", first), ("once more", second))
+        rows = [
+            ["demo, nothing compiled before", *_times(first), str(first["compiled"])],
+            ["demo, once more", *_times(second), str(second["compiled"])],
+            ["compiling: the difference", *(f"{first[n] - second[n]:.1f}" for n in ("wall", "cpu")), "", ""],
         ]
-        both = ((one["wall"], one["cpu"]) for one in (first, second))
-        cold, warm = both
-        rows.append(
-            ["compiling: the difference", *(f"{a - b:.1f}" for a, b in zip(cold, warm, strict=True)), ""]
-        )
     if "latency" in by_name:
         one = by_name["latency"]
         name = f"last point to last model, {one['points']:,} points"
-        rows.append([name, f"{np.median(one['seconds']):.2f}", f"{one['cpu']:.1f}", ""])
-    return Table("Start and latency", ("", "wall s", "CPU s", "loops compiled"), rows, _missing(records))
+        rows.append([name, f"{np.median(one['seconds']):.2f}", f"{one['cpu']:.1f}", "", ""])
+    headings = ("", "wall s", "CPU s", "others' CPU s", "loops compiled")
+    return Table("Start and latency", headings, rows, _missing(records))
+
+
+def _times(one: dict[str, Any]) -> list[str]:
+    return [f"{one[name]:.1f}" for name in ("wall", "cpu", "others")]
 
 
 def _models_row(name: str, buildings: int, faces: int, seconds: float) -> list[str]:

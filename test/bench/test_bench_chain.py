@@ -114,6 +114,7 @@ print(len(os.sched_getaffinity(0)))
     assert used.disk == 320
     assert used.cpu > 0
     assert used.wall > 4 * PERIOD
+    assert used.others >= 0
     with pytest.raises(SystemExit, match="status 3:\nwhy"):
         run_child([sys.executable, "-c", "print('why'); raise SystemExit(3)"])
     assert os.sched_getaffinity(0) == allowed
@@ -147,7 +148,7 @@ def test_compiled_loops_are_counted(tmp_path):
 def _run(*, is_ros: bool, wall: float) -> dict:
     key = f"Delft × 1 2 {is_ros}"
     sizes = {"points": 800_000, "tiles": 4, "buildings": 45, "memory": 9e8, "disk": 5e7}
-    times = {"wall": wall, "cpu": 2 * wall, "decoding_wall": 0.5, "decoding_cpu": 1.0}
+    times = {"wall": wall, "cpu": 2 * wall, "others": 0.31, "decoding_wall": 0.5, "decoding_cpu": 1.0}
     return {"key": key, "name": "Delft × 1", "cores": 2, "is_ros": is_ros, **sizes, **times}
 
 
@@ -156,6 +157,7 @@ def test_runs_are_set_beside_decoding_and_ros_beside_none():
     plain, ros = (dict(zip(made.headings, row, strict=True)) for row in made.rows)
     assert (plain["M points/s"], plain["CPU × decoding"], plain["wall × decoding"]) == ("0.200", "8", "8")
     assert (plain["wall, ROS / ROS-free"], ros["wall, ROS / ROS-free"]) == ("", "1.25")
+    assert ros["others' CPU s"] == "0.3"
     assert (ros["memory MB"], ros["temporary MB"]) == ("900", "50")
 
 
