@@ -7,6 +7,11 @@ import shapely
 from bench.scenes.models import SHAPES, solid_of
 from lidar_buildings.core.model.outline import Outline
 from lidar_buildings.core.solids.raising import RoofPiece, checked_roof_solid, extrude, roof_solid
+from lidar_buildings.core.solids.raising.assembly import assemble
+from lidar_buildings.core.solids.raising.grid_rings import piece_rings
+from lidar_buildings.core.solids.raising.half_edges import HalfEdges
+from lidar_buildings.core.solids.raising.plan_graph import labelled_graph
+from lidar_buildings.core.solids.raising.raised_codes import raised_codes
 from lidar_buildings.core.solids.raising.triangulate_non_planar import triangulate_non_planar
 from lidar_buildings.core.solids.shell import GROUND_SURFACE, ROOF_SURFACE, WALL_SURFACE, Solid
 from lidar_buildings.core.solids.validity import check_solid
@@ -296,3 +301,37 @@ def test_the_order_of_the_pieces_changes_nothing_but_their_order():
     pieces = random_roof(4)
     assert len(pieces) > 2
     assert face_set(roof_solid(pieces, 0.0)) == face_set(roof_solid(pieces[::-1], 0.0))
+
+
+def shells(pieces):
+    """Shells above plans as they are given, before anything is simplified, whether valid or not."""
+    planes = np.array([each.plane for each in pieces])
+    graph = labelled_graph(piece_rings(pieces))
+    return [assemble(HalfEdges(graph, planes, 0, within)) for within in (0.008, 0.002)] if graph else []
+
+
+def test_what_is_told_from_the_plan_is_what_all_checks_say():
+    told = 0
+    for seed in range(300):
+        for shell in shells(random_roof(seed)):
+            codes = check_solid(shell.solid)
+            assert (seed, raised_codes(shell)) == (seed, codes)
+            told += shell.is_clean and not codes
+    assert told > 100
+
+
+@pytest.mark.parametrize(
+    "pieces",
+    [
+        # one upon another, side by side, next to one another, a hole beside its piece
+        [flat(SQUARE, 3.0), flat(rectangle(2, 2, 4, 4), 5.0)],
+        [flat(rectangle(0, 0, 5, 5), 3.0), flat(rectangle(7, 0, 12, 5), 4.0)],
+        [flat(rectangle(0, 0, 5, 5), 3.0), flat(rectangle(5.001, 0, 12, 5), 4.0)],
+        [flat(SQUARE, 3.0, rectangle(12, 2, 14, 4)[::-1])],
+        [flat(SQUARE, 3.0, rectangle(0, 2, 4, 4)[::-1])],
+    ],
+)
+def test_a_plan_that_is_none_is_not_told_to_be_sound(pieces):
+    for shell in shells(pieces):
+        assert not shell.is_clean
+        assert raised_codes(shell) == check_solid(shell.solid)

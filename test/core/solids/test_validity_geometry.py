@@ -1,7 +1,7 @@
 """What the checks stand on: triangulations of faces and exact tests of triangles."""
 
-from fractions import Fraction
 from dataclasses import replace
+from fractions import Fraction
 from itertools import pairwise, product
 
 import numpy as np

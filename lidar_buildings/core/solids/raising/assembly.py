@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import math
+from typing import NamedTuple
+
 import numpy as np
 import shapely
 from numba import njit
 
 from lidar_buildings.core.model.array_types import IntArray
 from lidar_buildings.core.solids.output_grid import GRID
+from lidar_buildings.core.solids.raising.clearance import keep_clear
 from lidar_buildings.core.solids.raising.half_edges import (
     CCW,
     CW,
@@ -21,13 +25,47 @@ from lidar_buildings.core.solids.raising.half_edges import (
     level_of,
 )
 from lidar_buildings.core.solids.raising.plan_graph import OUTSIDE
-from lidar_buildings.core.solids.shell import GROUND_SURFACE, ROOF_SURFACE, WALL_SURFACE
+from lidar_buildings.core.solids.shell import GROUND_SURFACE, ROOF_SURFACE, WALL_SURFACE, Solid
 from lidar_buildings.core.solids.validity.face_arrays import FaceArrays
 
+#: Edges of a plan farther than this from the ends of others, and corners of a wall farther from each other,
+#: are clear of what the checks of solids take for one [steps of the grid].
+CLEARANCE = 1.5
+#: The checks of solids take what is nearer than a thousandth of a step for touching.
+_LEAST_GAP = 0.01
 
-def assemble(plan: HalfEdges) -> tuple[FaceArrays, tuple[str, ...]]:
+
+class RaisedShell(NamedTuple):
     """
-    Return ground faces, roof faces, a wall for each edge where elevations differ, and what each face is.
+    A shell raised on a plan.
+
+    Attributes
+    ----------
+    faces : FaceArrays
+        The ground's first, then the roof's, then the walls.
+    semantics : tuple of str
+        What each face is.
+    n_plan_faces : int
+        Faces of ground and roof.
+    is_clean : bool
+        Whether ground and walls are sound, and roof faces meet along their edges only, as long as each of
+        them is sound by itself: see `raised_codes`.
+    """
+
+    faces: FaceArrays
+    semantics: tuple[str, ...]
+    n_plan_faces: int
+    is_clean: bool
+
+    @property
+    def solid(self) -> Solid:
+        """The shell as a solid."""
+        return self.faces.solid(self.semantics)
+
+
+def assemble(plan: HalfEdges) -> RaisedShell:
+    """
+    Return ground faces, roof faces, and a wall for each edge where elevations differ.
 
     Nothing is returned if a ring has different pieces to its left: its edges cross.
     """
@@ -39,12 +77,15 @@ def assemble(plan: HalfEdges) -> tuple[FaceArrays, tuple[str, ...]]:
     )
     rings = np.array([ring for _, face in faces for ring in face], dtype=np.int64)
     if not len(rings):
-        return FaceArrays(np.empty((0, 3)), rings, np.zeros(1, np.int64), np.zeros(1, np.int64)), ()
+        nothing = FaceArrays(np.empty((0, 3)), rings, np.zeros(1, np.int64), np.zeros(1, np.int64))
+        return RaisedShell(nothing, (), 0, False)
     degrees = np.bincount(edges[:, START])
     places = np.empty((len(edges), 3), dtype=np.int64)
     corners = np.empty(len(edges) + 2 * int((degrees**2).sum()), dtype=np.int64)
     ring_starts = np.empty(len(rings) + len(edges) + 1, dtype=np.int64)
-    n_places, n_walls = _raise(vertices, edges, order, around, first, rings, places, corners, ring_starts)
+    n_places, n_walls, is_wide = _raise(
+        vertices, edges, order, around, first, rings, places, corners, ring_starts
+    )
     n_all = len(rings) + n_walls
     sizes = [len(face) for _, face in faces]
     face_starts = np.concatenate([np.cumsum([0, *sizes]), np.arange(len(rings) + 1, n_all + 1)])
@@ -55,7 +96,31 @@ def assemble(plan: HalfEdges) -> tuple[FaceArrays, tuple[str, ...]]:
         ring_starts[: n_all + 1],
         face_starts,
     )
-    return shell, (*kinds, *[WALL_SURFACE] * n_walls)
+    is_clean = (
+        plan.is_settled
+        and is_wide
+        and kinds.count(GROUND_SURFACE) == 1
+        and all(_holes_lie_apart(plan, around, first, face) for _, face in faces if len(face) > 1)
+        and keep_clear(_edges_from_west(plan, order), CLEARANCE)
+    )
+    return RaisedShell(shell, (*kinds, *[WALL_SURFACE] * n_walls), len(faces), is_clean)
+
+
+def _edges_from_west(plan: HalfEdges, order: IntArray) -> IntArray:
+    """Return the ends of each edge, the western first, by these."""
+    places = plan.vertices[:, :2]
+    edges = np.concatenate([places[plan.edges[order, START]], places[plan.edges[order ^ 1, START]]], axis=1)
+    forward = (edges[:, 0] < edges[:, 2]) | ((edges[:, 0] == edges[:, 2]) & (edges[:, 1] < edges[:, 3]))
+    return edges[forward]
+
+
+def _holes_lie_apart(plan: HalfEdges, around: IntArray, first: IntArray, face: list[int]) -> bool:
+    """Whether holes lie inside their exterior and have no vertex in common with it or with each other."""
+    starts = [plan.edges[around[first[ring] : first[ring + 1]], START] for ring in face]
+    if len(np.unique(np.concatenate(starts))) < sum(map(len, starts)):
+        return False
+    exterior, *holes = (plan.vertices[each, :2] for each in starts)
+    return bool(shapely.Polygon(exterior, holes).is_valid)
 
 
 def _faces(
@@ -157,7 +222,7 @@ def _raise(
     places: IntArray,
     corners: IntArray,
     ring_starts: IntArray,
-) -> tuple[int, int]:
+) -> tuple[int, int, bool]:
     """
     Write the rings of roof and ground, then the walls; number corners in space as they come up.
 
@@ -165,6 +230,9 @@ def _raise(
     -------
     n_places, n_walls : int
         Corners in space, and walls.
+    is_wide : bool
+        Whether all walls are sound: no edge where roofs cross is left, and no corner lies next to another or
+        to an edge that it does not belong to.
     """
     stack, levels = np.zeros(len(vertices) + 1, dtype=np.int64), np.empty(len(edges), dtype=np.int64)
     for v in range(len(vertices)):
@@ -183,6 +251,7 @@ def _raise(
             if e == vertices[v, EDGE]:
                 break
         stack[v + 1] = n
+    is_wide = True
     rows = np.full(stack[-1], -1)
     n_places, filled, n_rings = 0, 0, 0
     ring_starts[0] = 0
@@ -207,7 +276,17 @@ def _raise(
         low_a, high_a = level_of(edges, e, right), edges[e, LEVEL]
         low_b, high_b = edges[e ^ 1, LEVEL], level_of(edges, e ^ 1, left)
         if low_a > high_a or low_b > high_b or (low_a == high_a and low_b == high_b):
+            is_wide = is_wide and not (
+                (low_a > high_a and low_b < high_b) or (low_a < high_a and low_b > high_b)
+            )
             continue
+        length = math.hypot(vertices[b, X] - vertices[a, X], vertices[b, Y] - vertices[a, Y])
+        tallest = max(abs(high_a - high_b), abs(low_a - low_b))
+        for v in (a, b):
+            for slot in range(stack[v] + 1, stack[v + 1]):
+                # how far a corner lies from an edge of the wall that leaves the next one
+                gap = (levels[slot] - levels[slot - 1]) * length / math.hypot(length, tallest)
+                is_wide = is_wide and levels[slot] - levels[slot - 1] > CLEARANCE and gap > _LEAST_GAP
         # from the foot at the start to the end, up there, back, and down
         for step in range(3):
             v, low, high = (b, low_b, high_b) if step == 1 else (a, low_a, high_a)
@@ -227,4 +306,4 @@ def _raise(
                 filled += 1
         n_rings += 1
         ring_starts[n_rings] = filled
-    return n_places, n_rings - len(rings)
+    return n_places, n_rings - len(rings), is_wide

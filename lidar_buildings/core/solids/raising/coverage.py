@@ -9,6 +9,7 @@ import shapely
 from numpy.typing import NDArray
 
 from lidar_buildings.core.model.array_types import FloatArray, IntArray
+from lidar_buildings.core.solids.raising.clearance import keep_clear
 from lidar_buildings.core.solids.raising.grid_rings import GridRings, grid_rings, piece_rings
 from lidar_buildings.core.solids.raising.plan_graph import OUTSIDE, PlanGraph, labelled_graph
 from lidar_buildings.core.solids.raising.roof_piece import RoofPiece
@@ -22,14 +23,20 @@ def matched_coverage(pieces: Sequence[RoofPiece]) -> PlanGraph:
     """Return the graph of the pieces, noded anew if they do not match edge by edge."""
     rings = piece_rings(pieces)
     graph = labelled_graph(rings)
-    if graph is not None and len(graph.ends) and _are_sound(rings) and not _has_slit(graph):
-        return graph
+    if graph is not None and len(graph.ends):
+        # Edges that keep clear of each other cross nowhere and leave no slits.
+        is_clear = keep_clear(graph.places[graph.ends].reshape(-1, 4), LEAST_DISTANCE)
+        if _are_sound(rings, is_clear) and (is_clear or not _has_slit(graph)):
+            return graph
     return noded_coverage(pieces, LEAST_DISTANCE, 1.0)
 
 
-def _are_sound(rings: GridRings) -> bool:
-    """Whether all pieces are valid polygons."""
-    polygons = [shapely.Polygon(group[0], group[1:]) for _, group in rings.groups()]
+def _are_sound(rings: GridRings, is_clear: bool) -> bool:
+    """Whether all pieces are valid polygons; clear rings are, unless they pass a place twice."""
+    groups = [group for _, group in rings.groups()]
+    if is_clear:
+        groups = [g for g in groups if len(g) > 1 or len(set(map(tuple, g[0].tolist()))) < len(g[0])]
+    polygons = [shapely.Polygon(group[0], group[1:]) for group in groups]
     return bool(shapely.is_valid(np.array(polygons, dtype=object)).all())
 
 

@@ -48,6 +48,8 @@ class HalfEdges:
         Columns X, Y, EDGE, JOINED.
     edges : ndarray of shape (2 n_edges, 5)
         Columns START, LEFT, CCW, CW, LEVEL.
+    is_settled : bool
+        Whether nothing is left to be repaired.
     """
 
     def __init__(self, graph: PlanGraph, planes: FloatArray, ground: int, merge_tolerance: float) -> None:
@@ -56,16 +58,18 @@ class HalfEdges:
         self._edges = np.zeros((2 * len(graph.ends), 5), dtype=np.int64)
         self._edges[:, START] = graph.ends.ravel()
         self._edges[:, LEFT] = graph.sides.ravel()
-        self._sizes = np.array([len(self._vertices), len(self._edges)])
+        self._sizes = np.array([len(self._vertices), len(self._edges), 0])
         within = merge_tolerance / GRID
         _link(self._vertices, self._edges, planes, ground, within)
         for _ in range(_MAX_ROUNDS):
             order = np.lexsort((self.vertices[:, Y], self.vertices[:, X]))
             self._reserve()
-            if not _repair(
+            changed = _repair(
                 self._vertices, self._edges, self._sizes, planes, order, self.order(), ground, within
-            ):
+            )
+            if not changed:
                 break
+        self.is_settled = not changed and not self._sizes[2]
 
     @property
     def vertices(self) -> IntArray:
@@ -87,7 +91,7 @@ class HalfEdges:
 
     def _reserve(self) -> None:
         """Make room for all that one round may add."""
-        n_vertices, n_edges = self._sizes.tolist()
+        n_vertices, n_edges = self._sizes[:2].tolist()
         most = n_edges // 2 + n_vertices
         self._vertices = np.concatenate([self.vertices, np.zeros((most, 4), dtype=np.int64)])
         self._edges = np.concatenate([self.edges, np.zeros((2 * most, 5), dtype=np.int64)])
@@ -211,8 +215,13 @@ def _repair(
     ground: int,
     within: float,
 ) -> bool:
-    """Divide all edges where profiles cross, then draw valleys back; say whether there was anything to do."""
+    """
+    Divide all edges where profiles cross, then draw valleys back; say whether there was anything to do.
+
+    The third size becomes the number of places where something should have been done, but could not.
+    """
     changed = False
+    sizes[2] = 0
     most = len(edges)
     fan, moved, value = np.empty(most, dtype=np.int64), np.empty(most, dtype=np.int64), np.empty(most)
     for e in edge_order:
@@ -232,6 +241,7 @@ def _repair(
         new = sizes[0]
         _find_crossing(vertices, planes, a, b, left, right, new)
         if _is_taken(vertices, new):
+            sizes[2] += 1
             continue
         sizes[0] += 1
         vertices[new, JOINED] = 1
@@ -246,6 +256,7 @@ def _repair(
         new = sizes[0]
         _find_apex(vertices, edges, v, fan[first], fan[(last + 1) % n], new)
         if _is_taken(vertices, new):
+            sizes[2] += 1
             continue
         sizes[0] += 1
         vertices[new, JOINED] = 0

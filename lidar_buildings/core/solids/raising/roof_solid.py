@@ -14,10 +14,11 @@ from lidar_buildings.core.solids.raising.flat_heights import align_flat_heights
 from lidar_buildings.core.solids.raising.half_edges import MERGE_TOLERANCE, HalfEdges
 from lidar_buildings.core.solids.raising.minimum_height import with_minimum_height
 from lidar_buildings.core.solids.raising.plan_graph import PlanGraph
+from lidar_buildings.core.solids.raising.raised_codes import raised_codes
 from lidar_buildings.core.solids.raising.roof_piece import RoofPiece, check_pieces
 from lidar_buildings.core.solids.raising.triangulate_non_planar import triangulate_non_planar
 from lidar_buildings.core.solids.shell import Solid
-from lidar_buildings.core.solids.validity.checking import check_faces, check_solid
+from lidar_buildings.core.solids.validity import check_solid
 
 #: Elevations at one vertex that lie within this become one where merging more folds a small face [m].
 _FINE_MERGE_TOLERANCE = 0.002
@@ -76,20 +77,20 @@ def checked_roof_solid(pieces: Sequence[RoofPiece], ground_elevation: float) -> 
     for graph in _plans(pieces):
         tried = []
         for tolerance in (MERGE_TOLERANCE, _FINE_MERGE_TOLERANCE):
-            shell, semantics = assemble(HalfEdges(graph, planes, ground, tolerance))
-            tried.append((shell, semantics, check_faces(shell)))
-            if not tried[-1][2]:
-                return shell.solid(semantics), ()
-        for shell, semantics, codes in tried:
+            shell = assemble(HalfEdges(graph, planes, ground, tolerance))
+            tried.append((shell, raised_codes(shell)))
+            if not tried[-1][1]:
+                return shell.solid, ()
+        for shell, codes in tried:
             if _NON_PLANAR.issuperset(codes):
-                triangulated = triangulate_non_planar(shell.solid(semantics))
+                triangulated = triangulate_non_planar(shell.solid)
                 if not check_solid(triangulated):
                     return triangulated, ()
         first = first or tried[0]
     if first is None:
         nothing = Solid(np.empty((0, 3)), (), ())
         return nothing, check_solid(nothing)
-    return first[0].solid(first[1]), first[2]
+    return first[0].solid, first[1]
 
 
 def _plans(pieces: Sequence[RoofPiece]) -> Iterator[PlanGraph]:

@@ -18,6 +18,9 @@ from lidar_buildings.core.solids.validity.rings import repeated_points, self_int
 from lidar_buildings.core.solids.validity.triangulation import triangulate
 from lidar_buildings.core.solids.validity.welding import weld
 
+#: Twice the area of a triangle in plan that is surely more than nothing [m²].
+_LEAST_AREA = 1e-7
+
 
 def check_solid(solid: Solid) -> tuple[int, ...]:
     """
@@ -60,16 +63,40 @@ def _check_welded(faces: FaceArrays, leader: IntArray) -> set[int]:
     codes = repeated_points(faces)
     if codes:
         return codes
-    off_plane, flat = fitted_planes(faces)
-    if off_plane.max() > MAX_PLANE_DISTANCE * (1.0 - MARGIN):
-        return {203} | self_intersections(faces, flat)
-    codes = self_intersections(faces, flat) or misplaced_holes(faces, flat)
+    codes, triangles, face_of = _check_flatness(faces)
+    return codes or _check_shell(faces, triangles, face_of) | _unused(leader, faces)
+
+
+def faulty_faces(faces: FaceArrays) -> set[int]:
+    """
+    Return what is wrong with faces by themselves, or {204} if one is not a function of its plan.
+
+    Parameters
+    ----------
+    faces : FaceArrays
+        Faces that look upwards, with rings of three distinct vertices at least.
+    """
+    if not len(faces.corners):
+        return set()
+    codes, triangles, _ = _check_flatness(faces)
     if codes:
         return codes
+    a, b, c = faces.vertices[triangles, :2].transpose(1, 0, 2)
+    u, v = b - a, c - a
+    return set() if (u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0] > _LEAST_AREA).all() else {204}
+
+
+def _check_flatness(faces: FaceArrays) -> tuple[set[int], IntArray, IntArray]:
+    """Return what is wrong with rings and planes of faces (104 and 201 to 208), and their triangles."""
+    nothing = np.empty((0, 3), dtype=np.int64)
+    off_plane, flat = fitted_planes(faces)
+    if off_plane.max() > MAX_PLANE_DISTANCE * (1.0 - MARGIN):
+        return {203} | self_intersections(faces, flat), nothing, nothing
+    codes = self_intersections(faces, flat) or misplaced_holes(faces, flat)
+    if codes:
+        return codes, nothing, nothing
     triangles, face_of = triangulate(faces, flat)
-    if folds(faces.vertices, triangles, face_of).any():
-        return {204}
-    return _check_shell(faces, triangles, face_of) | _unused(leader, faces)
+    return {204} if folds(faces.vertices, triangles, face_of).any() else set(), triangles, face_of
 
 
 def _check_shell(faces: FaceArrays, triangles: IntArray, face_of: IntArray) -> set[int]:

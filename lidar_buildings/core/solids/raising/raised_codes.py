@@ -1,0 +1,46 @@
+"""Whether a raised shell is valid, told from its plan where that is enough."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from lidar_buildings.core.model.array_types import BoolArray
+from lidar_buildings.core.solids.raising.assembly import RaisedShell
+from lidar_buildings.core.solids.validity.checking import check_faces, faulty_faces
+from lidar_buildings.core.solids.validity.face_arrays import FaceArrays
+
+
+def raised_codes(shell: RaisedShell) -> tuple[int, ...]:
+    """
+    Return what `check_solid` does of a raised shell.
+
+    A roof is a function of the plan: where the plan's edges keep clear of each other, its pieces cannot meet
+    elsewhere than along them, walls stand on edges, and all hang together as the plan does. What is left to
+    check are the sloping faces by themselves, as they need not be flat to the millimetre. Only where the plan
+    leaves doubt, or one of them is not sound, all is checked.
+    """
+    if shell.is_clean and not faulty_faces(_chosen(shell.faces, _sloping(shell))):
+        return ()
+    return check_faces(shell.faces)
+
+
+def _sloping(shell: RaisedShell) -> BoolArray:
+    """Say of each face whether it is one of the roof's and not level."""
+    faces = shell.faces
+    z = faces.vertices[faces.corners, 2]
+    first = faces.corner_starts[:-1]
+    sloping = np.minimum.reduceat(z, first) < np.maximum.reduceat(z, first)
+    sloping[shell.n_plan_faces :] = False
+    return np.asarray(sloping)
+
+
+def _chosen(faces: FaceArrays, chosen: BoolArray) -> FaceArrays:
+    """Return some of the faces."""
+    per_ring, per_corner = np.diff(faces.face_starts), np.diff(faces.ring_starts)
+    rings = np.repeat(chosen, per_ring)
+    return FaceArrays(
+        faces.vertices,
+        faces.corners[np.repeat(rings, per_corner)],
+        np.append(0, np.cumsum(per_corner[rings])),
+        np.append(0, np.cumsum(per_ring[chosen])),
+    )
