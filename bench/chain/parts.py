@@ -191,4 +191,5 @@ def _demo(folder: Path, cache: Path) -> Iterator[Usage]:
 def _json_of(module: str, arguments: Sequence[str], *, cores: int = 1) -> Record:
     """Run one of this folder's modules on so many cores, and read the last line that it prints."""
     command = [sys.executable, "-m", f"bench.chain.{module}", *arguments]
-    return json.loads(run_child(command, cores=cores).printed.strip().splitlines()[-1])
+    used = run_child(command, cores=cores)
+    return {**json.loads(used.printed.strip().splitlines()[-1]), "others": used.others}

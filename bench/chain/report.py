@@ -133,7 +133,9 @@ def start_table(records: Sequence[dict[str, Any]]) -> Table:
     if "latency" in by_name:
         one = by_name["latency"]
         name = f"last point to last model, {one['points']:,} points"
-        rows.append([name, f"{np.median(one['seconds']):.2f}", f"{one['cpu']:.1f}", "", ""])
+        rows.append(
+            [name, f"{np.median(one['seconds']):.2f}", f"{one['cpu']:.1f}", f"{one['others']:.1f}", ""]
+        )
     headings = ("", "wall s", "CPU s", "others' CPU s", "loops compiled")
     return Table("Start and latency", headings, rows, _missing(records))
 
