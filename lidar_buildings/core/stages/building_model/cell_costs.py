@@ -11,6 +11,9 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from lidar_buildings.core.model.array_types import FloatArray, IntArray
+from lidar_buildings.core.stages.building_model.arrangement import Cells
+from lidar_buildings.core.stages.building_model.heights import Limits
+from lidar_buildings.core.stages.building_model.noding import in_tiles, tile_of, tiles_of
 
 #: Spots farther than this from any point are without data [spacings].
 EMPTY_DISTANCE = 2.0
@@ -20,6 +23,8 @@ _MAX_SPOTS = 40_000
 MAX_MISFIT = 1.0
 #: Misfit of a plane that is not the nearest one's where there are no points [m].
 _EMPTY_MISFIT = 0.2
+#: Planes steeper than this are walls [m/m]: about 83 degrees; roofing with one costs so much [m].
+_MAX_RISE, _WALL_COST = 8.0, 100.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,87 +93,121 @@ def make_samples(
     )
 
 
-@njit(cache=True, nogil=True)
-def cells_of_samples(
-    x: FloatArray,
-    y: FloatArray,
-    order: IntArray,
-    corners: FloatArray,
-    first: IntArray,
-    owner: IntArray,
-    n_cells: int,
-) -> IntArray:
+def cells_of_points(cells: Cells, points: FloatArray) -> IntArray:
     """
-    Return the cell that each place lies in, -1 for none.
+    Return the cell that each point lies in, -1 for those beside the outline.
 
     Parameters
     ----------
-    x, y : ndarray of shape (n_places,)
-        In the order of rising x [m].
-    order : ndarray of shape (n_places,), int64
-        Row to write to for each.
-    corners : ndarray of shape (n_corners, 2)
-        Of all rings, each closed by its first corner [m].
-    first : ndarray of shape (n_rings + 1,), int64
-        Where each ring begins among the corners.
-    owner : ndarray of shape (n_rings,), int64
-        Cell of each ring, rising.
-    n_cells : int
+    cells : Cells
+    points : ndarray of shape (n_points, 2 or more)
+        [m].
     """
-    found = np.full(len(x), -1, np.int64)
-    crossings = np.zeros(len(x), np.uint8)
-    ring = 0
-    for cell in range(n_cells):
-        last = ring
-        while last < len(owner) and owner[last] == cell:
-            last += 1
-        low, high = corners[first[ring] : first[last], 0].min(), corners[first[ring] : first[last], 0].max()
-        start, stop = np.searchsorted(x, low), np.searchsorted(x, high, side="right")
-        crossings[start:stop] = 0
-        for r in range(ring, last):
-            for k in range(first[r], first[r + 1] - 1):
-                ax, ay = corners[k]
-                bx, by = corners[k + 1]
-                if ax == bx:
-                    continue
-                left, right = min(ax, bx), max(ax, bx)
-                begin, end = np.searchsorted(x, left), np.searchsorted(x, right)
-                slope = (by - ay) / (bx - ax)
-                for i in range(begin, end):
-                    if y[i] < ay + slope * (x[i] - ax):
-                        crossings[i] ^= 1
-        for i in range(start, stop):
-            if crossings[i]:
-                found[order[i]] = cell
-        ring = last
-    return found
+    lines = cells.vertices[cells.borders].reshape(-1, 4)
+    tiles = tiles_of(lines)
+    return _cells_above(points, lines, cells.sides, tiles, *in_tiles(lines, tiles))
 
 
 @njit(cache=True, nogil=True)
-def sum_misfits(
-    points: FloatArray,
-    weight: FloatArray,
-    nearest: IntArray,
-    cell: IntArray,
-    planes: FloatArray,
-    n_cells: int,
+def _cells_above(points, lines, sides, tiles, start, items):  # type: ignore[no-untyped-def]
+    """
+    Return what lies above the next edge below each point.
+
+    The edges lead east. Tiles that none of them touches lie in one cell.
+    """
+    west, south, side, n_columns, n_rows = tiles[0], tiles[1], tiles[2], int(tiles[3]), int(tiles[4])
+    known = np.full(len(start) - 1, -2, np.int64)
+    found = np.empty(len(points), np.int64)
+    for i in range(len(points)):
+        x, y = points[i, 0], points[i, 1]
+        column, row = tile_of(x, west, side, n_columns), tile_of(y, south, side, n_rows)
+        cell, highest, empty = -1, -np.inf, -1
+        while row >= 0:
+            tile = column * n_rows + row
+            if start[tile] == start[tile + 1] and highest == -np.inf:
+                if known[tile] != -2:
+                    cell = known[tile]
+                    break
+                empty = tile
+            for at in range(start[tile], start[tile + 1]):
+                e = items[at]
+                ax, bx = lines[e, 0], lines[e, 2]
+                if not ax <= x < bx:
+                    continue
+                ay = lines[e, 1]
+                z = ay + (lines[e, 3] - ay) / (bx - ax) * (x - ax)
+                if highest < z <= y:
+                    highest, cell = z, sides[e, 0]
+            if highest >= south + row * side:
+                break
+            row -= 1
+        if empty >= 0:
+            known[empty] = cell
+        found[i] = cell
+    return found
+
+
+def plane_costs(
+    samples: Samples, cell: IntArray, cells: Cells, planes: FloatArray, limits: Limits
 ) -> FloatArray:
     """
-    Return the misfit [m³] of every plane over every cell, shape (n_cells, n_planes).
+    Return what it costs to roof each cell with each plane [m³], shape (n_cells, n_planes).
 
-    Distances are vertical and count no more than `MAX_MISFIT`, so that chimneys and antennas pull on no
-    plane; spots without data speak for the nearest plane.
+    That is the misfit to its samples, and how far the plane lies beyond what was seen or whether it is a
+    wall. Distances are vertical and count no more than `MAX_MISFIT`, so that chimneys and antennas pull on
+    no plane; spots without data speak for the nearest plane.
+
+    Parameters
+    ----------
+    samples : Samples
+    cell : ndarray of shape (n_samples,), int64
+        The cell of each sample, -1 for none.
+    cells : Cells
+    planes : ndarray of shape (n_planes, 3)
+        z = a·x + b·y + c.
+    limits : Limits
+        Of the roof.
     """
-    costs = np.zeros((n_cells, len(planes)))
+    rise = np.hypot(planes[:, 0], planes[:, 1])
+    costs = np.where(rise > _MAX_RISE, _WALL_COST, 0.0) + np.zeros((len(cells), 1))
+    _add_costs(
+        samples.points, samples.weight, samples.plane, cell, np.ascontiguousarray(planes.T),
+        cells.vertices, cells.borders, cells.sides, cells.areas,
+        limits.low - limits.per_rise * rise, limits.high + limits.per_rise * rise, costs,
+    )  # fmt: skip
+    return costs
+
+
+@njit(cache=True, nogil=True)
+def _add_costs(  # type: ignore[no-untyped-def]
+    points, weight, nearest, cell, planes, vertices, borders, sides, areas, low, high, costs
+):  # fmt: skip
+    """Turn costs that walls have for each square metre to those of all planes."""
+    n_planes = planes.shape[1]
+    beyond = np.zeros(costs.shape)
+    for e in range(len(borders)):
+        for end in range(2):
+            x, y = vertices[borders[e, end], 0], vertices[borders[e, end], 1]
+            for side in range(2):
+                c = sides[e, side]
+                if c < 0 or sides[e, 0] == sides[e, 1]:
+                    continue
+                for k in range(n_planes):
+                    z = planes[0, k] * x + planes[1, k] * y + planes[2, k]
+                    excess = max(z - high[k], low[k] - z)
+                    beyond[c, k] = excess if excess > beyond[c, k] else beyond[c, k]
+    for c in range(len(costs)):
+        for k in range(n_planes):
+            costs[c, k] = (costs[c, k] + beyond[c, k]) * areas[c]
     for i in range(len(points)):
         c = cell[i]
         if c < 0:
             continue
-        for k in range(len(planes)):
-            if nearest[i] >= 0:
-                misfit = 0.0 if nearest[i] == k else _EMPTY_MISFIT
-            else:
-                z = planes[k, 0] * points[i, 0] + planes[k, 1] * points[i, 1] + planes[k, 2]
-                misfit = min(abs(points[i, 2] - z), MAX_MISFIT)
-            costs[c, k] += weight[i] * misfit
-    return costs
+        if nearest[i] >= 0:
+            for k in range(n_planes):
+                costs[c, k] += 0.0 if nearest[i] == k else weight[i] * _EMPTY_MISFIT
+            continue
+        x, y, z, w = points[i, 0], points[i, 1], points[i, 2], weight[i]
+        for k in range(n_planes):
+            misfit = abs(z - (planes[0, k] * x + planes[1, k] * y + planes[2, k]))
+            costs[c, k] += w * (misfit if misfit < MAX_MISFIT else MAX_MISFIT)

@@ -54,143 +54,146 @@ def label_cells(
     """
     labels = np.argmin(costs, axis=1) if len(costs) else np.zeros(0, dtype=np.int64)
     if len(edges) and costs.shape[1] > 1:
-        weights = np.array([border_cost, step_cost, max_step])
-        _expand_all(costs, edges, ends, planes, weights, labels)
+        columns = np.ascontiguousarray(costs.T)
+        _expand_all(columns, edges, ends, planes, border_cost, step_cost, max_step, labels)
     return labels
 
 
 @njit(cache=True, nogil=True)
-def _expand_all(
-    costs: FloatArray,
-    edges: IntArray,
-    ends: FloatArray,
-    planes: FloatArray,
-    weights: FloatArray,
-    labels: IntArray,
-) -> None:
-    """Expand every label in turn until none gains."""
-    unchanged = 0
-    for _ in range(_MAX_ROUNDS):
-        for label in range(costs.shape[1]):
-            if _expand(costs, edges, ends, planes, weights, labels, label):
-                unchanged = 0
-            else:
-                unchanged += 1
-            if unchanged >= costs.shape[1]:
-                return
-
-
-@njit(cache=True, nogil=True)
-def _border(end: FloatArray, one: FloatArray, other: FloatArray, weights: FloatArray) -> float:
-    """Return the cost of an edge between two different planes [m³]."""
-    length = np.hypot(end[2] - end[0], end[3] - end[1])
-    a, b, c = one[0] - other[0], one[1] - other[1], one[2] - other[2]
-    first = min(abs(a * end[0] + b * end[1] + c), weights[2])
-    last = min(abs(a * end[2] + b * end[3] + c), weights[2])
-    return float(length * (weights[0] + weights[1] * 0.5 * (first + last)))
-
-
-@njit(cache=True, nogil=True)
-def _expand(
-    costs: FloatArray,
-    edges: IntArray,
-    ends: FloatArray,
-    planes: FloatArray,
-    weights: FloatArray,
-    labels: IntArray,
-    label: int,
-) -> bool:
-    """Give `label` to the set of cells that gains most; return whether any cell changed."""
-    borders = _borders(edges, ends, planes, weights, labels, label)
-    node = _number_candidates(costs, edges, borders, labels, label)
-    n_nodes = node.max() + 1
-    if n_nodes == 0:
-        return False
-    keep, take = np.zeros(n_nodes), np.zeros(n_nodes)
-    for c in range(len(labels)):
-        if node[c] >= 0:
-            keep[node[c]] += costs[c, labels[c]]
-            take[node[c]] += costs[c, label]
-    links, capacity = _link_candidates(edges, borders, node, keep, take)
-    keeps = source_side(take - keep, links, np.zeros(len(links)), capacity)
-    change = 0.0
-    for i in range(n_nodes):
-        change += 0.0 if keeps[i] else take[i] - keep[i]
-    for k in range(len(links)):
-        change += capacity[k] if not keeps[links[k, 0]] and keeps[links[k, 1]] else 0.0
-    if change >= -_EPSILON:
-        return False
-    for c in range(len(labels)):
-        if node[c] >= 0 and not keeps[node[c]]:
-            labels[c] = label
-    return True
-
-
-@njit(cache=True, nogil=True)
-def _borders(
-    edges: IntArray, ends: FloatArray, planes: FloatArray, weights: FloatArray, labels: IntArray, label: int
-) -> FloatArray:
-    """Return each edge's cost if both cells keep their planes, only the first does, or only the second."""
-    borders = np.zeros((len(edges), 3))
-    for e in range(len(edges)):
-        a, b = labels[edges[e, 0]], labels[edges[e, 1]]
-        if a != b:
-            borders[e, 0] = _border(ends[e], planes[a], planes[b], weights)
-        if a != label:
-            borders[e, 1] = _border(ends[e], planes[a], planes[label], weights)
-        if b != label:
-            borders[e, 2] = _border(ends[e], planes[b], planes[label], weights)
-    return borders
-
-
-@njit(cache=True, nogil=True)
-def _number_candidates(
-    costs: FloatArray, edges: IntArray, borders: FloatArray, labels: IntArray, label: int
-) -> IntArray:
+def _expand_all(costs, edges, ends, planes, border_cost, step_cost, max_step, labels):  # type: ignore[no-untyped-def]
     """
-    Number the cells that might take a label; -1 for those that lose more than their borders could ever gain.
+    Expand every label in turn until none gains.
+
+    Only cells that may gain by a label are looked at: all others would keep their planes in any case.
     """
-    gain = np.zeros(len(labels))
-    for e in range(len(edges)):
-        gain[edges[e, 0]] += borders[e, 1]
-        gain[edges[e, 1]] += borders[e, 2]
-    node = np.full(len(labels), -1, np.int64)
-    n = 0
-    for c in range(len(labels)):
-        if labels[c] != label and costs[c, label] - costs[c, labels[c]] <= gain[c]:
-            node[c] = n
-            n += 1
-    return node
+    n_cells, n_edges = len(labels), len(edges)
+    first = np.zeros(n_cells + 1, np.int64)
+    around = np.empty(2 * n_edges, np.int64)
+    length = np.empty(n_edges)
+    for e in range(n_edges):
+        length[e] = np.hypot(ends[e, 2] - ends[e, 0], ends[e, 3] - ends[e, 1])
+        first[edges[e, 0]] += 1
+        first[edges[e, 1]] += 1
+    for c in range(n_cells):
+        first[c + 1] += first[c]
+    for e in range(n_edges - 1, -1, -1):
+        for side in range(2):
+            first[edges[e, side]] -= 1
+            around[first[edges[e, side]]] = e
+    # Elevations of the planes on either side at either end, and what each edge costs now, and with the label
+    # on its first side or its second.
+    z = np.empty((4, n_edges))
+    now, on_first, on_second = np.empty(n_edges), np.empty(n_edges), np.empty(n_edges)
+    node, cells, pending = np.full(n_cells, -1), np.empty(n_cells, np.int64), np.empty(n_cells, np.int64)
+    slack, keep, take = np.empty(n_cells), np.empty(n_cells), np.empty(n_cells)
+    links = np.empty((n_edges, 2), np.int64)
+    capacity = np.empty(n_edges)
+    gained, unchanged = True, 0
+    for turn in range(_MAX_ROUNDS * len(costs)):
+        label = turn % len(costs)
+        if gained:
+            for e in range(n_edges):
+                for side in range(2):
+                    k = labels[edges[e, side]]
+                    z[2 * side, e] = planes[k, 0] * ends[e, 0] + planes[k, 1] * ends[e, 1] + planes[k, 2]
+                    z[2 * side + 1, e] = planes[k, 0] * ends[e, 2] + planes[k, 1] * ends[e, 3] + planes[k, 2]
+            for e in range(n_edges):
+                now[e] = length[e] * _border(
+                    z[0, e] - z[2, e], z[1, e] - z[3, e], border_cost, step_cost, max_step
+                )
+                now[e] = 0.0 if labels[edges[e, 0]] == labels[edges[e, 1]] else now[e]
+        a, b, c0 = planes[label, 0], planes[label, 1], planes[label, 2]
+        for e in range(n_edges):
+            one, other = a * ends[e, 0] + b * ends[e, 1] + c0, a * ends[e, 2] + b * ends[e, 3] + c0
+            on_second[e] = length[e] * _border(
+                one - z[0, e], other - z[1, e], border_cost, step_cost, max_step
+            )
+            on_first[e] = length[e] * _border(
+                one - z[2, e], other - z[3, e], border_cost, step_cost, max_step
+            )
+        for c in range(n_cells):
+            slack[c] = costs[labels[c], c] - costs[label, c]
+        for e in range(n_edges):
+            i, j = edges[e, 0], edges[e, 1]
+            on_second[e] = 0.0 if labels[i] == label else on_second[e]
+            on_first[e] = 0.0 if labels[j] == label else on_first[e]
+            slack[i] += on_second[e]
+            slack[j] += on_first[e]
+        for c in range(n_cells):
+            node[c] = 0 if labels[c] != label and slack[c] >= -_EPSILON else -1
+        # A border to a cell that keeps its plane gains no more than what it costs now less what it would.
+        # What then loses is dropped, and so on.
+        for e in range(n_edges):
+            i, j = edges[e, 0], edges[e, 1]
+            if node[i] < 0 or node[j] < 0:
+                missed = on_first[e] + on_second[e] - now[e]
+                slack[i] -= missed
+                slack[j] -= missed
+        for begin in range(n_cells):
+            if node[begin] < 0 or slack[begin] >= -_EPSILON:
+                continue
+            pending[0], n_pending = begin, 1
+            node[begin] = -1
+            while n_pending > 0:
+                n_pending -= 1
+                c = pending[n_pending]
+                for k in range(first[c], first[c + 1]):
+                    e = around[k]
+                    other = edges[e, 0] + edges[e, 1] - c
+                    if node[other] >= 0:
+                        slack[other] -= on_first[e] + on_second[e] - now[e]
+                        if slack[other] < -_EPSILON:
+                            node[other], pending[n_pending] = -1, other
+                            n_pending += 1
+        n, n_links = 0, 0
+        for c in range(n_cells):
+            if node[c] >= 0:
+                node[c], cells[n] = n, c
+                keep[n], take[n] = costs[labels[c], c], costs[label, c]
+                n += 1
+        gained = False
+        if n > 0:
+            # With i and j the cells of an edge, E(keep, keep) = now, E(keep, take) = on the second, E(take,
+            # keep) = on the first and E(take, take) = 0 are a cost of each cell alone and of the pair where i
+            # takes and j keeps: first + second - now, not negative as borders obey the triangle inequality
+            # (Kolmogorov & Zabih 2004).
+            for i in range(n):
+                for k in range(first[cells[i]], first[cells[i] + 1]):
+                    e = around[k]
+                    is_first = edges[e, 0] == cells[i]
+                    theirs = on_first[e] if is_first else on_second[e]
+                    j = node[edges[e, 1] if is_first else edges[e, 0]]
+                    if j < 0:
+                        keep[i] += now[e]
+                        take[i] += theirs
+                    elif is_first:
+                        pair = max(on_first[e] + on_second[e] - now[e], 0.0)
+                        keep[i] += now[e]
+                        take[i] += theirs - pair
+                        links[n_links, 0], links[n_links, 1], capacity[n_links] = i, j, pair
+                        n_links += 1
+                    else:
+                        take[i] += theirs - now[e]
+            for i in range(n):
+                take[i] -= keep[i]
+            keeps = source_side(take[:n], links[:n_links], np.zeros(n_links), capacity[:n_links])
+            change = 0.0
+            for i in range(n):
+                change += 0.0 if keeps[i] else take[i]
+            for k in range(n_links):
+                change += capacity[k] if not keeps[links[k, 0]] and keeps[links[k, 1]] else 0.0
+            gained = change < -_EPSILON
+            for i in range(n):
+                if gained and not keeps[i]:
+                    labels[cells[i]] = label
+        unchanged = 0 if gained else unchanged + 1
+        if unchanged >= len(costs):
+            return
 
 
 @njit(cache=True, nogil=True)
-def _link_candidates(
-    edges: IntArray, borders: FloatArray, node: IntArray, keep: FloatArray, take: FloatArray
-) -> tuple[IntArray, FloatArray]:
-    """
-    Add the borders to what keeping and taking cost, and return what only pairs can tell.
-
-    With i and j the cells of an edge, E(keep, keep) = both, E(keep, take) = first, E(take, keep) = second
-    and E(take, take) = 0 are a cost of each cell alone and of the pair where i takes and j keeps: first +
-    second − both, which is not negative as borders obey the triangle inequality (Kolmogorov & Zabih 2004).
-    """
-    links = np.empty((len(edges), 2), np.int64)
-    capacity = np.empty(len(edges))
-    n = 0
-    for e in range(len(edges)):
-        i, j = node[edges[e, 0]], node[edges[e, 1]]
-        both, first, second = borders[e]
-        if i >= 0 and j >= 0:
-            pair = max(first + second - both, 0.0)
-            keep[i] += both
-            take[i] += second - pair
-            take[j] += first - both
-            links[n, 0], links[n, 1], capacity[n] = i, j, pair
-            n += 1
-        elif i >= 0:
-            keep[i] += both
-            take[i] += second
-        elif j >= 0:
-            keep[j] += both
-            take[j] += first
-    return links[:n], capacity[:n]
+def _border(first, last, border_cost, step_cost, max_step):  # type: ignore[no-untyped-def]
+    """Return the cost of a metre of border with a step so high at either end [m²]."""
+    first, last = abs(first), abs(last)
+    first, last = first if first < max_step else max_step, last if last < max_step else max_step
+    return border_cost + step_cost * 0.5 * (first + last)

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-import shapely
-from numpy.typing import NDArray
+from numba import njit
 
 from lidar_buildings.core.model.array_types import FloatArray, IntArray
-from lidar_buildings.core.neighbours.union_find import sets_of_pairs
+from lidar_buildings.core.neighbours.union_find import link, root, sets_of_pairs
 from lidar_buildings.core.stages.building_model.arrangement import Cells
 
 #: A vertex nearer to the line through its neighbours than this is no corner [m].
@@ -16,8 +15,9 @@ _STRAIGHT = 0.004
 
 def join_equal_cells(cells: Cells, labels: IntArray) -> IntArray:
     """Number the connected groups of cells of one plane, from 0 in the order of their first cells."""
-    same = labels[cells.edges[:, 0]] == labels[cells.edges[:, 1]]
-    roots = sets_of_pairs(len(labels), *cells.edges[same].T)
+    edges = cells.edges
+    same = labels[edges[:, 0]] == labels[edges[:, 1]]
+    roots = sets_of_pairs(len(labels), *edges[same].T)
     return np.unique(roots, return_inverse=True)[1].reshape(-1)
 
 
@@ -26,86 +26,103 @@ def absorb_small_faces(cells: Cells, labels: IntArray, min_area: float) -> IntAr
     Give faces smaller than `min_area` [m²] the plane beyond their longest border, the smallest one first.
     """
     labels = labels.copy()
-    areas = shapely.area(cells.polygons)
+    _absorb(cells.areas, cells.edges, cells.lengths, min_area, labels)
+    return labels
+
+
+@njit(cache=True, nogil=True)
+def _absorb(areas, edges, lengths, min_area, labels):  # type: ignore[no-untyped-def]
+    n = len(areas)
+    parent = np.arange(n)
+    for e in range(len(edges)):
+        if labels[edges[e, 0]] == labels[edges[e, 1]]:
+            link(parent, edges[e, 0], edges[e, 1])
+    size, border = np.empty(n), np.empty(n)
     while True:
-        face = join_equal_cells(cells, labels)
-        size = np.bincount(face, areas)
-        if len(size) < 2 or size.min() >= min_area:
-            return labels
-        small = int(np.argmin(size))
-        borders = face[cells.edges]
-        mine = (borders == small).any(axis=1) & (borders[:, 0] != borders[:, 1])
-        if not mine.any():
-            return labels
-        other = np.where(borders[mine, 0] == small, borders[mine, 1], borders[mine, 0])
-        longest = int(np.argmax(np.bincount(other, cells.lengths[mine])))
-        labels[face == small] = labels[int(np.argmax(face == longest))]
+        size[:] = 0.0
+        for c in range(n):
+            size[root(parent, c)] += areas[c]
+        small = -1
+        for c in range(n):
+            if parent[c] == c and (small < 0 or size[c] < size[small]):
+                small = c
+        if small < 0 or size[small] >= min_area:
+            return
+        border[:] = 0.0
+        longest = -1
+        for e in range(len(edges)):
+            one, other = root(parent, edges[e, 0]), root(parent, edges[e, 1])
+            if one != other and (one == small or other == small):
+                border[other if one == small else one] += lengths[e]
+        for c in range(n):
+            if border[c] > 0.0 and (longest < 0 or border[c] > border[longest]):
+                longest = c
+        if longest < 0:
+            return
+        for c in range(n):
+            if root(parent, c) == small:
+                labels[c] = labels[longest]
+        for e in range(len(edges)):
+            if labels[edges[e, 0]] == labels[edges[e, 1]]:
+                link(parent, edges[e, 0], edges[e, 1])
 
 
-def face_polygons(cells: Cells, face: IntArray) -> list[shapely.Polygon]:
-    """Return the faces' polygons by number, whole edges shared as those of the cells are."""
-    order = np.argsort(face, kind="stable")
-    starts = np.flatnonzero(np.diff(face[order], prepend=-1))
-    groups = np.split(cells.polygons[order], starts[1:])
-    return [group[0] if len(group) == 1 else _united(group) for group in groups]
-
-
-def _united(group: NDArray[np.object_]) -> shapely.Polygon:
-    united = shapely.coverage_union_all(group)
-    return united if united.geom_type == "Polygon" else max(shapely.get_parts(united), key=shapely.area)
-
-
-def without_straight_vertices(
-    polygons: list[shapely.Polygon], corners: FloatArray
-) -> list[tuple[FloatArray, ...]]:
+def face_rings(cells: Cells, face: IntArray) -> list[tuple[FloatArray, ...]]:
     """
-    Return the rings of polygons that share whole edges, without vertices in the middle of straight edges.
+    Return the rings of faces, without vertices in the middle of straight edges.
+
+    The outline keeps its own vertices, whatever lies around them.
 
     Parameters
     ----------
-    polygons : list of shapely.Polygon
-        A coverage.
-    corners : ndarray of shape (n_corners, 2)
-        Vertices to keep whatever lies around them: those of the outline [m].
+    cells : Cells
+    face : ndarray of shape (n_cells,), int64
+        Number of each cell's face.
 
     Returns
     -------
     list of tuple of ndarray of shape (n_vertices, 2)
-        Per polygon its outer ring counter-clockwise, then its holes clockwise, open; none for a polygon
-        without corners.
+        Per face its outer ring counter-clockwise, then its holes clockwise, open; none for a face without
+        corners: the solid closes such gaps.
     """
-    rings = [
-        [[tuple(xy) for xy in np.asarray(ring.coords)[:-1].tolist()] for ring in (p.exterior, *p.interiors)]
-        for p in (shapely.geometry.polygon.orient(polygon) for polygon in polygons)
-    ]
-    neighbours: dict[tuple[float, float], set[tuple[float, float]]] = {}
-    for ring in (ring for group in rings for ring in group):
-        for before, here, after in zip(ring[-1:] + ring[:-1], ring, ring[1:] + ring[:1], strict=True):
-            neighbours.setdefault(here, set()).update((before, after))
-    keep = set(map(tuple, corners.tolist()))
-    dropped = _straight(neighbours, keep)
-    kept = [[[xy for xy in ring if xy not in dropped] for ring in group] for group in rings]
-    # A ring thinner than what counts as straight has no corners left: the solid closes such gaps.
-    whole = [[ring for ring in group if len(ring) >= 3] if len(group[0]) >= 3 else [] for group in kept]
-    return [tuple(np.array(ring) for ring in group) for group in whole]
+    sides = np.append(face, -1)[cells.sides]
+    borders = cells.borders[sides[:, 0] != sides[:, 1]]
+    kept = np.ones(len(cells.vertices), dtype=np.bool_)
+    fixed = np.zeros(len(cells.vertices), dtype=np.bool_)
+    fixed[cells.corners] = True
+    _drop_straight(cells.vertices, borders, fixed, kept)
+    return cells.rings_of(face, kept)
 
 
-def _straight(
-    neighbours: dict[tuple[float, float], set[tuple[float, float]]], keep: set[tuple[float, float]]
-) -> set[tuple[float, float]]:
-    """Return the vertices to leave out; `neighbours` is used up."""
-    dropped: set[tuple[float, float]] = set()
-    for here in sorted(neighbours):
-        around = neighbours[here]
-        if len(around) != 2 or here in keep:
+@njit(cache=True, nogil=True)
+def _drop_straight(vertices, borders, fixed, kept):  # type: ignore[no-untyped-def]
+    """Clear `kept` of the vertices to leave out, one after the other by rising x, then y."""
+    first = np.zeros(len(vertices) + 1, np.int64)
+    near = np.empty(2 * len(borders), np.int64)
+    for e in range(len(borders)):
+        first[borders[e, 0]] += 1
+        first[borders[e, 1]] += 1
+    for v in range(len(vertices)):
+        first[v + 1] += first[v]
+    for e in range(len(borders)):
+        for end in range(2):
+            first[borders[e, end]] -= 1
+            near[first[borders[e, end]]] = borders[e, 1 - end]
+    for here in range(len(vertices)):
+        at = first[here]
+        if first[here + 1] - at != 2 or fixed[here]:
             continue
-        one, other = around
-        if other in neighbours[one]:
+        one, other = near[at], near[at + 1]
+        meet = False
+        for k in range(first[one], first[one + 1]):
+            meet |= near[k] == other
+        if meet:
             continue
-        dx, dy = other[0] - one[0], other[1] - one[1]
-        off = abs(dx * (here[1] - one[1]) - dy * (here[0] - one[0]))
-        if off <= _STRAIGHT * np.hypot(dx, dy):
-            dropped.add(here)
-            neighbours[one] = (neighbours[one] - {here}) | {other}
-            neighbours[other] = (neighbours[other] - {here}) | {one}
-    return dropped
+        dx, dy = vertices[other, 0] - vertices[one, 0], vertices[other, 1] - vertices[one, 1]
+        off = dx * (vertices[here, 1] - vertices[one, 1]) - dy * (vertices[here, 0] - vertices[one, 0])
+        if abs(off) <= _STRAIGHT * np.hypot(dx, dy):
+            kept[here] = False
+            for v, beyond in ((one, other), (other, one)):
+                for k in range(first[v], first[v + 1]):
+                    if near[k] == here:
+                        near[k] = beyond

@@ -5,28 +5,27 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-import shapely
 from numpy.typing import NDArray
 
 from lidar_buildings.core.model.array_types import FloatArray, IntArray
 from lidar_buildings.core.model.outline import Outline
-from lidar_buildings.core.stages.building_model.arrangement import Cells, cut_into_cells, extend_segments
+from lidar_buildings.core.stages.building_model.arrangement import Cells, cut_into_cells, walls_of
 from lidar_buildings.core.stages.building_model.cell_costs import (
     Samples,
-    cells_of_samples,
+    cells_of_points,
     make_samples,
-    sum_misfits,
+    plane_costs,
 )
 from lidar_buildings.core.stages.building_model.cell_labels import label_cells
 from lidar_buildings.core.stages.building_model.config import BuildingModelConfig
 from lidar_buildings.core.stages.building_model.faces import (
     absorb_small_faces,
-    face_polygons,
+    face_rings,
     join_equal_cells,
-    without_straight_vertices,
 )
 from lidar_buildings.core.stages.building_model.heights import Limits
 from lidar_buildings.core.stages.building_model.missed_parts import find_missed_parts
+from lidar_buildings.core.stages.building_model.noding import extend_segments
 from lidar_buildings.core.stages.building_model.roof_face import RoofFacePatch
 
 # Those with which `bench.models.run` divides the virtual roofs into their true faces.
@@ -36,8 +35,6 @@ _BORDER_COST = 0.15
 _STEP_COST, _MAX_STEP = 0.05, 2.0
 #: Walls of a re-entrant corner run on into the roof where they turn by more than this [rad].
 _REENTRANT = 0.35
-#: Planes steeper than this are walls [m/m]: about 83 degrees; roofing with one costs so much [m].
-_MAX_RISE, _WALL_COST = 8.0, 100.0
 #: How often the partition is looked at again for parts that no line divided from their neighbours.
 _SECOND_LOOKS = 2
 
@@ -118,40 +115,20 @@ class _Labelled:
 
 def _label(roof: _Roof, segments: FloatArray) -> _Labelled:
     """Cut the outline and give every cell a plane."""
-    outline, samples, planes, config = roof.outline, roof.samples, roof.planes, roof.config
+    outline, planes, config = roof.outline, roof.planes, roof.config
     cells = _cells(outline, segments) if len(planes) > 1 else cut_into_cells(outline, segments[:0])
-    cell = _places(cells, samples)
-    costs = sum_misfits(samples.points, samples.weight, samples.plane, cell, planes, len(cells.polygons))
-    costs += _impossible(cells, planes, Limits.of(roof.points, roof.spacing))
+    cell = cells_of_points(cells, roof.samples.points)
+    costs = plane_costs(roof.samples, cell, cells, planes, Limits.of(roof.points, roof.spacing))
     labels = label_cells(
-        costs,
-        cells.edges,
-        cells.ends,
-        planes,
-        _BORDER_COST * roof.spacing,
-        _STEP_COST,
-        _MAX_STEP,
+        costs, cells.edges, cells.ends, planes, _BORDER_COST * roof.spacing, _STEP_COST, _MAX_STEP
     )
     labels = absorb_small_faces(cells, labels, config.min_face_area)
     return _Labelled(cells, labels, cell[: len(roof.points)])
 
 
-def _impossible(cells: Cells, planes: FloatArray, limits: Limits) -> FloatArray:
-    """
-    Return what it costs that planes lie beyond what was seen or are walls [m³], shape (n_cells, n_planes).
-    """
-    corners, cell = shapely.get_coordinates(cells.polygons, return_index=True)
-    worst = np.zeros((len(cells.polygons), len(planes)))
-    for k, plane in enumerate(planes):
-        np.maximum.at(worst[:, k], cell, limits.excess(np.tile(plane, (len(corners), 1)), corners))
-    worst[:, np.hypot(*planes[:, :2].T) > _MAX_RISE] += _WALL_COST
-    return worst * shapely.area(cells.polygons)[:, None]
-
-
 def _faces(roof: _Roof, found: _Labelled) -> list[RoofFacePatch]:
     face = join_equal_cells(found.cells, found.labels)
-    polygons = face_polygons(found.cells, face)
-    rings = without_straight_vertices(polygons, np.concatenate(roof.outline.rings))
+    rings = face_rings(found.cells, face)
     first = np.unique(face, return_index=True)[1]
     rows = _rows_by_face(face, found.cell, len(rings))
     return [
@@ -165,10 +142,9 @@ def _cells(outline: Outline, segments: FloatArray) -> Cells:
     """
     Cut an outline along segments and along the walls of its re-entrant corners, all run on to the next line.
     """
-    walls = np.concatenate([np.stack([r, np.roll(r, -1, axis=0)], axis=1) for r in outline.rings])
     inward = [_reentrant_walls(ring) for ring in outline.rings]
     lines = np.concatenate([segments, *inward])
-    return cut_into_cells(outline, extend_segments(lines, walls))
+    return cut_into_cells(outline, extend_segments(lines, walls_of(outline)))
 
 
 def _reentrant_walls(ring: FloatArray) -> FloatArray:
@@ -181,18 +157,6 @@ def _reentrant_walls(ring: FloatArray) -> FloatArray:
     steps = np.concatenate([a / np.linalg.norm(a, axis=1)[:, None], -b / np.linalg.norm(b, axis=1)[:, None]])
     starts = np.concatenate([at, at])
     return np.stack([starts, starts + 0.01 * steps], axis=1)
-
-
-def _places(cells: Cells, samples: Samples) -> IntArray:
-    """Return the cell of every sample, -1 for those beside the outline."""
-    rings, owner = shapely.get_rings(cells.polygons, return_index=True)
-    corners, ring_of = shapely.get_coordinates(rings, return_index=True)
-    first = np.searchsorted(ring_of, np.arange(len(rings) + 1))
-    order = np.argsort(samples.points[:, 0], kind="stable")
-    x, y = samples.points[order, :2].T
-    return cells_of_samples(
-        np.ascontiguousarray(x), np.ascontiguousarray(y), order, corners, first, owner, len(cells.polygons)
-    )
 
 
 def _rows_by_face(face: IntArray, cell: IntArray, n_faces: int) -> list[IntArray]:

@@ -10,18 +10,18 @@ from scipy.sparse.csgraph import maximum_flow
 
 from lidar_buildings.core.model.outline import Outline
 from lidar_buildings.core.solids.raising import extrude
-from lidar_buildings.core.stages.building_model.arrangement import cut_into_cells, extend_segments
-from lidar_buildings.core.stages.building_model.cell_costs import cells_of_samples
+from lidar_buildings.core.stages.building_model.arrangement import cut_into_cells, walls_of
+from lidar_buildings.core.stages.building_model.cell_costs import cells_of_points
 from lidar_buildings.core.stages.building_model.cell_labels import label_cells
 from lidar_buildings.core.stages.building_model.faces import (
     absorb_small_faces,
-    face_polygons,
+    face_rings,
     join_equal_cells,
-    without_straight_vertices,
 )
 from lidar_buildings.core.stages.building_model.heights import fit_face_planes, parts_of_one_height
 from lidar_buildings.core.stages.building_model.minimum_cut import source_side
 from lidar_buildings.core.stages.building_model.missed_parts import find_missed_parts
+from lidar_buildings.core.stages.building_model.noding import extend_segments
 from lidar_buildings.core.stages.building_model.roof_face import RoofFacePatch
 from lidar_buildings.core.stages.building_model.surface_distance import distance_to_surface
 
@@ -31,10 +31,6 @@ COURT = np.array([[4.0, 4.0], [4.0, 6.0], [6.0, 6.0], [6.0, 4.0]])
 
 def random_segments(n, seed):
     return np.round(np.random.default_rng(seed).uniform(-1, 11, (n, 2, 2)), 3)
-
-
-def walls_of(outline):
-    return np.concatenate([np.stack([r, np.roll(r, -1, axis=0)], axis=1) for r in outline.rings])
 
 
 @pytest.mark.parametrize("seed", range(5))
@@ -136,12 +132,7 @@ def test_places_are_found_in_their_cells_and_courtyards_are_beside_all():
     outline = Outline(SQUARE, (COURT,))
     cells = cut_into_cells(outline, np.array([[[-1.0, 5.0], [11.0, 5.2]]]))
     places = np.random.default_rng(3).uniform(-1, 11, (2000, 2))
-    rings, owner = shapely.get_rings(cells.polygons, return_index=True)
-    corners, ring_of = shapely.get_coordinates(rings, return_index=True)
-    first = np.searchsorted(ring_of, np.arange(len(rings) + 1))
-    order = np.argsort(places[:, 0], kind="stable")
-    x, y = (np.ascontiguousarray(column) for column in places[order].T)
-    found = cells_of_samples(x, y, order, corners, first, owner, len(cells.polygons))
+    found = cells_of_points(cells, places)
     points = shapely.points(places)
     for number, polygon in enumerate(cells.polygons):
         assert np.array_equal(found == number, shapely.contains(polygon, points))
@@ -156,7 +147,7 @@ def test_cells_of_one_plane_make_one_face_without_the_vertices_between_them():
     cells, order = strips([2.0, 4.0, 6.0])
     labels = np.array([0, 0, 1, 1])[order]
     face = join_equal_cells(cells, labels)
-    rings = without_straight_vertices(face_polygons(cells, face), SQUARE)
+    rings = face_rings(cells, face)
     assert sorted(len(group[0]) for group in rings) == [4, 4]
     assert sorted(shapely.Polygon(group[0]).area for group in rings) == pytest.approx([40.0, 60.0])
 

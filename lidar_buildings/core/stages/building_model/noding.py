@@ -1,0 +1,312 @@
+"""Lines in plan run on to the next one, and cut at one another on the output grid."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+from lidar_buildings.core.model.array_types import FloatArray, IntArray
+from lidar_buildings.core.solids.output_grid import GRID
+
+#: An end that misses an obstacle by so little meets it: less than a line moves by rounding [m].
+_SLACK = 1e-3
+#: What lies so near beside a tile may be met in it [m].
+_MARGIN = 2.0 * _SLACK
+#: Units of the output grid per metre.
+_SCALE = round(1.0 / GRID)
+
+
+def extend_segments(segments: FloatArray, walls: FloatArray) -> FloatArray:
+    """
+    Extend segments at both ends to the nearest other segment or wall.
+
+    Whether a cut is used is decided later; a segment that ends too early would not cut at all.
+
+    Parameters
+    ----------
+    segments : ndarray of shape (n_segments, 2, 2)
+        Ends in plan [m].
+    walls : ndarray of shape (n_walls, 2, 2)
+        Edges of the outline [m].
+
+    Returns
+    -------
+    ndarray of shape (n_segments, 2, 2)
+    """
+    if not len(segments):
+        return segments
+    obstacles = np.concatenate([segments, walls]).reshape(-1, 4)
+    extended = np.empty((len(segments), 4))
+    tiles = tiles_of(obstacles)
+    start, items = in_tiles(obstacles, tiles)
+    _extend(obstacles, tiles, start, items, extended)
+    return extended.reshape(-1, 2, 2)
+
+
+class Nodes(NamedTuple):
+    """
+    Segments cut at one another.
+
+    Attributes
+    ----------
+    vertices : ndarray of shape (n_vertices, 2), int64
+        In units of the grid, by rising x, then y.
+    edges : ndarray of shape (n_edges, 2), int64
+        Rows of both ends, the lower one first; in rising order, each once.
+    enclosed : ndarray of shape (n_edges,), int64
+        1 where the outline lies to the left of the edge, -1 to the right, 0 on both sides or on none.
+    corners : ndarray of int64
+        Rows of the outline's vertices, some of them repeated.
+    """
+
+    vertices: IntArray
+    edges: IntArray
+    enclosed: IntArray
+    corners: IntArray
+
+
+def node_segments(walls: FloatArray, segments: FloatArray) -> Nodes:
+    """
+    Cut segments at one another with snap rounding (Hobby 1999).
+
+    Every end and every crossing is rounded to the grid, and each segment runs through all such positions
+    whose square of the grid it passes.
+
+    Parameters
+    ----------
+    walls : ndarray of shape (n_walls, 2, 2)
+        Edges of the outline, what it encloses on their left [m].
+    segments : ndarray of shape (n_segments, 2, 2)
+        Further lines [m].
+    """
+    lines = np.concatenate([walls, segments]).reshape(-1, 4)
+    tiles = tiles_of(lines)
+    start, items = in_tiles(lines, tiles)
+    crossings = np.empty((8 * len(lines) + 16, 2), dtype=np.int64)
+    while (n := _cross(lines, tiles, start, items, crossings)) > len(crossings):
+        crossings = np.empty((n, 2), dtype=np.int64)
+    ends = np.floor(lines.reshape(-1, 2) * _SCALE + 0.5).astype(np.int64)
+    every = np.concatenate([ends, crossings[:n]])
+    low = every.min(axis=0)
+    keys, row = np.unique((every[:, 0] - low[0] << 32) + (every[:, 1] - low[1]), return_inverse=True)
+    vertices = np.column_stack([keys >> 32, keys & 0xFFFFFFFF]) + low
+    row = row.reshape(-1)[: 2 * len(lines)]
+    chains = np.empty(4 * len(every) + 16, dtype=np.int64)
+    while (n := _chain(lines, tiles, vertices, row, len(walls), chains)) > len(chains):
+        chains = np.empty(n, dtype=np.int64)
+    # A link is its edge's key, tripled, and 1 more or less along a wall.
+    keys, edge = np.unique((chains[:n] + 1) // 3, return_inverse=True)
+    along = chains[:n] - 3 * keys[edge]
+    enclosed = np.zeros(len(keys), dtype=np.int64)
+    np.add.at(enclosed, edge, along)
+    edges = np.column_stack(np.divmod(keys, len(vertices)))
+    return Nodes(vertices, edges, np.sign(enclosed), row[: 2 * len(walls)])
+
+
+def tiles_of(lines: FloatArray) -> FloatArray:
+    """Return west, south, side, columns and rows of about as many square tiles as there are lines."""
+    ends = lines.reshape(-1, 2)
+    low, extent = ends.min(axis=0), np.ptp(ends, axis=0)
+    side = max(math.sqrt(extent[0] * extent[1] / len(lines)), float(extent.max()) / 1000.0, 10.0 * _MARGIN)
+    return np.array([low[0], low[1], side, *(np.floor(extent / side) + 1.0)])
+
+
+@njit(cache=True, nogil=True)
+def tile_of(position, west, side, n):  # type: ignore[no-untyped-def]
+    return min(max(int((position - west) / side), 0), n - 1)
+
+
+@njit(cache=True, nogil=True)
+def _rows(line, column, tiles):  # type: ignore[no-untyped-def]
+    """Return the first and the last tile that a line may touch in a column."""
+    x0, y0, x1, y1 = line[0], line[1], line[2], line[3]
+    west = tiles[0] + column * tiles[2] - _MARGIN
+    east = west + tiles[2] + 2.0 * _MARGIN
+    low, high = min(y0, y1), max(y0, y1)
+    if abs(x1 - x0) > _MARGIN:
+        slope = (y1 - y0) / (x1 - x0)
+        one, other = y0 + slope * (west - x0), y0 + slope * (east - x0)
+        low, high = max(low, min(one, other)), min(high, max(one, other))
+    n = int(tiles[4])
+    return tile_of(low - _MARGIN, tiles[1], tiles[2], n), tile_of(high + _MARGIN, tiles[1], tiles[2], n)
+
+
+@njit(cache=True, nogil=True)
+def _columns(line, tiles):  # type: ignore[no-untyped-def]
+    n = int(tiles[3])
+    west = tile_of(min(line[0], line[2]) - _MARGIN, tiles[0], tiles[2], n)
+    return west, tile_of(max(line[0], line[2]) + _MARGIN, tiles[0], tiles[2], n)
+
+
+@njit(cache=True, nogil=True)
+def in_tiles(lines, tiles):  # type: ignore[no-untyped-def]
+    """Return where each tile, column by column, begins in the numbers of lines that touch it; and these."""
+    n_rows = int(tiles[4])
+    start = np.zeros(int(tiles[3]) * n_rows + 1, np.int64)
+    items = np.empty(0, np.int64)
+    for turn in range(2):
+        if turn == 1:
+            for k in range(1, len(start)):
+                start[k] += start[k - 1]
+            items = np.empty(start[-1], np.int64)
+        for i in range(len(lines) - 1, -1, -1):
+            first, last = _columns(lines[i], tiles)
+            for column in range(first, last + 1):
+                low, high = _rows(lines[i], column, tiles)
+                for k in range(column * n_rows + low, column * n_rows + high + 1):
+                    if turn == 0:
+                        start[k] += 1
+                    else:
+                        start[k] -= 1
+                        items[start[k]] = i
+    return start, items
+
+
+@njit(cache=True, nogil=True)
+def _extend(obstacles, tiles, start, items, extended):  # type: ignore[no-untyped-def]
+    """Write the extended segments, the first of the obstacles; none is an obstacle to itself."""
+    for i in range(len(extended)):
+        for end in range(2):
+            x, y = obstacles[i, 2 * end], obstacles[i, 2 * end + 1]
+            dx, dy = x - obstacles[i, 2 - 2 * end], y - obstacles[i, 3 - 2 * end]
+            length = np.hypot(dx, dy)
+            reach = 0.0
+            if length > 0.0:
+                reach = _reach(x, y, dx / length, dy / length, i, obstacles, tiles, start, items)
+                x, y = x + reach * dx / length, y + reach * dy / length
+            extended[i, 2 * end], extended[i, 2 * end + 1] = x, y
+
+
+@njit(cache=True, nogil=True)
+def _reach(x, y, dx, dy, own, obstacles, tiles, start, items):  # type: ignore[no-untyped-def]
+    """Return how far a ray runs to the nearest obstacle [m]; 0 where none is met."""
+    side, n_columns, n_rows = tiles[2], int(tiles[3]), int(tiles[4])
+    far = side * (n_columns + n_rows)
+    ray = np.array([x - _SLACK * dx, y - _SLACK * dy, x + far * dx, y + far * dy])
+    nearest = np.inf
+    east, north = 1 if dx >= 0.0 else -1, 1 if dy >= 0.0 else -1
+    first, last = _columns(ray, tiles)
+    column = first if east > 0 else last
+    while first <= column <= last:
+        low, high = _rows(ray, column, tiles)
+        row = low if north > 0 else high
+        while low <= row <= high:
+            for at in range(start[column * n_rows + row], start[column * n_rows + row + 1]):
+                j = items[at]
+                if j == own:
+                    continue
+                ax, ay = obstacles[j, 0], obstacles[j, 1]
+                ex, ey = obstacles[j, 2] - ax, obstacles[j, 3] - ay
+                cross = dx * ey - dy * ex
+                length = np.hypot(ex, ey)
+                if abs(cross) <= 1e-9 * length:
+                    continue
+                t = ((ax - x) * ey - (ay - y) * ex) / cross
+                u = ((ax - x) * dy - (ay - y) * dx) / cross
+                slack = _SLACK / max(length, _SLACK)
+                if u < -slack or u > 1.0 + slack or t < -_SLACK:
+                    continue
+                nearest = min(nearest, max(t, 0.0))
+            # What lies in tiles beyond is farther off.
+            edge = tiles[1] + (row + (north > 0)) * side
+            if nearest * abs(dy) < (edge - y) * north - _MARGIN:
+                break
+            row += north
+        edge = tiles[0] + (column + (east > 0)) * side
+        if nearest * abs(dx) < (edge - x) * east - _MARGIN:
+            break
+        column += east
+    return nearest if nearest < np.inf else 0.0
+
+
+@njit(cache=True, nogil=True)
+def _cross(lines, tiles, start, items, crossings):  # type: ignore[no-untyped-def]
+    """Write the rounded crossings of lines as far as there is room; return how many there are."""
+    n, n_columns, n_rows = 0, int(tiles[3]), int(tiles[4])
+    for tile in range(len(start) - 1):
+        for one in range(start[tile], start[tile + 1]):
+            i = items[one]
+            x, y = lines[i, 0], lines[i, 1]
+            dx, dy = lines[i, 2] - x, lines[i, 3] - y
+            for other in range(one + 1, start[tile + 1]):
+                j = items[other]
+                ax, ay = lines[j, 0], lines[j, 1]
+                ex, ey = lines[j, 2] - ax, lines[j, 3] - ay
+                cross = dx * ey - dy * ex
+                # Lines on one another have their ends in common, not a place that rounding picks.
+                if cross * cross <= 1e-18 * (dx * dx + dy * dy) * (ex * ex + ey * ey):
+                    continue
+                t = ((ax - x) * ey - (ay - y) * ex) / cross
+                u = ((ax - x) * dy - (ay - y) * dx) / cross
+                if not (0.0 <= t <= 1.0 and 0.0 <= u <= 1.0):
+                    continue
+                px, py = x + t * dx, y + t * dy
+                column = tile_of(px, tiles[0], tiles[2], n_columns)
+                if column * n_rows + tile_of(py, tiles[1], tiles[2], n_rows) != tile:
+                    continue
+                if n < len(crossings):
+                    crossings[n, 0] = math.floor(px * _SCALE + 0.5)
+                    crossings[n, 1] = math.floor(py * _SCALE + 0.5)
+                n += 1
+    return n
+
+
+@njit(cache=True, nogil=True)
+def _chain(lines, tiles, vertices, row, n_walls, chains):  # type: ignore[no-untyped-def]
+    """Write the links of all lines by way of the vertices whose squares they pass; return how many."""
+    n_rows = int(tiles[4])
+    start = np.zeros(int(tiles[3]) * n_rows + 1, np.int64)
+    tile = np.empty(len(vertices), np.int64)
+    items = np.empty(len(vertices), np.int64)
+    for v in range(len(vertices)):
+        column = tile_of(vertices[v, 0] / _SCALE, tiles[0], tiles[2], int(tiles[3]))
+        tile[v] = column * n_rows + tile_of(vertices[v, 1] / _SCALE, tiles[1], tiles[2], n_rows)
+        start[tile[v]] += 1
+    for k in range(1, len(start)):
+        start[k] += start[k - 1]
+    for v in range(len(vertices)):
+        start[tile[v]] -= 1
+        items[start[tile[v]]] = v
+    passed = np.empty(len(vertices), np.int64)
+    along = np.empty(len(vertices))
+    n = 0
+    for i in range(len(lines)):
+        x, y = lines[i, 0] * _SCALE, lines[i, 1] * _SCALE
+        dx, dy = lines[i, 2] * _SCALE - x, lines[i, 3] * _SCALE - y
+        begin, end = row[2 * i], row[2 * i + 1]
+        if begin == end:
+            continue
+        west, east, south, north = min(0.0, dx), max(0.0, dx), min(0.0, dy), max(0.0, dy)
+        half = 0.5 * (abs(dx) + abs(dy)) * (1.0 - 1e-9)
+        count = 0
+        first, last = _columns(lines[i], tiles)
+        for column in range(first, last + 1):
+            low, high = _rows(lines[i], column, tiles)
+            for at in range(start[column * n_rows + low], start[column * n_rows + high + 1]):
+                v = items[at]
+                px, py = vertices[v, 0] - x, vertices[v, 1] - y
+                if abs(dx * py - dy * px) >= half or v in (begin, end):
+                    continue
+                if px < west - 0.5 or px > east + 0.5 or py < south - 0.5 or py > north + 0.5:
+                    continue
+                t = px * dx + py * dy
+                k = count
+                while k > 0 and along[k - 1] > t:
+                    along[k], passed[k] = along[k - 1], passed[k - 1]
+                    k -= 1
+                along[k], passed[k] = t, v
+                count += 1
+        passed[count] = end
+        here = begin
+        for k in range(count + 1):
+            there = passed[k]
+            if n < len(chains):
+                chains[n] = 3 * (min(here, there) * len(vertices) + max(here, there))
+                if i < n_walls:
+                    chains[n] += 1 if here < there else -1
+            n += 1
+            here = there
+    return n
