@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from lidar_buildings.core.model.outline import Outline
-from lidar_buildings.core.solids.raising import extrude
+from lidar_buildings.core.solids.raising import extrude, extrusion_codes
 from lidar_buildings.core.solids.shell import GROUND_SURFACE, ROOF_SURFACE, WALL_SURFACE, Solid
 from lidar_buildings.core.solids.validity import check_solid
 
@@ -58,3 +58,20 @@ def test_volume_is_exact_far_from_the_origin():
 def test_nothing_is_no_solid():
     nothing = Solid(np.empty((0, 3)), (), ())
     assert nothing.volume == 0.0
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_what_is_told_from_an_outline_is_what_all_checks_of_its_extrusion_say(seed):
+    random = np.random.default_rng(seed)
+    told = set()
+    for _ in range(60):
+        # Corners on a coarse grid, so that rings touch, cross and coincide.
+        rings = [
+            random.integers(0, 9, (random.integers(3, 7), 2)) * 1.0 for _ in range(random.integers(1, 4))
+        ]
+        outline = Outline(rings[0] * random.choice([0.0015, 1.0]), tuple(rings[1:])).oriented()
+        solid = extrude(outline, 0.0, 3.0)
+        codes = extrusion_codes(outline, solid, 3.0)
+        assert codes == check_solid(solid)
+        told.add(not codes)
+    assert told == {True, False}

@@ -11,7 +11,7 @@ from numba import njit
 
 from lidar_buildings.core.model.array_types import IntArray
 from lidar_buildings.core.solids.output_grid import GRID
-from lidar_buildings.core.solids.raising.clearance import keep_clear
+from lidar_buildings.core.solids.raising.clearance import n_joints
 from lidar_buildings.core.solids.raising.half_edges import (
     CCW,
     CW,
@@ -101,7 +101,7 @@ def assemble(plan: HalfEdges) -> RaisedShell:
         and is_wide
         and kinds.count(GROUND_SURFACE) == 1
         and all(_holes_lie_apart(plan, around, first, face) for _, face in faces if len(face) > 1)
-        and keep_clear(_edges_from_west(plan, order), CLEARANCE)
+        and n_joints(_edges_from_west(plan, order), CLEARANCE) >= 0
     )
     return RaisedShell(shell, (*kinds, *[WALL_SURFACE] * n_walls), len(faces), is_clean)
 

@@ -2,59 +2,75 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numba import njit
 
 from lidar_buildings.core.model.array_types import FloatArray, IntArray
 
 
-def keep_clear(edges: IntArray, distance: float) -> bool:
+def n_joints(edges: FloatArray | IntArray, distance: float) -> int:
     """
-    Whether edges meet in common ends only, and lie farther than a distance from the ends of others.
+    Return how many pairs of edges have a common end, −1 if edges do not keep clear of each other.
+
+    They do if they meet in common ends only, and lie farther than a distance from the ends of others. Rings
+    that pass no place twice have as many joints as edges.
 
     Parameters
     ----------
     edges : ndarray of shape (n, 4)
-        x and y of the start, which lies no further east, and of the end; rising by the start's x.
+        x and y of one end, which lies no further east, and of the other; rising by the first x.
     distance : float
-        In the unit of the edges; they are all longer.
+        In the unit of the edges.
     """
-    return bool(_keep_clear(edges.astype(np.float64), distance))
+    return int(_n_joints(edges.astype(np.float64), distance))
+
+
+def edges_of_rings(rings: Sequence[FloatArray]) -> FloatArray:
+    """Return the edges of open rings as `n_joints` takes them."""
+    edges = np.concatenate([np.concatenate([ring, np.roll(ring, -1, axis=0)], axis=1) for ring in rings])
+    turned = edges[:, 0] > edges[:, 2]
+    edges[turned] = edges[turned][:, [2, 3, 0, 1]]
+    return edges[np.argsort(edges[:, 0])]
 
 
 @njit(cache=True, nogil=True)
-def _keep_clear(edges: FloatArray, distance: float) -> bool:
+def _n_joints(edges: FloatArray, distance: float) -> int:
     """Sweep the edges from west to east; sides of points are exact for whole numbers."""
-    square = distance * distance
+    square, n = distance * distance, 0
     for i in range(len(edges)):
         ax, ay, bx, by = edges[i, 0], edges[i, 1], edges[i, 2], edges[i, 3]
         low, high = min(ay, by) - distance, max(ay, by) + distance
         ux, uy = bx - ax, by - ay
         if ux * ux + uy * uy <= square:
-            return False
+            return -1
         for j in range(i + 1, len(edges)):
             cx, cy, dx, dy = edges[j, 0], edges[j, 1], edges[j, 2], edges[j, 3]
             if cx > bx + distance:
                 break
             if (cy < low and dy < low) or (cy > high and dy > high):
                 continue
+            vx, vy = dx - cx, dy - cy
+            if vx * vx + vy * vy <= square:
+                return -1
             a_shared = (ax == cx and ay == cy) or (ax == dx and ay == dy)
             b_shared = (bx == cx and by == cy) or (bx == dx and by == dy)
             c_shared = (cx == ax and cy == ay) or (cx == bx and cy == by)
             d_shared = (dx == ax and dy == ay) or (dx == bx and dy == by)
-            vx, vy = dx - cx, dy - cy
             if not (
                 (c_shared or _squared(cx - ax, cy - ay, ux, uy) > square)
                 and (d_shared or _squared(dx - ax, dy - ay, ux, uy) > square)
                 and (a_shared or _squared(ax - cx, ay - cy, vx, vy) > square)
                 and (b_shared or _squared(bx - cx, by - cy, vx, vy) > square)
             ):
-                return False
+                return -1
             c_left, d_left = ux * (cy - ay) - uy * (cx - ax), ux * (dy - ay) - uy * (dx - ax)
             a_left, b_left = vx * (ay - cy) - vy * (ax - cx), vx * (by - cy) - vy * (bx - cx)
             if c_left * d_left < 0.0 and a_left * b_left < 0.0:
-                return False
-    return True
+                return -1
+            n += a_shared + b_shared
+    return n
 
 
 @njit(cache=True, nogil=True)

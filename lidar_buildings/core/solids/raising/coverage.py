@@ -9,7 +9,7 @@ import shapely
 from numpy.typing import NDArray
 
 from lidar_buildings.core.model.array_types import FloatArray, IntArray
-from lidar_buildings.core.solids.raising.clearance import keep_clear
+from lidar_buildings.core.solids.raising.clearance import n_joints
 from lidar_buildings.core.solids.raising.grid_rings import GridRings, grid_rings, piece_rings
 from lidar_buildings.core.solids.raising.plan_graph import OUTSIDE, PlanGraph, labelled_graph
 from lidar_buildings.core.solids.raising.roof_piece import RoofPiece
@@ -25,7 +25,7 @@ def matched_coverage(pieces: Sequence[RoofPiece]) -> PlanGraph:
     graph = labelled_graph(rings)
     if graph is not None and len(graph.ends):
         # Edges that keep clear of each other cross nowhere and leave no slits.
-        is_clear = keep_clear(graph.places[graph.ends].reshape(-1, 4), LEAST_DISTANCE)
+        is_clear = n_joints(graph.places[graph.ends].reshape(-1, 4), LEAST_DISTANCE) >= 0
         if _are_sound(rings, is_clear) and (is_clear or not _has_slit(graph)):
             return graph
     return noded_coverage(pieces, LEAST_DISTANCE, 1.0)

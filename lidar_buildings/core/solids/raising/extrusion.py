@@ -7,7 +7,14 @@ from itertools import pairwise
 import numpy as np
 
 from lidar_buildings.core.model.outline import Outline
+from lidar_buildings.core.solids.output_grid import GRID
+from lidar_buildings.core.solids.raising.assembly import CLEARANCE
+from lidar_buildings.core.solids.raising.clearance import edges_of_rings, n_joints
 from lidar_buildings.core.solids.shell import GROUND_SURFACE, ROOF_SURFACE, WALL_SURFACE, Solid, ring_edges
+from lidar_buildings.core.solids.validity import check_solid
+
+#: As `assembly.CLEARANCE` [m].
+_CLEARANCE = CLEARANCE * GRID
 
 
 def extrude(outline: Outline, z_bottom: float, z_top: float) -> Solid:
@@ -38,3 +45,17 @@ def extrude(outline: Outline, z_bottom: float, z_top: float) -> Solid:
     walls = tuple(((i, j, j + n, i + n),) for ring in bottoms for i, j in ring_edges(ring))
     semantics = (GROUND_SURFACE, ROOF_SURFACE, *(WALL_SURFACE for _ in walls))
     return Solid(vertices, (ground, roof, *walls), semantics)
+
+
+def extrusion_codes(outline: Outline, solid: Solid, height: float) -> tuple[int, ...]:
+    """
+    Return what `check_solid` does of an outline raised by a height [m].
+
+    If the rings keep clear of each other and holes lie inside, nothing can be wrong above them.
+    """
+    rings = outline.rings
+    if height > _CLEARANCE and min(map(len, rings)) >= 3:
+        edges = edges_of_rings(rings)
+        if n_joints(edges, _CLEARANCE) == len(edges) and (len(rings) == 1 or outline.polygon.is_valid):
+            return ()
+    return check_solid(solid)

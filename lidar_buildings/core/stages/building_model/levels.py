@@ -11,9 +11,8 @@ import shapely
 from lidar_buildings.core.model.array_types import FloatArray, IntArray
 from lidar_buildings.core.model.outline import Outline
 from lidar_buildings.core.solids.output_grid import GRID, on_grid, repaired_outlines
-from lidar_buildings.core.solids.raising import RoofPiece, checked_roof_solid, extrude
+from lidar_buildings.core.solids.raising import RoofPiece, checked_roof_solid, extrude, extrusion_codes
 from lidar_buildings.core.solids.shell import Solid
-from lidar_buildings.core.solids.validity import check_solid
 from lidar_buildings.core.stages.building_model.roof_face import RoofFacePatch, open_rings
 
 #: Levels of detail (Biljecki et al. 2016), the finest last.
@@ -43,12 +42,12 @@ def level_12(outline: Outline, ground: float, roof: float) -> tuple[Level, Outli
     """
     Raise an outline to one elevation, repairing it where its rings touch or cross; return it as it was used.
     """
-    codes = check_solid(first := extrude(outline, ground, roof))
+    codes = extrusion_codes(outline, first := extrude(outline, ground, roof), roof - ground)
     if not codes:
         return Level(first), outline
     for repaired, what in repaired_outlines(outline):
         solid = extrude(repaired, ground, roof)
-        if not check_solid(solid):
+        if not extrusion_codes(repaired, solid, roof - ground):
             return Level(solid, (), what), repaired
     return Level(None, codes), outline
 

@@ -45,10 +45,19 @@ def _nearest(
     first_ring: IntArray,
     distance: FloatArray,
 ) -> None:
+    low, high = np.empty(3), np.empty(3)
     for face in range(len(first_ring) - 1):
         start, stop = first_corner[first_ring[face]], first_corner[first_ring[face + 1]]
         outer = first_corner[first_ring[face] + 1]
-        nx, ny, nz = _normal(corners, start, outer)
+        # the ring's area vector, doubled (Newell)
+        nx, ny, nz = 0.0, 0.0, 0.0
+        x0, y0, z0 = corners[start, 0], corners[start, 1], corners[start, 2]
+        for k in range(start, outer - 1):
+            ax, ay, az = corners[k, 0] - x0, corners[k, 1] - y0, corners[k, 2] - z0
+            bx, by, bz = corners[k + 1, 0] - x0, corners[k + 1, 1] - y0, corners[k + 1, 2] - z0
+            nx += ay * bz - az * by
+            ny += az * bx - ax * bz
+            nz += ax * by - ay * bx
         size = np.sqrt(nx * nx + ny * ny + nz * nz)
         if size == 0.0:
             continue
@@ -58,11 +67,15 @@ def _nearest(
             drop = 0
         elif abs(ny) >= abs(nz):
             drop = 1
-        low = np.array([corners[start:stop, axis].min() for axis in range(3)])
-        high = np.array([corners[start:stop, axis].max() for axis in range(3)])
+        u, v = (drop + 1) % 3, (drop + 2) % 3
+        for axis in range(3):
+            low[axis], high[axis] = corners[start, axis], corners[start, axis]
+            for k in range(start + 1, stop):
+                low[axis] = min(low[axis], corners[k, axis])
+                high[axis] = max(high[axis], corners[k, axis])
         for i in range(len(points)):
             reach = distance[i]
-            x, y, z = points[i]
+            x, y, z = points[i, 0], points[i, 1], points[i, 2]
             if (
                 x < low[0] - reach
                 or x > high[0] + reach
@@ -72,70 +85,28 @@ def _nearest(
                 or z > high[2] + reach
             ):
                 continue
-            off = (x - corners[start, 0]) * nx + (y - corners[start, 1]) * ny + (z - corners[start, 2]) * nz
+            off = (x - x0) * nx + (y - y0) * ny + (z - z0) * nz
             if abs(off) >= reach:
                 continue
-            u, v = (drop + 1) % 3, (drop + 2) % 3
-            foot = np.array([x - off * nx, y - off * ny, z - off * nz])
-            if _inside(foot[u], foot[v], corners, first_corner, first_ring, face, u, v):
+            fx, fy, fz = x - off * nx, y - off * ny, z - off * nz
+            fu, fv = (fy, fz) if drop == 0 else (fz, fx) if drop == 1 else (fx, fy)
+            is_odd, least = False, reach * reach
+            for ring in range(first_ring[face], first_ring[face + 1]):
+                for k in range(first_corner[ring], first_corner[ring + 1] - 1):
+                    au, av, bu, bv = corners[k, u], corners[k, v], corners[k + 1, u], corners[k + 1, v]
+                    if (au > fu) != (bu > fu) and fv < av + (bv - av) * (fu - au) / (bu - au):
+                        is_odd = not is_odd
+            if is_odd:
                 distance[i] = abs(off)
-            else:
-                distance[i] = _to_edges(points[i], corners, first_corner, first_ring, face, reach)
-
-
-@njit(cache=True, nogil=True)
-def _normal(corners: FloatArray, start: int, stop: int) -> tuple[float, float, float]:
-    """Return a ring's area vector, doubled (Newell)."""
-    nx, ny, nz = 0.0, 0.0, 0.0
-    for k in range(start, stop - 1):
-        ax, ay, az = corners[k] - corners[start]
-        bx, by, bz = corners[k + 1] - corners[start]
-        nx += ay * bz - az * by
-        ny += az * bx - ax * bz
-        nz += ax * by - ay * bx
-    return nx, ny, nz
-
-
-@njit(cache=True, nogil=True)
-def _inside(
-    x: float,
-    y: float,
-    corners: FloatArray,
-    first_corner: IntArray,
-    first_ring: IntArray,
-    face: int,
-    u: int,
-    v: int,
-) -> bool:
-    """Whether a place lies within a face's rings (even-odd rule), seen along the dropped axis."""
-    odd = False
-    for ring in range(first_ring[face], first_ring[face + 1]):
-        for k in range(first_corner[ring], first_corner[ring + 1] - 1):
-            ax, ay, bx, by = corners[k, u], corners[k, v], corners[k + 1, u], corners[k + 1, v]
-            if (ax > x) != (bx > x) and y < ay + (by - ay) * (x - ax) / (bx - ax):
-                odd = not odd
-    return odd
-
-
-@njit(cache=True, nogil=True)
-def _to_edges(
-    point: FloatArray,
-    corners: FloatArray,
-    first_corner: IntArray,
-    first_ring: IntArray,
-    face: int,
-    reach: float,
-) -> float:
-    """Return a point's distance to the nearest edge of a face, `reach` if none is nearer [m]."""
-    least = reach * reach
-    for ring in range(first_ring[face], first_ring[face + 1]):
-        for k in range(first_corner[ring], first_corner[ring + 1] - 1):
-            along, to_point = corners[k + 1] - corners[k], point - corners[k]
-            square = along[0] ** 2 + along[1] ** 2 + along[2] ** 2
-            share = 0.0
-            if square > 0.0:
-                dot = along[0] * to_point[0] + along[1] * to_point[1] + along[2] * to_point[2]
-                share = min(max(dot / square, 0.0), 1.0)
-            left = to_point - share * along
-            least = min(least, left[0] ** 2 + left[1] ** 2 + left[2] ** 2)
-    return float(np.sqrt(least))
+                continue
+            for ring in range(first_ring[face], first_ring[face + 1]):
+                for k in range(first_corner[ring], first_corner[ring + 1] - 1):
+                    ax, ay, az = corners[k, 0], corners[k, 1], corners[k, 2]
+                    ex, ey, ez = corners[k + 1, 0] - ax, corners[k + 1, 1] - ay, corners[k + 1, 2] - az
+                    px, py, pz = x - ax, y - ay, z - az
+                    square, share = ex**2 + ey**2 + ez**2, 0.0
+                    if square > 0.0:
+                        share = min(max((ex * px + ey * py + ez * pz) / square, 0.0), 1.0)
+                    dx, dy, dz = px - share * ex, py - share * ey, pz - share * ez
+                    least = min(least, dx**2 + dy**2 + dz**2)
+            distance[i] = np.sqrt(least)

@@ -7,6 +7,7 @@ import pytest
 import shapely
 from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import maximum_flow
+from scipy.spatial import cKDTree
 
 from lidar_buildings.core.model.outline import Outline
 from lidar_buildings.core.solids.raising import extrude
@@ -22,6 +23,7 @@ from lidar_buildings.core.stages.building_model.heights import fit_face_planes, 
 from lidar_buildings.core.stages.building_model.minimum_cut import source_side
 from lidar_buildings.core.stages.building_model.missed_parts import find_missed_parts
 from lidar_buildings.core.stages.building_model.noding import extend_segments
+from lidar_buildings.core.stages.building_model.outline_coverage import outline_coverage
 from lidar_buildings.core.stages.building_model.roof_face import RoofFacePatch
 from lidar_buildings.core.stages.building_model.surface_distance import distance_to_surface
 
@@ -237,3 +239,30 @@ def test_a_distance_that_is_known_is_never_raised():
     box = extrude(Outline(SQUARE, (COURT,)), 0.0, 5.0)
     points = np.array([[5.0, 5.0, 5.0], [1.0, 1.0, 9.0]])
     assert distance_to_surface(points, box, np.array([0.3, np.inf])) == pytest.approx([0.3, 4.0])
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_coverage_is_what_trees_and_polygons_say(seed):
+    random = np.random.default_rng(seed)
+    court = COURT + random.uniform(-1, 1, 2)
+    outline = Outline(SQUARE * random.uniform(0.5, 2.0, 2) + 1e4, (court + 1e4,) if seed % 2 else ())
+    xy = random.uniform(-2, 14, (random.integers(1, 200), 2)) + 1e4
+    agrees = random.random(len(xy)) < 0.7
+    spacing, reach = random.uniform(0.2, 2.0), random.uniform(0.3, 2.0)
+    low, high = outline.exterior.min(axis=0), outline.exterior.max(axis=0)
+    x, y = (np.arange(a + 0.5 * spacing, b, spacing) for a, b in zip(low, high, strict=True))
+    spots = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
+    spots = spots[shapely.contains_xy(outline.polygon, spots)]
+    expected = [
+        np.mean(cKDTree(each).query(spots)[0] < reach) if len(each) else 0.0 for each in (xy[agrees], xy)
+    ]
+    covered, no_data = outline_coverage(outline, xy, agrees, spacing, reach)
+    assert (covered, 1.0 - no_data) == pytest.approx(expected)
+
+
+def test_spots_on_the_edge_of_an_outline_do_not_count():
+    points = np.array([[1.0, 1.0]])
+    square = Outline(np.array([[0.0, 0.0], [4.0, 0.0], [4.0, 2.0], [1.0, 2.0], [1.0, 4.0], [0.0, 4.0]]))
+    # of the spots at 1 and 3 along x and y, three lie on the edges or outside
+    assert outline_coverage(square, points, np.ones(1, dtype=bool), 2.0, 0.5) == (0.5, 0.5)
+    assert outline_coverage(square, np.empty((0, 2)), np.ones(0, dtype=bool), 2.0, 0.5) == (0.0, 1.0)
