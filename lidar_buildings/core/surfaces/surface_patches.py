@@ -8,17 +8,17 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from lidar_buildings.core.neighbours.neighbourhoods import build_grid, neighbours_of
-from lidar_buildings.core.neighbours.union_find import flatten, link
+from lidar_buildings.core.neighbours.columns import Columns, by_column
+from lidar_buildings.core.neighbours.union_find import flatten, link, root
 
-#: Longest link where there are no points to say it [m].
-MIN_LINK = 1e-3
+#: Columns a step: points in one of half a step's side are all connected in plan.
+COLUMNS_A_STEP = 2.0
 
 
 def smooth_patches(
-    points: NDArray[np.float64],
+    columns: Columns,
     normals: NDArray[np.float64],
-    radius: float | NDArray[np.float64],
+    reach: NDArray[np.float64],
     *,
     max_angle_deg: float,
     max_offset: float,
@@ -26,18 +26,18 @@ def smooth_patches(
     """
     Number the patches of points that are linked by smooth steps.
 
-    Two points within the radius of either are linked if their normals differ by no more than an angle and
+    Two points within the reach of either are linked if their normals differ by no more than an angle and
     each lies near the other's tangent plane; a patch is whatever links connect (smoothness constraint of
     Rabbani and others, 2006, without its seeds: the result does not depend on where growing starts).
 
     Parameters
     ----------
-    points : ndarray of shape (n_points, 3)
-        In any order [m].
+    columns : Columns
+        The points [m].
     normals : ndarray of shape (n_points, 3)
         Unit normals.
-    radius : float or ndarray of shape (n_points,)
-        Longest link, of all points or of each [m], > 0.
+    reach : ndarray of shape (n_points,)
+        Longest link of each point [m], > 0. Few different ones are quickest.
     max_angle_deg : float
         Largest angle between linked normals [deg].
     max_offset : float
@@ -48,74 +48,161 @@ def smooth_patches(
     ndarray of int64, shape (n_points,)
         0, 1, … ; every point is in a patch, if only its own.
     """
-    reach = np.broadcast_to(np.asarray(radius, dtype=np.float64), len(points))
-    grid = build_grid(points, float(reach.max(initial=MIN_LINK)))
-    parent = np.arange(len(grid.points))
-    _link_smooth(
-        grid, normals[grid.rows], reach[grid.rows], math.cos(math.radians(max_angle_deg)), max_offset, parent
-    )
-    return _numbered(parent, grid.rows)
+    parent = np.arange(len(columns.points))
+    limits = (math.cos(math.radians(max_angle_deg)), max_offset)
+    for length in np.unique(reach):
+        _link_smooth(
+            columns.points,
+            columns.first,
+            columns.around(length),
+            normals,
+            reach == length,
+            length,
+            *limits,
+            parent,
+        )
+    return _numbered(parent)
 
 
 def connected_parts(
     points: NDArray[np.float64], radius: float, *, in_plan: bool = False
 ) -> NDArray[np.int64]:
     """Number the parts of a cloud that are connected by steps no longer than a radius [m]."""
-    grid = build_grid(points, radius)
-    parent = np.arange(len(grid.points))
-    _link_near(grid, radius, in_plan, parent)
-    return _numbered(parent, grid.rows)
+    columns = by_column(points, radius / COLUMNS_A_STEP)
+    part = np.empty(len(points), dtype=np.int64)
+    part[columns.rows] = connected_columns(columns, radius, in_plan=in_plan)
+    return part
 
 
-def plan_areas(points: NDArray[np.float64], labels: NDArray[np.int64], cell: float) -> NDArray[np.float64]:
-    """Return the area of the grid cells that the points of each label 0, 1, … occupy [m²]."""
-    if len(points) == 0:
-        return np.zeros(0)
-    x, y = np.floor(points[:, :2] / cell).T
-    order = np.lexsort((y, x, labels))
-    x, y, labels = x[order], y[order], labels[order]
-    is_new = np.ones(len(points), dtype=bool)
-    is_new[1:] = (np.diff(x) != 0) | (np.diff(y) != 0) | (np.diff(labels) != 0)
-    return np.bincount(labels[is_new]).astype(np.float64) * cell**2
+def connected_columns(columns: Columns, radius: float, *, in_plan: bool = False) -> NDArray[np.int64]:
+    """
+    Number the parts of points in columns that are connected by steps no longer than a radius [m].
+
+    Points of a column that are within a radius of one another whatever their places are taken together, and
+    pairs are looked at only until one connects two such groups: quick if columns are half a radius wide.
+    """
+    part = np.empty(len(columns.points), dtype=np.int64)
+    runs = columns.around(radius)
+    _connect(columns.points, columns.first, runs, radius, columns.size, in_plan, part)
+    return part
 
 
-def _numbered(parent: NDArray[np.int64], rows: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Turn the links between sorted points into numbers 0, 1, … per input row."""
+def plan_areas(
+    labels: NDArray[np.int64], n_labels: int, first: NDArray[np.int64], cell: float
+) -> NDArray[np.float64]:
+    """
+    Return the area of the grid cells that the points of each label occupy [m²].
+
+    Parameters
+    ----------
+    labels : ndarray of int64, shape (n_points,)
+        Cell by cell; −1 is none.
+    n_labels : int
+        How many there are.
+    first : ndarray of int64, shape (n_cells + 1,)
+        Cell k holds the points first[k] to first[k + 1] (exclusive).
+    cell : float
+        Side of a cell [m].
+    """
+    counts = np.zeros(n_labels, dtype=np.int64)
+    _count_cells(labels, first, counts)
+    return counts.astype(np.float64) * cell**2
+
+
+def _numbered(parent: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Turn links into numbers 0, 1, …."""
     flatten(parent)
-    numbers = np.empty(len(parent), dtype=np.int64)
     is_root = np.zeros(len(parent), dtype=bool)
     is_root[parent] = True
-    numbers[rows] = (np.cumsum(is_root) - 1)[parent]
-    return numbers
+    return np.asarray((np.cumsum(is_root) - 1)[parent])
 
 
 @njit(cache=True, nogil=True)
-def _link_near(grid, radius, in_plan, parent):  # type: ignore[no-untyped-def]
-    near = np.empty(len(grid.points), dtype=np.int64)
-    for i in range(len(grid.points)):
-        x, y, z = grid.points[i]
-        for k in range(neighbours_of(grid, grid.cell[i], x, y, z, radius, in_plan, near)):
-            if near[k] > i:
-                link(parent, i, near[k])
+def _count_cells(labels, first, counts):  # type: ignore[no-untyped-def]
+    counted_last = np.full(len(counts), -1, dtype=np.int64)
+    for k in range(len(first) - 1):
+        for label in labels[first[k] : first[k + 1]]:
+            if label >= 0 and counted_last[label] != k:
+                counted_last[label] = k
+                counts[label] += 1
 
 
 @njit(cache=True, nogil=True)
-def _link_smooth(grid, normals, reach, min_cosine, max_offset, parent):  # type: ignore[no-untyped-def]
-    points = grid.points
-    near = np.empty(len(points), dtype=np.int64)
-    for i in range(len(points)):
-        x, y, z = points[i]
-        a, b, c = normals[i]
-        for k in range(neighbours_of(grid, grid.cell[i], x, y, z, reach[i], False, near)):
-            j = near[k]
-            # One that reaches back finds this link itself.
-            if j == i or (j < i and reach[j] >= reach[i]):
+def _connect(points, first, runs, radius, size, in_plan, part):  # type: ignore[no-untyped-def]
+    """Write the number of each point's part."""
+    square = radius * radius
+    height = math.sqrt(square - 2.0 * size * size) if square > 2.0 * size * size else -1.0
+    start, group = np.empty(len(points) + 1, dtype=np.int64), np.empty(len(first), dtype=np.int64)
+    n = 0
+    for k in range(len(first) - 1):
+        group[k] = n
+        i = first[k]
+        while i < first[k + 1]:
+            start[n], lowest = i, points[i, 2]
+            n, i = n + 1, i + 1
+            while i < first[k + 1] and height >= 0.0 and (in_plan or points[i, 2] - lowest <= height):
+                i += 1
+    group[-1], start[n] = n, len(points)
+    parent = np.arange(n)
+    for k in range(len(first) - 1):
+        for one in range(group[k], group[k + 1]):
+            low, high = points[start[one], 2] - radius, points[start[one + 1] - 1, 2] + radius
+            for row in range(runs.shape[1] // 2, runs.shape[1]):
+                for other in range(max(group[runs[k, row, 0]], one + 1), group[runs[k, row, 1]]):
+                    if not in_plan and (
+                        points[start[other], 2] > high or points[start[other + 1] - 1, 2] < low
+                    ):
+                        continue
+                    if root(parent, one) != root(parent, other) and _touch(
+                        points, start[one], start[one + 1], start[other], start[other + 1], square, in_plan
+                    ):
+                        link(parent, one, other)
+    flatten(parent)
+    number = 0
+    for one in range(n):
+        # The lowest of a set is its root, and has its number before the others.
+        if parent[one] == one:
+            parent[one] = number
+            number += 1
+        else:
+            parent[one] = parent[parent[one]]
+        part[start[one] : start[one + 1]] = parent[one]
+
+
+@njit(cache=True, nogil=True)
+def _touch(points, begin, end, other_begin, other_end, square, in_plan):  # type: ignore[no-untyped-def]
+    """Tell whether any point of one run is near any of another."""
+    for i in range(begin, end):
+        for j in range(other_begin, other_end):
+            dx, dy = points[j, 0] - points[i, 0], points[j, 1] - points[i, 1]
+            dz = 0.0 if in_plan else points[j, 2] - points[i, 2]
+            if dx * dx + dy * dy + dz * dz <= square:
+                return True
+    return False
+
+
+@njit(cache=True, nogil=True)
+def _link_smooth(points, first, runs, normals, chosen, reach, min_cosine, max_offset, parent):  # type: ignore[no-untyped-def]
+    """Link the chosen points, all of one reach, to all others within it."""
+    for k in range(len(first) - 1):
+        for i in range(first[k], first[k + 1]):
+            if not chosen[i]:
                 continue
-            u, v, w = normals[j]
-            dx, dy, dz = points[j, 0] - x, points[j, 1] - y, points[j, 2] - z
-            if (
-                abs(a * u + b * v + c * w) >= min_cosine
-                and abs(a * dx + b * dy + c * dz) <= max_offset
-                and abs(u * dx + v * dy + w * dz) <= max_offset
-            ):
-                link(parent, i, j)
+            x, y, z = points[i]
+            a, b, c = normals[i]
+            own = root(parent, i)
+            for row in range(runs.shape[1]):
+                for j in range(first[runs[k, row, 0]], first[runs[k, row, 1]]):
+                    # A chosen one before it has found this link itself.
+                    if parent[j] == own or (j < i and chosen[j]):
+                        continue
+                    dx, dy, dz = points[j, 0] - x, points[j, 1] - y, points[j, 2] - z
+                    u, v, w = normals[j]
+                    if (
+                        dx * dx + dy * dy + dz * dz <= reach * reach
+                        and abs(a * u + b * v + c * w) >= min_cosine
+                        and abs(a * dx + b * dy + c * dz) <= max_offset
+                        and abs(u * dx + v * dy + w * dz) <= max_offset
+                    ):
+                        link(parent, own, j)
+                        own = root(parent, own)

@@ -1,7 +1,10 @@
 import numpy as np
 import pytest
 
-from lidar_buildings.core.surfaces.surface_patches import connected_parts, plan_areas, smooth_patches
+from lidar_buildings.core.neighbours.cell_grid import rows_by_cell
+from lidar_buildings.core.neighbours.columns import by_column
+from lidar_buildings.core.surfaces.surface_patches import connected_columns, connected_parts, plan_areas
+from lidar_buildings.core.surfaces.surface_patches import smooth_patches as of_columns
 
 LATTICE = np.stack(np.meshgrid(np.arange(10.0), np.arange(10.0)), axis=-1).reshape(-1, 2)
 
@@ -12,6 +15,20 @@ def level(z, x=0.0):
 
 def upward(points):
     return np.tile([0.0, 0, 1], (len(points), 1))
+
+
+def smooth_patches(points, normals, radius, **limits):
+    """Return the patch of each point, in their order."""
+    columns, patch = by_column(points, np.max(radius) / 2), np.empty(len(points), dtype=np.int64)
+    reach = np.broadcast_to(radius, len(points))[columns.rows]
+    patch[columns.rows] = of_columns(columns, normals[columns.rows], reach, **limits)
+    return patch
+
+
+def areas(points, labels, cell):
+    """Return the areas of two labels."""
+    grid = rows_by_cell(points, cell)
+    return plan_areas(labels[grid.rows], 2, grid.first, cell)
 
 
 def test_a_step_parts_two_level_surfaces():
@@ -37,14 +54,24 @@ def test_a_curved_roof_is_one_patch():
     assert not smooth_patches(points, normals, 1.2, max_angle_deg=10, max_offset=0.2).any()
 
 
-def test_parts_are_those_of_breadth_first_search():
-    points = np.random.default_rng(0).uniform(0, 10, (300, 3))
-    part = connected_parts(points, 1.0)
-    near = np.linalg.norm(points[:, None] - points, axis=2) <= 1.0
-    reach = near
+@pytest.mark.parametrize("in_plan", [False, True])
+@pytest.mark.parametrize("size", [0.2, 0.5, 0.8, 3.0])
+def test_parts_are_those_of_breadth_first_search(in_plan, size):
+    points = np.random.default_rng(0).uniform(0, (40, 10, 10), (300, 3))
+    columns, part = by_column(points, size), np.empty(300, dtype=np.int64)
+    part[columns.rows] = connected_columns(columns, 1.3, in_plan=in_plan)
+    reach = np.linalg.norm((points[:, None] - points)[..., : 2 if in_plan else 3], axis=2) <= 1.3
     for _ in range(9):
         reach = reach @ reach
     assert np.array_equal(part[:, None] == part, reach)
+    assert np.array_equal(np.unique(part), np.arange(part.max() + 1))
+
+
+def test_links_reach_as_far_as_the_farther_reaching_of_two():
+    points = np.column_stack([np.arange(3) * 1.5, np.zeros(3), np.zeros(3)])
+    reach = np.array([2.0, 1.0, 1.0])
+    patch = smooth_patches(points, upward(points), reach, max_angle_deg=10, max_offset=0.2)
+    assert patch[0] == patch[1] != patch[2]
 
 
 def test_parts_in_plan_join_what_lies_above():
@@ -55,12 +82,12 @@ def test_parts_in_plan_join_what_lies_above():
 
 def test_areas_count_occupied_cells_once():
     points = np.vstack([level(0.0), level(1.0)])
-    assert plan_areas(points, np.repeat([0, 1], 100), 2.0) == pytest.approx([100, 100])
-    assert plan_areas(points, np.zeros(200, dtype=np.int64), 2.0) == pytest.approx([100])
+    assert areas(points, np.repeat([0, 1], 100), 2.0) == pytest.approx([100, 100])
+    assert areas(points, np.repeat([-1, 1], 100), 2.0) == pytest.approx([0, 100])
 
 
 def test_no_points_have_no_parts():
     nothing = np.zeros((0, 3))
     assert len(connected_parts(nothing, 1.0)) == 0
     assert len(smooth_patches(nothing, nothing, 1.0, max_angle_deg=10, max_offset=1)) == 0
-    assert len(plan_areas(nothing, np.zeros(0, dtype=np.int64), 1.0)) == 0
+    assert not areas(nothing, np.zeros(0, dtype=np.int64), 1.0).any()

@@ -2,22 +2,30 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
+
+from lidar_buildings.core.neighbours.cell_grid import CellGrid, rows_by_cell
+from lidar_buildings.core.neighbours.columns import Columns
+from lidar_buildings.core.surfaces.surface_patches import connected_columns, plan_areas
 
 #: Smallest radius of a neighbourhood, in spacings: sixteen points on an even surface, where planes take six.
 RADIUS_SPACINGS = 2.25
 #: The same where the cloud is dense: the scale at which foliage is no longer flat [m].
 MIN_RADIUS = 0.75
+#: Columns of points across a radius: what their neighbours are found by.
+COLUMNS_A_RADIUS = 2.0
 #: Steepest roof: between mansards and walls [deg].
 MAX_SLOPE_DEG = 75.0
 #: Largest angle between the normals of neighbours on one roof: smooth at `max_roughness`, and no ridge [deg].
 MAX_ANGLE_DEG = 15.0
 
 
-class Candidates(NamedTuple):
+@dataclass(frozen=True, eq=False)
+class Candidates:
     """
     The points that rise above ground, and what a method may want to know of them.
 
@@ -25,8 +33,8 @@ class Candidates(NamedTuple):
 
     Attributes
     ----------
-    points : ndarray of shape (n_points, 3)
-        From half of `min_height` on, in any order [m].
+    columns : Columns
+        Points from half of `min_height` on; the other arrays are in their order.
     height : ndarray of shape (n_points,)
         Above ground [m].
     is_last, is_only : ndarray of bool, shape (n_points,)
@@ -39,10 +47,32 @@ class Candidates(NamedTuple):
         Side of the cells in which areas are counted, two spacings [m].
     """
 
-    points: NDArray[np.float64]
+    columns: Columns
     height: NDArray[np.float64]
     is_last: NDArray[np.bool_]
     is_only: NDArray[np.bool_]
     ground: NDArray[np.float64]
     radius: float
     cell: float
+
+    @property
+    def points(self) -> NDArray[np.float64]:
+        """The points column by column [m]."""
+        return self.columns.points
+
+    @cached_property
+    def _cells(self) -> CellGrid:
+        return rows_by_cell(self.points, self.cell)
+
+    def parts(
+        self, rows: NDArray[np.integer], step: float, *, in_plan: bool = False
+    ) -> tuple[NDArray[np.int64], int]:
+        """Return the parts that steps of a length [m] connect some points to, −1 for others; how many."""
+        chosen, label = np.zeros(len(self.points), dtype=bool), np.full(len(self.points), -1)
+        chosen[rows] = True
+        label[chosen] = connected_columns(self.columns.select(chosen), step, in_plan=in_plan)
+        return label, label.max(initial=-1) + 1
+
+    def areas(self, label: NDArray[np.int64], n_labels: int) -> NDArray[np.float64]:
+        """Return the area of the cells that the points of each label occupy [m²]; −1 is none."""
+        return plan_areas(label[self._cells.rows], n_labels, self._cells.first, self.cell)

@@ -16,7 +16,7 @@ class RoofSelectionConfig(StageConfig):
 
     method: str = parameter(
         "smooth_patches",
-        "How roofs are told from all else: by smooth patches that few pulses penetrate, completed to their "
+        "How roofs are told from all else: by smooth patches that are no foliage, completed to their "
         "edges; by the planar cells of lasclassify (Santos and others); or as planes of single returns "
         "(Mancera-Taboada and others, 2012).",
         choices=("smooth_patches", "lasclassify", "single_returns"),

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
-from lidar_buildings.core.neighbours.neighbourhoods import build_grid, neighbours_of
-from lidar_buildings.core.neighbours.parallel import for_row_blocks
-from lidar_buildings.core.stages.roof_selection.sectors import N_SECTORS, sector_of
+from lidar_buildings.core.neighbours.columns import Columns
+from lidar_buildings.core.stages.roof_selection.surroundings import Surroundings, near_in_plan, surroundings
 
 #: A façade lies within this many spacings of its roof's points in plan: an edge is missed by half a spacing.
 REACH_SPACINGS = 0.7
@@ -25,11 +23,11 @@ MIN_HEIGHT = 0.8
 
 
 def find_facades(
-    points: NDArray[np.float64],
+    columns: Columns,
     height: NDArray[np.float64],
     is_roof: NDArray[np.bool_],
-    is_open: NDArray[np.bool_],
     is_last: NDArray[np.bool_],
+    around: Surroundings,
     reach: float,
     spacing: float,
 ) -> NDArray[np.bool_]:
@@ -38,55 +36,30 @@ def find_facades(
 
     Parameters
     ----------
-    points : ndarray of shape (n_points, 3)
-        In any order [m].
+    columns : Columns
+        What is roof, and what can be façade: neither ground nor of a class that stays [m].
     height : ndarray of shape (n_points,)
         Above ground [m].
     is_roof : ndarray of bool, shape (n_points,)
         Which points are roof; the answer for them is False.
-    is_open : ndarray of bool, shape (n_points,)
-        Which points can be façade: neither ground nor of a class that stays.
     is_last : ndarray of bool, shape (n_points,)
         Whether the pulse ended there; what has roof all around counts only then, else it is foliage.
+    around : Surroundings
+        The roofs within `TOP_REACH`.
     reach : float
         Largest distance from a roof point in plan [m]; 0 for none. It is no less than 0.7 spacings.
     spacing : float
         Spacing of the pulses [m].
     """
-    found = np.zeros(len(points), dtype=bool)
-    rows = np.flatnonzero(is_roof | (is_open & (height >= MIN_HEIGHT)))
     if reach <= 0.0 or not is_roof.any():
-        return found
+        return np.zeros(len(height), dtype=bool)
+    column, z = columns.column, columns.points[:, 2]
     reach = max(reach, REACH_SPACINGS * spacing)
-    around = max(WELL_REACH, reach)
-    grid = build_grid(points[rows], around)
-    roof, last, hangs = is_roof[rows], is_last[rows], np.zeros(len(rows), dtype=bool)
-    for_row_blocks(lambda begin, end: _hang(grid, roof, last, reach, around, hangs, begin, end), len(rows))
-    found[rows] = hangs
-    return found
-
-
-@njit(cache=True, nogil=True)
-def _hang(grid, is_roof, is_last, reach, around, hangs, begin, end):  # type: ignore[no-untyped-def]
-    points = grid.points
-    near = np.empty(len(points), dtype=np.int64)
-    seen = np.zeros(N_SECTORS, dtype=np.bool_)
-    for i in range(begin, end):
-        row = grid.rows[i]
-        if is_roof[row]:
-            continue
-        x, y, z = points[i]
-        is_near, top, highest = False, -np.inf, -np.inf
-        seen[:] = False
-        for k in range(neighbours_of(grid, grid.cell[i], x, y, z, around, True, near)):
-            if not is_roof[grid.rows[near[k]]]:
-                continue
-            dx, dy, other = points[near[k], 0] - x, points[near[k], 1] - y, points[near[k], 2]
-            square = dx * dx + dy * dy
-            is_near = is_near or square <= reach * reach
-            if square <= TOP_REACH * TOP_REACH:
-                top = max(top, other)
-            highest = max(highest, other)
-            seen[sector_of(dx, dy)] = True
-        is_well = is_last[row] and seen.sum() >= MIN_SECTORS and z <= highest
-        hangs[row] = is_well or (is_near and z <= top - MIN_DROP)
+    can_be = ~is_roof & (height >= MIN_HEIGHT)
+    hangs = can_be & (z <= around.highest[column] - MIN_DROP)
+    both = columns.select(is_roof | hangs)
+    hangs[both.rows] &= near_in_plan(both, is_roof[both.rows], reach)
+    is_inside = can_be & is_last & ~hangs
+    well = surroundings(columns, is_roof, max(WELL_REACH, reach), is_inside)
+    is_inside &= (well.n_sectors >= MIN_SECTORS)[column] & (z <= well.highest[column])
+    return hangs | is_inside

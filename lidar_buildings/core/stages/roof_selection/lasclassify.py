@@ -53,16 +53,12 @@ def find_roofs(candidates: Candidates, config: RoofSelectionConfig) -> NDArray[n
     ndarray of bool, shape (n_points,)
         Roofs of any size; the caller drops small buildings.
     """
-    rows = np.flatnonzero(candidates.height >= config.min_height)
-    points = candidates.points[rows]
+    high = candidates.columns.select(candidates.height >= config.min_height)
     side = max(config.planarity_cell, MIN_CELL_SPACINGS * candidates.cell / 2.0)
-    # Sums run in an order of their own, so that they do not depend on that of the rows.
-    order = np.lexsort((points[:, 2], points[:, 1], points[:, 0]))
-    kind, normals = np.empty(len(points), dtype=np.int8), np.empty((len(points), 3))
-    kind[order], normals[order] = _judged(points[order], side, config)
-    continued = near_tangent_plane(points, normals, kind == PLANAR, side / 2.0, config.max_plane_distance)
+    kind, normals = _judged(high.points, side, config)
+    continued = near_tangent_plane(high, normals, kind == PLANAR, side / 2.0, config.max_plane_distance)
     roof = np.zeros(len(candidates.points), dtype=bool)
-    roof[rows] = continued & (kind != RUGGED)
+    roof[high.rows] = continued & (kind != RUGGED)
     return roof
 
 

@@ -9,21 +9,27 @@ from numpy.typing import ArrayLike, NDArray
 
 from lidar_buildings.core.model.classes import PointClass
 from lidar_buildings.core.model.point_array import checked_column, checked_points
+from lidar_buildings.core.neighbours.columns import Columns, by_column
 from lidar_buildings.core.neighbours.point_spacing import given_or_measured
 from lidar_buildings.core.stages.roof_selection import lasclassify, single_returns
-from lidar_buildings.core.stages.roof_selection.candidates import MIN_RADIUS, RADIUS_SPACINGS, Candidates
+from lidar_buildings.core.stages.roof_selection.candidates import (
+    COLUMNS_A_RADIUS,
+    MIN_RADIUS,
+    RADIUS_SPACINGS,
+    Candidates,
+)
 from lidar_buildings.core.stages.roof_selection.config import RoofSelectionConfig
-from lidar_buildings.core.stages.roof_selection.facades import find_facades
+from lidar_buildings.core.stages.roof_selection.facades import TOP_REACH, find_facades
 from lidar_buildings.core.stages.roof_selection.returns import last_and_only_returns
 from lidar_buildings.core.stages.roof_selection.roads import find_roads
 from lidar_buildings.core.stages.roof_selection.smooth_patches import roofs as smooth_patches
 from lidar_buildings.core.stages.roof_selection.smooth_patches.wet_roofs import find_wet_roofs
-from lidar_buildings.core.stages.roof_selection.surroundings import below_roof
+from lidar_buildings.core.stages.roof_selection.surroundings import surroundings
 from lidar_buildings.core.stages.roof_selection.vegetation import vegetation_classes
 from lidar_buildings.core.surfaces.intensity import normalised_intensity as normalised_by_strip
 from lidar_buildings.core.surfaces.intensity import strip_scales
 from lidar_buildings.core.surfaces.minimum_surface import height_above_minimum
-from lidar_buildings.core.surfaces.surface_patches import connected_parts, plan_areas
+from lidar_buildings.core.surfaces.surface_patches import connected_columns
 
 #: Classes that are decided here; what has another one has it for good, but for ground that is road.
 OPEN = (
@@ -89,7 +95,7 @@ def select_roofs(
 
     By height, planarity and roughness, as Santos and others do with LAStools: among the last returns
     `min_height` above ground, neighbourhoods smoother than `max_roughness` are joined to patches wherever
-    neighbouring normals agree; large patches that few pulses penetrate start roofs. Roofs grow to their edges
+    neighbouring normals agree; large patches that are no foliage start roofs. Roofs grow to their edges
     along tangent planes, whichever the return, and take in what stands on them: last returns with roof all
     around, and chimneys and dormers up to `max_part_area`. Buildings smaller than `min_building_area` are
     dropped. The rest above ground is vegetation by height, and ground that is darker than other ground over
@@ -142,22 +148,19 @@ def select_roofs(
     points = checked_points(points)
     height, classes = _prepared(points, height_above_ground, classification)
     is_last, is_only = last_and_only_returns(points, return_number, number_of_returns)
-    is_open = np.isin(classes, OPEN)
+    is_open = _is_of(OPEN)[classes]
     spacing = given_or_measured(points, point_spacing)
-    radius = max(RADIUS_SPACINGS * spacing, MIN_RADIUS)
+    is_low = (height < CONTEXT * config.min_height) & ~_is_of(NOISE)[classes]
+    rows = np.flatnonzero(is_open)
+    columns = by_column(points[rows], max(RADIUS_SPACINGS * spacing, MIN_RADIUS) / COLUMNS_A_RADIUS)
+    rows = rows[columns.rows]
     is_roof = np.zeros(len(points), dtype=bool)
-    is_raised = height >= CONTEXT * config.min_height
-    raised = np.flatnonzero(is_raised & is_open)
-    low = points[~is_raised & ~np.isin(classes, NOISE)]
-    own = (points[raised], height[raised], is_last[raised], is_only[raised])
-    is_roof[raised] = _roofs(Candidates(*own, low, radius, AREA_CELL * spacing), config)
+    own = (height[rows], is_last[rows], is_only[rows])
+    is_roof[rows] = _roofs(columns, *own, points[is_low], spacing, config)
     if config.method in COMPLETIONS:
         is_roof |= COMPLETIONS[config.method](points, height, is_open, is_roof, spacing, config)
-    others = np.flatnonzero(is_open & ~is_roof)
-    classes[others] = vegetation_classes(height[others], config)
-    classes[below_roof(points, is_roof, radius) & is_open] = PointClass.UNCLASSIFIED
-    is_facade = find_facades(points, height, is_roof, is_open, is_last, config.facade_reach, spacing)
-    classes[is_roof | is_facade] = PointClass.BUILDING
+    is_facade = np.zeros(len(points), dtype=bool)
+    classes[rows], is_facade[rows] = _open_classes(columns, own[0], is_roof[rows], own[1], spacing, config)
     brightness = _brightness(len(points), intensity, normalised_intensity, point_source_id, is_only)
     if brightness is not None:
         _mark_roads(classes, points, brightness, is_only, spacing, config, dark_limit)
@@ -224,11 +227,47 @@ def _brightness(
     return normalised_by_strip(values, strips, strip_scales(values, strips, is_only))
 
 
-def _roofs(candidates: Candidates, config: RoofSelectionConfig) -> NDArray[np.bool_]:
-    """Return which candidates are roof by the method chosen, of buildings in plan that are large enough."""
+def _is_of(classes: tuple[PointClass, ...]) -> NDArray[np.bool_]:
+    """Return whether each class there can be is one of these."""
+    return np.isin(np.arange(256), classes)
+
+
+def _roofs(
+    columns: Columns,
+    height: NDArray[np.float64],
+    is_last: NDArray[np.bool_],
+    is_only: NDArray[np.bool_],
+    low: NDArray[np.float64],
+    spacing: float,
+    config: RoofSelectionConfig,
+) -> NDArray[np.bool_]:
+    """Return which points are roof by the method chosen, of buildings in plan that are large enough."""
+    is_raised = height >= CONTEXT * config.min_height
+    raised, radius = columns.select(is_raised), max(RADIUS_SPACINGS * spacing, MIN_RADIUS)
+    own = (height[is_raised], is_last[is_raised], is_only[is_raised])
+    candidates = Candidates(raised, *own, low, radius, AREA_CELL * spacing)
     roof = METHODS[config.method](candidates, config)
-    rows = np.flatnonzero(roof)
-    points = candidates.points[rows]
-    building = connected_parts(points, candidates.radius, in_plan=True)
-    roof[rows] = (plan_areas(points, building, candidates.cell) >= config.min_building_area)[building]
-    return roof
+    roofs = raised.select(roof)
+    building = np.full(len(roof), -1, dtype=np.int64)
+    building[roofs.rows] = connected_columns(roofs, radius, in_plan=True)
+    is_large = candidates.areas(building, building.max(initial=-1) + 1) >= config.min_building_area
+    found = np.zeros(len(height), dtype=bool)
+    found[raised.rows[roofs.rows]] = is_large[building[roofs.rows]]
+    return found
+
+
+def _open_classes(
+    columns: Columns,
+    height: NDArray[np.float64],
+    is_roof: NDArray[np.bool_],
+    is_last: NDArray[np.bool_],
+    spacing: float,
+    config: RoofSelectionConfig,
+) -> tuple[NDArray[np.uint8], NDArray[np.bool_]]:
+    """Return the classes of the points that are decided here, and which are façade."""
+    classes = vegetation_classes(height, config)
+    around = surroundings(columns, is_roof, max(TOP_REACH, RADIUS_SPACINGS * spacing), ~is_roof)
+    classes[columns.points[:, 2] <= around.highest[columns.column]] = PointClass.UNCLASSIFIED
+    is_facade = find_facades(columns, height, is_roof, is_last, around, config.facade_reach, spacing)
+    classes[is_roof | is_facade] = PointClass.BUILDING
+    return classes, is_facade

@@ -7,6 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from lidar_buildings.core.neighbours.columns import Columns
 from lidar_buildings.core.stages.roof_selection.candidates import MAX_ANGLE_DEG, MAX_SLOPE_DEG, Candidates
 from lidar_buildings.core.stages.roof_selection.config import RoofSelectionConfig
 from lidar_buildings.core.stages.roof_selection.surroundings import MAX_LINEARITY, near_tangent_plane
@@ -45,27 +46,29 @@ def find_roofs(candidates: Candidates, config: RoofSelectionConfig) -> NDArray[n
         "last": candidates.is_last,
         "all": np.ones(len(candidates.points), dtype=bool),
     }
-    rows = np.flatnonzero(counts[config.roof_returns] & (candidates.height >= config.min_height))
-    points, radius = candidates.points[rows], candidates.radius
-    normals, is_plane = _planes(points, radius, config)
+    counted = candidates.columns.select(
+        counts[config.roof_returns] & (candidates.height >= config.min_height)
+    )
+    radius = candidates.radius
+    normals, is_plane = _planes(counted, radius, config)
     found = np.zeros(len(candidates.points), dtype=bool)
-    found[rows] = near_tangent_plane(points, normals, is_plane, radius, config.max_plane_distance)
+    found[counted.rows] = near_tangent_plane(counted, normals, is_plane, radius, config.max_plane_distance)
     return found
 
 
 def _planes(
-    points: NDArray[np.float64], radius: float, config: RoofSelectionConfig
+    columns: Columns, radius: float, config: RoofSelectionConfig
 ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
     """Return the normals, and which points lie within a plane of some extent."""
-    features = eigen_features(points, [radius], min_neighbours=MIN_PLANE_POINTS)
+    features = eigen_features(columns.points, [radius], min_neighbours=MIN_PLANE_POINTS)
     is_flat = (features.roughness <= config.max_roughness) & (features.n_neighbours >= MIN_PLANE_POINTS)
     is_flat &= (features.linearity <= MAX_LINEARITY) & (features.eigenvalues[:, 0] > 0)
     is_flat &= features.normals[:, 2] >= math.cos(math.radians(MAX_SLOPE_DEG))
     rows = np.flatnonzero(is_flat)
     patch = smooth_patches(
-        points[rows],
+        columns.select(is_flat),
         features.normals[rows],
-        radius,
+        np.full(len(rows), radius),
         max_angle_deg=MAX_ANGLE_DEG,
         max_offset=config.max_plane_distance,
     )

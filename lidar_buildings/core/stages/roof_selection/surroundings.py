@@ -1,23 +1,42 @@
-"""What lies around each point: a surface it continues, roof on all sides, roof above, foliage."""
+"""What lies around each point or column: a surface it continues, roof on all sides, roof above."""
 
 from __future__ import annotations
+
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from lidar_buildings.core.neighbours.neighbourhoods import build_grid, neighbours_of
+from lidar_buildings.core.neighbours.columns import Columns
 from lidar_buildings.core.neighbours.parallel import for_row_blocks
-from lidar_buildings.core.stages.roof_selection.sectors import N_SECTORS, sector_of
+from lidar_buildings.core.stages.roof_selection.sectors import sector_of
 
 #: Points more nearly on a line than this span no plane: cables, single scan lines.
 MAX_LINEARITY = 0.95
-#: Sectors of eight that have to show roof: a part at a straight roof edge sees it in five.
-MIN_SECTORS = 6
+#: Columns a block of work.
+BLOCK = 32_768
+
+
+class Surroundings(NamedTuple):
+    """
+    What stands within reach of each column's middle in plan, told by whole columns.
+
+    Attributes
+    ----------
+    n_sectors : ndarray of uint8, shape (n_columns,)
+        Sectors of eight that show some.
+    lowest, highest : ndarray of shape (n_columns,)
+        The ends of its elevations [m]; infinite the wrong way round where there is nothing.
+    """
+
+    n_sectors: NDArray[np.uint8]
+    lowest: NDArray[np.float64]
+    highest: NDArray[np.float64]
 
 
 def near_tangent_plane(
-    points: NDArray[np.float64],
+    columns: Columns,
     normals: NDArray[np.float64],
     is_surface: NDArray[np.bool_],
     radius: float,
@@ -28,8 +47,8 @@ def near_tangent_plane(
 
     Parameters
     ----------
-    points : ndarray of shape (n_points, 3)
-        In any order [m].
+    columns : Columns
+        The points [m].
     normals : ndarray of shape (n_points, 3)
         Unit normals of the surface points; others are not looked at.
     is_surface : ndarray of bool, shape (n_points,)
@@ -44,120 +63,139 @@ def near_tangent_plane(
     ndarray of bool, shape (n_points,)
         True for surface points and what continues them.
     """
-    grid = build_grid(points, radius)
-    joined = is_surface.copy()
+    return _joined(columns, normals[is_surface], is_surface, radius, max_distance, 1.0)
+
+
+def near_in_plan(columns: Columns, targets: NDArray[np.bool_], reach: float) -> NDArray[np.bool_]:
+    """Tell which points are targets or lie within reach of one in plan [m]."""
+    return _joined(columns, np.zeros((int(targets.sum()), 3)), targets, reach, 0.0, 0.0)
+
+
+def _joined(
+    columns: Columns,
+    normals: NDArray[np.float64],
+    is_surface: NDArray[np.bool_],
+    radius: float,
+    max_distance: float,
+    upright: float,
+) -> NDArray[np.bool_]:
+    surface, joined = columns.select(is_surface), is_surface.copy()
+    own, runs, limits = (
+        (columns.points, columns.first),
+        columns.around(radius),
+        (radius, max_distance, upright),
+    )
     for_row_blocks(
-        lambda begin, end: _near_plane(grid, normals, is_surface, radius, max_distance, joined, begin, end),
-        len(points),
+        lambda begin, end: _join(
+            *own, surface.points, surface.first, normals, runs, *limits, joined, begin, end
+        ),
+        len(columns.numbers),
+        BLOCK,
     )
     return joined
 
 
-def surrounded_by(
-    points: NDArray[np.float64],
-    is_roof: NDArray[np.bool_],
-    radius: float,
-    max_below: float,
-    max_above: float,
-) -> NDArray[np.bool_]:
+def surroundings(
+    columns: Columns, chosen: NDArray[np.bool_], reach: float, wanted: NDArray[np.bool_]
+) -> Surroundings:
     """
-    Tell which points stand on a roof: roof all around in plan, and at about its height.
+    Look at the chosen points around those columns that hold wanted points.
+
+    Whole columns are within reach if their middles are: to within half a column, as many times faster as
+    there are points in one.
 
     Parameters
     ----------
-    points : ndarray of shape (n_points, 3)
-        In any order [m].
-    is_roof : ndarray of bool, shape (n_points,)
-        Which points are roof; the answer for them is False.
-    radius : float
-        How far to look in plan [m].
-    max_below, max_above : float
-        How far a point may lie below the lowest and above the highest of the roof points around it [m].
+    columns : Columns
+        All points [m].
+    chosen : ndarray of bool, shape (n_points,)
+        What to look at.
+    reach : float
+        How far in plan [m].
+    wanted : ndarray of bool, shape (n_points,)
+        Which points ask; for the columns of others there is no answer.
     """
-    grid = build_grid(points, radius)
-    held = np.zeros(len(points), dtype=bool)
+    around, asking = columns.select(chosen), columns.select(wanted).first
+    holds = np.flatnonzero(np.diff(around.first))
+    before = np.searchsorted(holds, np.arange(len(columns.first)))
+    place = np.column_stack(divmod(columns.numbers[holds], columns.row_length)).astype(np.int32)
+    lowest, highest = around.points[around.first[holds], 2], around.points[around.first[holds + 1] - 1, 2]
+    n = len(columns.numbers)
+    found = Surroundings(np.zeros(n, dtype=np.uint8), np.full(n, np.inf), np.full(n, -np.inf))
+    runs, own = columns.around(reach), np.column_stack(divmod(columns.numbers, columns.row_length))
     for_row_blocks(
-        lambda begin, end: _surrounded(grid, is_roof, radius, max_below, max_above, held, begin, end),
-        len(points),
+        lambda begin, end: _look_around(
+            asking, own, runs, before, place, lowest, highest, reach / columns.size, *found, begin, end
+        ),
+        n,
+        BLOCK,
     )
-    return held
+    return found
 
 
-def share_around(points: NDArray[np.float64], flag: NDArray[np.bool_], radius: float) -> NDArray[np.float64]:
-    """Return the share of flagged points within a radius of each point."""
-    grid = build_grid(points, radius)
-    share = np.zeros(len(points))
-    for_row_blocks(lambda begin, end: _share(grid, flag, radius, share, begin, end), len(points))
+def share_around(
+    columns: Columns, chosen: NDArray[np.bool_], flag: NDArray[np.bool_], radius: float
+) -> NDArray[np.float64]:
+    """Return the share of flagged points within a radius of each chosen point."""
+    asking, share = columns.select(chosen), np.zeros(int(chosen.sum()))
+    own, runs = (columns.points, columns.first), columns.around(radius)
+    for_row_blocks(
+        lambda begin, end: _share(asking.points, asking.first, *own, runs, flag, radius, share, begin, end),
+        len(columns.numbers),
+        BLOCK,
+    )
     return share
 
 
-def below_roof(points: NDArray[np.float64], is_roof: NDArray[np.bool_], radius: float) -> NDArray[np.bool_]:
-    """Tell which points have a roof point above them within a radius in plan [m]."""
-    grid = build_grid(points, radius)
-    below = np.zeros(len(points), dtype=bool)
-    for_row_blocks(lambda begin, end: _below(grid, is_roof, radius, below, begin, end), len(points))
-    return below
-
-
 @njit(cache=True, nogil=True)
-def _near_plane(grid, normals, is_surface, radius, max_distance, joined, begin, end):  # type: ignore[no-untyped-def]
-    near = np.empty(len(grid.points), dtype=np.int64)
-    for i in range(begin, end):
-        row = grid.rows[i]
-        if is_surface[row]:
-            continue
-        x, y, z = grid.points[i]
-        for k in range(neighbours_of(grid, grid.cell[i], x, y, z, radius, False, near)):
-            other = grid.rows[near[k]]
-            if not is_surface[other]:
+def _join(  # type: ignore[no-untyped-def]
+    points, first, surface, surface_first, normals, runs, radius, max_distance, upright, joined, begin, end
+):
+    for k in range(begin, end):
+        for i in range(first[k], first[k + 1]):
+            if joined[i]:
                 continue
-            p = grid.points[near[k]]
-            a, b, c = normals[other]
-            if abs(a * (x - p[0]) + b * (y - p[1]) + c * (z - p[2])) <= max_distance:
-                joined[row] = True
-                break
+            x, y, z = points[i]
+            for row in range(runs.shape[1]):
+                for j in range(surface_first[runs[k, row, 0]], surface_first[runs[k, row, 1]]):
+                    dx, dy, dz = surface[j, 0] - x, surface[j, 1] - y, upright * (surface[j, 2] - z)
+                    off = normals[j, 0] * dx + normals[j, 1] * dy + normals[j, 2] * dz
+                    if dx * dx + dy * dy + dz * dz <= radius * radius and abs(off) <= max_distance:
+                        joined[i] = True
+                        break
+                if joined[i]:
+                    break
 
 
 @njit(cache=True, nogil=True)
-def _surrounded(grid, is_roof, radius, max_below, max_above, held, begin, end):  # type: ignore[no-untyped-def]
-    near = np.empty(len(grid.points), dtype=np.int64)
-    seen = np.zeros(N_SECTORS, dtype=np.bool_)
-    for i in range(begin, end):
-        row = grid.rows[i]
-        if is_roof[row]:
+def _look_around(asking, own, runs, before, place, lowest, highest, reach, n_sectors, low, high, begin, end):  # type: ignore[no-untyped-def]
+    for k in range(begin, end):
+        if asking[k] == asking[k + 1]:
             continue
-        x, y, z = grid.points[i]
-        seen[:] = False
-        lowest, highest = np.inf, -np.inf
-        for k in range(neighbours_of(grid, grid.cell[i], x, y, z, radius, True, near)):
-            if not is_roof[grid.rows[near[k]]]:
-                continue
-            p = grid.points[near[k]]
-            seen[sector_of(p[0] - x, p[1] - y)] = True
-            lowest, highest = min(lowest, p[2]), max(highest, p[2])
-        held[row] = seen.sum() >= MIN_SECTORS and lowest - max_below <= z <= highest + max_above
+        seen = 0
+        for row in range(runs.shape[1]):
+            for j in range(before[runs[k, row, 0]], before[runs[k, row, 1]]):
+                dx, dy = place[j, 1] - own[k, 1], place[j, 0] - own[k, 0]
+                if dx * dx + dy * dy > reach * reach:
+                    continue
+                low[k], high[k] = min(low[k], lowest[j]), max(high[k], highest[j])
+                if dx != 0 or dy != 0:
+                    seen |= 1 << sector_of(dx, dy)
+        while seen:
+            n_sectors[k] += seen & 1
+            seen >>= 1
 
 
 @njit(cache=True, nogil=True)
-def _share(grid, flag, radius, share, begin, end):  # type: ignore[no-untyped-def]
-    near = np.empty(len(grid.points), dtype=np.int64)
-    for i in range(begin, end):
-        x, y, z = grid.points[i]
-        found = neighbours_of(grid, grid.cell[i], x, y, z, radius, False, near)
-        flagged = 0
-        for k in range(found):
-            flagged += flag[grid.rows[near[k]]]
-        share[grid.rows[i]] = flagged / found
-
-
-@njit(cache=True, nogil=True)
-def _below(grid, is_roof, radius, below, begin, end):  # type: ignore[no-untyped-def]
-    near = np.empty(len(grid.points), dtype=np.int64)
-    for i in range(begin, end):
-        x, y, z = grid.points[i]
-        if is_roof[grid.rows[i]]:
-            continue
-        for k in range(neighbours_of(grid, grid.cell[i], x, y, z, radius, True, near)):
-            if is_roof[grid.rows[near[k]]] and grid.points[near[k], 2] >= z:
-                below[grid.rows[i]] = True
-                break
+def _share(asking, asking_first, points, first, runs, flag, radius, share, begin, end):  # type: ignore[no-untyped-def]
+    for k in range(begin, end):
+        for i in range(asking_first[k], asking_first[k + 1]):
+            x, y, z = asking[i]
+            found, flagged = 0, 0
+            for row in range(runs.shape[1]):
+                for j in range(first[runs[k, row, 0]], first[runs[k, row, 1]]):
+                    dx, dy, dz = points[j, 0] - x, points[j, 1] - y, points[j, 2] - z
+                    near = dx * dx + dy * dy + dz * dz <= radius * radius
+                    found += near
+                    flagged += near & flag[j]
+            share[i] = flagged / found

@@ -1,10 +1,21 @@
 import numpy as np
 import pytest
 
+from lidar_buildings.core.neighbours.columns import by_column
 from lidar_buildings.core.stages.roof_selection import RoofSelectionConfig
-from lidar_buildings.core.stages.roof_selection.smooth_patches.attached_parts import wide_levels
+from lidar_buildings.core.stages.roof_selection.smooth_patches.attached_parts import LEVEL_STEP, wide_levels
+from lidar_buildings.core.surfaces.surface_patches import connected_columns, plan_areas
 
-CELL, RADIUS = 0.4, 1.0
+CELL = 0.4
+
+
+def wide(points, config=None):
+    """Return which points are on wide levels, in their order."""
+    columns, found = by_column(points, CELL), np.empty(len(points), dtype=bool)
+    part = connected_columns(columns, LEVEL_STEP)
+    area = plan_areas(part, part.max(initial=-1) + 1, columns.first, CELL)
+    found[columns.rows] = wide_levels(columns, part, area, config or RoofSelectionConfig())
+    return found
 
 
 def box(x, y, z, step=0.3):
@@ -19,7 +30,7 @@ HOUSE = box((0, 20), (0, 12), 9.0)
 def kept(part, house=HOUSE, config=None):
     """Return how much of a part and of the house beside it stays."""
     points = np.vstack([house, part])
-    found = wide_levels(points, RADIUS, CELL, config or RoofSelectionConfig())
+    found = wide(points, config)
     return found[len(house) :].mean(), found[: len(house)].mean()
 
 
@@ -43,14 +54,12 @@ def test_what_is_narrow_on_its_level_goes_unless_it_stands_on_a_roof_or_leans_on
 def test_the_order_of_points_and_how_far_others_are_do_not_matter():
     points = np.vstack([HOUSE, box((4, 10), (12, 13.5), 5.0), HOUSE + np.array([5000, 0, 0])])
     shuffle = np.random.default_rng(1).permutation(len(points))
-    straight = wide_levels(points, RADIUS, CELL, RoofSelectionConfig())
-    np.testing.assert_array_equal(
-        wide_levels(points[shuffle], RADIUS, CELL, RoofSelectionConfig()), straight[shuffle]
-    )
+    straight = wide(points)
+    np.testing.assert_array_equal(wide(points[shuffle]), straight[shuffle])
     assert (~straight).sum() == len(box((4, 10), (12, 13.5), 5.0))
 
 
 def test_widths_below_two_cells_are_not_looked_at():
     narrow = RoofSelectionConfig(min_roof_width=0.5)
     assert kept(box((4, 10), (12, 13.5), 5.0), config=narrow) == (1.0, 1.0)
-    assert len(wide_levels(np.zeros((0, 3)), RADIUS, CELL, RoofSelectionConfig())) == 0
+    assert len(wide(np.zeros((0, 3)))) == 0

@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 
 from bench.scenes.roofs import ROOF_SCENES
+from lidar_buildings.core.neighbours.columns import by_column
 from lidar_buildings.core.stages.roof_selection import select_roofs
 from lidar_buildings.core.stages.roof_selection.smooth_patches.canopies import is_canopy
 
@@ -22,8 +23,16 @@ def crown(n=500, thickness=3.0):
     return np.column_stack([random.uniform(4, 8, (n, 2)), random.uniform(1, 1 + thickness, n)])
 
 
+def canopies(points, is_roof):
+    """Return which points are canopy, in their order."""
+    columns, found = by_column(points, 0.5), np.empty(len(points), dtype=bool)
+    own = is_roof[columns.rows]
+    found[columns.rows] = is_canopy(columns, own, ~own, 1.0)
+    return found
+
+
 def found(points, is_roof):
-    canopy = is_canopy(points, is_roof, ~is_roof, 1.0)
+    canopy = canopies(points, is_roof)
     assert not canopy[is_roof].any()
     return canopy[~is_roof].mean()
 
@@ -44,17 +53,15 @@ def test_parts_are_judged_one_by_one_in_any_order():
     points, is_roof = roof_with(
         np.vstack([crown() - [4, 0, 0], crown() + np.array([3.5, 0, 0])]), [(7.3, 11.7, 4, 8)]
     )
-    straight = is_canopy(points, is_roof, ~is_roof, 1.0)
+    straight = canopies(points, is_roof)
     np.testing.assert_array_equal(straight[~is_roof], np.repeat([True, False], 500))
     shuffle = np.random.default_rng(2).permutation(len(points))
-    np.testing.assert_array_equal(
-        is_canopy(points[shuffle], is_roof[shuffle], ~is_roof[shuffle], 1.0), straight[shuffle]
-    )
+    np.testing.assert_array_equal(canopies(points[shuffle], is_roof[shuffle]), straight[shuffle])
 
 
 def test_nothing_above_a_roof_is_no_canopy():
     points, is_roof = roof_with(np.zeros((0, 3)))
-    assert not is_canopy(points, is_roof, ~is_roof, 1.0).any()
+    assert not canopies(points, is_roof).any()
 
 
 @pytest.mark.parametrize("seed", [0, 1])

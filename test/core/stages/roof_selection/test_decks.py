@@ -26,12 +26,12 @@ def over_a_cut(turn_deg=0.0, far_bank=0.0):
 @pytest.mark.parametrize("turn_deg", [0.0, 22.5, 30.0, 77.0])
 def test_a_surface_between_two_banks_at_its_level_is_a_deck(turn_deg):
     deck, ground = over_a_cut(turn_deg)
-    assert is_deck(deck, np.zeros(len(deck), dtype=int), ground, 0.7).tolist() == [True]
+    assert is_deck(deck, np.zeros(len(deck), dtype=int), 1, ground, 0.7).tolist() == [True]
 
 
 def test_a_roof_level_with_the_slope_behind_it_is_none():
     roof, ground = over_a_cut(far_bank=-3.0)
-    assert not is_deck(roof, np.zeros(len(roof), dtype=int), ground, 0.7).any()
+    assert not is_deck(roof, np.zeros(len(roof), dtype=int), 1, ground, 0.7).any()
 
 
 def test_each_surface_is_judged_by_itself_in_any_order():
@@ -40,14 +40,14 @@ def test_each_surface_is_judged_by_itself_in_any_order():
     points, label = np.vstack([deck, roof]), np.repeat([1, 0], [len(deck), len(roof)])
     shuffle = np.random.default_rng(0).permutation(len(points))
     for rows in (slice(None), shuffle):
-        assert is_deck(points[rows], label[rows], ground, 0.7).tolist() == [False, True]
+        assert is_deck(points[rows], label[rows], 2, ground, 0.7).tolist() == [False, True]
 
 
 def test_without_ground_or_surfaces_there_are_no_decks():
     deck, ground = over_a_cut()
     none = np.zeros((0, 3))
-    assert not is_deck(deck, np.zeros(len(deck), dtype=int), none, 0.7).any()
-    assert len(is_deck(none, np.zeros(0, dtype=int), ground, 0.7)) == 0
+    assert not is_deck(deck, np.zeros(len(deck), dtype=int), 1, none, 0.7).any()
+    assert len(is_deck(none, np.zeros(0, dtype=int), 0, ground, 0.7)) == 0
 
 
 @pytest.mark.parametrize("rotation_deg", [0.0, 30.0])

@@ -3,7 +3,9 @@
 import numpy as np
 import pytest
 
-from lidar_buildings.core.stages.roof_selection.facades import find_facades
+from lidar_buildings.core.neighbours.columns import by_column
+from lidar_buildings.core.stages.roof_selection.facades import TOP_REACH, find_facades
+from lidar_buildings.core.stages.roof_selection.surroundings import surroundings
 
 SPACING = 0.25
 
@@ -17,12 +19,12 @@ def facades(roofs, others, *, is_last=True, reach=0.2, order=None):
     points = np.vstack([roofs, others])
     order = np.arange(len(points)) if order is None else order
     is_roof = np.arange(len(points)) < len(roofs)
-    found = find_facades(
-        points[order], points[order, 2], is_roof[order], ~is_roof[order],
-        np.full(len(points), is_last), reach, SPACING,
-    )  # fmt: skip
+    columns = by_column(points[order], 0.5)
+    own = is_roof[order][columns.rows]
+    around = surroundings(columns, own, TOP_REACH, ~own)
+    last = np.full(len(points), is_last)
     back = np.empty(len(points), dtype=bool)
-    back[order] = found
+    back[order[columns.rows]] = find_facades(columns, columns.points[:, 2], own, last, around, reach, SPACING)
     assert not back[: len(roofs)].any()
     return back[len(roofs) :]
 

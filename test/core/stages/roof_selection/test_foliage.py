@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from lidar_buildings.core.neighbours.columns import by_column
 from lidar_buildings.core.stages.roof_selection.candidates import Candidates
 from lidar_buildings.core.stages.roof_selection.config import RoofSelectionConfig
 from lidar_buildings.core.stages.roof_selection.smooth_patches.foliage import Patches, is_foliage
@@ -14,20 +15,22 @@ def patch(z=2.5):
     return np.column_stack([x.ravel(), y.ravel(), np.full(x.size, z)])
 
 
-def foliage(points, is_only, patches):
-    """Return what is foliage of patches smaller than 40 m², height being z."""
+def foliage(points, is_only, label, area):
+    """Return what is foliage of patches smaller than 40 m², height being z; points without one have −1."""
+    columns = by_column(points, 0.375)
     is_last = np.ones(len(points), dtype=bool)
-    candidates = Candidates(points, points[:, 2], is_last, is_only, np.zeros((0, 3)), 0.75, 0.5)
+    only, label = is_only[columns.rows], label[columns.rows]
+    candidates = Candidates(columns, columns.points[:, 2], is_last, only, np.zeros((0, 3)), 0.75, 0.5)
+    smooth = columns.select(label >= 0)
+    normals = np.tile([0.0, 0.0, 1.0], (len(smooth.points), 1))
+    patches = Patches(smooth, label[smooth.rows], normals, np.array(area))
     return is_foliage(candidates, patches, 40.0, RoofSelectionConfig())
 
 
 def judged(top, others, is_only=None, area=AREA):
     points = np.vstack([top, others])
-    rows = np.arange(len(top))
-    normals = np.tile([0.0, 0.0, 1.0], (len(top), 1))
-    patches = Patches(rows, np.zeros(len(top), dtype=np.int64), normals, np.array([area]))
     only = np.ones(len(points), dtype=bool) if is_only is None else is_only
-    return bool(foliage(points, only, patches)[0])
+    return bool(foliage(points, only, np.repeat([0, -1], [len(top), len(others)]), [area])[0])
 
 
 def flanks(n, top, drop=(0.4, 1.2)):
@@ -69,11 +72,7 @@ def test_the_wall_under_a_large_roof_is_nothing_loose():
     wall = flanks(250, low)
     wall[:, 1] = 4.1
     points = np.vstack([low, large, wall])
-    n, m = len(low), len(large)
-    label = np.repeat([0, 1], [n, m])
-    normals = np.tile([0.0, 0.0, 1.0], (n + m, 1))
+    label = np.repeat([0, 1, -1], [len(low), len(large), len(wall)])
     only = np.ones(len(points), dtype=bool)
     for area, expected in ((80.0, False), (20.0, True)):
-        patches = Patches(np.arange(n + m), label, normals, np.array([AREA, area]))
-        found = foliage(points, only, patches)
-        assert found[0] == expected
+        assert foliage(points, only, label, [AREA, area])[0] == expected

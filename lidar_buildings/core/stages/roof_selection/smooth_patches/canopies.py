@@ -6,9 +6,9 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from lidar_buildings.core.neighbours.neighbourhoods import build_grid, neighbours_of
-from lidar_buildings.core.stages.roof_selection.sectors import N_SECTORS, sector_of
-from lidar_buildings.core.surfaces.surface_patches import connected_parts
+from lidar_buildings.core.neighbours.columns import Columns
+from lidar_buildings.core.stages.roof_selection.sectors import sector_of
+from lidar_buildings.core.surfaces.surface_patches import connected_columns
 
 #: Roof so far below other points is below a canopy and not beside it [m].
 MIN_GAP = 0.8
@@ -23,18 +23,15 @@ MIN_THICKNESS = 2.5
 
 
 def is_canopy(
-    points: NDArray[np.float64],
-    roof: NDArray[np.bool_],
-    above: NDArray[np.bool_],
-    radius: float,
+    columns: Columns, roof: NDArray[np.bool_], above: NDArray[np.bool_], radius: float
 ) -> NDArray[np.bool_]:
     """
     Tell which of the points that may stand on roofs are of parts through which the roof below is seen.
 
     Parameters
     ----------
-    points : ndarray of shape (n_points, 3)
-        In any order [m].
+    columns : Columns
+        The points [m].
     roof : ndarray of bool, shape (n_points,)
         Which points are roof.
     above : ndarray of bool, shape (n_points,)
@@ -42,45 +39,49 @@ def is_canopy(
     radius : float
         Radius of a neighbourhood [m].
     """
-    canopy = np.zeros(len(points), dtype=bool)
-    rows = np.flatnonzero(above)
-    if len(rows) == 0:
+    canopy, others = np.zeros(len(roof), dtype=bool), columns.select(above)
+    part = connected_columns(others, radius)
+    low, high = np.full((2, part.max(initial=-1) + 1), [[np.inf], [-np.inf]])
+    np.minimum.at(low, part, others.points[:, 2])
+    np.maximum.at(high, part, others.points[:, 2])
+    is_thick = (high - low >= MIN_THICKNESS)[part]
+    if not is_thick.any():
         return canopy
-    part = np.full(len(points), -1, dtype=np.int64)
-    part[rows] = connected_parts(points[rows], radius)
-    rows_of_both = np.flatnonzero(above | roof)
-    grid = build_grid(points[rows_of_both], REACH_RADII * radius)
-    counts = np.zeros(part.max() + 1, dtype=np.int64)
-    _count_seen(grid, part[rows_of_both][grid.rows], REACH_RADII * radius, counts)
-    low, high = np.full(len(counts), np.inf), np.full(len(counts), -np.inf)
-    np.minimum.at(low, part[rows], points[rows, 2])
-    np.maximum.at(high, part[rows], points[rows, 2])
-    is_seen_through = counts > MAX_SEEN_THROUGH * np.bincount(part[rows])
-    canopy[rows] = (is_seen_through & (high - low >= MIN_THICKNESS))[part[rows]]
+    thick, roofs = others.select(is_thick), columns.select(roof)
+    counts, reach = np.zeros(len(low), dtype=np.int64), REACH_RADII * radius
+    runs = columns.around(reach)
+    _count_seen(roofs.points, roofs.first, thick.points, thick.first, part[thick.rows], runs, reach, counts)
+    is_seen_through = counts > MAX_SEEN_THROUGH * np.bincount(part)
+    canopy[others.rows[thick.rows]] = is_seen_through[part[thick.rows]]
     return canopy
 
 
 @njit(cache=True, nogil=True)
-def _count_seen(grid, part, reach, counts):  # type: ignore[no-untyped-def]
-    """Count for each part the roof points (of no part) that it hangs over, seen in most directions."""
-    points = grid.points
-    near = np.empty(len(points), dtype=np.int64)
-    seen = np.zeros(N_SECTORS, dtype=np.bool_)
+def _count_seen(roofs, roofs_first, points, first, part, runs, reach, counts):  # type: ignore[no-untyped-def]
+    """Count for each part the roof points that it hangs over, seen in most directions."""
     counted_last = np.full(len(counts), -1, dtype=np.int64)
-    for i in range(len(points)):
-        if part[i] >= 0:
-            continue
-        x, y, z = points[i]
-        found = neighbours_of(grid, grid.cell[i], x, y, z, reach, True, near)
-        seen[:] = False
-        for k in range(found):
-            j = near[k]
-            if part[j] >= 0 and points[j, 2] >= z + MIN_GAP:
-                seen[sector_of(points[j, 0] - x, points[j, 1] - y)] = True
-        if seen.sum() < MIN_SECTORS:
-            continue
-        for k in range(found):
-            j = near[k]
-            if part[j] >= 0 and points[j, 2] >= z + MIN_GAP and counted_last[part[j]] != i:
-                counted_last[part[j]] = i
-                counts[part[j]] += 1
+    for k in range(len(first) - 1):
+        for i in range(roofs_first[k], roofs_first[k + 1]):
+            x, y, z = roofs[i]
+            seen = 0
+            for row in range(runs.shape[1]):
+                for j in range(first[runs[k, row, 0]], first[runs[k, row, 1]]):
+                    dx, dy = points[j, 0] - x, points[j, 1] - y
+                    if points[j, 2] >= z + MIN_GAP and dx * dx + dy * dy <= reach * reach:
+                        seen |= 1 << sector_of(dx, dy)
+            n_seen = 0
+            while seen:
+                n_seen += seen & 1
+                seen >>= 1
+            if n_seen < MIN_SECTORS:
+                continue
+            for row in range(runs.shape[1]):
+                for j in range(first[runs[k, row, 0]], first[runs[k, row, 1]]):
+                    dx, dy = points[j, 0] - x, points[j, 1] - y
+                    if (
+                        points[j, 2] >= z + MIN_GAP
+                        and dx * dx + dy * dy <= reach * reach
+                        and counted_last[part[j]] != i
+                    ):
+                        counted_last[part[j]] = i
+                        counts[part[j]] += 1

@@ -6,7 +6,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from lidar_buildings.core.neighbours.neighbourhoods import build_grid, neighbours_of
+from lidar_buildings.core.neighbours.cell_grid import rows_by_cell
+from lidar_buildings.core.neighbours.columns import Columns
 from lidar_buildings.core.stages.roof_selection.sectors import N_SECTORS, sector_of
 
 #: Surfaces and ground are compared in cells of this side [m], or of the side in which areas are counted.
@@ -22,6 +23,7 @@ MIN_SHARE = 0.6
 def is_deck(
     points: NDArray[np.float64],
     label: NDArray[np.int64],
+    n_surfaces: int,
     ground: NDArray[np.float64],
     cell: float,
 ) -> NDArray[np.bool_]:
@@ -36,6 +38,8 @@ def is_deck(
         Of the surfaces, `min_height` or more above the ground below them [m].
     label : ndarray of int64, shape (n_points,)
         The surface of each of them, from 0 on.
+    n_surfaces : int
+        How many there are.
     ground : ndarray of shape (n_ground, 3)
         Ground and what is low [m].
     cell : float
@@ -46,67 +50,59 @@ def is_deck(
     ndarray of bool, shape (n_surfaces,)
         The order of the points does not matter.
     """
-    n = label.max(initial=-1) + 1
     cell = max(CELL, cell)
-    surface, of = _top_of_cells(points, label, cell)
-    nodes = np.vstack([surface, _voxels(ground, cell)])
-    grid = build_grid(nodes, REACH + cell)
-    owner = np.concatenate([of, np.full(len(nodes) - len(of), -1)])[grid.rows]
-    ends, met = np.zeros((n, N_SECTORS), dtype=np.int64), np.zeros((n, N_SECTORS), dtype=np.int64)
-    _count_ends(grid, owner, REACH + cell, ends, met)
+    grid = rows_by_cell(np.vstack([points, ground]), cell)
+    owner = np.concatenate([label, np.full(len(ground), -1)])[grid.rows]
+    columns = Columns(grid.points, grid.rows, grid.first, grid.numbers, grid.n_columns, grid.size)
+    steps = (REACH + cell) / grid.size
+    ends, met = np.zeros((2, n_surfaces, N_SECTORS), dtype=np.int64)
+    runs = columns.around(REACH + cell)
+    _count_ends(grid.points, owner, grid.first, grid.numbers, grid.n_columns, runs, steps, ends, met)
     is_end = (met >= MIN_SHARE * ends) & (met > 0)
     half = N_SECTORS // 2
     return np.asarray((is_end[:, :half] & is_end[:, half:]).any(axis=1))
 
 
-def _top_of_cells(
-    points: NDArray[np.float64], label: NDArray[np.int64], cell: float
-) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """
-    Return the middle of each cell that a surface occupies, as high as its highest point, and the surface.
-    """
-    cells = np.floor(points[:, :2] / cell)
-    order = np.lexsort((points[:, 2], cells[:, 1], cells[:, 0], label))
-    keys = np.column_stack([label, cells])[order]
-    last = np.ones(len(keys), dtype=bool)
-    last[:-1] = (keys[1:] != keys[:-1]).any(axis=1)
-    top = order[last]
-    return np.column_stack([(cells[top] + 0.5) * cell, points[top, 2]]), label[top]
-
-
-def _voxels(points: NDArray[np.float64], cell: float) -> NDArray[np.float64]:
-    """Return the middles of occupied voxels, half a step high, so that ground is thin."""
-    size = np.array([cell, cell, MAX_STEP / 2.0])
-    voxels = np.floor(points / size)
-    voxels = voxels[np.lexsort(voxels.T)]
-    is_new = np.ones(len(voxels), dtype=bool)
-    is_new[1:] = (voxels[1:] != voxels[:-1]).any(axis=1)
-    return (voxels[is_new] + 0.5) * size
-
-
 @njit(cache=True, nogil=True)
-def _count_ends(grid, owner, reach, ends, met):  # type: ignore[no-untyped-def]
+def _count_ends(points, owner, first, numbers, row_length, runs, reach, ends, met):  # type: ignore[no-untyped-def]
     """
     Count, by surface and sector, the cells beyond which it does not go on, and those of them with ground.
+
+    A surface is as high in a cell as its highest point there; ground fills all from lowest to highest.
     """
-    near = np.empty(len(grid.points), dtype=np.int64)
-    goes_on, is_met = np.zeros(N_SECTORS, dtype=np.bool_), np.zeros(N_SECTORS, dtype=np.bool_)
-    for i in range(len(grid.points)):
-        if owner[i] < 0:
-            continue
-        x, y, z = grid.points[i]
-        goes_on[:], is_met[:] = False, False
-        for k in range(neighbours_of(grid, grid.cell[i], x, y, z, reach, True, near)):
-            j = near[k]
-            dx, dy = grid.points[j, 0] - x, grid.points[j, 1] - y
-            if dx == 0.0 and dy == 0.0:
-                continue
-            sector = sector_of(dx, dy)
-            if owner[j] == owner[i]:
-                goes_on[sector] = True
-            elif owner[j] < 0 and abs(grid.points[j, 2] - z) <= MAX_STEP:
-                is_met[sector] = True
-        for sector in range(N_SECTORS):
-            if not goes_on[sector]:
-                ends[owner[i], sector] += 1
-                met[owner[i], sector] += is_met[sector]
+    n = len(numbers)
+    low, high = np.full(n, np.inf), np.full(n, -np.inf)
+    start = np.zeros(n + 1, dtype=np.int64)
+    own, top = np.empty(len(points), dtype=np.int64), np.empty(len(points))
+    entry = np.full(len(ends), -1, dtype=np.int64)
+    total = 0
+    for k in range(n):
+        for i in range(first[k], first[k + 1]):
+            z = points[i, 2]
+            if owner[i] < 0:
+                low[k], high[k] = min(low[k], z), max(high[k], z)
+            elif entry[owner[i]] < start[k]:
+                entry[owner[i]], own[total], top[total] = total, owner[i], z
+                total += 1
+            else:
+                top[entry[owner[i]]] = max(top[entry[owner[i]]], z)
+        start[k + 1] = total
+    for k in range(n):
+        column, line = numbers[k] % row_length, numbers[k] // row_length
+        for one in range(start[k], start[k + 1]):
+            goes_on, is_met = 0, 0
+            for row in range(runs.shape[1]):
+                for c in range(runs[k, row, 0], runs[k, row, 1]):
+                    dx, dy = numbers[c] % row_length - column, numbers[c] // row_length - line
+                    if c == k or dx * dx + dy * dy > reach * reach:
+                        continue
+                    bit = 1 << sector_of(dx, dy)
+                    if low[c] - MAX_STEP <= top[one] <= high[c] + MAX_STEP:
+                        is_met |= bit
+                    for other in range(start[c], start[c + 1]):
+                        if own[other] == own[one]:
+                            goes_on |= bit
+            for sector in range(N_SECTORS):
+                if not goes_on >> sector & 1:
+                    ends[own[one], sector] += 1
+                    met[own[one], sector] += is_met >> sector & 1

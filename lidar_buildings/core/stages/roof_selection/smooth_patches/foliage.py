@@ -8,14 +8,10 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from lidar_buildings.core.neighbours.neighbourhoods import build_grid, neighbours_of
+from lidar_buildings.core.neighbours.columns import Columns
 from lidar_buildings.core.stages.roof_selection.candidates import Candidates
 from lidar_buildings.core.stages.roof_selection.config import RoofSelectionConfig
-from lidar_buildings.core.stages.roof_selection.surroundings import (
-    below_roof,
-    near_tangent_plane,
-    share_around,
-)
+from lidar_buildings.core.stages.roof_selection.surroundings import share_around
 
 #: Smallest smooth patch that starts a roof: flat spots of crowns are smaller [m²].
 MIN_PATCH_AREA = 4.0
@@ -39,8 +35,8 @@ class Patches(NamedTuple):
 
     Attributes
     ----------
-    rows : ndarray of int64, shape (n_smooth,)
-        The smooth points among all.
+    columns : Columns
+        The smooth points; their `rows` are those of the candidates.
     label : ndarray of int64, shape (n_smooth,)
         The patch of each of them, from 0 on.
     normals : ndarray of shape (n_smooth, 3)
@@ -49,7 +45,7 @@ class Patches(NamedTuple):
         In plan [m²].
     """
 
-    rows: NDArray[np.int64]
+    columns: Columns
     label: NDArray[np.int64]
     normals: NDArray[np.float64]
     area: NDArray[np.float64]
@@ -81,47 +77,107 @@ def is_foliage(
     ndarray of bool, shape (n_patches,)
         Without return numbers only the points off surfaces decide.
     """
-    points, radius = candidates.points, candidates.radius
-    split = patches.mean(share_around(points, ~candidates.is_only, SPLIT_REACH * radius)[patches.rows])
-    is_low = patches.mean(candidates.height[patches.rows]) < config.min_height + LOW_HEIGHT
-    is_hedge = is_low & (
-        _off_surface_per_point(points, patches, small_area, radius, config) > MAX_OFF_SURFACE
-    )
-    return (patches.area < small_area) & ((split > MAX_SPLIT) | is_hedge)
+    is_small = patches.area < small_area
+    is_low = patches.mean(candidates.height[patches.columns.rows]) < config.min_height + LOW_HEIGHT
+    is_split = np.zeros(len(is_small), dtype=bool)
+    if not candidates.is_only.all():
+        asks = is_small[patches.label]
+        chosen = np.zeros(len(candidates.points), dtype=bool)
+        chosen[patches.columns.rows[asks]] = True
+        share = np.zeros(len(asks))
+        reach = SPLIT_REACH * candidates.radius
+        share[asks] = share_around(candidates.columns, chosen, ~candidates.is_only, reach)
+        is_split = patches.mean(share) > MAX_SPLIT
+    is_hedge = is_small & is_low & ~is_split
+    if is_hedge.any():
+        is_hedge &= _loose_per_point(candidates, patches, is_hedge, small_area, config) > MAX_OFF_SURFACE
+    return is_small & (is_split | is_hedge)
 
 
-def _off_surface_per_point(
-    points: NDArray[np.float64],
+def _loose_per_point(
+    candidates: Candidates,
     patches: Patches,
+    asked: NDArray[np.bool_],
     small_area: float,
-    radius: float,
     config: RoofSelectionConfig,
 ) -> NDArray[np.float64]:
-    """Return how many points that continue no surface lie around each patch, per point of the patch."""
-    area, normals = np.zeros(len(points)), np.zeros((len(points), 3))
-    area[patches.rows], normals[patches.rows] = patches.area[patches.label], patches.normals
-    is_surface = area >= MIN_PATCH_AREA
-    is_off_surface = ~near_tangent_plane(points, normals, is_surface, radius, config.max_plane_distance)
-    is_off_surface &= ~below_roof(points, area >= small_area, COVER_REACH)
-    label = np.full(len(points), -1, dtype=np.int64)
-    label[patches.rows] = patches.label
+    """
+    Return how many points that continue no surface lie around each patch asked about, per point of it.
+    """
+    columns, smooth = candidates.columns, patches.columns
+    label = np.full(len(columns.points), -1, dtype=np.int64)
+    label[smooth.rows] = patches.label
+    asking = smooth.select(asked[patches.label])
+    surface = smooth.select((patches.area >= MIN_PATCH_AREA)[patches.label])
     counts = np.zeros(len(patches.area), dtype=np.int64)
-    grid = build_grid(points, OFF_SURFACE_REACH)
-    _count_off_surface(grid, label[grid.rows], is_off_surface[grid.rows], OFF_SURFACE_REACH, counts)
+    _count_loose(
+        columns.points,
+        columns.first,
+        columns.around(max(OFF_SURFACE_REACH, candidates.radius, COVER_REACH)),
+        label,
+        asking.points,
+        asking.first,
+        patches.label[asking.rows],
+        surface.points,
+        surface.first,
+        patches.normals[surface.rows],
+        patches.area[patches.label[surface.rows]] >= small_area,
+        candidates.radius,
+        config.max_plane_distance,
+        counts,
+    )
     return counts / np.bincount(patches.label)
 
 
 @njit(cache=True, nogil=True)
-def _count_off_surface(grid, label, is_off_surface, radius, counts):  # type: ignore[no-untyped-def]
-    """Add each point off surfaces to the count of every patch near it but its own, once."""
-    near = np.empty(len(grid.points), dtype=np.int64)
+def _count_loose(  # type: ignore[no-untyped-def]
+    points,
+    first,
+    runs,
+    label,
+    asking,
+    asking_first,
+    asking_label,
+    surface,
+    surface_first,
+    normals,
+    is_large,
+    radius,
+    max_distance,
+    counts,
+):
+    """Add each point off surfaces to the count of every patch that asks near it but its own, once."""
     counted_last = np.full(len(counts), -1, dtype=np.int64)
-    for i in range(len(grid.points)):
-        if not is_off_surface[i]:
+    for k in range(len(first) - 1):
+        n_asking = 0
+        for row in range(runs.shape[1]):
+            n_asking += asking_first[runs[k, row, 1]] - asking_first[runs[k, row, 0]]
+        if n_asking == 0:
             continue
-        x, y, z = grid.points[i]
-        for k in range(neighbours_of(grid, grid.cell[i], x, y, z, radius, False, near)):
-            patch = label[near[k]]
-            if patch >= 0 and patch != label[i] and counted_last[patch] != i:
-                counted_last[patch] = i
-                counts[patch] += 1
+        for i in range(first[k], first[k + 1]):
+            x, y, z = points[i]
+            is_loose = True
+            for row in range(runs.shape[1]):
+                for j in range(surface_first[runs[k, row, 0]], surface_first[runs[k, row, 1]]):
+                    dx, dy, dz = surface[j, 0] - x, surface[j, 1] - y, surface[j, 2] - z
+                    plan = dx * dx + dy * dy
+                    off = normals[j, 0] * dx + normals[j, 1] * dy + normals[j, 2] * dz
+                    continues = plan + dz * dz <= radius * radius and abs(off) <= max_distance
+                    if continues or (is_large[j] and dz >= 0.0 and plan <= COVER_REACH * COVER_REACH):
+                        is_loose = False
+                        break
+                if not is_loose:
+                    break
+            if not is_loose:
+                continue
+            for row in range(runs.shape[1]):
+                for j in range(asking_first[runs[k, row, 0]], asking_first[runs[k, row, 1]]):
+                    dx, dy, dz = asking[j, 0] - x, asking[j, 1] - y, asking[j, 2] - z
+                    patch = asking_label[j]
+                    if (
+                        dx * dx + dy * dy + dz * dz <= OFF_SURFACE_REACH * OFF_SURFACE_REACH
+                        and patch != label[i]
+                        and counted_last[patch] != i
+                    ):
+                        counted_last[patch] = i
+                        counts[patch] += 1

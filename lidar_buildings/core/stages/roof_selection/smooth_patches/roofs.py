@@ -5,19 +5,21 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from lidar_buildings.core.neighbours.columns import Columns, by_column
 from lidar_buildings.core.stages.roof_selection.candidates import Candidates
 from lidar_buildings.core.stages.roof_selection.config import RoofSelectionConfig
-from lidar_buildings.core.stages.roof_selection.smooth_patches.attached_parts import wide_levels
+from lidar_buildings.core.stages.roof_selection.smooth_patches.attached_parts import LEVEL_STEP, wide_levels
 from lidar_buildings.core.stages.roof_selection.smooth_patches.canopies import is_canopy
 from lidar_buildings.core.stages.roof_selection.smooth_patches.narrow_parts import half_widths, wide_enough
-from lidar_buildings.core.stages.roof_selection.smooth_patches.parapets import find_parapets
 from lidar_buildings.core.stages.roof_selection.smooth_patches.roof_patches import find_roof_surface
-from lidar_buildings.core.stages.roof_selection.surroundings import near_tangent_plane, surrounded_by
-from lidar_buildings.core.surfaces.surface_patches import connected_parts, plan_areas
+from lidar_buildings.core.stages.roof_selection.surroundings import near_tangent_plane, surroundings
+from lidar_buildings.core.surfaces.surface_patches import plan_areas
 
 #: How far to look for roof around a part [m], and at least in neighbourhood radii.
 PART_REACH = 2.0
 PART_REACH_RADII = 2.0
+#: Sectors of eight that have to show roof: a part at a straight roof edge sees it in five.
+MIN_SECTORS = 6
 #: How far a part may lie below the lowest roof around it [m].
 PART_SINK = 0.5
 #: How far a chimney, dormer or other part may rise above the roof around it: one storey [m].
@@ -34,7 +36,7 @@ def find_roofs(candidates: Candidates, config: RoofSelectionConfig) -> NDArray[n
 
     Patches start roofs, which grow to their edges along tangent planes, whichever the return, and take in
     what stands on them: last returns with roof all around, and small parts, unless the roof is seen through
-    them; and parapets. What is too narrow goes, on its level and as a whole.
+    them. What is too narrow goes, on its level and as a whole.
 
     Parameters
     ----------
@@ -48,57 +50,74 @@ def find_roofs(candidates: Candidates, config: RoofSelectionConfig) -> NDArray[n
     ndarray of bool, shape (n_points,)
         Roofs of any size; the caller drops small buildings.
     """
-    points, radius, cell = candidates.points, candidates.radius, candidates.cell
+    columns, radius = candidates.columns, candidates.radius
     surface = find_roof_surface(candidates, config)
-    roof = near_tangent_plane(points, surface.normals, surface.is_surface, radius, config.max_plane_distance)
-    roof &= ~surface.is_wall
-    too_low = candidates.height < config.min_height
-    roof &= ~too_low
-    reach = max(PART_REACH, PART_REACH_RADII * radius)
-    held = surrounded_by(points, roof, reach, PART_SINK, MAX_PART_HEIGHT)
-    stands = _small_parts(points, roof, held, radius, cell, config) | (held & candidates.is_last)
-    roof |= stands & ~is_canopy(points, roof, stands, radius)
-    roof &= ~surface.is_wall
-    roof |= find_parapets(points, roof, surface.is_surface, radius)
-    roof &= ~too_low
-    _drop_narrow(points, roof, radius, max(MIN_PLAN_CELL, cell / 2), config)
-    return roof
+    can_be_roof = ~surface.is_wall & (candidates.height >= config.min_height)
+    roof = can_be_roof & near_tangent_plane(
+        columns, surface.normals, surface.is_surface, radius, config.max_plane_distance
+    )
+    held = _held(columns, roof, radius)
+    stands = _small_parts(candidates, roof, held, config) | (held & candidates.is_last)
+    roof |= stands & can_be_roof & ~is_canopy(columns, roof, stands, radius)
+    return _without_narrow(candidates, roof, config)
 
 
-def _drop_narrow(
-    points: NDArray[np.float64],
-    roof: NDArray[np.bool_],
-    radius: float,
-    cell: float,
-    config: RoofSelectionConfig,
-) -> None:
-    """Take narrow parts out of the roofs, and then what is nowhere as wide as a building."""
-    rows = np.flatnonzero(roof)
-    roof[rows] = wide_enough(points[rows], cell, config.min_roof_width)
-    rows = np.flatnonzero(roof)
-    roof[rows] = wide_levels(points[rows], radius, cell, config)
-    rows = np.flatnonzero(roof)
-    if len(rows) == 0 or config.min_building_width < 2.0 * cell:
-        return
-    building = connected_parts(points[rows], radius, in_plan=True)
-    widest = np.zeros(building.max() + 1)
-    np.maximum.at(widest, building, half_widths(points[rows], cell, config.min_building_width))
-    roof[rows] = (2.0 * widest >= config.min_building_width)[building]
+def _held(columns: Columns, roof: NDArray[np.bool_], radius: float) -> NDArray[np.bool_]:
+    """Tell which points stand on a roof: roof all around in plan, and at about its height."""
+    around = surroundings(columns, roof, max(PART_REACH, PART_REACH_RADII * radius), ~roof)
+    low, high = around.lowest - PART_SINK, around.highest + MAX_PART_HEIGHT
+    is_inside = around.n_sectors >= MIN_SECTORS
+    column, z = columns.column, columns.points[:, 2]
+    return ~roof & is_inside[column] & (z >= low[column]) & (z <= high[column])
 
 
 def _small_parts(
-    points: NDArray[np.float64],
-    roof: NDArray[np.bool_],
-    held: NDArray[np.bool_],
-    radius: float,
-    cell: float,
-    config: RoofSelectionConfig,
+    candidates: Candidates, roof: NDArray[np.bool_], held: NDArray[np.bool_], config: RoofSelectionConfig
 ) -> NDArray[np.bool_]:
     """Tell which points are of small connected parts, not roof yet, mostly with roof around."""
     rows = np.flatnonzero(~roof)
-    part = connected_parts(points[rows], radius)
-    share = np.bincount(part, held[rows]) / np.bincount(part)
-    small = plan_areas(points[rows], part, cell) <= config.max_part_area
-    kept = np.zeros(len(points), dtype=bool)
-    kept[rows] = (small & (share >= PART_SHARE))[part]
+    label, n = candidates.parts(rows, candidates.radius)
+    part = label[rows]
+    is_held = np.bincount(part, held[rows], n) >= PART_SHARE * np.bincount(part, minlength=n)
+    kept = np.zeros(len(roof), dtype=bool)
+    kept[rows] = (is_held & (candidates.areas(label, n) <= config.max_part_area))[part]
     return kept
+
+
+def _without_narrow(
+    candidates: Candidates, roof: NDArray[np.bool_], config: RoofSelectionConfig
+) -> NDArray[np.bool_]:
+    """Take narrow parts out of the roofs, and then what is nowhere as wide as a building."""
+    cell = max(MIN_PLAN_CELL, 0.5 * candidates.cell)
+    plan = by_column(candidates.points[roof], cell)
+    rows = np.flatnonzero(roof)[plan.rows]
+    for kept in (_wide_enough, _on_wide_levels, _of_wide_buildings):
+        is_kept = kept(candidates, plan, rows, config)
+        plan, rows = plan.select(is_kept), rows[is_kept]
+    wide = np.zeros(len(roof), dtype=bool)
+    wide[rows] = True
+    return wide
+
+
+def _wide_enough(
+    candidates: Candidates, plan: Columns, rows: NDArray[np.intp], config: RoofSelectionConfig
+) -> NDArray[np.bool_]:
+    return wide_enough(plan, config.min_roof_width)[plan.column]
+
+
+def _on_wide_levels(
+    candidates: Candidates, plan: Columns, rows: NDArray[np.intp], config: RoofSelectionConfig
+) -> NDArray[np.bool_]:
+    label, n = candidates.parts(rows, max(LEVEL_STEP, candidates.radius))
+    part = label[rows]
+    return wide_levels(plan, part, plan_areas(part, n, plan.first, plan.size), config)
+
+
+def _of_wide_buildings(
+    candidates: Candidates, plan: Columns, rows: NDArray[np.intp], config: RoofSelectionConfig
+) -> NDArray[np.bool_]:
+    if config.min_building_width < 2.0 * plan.size:
+        return np.ones(len(rows), dtype=bool)
+    label, n = candidates.parts(rows, candidates.radius, in_plan=True)
+    is_wide = 2.0 * half_widths(plan, config.min_building_width)[plan.column] >= config.min_building_width
+    return (np.bincount(label[rows], is_wide, n) > 0)[label[rows]]

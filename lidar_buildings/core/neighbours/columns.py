@@ -1,0 +1,109 @@
+"""Points by column, and which columns lie around each: a row of adjacent columns is one run of points."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from lidar_buildings.core.neighbours.cell_grid import sort_by_cell
+
+#: Columns at the very reach count as within, whatever rounding makes of it.
+SLACK = 1e-9
+
+
+@dataclass(frozen=True, eq=False)
+class Columns:
+    """
+    Points column by column, in each by z, x, y: the same sequence whatever the order of the rows.
+
+    Attributes
+    ----------
+    points : ndarray of shape (n_points, 3)
+        The points column by column [m].
+    rows : ndarray of shape (n_points,), intp
+        The input row of each.
+    first : ndarray of shape (n_columns + 1,), int64
+        Column k holds the points first[k] to first[k + 1] (exclusive); none only after `select`.
+    numbers : ndarray of shape (n_columns,), int64
+        Where the columns stand, row by row from the south-west.
+    row_length : int
+        By how much the number of a column's northern neighbour is higher.
+    size : float
+        Side of a column [m].
+    """
+
+    points: NDArray[np.float64]
+    rows: NDArray[np.intp]
+    first: NDArray[np.int64]
+    numbers: NDArray[np.int64]
+    row_length: int
+    size: float
+    _runs: dict[int, NDArray[np.int32]] = field(default_factory=dict)
+
+    @cached_property
+    def column(self) -> NDArray[np.int64]:
+        """The column of each point."""
+        return np.repeat(np.arange(len(self.numbers)), np.diff(self.first))
+
+    def select(self, kept: NDArray[np.bool_]) -> Columns:
+        """Return some of the points in the same columns; their `rows` are positions among these points."""
+        before = np.zeros(len(kept) + 1, dtype=np.int64)
+        np.cumsum(kept, out=before[1:])
+        chosen = np.flatnonzero(kept)
+        return replace(self, points=self.points.take(chosen, axis=0), rows=chosen, first=before[self.first])
+
+    def around(self, reach: float) -> NDArray[np.int32]:
+        """
+        Return the runs of columns within reach of any place in each column, row by row from the south.
+
+        Parameters
+        ----------
+        reach : float
+            In plan [m].
+
+        Returns
+        -------
+        ndarray of int32, shape (n_columns, n_rows, 2)
+            Each run's first column and the one after its last; equal where it is empty. Columns without
+            points are left out, those just beyond the reach are not.
+        """
+        steps = math.ceil(reach / self.size - SLACK)
+        key = math.floor(1e6 * reach / self.size)
+        if key not in self._runs:
+            across = np.maximum(abs(np.arange(-steps, steps + 1)) - 1, 0) * self.size
+            half = np.ceil(np.sqrt(np.maximum(reach**2 - across**2, 0.0)) / self.size - SLACK)
+            self._runs[key] = _find_runs(self.numbers, self.row_length, half.astype(np.int64))
+        return self._runs[key]
+
+
+def by_column(points: NDArray[np.float64], size: float) -> Columns:
+    """Sort points into square columns of a side [m], which is doubled for an enormous extent."""
+    grid = sort_by_cell(points, size)
+    return Columns(grid.points, grid.rows, grid.first, grid.numbers, grid.n_columns, grid.size)
+
+
+@njit(cache=True, nogil=True)
+def _find_runs(numbers, row_length, half):  # type: ignore[no-untyped-def]
+    runs = np.empty((len(numbers), len(half), 2), dtype=np.int32)
+    for row in range(len(half)):
+        step = (row - len(half) // 2) * row_length
+        begin, end, start = 0, 0, 0
+        for k in range(len(numbers)):
+            # The place in its own row, without a division for each.
+            while numbers[k] >= start + row_length:
+                start = numbers[k] // row_length * row_length
+            place = numbers[k] - start
+            west = numbers[k] + step - min(half[row], place)
+            east = numbers[k] + step + min(half[row], row_length - 1 - place)
+            while begin < len(numbers) and numbers[begin] < west:
+                begin += 1
+            end = max(begin, end)
+            while end < len(numbers) and numbers[end] <= east:
+                end += 1
+            runs[k, row, 0], runs[k, row, 1] = begin, end
+    return runs
