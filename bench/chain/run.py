@@ -55,7 +55,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     tables = tables_of(records)
     print("\n\n".join(one.markdown() if options.markdown else one.plain() for one in tables))
     if options.landing:
-        text = "\n\n".join([f"#### {options.landing}", *(one.markdown() for one in tables)])
+        text = "\n\n".join([f"### {options.landing}", *(one.markdown() for one in tables)])
         DOCUMENT.write_text(f"{DOCUMENT.read_text().rstrip()}\n\n{text}\n")
 
 

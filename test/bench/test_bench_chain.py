@@ -180,6 +180,6 @@ def test_a_landing_is_appended_from_what_was_kept(tmp_path, monkeypatch, capsys)
     monkeypatch.setattr(chain, "DOCUMENT", document)
     chain.main(["--only", "--record", str(record), "--landing", "A landing"])
     text = document.read_text()
-    assert text.startswith("# Benchmarks\n\n#### A landing\n\nWhole runs")
+    assert text.startswith("# Benchmarks\n\n### A landing\n\nWhole runs")
     assert "| Delft × 1 | 2 | 4 | 800,000 |" in text
     assert "Delft × 1" in capsys.readouterr().out
