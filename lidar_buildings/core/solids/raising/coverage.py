@@ -19,16 +19,24 @@ from lidar_buildings.core.solids.validity.welding import weld
 LEAST_DISTANCE = 3.0
 
 
-def matched_coverage(pieces: Sequence[RoofPiece]) -> PlanGraph:
-    """Return the graph of the pieces, noded anew if they do not match edge by edge."""
+def matched_coverage(pieces: Sequence[RoofPiece], numbers: IntArray) -> PlanGraph:
+    """
+    Return the graph of the pieces, noded anew if they do not match edge by edge.
+
+    Parameters
+    ----------
+    pieces : sequence of RoofPiece
+    numbers : ndarray of shape (n_pieces,)
+        What each is called in the graph; pieces of one number are one.
+    """
     rings = piece_rings(pieces)
-    graph = labelled_graph(rings)
+    graph = labelled_graph(rings._replace(owner=numbers[rings.owner]))
     if graph is not None and len(graph.ends):
         # Edges that keep clear of each other cross nowhere and leave no slits.
         is_clear = n_joints(graph.places[graph.ends].reshape(-1, 4), LEAST_DISTANCE) >= 0
         if _are_sound(rings, is_clear) and (is_clear or not _has_slit(graph)):
             return graph
-    return noded_coverage(pieces, LEAST_DISTANCE, 1.0)
+    return noded_coverage(pieces, numbers, LEAST_DISTANCE, 1.0)
 
 
 def _are_sound(rings: GridRings, is_clear: bool) -> bool:
@@ -56,7 +64,7 @@ def _has_slit(graph: PlanGraph) -> bool:
     return bool(crossing.size)
 
 
-def noded_coverage(pieces: Sequence[RoofPiece], within: float, grid: float) -> PlanGraph:
+def noded_coverage(pieces: Sequence[RoofPiece], numbers: IntArray, within: float, grid: float) -> PlanGraph:
     """
     Return the graph of the faces into which the pieces' rings divide the plan, each given to one piece.
 
@@ -64,6 +72,8 @@ def noded_coverage(pieces: Sequence[RoofPiece], within: float, grid: float) -> P
     ----------
     pieces : sequence of RoofPiece
         The pieces, however badly they match.
+    numbers : ndarray of shape (n_pieces,)
+        What each is called in the graph.
     within : float
         Vertices, gaps and overlaps narrower than this vanish [grid steps].
     grid : float
@@ -78,7 +88,7 @@ def noded_coverage(pieces: Sequence[RoofPiece], within: float, grid: float) -> P
     if not len(rings.owner):
         return nothing
     polygons = [_sound(shapely.Polygon(group[0], group[1:])) for _, group in rings.groups()]
-    owners = [number for number, _ in rings.groups()]
+    owners = [int(numbers[number]) for number, _ in rings.groups()]
     lines = [shapely.LineString([*ring, ring[0]]) for _, group in rings.groups() for ring in group]
     noded = shapely.union_all(lines, grid_size=grid)
     faces = shapely.get_parts(shapely.polygonize([noded]))

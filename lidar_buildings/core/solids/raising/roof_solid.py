@@ -7,6 +7,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
+from lidar_buildings.core.model.array_types import IntArray
 from lidar_buildings.core.solids.output_grid import GRID
 from lidar_buildings.core.solids.raising.assembly import assemble
 from lidar_buildings.core.solids.raising.coverage import matched_coverage, noded_coverage
@@ -65,16 +66,26 @@ def roof_solid(pieces: Sequence[RoofPiece], ground_elevation: float) -> Solid:
     return checked_roof_solid(pieces, ground_elevation)[0]
 
 
-def checked_roof_solid(pieces: Sequence[RoofPiece], ground_elevation: float) -> tuple[Solid, tuple[int, ...]]:
-    """Return what `roof_solid` does and the codes of what is wrong with it, as of `check_solid`."""
+def checked_roof_solid(
+    pieces: Sequence[RoofPiece], ground_elevation: float, *, join_equal: bool = False
+) -> tuple[Solid, tuple[int, ...]]:
+    """
+    Return what `roof_solid` does and the codes of what is wrong with it, as of `check_solid`.
+
+    With `join_equal` pieces of one plane are one, without edges between them.
+    """
     if not math.isfinite(ground_elevation):
         raise ValueError(f"ground_elevation = {ground_elevation}: must be finite")
     check_pieces(pieces)
     ground = round(ground_elevation / GRID)
     pieces = align_flat_heights(with_minimum_height(pieces, ground * GRID))
     planes = np.array([piece.plane for piece in pieces], dtype=np.float64).reshape(-1, 3)
+    numbers = np.arange(len(pieces))
+    if join_equal and len(pieces):
+        _, first_of, number = np.unique(planes, axis=0, return_index=True, return_inverse=True)
+        numbers = first_of[number.reshape(-1)]
     first = None
-    for graph in _plans(pieces):
+    for graph in _plans(pieces, numbers):
         tried = []
         for tolerance in (MERGE_TOLERANCE, _FINE_MERGE_TOLERANCE):
             shell = assemble(HalfEdges(graph, planes, ground, tolerance))
@@ -93,12 +104,12 @@ def checked_roof_solid(pieces: Sequence[RoofPiece], ground_elevation: float) -> 
     return first[0].solid, first[1]
 
 
-def _plans(pieces: Sequence[RoofPiece]) -> Iterator[PlanGraph]:
-    """Yield the plan of the pieces and simpler ones, those left out that change its area much."""
-    given = matched_coverage(pieces)
+def _plans(pieces: Sequence[RoofPiece], numbers: IntArray) -> Iterator[PlanGraph]:
+    """Yield the plan of numbered pieces and simpler ones, those left out that change its area much."""
+    given = matched_coverage(pieces, numbers)
     if len(given.ends):
         yield given
     for within, grid in _SIMPLER if len(given.ends) else ():
-        simpler = noded_coverage(pieces, within, grid)
+        simpler = noded_coverage(pieces, numbers, within, grid)
         if abs(simpler.area - given.area) <= _MAX_CHANGE * given.area:
             yield simpler

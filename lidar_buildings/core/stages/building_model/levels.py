@@ -6,14 +6,13 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-import shapely
 
 from lidar_buildings.core.model.array_types import FloatArray, IntArray
 from lidar_buildings.core.model.outline import Outline
-from lidar_buildings.core.solids.output_grid import GRID, on_grid, repaired_outlines
+from lidar_buildings.core.solids.output_grid import on_grid, repaired_outlines
 from lidar_buildings.core.solids.raising import RoofPiece, checked_roof_solid, extrude, extrusion_codes
 from lidar_buildings.core.solids.shell import Solid
-from lidar_buildings.core.stages.building_model.roof_face import RoofFacePatch, open_rings
+from lidar_buildings.core.stages.building_model.roof_face import RoofFacePatch
 
 #: Levels of detail (Biljecki et al. 2016), the finest last.
 LOD12, LOD13, LOD22 = "1.2", "1.3", "2.2"
@@ -64,16 +63,9 @@ def level_13(faces: list[RoofFacePatch], elevations: FloatArray, ground: float) 
     ground : float
         Elevation of the ground [m].
     """
-    merged = [
-        (_united([faces[k].polygon for k in np.flatnonzero(elevations == z)]), z)
-        for z in np.unique(elevations)
-    ]
-    pieces = [
-        RoofPiece(open_rings(polygon), (0.0, 0.0, float(z)))
-        for union, z in merged
-        for polygon in shapely.get_parts(union)
-    ]
-    return _level(*checked_roof_solid(pieces, ground))
+    order = np.argsort(elevations, kind="stable")
+    pieces = [RoofPiece(faces[k].rings, (0.0, 0.0, float(elevations[k]))) for k in order]
+    return _level(*checked_roof_solid(pieces, ground, join_equal=True))
 
 
 def level_22(faces: list[RoofFacePatch], ground: float) -> Level:
@@ -119,8 +111,3 @@ def part_elevations(
 
 def _level(solid: Solid, codes: tuple[int, ...]) -> Level:
     return Level(None, codes) if codes else Level(solid)
-
-
-def _united(polygons: list[shapely.Polygon]) -> shapely.Geometry:
-    """Unite faces; those that were cut at a level do not share whole edges with their neighbours."""
-    return polygons[0] if len(polygons) == 1 else shapely.union_all(polygons, grid_size=GRID)
