@@ -65,10 +65,11 @@ def _footprints(request: RunRequest) -> FootprintFile | None:
 
 def _run_local(request: RunRequest, footprints: FootprintFile | None) -> RunOutcome:
     from lidar_buildings.commands.run_local import process_tiles
+    from lidar_buildings.pipeline.building_pool import BuildingPool
 
     started = time.perf_counter()
     skip: set[int] = set()
-    with TileSource(request.inputs, request.tiling, skip=skip) as source:
+    with BuildingPool() as pool, TileSource(request.inputs, request.tiling, skip=skip) as source:
         folder = OutputFolder(
             request.output,
             source.inputs,
@@ -89,6 +90,7 @@ def _run_local(request: RunRequest, footprints: FootprintFile | None) -> RunOutc
                 progress,
                 request.files,
                 None if footprints is None else footprints.footprints,
+                pool,
             )
         seconds = {"wall": time.perf_counter() - started, **seconds}
         info = run_info(seconds, request.parameters(), failed, source.problems)

@@ -188,9 +188,20 @@ def reconstruct_tile(
     if is_last("plane_fitting"):
         return TileResult(classified, roofs, traced, outlines, seconds=is_last.seconds)
 
-    models = build_models(roofs, outlines, config.building_model, pool)
-    is_last("building_model")
-    return TileResult(classified, roofs, traced, outlines, models, seconds=is_last.seconds)
+    result = TileResult(classified, roofs, traced, outlines, seconds=is_last.seconds)
+    return with_models(result, config.building_model, pool)
+
+
+def with_models(
+    result: TileResult, config: BuildingModelConfig, pool: BuildingPool | None = None
+) -> TileResult:
+    """Return a tile's result, made until planes were fitted, with the models of its buildings."""
+    if result.clipped or result.roofs is None:
+        return result
+    started = time.perf_counter()
+    models = build_models(result.roofs, result.outlines, config, pool)
+    seconds = result.seconds | {STAGES[-1]: time.perf_counter() - started}
+    return replace(result, models=models, seconds=seconds)
 
 
 class _StageClock:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Collection, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
@@ -182,10 +183,12 @@ class OutputFolder:
         fragments = [self._partial / f"{stamp}{_ENDING}" for stamp in sorted(self.done_stamps())]
         # footprints are what they are, also where one lies within another
         pieces = set() if self._footprints else seam_pieces([load_outlines(one) for one in fragments])
-        clouds = write_clouds(self.path, self.inputs, fragments, without=pieces)
-        buildings, statuses = self._write_buildings(fragments, pieces)
+        with ThreadPoolExecutor(2) as beside:
+            cloud_files = beside.submit(write_clouds, self.path, self.inputs, fragments, without=pieces)
+            raster_files = beside.submit(self._write_rasters, fragments)
+            buildings, statuses = self._write_buildings(fragments, pieces)
+            clouds, (rasters, problems) = cloud_files.result(), raster_files.result()
         files = [*filter(None, clouds.outputs), *buildings]
-        rasters = self._write_rasters(fragments, clouds.problems)
         n_points = sum(file.point_count for file in self.inputs)
         summary = RunSummary(
             files=(*files, *rasters, RUN),
@@ -196,7 +199,7 @@ class OutputFolder:
             buildings=statuses,
             n_seam_pieces=len(pieces),
             rasters=rasters,
-            problems=tuple(dict.fromkeys([*info.get("problems", ()), *clouds.problems])),
+            problems=tuple(dict.fromkeys([*info.get("problems", ()), *clouds.problems, *problems])),
             footprints=self._footprints.summary(sum(statuses.values())),
         )
         self._write_run(summary, clouds.outputs, info)
@@ -227,13 +230,12 @@ class OutputFolder:
         title = f"Buildings of {names[0]}{more}" if names else ""
         return ModelHeading(title, crs_with_heights(self.inputs, self.frame))
 
-    def _write_rasters(self, fragments: list[Path], problems: list[str]) -> dict[str, dict[str, Any]]:
-        """Write the rasters; a survey too wide for them is noted."""
+    def _write_rasters(self, fragments: list[Path]) -> tuple[dict[str, dict[str, Any]], list[str]]:
+        """Write the rasters; a survey too wide for them is a problem."""
         try:
-            return write_rasters(self.path, fragments, self.frame, self.inputs)
+            return write_rasters(self.path, fragments, self.frame, self.inputs), []
         except RasterExtentError as error:
-            problems.append(str(error))
-            return {}
+            return {}, [str(error)]
 
     def _write_run(self, summary: RunSummary, outputs: list[str | None], run_info: Mapping[str, Any]) -> None:
         inputs = [
