@@ -210,7 +210,8 @@ def test_a_parameter_file_that_cannot_be_read_is_named(command, house, tmp_path)
     [
         ("--until", "edges", "--until edges: must be one of ground_filter, "),
         ("--until", "model_writer", "must be one of"),
-        ("--tile-size", "0", "tile_size = 0.0: must be within 10 to 10000 [m]"),
+        ("--tile-size", "1", "tile_size = 1.0: must be 0 or within 10 to 10000 [m]"),
+        ("--tile-size", "-1", "tile_size = -1.0: must be within 0 to 10000 [m]"),
         ("--tile-size", "inf", "tile_size = inf: must be within"),
         ("--namespace", "1st floor", "--namespace '1st floor': must be words"),
     ],

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -60,6 +61,30 @@ class Rectangle:
         return (x >= self.x_min) & (x <= self.x_max) & (y >= self.y_min) & (y <= self.y_max)
 
 
+class Block(NamedTuple):
+    """Some columns and rows of spool cells: a tile, or a part of one."""
+
+    column: int
+    row: int
+    width: int
+    height: int
+
+    @property
+    def cells(self) -> list[Cell]:
+        """Its cells."""
+        columns = range(self.column, self.column + self.width)
+        return [(x, y) for x in columns for y in range(self.row, self.row + self.height)]
+
+    @property
+    def quarters(self) -> list[Block]:
+        """Its parts, about as wide as high; the block itself if it is a single cell."""
+        columns = [(self.column, self.width - self.width // 2)]
+        columns += [(self.column + columns[0][1], self.width // 2)] * (self.width > 1)
+        rows = [(self.row, self.height - self.height // 2)]
+        rows += [(self.row + rows[0][1], self.height // 2)] * (self.height > 1)
+        return [Block(x, y, width, height) for x, width in columns for y, height in rows]
+
+
 @dataclass(frozen=True)
 class TileGrid:
     """
@@ -95,10 +120,10 @@ class TileGrid:
         """Return the tile that a spool cell belongs to."""
         return cell[0] // self.cells_per_side, cell[1] // self.cells_per_side
 
-    def cells_of(self, tile: Cell) -> list[Cell]:
+    def block_of(self, tile: Cell) -> Block:
         """Return the spool cells of a tile."""
         k = self.cells_per_side
-        return [(tile[0] * k + i, tile[1] * k + j) for i in range(k) for j in range(k)]
+        return Block(tile[0] * k, tile[1] * k, k, k)
 
     def cells_touching(self, area: Rectangle) -> Iterator[Cell]:
         """Name the spool cells that reach into an area."""
@@ -109,10 +134,13 @@ class TileGrid:
             for y in range(y0, y1 + 1):
                 yield x, y
 
-    def area_of(self, tile: Cell) -> Rectangle:
-        """Return a tile's square in source coordinates [m]."""
-        x, y = tile[0] * self.tile_size, tile[1] * self.tile_size
-        return Rectangle(x, y, x + self.tile_size, y + self.tile_size)
+    def area_of(self, block: Block) -> Rectangle:
+        """Return where a block's cells lie in source coordinates [m]."""
+        k, size = self.cells_per_side, self.tile_size
+        # in tiles first: a whole tile's edges are multiples of its size to the last bit
+        west, south = block.column / k * size, block.row / k * size
+        east, north = (block.column + block.width) / k * size, (block.row + block.height) / k * size
+        return Rectangle(west, south, east, north)
 
     def tile_span(self, area: Rectangle) -> tuple[Cell, Cell]:
         """Return the first and the last tile, column and row, that reach into an area."""

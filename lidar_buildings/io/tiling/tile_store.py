@@ -19,7 +19,7 @@ from lidar_buildings.io.clouds.point_columns import last_returns, point_columns,
 from lidar_buildings.io.tiling.spool import RECORD, Cell, Spool
 from lidar_buildings.io.tiling.survey_brightness import SQUARE_SIDE, SurveyBrightness
 from lidar_buildings.io.tiling.survey_spacing import expected_spacing, sample_square
-from lidar_buildings.io.tiling.tile_grid import Rectangle, TileGrid
+from lidar_buildings.io.tiling.tile_grid import Block, Rectangle, TileGrid
 
 
 @dataclass(frozen=True)
@@ -31,8 +31,8 @@ class TilePlan:
     ----------
     stamp : int
         The tile's key [ns].
-    tile : tuple of two int
-        Its column and row in the grid.
+    block : Block
+        Its spool cells.
     core : dict
         Spool cell → first and last (exclusive) record.
     dark_limit : float or None
@@ -40,7 +40,7 @@ class TilePlan:
     """
 
     stamp: int
-    tile: Cell
+    block: Block
     core: dict[Cell, tuple[int, int]]
     dark_limit: float | None = None
 
@@ -102,10 +102,14 @@ class TileStore:
         self._dropped.append(source)
         self._brightness.forget(source)
 
-    def take_core(self, tile: Cell) -> dict[Cell, tuple[int, int]]:
-        """Return which records of the tile's cells no earlier plan has taken, and count them as taken."""
+    def n_waiting(self, block: Block) -> int:
+        """Count the records of a block's cells that no plan has taken."""
+        return sum(self._spool.counts.get(cell, 0) - self._planned.get(cell, 0) for cell in block.cells)
+
+    def take_core(self, block: Block) -> dict[Cell, tuple[int, int]]:
+        """Return which records of a block's cells no earlier plan has taken, and count them as taken."""
         core = {}
-        for cell in self.grid.cells_of(tile):
+        for cell in block.cells:
             first, last = self._planned.get(cell, 0), self._spool.counts.get(cell, 0)
             if first < last:
                 core[cell] = (first, last)
@@ -196,7 +200,7 @@ class TileStore:
 
     def _gathered(self, plan: TilePlan, buffer: float) -> tuple[NDArray[Any], NDArray[np.uint8]]:
         """Read a tile's records with its buffer, and 1 for each that belongs to the buffer."""
-        area = self.grid.area_of(plan.tile).grown(buffer)
+        area = self.grid.area_of(plan.block).grown(buffer)
         cells = {*plan.core, *self.grid.cells_touching(area)}
         # room for all of the cells' records: what stays empty is never touched, so it takes no memory
         records = np.empty(sum(self._spool.counts.get(cell, 0) for cell in cells), RECORD)
@@ -208,13 +212,13 @@ class TileStore:
         return records[:n], is_buffer[:n]
 
     def _local_area(self, plan: TilePlan, buffer: float) -> Rectangle:
-        area = self.grid.area_of(plan.tile).grown(buffer)
+        area = self.grid.area_of(plan.block).grown(buffer)
         return area.moved(-self.frame.origin[0], -self.frame.origin[1])
 
     def _tile_blocks(self, plan: TilePlan, buffer: float) -> Iterator[tuple[NDArray[Any], int]]:
         """Read a tile's records with its buffer: (records, 0 for core points or 1)."""
         near = self._local_area(plan, buffer)
-        area = self.grid.area_of(plan.tile).grown(buffer)
+        area = self.grid.area_of(plan.block).grown(buffer)
         for cell in dict.fromkeys([*plan.core, *self.grid.cells_touching(area)]):
             first, last = plan.core.get(cell, (0, 0))
             for block in self._blocks(cell, first, last):

@@ -15,7 +15,8 @@ from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.io.clouds.las import CHUNK, Cloud, InputFile, frame_of, open_inputs
 from lidar_buildings.io.tiling.reading_order import reading_order
 from lidar_buildings.io.tiling.spool import Cell
-from lidar_buildings.io.tiling.tile_grid import Rectangle, TileGrid
+from lidar_buildings.io.tiling.tile_grid import Block, Rectangle, TileGrid
+from lidar_buildings.io.tiling.tile_size import fitting_size
 from lidar_buildings.io.tiling.tile_stamps import LATEST, stamp_of_number, stamp_of_time
 from lidar_buildings.io.tiling.tile_store import TilePlan, TileStore
 from lidar_buildings.io.tiling.tiling_config import TilingConfig
@@ -79,8 +80,8 @@ class TileSource:
         self.inputs = [InputFile(cloud.path, cloud.point_count) for cloud in self._clouds]
         self.frame: MapFrame = frame_of(self._clouds)
         self._skip = skip
-        self._grid = TileGrid.fitting(self.config.tile_size, self.config.buffer)
         self._areas = [_area(cloud) for cloud in self._clouds]
+        self._grid = TileGrid.fitting(self._tile_size(), self.config.buffer)
         self._unread = set(range(len(self._clouds)))
         self._read: list[int] = []
         self._expected = self._expected_tiles()
@@ -172,6 +173,13 @@ class TileSource:
     def __exit__(self, *_: object) -> None:
         self.close()
 
+    def _tile_size(self) -> float:
+        """Return the side of a tile [m]."""
+        areas = [area for area in self._areas if area is not None]
+        n_points = sum(file.point_count for file in self.inputs)
+        config = self.config
+        return config.tile_size or fitting_size(areas, n_points, config.buffer, config.max_tile_points)
+
     def _expected_tiles(self) -> set[Cell]:
         """Return the tiles that the headers' bounds reach into."""
         expected: set[Cell] = set()
@@ -243,7 +251,7 @@ class TileSource:
         areas = [area for area in self._areas if area is not None]
         unread = [area for source in self._unread if (area := self._areas[source]) is not None]
         for tile in sorted(self._waiting - self._planned):
-            square = self._grid.area_of(tile)
+            square = self._grid.area_of(self._grid.block_of(tile))
             surroundings = square.grown(reach)
             if not surroundings.touches(read) or any(surroundings.touches(area) for area in unread):
                 continue
@@ -251,15 +259,28 @@ class TileSource:
                 self._plan(tile)
 
     def _plan(self, tile: Cell) -> None:
-        """Fix a tile's core points and its stamp; a tile without core points is none."""
+        """Plan a tile, in parts where its points are too many for memory."""
         self._learn_spacing()
         self._waiting.discard(tile)
         self._planned.add(tile)
-        core = self._store.take_core(tile)
+        blocks = [self._grid.block_of(tile)]
+        while blocks:
+            block = blocks.pop()
+            is_full = self.config.tile_size == 0.0 and (
+                self._store.n_waiting(block) > self.config.max_tile_points
+            )
+            if is_full and block.width * block.height > 1:
+                blocks += block.quarters[::-1]
+            else:
+                self._plan_block(tile, block)
+
+    def _plan_block(self, tile: Cell, block: Block) -> None:
+        """Fix a tile's core points and its stamp; a tile without core points is none."""
+        core = self._store.take_core(block)
         first_point = self._store.first_point(core)
         if first_point is None:
             return
-        plan = TilePlan(self._stamp(tile, first_point), tile, core, self._store.dark_limit)
+        plan = TilePlan(self._stamp(tile, first_point), block, core, self._store.dark_limit)
         self._plans.append(plan)
         self._by_stamp[plan.stamp] = plan
 

@@ -5,7 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
+from lidar_buildings.core.model.errors import ParameterError
 from lidar_buildings.core.model.parameters import StageConfig, parameter
+
+#: The smallest side of a tile that may be asked for [m].
+_SMALLEST = 10.0
 
 
 @dataclass(frozen=True)
@@ -15,10 +19,11 @@ class TilingConfig(StageConfig):
     stage: ClassVar[str] = "tile_player"
 
     tile_size: float = parameter(
-        250.0,
-        "Side of a tile; a larger one needs fewer seams and more memory.",
+        0.0,
+        "Side of a tile, 0 for one that suits max_tile_points; a larger one needs fewer seams and more "
+        "memory.",
         unit="m",
-        minimum=10.0,
+        minimum=0.0,
         maximum=10_000.0,
         read_only=True,
     )
@@ -31,6 +36,15 @@ class TilingConfig(StageConfig):
         maximum=1_000.0,
         read_only=True,
     )
+    max_tile_points: int = parameter(
+        4_000_000,
+        "Most points of a tile with its buffer where tile_size is 0; raising it lets stages see fewer points "
+        "twice, and takes about 0.4 GB of memory a million points.",
+        minimum=1_000,
+        maximum=1_000_000_000,
+        read_only=True,
+        advanced=True,
+    )
     max_buffer: float = parameter(
         200.0,
         "How far the buffer may grow for a building that reaches across it; a larger one keeps halls whole.",
@@ -40,3 +54,11 @@ class TilingConfig(StageConfig):
         read_only=True,
         advanced=True,
     )
+
+    def __post_init__(self) -> None:
+        """Check every value."""
+        super().__post_init__()
+        if 0.0 < self.tile_size < _SMALLEST:
+            raise ParameterError(
+                f"{self.stage}.tile_size = {self.tile_size!r}: must be 0 or within 10 to 10000 [m]"
+            )

@@ -99,6 +99,36 @@ def test_tiles_lie_on_multiples_of_their_size_whatever_the_files(tmp_path):
         assert all((x + 10.0) % 40.0 == 0 and (y + 10.0) % 40.0 == 0 for x, y in squares[0])
 
 
+def test_without_a_size_the_tiles_hold_about_as_many_points_as_asked_for(tmp_path):
+    paths = survey(tmp_path, [square(4000, 110.0, 110.0, 180.0), square(4000, 290.0, 110.0, 180.0, seed=1)])
+    config = TilingConfig(buffer=10.0, max_buffer=10.0, max_tile_points=3000)
+    with TileSource(paths, config) as source:
+        tiles = list(source)
+        assert sorted(core_names(tiles)) == all_names(source)
+    assert max(len(tile) for tile in tiles) <= 3300
+    assert sum(len(tile) for tile in tiles) <= 1.5 * 8000
+
+
+def test_a_survey_that_fits_into_a_tile_is_one_where_its_place_allows(tmp_path):
+    paths = survey(tmp_path, [square(400, 980.0, 480.0, 40.0)])
+    with TileSource(paths) as source:
+        assert len(list(source)) == 1
+
+
+def test_a_tile_that_is_much_denser_than_its_file_is_divided(tmp_path):
+    corner = square(5000, 100.0, 100.0, 90.0)
+    paths = survey(tmp_path, [np.vstack([corner, [[900.0, 900.0]]])])
+    config = TilingConfig(buffer=5.0, max_buffer=5.0, max_tile_points=2000)
+    with TileSource(paths, config) as source:
+        tiles = list(source)
+        assert sorted(core_names(tiles)) == all_names(source)
+    assert max(np.count_nonzero(tile.is_core) for tile in tiles) <= 2500
+    for tile in tiles:
+        west, south, east, north = tile.bounds
+        x, y, _ = tile.points.T
+        assert x.min() >= west and y.min() >= south and x.max() <= east and y.max() <= north
+
+
 def test_the_map_frame_does_not_depend_on_the_tile_size(tmp_path):
     paths = two_neighbours(tmp_path)
     frames = set()
@@ -440,7 +470,7 @@ def test_memory_holds_a_chunk_and_a_tile_whatever_the_size(monkeypatch):
 
 def test_buffers_out_of_range_are_refused():
     with pytest.raises(
-        ParameterError, match=r"tile_player\.tile_size = 1\.0: must be within 10 to 10000 \[m\]"
+        ParameterError, match=r"tile_player\.tile_size = 1\.0: must be 0 or within 10 to 10000 \[m\]"
     ):
         TilingConfig(tile_size=1.0)
 
