@@ -126,7 +126,10 @@ def test_a_tile_that_is_much_denser_than_its_file_is_divided(tmp_path):
     for tile in tiles:
         west, south, east, north = tile.bounds
         x, y, _ = tile.points.T
-        assert x.min() >= west and y.min() >= south and x.max() <= east and y.max() <= north
+        assert x.min() >= west
+        assert y.min() >= south
+        assert x.max() <= east
+        assert y.max() <= north
 
 
 def test_the_map_frame_does_not_depend_on_the_tile_size(tmp_path):
