@@ -51,7 +51,7 @@ ARGUMENTS = (
     DeclareLaunchArgument(
         "tile_timeout",
         default_value="",
-        description="Time after which a tile is sent again [s]; empty: as in params_file.",
+        description="Silence after which a tile in no hands is sent again [s]; empty: as in params_file.",
     ),
     DeclareLaunchArgument(
         "rate",

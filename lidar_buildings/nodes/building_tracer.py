@@ -65,7 +65,17 @@ class BuildingTracer(StageNode):
         traced = self._traced_tile(parts)
         if traced.clipped and self._clipped.get_subscription_count():
             self._clipped.publish(header_of(stamp))
-            return
+            self.tile_infos.when_told_more(stamp, lambda: self._go_on_if_whole(stamp, traced))
+        else:
+            self._hand_on(stamp, traced)
+
+    def _go_on_if_whole(self, stamp: int, traced: TracedTile) -> None:
+        """Hand a clipped tile on if there is nothing beyond it; else a larger one comes."""
+        if self.tile_infos.is_whole(stamp):
+            with self.reporting(stamp):
+                self._hand_on(stamp, traced)
+
+    def _hand_on(self, stamp: int, traced: TracedTile) -> None:
         self._building_points.publish(to_message(traced.tile))
         self.publish_rings(self._traced, outline_messages(stamp, traced.outlines))
 

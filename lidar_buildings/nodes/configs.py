@@ -49,9 +49,9 @@ class TilePlayerConfig(TilingConfig):
         read_only=True,
     )
     tile_timeout: float = parameter(
-        120.0,
-        "Time after which a tile that is not done is sent again, doubled at each attempt; "
-        "a longer one waits longer for a node that was restarted.",
+        60.0,
+        "Time after which a tile that no node has in hand is sent again if no node says anything, doubled at "
+        "each attempt; a longer one leaves more time to nodes that send no receipts.",
         unit="s",
         minimum=0.1,
         maximum=86_400.0,
@@ -60,7 +60,8 @@ class TilePlayerConfig(TilingConfig):
     )
     max_attempts: int = parameter(
         4,
-        "After so many attempts a tile is given up.",
+        "After so many attempts a tile is given up; one that was on its way when a node was restarted "
+        "has lost none.",
         minimum=1,
         maximum=100,
         read_only=True,

@@ -20,7 +20,7 @@ import yaml
 from lidar_buildings.core.model.parameter_names import parameter_names
 from lidar_buildings.core.model.parameters import StageConfig, spec_of
 from lidar_buildings.nodes.configs import NODE_CONFIGS
-from lidar_buildings.nodes.table import DIAGNOSTICS, NODE_TABLE, NodeCard, Topic
+from lidar_buildings.nodes.table import NODE_TABLE, OF_EVERY_NODE, NodeCard, Topic
 from lidar_buildings.ros.depths import CLOUD_DEPTH, EVENT_DEPTH, HISTORY_DEPTH
 
 _COMMAND = "python -m lidar_buildings.nodes.reference"
@@ -162,6 +162,7 @@ def _profiles() -> str:
             f"| EVENT | reliable | keep last {EVENT_DEPTH} | volatile |",
             "| LATCHED | reliable | keep last 1 | transient local |",
             f"| LATCHED_TILE | reliable | keep last {CLOUD_DEPTH} | transient local |",
+            f"| LATCHED_EVENT | reliable | keep last {EVENT_DEPTH} | transient local |",
             f"| LATCHED_HISTORY | reliable | keep last {HISTORY_DEPTH} | transient local |",
         ]
     )
@@ -172,7 +173,7 @@ def _node_section(card: NodeCard) -> str:
         f"## {card.name}",
         card.summary,
         _topic_table("Subscribed", card.subscribes),
-        _topic_table("Published", (*card.publishes, DIAGNOSTICS)),
+        _topic_table("Published", (*card.publishes, *OF_EVERY_NODE)),
     ]
     if card.services:
         rows = [f"| **{name}** | {kind} | {meaning} |" for name, kind, meaning in card.services]

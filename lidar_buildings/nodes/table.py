@@ -48,7 +48,7 @@ class NodeCard:
     summary : str
         Two sentences.
     subscribes, publishes : tuple of Topic
-        Beside `diagnostics`, which every node publishes.
+        Beside those of every node.
     services : tuple of (name, type, meaning)
         Beside those of every ROS node.
     """
@@ -66,6 +66,15 @@ DIAGNOSTICS = Topic(
     "EVENT",
     "per tile: seconds, points, what else the node counts, status, parameters as JSON",
 )
+TILE_RECEIPT = Topic(
+    "tile_receipt",
+    "std_msgs/String",
+    "LATCHED_EVENT",
+    "JSON: `node`, its `life` (another one after a restart), `state`: `ready`, or of tile `stamp` `taken`, "
+    "`done` or `failed`",
+)
+#: What every node publishes beside its own.
+OF_EVERY_NODE = (DIAGNOSTICS, TILE_RECEIPT)
 POINTS = Topic(
     "points",
     _CLOUD,
@@ -162,7 +171,7 @@ NODE_TABLE: tuple[NodeCard, ...] = (
         "tile_player",
         "Cuts clouds into tiles and sends them into the graph. "
         "It keeps few tiles in flight, sends again what got lost, and larger what was too small.",
-        (TILE_DONE, TILE_CLIPPED, DIAGNOSTICS),
+        (TILE_DONE, TILE_CLIPPED, TILE_RECEIPT),
         (POINTS, TILE_INFO, MAP_ORIGIN, MAP_UNITS, SURVEY_DONE, TILE_FAILED, CLOCK),
         (
             ("~/pause", _TRIGGER, "send no more tiles"),
@@ -262,11 +271,6 @@ def writer_topics(until: str) -> tuple[Topic, ...]:
 
 #: Node → what it listens to only where footprints are given.
 ON_REQUEST: dict[str, tuple[Topic, ...]] = {"building_tracer": (MAP_ORIGIN, MAP_UNITS, CLASSIFIED_POINTS)}
-
-#: What a tile passes on its way; a node that subscribes to one of these anew has been restarted.
-GRAPH_TOPICS = tuple(
-    dict.fromkeys(topic.name for card in NODE_TABLE[1:] for topic in card.subscribes if topic.type != _HEADER)
-)
 
 
 def nodes_until(stage: str) -> tuple[str, ...]:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any, NamedTuple
 
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from geometry_msgs.msg import PointStamped, Vector3Stamped
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import PointCloud2
@@ -15,18 +14,20 @@ from std_srvs.srv import Trigger
 from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.io.tiling.tiling import TileSource
 from lidar_buildings.nodes.configs import NODE_CONFIGS, TilePlayerConfig
-from lidar_buildings.nodes.table import GRAPH_TOPICS
 from lidar_buildings.nodes.tile_reader import TileReader
+from lidar_buildings.ros.errors import MessageError
 from lidar_buildings.ros.flow_control import FlowControl
 from lidar_buildings.ros.graph_watch import GraphWatch
 from lidar_buildings.ros.map_frames import origin_message, units_message
 from lidar_buildings.ros.playback import Playback
 from lidar_buildings.ros.point_cloud import to_message
-from lidar_buildings.ros.qos import CLOUD, EVENT, LATCHED, LATCHED_HISTORY, LATCHED_TILE
+from lidar_buildings.ros.qos import CLOUD, EVENT, LATCHED, LATCHED_EVENT, LATCHED_HISTORY, LATCHED_TILE
+from lidar_buildings.ros.receipts import TOPIC as RECEIPTS
+from lidar_buildings.ros.receipts import receipt_of
 from lidar_buildings.ros.runner import run_node
 from lidar_buildings.ros.stage_node import StageNode
 from lidar_buildings.ros.stamps import header_of, to_stamp, to_time
-from lidar_buildings.ros.tile_info import info_message
+from lidar_buildings.ros.tile_info import info_message, over_message
 
 #: Period of the checks of deadlines and subscribers, short against the time that a tile takes [s].
 _TICK = 0.05
@@ -48,10 +49,15 @@ class TilePlayer(StageNode):
     def __init__(self, **kwargs: Any) -> None:
         super().__init__("tile_player", NODE_CONFIGS["tile_player"], **kwargs)
         config = self.parameters[TilePlayerConfig]
-        self._flow = FlowControl(config.max_tiles_in_flight, config.tile_timeout, config.max_attempts)
-        self._watch = GraphWatch(self, GRAPH_TOPICS, NODE_CONFIGS)
+        # by ticks, so that silence is what the node has listened to, not what it was too busy to hear
+        self._time = 0.0
+        self._flow = FlowControl(
+            config.max_tiles_in_flight, config.tile_timeout, config.max_attempts, lambda: self._time
+        )
+        self._watch = GraphWatch(self)
         self._done: set[int] = set()
         self._failed: set[int] = set()
+        self._resent: set[int] = set()
         self._playback = Playback(is_paused=config.start_paused)
         self._next: PointTile | None = None
         self._is_finished = False
@@ -66,7 +72,7 @@ class TilePlayer(StageNode):
         self._make_publishers()
         self._make_services()
         self._make_subscriptions()
-        self.create_timer(_TICK, self.on_tick)
+        self.create_timer(_TICK, self.on_timer)
         self._wake = self.create_guard_condition(self.on_tick)
         self._reader.start(self._wake.trigger)
 
@@ -77,12 +83,15 @@ class TilePlayer(StageNode):
         """
         return Progress(len(self._done), len(self._failed), self._source.tile_count)
 
+    def on_timer(self) -> None:
+        """Let time go on, and send what is due."""
+        self._time += _TICK
+        self.on_tick()
+
     def on_tick(self) -> None:
         """Send what is due."""
         if self._is_finished or self._reader_has_failed():
             return
-        if self._watch.has_new_nodes():
-            self._flow.expire()
         self._send_overdue()
         while self._may_send():
             self._send(self._take())
@@ -94,23 +103,34 @@ class TilePlayer(StageNode):
         self._done.add(stamp)
         self._failed.discard(stamp)
         if self._flow.done(stamp):
+            self._call_off(stamp)
             self.on_tick()
 
-    def on_diagnostics(self, message: DiagnosticArray) -> None:
-        """
-        Send a tile again at once that a node could not handle, instead of waiting for its time to be up.
-        """
-        if any(status.level == DiagnosticStatus.ERROR for status in message.status) and self._flow.failed(
-            to_stamp(message.header.stamp)
-        ):
-            self.on_tick()
+    def on_receipt(self, message: String) -> None:
+        """Note what a node has in hand."""
+        try:
+            receipt = receipt_of(message)
+        except MessageError as error:
+            self.get_logger().error(str(error))
+            return
+        if self._watch.hear(receipt):
+            self._flow.started(receipt.node)
+        if not self._watch.is_past(receipt):
+            self._flow.hear(receipt)
 
     def on_clipped(self, message: Header) -> None:
-        """Send the same tile with a larger buffer; without bounds if there is nothing more to send."""
-        tile = self._flow.clipped(to_stamp(message.stamp))
-        if tile is not None:
-            with self.reporting(tile.stamp, quiet=True):
-                self._send_larger(tile)
+        """Send the same tile with a larger buffer; only say so if there is nothing more to send."""
+        tile = self._flow.tile(to_stamp(message.stamp))
+        if tile is None:
+            return
+        with self.reporting(tile.stamp, quiet=True):
+            grown = self._reader.grown(tile)
+            if grown is not None:
+                self._publish(grown)
+            else:
+                grown = replace(tile, bounds=None)
+                self._info.publish(info_message(grown))
+            self._flow.sent(grown)
 
     def destroy_node(self) -> None:
         """Stop reading and remove the temporary files."""
@@ -140,7 +160,7 @@ class TilePlayer(StageNode):
 
     def _make_subscriptions(self) -> None:
         self.create_subscription(Header, "tile_clipped", self.on_clipped, EVENT)
-        self.create_subscription(DiagnosticArray, "diagnostics", self.on_diagnostics, EVENT)
+        self.create_subscription(String, RECEIPTS, self.on_receipt, LATCHED_EVENT)
         self.create_subscription(Header, "tile_done", self.on_done, LATCHED_HISTORY)
 
     def on_pause(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
@@ -169,10 +189,10 @@ class TilePlayer(StageNode):
 
     def _may_send(self) -> bool:
         """Whether there is a tile, a credit for it, someone to take it, and its time has come."""
-        tile = self._peek() if self._flow.has_room and self._watch.is_stable else None
+        tile = self._peek() if self._flow.has_room else None
         if tile is None or not self._playback.is_due(tile.stamp, self.parameters[TilePlayerConfig].rate):
             return False
-        return self._has_listeners()
+        return self._has_listeners() and self._watch.is_settled
 
     def _peek(self) -> PointTile | None:
         """Return the next tile that is not done yet, None if none has been read."""
@@ -204,8 +224,9 @@ class TilePlayer(StageNode):
         self.get_logger().info(f"waiting for {what}", throttle_duration_sec=_REMIND, skip_first=True)
 
     def _send(self, tile: PointTile) -> None:
-        """Send a tile for the first time."""
-        self._publish(tile)
+        """Send a tile for the first time, unless a node has it from this player's life before."""
+        if not self._flow.is_held(tile.stamp):
+            self._publish(tile)
         self._flow.sent(tile)
         if not self._flow.is_counting:
             self._done.add(tile.stamp)
@@ -219,26 +240,24 @@ class TilePlayer(StageNode):
             self._info.publish(info_message(tile))
             self._points.publish(to_message(tile))
 
-    def _send_larger(self, tile: PointTile) -> None:
-        """Send a tile with its buffer doubled, or without bounds: there is no more of it."""
-        grown = self._reader.grown(tile) or replace(tile, bounds=None)
-        self._publish(grown)
-        self._flow.replaced(grown)
-
     def _send_overdue(self) -> None:
-        """Send again what is late, and give up what was late too often."""
-        for flight in self._flow.overdue():
-            stamp = flight.tile.stamp
-            self.get_logger().warning(f"tile {stamp} is not done in time: sent again ({flight.attempt})")
-            with self.reporting(stamp, quiet=True):
-                if flight.n_clipped:
-                    self._send_larger(flight.tile)
-                else:
-                    self._publish(flight.tile)
+        """Send again what is lost as soon as the nodes are there, and give up what was lost too often."""
+        if self._flow.has_losses and self._has_listeners() and self._watch.is_settled:
+            for flight in self._flow.overdue():
+                stamp = flight.tile.stamp
+                self.get_logger().warning(f"tile {stamp} was lost: sent again ({flight.attempt})")
+                self._resent.add(stamp)
+                self._publish(flight.tile)
         for stamp in self._flow.given_up():
             self.get_logger().error(f"tile {stamp} was never done: given up")
             self._failed.add(stamp)
             self._tile_failed.publish(header_of(stamp))
+            self._call_off(stamp)
+
+    def _call_off(self, stamp: int) -> None:
+        """Have the copies of a tile dropped that may still be under way."""
+        if stamp in self._resent:
+            self._info.publish(over_message(stamp))
 
     def _finish_if_all_done(self) -> None:
         """Say that the survey is done once nothing is left to send or to wait for."""

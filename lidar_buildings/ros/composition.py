@@ -79,6 +79,7 @@ class Composition:
     @staticmethod
     def _spin(node: StageNode, executor: SingleThreadedExecutor) -> None:
         try:
+            node.announce()
             executor.spin()
         except ExternalShutdownException:
             pass

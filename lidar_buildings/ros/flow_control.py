@@ -7,12 +7,11 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from lidar_buildings.core.model.tile import PointTile
+from lidar_buildings.ros.receipts import FAILED, TAKEN, Receipt
 
-#: Time that a tile gets that should be done by now; wide margin over a message's way [s].
-_GRACE = 1.0
-#: After this time a tile is sent again as long as nothing has come through the graph; then doubled. Wide
-#: margin over the discovery of nodes [s].
-_FIRST_RETRY = 10.0
+#: Silence after which a tile is lost that was under way when a node started; wide margin over the way of a
+#: message to a node that has nothing else to do [s].
+_SILENCE = 1.0
 
 
 @dataclass
@@ -24,39 +23,47 @@ class Flight:
     ----------
     tile : PointTile
         As it was sent last.
+    order : int
+        Place of that among all that was sent.
     attempt : int
-        How many times it was given its time, the first included.
-    sent, deadline : float
-        When it was sent last, and when the time is up [s].
-    n_copies, n_clipped : int
-        How many times these same points were sent, and how many times they came back as clipped.
-    is_lost : bool
-        Whether it got lost on its way: sending it again counts as no attempt.
+        How many times it was sent, the first included; what got lost on its way does not count.
+    is_lost, has_ended_a_node : bool
+        Whether no node can have it any more, and whether it was in the hands of one that was started anew.
+    is_in_doubt : bool
+        Whether a node has started since it was sent, so that it may be lost.
+    has_failed : bool
+        Whether a node could not handle it.
     """
 
     tile: PointTile
-    attempt: int
-    sent: float
-    deadline: float
-    n_copies: int = 1
-    n_clipped: int = 0
+    order: int
+    attempt: int = 1
     is_lost: bool = False
+    has_ended_a_node: bool = False
+    is_in_doubt: bool = False
+    has_failed: bool = False
+
+    @property
+    def counts(self) -> bool:
+        """Whether sending it again is an attempt."""
+        return self.has_ended_a_node or not (self.is_lost or self.is_in_doubt)
 
 
 class FlowControl:
     """
-    Keeps account of the tiles in flight.
+    Keeps account of the tiles in flight, and of the nodes that work on them.
 
-    Topics keep their order, so a tile is lost if one that was sent later is done before it. Until a first
-    tile is done, at the start and after a restart, nodes may not have found each other yet, and tiles are
-    sent again soon. Neither counts as an attempt.
+    A tile that a node has in its hands is never sent again, however long that takes. A tile in nobody's
+    hands is lost if the node that had it was started anew, or if one that was sent later is done: topics
+    keep their order. Beside that it is lost if all nodes are idle and silent: for a second if a node has
+    started meanwhile, else for `timeout`.
 
     Parameters
     ----------
     limit : int
         How many tiles may be in flight; 0: as many as come, and none is waited for.
     timeout : float
-        Time that a tile has at its first attempt; doubles with each attempt [s].
+        How long silence may last at a tile's first attempt; doubles with each attempt [s].
     max_attempts : int
         After so many a tile is given up.
     now : callable
@@ -75,7 +82,9 @@ class FlowControl:
         self._max_attempts = max_attempts
         self._now = now
         self._flights: dict[int, Flight] = {}
-        self._retry: float | None = _FIRST_RETRY
+        self._at_work: dict[str, set[int]] = {}
+        self._n_sent = 0
+        self._last_event = now()
 
     def __len__(self) -> int:
         """Return the number of tiles in flight."""
@@ -91,94 +100,91 @@ class FlowControl:
         """Whether one more tile may be sent."""
         return not self.is_counting or len(self._flights) < self._limit
 
+    def is_held(self, stamp: int) -> bool:
+        """Whether a node has a tile in its hands."""
+        return any(stamp in stamps for stamps in self._at_work.values())
+
+    def tile(self, stamp: int) -> PointTile | None:
+        """Return a tile in flight as it was sent last, None if it is not in flight."""
+        flight = self._flights.get(stamp)
+        return None if flight is None else flight.tile
+
     def sent(self, tile: PointTile) -> None:
-        """Note that a tile was sent for the first time."""
+        """Note that a tile was sent, for the first time or with other points or bounds."""
         if self.is_counting:
-            now = self._now()
-            self._flights[tile.stamp] = Flight(tile, 1, now, now + self._time_allowed(1))
+            before = self._flights.get(tile.stamp)
+            self._flights[tile.stamp] = Flight(tile, self._n_sent, 1 if before is None else before.attempt)
+            self._note_event()
 
     def done(self, stamp: int) -> bool:
         """Note that a tile is done; False if it was not in flight."""
         done = self._flights.pop(stamp, None)
         if done is None:
             return False
-        now = self._now()
         for flight in self._flights.values():
-            if flight.sent < done.sent:
-                flight.deadline, flight.is_lost = min(flight.deadline, now + _GRACE), True
-            elif self._retry is not None:
-                flight.deadline = flight.sent + self._timeout * 2 ** (flight.attempt - 1)
-        self._retry = None
+            flight.is_lost |= flight.order < done.order and not self.is_held(flight.tile.stamp)
+        self._last_event = self._now()
         return True
 
-    def failed(self, stamp: int) -> bool:
-        """Note that a node could not handle a tile: its time is up at once; False if it was not in flight."""
-        flight = self._flights.get(stamp)
+    def started(self, node: str) -> None:
+        """Note that a node was started: what it had in its hands is lost, what was on its way may be."""
+        held = self._at_work.pop(node, set())
+        for stamp, flight in self._flights.items():
+            flight.is_in_doubt = True
+            flight.has_ended_a_node |= stamp in held
+            flight.is_lost |= stamp in held
+
+    def hear(self, receipt: Receipt) -> None:
+        """Note what a node does with a tile."""
+        self._last_event = self._now()
+        in_hand = self._at_work.setdefault(receipt.node, set())
+        if receipt.state == TAKEN:
+            in_hand.add(receipt.stamp)
+            return
+        in_hand.discard(receipt.stamp)
+        flight = self._flights.get(receipt.stamp)
         if flight is not None:
-            flight.deadline = self._now()
-        return flight is not None
+            flight.has_failed |= receipt.state == FAILED
 
-    def clipped(self, stamp: int) -> PointTile | None:
-        """
-        Note that a tile came back as clipped; return it if it is time to send a larger one.
-
-        Copies of the smaller tile that are still under way must not meet the larger one's bounds, so the
-        larger one waits until all have come back, or the time is up.
-        """
-        flight = self._flights.get(stamp)
-        if flight is None:
-            return None
-        flight.n_clipped += 1
-        if flight.n_clipped < flight.n_copies:
-            # the other copy needs about as long, or is lost
-            under_way = self._now() - flight.sent
-            flight.deadline = min(flight.deadline, self._now() + 2 * under_way + _GRACE)
-        return flight.tile if flight.n_clipped >= flight.n_copies else None
-
-    def replaced(self, tile: PointTile) -> None:
-        """Note that a tile was sent with other points or bounds."""
-        attempt, now = self._flights[tile.stamp].attempt, self._now()
-        self._flights[tile.stamp] = Flight(tile, attempt, now, now + self._time_allowed(attempt))
-
-    def expire(self) -> None:
-        """Note that all tiles in flight may be lost, since a node has started: they are due again at once."""
-        self._retry = _FIRST_RETRY
-        for flight in self._flights.values():
-            flight.deadline, flight.is_lost = self._now(), True
+    @property
+    def has_losses(self) -> bool:
+        """Whether a tile is lost."""
+        return any(map(self._is_due, self._flights.values()))
 
     def overdue(self) -> list[Flight]:
-        """Return the flights whose time is up and that get another attempt; their time starts anew."""
-        now = self._now()
-        late = [f for f in self._flights.values() if f.deadline <= now and f.attempt < self._max_attempts]
-        is_free = self._is_retrying
-        if late and self._retry is not None:
-            self._retry *= 2
-        for flight in late:
-            flight.attempt += not (flight.is_lost or is_free)
-            flight.is_lost = False
-            flight.n_copies += 1
-            flight.sent, flight.deadline = now, now + self._time_allowed(flight.attempt)
-        return late
+        """Return the flights that are lost and get another attempt, as flights that begin anew."""
+        late = [one for one in self._flights.values() if self._is_due(one) and not self._is_over(one)]
+        for one in late:
+            self._flights[one.tile.stamp] = Flight(one.tile, self._n_sent, one.attempt + one.counts)
+            self._note_event()
+        return [self._flights[one.tile.stamp] for one in late]
 
     def given_up(self) -> list[int]:
-        """Remove and return the tiles whose last attempt is up."""
-        now = self._now()
+        """Remove and return the tiles that a node could not handle, or whose last attempt is up."""
         lost = [
             stamp
-            for stamp, f in self._flights.items()
-            if f.deadline <= now and f.attempt >= self._max_attempts
+            for stamp, one in self._flights.items()
+            if one.has_failed or (self._is_due(one) and self._is_over(one))
         ]
         for stamp in lost:
             del self._flights[stamp]
         return lost
 
-    def _time_allowed(self, attempt: int) -> float:
-        """Return the time [s] of an attempt, counted from 1."""
-        if self._retry is not None and self._is_retrying:
-            return self._retry
-        return float(self._timeout * 2 ** (attempt - 1))
+    def _note_event(self) -> None:
+        self._n_sent += 1
+        self._last_event = self._now()
 
-    @property
-    def _is_retrying(self) -> bool:
-        """Whether nothing has come through yet, and a tile's own time is longer than it takes to see that."""
-        return self._retry is not None and self._retry < self._timeout
+    def _is_due(self, flight: Flight) -> bool:
+        """Whether a tile is lost."""
+        if self.is_held(flight.tile.stamp):
+            return False
+        return flight.is_lost or (
+            not any(self._at_work.values())
+            and self._now() - self._last_event >= self._longest_silence(flight)
+        )
+
+    def _longest_silence(self, flight: Flight) -> float:
+        return _SILENCE if flight.is_in_doubt else self._timeout * 2 ** (flight.attempt - 1)
+
+    def _is_over(self, flight: Flight) -> bool:
+        return flight.counts and flight.attempt >= self._max_attempts

@@ -1,75 +1,63 @@
-"""Notices nodes of the graph that have just started, by their new endpoints."""
+"""Which nodes are in the graph, by their receipts."""
 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Collection, Iterable
+from collections.abc import Callable
 
 from rclpy.node import Node
 
-#: Period of the look-ups of endpoints, much shorter than what a restart takes [s].
-_INTERVAL = 0.25
-#: Time that new endpoints are given to discover their counterparts; wide margin [s].
+from lidar_buildings.ros.receipts import TOPIC, Receipt
+
+#: Time that a node of another process is given to discover its counterparts; wide margin [s].
 _DISCOVERY = 0.75
 
 
 class GraphWatch:
     """
-    Watches the subscriptions that a tile has to pass.
+    Knows the nodes that live, each by its last life.
 
-    A node that was restarted has new endpoints; what was in it is lost, and what is sent before all others
-    know of them may be.
+    Nodes of one process know of each other at once; what is sent before those of another one do may be lost.
 
     Parameters
     ----------
     node : Node
         Whose view of the graph is used; only nodes of its namespace count.
-    topics : iterable of str
-        The topics between the graph's nodes, relative names.
-    nodes : collection of str
-        Their names; tools that listen in are no part of the graph.
     now : callable
         The clock [s].
     """
 
-    def __init__(
-        self,
-        node: Node,
-        topics: Iterable[str],
-        nodes: Collection[str],
-        now: Callable[[], float] = time.monotonic,
-    ) -> None:
+    def __init__(self, node: Node, now: Callable[[], float] = time.monotonic) -> None:
         self._node = node
-        self._topics = tuple(topics)
-        self._nodes = frozenset(nodes)
         self._now = now
-        self._known: set[bytes] = set()
-        self._next = 0.0
-        self._stable_at: float | None = None
+        self._lives: dict[str, str] = {}
+        self._past: set[str] = set()
+        self._settled_at = 0.0
 
-    @property
-    def is_stable(self) -> bool:
-        """Whether no node has started just now."""
-        return self._stable_at is None
-
-    def has_new_nodes(self) -> bool:
-        """Whether nodes have started since the last time, and have found their counterparts by now."""
-        now = self._now()
-        if now >= self._next:
-            self._next = now + _INTERVAL
-            found = self._endpoints()
-            if found - self._known:
-                self._known |= found
-                self._stable_at = now + _DISCOVERY
-        if self._stable_at is None or now < self._stable_at:
+    def hear(self, receipt: Receipt) -> bool:
+        """Note who speaks; return whether this life of the node was not known."""
+        if receipt.life == self._lives.get(receipt.node):
             return False
-        self._stable_at = None
+        if receipt.life in self._past:
+            return False
+        self._past.add(self._lives.get(receipt.node, ""))
+        self._lives[receipt.node] = receipt.life
+        if not receipt.is_of_this_process:
+            self._settled_at = self._now() + _DISCOVERY
         return True
 
-    def _endpoints(self) -> set[bytes]:
-        return {
-            bytes(one.endpoint_gid)
-            for topic in self._topics
-            for one in self._node.get_subscriptions_info_by_topic(topic)
-            if one.node_name in self._nodes and one.node_namespace == self._node.get_namespace()
+    def is_past(self, receipt: Receipt) -> bool:
+        """Whether a receipt is of a life that is over."""
+        return receipt.life in self._past
+
+    @property
+    def is_settled(self) -> bool:
+        """Whether all nodes that can be seen have spoken, and know of each other."""
+        if self._now() < self._settled_at:
+            return False
+        seen = {
+            one.node_name
+            for one in self._node.get_publishers_info_by_topic(TOPIC)
+            if one.node_namespace == self._node.get_namespace()
         }
+        return seen <= self._lives.keys()

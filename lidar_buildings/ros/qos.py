@@ -32,3 +32,6 @@ LATCHED_HISTORY = _profile(HISTORY_DEPTH, latched=True)
 
 #: Headers and diagnostics: small, a few per tile and node.
 EVENT = _profile(EVENT_DEPTH)
+
+#: Such events, given to late joiners as well.
+LATCHED_EVENT = _profile(EVENT_DEPTH, latched=True)

@@ -68,6 +68,7 @@ def _spin(node: StageNode, interruption: Interruption) -> int:
     executor = SingleThreadedExecutor()
     executor.add_node(node)
     try:
+        node.announce()
         with interruption.waking(executor.wake):
             executor.spin_until_future_complete(node.outcome)
         if node.outcome.done():

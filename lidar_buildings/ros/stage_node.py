@@ -23,6 +23,7 @@ from lidar_buildings.ros.parameters import NodeParameters
 from lidar_buildings.ros.point_cloud import from_message
 from lidar_buildings.ros.publishing import publish_all
 from lidar_buildings.ros.qos import BUILDING, CLOUD, EVENT
+from lidar_buildings.ros.receipts import DONE, FAILED, READY, TAKEN, ReceiptSender
 from lidar_buildings.ros.ring_collector import RingCollector, Rings
 from lidar_buildings.ros.stamps import header_of, to_stamp
 from lidar_buildings.ros.tile_info import TileInfos
@@ -89,7 +90,12 @@ class StageNode(Node):
             self.destroy_node()
             raise
         self._diagnostics = self.create_publisher(DiagnosticArray, "diagnostics", EVENT)
-        self._tile_infos: TileInfos | None = None
+        self._receipts = ReceiptSender(self)
+        self.tile_infos: TileInfos | None = None
+
+    def announce(self) -> None:
+        """Say that the node is there; called when it begins to spin."""
+        self._receipts.send(READY)
 
     def subscribe_tiles(self, topic: str, work: Callable[[PointTile], Mapping[str, int] | None]) -> None:
         """
@@ -98,7 +104,7 @@ class StageNode(Node):
         The tile has its limits and spacing if the source tells them. What `work` returns, if anything, are
         counts for `diagnostics`.
         """
-        infos = self._tile_infos = self._tile_infos or TileInfos(self)
+        infos = self.tile_infos = self.tile_infos or TileInfos(self)
 
         def on_message(message: PointCloud2) -> None:
             infos.when_known(to_stamp(message.header.stamp), lambda: handle(message))
@@ -135,16 +141,18 @@ class StageNode(Node):
     @contextmanager
     def reporting(self, stamp: int, *, quiet: bool = False) -> Iterator[TileReport]:
         """
-        Publish what became of a tile; an exception is reported in one line and goes no further.
+        Have a tile in hand, and publish what became of it; an exception is reported and goes no further.
 
         Parameters
         ----------
         stamp : int
             The tile's key [ns].
         quiet : bool
-            Whether success is not reported.
+            Whether nothing but an exception is reported.
         """
         report = TileReport(stamp)
+        if not quiet:
+            self._receipts.send(TAKEN, stamp)
         started = time.perf_counter()
         try:
             yield report
@@ -157,6 +165,7 @@ class StageNode(Node):
                 level = DiagnosticStatus.WARN if report.warnings else DiagnosticStatus.OK
                 text = "; ".join(report.warnings) or "done"
                 self._publish_status(report, level, text, time.perf_counter() - started)
+                self._receipts.send(DONE, stamp)
 
     def fail(self, error: Exception) -> None:
         """End the node: it cannot go on."""
@@ -169,6 +178,7 @@ class StageNode(Node):
         reason = words if isinstance(error, LidarBuildingsError) else f"{type(error).__name__}: {words}"
         self.get_logger().error(f"tile {report.stamp}: {reason}: the tile is not handed on")
         self._publish_status(report, DiagnosticStatus.ERROR, reason, 0.0)
+        self._receipts.send(FAILED, report.stamp)
 
     def _publish_status(self, report: TileReport, level: bytes, text: str, seconds: float) -> None:
         values = {

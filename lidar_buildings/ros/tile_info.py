@@ -27,6 +27,11 @@ def info_message(tile: PointTile) -> String:
     return String(data=json.dumps({"stamp": tile.stamp, **{name: getattr(tile, name) for name in _MEMBERS}}))
 
 
+def over_message(stamp: int) -> String:
+    """Return the message that copies of a tile that are still under way are to be dropped."""
+    return String(data=json.dumps({"stamp": stamp, "is_over": True}))
+
+
 class TileInfos:
     """
     Remembers what the source said of its tiles, and holds work back that came before.
@@ -57,15 +62,30 @@ class TileInfos:
         self._known.move_to_end(stamp)
         _keep_last(self._known)
         for work in self._waiting.pop(stamp, ()):
-            work()
+            if not info.get("is_over"):
+                work()
 
     def when_known(self, stamp: int, work: Callable[[], None]) -> None:
-        """Do the work on a tile now, or once the tile's message is there if somebody sends them."""
+        """
+        Do the work on a tile now, or once the tile's message is there if somebody sends them.
+
+        A tile of which the last message says that it is over is dropped.
+        """
+        if self._known.get(stamp, {}).get("is_over"):
+            return
         if stamp in self._known or not self._node.count_publishers(TOPIC):
             work()
-            return
+        else:
+            self.when_told_more(stamp, work)
+
+    def when_told_more(self, stamp: int, work: Callable[[], None]) -> None:
+        """Do the work when the next message of a tile comes."""
         self._waiting.setdefault(stamp, []).append(work)
         _keep_last(self._waiting)
+
+    def is_whole(self, stamp: int) -> bool:
+        """Whether the last message of a tile says that there is nothing beyond it."""
+        return self._known.get(stamp, {}).get("bounds", ()) is None
 
     def complete(self, tile: PointTile) -> PointTile:
         """

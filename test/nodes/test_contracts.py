@@ -16,8 +16,8 @@ from lidar_buildings.nodes import reference
 from lidar_buildings.nodes.configs import NODE_CONFIGS
 from lidar_buildings.nodes.graph import node_class
 from lidar_buildings.nodes.table import (
-    DIAGNOSTICS,
     NODE_TABLE,
+    OF_EVERY_NODE,
     ON_REQUEST,
     nodes_until,
     topics_until,
@@ -107,7 +107,7 @@ def promised(topics):
 def test_every_node_has_the_topics_types_and_durabilities_of_the_table(start, name):
     node = start(name)
     assert endpoints(node, node.get_publishers_info_by_topic) == promised(
-        (*CARDS[name].publishes, DIAGNOSTICS)
+        {*CARDS[name].publishes, *OF_EVERY_NODE}
     )
     assert endpoints(node, node.get_subscriptions_info_by_topic) == promised(CARDS[name].subscribes)
 
@@ -277,7 +277,7 @@ def test_the_page_names_every_node_topic_service_and_parameter():
     page = reference.nodes_page()
     for card in NODE_TABLE:
         section = page.split(f"## {card.name}\n")[1].split("\n## ")[0]
-        for topic in (*card.subscribes, *card.publishes, DIAGNOSTICS):
+        for topic in (*card.subscribes, *card.publishes, *OF_EVERY_NODE):
             assert f"| **{topic.name}** | {topic.type} | {topic.qos} |" in section
         for name, kind, _ in card.services:
             assert f"| **{name}** | {kind} |" in section

@@ -1,0 +1,87 @@
+"""What every node says of the tiles in its hands: topic `tile_receipt`, a line of JSON each."""
+
+from __future__ import annotations
+
+import json
+from typing import NamedTuple
+from uuid import uuid4
+
+from rclpy.node import Node
+from std_msgs.msg import String
+
+from lidar_buildings.ros.errors import MessageError
+from lidar_buildings.ros.qos import LATCHED_EVENT
+
+TOPIC = "tile_receipt"
+#: What a node says: that it has started; that it works on a tile, or a part of it; what became of that.
+READY, TAKEN, DONE, FAILED = "ready", "taken", "done", "failed"
+#: Tells this process from all others that run nodes.
+_PROCESS = uuid4().hex
+
+
+class Receipt(NamedTuple):
+    """
+    One message.
+
+    Attributes
+    ----------
+    node : str
+        The node's name.
+    life : str
+        Another one each time the node is started.
+    state : str
+        One of the four above.
+    stamp : int
+        The tile's key [ns]; 0 where it is about none.
+    """
+
+    node: str
+    life: str
+    state: str
+    stamp: int
+
+    @property
+    def is_of_this_process(self) -> bool:
+        """Whether the node runs in this process."""
+        return self.life.startswith(_PROCESS)
+
+
+class ReceiptSender:
+    """
+    Publishes a node's receipts.
+
+    Parameters
+    ----------
+    node : Node
+        Whose life begins with this.
+    """
+
+    def __init__(self, node: Node) -> None:
+        self._name = node.get_name()
+        self._life = f"{_PROCESS}.{uuid4().hex}"
+        self._publisher = node.create_publisher(String, TOPIC, LATCHED_EVENT)
+
+    def send(self, state: str, stamp: int = 0) -> None:
+        """Say something of a tile."""
+        self._publisher.publish(receipt_message(Receipt(self._name, self._life, state, stamp)))
+
+
+def receipt_message(receipt: Receipt) -> String:
+    """Return the message of a receipt."""
+    return String(data=json.dumps(receipt._asdict()))
+
+
+def receipt_of(message: String) -> Receipt:
+    """
+    Return what a message says.
+
+    Raises
+    ------
+    MessageError
+        If it is no receipt.
+    """
+    try:
+        said = json.loads(message.data)
+        return Receipt(str(said["node"]), str(said["life"]), str(said["state"]), int(said["stamp"]))
+    except (ValueError, TypeError, KeyError) as error:
+        raise MessageError(f"{TOPIC} is not understood: {error!r}: {message.data[:100]}") from error

@@ -1,0 +1,103 @@
+"""No tile goes through a stage twice unless a node died with it, however slow the machine is."""
+
+import threading
+from collections import Counter
+from importlib import import_module
+
+import pytest
+import rclpy
+from support.ros_domain import use_own_domain
+
+from lidar_buildings.nodes.graph import survey_nodes
+from lidar_buildings.nodes.tile_player import TilePlayer
+from lidar_buildings.ros.composition import Composition
+from lidar_buildings.ros.middleware import prepare_middleware
+from lidar_buildings.simulation import simulate_survey
+
+pytestmark = pytest.mark.graph
+
+#: Node → what it calls with a tile first; the writer's work begins with the rasters.
+WORK = {
+    "ground_filter": "filter_ground",
+    "roof_selector": "select_roof_points",
+    "edge_labeller": "label_roof_edges",
+    "building_tracer": "trace_buildings",
+    "outline_regulariser": "regularise_outlines",
+    "plane_fitter": "fit_planes",
+    "model_builder": "build_models",
+    "model_writer": "rasterise_tile",
+}
+#: More than ten times what a tile may take in silence [s].
+LONG = 1000.0
+
+
+class SlowedGraph:
+    """All nodes in one process; by the player's clock every stage takes ages, while the player goes on."""
+
+    def __init__(self, survey, output, context, monkeypatch):
+        self.calls = Counter()
+        self._ticks = threading.Condition()
+        for node, name in WORK.items():
+            module = import_module(f"lidar_buildings.nodes.{node}")
+            monkeypatch.setattr(module, name, self._slowed(node, getattr(module, name)))
+        monkeypatch.setattr(TilePlayer, "on_timer", self._ticking(TilePlayer.on_timer))
+        settings = {"tile_player": {"tile_size": 25.0, "buffer": 5.0}}
+        self.nodes = survey_nodes([str(survey)], str(output), settings=settings, context=context)
+
+    def run(self):
+        composition = Composition(*self.nodes.values())
+        composition.start()
+        try:
+            assert composition.wait(self.nodes["model_writer"], timeout=300.0)
+        finally:
+            composition.stop()
+        return self.nodes["model_writer"].outcome.result()
+
+    def _ticking(self, on_timer):
+        def tick(player):
+            on_timer(player)
+            with self._ticks:
+                self._ticks.notify_all()
+
+        return tick
+
+    def _slowed(self, node, work):
+        def slow(tile, *more):
+            # outlines have no stamp, but a tile's are no other tile's; a tile sent larger is another one
+            stamp = getattr(tile, "stamp", None)
+            self.calls[node, stamp, len(tile) if stamp is not None else tuple(tile)] += 1
+            player = self.nodes["tile_player"]
+            with self._ticks:
+                assert self._ticks.wait_for(lambda: player._flow._at_work.get(node), 60.0)
+                player._time += LONG
+                assert all(self._ticks.wait(60.0) for _ in range(2))
+            return work(tile, *more)
+
+        return slow
+
+
+@pytest.fixture
+def graph(tmp_path, monkeypatch):
+    use_own_domain()
+    prepare_middleware()
+    simulate_survey(tmp_path / "survey", "single_house", 0, density=3.0)
+    context = rclpy.Context()
+    rclpy.init(args=[], context=context)
+    yield SlowedGraph(tmp_path / "survey", tmp_path / "out", context, monkeypatch)
+    rclpy.try_shutdown(context=context)
+
+
+def test_every_stage_works_once_on_each_tile_of_a_graph_slower_than_any_timeout(graph):
+    summary = graph.run()
+    n_tiles = summary.n_tiles
+    assert n_tiles == 9
+    with_stamp = {key: number for key, number in graph.calls.items() if key[1] is not None}
+    assert set(with_stamp.values()) == {1}
+    # empty outlines are alike
+    assert sum(number for key, number in graph.calls.items() if key[1] is None) == n_tiles
+    assert {node for node, *_ in graph.calls} == set(WORK)
+    for node in set(WORK) - {"outline_regulariser"}:
+        assert len({stamp for name, stamp, _ in graph.calls if name == node}) == n_tiles
+    assert sum(node in ("plane_fitter", "model_builder", "model_writer") for node, *_ in graph.calls) == (
+        3 * n_tiles
+    )
