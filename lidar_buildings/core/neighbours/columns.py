@@ -14,6 +14,8 @@ from lidar_buildings.core.neighbours.cell_grid import sort_by_cell
 
 #: Columns at the very reach count as within, whatever rounding makes of it.
 SLACK = 1e-9
+#: Up to so many places a column are counted one by one, else walked along; the result is the same.
+MAX_PLACES = 16
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,12 +45,20 @@ class Columns:
     numbers: NDArray[np.int64]
     row_length: int
     size: float
-    _runs: dict[int, NDArray[np.int32]] = field(default_factory=dict)
+    _shared: dict[str, NDArray[np.int32]] = field(default_factory=dict)
 
     @cached_property
     def column(self) -> NDArray[np.int64]:
         """The column of each point."""
         return np.repeat(np.arange(len(self.numbers)), np.diff(self.first))
+
+    @property
+    def places(self) -> NDArray[np.int32]:
+        """Row and place in it of each column, from the south-west; shape (n_columns, 2)."""
+        if "places" not in self._shared:
+            places = np.column_stack(np.divmod(self.numbers, self.row_length))
+            self._shared["places"] = places.astype(np.int32)
+        return self._shared["places"]
 
     def select(self, kept: NDArray[np.bool_]) -> Columns:
         """Return some of the points in the same columns; their `rows` are positions among these points."""
@@ -73,12 +83,12 @@ class Columns:
             points are left out, those just beyond the reach are not.
         """
         steps = math.ceil(reach / self.size - SLACK)
-        key = math.floor(1e6 * reach / self.size)
-        if key not in self._runs:
+        key = repr(float(reach))
+        if key not in self._shared:
             across = np.maximum(abs(np.arange(-steps, steps + 1)) - 1, 0) * self.size
             half = np.ceil(np.sqrt(np.maximum(reach**2 - across**2, 0.0)) / self.size - SLACK)
-            self._runs[key] = _find_runs(self.numbers, self.row_length, half.astype(np.int64))
-        return self._runs[key]
+            self._shared[key] = _find_runs(self.numbers, self.row_length, half.astype(np.int64))
+        return self._shared[key]
 
 
 def by_column(points: NDArray[np.float64], size: float) -> Columns:
@@ -89,21 +99,33 @@ def by_column(points: NDArray[np.float64], size: float) -> Columns:
 
 @njit(cache=True, nogil=True)
 def _find_runs(numbers, row_length, half):  # type: ignore[no-untyped-def]
-    runs = np.empty((len(numbers), len(half), 2), dtype=np.int32)
+    n = len(numbers)
+    runs = np.zeros((n, len(half), 2), dtype=np.int32)
+    last = numbers[-1] if n else 0
+    is_dense = last < MAX_PLACES * n
+    before = np.zeros(last + 2 if is_dense else 1, dtype=np.int32)
+    if is_dense:
+        for number in numbers:
+            before[number + 1] = 1
+        for place in range(last + 1):
+            before[place + 1] += before[place]
     for row in range(len(half)):
         step = (row - len(half) // 2) * row_length
         begin, end, start = 0, 0, 0
-        for k in range(len(numbers)):
+        for k in range(n):
             # The place in its own row, without a division for each.
             while numbers[k] >= start + row_length:
                 start = numbers[k] // row_length * row_length
             place = numbers[k] - start
             west = numbers[k] + step - min(half[row], place)
             east = numbers[k] + step + min(half[row], row_length - 1 - place)
-            while begin < len(numbers) and numbers[begin] < west:
-                begin += 1
-            end = max(begin, end)
-            while end < len(numbers) and numbers[end] <= east:
-                end += 1
+            if is_dense:
+                begin, end = before[min(max(west, 0), last + 1)], before[min(max(east, -1), last) + 1]
+            else:
+                while begin < n and numbers[begin] < west:
+                    begin += 1
+                end = max(begin, end)
+                while end < n and numbers[end] <= east:
+                    end += 1
             runs[k, row, 0], runs[k, row, 1] = begin, end
     return runs

@@ -37,7 +37,7 @@ def smooth_patches(
     normals : ndarray of shape (n_points, 3)
         Unit normals.
     reach : ndarray of shape (n_points,)
-        Longest link of each point [m], > 0. Few different ones are quickest.
+        Longest link of each point [m], > 0.
     max_angle_deg : float
         Largest angle between linked normals [deg].
     max_offset : float
@@ -50,17 +50,12 @@ def smooth_patches(
     """
     parent = np.arange(len(columns.points))
     limits = (math.cos(math.radians(max_angle_deg)), max_offset)
-    for length in np.unique(reach):
-        _link_smooth(
-            columns.points,
-            columns.first,
-            columns.around(length),
-            normals,
-            reach == length,
-            length,
-            *limits,
-            parent,
-        )
+    least = float(reach.min(initial=np.inf))
+    # Most links are short as a rule, and found in fewer columns.
+    for chosen in (reach == least, reach > least):
+        if chosen.any():
+            runs = columns.around(float(reach[chosen].max()))
+            _link_smooth(columns.points, columns.first, runs, normals, chosen, reach, *limits, parent)
     return _numbered(parent)
 
 
@@ -82,8 +77,8 @@ def connected_columns(columns: Columns, radius: float, *, in_plan: bool = False)
     pairs are looked at only until one connects two such groups: quick if columns are half a radius wide.
     """
     part = np.empty(len(columns.points), dtype=np.int64)
-    runs = columns.around(radius)
-    _connect(columns.points, columns.first, runs, radius, columns.size, in_plan, part)
+    runs = (columns.around(columns.size), columns.around(radius))
+    _connect(columns.points, columns.first, *runs, radius, columns.size, in_plan, part)
     return part
 
 
@@ -128,7 +123,7 @@ def _count_cells(labels, first, counts):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _connect(points, first, runs, radius, size, in_plan, part):  # type: ignore[no-untyped-def]
+def _connect(points, first, beside, around, radius, size, in_plan, part):  # type: ignore[no-untyped-def]
     """Write the number of each point's part."""
     square = radius * radius
     height = math.sqrt(square - 2.0 * size * size) if square > 2.0 * size * size else -1.0
@@ -144,20 +139,25 @@ def _connect(points, first, runs, radius, size, in_plan, part):  # type: ignore[
                 i += 1
     group[-1], start[n] = n, len(points)
     parent = np.arange(n)
-    for k in range(len(first) - 1):
-        for one in range(group[k], group[k + 1]):
-            low, high = points[start[one], 2] - radius, points[start[one + 1] - 1, 2] + radius
-            for row in range(runs.shape[1] // 2, runs.shape[1]):
-                for other in range(max(group[runs[k, row, 0]], one + 1), group[runs[k, row, 1]]):
-                    if not in_plan and (
-                        points[start[other], 2] > high or points[start[other + 1] - 1, 2] < low
-                    ):
-                        continue
-                    if root(parent, one) != root(parent, other) and _touch(
-                        points, start[one], start[one + 1], start[other], start[other + 1], square, in_plan
-                    ):
-                        link(parent, one, other)
-    flatten(parent)
+    # What lies beside connects most of it; little remains to be measured farther away.
+    for runs in (beside, around):
+        for k in range(len(first) - 1):
+            for one in range(group[k], group[k + 1]):
+                own = root(parent, one)
+                low, high = points[start[one], 2] - radius, points[start[one + 1] - 1, 2] + radius
+                for row in range(runs.shape[1] // 2, runs.shape[1]):
+                    for other in range(max(group[runs[k, row, 0]], one + 1), group[runs[k, row, 1]]):
+                        begin, end = start[other], start[other + 1]
+                        if parent[other] == own or (
+                            not in_plan and (points[begin, 2] > high or points[end - 1, 2] < low)
+                        ):
+                            continue
+                        if own != root(parent, other) and _touch(
+                            points, start[one], start[one + 1], begin, end, square, in_plan
+                        ):
+                            link(parent, own, other)
+                            own = root(parent, own)
+        flatten(parent)
     number = 0
     for one in range(n):
         # The lowest of a set is its root, and has its number before the others.
@@ -183,7 +183,7 @@ def _touch(points, begin, end, other_begin, other_end, square, in_plan):  # type
 
 @njit(cache=True, nogil=True)
 def _link_smooth(points, first, runs, normals, chosen, reach, min_cosine, max_offset, parent):  # type: ignore[no-untyped-def]
-    """Link the chosen points, all of one reach, to all others within it."""
+    """Link the chosen points to all others within their reach."""
     for k in range(len(first) - 1):
         for i in range(first[k], first[k + 1]):
             if not chosen[i]:
@@ -193,13 +193,13 @@ def _link_smooth(points, first, runs, normals, chosen, reach, min_cosine, max_of
             own = root(parent, i)
             for row in range(runs.shape[1]):
                 for j in range(first[runs[k, row, 0]], first[runs[k, row, 1]]):
-                    # A chosen one before it has found this link itself.
-                    if parent[j] == own or (j < i and chosen[j]):
+                    # A chosen one before it that reaches back has found this link itself.
+                    if parent[j] == own or (j < i and chosen[j] and reach[j] >= reach[i]):
                         continue
                     dx, dy, dz = points[j, 0] - x, points[j, 1] - y, points[j, 2] - z
                     u, v, w = normals[j]
                     if (
-                        dx * dx + dy * dy + dz * dz <= reach * reach
+                        dx * dx + dy * dy + dz * dz <= reach[i] * reach[i]
                         and abs(a * u + b * v + c * w) >= min_cosine
                         and abs(a * dx + b * dy + c * dz) <= max_offset
                         and abs(u * dx + v * dy + w * dz) <= max_offset

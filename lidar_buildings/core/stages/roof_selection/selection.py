@@ -152,11 +152,13 @@ def select_roofs(
     spacing = given_or_measured(points, point_spacing)
     is_low = (height < CONTEXT * config.min_height) & ~_is_of(NOISE)[classes]
     rows = np.flatnonzero(is_open)
-    columns = by_column(points[rows], max(RADIUS_SPACINGS * spacing, MIN_RADIUS) / COLUMNS_A_RADIUS)
+    radius = max(RADIUS_SPACINGS * spacing, MIN_RADIUS)
+    columns = by_column(points.take(rows, axis=0), radius / COLUMNS_A_RADIUS)
     rows = rows[columns.rows]
     is_roof = np.zeros(len(points), dtype=bool)
     own = (height[rows], is_last[rows], is_only[rows])
-    is_roof[rows] = _roofs(columns, *own, points[is_low], spacing, config)
+    low = points.take(np.flatnonzero(is_low), axis=0)
+    is_roof[rows] = _roofs(columns, *own, low, spacing, config)
     if config.method in COMPLETIONS:
         is_roof |= COMPLETIONS[config.method](points, height, is_open, is_roof, spacing, config)
     is_facade = np.zeros(len(points), dtype=bool)

@@ -116,13 +116,14 @@ def surroundings(
         Which points ask; for the columns of others there is no answer.
     """
     around, asking = columns.select(chosen), columns.select(wanted).first
-    holds = np.flatnonzero(np.diff(around.first))
-    before = np.searchsorted(holds, np.arange(len(columns.first)))
-    place = np.column_stack(divmod(columns.numbers[holds], columns.row_length)).astype(np.int32)
+    is_held = np.diff(around.first, append=around.first[-1]) > 0
+    holds = np.flatnonzero(is_held)
+    before: NDArray[np.int64] = np.cumsum(is_held) - is_held
+    place = columns.places[holds]
     lowest, highest = around.points[around.first[holds], 2], around.points[around.first[holds + 1] - 1, 2]
     n = len(columns.numbers)
     found = Surroundings(np.zeros(n, dtype=np.uint8), np.full(n, np.inf), np.full(n, -np.inf))
-    runs, own = columns.around(reach), np.column_stack(divmod(columns.numbers, columns.row_length))
+    runs, own = columns.around(reach), columns.places
     for_row_blocks(
         lambda begin, end: _look_around(
             asking, own, runs, before, place, lowest, highest, reach / columns.size, *found, begin, end

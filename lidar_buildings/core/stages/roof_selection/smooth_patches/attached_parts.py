@@ -54,6 +54,7 @@ def wide_levels(
         columns.points,
         columns.first,
         columns.numbers,
+        columns.places,
         columns.row_length,
         columns.column[chosen],
         chosen,
@@ -69,7 +70,7 @@ def wide_levels(
 
 @njit(cache=True, nogil=True)
 def _judge(  # type: ignore[no-untyped-def]
-    points, first, numbers, row_length, column, rows, begins, is_part, size, half, min_width, kept
+    points, first, numbers, places, row_length, column, rows, begins, is_part, size, half, min_width, kept
 ):
     """Judge part after part, each in a window of its own."""
     reach = math.ceil(max(half, 0.5 * min_width / size + 0.5))
@@ -79,7 +80,7 @@ def _judge(  # type: ignore[no-untyped-def]
         begin, end = begins[k], begins[k + 1]
         low_x, high_x, low_y, high_y, top = row_length, 0, numbers[-1], 0, -np.inf
         for i in range(begin, end):
-            x, y = numbers[column[i]] % row_length, numbers[column[i]] // row_length
+            y, x = places[column[i], 0], places[column[i], 1]
             low_x, high_x, low_y, high_y = min(low_x, x), max(high_x, x), min(low_y, y), max(high_y, y)
             top = max(top, points[rows[i], 2])
         low_x, high_x, low_y, high_y = low_x - margin, high_x + margin, low_y - margin, high_y + margin
@@ -87,7 +88,7 @@ def _judge(  # type: ignore[no-untyped-def]
         own, others = np.zeros_like(below), np.zeros_like(below)
         count = np.zeros(below.shape, dtype=np.int64)
         for i in range(begin, end):
-            y, x = numbers[column[i]] // row_length - low_y, numbers[column[i]] % row_length - low_x
+            y, x = places[column[i], 0] - low_y, places[column[i], 1] - low_x
             own[y, x] = 1
             count[y, x] += 1
         for y in range(low_y, high_y + 1):
@@ -109,7 +110,7 @@ def _judge(  # type: ignore[no-untyped-def]
             core = (depth >= half * half).astype(np.uint8)
             to_core = square_distances(core, 1, math.ceil(half + 1.0))
             for i in range(begin, end):
-                y, x = numbers[column[i]] // row_length - low_y, numbers[column[i]] % row_length - low_x
+                y, x = places[column[i], 0] - low_y, places[column[i], 1] - low_x
                 kept[rows[i]] = to_core[y, x] <= (half + 1.0) ** 2
         if 2.0 * (math.sqrt(widest) - 0.5) * size < min_width:
             to_others = square_distances(others, 1, near)

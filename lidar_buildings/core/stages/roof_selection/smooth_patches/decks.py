@@ -57,20 +57,20 @@ def is_deck(
     steps = (REACH + cell) / grid.size
     ends, met = np.zeros((2, n_surfaces, N_SECTORS), dtype=np.int64)
     runs = columns.around(REACH + cell)
-    _count_ends(grid.points, owner, grid.first, grid.numbers, grid.n_columns, runs, steps, ends, met)
+    _count_ends(grid.points, owner, grid.first, columns.places, runs, steps, ends, met)
     is_end = (met >= MIN_SHARE * ends) & (met > 0)
     half = N_SECTORS // 2
     return np.asarray((is_end[:, :half] & is_end[:, half:]).any(axis=1))
 
 
 @njit(cache=True, nogil=True)
-def _count_ends(points, owner, first, numbers, row_length, runs, reach, ends, met):  # type: ignore[no-untyped-def]
+def _count_ends(points, owner, first, places, runs, reach, ends, met):  # type: ignore[no-untyped-def]
     """
     Count, by surface and sector, the cells beyond which it does not go on, and those of them with ground.
 
     A surface is as high in a cell as its highest point there; ground fills all from lowest to highest.
     """
-    n = len(numbers)
+    n = len(places)
     low, high = np.full(n, np.inf), np.full(n, -np.inf)
     start = np.zeros(n + 1, dtype=np.int64)
     own, top = np.empty(len(points), dtype=np.int64), np.empty(len(points))
@@ -88,12 +88,11 @@ def _count_ends(points, owner, first, numbers, row_length, runs, reach, ends, me
                 top[entry[owner[i]]] = max(top[entry[owner[i]]], z)
         start[k + 1] = total
     for k in range(n):
-        column, line = numbers[k] % row_length, numbers[k] // row_length
         for one in range(start[k], start[k + 1]):
             goes_on, is_met = 0, 0
             for row in range(runs.shape[1]):
                 for c in range(runs[k, row, 0], runs[k, row, 1]):
-                    dx, dy = numbers[c] % row_length - column, numbers[c] // row_length - line
+                    dx, dy = places[c, 1] - places[k, 1], places[c, 0] - places[k, 0]
                     if c == k or dx * dx + dy * dy > reach * reach:
                         continue
                     bit = 1 << sector_of(dx, dy)

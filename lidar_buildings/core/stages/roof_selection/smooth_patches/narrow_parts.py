@@ -67,9 +67,10 @@ def _measured(
     """Return what `measure` makes of the squared depth at each column, block by block with a margin."""
     values = np.zeros(len(columns.numbers))
     holds = np.flatnonzero(np.diff(columns.first))
-    line, place = divmod(columns.numbers[holds], columns.row_length)
+    line, place = np.ascontiguousarray(columns.places[holds].T)
     margin = 2 * reach + 4
-    for north in np.unique(line // BLOCK) * BLOCK:
+    band = line // BLOCK
+    for north in band[np.flatnonzero(np.diff(band, prepend=-1))] * BLOCK:
         begin, end = np.searchsorted(line, (north - margin, north + BLOCK + margin))
         for east in np.unique(place[begin:end] // BLOCK) * BLOCK:
             near = (place[begin:end] >= east - margin) & (place[begin:end] < east + BLOCK + margin)

@@ -71,7 +71,7 @@ def find_roof_surface(candidates: Candidates, config: RoofSelectionConfig) -> Ro
     n = len(columns.points)
     rows = np.flatnonzero(candidates.is_last & (candidates.height >= config.min_height))
     features = eigen_features(
-        columns.points[rows], list(radius * RADIUS_STEPS), min_neighbours=MIN_PLANE_POINTS
+        columns.points.take(rows, axis=0), list(radius * RADIUS_STEPS), min_neighbours=MIN_PLANE_POINTS
     )
     upward = features.normals[:, 2]
     # As it would be if the surface lay level.

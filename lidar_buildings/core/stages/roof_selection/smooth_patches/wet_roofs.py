@@ -160,8 +160,8 @@ def _off_plane(points: NDArray[np.float64], chosen: NDArray[np.bool_]) -> NDArra
     offsets, residuals = fitted - centre, np.zeros(len(fitted))
     design = np.column_stack([offsets[:, :2], np.ones(len(offsets))])
     for _ in range(ROUNDS):
-        root = 1.0 / np.sqrt(np.maximum(np.abs(residuals), MIN_RESIDUAL))
-        plane = np.linalg.lstsq(design * root[:, None], offsets[:, 2] * root, rcond=None)[0]
+        weighted = design.T / np.maximum(np.abs(residuals), MIN_RESIDUAL)
+        plane = np.linalg.lstsq(weighted @ design, weighted @ offsets[:, 2], rcond=None)[0]
         residuals = offsets[:, 2] - design @ plane
     return (points - centre) @ np.append(-plane[:2], 1.0) - plane[2]
 
