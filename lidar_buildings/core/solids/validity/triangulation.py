@@ -21,6 +21,8 @@ from lidar_buildings.core.solids.validity.flips import flip_to_delaunay
 _STRAIGHT = 1e-9
 #: Rings with more corners than this get the first ear found, not the best.
 _MANY = 24
+#: Qualities of an ear that has a corner inside, and of one that has to be looked at.
+_BLOCKED, _UNKNOWN = -2.0, -9.0
 
 
 def triangulate(faces: FaceArrays, flat: FloatArray) -> tuple[IntArray, IntArray]:
@@ -43,7 +45,7 @@ def triangulate(faces: FaceArrays, flat: FloatArray) -> tuple[IntArray, IntArray
     return triangles[used], np.repeat(np.arange(len(counts)), counts)[used]
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def _triangulate_all(
     flat: FloatArray,
     corners: IntArray,
@@ -53,206 +55,205 @@ def _triangulate_all(
     triangles: IntArray,
 ) -> None:
     """Triangulate face by face into the rows reserved for each."""
+    most = 0
     for face in range(len(face_starts) - 1):
-        rings = ring_starts[face_starts[face] : face_starts[face + 1] + 1]
-        rows = triangles[starts[face] : starts[face + 1]]
-        if len(rings) == 2 and rings[1] - rings[0] == 3:
-            for k in range(3):
-                rows[0, k] = corners[rings[0] + k]
-            continue
-        loop = _joined_rings(flat, corners, rings)
+        most = max(most, starts[face + 1] - starts[face] + 2)
+    loop, quality = np.empty(most, dtype=np.int64), np.empty(most)
+    across = np.empty((most, 3), dtype=np.int64)
+    for face in range(len(face_starts) - 1):
+        first_ring, last_ring = face_starts[face], face_starts[face + 1]
+        row, begin = starts[face], ring_starts[first_ring]
+        n = ring_starts[first_ring + 1] - begin
+        for k in range(n):
+            loop[k] = begin + k
+        if last_ring - first_ring > 1:
+            n = _join_holes(flat, corners, ring_starts, first_ring, last_ring, loop, n)
         # A hole that touches another ring needs no bridge: two triangles fewer.
-        rows[len(loop) - 2 :] = -1
-        rows = rows[: len(loop) - 2]
-        _cut_ears(flat, loop, rows)
-        flip_to_delaunay(flat, corners, rows)
-        for row in rows:
+        for k in range(row + n - 2, starts[face + 1]):
+            triangles[k, 0] = -1
+        _cut_ears(flat, loop, n, quality, triangles, row)
+        if n > 3:
+            flip_to_delaunay(flat, corners, triangles, row, row + n - 2, across)
+        for t in range(row, row + n - 2):
             for k in range(3):
-                row[k] = corners[row[k]]
+                triangles[t, k] = corners[triangles[t, k]]
 
 
-@njit(cache=True, nogil=True)
-def _joined_rings(flat: FloatArray, corners: IntArray, rings: IntArray) -> IntArray:
-    """
-    Return one closed loop of corners that runs along all rings of a face, with bridges to the holes.
-
-    The rightmost of the holes that are left is the next one: it can be seen from what it is joined to.
-    """
-    n_holes = len(rings) - 2
-    loop = np.empty(rings[-1] - rings[0] + 2 * n_holes, dtype=np.int64)
-    n = rings[1] - rings[0]
-    for k in range(n):
-        loop[k] = rings[0] + k
-    joined = np.zeros(n_holes, dtype=np.bool_)
-    for _ in range(n_holes):
-        best, chosen = -np.inf, 0
-        for hole in range(n_holes):
-            for corner in range(rings[hole + 1], rings[hole + 2]):
-                if not joined[hole] and flat[corner, 0] > best:
-                    best, chosen = flat[corner, 0], hole
-        joined[chosen] = True
-        n = _join_hole(flat, corners, loop, n, rings, chosen + 1)
-    return loop[:n]
-
-
-@njit(cache=True, nogil=True)
-def _join_hole(
-    flat: FloatArray, corners: IntArray, loop: IntArray, n: int, rings: IntArray, number: int
+@njit(cache=True, nogil=True, error_model="numpy")
+def _join_holes(
+    flat: FloatArray,
+    corners: IntArray,
+    ring_starts: IntArray,
+    first_ring: int,
+    last_ring: int,
+    loop: IntArray,
+    n: int,
 ) -> int:
     """
-    Join a hole to the first n corners of a loop and return how many it has then.
+    Join a face's holes to the first n corners of a loop, its exterior, and return how many it has then.
 
-    At a common vertex if there is one, else by the shortest bridge in sight.
+    The rightmost of the holes that are left is the next one: it can be seen from what it is joined to. It is
+    joined at a common vertex if there is one, else by the shortest bridge in sight from its rightmost corner,
+    and if that has none, from any.
     """
-    first, size = rings[number], rings[number + 1] - rings[number]
-    rightmost = 0
-    for j in range(size):
-        if flat[first + j, 0] > flat[first + rightmost, 0]:
-            rightmost = j
-    best, at, entry = _bridge(flat, corners, loop[:n], rings, number, rightmost)
-    if at < 0:
-        best, at, entry = _bridge(flat, corners, loop[:n], rings, number, -1)
-    at = max(at, 0)
-    added = size if best < 0.0 else size + 2
-    for k in range(n - 1, at, -1):
-        loop[k + added] = loop[k]
-    for k in range(added):
-        # Once around the hole from the entry on, and, over a bridge, back to where it began.
-        loop[at + 1 + k] = first + (entry + k + (1 if best < 0.0 else 0)) % size
-    if best >= 0.0:
-        loop[at + added] = loop[at]
-    return n + added
+    joined = np.zeros(last_ring, dtype=np.bool_)
+    for _ in range(first_ring + 1, last_ring):
+        rightmost, chosen, tip = -np.inf, first_ring + 1, 0
+        for ring in range(first_ring + 1, last_ring):
+            for corner in range(ring_starts[ring], ring_starts[ring + 1]):
+                if not joined[ring] and flat[corner, 0] > rightmost:
+                    rightmost, chosen, tip = flat[corner, 0], ring, corner
+        joined[chosen] = True
+        first, last = ring_starts[chosen], ring_starts[chosen + 1]
+        shortest, at, entry, touches = np.inf, -1, first, False
+        for attempt in range(2):
+            for i in range(n):
+                for j in range(first, last):
+                    meets = corners[loop[i]] == corners[j]
+                    if not meets and attempt == 0 and j != tip:
+                        continue
+                    gap = -1.0 if meets else _squared(flat, loop[i], j)
+                    if gap >= shortest:
+                        continue
+                    ahead = (j + 1 if j + 1 < last else first) if meets else j
+                    if _is_free(flat, ring_starts, first_ring, last_ring, loop, n, i, ahead, meets):
+                        shortest, at, entry, touches = gap, i, j, meets
+            if at >= 0:
+                break
+        at = max(at, 0)
+        added = last - first + (0 if touches else 2)
+        for k in range(n - 1, at, -1):
+            loop[k + added] = loop[k]
+        for k in range(added):
+            # Once around the hole from the entry on, and, over a bridge, back to where it began.
+            loop[at + 1 + k] = first + (entry - first + k + (1 if touches else 0)) % (last - first)
+        if not touches:
+            loop[at + added] = loop[at]
+        n += added
+    return n
 
 
-@njit(cache=True, nogil=True)
-def _bridge(
-    flat: FloatArray, corners: IntArray, loop: IntArray, rings: IntArray, number: int, only: int
-) -> tuple[float, int, int]:
+@njit(cache=True, nogil=True, error_model="numpy")
+def _is_free(
+    flat: FloatArray,
+    ring_starts: IntArray,
+    first_ring: int,
+    last_ring: int,
+    loop: IntArray,
+    n: int,
+    i: int,
+    end: int,
+    touches: bool,
+) -> bool:
     """
-    Return the squared length of the shortest bridge, −1 where none is needed, and its ends in loop and hole.
+    Whether a corner is seen from corner i of a loop in the direction of its inside, with no edge between.
 
-    Bridges from one corner of the hole only are looked at, or, if it is −1, from all. Without any the end in
-    the loop is −1.
+    Where rings touch nothing can lie between.
     """
-    first, size = rings[number], rings[number + 1] - rings[number]
-    best = np.inf
-    at, entry = -1, 0
-    for i in range(len(loop)):
-        for j in range(size):
-            touches = corners[loop[i]] == corners[first + j]
-            if not touches and only >= 0 and j != only:
-                continue
-            gap = -1.0 if touches else _squared(flat[loop[i]], flat[first + j])
-            if gap >= best:
-                continue
-            ahead = first + ((j + 1) % size if touches else j)
-            if _in_cone(flat, loop, i, flat[ahead]) and (
-                touches or _in_sight(flat, loop, rings, loop[i], first + j)
-            ):
-                best, at, entry = gap, i, j
-    return best, at, entry
-
-
-@njit(cache=True, nogil=True)
-def _in_cone(flat: FloatArray, loop: IntArray, i: int, p: FloatArray) -> bool:
-    """Whether a point is seen from a corner of a loop in the direction of its inside."""
-    before, here, after = flat[loop[i - 1]], flat[loop[i]], flat[loop[(i + 1) % len(loop)]]
-    left_of_in, left_of_out = turn(before, here, p) > 0.0, turn(here, after, p) > 0.0
-    if turn(before, here, after) > 0.0:
-        return left_of_in and left_of_out
-    return left_of_in or left_of_out
-
-
-@njit(cache=True, nogil=True)
-def _in_sight(flat: FloatArray, loop: IntArray, rings: IntArray, start: int, end: int) -> bool:
-    """Whether no edge of a loop or of the face's rings lies between two corners."""
-    for k in range(len(loop)):
-        if _separates(flat[start], flat[end], flat[loop[k - 1]], flat[loop[k]]):
+    start = loop[i]
+    before, after = loop[i - 1 if i else n - 1], loop[i + 1 if i + 1 < n else 0]
+    left_of_in, left_of_out = turn(flat, before, start, end) > 0.0, turn(flat, start, after, end) > 0.0
+    if turn(flat, before, start, after) > 0.0:
+        if not (left_of_in and left_of_out):
             return False
-    for number in range(1, len(rings) - 1):
-        before = rings[number + 1] - 1
-        for here in range(rings[number], rings[number + 1]):
-            if _separates(flat[start], flat[end], flat[before], flat[here]):
-                return False
-            before = here
+    elif not (left_of_in or left_of_out):
+        return False
+    if touches:
+        return True
+    n_all = n + ring_starts[last_ring] - ring_starts[first_ring + 1]
+    ring, previous = first_ring, loop[n - 1]
+    for k in range(n_all):
+        if k < n:
+            here = loop[k]
+        else:
+            here = ring_starts[first_ring + 1] + k - n
+            while ring == first_ring or here == ring_starts[ring + 1]:
+                ring += 1
+                previous = ring_starts[ring + 1] - 1
+        # whether this edge meets the bridge elsewhere than in a common end
+        if (
+            _squared(flat, start, previous) != 0.0
+            and _squared(flat, start, here) != 0.0
+            and _squared(flat, end, previous) != 0.0
+            and _squared(flat, end, here) != 0.0
+            and turn(flat, start, end, previous) * turn(flat, start, end, here) <= 0.0
+            and turn(flat, previous, here, start) * turn(flat, previous, here, end) <= 0.0
+        ):
+            return False
+        previous = here
     return True
 
 
-@njit(cache=True, nogil=True)
-def _separates(a: FloatArray, b: FloatArray, c: FloatArray, d: FloatArray) -> bool:
-    """Whether segment cd meets segment ab elsewhere than in a common end."""
-    if _squared(a, c) == 0.0 or _squared(a, d) == 0.0 or _squared(b, c) == 0.0 or _squared(b, d) == 0.0:
-        return False
-    return turn(a, b, c) * turn(a, b, d) <= 0.0 and turn(c, d, a) * turn(c, d, b) <= 0.0
+@njit(cache=True, nogil=True, error_model="numpy")
+def _cut_ears(
+    flat: FloatArray, loop: IntArray, n: int, quality: FloatArray, triangles: IntArray, row: int
+) -> None:
+    """
+    Cut the ears off a loop of n corners: each time the best one, in long loops the first good one.
 
-
-@njit(cache=True, nogil=True)
-def _cut_ears(flat: FloatArray, loop: IntArray, rows: IntArray) -> None:
-    left = loop.copy()
-    n = len(left)
-    count = 0
+    The quality of an ear is its height over its longest side as a share of that side; −1 for a straight
+    corner, −2 for no ear, −3 for a corner that points inwards. Only ears beside one that is cut change, and
+    those that had a corner inside.
+    """
+    for k in range(n):
+        quality[k] = _UNKNOWN
     start = 0
     while n > 3:
-        k = _next_ear(flat, left[:n], start)
-        rows[count, 0], rows[count, 1], rows[count, 2] = (
-            left[k - 1 if k else n - 1],
-            left[k],
-            left[(k + 1) % n],
-        )
-        count += 1
-        for j in range(k, n - 1):
-            left[j] = left[j + 1]
+        best, chosen = -np.inf, start
+        for step in range(n):
+            k = start + step if start + step < n else start + step - n
+            if quality[k] == _UNKNOWN:
+                quality[k] = _ear_quality(flat, loop, n, k)
+            if quality[k] > best:
+                best, chosen = quality[k], k
+                if n > _MANY and quality[k] > 0.1:
+                    break
+        before, after = chosen - 1 if chosen else n - 1, chosen + 1 if chosen + 1 < n else 0
+        triangles[row, 0], triangles[row, 1], triangles[row, 2] = loop[before], loop[chosen], loop[after]
+        row += 1
+        quality[before] = quality[after] = _UNKNOWN
         n -= 1
-        start = k % n
+        for k in range(chosen, n):
+            loop[k], quality[k] = loop[k + 1], quality[k + 1]
+        for k in range(n):
+            if quality[k] == _BLOCKED:
+                quality[k] = _UNKNOWN
+        start = chosen if chosen < n else 0
     for k in range(3):
-        rows[count, k] = left[k]
+        triangles[row, k] = loop[k]
 
 
-@njit(cache=True, nogil=True)
-def _next_ear(flat: FloatArray, loop: IntArray, start: int) -> int:
-    """
-    Return the corner with the best ear, in long loops the first good one; a straight corner if there is none.
-    """
-    n = len(loop)
-    best, chosen = -np.inf, start
-    for step in range(n):
-        k = (start + step) % n
-        quality = _ear_quality(flat, loop, k)
-        if quality > best:
-            best, chosen = quality, k
-            if n > _MANY and quality > 0.1:
-                break
-    return chosen
-
-
-@njit(cache=True, nogil=True)
-def _ear_quality(flat: FloatArray, loop: IntArray, k: int) -> float:
-    """
-    Return an ear's height over its longest side as a share of that side; −1 for straight, −2 for no ear.
-    """
-    n = len(loop)
-    a, b, c = flat[loop[k - 1]], flat[loop[k]], flat[loop[(k + 1) % n]]
-    longest = np.sqrt(max(_squared(a, b), _squared(b, c), _squared(c, a)))
+@njit(cache=True, nogil=True, error_model="numpy")
+def _ear_quality(flat: FloatArray, loop: IntArray, n: int, k: int) -> float:
+    a, b, c = loop[k - 1 if k else n - 1], loop[k], loop[k + 1 if k + 1 < n else 0]
+    longest = np.sqrt(max(_squared(flat, a, b), _squared(flat, b, c), _squared(flat, c, a)))
     if longest == 0.0:
         return -1.0
-    height = turn(a, b, c) / longest
+    height = turn(flat, a, b, c) / longest
     if height < -_STRAIGHT:
         return -3.0
     for j in range(n):
-        p = flat[loop[j]]
-        if _squared(p, a) == 0.0 or _squared(p, b) == 0.0 or _squared(p, c) == 0.0:
-            continue
-        if turn(a, b, p) >= 0.0 and turn(b, c, p) >= 0.0 and turn(c, a, p) >= 0.0:
-            return -2.0
+        p = loop[j]
+        if (
+            turn(flat, a, b, p) >= 0.0
+            and turn(flat, b, c, p) >= 0.0
+            and turn(flat, c, a, p) >= 0.0
+            and _squared(flat, p, a) != 0.0
+            and _squared(flat, p, b) != 0.0
+            and _squared(flat, p, c) != 0.0
+        ):
+            return _BLOCKED
     return height / longest if height > _STRAIGHT else -1.0
 
 
-@njit(cache=True, nogil=True)
-def turn(a: FloatArray, b: FloatArray, c: FloatArray) -> float:
-    """Return twice the area of a triangle, positive if counter-clockwise."""
-    return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
+@njit(cache=True, nogil=True, error_model="numpy")
+def turn(flat: FloatArray, a: int, b: int, c: int) -> float:
+    """Return twice the area of a triangle of rows, positive if counter-clockwise."""
+    return (flat[b, 0] - flat[a, 0]) * (flat[c, 1] - flat[a, 1]) - (flat[b, 1] - flat[a, 1]) * (
+        flat[c, 0] - flat[a, 0]
+    )
 
 
-@njit(cache=True, nogil=True)
-def _squared(a: FloatArray, b: FloatArray) -> float:
-    return (a[0] - b[0]) ** 2 + (a[1] - b[1]) ** 2
+@njit(cache=True, nogil=True, error_model="numpy")
+def _squared(flat: FloatArray, a: int, b: int) -> float:
+    return (flat[a, 0] - flat[b, 0]) ** 2 + (flat[a, 1] - flat[b, 1]) ** 2
