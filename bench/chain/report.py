@@ -39,8 +39,8 @@ class Table:
 
     def markdown(self) -> str:
         """Return it for a document."""
-        lines = [self.headings, ["---", *["--:"] * (len(self.headings) - 1)], *self.rows]
-        text = [f"| {' | '.join(line)} |".replace("| ---", "|---") for line in lines]
+        head, *text = (f"| {' | '.join(line)} |" for line in (self.headings, *self.rows))
+        text = [head, f"|---|{'--:|' * (len(self.headings) - 1)}", *text]
         return "\n".join([f"{self.title}:", "", *text, *(f"\n{line}" for line in self.missing)])
 
 
