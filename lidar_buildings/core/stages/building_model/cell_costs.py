@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,6 +18,8 @@ from lidar_buildings.core.stages.building_model.noding import in_tiles, tile_of,
 
 #: Spots farther than this from any point are without data [spacings].
 EMPTY_DISTANCE = 2.0
+#: In a raster of no larger steps the whole of a cell lies within that distance of the middle of the next one.
+_NEAR_STEP = 1.25
 #: Most spots of the raster.
 _MAX_SPOTS = 40_000
 #: A point counts as so far off its plane at most [m].
@@ -64,19 +67,24 @@ def make_samples(
     spacing : float
         Point spacing [m].
     """
-    shapely.prepare(outline)
     west, south, east, north = outline.bounds
     step = max(spacing, ((east - west) * (north - south) / _MAX_SPOTS) ** 0.5)
     # Whole multiples of the step, so that the raster does not hang on the outline.
-    column, row = np.floor(west / step), np.floor(south / step)
-    shape = int(np.floor(east / step) - column) + 1, int(np.floor(north / step) - row) + 1
-    place = (np.floor(points[:, :2] / step) - (column, row)).astype(np.int64)
-    inside = ((place >= 0) & (place < shape)).all(axis=1)
-    flat = np.where(inside, place[:, 0] * shape[1] + place[:, 1], 0)
-    count = np.bincount(flat[inside], minlength=shape[0] * shape[1])
-    weight = np.where(inside, step**2 / np.maximum(count[flat], 1), step**2)
-    empty = np.flatnonzero(count == 0)
-    spots = (np.column_stack([empty // shape[1] + column, empty % shape[1] + row]) + 0.5) * step
+    column, row = math.floor(west / step), math.floor(south / step)
+    n_columns, n_rows = math.floor(east / step) - column + 1, math.floor(north / step) - row + 1
+    at_x, at_y = np.floor(points[:, 0] / step) - column, np.floor(points[:, 1] / step) - row
+    inside = (at_x >= 0) & (at_x < n_columns) & (at_y >= 0) & (at_y < n_rows)
+    flat = np.where(inside, at_x * n_rows + at_y, n_columns * n_rows).astype(np.int64)
+    count = np.bincount(flat, minlength=n_columns * n_rows + 1)
+    count[-1] = 1
+    weight = step**2 / count[flat]
+    without = count[:-1].reshape(n_columns, n_rows) == 0
+    if step <= _NEAR_STEP * spacing:
+        # A spot beside a cell with points is near enough to one.
+        lone = np.pad(without, 1, constant_values=True)
+        without = without & lone[2:, 1:-1] & lone[:-2, 1:-1] & lone[1:-1, 2:] & lone[1:-1, :-2]
+    spots = (np.argwhere(without) + np.array([column, row]) + 0.5) * step
+    shapely.prepare(outline)
     spots = spots[shapely.contains_xy(outline, spots)]
     planar = np.flatnonzero(plane_id > 0)
     if not len(spots) or not len(planar):

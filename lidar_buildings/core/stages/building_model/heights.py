@@ -6,10 +6,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import shapely
+from numba import njit
 
-from lidar_buildings.core.model.array_types import FloatArray, IntArray
+from lidar_buildings.core.model.array_types import BoolArray, FloatArray, IntArray
+from lidar_buildings.core.model.outline import signed_area
 from lidar_buildings.core.neighbours.union_find import sets_of_pairs
 from lidar_buildings.core.solids.output_grid import GRID
+from lidar_buildings.core.stages.building_model.noding import in_tiles, tile_of, tiles_of
 from lidar_buildings.core.stages.building_model.roof_face import RoofFacePatch, open_rings
 
 #: A face whose points lie farther off in the middle than this gets a plane of its own [m].
@@ -23,6 +26,8 @@ _SMALL, _STRAY = 5.0, 0.3
 _NARROW = 1.5
 #: What a vertex may lie above the highest return and below the lowest [m], beside what the spacing explains.
 _ABOVE, _BELOW = 0.3, 1.0
+#: Edges no farther beside one another than rounding moves them run on one another; shorter ones do not [m].
+_BESIDE = 0.001
 
 
 @dataclass(frozen=True)
@@ -69,51 +74,93 @@ def fit_face_planes(faces: list[RoofFacePatch], points: FloatArray, spacing: flo
     spacing : float
         Point spacing [m].
     """
+    if not faces:
+        return []
     limits = Limits.of(points, spacing)
-    fitting = [_fitted(face, points[face.rows], spacing) for face in faces]
-    return [piece for face in fitting for piece in _within(face, points, limits)]
+    planes = np.array([face.plane for face in faces])
+    suits = _suit(planes, faces, points, spacing)
+    fitting = list(faces)
+    for k in np.flatnonzero(~suits):
+        planes[k] = _own_plane(faces[k], points, spacing)
+        fitting[k] = replace(faces[k], plane=planes[k])
+    corners, begin, _ = _corners_of(faces)
+    beyond = limits.excess(np.repeat(planes, np.diff(begin), axis=0), corners) > 0.0
+    reaching = np.logical_or.reduceat(beyond, begin[:-1])
+    pieces = [
+        _within(face, points, limits) if is_beyond else [face]
+        for face, is_beyond in zip(fitting, reaching, strict=True)
+    ]
+    return [piece for group in pieces for piece in group]
 
 
-def _fitted(face: RoofFacePatch, own: FloatArray, spacing: float) -> RoofFacePatch:
-    """Return a face with the first plane that fits its points."""
-    if not len(own) or _suits(face.plane, face, own, spacing):
-        return face
+def _own_plane(face: RoofFacePatch, points: FloatArray, spacing: float) -> FloatArray:
+    """Return a plane that fits a face's points better than its own: a sloping one, or else a level one."""
+    own = points[face.rows]
     if len(own) >= _MIN_POINTS:
         plane = _least_squares(own)
-        if np.hypot(*plane[:2]) <= _MAX_RISE and _suits(plane, face, own, spacing):
-            return replace(face, plane=plane)
-    return replace(face, plane=np.array([0.0, 0.0, np.median(own[:, 2])]))
+        if np.hypot(*plane[:2]) <= _MAX_RISE and _suit(plane[None], [face], points, spacing)[0]:
+            return plane
+    return np.array([0.0, 0.0, np.median(own[:, 2])])
 
 
-def _suits(plane: FloatArray, face: RoofFacePatch, own: FloatArray, spacing: float) -> bool:
+def _suit(planes: FloatArray, faces: list[RoofFacePatch], points: FloatArray, spacing: float) -> BoolArray:
     """
-    Whether a plane fits a face's points and, if the face is small and full of them, keeps to their heights.
+    Whether planes fit faces' points and, where a face is small and full of them, keep to their heights.
+
+    Half of the points lie near the plane. Faces without points keep what they have.
     """
-    if not _fits(plane, own, spacing):
-        return False
-    polygon = face.polygon
-    if polygon.area > _SMALL or len(own) * spacing**2 < 0.5 * polygon.area:
-        return True
-    z = _elevations(plane, np.concatenate(face.rings))
-    # Points over a face one or two of them wide tell nothing of its slope.
-    is_narrow = 2.0 * polygon.area < _NARROW * spacing * polygon.length
-    slack = _STRAY + (0.0 if is_narrow else 2.0 * spacing * float(np.hypot(*plane[:2])))
-    return bool(z.max() <= own[:, 2].max() + slack and z.min() >= own[:, 2].min() - slack)
+    counts = np.array([len(face.rows) for face in faces])
+    suits = counts == 0
+    some = np.flatnonzero(counts)
+    if not len(some):
+        return suits
+    n = counts[some]
+    rise = np.hypot(planes[:, 0], planes[:, 1])
+    own = points[np.concatenate([faces[k].rows for k in some])]
+    number, begin = np.repeat(some, n), np.cumsum(n) - n
+    misfit = np.abs(own[:, 2] - _elevations(planes[number], own))
+    ordered = misfit[np.lexsort((misfit, number))]
+    median = 0.5 * (ordered[begin + (n - 1) // 2] + ordered[begin + n // 2])
+    suits[some] = median <= _MAX_MEDIAN_MISFIT + 0.5 * spacing * rise[some]
+    corners, first, length = _corners_of(faces)
+    area = _areas(faces)
+    small = suits[some] & (area[some] <= _SMALL) & (n * spacing**2 >= 0.5 * area[some])
+    if small.any():
+        z = _elevations(np.repeat(planes, np.diff(first), axis=0), corners)
+        top, foot = np.maximum.reduceat(z, first[:-1])[some], np.minimum.reduceat(z, first[:-1])[some]
+        # Points over a face one or two of them wide tell nothing of its slope.
+        is_narrow = 2.0 * area[some] < _NARROW * spacing * length[some]
+        slack = _STRAY + np.where(is_narrow, 0.0, 2.0 * spacing * rise[some])
+        high, low = np.maximum.reduceat(own[:, 2], begin), np.minimum.reduceat(own[:, 2], begin)
+        suits[some] &= ~small | ((top <= high + slack) & (foot >= low - slack))
+    return suits
 
 
-def _fits(plane: FloatArray, own: FloatArray, spacing: float) -> bool:
-    """Whether half of a face's points are near its plane."""
-    misfit = np.abs(own[:, 2] - _elevations(plane, own))
-    return bool(np.median(misfit) <= _MAX_MEDIAN_MISFIT + 0.5 * spacing * np.hypot(*plane[:2]))
+def _corners_of(faces: list[RoofFacePatch]) -> tuple[FloatArray, IntArray, FloatArray]:
+    """Return the vertices of all faces, where each one's begin, and the length of their rings [m]."""
+    rings = [ring for face in faces for ring in face.rings]
+    corners, follows = np.concatenate(rings), _next_corners(rings)
+    begin = np.cumsum([0, *_numbers_of_corners(faces)])
+    sides = np.hypot(*(corners[follows] - corners).T)
+    return corners, begin, np.add.reduceat(sides, begin[:-1])
+
+
+def _next_corners(rings: list[FloatArray]) -> IntArray:
+    """Return the row of the vertex that follows each one in its ring, of all rings together."""
+    ends = np.cumsum([len(ring) for ring in rings])
+    follows = np.arange(1, ends[-1] + 1)
+    follows[ends - 1] = np.concatenate([[0], ends[:-1]])
+    return follows
+
+
+def _areas(faces: list[RoofFacePatch]) -> FloatArray:
+    return np.array([sum(signed_area(ring) for ring in face.rings) for face in faces])
 
 
 def _within(face: RoofFacePatch, points: FloatArray, limits: Limits) -> list[RoofFacePatch]:
     """
     Return a face, or its pieces where it reaches beyond the limits: the part between them, and level ones.
     """
-    corners = np.concatenate(face.rings)
-    if not limits.excess(np.tile(face.plane, (len(corners), 1)), corners).any():
-        return [face]
     slack = limits.per_rise * float(np.hypot(*face.plane[:2]))
     levels = limits.low - slack, limits.high + slack
     own = _elevations(face.plane, points[face.rows])
@@ -142,8 +189,9 @@ def _between(face: RoofFacePatch, low: float, high: float) -> shapely.Polygon:
     return shapely.Polygon([centre + u * uphill + v * along for u, v in corners])
 
 
-def _elevations(plane: FloatArray, xy: FloatArray) -> FloatArray:
-    return np.asarray(xy[:, 0] * plane[0] + xy[:, 1] * plane[1] + plane[2])
+def _elevations(planes: FloatArray, xy: FloatArray) -> FloatArray:
+    """Return the elevations of a plane, or of one each, at places."""
+    return np.asarray(xy[:, 0] * planes[..., 0] + xy[:, 1] * planes[..., 1] + planes[..., 2])
 
 
 def _least_squares(points: FloatArray) -> FloatArray:
@@ -172,21 +220,72 @@ def parts_of_one_height(faces: list[RoofFacePatch], min_step: float) -> IntArray
     ndarray of shape (n_faces,), int64
         From 0.
     """
-    polygons = np.array([face.polygon for face in faces], dtype=object)
-    one, other = shapely.STRtree(polygons).query(polygons, predicate="intersects")
-    one, other = one[one < other], other[one < other]
-    low = [_mean_step(faces[a], faces[b]) < min_step for a, b in zip(one, other, strict=True)]
-    roots = sets_of_pairs(len(faces), one[low], other[low])
+    rings = [ring for face in faces for ring in face.rings]
+    corners, owner = np.concatenate(rings), np.repeat(np.arange(len(faces)), _numbers_of_corners(faces))
+    lines = np.concatenate([corners, corners[_next_corners(rings)]], axis=1)
+    planes = np.array([face.plane for face in faces])
+    tiles = tiles_of(lines)
+    start, items = in_tiles(lines, tiles)
+    borders = np.empty((4 * len(lines) + 16, 3))
+    while (n := _common_borders(lines, owner, planes, tiles, start, items, borders)) > len(borders):
+        borders = np.empty((n, 3))
+    pair, inverse = np.unique(borders[:n, 0], return_inverse=True)
+    low = np.bincount(inverse, borders[:n, 2]) < min_step * np.bincount(inverse, borders[:n, 1])
+    roots = sets_of_pairs(len(faces), *np.divmod(pair[low].astype(np.int64), len(faces)))
     return np.unique(roots, return_inverse=True)[1].reshape(-1)
 
 
-def _mean_step(one: RoofFacePatch, other: RoofFacePatch) -> float:
+def _numbers_of_corners(faces: list[RoofFacePatch]) -> list[int]:
+    return [sum(map(len, face.rings)) for face in faces]
+
+
+@njit(cache=True, nogil=True)
+def _common_borders(lines, owner, planes, tiles, start, items, borders):  # type: ignore[no-untyped-def]
     """
-    Return the mean difference of elevation along the border of two faces [m], infinite without a border.
+    Write pairs of faces, the lengths of pieces of edges that they share, and these times the mean step there.
+
+    Return how many there are.
     """
-    border = shapely.intersection(one.polygon, other.polygon)
-    lines = [part for part in shapely.get_parts(border) if part.geom_type == "LineString"]
-    if not lines:
-        return np.inf
-    along = np.concatenate([shapely.get_coordinates(line.segmentize(1.0)) for line in lines])
-    return float(np.mean(np.abs(_elevations(one.plane, along) - _elevations(other.plane, along))))
+    n, n_columns, n_rows = 0, int(tiles[3]), int(tiles[4])
+    for tile in range(len(start) - 1):
+        for one in range(start[tile], start[tile + 1]):
+            i = items[one]
+            x, y = lines[i, 0], lines[i, 1]
+            dx, dy = lines[i, 2] - x, lines[i, 3] - y
+            length = np.hypot(dx, dy)
+            if length == 0.0:
+                continue
+            dx, dy = dx / length, dy / length
+            for other in range(start[tile], start[tile + 1]):
+                j = items[other]
+                if owner[i] >= owner[j]:
+                    continue
+                ax, ay, bx, by = lines[j, 0] - x, lines[j, 1] - y, lines[j, 2] - x, lines[j, 3] - y
+                a, b = ax * dx + ay * dy, bx * dx + by * dy
+                t0, t1 = max(min(a, b), 0.0), min(max(a, b), length)
+                if t1 - t0 <= _BESIDE:
+                    continue
+                # Where both edges run, the other one lies so far beside this one.
+                off, slope = ay * dx - ax * dy, ((by - ay) * dx - (bx - ax) * dy) / (b - a)
+                if max(abs(off + (t0 - a) * slope), abs(off + (t1 - a) * slope)) > _BESIDE:
+                    continue
+                middle = 0.5 * (t0 + t1)
+                column = tile_of(x + middle * dx, tiles[0], tiles[2], n_columns)
+                if column * n_rows + tile_of(y + middle * dy, tiles[1], tiles[2], n_rows) != tile:
+                    continue
+                if n < len(borders):
+                    p, q = owner[i], owner[j]
+                    u, v, w = (
+                        planes[p, 0] - planes[q, 0],
+                        planes[p, 1] - planes[q, 1],
+                        planes[p, 2] - planes[q, 2],
+                    )
+                    first = u * (x + t0 * dx) + v * (y + t0 * dy) + w
+                    last = u * (x + t1 * dx) + v * (y + t1 * dy) + w
+                    step = 0.5 * abs(first + last)
+                    if first * last < 0.0:
+                        step = 0.5 * (first * first + last * last) / abs(first - last)
+                    borders[n, 0] = p * len(planes) + q
+                    borders[n, 1], borders[n, 2] = t1 - t0, (t1 - t0) * step
+                n += 1
+    return n

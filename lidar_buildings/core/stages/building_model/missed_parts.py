@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import shapely
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
@@ -74,17 +73,17 @@ def find_missed_parts(
     fewest = max(3, int(np.ceil(min_area / spacing**2)))
     planar = np.flatnonzero((np.abs(above) > _MISSED) & (plane_id > 0))
     unassigned = np.flatnonzero((above > _STANDS_OUT) & (plane_id == 0))
-    parts = _parts(points[planar, :2], plane_id[planar], _TOGETHER * spacing, fewest)
-    groups = [planar[rows] for rows in parts]
+    parts = [
+        planar[rows] for rows in _parts(points[planar, :2], plane_id[planar], _TOGETHER * spacing, fewest)
+    ]
     level = np.zeros(len(unassigned), dtype=np.uint16)
     tops = [unassigned[rows] for rows in _parts(points[unassigned, :2], level, _TOGETHER * spacing, fewest)]
     tops = [rows for rows in tops if _is_level(points[rows, 2])]
-    directions = _directions(outline)
-    sides = [_rectangle(points[rows, :2], directions, _MARGIN * spacing) for rows in groups + tops]
-    planes = [[0.0, 0.0, float(np.median(points[rows, 2]))] for rows in tops]
-    return MissedParts(
-        np.concatenate([np.zeros((0, 2, 2)), *sides]), np.array(planes, dtype=np.float64).reshape(-1, 3)
-    )
+    if not parts and not tops:
+        return MissedParts(np.zeros((0, 2, 2)), np.zeros((0, 3)))
+    planes = np.zeros((len(tops), 3))
+    planes[:, 2] = [np.median(points[rows, 2]) for rows in tops]
+    return MissedParts(_rectangles(parts + tops, points, _directions(outline), _MARGIN * spacing), planes)
 
 
 def _is_level(z: FloatArray) -> bool:
@@ -119,17 +118,21 @@ def _directions(outline: Outline) -> FloatArray:
     return np.column_stack([np.cos(chosen), np.sin(chosen)])
 
 
-def _rectangle(xy: FloatArray, directions: FloatArray, margin: float) -> FloatArray:
-    """Return the four sides, shape (4, 2, 2), of the smallest rectangle in one of the directions."""
-    hull = shapely.get_coordinates(shapely.convex_hull(shapely.multipoints(xy)))
-    best = None
-    for u in directions:
-        v = np.array([-u[1], u[0]])
-        a, b = hull @ u, hull @ v
-        low, high = np.array([a.min(), b.min()]) - margin, np.array([a.max(), b.max()]) + margin
-        area = float(np.prod(high - low))
-        if best is None or area < best[0]:
-            frame = np.array([u, v])
-            corners = np.array([low, [high[0], low[1]], high, [low[0], high[1]]]) @ frame
-            best = area, np.stack([corners, np.roll(corners, -1, axis=0)], axis=1)
-    return np.zeros((0, 2, 2)) if best is None else best[1]
+def _rectangles(
+    parts: list[IntArray], points: FloatArray, directions: FloatArray, margin: float
+) -> FloatArray:
+    """
+    Return the four sides of the smallest rectangle round each part in one of the directions, shape (n, 2, 2).
+    """
+    rows, begin = np.concatenate(parts), np.cumsum([0, *map(len, parts)])[:-1]
+    # Along each direction and across it.
+    axes = np.stack([directions, directions[:, ::-1] * [-1.0, 1.0]], axis=1)
+    along = np.einsum("nx,dax->nda", points[rows, :2], axes)
+    low = np.minimum.reduceat(along, begin) - margin
+    high = np.maximum.reduceat(along, begin) + margin
+    best = np.argmin(np.prod(high - low, axis=2), axis=1)
+    each = np.arange(len(parts))
+    low, high, frame = low[each, best], high[each, best], axes[best]
+    corners = np.stack([low, np.column_stack([high[:, 0], low[:, 1]]), high], axis=1)
+    corners = np.concatenate([corners, np.column_stack([low[:, 0], high[:, 1]])[:, None]], axis=1) @ frame
+    return np.stack([corners, np.roll(corners, -1, axis=1)], axis=2).reshape(-1, 2, 2)
