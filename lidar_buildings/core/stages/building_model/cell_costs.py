@@ -89,16 +89,26 @@ def make_samples(
     planar = np.flatnonzero(plane_id > 0)
     if not len(spots) or not len(planar):
         return Samples(points, weight, np.full(len(points), -1, dtype=np.int64))
-    tree = cKDTree(points[:, :2])
-    far = np.isinf(tree.query(spots, distance_upper_bound=EMPTY_DISTANCE * spacing)[0])
+    # No point within reach of a spot lies more than two cells from it, and the third is for rounding.
+    around = np.zeros((n_columns + 6, n_rows + 6), dtype=np.bool_)
+    for place in np.floor(spots / step).astype(np.int64) - [column, row]:
+        around[place[0] : place[0] + 7, place[1] : place[1] + 7] = True
+    near = np.append(around[3:-3, 3:-3], True)[flat]
+    reach = EMPTY_DISTANCE * spacing
+    far = np.isinf(_tree(points[near, :2]).query(spots, distance_upper_bound=reach)[0])
     spots = spots[far]
-    nearest = cKDTree(points[planar, :2]).query(spots)[1] if len(spots) else np.zeros(0, dtype=np.int64)
+    nearest = _tree(points[planar, :2]).query(spots)[1] if len(spots) else np.zeros(0, dtype=np.int64)
     label = plane_id[planar].astype(np.int64)[nearest] - 1
     return Samples(
         np.concatenate([points, np.column_stack([spots, np.zeros(len(spots))])]),
         np.concatenate([weight, np.full(len(spots), step**2)]),
         np.concatenate([np.full(len(points), -1, dtype=np.int64), label]),
     )
+
+
+def _tree(xy: FloatArray) -> cKDTree:
+    """Return a tree that is made quickly, for few questions."""
+    return cKDTree(xy, balanced_tree=False, compact_nodes=False)
 
 
 def cells_of_points(cells: Cells, points: FloatArray) -> IntArray:
