@@ -87,8 +87,7 @@ def region_raster(
     west, south = column * cell, row * cell
     nearest = np.full((n_rows, n_columns), -1, dtype=np.int32)
     distance = np.full((n_rows, n_columns), np.inf)
-    _seed_cells(points, plane_id, west, south, cell, nearest, distance)
-    _sweep(points, plane_id, west, south, cell, nearest, distance)
+    _nearest_points(points, plane_id, west, south, cell, nearest, distance)
     distance = np.sqrt(distance)
     label = np.zeros((n_rows, n_columns), dtype=np.int32)
     if rings:
@@ -102,56 +101,46 @@ def region_raster(
 
 
 @njit(cache=True, nogil=True)
-def _squared(points, i, x, y):  # type: ignore[no-untyped-def]
-    return (points[i, 0] - x) ** 2 + (points[i, 1] - y) ** 2
-
-
-@njit(cache=True, nogil=True)
-def _seed_cells(points, plane_id, west, south, cell, nearest, distance):  # type: ignore[no-untyped-def]
+def _nearest_points(points, plane_id, west, south, cell, nearest, distance):  # type: ignore[no-untyped-def]
     """
-    Give every cell that holds points of planes the one nearest to its middle, and the square of its distance.
+    Give every cell the point of a plane that is nearest to its middle, and the square of its distance.
+
+    Cells that hold points hand theirs on to neighbouring cells, to the north-east and back.
     """
+    n_rows, n_columns = nearest.shape
     for i in range(len(points)):
         if plane_id[i] == 0:
             continue
-        c = int((points[i, 0] - west) / cell)
-        r = int((points[i, 1] - south) / cell)
-        d = _squared(points, i, west + (c + 0.5) * cell, south + (r + 0.5) * cell)
+        c, r = int((points[i, 0] - west) / cell), int((points[i, 1] - south) / cell)
+        x, y = west + (c + 0.5) * cell, south + (r + 0.5) * cell
+        d = (points[i, 0] - x) ** 2 + (points[i, 1] - y) ** 2
         if d < distance[r, c] or (d == distance[r, c] and plane_id[i] < plane_id[nearest[r, c]]):
             distance[r, c] = d
             nearest[r, c] = i
-
-
-@njit(cache=True, nogil=True)
-def _sweep(points, plane_id, west, south, cell, nearest, distance):  # type: ignore[no-untyped-def]
-    """Hand nearest points on to neighbouring cells, to the north-east and back."""
-    n_rows, n_columns = nearest.shape
     for turn in range(2):
         step = 1 if turn == 0 else -1
         for rr in range(n_rows):
             r = rr if turn == 0 else n_rows - 1 - rr
+            y = south + (r + 0.5) * cell
             for second in range(2):
+                along = -1 if turn == second else 1
+                # The way back along a row needs no second look at the row before.
+                last = 4 if second == 0 and 0 <= r - step < n_rows else 1
                 for cc in range(n_columns):
-                    forth = (turn == 0) == (second == 0)
-                    c = cc if forth else n_columns - 1 - cc
-                    x, y = west + (c + 0.5) * cell, south + (r + 0.5) * cell
-                    along = -1 if forth else 1
-                    for k in range(4):
-                        if k == 0:
-                            pr, pc = r, c + along
-                        else:
-                            pr, pc = r - step, c + k - 2
-                        if pr < 0 or pr >= n_rows or pc < 0 or pc >= n_columns:
+                    c = cc if along < 0 else n_columns - 1 - cc
+                    x = west + (c + 0.5) * cell
+                    least, own = distance[r, c], nearest[r, c]
+                    for k in range(last):
+                        pr, pc = (r, c + along) if k == 0 else (r - step, c + k - 2)
+                        if pc < 0 or pc >= n_columns:
                             continue
                         i = nearest[pr, pc]
-                        if i < 0 or i == nearest[r, c]:
+                        if i < 0 or i == own:
                             continue
-                        d = _squared(points, i, x, y)
-                        if d < distance[r, c] or (
-                            d == distance[r, c] and plane_id[i] < plane_id[nearest[r, c]]
-                        ):
-                            distance[r, c] = d
-                            nearest[r, c] = i
+                        d = (points[i, 0] - x) ** 2 + (points[i, 1] - y) ** 2
+                        if d < least or (d == least and plane_id[i] < plane_id[own]):
+                            least, own = d, i
+                    distance[r, c], nearest[r, c] = least, own
 
 
 @njit(cache=True, nogil=True)

@@ -78,6 +78,10 @@ def _topology(
     seen = _regions_of(adjustment)[numbers]
     if np.count_nonzero(seen) < 3:
         return RoofTopology(adjustment.planes, (), (), "unknown")
+    if len(np.unique(seen[seen > 0])) == 1:
+        # One plane borders on none.
+        kind = roof_type(points, seen, adjustment.coefficients, (), (), spacing)
+        return RoofTopology(adjustment.planes, (), (), kind)
     rings = tuple(ring for ring in outline.rings if len(ring) >= 3) if outline is not None else ()
     raster = region_raster(points, seen, rings, spacing)
     centre = adjustment.centre
