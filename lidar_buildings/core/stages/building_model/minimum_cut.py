@@ -38,7 +38,7 @@ def source_side(excess: FloatArray, links: IntArray, forward: FloatArray, backwa
     n_arcs = 2 * (len(links) + n)
     head = np.empty(n_arcs, np.int64)
     capacity = np.empty(n_arcs)
-    degree = np.zeros(n + 3, np.int64)
+    first = np.zeros(n + 3, np.int64)
     tail = np.empty(n_arcs, np.int64)
     for k in range(len(links)):
         tail[2 * k], head[2 * k], capacity[2 * k] = links[k, 0], links[k, 1], forward[k]
@@ -52,60 +52,48 @@ def source_side(excess: FloatArray, links: IntArray, forward: FloatArray, backwa
             tail[k], head[k], capacity[k] = i, sink, -excess[i]
             tail[k + 1], head[k + 1], capacity[k + 1] = sink, i, 0.0
     for k in range(n_arcs):
-        degree[tail[k] + 1] += 1
-    first = np.cumsum(degree)
+        first[tail[k]] += 1
+    for i in range(n + 2):
+        first[i + 1] += first[i]
     arcs = np.empty(n_arcs, np.int64)
-    filled = first[:-1].copy()
-    for k in range(n_arcs):
-        arcs[filled[tail[k]]] = k
-        filled[tail[k]] += 1
-    level = np.empty(n + 2, np.int64)
-    while _set_levels(source, sink, first, arcs, head, capacity, level):
-        _saturate(source, sink, first, arcs, head, capacity, level)
-    return level[:n] >= 0
+    for k in range(n_arcs - 1, -1, -1):
+        first[tail[k]] -= 1
+        arcs[first[tail[k]]] = k
+    level, at, path = np.empty(n + 2, np.int64), np.empty(n + 2, np.int64), np.empty(n + 2, np.int64)
+    while _set_levels(source, sink, first, arcs, head, capacity, level, at, path):
+        _saturate(source, sink, first, arcs, head, capacity, level, at, path)
+    keeps = np.empty(n, np.bool_)
+    for i in range(n):
+        keeps[i] = level[i] >= 0
+    return keeps
 
 
 @njit(cache=True, nogil=True)
-def _set_levels(
-    source: int,
-    sink: int,
-    first: IntArray,
-    arcs: IntArray,
-    head: IntArray,
-    capacity: FloatArray,
-    level: IntArray,
-) -> bool:
-    """Write each node's distance from the source, -1 = not reached; return whether the sink is reached."""
-    level[:] = -1
-    level[source] = 0
-    queue = np.empty(len(level), np.int64)
-    queue[0] = source
+def _set_levels(source, sink, first, arcs, head, capacity, level, at, queue):  # type: ignore[no-untyped-def]
+    """
+    Write each node's distance from the source, -1 = not reached, and its first arc.
+
+    Return whether the sink is reached.
+    """
+    for i in range(len(level)):
+        level[i], at[i] = -1, first[i]
+    level[source], queue[0] = 0, source
     start, stop = 0, 1
     while start < stop:
         node = queue[start]
         start += 1
-        for at in range(first[node], first[node + 1]):
-            k = arcs[at]
-            if capacity[k] > _EPSILON and level[head[k]] < 0:
-                level[head[k]] = level[node] + 1
-                queue[stop] = head[k]
+        for k in range(first[node], first[node + 1]):
+            arc = arcs[k]
+            if capacity[arc] > _EPSILON and level[head[arc]] < 0:
+                level[head[arc]] = level[node] + 1
+                queue[stop] = head[arc]
                 stop += 1
-    return bool(level[sink] >= 0)
+    return level[sink] >= 0
 
 
 @njit(cache=True, nogil=True)
-def _saturate(
-    source: int,
-    sink: int,
-    first: IntArray,
-    arcs: IntArray,
-    head: IntArray,
-    capacity: FloatArray,
-    level: IntArray,
-) -> None:
+def _saturate(source, sink, first, arcs, head, capacity, level, at, path):  # type: ignore[no-untyped-def]
     """Send flow along paths of rising level until every such path is used up."""
-    at = first[:-1].copy()
-    path = np.empty(len(level), np.int64)
     depth, node = 0, source
     while True:
         if node == sink:

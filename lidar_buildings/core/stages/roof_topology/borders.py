@@ -60,10 +60,11 @@ def find_borders(raster: RegionRaster, centre: FloatArray) -> Borders:
     centre : ndarray of shape (2 or more,)
         Origin of the positions returned [m].
     """
-    n = _count(raster.label)
+    label = raster.label
+    n = sum(int(np.count_nonzero((a != b) & (a > 0) & (b > 0))) for a, b in _sides(label))
     numbers = np.empty((n, 4), dtype=np.int32)
     place = np.empty((n, 4))
-    _fill(raster.label, raster.nearest, raster.distance, numbers, place)
+    _fill(label, raster.nearest, raster.distance, numbers, place)
     key = numbers[:, 0].astype(np.int64) << 32 | numbers[:, 1]
     order = np.argsort(key, kind="stable")
     numbers, place, key = numbers[order], place[order], key[order]
@@ -83,18 +84,9 @@ def find_borders(raster: RegionRaster, centre: FloatArray) -> Borders:
     )
 
 
-@njit(cache=True, nogil=True)
-def _count(label):  # type: ignore[no-untyped-def]
-    n = 0
-    n_rows, n_columns = label.shape
-    for r in range(n_rows):
-        for c in range(n_columns):
-            a = label[r, c]
-            for upright in range(2):
-                rr, cc = r + 1 - upright, c + upright
-                if a > 0 and rr < n_rows and cc < n_columns and label[rr, cc] > 0 and label[rr, cc] != a:
-                    n += 1
-    return n
+def _sides(label: NDArray[np.int32]) -> tuple[tuple[NDArray[np.int32], NDArray[np.int32]], ...]:
+    """Return the labels on either side of all sides of cells."""
+    return (label[:-1], label[1:]), (label[:, :-1], label[:, 1:])
 
 
 @njit(cache=True, nogil=True)

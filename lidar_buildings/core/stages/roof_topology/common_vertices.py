@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from lidar_buildings.core.model.array_types import FloatArray
 from lidar_buildings.core.neighbours.union_find import sets_of_pairs
-from lidar_buildings.core.stages.roof_topology.pieces import Pieces, intersection_line
+from lidar_buildings.core.stages.roof_topology.pieces import Pieces, intersection_lines
 from lidar_buildings.core.surfaces.roof_planes import CommonVertex, common_point
 
 #: A line passes through a corner if no farther off it and ending no farther from it, in spacings.
@@ -26,11 +26,8 @@ _LEAST_PLANES = 4
 
 def piece_ends(pieces: Pieces, gradients: FloatArray) -> FloatArray:
     """Return both ends of every piece in plan about the centre, shape (n_pieces, 2, 2) [m]."""
-    ends = np.empty((len(pieces.pair), 2, 2))
-    for k, (i, j) in enumerate(zip(pieces.first, pieces.second, strict=True)):
-        fx, fy, ux, uy, _ = intersection_line(gradients[i - 1], gradients[j - 1])
-        ends[k] = np.array([fx, fy]) + pieces.t[k][:, None] * np.array([ux, uy])
-    return ends
+    lines = intersection_lines(pieces.first, pieces.second, gradients)
+    return lines[:, None, :2] + pieces.t[:, :, None] * lines[:, None, 2:4]
 
 
 def find_common_vertices(

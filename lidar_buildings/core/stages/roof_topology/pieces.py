@@ -28,7 +28,7 @@ _LEAST_LENGTH, _LONGEST_GAP = 2.0, 4.0
 #: Least share of a piece along which the regions do border on one another.
 _LEAST_SUPPORT = 0.4
 #: Regions are looked up so many cells off the line to tell which plane lies on which side.
-_PROBES = (2, 3, 4)
+_LEAST_PROBE, _MOST_PROBE = 2, 4
 
 
 class Pieces(NamedTuple):
@@ -84,11 +84,19 @@ def find_pieces(
     numbers = np.empty((n, 2), dtype=np.int64)
     values = np.empty((n, 4))
     on_line = np.zeros(n, dtype=np.bool_)
-    origin = np.array([raster.west - centre[0], raster.south - centre[1]])
+    lines = intersection_lines(
+        borders.first[borders.start[:-1]], borders.second[borders.start[:-1]], gradients
+    )
+    pair = np.repeat(np.arange(borders.n_pairs), np.diff(borders.start))
+    fx, fy, ux, uy, _ = lines[pair].T
+    x, y = borders.xy.T
+    t, off = x * ux + y * uy, np.abs((x - fx) * uy - (y - fy) * ux)
+    order = np.lexsort((t, pair))
+    seen = np.full((1 + max(borders.near_first.max(initial=-1), borders.near_second.max(initial=-1)), 2), -1)
     n_pieces = _all_pieces(
-        borders.xy, borders.upright, borders.first, borders.second, borders.near_first, borders.near_second,
-        borders.gap, borders.start, borders.cell, gradients, spacing, raster.label, origin,
-        numbers, values, on_line,
+        borders.upright, borders.first, borders.second, borders.near_first, borders.near_second,
+        borders.gap, borders.start, borders.cell, lines, t, off, order, spacing, raster.label,
+        raster.west - centre[0], raster.south - centre[1], seen, numbers, values, on_line,
     )  # fmt: skip
     numbers, values = numbers[:n_pieces], values[:n_pieces]
     at = borders.start[numbers[:, 0]]
@@ -130,112 +138,97 @@ def intersection_line(p, q):  # type: ignore[no-untyped-def]
     return -d * gx / bend**2, -d * gy / bend**2, -gy / bend, gx / bend, bend
 
 
+def intersection_lines(
+    first: NDArray[np.integer], second: NDArray[np.integer], gradients: FloatArray
+) -> FloatArray:
+    """Return `intersection_line` of pairs of planes by number, shape (n_pairs, 5)."""
+    gx, gy, d = (gradients[first - 1] - gradients[second - 1]).reshape(-1, 3).T
+    bend = np.hypot(gx, gy)
+    lines = np.column_stack([np.zeros_like(d), np.zeros_like(d), np.ones_like(d), np.zeros_like(d), bend])
+    k = np.flatnonzero(bend >= LEAST_BEND)
+    gx, gy, d, bend = gx[k], gy[k], d[k], bend[k]
+    lines[k, :4] = np.column_stack([-d * gx / bend**2, -d * gy / bend**2, -gy / bend, gx / bend])
+    return lines
+
+
 @njit(cache=True, nogil=True)
 def _all_pieces(  # type: ignore[no-untyped-def]
-    xy, upright, first, second, near_first, near_second, gap, start, cell, gradients, spacing, label, origin,
-    numbers, values, on_line
+    upright, first, second, near_first, near_second, gap, start, cell, lines, t, off, order, spacing, label,
+    west, south, seen, numbers, values, on_line
 ):  # fmt: skip
-    """Write pair and number of points, ends, length and vote on convexity of each piece; return how many."""
+    """
+    Write pair and number of points, ends, length and vote on convexity of each piece; return how many.
+
+    The sides are ordered by pair and place along the line; `seen` has -1 for every point, twice.
+    """
     n_pieces = 0
+    rows = np.empty(len(t), np.int64)
     for pair in range(len(start) - 1):
         a, b = start[pair], start[pair + 1]
-        p, q = gradients[first[a] - 1], gradients[second[a] - 1]
-        fx, fy, ux, uy, bend = intersection_line(p, q)
+        fx, fy, ux, uy, bend = lines[pair, 0], lines[pair, 1], lines[pair, 2], lines[pair, 3], lines[pair, 4]
         if bend < LEAST_BEND:
             continue
-        rows, t, sure = _near_line(xy, gap, a, b, fx, fy, ux, uy, bend, spacing)
+        least, strict = max(_TOLERANCE * spacing, _NOISE / bend), max(_END_TOLERANCE * spacing, _NOISE / bend)
+        n = 0
+        for at in range(a, b):
+            if off[order[at]] <= least + gap[order[at]]:
+                rows[n] = order[at]
+                n += 1
         begin, first_piece = 0, n_pieces
-        for m in range(1, len(rows) + 1):
-            if m < len(rows) and t[m] - t[m - 1] <= _LONGEST_GAP * spacing:
+        for m in range(1, n + 1):
+            if m < n and t[rows[m]] - t[rows[m - 1]] <= _LONGEST_GAP * spacing:
                 continue
-            low, high = _trimmed(sure, begin, m - 1)
+            # From the first to the last that are surely on the line.
+            low, high = begin, m - 1
+            while low < high and off[rows[low]] > strict + gap[rows[low]]:
+                low += 1
+            while low < high and off[rows[high]] > strict + gap[rows[high]]:
+                high -= 1
             begin = m
-            t0, t1, members = t[low], t[high], rows[low : high + 1]
+            t0, t1 = t[rows[low]], t[rows[high]]
             length = 0.0
-            for k in members:
-                length += cell * (abs(uy) if upright[k] else abs(ux))
+            for at in range(low, high + 1):
+                length += cell * (abs(uy) if upright[rows[at]] else abs(ux))
             if length < _LEAST_LENGTH * spacing or length < _LEAST_SUPPORT * (t1 - t0):
                 continue
-            on_line[members] = True
-            numbers[n_pieces, 0] = pair
-            numbers[n_pieces, 1] = _distinct(near_first[members]) + _distinct(near_second[members])
+            n_points, votes = 0, 0
+            for at in range(low, high + 1):
+                k = rows[at]
+                on_line[k] = True
+                n_points += (seen[near_first[k], 0] != n_pieces) + (seen[near_second[k], 1] != n_pieces)
+                seen[near_first[k], 0] = seen[near_second[k], 1] = n_pieces
+                votes += _convexity(fx + t[k] * ux, fy + t[k] * uy, ux, uy, first[a], second[a],
+                                    label, west, south, cell)  # fmt: skip
+            numbers[n_pieces, 0], numbers[n_pieces, 1] = pair, n_points
             values[n_pieces, 0], values[n_pieces, 1], values[n_pieces, 2] = t0, t1, length
-            values[n_pieces, 3] = _convexity(
-                t[low : high + 1], fx, fy, ux, uy, first[a], second[a], label, origin, cell
-            )
+            values[n_pieces, 3] = votes
             n_pieces += 1
+        # Sides that run beside a piece are accounted for: points of its planes are mixed there, but there is
+        # no step.
         for piece in range(first_piece, n_pieces):
-            _mark_beside(xy, fx, fy, ux, uy, a, b, gap, values[piece, 0], values[piece, 1], spacing, on_line)
+            t0, t1 = values[piece, 0] + spacing, values[piece, 1] - spacing
+            for k in range(a, b):
+                if off[k] <= _BESIDE * spacing + gap[k] and t0 <= t[k] <= t1:
+                    on_line[k] = True
     return n_pieces
 
 
 @njit(cache=True, nogil=True)
-def _near_line(xy, gap, a, b, fx, fy, ux, uy, bend, spacing):  # type: ignore[no-untyped-def]
+def _convexity(x, y, ux, uy, first, second, label, west, south, cell):  # type: ignore[no-untyped-def]
     """
-    Return the sides a to b near a line, their places along it, and whether each is surely on it; in order.
-    """
-    least, strict = max(_TOLERANCE * spacing, _NOISE / bend), max(_END_TOLERANCE * spacing, _NOISE / bend)
-    t = np.empty(b - a)
-    rows = np.empty(b - a, dtype=np.int64)
-    sure = np.empty(b - a, dtype=np.bool_)
-    n = 0
-    for k in range(a, b):
-        off = abs((xy[k, 0] - fx) * uy - (xy[k, 1] - fy) * ux)
-        if off <= least + gap[k]:
-            t[n], rows[n], sure[n] = xy[k, 0] * ux + xy[k, 1] * uy, k, off <= strict + gap[k]
-            n += 1
-    order = np.argsort(t[:n])
-    return rows[order], t[order], sure[order]
-
-
-@njit(cache=True, nogil=True)
-def _trimmed(sure, low, high):  # type: ignore[no-untyped-def]
-    """Return the first and the last of a run that are surely on the line."""
-    while low < high and not sure[low]:
-        low += 1
-    while low < high and not sure[high]:
-        high -= 1
-    return low, high
-
-
-@njit(cache=True, nogil=True)
-def _mark_beside(xy, fx, fy, ux, uy, a, b, gap, t0, t1, spacing, on_line):  # type: ignore[no-untyped-def]
-    """Account for sides that run beside a piece: its planes' points are mixed there, but there is no step."""
-    for k in range(a, b):
-        t = xy[k, 0] * ux + xy[k, 1] * uy
-        off = abs((xy[k, 0] - fx) * uy - (xy[k, 1] - fy) * ux)
-        if off <= _BESIDE * spacing + gap[k] and t0 + spacing <= t <= t1 - spacing:
-            on_line[k] = True
-
-
-@njit(cache=True, nogil=True)
-def _distinct(numbers):  # type: ignore[no-untyped-def]
-    ordered = np.sort(numbers)
-    n = 1
-    for k in range(1, len(ordered)):
-        if ordered[k] != ordered[k - 1]:
-            n += 1
-    return n
-
-
-@njit(cache=True, nogil=True)
-def _convexity(t, fx, fy, ux, uy, first, second, label, origin, cell):  # type: ignore[no-untyped-def]
-    """
-    Vote on whether each plane lies on the side of the line on which it is the lower one.
+    Vote on whether each plane lies on the side of the line on which it is the lower one, at one place.
 
     The first plane is the higher one on the side of (uy, -ux): that is where its gradient less the other's
     points to.
     """
     votes = 0
-    for k in range(len(t)):
-        x, y = fx + t[k] * ux, fy + t[k] * uy
-        for probe in _PROBES:
-            for side in (-1, 1):
-                c = math.floor((x + side * probe * cell * uy - origin[0]) / cell)
-                r = math.floor((y - side * probe * cell * ux - origin[1]) / cell)
-                if 0 <= r < label.shape[0] and 0 <= c < label.shape[1]:
-                    if label[r, c] == first:
-                        votes -= side
-                    elif label[r, c] == second:
-                        votes += side
+    for probe in range(_LEAST_PROBE, _MOST_PROBE + 1):
+        for side in range(-1, 2, 2):
+            c = math.floor((x + side * probe * cell * uy - west) / cell)
+            r = math.floor((y - side * probe * cell * ux - south) / cell)
+            if 0 <= r < label.shape[0] and 0 <= c < label.shape[1]:
+                if label[r, c] == first:
+                    votes -= side
+                elif label[r, c] == second:
+                    votes += side
     return votes

@@ -153,7 +153,6 @@ def _label_inside(vertices, ends, west, south, cell, nearest, plane_id, label): 
         n = _crossings(vertices, ends, y, crossings)
         if n == 0:
             continue
-        crossings[:n].sort()
         for k in range(0, n - 1, 2):
             c0 = max(math.ceil((crossings[k] - west) / cell - 0.5), 0)
             c1 = min(math.floor((crossings[k + 1] - west) / cell - 0.5), n_columns - 1)
@@ -164,14 +163,18 @@ def _label_inside(vertices, ends, west, south, cell, nearest, plane_id, label): 
 
 @njit(cache=True, nogil=True)
 def _crossings(vertices, ends, y, crossings):  # type: ignore[no-untyped-def]
-    """Write where the rings cross a line of constant y, and return how often they do."""
+    """Write where the rings cross a line of constant y, from west to east; return how often they do."""
     n, first = 0, 0
     for end in ends:
         j = end - 1
         for i in range(first, end):
             if (vertices[i, 1] > y) != (vertices[j, 1] > y):
                 t = (y - vertices[i, 1]) / (vertices[j, 1] - vertices[i, 1])
-                crossings[n] = vertices[i, 0] + t * (vertices[j, 0] - vertices[i, 0])
+                x, k = vertices[i, 0] + t * (vertices[j, 0] - vertices[i, 0]), n
+                while k > 0 and crossings[k - 1] > x:
+                    crossings[k] = crossings[k - 1]
+                    k -= 1
+                crossings[k] = x
                 n += 1
             j = i
         first = end

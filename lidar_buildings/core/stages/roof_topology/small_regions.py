@@ -27,7 +27,10 @@ def absorb_small_regions(label: NDArray[np.int32], least_cells: int) -> None:
     largest = np.zeros(int(plane.max()) + 1, dtype=np.int64)
     np.maximum.at(largest, plane, size)
     small = np.flatnonzero((size < least_cells) & (size < largest[plane]))
-    _absorb(label, piece, first, small[np.argsort(size[small], kind="stable")])
+    small = small[np.argsort(size[small], kind="stable")]
+    if len(small):
+        sides, stack = np.zeros(len(largest), dtype=np.int64), np.empty(int(size[small[-1]]), dtype=np.int64)
+        _absorb(label.reshape(-1), label.shape[0], piece, first, small, sides, stack)
 
 
 @njit(cache=True, nogil=True)
@@ -76,11 +79,8 @@ def _neighbour(r, c, k):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _absorb(label, piece, first, small):  # type: ignore[no-untyped-def]
-    n_rows, n_columns = label.shape
-    flat = label.reshape(-1)
-    stack = np.empty(len(flat), dtype=np.int64)
-    sides = np.zeros(flat.max() + 1, dtype=np.int64)
+def _absorb(flat, n_rows, piece, first, small, sides, stack):  # type: ignore[no-untyped-def]
+    n_columns = len(flat) // n_rows
     for number in small:
         begin = first[number]
         stack[0], top, n = begin, 1, 0
@@ -100,10 +100,13 @@ def _absorb(label, piece, first, small):  # type: ignore[no-untyped-def]
                     elif piece[other] != -2 and flat[other] > 0:
                         sides[flat[other]] += 1
         sides[flat[begin]] = 0
-        best = np.argmax(sides)
+        best = 0
+        for k in range(len(sides)):
+            best = k if sides[k] > sides[best] else best
         if sides[best] > 0:
             for k in range(top):
                 flat[stack[k]] = best
-        sides[:] = 0
+        for k in range(len(sides)):
+            sides[k] = 0
         for k in range(top):
             piece[stack[k]] = -1

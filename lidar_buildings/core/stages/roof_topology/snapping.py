@@ -41,7 +41,8 @@ def snapped(steps: StepLines, rings: tuple[FloatArray, ...], centre: FloatArray,
     np.maximum.at(high, steps.line, steps.t[:, 1])
     angle, offset = steps.angle.copy(), steps.offset.copy()
     fixed = _onto_walls(angle, offset, low, high, walls_about(rings, centre), spacing)
-    _together(angle, offset, low, high, fixed, spacing)
+    order = np.argsort(low - high - 1e6 * fixed)
+    _together(angle, offset, low, high, fixed, order, spacing)
     # A line that turned with its wall has its ends a little farther along or back.
     turn = angle[steps.line] - steps.angle[steps.line]
     t = steps.t * np.cos(turn)[:, None] + (steps.offset[steps.line] * np.sin(turn))[:, None]
@@ -104,10 +105,9 @@ def _apart(angle, offset, t, other_angle, other_offset):  # type: ignore[no-unty
 
 
 @njit(cache=True, nogil=True)
-def _together(angle, offset, low, high, fixed, spacing):  # type: ignore[no-untyped-def]
-    """Move shorter lines in place onto longer ones that they continue."""
+def _together(angle, offset, low, high, fixed, order, spacing):  # type: ignore[no-untyped-def]
+    """Move shorter lines, which come later in order, in place onto longer ones that they continue."""
     most, reach = _MOST_MOVE * spacing, _REACH * spacing
-    order = np.argsort(-(high - low) - 1e6 * fixed)
     for a in range(len(order)):
         k = order[a]
         best = most

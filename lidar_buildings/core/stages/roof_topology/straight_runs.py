@@ -61,7 +61,12 @@ def straight_runs(
     run = np.full(len(xy), -1, dtype=np.int64)
     if not len(xy) or not len(angles):
         return np.zeros((0, 4)), run
-    return _greedy(xy, upright, cell, angles, spacing, free, run, least_length * spacing), run
+    runs = np.empty((len(xy), 4))
+    cosine, sine = np.cos(angles), np.sin(angles)
+    n_runs = _greedy(xy, upright, cell, cosine, sine, spacing, free, run, least_length * spacing, runs)
+    # The first member of a run is the number of its angle until here.
+    runs[:n_runs, 0] = angles[runs[:n_runs, 0].astype(np.int64)]
+    return runs[:n_runs], run
 
 
 def run_segments(runs: FloatArray) -> FloatArray:
@@ -87,7 +92,7 @@ def closing(runs, stops, spacing):  # type: ignore[no-untyped-def]
     """
     closed = np.zeros(len(runs), dtype=np.bool_)
     for k in range(len(runs)):
-        angle, offset, t0, t1 = runs[k]
+        angle, offset, t0, t1 = runs[k, 0], runs[k, 1], runs[k, 2], runs[k, 3]
         ux, uy = math.cos(angle), math.sin(angle)
         low = stop(t0, -offset * uy, offset * ux, ux, uy, stops, _CLOSED * spacing, _CLOSED * spacing, -1)
         high = stop(t1, -offset * uy, offset * ux, ux, uy, stops, _CLOSED * spacing, _CLOSED * spacing, -1)
@@ -96,19 +101,21 @@ def closing(runs, stops, spacing):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _greedy(xy, upright, cell, angles, spacing, free, run, least):  # type: ignore[no-untyped-def]
-    """Take the line with the longest sides near it, then its runs from the sides, and so on."""
+def _greedy(xy, upright, cell, cosine, sine, spacing, free, run, least, runs):  # type: ignore[no-untyped-def]
+    """
+    Take the line with the longest sides near it, then its runs from the sides, and so on; return how many.
+
+    The runs get the number of their direction in place of the angle.
+    """
     reach = 0.0
     for k in range(len(xy)):
         reach = max(reach, math.hypot(xy[k, 0], xy[k, 1]))
     size = _BIN * cell
     n_bins = 2 * int(reach / size + 2) + _WINDOW
-    votes = np.zeros((len(angles), n_bins))
-    cosine, sine = np.cos(angles), np.sin(angles)
+    votes = np.zeros((len(cosine), n_bins))
     for k in range(len(xy)):
         if free[k]:
             _vote(votes, xy[k, 0], xy[k, 1], upright[k], cell, cosine, sine, size, 1.0)
-    runs = np.empty((len(xy), 4))
     n_runs = 0
     rows = np.empty(len(xy), dtype=np.int64)
     t = np.empty(len(xy))
@@ -121,25 +128,42 @@ def _greedy(xy, upright, cell, angles, spacing, free, run, least):  # type: igno
             n, offset = _members(
                 xy, upright, cell, cosine[d], sine[d], offset, _HALF_WIDTH * spacing, free, rows, t
             )
-        order = np.argsort(t[:n])
+        _sort_along(t, rows, n)
         begin, found = 0, False
         for m in range(1, n + 1):
-            if m < n and t[order[m]] - t[order[m - 1]] <= _LONGEST_GAP * spacing:
+            if m < n and t[m] - t[m - 1] <= _LONGEST_GAP * spacing:
                 continue
-            t0, t1 = t[order[begin]] - 0.5 * cell, t[order[m - 1]] + 0.5 * cell
+            t0, t1 = t[begin] - 0.5 * cell, t[m - 1] + 0.5 * cell
             length = 0.0
             for i in range(begin, m):
-                length += _along(upright[rows[order[i]]], cell, cosine[d], sine[d])
+                length += _along(upright[rows[i]], cell, cosine[d], sine[d])
             begin = m
             if length < least or length < _LEAST_SUPPORT * (t1 - t0):
                 continue
-            runs[n_runs] = angles[d], offset, t0, t1
+            runs[n_runs, 0], runs[n_runs, 1], runs[n_runs, 2], runs[n_runs, 3] = d, offset, t0, t1
             _take(xy, upright, cell, cosine, sine, d, offset, t0, t1, spacing, free, run, n_runs, votes, size)
             n_runs += 1
             found = True
         if not found:
-            votes[d, b : b + _WINDOW] = -1e9
-    return runs[:n_runs]
+            for k in range(b, b + _WINDOW):
+                votes[d, k] = -1e9
+    return n_runs
+
+
+@njit(cache=True, nogil=True)
+def _sort_along(t, rows, n):  # type: ignore[no-untyped-def]
+    """Sort the first n places and rows by place (Shell 1959): numba's own sort compiles slowly."""
+    gap = 1
+    while gap < n:
+        gap = 3 * gap + 1
+    while gap > 1:
+        gap //= 3
+        for k in range(gap, n):
+            place, row, m = t[k], rows[k], k
+            while m >= gap and t[m - gap] > place:
+                t[m], rows[m] = t[m - gap], rows[m - gap]
+                m -= gap
+            t[m], rows[m] = place, row
 
 
 @njit(cache=True, nogil=True)
