@@ -28,7 +28,14 @@ def run_graph(request: RunRequest) -> RunOutcome:
     """
     os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
     prepare_middleware()
-    import rclpy  # after the middleware was prepared
+    from lidar_buildings.nodes import graph  # after the middleware was prepared
+
+    with graph.BuildingPool() as pool:  # before ROS starts its threads
+        return _run(request, pool)
+
+
+def _run(request: RunRequest, pool: BuildingPool) -> RunOutcome:
+    import rclpy
     from rclpy.logging import LoggingSeverity, set_logger_level
 
     from lidar_buildings.nodes.graph import survey_nodes
@@ -48,6 +55,7 @@ def run_graph(request: RunRequest) -> RunOutcome:
             settings=request.settings,
             overwrite=request.overwrite,
             identity=request.parameters(),
+            pool=pool,
             context=context,
             namespace=namespace,
         )

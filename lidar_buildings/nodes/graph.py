@@ -9,10 +9,14 @@ from typing import Any
 
 from lidar_buildings.nodes.configs import NODE_CONFIGS
 from lidar_buildings.nodes.table import nodes_until, topics_until
+from lidar_buildings.pipeline.building_pool import BuildingPool
 from lidar_buildings.ros.parameters import parameter_overrides
 from lidar_buildings.ros.stage_node import StageNode
 
 _CLASSES = {name: "".join(word.title() for word in name.split("_")) for name in NODE_CONFIGS}
+
+#: Nodes that work on building after building.
+_WITH_POOL = ("plane_fitter", "model_builder")
 
 
 def node_class(name: str) -> type[StageNode]:
@@ -30,6 +34,7 @@ def survey_nodes(
     settings: Mapping[str, Mapping[str, Any]] | None = None,
     overwrite: bool = False,
     identity: Mapping[str, Any] | None = None,
+    pool: BuildingPool | None = None,
     **kwargs: Any,
 ) -> dict[str, StageNode]:
     """
@@ -49,6 +54,8 @@ def survey_nodes(
         Whether to begin anew in a folder with earlier results.
     identity : mapping
         All that results depend on, for taking an unfinished run up again; `settings` if not given.
+    pool : BuildingPool, optional
+        Processes for the nodes that work on building after building.
     **kwargs
         As for `rclpy.node.Node`, the same for all: namespace, context…
 
@@ -69,7 +76,8 @@ def survey_nodes(
         # the writer first: it refuses an output folder before anything is read
         for name in reversed(nodes_until(until)):
             overrides = parameter_overrides(NODE_CONFIGS[name], merged)
-            nodes[name] = node_class(name)(parameter_overrides=overrides, **kwargs)
+            shared = {"pool": pool} if name in _WITH_POOL else {}
+            nodes[name] = node_class(name)(parameter_overrides=overrides, **shared, **kwargs)
     except Exception:
         for node in nodes.values():
             node.destroy_node()

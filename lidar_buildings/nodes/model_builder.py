@@ -15,6 +15,7 @@ from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.core.stages.building_model import BuildingModelConfig
 from lidar_buildings.io.models.cityjson import feature_line, header_line
 from lidar_buildings.nodes.configs import NODE_CONFIGS, FlowControlConfig
+from lidar_buildings.pipeline.building_pool import BuildingPool
 from lidar_buildings.pipeline.tile_models import TileModel, build_models
 from lidar_buildings.ros.errors import MessageError
 from lidar_buildings.ros.map_frames import FrameListener
@@ -35,8 +36,9 @@ _POINTS, _OUTLINES, _QUALITY = "plane_points", "outlines", "outline_quality"
 class ModelBuilder(StageNode):
     """Builds the models of each tile's buildings."""
 
-    def __init__(self, **kwargs: Any) -> None:
+    def __init__(self, pool: BuildingPool | None = None, **kwargs: Any) -> None:
         super().__init__("model_builder", NODE_CONFIGS["model_builder"], **kwargs)
+        self._pool = pool
         self._make_publishers()
         self._map = FrameListener(self, self.on_frame)
         self._join = TileJoin(
@@ -89,7 +91,7 @@ class ModelBuilder(StageNode):
 
     def _build(self, stamp: int, parts: Parts, frame: MapFrame) -> None:
         outlines = parts[_QUALITY].given_to(parts[_OUTLINES])
-        models = build_models(parts[_POINTS], outlines, self.parameters[BuildingModelConfig])
+        models = build_models(parts[_POINTS], outlines, self.parameters[BuildingModelConfig], self._pool)
         publish_all(self._features, (String(data=_feature(one, frame)) for one in models))
         faces = ((one.building_id, face) for one in models for face in one.model.roof_faces)
         self.publish_rings(self._roof_faces, roof_messages(stamp, faces))
@@ -110,7 +112,8 @@ def _feature(one: TileModel, frame: MapFrame) -> str:
 
 def main() -> int:
     """Run the node."""
-    return run_node(ModelBuilder)
+    with BuildingPool() as pool:
+        return run_node(lambda: ModelBuilder(pool))
 
 
 if __name__ == "__main__":

@@ -9,6 +9,7 @@ from sensor_msgs.msg import PointCloud2
 from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.core.stages.plane_fitting import PlaneFittingConfig
 from lidar_buildings.nodes.configs import NODE_CONFIGS
+from lidar_buildings.pipeline.building_pool import BuildingPool
 from lidar_buildings.pipeline.tile_stages import fit_planes
 from lidar_buildings.ros.point_cloud import to_message
 from lidar_buildings.ros.qos import CLOUD
@@ -19,19 +20,22 @@ from lidar_buildings.ros.stage_node import StageNode
 class PlaneFitter(StageNode):
     """Finds the planes of each building's roof."""
 
-    def __init__(self, **kwargs: Any) -> None:
+    def __init__(self, pool: BuildingPool | None = None, **kwargs: Any) -> None:
         super().__init__("plane_fitter", NODE_CONFIGS["plane_fitter"], **kwargs)
+        self._pool = pool
         self._plane_points = self.create_publisher(PointCloud2, "plane_points", CLOUD)
         self.subscribe_tiles("building_points", self.on_tile)
 
     def on_tile(self, tile: PointTile) -> None:
         """Fit the planes of one tile's buildings."""
-        self._plane_points.publish(to_message(fit_planes(tile, self.parameters[PlaneFittingConfig])))
+        fitted = fit_planes(tile, self.parameters[PlaneFittingConfig], self._pool)
+        self._plane_points.publish(to_message(fitted))
 
 
 def main() -> int:
     """Run the node."""
-    return run_node(PlaneFitter)
+    with BuildingPool() as pool:
+        return run_node(lambda: PlaneFitter(pool))
 
 
 if __name__ == "__main__":
