@@ -5,8 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from geometry_msgs.msg import PolygonInstanceStamped
-from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Header
 
 from lidar_buildings.core.model.tile import PointTile
@@ -17,9 +15,8 @@ from lidar_buildings.io.vectors.footprints import FootprintSource, read_footprin
 from lidar_buildings.nodes.configs import NODE_CONFIGS, FootprintNodeConfig
 from lidar_buildings.pipeline.tile_stages import TracedTile, trace_buildings, trace_footprints
 from lidar_buildings.ros.map_frames import FrameListener
-from lidar_buildings.ros.point_cloud import to_message
-from lidar_buildings.ros.polygons import outline_messages
-from lidar_buildings.ros.qos import BUILDING, CLOUD, EVENT
+from lidar_buildings.ros.polygons import outline_rings
+from lidar_buildings.ros.qos import EVENT
 from lidar_buildings.ros.runner import run_node
 from lidar_buildings.ros.stage_node import StageNode
 from lidar_buildings.ros.stamps import header_of
@@ -33,8 +30,8 @@ class BuildingTracer(StageNode):
 
     def __init__(self, **kwargs: Any) -> None:
         super().__init__("building_tracer", NODE_CONFIGS["building_tracer"], **kwargs)
-        self._building_points = self.create_publisher(PointCloud2, "building_points", CLOUD)
-        self._traced = self.create_publisher(PolygonInstanceStamped, "traced_outlines", BUILDING)
+        self._building_points = self.create_tile_outlet("building_points")
+        self._traced = self.create_ring_outlet("traced_outlines")
         self._clipped = self.create_publisher(Header, "tile_clipped", EVENT)
         self._map: FrameListener | None = None
         if self.parameters[FootprintNodeConfig].file:
@@ -76,8 +73,8 @@ class BuildingTracer(StageNode):
                 self._hand_on(stamp, traced)
 
     def _hand_on(self, stamp: int, traced: TracedTile) -> None:
-        self._building_points.publish(to_message(traced.tile))
-        self.publish_rings(self._traced, outline_messages(stamp, traced.outlines))
+        self._building_points.publish(traced.tile)
+        self._traced.publish(stamp, outline_rings(traced.outlines))
 
     def _traced_tile(self, parts: Parts) -> TracedTile:
         config = self.parameters[FootprintNodeConfig]

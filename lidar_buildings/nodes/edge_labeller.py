@@ -4,14 +4,10 @@ from __future__ import annotations
 
 from typing import Any
 
-from sensor_msgs.msg import PointCloud2
-
 from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.core.stages.edge_labelling import EdgeLabellingConfig
 from lidar_buildings.nodes.configs import NODE_CONFIGS
 from lidar_buildings.pipeline.tile_stages import label_roof_edges
-from lidar_buildings.ros.point_cloud import to_message
-from lidar_buildings.ros.qos import CLOUD
 from lidar_buildings.ros.runner import run_node
 from lidar_buildings.ros.stage_node import StageNode
 
@@ -21,13 +17,13 @@ class EdgeLabeller(StageNode):
 
     def __init__(self, **kwargs: Any) -> None:
         super().__init__("edge_labeller", NODE_CONFIGS["edge_labeller"], **kwargs)
-        self._edge_points = self.create_publisher(PointCloud2, "edge_points", CLOUD)
+        self._edge_points = self.create_tile_outlet("edge_points")
         self.subscribe_tiles("roof_points", self.on_tile)
 
     def on_tile(self, tile: PointTile) -> dict[str, int]:
         """Label one tile; report how many of its roofs came to which status."""
         labelled = label_roof_edges(tile, self.parameters[EdgeLabellingConfig])
-        self._edge_points.publish(to_message(labelled.tile))
+        self._edge_points.publish(labelled.tile)
         return {f"roofs_{status}": number for status, number in labelled.n_roofs.items()}
 
 

@@ -73,8 +73,9 @@ def survey_nodes(
     merged = _merged(given, inputs, output, until, overwrite, given if identity is None else identity)
     nodes: dict[str, StageNode] = {}
     try:
-        # the writer first: it refuses an output folder before anything is read
-        for name in reversed(nodes_until(until)):
+        # the writer first: it refuses an output folder before anything is read, which begins with the player
+        first, *between, last = names = nodes_until(until)
+        for name in (last, first, *between):
             overrides = parameter_overrides(NODE_CONFIGS[name], merged)
             shared = {"pool": pool} if name in _WITH_POOL else {}
             nodes[name] = node_class(name)(parameter_overrides=overrides, **shared, **kwargs)
@@ -82,7 +83,7 @@ def survey_nodes(
         for node in nodes.values():
             node.destroy_node()
         raise
-    return dict(reversed(nodes.items()))
+    return {name: nodes[name] for name in names}
 
 
 def _merged(

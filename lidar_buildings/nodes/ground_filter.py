@@ -13,7 +13,6 @@ from lidar_buildings.nodes.configs import NODE_CONFIGS, GroundFilterNodeConfig
 from lidar_buildings.pipeline.tile_rasters import rasterise_tile
 from lidar_buildings.pipeline.tile_stages import filter_ground
 from lidar_buildings.ros.elevation_grid import grid_message
-from lidar_buildings.ros.point_cloud import to_message
 from lidar_buildings.ros.qos import CLOUD
 from lidar_buildings.ros.runner import run_node
 from lidar_buildings.ros.stage_node import StageNode
@@ -24,7 +23,7 @@ class GroundFilter(StageNode):
 
     def __init__(self, **kwargs: Any) -> None:
         super().__init__("ground_filter", NODE_CONFIGS["ground_filter"], **kwargs)
-        self._ground_points = self.create_publisher(PointCloud2, "ground_points", CLOUD)
+        self._ground_points = self.create_tile_outlet("ground_points")
         self._dtm = None
         if self.parameters[GroundFilterNodeConfig].publish_dtm:
             self._dtm = self.create_publisher(PointCloud2, "dtm", CLOUD)
@@ -33,7 +32,7 @@ class GroundFilter(StageNode):
     def on_tile(self, tile: PointTile) -> None:
         """Classify one tile."""
         classified = filter_ground(tile, self.parameters[GroundFilterNodeConfig])
-        self._ground_points.publish(to_message(classified))
+        self._ground_points.publish(classified)
         if self._dtm is not None:
             self._publish_dtm(classified)
 

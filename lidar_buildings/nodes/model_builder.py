@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from geometry_msgs.msg import PolygonInstanceStamped
 from rclpy.event_handler import PublisherEventCallbacks
 from std_msgs.msg import Header, String
 from visualization_msgs.msg import MarkerArray
@@ -21,10 +20,10 @@ from lidar_buildings.ros.errors import MessageError
 from lidar_buildings.ros.map_frames import FrameListener
 from lidar_buildings.ros.markers import model_markers
 from lidar_buildings.ros.outline_quality import qualities_of
-from lidar_buildings.ros.polygons import roof_messages
+from lidar_buildings.ros.polygons import Rings, roof_rings
 from lidar_buildings.ros.publishing import publish_all
 from lidar_buildings.ros.qos import BUILDING, CLOUD, LATCHED, LATCHED_HISTORY
-from lidar_buildings.ros.ring_collector import Rings, outlines_of
+from lidar_buildings.ros.ring_collector import outlines_of
 from lidar_buildings.ros.runner import run_node
 from lidar_buildings.ros.stage_node import StageNode
 from lidar_buildings.ros.stamps import header_of
@@ -78,7 +77,7 @@ class ModelBuilder(StageNode):
         silent = PublisherEventCallbacks(use_default_callbacks=False)
         self._header = self.create_publisher(String, "city_model", LATCHED)
         self._features = self.create_publisher(String, "city_model", BUILDING, event_callbacks=silent)
-        self._roof_faces = self.create_publisher(PolygonInstanceStamped, "roof_faces", BUILDING)
+        self._roof_faces = self.create_ring_outlet("roof_faces")
         self._markers = self.create_publisher(MarkerArray, "building_markers", CLOUD)
         self._tile_done = None
         if self.parameters[FlowControlConfig].publish_tile_done:
@@ -94,7 +93,7 @@ class ModelBuilder(StageNode):
         models = build_models(parts[_POINTS], outlines, self.parameters[BuildingModelConfig], self._pool)
         publish_all(self._features, (String(data=_feature(one, frame)) for one in models))
         faces = ((one.building_id, face) for one in models for face in one.model.roof_faces)
-        self.publish_rings(self._roof_faces, roof_messages(stamp, faces))
+        self._roof_faces.publish(stamp, roof_rings(faces))
         self._publish_markers(stamp, models)
         if self._tile_done is not None:
             self._tile_done.publish(header_of(stamp))

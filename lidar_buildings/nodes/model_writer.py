@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from dataclasses import fields
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.event_handler import SubscriptionEventCallbacks
@@ -15,6 +15,7 @@ from std_msgs.msg import Header, String
 from lidar_buildings.core.model.errors import OutputError, ParameterError
 from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.model.tile import PointTile
+from lidar_buildings.core.stages.terrain import TerrainRasters
 from lidar_buildings.io.clouds.las import InputFile, frame_of, open_inputs
 from lidar_buildings.io.models.cityjson import parse_feature
 from lidar_buildings.io.results.output_config import OutputConfig
@@ -25,15 +26,18 @@ from lidar_buildings.nodes.configs import NODE_CONFIGS, ModelWriterConfig
 from lidar_buildings.nodes.run_record import RunRecord
 from lidar_buildings.nodes.table import (
     CITY_MODEL,
+    NODE_STAGES,
     OUTLINES,
     ROOF_FACES,
     TRACED_OUTLINES,
+    nodes_until,
     writer_topics,
 )
 from lidar_buildings.pipeline.tile_rasters import rasterise_tile
 from lidar_buildings.ros.features import FeaturePool
+from lidar_buildings.ros.polygons import Rings
 from lidar_buildings.ros.qos import BUILDING, EVENT, LATCHED, LATCHED_HISTORY
-from lidar_buildings.ros.ring_collector import Rings, outlines_of, roof_faces_of
+from lidar_buildings.ros.ring_collector import outlines_of
 from lidar_buildings.ros.runner import run_node
 from lidar_buildings.ros.stage_node import StageNode
 from lidar_buildings.ros.stamps import header_of, to_stamp
@@ -44,6 +48,13 @@ TILE_FAILED = 3
 #: After so long without diagnostics the last have come [s]; at most so many periods are waited for them.
 #: Wide margin: they are sent right after the results.
 _SILENCE, _MAX_PERIODS = 0.1, 20
+
+
+class _Rasterised(NamedTuple):
+    """All points of a tile, and their rasters."""
+
+    tile: PointTile
+    rasters: TerrainRasters | None
 
 
 class ModelWriter(StageNode):
@@ -72,14 +83,15 @@ class ModelWriter(StageNode):
     def on_tile(self, topic: str, tile: PointTile) -> None:
         """Take points of one tile; a tile that is on disk already was sent again for want of this answer."""
         if tile.stamp not in self._on_disk:
-            self._add(tile.stamp, topic, tile)
+            self._add(tile.stamp, topic, tile if topic != self._topics[0] else self._rasterised(tile))
         elif topic == self._topics[0]:
             self._tile_done.publish(header_of(tile.stamp))
 
     def on_rings(self, topic: str, stamp: int, rings: Rings) -> None:
         """Take outlines or roof faces of one tile."""
         if stamp not in self._on_disk:
-            self._add(stamp, topic, roof_faces_of(rings) if topic == ROOF_FACES.name else outlines_of(rings))
+            # the models have the faces; that they have come is all that is to know
+            self._add(stamp, topic, None if topic == ROOF_FACES.name else outlines_of(rings))
 
     def on_feature(self, message: String) -> None:
         """Take one building's model; its tile is the one that waits for this building."""
@@ -101,7 +113,9 @@ class ModelWriter(StageNode):
 
     def on_survey_done(self, _: Header) -> None:
         """Make the files as soon as the diagnostics of the last tiles have come, and end."""
-        if self._end_timer is None:
+        if self._end_timer is None and self._record.has_all(self._stages, self._written):
+            self._finish()
+        elif self._end_timer is None:
             self._counts = [self._record.n_heard]
             self._end_timer = self.create_timer(_SILENCE, self._finish_after_silence)
 
@@ -140,6 +154,8 @@ class ModelWriter(StageNode):
             formats=config.formats,
         )
         self._on_disk = self._folder.done_stamps()
+        self._written: set[int] = set()
+        self._stages = [NODE_STAGES[name] for name in nodes_until(config.until)[1:-1]]
         self._record = RunRecord()
         self._topics = [topic.name for topic in writer_topics(config.until)]
         self._end_timer: Timer | None = None
@@ -174,9 +190,14 @@ class ModelWriter(StageNode):
         """
         return agree_on_roofs(*self._clouds_of(parts)) and agree_on_buildings(parts)
 
+    def _rasterised(self, tile: PointTile) -> _Rasterised:
+        """Make the rasters of all points at once, while other nodes work on the roofs."""
+        return _Rasterised(tile, rasterise_tile(tile, self.parameters[ModelWriterConfig], self._folder.frame))
+
     def _clouds_of(self, parts: Parts) -> list[PointTile]:
         """Return the clouds among a tile's parts: all its points first, then its roofs."""
-        return [parts[topic] for topic in self._topics if isinstance(parts.get(topic), PointTile)]
+        roofs = [parts[topic] for topic in self._topics if isinstance(parts.get(topic), PointTile)]
+        return [parts[self._topics[0]].tile, *roofs]
 
     def _buildings_of(self, parts: Parts) -> set[int]:
         """Return the buildings whose models a tile must wait for."""
@@ -185,17 +206,16 @@ class ModelWriter(StageNode):
         return {one.building_id for one in parts[OUTLINES.name]}
 
     def _store(self, stamp: int, parts: Parts) -> None:
-        self._write(self._clouds_of(parts), parts)
+        self._write(parts)
         self._tile_done.publish(header_of(stamp))
 
-    def _write(self, points: list[PointTile], parts: Parts) -> None:
-        rasters = rasterise_tile(points[0], self.parameters[ModelWriterConfig], self._folder.frame)
+    def _write(self, parts: Parts) -> None:
         products = TileProducts.from_tiles(
-            *points,
+            *self._clouds_of(parts),
             traced=parts.get(TRACED_OUTLINES.name, ()),
             outlines=parts.get(OUTLINES.name, ()),
             features=self._features.take(sorted(self._buildings_of(parts))),
-            rasters=rasters,
+            rasters=parts[self._topics[0]].rasters,
         )
         try:
             self._folder.write_tile(products)
@@ -203,6 +223,7 @@ class ModelWriter(StageNode):
             self.fail(error)
             raise
         self._on_disk.add(products.stamp)
+        self._written.add(products.stamp)
 
 
 def _settings(text: str) -> dict[str, Any]:

@@ -4,16 +4,15 @@ from __future__ import annotations
 
 from typing import Any
 
-from geometry_msgs.msg import PolygonInstanceStamped
 from std_msgs.msg import String
 
 from lidar_buildings.core.stages.regularisation import RegularisationConfig
 from lidar_buildings.nodes.configs import NODE_CONFIGS
 from lidar_buildings.pipeline.tile_outlines import regularise_outlines
 from lidar_buildings.ros.outline_quality import quality_message
-from lidar_buildings.ros.polygons import outline_messages
-from lidar_buildings.ros.qos import BUILDING, CLOUD
-from lidar_buildings.ros.ring_collector import Rings, outlines_of
+from lidar_buildings.ros.polygons import Rings, outline_rings
+from lidar_buildings.ros.qos import CLOUD
+from lidar_buildings.ros.ring_collector import outlines_of
 from lidar_buildings.ros.runner import run_node
 from lidar_buildings.ros.stage_node import StageNode
 
@@ -23,7 +22,7 @@ class OutlineRegulariser(StageNode):
 
     def __init__(self, **kwargs: Any) -> None:
         super().__init__("outline_regulariser", NODE_CONFIGS["outline_regulariser"], **kwargs)
-        self._outlines = self.create_publisher(PolygonInstanceStamped, "outlines", BUILDING)
+        self._outlines = self.create_ring_outlet("outlines")
         self._quality = self.create_publisher(String, "outline_quality", CLOUD)
         self.subscribe_rings("traced_outlines", self.on_rings)
 
@@ -31,7 +30,7 @@ class OutlineRegulariser(StageNode):
         """Regularise one tile's outlines."""
         outlines = regularise_outlines(outlines_of(rings), self.parameters[RegularisationConfig])
         self._quality.publish(quality_message(stamp, outlines))
-        self.publish_rings(self._outlines, outline_messages(stamp, outlines))
+        self._outlines.publish(stamp, outline_rings(outlines))
 
 
 def main() -> int:

@@ -4,15 +4,11 @@ from __future__ import annotations
 
 from typing import Any
 
-from sensor_msgs.msg import PointCloud2
-
 from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.core.stages.plane_fitting import PlaneFittingConfig
 from lidar_buildings.nodes.configs import NODE_CONFIGS
 from lidar_buildings.pipeline.building_pool import BuildingPool
 from lidar_buildings.pipeline.tile_stages import fit_planes
-from lidar_buildings.ros.point_cloud import to_message
-from lidar_buildings.ros.qos import CLOUD
 from lidar_buildings.ros.runner import run_node
 from lidar_buildings.ros.stage_node import StageNode
 
@@ -23,13 +19,12 @@ class PlaneFitter(StageNode):
     def __init__(self, pool: BuildingPool | None = None, **kwargs: Any) -> None:
         super().__init__("plane_fitter", NODE_CONFIGS["plane_fitter"], **kwargs)
         self._pool = pool
-        self._plane_points = self.create_publisher(PointCloud2, "plane_points", CLOUD)
+        self._plane_points = self.create_tile_outlet("plane_points")
         self.subscribe_tiles("building_points", self.on_tile)
 
     def on_tile(self, tile: PointTile) -> None:
         """Fit the planes of one tile's buildings."""
-        fitted = fit_planes(tile, self.parameters[PlaneFittingConfig], self._pool)
-        self._plane_points.publish(to_message(fitted))
+        self._plane_points.publish(fit_planes(tile, self.parameters[PlaneFittingConfig], self._pool))
 
 
 def main() -> int:

@@ -49,6 +49,10 @@ class RunRecord:
             if status.name in NODE_STAGES and "seconds" in values:
                 self._seconds[NODE_STAGES[status.name]][values["tile"]] = float(values["seconds"])
 
+    def has_all(self, stages: Iterable[str], stamps: Iterable[int]) -> bool:
+        """Whether the seconds of all these stages on all these tiles have come."""
+        return all(self._seconds[stage].keys() >= set(map(str, stamps)) for stage in stages)
+
     def reasons(self, failed: Iterable[int]) -> dict[int, str]:
         """Return tile → the last error that a node reported of it."""
         return {stamp: self._reasons.get(stamp, "it was not done in time") for stamp in sorted(failed)}

@@ -7,7 +7,6 @@ from typing import Any, NamedTuple
 
 from geometry_msgs.msg import PointStamped, Vector3Stamped
 from rosgraph_msgs.msg import Clock
-from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Header, String
 from std_srvs.srv import Trigger
 
@@ -20,8 +19,7 @@ from lidar_buildings.ros.flow_control import FlowControl
 from lidar_buildings.ros.graph_watch import GraphWatch
 from lidar_buildings.ros.map_frames import origin_message, units_message
 from lidar_buildings.ros.playback import Playback
-from lidar_buildings.ros.point_cloud import to_message
-from lidar_buildings.ros.qos import CLOUD, EVENT, LATCHED, LATCHED_EVENT, LATCHED_HISTORY, LATCHED_TILE
+from lidar_buildings.ros.qos import EVENT, LATCHED, LATCHED_EVENT, LATCHED_HISTORY, LATCHED_TILE
 from lidar_buildings.ros.receipts import TOPIC as RECEIPTS
 from lidar_buildings.ros.receipts import receipt_of
 from lidar_buildings.ros.runner import run_node
@@ -141,7 +139,7 @@ class TilePlayer(StageNode):
 
     def _make_publishers(self) -> None:
         """Create the publishers, and publish the map frame."""
-        self._points = self.create_publisher(PointCloud2, "points", CLOUD)
+        self._points = self.create_tile_outlet("points")
         self._info = self.create_publisher(String, "tile_info", LATCHED_TILE)
         self._survey_done = self.create_publisher(Header, "survey_done", LATCHED)
         self._tile_failed = self.create_publisher(Header, "tile_failed", LATCHED_HISTORY)
@@ -238,7 +236,7 @@ class TilePlayer(StageNode):
             if self._clock_publisher is not None:
                 self._clock_publisher.publish(Clock(clock=to_time(max(tile.stamp, 0))))
             self._info.publish(info_message(tile))
-            self._points.publish(to_message(tile))
+            self._points.publish(tile)
 
     def _send_overdue(self) -> None:
         """Send again what is lost as soon as the nodes are there, and give up what was lost too often."""

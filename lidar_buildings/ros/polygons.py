@@ -7,7 +7,7 @@ after it and clockwise. A message with id −1 and no vertices closes the tile o
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 import numpy as np
 from geometry_msgs.msg import Point32, Polygon, PolygonInstance, PolygonInstanceStamped
@@ -16,6 +16,10 @@ from numpy.typing import NDArray
 from lidar_buildings.core.model.outline import BuildingOutline
 from lidar_buildings.ros.errors import MessageError
 from lidar_buildings.ros.stamps import header_of
+
+Ring = NDArray[np.float64]
+#: Building id → its rings as they are sent, each of shape (n_vertices, 3).
+Rings = Mapping[int, tuple[Ring, ...]]
 
 #: The id of the message that closes a tile.
 CLOSING_ID = -1
@@ -34,23 +38,23 @@ def closing_message(stamp: int) -> PolygonInstanceStamped:
     return PolygonInstanceStamped(header=header_of(stamp), polygon=PolygonInstance(id=CLOSING_ID))
 
 
-def outline_messages(stamp: int, outlines: Iterable[BuildingOutline]) -> Iterator[PolygonInstanceStamped]:
-    """
-    Yield every ring of a tile's outlines, at the elevation of the ground if known, then the closing message.
-    """
-    for one in outlines:
-        z = 0.0 if one.ground_elevation is None else one.ground_elevation or _NOT_ZERO
-        for ring in one.outline.rings:
-            yield ring_message(stamp, one.building_id, np.insert(ring, 2, z, axis=1))
-    yield closing_message(stamp)
+def outline_rings(outlines: Iterable[BuildingOutline]) -> Rings:
+    """Return the rings of a tile's outlines, at the elevation of the ground if it is known."""
+    return {one.building_id: tuple(_raised(ring, one) for ring in one.outline.rings) for one in outlines}
 
 
-def roof_messages(
-    stamp: int, faces: Iterable[tuple[int, Sequence[NDArray[np.float64]]]]
-) -> Iterator[PolygonInstanceStamped]:
-    """Yield every ring of a tile's roof faces, given as (building id, rings), then the closing message."""
+def roof_rings(faces: Iterable[tuple[int, Sequence[Ring]]]) -> Rings:
+    """Return the rings of a tile's roof faces, given as (building id, rings of a face)."""
+    found: dict[int, tuple[Ring, ...]] = {}
     for number, rings in faces:
-        for ring in rings:
+        found[number] = found.get(number, ()) + tuple(map(_as_carried, rings))
+    return found
+
+
+def ring_messages(stamp: int, rings: Rings) -> Iterator[PolygonInstanceStamped]:
+    """Yield every ring of a tile, then the closing message."""
+    for number, of_building in rings.items():
+        for ring in of_building:
             yield ring_message(stamp, number, ring)
     yield closing_message(stamp)
 
@@ -69,6 +73,16 @@ def ring_of(message: PolygonInstanceStamped) -> NDArray[np.float64]:
     if not np.isfinite(ring).all():
         raise MessageError(f"polygon {message.polygon.id} has a vertex that is not finite")
     return ring
+
+
+def _raised(ring: Ring, outline: BuildingOutline) -> Ring:
+    ground = outline.ground_elevation
+    return _as_carried(np.insert(ring, 2, 0.0 if ground is None else ground or _NOT_ZERO, axis=1))
+
+
+def _as_carried(ring: Ring) -> Ring:
+    """Return a ring as a message carries it."""
+    return ring.astype(np.float32).astype(np.float64)
 
 
 def _polygon(ring: NDArray[np.float64]) -> Polygon:

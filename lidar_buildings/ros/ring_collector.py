@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections import OrderedDict
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,15 +10,11 @@ from geometry_msgs.msg import PolygonInstanceStamped
 from numpy.typing import NDArray
 
 from lidar_buildings.core.model.outline import BuildingOutline, Outline, signed_area
-from lidar_buildings.ros.polygons import CLOSING_ID, ring_of
+from lidar_buildings.ros.polygons import CLOSING_ID, Ring, Rings, ring_of
 from lidar_buildings.ros.stamps import to_stamp
 
 #: How many tiles may be open at once; wide margin: at most 8 are in flight, more were sent again.
 _MAX_OPEN_TILES = 64
-
-Ring = NDArray[np.float64]
-#: Building id → its rings as they came, each of shape (n_vertices, 3).
-Rings = Mapping[int, tuple[Ring, ...]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,14 +75,6 @@ def outlines_of(rings: Rings) -> tuple[BuildingOutline, ...]:
             ground = float(rings[number][-1][0, 2]) or None
             outlines.append(BuildingOutline(number, Outline(exterior, tuple(holes)), ground))
     return tuple(outlines)
-
-
-def roof_faces_of(rings: Rings) -> dict[int, tuple[tuple[Ring, ...], ...]]:
-    """
-    Assemble roof faces by building id: of each face the outer ring, then its holes, shape (n_vertices, 3).
-    """
-    faces = {number: _polygons(rings[number]) for number in sorted(rings)}
-    return {number: tuple(tuple(face) for face in found) for number, found in faces.items() if found}
 
 
 def _polygons(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import time
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Any
@@ -12,19 +12,20 @@ from typing import Any
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from geometry_msgs.msg import PolygonInstanceStamped
 from rclpy.node import Node
-from rclpy.publisher import Publisher
+from rclpy.subscription import Subscription
 from rclpy.task import Future
 from sensor_msgs.msg import PointCloud2
 
 from lidar_buildings.core.model.errors import LidarBuildingsError
 from lidar_buildings.core.model.parameters import StageConfig
 from lidar_buildings.core.model.tile import PointTile
+from lidar_buildings.ros.hand_over import Inbox, RingOutlet, TileOutlet
 from lidar_buildings.ros.parameters import NodeParameters
 from lidar_buildings.ros.point_cloud import from_message
-from lidar_buildings.ros.publishing import publish_all
+from lidar_buildings.ros.polygons import Rings
 from lidar_buildings.ros.qos import BUILDING, CLOUD, EVENT
 from lidar_buildings.ros.receipts import DONE, FAILED, READY, TAKEN, ReceiptSender
-from lidar_buildings.ros.ring_collector import RingCollector, Rings
+from lidar_buildings.ros.ring_collector import RingCollector
 from lidar_buildings.ros.stamps import header_of, to_stamp
 from lidar_buildings.ros.tile_info import TileInfos
 
@@ -84,6 +85,7 @@ class StageNode(Node):
         super().__init__(name, **kwargs)
         self.outcome: Future = Future()
         self.exit_status = 0
+        self._inboxes: list[Inbox] = []
         try:
             self.parameters = NodeParameters(self, configs)
         except LidarBuildingsError:
@@ -107,19 +109,29 @@ class StageNode(Node):
         infos = self.tile_infos = self.tile_infos or TileInfos(self)
 
         def on_message(message: PointCloud2) -> None:
-            infos.when_known(to_stamp(message.header.stamp), lambda: handle(message))
+            stamp = to_stamp(message.header.stamp)
+            if not inbox.has_had(stamp):
+                infos.when_known(stamp, lambda: handle(stamp, lambda report: read(message, report)))
 
-        def handle(message: PointCloud2) -> None:
-            with self.reporting(to_stamp(message.header.stamp)) as report:
-                reading = from_message(message)
-                report.n_points = len(reading.tile)
-                if reading.n_dropped:
-                    report.warnings.append(
-                        f"{reading.n_dropped} points of {topic} were left out: x, y or z is not finite"
-                    )
-                report.counts.update(work(infos.complete(reading.tile)) or {})
+        def on_tile(stamp: int, tile: PointTile) -> None:
+            if not infos.is_over(stamp):
+                handle(stamp, lambda _: tile)
 
-        self.create_subscription(PointCloud2, topic, on_message, CLOUD)
+        def read(message: PointCloud2, report: TileReport) -> PointTile:
+            reading = from_message(message)
+            if reading.n_dropped:
+                report.warnings.append(
+                    f"{reading.n_dropped} points of {topic} were left out: x, y or z is not finite"
+                )
+            return infos.complete(reading.tile)
+
+        def handle(stamp: int, get: Callable[[TileReport], PointTile]) -> None:
+            with self.reporting(stamp) as report:
+                tile = get(report)
+                report.n_points = len(tile)
+                report.counts.update(work(tile) or {})
+
+        inbox = self._inbox(self.create_subscription(PointCloud2, topic, on_message, CLOUD), on_tile)
 
     def subscribe_rings(self, topic: str, work: Callable[[int, Rings], None]) -> None:
         """Have `work` called with the stamp and all rings of every tile that a topic closes."""
@@ -128,15 +140,34 @@ class StageNode(Node):
         def on_message(message: PolygonInstanceStamped) -> None:
             with self.reporting(to_stamp(message.header.stamp), quiet=True):
                 closed = collector.add(message)
-            if closed is not None:
-                with self.reporting(closed.stamp):
-                    work(closed.stamp, closed.rings)
+            if closed is not None and not inbox.has_had(closed.stamp):
+                on_rings(closed.stamp, closed.rings)
 
-        self.create_subscription(PolygonInstanceStamped, topic, on_message, BUILDING)
+        def on_rings(stamp: int, rings: Rings) -> None:
+            with self.reporting(stamp):
+                work(stamp, rings)
 
-    def publish_rings(self, publisher: Publisher, messages: Iterable[PolygonInstanceStamped]) -> None:
-        """Publish a tile's rings and its closing message."""
-        publish_all(publisher, messages)
+        subscription = self.create_subscription(PolygonInstanceStamped, topic, on_message, BUILDING)
+        inbox = self._inbox(subscription, on_rings)
+
+    def create_tile_outlet(self, topic: str) -> TileOutlet:
+        """Return what hands tiles on under a topic."""
+        return TileOutlet(self, self.create_publisher(PointCloud2, topic, CLOUD))
+
+    def create_ring_outlet(self, topic: str) -> RingOutlet:
+        """Return what hands rings on under a topic."""
+        return RingOutlet(self, self.create_publisher(PolygonInstanceStamped, topic, BUILDING))
+
+    def destroy_node(self) -> None:
+        """Let nothing more be handed to the node."""
+        for inbox in self._inboxes:
+            inbox.close()
+        self._inboxes.clear()
+        super().destroy_node()
+
+    def _inbox(self, subscription: Subscription, take: Callable[[int, Any], None]) -> Inbox:
+        self._inboxes.append(Inbox(self, subscription, take))
+        return self._inboxes[-1]
 
     @contextmanager
     def reporting(self, stamp: int, *, quiet: bool = False) -> Iterator[TileReport]:

@@ -71,7 +71,7 @@ class TileInfos:
 
         A tile of which the last message says that it is over is dropped.
         """
-        if self._known.get(stamp, {}).get("is_over"):
+        if self.is_over(stamp):
             return
         if stamp in self._known or not self._node.count_publishers(TOPIC):
             work()
@@ -82,6 +82,10 @@ class TileInfos:
         """Do the work when the next message of a tile comes."""
         self._waiting.setdefault(stamp, []).append(work)
         _keep_last(self._waiting)
+
+    def is_over(self, stamp: int) -> bool:
+        """Whether the last message of a tile says that it is done with."""
+        return bool(self._known.get(stamp, {}).get("is_over"))
 
     def is_whole(self, stamp: int) -> bool:
         """Whether the last message of a tile says that there is nothing beyond it."""

@@ -98,6 +98,5 @@ def test_every_stage_works_once_on_each_tile_of_a_graph_slower_than_any_timeout(
     assert {node for node, *_ in graph.calls} == set(WORK)
     for node in set(WORK) - {"outline_regulariser"}:
         assert len({stamp for name, stamp, _ in graph.calls if name == node}) == n_tiles
-    assert sum(node in ("plane_fitter", "model_builder", "model_writer") for node, *_ in graph.calls) == (
-        3 * n_tiles
-    )
+    # what comes after tracing sees a tile of which a building was cut off only once it is large enough
+    assert sum(node in ("plane_fitter", "model_builder") for node, *_ in graph.calls) == 2 * n_tiles

@@ -47,7 +47,7 @@ def test_labels_and_the_roofs_statuses_are_published_tile_by_tile(context):
     composition = Composition(node, bench)
     composition.start()
     try:
-        wait_until(lambda: bench.to.get_subscription_count() and node._edge_points.get_subscription_count())
+        wait_until(lambda: bench.to.get_subscription_count() and node.count_subscribers("edge_points"))
         scene = scenes.gable(density=12.0)
         roof = scene.points[scene.is_roof]
         lone = np.tile([[5.0, 5.0, 5.0]], (4, 1))

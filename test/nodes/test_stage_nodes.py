@@ -29,7 +29,7 @@ from lidar_buildings.ros.composition import Composition
 from lidar_buildings.ros.map_frames import origin_message, units_message
 from lidar_buildings.ros.outline_quality import quality_message
 from lidar_buildings.ros.point_cloud import to_message
-from lidar_buildings.ros.polygons import outline_messages
+from lidar_buildings.ros.polygons import outline_rings, ring_messages
 from lidar_buildings.ros.qos import BUILDING, CLOUD, EVENT, LATCHED, LATCHED_HISTORY, LATCHED_TILE
 from lidar_buildings.ros.stage_node import StageNode
 from lidar_buildings.ros.stamps import header_of, to_stamp
@@ -238,10 +238,10 @@ def test_the_builder_waits_until_points_and_outlines_name_the_same_buildings(con
     origin.publish(origin_message(FRAME))
     other.send("plane_points", to_message(roof(HOUSE, SHED)))
     other.send("outline_quality", quality_of_outlines(HOUSE, SHED))
-    other.send("outlines", *outline_messages(STAMP, outlines(SHED)))
+    other.send("outlines", *ring_messages(STAMP, outline_rings(outlines(SHED))))
     time.sleep(0.4)
     assert other.heard["tile_done"] == []
-    other.send("outlines", *outline_messages(STAMP, outlines(HOUSE, SHED)))
+    other.send("outlines", *ring_messages(STAMP, outline_rings(outlines(HOUSE, SHED))))
     wait_until(lambda: other.heard["tile_done"])
     wait_until(lambda: [m.polygon.id for m in other.heard["roof_faces"]] == [HOUSE, SHED, -1])
 
@@ -252,7 +252,7 @@ def test_features_wait_for_the_map_frame_and_the_header_for_late_listeners(conte
     units = other.create_publisher(type(units_message(FRAME)), "map_units", LATCHED)
     other.send("plane_points", to_message(roof(HOUSE)))
     other.send("outline_quality", quality_of_outlines(HOUSE))
-    other.send("outlines", *outline_messages(STAMP, outlines(HOUSE)))
+    other.send("outlines", *ring_messages(STAMP, outline_rings(outlines(HOUSE))))
     time.sleep(0.3)
     assert other.heard["tile_done"] == []
     origin = other.create_publisher(type(origin_message(FRAME)), "map_origin", LATCHED)
@@ -316,9 +316,9 @@ def send_tile(other, *ids, without=()):
     messages = {
         "classified_points": [to_message(roof(*ids))],
         "plane_points": [to_message(roof(*ids))],
-        "traced_outlines": outline_messages(STAMP, outlines(*ids)),
-        "outlines": outline_messages(STAMP, outlines(*ids)),
-        "roof_faces": outline_messages(STAMP, ()),
+        "traced_outlines": ring_messages(STAMP, outline_rings(outlines(*ids))),
+        "outlines": ring_messages(STAMP, outline_rings(outlines(*ids))),
+        "roof_faces": ring_messages(STAMP, outline_rings(())),
         "city_model": [feature(number) for number in ids],
     }
     for topic, content in messages.items():
@@ -361,10 +361,10 @@ def test_a_tile_that_comes_again_is_answered_and_not_written_again(bench, make_w
 def test_torn_outlines_keep_a_tile_waiting(bench, make_writer, tmp_path):
     other = bench(make_writer(), WRITER_SENDS, WRITER_HEARS)
     send_tile(other, HOUSE, SHED, without=("outlines",))
-    other.send("outlines", *outline_messages(STAMP, outlines(SHED)))
+    other.send("outlines", *ring_messages(STAMP, outline_rings(outlines(SHED))))
     time.sleep(0.3)
     assert other.heard["tile_done"] == []
-    other.send("outlines", *outline_messages(STAMP, outlines(HOUSE, SHED)))
+    other.send("outlines", *ring_messages(STAMP, outline_rings(outlines(HOUSE, SHED))))
     wait_until(lambda: other.heard["tile_done"])
 
 
@@ -374,7 +374,7 @@ def test_an_empty_tile_is_a_tile_like_any_other(bench, make_writer, tmp_path):
     for topic in ("classified_points", "plane_points"):
         other.send(topic, to_message(empty))
     for topic in ("traced_outlines", "outlines", "roof_faces"):
-        other.send(topic, *outline_messages(STAMP, ()))
+        other.send(topic, *ring_messages(STAMP, outline_rings(())))
     wait_until(lambda: [to_stamp(m.stamp) for m in other.heard["tile_done"]] == [STAMP])
     assert len(fragments(tmp_path)) == 1
 

@@ -5,11 +5,12 @@ from lidar_buildings.core.model.errors import InputError
 from lidar_buildings.core.model.outline import BuildingOutline, Outline
 from lidar_buildings.ros.polygons import (
     closing_message,
-    outline_messages,
+    outline_rings,
     ring_message,
-    roof_messages,
+    ring_messages,
+    roof_rings,
 )
-from lidar_buildings.ros.ring_collector import RingCollector, outlines_of, roof_faces_of
+from lidar_buildings.ros.ring_collector import RingCollector, outlines_of
 
 SQUARE = np.array([[0.0, 0.0], [10.0, 0.0], [10.0, 10.0], [0.0, 10.0]])
 HOLE = np.array([[4.0, 4.0], [4.0, 6.0], [6.0, 6.0], [6.0, 4.0]])
@@ -34,13 +35,13 @@ def assert_same(found, expected):
 
 
 def test_outlines_come_back_as_they_were_sent():
-    closed = collected(outline_messages(STAMP, OUTLINES))
+    closed = collected(ring_messages(STAMP, outline_rings(OUTLINES)))
     assert closed.stamp == STAMP
     assert_same(outlines_of(closed.rings), OUTLINES)
 
 
 def test_rings_are_open_outer_first_and_the_tile_is_closed_by_minus_one():
-    messages = list(outline_messages(STAMP, (COURTYARD,)))
+    messages = list(ring_messages(STAMP, outline_rings((COURTYARD,))))
     assert [message.polygon.id for message in messages] == [2**32 - 1] * 3 + [-1]
     assert [len(message.polygon.polygon.points) for message in messages] == [4, 4, 4, 0]
     first = messages[0].polygon.polygon.points
@@ -54,7 +55,7 @@ def test_a_tile_without_buildings_is_closed_all_the_same():
 
 def test_tiles_may_be_interleaved():
     collector = RingCollector()
-    left, right = (list(outline_messages(stamp, OUTLINES)) for stamp in (1, 2))
+    left, right = (list(ring_messages(stamp, outline_rings(OUTLINES))) for stamp in (1, 2))
     closed = [collector.add(m) for pair in zip(left, right, strict=True) for m in pair]
     assert [tile.stamp for tile in closed if tile] == [1, 2]
     assert_same(outlines_of(closed[-1].rings), OUTLINES)
@@ -63,24 +64,26 @@ def test_tiles_may_be_interleaved():
 def test_a_tile_that_was_closed_begins_anew_when_it_comes_again():
     collector = RingCollector()
     for _ in range(2):
-        closed = [collector.add(message) for message in outline_messages(STAMP, OUTLINES)][-1]
+        closed = [collector.add(message) for message in ring_messages(STAMP, outline_rings(OUTLINES))][-1]
         assert_same(outlines_of(closed.rings), OUTLINES)
 
 
 @pytest.mark.parametrize("n_before_restart", [1, 2, 3, 4])
 def test_a_sender_that_was_restarted_in_mid_tile_leaves_no_trace(n_before_restart):
-    messages = list(outline_messages(STAMP, OUTLINES))
+    messages = list(ring_messages(STAMP, outline_rings(OUTLINES)))
     assert_same(outlines_of(collected(messages[:n_before_restart] + messages).rings), OUTLINES)
 
 
 def test_holes_whose_outer_ring_was_lost_make_no_building():
-    messages = list(outline_messages(STAMP, OUTLINES))
+    messages = list(ring_messages(STAMP, outline_rings(OUTLINES)))
     assert [one.building_id for one in outlines_of(collected(messages[2:]).rings)] == []
 
 
 def test_a_ring_without_area_is_an_outline_too():
     degenerate = BuildingOutline(3, Outline(POINT))
-    assert_same(outlines_of(collected(outline_messages(STAMP, (degenerate,))).rings), (degenerate,))
+    assert_same(
+        outlines_of(collected(ring_messages(STAMP, outline_rings((degenerate,)))).rings), (degenerate,)
+    )
 
 
 def test_roof_faces_keep_their_heights_their_holes_and_their_building():
@@ -88,11 +91,22 @@ def test_roof_faces_keep_their_heights_their_holes_and_their_building():
     upper = np.column_stack([SQUARE + 20.0, np.arange(4.0)])
     hole = np.column_stack([HOLE, np.full(4, 3.0)])
     faces = [(8, (lower, hole)), (8, (upper,)), (9, (lower,))]
-    closed = collected([*list(roof_messages(STAMP, faces))[:3], *roof_messages(STAMP, faces)])
-    found = roof_faces_of(closed.rings)
-    assert [[len(face) for face in found[number]] for number in (8, 9)] == [[2, 1], [1]]
-    assert np.array_equal(found[8][0][1], hole)
-    assert np.array_equal(found[8][1][0], upper)
+    rings = roof_rings(faces)
+    torn = list(ring_messages(STAMP, rings))[:3]
+    found = collected([*torn, *ring_messages(STAMP, rings)]).rings
+    assert {number: len(of_building) for number, of_building in found.items()} == {8: 3, 9: 1}
+    assert np.array_equal(found[8][1], hole)
+    assert np.array_equal(found[8][2], upper)
+
+
+def test_rings_that_are_handed_over_are_those_that_messages_carry():
+    rng = np.random.default_rng(0)
+    faces = [(number, [rng.normal(size=(5, 3)) * 1000.0]) for number in (4, 7)]
+    for rings in (roof_rings(faces), outline_rings(OUTLINES)):
+        carried = collected(ring_messages(STAMP, rings)).rings
+        assert carried.keys() == rings.keys()
+        for number, of_building in rings.items():
+            assert all(map(np.array_equal, of_building, carried[number]))
 
 
 def test_a_vertex_that_is_not_finite_is_refused():

@@ -1,0 +1,118 @@
+"""
+What nodes of one process hand each other: tiles and rings as they are, messages only for listeners elsewhere.
+
+rclcpp has this built in, rclpy has not.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections import Counter, defaultdict, deque
+from collections.abc import Callable, Iterable
+from typing import Any
+from weakref import WeakKeyDictionary
+
+from rclpy.context import Context
+from rclpy.node import Node
+from rclpy.publisher import Publisher
+from rclpy.subscription import Subscription
+
+from lidar_buildings.core.model.tile import PointTile
+from lidar_buildings.ros.point_cloud import to_message
+from lidar_buildings.ros.polygons import Rings, ring_messages
+from lidar_buildings.ros.publishing import publish_all
+
+#: Context → full name of a topic → who listens to it within it.
+_INBOXES: WeakKeyDictionary[Context, defaultdict[str, list[Inbox]]] = WeakKeyDictionary()
+_LOCK = threading.Lock()
+
+
+class Inbox:
+    """
+    What publishers of this process leave for a subscription.
+
+    Parameters
+    ----------
+    node : Node
+        Who takes it, in its executor's thread.
+    subscription : Subscription
+        Where messages of other processes come.
+    take : callable
+        Called with a tile's stamp and what was left.
+    """
+
+    def __init__(self, node: Node, subscription: Subscription, take: Callable[[int, Any], None]) -> None:
+        self._take = take
+        self._left: deque[tuple[int, Any]] = deque()
+        self._coming: Counter[int] = Counter()
+        self._guard = node.create_guard_condition(self._on_something)
+        with _LOCK:
+            self._fellows = _INBOXES.setdefault(node.context, defaultdict(list))[subscription.topic_name]
+            self._fellows.append(self)
+
+    def put(self, stamp: int, item: Any, *, comes_again: bool) -> None:
+        """Leave something; `comes_again` if a message with the same content follows."""
+        with _LOCK:
+            self._coming[stamp] += comes_again
+        self._left.append((stamp, item))
+        self._guard.trigger()
+
+    def has_had(self, stamp: int) -> bool:
+        """Whether what a message says of a tile was left here before it."""
+        with _LOCK:
+            if not self._coming[stamp]:
+                del self._coming[stamp]
+                return False
+            self._coming[stamp] -= 1
+            return True
+
+    def close(self) -> None:
+        """Let nothing more be left."""
+        with _LOCK:
+            self._fellows.remove(self)
+
+    def _on_something(self) -> None:
+        while self._left:
+            self._take(*self._left.popleft())
+
+
+class _Outlet:
+    """
+    Hands things on to the inboxes of this process, and publishes them where others listen.
+
+    Parameters
+    ----------
+    node : Node
+        Whose publisher it is.
+    publisher : Publisher
+        For listeners elsewhere.
+    """
+
+    def __init__(self, node: Node, publisher: Publisher) -> None:
+        self._publisher = publisher
+        self._context = node.context
+
+    def _hand_on(self, stamp: int, item: Any, messages: Callable[[], Iterable[Any]]) -> None:
+        with _LOCK:
+            inboxes = list(_INBOXES.get(self._context, {}).get(self._publisher.topic_name, ()))
+        is_heard_elsewhere = self._publisher.get_subscription_count() > len(inboxes)
+        for inbox in inboxes:
+            inbox.put(stamp, item, comes_again=is_heard_elsewhere)
+        if is_heard_elsewhere:
+            publish_all(self._publisher, messages())
+
+
+class TileOutlet(_Outlet):
+    """Hands tiles on; as PointCloud2 where others listen."""
+
+    def publish(self, tile: PointTile) -> None:
+        """Hand a tile on."""
+        self._hand_on(tile.stamp, tile, lambda: [to_message(tile)])
+
+
+class RingOutlet(_Outlet):
+    """Hands a tile's rings on; as polygons and a closing message where others listen."""
+
+    def publish(self, stamp: int, rings: Rings) -> None:
+        """Hand the rings of a tile on."""
+        self._hand_on(stamp, rings, lambda: ring_messages(stamp, rings))

@@ -1,0 +1,125 @@
+"""Nodes of one process hand tiles and rings over as they are; others get messages, and nobody gets both."""
+
+import threading
+import time
+
+import numpy as np
+import pytest
+from geometry_msgs.msg import PolygonInstanceStamped
+from rclpy.node import Node
+from sensor_msgs.msg import PointCloud2
+
+from lidar_buildings.core.model.tile import PointTile
+from lidar_buildings.ros import hand_over
+from lidar_buildings.ros.composition import Composition
+from lidar_buildings.ros.point_cloud import from_message, to_message
+from lidar_buildings.ros.polygons import ring_messages
+from lidar_buildings.ros.qos import BUILDING, CLOUD
+from lidar_buildings.ros.stage_node import StageNode
+
+pytestmark = pytest.mark.graph
+
+RINGS = {4: (np.arange(9.0).reshape(3, 3), np.arange(12.0).reshape(4, 3)), 7: (np.zeros((3, 3)),)}
+
+
+class Sender(StageNode):
+    def __init__(self, **kwargs):
+        super().__init__("sender", {}, **kwargs)
+        self.tiles, self.rings = self.create_tile_outlet("points"), self.create_ring_outlet("rings")
+
+
+class Receiver(StageNode):
+    def __init__(self, **kwargs):
+        super().__init__("receiver", {}, **kwargs)
+        self.tiles, self.rings, self.threads = [], [], set()
+        self.subscribe_rings("rings", lambda stamp, rings: self.rings.append((stamp, rings)))
+        self.subscribe_tiles("points", self.on_tile)
+
+    def on_tile(self, tile):
+        self.tiles.append(tile)
+        self.threads.add(threading.current_thread().name)
+
+
+def wait_until(condition, seconds=120.0):
+    end = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < end
+        time.sleep(0.01)
+
+
+def tile(second):
+    return PointTile(np.ones((3, 3)) * second, stamp=second * 1_000_000_000, point_spacing=0.5)
+
+
+@pytest.fixture
+def pair(context):
+    sender, receiver = Sender(context=context), Receiver(context=context)
+    composition = Composition(sender, receiver)
+    composition.start()
+    yield sender, receiver
+    composition.stop()
+
+
+def test_within_a_process_a_tile_and_rings_come_as_they_are_without_a_message(pair, monkeypatch):
+    monkeypatch.setattr(hand_over, "to_message", None)
+    monkeypatch.setattr(hand_over, "ring_messages", None)
+    sender, receiver = pair
+    sent = [tile(second) for second in (1, 2, 3)]
+    for one in sent:
+        sender.tiles.publish(one)
+    sender.rings.publish(5, RINGS)
+    wait_until(lambda: len(receiver.tiles) == 3 and receiver.rings)
+    assert all(one is other for one, other in zip(receiver.tiles, sent, strict=True))
+    assert receiver.rings == [(5, RINGS)]
+    assert receiver.threads == {"receiver"}
+
+
+def test_a_listener_that_is_no_stage_gets_messages_and_the_stage_works_once(pair, context):
+    sender, receiver = pair
+    tool, clouds, polygons = StageNode("tool", {}, context=context), [], []
+    tool.create_subscription(PointCloud2, "points", clouds.append, CLOUD)
+    tool.create_subscription(PolygonInstanceStamped, "rings", polygons.append, BUILDING)
+    listening = Composition(tool)
+    listening.start()
+    try:
+        for second in (1, 2):
+            sender.tiles.publish(tile(second))
+        sender.rings.publish(5, RINGS)
+        wait_until(lambda: len(clouds) == 2 and len(polygons) == 4)
+        # the last message that is no copy: it comes after the copies of the others
+        publisher = sender.create_publisher(PointCloud2, "points", CLOUD)
+        publisher.publish(to_message(tile(1)))
+        wait_until(lambda: len(receiver.tiles) >= 3)
+    finally:
+        listening.stop()
+    assert [one.stamp // 1_000_000_000 for one in receiver.tiles] == [1, 2, 1]
+    assert len(receiver.rings) == 1
+    np.testing.assert_array_equal(from_message(clouds[0]).tile.points, tile(1).points)
+
+
+def test_messages_of_others_come_in_where_nothing_was_handed_over(context):
+    receiver, other = Receiver(context=context), Node("other", context=context)
+    composition = Composition(receiver)
+    publishers = [
+        other.create_publisher(PointCloud2, "points", CLOUD),
+        other.create_publisher(PolygonInstanceStamped, "rings", BUILDING),
+    ]
+    composition.start()
+    try:
+        wait_until(lambda: all(one.get_subscription_count() for one in publishers))
+        for _ in range(2):
+            publishers[0].publish(to_message(tile(1)))
+            for message in ring_messages(5, RINGS):
+                publishers[1].publish(message)
+        wait_until(lambda: len(receiver.tiles) == 2 and len(receiver.rings) == 2)
+    finally:
+        other.destroy_node()
+        composition.stop()
+
+
+def test_a_node_that_is_gone_gets_nothing(context):
+    sender, receiver = Sender(context=context), Receiver(context=context)
+    receiver.destroy_node()
+    sender.tiles.publish(tile(1))
+    sender.destroy_node()
+    assert receiver.tiles == []
