@@ -9,7 +9,6 @@ import shapely
 from numba import njit
 
 from lidar_buildings.core.model.array_types import BoolArray, FloatArray, IntArray
-from lidar_buildings.core.model.outline import signed_area
 from lidar_buildings.core.neighbours.union_find import sets_of_pairs
 from lidar_buildings.core.solids.output_grid import GRID
 from lidar_buildings.core.stages.building_model.noding import in_tiles, tile_of, tiles_of
@@ -83,7 +82,7 @@ def fit_face_planes(faces: list[RoofFacePatch], points: FloatArray, spacing: flo
     for k in np.flatnonzero(~suits):
         planes[k] = _own_plane(faces[k], points, spacing)
         fitting[k] = replace(faces[k], plane=planes[k])
-    corners, begin, _ = _corners_of(faces)
+    corners, begin, _, _ = _corners_of(faces)
     beyond = limits.excess(np.repeat(planes, np.diff(begin), axis=0), corners) > 0.0
     reaching = np.logical_or.reduceat(beyond, begin[:-1])
     pieces = [
@@ -122,8 +121,7 @@ def _suit(planes: FloatArray, faces: list[RoofFacePatch], points: FloatArray, sp
     ordered = misfit[np.lexsort((misfit, number))]
     median = 0.5 * (ordered[begin + (n - 1) // 2] + ordered[begin + n // 2])
     suits[some] = median <= _MAX_MEDIAN_MISFIT + 0.5 * spacing * rise[some]
-    corners, first, length = _corners_of(faces)
-    area = _areas(faces)
+    corners, first, length, area = _corners_of(faces)
     small = suits[some] & (area[some] <= _SMALL) & (n * spacing**2 >= 0.5 * area[some])
     if small.any():
         z = _elevations(np.repeat(planes, np.diff(first), axis=0), corners)
@@ -136,13 +134,20 @@ def _suit(planes: FloatArray, faces: list[RoofFacePatch], points: FloatArray, sp
     return suits
 
 
-def _corners_of(faces: list[RoofFacePatch]) -> tuple[FloatArray, IntArray, FloatArray]:
-    """Return the vertices of all faces, where each one's begin, and the length of their rings [m]."""
+def _corners_of(faces: list[RoofFacePatch]) -> tuple[FloatArray, IntArray, FloatArray, FloatArray]:
+    """Return all faces' vertices, where each one's begin, the lengths of their rings [m] and areas [m²]."""
     rings = [ring for face in faces for ring in face.rings]
     corners, follows = np.concatenate(rings), _next_corners(rings)
     begin = np.cumsum([0, *_numbers_of_corners(faces)])
-    sides = np.hypot(*(corners[follows] - corners).T)
-    return corners, begin, np.add.reduceat(sides, begin[:-1])
+    x, y = (corners - np.repeat(corners[begin[:-1]], np.diff(begin), axis=0)).T
+    sides = np.hypot(x[follows] - x, y[follows] - y)
+    doubled = x * y[follows] - y * x[follows]
+    return (
+        corners,
+        begin,
+        np.add.reduceat(sides, begin[:-1]),
+        0.5 * np.add.reduceat(doubled, begin[:-1]),
+    )
 
 
 def _next_corners(rings: list[FloatArray]) -> IntArray:
@@ -151,10 +156,6 @@ def _next_corners(rings: list[FloatArray]) -> IntArray:
     follows = np.arange(1, ends[-1] + 1)
     follows[ends - 1] = np.concatenate([[0], ends[:-1]])
     return follows
-
-
-def _areas(faces: list[RoofFacePatch]) -> FloatArray:
-    return np.array([sum(signed_area(ring) for ring in face.rings) for face in faces])
 
 
 def _within(face: RoofFacePatch, points: FloatArray, limits: Limits) -> list[RoofFacePatch]:

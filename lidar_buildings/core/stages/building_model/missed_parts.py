@@ -78,7 +78,7 @@ def find_missed_parts(
     ]
     level = np.zeros(len(unassigned), dtype=np.uint16)
     tops = [unassigned[rows] for rows in _parts(points[unassigned, :2], level, _TOGETHER * spacing, fewest)]
-    tops = [rows for rows in tops if _is_level(points[rows, 2])]
+    tops = [rows for rows in tops if _is_level(np.sort(points[rows, 2]))]
     if not parts and not tops:
         return MissedParts(np.zeros((0, 2, 2)), np.zeros((0, 3)))
     planes = np.zeros((len(tops), 3))
@@ -87,8 +87,10 @@ def find_missed_parts(
 
 
 def _is_level(z: FloatArray) -> bool:
-    """Whether most points of a part are at one level."""
-    low, high = np.percentile(z, [20, 80])
+    """Whether most points of a part, sorted, are at one level."""
+    place = np.array([0.2, 0.8]) * (len(z) - 1)
+    before = place.astype(np.int64)
+    low, high = z[before] + (place - before) * (z[np.minimum(before + 1, len(z) - 1)] - z[before])
     return bool(high - low <= _MAX_SPREAD)
 
 
@@ -99,7 +101,9 @@ def _parts(xy: FloatArray, plane_id: NDArray[np.uint16], reach: float, fewest: i
     one, other = cKDTree(xy).query_pairs(reach, output_type="ndarray").T
     same = plane_id[one] == plane_id[other]
     part = sets_of_pairs(len(xy), one[same], other[same])
-    return [np.flatnonzero(part == number) for number in np.flatnonzero(np.bincount(part) >= fewest)]
+    order, count = np.argsort(part, kind="stable"), np.bincount(part)
+    ends = np.cumsum(count)
+    return [order[ends[k] - count[k] : ends[k]] for k in np.flatnonzero(count >= fewest)]
 
 
 def _directions(outline: Outline) -> FloatArray:
