@@ -8,7 +8,7 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from lidar_buildings.core.model.array_types import FloatArray, IntArray
+from lidar_buildings.core.model.array_types import IntArray
 from lidar_buildings.core.solids.raising.clearance import n_joints
 from lidar_buildings.core.solids.raising.grid_rings import GridRings, grid_rings, piece_rings
 from lidar_buildings.core.solids.raising.plan_graph import OUTSIDE, PlanGraph, labelled_graph
@@ -106,32 +106,22 @@ def _snapped(rings: GridRings, within: float) -> GridRings:
     """Move vertices onto others, or onto edges, that are nearer than `within`."""
     places, row = np.unique(rings.corners.astype(np.float64), axis=0, return_inverse=True)
     leader = weld(places, within)
-    kept = places[np.unique(leader)]
-    moved = rings._replace(corners=places[leader[row.reshape(-1)]].astype(np.int64))
-    return grid_rings(
-        [(k, [_with_vertices(ring, kept, within) for ring in group]) for k, group in moved.groups()]
-    )
-
-
-def _with_vertices(ring: IntArray, places: FloatArray, within: float) -> FloatArray:
-    """Put all places that lie next to an edge of a ring into it."""
-    steps = np.roll(ring, -1, axis=0) - ring
-    lines = shapely.linestrings(np.stack([ring, ring + steps], axis=1))
-    edge, near = shapely.STRtree(shapely.points(places)).query(lines, predicate="dwithin", distance=within)
+    kept, starts = places[np.unique(leader)], places[leader[row.reshape(-1)]]
+    steps = starts[rings.following] - starts
+    lines = shapely.linestrings(np.stack([starts, starts + steps], axis=1))
+    edge, near = shapely.STRtree(shapely.points(kept)).query(lines, predicate="dwithin", distance=within)
     length = np.einsum("ij,ij->i", steps, steps)
-    edge, near = edge[length[edge] > 0.0], near[length[edge] > 0.0]
-    share = np.einsum("ij,ij->i", places[near] - ring[edge], steps[edge]) / length[edge]
-    is_end = (places[near] == ring[edge]).all(axis=1) | (places[near] == ring[edge] + steps[edge]).all(axis=1)
+    share = np.einsum("ij,ij->i", kept[near] - starts[edge], steps[edge]) / np.maximum(length[edge], 1e-9)
+    is_end = (kept[near] == starts[edge]).all(axis=1) | (kept[near] == starts[edge] + steps[edge]).all(axis=1)
     between = (share > 0.0) & (share < 1.0) & ~is_end
-    all_places = np.concatenate([ring, places[near[between]]])
-    order = np.lexsort(
-        (
-            *all_places.T[::-1],
-            np.append(np.zeros(len(ring)), share[between]),
-            np.append(np.arange(len(ring)), edge[between]),
-        )
-    )
-    return all_places[order]
+    edge, share, near = edge[between], share[between], near[between]
+    # each corner, and after it what lies next to its edge
+    corners = np.concatenate([starts, kept[near]])
+    shares = np.append(np.zeros(len(starts)), share)
+    order = np.lexsort((*corners.T[::-1], shares, np.append(np.arange(len(starts)), edge)))
+    added = np.append(0, np.cumsum(np.bincount(edge, minlength=len(starts))))
+    full = GridRings(corners[order].astype(np.int64), rings.starts + added[rings.starts], rings.owner)
+    return grid_rings(full.groups())
 
 
 def _labels(

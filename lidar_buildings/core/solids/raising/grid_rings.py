@@ -31,6 +31,13 @@ class GridRings(NamedTuple):
     starts: IntArray
     owner: IntArray
 
+    @property
+    def following(self) -> IntArray:
+        """The next corner along its ring of each corner."""
+        following = np.arange(1, len(self.corners) + 1)
+        following[self.starts[1:] - 1] = self.starts[:-1]
+        return following
+
     def groups(self) -> list[tuple[int, list[IntArray]]]:
         """Return each piece's number and its rings, the exterior first."""
         groups: dict[int, list[IntArray]] = {}
@@ -44,7 +51,7 @@ def piece_rings(pieces: Sequence[RoofPiece]) -> GridRings:
     return grid_rings([(number, [ring / GRID for ring in one.rings]) for number, one in enumerate(pieces)])
 
 
-def grid_rings(groups: Sequence[tuple[int, Sequence[FloatArray]]]) -> GridRings:
+def grid_rings(groups: Sequence[tuple[int, Sequence[FloatArray | IntArray]]]) -> GridRings:
     """
     Put rings on the grid: the first of each group counter-clockwise, the others clockwise.
 

@@ -58,9 +58,7 @@ def labelled_graph(rings: GridRings) -> PlanGraph | None:
     low, span = corners.min(axis=0), int(np.ptp(corners[:, 1])) + 1
     keys, start = np.unique((corners - low) @ [span, 1], return_inverse=True)
     places = np.stack(np.divmod(keys, span), axis=1) + low
-    end = np.empty_like(start)
-    end[:-1] = start[1:]
-    end[rings.starts[1:] - 1] = start[rings.starts[:-1]]
+    end = start[rings.following]
     n = len(places)
     edges, number = np.unique(np.minimum(start, end) * n + np.maximum(start, end), return_inverse=True)
     side = 2 * number + (start > end)

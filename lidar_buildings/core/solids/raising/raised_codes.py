@@ -6,7 +6,7 @@ import numpy as np
 
 from lidar_buildings.core.model.array_types import BoolArray
 from lidar_buildings.core.solids.raising.assembly import RaisedShell
-from lidar_buildings.core.solids.validity.checking import check_faces, faulty_faces
+from lidar_buildings.core.solids.validity.checking import check_faces, codes_of_upward_faces
 from lidar_buildings.core.solids.validity.face_arrays import FaceArrays
 
 
@@ -17,11 +17,10 @@ def raised_codes(shell: RaisedShell) -> tuple[int, ...]:
     A roof is a function of the plan: where the plan's edges keep clear of each other, its pieces cannot meet
     elsewhere than along them, walls stand on edges, and all hang together as the plan does. What is left to
     check are the sloping faces by themselves, as they need not be flat to the millimetre. Only where the plan
-    leaves doubt, or one of them is not sound, all is checked.
+    leaves doubt, or one of them overhangs itself, all is checked.
     """
-    if shell.is_clean and not faulty_faces(_chosen(shell.faces, _sloping(shell))):
-        return ()
-    return check_faces(shell.faces)
+    codes = codes_of_upward_faces(_chosen(shell.faces, _sloping(shell))) if shell.is_clean else None
+    return check_faces(shell.faces) if codes is None else codes
 
 
 def _sloping(shell: RaisedShell) -> BoolArray:

@@ -67,9 +67,9 @@ def _check_welded(faces: FaceArrays, leader: IntArray) -> set[int]:
     return codes or _check_shell(faces, triangles, face_of) | _unused(leader, faces)
 
 
-def faulty_faces(faces: FaceArrays) -> set[int]:
+def codes_of_upward_faces(faces: FaceArrays) -> tuple[int, ...] | None:
     """
-    Return what is wrong with faces by themselves, or {204} if one is not a function of its plan.
+    Return what is wrong with faces by themselves, None if one is not a function of its plan.
 
     Parameters
     ----------
@@ -77,13 +77,13 @@ def faulty_faces(faces: FaceArrays) -> set[int]:
         Faces that look upwards, with rings of three distinct vertices at least.
     """
     if not len(faces.corners):
-        return set()
+        return ()
     codes, triangles, _ = _check_flatness(faces)
     if codes:
-        return codes
+        return tuple(sorted(codes))
     a, b, c = faces.vertices[triangles, :2].transpose(1, 0, 2)
     u, v = b - a, c - a
-    return set() if (u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0] > _LEAST_AREA).all() else {204}
+    return () if (u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0] > _LEAST_AREA).all() else None
 
 
 def _check_flatness(faces: FaceArrays) -> tuple[set[int], IntArray, IntArray]:

@@ -22,10 +22,9 @@ def known_attributes(
     points: FloatArray, outline: Outline, plane_id: NDArray[np.uint16] | None, spacing: float
 ) -> dict[str, Any]:
     """Return all attributes, those that need a solid still unknown."""
-    elevations = {
-        f"roof_elevation_{name}": float(on_grid(np.percentile(points[:, 2], share))) if len(points) else None
-        for name, share in ELEVATIONS.items()
-    }
+    shares = list(ELEVATIONS.values())
+    heights = on_grid(np.percentile(points[:, 2], shares)).tolist() if len(points) else [None] * len(shares)
+    elevations = {f"roof_elevation_{name}": z for name, z in zip(ELEVATIONS, heights, strict=True)}
     return {
         **dict.fromkeys(ATTRIBUTES),
         **elevations,

@@ -134,7 +134,7 @@ def _model(
 ) -> BuildingModel:
     """Build the model of a building with points, LoD1.2 first: what fails above leaves that."""
     ground, remark = _ground(points, ground_elevation, config)
-    top, why_raised = _flat_top(points, ground, config)
+    top, why_raised = _flat_top(attributes[f"roof_elevation_{config.roof_elevation}"], ground)
     lowest, outline = level_12(outline, ground, top)
     attributes |= {"ground_elevation": ground, "height": float(on_grid(top - ground))}
     if lowest.solid is None:
@@ -153,9 +153,8 @@ def _model(
         return _lowest_alone(lowest.solid, attributes, remarks)
 
 
-def _flat_top(points: FloatArray, ground: float, config: BuildingModelConfig) -> tuple[float, str]:
+def _flat_top(roof: float, ground: float) -> tuple[float, str]:
     """Return the elevation of LoD1.2's top [m], and what to remark about it."""
-    roof = _top(points[:, 2], config)
     lowest = float(on_grid(ground + MIN_HEIGHT))
     if roof >= lowest:
         return roof, ""
