@@ -44,7 +44,8 @@ def insert_vertex(  # type: ignore[no-untyped-def]
     int
         The number of triangles.
     """
-    first, second = n_triangles, n_triangles + 1
+    # one type of all numbers, else helpers are compiled for each mixture
+    triangle, first, second = np.int64(triangle), np.int64(n_triangles), np.int64(n_triangles + 1)
     _split(vertex, triangle, first, second, triangles, neighbours)
     changed[triangle], changed[first], changed[second] = mark, mark, mark
     suspect = triangle
@@ -90,14 +91,14 @@ def _flip(near, far, k, triangles, neighbours):  # type: ignore[no-untyped-def]
     _redirect(beyond_ca, near, far, neighbours)
 
 
-@njit(cache=True, nogil=True)
+@njit(inline="always")
 def _set(triangle, a, b, c, beyond_a, beyond_b, beyond_c, triangles, neighbours):  # type: ignore[no-untyped-def]
     """Write a triangle's corners and the neighbours opposite them."""
     triangles[triangle, 0], triangles[triangle, 1], triangles[triangle, 2] = a, b, c
     neighbours[triangle, 0], neighbours[triangle, 1], neighbours[triangle, 2] = beyond_a, beyond_b, beyond_c
 
 
-@njit(cache=True, nogil=True)
+@njit(inline="always")
 def _redirect(triangle, old, new, neighbours):  # type: ignore[no-untyped-def]
     if triangle >= 0:
         neighbours[triangle, _corner_facing(triangle, old, neighbours)] = new

@@ -161,26 +161,28 @@ def _sorted_by_cell(points, ux, uy, vx, vy, west, south, cell, n_columns, n_rows
         x[place[number[i]]], y[place[number[i]]] = points[i, 0], points[i, 1]
         place[number[i]] += 1
     for k in range(len(first) - 1):
-        _sort(x[first[k] : first[k + 1]], y[first[k] : first[k + 1]])
+        _sort(x, y, first[k], first[k + 1])
     n = _drop_copies(x, y, first)
     return x[:n].copy(), y[:n].copy(), first
 
 
 @njit(cache=True, nogil=True)
-def _sort(x, y):  # type: ignore[no-untyped-def]
-    """Sort positions by x, then y, in place."""
-    if len(x) > _LARGE_CELL:
-        order = np.argsort(y, kind="mergesort")
-        order = order[np.argsort(x[order], kind="mergesort")]
-        x[:], y[:] = x[order], y[order]
-        return
-    for i in range(1, len(x)):
-        one_x, one_y = x[i], y[i]
-        j = i
-        while j > 0 and (x[j - 1] > one_x or (x[j - 1] == one_x and y[j - 1] > one_y)):
-            x[j], y[j] = x[j - 1], y[j - 1]
-            j -= 1
-        x[j], y[j] = one_x, one_y
+def _sort(x, y, begin, end):  # type: ignore[no-untyped-def]
+    """Sort positions from begin to end by x, then y, in place, by steps that shrink (Shell 1959)."""
+    step = 1
+    while end - begin > _LARGE_CELL and 2.25 * step < end - begin:
+        step = int(2.25 * step) + 1
+    while step > 0:
+        for i in range(begin + step, end):
+            one_x, one_y = x[i], y[i]
+            j = i
+            while j - step >= begin and (
+                x[j - step] > one_x or (x[j - step] == one_x and y[j - step] > one_y)
+            ):
+                x[j], y[j] = x[j - step], y[j - step]
+                j -= step
+            x[j], y[j] = one_x, one_y
+        step = int(step / 2.25)
 
 
 @njit(cache=True, nogil=True)

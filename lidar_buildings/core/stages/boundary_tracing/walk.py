@@ -73,7 +73,7 @@ def walk_round(
 def _walk(grid, edges, follower, reach, max_reach, start, dx, dy, max_steps):  # type: ignore[no-untyped-def]
     """Walk until back at the start or without a way on; ends for certain, since no point is entered twice."""
     ring = np.empty(min(len(follower), max_steps + 1), dtype=np.int64)
-    ring[0], n, size, end = start, 1, edges.size[0], STUCK
+    ring[0], n, size, end = start, np.int64(1), edges.size[0], STUCK  # plain 1 is a type of its own
     while True:
         current = ring[n - 1]
         chosen = _step(
@@ -166,8 +166,13 @@ def _next_in_turn(grid, follower, seen, reach, ring, n, back, tried, tried_dista
 def _in_turn(grid, follower, seen, reach, ring, n, back, tried, tried_distance):  # type: ignore[no-untyped-def]
     """Return all free points in clockwise order after those tried."""
     x, y, current = grid.x, grid.y, ring[n - 1]
-    rows, turns, distances = [np.int64(0)], [np.int64(-1)], [0.0]
     low_row, high_row, low_column, high_column = cells_within(grid, x[current], y[current], reach)
+    n_near = 0
+    for row in range(low_row, high_row + 1):
+        cell = row * grid.n_columns
+        n_near += grid.first[cell + high_column + 1] - grid.first[cell + low_column]
+    rows, turns, distances = np.empty(n_near, np.int64), np.empty(n_near, np.int64), np.empty(n_near)
+    n_rows = 0
     for row in range(low_row, high_row + 1):
         cell = row * grid.n_columns
         for i in range(grid.first[cell + low_column], grid.first[cell + high_column + 1]):
@@ -175,13 +180,15 @@ def _in_turn(grid, follower, seen, reach, ring, n, back, tried, tried_distance):
                 dx, dy = x[i] - x[current], y[i] - y[current]
                 turn, distance = _turn(back, _direction(dx, grid.orientation * dy)), dx * dx + dy * dy
                 if turn > tried or (turn == tried and distance > tried_distance):
-                    rows.append(i)
-                    turns.append(turn)
-                    distances.append(distance)
-    order = np.argsort(np.array(distances), kind="mergesort")
-    order = order[np.argsort(np.array(turns)[order], kind="mergesort")]
-    # The first entry only told the lists what they hold.
-    return np.array(rows)[order[1:]]
+                    k = n_rows
+                    while k > 0 and (
+                        turns[k - 1] > turn or (turns[k - 1] == turn and distances[k - 1] > distance)
+                    ):
+                        rows[k], turns[k], distances[k] = rows[k - 1], turns[k - 1], distances[k - 1]
+                        k -= 1
+                    rows[k], turns[k], distances[k] = i, turn, distance
+                    n_rows += 1
+    return rows[:n_rows]
 
 
 @njit(cache=True, nogil=True)

@@ -116,30 +116,37 @@ def _mark_isolated(layers, gap, isolated, begin, end):  # type: ignore[no-untype
 def _judge_groups(layers, bottom, seeds, gap, radius, limit, state, group_of):  # type: ignore[no-untyped-def]
     """Return the layers of groups that are errors, and the seeds of those that others may still hide."""
     members, begins = _gather_groups(layers, seeds, gap, limit, state, group_of)
-    errors, open_cases = [np.int64(0) for _ in range(0)], [np.int64(0) for _ in range(0)]
+    errors, open_cases = np.empty(len(members), np.int64), np.empty(len(begins), np.int64)
+    n_errors, n_open = 0, 0
     # How many columns of a small group support the one under judgement, which is noted beside.
     counted, judged = np.zeros(len(state), dtype=np.int64), np.full(len(state), -1, dtype=np.int64)
     for i in range(len(begins) - 1):
         group = members[begins[i] : begins[i + 1]]
         if _is_supported(layers, bottom, group, gap, radius, state, group_of, counted, judged):
-            open_cases.append(group[0])
+            open_cases[n_open] = group[0]
+            n_open += 1
         elif not is_open_pit(layers, group, gap):
-            errors.extend(group)
-    return np.array(errors, dtype=np.int64), np.array(open_cases, dtype=np.int64)
+            for layer in group:
+                errors[n_errors] = layer
+                n_errors += 1
+    return errors[:n_errors], open_cases[:n_open]
 
 
 @njit(cache=True, nogil=True)
 def _gather_groups(layers, seeds, gap, limit, state, group_of):  # type: ignore[no-untyped-def]
     """Return the layers of all small groups that a seed belongs to, and where each begins, and the end."""
-    members, begins = [np.int64(0) for _ in range(0)], [np.int64(0)]
+    members, begins = np.empty(len(group_of), np.int64), np.zeros(len(seeds) + 1, np.int64)
+    n_members, n_groups = 0, 0
     group = np.empty(limit, dtype=np.int64)
     for seed in seeds:
         if state[seed] == UNKNOWN and group_of[seed] < 0:
-            n_members = _gather_group(layers, seed, gap, state, group_of, group)
-            if n_members > 0:
-                members.extend(group[:n_members])
-                begins.append(np.int64(len(members)))
-    return np.array(members, dtype=np.int64), np.array(begins, dtype=np.int64)
+            n_more = _gather_group(layers, seed, gap, state, group_of, group)
+            for k in range(n_more):
+                members[n_members + k] = group[k]
+            if n_more > 0:
+                n_members, n_groups = n_members + n_more, n_groups + 1
+                begins[n_groups] = n_members
+    return members[:n_members], begins[: n_groups + 1]
 
 
 @njit(cache=True, nogil=True)

@@ -58,7 +58,6 @@ def _spacing_around(layers, group):  # type: ignore[no-untyped-def]
     In each row of columns, empty ones count from the first to the last that is not.
     """
     k = layers.column[group[0]]
-    own = layers.column[group]
     n_points, n_columns = 0, 0
     for step in range(-REACH, REACH + 1):
         start, stop = columns_in_row(layers, k, step, REACH)
@@ -66,7 +65,10 @@ def _spacing_around(layers, group):  # type: ignore[no-untyped-def]
             continue
         n_columns += layers.numbers[stop - 1] - layers.numbers[start] + 1
         for other in range(start, stop):
-            if (own == other).any():
+            is_own = False
+            for layer in group:
+                is_own = is_own or layers.column[layer] == other
+            if is_own:
                 n_columns -= 1
             else:
                 n_points += layers.begin[layers.first[other + 1]] - layers.begin[layers.first[other]]

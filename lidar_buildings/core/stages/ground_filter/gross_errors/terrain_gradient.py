@@ -68,12 +68,15 @@ def _low_points(points, counts, first):  # type: ignore[no-untyped-def]
     """Return the point of each block below which the share of those that count lies; NaN if there is none."""
     nodes = np.full((len(first) - 1, 3), np.nan)
     for k in range(len(nodes)):
-        n_points = np.count_nonzero(counts[first[k] : first[k + 1]])
+        n_points = 0
+        for i in range(first[k], first[k + 1]):
+            n_points += counts[i]
         left = min(int(LOW_SHARE * n_points) + (n_points > MIN_BLOCKS), n_points - 1)
         for i in range(first[k], first[k + 1]):
             if counts[i]:
                 if left == 0:
-                    nodes[k] = points[i] - points[0]
+                    for axis in range(3):
+                        nodes[k, axis] = points[i, axis] - points[0, axis]
                 left -= 1
     return nodes
 
@@ -81,6 +84,7 @@ def _low_points(points, counts, first):  # type: ignore[no-untyped-def]
 @njit(cache=True, nogil=True)
 def _fit_blocks(nodes, numbers, width, gradient, begin, end):  # type: ignore[no-untyped-def]
     around = np.empty(((2 * REACH + 1) ** 2, 3))
+    kept = np.empty(len(around), dtype=np.bool_)
     for k in range(begin, end):
         n_around = 0
         row, column = numbers[k] // width, numbers[k] % width
@@ -88,56 +92,81 @@ def _fit_blocks(nodes, numbers, width, gradient, begin, end):  # type: ignore[no
             start, stop = cells_in_row(numbers, width, beside, column, REACH)
             for j in range(start, stop):
                 if not np.isnan(nodes[j, 2]):
-                    around[n_around] = nodes[j]
+                    for axis in range(3):
+                        around[n_around, axis] = nodes[j, axis]
                     n_around += 1
         if n_around >= MIN_BLOCKS:
-            gradient[k, 0], gradient[k, 1] = _low_plane(around[:n_around] - around[0])
+            for axis in range(3):
+                origin = around[0, axis]
+                for i in range(n_around):
+                    around[i, axis] -= origin
+            gradient[k, 0], gradient[k, 1] = _low_plane(around, n_around, kept)
 
 
 @njit(cache=True, nogil=True)
-def _low_plane(around):  # type: ignore[no-untyped-def]
-    kept = np.ones(len(around), dtype=np.bool_)
-    east, north, level = _plane(around, kept)
-    for _ in range(MAX_PASSES):
-        above = around[:, 2] - (level + east * around[:, 0] + north * around[:, 1])
-        fewer = kept & (above <= max(0.5 * np.max(np.where(kept, above, 0.0)), SMOOTH))
-        if fewer.sum() == kept.sum() or fewer.sum() < MIN_BLOCKS:
+def _low_plane(around, n, kept):  # type: ignore[no-untyped-def]
+    n_kept, limit = 0, np.inf
+    east, north, level = 0.0, 0.0, 0.0
+    for number in range(MAX_PASSES + 1):
+        n_fewer, highest = 0, 0.0
+        for i in range(n):
+            above = around[i, 2] - (level + east * around[i, 0] + north * around[i, 1])
+            n_fewer += (number == 0 or kept[i]) and above <= limit
+        if number > 0 and (n_fewer == n_kept or n_fewer < MIN_BLOCKS):
             break
-        kept = fewer
-        east, north, level = _plane(around, kept)
-    explained = _explained(around, kept, east, north)
+        for i in range(n):
+            above = around[i, 2] - (level + east * around[i, 0] + north * around[i, 1])
+            kept[i] = (number == 0 or kept[i]) and above <= limit
+        n_kept = n_fewer
+        east, north, level = _plane(around, n, kept)
+        for i in range(n):
+            if kept[i]:
+                above = around[i, 2] - (level + east * around[i, 0] + north * around[i, 1])
+                highest = max(highest, above)
+        limit = max(0.5 * highest, SMOOTH)
+    explained = _explained(around, n, kept, n_kept, east, north)
     return explained * east, explained * north
 
 
 @njit(cache=True, nogil=True)
-def _explained(around, kept, east, north):  # type: ignore[no-untyped-def]
+def _explained(around, n, kept, n_kept, east, north):  # type: ignore[no-untyped-def]
     """Return which share of the variance of the kept points' elevations a slope explains, 0 to 1."""
-    x, y, z = around[kept, 0], around[kept, 1], around[kept, 2]
-    variance = np.var(z)
-    return max(0.0, 1.0 - np.var(z - east * x - north * y) / variance) if variance > 0.0 else 0.0
+    mean, mean_left = 0.0, 0.0
+    for i in range(n):
+        if kept[i]:
+            mean += around[i, 2]
+            mean_left += around[i, 2] - east * around[i, 0] - north * around[i, 1]
+    mean, mean_left = mean / n_kept, mean_left / n_kept
+    variance, left = 0.0, 0.0
+    for i in range(n):
+        if kept[i]:
+            variance += (around[i, 2] - mean) ** 2
+            left += (around[i, 2] - east * around[i, 0] - north * around[i, 1] - mean_left) ** 2
+    variance, left = variance / n_kept, left / n_kept
+    return max(0.0, 1.0 - left / variance) if variance > 0.0 else 0.0
 
 
 @njit(cache=True, nogil=True)
-def _plane(around, kept):  # type: ignore[no-untyped-def]
+def _plane(around, n_around, kept):  # type: ignore[no-untyped-def]
     """
     Return rise over run along x and y and the elevation at 0 of the least squares plane; level if undefined.
     """
-    n, mean = 0, np.zeros(3)
-    for i in range(len(around)):
+    n, mean_x, mean_y, mean_z = 0, 0.0, 0.0, 0.0
+    for i in range(n_around):
         if kept[i]:
             n += 1
-            mean += around[i]
+            mean_x, mean_y, mean_z = mean_x + around[i, 0], mean_y + around[i, 1], mean_z + around[i, 2]
     if n < MIN_BLOCKS:
-        return 0.0, 0.0, mean[2] / max(n, 1)
-    mean /= n
+        return 0.0, 0.0, mean_z / max(n, 1)
+    mean_x, mean_y, mean_z = mean_x / n, mean_y / n, mean_z / n
     xx, xy, yy, xz, yz = 0.0, 0.0, 0.0, 0.0, 0.0
-    for i in range(len(around)):
+    for i in range(n_around):
         if kept[i]:
-            x, y, z = around[i] - mean
+            x, y, z = around[i, 0] - mean_x, around[i, 1] - mean_y, around[i, 2] - mean_z
             xx, xy, yy, xz, yz = xx + x * x, xy + x * y, yy + y * y, xz + x * z, yz + y * z
     area = xx * yy - xy * xy
     if area <= 1e-3 * xx * yy or area <= 0.0:
-        return 0.0, 0.0, mean[2]
+        return 0.0, 0.0, mean_z
     east = min(max((xz * yy - yz * xy) / area, -MAX_GRADIENT), MAX_GRADIENT)
     north = min(max((yz * xx - xz * xy) / area, -MAX_GRADIENT), MAX_GRADIENT)
-    return east, north, mean[2] - east * mean[0] - north * mean[1]
+    return east, north, mean_z - east * mean_x - north * mean_y

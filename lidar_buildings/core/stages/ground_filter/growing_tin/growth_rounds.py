@@ -198,7 +198,9 @@ def _insert(mesh, n_triangles, facets, best, waiting, pending, marks):  # type: 
             n_pending = _release(triangle, waiting, pending, n_pending)
             if at_frame(triangle, triangles, n_real, n_start):
                 if n_fresh == len(fresh):
-                    fresh = np.concatenate((fresh, np.empty_like(fresh)))
+                    longer = np.empty(2 * n_fresh, dtype=np.int32)
+                    longer[:n_fresh] = fresh
+                    fresh = longer
                 fresh[n_fresh] = triangle
                 n_fresh += 1
             triangle = neighbours[triangle, 1]

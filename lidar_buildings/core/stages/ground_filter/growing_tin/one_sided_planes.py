@@ -81,8 +81,10 @@ def continues_terrain(
 @njit(cache=True, nogil=True)
 def _test(candidates, rows, cells, start, spacing, rules, result, begin, end):  # type: ignore[no-untyped-def]
     sums = np.empty((SIDES, N_MOMENTS + 1))
-    turns = 2.0 * math.pi * np.arange(SIDES) / SIDES
-    towards = np.column_stack((np.cos(turns), np.sin(turns)))
+    towards = np.empty((SIDES, 2))
+    for side in range(SIDES):
+        turn = 2.0 * math.pi * side / SIDES
+        towards[side, 0], towards[side, 1] = math.cos(turn), math.sin(turn)
     for r in range(begin, end):
         x, y, z = candidates[rows[r]]
         sums[:] = 0.0
