@@ -94,7 +94,7 @@ def _run_local(request: RunRequest, footprints: FootprintFile | None) -> RunOutc
             )
         seconds = {"wall": time.perf_counter() - started, **seconds}
         info = run_info(seconds, request.parameters(), failed, source.problems)
-        return RunOutcome(folder.finalise(info), failed)
+        return RunOutcome(folder.finalise(info, pool.share), failed)
 
 
 def _run_graph(request: RunRequest) -> RunOutcome:

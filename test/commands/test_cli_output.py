@@ -12,6 +12,7 @@ from support.results import MODELS, assert_rest_is_complete, contents
 
 from lidar_buildings.cli import main
 from lidar_buildings.pipeline import reconstruct as pipeline
+from lidar_buildings.pipeline.building_pool import BuildingPool
 from lidar_buildings.simulation import simulate_survey
 
 RASTERS = ["dsm.tif", "dtm.tif", "ndsm.tif"]
@@ -100,12 +101,18 @@ FULL = {
 }
 
 
+def write_in_this_process(monkeypatch):
+    """Let all files be written here, where the disk can be made to look full."""
+    monkeypatch.setattr(BuildingPool, "share", lambda _, function, jobs: [function(job) for job in jobs])
+
+
 @pytest.mark.parametrize("name", FULL)
 def test_a_full_disk_gives_one_line_and_the_run_goes_on_when_there_is_room(
     command, survey, result, tmp_path, monkeypatch, name
 ):
     out = tmp_path / "out"
     with monkeypatch.context() as full:
+        write_in_this_process(full)
         cloud_files.fill_the_disk(full, name, 50)
         spoken = command("run", survey, "--output", out)
     assert spoken.status == 2
@@ -137,13 +144,14 @@ def test_a_full_disk_in_the_geopackage_leaves_no_part_of_it(command, survey, res
         raise pyogrio.errors.DataSourceError("database or disk is full")
 
     with monkeypatch.context() as patched:
+        write_in_this_process(patched)
         patched.setattr(pyogrio.raw, "write", full)
         spoken = command("run", survey, "--output", out)
     assert spoken.status == 2
     assert len(spoken.err) == 1
     assert f"{out / 'buildings.gpkg'}: cannot be written" in spoken.err[0]
     final = [path for path in files_in(out) if not path.startswith(".partial/")]
-    assert final == [CLASSIFIED, *RASTERS]
+    assert final == ["city_model.dxf", CLASSIFIED, *RASTERS]
     assert command("run", survey, "--output", out).status == 0
     assert contents(out) == contents(result)
 

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from contextlib import AbstractContextManager, ExitStack, contextmanager
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
+from lidar_buildings.core.model.errors import OutputError
 from lidar_buildings.io.files.atomic_files import atomic_file, write_error
 from lidar_buildings.io.models.cityjson import header_line
 from lidar_buildings.io.models.dxf import dxf_file
@@ -20,8 +21,14 @@ from lidar_buildings.io.results.survey_buildings import SurveyBuildings
 #: Formats that tell of outlines, also where there are no models.
 OF_OUTLINES = ("gpkg",)
 _NO_FEATURE = "unknown"
+#: Formats that are written apart from the others: each of the two groups takes about as long.
+_APART = (("dxf",), ("gpkg", "cityjson", "obj"))
+#: So many buildings are sent to other processes; more would take memory several times.
+_MOST_SENT = 50_000
 
 _Add = Callable[[SurveyBuilding], None]
+#: Calls a function for each of some jobs.
+Share = Callable[[Callable[[Any], Any], Sequence[Any]], Iterable[Any]]
 
 
 class ModelHeading(NamedTuple):
@@ -41,10 +48,14 @@ class ModelHeading(NamedTuple):
 
 
 def write_buildings(
-    folder: Path, buildings: SurveyBuildings, formats: Collection[str], heading: ModelHeading
+    folder: Path,
+    buildings: SurveyBuildings,
+    formats: Collection[str],
+    heading: ModelHeading,
+    share: Share = map,
 ) -> tuple[list[str], dict[str, int]]:
     """
-    Write buildings in some formats; all files appear, complete, when the last building is written.
+    Write buildings in some formats; a file appears, complete, when its last building is written.
 
     Parameters
     ----------
@@ -56,6 +67,8 @@ def write_buildings(
         Names of `FORMAT_FILES`.
     heading : ModelHeading
         What a city model is to say of itself.
+    share : callable
+        As `map`; may call the function for several jobs at the same time, in other processes.
 
     Returns
     -------
@@ -70,24 +83,50 @@ def write_buildings(
         If a file cannot be written.
     """
     chosen = [name for name in FORMAT_FILES if name in formats]
+    groups = [tuple(chosen)]
+    if share is not map and len(buildings) <= _MOST_SENT:
+        groups = [tuple(name for name in group if name in chosen) for group in _APART]
+    jobs = [_Job(folder, buildings, group, heading) for group in groups if group]
+    done = list(share(_written, jobs or [_Job(folder, buildings, (), heading)]))
+    for outcome in done:
+        if isinstance(outcome, OutputError):
+            raise outcome
+    return [file for name in chosen for file in FORMAT_FILES[name]], dict(done[0])
+
+
+class _Job(NamedTuple):
+    """Files that are written in one pass over the buildings."""
+
+    folder: Path
+    buildings: SurveyBuildings
+    formats: tuple[str, ...]
+    heading: ModelHeading
+
+
+def _written(job: _Job) -> dict[str, int] | OutputError:
+    """Write files side by side; return the number of buildings by status, or why it is impossible."""
     outlined: Counter[str] = Counter()
     traced: Counter[str] = Counter()
-    with ExitStack() as stack:
-        writers = [
-            stack.enter_context(_WRITERS[name](folder / FORMAT_FILES[name][0], buildings, heading))
-            for name in chosen
-        ]
-        for building in buildings:
-            for name, add in zip(chosen, writers, strict=True):
-                try:
-                    add(building)
-                except OSError as error:  # else the file opened last would be named
-                    raise write_error(folder / FORMAT_FILES[name][0], error) from error
-            status = building.attributes.get("status") or _NO_FEATURE
-            outlined[status] += building.outline is not None
-            traced[status] += building.traced is not None
+    try:
+        with ExitStack() as stack:
+            paths = [job.folder / FORMAT_FILES[name][0] for name in job.formats]
+            writers = [
+                stack.enter_context(_WRITERS[name](path, job.buildings, job.heading))
+                for name, path in zip(job.formats, paths, strict=True)
+            ]
+            for building in job.buildings:
+                for path, add in zip(paths, writers, strict=True):
+                    try:
+                        add(building)
+                    except OSError as error:  # else the file opened last would be named
+                        raise write_error(path, error) from error
+                status = building.attributes.get("status") or _NO_FEATURE
+                outlined[status] += building.outline is not None
+                traced[status] += building.traced is not None
+    except OutputError as error:
+        return error
     counted = outlined if outlined.total() else traced
-    return [file for name in chosen for file in FORMAT_FILES[name]], dict(sorted((+counted).items()))
+    return dict(sorted((+counted).items()))
 
 
 @contextmanager

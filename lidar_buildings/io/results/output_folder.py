@@ -17,7 +17,7 @@ from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.model.stage_table import STAGES
 from lidar_buildings.io.clouds.las import InputFile
 from lidar_buildings.io.files.atomic_files import atomic_file
-from lidar_buildings.io.results.building_files import OF_OUTLINES, ModelHeading, write_buildings
+from lidar_buildings.io.results.building_files import OF_OUTLINES, ModelHeading, Share, write_buildings
 from lidar_buildings.io.results.classified_files import write_clouds
 from lidar_buildings.io.results.footprint_results import FootprintResults
 from lidar_buildings.io.results.output_config import FORMATS
@@ -162,7 +162,7 @@ class OutputFolder:
             int(fragment.stem) for fragment in self._partial.glob(f"*{_ENDING}") if fragment.stem.isdigit()
         }
 
-    def finalise(self, run_info: Mapping[str, Any] | None = None) -> RunSummary:
+    def finalise(self, run_info: Mapping[str, Any] | None = None, share: Share = map) -> RunSummary:
         """
         Make the files from the tiles on disk; ``run.json`` comes last, then the tiles are deleted.
 
@@ -173,6 +173,8 @@ class OutputFolder:
         run_info : mapping
             What else ``run.json`` is to tell: versions, parameters, seconds per stage; its ``problems`` stand
             before those met here.
+        share : callable
+            As `map`; may do its jobs in other processes.
 
         Raises
         ------
@@ -186,7 +188,7 @@ class OutputFolder:
         with ThreadPoolExecutor(2) as beside:
             cloud_files = beside.submit(write_clouds, self.path, self.inputs, fragments, without=pieces)
             raster_files = beside.submit(self._write_rasters, fragments)
-            buildings, statuses = self._write_buildings(fragments, pieces)
+            buildings, statuses = self._write_buildings(fragments, pieces, share)
             clouds, (rasters, problems) = cloud_files.result(), raster_files.result()
         files = [*filter(None, clouds.outputs), *buildings]
         n_points = sum(file.point_count for file in self.inputs)
@@ -210,7 +212,9 @@ class OutputFolder:
     def _partial(self) -> Path:
         return self.path / PARTIAL
 
-    def _write_buildings(self, fragments: list[Path], pieces: set[int]) -> tuple[list[str], dict[str, int]]:
+    def _write_buildings(
+        self, fragments: list[Path], pieces: set[int], share: Share
+    ) -> tuple[list[str], dict[str, int]]:
         """Write outlines and models as far as the run went; return file names, and buildings per status."""
         names = self._footprints.names if self._footprints else None
         formats = self.formats
@@ -221,7 +225,7 @@ class OutputFolder:
         ) as buildings:
             for shapes in self._footprints.named(load_shapes(one) for one in fragments):
                 buildings.add(shapes)
-            return write_buildings(self.path, buildings, formats, self._heading())
+            return write_buildings(self.path, buildings, formats, self._heading(), share)
 
     def _heading(self) -> ModelHeading:
         """Return what the city model says of itself."""

@@ -67,6 +67,15 @@ class SurveyBuildings:
         with self._reported():
             self._file = open(path, "w+b")  # noqa: SIM115 (open as long as the object)
 
+    def __getstate__(self) -> dict[str, Any]:
+        """Return all but the open file."""
+        return {name: value for name, value in self.__dict__.items() if name != "_file"}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """Open the file for reading."""
+        self.__dict__.update(state)
+        self._file = open(self._path, "rb")  # noqa: SIM115 (open as long as the object)
+
     def close(self) -> None:
         """Close the file of lines."""
         # what could not be written was said when the tile was added, and closing tries to write it again
