@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from copy import copy
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -116,6 +117,10 @@ class PointTile:
         if points.ndim != 2 or points.shape[1] != 3:
             raise ValueError(f"points has shape {points.shape}: must be (n_points, 3)")
         object.__setattr__(self, "points", points.astype(np.float32).astype(np.float64))
+        self._cast()
+
+    def _cast(self) -> None:
+        """Cast all but the points to what a message carries and check the lengths."""
         for name in ("point_spacing", "dark_limit"):
             value = getattr(self, name)
             if value is not None and not 0 < value < np.inf:
@@ -128,8 +133,8 @@ class PointTile:
             if column is None:
                 continue
             column = np.ascontiguousarray(column, dtype=dtype)
-            if column.shape != (len(points),):
-                raise ValueError(f"{name} has shape {column.shape}: must be ({len(points)},)")
+            if column.shape != (len(self),):
+                raise ValueError(f"{name} has shape {column.shape}: must be ({len(self)},)")
             object.__setattr__(self, name, column)
 
     def __len__(self) -> int:
@@ -156,7 +161,13 @@ class PointTile:
 
     def with_columns(self, **columns: Any) -> PointTile:
         """Return the tile with these columns set or replaced."""
-        return replace(self, **columns)
+        if not columns.keys() <= COLUMNS.keys():
+            return replace(self, **columns)
+        tile = copy(self)  # the points are shared: they need no more casting, and are the most of the memory
+        for name, column in columns.items():
+            object.__setattr__(tile, name, column)
+        tile._cast()
+        return tile
 
     def select(self, rows: NDArray[Any]) -> PointTile:
         """Return the tile's rows chosen by a mask or by indices."""
