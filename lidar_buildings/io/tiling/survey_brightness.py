@@ -23,6 +23,9 @@ from lidar_buildings.core.surfaces.intensity import (
 MAX_SAMPLE = 100_000
 #: Side of the square in the middle of a file on which the modes of the ground are looked for [m].
 SQUARE_SIDE = 250.0
+#: Side of the square in the middle of that one in which the spacing is measured [m], and the fewest points
+#: that tell it.
+SPACING_SIDE, SPACING_POINTS = 80.0, 1000
 #: Ground on which modes are looked for covers this much at least [m²];
 #: wide margin: a road of 100 m fills a tenth.
 MIN_GROUND_AREA = 10_000.0
@@ -95,7 +98,7 @@ class SurveyBrightness:
         if self.dark_limit is not None or self._common is None or not is_only.any():
             return
         points = np.column_stack([records[name] for name in "xyz"]).astype(np.float64)
-        spacing = quantised_spacing(points[is_only])
+        spacing = quantised_spacing(_middle(points[is_only]))
         ground = np.flatnonzero(_roughly_ground(points, max(MIN_CELL, 2 * spacing)))
         normalised = normalised_intensity(
             records["intensity"][ground], records["point_source_id"][ground], self._scales, self._common
@@ -122,6 +125,13 @@ def only_returns(records: NDArray[Any]) -> NDArray[np.bool_]:
     if not records["return_number"].any() or not records["number_of_returns"].any():
         return np.ones(len(records), dtype=bool)
     return np.asarray(records["number_of_returns"] <= 1)
+
+
+def _middle(points: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the points in the middle of some, all where these are few."""
+    middle = (points[:, :2].min(axis=0) + points[:, :2].max(axis=0)) / 2
+    inside = (np.abs(points[:, :2] - middle) <= SPACING_SIDE / 2).all(axis=1)
+    return points[inside] if np.count_nonzero(inside) >= SPACING_POINTS else points
 
 
 def _roughly_ground(points: NDArray[np.float64], cell: float) -> NDArray[np.bool_]:
