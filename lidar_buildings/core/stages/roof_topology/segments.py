@@ -7,10 +7,15 @@ import math
 import numpy as np
 from numba import njit
 
-from lidar_buildings.core.model.array_types import BoolArray, FloatArray
+from lidar_buildings.core.model.array_types import BoolArray, FloatArray, IntArray
 from lidar_buildings.core.stages.roof_topology.common_vertices import POINT_REACH
 from lidar_buildings.core.stages.roof_topology.obstacles import stop, walls_about
-from lidar_buildings.core.stages.roof_topology.pieces import LEAST_BEND, Pieces, intersection_line
+from lidar_buildings.core.stages.roof_topology.pieces import (
+    LEAST_BEND,
+    Pieces,
+    intersection_line,
+    intersection_lines,
+)
 from lidar_buildings.core.stages.roof_topology.result import HIP, RIDGE, VALLEY, IntersectionSegment
 from lidar_buildings.core.surfaces.roof_planes import CommonVertex
 
@@ -63,11 +68,8 @@ def finished(
     t = _moved_ends(
         pieces.first, pieces.second, pieces.t, gradients, partners, stops, positions, members, spacing
     )
-    return [
-        _segment(pieces, k, t[k], gradients, centre)
-        for k in range(len(t))
-        if t[k, 1] - t[k, 0] > _SHORTEST * spacing
-    ]
+    kept = np.flatnonzero(t[:, 1] - t[:, 0] > _SHORTEST * spacing)
+    return _segments(pieces, kept, t[kept], gradients, centre)
 
 
 def _partners(pieces: Pieces, n_planes: int) -> BoolArray:
@@ -151,16 +153,22 @@ def _third_plane(t, i, j, fx, fy, ux, uy, gradients, partners, reach):  # type: 
     return place
 
 
-def _segment(
-    pieces: Pieces, k: int, t: FloatArray, gradients: FloatArray, centre: FloatArray
-) -> IntersectionSegment:
-    i, j = int(pieces.first[k]), int(pieces.second[k])
-    p, q = gradients[i - 1], gradients[j - 1]
-    fx, fy, ux, uy, _ = intersection_line(p, q)
-    xy = np.array([fx, fy]) + t[:, None] * np.array([ux, uy])
-    kind = _kind(bool(pieces.convex[k]), p[0] * ux + p[1] * uy, max(np.hypot(*p[:2]), np.hypot(*q[:2])))
-    segment = np.column_stack([xy, xy @ p[:2] + p[2]]) + centre
-    return IntersectionSegment(i, j, kind, segment, float(pieces.length[k]), int(pieces.n_points[k]))
+def _segments(
+    pieces: Pieces, kept: IntArray, t: FloatArray, gradients: FloatArray, centre: FloatArray
+) -> list[IntersectionSegment]:
+    """Return some of the pieces as segments from and to places on their lines."""
+    first, second = pieces.first[kept], pieces.second[kept]
+    p, q = gradients[first - 1], gradients[second - 1]
+    lines = intersection_lines(first, second, gradients)
+    xy = lines[:, None, :2] + t[:, :, None] * lines[:, None, 2:4]
+    z = np.einsum("kex,kx->ke", xy, p[:, :2]) + p[:, 2:]
+    segments = np.concatenate([xy, z[:, :, None]], axis=2) + centre
+    rise = np.einsum("kx,kx->k", p[:, :2], lines[:, 2:4])
+    steepness = np.maximum(np.hypot(p[:, 0], p[:, 1]), np.hypot(q[:, 0], q[:, 1]))
+    kinds = [_kind(*each) for each in zip(pieces.convex[kept], rise, steepness, strict=True)]
+    columns = (first.tolist(), second.tolist(), kinds, segments, pieces.length[kept].tolist())
+    n_points = pieces.n_points[kept].tolist()
+    return [IntersectionSegment(*each) for each in zip(*columns, n_points, strict=True)]
 
 
 def _kind(convex: bool, rise: float, steepness: float) -> str:

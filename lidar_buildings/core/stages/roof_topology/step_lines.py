@@ -81,15 +81,17 @@ def step_edges(steps: StepLines, gradients: FloatArray, centre: FloatArray, spac
     Return the pieces as segments in plan with the heights of their ends; what is short and low is left out.
     """
     segments = step_segments(steps)
-    edges = []
-    for segment, (upper, lower), length in zip(segments, steps.planes, steps.length, strict=True):
-        extent = float(np.hypot(*(segment[1] - segment[0])))
-        rise = _elevation(gradients[upper - 1], segment) - _elevation(gradients[lower - 1], segment)
-        height = float(rise[0]), float(rise[1])
-        if extent <= 0.0 or (extent < _SHORT * spacing and max(map(abs, height)) < _LOW):
-            continue
-        edges.append(StepEdge(int(upper), int(lower), segment + centre[:2], height, float(length)))
-    return edges
+    extent = np.hypot(*(segments[:, 1] - segments[:, 0]).T)
+    difference = gradients[steps.planes[:, 0] - 1] - gradients[steps.planes[:, 1] - 1]
+    rise = np.einsum("kex,kx->ke", segments, difference[:, :2]) + difference[:, 2:]
+    low = (extent < _SHORT * spacing) & (np.abs(rise).max(axis=1, initial=0.0) < _LOW)
+    kept = (extent > 0.0) & ~low
+    columns = (segments + centre[:2], rise.tolist(), steps.planes.tolist(), steps.length.tolist())
+    return [
+        StepEdge(upper, lower, segment, (first, last), length)
+        for is_kept, segment, (first, last), (upper, lower), length in zip(kept, *columns, strict=True)
+        if is_kept
+    ]
 
 
 def step_segments(steps: StepLines) -> FloatArray:
@@ -98,7 +100,3 @@ def step_segments(steps: StepLines) -> FloatArray:
     along = np.column_stack([np.cos(angle), np.sin(angle)])
     left = np.column_stack([-along[:, 1], along[:, 0]])
     return np.asarray((offset[:, None] * left)[:, None] + steps.t[:, :, None] * along[:, None])
-
-
-def _elevation(plane: FloatArray, xy: FloatArray) -> FloatArray:
-    return np.asarray(xy @ plane[:2] + plane[2])
