@@ -72,7 +72,7 @@ class Adjustment:
     @property
     def planes(self) -> tuple[RoofPlane, ...]:
         """The planes; number k is item k - 1."""
-        return tuple(_roof_plane(self.free, self.coefficients, k) for k in range(len(self.coefficients)))
+        return _roof_planes(self.free, self.coefficients)
 
     def with_common_vertices(self, vertices: Sequence[CommonVertex]) -> Adjustment:
         """
@@ -192,14 +192,15 @@ def common_point(coefficients):  # type: ignore[no-untyped-def]
     return np.array([x, y, z]), math.sqrt(miss)
 
 
-def _roof_plane(free: FreePlanes, coefficients: FloatArray, k: int) -> RoofPlane:
-    """Return one plane after the adjustment; walls stay as they were fitted."""
-    mean, n = free.mean[k], free.counts[k]
-    normal, place = free.normals[k], mean
-    if free.roof[k]:
-        a, b, c = coefficients[k]
-        normal = np.array([-a, -b, 1.0]) / math.sqrt(a * a + b * b + 1.0)
-        place = np.array([mean[0], mean[1], a * mean[0] + b * mean[1] + c])
-    squares = normal @ free.scatter[k] @ normal / n + float(normal @ (mean - place)) ** 2
-    rms = math.sqrt(max(squares, 0.0))
-    return RoofPlane(normal, place + free.moments.centre, rms, int(free.moments.sums[k, 0]))
+def _roof_planes(free: FreePlanes, coefficients: FloatArray) -> tuple[RoofPlane, ...]:
+    """Return the planes after the adjustment; walls stay as they were fitted."""
+    roof, (a, b, c) = free.roof, coefficients.T
+    upright = np.column_stack([-a, -b, np.ones_like(c)]) / np.sqrt(a * a + b * b + 1.0)[:, None]
+    normals = np.where(roof[:, None], upright, free.normals)
+    places = free.mean.copy()
+    places[roof, 2] = (a * places[:, 0] + b * places[:, 1] + c)[roof]
+    off = np.einsum("ki,ki->k", normals, free.mean - places)
+    squares = np.einsum("ki,kij,kj->k", normals, free.scatter, normals) / free.counts + off**2
+    rms = np.sqrt(np.maximum(squares, 0.0)).tolist()
+    columns = (normals, places + free.moments.centre, rms, free.moments.sums[:, 0].astype(np.int64).tolist())
+    return tuple(RoofPlane(*each) for each in zip(*columns, strict=True))

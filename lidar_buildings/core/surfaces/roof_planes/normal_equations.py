@@ -125,56 +125,80 @@ def solve(
     target = np.zeros(unknowns.n)
     np.add.at(target, unknowns.number, right)
     normal[np.diag_indices(unknowns.n)] += 1e-9 * (1.0 + normal.diagonal())
-    rows, owner = _equations(planes, vertices, slopes)
-    bordering = np.zeros((len(rows), unknowns.n))
-    for row, k in np.argwhere(np.any(rows != 0, axis=2)):
-        np.add.at(bordering[row], unknowns.number[k], rows[row, k] @ unknowns.share[k])
-    lacking = -np.einsum("rki,ki->r", rows, start)
+    terms = _equations(planes, vertices, slopes)
+    n_equations = len(terms.owner)
+    bordering = np.zeros((n_equations, unknowns.n))
+    shares = np.einsum("ti,tij->tj", terms.factor, unknowns.share[terms.plane])
+    np.add.at(bordering, (terms.equation[:, None], unknowns.number[terms.plane]), shares)
+    lacking = np.zeros(n_equations)
+    np.subtract.at(lacking, terms.equation, np.einsum("ti,ti->t", terms.factor, start[terms.plane]))
     solution, force = constrained_minimum(normal, target, bordering, lacking)
     coefficients = start + np.einsum("kij,kj->ki", unknowns.share, solution[unknowns.number])
-    return coefficients, _pulls(planes, weight, rows, owner, force, len(vertices))
+    return coefficients, _pulls(planes, weight, terms, force, len(vertices))
 
 
-def _equations(
-    planes: FreePlanes, vertices: Sequence[CommonVertex], slopes: FloatArray
-) -> tuple[FloatArray, IntArray]:
+class _Terms(NamedTuple):
     """
-    Return the equations of vertices, shape (n, n_planes, 3), and the vertex that each belongs to.
+    The equations of vertices, each a sum of planes' coefficients times factors that is zero.
+
+    Attributes
+    ----------
+    equation, plane : ndarray of shape (n_terms,), int64
+        Rows of the equation and the plane.
+    factor : ndarray of shape (n_terms, 3)
+        Of a, b, c.
+    owner : ndarray of shape (n_equations,), int64
+        The vertex that each equation belongs to.
+    """
+
+    equation: IntArray
+    plane: IntArray
+    factor: FloatArray
+    owner: IntArray
+
+
+def _equations(planes: FreePlanes, vertices: Sequence[CommonVertex], slopes: FloatArray) -> _Terms:
+    """
+    Return the equations of vertices.
 
     At a given position all planes have the elevation of the first. Elsewhere the position is unknown, too:
     combinations of elevations in which it cancels out are zero, three fewer than there are planes.
     """
-    rows, owner = [np.zeros((0, len(planes.rms), 3))], []
+    terms: list[tuple[int, int, float, float, float]] = []
+    owner: list[int] = []
     for number, vertex in enumerate(vertices):
-        x, y = np.asarray(vertex.xy) - planes.moments.centre[:2]
-        members = np.array(vertex.planes) - 1
         if vertex.fixed:
-            combination = np.column_stack([np.ones(len(members) - 1), -np.eye(len(members) - 1)])
-        else:
-            position = np.column_stack([slopes[members], np.ones(len(members))])
-            combination = np.linalg.qr(position, mode="complete")[0][:, 3:].T
-        equations = np.zeros((len(combination), len(planes.rms), 3))
-        equations[:, members] = combination[:, :, None] * np.array([x, y, 1.0])
-        rows.append(equations)
-        owner += [number] * len(equations)
-    return np.concatenate(rows), np.array(owner, dtype=np.int64)
+            first, *others = vertex.planes
+            for k in others:
+                terms += [(len(owner), first - 1, 1.0, *vertex.xy), (len(owner), k - 1, -1.0, *vertex.xy)]
+                owner.append(number)
+            continue
+        members = np.array(vertex.planes) - 1
+        position = np.column_stack([slopes[members], np.ones(len(members))])
+        for combination in np.linalg.qr(position, mode="complete")[0][:, 3:].T.tolist():
+            terms += [
+                (len(owner), k, w, *vertex.xy) for k, w in zip(members.tolist(), combination, strict=True)
+            ]
+            owner.append(number)
+    table = np.array(terms, dtype=np.float64).reshape(-1, 5)
+    xy = table[:, 3:] - planes.moments.centre[:2]
+    factor = table[:, 2:3] * np.column_stack([xy, np.ones(len(xy))])
+    equation, plane = table[:, :2].astype(np.int64).T
+    return _Terms(equation, plane, factor, np.array(owner, dtype=np.int64))
 
 
 def _pulls(
-    planes: FreePlanes,
-    weight: FloatArray,
-    rows: FloatArray,
-    owner: IntArray,
-    force: FloatArray,
-    n_vertices: int,
+    planes: FreePlanes, weight: FloatArray, terms: _Terms, force: FloatArray, n_vertices: int
 ) -> FloatArray:
     """
     Return by how much the multipliers of each vertex's equations would move each plane if it were free [m].
     """
     pull = np.zeros((n_vertices, len(weight)))
-    at, plane = np.nonzero(np.any(rows != 0, axis=2))
-    pushed = rows[at, plane]
+    if not n_vertices:
+        return pull
+    plane, pushed = terms.plane, terms.factor
     give = np.linalg.inv(planes.cost)[plane]
     moved = np.sqrt(np.maximum(np.einsum("ri,rij,rj->r", pushed, give, pushed), 0.0) / planes.counts[plane])
-    np.add.at(pull, (owner[at], plane), moved * np.abs(force[at]) / weight[plane])
+    moves = moved * np.abs(force[terms.equation]) / weight[plane]
+    np.add.at(pull, (terms.owner[terms.equation], plane), moves)
     return pull
