@@ -10,7 +10,6 @@ from __future__ import annotations
 import gc
 import logging
 import multiprocessing
-import os
 import pickle
 import queue
 import signal
@@ -25,7 +24,7 @@ from multiprocessing.process import BaseProcess
 from types import TracebackType
 from typing import Any, TypeVar
 
-from lidar_buildings.core.neighbours.parallel import work_alone
+from lidar_buildings.core.neighbours.parallel import n_cores, n_waiting_threads, work_alone
 
 _Job = TypeVar("_Job")
 _Result = TypeVar("_Result")
@@ -62,7 +61,7 @@ class BuildingPool:
     """
 
     def __init__(self, n_workers: int | None = None) -> None:
-        n_workers = _n_cores() if n_workers is None else n_workers
+        n_workers = n_cores() if n_workers is None else n_workers
         self._workers = _start_workers(n_workers if n_workers > 1 else 0)
         self._tasks: queue.SimpleQueue[tuple[bytes, Future[bytes]] | None] = queue.SimpleQueue()
         self._threads: list[threading.Thread] = []
@@ -240,16 +239,9 @@ def _batches(weights: Sequence[int], n_workers: int) -> list[list[int]]:
     return batches
 
 
-def _n_cores() -> int:
-    """Return the number of cores that this process may use."""
-    if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
-
-
 def _start_workers(n: int) -> list[tuple[BaseProcess, Connection]]:
     """Start processes, and return each with the near end of its pipe."""
-    is_forked = sys.platform == "linux" and threading.active_count() == 1
+    is_forked = sys.platform == "linux" and threading.active_count() - n_waiting_threads() == 1
     context = multiprocessing.get_context("fork" if is_forked else "spawn")
     workers: list[tuple[BaseProcess, Connection]] = []
     for _ in range(n):

@@ -14,12 +14,28 @@ from concurrent.futures import ThreadPoolExecutor
 
 #: Rows a block: large enough to hide the hand-over, small enough to share out evenly.
 BLOCK = 8192
+#: How the threads that do blocks are called.
+_NAME = "row-blocks"
 _thread = threading.local()
+_lock = threading.Lock()
+_pool: ThreadPoolExecutor | None = None
 
 
 def work_alone() -> None:
     """Let the calling thread do all its blocks itself: the other cores have threads of their own."""
     _thread.is_alone = True
+
+
+def n_cores() -> int:
+    """Return the number of cores that this process may use."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
+def n_waiting_threads() -> int:
+    """Return the number of threads that do blocks, which wait as long as nobody calls `for_row_blocks`."""
+    return sum(thread.name.startswith(_NAME) for thread in threading.enumerate())
 
 
 def for_row_blocks(kernel: Callable[[int, int], object], n_rows: int, block: int = BLOCK) -> None:
@@ -37,10 +53,29 @@ def for_row_blocks(kernel: Callable[[int, int], object], n_rows: int, block: int
         Rows a block; fewer where a row stands for much work.
     """
     starts = range(0, n_rows, block)
-    if len(starts) <= 1 or getattr(_thread, "is_alone", False):
+    pool = _threads() if len(starts) > 1 and not getattr(_thread, "is_alone", False) else None
+    if pool is None:
         for first in starts:
             kernel(first, min(first + block, n_rows))
         return
-    with ThreadPoolExecutor(max_workers=os.cpu_count()) as pool:
-        for done in [pool.submit(kernel, first, min(first + block, n_rows)) for first in starts]:
-            done.result()
+    for done in [pool.submit(kernel, first, min(first + block, n_rows)) for first in starts]:
+        done.result()
+
+
+def _threads() -> ThreadPoolExecutor | None:
+    """Return this process's threads; None on a single core."""
+    global _pool
+    with _lock:
+        if _pool is None and n_cores() > 1:
+            _pool = ThreadPoolExecutor(n_cores(), thread_name_prefix=_NAME, initializer=work_alone)
+        return _pool
+
+
+def _forget() -> None:
+    """Start without threads after a fork, which takes none along."""
+    global _pool, _lock
+    _pool, _lock = None, threading.Lock()
+
+
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_forget)

@@ -4,6 +4,7 @@ import threading
 
 import numpy as np
 
+from lidar_buildings.core.neighbours import parallel
 from lidar_buildings.core.neighbours.parallel import for_row_blocks, work_alone
 
 
@@ -39,3 +40,30 @@ def test_a_thread_that_works_alone_does_all_blocks_itself():
     assert (times == 1).all()
     assert threads == {thread}
     assert threading.current_thread() not in work_on(100, 8)[1]
+
+
+def test_threads_are_made_once_and_anew_after_a_fork(monkeypatch):
+    monkeypatch.setattr(parallel, "_pool", None)
+    monkeypatch.setattr(parallel, "n_cores", lambda: 2)
+    _, first = work_on(100, 8)
+    _, second = work_on(100, 8)
+    assert len(first | second) <= 2
+    assert parallel.n_waiting_threads() >= len(first | second)
+    parallel._forget()
+    _, third = work_on(100, 8)
+    assert not third & (first | second)
+
+
+def test_a_single_core_needs_no_threads(monkeypatch):
+    monkeypatch.setattr(parallel, "_pool", None)
+    monkeypatch.setattr(parallel, "n_cores", lambda: 1)
+    times, threads = work_on(100, 8)
+    assert (times == 1).all()
+    assert threads == {threading.current_thread()}
+
+
+def test_blocks_within_a_block_do_not_wait_for_each_other():
+    inner = []
+    for_row_blocks(lambda first, last: inner.append(work_on(100, 8)[0]), 100, 8)
+    assert all((times == 1).all() for times in inner)
+    assert len(inner) == 13

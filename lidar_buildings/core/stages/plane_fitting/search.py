@@ -65,7 +65,8 @@ def extract(cloud: Cloud, limits: Limits, order: IntArray, samples: FloatArray) 
         np.zeros(n, np.bool_),
         np.array([0, n, 0, 0]),
     )
-    n_planes, before = np.int64(0), np.int64(-1)  # plain 0 is a type of its own
+    n_planes: int = np.int64(0)  # type: ignore[assignment] # a plain 0 is a type of its own for numba
+    before: int = np.int64(-1)  # type: ignore[assignment]
     while n_planes > before:
         before = n_planes
         n_planes = search_round(cloud, limits, labels, n_planes, order, samples, scratch)
@@ -90,7 +91,7 @@ def search_round(
     fall, so the one with the highest score after a recount is the best of all.
     """
     pool = new_pool(len(order))
-    cursor = np.int64(0)
+    cursor: int = np.int64(0)  # type: ignore[assignment]
     scratch.drawn[:] = False
     scratch.counter[2] = 0
     while True:

@@ -157,7 +157,7 @@ def test_the_number_of_threads_does_not_change_a_class(monkeypatch):
     scene, _, returns = tree_scene()
     expected = select_roofs(scene.points, **known(scene), **returns).classification
     monkeypatch.setattr(parallel, "BLOCK", 100)
-    monkeypatch.setattr(parallel.os, "cpu_count", lambda: 3)
+    monkeypatch.setattr(parallel, "n_cores", lambda: 3)
     found = select_roofs(scene.points, **known(scene), **returns).classification
     assert np.array_equal(found, expected)
 

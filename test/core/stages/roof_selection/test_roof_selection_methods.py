@@ -69,7 +69,7 @@ def test_the_order_of_points_does_not_matter(method, town):
 def test_the_number_of_threads_does_not_matter(method, town, monkeypatch):
     expected = roofs(town.points, method, town.columns)
     monkeypatch.setattr(parallel, "BLOCK", 128)
-    monkeypatch.setattr(parallel.os, "cpu_count", lambda: 4)
+    monkeypatch.setattr(parallel, "n_cores", lambda: 4)
     np.testing.assert_array_equal(roofs(town.points, method, town.columns), expected)
 
 
