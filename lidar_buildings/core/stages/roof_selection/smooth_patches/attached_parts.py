@@ -7,10 +7,15 @@ import math
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
+from scipy import ndimage
 
 from lidar_buildings.core.neighbours.columns import Columns
 from lidar_buildings.core.stages.roof_selection.config import RoofSelectionConfig
-from lidar_buildings.core.stages.roof_selection.smooth_patches.narrow_parts import closed, square_distances
+from lidar_buildings.core.stages.roof_selection.smooth_patches.narrow_parts import (
+    closed,
+    opened,
+    square_distances,
+)
 
 #: Roofs that no step of half a storey connects are of different levels [m].
 LEVEL_STEP = 1.2
@@ -43,90 +48,51 @@ def wide_levels(
         other roofs go if they are nowhere as wide as `min_building_width`.
     """
     kept = np.ones(len(part), dtype=bool)
-    if config.min_roof_width < 2.0 * columns.size:
+    size = columns.size
+    if config.min_roof_width < 2.0 * size:
         return kept
     chosen = np.flatnonzero((area < max(MAX_VEHICLES, config.max_part_area))[part])
-    if len(chosen) == 0:
-        return kept
     chosen = chosen[np.argsort(part[chosen], kind="stable")]
-    begins = np.flatnonzero(np.diff(part[chosen], prepend=-1, append=-1))
-    _judge(
-        columns.points,
-        columns.first,
-        columns.numbers,
-        columns.places,
-        columns.row_length,
-        columns.column[chosen],
-        chosen,
-        begins,
-        (area < config.max_part_area)[part[chosen[begins[:-1]]]],
-        columns.size,
-        0.5 * config.min_roof_width / columns.size,
-        config.min_building_width,
-        kept,
-    )
+    begins = np.flatnonzero(np.diff(part[chosen], prepend=-1))
+    half = 0.5 * config.min_roof_width / size
+    reach = math.ceil(max(half, 0.5 * config.min_building_width / size + 0.5))
+    for rows in np.split(chosen, begins[1:]) if len(chosen) else ():
+        cells = columns.places[columns.column[rows]]
+        low = cells.min(axis=0) - (2 * reach + 4)
+        y, x = (cells - low).T
+        shape = (y.max() + 2 * reach + 5, x.max() + 2 * reach + 5)
+        own, below, others = np.zeros(shape, np.int32), np.zeros(shape, np.uint8), np.zeros(shape, np.uint8)
+        np.add.at(own, (y, x), 1)
+        top = columns.points[rows, 2].max() + TOLERANCE
+        grid = (columns.points, columns.first, columns.numbers, columns.row_length)
+        _draw_roofs(*grid, int(low[0]), int(low[1]), top, own, below, others)
+        depth = square_distances(closed(below), 0, reach)
+        if area[part[rows[0]]] < config.max_part_area:
+            kept[rows] = opened(depth, half)[y, x]
+        width = 2.0 * (math.sqrt(depth[y, x].max()) - 0.5) * size
+        if width < config.min_building_width and _contact(own, others, size) <= MAX_CONTACT:
+            kept[rows] = False
     return kept
 
 
-@njit(cache=True, nogil=True)
-def _judge(  # type: ignore[no-untyped-def]
-    points, first, numbers, places, row_length, column, rows, begins, is_part, size, half, min_width, kept
-):
-    """Judge part after part, each in a window of its own."""
-    reach = math.ceil(max(half, 0.5 * min_width / size + 0.5))
-    near = math.ceil(CONTACT_REACH / size)
-    margin = 2 * reach + 4
-    for k in range(len(begins) - 1):
-        begin, end = begins[k], begins[k + 1]
-        low_x, high_x, low_y, high_y, top = row_length, 0, numbers[-1], 0, -np.inf
-        for i in range(begin, end):
-            y, x = places[column[i], 0], places[column[i], 1]
-            low_x, high_x, low_y, high_y = min(low_x, x), max(high_x, x), min(low_y, y), max(high_y, y)
-            top = max(top, points[rows[i], 2])
-        low_x, high_x, low_y, high_y = low_x - margin, high_x + margin, low_y - margin, high_y + margin
-        below = np.zeros((high_y - low_y + 1, high_x - low_x + 1), dtype=np.uint8)
-        own, others = np.zeros_like(below), np.zeros_like(below)
-        count = np.zeros(below.shape, dtype=np.int64)
-        for i in range(begin, end):
-            y, x = places[column[i], 0] - low_y, places[column[i], 1] - low_x
-            own[y, x] = 1
-            count[y, x] += 1
-        for y in range(low_y, high_y + 1):
-            c = np.searchsorted(numbers, y * row_length + max(low_x, 0))
-            last = y * row_length + min(high_x, row_length - 1)
-            while c < len(numbers) and numbers[c] <= last:
-                x = numbers[c] - y * row_length - low_x
-                n = first[c + 1] - first[c]
-                below[y - low_y, x] = n > 0 and points[first[c], 2] <= top + TOLERANCE
-                others[y - low_y, x] = n > count[y - low_y, x]
-                c += 1
-        depth = square_distances(closed(below), 0, reach)
-        widest = 0
-        for y in range(len(own)):
-            for x in range(own.shape[1]):
-                if own[y, x]:
-                    widest = max(widest, depth[y, x])
-        if is_part[k]:
-            core = (depth >= half * half).astype(np.uint8)
-            to_core = square_distances(core, 1, math.ceil(half + 1.0))
-            for i in range(begin, end):
-                y, x = places[column[i], 0] - low_y, places[column[i], 1] - low_x
-                kept[rows[i]] = to_core[y, x] <= (half + 1.0) ** 2
-        if 2.0 * (math.sqrt(widest) - 0.5) * size < min_width:
-            to_others = square_distances(others, 1, near)
-            if _contact(closed(own), to_others, (CONTACT_REACH / size) ** 2) <= MAX_CONTACT:
-                for i in range(begin, end):
-                    kept[rows[i]] = False
-
-
-@njit(cache=True, nogil=True)
-def _contact(own, to_others, square):  # type: ignore[no-untyped-def]
+def _contact(own: NDArray[np.int32], others: NDArray[np.uint8], size: float) -> float:
     """Return which share of a part's rim lies beside other roofs."""
-    rim, beside = 0, 0
-    for y in range(1, len(own) - 1):
-        for x in range(1, own.shape[1] - 1):
-            inner = own[y - 1, x] & own[y + 1, x] & own[y, x - 1] & own[y, x + 1]
-            if own[y, x] and not inner:
-                rim += 1
-                beside += to_others[y, x] <= square
-    return beside / rim
+    plan = closed((own > 0).astype(np.uint8)) > 0
+    rim = plan & ~ndimage.binary_erosion(plan)
+    reach = CONTACT_REACH / size
+    return float((square_distances(others, 1, math.ceil(reach))[rim] <= reach**2).mean())
+
+
+@njit(cache=True, nogil=True)
+def _draw_roofs(points, first, numbers, row_length, low_y, low_x, top, own, below, others):  # type: ignore[no-untyped-def]
+    """Mark the cells of a window that hold roofs up to an elevation, and those with others than its own."""
+    for y in range(len(own)):
+        start = (y + low_y) * row_length
+        c = np.searchsorted(numbers, start + max(low_x, 0))
+        while c < len(numbers) and numbers[c] < start + min(low_x + own.shape[1], row_length):
+            n = first[c + 1] - first[c]
+            if n > 0:
+                x = numbers[c] - start - low_x
+                below[y, x] = points[first[c], 2] <= top
+                others[y, x] = n > own[y, x]
+            c += 1
