@@ -62,10 +62,14 @@ class Columns:
 
     def select(self, kept: NDArray[np.bool_]) -> Columns:
         """Return some of the points in the same columns; their `rows` are positions among these points."""
+        chosen = np.flatnonzero(kept)
+        return replace(self, points=self.points.take(chosen, axis=0), rows=chosen, first=self.first_of(kept))
+
+    def first_of(self, kept: NDArray[np.bool_]) -> NDArray[np.int64]:
+        """Return where the columns of `select` begin."""
         before = np.zeros(len(kept) + 1, dtype=np.int64)
         np.cumsum(kept, out=before[1:])
-        chosen = np.flatnonzero(kept)
-        return replace(self, points=self.points.take(chosen, axis=0), rows=chosen, first=before[self.first])
+        return before[self.first]
 
     def around(self, reach: float) -> NDArray[np.int32]:
         """

@@ -180,12 +180,12 @@ def _mark_roads(
 ) -> None:
     ground = np.flatnonzero(classes == PointClass.GROUND)
     is_road = find_roads(
-        points[ground],
+        points.take(ground, axis=0),
         brightness[ground],
         is_only[ground],
         spacing,
         config,
-        cover=points[classes == PointClass.HIGH_VEGETATION],
+        cover=points.take(np.flatnonzero(classes == PointClass.HIGH_VEGETATION), axis=0),
         dark_limit=dark_limit,
     )
     classes[ground[is_road]] = PointClass.ROAD_SURFACE

@@ -7,7 +7,6 @@ import math
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
-from scipy import ndimage
 
 from lidar_buildings.core.neighbours.columns import Columns
 from lidar_buildings.core.stages.roof_selection.config import RoofSelectionConfig
@@ -70,17 +69,18 @@ def wide_levels(
         if area[part[rows[0]]] < config.max_part_area:
             kept[rows] = opened(depth, half)[y, x]
         width = 2.0 * (math.sqrt(depth[y, x].max()) - 0.5) * size
-        if width < config.min_building_width and _contact(own, others, size) <= MAX_CONTACT:
-            kept[rows] = False
+        if width < config.min_building_width and kept[rows].any():
+            kept[rows] &= _contact(own, others, size) > MAX_CONTACT
     return kept
 
 
 def _contact(own: NDArray[np.int32], others: NDArray[np.uint8], size: float) -> float:
     """Return which share of a part's rim lies beside other roofs."""
-    plan = closed((own > 0).astype(np.uint8)) > 0
-    rim = plan & ~ndimage.binary_erosion(plan)
+    plan = closed((own > 0).astype(np.uint8))
+    inner = plan[:-2, 1:-1] & plan[2:, 1:-1] & plan[1:-1, :-2] & plan[1:-1, 2:]
+    rim = plan[1:-1, 1:-1] > inner
     reach = CONTACT_REACH / size
-    return float((square_distances(others, 1, math.ceil(reach))[rim] <= reach**2).mean())
+    return float((square_distances(others, 1, math.ceil(reach))[1:-1, 1:-1][rim] <= reach**2).mean())
 
 
 @njit(cache=True, nogil=True)

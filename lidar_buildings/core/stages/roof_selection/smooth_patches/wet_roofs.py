@@ -27,8 +27,10 @@ RIM_DISTANCE = 0.15
 MIN_PERIMETER = 0.75
 #: Share of the raised points along it that have to lie on one plane: leaves are at any height.
 MIN_COPLANAR = 0.6
-#: Rounds of least squares weighted by 1/residual, which end near the plane that most points lie on.
+#: Most rounds of least squares weighted by 1/residual, which end near the plane that most points lie on; and
+#: how little residuals change when they have got there [m].
 ROUNDS = 20
+MIN_CHANGE = 1e-3
 #: Residuals below this weigh alike [m].
 MIN_RESIDUAL = 0.01
 #: Cells along the side of the blocks in which voids are looked for, so that far points cost no memory.
@@ -162,7 +164,9 @@ def _off_plane(points: NDArray[np.float64], chosen: NDArray[np.bool_]) -> NDArra
     for _ in range(ROUNDS):
         weighted = design.T / np.maximum(np.abs(residuals), MIN_RESIDUAL)
         plane = np.linalg.lstsq(weighted @ design, weighted @ offsets[:, 2], rcond=None)[0]
-        residuals = offsets[:, 2] - design @ plane
+        before, residuals = residuals, offsets[:, 2] - design @ plane
+        if np.abs(residuals - before).max() < MIN_CHANGE:
+            break
     return (points - centre) @ np.append(-plane[:2], 1.0) - plane[2]
 
 
