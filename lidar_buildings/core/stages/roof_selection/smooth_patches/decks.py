@@ -51,6 +51,13 @@ def is_deck(
         The order of the points does not matter.
     """
     cell = max(CELL, cell)
+    lowest = np.full(n_surfaces, np.inf)
+    np.minimum.at(lowest, label, points[:, 2])
+    # Most roofs are higher than all the ground, and most ground is lower than the others.
+    lowest[lowest > ground[:, 2].max(initial=-np.inf) + MAX_STEP] = np.inf
+    is_near = np.flatnonzero(np.isfinite(lowest)[label])
+    ground = ground.take(np.flatnonzero(ground[:, 2] >= lowest.min(initial=np.inf) - MAX_STEP), axis=0)
+    points, label = points[is_near], label[is_near]
     grid = rows_by_cell(np.vstack([points, ground]), cell)
     owner = np.concatenate([label, np.full(len(ground), -1)])[grid.rows]
     columns = Columns(grid.points, grid.rows, grid.first, grid.numbers, grid.n_columns, grid.size)

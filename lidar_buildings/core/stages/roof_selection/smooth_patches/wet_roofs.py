@@ -31,6 +31,8 @@ MIN_COPLANAR = 0.6
 #: how little residuals change when they have got there [m].
 ROUNDS = 20
 MIN_CHANGE = 1e-3
+#: By what part of their trace the diagonal of normal equations is raised.
+RIDGE = 1e-9
 #: Residuals below this weigh alike [m].
 MIN_RESIDUAL = 0.01
 #: Cells along the side of the blocks in which voids are looked for, so that far points cost no memory.
@@ -85,6 +87,8 @@ def find_wet_roofs(
         _mark(points, spacing, low[0], low[1], plan)
         rim[tuple((own - low).T)] = True
         places = list(_voids(plan, rim, half, reach, MAX_LENGTH / spacing))
+        if not places:
+            continue
         for window, _ in places:
             zone[window] = True
         near = raised[_is_marked(points, raised, spacing, low[0], low[1], zone)]
@@ -101,9 +105,10 @@ def _blocks(cells: NDArray[np.int64]) -> Iterator[NDArray[np.int64]]:
     if len(cells) == 0:
         return
     block = cells // BLOCK
-    order = np.lexsort(block.T)
-    is_new = (np.diff(block[order], axis=0) != 0).any(axis=1)
-    yield from np.split(cells[order], np.flatnonzero(is_new) + 1)
+    for x in np.unique(block[:, 0]):
+        own = cells[block[:, 0] == x]
+        for y in np.unique(own[:, 1] // BLOCK):
+            yield own[own[:, 1] // BLOCK == y]
 
 
 def _voids(
@@ -163,7 +168,10 @@ def _off_plane(points: NDArray[np.float64], chosen: NDArray[np.bool_]) -> NDArra
     design = np.column_stack([offsets[:, :2], np.ones(len(offsets))])
     for _ in range(ROUNDS):
         weighted = design.T / np.maximum(np.abs(residuals), MIN_RESIDUAL)
-        plane = np.linalg.lstsq(weighted @ design, weighted @ offsets[:, 2], rcond=None)[0]
+        normal = weighted @ design
+        # Solvable where all lie on a line, too.
+        normal += RIDGE * np.trace(normal) * np.eye(3)
+        plane = np.linalg.solve(normal, weighted @ offsets[:, 2])
         before, residuals = residuals, offsets[:, 2] - design @ plane
         if np.abs(residuals - before).max() < MIN_CHANGE:
             break
