@@ -14,6 +14,7 @@ from typing import Any
 from lidar_buildings.commands.progress import RunOutcome, counted, progress_bar
 from lidar_buildings.commands.run_request import RunRequest, request_of
 from lidar_buildings.core.model.errors import LidarBuildingsError
+from lidar_buildings.core.model.stage_table import STAGES
 from lidar_buildings.io.clouds.las import frame_of, open_inputs
 from lidar_buildings.io.results.output_config import FORMAT_FILES
 from lidar_buildings.io.results.output_folder import OutputFolder, RunSummary
@@ -66,10 +67,15 @@ def _footprints(request: RunRequest) -> FootprintFile | None:
 def _run_local(request: RunRequest, footprints: FootprintFile | None) -> RunOutcome:
     from lidar_buildings.commands.run_local import process_tiles
     from lidar_buildings.pipeline.building_pool import BuildingPool
+    from lidar_buildings.pipeline.tile_models import load_models
 
     started = time.perf_counter()
     skip: set[int] = set()
-    with BuildingPool() as pool, TileSource(request.inputs, request.tiling, skip=skip) as source:
+    n_workers = None if request.until in STAGES[-2:] else 0
+    with (
+        BuildingPool(n_workers, load_models) as pool,
+        TileSource(request.inputs, request.tiling, skip=skip) as source,
+    ):
         folder = OutputFolder(
             request.output,
             source.inputs,

@@ -7,9 +7,11 @@ these call `BuildingPool.map`. Not `concurrent.futures`: there one worker that d
 
 from __future__ import annotations
 
+import contextlib
 import gc
 import logging
 import multiprocessing
+import os
 import pickle
 import queue
 import signal
@@ -52,21 +54,24 @@ class BuildingPool:
     n_workers : int, optional
         One for each core that this process may use if not given. With fewer than two there are no processes,
         and `map` does everything itself.
+    prepare : callable, optional
+        Called in the first process before there are others, as for compiled code to be loaded.
 
     Notes
     -----
-    Processes are forked where the platform is Linux and this process has a single thread of Python's, which
-    costs some milliseconds; else they are spawned, and each imports its modules anew. So: import first, open
-    the pool next, start threads last. Several threads may call `map` at the same time.
+    Where the platform is Linux and this process has a single thread of Python's, one process is forked,
+    which costs some milliseconds. It prepares and forks the others, so that compiled code is loaded once,
+    while this process goes on. Else processes are spawned, and each imports its modules anew. So: import
+    first, open the pool next, start threads last. Several threads may call `map` at the same time.
     """
 
-    def __init__(self, n_workers: int | None = None) -> None:
+    def __init__(self, n_workers: int | None = None, prepare: Callable[[], object] | None = None) -> None:
         n_workers = n_cores() if n_workers is None else n_workers
-        self._workers = _start_workers(n_workers if n_workers > 1 else 0)
+        self._processes, self._links = _start_workers(n_workers, prepare) if n_workers > 1 else ([], [])
         self._tasks: queue.SimpleQueue[tuple[bytes, Future[bytes]] | None] = queue.SimpleQueue()
         self._threads: list[threading.Thread] = []
         self._lock = threading.Lock()
-        self._n_alive = len(self._workers)
+        self._n_alive = len(self._links)
 
     def __enter__(self) -> BuildingPool:
         return self
@@ -79,12 +84,11 @@ class BuildingPool:
     def close(self) -> None:
         """End the processes; `map` goes on without them."""
         with self._lock:
-            workers, self._workers, self._n_alive = self._workers, [], 0
-        for process, link in workers:
-            process.terminate()
-            process.join()
-            if not self._threads:
-                link.close()
+            links, self._links, self._n_alive = self._links, [], 0
+        for process in self._processes:
+            _end(process)
+        for link in links if not self._threads else ():
+            link.close()
         for _ in self._threads:
             self._tasks.put(None)
         for thread in self._threads:
@@ -170,14 +174,14 @@ class BuildingPool:
                 return answer
             if not self._threads:
                 self._threads = [
-                    threading.Thread(target=self._serve, args=worker, daemon=True) for worker in self._workers
+                    threading.Thread(target=self._serve, args=(link,), daemon=True) for link in self._links
                 ]
                 for thread in self._threads:
                     thread.start()
             self._tasks.put((message, answer))
         return answer
 
-    def _serve(self, process: BaseProcess, link: Connection) -> None:
+    def _serve(self, link: Connection) -> None:
         """Hand one process its work as long as it lives."""
         while (task := self._tasks.get()) is not None:
             message, answer = task
@@ -185,16 +189,15 @@ class BuildingPool:
                 link.send_bytes(message)
                 answer.set_result(link.recv_bytes())
             except (OSError, EOFError):
-                self._lose(process, answer)
+                self._lose(answer)
                 break
         link.close()
 
-    def _lose(self, process: BaseProcess, answer: Future[bytes]) -> None:
+    def _lose(self, answer: Future[bytes]) -> None:
         """Note that a process has ended; without any nobody must wait for work."""
-        process.join(1.0)
-        error = WorkerLostError(f"a process ended in the middle of its work (exit code {process.exitcode})")
+        error = WorkerLostError("a process ended in the middle of its work")
         with self._lock:
-            if self._workers:  # not closed
+            if self._links:  # not closed
                 _log.warning("%s", error)
                 self._n_alive -= 1
             answer.set_exception(error)
@@ -239,32 +242,69 @@ def _batches(weights: Sequence[int], n_workers: int) -> list[list[int]]:
     return batches
 
 
-def _start_workers(n: int) -> list[tuple[BaseProcess, Connection]]:
-    """Start processes, and return each with the near end of its pipe."""
+def _start_workers(
+    n: int, prepare: Callable[[], object] | None
+) -> tuple[list[BaseProcess], list[Connection]]:
+    """Start processes, and return those that are this one's own, and the near ends of the pipes to all."""
     is_forked = sys.platform == "linux" and threading.active_count() - n_waiting_threads() == 1
     context = multiprocessing.get_context("fork" if is_forked else "spawn")
-    workers: list[tuple[BaseProcess, Connection]] = []
-    for _ in range(n):
-        near, far = multiprocessing.Pipe()
-        # A forked process has the others' near ends as well: held open, they would outlive this process.
-        inherited = [near, *(link for _, link in workers)] if is_forked else []
-        process = context.Process(target=_work, args=(far, inherited), daemon=True, name="buildings")  # type: ignore[attr-defined]
+    pipes = [multiprocessing.Pipe() for _ in range(n)]
+    near, far = [list(ends) for ends in zip(*pipes, strict=True)]
+    # A forked process has the near ends as well: held open, they would let all outlive this process.
+    calls = [(_work_first, (far, near, prepare))] if is_forked else [(_work, (link,)) for link in far]
+    processes: list[BaseProcess] = []
+    for target, arguments in calls:
+        process = context.Process(target=target, args=arguments, daemon=True, name="buildings")  # type: ignore[attr-defined]
         with warnings.catch_warnings():
             # Python 3.12 counts the threads of numpy's BLAS, which know of forks.
             warnings.simplefilter("ignore", DeprecationWarning)
             process.start()
-        far.close()
-        workers.append((process, near))
-    return workers
+        processes.append(process)
+    for link in far:
+        link.close()
+    return processes, near
 
 
-def _work(link: Connection, inherited: list[Connection]) -> None:
-    """Do batches until the other end is closed."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
+def _end(process: BaseProcess) -> None:
+    """End a process and those that it has forked, which are of its group."""
+    if process.pid and hasattr(os, "killpg"):
+        with contextlib.suppress(ProcessLookupError):
+            os.killpg(process.pid, signal.SIGTERM)
+    process.terminate()
+    process.join()
+
+
+def _work_first(
+    links: list[Connection], inherited: list[Connection], prepare: Callable[[], object] | None
+) -> None:
+    """Prepare, fork the other processes, and work as the first."""
+    os.setpgid(0, 0)
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
     for other in inherited:
         other.close()
+    work_alone()
+    if prepare is not None:
+        try:
+            prepare()
+        except Exception:
+            _log.exception("processes of buildings were not prepared")
     gc.freeze()
+    mine = links[0]
+    for link in links[1:]:
+        if not os.fork():
+            mine = link
+            break
+    for link in links:
+        if link is not mine:
+            link.close()
+    _work(mine)
+    os._exit(0)
+
+
+def _work(link: Connection) -> None:
+    """Do batches until the other end is closed."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.signal(signal.SIGTERM, signal.SIG_DFL)
     work_alone()
     records = _Records()
     logging.getLogger().handlers = [records]

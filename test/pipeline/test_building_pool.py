@@ -1,8 +1,12 @@
 """Buildings in processes: the same results as without, whatever happens to a process."""
 
 import logging
+import multiprocessing
 import os
 import signal
+import threading
+import time
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,7 +16,7 @@ from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.core.stages.building_model import BuildingModelConfig
 from lidar_buildings.core.stages.plane_fitting import PlaneFittingConfig
 from lidar_buildings.pipeline.building_pool import BuildingPool
-from lidar_buildings.pipeline.tile_models import build_models
+from lidar_buildings.pipeline.tile_models import build_models, load_models
 from lidar_buildings.pipeline.tile_stages import fit_planes
 
 LARGE = 10_000
@@ -37,6 +41,20 @@ def do(job):
             job[1].touch()
             os._exit(9)
     return job
+
+
+def wait(job):
+    """Do nothing for long, in another process; nothing at all here."""
+    if multiprocessing.current_process().name != "MainProcess":
+        time.sleep(60.0)
+
+
+def is_alive(process):
+    """Whether a process has not ended; what nobody has asked for its exit code stays a zombie."""
+    try:
+        return "State:\tZ" not in Path(f"/proc/{process}/status").read_text()
+    except (FileNotFoundError, ProcessLookupError):
+        return False
 
 
 def lost(job):
@@ -129,3 +147,38 @@ def test_models_and_planes_are_the_same_with_and_without_processes(pool):
         for lod, solid in one.model.solids.items():
             assert solid.vertices.tobytes() == other.model.solids[lod].vertices.tobytes()
             assert solid.faces == other.model.solids[lod].faces
+
+
+def test_the_first_process_prepares_for_all(tmp_path):
+    made = tmp_path / "made"
+
+    def prepare():
+        with made.open("a") as file:
+            file.write(f"{os.getpid()} ")
+
+    with BuildingPool(3, prepare) as opened:
+        found = opened.map(process_of, list(range(30)), [LARGE] * 30, lost)
+    assert len(made.read_text().split()) == 1
+    assert [job for job, _ in found] == list(range(30))
+
+
+def test_what_goes_wrong_in_the_preparation_is_no_obstacle():
+    def prepare():
+        raise RuntimeError("no compiler")
+
+    with BuildingPool(2, prepare) as opened:
+        assert opened.map(do, list(range(10)), [LARGE] * 10, lost) == list(range(10))
+
+
+def test_closing_ends_all_processes_though_they_are_at_work():
+    with BuildingPool(3) as opened:
+        at_work = {process for _, process in opened.map(process_of, list(range(30)), [LARGE] * 30, lost)}
+        caller = threading.Thread(target=opened.map, args=(wait, [0, 1, 2], [LARGE] * 3, lost))
+        caller.start()
+    caller.join()
+    while any(is_alive(process) for process in at_work):
+        time.sleep(0.01)
+
+
+def test_models_load_what_they_are_compiled_to():
+    load_models()

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from lidar_buildings.core.model.array_types import IntArray
 from lidar_buildings.core.neighbours.union_find import sets_of_pairs
@@ -42,7 +41,6 @@ def broken_edges(triangles: IntArray) -> set[int]:
     return codes
 
 
-@njit(cache=True, nogil=True)
 def _n_umbrellas(pairs: IntArray, n: int) -> int:
     """
     Return the number of closed fans of triangles: one per vertex unless parts meet in a single vertex.
@@ -50,15 +48,6 @@ def _n_umbrellas(pairs: IntArray, n: int) -> int:
     From a half-edge one comes to the next of its fan by taking the one before it in its triangle, backwards.
     """
     opposite = np.empty(n, dtype=np.int64)
-    for i in range(len(pairs)):
-        opposite[pairs[i, 0]], opposite[pairs[i, 1]] = pairs[i, 1], pairs[i, 0]
-    seen = np.zeros(n, dtype=np.bool_)
-    count = 0
-    for start in range(n):
-        if not seen[start]:
-            count += 1
-            edge = start
-            while not seen[edge]:
-                seen[edge] = True
-                edge = opposite[edge - 1 if edge % 3 else edge + 2]
-    return count
+    opposite[pairs] = pairs[:, ::-1]
+    edges = np.arange(n)
+    return len(np.unique(sets_of_pairs(n, edges, opposite[edges + np.where(edges % 3, -1, 2)])))

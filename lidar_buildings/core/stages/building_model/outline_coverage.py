@@ -88,18 +88,15 @@ def _count(
             counts[0] += 1
             at_u, at_v = int((x[column] - west) / size), int((y[row] - south) / size)
             is_near, is_covered = False, False
-            # the spot's own cell first
-            for k in range(9):
-                u, v = at_u + (0, 0, 0, 1, -1, 1, -1, 1, -1)[k], at_v + (0, 1, -1, 0, 0, 1, -1, -1, 1)[k]
-                if is_covered or not (0 <= u < n_columns and 0 <= v < n_rows):
-                    continue
-                for j in range(first[v * n_columns + u], first[v * n_columns + u + 1]):
-                    i = order[j]
-                    if (xy[i, 0] - x[column]) ** 2 + (xy[i, 1] - y[row]) ** 2 < reach * reach:
-                        is_near = True
-                        if agrees[i]:
-                            is_covered = True
-                            break
+            for v in range(max(at_v - 1, 0), min(at_v + 2, n_rows)):
+                for u in range(max(at_u - 1, 0), min(at_u + 2, n_columns)):
+                    if is_covered:
+                        break
+                    for j in range(first[v * n_columns + u], first[v * n_columns + u + 1]):
+                        i = order[j]
+                        if (xy[i, 0] - x[column]) ** 2 + (xy[i, 1] - y[row]) ** 2 < reach * reach:
+                            is_near = True
+                            is_covered = is_covered or agrees[i]
             counts[1] += is_near
             counts[2] += is_covered
 
@@ -109,7 +106,8 @@ def _is_inside(edges: FloatArray, crossed: IntArray, n: int, x: float, y: float)
     """Whether a place lies within rings (even-odd rule) and on no edge; only the edges at its y are given."""
     is_odd = False
     for k in range(n):
-        ax, ay, bx, by = edges[crossed[k]]
+        e = crossed[k]
+        ax, ay, bx, by = edges[e, 0], edges[e, 1], edges[e, 2], edges[e, 3]
         side = (bx - ax) * (y - ay) - (by - ay) * (x - ax)
         if side == 0.0 and min(ax, bx) <= x <= max(ax, bx):
             return False
