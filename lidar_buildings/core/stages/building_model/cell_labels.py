@@ -10,6 +10,9 @@ from lidar_buildings.core.stages.building_model.minimum_cut import source_side
 
 #: Rounds over all labels; the energy hardly falls after the second.
 _MAX_ROUNDS = 4
+#: Rows of what is known of edges. The first four are the elevations on either side at either end; then come
+#: length, costs now and with a label on the first side or the second, capacities of links, and zeros.
+_LENGTH, _NOW, _CAPACITY = 4, 5, 8
 #: Energies that differ by less are equal [m³].
 _EPSILON = 1e-9
 
@@ -54,69 +57,65 @@ def label_cells(
     """
     labels = np.argmin(costs, axis=1) if len(costs) else np.zeros(0, dtype=np.int64)
     if len(edges) and costs.shape[1] > 1:
-        columns = np.ascontiguousarray(costs.T)
-        _expand_all(columns, edges, ends, planes, border_cost, step_cost, max_step, labels)
+        order = np.argsort(edges.reshape(-1), kind="stable")
+        first = np.zeros(len(costs) + 1, dtype=np.int64)
+        np.cumsum(np.bincount(edges.reshape(-1), minlength=len(costs)), out=first[1:])
+        weights = np.zeros((10, len(edges)))
+        weights[_LENGTH] = np.hypot(ends[:, 2] - ends[:, 0], ends[:, 3] - ends[:, 1])
+        _expand_all(
+            np.ascontiguousarray(costs.T), edges, ends, planes, border_cost, step_cost, max_step, labels,
+            first, order >> 1, weights, np.empty((3, len(costs))), np.empty((3, len(costs)), dtype=np.int64),
+            np.empty_like(edges),
+        )  # fmt: skip
     return labels
 
 
 @njit(cache=True, nogil=True)
-def _expand_all(costs, edges, ends, planes, border_cost, step_cost, max_step, labels):  # type: ignore[no-untyped-def]
+def _expand_all(  # type: ignore[no-untyped-def]
+    costs, edges, ends, planes, border_cost, step_cost, max_step, labels,
+    first, around, weights, values, numbers, links,
+):  # fmt: skip
     """
     Expand every label in turn until none gains.
 
-    Only cells that may gain by a label are looked at: all others would keep their planes in any case.
+    Only cells that may gain by a label are looked at: all others would keep their planes in any case. The
+    edges round cell c are ``around[first[c] : first[c + 1]]``; the other arrays are for work.
     """
     n_cells, n_edges = len(labels), len(edges)
-    first = np.zeros(n_cells + 1, np.int64)
-    around = np.empty(2 * n_edges, np.int64)
-    length = np.empty(n_edges)
-    for e in range(n_edges):
-        length[e] = np.hypot(ends[e, 2] - ends[e, 0], ends[e, 3] - ends[e, 1])
-        first[edges[e, 0]] += 1
-        first[edges[e, 1]] += 1
-    for c in range(n_cells):
-        first[c + 1] += first[c]
-    for e in range(n_edges - 1, -1, -1):
-        for side in range(2):
-            first[edges[e, side]] -= 1
-            around[first[edges[e, side]]] = e
-    # Elevations of the planes on either side at either end, and what each edge costs now, and with the label
-    # on its first side or its second.
-    z = np.empty((4, n_edges))
-    now, on_first, on_second = np.empty(n_edges), np.empty(n_edges), np.empty(n_edges)
-    node, cells, pending = np.full(n_cells, -1), np.empty(n_cells, np.int64), np.empty(n_cells, np.int64)
-    slack, keep, take = np.empty(n_cells), np.empty(n_cells), np.empty(n_cells)
-    links = np.empty((n_edges, 2), np.int64)
-    capacity = np.empty(n_edges)
+    slack, keep, take = values[0], values[1], values[2]
+    node, cells, pending = numbers[0], numbers[1], numbers[2]
+    capacity, nothing = weights[_CAPACITY], weights[_CAPACITY + 1]
     gained, unchanged = True, 0
     for turn in range(_MAX_ROUNDS * len(costs)):
         label = turn % len(costs)
-        if gained:
-            for e in range(n_edges):
-                for side in range(2):
-                    k = labels[edges[e, side]]
-                    z[2 * side, e] = planes[k, 0] * ends[e, 0] + planes[k, 1] * ends[e, 1] + planes[k, 2]
-                    z[2 * side + 1, e] = planes[k, 0] * ends[e, 2] + planes[k, 1] * ends[e, 3] + planes[k, 2]
-            for e in range(n_edges):
-                now[e] = length[e] * _border(
-                    z[0, e] - z[2, e], z[1, e] - z[3, e], border_cost, step_cost, max_step
-                )
-                now[e] = 0.0 if labels[edges[e, 0]] == labels[edges[e, 1]] else now[e]
         a, b, c0 = planes[label, 0], planes[label, 1], planes[label, 2]
         for e in range(n_edges):
-            one, other = a * ends[e, 0] + b * ends[e, 1] + c0, a * ends[e, 2] + b * ends[e, 3] + c0
-            on_second[e] = length[e] * _border(
-                one - z[0, e], other - z[1, e], border_cost, step_cost, max_step
-            )
-            on_first[e] = length[e] * _border(
-                one - z[2, e], other - z[3, e], border_cost, step_cost, max_step
-            )
+            x0, y0, x1, y1 = ends[e, 0], ends[e, 1], ends[e, 2], ends[e, 3]
+            if gained:
+                for side in range(2):
+                    k = labels[edges[e, side]]
+                    weights[2 * side, e] = planes[k, 0] * x0 + planes[k, 1] * y0 + planes[k, 2]
+                    weights[2 * side + 1, e] = planes[k, 0] * x1 + planes[k, 1] * y1 + planes[k, 2]
+            z0, z1 = a * x0 + b * y0 + c0, a * x1 + b * y1 + c0
+            for way in range(0 if gained else 1, 3):
+                # What an edge costs now, with the label on its first side, and on its second.
+                first_z = z0 if way > 0 else weights[2, e]
+                last_z = z1 if way > 0 else weights[3, e]
+                side = 0 if way != 1 else 2
+                low, high = abs(weights[side, e] - first_z), abs(weights[side + 1, e] - last_z)
+                low, high = low if low < max_step else max_step, high if high < max_step else max_step
+                weights[_NOW + way, e] = weights[_LENGTH, e] * (border_cost + step_cost * 0.5 * (low + high))
+        now, on_first, on_second = weights[_NOW], weights[_NOW + 1], weights[_NOW + 2]
         for c in range(n_cells):
             slack[c] = costs[labels[c], c] - costs[label, c]
         for e in range(n_edges):
             i, j = edges[e, 0], edges[e, 1]
-            on_second[e] = 0.0 if labels[i] == label else on_second[e]
-            on_first[e] = 0.0 if labels[j] == label else on_first[e]
+            if labels[i] == labels[j]:
+                now[e] = 0.0
+            if labels[i] == label:
+                on_second[e] = 0.0
+            if labels[j] == label:
+                on_first[e] = 0.0
             slack[i] += on_second[e]
             slack[j] += on_first[e]
         for c in range(n_cells):
@@ -176,7 +175,7 @@ def _expand_all(costs, edges, ends, planes, border_cost, step_cost, max_step, la
                         take[i] += theirs - now[e]
             for i in range(n):
                 take[i] -= keep[i]
-            keeps = source_side(take[:n], links[:n_links], np.zeros(n_links), capacity[:n_links])
+            keeps = source_side(take[:n], links[:n_links], nothing[:n_links], capacity[:n_links])
             change = 0.0
             for i in range(n):
                 change += 0.0 if keeps[i] else take[i]
@@ -189,11 +188,3 @@ def _expand_all(costs, edges, ends, planes, border_cost, step_cost, max_step, la
         unchanged = 0 if gained else unchanged + 1
         if unchanged >= len(costs):
             return
-
-
-@njit(cache=True, nogil=True)
-def _border(first, last, border_cost, step_cost, max_step):  # type: ignore[no-untyped-def]
-    """Return the cost of a metre of border with a step so high at either end [m²]."""
-    first, last = abs(first), abs(last)
-    first, last = first if first < max_step else max_step, last if last < max_step else max_step
-    return border_cost + step_cost * 0.5 * (first + last)
