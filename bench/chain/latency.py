@@ -20,7 +20,7 @@ from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -32,12 +32,17 @@ from lidar_buildings.nodes.configs import NODE_CONFIGS
 from lidar_buildings.nodes.table import nodes_until
 from lidar_buildings.ros.middleware import prepare_middleware
 
+if TYPE_CHECKING:
+    from lidar_buildings.pipeline.building_pool import BuildingPool
+
 LAST = "building_model"
 #: Until the first tile comes through: it is sent again as long as not all nodes have found each other [s].
 FIRST = 15.0
 #: No tile takes longer [s].
 TIMEOUT = 600.0
 SECOND = 1_000_000_000
+#: Nodes that share the processes for buildings.
+WITH_POOL = ("plane_fitter", "model_builder")
 
 
 def middle_tile(tile: PointTile, n_points: int) -> PointTile:
@@ -51,7 +56,14 @@ def measure(tile: PointTile, frame: MapFrame, repeats: int) -> dict[str, Any]:
     """Start the graph, send a tile until one comes through, then as often as asked for."""
     os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
     prepare_middleware()
-    import rclpy  # after the middleware was prepared
+    from lidar_buildings.nodes.graph import BuildingPool  # after the middleware was prepared
+
+    with BuildingPool() as pool:  # before ROS starts its threads
+        return _measure(tile, frame, repeats, pool)
+
+
+def _measure(tile: PointTile, frame: MapFrame, repeats: int, pool: BuildingPool) -> dict[str, Any]:
+    import rclpy
 
     from lidar_buildings.nodes.graph import node_class
     from lidar_buildings.ros.composition import Composition
@@ -61,10 +73,11 @@ def measure(tile: PointTile, frame: MapFrame, repeats: int) -> dict[str, Any]:
     rclpy.init(args=[], context=context)
     place = {"context": context, "namespace": f"bench_{os.getpid()}"}
     settings = {"flow_control": {"publish_tile_done": True}}
-    nodes = [
-        node_class(name)(parameter_overrides=parameter_overrides(NODE_CONFIGS[name], settings), **place)
-        for name in nodes_until(LAST)[1:-1]
-    ]
+    nodes = []
+    for name in nodes_until(LAST)[1:-1]:
+        overrides = parameter_overrides(NODE_CONFIGS[name], settings)
+        shared = {"pool": pool} if name in WITH_POOL else {}
+        nodes.append(node_class(name)(parameter_overrides=overrides, **shared, **place))
     composition = Composition(*nodes)
     composition.start()
     sender = Sender(frame, place)
