@@ -51,6 +51,41 @@ def test_cells_cover_the_outline_exactly_and_share_whole_edges(seed):
         assert cells.polygons[other].boundary.covers(line)
 
 
+def cells_of_shapely(outline, segments):
+    lines = [outline.polygon.boundary, *shapely.linestrings(segments)]
+    parts = shapely.get_parts(shapely.polygonize([shapely.union_all(lines, grid_size=0.001)]))
+    return parts[shapely.contains(outline.polygon, shapely.point_on_surface(parts))]
+
+
+@pytest.mark.parametrize("n_segments", [0, 1, 3, 12, 60])
+@pytest.mark.parametrize("holes", [(), (COURT,)])
+@pytest.mark.parametrize("extended", [True, False])
+def test_cells_are_those_that_shapely_cuts(n_segments, holes, extended):
+    outline = Outline(SQUARE, holes)
+    segments = random_segments(n_segments, n_segments)
+    if extended:
+        segments = extend_segments(segments, walls_of(outline))
+    cells, expected = cut_into_cells(outline, segments), cells_of_shapely(outline, segments)
+    assert len(cells) == len(expected)
+    found = {shapely.normalize(polygon).wkb for polygon in cells.polygons}
+    assert found == {shapely.normalize(polygon).wkb for polygon in expected}
+    assert np.sort(cells.areas) == pytest.approx(np.sort(shapely.area(expected)), abs=1e-9)
+
+
+def test_lines_that_lie_on_one_another_and_on_walls_cut_once():
+    lines = np.array([[[5.0, 0.0], [5.0, 10.0]], [[5.0, 2.0], [5.0, 8.0]], [[0.0, 0.0], [0.0, 4.0]]])
+    cells = cut_into_cells(Outline(SQUARE), lines)
+    assert cells.areas == pytest.approx([50.0, 50.0])
+    assert cells.lengths.sum() == pytest.approx(10.0)
+
+
+def test_a_courtyard_within_a_court_keeps_its_cells_apart():
+    island = np.array([[4.5, 4.5], [5.5, 4.5], [5.5, 5.5], [4.5, 5.5]])
+    sides = np.stack([island, np.roll(island, -1, axis=0)], axis=1)
+    assert cut_into_cells(Outline(SQUARE, (COURT,)), sides).areas == pytest.approx([96.0])
+    assert cut_into_cells(Outline(SQUARE), sides).areas == pytest.approx([99.0, 1.0])
+
+
 def test_a_segment_runs_on_to_the_next_one_at_both_ends():
     segments = np.array([[[4.0, 5.0], [6.0, 5.0]], [[8.0, 2.0], [8.0, 8.0]]])
     extended = extend_segments(segments, walls_of(Outline(SQUARE)))
