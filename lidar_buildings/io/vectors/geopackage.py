@@ -25,8 +25,9 @@ _DTYPES: dict[type, Any] = {int: np.int64, float: np.float64, str: object}
 #: What stands in an array where a value is missing; a mask says so beside it.
 _VOID: dict[type, Any] = {int: 0, float: math.nan, str: None}
 _FAILURES = (DataLayerError, DataSourceError, FeatureError, FieldError, GeometryError, OSError, RuntimeError)
-#: The date that stands in the file's tables, so that equal content gives equal bytes.
-_FIXED_DATE = "2000-01-01T00:00:00.000Z"
+#: So that equal content gives equal bytes: the date that stands in the file's tables, and no thread for the
+#: index, which needs other transactions, counted in the file, and is there only where there are two cores.
+_FIXED = {"OGR_CURRENT_DATE": "2000-01-01T00:00:00.000Z", "OGR_GPKG_ALLOW_THREADED_RTREE": "NO"}
 #: GDAL's options belong to the whole process: one writer at a time.
 _one_writer = threading.Lock()
 
@@ -85,7 +86,7 @@ class GeoPackageWriter:
         OutputError
             If the file cannot be written.
         """
-        with self._reported(), _fixed_date():
+        with self._reported(), _fixed_options():
             _write_layer(self._partial, layer, self._crs, append=bool(self._counts))
         self._counts[layer.name] = self._counts.get(layer.name, 0) + len(layer.polygons)
 
@@ -163,11 +164,11 @@ def _check_complete(path: Path, counts: Mapping[str, int]) -> None:
 
 
 @contextmanager
-def _fixed_date() -> Iterator[None]:
-    """Let GDAL write a fixed date instead of the current one."""
+def _fixed_options() -> Iterator[None]:
+    """Let GDAL write the same bytes for the same content."""
     with _one_writer:
-        pyogrio.set_gdal_config_options({"OGR_CURRENT_DATE": _FIXED_DATE})
+        pyogrio.set_gdal_config_options(_FIXED)
         try:
             yield
         finally:
-            pyogrio.set_gdal_config_options({"OGR_CURRENT_DATE": None})
+            pyogrio.set_gdal_config_options(dict.fromkeys(_FIXED))

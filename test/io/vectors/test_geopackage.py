@@ -2,6 +2,9 @@
 
 import hashlib
 import math
+import os
+import subprocess
+import sys
 
 import numpy as np
 import pyogrio
@@ -209,3 +212,21 @@ def test_a_real_base_map_is_read(data_folder):
     polygons, _, crs = read_polygons(data_folder / "delft" / "buildings_nw.gpkg")
     assert len(polygons) >= 87
     assert crs == "EPSG:28992"
+
+
+@pytest.mark.skipif(not hasattr(os, "sched_setaffinity"), reason="cores are chosen on Linux alone")
+def test_the_number_of_cores_changes_no_byte(tmp_path):
+    script = """
+import os, sys
+os.sched_setaffinity(0, sorted(os.sched_getaffinity(0))[: int(sys.argv[1])])
+import shapely
+from lidar_buildings.io.vectors.geopackage import GeoPackageLayer, GeoPackageWriter
+with GeoPackageWriter(sys.argv[2], "EPSG:28992") as file:
+    for numbers in ([], range(9)):
+        polygons = [shapely.box(i, 0, i + 1, 1) for i in numbers]
+        file.append(GeoPackageLayer("outlines", polygons, {"n": int}, [{"n": i} for i in numbers]))
+"""
+    paths = [tmp_path / f"{n}.gpkg" for n in (1, 2)]
+    for n, path in enumerate(paths, start=1):
+        subprocess.run([sys.executable, "-c", script, str(n), str(path)], check=True)
+    assert paths[0].read_bytes() == paths[1].read_bytes()
