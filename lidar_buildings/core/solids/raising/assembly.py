@@ -12,18 +12,8 @@ from numba import njit
 from lidar_buildings.core.model.array_types import IntArray
 from lidar_buildings.core.solids.output_grid import GRID
 from lidar_buildings.core.solids.raising.clearance import n_joints
-from lidar_buildings.core.solids.raising.half_edges import (
-    CCW,
-    CW,
-    EDGE,
-    LEFT,
-    LEVEL,
-    START,
-    HalfEdges,
-    X,
-    Y,
-    level_of,
-)
+from lidar_buildings.core.solids.raising.edge_columns import CCW, CW, EDGE, LEFT, LEVEL, START, X, Y
+from lidar_buildings.core.solids.raising.half_edges import HalfEdges, level_of
 from lidar_buildings.core.solids.raising.plan_graph import OUTSIDE
 from lidar_buildings.core.solids.shell import GROUND_SURFACE, ROOF_SURFACE, WALL_SURFACE, Solid
 from lidar_buildings.core.solids.validity.face_arrays import FaceArrays

@@ -1,10 +1,8 @@
 """
 The edges of a plan in both directions, and the elevations at which pieces meet above its vertices.
 
-Where the profiles of two pieces cross along their common edge it is divided. A shell must not touch itself
-either (ISO 19107; val3dity's code 303): around a vertex the elevations, taken in a circle, may rise once and
-fall once. Where they do so twice, the pieces of one valley are drawn back by a centimetre, so that the higher
-ones beside it meet.
+Where the profiles of two pieces cross along their common edge it is divided; where four walls would meet, one
+valley is drawn back.
 """
 
 from __future__ import annotations
@@ -16,26 +14,17 @@ from numba import njit
 
 from lidar_buildings.core.model.array_types import FloatArray, IntArray
 from lidar_buildings.core.solids.output_grid import GRID
+from lidar_buildings.core.solids.raising.edge_columns import CCW, CW, EDGE, JOINED, LEFT, LEVEL, START, X, Y
 from lidar_buildings.core.solids.raising.minimum_height import MIN_HEIGHT
 from lidar_buildings.core.solids.raising.plan_graph import OUTSIDE, PlanGraph
+from lidar_buildings.core.solids.raising.valleys import find_apex, valley_to_cut
 
 #: Elevations at one vertex within this become one: no face leaves its plane by more than half of it [m].
 MERGE_TOLERANCE = 0.008
-#: How far a valley's tip is drawn back, in steps of the grid.
-DRAWN_BACK = 10
-#: Tips of narrow valleys are drawn back further, up to so many times.
-_MAX_FACTOR = 4.0
 #: Repairs may make others necessary; no more rounds than this.
 _MAX_ROUNDS = 10
 #: Least height above the ground [steps of the grid].
 _MIN_STEPS = round(MIN_HEIGHT / GRID)
-
-#: Columns of vertices: place in steps of the grid, a half-edge that starts there (the first counter-clockwise
-#: from −x on, −1 for none), whether all pieces have to meet there in one elevation.
-X, Y, EDGE, JOINED = range(4)
-#: Columns of half-edges, of which 2k and 2k + 1 are one edge: the vertex where one starts, the piece to its
-#: left, the next ones around its start, counter-clockwise and clockwise, and its piece's elevation there.
-START, LEFT, CCW, CW, LEVEL = range(5)
 
 
 class HalfEdges:
@@ -250,11 +239,11 @@ def _repair(
         changed = True
     for v in vertex_order:
         n = _around(vertices, edges, v, fan)
-        first, last = _valley_to_cut(edges, fan, n)
+        first, last = valley_to_cut(edges, fan, n)
         if first < 0:
             continue
         new = sizes[0]
-        _find_apex(vertices, edges, v, fan[first], fan[(last + 1) % n], new)
+        find_apex(vertices, edges, v, fan[first], fan[(last + 1) % n], new)
         if _is_taken(vertices, new):
             sizes[2] += 1
             continue
@@ -324,55 +313,6 @@ def _split_edge(
     _arrange(vertices, edges, a, fan, _around(vertices, edges, a, fan), value)
     fan[0], fan[1] = e ^ 1, half
     _arrange(vertices, edges, new, fan, 2, value)
-
-
-@njit(cache=True, nogil=True)
-def _valley_to_cut(edges: IntArray, fan: IntArray, n: int) -> tuple[int, int]:
-    """Return the first and the last sector of the shallowest valley to cut, −1 if the vertex is sound."""
-    chosen, chosen_last, shallowest = -1, -1, 0
-    if n < 4:
-        return chosen, chosen_last
-    top = edges[fan[0], LEVEL]
-    for k in range(n):
-        top = max(top, edges[fan[k], LEVEL])
-    while True:
-        # the next lower elevation
-        level, found = top, False
-        for k in range(n):
-            height = edges[fan[k], LEVEL]
-            if height < top and (not found or height > level):
-                level, found = height, True
-        if not found:
-            return -1, -1
-        top = level
-        n_valleys = 0
-        for start in range(n):
-            if not edges[fan[start], LEVEL] <= level < edges[fan[start - 1 if start else n - 1], LEVEL]:
-                continue
-            last, lowest = start, edges[fan[start], LEVEL]
-            while edges[fan[(last + 1) % n], LEVEL] <= level:
-                last = (last + 1) % n
-                lowest = min(lowest, edges[fan[last], LEVEL])
-            if n_valleys == 0 or lowest > shallowest:
-                chosen, chosen_last, shallowest = start, last, lowest
-            n_valleys += 1
-        if n_valleys > 1:
-            return chosen, chosen_last
-
-
-@njit(cache=True, nogil=True)
-def _find_apex(vertices: IntArray, edges: IntArray, v: int, first: int, last: int, new: int) -> None:
-    """Put a vertex on the bisector between two half-edges, the first one clockwise of the second."""
-    p, q = edges[first ^ 1, START], edges[last ^ 1, START]
-    px, py = vertices[p, X] - vertices[v, X], vertices[p, Y] - vertices[v, Y]
-    qx, qy = vertices[q, X] - vertices[v, X], vertices[q, Y] - vertices[v, Y]
-    begin = math.atan2(py, px)
-    opening = (math.atan2(qy, qx) - begin) % (2.0 * math.pi)
-    half = 0.5 * (opening if opening != 0.0 else 2.0 * math.pi)
-    reach = DRAWN_BACK * min(_MAX_FACTOR, 1.0 / max(math.sin(min(half, 0.5 * math.pi)), 1e-9))
-    reach = min(reach, 0.4 * min(math.sqrt(px * px + py * py), math.sqrt(qx * qx + qy * qy)))
-    vertices[new, X] = int(np.rint(vertices[v, X] + reach * math.cos(begin + half)))
-    vertices[new, Y] = int(np.rint(vertices[v, Y] + reach * math.sin(begin + half)))
 
 
 @njit(cache=True, nogil=True)
