@@ -290,10 +290,12 @@ def _work_first(
             _log.exception("processes of buildings were not prepared")
     gc.freeze()
     mine = links[0]
-    for link in links[1:]:
-        if not os.fork():
-            mine = link
-            break
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", DeprecationWarning)
+        for link in links[1:]:
+            if not os.fork():
+                mine = link
+                break
     for link in links:
         if link is not mine:
             link.close()
