@@ -28,7 +28,6 @@ from bench.chain.stages import processor_time
 from bench.common.areas import read_files
 from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.model.tile import PointTile
-from lidar_buildings.nodes.configs import NODE_CONFIGS
 from lidar_buildings.nodes.table import nodes_until
 from lidar_buildings.ros.middleware import prepare_middleware
 
@@ -41,8 +40,6 @@ FIRST = 15.0
 #: No tile takes longer [s].
 TIMEOUT = 600.0
 SECOND = 1_000_000_000
-#: Nodes that share the processes for buildings.
-WITH_POOL = ("plane_fitter", "model_builder")
 
 
 def middle_tile(tile: PointTile, n_points: int) -> PointTile:
@@ -56,7 +53,7 @@ def measure(tile: PointTile, frame: MapFrame, repeats: int) -> dict[str, Any]:
     """Start the graph, send a tile until one comes through, then as often as asked for."""
     os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
     prepare_middleware()
-    from lidar_buildings.nodes.graph import BuildingPool  # after the middleware was prepared
+    from lidar_buildings.pipeline.building_pool import BuildingPool  # after the middleware was prepared
 
     with BuildingPool() as pool:  # before ROS starts its threads
         return _measure(tile, frame, repeats, pool)
@@ -65,19 +62,14 @@ def measure(tile: PointTile, frame: MapFrame, repeats: int) -> dict[str, Any]:
 def _measure(tile: PointTile, frame: MapFrame, repeats: int, pool: BuildingPool) -> dict[str, Any]:
     import rclpy
 
-    from lidar_buildings.nodes.graph import node_class
+    from lidar_buildings.nodes.graph import make_node
     from lidar_buildings.ros.composition import Composition
-    from lidar_buildings.ros.parameters import parameter_overrides
 
     context = rclpy.Context()
     rclpy.init(args=[], context=context)
     place = {"context": context, "namespace": f"bench_{os.getpid()}"}
     settings = {"flow_control": {"publish_tile_done": True}}
-    nodes = []
-    for name in nodes_until(LAST)[1:-1]:
-        overrides = parameter_overrides(NODE_CONFIGS[name], settings)
-        shared = {"pool": pool} if name in WITH_POOL else {}
-        nodes.append(node_class(name)(parameter_overrides=overrides, **shared, **place))
+    nodes = [make_node(name, settings, pool, **place) for name in nodes_until(LAST)[1:-1]]
     composition = Composition(*nodes)
     composition.start()
     sender = Sender(frame, place)

@@ -7,12 +7,12 @@ from contextlib import suppress
 from typing import TYPE_CHECKING
 
 from lidar_buildings.commands.progress import RunOutcome, progress_bar
+from lidar_buildings.pipeline.building_pool import BuildingPool
 from lidar_buildings.ros.middleware import prepare_middleware
 
 if TYPE_CHECKING:
     from lidar_buildings.commands.run_request import RunRequest
     from lidar_buildings.nodes.tile_player import TilePlayer
-    from lidar_buildings.pipeline.building_pool import BuildingPool
 
 #: How often the progress is shown [s].
 _TICK = 0.1
@@ -29,14 +29,12 @@ def run_graph(request: RunRequest) -> RunOutcome:
     """
     os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
     prepare_middleware()
-    from lidar_buildings.nodes import graph  # after the middleware was prepared
-
-    with graph.BuildingPool() as pool:  # before ROS starts its threads
+    with BuildingPool() as pool:  # before ROS starts its threads
         return _run(request, pool)
 
 
 def _run(request: RunRequest, pool: BuildingPool) -> RunOutcome:
-    import rclpy
+    import rclpy  # after the middleware was prepared
     from rclpy.logging import LoggingSeverity, set_logger_level
 
     from lidar_buildings.nodes.graph import survey_nodes

@@ -26,6 +26,29 @@ def node_class(name: str) -> type[StageNode]:
     return found
 
 
+def make_node(
+    name: str, settings: Mapping[str, Mapping[str, Any]], pool: BuildingPool | None = None, **kwargs: Any
+) -> StageNode:
+    """
+    Make a node.
+
+    Parameters
+    ----------
+    name : str
+        Its name.
+    settings : mapping
+        ``{stage: {name: value}}``; what is not named keeps its default, what is of other nodes is left out.
+    pool : BuildingPool, optional
+        Processes, if it works on building after building.
+    **kwargs
+        As for `rclpy.node.Node`: namespace, context…
+    """
+    shared = {"pool": pool} if name in _WITH_POOL else {}
+    return node_class(name)(
+        parameter_overrides=parameter_overrides(NODE_CONFIGS[name], settings), **shared, **kwargs
+    )
+
+
 def survey_nodes(
     inputs: Sequence[str],
     output: str,
@@ -76,9 +99,7 @@ def survey_nodes(
         # the writer first: it refuses an output folder before anything is read, which begins with the player
         first, *between, last = names = nodes_until(until)
         for name in (last, first, *between):
-            overrides = parameter_overrides(NODE_CONFIGS[name], merged)
-            shared = {"pool": pool} if name in _WITH_POOL else {}
-            nodes[name] = node_class(name)(parameter_overrides=overrides, **shared, **kwargs)
+            nodes[name] = make_node(name, merged, pool, **kwargs)
     except Exception:
         for node in nodes.values():
             node.destroy_node()

@@ -17,7 +17,7 @@ from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.core.stages.terrain import TerrainRasters
 from lidar_buildings.io.clouds.las import InputFile, frame_of, open_inputs
-from lidar_buildings.io.models.cityjson import parse_feature
+from lidar_buildings.io.models.cityjson import load_feature
 from lidar_buildings.io.results.output_config import OutputConfig
 from lidar_buildings.io.results.output_folder import OutputFolder
 from lidar_buildings.io.results.tile_products import TileProducts
@@ -98,7 +98,7 @@ class ModelWriter(StageNode):
         if not message.data.startswith('{"type":"CityJSONFeature"'):
             return
         try:
-            number = parse_feature(message.data).building_id
+            _, number = load_feature(message.data)
         except Exception as error:
             self.get_logger().error(f"city_model: {error}: left out")
             return
