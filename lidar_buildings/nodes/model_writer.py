@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import json
-from dataclasses import fields
+from collections.abc import Callable
+from dataclasses import dataclass, fields
+from functools import cached_property
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.event_handler import SubscriptionEventCallbacks
@@ -50,11 +52,20 @@ TILE_FAILED = 3
 _SILENCE, _MAX_PERIODS = 0.1, 20
 
 
-class _Rasterised(NamedTuple):
-    """All points of a tile, and their rasters."""
+@dataclass(eq=False)
+class _AllPoints:
+    """All points of a tile, and their rasters, which are made when first asked for."""
 
     tile: PointTile
-    rasters: TerrainRasters | None
+    rasterise: Callable[[PointTile], TerrainRasters | None]
+
+    def rasters(self) -> TerrainRasters | None:
+        """Return the rasters, None where none are wanted."""
+        return self._made
+
+    @cached_property
+    def _made(self) -> TerrainRasters | None:
+        return self.rasterise(self.tile)
 
 
 class ModelWriter(StageNode):
@@ -83,12 +94,22 @@ class ModelWriter(StageNode):
     def on_tile(self, topic: str, tile: PointTile) -> None:
         """Take points of one tile; a tile that is on disk already was sent again for want of this answer."""
         if tile.stamp not in self._on_disk:
-            self._add(tile.stamp, topic, tile if topic != self._topics[0] else self._rasterised(tile))
+            self._add(
+                tile.stamp, topic, tile if topic != self._topics[0] else _AllPoints(tile, self._rasterised)
+            )
         elif topic == self._topics[0]:
             self._tile_done.publish(header_of(tile.stamp))
 
     def on_rings(self, topic: str, stamp: int, rings: Rings) -> None:
-        """Take outlines or roof faces of one tile."""
+        """
+        Take outlines or roof faces of one tile.
+
+        Outlines are traced of a tile that is large enough: its rasters are made while its models are built.
+        """
+        if topic == TRACED_OUTLINES.name:
+            all_points = self._join.part(stamp, self._topics[0])
+            if all_points is not None:
+                all_points.rasters()
         if stamp not in self._on_disk:
             # the models have the faces; that they have come is all that is to know
             self._add(stamp, topic, None if topic == ROOF_FACES.name else outlines_of(rings))
@@ -190,9 +211,8 @@ class ModelWriter(StageNode):
         """
         return agree_on_roofs(*self._clouds_of(parts)) and agree_on_buildings(parts)
 
-    def _rasterised(self, tile: PointTile) -> _Rasterised:
-        """Make the rasters of all points at once, while other nodes work on the roofs."""
-        return _Rasterised(tile, rasterise_tile(tile, self.parameters[ModelWriterConfig], self._folder.frame))
+    def _rasterised(self, tile: PointTile) -> TerrainRasters | None:
+        return rasterise_tile(tile, self.parameters[ModelWriterConfig], self._folder.frame)
 
     def _clouds_of(self, parts: Parts) -> list[PointTile]:
         """Return the clouds among a tile's parts: all its points first, then its roofs."""
@@ -215,7 +235,7 @@ class ModelWriter(StageNode):
             traced=parts.get(TRACED_OUTLINES.name, ()),
             outlines=parts.get(OUTLINES.name, ()),
             features=self._features.take(sorted(self._buildings_of(parts))),
-            rasters=parts[self._topics[0]].rasters,
+            rasters=parts[self._topics[0]].rasters(),
         )
         try:
             self._folder.write_tile(products)

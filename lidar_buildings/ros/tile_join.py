@@ -61,6 +61,10 @@ class TileJoin:
             self._incomplete.popitem(last=False)
         return None
 
+    def part(self, stamp: int, topic: str) -> Any:
+        """Return what a topic carried of a tile that is not complete, None if nothing."""
+        return self._incomplete.get(stamp, {}).get(topic)
+
     def take_ready(self) -> list[tuple[int, Parts]]:
         """Return the stamps and parts of the complete tiles that have become ready."""
         ready = [stamp for stamp, parts in self._complete.items() if self._is_ready(stamp, parts)]
