@@ -67,9 +67,9 @@ def _dangling(lines, obstacles, reach):  # type: ignore[no-untyped-def]
     dangling = np.ones((len(lines), 2), dtype=np.bool_)
     for k in range(len(lines)):
         for end in range(2):
-            x, y = lines[k, end]
+            x, y = lines[k, end, 0], lines[k, end, 1]
             for m in range(len(obstacles)):
-                ax, ay = obstacles[m, 0]
+                ax, ay = obstacles[m, 0, 0], obstacles[m, 0, 1]
                 dx, dy = obstacles[m, 1, 0] - ax, obstacles[m, 1, 1] - ay
                 square = dx * dx + dy * dy
                 share = ((x - ax) * dx + (y - ay) * dy) / square if square > 0.0 else 0.0

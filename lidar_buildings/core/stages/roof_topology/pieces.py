@@ -112,36 +112,28 @@ def find_pieces(
     )
 
 
-@njit(cache=True, nogil=True)
-def intersection_line(p, q):  # type: ignore[no-untyped-def]
+def intersection_lines(
+    first: NDArray[np.integer], second: NDArray[np.integer], gradients: FloatArray
+) -> FloatArray:
     """
-    Return foot, direction and bend of the line in which two planes meet, seen from above.
+    Return foot, direction and bend of the lines in which pairs of planes meet, seen from above.
 
-    The direction is that of the cross product of the normals (Mancera-Taboada et al., 2012, eq. 5). The point
-    is that nearest to the origin, which is in the building: one at z = 0 may be far off.
+    The direction is that of the cross product of the normals (Mancera-Taboada et al., 2012, eq. 5). The foot
+    is the position nearest to the origin, which is in the building: one at z = 0 may be far off.
 
     Parameters
     ----------
-    p, q : ndarray of shape (3,)
+    first, second : ndarray of shape (n_pairs,)
+        Numbers of the planes.
+    gradients : ndarray of shape (n_planes, 3)
         a, b, c of z = a x + b y + c.
 
     Returns
     -------
-    x, y, ux, uy, bend : float
+    ndarray of shape (n_pairs, 5)
         Position nearest to the origin, unit direction, and the difference of the planes' gradients; a bend
         less than `LEAST_BEND` means that there is no line.
     """
-    gx, gy, d = p[0] - q[0], p[1] - q[1], p[2] - q[2]
-    bend = math.hypot(gx, gy)
-    if bend < LEAST_BEND:
-        return 0.0, 0.0, 1.0, 0.0, bend
-    return -d * gx / bend**2, -d * gy / bend**2, -gy / bend, gx / bend, bend
-
-
-def intersection_lines(
-    first: NDArray[np.integer], second: NDArray[np.integer], gradients: FloatArray
-) -> FloatArray:
-    """Return `intersection_line` of pairs of planes by number, shape (n_pairs, 5)."""
     gx, gy, d = (gradients[first - 1] - gradients[second - 1]).reshape(-1, 3).T
     bend = np.hypot(gx, gy)
     lines = np.column_stack([np.zeros_like(d), np.zeros_like(d), np.ones_like(d), np.zeros_like(d), bend])

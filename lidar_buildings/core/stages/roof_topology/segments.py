@@ -13,7 +13,6 @@ from lidar_buildings.core.stages.roof_topology.obstacles import stop, walls_abou
 from lidar_buildings.core.stages.roof_topology.pieces import (
     LEAST_BEND,
     Pieces,
-    intersection_line,
     intersection_lines,
 )
 from lidar_buildings.core.stages.roof_topology.result import HIP, RIDGE, VALLEY, IntersectionSegment
@@ -65,8 +64,9 @@ def finished(
     stops = np.concatenate([walls_about(rings, centre), steps])
     partners = _partners(pieces, len(gradients))
     positions, members = _points_of(vertices, len(gradients), centre)
+    lines = intersection_lines(pieces.first, pieces.second, gradients)
     t = _moved_ends(
-        pieces.first, pieces.second, pieces.t, gradients, partners, stops, positions, members, spacing
+        pieces.first, pieces.second, pieces.t, gradients, lines, partners, stops, positions, members, spacing
     )
     kept = np.flatnonzero(t[:, 1] - t[:, 0] > _SHORTEST * spacing)
     return _segments(pieces, kept, t[kept], gradients, centre)
@@ -91,7 +91,7 @@ def _points_of(
 
 
 @njit(cache=True, nogil=True)
-def _moved_ends(first, second, t, gradients, partners, stops, positions, members, spacing):  # type: ignore[no-untyped-def]
+def _moved_ends(first, second, t, gradients, lines, partners, stops, positions, members, spacing):  # type: ignore[no-untyped-def]
     """
     Return the places of all ends along their lines.
 
@@ -100,8 +100,7 @@ def _moved_ends(first, second, t, gradients, partners, stops, positions, members
     moved = t.copy()
     for k in range(len(first)):
         i, j = first[k], second[k]
-        p, q = gradients[i - 1], gradients[j - 1]
-        fx, fy, ux, uy, _ = intersection_line(p, q)
+        fx, fy, ux, uy = lines[k, 0], lines[k, 1], lines[k, 2], lines[k, 3]
         for end in range(2):
             here, there = t[k, end], t[k, 1 - end]
             point = _point(here, i, j, ux, uy, positions, members, POINT_REACH * spacing)
@@ -139,15 +138,15 @@ def _third_plane(t, i, j, fx, fy, ux, uy, gradients, partners, reach):  # type: 
     Return where on the line of planes i and j the nearest plane that meets both passes, NaN if none does.
     """
     best, place = reach, math.nan
-    p = gradients[i - 1]
     for k in range(1, len(gradients) + 1):
         if k in (i, j) or not (partners[i, k] and partners[j, k]):
             continue
-        q = gradients[k - 1]
-        rate = (p[0] - q[0]) * ux + (p[1] - q[1]) * uy
+        a, b = gradients[i - 1, 0] - gradients[k - 1, 0], gradients[i - 1, 1] - gradients[k - 1, 1]
+        c = gradients[i - 1, 2] - gradients[k - 1, 2]
+        rate = a * ux + b * uy
         if abs(rate) < LEAST_BEND:
             continue
-        at = -((p[0] - q[0]) * fx + (p[1] - q[1]) * fy + p[2] - q[2]) / rate
+        at = -(a * fx + b * fy + c) / rate
         if abs(at - t) < best:
             best, place = abs(at - t), at
     return place

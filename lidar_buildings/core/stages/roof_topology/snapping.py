@@ -59,16 +59,18 @@ def _onto_walls(angle, offset, low, high, walls, spacing):  # type: ignore[no-un
             continue
         c, s = math.cos(angle[k]), math.sin(angle[k])
         best, best_angle, best_offset = most, 0.0, 0.0
-        for wall in walls:
-            dx, dy = wall[1, 0] - wall[0, 0], wall[1, 1] - wall[0, 1]
+        for m in range(len(walls)):
+            x, y = walls[m, 0, 0], walls[m, 0, 1]
+            dx, dy = walls[m, 1, 0] - x, walls[m, 1, 1] - y
             length = math.hypot(dx, dy)
             if length < spacing or abs(dx * s - dy * c) > math.sin(math.radians(_PARALLEL_DEG)) * length:
                 continue
-            t0, t1 = wall[0, 0] * c + wall[0, 1] * s, wall[1, 0] * c + wall[1, 1] * s
+            t0 = x * c + y * s
+            t1 = walls[m, 1, 0] * c + walls[m, 1, 1] * s
             if min(t0, t1) > high[k] + reach or max(t0, t1) < low[k] - reach:
                 continue
             turned = math.atan2(dy, dx) if dx * c + dy * s > 0 else math.atan2(-dy, -dx)
-            at = wall[0, 1] * math.cos(turned) - wall[0, 0] * math.sin(turned)
+            at = y * math.cos(turned) - x * math.sin(turned)
             off = max(
                 _apart(angle[k], offset[k], low[k], turned, at),
                 _apart(angle[k], offset[k], high[k], turned, at),
@@ -80,8 +82,9 @@ def _onto_walls(angle, offset, low, high, walls, spacing):  # type: ignore[no-un
             offset[k] = best_offset
             continue
         best = most
-        for wall in walls:
-            t, r = wall[0, 0] * c + wall[0, 1] * s, wall[0, 1] * c - wall[0, 0] * s
+        for m in range(len(walls)):
+            x, y = walls[m, 0, 0], walls[m, 0, 1]
+            t, r = x * c + y * s, y * c - x * s
             if min(abs(t - low[k]), abs(t - high[k])) <= reach and abs(r - offset[k]) < best:
                 best, best_offset, fixed[k] = abs(r - offset[k]), r, True
         if fixed[k]:
