@@ -8,6 +8,7 @@ from collections import Counter
 import numpy as np
 import pytest
 from geometry_msgs.msg import PointStamped
+from rclpy.executors import SingleThreadedExecutor
 from rclpy.parameter import Parameter
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import PointCloud2
@@ -216,6 +217,36 @@ def test_what_a_node_had_in_hand_is_sent_again_when_it_is_started_anew(play_slow
     stage.let_go.set()
     wait_until(lambda: player.progress.n_done == 5)
     assert player._resent == {stage.taken[0]}
+
+
+def test_a_player_that_is_started_anew_does_not_send_what_a_node_has_in_hand(context, survey):
+    values = {"input": [str(survey)], "tile_size": 20.0, "buffer": 2.0, "max_tiles_in_flight": 1}
+    given = {
+        "context": context,
+        "parameter_overrides": [Parameter(k, value=one) for k, one in values.items()],
+    }
+    stage, first = SlowStage(context=context), TilePlayer(**given)
+    stage_alone = Composition(stage)
+    stage_alone.start()
+    executor = SingleThreadedExecutor(context=context)
+    executor.add_node(first)
+    while not stage.taken:
+        executor.spin_once(timeout_sec=0.1)
+    executor.remove_node(first)
+    first.destroy_node()
+    second = TilePlayer(**given)
+    players = Composition(second)
+    players.start()
+    try:
+        wait_until(lambda: len(second._flow) == 1)
+        assert second._flow.is_held(stage.taken[0])
+        stage.let_go.set()
+        wait_until(lambda: second.progress.n_done == 5)
+        assert sorted(Counter(stage.taken).values()) == [1] * 5
+    finally:
+        stage.let_go.set()
+        players.stop()
+        stage_alone.stop()
 
 
 def test_a_tile_that_is_never_done_is_given_up_and_the_others_are_done(play):
