@@ -4,7 +4,7 @@ VENV ?= .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 
-.PHONY: help setup demo test lint compiled-outlines compiled-models reference bench clean
+.PHONY: help setup demo test lint compiled reference bench clean
 
 help:
 	@echo "make demo   a virtual survey through the ROS 2 graph: what was found against the truth"
@@ -21,7 +21,7 @@ $(STAMP): setup.py pyproject.toml
 	$(BIN)/python -m pip install --quiet --editable '.[ros,test]'
 	@touch $(STAMP)
 
-demo: setup
+demo: setup compiled
 	@echo "A virtual survey:"
 	@$(BIN)/python -m lidar_buildings.cli simulate --output demo/survey --scene village --overwrite
 	@echo "Through the ROS 2 graph:"
@@ -38,12 +38,12 @@ demo: setup
 
 # One more worker than cores on a small machine: tests of the graph wait more than they compute.
 test: setup
-	@$(MAKE) --no-print-directory --jobs 3 --output-sync=target lint compiled-outlines compiled-models
+	@$(MAKE) --no-print-directory --jobs 3 --output-sync=target lint compiled
 	$(BIN)/python -m pytest -n 3 --dist loadfile --no-loadscope-reorder
 
-# Loops are compiled once and cached: test workers that start without would compile most of them twice.
-compiled-outlines compiled-models: setup
-	@$(BIN)/python -m bench.common.compile_kernels $(@:compiled-%=%) > /dev/null
+# Test workers that start without would compile most loops twice.
+compiled: setup
+	@$(BIN)/python -m lidar_buildings.cli warm-up
 
 bench: setup
 	@$(BIN)/python -m pip install --quiet --editable '.[bench]'

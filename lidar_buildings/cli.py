@@ -51,6 +51,7 @@ def _parser() -> argparse.ArgumentParser:
     _add_run(commands.add_parser("run", help="point clouds to classified points, outlines and models"))
     _add_simulate(commands.add_parser("simulate", help="make a virtual survey with its truth"))
     _add_score(commands.add_parser("score", help="compare a result with a reference"))
+    _add_warm_up(commands.add_parser("warm-up", help="compile now what else the first run compiles"))
     return parser
 
 
@@ -112,6 +113,17 @@ def _simulate(options: argparse.Namespace) -> int:
     from lidar_buildings.simulation.command import simulate_command
 
     return simulate_command(options)
+
+
+def _add_warm_up(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--quiet", action="store_true", help="print nothing at the end")
+    parser.set_defaults(command=_warm_up)
+
+
+def _warm_up(options: argparse.Namespace) -> int:
+    from lidar_buildings.commands.warm_up import warm_up_command
+
+    return warm_up_command(options)
 
 
 def _add_score(parser: argparse.ArgumentParser) -> None:

@@ -13,6 +13,7 @@ from typing import Any
 
 from lidar_buildings.commands.progress import RunOutcome, counted, progress_bar
 from lidar_buildings.commands.run_request import RunRequest, request_of
+from lidar_buildings.core.kernel_cache import start_compiling
 from lidar_buildings.core.model.errors import LidarBuildingsError
 from lidar_buildings.core.model.stage_table import STAGES
 from lidar_buildings.io.clouds.las import frame_of, open_inputs
@@ -41,7 +42,10 @@ def run_command(options: argparse.Namespace) -> int:
     if request.overwrite:
         discard_unfinished(request.output)
     started = time.perf_counter()
+    compiling = start_compiling()
     footprints = _footprints(request)
+    if compiling is not None:
+        compiling.wait()
     outcome = _run_local(request, footprints) if options.no_ros else _run_graph(request)
     _report_problems(outcome)
     _report(request.output, outcome.summary, time.perf_counter() - started)

@@ -9,6 +9,7 @@ import rclpy
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.signals import SignalHandlerOptions
 
+from lidar_buildings.core.kernel_cache import start_compiling
 from lidar_buildings.core.model.errors import LidarBuildingsError
 from lidar_buildings.ros.interruption import Interruption
 from lidar_buildings.ros.middleware import prepare_middleware
@@ -49,6 +50,8 @@ def _run(node_class: Callable[[], StageNode], interruption: Interruption) -> int
     try:
         prepare_middleware()
         check_parameter_files(sys.argv)
+        if (compiling := start_compiling()) is not None:
+            compiling.wait()
         rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
         return _spin(node_class(), interruption)
     except ExternalShutdownException:

@@ -27,7 +27,7 @@ LAYERS = {
     "simulation": {"core", "io", "simulation"},
     "ros": {"core", "ros"},
     "nodes": {"core", "pipeline", "io", "ros", "nodes"},
-    "commands": {"core", "pipeline", "io", "ros", "nodes", "commands"},
+    "commands": {"core", "pipeline", "io", "ros", "nodes", "simulation", "commands"},
 }
 #: Layer → its rooms from the ground up: one may import those before it, and the stages not each other.
 ROOMS = {

@@ -1,0 +1,70 @@
+"""One call of each stage, on a tile so small that what takes time is the compiling."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+
+from lidar_buildings.commands.sample_tile import sample_tile
+from lidar_buildings.core.neighbours.point_spacing import quantised_spacing
+from lidar_buildings.core.stages.terrain import RasterConfig
+from lidar_buildings.core.surfaces.brightness import brightness_raster
+from lidar_buildings.core.surfaces.roof_planes.adjustment import common_point
+from lidar_buildings.pipeline.reconstruct import PipelineConfig
+from lidar_buildings.pipeline.tile_models import build_models
+from lidar_buildings.pipeline.tile_outlines import regularise_outlines
+from lidar_buildings.pipeline.tile_rasters import rasterise_tile
+from lidar_buildings.pipeline.tile_stages import (
+    filter_ground,
+    fit_planes,
+    label_roof_edges,
+    roof_points,
+    select_roof_points,
+    trace_buildings,
+)
+from lidar_buildings.simulation import simulate_tile
+
+_CONFIG = PipelineConfig()
+_sample = cache(sample_tile)
+
+
+def _ground() -> None:
+    filter_ground(_sample().tile, _CONFIG.ground_filter)
+
+
+def _roofs() -> None:
+    select_roof_points(_sample().tile, _CONFIG.roof_selection)
+
+
+def _outlines() -> None:
+    labelled = label_roof_edges(roof_points(_sample().tile), _CONFIG.edge_labelling).tile
+    trace_buildings(labelled, _CONFIG.segmentation, _CONFIG.boundary_tracing)
+
+
+def _regularisation() -> None:
+    regularise_outlines(_sample().traced, _CONFIG.regularisation)
+
+
+def _planes() -> None:
+    fit_planes(roof_points(_sample().tile), _CONFIG.plane_fitting)
+    common_point(np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]]))
+
+
+def _models() -> None:
+    build_models(roof_points(_sample().tile), _sample().outlines, _CONFIG.building_model)
+
+
+def _rasters() -> None:
+    tile = _sample().tile
+    rasterise_tile(tile, RasterConfig(), tile.frame)
+    spacing = quantised_spacing(tile.points)
+    brightness_raster(tile.points, tile.intensity, np.ones(len(tile), dtype=bool), spacing)
+
+
+def _simulation() -> None:
+    simulate_tile("single_house", density=0.1)
+
+
+#: What is called, the longest first.
+CALLS = (_outlines, _models, _ground, _regularisation, _planes, _roofs, _simulation, _rasters)

@@ -1,0 +1,82 @@
+"""
+The command ``lidar-buildings warm-up``: compile all loops now, in as many processes as there are cores.
+
+A run and every node do the same when they start and find that it has not been done. Of processes that start
+together, the first one compiles and the others wait for it.
+"""
+
+from __future__ import annotations
+
+import argparse
+import gc
+import multiprocessing
+import sys
+import time
+from collections.abc import Callable, Iterator
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from contextlib import contextmanager
+from pathlib import Path
+
+from lidar_buildings.core import kernel_cache
+from lidar_buildings.core.kernel_cache import TEXT
+
+
+def warm_up_command(options: argparse.Namespace) -> int:
+    """Compile what is not compiled yet; say how far it is, where it is kept and how long it took."""
+    started = time.perf_counter()
+    compile_loops(lambda done, n: _say(f"{TEXT}: {done} of {n}"))
+    if not options.quiet:
+        print(f"compiled loops: {kernel_cache.kernel_folder()} ({time.perf_counter() - started:.1f} s)")
+    return 0
+
+
+def compile_loops(tell: Callable[[int, int], None]) -> None:
+    """
+    Compile every loop that is not compiled yet.
+
+    Parameters
+    ----------
+    tell : callable
+        Called with the number of parts that are done, and of all.
+    """
+    complete = kernel_cache.marker()
+    if complete is not None and not complete.exists():
+        with _alone(complete.with_suffix(".lock")):
+            if not complete.exists():
+                if not kernel_cache.is_installed():
+                    _say(f"the installation cannot be written: compiled loops are kept in {complete.parent}")
+                _call_all(tell)
+                complete.touch()
+                kernel_cache.remove_earlier_folders()
+
+
+def _say(line: str) -> None:
+    print(line, file=sys.stderr, flush=True)
+
+
+@contextmanager
+def _alone(path: Path) -> Iterator[None]:
+    """Hold a lock file; where the platform has none, two processes may compile the same."""
+    try:
+        import fcntl
+    except ImportError:
+        yield
+        return
+    with path.open("w") as file:
+        fcntl.flock(file, fcntl.LOCK_EX)
+        yield
+
+
+def _call_all(tell: Callable[[int, int], None]) -> None:
+    from lidar_buildings.commands.stage_calls import CALLS
+    from lidar_buildings.core.neighbours.parallel import n_cores, work_alone
+
+    tell(0, len(CALLS))
+    # forked: what is imported once need not be imported again
+    gc.disable()  # a tenth of the compiler's time goes into it
+    context = multiprocessing.get_context("fork" if sys.platform == "linux" else "spawn")
+    with ProcessPoolExecutor(n_cores(), mp_context=context, initializer=work_alone) as pool:
+        calls = [pool.submit(call) for call in CALLS]
+        for done, call in enumerate(as_completed(calls), start=1):
+            call.result()
+            tell(done, len(CALLS))

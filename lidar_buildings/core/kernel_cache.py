@@ -1,0 +1,137 @@
+"""
+Where numba keeps the compiled loops: a folder for each state of their sources, so that none is ever stale.
+
+Numba looks at a loop's own file alone: it would go on using a loop into which it compiled what another file
+said before, and trips over types whose module is gone. A user's NUMBA_CACHE_DIR is kept; set but empty, numba
+does as it always does.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+from functools import cache
+from importlib import metadata
+from pathlib import Path
+
+#: What a user reads meanwhile.
+TEXT = "compiling the loops, once after an installation"
+_PACKAGE = Path(__file__).parents[1]
+#: Folders of the package that have compiled loops.
+_WITH_LOOPS = ("core", "simulation")
+#: Folders of earlier states that are left: processes may still run with them.
+_N_KEPT = 2
+
+
+def use_kernel_folder() -> None:
+    """Let numba keep what it compiles in the package's folder for it."""
+    if "NUMBA_CACHE_DIR" not in os.environ:
+        os.environ["NUMBA_CACHE_DIR"] = str(_choose_folder())
+        if "numba" in sys.modules:
+            sys.modules["numba"].config.reload_config()
+
+
+def kernel_folder() -> Path | None:
+    """Return the folder; None where numba chooses places itself."""
+    name = os.environ.get("NUMBA_CACHE_DIR")
+    return Path(name) if name else None
+
+
+def is_installed() -> bool:
+    """Whether the folder lies in the installation, or is the user's choice."""
+    folder = kernel_folder()
+    return folder is None or not folder.name.startswith("kernels-") or _PACKAGE in folder.parents
+
+
+def marker() -> Path | None:
+    """Return the file that says that all loops are compiled, for these sources, this numba and processor."""
+    folder = kernel_folder()
+    if folder is None:
+        return None
+    from numba.core.codegen import ll
+
+    state = (
+        _hash_of_sources(),
+        metadata.version("numba"),
+        ll.get_host_cpu_name(),
+        sys.implementation.cache_tag,
+    )
+    return folder / f"lidar_buildings-{hashlib.sha256(repr(state).encode()).hexdigest()[:16]}.complete"
+
+
+def is_compiled() -> bool:
+    """Whether nothing is left to be compiled, or nobody can say what is."""
+    complete = marker()
+    return complete is None or complete.exists()
+
+
+def start_compiling() -> subprocess.Popen[bytes] | None:
+    """Compile all loops in a process that says on stderr how far it is; None where they are compiled."""
+    if is_compiled():
+        return None
+    return subprocess.Popen([sys.executable, "-m", f"{_PACKAGE.name}.cli", "warm-up", "--quiet"])
+
+
+def remove_earlier_folders() -> None:
+    """Remove the folders of all but the latest states of the sources, beside the one in use."""
+    folder = kernel_folder()
+    if folder is None or not folder.name.startswith("kernels-"):
+        return
+    others = [one for one in folder.parent.glob("kernels-*") if one != folder]
+    for one in sorted(others, key=lambda one: one.stat().st_mtime)[:-_N_KEPT]:
+        shutil.rmtree(one, ignore_errors=True)
+
+
+@cache
+def _hash_of_sources() -> str:
+    """Return a hash of all files with loops."""
+    found = hashlib.sha256()
+    for room in _WITH_LOOPS:
+        for path in sorted((_PACKAGE / room).rglob("*.py")):
+            source = path.read_bytes()
+            if b"njit" in source:
+                found.update(str(path.relative_to(_PACKAGE)).encode() + b"\0" + source)
+    return found.hexdigest()[:16]
+
+
+def _choose_folder() -> Path:
+    """Return the first of these that can be written: in the installation, in the home, a temporary one."""
+    name = f"kernels-{_hash_of_sources()}"
+    installed = _PACKAGE / "__pycache__" / name
+    if _is_writable(installed):
+        return installed
+    home = Path(os.environ.get("XDG_CACHE_HOME") or Path("~/.cache").expanduser()) / "lidar_buildings"
+    user = os.getuid() if hasattr(os, "getuid") else 0
+    temporary = Path(tempfile.gettempdir()) / f"lidar_buildings-{user}"
+    folder = next((one / name for one in (home, temporary) if _is_writable(one / name)), None)
+    if folder is None or not _is_mine(folder.parent):
+        return Path(tempfile.mkdtemp(prefix="lidar_buildings-"))
+    _take_over(installed, folder)
+    return folder
+
+
+def _is_writable(folder: Path) -> bool:
+    try:
+        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+        tempfile.TemporaryFile(dir=folder).close()
+    except OSError:
+        return False
+    return True
+
+
+def _is_mine(folder: Path) -> bool:
+    """Whether nobody else can put anything there: what numba keeps is code."""
+    known = folder.stat()
+    return not hasattr(os, "getuid") or (known.st_uid == os.getuid() and not known.st_mode & 0o022)
+
+
+def _take_over(installed: Path, folder: Path) -> None:
+    """Copy what an installation that cannot be written brought along, the marker last."""
+    if installed.is_dir() and not any(folder.iterdir()):
+        shutil.copytree(installed, folder, dirs_exist_ok=True, ignore=shutil.ignore_patterns("*.complete"))
+        for complete in installed.glob("*.complete"):
+            shutil.copy(complete, folder)

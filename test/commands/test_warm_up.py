@@ -1,0 +1,74 @@
+"""The loops are compiled once, by whoever comes first, and all of them."""
+
+import gc
+import os
+import threading
+import time
+
+import pytest
+from numba.core.dispatcher import Dispatcher
+
+from lidar_buildings.cli import main
+from lidar_buildings.commands import stage_calls, warm_up
+from lidar_buildings.core import kernel_cache
+from lidar_buildings.simulation import simulate_survey
+
+
+def compiled():
+    """What of the package is compiled or loaded: loops with the types that they were called with."""
+    loops = [one for one in gc.get_objects() if isinstance(one, Dispatcher)]
+    return {
+        (one.py_func.__module__, one.py_func.__name__, types)
+        for one in loops
+        for types in one.signatures
+        if one.py_func.__module__.startswith("lidar_buildings.")
+    }
+
+
+def test_a_run_needs_no_loop_that_warming_up_does_not_compile(tmp_path):
+    simulate_survey(tmp_path / "survey", "single_house", density=4.0)
+    for call in stage_calls.CALLS:
+        call()
+    before = compiled()
+    assert main(["run", str(tmp_path / "survey"), "--output", str(tmp_path / "result"), "--no-ros"]) == 0
+    assert compiled() - before == set()
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
+    return tmp_path
+
+
+def test_warming_up_says_how_far_it_is_and_where_the_loops_are(folder, monkeypatch, capsys):
+    monkeypatch.setattr(stage_calls, "CALLS", (os.getpid, os.getppid))
+    assert main(["warm-up"]) == 0
+    printed = capsys.readouterr()
+    assert printed.err.splitlines() == [f"{kernel_cache.TEXT}: {done} of 2" for done in range(3)]
+    assert str(folder) in printed.out
+    assert main(["warm-up", "--quiet"]) == 0
+    assert capsys.readouterr() == ("", "")
+    assert kernel_cache.start_compiling() is None
+
+
+def test_of_processes_that_start_together_one_compiles(folder, monkeypatch):
+    calls = []
+
+    def slowly(tell):
+        calls.append(threading.current_thread())
+        time.sleep(0.2)
+
+    monkeypatch.setattr(warm_up, "_call_all", slowly)
+    together = [threading.Thread(target=warm_up.compile_loops, args=(print,)) for _ in range(4)]
+    for one in together:
+        one.start()
+    for one in together:
+        one.join()
+    assert len(calls) == 1
+
+
+def test_a_stage_that_fails_leaves_the_loops_uncompiled(folder, monkeypatch):
+    monkeypatch.setattr(stage_calls, "CALLS", (os.wait,))
+    with pytest.raises(ChildProcessError):
+        warm_up.compile_loops(lambda done, n: None)
+    assert not kernel_cache.is_compiled()
