@@ -121,9 +121,12 @@ def cells_of_points(cells: Cells, points: FloatArray) -> IntArray:
     points : ndarray of shape (n_points, 2 or more)
         [m].
     """
-    lines = cells.vertices[cells.borders].reshape(-1, 4)
+    # Lines that end inside a cell part nothing.
+    parts = cells.sides[:, 0] != cells.sides[:, 1]
+    lines = cells.vertices[cells.borders[parts]].reshape(-1, 4)
     tiles = tiles_of(lines)
-    return _cells_above(points, lines, cells.sides, tiles, *in_tiles(lines, tiles))
+    start, items = in_tiles(lines, tiles)
+    return _cells_above(points, lines, cells.sides[parts], tiles, start, items)
 
 
 @njit(cache=True, nogil=True)

@@ -167,7 +167,8 @@ def test_labels_of_many_planes_are_near_the_least_energy(seed):
 
 def test_places_are_found_in_their_cells_and_courtyards_are_beside_all():
     outline = Outline(SQUARE, (COURT,))
-    cells = cut_into_cells(outline, np.array([[[-1.0, 5.0], [11.0, 5.2]]]))
+    # The second line ends inside a cell: it cuts nothing.
+    cells = cut_into_cells(outline, np.array([[[-1.0, 5.0], [11.0, 5.2]], [[1.0, 2.0], [8.0, 3.0]]]))
     places = np.random.default_rng(3).uniform(-1, 11, (2000, 2))
     found = cells_of_points(cells, places)
     points = shapely.points(places)
