@@ -8,6 +8,10 @@ from numba import njit
 from lidar_buildings.core.model.array_types import FloatArray, IntArray
 from lidar_buildings.core.solids.shell import Solid
 
+#: Points a block, the strips that they are sorted in, and how far those of one class reach at most [m].
+_BLOCK, _STRIP = 32, 4.0
+_REACHES = (0.1, 0.3, 1.0, 3.0, 10.0, 1e300)
+
 
 def distance_to_surface(points: FloatArray, solid: Solid, at_most: FloatArray) -> FloatArray:
     """
@@ -31,9 +35,14 @@ def distance_to_surface(points: FloatArray, solid: Solid, at_most: FloatArray) -
     rows = np.array([row for ring in rings for row in (*ring, ring[0])], dtype=np.int64)
     first_corner = np.cumsum([0, *(len(ring) + 1 for ring in rings)])
     first_ring = np.cumsum([0, *(len(face) for face in solid.faces)])
-    distance = np.array(at_most, dtype=np.float64)
     corners = np.ascontiguousarray(solid.vertices[rows])
-    _nearest(np.ascontiguousarray(points), corners, first_corner, first_ring, distance)
+    # Points that lie together and reach as far, side by side: faces pass over whole blocks of them.
+    reach = np.digitize(at_most, _REACHES)
+    order = np.lexsort((points[:, 1], np.floor(points[:, 0] / _STRIP), reach))
+    found = np.array(at_most[order], dtype=np.float64)
+    _nearest(np.ascontiguousarray(points[order]), corners, first_corner, first_ring, found)
+    distance = np.empty_like(found)
+    distance[order] = found
     return distance
 
 
@@ -46,6 +55,15 @@ def _nearest(
     distance: FloatArray,
 ) -> None:
     low, high = np.empty(3), np.empty(3)
+    n_blocks = (len(points) + _BLOCK - 1) // _BLOCK
+    lowest, highest, reaches = np.empty((n_blocks, 3)), np.empty((n_blocks, 3)), np.full(n_blocks, np.inf)
+    for block in range(n_blocks):
+        first, last = block * _BLOCK, min(block * _BLOCK + _BLOCK, len(points))
+        for axis in range(3):
+            lowest[block, axis] = highest[block, axis] = points[first, axis]
+            for i in range(first + 1, last):
+                lowest[block, axis] = min(lowest[block, axis], points[i, axis])
+                highest[block, axis] = max(highest[block, axis], points[i, axis])
     for face in range(len(first_ring) - 1):
         start, stop = first_corner[first_ring[face]], first_corner[first_ring[face + 1]]
         outer = first_corner[first_ring[face] + 1]
@@ -73,40 +91,55 @@ def _nearest(
             for k in range(start + 1, stop):
                 low[axis] = min(low[axis], corners[k, axis])
                 high[axis] = max(high[axis], corners[k, axis])
-        for i in range(len(points)):
-            reach = distance[i]
-            x, y, z = points[i, 0], points[i, 1], points[i, 2]
+        for block in range(n_blocks):
+            reach = reaches[block]
             if (
-                x < low[0] - reach
-                or x > high[0] + reach
-                or y < low[1] - reach
-                or y > high[1] + reach
-                or z < low[2] - reach
-                or z > high[2] + reach
+                highest[block, 0] < low[0] - reach
+                or lowest[block, 0] > high[0] + reach
+                or highest[block, 1] < low[1] - reach
+                or lowest[block, 1] > high[1] + reach
+                or highest[block, 2] < low[2] - reach
+                or lowest[block, 2] > high[2] + reach
             ):
                 continue
-            off = (x - x0) * nx + (y - y0) * ny + (z - z0) * nz
-            if abs(off) >= reach:
-                continue
-            fx, fy, fz = x - off * nx, y - off * ny, z - off * nz
-            fu, fv = (fy, fz) if drop == 0 else (fz, fx) if drop == 1 else (fx, fy)
-            is_odd, least = False, reach * reach
-            for ring in range(first_ring[face], first_ring[face + 1]):
-                for k in range(first_corner[ring], first_corner[ring + 1] - 1):
-                    au, av, bu, bv = corners[k, u], corners[k, v], corners[k + 1, u], corners[k + 1, v]
-                    if (au > fu) != (bu > fu) and fv < av + (bv - av) * (fu - au) / (bu - au):
-                        is_odd = not is_odd
-            if is_odd:
-                distance[i] = abs(off)
-                continue
-            for ring in range(first_ring[face], first_ring[face + 1]):
-                for k in range(first_corner[ring], first_corner[ring + 1] - 1):
-                    ax, ay, az = corners[k, 0], corners[k, 1], corners[k, 2]
-                    ex, ey, ez = corners[k + 1, 0] - ax, corners[k + 1, 1] - ay, corners[k + 1, 2] - az
-                    px, py, pz = x - ax, y - ay, z - az
-                    square, share = ex**2 + ey**2 + ez**2, 0.0
-                    if square > 0.0:
-                        share = min(max((ex * px + ey * py + ez * pz) / square, 0.0), 1.0)
-                    dx, dy, dz = px - share * ex, py - share * ey, pz - share * ez
-                    least = min(least, dx**2 + dy**2 + dz**2)
-            distance[i] = np.sqrt(least)
+            first, last = block * _BLOCK, min(block * _BLOCK + _BLOCK, len(points))
+            for i in range(first, last):
+                reach = distance[i]
+                x, y, z = points[i, 0], points[i, 1], points[i, 2]
+                if (
+                    x < low[0] - reach
+                    or x > high[0] + reach
+                    or y < low[1] - reach
+                    or y > high[1] + reach
+                    or z < low[2] - reach
+                    or z > high[2] + reach
+                ):
+                    continue
+                off = (x - x0) * nx + (y - y0) * ny + (z - z0) * nz
+                if abs(off) >= reach:
+                    continue
+                fx, fy, fz = x - off * nx, y - off * ny, z - off * nz
+                fu, fv = (fy, fz) if drop == 0 else (fz, fx) if drop == 1 else (fx, fy)
+                is_odd, least = False, reach * reach
+                for ring in range(first_ring[face], first_ring[face + 1]):
+                    for k in range(first_corner[ring], first_corner[ring + 1] - 1):
+                        au, av, bu, bv = corners[k, u], corners[k, v], corners[k + 1, u], corners[k + 1, v]
+                        if (au > fu) != (bu > fu) and fv < av + (bv - av) * (fu - au) / (bu - au):
+                            is_odd = not is_odd
+                if is_odd:
+                    distance[i] = abs(off)
+                    continue
+                for ring in range(first_ring[face], first_ring[face + 1]):
+                    for k in range(first_corner[ring], first_corner[ring + 1] - 1):
+                        ax, ay, az = corners[k, 0], corners[k, 1], corners[k, 2]
+                        ex, ey, ez = corners[k + 1, 0] - ax, corners[k + 1, 1] - ay, corners[k + 1, 2] - az
+                        px, py, pz = x - ax, y - ay, z - az
+                        square, share = ex**2 + ey**2 + ez**2, 0.0
+                        if square > 0.0:
+                            share = min(max((ex * px + ey * py + ez * pz) / square, 0.0), 1.0)
+                        dx, dy, dz = px - share * ex, py - share * ey, pz - share * ez
+                        least = min(least, dx**2 + dy**2 + dz**2)
+                distance[i] = np.sqrt(least)
+            reaches[block] = distance[first]
+            for i in range(first + 1, last):
+                reaches[block] = max(reaches[block], distance[i])
