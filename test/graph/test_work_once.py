@@ -1,5 +1,6 @@
 """No tile goes through a stage twice unless a node died with it, however slow the machine is."""
 
+import os
 import threading
 from collections import Counter
 from importlib import import_module
@@ -42,7 +43,8 @@ class SlowedGraph:
             monkeypatch.setattr(module, name, self._slowed(node, getattr(module, name)))
         monkeypatch.setattr(TilePlayer, "on_timer", self._ticking(TilePlayer.on_timer))
         settings = {"tile_player": {"tile_size": 25.0, "buffer": 5.0}}
-        self.nodes = survey_nodes([str(survey)], str(output), settings=settings, context=context)
+        place = {"context": context, "namespace": f"once_{os.getpid()}"}
+        self.nodes = survey_nodes([str(survey)], str(output), settings=settings, **place)
 
     def run(self):
         composition = Composition(*self.nodes.values())
