@@ -1,4 +1,4 @@
-"""Two clusters by k-means of scikit-learn, repeatable: from a fixed start."""
+"""Two clusters by k-means, repeatable: from a fixed start."""
 
 from __future__ import annotations
 
@@ -48,9 +48,7 @@ def two_means(
     if _is_one(second):
         second = linearity > 0.5 * (linearity.min() + linearity.max())
     if not _is_one(second):
-        second = (
-            _k_medians(features, second) if distance == "manhattan" else _k_means(features, second, distance)
-        )
+        second = _k_means(features, second, distance)
     centre = np.median if distance == "manhattan" else np.mean
     if _is_one(second):
         return np.repeat(centre(features, axis=0)[None], 2, axis=0)
@@ -84,22 +82,16 @@ def _is_one(second: NDArray[np.bool_]) -> bool:
 
 
 def _k_means(features: NDArray[np.float64], second: NDArray[np.bool_], distance: str) -> NDArray[np.bool_]:
-    from sklearn.cluster import KMeans  # here, because it takes 0.7 s
+    """
+    Iterate with means for centres, with the Manhattan distance with medians.
 
-    inverse = metric_of(features, distance).get("VI")
-    if inverse is not None:
-        features = features @ np.linalg.cholesky(inverse)
-    start = np.array([features[part].mean(axis=0) for part in (~second, second)])
-    return np.asarray(
-        KMeans(2, init=start, n_init=1, max_iter=MAX_ROUNDS, tol=0.0).fit_predict(features) == 1
-    )
-
-
-def _k_medians(features: NDArray[np.float64], second: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Iterate with medians for centres, which scikit-learn's k-means has not."""
+    By hand: scikit-learn's takes 1 s to import, and its threads spin as long again on so few features.
+    """
+    metric = metric_of(features, distance)
+    centre = np.median if distance == "manhattan" else np.mean
     for _ in range(MAX_ROUNDS):
-        medians = np.array([np.median(features[part], axis=0) for part in (~second, second)])
-        before, second = second, in_second(features, medians, {"metric": "cityblock"})
+        centres = np.array([centre(features[part], axis=0) for part in (~second, second)])
+        before, second = second, in_second(features, centres, metric)
         if _is_one(second) or np.array_equal(before, second):
             break
     return second
