@@ -116,6 +116,18 @@ def tiles_of(lines: FloatArray) -> FloatArray:
 
 @njit(cache=True, nogil=True)
 def tile_of(position, west, side, n):  # type: ignore[no-untyped-def]
+    """
+    Return which of n tiles of a side along an axis holds a position; the first or last one beyond them.
+
+    Parameters
+    ----------
+    position, west : float
+        The place, and where the first tile begins [m].
+    side : float
+        Of a tile [m].
+    n : int
+        How many there are.
+    """
     return min(max(int((position - west) / side), 0), n - 1)
 
 
