@@ -14,7 +14,7 @@ from lidar_buildings.core.model.array_types import FloatArray
 from lidar_buildings.core.model.outline import Outline
 from lidar_buildings.core.model.point_array import checked_column, checked_points
 from lidar_buildings.core.model.status import BuildingStatus
-from lidar_buildings.core.neighbours.sampled_spacing import sampled_spacing
+from lidar_buildings.core.neighbours.point_spacing import measure_spacing
 from lidar_buildings.core.solids.output_grid import gridded_outline, on_grid
 from lidar_buildings.core.solids.raising.minimum_height import MIN_HEIGHT
 from lidar_buildings.core.solids.shell import ROOF_SURFACE, Solid
@@ -116,7 +116,7 @@ def build_model(
     order = np.lexsort((plane_id, *points.T))
     points, plane_id = points[order], plane_id[order]
     outline = gridded_outline(outline)
-    spacing = point_spacing or (sampled_spacing(points) if len(points) > 1 else _ASSUMED_SPACING)
+    spacing = point_spacing or (measure_spacing(points) if len(points) > 1 else _ASSUMED_SPACING)
     attributes = known_attributes(points, outline, plane_id if known_planes else None, spacing)
     if not len(points):
         return _without_solid(attributes, ground_elevation, BuildingStatus.DEGENERATE, "no roof points")
