@@ -230,6 +230,7 @@ def test_a_player_that_is_started_anew_does_not_send_what_a_node_has_in_hand(con
     stage_alone.start()
     executor = SingleThreadedExecutor(context=context)
     executor.add_node(first)
+    first.announce()
     while not stage.taken:
         executor.spin_once(timeout_sec=0.1)
     executor.remove_node(first)
