@@ -125,6 +125,23 @@ def test_a_tower_in_a_roof_and_a_courtyard_beside_it():
     assert count(solid, WALL_SURFACE) == 4 + 4 + 4
 
 
+def test_pieces_of_one_height_apart_from_each_other_keep_their_own_holes(monkeypatch):
+    tower = rectangle(2, 2, 4, 4)
+    pieces = [
+        flat(rectangle(0, 0, 6, 6), 5.0, tower[::-1]),
+        flat(tower, 12.0),
+        flat(rectangle(6, 0, 8, 6), 9.0),
+        flat(rectangle(8, 0, 14, 6), 5.0),
+    ]
+    assert checked_roof_solid(pieces, 0.0, join_equal=True)[1] == ()
+    # whatever memory holds that is given out again
+    monkeypatch.setattr(np, "empty", lambda shape, dtype=float: np.full(shape, 1_000_000, dtype=dtype))
+    solid, codes = checked_roof_solid(pieces, 0.0, join_equal=True)
+    assert codes == ()
+    assert solid.volume == pytest.approx(volume_below(pieces))
+    assert sorted(len(face) for face in solid.faces) == sorted([2] + [1] * (len(solid.faces) - 1))
+
+
 def test_vertices_in_the_middle_of_a_neighbours_edge_are_found():
     pieces = [
         flat(rectangle(0, 0, 10, 5), 3.0),

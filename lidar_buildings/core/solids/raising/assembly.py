@@ -126,7 +126,7 @@ def _faces(
         exteriors = [ring for ring in groups[piece] if sign * area[ring] > 0]
         holes = [ring for ring in groups[piece] if sign * area[ring] < 0]
         if len(exteriors) > 1 and holes:
-            corners = plan.vertices[plan.edges[around, START], :2]
+            corners = plan.vertices[plan.edges[around[: first[-1]], START], :2]
             found = _with_holes(
                 [shapely.Polygon(corners[first[k] : first[k + 1]]) for k in exteriors + holes],
                 exteriors,
