@@ -31,7 +31,7 @@ def delft(data_folder: Path, tmp_path_factory) -> Path:
 @pytest.fixture(scope="module")
 def result(delft: Path, tmp_path_factory) -> Path:
     output = tmp_path_factory.mktemp("delft") / "out"
-    assert main(["run", str(delft), "--output", str(output)]) == 0
+    assert main(["run", str(delft), "--output", str(output), "--tile-size", "250"]) == 0
     return output
 
 

@@ -506,7 +506,7 @@ def test_far_apart_cells_are_grouped_as_well(tmp_path):
 
 @pytest.mark.real_data
 def test_the_delft_tiles_come_out_once_across_their_seam(data_folder):
-    with TileSource(data_folder / "delft", TilingConfig(buffer=50.0)) as source:
+    with TileSource(data_folder / "delft", TilingConfig(tile_size=250.0, buffer=50.0)) as source:
         tiles = list(source)
         assert sum(int(tile.is_core.sum()) for tile in tiles) == 848_942
         assert all(len(set(names(tile))) == len(tile) for tile in tiles)
