@@ -7,26 +7,18 @@ these call `BuildingPool.map`. Not `concurrent.futures`: there one worker that d
 
 from __future__ import annotations
 
-import contextlib
-import gc
 import logging
-import multiprocessing
-import os
 import pickle
 import queue
-import signal
-import sys
 import threading
-import traceback
-import warnings
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future
 from multiprocessing.connection import Connection
-from multiprocessing.process import BaseProcess
 from types import TracebackType
 from typing import Any, TypeVar
 
-from lidar_buildings.core.neighbours.parallel import n_cores, n_waiting_threads, work_alone
+from lidar_buildings.core.neighbours.parallel import n_cores
+from lidar_buildings.pipeline.pool_workers import end, start_workers
 
 _Job = TypeVar("_Job")
 _Result = TypeVar("_Result")
@@ -67,7 +59,7 @@ class BuildingPool:
 
     def __init__(self, n_workers: int | None = None, prepare: Callable[[], object] | None = None) -> None:
         n_workers = n_cores() if n_workers is None else n_workers
-        self._processes, self._links = _start_workers(n_workers, prepare) if n_workers > 1 else ([], [])
+        self._processes, self._links = start_workers(n_workers, prepare) if n_workers > 1 else ([], [])
         self._tasks: queue.SimpleQueue[tuple[bytes, Future[bytes]] | None] = queue.SimpleQueue()
         self._threads: list[threading.Thread] = []
         self._lock = threading.Lock()
@@ -86,7 +78,7 @@ class BuildingPool:
         with self._lock:
             links, self._links, self._n_alive = self._links, [], 0
         for process in self._processes:
-            _end(process)
+            end(process)
         for link in links if not self._threads else ():
             link.close()
         for _ in self._threads:
@@ -240,103 +232,3 @@ def _batches(weights: Sequence[int], n_workers: int) -> list[list[int]]:
         batches[-1].append(k)
         filled += weights[k]
     return batches
-
-
-def _start_workers(
-    n: int, prepare: Callable[[], object] | None
-) -> tuple[list[BaseProcess], list[Connection]]:
-    """Start processes, and return those that are this one's own, and the near ends of the pipes to all."""
-    is_forked = sys.platform == "linux" and threading.active_count() - n_waiting_threads() == 1
-    context = multiprocessing.get_context("fork" if is_forked else "spawn")
-    pipes = [multiprocessing.Pipe() for _ in range(n)]
-    near, far = [list(ends) for ends in zip(*pipes, strict=True)]
-    # A forked process has the near ends as well: held open, they would let all outlive this process.
-    calls = [(_work_first, (far, near, prepare))] if is_forked else [(_work, (link,)) for link in far]
-    processes: list[BaseProcess] = []
-    for target, arguments in calls:
-        process = context.Process(target=target, args=arguments, daemon=True, name="buildings")  # type: ignore[attr-defined]
-        with warnings.catch_warnings():
-            # Python 3.12 counts the threads of numpy's BLAS, which know of forks.
-            warnings.simplefilter("ignore", DeprecationWarning)
-            process.start()
-        processes.append(process)
-    for link in far:
-        link.close()
-    return processes, near
-
-
-def _end(process: BaseProcess) -> None:
-    """End a process and those that it has forked, which are of its group."""
-    if process.pid and hasattr(os, "killpg"):
-        with contextlib.suppress(ProcessLookupError):
-            os.killpg(process.pid, signal.SIGTERM)
-    process.terminate()
-    process.join()
-
-
-def _work_first(
-    links: list[Connection], inherited: list[Connection], prepare: Callable[[], object] | None
-) -> None:
-    """Prepare, fork the other processes, and work as the first."""
-    os.setpgid(0, 0)
-    signal.signal(signal.SIGTERM, signal.SIG_DFL)
-    for other in inherited:
-        other.close()
-    work_alone()
-    if prepare is not None:
-        try:
-            prepare()
-        except Exception:
-            _log.exception("processes of buildings were not prepared")
-    gc.freeze()
-    mine = links[0]
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", DeprecationWarning)
-        for link in links[1:]:
-            if not os.fork():
-                mine = link
-                break
-    for link in links:
-        if link is not mine:
-            link.close()
-    _work(mine)
-    os._exit(0)
-
-
-def _work(link: Connection) -> None:
-    """Do batches until the other end is closed."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    signal.signal(signal.SIGTERM, signal.SIG_DFL)
-    work_alone()
-    records = _Records()
-    logging.getLogger().handlers = [records]
-    while True:
-        try:
-            message = link.recv_bytes()
-        except (EOFError, OSError):
-            return
-        try:
-            function, batch = pickle.loads(message)
-            reply = pickle.dumps(([(k, function(job)) for k, job in batch], "", records.take()), protocol=5)
-        except Exception:
-            reply = pickle.dumps(([], traceback.format_exc(), records.take()))
-        link.send_bytes(reply)
-
-
-class _Records(logging.Handler):
-    """Keeps what is logged, as text, until it is taken."""
-
-    def __init__(self) -> None:
-        super().__init__()
-        self._kept: list[logging.LogRecord] = []
-
-    def emit(self, record: logging.LogRecord) -> None:
-        """Keep a record that can be sent."""
-        record.msg, record.args = self.format(record), None
-        record.exc_info = record.exc_text = record.stack_info = None
-        self._kept.append(record)
-
-    def take(self) -> list[logging.LogRecord]:
-        """Return what was kept, and keep nothing of it."""
-        kept, self._kept = self._kept, []
-        return kept

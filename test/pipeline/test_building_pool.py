@@ -65,7 +65,7 @@ def lost(job):
 def _forked(monkeypatch):
     """Fork whatever threads other tests have left, so that processes know this file's functions."""
     monkeypatch.setattr("threading.active_count", lambda: 1)
-    monkeypatch.setattr("lidar_buildings.pipeline.building_pool.n_waiting_threads", lambda: 0)
+    monkeypatch.setattr("lidar_buildings.pipeline.pool_workers.n_waiting_threads", lambda: 0)
 
 
 @pytest.fixture

@@ -10,7 +10,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from lidar_buildings.io.clouds.las import Cloud
 from lidar_buildings.io.tiling.spool import Cell
+from lidar_buildings.io.tiling.tile_stamps import LATEST
 
 #: Smallest side of a spool cell [m].
 _SMALLEST_CELL = 5.0
@@ -36,6 +38,14 @@ class Rectangle:
             max(one.x_max for one in rectangles),
             max(one.y_max for one in rectangles),
         )
+
+    @classmethod
+    def of_cloud(cls, cloud: Cloud) -> Rectangle | None:
+        """Return a cloud's bounds, None if it holds no point."""
+        if not cloud.point_count:
+            return None
+        unit = cloud.crs.horizontal_unit
+        return cls(*(float(c) for c in (*(cloud.mins[:2] * unit), *(cloud.maxs[:2] * unit))))
 
     def grown(self, distance: float) -> Rectangle:
         """Return the rectangle with every side moved outwards."""
@@ -147,3 +157,12 @@ class TileGrid:
         first = math.floor(area.x_min / self.tile_size), math.floor(area.y_min / self.tile_size)
         last = math.floor(area.x_max / self.tile_size), math.floor(area.y_max / self.tile_size)
         return first, last
+
+    def number_of(self, tile: Cell, areas: Sequence[Rectangle]) -> int:
+        """Number a tile from 1 by its place within areas; 1 for a place outside them."""
+        spans = [self.tile_span(area) for area in areas]
+        x0, y0 = (min(first[axis] for first, _ in spans) for axis in (0, 1))
+        x1, y1 = (max(last[axis] for _, last in spans) for axis in (0, 1))
+        number = (tile[0] - x0) * (y1 - y0 + 1) + tile[1] - y0 + 1
+        is_counted = x0 <= tile[0] <= x1 and y0 <= tile[1] <= y1 and number < LATEST
+        return number if is_counted else 1

@@ -12,12 +12,12 @@ from typing import Any
 from lidar_buildings.core.model.errors import InputError
 from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.model.tile import PointTile
-from lidar_buildings.io.clouds.las import CHUNK, Cloud, InputFile, frame_of, open_inputs
+from lidar_buildings.io.clouds.las import CHUNK, InputFile, frame_of, open_inputs
 from lidar_buildings.io.tiling.reading_order import reading_order
 from lidar_buildings.io.tiling.spool import Cell
 from lidar_buildings.io.tiling.tile_grid import Block, Rectangle, TileGrid
 from lidar_buildings.io.tiling.tile_size import fitting_size
-from lidar_buildings.io.tiling.tile_stamps import LATEST, stamp_of_number, stamp_of_time
+from lidar_buildings.io.tiling.tile_stamps import stamp_of_number, stamp_of_time
 from lidar_buildings.io.tiling.tile_store import TilePlan, TileStore
 from lidar_buildings.io.tiling.tiling_config import TilingConfig
 
@@ -80,7 +80,7 @@ class TileSource:
         self.inputs = [InputFile(cloud.path, cloud.point_count) for cloud in self._clouds]
         self.frame: MapFrame = frame_of(self._clouds)
         self._skip = skip
-        self._areas = [_area(cloud) for cloud in self._clouds]
+        self._areas = [Rectangle.of_cloud(cloud) for cloud in self._clouds]
         self._grid = TileGrid.fitting(self._tile_size(), self.config.buffer)
         self._unread = set(range(len(self._clouds)))
         self._read: list[int] = []
@@ -198,8 +198,10 @@ class TileSource:
         n_failed = 0
         for source in reading_order(self._areas):
             try:
-                for first, chunk in _numbered(self._clouds[source].chunks(CHUNK)):
-                    self._waiting |= self._store.add(source, first, chunk, self._clouds[source].point_count)
+                first, cloud = 0, self._clouds[source]
+                for chunk in cloud.chunks(CHUNK):
+                    self._waiting |= self._store.add(source, first, chunk, cloud.point_count)
+                    first += len(chunk)
                     yield True
             except InputError as error:
                 self.problems.append(str(error))
@@ -290,31 +292,8 @@ class TileSource:
         is_standard = bool(encoding.gps_time_type)
         stamp = stamp_of_time(float(first_point["gps_time"]), is_standard=is_standard)
         if stamp is None:
-            stamp = stamp_of_number(self._number(tile))
+            areas = [area for area in self._areas if area is not None]
+            stamp = stamp_of_number(self._grid.number_of(tile, areas))
         while stamp in self._by_stamp:
             stamp += 1
         return stamp
-
-    def _number(self, tile: Cell) -> int:
-        """Number a tile from 1 by its place within all files' bounds; 1 for a place outside them."""
-        spans = [self._grid.tile_span(area) for area in self._areas if area is not None]
-        x0, y0 = (min(first[axis] for first, _ in spans) for axis in (0, 1))
-        x1, y1 = (max(last[axis] for _, last in spans) for axis in (0, 1))
-        number = (tile[0] - x0) * (y1 - y0 + 1) + tile[1] - y0 + 1
-        is_counted = x0 <= tile[0] <= x1 and y0 <= tile[1] <= y1 and number < LATEST
-        return number if is_counted else 1
-
-
-def _area(cloud: Cloud) -> Rectangle | None:
-    """Return a cloud's bounds [m], None if it holds no point."""
-    if not cloud.point_count:
-        return None
-    unit = cloud.crs.horizontal_unit
-    return Rectangle(*(float(c) for c in (*(cloud.mins[:2] * unit), *(cloud.maxs[:2] * unit))))
-
-
-def _numbered(chunks: Iterable[Any]) -> Iterator[tuple[int, Any]]:
-    first = 0
-    for chunk in chunks:
-        yield first, chunk
-        first += len(chunk)

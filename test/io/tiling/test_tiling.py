@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from support import cloud_files
 
 from lidar_buildings.core.model.errors import InputError, OutputError, ParameterError
+from lidar_buildings.io.clouds.las import Cloud
 from lidar_buildings.io.clouds.las_crs import SourceCrs
 from lidar_buildings.io.tiling import tiling
 from lidar_buildings.io.tiling.spool import RECORD, Spool
@@ -181,10 +182,8 @@ def test_files_that_overlap_keep_both_their_points(tmp_path):
 def test_tiles_come_before_the_whole_folder_is_read(tmp_path, monkeypatch):
     paths = survey(tmp_path, [square(50, WEST + 100.0 * k, SOUTH, 100.0, k) for k in range(6)])
     read = []
-    plain = tiling.Cloud.chunks
-    monkeypatch.setattr(
-        tiling.Cloud, "chunks", lambda self, size: (read.append(self.path), plain(self, size))[1]
-    )
+    plain = Cloud.chunks
+    monkeypatch.setattr(Cloud, "chunks", lambda self, size: (read.append(self.path), plain(self, size))[1])
     with TileSource(paths, TilingConfig(tile_size=50.0, buffer=10.0, max_buffer=20.0)) as source:
         next(iter(source))
         assert 0 < len(read) <= 3
@@ -347,14 +346,14 @@ def test_an_unreadable_file_is_reported_and_the_rest_done(tmp_path):
 
 
 def failing_after_the_first_chunk(monkeypatch, name):
-    plain = tiling.Cloud.chunks
+    plain = Cloud.chunks
 
     def chunks(self, size):
         yield from ([next(plain(self, 50))] if self.path.stem == name else plain(self, size))
         if self.path.stem == name:
             raise InputError(f"{self.path}: is damaged: copy it again")
 
-    monkeypatch.setattr(tiling.Cloud, "chunks", chunks)
+    monkeypatch.setattr(Cloud, "chunks", chunks)
 
 
 def test_a_file_that_fails_half_way_leaves_none_of_its_points(tmp_path, monkeypatch):

@@ -13,8 +13,9 @@ from lidar_buildings.core.model.array_types import IntArray
 from lidar_buildings.core.solids.output_grid import GRID
 from lidar_buildings.core.solids.raising.clearance import n_joints
 from lidar_buildings.core.solids.raising.edge_columns import CCW, CW, EDGE, LEFT, LEVEL, START, X, Y
-from lidar_buildings.core.solids.raising.half_edges import HalfEdges, level_of
+from lidar_buildings.core.solids.raising.half_edges import HalfEdges
 from lidar_buildings.core.solids.raising.plan_graph import OUTSIDE
+from lidar_buildings.core.solids.raising.vertex_fans import level_of
 from lidar_buildings.core.solids.shell import GROUND_SURFACE, ROOF_SURFACE, WALL_SURFACE, Solid
 from lidar_buildings.core.solids.validity.face_arrays import FaceArrays
 
@@ -62,16 +63,15 @@ def assemble(plan: HalfEdges) -> RaisedShell:
     vertices, edges, order = plan.vertices, plan.edges, plan.order()
     around, first, owner, area = (np.empty(len(edges) + 1, dtype=np.int64) for _ in range(4))
     n_rings = _trace_rings(vertices, edges, order, around, first, owner, area)
-    faces = _faces(
-        plan, around, first[: n_rings + 1].tolist(), owner[:n_rings].tolist(), area[:n_rings].tolist()
-    )
+    first, owner, area = first[: n_rings + 1], owner[:n_rings], area[:n_rings]
+    around = around[: first[-1]]
+    faces = _faces(plan, around, first.tolist(), owner.tolist(), area.tolist())
     rings = np.array([ring for _, face in faces for ring in face], dtype=np.int64)
     if not len(rings):
         nothing = FaceArrays(np.empty((0, 3)), rings, np.zeros(1, np.int64), np.zeros(1, np.int64))
         return RaisedShell(nothing, (), 0, False)
-    degrees = np.bincount(edges[:, START])
     places = np.empty((len(edges), 3), dtype=np.int64)
-    corners = np.empty(len(edges) + 2 * int((degrees**2).sum()), dtype=np.int64)
+    corners = np.empty(len(edges) + 2 * int((np.bincount(edges[:, START]) ** 2).sum()), dtype=np.int64)
     ring_starts = np.empty(len(rings) + len(edges) + 1, dtype=np.int64)
     n_places, n_walls, is_wide = _raise(
         vertices, edges, order, around, first, rings, places, corners, ring_starts
@@ -126,13 +126,9 @@ def _faces(
         exteriors = [ring for ring in groups[piece] if sign * area[ring] > 0]
         holes = [ring for ring in groups[piece] if sign * area[ring] < 0]
         if len(exteriors) > 1 and holes:
-            corners = plan.vertices[plan.edges[around[: first[-1]], START], :2]
-            found = _with_holes(
-                [shapely.Polygon(corners[first[k] : first[k + 1]]) for k in exteriors + holes],
-                exteriors,
-                holes,
-            )
-            faces += [(piece, face) for face in found]
+            corners = plan.vertices[plan.edges[around, START], :2]
+            polygons = [shapely.Polygon(corners[first[k] : first[k + 1]]) for k in exteriors + holes]
+            faces += [(piece, face) for face in _with_holes(polygons, exteriors, holes)]
         else:
             faces += [(piece, [ring, *holes]) for ring in exteriors]
     return faces
@@ -251,11 +247,7 @@ def _raise(
             slot = stack[v]
             while levels[slot] != edges[around[k], LEVEL]:
                 slot += 1
-            if rows[slot] < 0:
-                rows[slot] = n_places
-                places[n_places, 0], places[n_places, 1] = vertices[v, X], vertices[v, Y]
-                places[n_places, 2] = levels[slot]
-                n_places += 1
+            n_places = _place(vertices, v, levels, slot, rows, places, n_places)
             corners[filled] = rows[slot]
             filled += 1
         n_rings += 1
@@ -287,13 +279,22 @@ def _raise(
                     continue
                 if (step == 0 and levels[slot] != low) or (step == 2 and levels[slot] == low):
                     continue
-                if rows[slot] < 0:
-                    rows[slot] = n_places
-                    places[n_places, 0], places[n_places, 1] = vertices[v, X], vertices[v, Y]
-                    places[n_places, 2] = levels[slot]
-                    n_places += 1
+                n_places = _place(vertices, v, levels, slot, rows, places, n_places)
                 corners[filled] = rows[slot]
                 filled += 1
         n_rings += 1
         ring_starts[n_rings] = filled
     return n_places, n_rings - len(rings), is_wide
+
+
+@njit(cache=True, nogil=True)
+def _place(
+    vertices: IntArray, v: int, levels: IntArray, slot: int, rows: IntArray, places: IntArray, n_places: int
+) -> int:
+    """Number the corner at a level above a vertex if it is new; return how many there are."""
+    if rows[slot] < 0:
+        rows[slot] = n_places
+        places[n_places, 0], places[n_places, 1] = vertices[v, X], vertices[v, Y]
+        places[n_places, 2] = levels[slot]
+        n_places += 1
+    return n_places

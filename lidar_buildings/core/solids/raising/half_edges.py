@@ -7,24 +7,27 @@ valley is drawn back.
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 from numba import njit
 
 from lidar_buildings.core.model.array_types import FloatArray, IntArray
 from lidar_buildings.core.solids.output_grid import GRID
-from lidar_buildings.core.solids.raising.edge_columns import CCW, CW, EDGE, JOINED, LEFT, LEVEL, START, X, Y
-from lidar_buildings.core.solids.raising.minimum_height import MIN_HEIGHT
+from lidar_buildings.core.solids.raising.edge_columns import EDGE, JOINED, LEFT, LEVEL, START, X, Y
 from lidar_buildings.core.solids.raising.plan_graph import OUTSIDE, PlanGraph
 from lidar_buildings.core.solids.raising.valleys import find_apex, valley_to_cut
+from lidar_buildings.core.solids.raising.vertex_fans import (
+    arrange,
+    fan_of,
+    level_of,
+    link,
+    measure,
+    raw_elevation,
+)
 
 #: Elevations at one vertex within this become one: no face leaves its plane by more than half of it [m].
 MERGE_TOLERANCE = 0.008
 #: Repairs may make others necessary; no more rounds than this.
 _MAX_ROUNDS = 10
-#: Least height above the ground [steps of the grid].
-_MIN_STEPS = round(MIN_HEIGHT / GRID)
 
 
 class HalfEdges:
@@ -49,7 +52,7 @@ class HalfEdges:
         self._edges[:, LEFT] = graph.sides.ravel()
         self._sizes = np.array([len(self._vertices), len(self._edges), 0])
         within = merge_tolerance / GRID
-        _link(self._vertices, self._edges, planes, ground, within)
+        link(self._vertices, self._edges, planes, ground, within)
         for _ in range(_MAX_ROUNDS):
             order = np.lexsort((self.vertices[:, Y], self.vertices[:, X]))
             self._reserve()
@@ -84,113 +87,6 @@ class HalfEdges:
         most = n_edges // 2 + n_vertices
         self._vertices = np.concatenate([self.vertices, np.zeros((most, 4), dtype=np.int64)])
         self._edges = np.concatenate([self.edges, np.zeros((2 * most, 5), dtype=np.int64)])
-
-
-@njit(cache=True, nogil=True)
-def _link(vertices: IntArray, edges: IntArray, planes: FloatArray, ground: int, within: float) -> None:
-    """Find the half-edges around every vertex and the elevations there."""
-    first = np.zeros(len(vertices) + 1, dtype=np.int64)
-    for e in range(len(edges)):
-        first[edges[e, START] + 1] += 1
-    most = 0
-    for v in range(len(vertices)):
-        most = max(most, first[v + 1])
-        first[v + 1] += first[v]
-    fan, value = np.empty(most, dtype=np.int64), np.empty(most)
-    order, filled = np.empty(len(edges), dtype=np.int64), first.copy()
-    for e in range(len(edges)):
-        order[filled[edges[e, START]]] = e
-        filled[edges[e, START]] += 1
-    for v in range(len(vertices)):
-        n = first[v + 1] - first[v]
-        for k in range(n):
-            fan[k] = order[first[v] + k]
-        _arrange(vertices, edges, v, fan, n, value)
-        _measure(vertices, edges, planes, v, fan, value, ground, within)
-
-
-@njit(cache=True, nogil=True)
-def _arrange(vertices: IntArray, edges: IntArray, v: int, fan: IntArray, n: int, value: FloatArray) -> None:
-    """Link the n half-edges of a vertex counter-clockwise, from the direction of −x on."""
-    for i in range(n):
-        e = fan[i]
-        end = edges[e ^ 1, START]
-        angle = math.atan2(vertices[end, Y] - vertices[v, Y], vertices[end, X] - vertices[v, X])
-        k = i
-        while k > 0 and value[k - 1] > angle:
-            value[k], fan[k] = value[k - 1], fan[k - 1]
-            k -= 1
-        value[k], fan[k] = angle, e
-    for i in range(n):
-        after = fan[i + 1 if i + 1 < n else 0]
-        edges[fan[i], CCW] = after
-        edges[after, CW] = fan[i]
-    vertices[v, EDGE] = fan[0] if n else -1
-
-
-@njit(cache=True, nogil=True)
-def _around(vertices: IntArray, edges: IntArray, v: int, fan: IntArray) -> int:
-    """Put the half-edges around a vertex into `fan` and return how many there are."""
-    n, e = 0, vertices[v, EDGE]
-    while e >= 0:
-        fan[n] = e
-        n += 1
-        e = edges[e, CCW]
-        if e == vertices[v, EDGE]:
-            break
-    return n
-
-
-@njit(cache=True, nogil=True)
-def _raw(planes: FloatArray, x: int, y: int, piece: int) -> float:
-    """Return the elevation of a piece's own plane at a place [steps of the grid]."""
-    return (planes[piece, 0] * (x * GRID) + planes[piece, 1] * (y * GRID) + planes[piece, 2]) / GRID
-
-
-@njit(cache=True, nogil=True)
-def _measure(
-    vertices: IntArray,
-    edges: IntArray,
-    planes: FloatArray,
-    v: int,
-    fan: IntArray,
-    value: FloatArray,
-    ground: int,
-    within: float,
-) -> None:
-    """Measure the elevations at a vertex and make almost equal ones one, from the lowest on."""
-    n = 0
-    e = vertices[v, EDGE]
-    while e >= 0:
-        if edges[e, LEFT] == OUTSIDE:
-            edges[e, LEVEL] = ground
-        else:
-            raw = _raw(planes, vertices[v, X], vertices[v, Y], edges[e, LEFT])
-            k = n
-            while k > 0 and value[k - 1] > raw:
-                value[k], fan[k] = value[k - 1], fan[k - 1]
-                k -= 1
-            value[k], fan[k] = raw, e
-            n += 1
-        e = edges[e, CCW]
-        if e == vertices[v, EDGE]:
-            break
-    first = 0
-    for last in range(1, n + 1):
-        if last == n or (value[last] - value[first] > within and not vertices[v, JOINED]):
-            level = int(np.rint(0.5 * (value[first] + value[last - 1])))
-            for k in range(first, last):
-                edges[fan[k], LEVEL] = max(level, ground + _MIN_STEPS)
-            first = last
-
-
-@njit(cache=True, nogil=True)
-def level_of(edges: IntArray, e: int, piece: int) -> int:
-    """Return the elevation of a piece at the start of a half-edge beside it."""
-    other = edges[e, CW]
-    while edges[other, LEFT] != piece and other != e:
-        other = edges[other, CW]
-    return edges[other, LEVEL]
 
 
 @njit(cache=True, nogil=True)
@@ -235,10 +131,10 @@ def _repair(
         sizes[0] += 1
         vertices[new, JOINED] = 1
         _split_edge(vertices, edges, sizes, e, new, fan, value)
-        _measure(vertices, edges, planes, new, fan, value, ground, within)
+        measure(vertices, edges, planes, new, fan, value, ground, within)
         changed = True
     for v in vertex_order:
-        n = _around(vertices, edges, v, fan)
+        n = fan_of(vertices, edges, v, fan)
         first, last = valley_to_cut(edges, fan, n)
         if first < 0:
             continue
@@ -250,8 +146,8 @@ def _repair(
         sizes[0] += 1
         vertices[new, JOINED] = 0
         _cut_corner(vertices, edges, sizes, v, first, last, new, fan, n, moved, value)
-        _measure(vertices, edges, planes, v, fan, value, ground, within)
-        _measure(vertices, edges, planes, new, fan, value, ground, within)
+        measure(vertices, edges, planes, v, fan, value, ground, within)
+        measure(vertices, edges, planes, new, fan, value, ground, within)
         changed = True
     return changed
 
@@ -275,8 +171,8 @@ def _find_crossing(
 ) -> None:
     """Put a vertex on the place of the grid next to the crossing at which both pieces differ least."""
     ax, ay, bx, by = vertices[a, X], vertices[a, Y], vertices[b, X], vertices[b, Y]
-    first = _raw(planes, ax, ay, left) - _raw(planes, ax, ay, right)
-    last = _raw(planes, bx, by, left) - _raw(planes, bx, by, right)
+    first = raw_elevation(planes, ax, ay, left) - raw_elevation(planes, ax, ay, right)
+    last = raw_elevation(planes, bx, by, left) - raw_elevation(planes, bx, by, right)
     share = first / (first - last) if first != last else 0.5
     x, y = ax + share * (bx - ax), ay + share * (by - ay)
     least = np.inf
@@ -285,7 +181,7 @@ def _find_crossing(
             for dy in range(-1, 2):
                 if dx * dx + dy * dy == squared:
                     u, v = int(np.rint(x)) + dx, int(np.rint(y)) + dy
-                    step = _raw(planes, u, v, left) - _raw(planes, u, v, right)
+                    step = raw_elevation(planes, u, v, left) - raw_elevation(planes, u, v, right)
                     # how far the pieces are apart there against how far it is from where it should be
                     misfit = abs(step) + abs(u - x) + abs(v - y)
                     if misfit < least:
@@ -304,15 +200,15 @@ def _split_edge(
     edges[half, START], edges[half + 1, START] = new, b
     for column in (LEFT, LEVEL):
         edges[half, column], edges[half + 1, column] = edges[e, column], edges[e ^ 1, column]
-    n = _around(vertices, edges, b, fan)
+    n = fan_of(vertices, edges, b, fan)
     for k in range(n):
         if fan[k] == e ^ 1:
             fan[k] = half + 1
     edges[e ^ 1, START] = new
-    _arrange(vertices, edges, b, fan, n, value)
-    _arrange(vertices, edges, a, fan, _around(vertices, edges, a, fan), value)
+    arrange(vertices, edges, b, fan, n, value)
+    arrange(vertices, edges, a, fan, fan_of(vertices, edges, a, fan), value)
     fan[0], fan[1] = e ^ 1, half
-    _arrange(vertices, edges, new, fan, 2, value)
+    arrange(vertices, edges, new, fan, 2, value)
 
 
 @njit(cache=True, nogil=True)
@@ -342,8 +238,8 @@ def _cut_corner(
         edges[moved[k], START] = new
     for k in range(n_moved):
         end = edges[moved[k] ^ 1, START]
-        size = _around(vertices, edges, end, fan)
-        _arrange(vertices, edges, end, fan, size, value)
+        size = fan_of(vertices, edges, end, fan)
+        arrange(vertices, edges, end, fan, size, value)
     if before != after:
         half = sizes[1]
         sizes[1] += 2
@@ -353,5 +249,5 @@ def _cut_corner(
         n_kept += 1
         moved[n_moved] = half + 1
         n_moved += 1
-    _arrange(vertices, edges, v, kept, n_kept, value)
-    _arrange(vertices, edges, new, moved, n_moved, value)
+    arrange(vertices, edges, v, kept, n_kept, value)
+    arrange(vertices, edges, new, moved, n_moved, value)

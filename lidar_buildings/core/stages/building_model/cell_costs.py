@@ -14,7 +14,7 @@ from scipy.spatial import cKDTree
 from lidar_buildings.core.model.array_types import FloatArray, IntArray
 from lidar_buildings.core.stages.building_model.arrangement import Cells
 from lidar_buildings.core.stages.building_model.heights import Limits
-from lidar_buildings.core.stages.building_model.noding import in_tiles, tile_of, tiles_of
+from lidar_buildings.core.stages.building_model.line_tiles import in_tiles, tile_of, tiles_of
 
 #: Spots farther than this from any point are without data [spacings].
 EMPTY_DISTANCE = 2.0

@@ -11,7 +11,7 @@ from numba import njit
 from lidar_buildings.core.model.array_types import BoolArray, FloatArray, IntArray
 from lidar_buildings.core.neighbours.union_find import sets_of_pairs
 from lidar_buildings.core.solids.output_grid import GRID
-from lidar_buildings.core.stages.building_model.noding import in_tiles, tile_of, tiles_of
+from lidar_buildings.core.stages.building_model.line_tiles import in_tiles, tile_of, tiles_of
 from lidar_buildings.core.stages.building_model.roof_face import RoofFacePatch, open_rings
 
 #: A face whose points lie farther off in the middle than this gets a plane of its own [m].

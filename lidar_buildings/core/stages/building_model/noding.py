@@ -10,11 +10,16 @@ from numba import njit
 
 from lidar_buildings.core.model.array_types import FloatArray, IntArray
 from lidar_buildings.core.solids.output_grid import GRID
+from lidar_buildings.core.stages.building_model.line_tiles import (
+    MARGIN,
+    SLACK,
+    columns_touched,
+    in_tiles,
+    rows_touched,
+    tile_of,
+    tiles_of,
+)
 
-#: An end that misses an obstacle by so little meets it: less than a line moves by rounding [m].
-_SLACK = 1e-3
-#: What lies so near beside a tile may be met in it [m].
-_MARGIN = 2.0 * _SLACK
 #: Units of the output grid per metre.
 _SCALE = round(1.0 / GRID)
 
@@ -106,77 +111,6 @@ def node_segments(walls: FloatArray, segments: FloatArray) -> Nodes:
     return Nodes(vertices, edges, np.sign(enclosed), row[: 2 * len(walls)])
 
 
-def tiles_of(lines: FloatArray) -> FloatArray:
-    """Return west, south, side, columns and rows of about as many square tiles as there are lines."""
-    ends = lines.reshape(-1, 2)
-    low, extent = ends.min(axis=0), np.ptp(ends, axis=0)
-    side = max(math.sqrt(extent[0] * extent[1] / len(lines)), float(extent.max()) / 1000.0, 10.0 * _MARGIN)
-    return np.array([low[0], low[1], side, *(np.floor(extent / side) + 1.0)])
-
-
-@njit(cache=True, nogil=True)
-def tile_of(position, west, side, n):  # type: ignore[no-untyped-def]
-    """
-    Return which of n tiles of a side along an axis holds a position; the first or last one beyond them.
-
-    Parameters
-    ----------
-    position, west : float
-        The place, and where the first tile begins [m].
-    side : float
-        Of a tile [m].
-    n : int
-        How many there are.
-    """
-    return min(max(int((position - west) / side), 0), n - 1)
-
-
-@njit(cache=True, nogil=True)
-def _rows(line, column, tiles):  # type: ignore[no-untyped-def]
-    """Return the first and the last tile that a line may touch in a column."""
-    x0, y0, x1, y1 = line[0], line[1], line[2], line[3]
-    west = tiles[0] + column * tiles[2] - _MARGIN
-    east = west + tiles[2] + 2.0 * _MARGIN
-    low, high = min(y0, y1), max(y0, y1)
-    if abs(x1 - x0) > _MARGIN:
-        slope = (y1 - y0) / (x1 - x0)
-        one, other = y0 + slope * (west - x0), y0 + slope * (east - x0)
-        low, high = max(low, min(one, other)), min(high, max(one, other))
-    n = int(tiles[4])
-    return tile_of(low - _MARGIN, tiles[1], tiles[2], n), tile_of(high + _MARGIN, tiles[1], tiles[2], n)
-
-
-@njit(cache=True, nogil=True)
-def _columns(line, tiles):  # type: ignore[no-untyped-def]
-    n = int(tiles[3])
-    west = tile_of(min(line[0], line[2]) - _MARGIN, tiles[0], tiles[2], n)
-    return west, tile_of(max(line[0], line[2]) + _MARGIN, tiles[0], tiles[2], n)
-
-
-@njit(cache=True, nogil=True)
-def in_tiles(lines, tiles):  # type: ignore[no-untyped-def]
-    """Return where each tile, column by column, begins in the numbers of lines that touch it; and these."""
-    n_rows = int(tiles[4])
-    start = np.zeros(int(tiles[3]) * n_rows + 1, np.int64)
-    items = np.empty(0, np.int64)
-    for turn in range(2):
-        if turn == 1:
-            for k in range(1, len(start)):
-                start[k] += start[k - 1]
-            items = np.empty(start[-1], np.int64)
-        for i in range(len(lines) - 1, -1, -1):
-            first, last = _columns(lines[i], tiles)
-            for column in range(first, last + 1):
-                low, high = _rows(lines[i], column, tiles)
-                for k in range(column * n_rows + low, column * n_rows + high + 1):
-                    if turn == 0:
-                        start[k] += 1
-                    else:
-                        start[k] -= 1
-                        items[start[k]] = i
-    return start, items
-
-
 @njit(cache=True, nogil=True)
 def _extend(obstacles, tiles, start, items, extended):  # type: ignore[no-untyped-def]
     """Write the extended segments, the first of the obstacles; none is an obstacle to itself."""
@@ -197,13 +131,13 @@ def _reach(x, y, dx, dy, own, obstacles, tiles, start, items):  # type: ignore[n
     """Return how far a ray runs to the nearest obstacle [m]; 0 where none is met."""
     side, n_columns, n_rows = tiles[2], int(tiles[3]), int(tiles[4])
     far = side * (n_columns + n_rows)
-    ray = np.array([x - _SLACK * dx, y - _SLACK * dy, x + far * dx, y + far * dy])
+    ray = np.array([x - SLACK * dx, y - SLACK * dy, x + far * dx, y + far * dy])
     nearest = np.inf
     east, north = 1 if dx >= 0.0 else -1, 1 if dy >= 0.0 else -1
-    first, last = _columns(ray, tiles)
+    first, last = columns_touched(ray, tiles)
     column = first if east > 0 else last
     while first <= column <= last:
-        low, high = _rows(ray, column, tiles)
+        low, high = rows_touched(ray, column, tiles)
         row = low if north > 0 else high
         while low <= row <= high:
             for at in range(start[column * n_rows + row], start[column * n_rows + row + 1]):
@@ -218,17 +152,17 @@ def _reach(x, y, dx, dy, own, obstacles, tiles, start, items):  # type: ignore[n
                     continue
                 t = ((ax - x) * ey - (ay - y) * ex) / cross
                 u = ((ax - x) * dy - (ay - y) * dx) / cross
-                slack = _SLACK / max(length, _SLACK)
-                if u < -slack or u > 1.0 + slack or t < -_SLACK:
+                slack = SLACK / max(length, SLACK)
+                if u < -slack or u > 1.0 + slack or t < -SLACK:
                     continue
                 nearest = min(nearest, max(t, 0.0))
             # What lies in tiles beyond is farther off.
             edge = tiles[1] + (row + (north > 0)) * side
-            if nearest * abs(dy) < (edge - y) * north - _MARGIN:
+            if nearest * abs(dy) < (edge - y) * north - MARGIN:
                 break
             row += north
         edge = tiles[0] + (column + (east > 0)) * side
-        if nearest * abs(dx) < (edge - x) * east - _MARGIN:
+        if nearest * abs(dx) < (edge - x) * east - MARGIN:
             break
         column += east
     return nearest if nearest < np.inf else 0.0
@@ -294,9 +228,9 @@ def _chain(lines, tiles, vertices, row, n_walls, chains):  # type: ignore[no-unt
         west, east, south, north = min(0.0, dx), max(0.0, dx), min(0.0, dy), max(0.0, dy)
         half = 0.5 * (abs(dx) + abs(dy)) * (1.0 - 1e-9)
         count = 0
-        first, last = _columns(lines[i], tiles)
+        first, last = columns_touched(lines[i], tiles)
         for column in range(first, last + 1):
-            low, high = _rows(lines[i], column, tiles)
+            low, high = rows_touched(lines[i], column, tiles)
             for at in range(start[column * n_rows + low], start[column * n_rows + high + 1]):
                 v = items[at]
                 px, py = vertices[v, 0] - x, vertices[v, 1] - y

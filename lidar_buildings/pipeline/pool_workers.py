@@ -1,0 +1,120 @@
+"""The processes of a `BuildingPool`: how they start, what they do, how they end."""
+
+from __future__ import annotations
+
+import contextlib
+import gc
+import logging
+import multiprocessing
+import os
+import pickle
+import signal
+import sys
+import threading
+import traceback
+import warnings
+from collections.abc import Callable
+from multiprocessing.connection import Connection
+from multiprocessing.process import BaseProcess
+
+from lidar_buildings.core.neighbours.parallel import n_waiting_threads, work_alone
+
+_log = logging.getLogger(__name__)
+
+
+def start_workers(n: int, prepare: Callable[[], object] | None) -> tuple[list[BaseProcess], list[Connection]]:
+    """Start processes, and return those that are this one's own, and the near ends of the pipes to all."""
+    is_forked = sys.platform == "linux" and threading.active_count() - n_waiting_threads() == 1
+    context = multiprocessing.get_context("fork" if is_forked else "spawn")
+    pipes = [multiprocessing.Pipe() for _ in range(n)]
+    near, far = [list(ends) for ends in zip(*pipes, strict=True)]
+    # A forked process has the near ends as well: held open, they would let all outlive this process.
+    calls = [(_work_first, (far, near, prepare))] if is_forked else [(_work, (link,)) for link in far]
+    processes: list[BaseProcess] = []
+    for target, arguments in calls:
+        process = context.Process(target=target, args=arguments, daemon=True, name="buildings")  # type: ignore[attr-defined]
+        with warnings.catch_warnings():
+            # Python 3.12 counts the threads of numpy's BLAS, which know of forks.
+            warnings.simplefilter("ignore", DeprecationWarning)
+            process.start()
+        processes.append(process)
+    for link in far:
+        link.close()
+    return processes, near
+
+
+def end(process: BaseProcess) -> None:
+    """End a process and those that it has forked, which are of its group."""
+    if process.pid and hasattr(os, "killpg"):
+        with contextlib.suppress(ProcessLookupError):
+            os.killpg(process.pid, signal.SIGTERM)
+    process.terminate()
+    process.join()
+
+
+def _work_first(
+    links: list[Connection], inherited: list[Connection], prepare: Callable[[], object] | None
+) -> None:
+    """Prepare, fork the other processes, and work as the first."""
+    os.setpgid(0, 0)
+    signal.signal(signal.SIGTERM, signal.SIG_DFL)
+    for other in inherited:
+        other.close()
+    work_alone()
+    if prepare is not None:
+        try:
+            prepare()
+        except Exception:
+            _log.exception("processes of buildings were not prepared")
+    gc.freeze()
+    mine = links[0]
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", DeprecationWarning)
+        for link in links[1:]:
+            if not os.fork():
+                mine = link
+                break
+    for link in links:
+        if link is not mine:
+            link.close()
+    _work(mine)
+    os._exit(0)
+
+
+def _work(link: Connection) -> None:
+    """Do batches until the other end is closed."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.signal(signal.SIGTERM, signal.SIG_DFL)
+    work_alone()
+    records = _Records()
+    logging.getLogger().handlers = [records]
+    while True:
+        try:
+            message = link.recv_bytes()
+        except (EOFError, OSError):
+            return
+        try:
+            function, batch = pickle.loads(message)
+            reply = pickle.dumps(([(k, function(job)) for k, job in batch], "", records.take()), protocol=5)
+        except Exception:
+            reply = pickle.dumps(([], traceback.format_exc(), records.take()))
+        link.send_bytes(reply)
+
+
+class _Records(logging.Handler):
+    """Keeps what is logged, as text, until it is taken."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._kept: list[logging.LogRecord] = []
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Keep a record that can be sent."""
+        record.msg, record.args = self.format(record), None
+        record.exc_info = record.exc_text = record.stack_info = None
+        self._kept.append(record)
+
+    def take(self) -> list[logging.LogRecord]:
+        """Return what was kept, and keep nothing of it."""
+        kept, self._kept = self._kept, []
+        return kept
