@@ -137,9 +137,12 @@ def _greedy(xy, upright, cell, cosine, sine, spacing, free, run, least, runs):  
             length = 0.0
             for i in range(begin, m):
                 length += _along(upright[rows[i]], cell, cosine[d], sine[d])
-            begin = m
+            first, begin = begin, m
             if length < least or length < _LEAST_SUPPORT * (t1 - t0):
                 continue
+            # Its own sides are taken even where its mean offset has moved away from them: none is found twice.
+            for i in range(first, m):
+                run[rows[i]] = n_runs
             runs[n_runs, 0], runs[n_runs, 1], runs[n_runs, 2], runs[n_runs, 3] = d, offset, t0, t1
             _take(xy, upright, cell, cosine, sine, d, offset, t0, t1, spacing, free, run, n_runs, votes, size)
             n_runs += 1
@@ -222,7 +225,8 @@ def _take(xy, upright, cell, cosine, sine, d, offset, t0, t1, spacing, free, run
         t = xy[k, 0] * cosine[d] + xy[k, 1] * sine[d]
         # Beside the ends of a run there may be corners: what lies there is left to other runs.
         inside = t0 + spacing <= t <= t1 - spacing
-        if t0 <= t <= t1 and abs(r - offset) <= (_TAKEN if inside else _HALF_WIDTH) * spacing:
+        near = abs(r - offset) <= (_TAKEN if inside else _HALF_WIDTH) * spacing
+        if run[k] == number or (t0 <= t <= t1 and near):
             free[k] = False
             run[k] = number
             _vote(votes, xy[k, 0], xy[k, 1], upright[k], cell, cosine, sine, size, -1.0)
