@@ -140,7 +140,7 @@ def _greedy(xy, upright, cell, cosine, sine, spacing, free, run, least, runs):  
             first, begin = begin, m
             if length < least or length < _LEAST_SUPPORT * (t1 - t0):
                 continue
-            # Its own sides are taken even where its mean offset has moved away from them: none is found twice.
+            # Its own sides are taken even where its mean offset has moved away: none is found twice.
             for i in range(first, m):
                 run[rows[i]] = n_runs
             runs[n_runs, 0], runs[n_runs, 1], runs[n_runs, 2], runs[n_runs, 3] = d, offset, t0, t1
