@@ -11,7 +11,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from lidar_buildings.core.neighbours.cell_grid import CellGrid
-from lidar_buildings.core.neighbours.nearest_neighbours import distance_to_last
+from lidar_buildings.core.neighbours.nearest_neighbours import N_COUNTS, distance_to_last
 from lidar_buildings.core.neighbours.scan_neighbours import mark_probes
 
 #: Points of a group whose neighbours are looked at; the median of so many densities is good to a few percent.
@@ -75,7 +75,7 @@ def _middle(distance: NDArray[np.float64]) -> float:
 def _nth_distances(cells, group, nth, is_probe):  # type: ignore[no-untyped-def]
     """Return each probe's distance to its n-th neighbour of the same group, infinite if that is not near."""
     distance = np.full(len(group), np.inf)
-    nearest = np.empty(NEIGHBOURS + 1)
+    nearest, counts = np.empty(NEIGHBOURS + 1), np.empty(N_COUNTS, np.int64)
     for cell in range(len(cells.numbers)):
         row, column = cells.numbers[cell] // cells.n_columns, cells.numbers[cell] % cells.n_columns
         for m in range(cells.first[cell], cells.first[cell + 1]):
@@ -83,5 +83,5 @@ def _nth_distances(cells, group, nth, is_probe):  # type: ignore[no-untyped-def]
             if is_probe[i]:
                 x, y = cells.points[m, 0], cells.points[m, 1]
                 room = nearest[: nth[group[i]] + 1]
-                distance[i] = distance_to_last(cells, row, column, x, y, group, group[i], room)
+                distance[i] = distance_to_last(cells, row, column, x, y, group, group[i], room, counts)
     return distance

@@ -24,7 +24,12 @@ REACHES = (1, 2, 4)
 #: A neighbour this little inside what has been looked at may be beyond it by rounding.
 SLACK = 1.0 - 1e-9
 #: Points that the density is guessed from, and the neighbours of each.
-N_GUESS, NEIGHBOURS_TO_GUESS = 800, 4
+N_GUESS, NEIGHBOURS_TO_GUESS = 100, 4
+#: Squares of distances are numbers down to this [m²].
+LEAST_SQUARE = 1e-300
+#: Sizes that squared distances are counted by; and room for the counts and for where runs of points lie.
+N_SIZES = 32
+N_COUNTS = N_SIZES + 1 + 2 * (2 * REACHES[-1] + 1)
 #: Positions a block of work.
 BLOCK = 1024
 
@@ -71,18 +76,20 @@ def _guessed_spacing(plan: NDArray[np.float64]) -> float:
 
 @njit(cache=True, nogil=True)
 def _search(grid, origin, probes, n, distances, begin, end):  # type: ignore[no-untyped-def]
-    nearest, no_groups = np.empty(n), np.empty(0, dtype=np.int64)
+    nearest, counts, no_groups = np.empty(n), np.empty(N_COUNTS, np.int64), np.empty(0, dtype=np.int64)
     for i in range(begin, end):
         x, y = probes[i]
         row = np.int64(math.floor(y / grid.size) - origin[1])
         column = np.int64(math.floor(x / grid.size) - origin[0])
-        distances[i] = distance_to_last(grid, row, column, x, y, no_groups, 0, nearest)
+        distances[i] = distance_to_last(grid, row, column, x, y, no_groups, 0, nearest, counts)
 
 
 @njit(cache=True, nogil=True)
-def distance_to_last(grid, row, column, x, y, group, own, nearest):  # type: ignore[no-untyped-def]
+def distance_to_last(grid, row, column, x, y, group, own, nearest, counts):  # type: ignore[no-untyped-def]
     """
     Return how far the n-th nearest point of a group is in plan, the first being the position itself.
+
+    Squared distances are counted by size, without a branch; only those of the n-th one's size are compared.
 
     Parameters
     ----------
@@ -97,25 +104,45 @@ def distance_to_last(grid, row, column, x, y, group, own, nearest):  # type: ign
     own : int
         Only points of this group count.
     nearest : ndarray of shape (n,)
-        Room for the squared distances of the n nearest.
+        Room for squared distances.
+    counts : ndarray of int64, shape (N_COUNTS,)
+        Room for numbers of points.
 
     Returns
     -------
     float
         Infinite where it is farther than the widest of `REACHES` is sure to show [m].
     """
+    runs = counts[N_SIZES + 1 :]
     for reach in REACHES:
-        nearest[:] = np.inf
-        for beside in range(row - reach, row + reach + 1):
-            begin, end = cells_in_row(grid.numbers, grid.n_columns, beside, column, reach)
-            for j in range(grid.first[begin], grid.first[end]):
+        square_reach = (SLACK * reach * grid.size) ** 2
+        if not LEAST_SQUARE < square_reach < np.inf:
+            return np.inf
+        per_square = N_SIZES / square_reach
+        counts[: N_SIZES + 1] = 0
+        for k in range(2 * reach + 1):
+            begin, end = cells_in_row(grid.numbers, grid.n_columns, row - reach + k, column, reach)
+            runs[2 * k], runs[2 * k + 1] = grid.first[begin], grid.first[end]
+            for j in range(runs[2 * k], runs[2 * k + 1]):
+                dx, dy = grid.points[j, 0] - x, grid.points[j, 1] - y
+                if len(group) == 0 or group[grid.rows[j]] == own:
+                    counts[min(int((dx * dx + dy * dy) * per_square), N_SIZES)] += 1
+        size, before = 0, 0
+        while size < N_SIZES and before + counts[size] < len(nearest):
+            before += counts[size]
+            size += 1
+        if size == N_SIZES:
+            continue
+        wanted = len(nearest) - before
+        nearest[:wanted] = np.inf
+        for k in range(2 * reach + 1):
+            for j in range(runs[2 * k], runs[2 * k + 1]):
                 dx, dy = grid.points[j, 0] - x, grid.points[j, 1] - y
                 square = dx * dx + dy * dy
-                if square < nearest[-1] and (len(group) == 0 or group[grid.rows[j]] == own):
-                    _insert(nearest, square)
-        distance = math.sqrt(nearest[-1])
-        if distance <= SLACK * reach * grid.size:
-            return distance
+                is_own = len(group) == 0 or group[grid.rows[j]] == own
+                if is_own and int(square * per_square) == size and square < nearest[wanted - 1]:
+                    _insert(nearest[:wanted], square)
+        return math.sqrt(nearest[wanted - 1])
     return np.inf
 
 
