@@ -7,11 +7,10 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from lidar_buildings.core.neighbours.cell_grid import CellGrid
-from lidar_buildings.core.neighbours.nearest_neighbours import N_COUNTS, distance_to_last
+from lidar_buildings.core.neighbours.nearest_neighbours import find_nth
 from lidar_buildings.core.neighbours.scan_neighbours import mark_probes
 
 #: Points of a group whose neighbours are looked at; the median of so many densities is good to a few percent.
@@ -51,7 +50,8 @@ def group_spacings(
     is_probe = mark_probes(points, group, size, MAX_PROBES, 2 * POINTS_A_NEIGHBOUR)
     probes = np.flatnonzero(is_probe)
     nth = np.minimum(NEIGHBOURS, size // POINTS_A_NEIGHBOUR)
-    distance = _nth_distances(cells, group, nth, is_probe)
+    distance = np.full(len(group), np.inf)
+    find_nth(cells, group, nth, is_probe, distance, 0, len(cells.numbers))
     order = probes[np.lexsort((distance[probes], group[probes]))]
     first = np.searchsorted(group[order], np.arange(n_groups + 1))
     spacings = np.full(n_groups, np.nan)
@@ -69,19 +69,3 @@ def _middle(distance: NDArray[np.float64]) -> float:
     area = np.cumsum(np.minimum(distance, MAX_STRAY * median) ** 2)
     middle = float(distance[np.searchsorted(area, 0.5 * area[-1])])
     return middle if middle < np.inf else math.nan
-
-
-@njit(cache=True, nogil=True)
-def _nth_distances(cells, group, nth, is_probe):  # type: ignore[no-untyped-def]
-    """Return each probe's distance to its n-th neighbour of the same group, infinite if that is not near."""
-    distance = np.full(len(group), np.inf)
-    nearest, counts = np.empty(NEIGHBOURS + 1), np.empty(N_COUNTS, np.int64)
-    for cell in range(len(cells.numbers)):
-        row, column = cells.numbers[cell] // cells.n_columns, cells.numbers[cell] % cells.n_columns
-        for m in range(cells.first[cell], cells.first[cell + 1]):
-            i = cells.rows[m]
-            if is_probe[i]:
-                x, y = cells.points[m, 0], cells.points[m, 1]
-                room = nearest[: nth[group[i]] + 1]
-                distance[i] = distance_to_last(cells, row, column, x, y, group, group[i], room, counts)
-    return distance

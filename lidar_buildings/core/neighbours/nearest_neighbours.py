@@ -18,56 +18,55 @@ from lidar_buildings.core.neighbours.parallel import for_row_blocks
 from lidar_buildings.core.neighbours.windows import cells_in_row
 
 #: A cell's side in units of 1/√density for each √n: neighbours mostly lie in the cells round a point's own.
-CELL = 0.62
+CELL = 0.7
 #: Cells on each side that are looked at, one attempt after the other.
 REACHES = (1, 2, 4)
 #: A neighbour this little inside what has been looked at may be beyond it by rounding.
 SLACK = 1.0 - 1e-9
 #: Points that the density is guessed from, and the neighbours of each.
 N_GUESS, NEIGHBOURS_TO_GUESS = 100, 4
-#: Squares of distances are numbers down to this [m²].
-LEAST_SQUARE = 1e-300
-#: Sizes that squared distances are counted by; and room for the counts and for where runs of points lie.
-N_SIZES = 32
-N_COUNTS = N_SIZES + 1 + 2 * (2 * REACHES[-1] + 1)
-#: Positions a block of work.
-BLOCK = 1024
+#: Cells a block of work.
+CELLS_A_BLOCK = 512
+#: Most that n may be, and room for the squared distances of neighbours; where there are more, the far go.
+MAX_NTH, ROOM = 32, 256
+#: From one point to the next the distance mostly changes by less than these factors.
+SHORTER, LONGER = 0.8, 1.25
 
 
-def nth_distances(
-    plan: NDArray[np.float64], probes: NDArray[np.float64], n: int
-) -> tuple[NDArray[np.float64], float]:
+def nth_distances(plan: NDArray[np.float64], step: int, n: int) -> tuple[NDArray[np.float64], float]:
     """
-    Return the distances from some points to their n-th nearest ones, where these are near.
+    Return the distances from some points to their n-th nearest other ones, where these are near.
 
     Parameters
     ----------
     plan : ndarray of shape (n_points, 2)
-        Distinct positions, at least n [m].
-    probes : ndarray of shape (n_probes, 2)
-        Some of them.
+        Distinct positions, more than n [m].
+    step : int
+        One of so many is asked for.
     n : int
-        The first is the probe itself.
+        Counted from 1, at most `MAX_NTH`.
 
     Returns
     -------
-    distances : ndarray of shape (n_probes,)
+    distances : ndarray of shape (n_points / step,)
         The same numbers that a search by tree finds; infinite where they are more than `reach` [m].
     reach : float
         A few times what is usual [m].
     """
     # Positions may be so near that the square of their distance is 0.
-    side = max(CELL * math.sqrt(n) * _guessed_spacing(plan), float(np.finfo(np.float64).tiny))
+    side = max(CELL * math.sqrt(n + 1) * _guessed_spacing(plan), float(np.finfo(np.float64).tiny))
     grid = rows_by_cell(plan, side)
-    origin = np.floor(plan.min(axis=0) / grid.size)
-    distances = np.empty(len(probes))
-    for_row_blocks(lambda a, b: _search(grid, origin, probes, n, distances, a, b), len(probes), BLOCK)
-    return distances, SLACK * REACHES[-1] * grid.size
+    is_probe = np.zeros(len(plan), dtype=np.bool_)
+    is_probe[::step] = True
+    no_groups, nth, distance = np.zeros(0, dtype=np.int64), np.array([n]), np.full(len(plan), np.inf)
+    args = grid, no_groups, nth, is_probe, distance
+    for_row_blocks(lambda a, b: find_nth(*args, a, b), len(grid.numbers), CELLS_A_BLOCK)
+    return distance[::step], SLACK * REACHES[-1] * grid.size
 
 
 def _guessed_spacing(plan: NDArray[np.float64]) -> float:
     """Guess 1/√density from a part of the points; only the time depends on it."""
-    step = max(1, len(plan) // N_GUESS)
+    step = math.ceil(len(plan) / N_GUESS)
     some = plan[::step]
     k = min(NEIGHBOURS_TO_GUESS, len(some) - 1)
     far = float(np.median(cKDTree(some).query(some, [k + 1])[0]))
@@ -75,82 +74,90 @@ def _guessed_spacing(plan: NDArray[np.float64]) -> float:
 
 
 @njit(cache=True, nogil=True)
-def _search(grid, origin, probes, n, distances, begin, end):  # type: ignore[no-untyped-def]
-    nearest, counts, no_groups = np.empty(n), np.empty(N_COUNTS, np.int64), np.empty(0, dtype=np.int64)
-    for i in range(begin, end):
-        x, y = probes[i]
-        row = np.int64(math.floor(y / grid.size) - origin[1])
-        column = np.int64(math.floor(x / grid.size) - origin[0])
-        distances[i] = distance_to_last(grid, row, column, x, y, no_groups, 0, nearest, counts)
-
-
-@njit(cache=True, nogil=True)
-def distance_to_last(grid, row, column, x, y, group, own, nearest, counts):  # type: ignore[no-untyped-def]
+def find_nth(grid, group, nth, is_probe, distance, begin, end):  # type: ignore[no-untyped-def]
     """
-    Return how far the n-th nearest point of a group is in plan, the first being the position itself.
-
-    Squared distances are counted by size, without a branch; only those of the n-th one's size are compared.
+    Write how far from probes the n-th nearest other point of their group is in plan, cells begin to end.
 
     Parameters
     ----------
     grid : CellGrid
         The points.
-    row, column : int
-        The cell that the position lies in, counted from the grid's first row and column.
-    x, y : float
-        The position [m].
     group : ndarray of int64, shape (n_points,) or (0,)
         Group of each input row; empty where all points are of one.
-    own : int
-        Only points of this group count.
-    nearest : ndarray of shape (n,)
-        Room for squared distances.
-    counts : ndarray of int64, shape (N_COUNTS,)
-        Room for numbers of points.
-
-    Returns
-    -------
-    float
-        Infinite where it is farther than the widest of `REACHES` is sure to show [m].
+    nth : ndarray of int64, shape (n_groups,)
+        Which neighbour is asked for, counted from 1; at most `MAX_NTH`.
+    is_probe : ndarray of bool, shape (n_points,)
+        Of each input row.
+    distance : ndarray of shape (n_points,)
+        Of each input row, infinite before; stays so where it is farther than the widest of `REACHES` is sure
+        to show [m].
+    begin, end : int
+        Positions in `grid.numbers`.
     """
-    runs = counts[N_SIZES + 1 :]
-    for reach in REACHES:
-        square_reach = (SLACK * reach * grid.size) ** 2
-        if not LEAST_SQUARE < square_reach < np.inf:
-            return np.inf
-        per_square = N_SIZES / square_reach
-        counts[: N_SIZES + 1] = 0
-        for k in range(2 * reach + 1):
-            begin, end = cells_in_row(grid.numbers, grid.n_columns, row - reach + k, column, reach)
-            runs[2 * k], runs[2 * k + 1] = grid.first[begin], grid.first[end]
-            for j in range(runs[2 * k], runs[2 * k + 1]):
-                dx, dy = grid.points[j, 0] - x, grid.points[j, 1] - y
-                if len(group) == 0 or group[grid.rows[j]] == own:
-                    counts[min(int((dx * dx + dy * dy) * per_square), N_SIZES)] += 1
-        size, before = 0, 0
-        while size < N_SIZES and before + counts[size] < len(nearest):
-            before += counts[size]
-            size += 1
-        if size == N_SIZES:
-            continue
-        wanted = len(nearest) - before
-        nearest[:wanted] = np.inf
-        for k in range(2 * reach + 1):
-            for j in range(runs[2 * k], runs[2 * k + 1]):
-                dx, dy = grid.points[j, 0] - x, grid.points[j, 1] - y
-                square = dx * dx + dy * dy
-                is_own = len(group) == 0 or group[grid.rows[j]] == own
-                if is_own and int(square * per_square) == size and square < nearest[wanted - 1]:
-                    _insert(nearest[:wanted], square)
-        return math.sqrt(nearest[wanted - 1])
-    return np.inf
+    points, first = grid.points, grid.first
+    runs, room = np.empty((2 * REACHES[-1] + 1, 2), dtype=np.int64), np.empty(ROOM)
+    guess = grid.size
+    for cell in range(begin, end):
+        row, column = grid.numbers[cell] // grid.n_columns, grid.numbers[cell] % grid.n_columns
+        for reach in REACHES:
+            n_runs, is_done = 0, True
+            for m in range(first[cell], first[cell + 1]):
+                i = grid.rows[m]
+                if not is_probe[i] or distance[i] < np.inf:
+                    continue
+                while n_runs < 2 * reach + 1:
+                    beside = row + n_runs - reach
+                    low, high = cells_in_row(grid.numbers, grid.n_columns, beside, column, reach)
+                    runs[n_runs, 0], runs[n_runs, 1] = first[low], first[high]
+                    n_runs += 1
+                own = group[i] if len(group) > 0 else np.int64(-1)
+                # Mostly it is about as far as from the last one: then few are to be sorted.
+                for is_any in (False, True):
+                    least, most = (SHORTER * guess) ** 2, (LONGER * guess) ** 2
+                    if is_any:
+                        least, most = -1.0, np.inf
+                    rank, filled = nth[max(own, 0)] + 1, 0
+                    for k in range(n_runs):
+                        for j in range(runs[k, 0], runs[k, 1]):
+                            if own >= 0 and group[grid.rows[j]] != own:
+                                continue
+                            if filled == ROOM:
+                                filled = MAX_NTH + 1
+                                _put_least_first(room, ROOM, filled)
+                            dx, dy = points[j, 0] - points[m, 0], points[j, 1] - points[m, 1]
+                            square = dx * dx + dy * dy
+                            room[filled] = square
+                            rank -= square < least
+                            filled += least <= square <= most
+                    if 0 < rank <= filled:
+                        _put_least_first(room, filled, rank)
+                        guess = math.sqrt(room[rank - 1])
+                        if guess <= SLACK * reach * grid.size:
+                            distance[i] = guess
+                        break
+                is_done = is_done and distance[i] < np.inf
+            if is_done:
+                break
 
 
 @njit(cache=True, nogil=True)
-def _insert(nearest, square):  # type: ignore[no-untyped-def]
-    """Put a number in its place among rising ones, of which the last is lost."""
-    k = len(nearest) - 1
-    while k > 0 and nearest[k - 1] > square:
-        nearest[k] = nearest[k - 1]
-        k -= 1
-    nearest[k] = square
+def _put_least_first(values, filled, n):  # type: ignore[no-untyped-def]
+    """Put the n least of the numbers first, the n-th in its place (Hoare 1961)."""
+    low, high = 0, filled - 1
+    while low < high:
+        pivot = values[(low + high) // 2]
+        i, j = low, high
+        while i <= j:
+            while values[i] < pivot:
+                i += 1
+            while values[j] > pivot:
+                j -= 1
+            if i <= j:
+                values[i], values[j] = values[j], values[i]
+                i, j = i + 1, j - 1
+        if n - 1 <= j:
+            high = j
+        elif n - 1 >= i:
+            low = i
+        else:
+            return

@@ -65,26 +65,26 @@ def measure_spacing(points: ArrayLike) -> float:
     # In a small cloud most points lie near its edge: fewer neighbours reach less far beyond it.
     k = min(NEIGHBOURS, max(1, len(positions) // 10))
     plan = positions.view(np.float64).reshape(-1, 2)
-    probes = plan[:: math.ceil(len(plan) / MAX_PROBES)]
-    # The nearest one found is the point itself.
-    distance, reach = nth_distances(plan, probes, k + 1)
-    middle = _middle(distance)
-    if not (math.isfinite(middle) and reach >= MAX_STRAY * np.median(distance)):
+    step = math.ceil(len(plan) / MAX_PROBES)
+    distance, reach = nth_distances(plan, step, k)
+    middle, median = _middle(distance)
+    if not (math.isfinite(middle) and reach >= MAX_STRAY * median):
         # Too many have their neighbours farther off than is usual for it not to matter how far.
         tree = cKDTree(plan, balanced_tree=False, compact_nodes=False)
-        middle = _middle(tree.query(probes, [k + 1])[0].ravel())
+        # The nearest one found is the point itself.
+        middle, _ = _middle(tree.query(plan[::step], [k + 1])[0].ravel())
     # Between a lattice (k) and the area-weighted median of a Poisson process (k + 2/3).
     return middle * math.sqrt(math.pi / (k + 1 / 3))
 
 
-def _middle(distance: NDArray[np.float64]) -> float:
-    """Return the median weighted by area, infinite if that of a stray whose distance is not known."""
-    median = np.median(distance)
+def _middle(distance: NDArray[np.float64]) -> tuple[float, float]:
+    """Return the median weighted by area, infinite if it is not known, and the plain one."""
+    distance, half = np.sort(distance), len(distance) // 2
+    median = float(distance[half] if len(distance) % 2 else 0.5 * (distance[half - 1] + distance[half]))
     if not math.isfinite(median):
-        return math.inf
-    distance = np.sort(distance)
+        return math.inf, math.inf
     area = np.cumsum(np.minimum(distance, MAX_STRAY * median) ** 2)
-    return float(distance[np.searchsorted(area, 0.5 * area[-1])])
+    return float(distance[np.searchsorted(area, 0.5 * area[-1])]), median
 
 
 def _distinct(x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.complex128]:
