@@ -46,8 +46,9 @@ def _that_matter(tile: PointTile, config: RasterConfig) -> NDArray[np.intp] | sl
     """Return the points that the rasters of a tile's core depend on: those within twice the reach of it."""
     if tile.buffer is None or not tile.is_core.any():
         return slice(None)
-    plan = tile.points[:, :2]
-    core = plan[tile.is_core]
     margin = 2.0 * config.raster_reach + _MARGIN_CELLS * config.raster_resolution
-    low, high = core.min(axis=0) - margin, core.max(axis=0) + margin
-    return np.flatnonzero(((plan >= low) & (plan <= high)).all(axis=1))
+    matters = np.ones(len(tile), dtype=bool)
+    for along in tile.points[:, :2].T:
+        core = along[tile.is_core]
+        matters &= (along >= core.min() - margin) & (along <= core.max() + margin)
+    return np.flatnonzero(matters)

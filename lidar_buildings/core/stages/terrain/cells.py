@@ -14,7 +14,7 @@ from lidar_buildings.core.stages.terrain.window import RasterWindow
 from lidar_buildings.core.surfaces.triangulation import triangulate
 
 #: Coordinates are summed as whole multiples of 1/65536 m, so that sums do not depend on the points' order.
-#: Wide margin: 15 µm, and 10⁹ points a cell with coordinates of 10⁵ m stay below 2⁶³.
+#: Wide margin: 15 µm, and 10⁶ points a cell with coordinates of 10⁵ m stay below 2⁵³.
 _STEPS_PER_METRE = 65536.0
 
 
@@ -67,35 +67,50 @@ class Cells:
     window: RasterWindow
     origin: tuple[float, float]
 
-    def holding(self, points: NDArray[np.float64]) -> NDArray[np.bool_]:
-        """Tell which cells hold a point."""
+    def at(self, points: NDArray[np.float64]) -> NDArray[np.int64]:
+        """Return the number of each point's cell, counted row by row."""
+        rows, columns = self.window.cells_of(points, self.origin)
+        rows *= self.window.width
+        rows += columns
+        return rows
+
+    def holding(self, at: NDArray[np.int64]) -> NDArray[np.bool_]:
+        """Tell which cells hold a point, given the points' cells."""
         mask = np.zeros(self.window.shape, dtype=bool)
-        mask[self.window.cells_of(points, self.origin)] = True
+        mask.reshape(-1)[at] = True
         return mask
 
-    def means(self, points: NDArray[np.float64]) -> CellPoints:
+    def means(self, points: NDArray[np.float64], at: NDArray[np.int64]) -> CellPoints:
         """
         Return the mean of the points of each cell that has any.
 
         The mean of points on a plane lies on it, with the noise of one point over the root of their number.
         """
-        at = self.window.cells_of(points, self.origin)
-        counts, sums = _summed(np.ascontiguousarray(points), *at, self.window.shape)
-        rows, columns = np.nonzero(counts)
-        n = counts[rows, columns]
-        return CellPoints(rows, columns, sums[rows, columns] / (n[:, None] * _STEPS_PER_METRE))
+        n_cells = self.window.height * self.window.width
+        n = np.bincount(at, minlength=n_cells)
+        filled = np.flatnonzero(n)
+        # Sums of whole numbers below 2⁵³ are exact in any order.
+        whole = (np.bincount(at, np.rint(points[:, axis] * _STEPS_PER_METRE), n_cells) for axis in range(3))
+        sums = np.column_stack([one[filled] for one in whole])
+        return self._cell_points(filled, sums / (n[filled, None] * _STEPS_PER_METRE))
 
-    def highest(self, points: NDArray[np.float64]) -> CellPoints:
-        """Return each cell's highest point; of several the westernmost, then southernmost."""
-        at = self.window.cells_of(points, self.origin)
-        highest = _highest(np.ascontiguousarray(points), *at, self.window.shape)
-        rows, columns = np.nonzero(highest >= 0)
-        return CellPoints(rows, columns, points[highest[rows, columns]])
+    def extremes(
+        self, points: NDArray[np.float64], at: NDArray[np.int64], is_first: NDArray[np.bool_]
+    ) -> tuple[CellPoints, CellPoints, CellPoints]:
+        """
+        Return each cell's highest first return, its highest later one and its lowest point of all.
 
-    def lowest(self, points: NDArray[np.float64]) -> CellPoints:
-        """Return each cell's lowest point."""
-        turned = self.highest(points * [1.0, 1.0, -1.0])
-        return CellPoints(turned.rows, turned.columns, turned.points * [1.0, 1.0, -1.0])
+        Of several as high the westernmost, then southernmost.
+        """
+        found = _extremes(points, at, is_first, self.window.height * self.window.width)
+        filled = [np.flatnonzero(rows >= 0) for rows in found]
+        first, later, lowest = (
+            self._cell_points(one, points[rows[one]]) for one, rows in zip(filled, found, strict=True)
+        )
+        return first, later, lowest
+
+    def _cell_points(self, numbers: NDArray[np.int64], points: NDArray[np.float64]) -> CellPoints:
+        return CellPoints(*np.divmod(numbers, self.window.width), points)
 
     def tin_at(self, vertices: CellPoints, chosen: NDArray[np.bool_]) -> NDArray[np.float32]:
         """
@@ -110,33 +125,17 @@ class Cells:
 
 
 @njit(cache=True, nogil=True)
-def _summed(points, rows, columns, shape):  # type: ignore[no-untyped-def]
-    counts = np.zeros(shape, dtype=np.int32)
-    sums = np.zeros((shape[0], shape[1], 3), dtype=np.int64)
+def _extremes(points, at, is_first, n_cells):  # type: ignore[no-untyped-def]
+    """Return the rows of each cell's highest first and later return and of its lowest point, −1 for none."""
+    found = np.full((3, n_cells), np.int32(-1))
     for i in range(len(points)):
-        row, column = rows[i], columns[i]
-        counts[row, column] += 1
-        for axis in range(3):
-            sums[row, column, axis] += np.int64(np.rint(points[i, axis] * _STEPS_PER_METRE))
-    return counts, sums
-
-
-@njit(cache=True, nogil=True)
-def _highest(points, rows, columns, shape):  # type: ignore[no-untyped-def]
-    """Return the row of each cell's highest point, −1 where it has none."""
-    highest = np.full(shape, -1, dtype=np.int32)
-    for i in range(len(points)):
-        best = highest[rows[i], columns[i]]
-        if best < 0 or _higher(points, i, best):
-            highest[rows[i], columns[i]] = i
-    return highest
-
-
-@njit(cache=True, nogil=True)
-def _higher(points, i, j):  # type: ignore[no-untyped-def]
-    """Whether point i lies higher than point j, ties broken by x, then y."""
-    if points[i, 2] != points[j, 2]:
-        return points[i, 2] > points[j, 2]
-    if points[i, 0] != points[j, 0]:
-        return points[i, 0] < points[j, 0]
-    return points[i, 1] < points[j, 1]
+        for kind in (0 if is_first[i] else 1, 2):
+            best = found[kind, at[i]]
+            if best >= 0:
+                up = points[i, 2] - points[best, 2] if kind < 2 else points[best, 2] - points[i, 2]
+                if up < 0.0:
+                    continue
+                if up == 0.0 and (points[i, 0], points[i, 1]) >= (points[best, 0], points[best, 1]):
+                    continue
+            found[kind, at[i]] = i
+    return found

@@ -20,6 +20,7 @@ from lidar_buildings.core.stages.terrain.window import RasterWindow, reach_in_ce
 #: Classes whose points carry the terrain, and those that no surface has.
 GROUND_CLASSES = (PointClass.GROUND, PointClass.WATER, PointClass.RAIL, PointClass.ROAD_SURFACE)
 NOISE_CLASSES = (PointClass.LOW_NOISE, PointClass.HIGH_NOISE)
+_IS_GROUND, _IS_NOISE = (np.isin(np.arange(256), classes) for classes in (GROUND_CLASSES, NOISE_CLASSES))
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,18 +119,24 @@ def make_rasters(
     first = _checked_or(np.zeros, "return_number", return_number, len(points), np.uint8) <= 1
     if config.raster_resolution <= 0.0:
         raise ValueError("raster_resolution = 0: must be above 0 to make rasters")
-    seen = ~np.isin(classes, NOISE_CLASSES)
+    seen = np.flatnonzero(~_IS_NOISE[classes])
+    if len(seen) < len(points):
+        points, classes, core, first = (
+            column.take(seen, axis=0) for column in (points, classes, core, first)
+        )
     reach = reach_in_cells(config.raster_reach, config.raster_resolution)
-    window = window_of(points[seen], origin, config.raster_resolution).grown(reach + 1)
+    window = window_of(points, origin, config.raster_resolution).grown(reach + 1)
     cells = Cells(window, origin)
-    own, others = (cells.holding(points[rows]) for rows in (seen & core, seen & ~core))
+    at = cells.at(points)
+    own, others = (cells.holding(at[rows]) for rows in (core, ~core))
     known = closed(own | others, reach)
-    ground = cells.means(points[np.isin(classes, GROUND_CLASSES)])
+    is_ground = np.flatnonzero(_IS_GROUND[classes])
+    ground = cells.means(points.take(is_ground, axis=0), at[is_ground])
     dtm = np.full(window.shape, np.nan, dtype=np.float32)
     dtm[known] = cells.tin_at(ground, known)
-    spacing = given_or_measured(points[seen], point_spacing)
+    spacing = given_or_measured(points, point_spacing)
     gap = min(widest_gap(spacing, config.raster_resolution), reach)
-    dsm = surface_elevations(cells, points[seen], first[seen], dtm, known, gap)
+    dsm = surface_elevations(cells, points, at, first, dtm, known, gap)
     distance = squared_distance(own, reach)
     mine = known & (distance <= np.minimum(squared_distance(others, reach), reach * reach))
     for raster in (dtm, dsm):

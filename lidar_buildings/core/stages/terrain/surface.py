@@ -36,6 +36,7 @@ def widest_gap(point_spacing: float, resolution: float) -> int:
 def surface_elevations(
     cells: Cells,
     points: NDArray[np.float64],
+    at: NDArray[np.int64],
     is_first: NDArray[np.bool_],
     ground: NDArray[np.float32],
     known: NDArray[np.bool_],
@@ -55,6 +56,8 @@ def surface_elevations(
         With at least as many empty cells on each side as a gap is wide.
     points : ndarray of shape (n_points, 3)
         All but noise, in any order [m].
+    at : ndarray of shape (n_points,), int64
+        Their cells, as `Cells.at` numbers them.
     is_first : ndarray of bool, shape (n_points,)
         Which are first returns.
     ground : ndarray of shape (height, width)
@@ -64,9 +67,10 @@ def surface_elevations(
     gap : int
         See `widest_gap`.
     """
-    highest = _with_later_returns(cells, cells.highest(points[is_first]), points[~is_first], gap)
+    first, later, lowest = cells.extremes(points, at, is_first)
+    highest = _with_later_returns(cells, first, later, gap)
     measured = highest.mask(cells.window.shape)
-    on_ground = _holes_on_ground(cells.lowest(points), ground, known & ~closed(measured, gap))
+    on_ground = _holes_on_ground(lowest, ground, known & ~closed(measured, gap))
     elevation = np.where(on_ground, ground, np.float32(np.nan))
     gaps = known & ~measured & ~on_ground
     elevation[gaps] = np.fmax(cells.tin_at(_near(highest, gaps), gaps), ground[gaps])
@@ -89,13 +93,10 @@ def _holes_on_ground(
     return is_on_ground[number]
 
 
-def _with_later_returns(
-    cells: Cells, highest: CellPoints, later: NDArray[np.float64], gap: int
-) -> CellPoints:
-    """Add the highest later return of cells that have no first return near."""
-    stand_ins = cells.highest(later)
-    lacking = ~closed(highest.mask(cells.window.shape), gap)[stand_ins.rows, stand_ins.columns]
-    return highest.joined(stand_ins.select(lacking))
+def _with_later_returns(cells: Cells, first: CellPoints, later: CellPoints, gap: int) -> CellPoints:
+    """Add the later returns of cells that have no first return near."""
+    lacking = ~closed(first.mask(cells.window.shape), gap)[later.rows, later.columns]
+    return first.joined(later.select(lacking))
 
 
 def _near(points: CellPoints, cells: NDArray[np.bool_]) -> CellPoints:

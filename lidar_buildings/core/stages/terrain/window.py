@@ -117,7 +117,8 @@ def window_of(points: NDArray[np.float64], origin: tuple[float, float], resoluti
     """
     if len(points) == 0:
         return RasterWindow(resolution)
-    corners = np.array([points[:, :2].min(axis=0), points[:, :2].max(axis=0)])
+    x, y = points[:, 0], points[:, 1]
+    corners = np.array([[x.min(), y.min()], [x.max(), y.max()]])
     columns, rows = _grid_cells(corners, origin, resolution)
     width, height = int(columns[1] - columns[0]) + 1, int(rows[0] - rows[1]) + 1
     if width * height > MOST_CELLS:

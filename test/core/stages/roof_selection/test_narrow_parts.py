@@ -7,9 +7,9 @@ from scipy import ndimage
 from lidar_buildings.core.neighbours.columns import by_column
 from lidar_buildings.core.stages.roof_selection.smooth_patches.narrow_parts import (
     half_widths,
-    square_distances,
 )
 from lidar_buildings.core.stages.roof_selection.smooth_patches.narrow_parts import wide_enough as of_columns
+from lidar_buildings.core.surfaces.cell_distances import square_distances
 
 SPACING = 0.25
 

@@ -73,13 +73,18 @@ def test_closing_leaves_open_just_where_an_empty_circle_fits(marked, reach):
     assert closed(padded, reach)[padded].all()
 
 
-def test_each_cell_has_the_mean_and_the_highest_of_its_points():
+def test_each_cell_has_the_mean_and_the_ends_of_its_points():
     random = np.random.default_rng(6)
     points = random.uniform(0.0, 6.0, (400, 3))
     cells = Cells(RasterWindow(1.0, 0, -7, 8, 7), (0.0, 0.0))
     rows, columns = cells.window.cells_of(points, cells.origin)
-    means, highest = cells.means(points), cells.highest(points)
-    for found, choose in ((means, lambda p: p.mean(axis=0)), (highest, lambda p: p[p[:, 2].argmax()])):
+    at = cells.at(points)
+    highest, _, lowest = cells.extremes(points, at, np.ones(len(points), dtype=bool))
+    for found, choose in (
+        (cells.means(points, at), lambda p: p.mean(axis=0)),
+        (highest, lambda p: p[p[:, 2].argmax()]),
+        (lowest, lambda p: p[p[:, 2].argmin()]),
+    ):
         assert found.mask((7, 8)).sum() == len(found.points) == 36
         for row, column, point in zip(found.rows, found.columns, found.points, strict=True):
             mine = points[(rows == row) & (columns == column)]
@@ -90,5 +95,10 @@ def test_of_points_as_high_the_same_one_is_taken_in_any_order():
     points = np.column_stack((np.random.default_rng(7).uniform(0, 1, (20, 2)), np.ones(20)))
     cell = Cells(RasterWindow(1.0, 0, -1, 1, 1), (0.0, 0.0))
     for order in (slice(None), slice(None, None, -1)):
-        (found,) = cell.highest(points[order]).points
-        assert found[0] == points[:, 0].min()
+        is_first = np.arange(20)[order] < 12
+        for found, of in zip(
+            cell.extremes(points[order], cell.at(points[order]), is_first),
+            (points[:12], points[12:], points),
+            strict=True,
+        ):
+            assert found.points[0, 0] == of[:, 0].min()
