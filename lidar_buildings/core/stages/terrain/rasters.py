@@ -121,9 +121,8 @@ def make_rasters(
         raise ValueError("raster_resolution = 0: must be above 0 to make rasters")
     seen = np.flatnonzero(~_IS_NOISE[classes])
     if len(seen) < len(points):
-        points, classes, core, first = (
-            column.take(seen, axis=0) for column in (points, classes, core, first)
-        )
+        points, classes = points.take(seen, axis=0), classes[seen]
+        core, first = core[seen], first[seen]
     reach = reach_in_cells(config.raster_reach, config.raster_resolution)
     window = window_of(points, origin, config.raster_resolution).grown(reach + 1)
     cells = Cells(window, origin)
