@@ -75,9 +75,9 @@ def _run_local(request: RunRequest, footprints: FootprintFile | None) -> RunOutc
 
     started = time.perf_counter()
     skip: set[int] = set()
-    n_workers = None if request.until in STAGES[-2:] else 0
+    prepare = load_models if request.until in STAGES[-2:] else None
     with (
-        BuildingPool(n_workers, load_models) as pool,
+        BuildingPool(prepare=prepare) as pool,
         TileSource(request.inputs, request.tiling, skip=skip) as source,
     ):
         folder = OutputFolder(

@@ -1,26 +1,25 @@
-"""A run without ROS: tile after tile through the pipeline, into the same files as the graph writes."""
+"""A run without ROS: tiles through the pipeline in several processes, into the same files as the graph."""
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterator
-from concurrent.futures import Future, ThreadPoolExecutor
-from contextlib import closing
-from dataclasses import replace
+from collections.abc import Callable
+from concurrent.futures import FIRST_COMPLETED, Future, wait
 
+from lidar_buildings.commands.tile_work import TileOutcome, TileWork, done
 from lidar_buildings.core.model.errors import LidarBuildingsError
-from lidar_buildings.core.model.map_frame import MapFrame
-from lidar_buildings.core.model.stage_table import STAGES
-from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.core.stages.footprints import Footprints
 from lidar_buildings.core.stages.terrain import RasterConfig
-from lidar_buildings.io.models.cityjson import feature_line
 from lidar_buildings.io.results.output_folder import OutputFolder
-from lidar_buildings.io.results.tile_products import TileProducts
+from lidar_buildings.io.tiling.spooled_tile import SpooledTile
 from lidar_buildings.io.tiling.tiling import TileSource
-from lidar_buildings.pipeline.building_pool import BuildingPool
-from lidar_buildings.pipeline.reconstruct import PipelineConfig, TileResult, reconstruct_tile, with_models
-from lidar_buildings.pipeline.tile_rasters import rasterise_tile
+from lidar_buildings.pipeline.building_pool import BuildingPool, NoWorkerError
+from lidar_buildings.pipeline.reconstruct import PipelineConfig
+
+#: Footprints so far from all points may still be asked for [m]; wide margin over 5 m.
+_MARGIN = 10.0
+
+_Answer = Future[TileOutcome | LidarBuildingsError]
 
 
 def process_tiles(
@@ -36,8 +35,8 @@ def process_tiles(
     """
     Take every tile of a source to disk.
 
-    While a tile goes through the stages the next one is read, and the models and rasters of the one before
-    are made and saved.
+    Each tile is done by one of the pool's processes while this one reads on; of a tile that is alone
+    the others share the buildings.
 
     Parameters
     ----------
@@ -56,103 +55,59 @@ def process_tiles(
     footprints : Footprints, optional
         Outlines to use instead of tracing.
     pool : BuildingPool, optional
-        Processes that share the buildings.
+        The processes; everything is done here, tile after tile, without.
 
     Returns
     -------
     seconds : dict
-        Stage → seconds in all.
+        Stage → seconds in all, of all processes.
     failed : dict
         Stamp of each tile that could not be processed → why; the others are complete.
     """
     seconds: Counter[str] = Counter()
     failed: dict[int, str] = {}
+    waiting: dict[_Answer, TileWork] = {}
     n_done = 0
 
-    def finish(stamp: int, saved: Future[TileResult]) -> None:
+    def finish(answers: set[_Answer]) -> None:
         nonlocal n_done
-        try:
-            seconds.update(saved.result().seconds)
-        except LidarBuildingsError:
-            raise
-        except Exception as error:
-            failed[stamp] = f"{type(error).__name__}: {' '.join(str(error).split())}"
-        else:
-            n_done += 1
-            progress(n_done)
-
-    def save(result: TileResult) -> TileResult:
-        if until == STAGES[-1]:
-            result = with_models(result, config.building_model, pool)
-        folder.write_tile(products_of(result, source.frame, rasters or RasterConfig()))
-        return result
-
-    last = until if until != STAGES[-1] else STAGES[-2]
-    waiting: tuple[int, Future[TileResult]] | None = None
-    with ThreadPoolExecutor(1) as behind, closing(_read_ahead(source)) as tiles:
-        for tile in tiles:
-            stamp = tile.stamp
-            done: Future[TileResult] = Future()
-            try:
-                result = whole_result(source, tile, config, last, footprints, pool)
-            except Exception as error:
-                done.set_exception(error)
+        for answer in answers:
+            work = waiting.pop(answer)
+            outcome = _outcome(answer, work)
+            seconds.update(outcome.seconds)
+            if outcome.reason:
+                failed[work.tile.stamp] = outcome.reason
             else:
-                done = behind.submit(save, result)
-                del result
-            del tile
-            if waiting is not None:
-                finish(*waiting)
-            waiting = stamp, done
-        if waiting is not None:
-            finish(*waiting)
+                n_done += 1
+                progress(n_done)
+
+    processes = pool or BuildingPool(0)
+    for tile in source.ready():
+        path, near = folder.tile_path(tile.stamp), _near(footprints, tile)
+        work = TileWork(tile, path, config, until, rasters or RasterConfig(), near)
+        waiting[processes.submit(done, work)] = work
+        finish(wait(waiting, timeout=0).done)
+    while waiting:
+        finish(wait(waiting, return_when=FIRST_COMPLETED).done)
     return dict(seconds), failed
 
 
-def _read_ahead(source: TileSource) -> Iterator[PointTile]:
-    """Yield a source's tiles; while one is used the next is read."""
-    tiles = iter(source)
-    with ThreadPoolExecutor(1) as reader:
-        coming = reader.submit(next, tiles, None)
-        try:
-            while (tile := coming.result()) is not None:
-                coming = reader.submit(next, tiles, None)
-                yield tile
-                del tile
-        finally:
-            if not coming.done():
-                source.close()
+def _outcome(answer: _Answer, work: TileWork) -> TileOutcome:
+    """Return what became of a tile, which is done here where no process was left to do it."""
+    try:
+        outcome = answer.result()
+    except NoWorkerError:
+        outcome = done(work)
+    except Exception as error:
+        return TileOutcome({}, f"{type(error).__name__}: {' '.join(str(error).split())}")
+    if isinstance(outcome, LidarBuildingsError):
+        raise outcome
+    return outcome
 
 
-def whole_result(
-    source: TileSource,
-    tile: PointTile,
-    config: PipelineConfig,
-    until: str,
-    footprints: Footprints | None = None,
-    pool: BuildingPool | None = None,
-) -> TileResult:
-    """Process a tile, with a larger buffer as long as one of its buildings is not whole."""
-    result = reconstruct_tile(tile, config, until=until, footprints=footprints, pool=pool)
-    while result.clipped:
-        larger = source.grown(tile.stamp)
-        # What cannot grow is all there is: no limit is left to reach.
-        tile = larger if larger is not None else replace(tile, bounds=None)
-        result = reconstruct_tile(tile, config, until=until, footprints=footprints, pool=pool)
-    return result
-
-
-def products_of(result: TileResult, frame: MapFrame, rasters: RasterConfig) -> TileProducts:
-    """Gather what a tile's files need."""
-    features = [
-        feature_line(one.model, one.building_id, frame, one.attributes, anchor=one.anchor)
-        for one in result.models
-    ]
-    return TileProducts.from_tiles(
-        result.classified,
-        result.roofs,
-        result.traced,
-        result.outlines,
-        features,
-        rasterise_tile(result.classified, rasters, frame),
-    )
+def _near(footprints: Footprints | None, tile: SpooledTile) -> Footprints | None:
+    """Return the footprints that a tile may have points of."""
+    if footprints is None:
+        return None
+    area = tile.reach.grown(_MARGIN)
+    return footprints.near((area.x_min, area.y_min, area.x_max, area.y_max))

@@ -13,13 +13,19 @@ import sys
 import threading
 import traceback
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from multiprocessing.connection import Connection
 from multiprocessing.process import BaseProcess
 
 from lidar_buildings.core.neighbours.parallel import n_waiting_threads, work_alone
+from lidar_buildings.pipeline.sharing import Sharing
 
 _log = logging.getLogger(__name__)
+
+#: What a process is told: do this, or here is what became of what you shared;
+#: and what it answers: share this out, or here is the result.
+DO, SHARED = "do", "shared"
+SHARE, DONE = "share", "done"
 
 
 def start_workers(n: int, prepare: Callable[[], object] | None) -> tuple[list[BaseProcess], list[Connection]]:
@@ -29,7 +35,7 @@ def start_workers(n: int, prepare: Callable[[], object] | None) -> tuple[list[Ba
     pipes = [multiprocessing.Pipe() for _ in range(n)]
     near, far = [list(ends) for ends in zip(*pipes, strict=True)]
     # A forked process has the near ends as well: held open, they would let all outlive this process.
-    calls = [(_work_first, (far, near, prepare))] if is_forked else [(_work, (link,)) for link in far]
+    calls = [(_work_first, (far, near, prepare))] if is_forked else [(_work, (link, n)) for link in far]
     processes: list[BaseProcess] = []
     for target, arguments in calls:
         process = context.Process(target=target, args=arguments, daemon=True, name="buildings")  # type: ignore[attr-defined]
@@ -77,28 +83,52 @@ def _work_first(
     for link in links:
         if link is not mine:
             link.close()
-    _work(mine)
+    _work(mine, len(links))
     os._exit(0)
 
 
-def _work(link: Connection) -> None:
-    """Do batches until the other end is closed."""
+def _work(link: Connection, n_workers: int) -> None:
+    """Do what there is until the other end is closed."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
     work_alone()
-    records = _Records()
-    logging.getLogger().handlers = [records]
-    while True:
+    worker = _Worker(link, n_workers)
+    with contextlib.suppress(EOFError, OSError):
+        while True:
+            worker.answer(*link.recv()[1:])
+
+
+class _Worker(Sharing):
+    """Answers what a process is told, and lets others share what it has to do."""
+
+    def __init__(self, link: Connection, n_workers: int) -> None:
+        self._link = link
+        self._n_workers = n_workers
+        self._records = _Records()
+        logging.getLogger().handlers = [self._records]
+
+    @property
+    def n_alive(self) -> int:
+        """Number of processes, at the start."""
+        return self._n_workers
+
+    def answer(self, is_tile: bool, message: bytes) -> None:
+        """Do a tile or a batch of buildings, and send the result, or what went wrong."""
         try:
-            message = link.recv_bytes()
-        except (EOFError, OSError):
-            return
-        try:
-            function, batch = pickle.loads(message)
-            reply = pickle.dumps(([(k, function(job)) for k, job in batch], "", records.take()), protocol=5)
+            function, content = pickle.loads(message)
+            results = function(content, self) if is_tile else [(k, function(job)) for k, job in content]
+            reply = pickle.dumps((results, "", self._records.take()), protocol=5)
         except Exception:
-            reply = pickle.dumps(([], traceback.format_exc(), records.take()))
-        link.send_bytes(reply)
+            reply = pickle.dumps(([], traceback.format_exc(), self._records.take()))
+        self._link.send((DONE, reply))
+
+    def _exchange(self, messages: Sequence[bytes]) -> list[bytes | None]:
+        """Hand messages to all processes; answer those that come back to this one."""
+        self._link.send((SHARE, messages))
+        while (told := self._link.recv())[0] == DO:
+            self.answer(*told[1:])
+        answers: list[bytes | None] = told[1]
+        return answers
 
 
 class _Records(logging.Handler):

@@ -22,7 +22,7 @@ from lidar_buildings.core.stages.plane_fitting import PlaneFittingConfig
 from lidar_buildings.core.stages.regularisation import RegularisationConfig
 from lidar_buildings.core.stages.roof_selection import RoofSelectionConfig
 from lidar_buildings.core.stages.segmentation import SegmentationConfig
-from lidar_buildings.pipeline.building_pool import BuildingPool
+from lidar_buildings.pipeline.sharing import Sharing
 from lidar_buildings.pipeline.tile_models import TileModel, build_models
 from lidar_buildings.pipeline.tile_outlines import regularise_outlines
 from lidar_buildings.pipeline.tile_stages import (
@@ -124,7 +124,7 @@ def reconstruct_tile(
     *,
     until: str = STAGES[-1],
     footprints: Footprints | None = None,
-    pool: BuildingPool | None = None,
+    pool: Sharing | None = None,
 ) -> TileResult:
     """
     Take one tile from raw points to models.
@@ -139,7 +139,7 @@ def reconstruct_tile(
         The last stage to run, one of `STAGES`.
     footprints : Footprints, optional
         Outlines to use as they are instead of tracing and regularising.
-    pool : BuildingPool, optional
+    pool : Sharing, optional
         Processes that share the buildings; one after the other here without.
 
     Returns
@@ -188,20 +188,9 @@ def reconstruct_tile(
     if is_last("plane_fitting"):
         return TileResult(classified, roofs, traced, outlines, seconds=is_last.seconds)
 
-    result = TileResult(classified, roofs, traced, outlines, seconds=is_last.seconds)
-    return with_models(result, config.building_model, pool)
-
-
-def with_models(
-    result: TileResult, config: BuildingModelConfig, pool: BuildingPool | None = None
-) -> TileResult:
-    """Return a tile's result, made until planes were fitted, with the models of its buildings."""
-    if result.clipped or result.roofs is None:
-        return result
-    started = time.perf_counter()
-    models = build_models(result.roofs, result.outlines, config, pool)
-    seconds = result.seconds | {STAGES[-1]: time.perf_counter() - started}
-    return replace(result, models=models, seconds=seconds)
+    models = build_models(roofs, outlines, config.building_model, pool)
+    is_last(STAGES[-1])
+    return TileResult(classified, roofs, traced, outlines, models, seconds=is_last.seconds)
 
 
 class _StageClock:

@@ -22,7 +22,7 @@ from lidar_buildings.core.stages.building_model import (
 )
 from lidar_buildings.core.stages.footprints import remark_on_points
 from lidar_buildings.core.stages.plane_fitting import PlaneFittingConfig
-from lidar_buildings.pipeline.building_pool import BuildingPool, map_buildings
+from lidar_buildings.pipeline.sharing import Sharing, map_buildings
 from lidar_buildings.pipeline.tile_stages import fit_planes, rows_by_building
 
 _log = logging.getLogger(__name__)
@@ -58,7 +58,7 @@ def build_models(
     tile: PointTile,
     outlines: tuple[BuildingOutline, ...],
     config: BuildingModelConfig,
-    pool: BuildingPool | None = None,
+    pool: Sharing | None = None,
 ) -> tuple[TileModel, ...]:
     """
     Build the model of every outline from the tile's points that carry its id.
@@ -71,7 +71,7 @@ def build_models(
         With their quality, if it is known.
     config : BuildingModelConfig
         Of the models.
-    pool : BuildingPool, optional
+    pool : Sharing, optional
         Where they are built; here, one after the other, if not given.
     """
     rows_of = dict(rows_by_building(tile.building_id)) if tile.building_id is not None else {}

@@ -25,7 +25,7 @@ from lidar_buildings.core.stages.ground_filter import GroundFilterConfig, classi
 from lidar_buildings.core.stages.plane_fitting import PlaneFittingConfig, number_planes
 from lidar_buildings.core.stages.roof_selection import RoofSelectionConfig, select_roofs
 from lidar_buildings.core.stages.segmentation import SegmentationConfig, segment_buildings
-from lidar_buildings.pipeline.building_pool import BuildingPool, map_buildings
+from lidar_buildings.pipeline.sharing import Sharing, map_buildings
 
 _log = logging.getLogger(__name__)
 
@@ -196,7 +196,7 @@ def trace_footprints(
     return TracedTile(tile.with_columns(building_id=found.building_id[chosen]), found.outlines, found.clipped)
 
 
-def fit_planes(tile: PointTile, config: PlaneFittingConfig, pool: BuildingPool | None = None) -> PointTile:
+def fit_planes(tile: PointTile, config: PlaneFittingConfig, pool: Sharing | None = None) -> PointTile:
     """
     Append `plane_id`, numbered within each building, to a tile of building points.
 

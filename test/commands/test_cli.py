@@ -16,7 +16,7 @@ from support.cli_runs import Command, files_in
 from support.results import MODELS, assert_complete, contents
 
 from lidar_buildings import cli
-from lidar_buildings.commands import run_local
+from lidar_buildings.commands import tile_work
 from lidar_buildings.io.models.building_attributes import BUILDING_FIELDS
 from lidar_buildings.nodes.reference import parameter_yaml
 from lidar_buildings.pipeline.reconstruct import STAGES
@@ -252,15 +252,16 @@ def test_the_same_run_gives_the_same_bytes(roofs, result, tmp_path):
 
 def test_an_interrupted_run_goes_on_from_its_finished_tiles(command, roofs, result, tmp_path, monkeypatch):
     arguments = ["run", roofs, "--output", tmp_path / "out", "--no-ros", "--tile-size", TILE_SIZE]
-    whole_result, seen = run_local.whole_result, []
+    whole_result, seen = tile_work.whole_result, []
 
-    def interrupted(source, tile, *others):
+    def interrupted(tile, *others):
         seen.append(tile.stamp)
         if len(seen) == 4:
             raise KeyboardInterrupt
-        return whole_result(source, tile, *others)
+        return whole_result(tile, *others)
 
-    monkeypatch.setattr(run_local, "whole_result", interrupted)
+    monkeypatch.setattr("lidar_buildings.pipeline.building_pool.n_cores", lambda: 1)
+    monkeypatch.setattr(tile_work, "whole_result", interrupted)
     spoken = command(*arguments)
     assert spoken.status == 130
     assert spoken.err == ["lidar-buildings: interrupted; the same command goes on from here"]

@@ -12,7 +12,6 @@ from support.results import MODELS, assert_rest_is_complete, contents
 
 from lidar_buildings.cli import main
 from lidar_buildings.pipeline import reconstruct as pipeline
-from lidar_buildings.pipeline.building_pool import BuildingPool
 from lidar_buildings.simulation import simulate_survey
 
 RASTERS = ["dsm.tif", "dtm.tif", "ndsm.tif"]
@@ -101,9 +100,9 @@ FULL = {
 }
 
 
-def write_in_this_process(monkeypatch):
-    """Let all files be written here, where the disk can be made to look full."""
-    monkeypatch.setattr(BuildingPool, "share", lambda _, function, jobs: [function(job) for job in jobs])
+def in_this_process(monkeypatch):
+    """Let everything be done here, where what is patched is seen, and the disk can be made to look full."""
+    monkeypatch.setattr("lidar_buildings.pipeline.building_pool.n_cores", lambda: 1)
 
 
 @pytest.mark.parametrize("name", FULL)
@@ -112,7 +111,7 @@ def test_a_full_disk_gives_one_line_and_the_run_goes_on_when_there_is_room(
 ):
     out = tmp_path / "out"
     with monkeypatch.context() as full:
-        write_in_this_process(full)
+        in_this_process(full)
         cloud_files.fill_the_disk(full, name, 50)
         spoken = command("run", survey, "--output", out)
     assert spoken.status == 2
@@ -144,7 +143,7 @@ def test_a_full_disk_in_the_geopackage_leaves_no_part_of_it(command, survey, res
         raise pyogrio.errors.DataSourceError("database or disk is full")
 
     with monkeypatch.context() as patched:
-        write_in_this_process(patched)
+        in_this_process(patched)
         patched.setattr(pyogrio.raw, "write", full)
         spoken = command("run", survey, "--output", out)
     assert spoken.status == 2
@@ -170,6 +169,7 @@ def test_a_tile_that_fails_gives_status_3_and_the_rest_is_complete(
 
     out = tmp_path / "out"
     with monkeypatch.context() as patched:
+        in_this_process(patched)
         patched.setattr(pipeline, stage, fail_once)
         spoken = command("run", survey, "--output", out)
     assert spoken.status == 3

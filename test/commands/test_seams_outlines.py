@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from lidar_buildings.commands.run_local import whole_result
+from lidar_buildings.commands.tile_work import whole_result
 from lidar_buildings.io.tiling.tiling import TileSource, TilingConfig
 from lidar_buildings.pipeline.reconstruct import PipelineConfig
 
@@ -13,8 +13,8 @@ def outlines_of(paths, tile_size):
     found = {}
     with TileSource(paths, TilingConfig(tile_size=tile_size)) as source:
         origin = np.asarray(source.frame.origin[:2])
-        for tile in source:
-            for one in whole_result(source, tile, PipelineConfig(), "regularisation").outlines:
+        for tile in source.ready():
+            for one in whole_result(tile, PipelineConfig(), "regularisation").outlines:
                 assert one.building_id not in found
                 found[one.building_id] = [ring + origin for ring in one.outline.rings]
     return found

@@ -15,7 +15,7 @@ from lidar_buildings.core.model.outline import BuildingOutline, Outline
 from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.core.stages.building_model import BuildingModelConfig
 from lidar_buildings.core.stages.plane_fitting import PlaneFittingConfig
-from lidar_buildings.pipeline.building_pool import BuildingPool
+from lidar_buildings.pipeline.building_pool import BuildingPool, NoWorkerError, WorkerLostError
 from lidar_buildings.pipeline.tile_models import build_models, load_models
 from lidar_buildings.pipeline.tile_stages import fit_planes
 
@@ -41,6 +41,13 @@ def do(job):
             job[1].touch()
             os._exit(9)
     return job
+
+
+def tile(job, pool):
+    """Do what a job says and share buildings, as what works on a whole tile does."""
+    do(job)
+    shared = [] if pool is None else pool.map(process_of, list(range(40)), [LARGE] * 40, lost)
+    return [found for found, _ in shared], {process for _, process in shared}, os.getpid()
 
 
 def wait(job):
@@ -123,6 +130,40 @@ def test_a_closed_pool_works_here(pool):
     pool.map(do, [1, 2], [LARGE] * 2, lost)
     pool.close()
     assert {process for _, process in pool.map(process_of, [1, 2], [LARGE] * 2, lost)} == {os.getpid()}
+
+
+def test_a_tile_alone_shares_its_buildings_with_all_processes(pool):
+    shared, processes, worker = pool.submit(tile, 1).result()
+    assert shared == list(range(40))
+    assert worker != os.getpid()
+    assert worker in processes or len(processes) == 1
+    assert os.getpid() not in processes
+
+
+def test_tiles_that_share_at_the_same_time_get_their_own_results(pool):
+    answers = [pool.submit(tile, k) for k in range(12)]
+    assert all(answer.result()[0] == list(range(40)) for answer in answers)
+
+
+def test_without_processes_a_tile_is_done_here():
+    with BuildingPool(1) as alone:
+        assert alone.submit(tile, 1).result() == ([], set(), os.getpid())
+
+
+def test_a_tile_whose_process_ends_is_done_by_another_one(pool, tmp_path):
+    assert pool.submit(tile, ("end once", tmp_path / "ended")).result()[0] == list(range(40))
+
+
+def test_a_tile_that_ends_two_processes_is_given_up_and_what_waits_is_for_the_caller(pool):
+    answers = [pool.submit(tile, ("end",)), *(pool.submit(tile, ("end",)) for _ in range(3))]
+    errors = [type(answer.exception()) for answer in answers]
+    assert set(errors) == {WorkerLostError, NoWorkerError}
+    assert pool.submit(tile, 1).result()[2] == os.getpid()
+
+
+def test_what_goes_wrong_in_a_tile_arrives_with_its_words(pool):
+    with pytest.raises(RuntimeError, match="a beam broke"):
+        pool.submit(tile, "raise").result()
 
 
 def test_models_and_planes_are_the_same_with_and_without_processes(pool):

@@ -154,7 +154,11 @@ class OutputFolder:
         OutputError
             If it cannot be written; tiles written before are kept.
         """
-        products.save(self._partial / f"{products.stamp}{_ENDING}")
+        products.save(self.tile_path(products.stamp))
+
+    def tile_path(self, stamp: int) -> Path:
+        """Return where a tile is put on disk, for a process that saves it itself."""
+        return self._partial / f"{stamp}{_ENDING}"
 
     def done_stamps(self) -> set[int]:
         """Return the stamps of the tiles on disk."""
@@ -182,7 +186,7 @@ class OutputFolder:
             If a file cannot be written; the tiles are kept, and the run can be taken up again.
         """
         info = dict(run_info or {})
-        fragments = [self._partial / f"{stamp}{_ENDING}" for stamp in sorted(self.done_stamps())]
+        fragments = [self.tile_path(stamp) for stamp in sorted(self.done_stamps())]
         # footprints are what they are, also where one lies within another
         pieces = set() if self._footprints else seam_pieces([load_outlines(one) for one in fragments])
         with ThreadPoolExecutor(2) as beside:

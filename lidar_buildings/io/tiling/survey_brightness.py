@@ -58,6 +58,10 @@ class SurveyBrightness:
         self._common: IntensityScale | None = None
         self._samples: dict[int, list[NDArray[Any]]] = {}
 
+    def __getstate__(self) -> dict[str, Any]:
+        """Return all but the samples of files that have not been read to their end."""
+        return self.__dict__ | {"_samples": {}}
+
     def add(self, source: int, first: int, records: NDArray[Any], n_points: int) -> None:
         """
         Take a sample of a file's chunk.

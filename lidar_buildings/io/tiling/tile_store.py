@@ -183,7 +183,7 @@ class TileStore:
         last = last_returns(points.astype(np.float64), kept["return_number"], kept["number_of_returns"])
         spacing = steady_spacing(last, self._expected_spacing)
         del last
-        area = self._local_area(plan, buffer)
+        area = self.local_area(plan, buffer)
         return PointTile(
             points,
             buffer=is_buffer,
@@ -211,13 +211,14 @@ class TileStore:
             n += len(block)
         return records[:n], is_buffer[:n]
 
-    def _local_area(self, plan: TilePlan, buffer: float) -> Rectangle:
+    def local_area(self, plan: TilePlan, buffer: float) -> Rectangle:
+        """Return where a tile and its buffer lie in the map frame [m]."""
         area = self.grid.area_of(plan.block).grown(buffer)
         return area.moved(-self.frame.origin[0], -self.frame.origin[1])
 
     def _tile_blocks(self, plan: TilePlan, buffer: float) -> Iterator[tuple[NDArray[Any], int]]:
         """Read a tile's records with its buffer: (records, 0 for core points or 1)."""
-        near = self._local_area(plan, buffer)
+        near = self.local_area(plan, buffer)
         area = self.grid.area_of(plan.block).grown(buffer)
         for cell in dict.fromkeys([*plan.core, *self.grid.cells_touching(area)]):
             first, last = plan.core.get(cell, (0, 0))

@@ -6,6 +6,7 @@ import os
 import threading
 import weakref
 from collections.abc import Container, Generator, Iterable, Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +16,7 @@ from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.io.clouds.las import CHUNK, InputFile, frame_of, open_inputs
 from lidar_buildings.io.tiling.reading_order import reading_order
 from lidar_buildings.io.tiling.spool import Cell
+from lidar_buildings.io.tiling.spooled_tile import SpooledTile
 from lidar_buildings.io.tiling.tile_grid import Block, Rectangle, TileGrid
 from lidar_buildings.io.tiling.tile_size import fitting_size
 from lidar_buildings.io.tiling.tile_stamps import stamp_of_number, stamp_of_time
@@ -87,9 +89,8 @@ class TileSource:
         self._expected = self._expected_tiles()
         self._waiting: set[Cell] = set()
         self._planned: set[Cell] = set()
-        self._plans: list[TilePlan] = []
-        self._by_stamp: dict[int, TilePlan] = {}
-        self._buffers: dict[int, float] = {}
+        self._tiles: list[SpooledTile] = []
+        self._by_stamp: dict[int, SpooledTile] = {}
         self._lock = threading.RLock()
         self._closed = threading.Event()
         self._store = TileStore(self._grid, self.frame, temporary)
@@ -107,40 +108,38 @@ class TileSource:
         OutputError
             If the temporary folder is full.
         """
+        for ready in self.ready():
+            with self._lock:
+                if self._closed.is_set():
+                    return
+                tile = ready.read()
+            yield tile
+
+    def ready(self) -> Iterator[SpooledTile]:
+        """Iterate likewise, but leave the tiles' points in the temporary folder."""
         number = 0
         while True:
             with self._lock:
-                if self._closed.is_set() or (number == len(self._plans) and not self._read_on()):
+                if self._closed.is_set() or (number == len(self._tiles) and not self._read_on()):
                     return
-                if number == len(self._plans):
+                if number == len(self._tiles):
                     continue  # another thread may have its turn, and close
-                plan = self._plans[number]
+                tile = self._tiles[number]
                 number += 1
-                tile = None if plan.stamp in self._skip else self._store.tile(plan, self.config.buffer)
-            if tile is not None:
-                yield tile
+            if tile.stamp not in self._skip:
+                yield replace(tile, buffer=self.config.buffer)
 
     @property
     def tile_count(self) -> int:
         """Number of tiles, skipped ones too; an upper estimate until everything has been read."""
         with self._lock:
             if not self._unread and not self._waiting:
-                return len(self._plans)
-            return len(self._plans) + len((self._expected | self._waiting) - self._planned)
+                return len(self._tiles)
+            return len(self._tiles) + len((self._expected | self._waiting) - self._planned)
 
     def grown(self, stamp: int) -> PointTile | None:
         """
-        Return a tile once more with its buffer doubled, up to `max_buffer`.
-
-        Parameters
-        ----------
-        stamp : int
-            The tile's stamp.
-
-        Returns
-        -------
-        PointTile or None
-            None if the buffer is at its largest, or a larger one brings no more points.
+        Return the tile of a stamp once more with its buffer doubled, as `SpooledTile.grown` does.
 
         Raises
         ------
@@ -148,17 +147,10 @@ class TileSource:
             If there is no such tile.
         """
         with self._lock:
-            plan = self._by_stamp.get(stamp)
-            if plan is None or self._closed.is_set():
+            tile = self._by_stamp.get(stamp)
+            if tile is None or self._closed.is_set():
                 raise ValueError(f"stamp = {stamp}: must be that of a tile that was given out")
-            buffer = self._buffers.get(stamp, self.config.buffer)
-            n_before = self._store.count(plan, buffer)
-            while buffer < self.config.max_buffer:
-                buffer = min(2 * buffer or self._grid.cell_size, self.config.max_buffer)
-                self._buffers[stamp] = buffer
-                if self._store.count(plan, buffer) > n_before:
-                    return self._store.tile(plan, buffer)
-            return None
+            return tile.grown()
 
     def close(self) -> None:
         """Stop iterating, from whatever thread, and delete the temporary folder."""
@@ -283,8 +275,9 @@ class TileSource:
         if first_point is None:
             return
         plan = TilePlan(self._stamp(tile, first_point), block, core, self._store.dark_limit)
-        self._plans.append(plan)
-        self._by_stamp[plan.stamp] = plan
+        tile = SpooledTile(plan, self._store, self.config.buffer, self.config.max_buffer)
+        self._tiles.append(tile)
+        self._by_stamp[tile.stamp] = tile
 
     def _stamp(self, tile: Cell, first_point: Any) -> int:
         """Return a stamp for the tile that no other tile has."""

@@ -1,6 +1,7 @@
 """Cutting clouds into tiles: every point once, buffers as brute force finds them, seams, stamps, growth."""
 
 import gc
+import pickle
 import threading
 import tracemalloc
 
@@ -236,6 +237,16 @@ def test_growing_doubles_the_buffer_until_its_cap(tmp_path):
         assert {larger.stamp for larger in grown} == {tile.stamp}
         assert all(names(larger, larger.is_core) == names(tile, tile.is_core) for larger in grown)
         assert source.grown(tile.stamp) is None
+
+
+def test_a_tile_that_was_sent_elsewhere_is_the_same_there(tmp_path):
+    paths = survey(tmp_path, [square(4000, WEST, SOUTH, 400.0)])
+    with TileSource(paths, TilingConfig(tile_size=50.0, buffer=10.0, max_buffer=30.0)) as source:
+        sent = [pickle.loads(pickle.dumps(tile)) for tile in source.ready()]
+        for here, there in zip(source, sent, strict=True):
+            assert names(here) == names(there.read())
+            assert here.point_spacing == there.read().point_spacing
+            assert names(source.grown(here.stamp)) == names(there.grown())
 
 
 def test_growing_ends_where_there_are_no_more_points(tmp_path):

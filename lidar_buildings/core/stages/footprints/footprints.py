@@ -48,6 +48,12 @@ class Footprints:
         rows = np.flatnonzero((low <= (east, north)).all(axis=1) & (high >= (west, south)).all(axis=1))
         return rows[np.lexsort((self.building_id[rows], self.area[rows]))[::-1]]
 
+    def near(self, box: tuple[float, float, float, float]) -> Footprints:
+        """Return the footprints whose bounds reach into a box alone."""
+        rows = np.sort(self.touching(box))
+        outlines = tuple(self.outlines[row] for row in rows)
+        return Footprints(outlines, self.building_id[rows], self.bounds[rows], self.area[rows])
+
 
 def footprints_of(polygons: Sequence[shapely.Polygon]) -> Footprints:
     """

@@ -1,0 +1,100 @@
+"""What a run without ROS does with one tile, in whatever process: from its points to its saved products."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import NamedTuple
+
+from lidar_buildings.core.model.errors import LidarBuildingsError
+from lidar_buildings.core.model.map_frame import MapFrame
+from lidar_buildings.core.stages.footprints import Footprints
+from lidar_buildings.core.stages.terrain import RasterConfig
+from lidar_buildings.io.models.cityjson import feature_line
+from lidar_buildings.io.results.tile_products import TileProducts
+from lidar_buildings.io.tiling.spooled_tile import SpooledTile
+from lidar_buildings.pipeline.reconstruct import PipelineConfig, TileResult, reconstruct_tile
+from lidar_buildings.pipeline.sharing import Sharing
+from lidar_buildings.pipeline.tile_rasters import rasterise_tile
+
+
+@dataclass(frozen=True)
+class TileWork:
+    """
+    What is done with a tile.
+
+    Attributes
+    ----------
+    tile : SpooledTile
+        Its points.
+    path : Path
+        Where its products are saved.
+    config : PipelineConfig
+        Of all stages.
+    until : str
+        The last stage.
+    rasters : RasterConfig
+        Of the rasters.
+    footprints : Footprints or None
+        Outlines to use instead of tracing.
+    """
+
+    tile: SpooledTile
+    path: Path
+    config: PipelineConfig
+    until: str
+    rasters: RasterConfig = field(default_factory=RasterConfig)
+    footprints: Footprints | None = None
+
+
+class TileOutcome(NamedTuple):
+    """Seconds by stage, or why a tile failed."""
+
+    seconds: dict[str, float]
+    reason: str = ""
+
+
+def done(work: TileWork, pool: Sharing | None = None) -> TileOutcome | LidarBuildingsError:
+    """Take a tile from its points to its saved products; return what ends the whole run."""
+    try:
+        result = whole_result(work.tile, work.config, work.until, work.footprints, pool)
+        products_of(result, work.tile.store.frame, work.rasters).save(work.path)
+    except LidarBuildingsError as error:
+        return error
+    except Exception as error:
+        return TileOutcome({}, f"{type(error).__name__}: {' '.join(str(error).split())}")
+    return TileOutcome(result.seconds)
+
+
+def whole_result(
+    spooled: SpooledTile,
+    config: PipelineConfig,
+    until: str,
+    footprints: Footprints | None = None,
+    pool: Sharing | None = None,
+) -> TileResult:
+    """Process a tile, with a larger buffer as long as one of its buildings is not whole."""
+    tile = spooled.read()
+    result = reconstruct_tile(tile, config, until=until, footprints=footprints, pool=pool)
+    while result.clipped:
+        larger = spooled.grown()
+        # What cannot grow is all there is: no limit is left to reach.
+        tile = larger if larger is not None else replace(tile, bounds=None)
+        result = reconstruct_tile(tile, config, until=until, footprints=footprints, pool=pool)
+    return result
+
+
+def products_of(result: TileResult, frame: MapFrame, rasters: RasterConfig) -> TileProducts:
+    """Gather what a tile's files need."""
+    features = [
+        feature_line(one.model, one.building_id, frame, one.attributes, anchor=one.anchor)
+        for one in result.models
+    ]
+    return TileProducts.from_tiles(
+        result.classified,
+        result.roofs,
+        result.traced,
+        result.outlines,
+        features,
+        rasterise_tile(result.classified, rasters, frame),
+    )

@@ -1,0 +1,120 @@
+"""What waits for a free process: batches of buildings first, then whole tiles."""
+
+from __future__ import annotations
+
+import threading
+from collections import deque
+from collections.abc import Callable, Collection, Iterable
+from concurrent.futures import Future
+from typing import Any
+
+
+class WorkerLostError(RuntimeError):
+    """A process ended in the middle of its work."""
+
+
+class NoWorkerError(WorkerLostError):
+    """All processes had ended before the work began."""
+
+
+class Task:
+    """
+    Work for one process.
+
+    Parameters
+    ----------
+    message : bytes
+        What the process is told.
+    is_tile : bool
+        Whether it is a whole tile: one whose process ends is done once more by another one.
+    read : callable
+        Makes the result of what the process answers.
+    """
+
+    def __init__(
+        self, message: bytes, *, is_tile: bool = False, read: Callable[[bytes], Any] = lambda reply: reply
+    ) -> None:
+        self.message = message
+        self.is_tile = is_tile
+        self.answer: Future[Any] = Future()
+        self._read = read
+        self.n_tries = 0
+
+    def finish(self, reply: bytes) -> None:
+        """Take a process's answer."""
+        try:
+            self.answer.set_result(self._read(reply))
+        except Exception as error:
+            self.answer.set_exception(error)
+
+
+class Agenda:
+    """Tasks that wait; any number of threads put, take and finish them."""
+
+    def __init__(self) -> None:
+        self._changed = threading.Condition()
+        self._batches: deque[Task] = deque()
+        self._tiles: deque[Task] = deque()
+        self._is_closed = False
+
+    def put(self, tasks: Iterable[Task]) -> None:
+        """Add tasks."""
+        with self._changed:
+            for task in tasks:
+                if self._is_closed:
+                    _drop(task)
+                else:
+                    (self._tiles if task.is_tile else self._batches).append(task)
+            self._changed.notify_all()
+
+    def take(self) -> Task | None:
+        """Wait for a task and return it; None when the agenda is closed."""
+        with self._changed:
+            while not self._is_closed:
+                if self._batches or self._tiles:
+                    return (self._batches or self._tiles).popleft()
+                self._changed.wait()
+        return None
+
+    def take_batch(self, until: Collection[Task]) -> Task | None:
+        """Wait for a batch of buildings and return it; None as soon as some tasks are done."""
+        with self._changed:
+            while not self._is_closed and not all(task.answer.done() for task in until):
+                if self._batches:
+                    return self._batches.popleft()
+                self._changed.wait()
+        return None
+
+    def finish(self, task: Task, reply: bytes) -> None:
+        """Take a process's answer to a task."""
+        task.finish(reply)
+        with self._changed:
+            self._changed.notify_all()
+
+    def lose(self, task: Task) -> None:
+        """Note that a process ended at a task."""
+        task.n_tries += 1
+        with self._changed:
+            if task.is_tile and task.n_tries == 1 and not self._is_closed:
+                self._tiles.appendleft(task)
+            else:
+                _drop(task)
+            self._changed.notify_all()
+
+    def close(self) -> None:
+        """Give out nothing any more; what waits is lost."""
+        with self._changed:
+            self._is_closed = True
+            for task in (*self._batches, *self._tiles):
+                _drop(task)
+            self._batches.clear()
+            self._tiles.clear()
+            self._changed.notify_all()
+
+
+def _drop(task: Task) -> None:
+    """Let a task have no result."""
+    if task.n_tries:
+        task.answer.set_exception(WorkerLostError("a process ended in the middle of its work"))
+    else:
+        task.answer.set_exception(NoWorkerError("no process is left"))

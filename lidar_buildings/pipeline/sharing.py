@@ -1,0 +1,144 @@
+"""Buildings shared out over processes, from the process that owns these or from one of them."""
+
+from __future__ import annotations
+
+import logging
+import pickle
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Sequence
+from typing import Any, TypeVar
+
+from lidar_buildings.pipeline.agenda import WorkerLostError
+
+_Job = TypeVar("_Job")
+_Result = TypeVar("_Result")
+
+#: What a building costs beside its points, in points.
+_LEAST_SIZE = 400
+#: Work that is not worth the way to a process and back, in points.
+_LITTLE = 4000
+#: Batches for each process: small enough to end together, large enough to cost little to send.
+_BATCHES_A_WORKER = 6
+
+
+class Sharing(ABC):
+    """Calls a function for many buildings in several processes."""
+
+    @property
+    @abstractmethod
+    def n_alive(self) -> int:
+        """Number of processes."""
+
+    @abstractmethod
+    def _exchange(self, messages: Sequence[bytes]) -> Sequence[bytes | None]:
+        """Let processes answer messages; None for one whose process ended."""
+
+    def map(
+        self,
+        function: Callable[[_Job], _Result],
+        jobs: Sequence[_Job],
+        sizes: Sequence[int],
+        lost: Callable[[_Job], _Result],
+    ) -> list[_Result]:
+        """
+        Call a function for each of many buildings, the largest first, and return the results in their order.
+
+        Parameters
+        ----------
+        function : callable
+            At the top of a module; its result depends on the job alone.
+        jobs : sequence
+            What it is called with, one per building.
+        sizes : sequence of int
+            Number of points of each building.
+        lost : callable
+            ``lost(job)`` stands in for the result of a building during which two processes ended. One that
+            was merely in a batch with it is done again.
+
+        Raises
+        ------
+        RuntimeError
+            If the function raises an exception.
+        """
+        weights = [size + _LEAST_SIZE for size in sizes]
+        if not self.n_alive or len(jobs) < 2 or sum(weights) < _LITTLE:
+            return [function(job) for job in jobs]
+        batches = _batches(weights, self.n_alive)
+        answers = self._exchange([message_of(function, [(k, jobs[k]) for k in batch]) for batch in batches])
+        results: dict[int, _Result] = {}
+        again: list[int] = []
+        for batch, answer in zip(batches, answers, strict=True):
+            if answer is None:
+                again += batch
+            else:
+                results |= dict(received(answer))
+        for k in again:
+            results[k] = self._done_alone(function, k, jobs[k], lost)
+        return [results[k] for k in range(len(jobs))]
+
+    def share(self, function: Callable[[_Job], _Result], jobs: Sequence[_Job]) -> list[_Result]:
+        """
+        Call a function for each of a few large jobs, as `map` does in its own process.
+
+        Raises
+        ------
+        RuntimeError
+            If the function raises an exception, or two processes ended while they did the same job.
+        """
+
+        def lost(_: _Job) -> _Result:
+            raise WorkerLostError("two processes ended while they did the same job")
+
+        return self.map(function, jobs, [_LITTLE] * len(jobs), lost)
+
+    def _done_alone(
+        self, function: Callable[[_Job], _Result], number: int, job: _Job, lost: Callable[[_Job], _Result]
+    ) -> _Result:
+        """Do a building again whose process ended, in another one as long as there is one."""
+        if not self.n_alive:
+            return function(job)
+        (answer,) = self._exchange([message_of(function, [(number, job)])])
+        if answer is None:
+            return lost(job)
+        ((_, result),) = received(answer)
+        return result  # type: ignore[no-any-return]
+
+
+def map_buildings(
+    pool: Sharing | None,
+    function: Callable[[_Job], _Result],
+    jobs: Sequence[_Job],
+    sizes: Sequence[int],
+    lost: Callable[[_Job], _Result],
+) -> list[_Result]:
+    """Do as `Sharing.map`, or without a pool everything here."""
+    return [function(job) for job in jobs] if pool is None else pool.map(function, jobs, sizes, lost)
+
+
+def message_of(function: Callable[..., Any], batch: Any) -> bytes:
+    """Return what a process is told: a function and a batch of numbered jobs."""
+    return pickle.dumps((function, batch), protocol=5)
+
+
+def received(answer: bytes) -> Any:
+    """Return what a process answered, and log what it had to say."""
+    results, error, records = pickle.loads(answer)
+    for record in records:
+        logging.getLogger(record.name).handle(record)
+    if error:
+        raise RuntimeError(f"in a process of buildings:\n{error}")
+    return results
+
+
+def _batches(weights: Sequence[int], n_workers: int) -> list[list[int]]:
+    """Divide buildings into batches by their weights, the heaviest first."""
+    enough = sum(weights) / (n_workers * _BATCHES_A_WORKER)
+    batches: list[list[int]] = []
+    filled = enough
+    for k in sorted(range(len(weights)), key=lambda k: -weights[k]):
+        if filled >= enough:
+            batches.append([])
+            filled = 0.0
+        batches[-1].append(k)
+        filled += weights[k]
+    return batches
