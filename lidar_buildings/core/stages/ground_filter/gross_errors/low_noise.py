@@ -15,7 +15,6 @@ from lidar_buildings.core.stages.ground_filter.gross_errors.noise_layers import 
     rise,
 )
 from lidar_buildings.core.stages.ground_filter.gross_errors.open_pit import is_open_pit
-from lidar_buildings.core.stages.ground_filter.gross_errors.terrain_gradient import terrain_gradient
 
 # Chosen with `bench.ground.noise` and the scenes of the tests.
 #: Columns between which layers still touch: ground seen through gaps is connected over so many.
@@ -45,10 +44,10 @@ def find_low_layers(layers: Layers, gap: float, radius: int, limit: int) -> NDAr
     Layers are split at `gap` [m]; the `radius` is in columns, and `limit` is the most layers of a group.
     """
     bottom = layers.first[:-1].copy()
-    seeds = bottom[_isolated(layers, gap)]
-    layers = _with_gradient_of_the_rest(layers, seeds, gap, limit)
-    seeds = bottom[_isolated(layers, gap)]
-    state, group_of = _unknown(layers)
+    isolated = np.empty(len(bottom), dtype=np.bool_)
+    for_row_blocks(lambda a, b: _mark_isolated(layers, gap, isolated, a, b), len(isolated))
+    seeds = bottom[isolated]
+    state, group_of = np.zeros(len(layers.column), np.uint8), np.full(len(layers.column), -1, np.int64)
     for _ in range(MAX_PASSES):
         errors, open_cases = _judge_groups(layers, bottom, seeds, gap, radius, limit, state, group_of)
         if len(errors) == 0:
@@ -57,27 +56,6 @@ def find_low_layers(layers: Layers, gap: float, radius: int, limit: int) -> NDAr
         seeds = np.append(open_cases, _new_bottoms(layers, bottom, state, np.unique(layers.column[errors])))
         group_of[:] = -1
     return state == ERROR
-
-
-def _unknown(layers: Layers) -> tuple[NDArray[np.uint8], NDArray[np.int64]]:
-    n_layers = len(layers.column)
-    return np.zeros(n_layers, dtype=np.uint8), np.full(n_layers, -1, dtype=np.int64)
-
-
-def _isolated(layers: Layers, gap: float) -> NDArray[np.bool_]:
-    """Return the columns at the western and eastern ends of what lies apart; see `_mark_isolated`."""
-    isolated = np.empty(len(layers.numbers), dtype=np.bool_)
-    for_row_blocks(lambda a, b: _mark_isolated(layers, gap, isolated, a, b), len(isolated))
-    return isolated
-
-
-def _with_gradient_of_the_rest(layers: Layers, seeds: NDArray[np.int64], gap: float, limit: int) -> Layers:
-    """Return the layers with the terrain's gradient taken anew, from columns that end in no small group."""
-    members, _ = _gather_groups(layers, seeds, gap, limit, *_unknown(layers))
-    counts = np.ones(len(layers.numbers), dtype=np.bool_)
-    counts[layers.column[members]] = False
-    lowest = layers.points[layers.begin[layers.first[:-1]]]
-    return layers._replace(gradient=terrain_gradient(lowest, counts, layers.size))
 
 
 def _new_bottoms(
@@ -108,7 +86,7 @@ def _mark_isolated(layers, gap, isolated, begin, end):  # type: ignore[no-untype
                 if across != 0:
                     side = 0 if across < 0 else 1
                     around[side] += 1
-                    level[side] += low_end(layers, layers.first[other]) - rise(layers, k, other) <= top
+                    level[side] += low_end(layers, layers.first[other]) - rise(layers, k, across, step) <= top
         isolated[k] = 2 * level[0] <= around[0] or 2 * level[1] <= around[1]
 
 
@@ -165,7 +143,8 @@ def _gather_group(layers, seed, gap, state, group_of, members):  # type: ignore[
         for step in range(-REACH, REACH + 1):
             start, stop = columns_in_row(layers, k, step, REACH)
             for other in range(start, stop):
-                up = 0.5 * (rise(layers, k, other) - rise(layers, other, k))
+                across = layers.numbers[other] - layers.numbers[k] - step * layers.width
+                up = 0.5 * (rise(layers, k, across, step) - rise(layers, other, -across, -step))
                 low, high = low_end(layers, layer) + up - gap, high_end(layers, layer) + up + gap
                 for j in range(layers.first[other], layers.first[other + 1]):
                     if low_end(layers, j) > high:
@@ -192,7 +171,10 @@ def _is_supported(  # type: ignore[no-untyped-def]
     seed, k = group[0], layers.column[group[0]]
     top = -np.inf
     for layer in group:
-        top = max(top, high_end(layers, layer) - rise(layers, k, layers.column[layer]))
+        number = layers.numbers[layers.column[layer]]
+        east = number % layers.width - layers.numbers[k] % layers.width
+        north = number // layers.width - layers.numbers[k] // layers.width
+        top = max(top, high_end(layers, layer) - rise(layers, k, east, north))
     slope = np.hypot(layers.gradient[k, 0], layers.gradient[k, 1])
     radius = int(np.ceil(radius / (1.0 + SHRINKAGE * slope)))
     n_level, n_above = 0, 0
@@ -200,10 +182,10 @@ def _is_supported(  # type: ignore[no-untyped-def]
         start, stop = columns_in_row(layers, k, step, radius)
         for other in range(start, stop):
             b = bottom[other]
-            across = layers.numbers[other] % layers.width - layers.numbers[k] % layers.width
+            across = layers.numbers[other] - layers.numbers[k] - step * layers.width
             if b < 0 or group_of[b] == seed or across * across + step * step > radius * radius:
                 continue
-            if low_end(layers, b) - rise(layers, k, other) > top + gap:
+            if low_end(layers, b) - rise(layers, k, across, step) > top + gap:
                 n_above += 1
             elif state[b] == LARGE or group_of[b] < 0:
                 n_level += 1

@@ -58,7 +58,7 @@ def split_into_layers(cloud: CellGrid, gap: float) -> Layers:
     first = np.searchsorted(begin, cloud.first)
     column = np.repeat(np.arange(len(cloud.numbers)), np.diff(first))
     lowest = cloud.points[cloud.first[:-1]]
-    gradient = terrain_gradient(lowest, np.ones(len(lowest), dtype=np.bool_), cloud.size)
+    gradient = terrain_gradient(lowest, cloud.size)
     return Layers(cloud.points, begin, first, column, cloud.numbers, cloud.n_columns, cloud.size, gradient)
 
 
@@ -80,12 +80,9 @@ def columns_in_row(layers, k, step, reach):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def rise(layers, k, other):  # type: ignore[no-untyped-def]
-    """Return by how much the terrain at column k would rise to another column, if it were plane [m]."""
-    width = layers.width
-    here, there = layers.numbers[k], layers.numbers[other]
-    along = (there % width - here % width) * layers.gradient[k, 0]
-    return layers.size * (along + (there // width - here // width) * layers.gradient[k, 1])
+def rise(layers, k, east, north):  # type: ignore[no-untyped-def]
+    """Return by how much the terrain at column k would rise over steps of a column, if it were plane [m]."""
+    return layers.size * (east * layers.gradient[k, 0] + north * layers.gradient[k, 1])
 
 
 @njit(cache=True, nogil=True)

@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
@@ -62,27 +59,22 @@ def _deck_edges(terrain: Tin, spacing: float) -> tuple[NDArray[np.float64], NDAr
     return at, total[clear] / size[clear, None]
 
 
-@njit(cache=True, nogil=True)
-def _drops(vertices, triangles, max_length):  # type: ignore[no-untyped-def]
+def _drops(
+    vertices: NDArray[np.float64], triangles: NDArray[np.int32], max_length: float
+) -> tuple[NDArray[np.int32], NDArray[np.float64]]:
     """
     Return the upper ends of the sides that drop (n,), and the directions that they fall off in (n, 2).
 
     A side inside the mesh is a side of two triangles, once each way round: every drop is met once at least.
     """
-    top, direction = [np.int64(0) for _ in range(0)], [0.0 for _ in range(0)]
-    for k in range(3):
-        for t in range(len(triangles)):
-            v, w = triangles[t, k], triangles[t, (k + 1) % 3]
-            fall = vertices[v, 2] - vertices[w, 2]
-            if fall < MIN_DROP:
-                continue
-            dx, dy = vertices[w, 0] - vertices[v, 0], vertices[w, 1] - vertices[v, 1]
-            length = math.hypot(dx, dy)
-            if fall >= MIN_DROP_SLOPE * length and 0.0 < length <= max_length:
-                top.append(np.int64(v))
-                direction.append(dx / length)
-                direction.append(dy / length)
-    return np.array(top), np.array(direction).reshape(-1, 2)
+    top = triangles.T.reshape(-1)
+    foot = triangles.T[[1, 2, 0]].reshape(-1)
+    high = np.flatnonzero(vertices[top, 2] - vertices[foot, 2] >= MIN_DROP)
+    top, foot = top[high], foot[high]
+    step = vertices[foot] - vertices[top]
+    length = np.hypot(step[:, 0], step[:, 1])
+    is_drop = (-step[:, 2] >= MIN_DROP_SLOPE * length) & (length > 0.0) & (length <= max_length)
+    return top[is_drop], step[is_drop, :2] / length[is_drop, None]
 
 
 def _opposite(

@@ -8,7 +8,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from lidar_buildings.core.neighbours.cell_grid import sort_by_cell
+from lidar_buildings.core.neighbours.columns import by_column
 from lidar_buildings.core.neighbours.parallel import for_row_blocks
 from lidar_buildings.core.neighbours.union_find import flatten, link
 
@@ -39,11 +39,11 @@ def nearest_by_sector(
     -------
     ndarray of shape (n_rows, 8), int32
     """
-    cells = sort_by_cell(candidates, reach)
+    cells = by_column(candidates, reach)
     found = np.full((len(rows), SECTORS), -1, dtype=np.int32)
-    runs = _runs_around(cells.numbers, cells.first, cells.n_columns)
-    cell = np.empty(len(candidates), dtype=np.int32)
-    cell[cells.rows] = np.repeat(np.arange(len(cells.numbers), dtype=np.int32), np.diff(cells.first))
+    runs = cells.first[cells.around(reach)]
+    cell = np.empty(len(candidates), dtype=np.int64)
+    cell[cells.rows] = cells.column
     for_row_blocks(
         lambda a, b: _look_around(candidates, rows, cell, runs, cells.points, cells.rows, reach, found, a, b),
         len(rows),
@@ -81,27 +81,12 @@ def rise_and_length(start, end):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _runs_around(numbers, first, n_columns):  # type: ignore[no-untyped-def]
-    """
-    Return between which sorted points those of the cells around lie, south, level and north: (n_cells, 3, 2).
-    """
-    runs = np.empty((len(numbers), 3, 2), dtype=np.int64)
-    for line in range(3):
-        begin, end = 0, 0
-        for k in range(len(numbers)):
-            column, middle = numbers[k] % n_columns, numbers[k] + (line - 1) * n_columns
-            west, east = min(column, 1), min(n_columns - 1 - column, 1)
-            while begin < len(numbers) and numbers[begin] < middle - west:
-                begin += 1
-            while end < len(numbers) and numbers[end] <= middle + east:
-                end += 1
-            runs[k, line, 0], runs[k, line, 1] = first[begin], first[end]
-    return runs
-
-
-@njit(cache=True, nogil=True)
 def _look_around(candidates, rows, cell, runs, points, origin, reach, found, begin, end):  # type: ignore[no-untyped-def]
-    """Fill the rows `begin` to `end` of `found`; `points` are the candidates by cell, `origin` their rows."""
+    """
+    Fill the rows `begin` to `end` of `found`; `points` are the candidates by cell, `origin` their rows.
+
+    `runs` say between which of them the cells around lie, south, level and north: (n_cells, 3, 2).
+    """
     nearest = np.empty(SECTORS)
     for r in range(begin, end):
         x, y, k = candidates[rows[r], 0], candidates[rows[r], 1], cell[rows[r]]

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from lidar_buildings.core.neighbours.cell_grid import sort_by_cell
@@ -36,25 +35,16 @@ def object_density(candidates: NDArray[np.float64], is_object: NDArray[np.bool_]
     return density
 
 
-@njit(cache=True, nogil=True)
-def _smoothed(numbers, n_columns, values):  # type: ignore[no-untyped-def]
+def _smoothed(numbers: NDArray[np.int64], n_columns: int, values: NDArray[np.float64]) -> NDArray[np.float64]:
     """
     Return the weighted sums of values (k, n_cells) over the cells around; only occupied cells take part.
     """
-    total = np.zeros_like(values)
+    total, column = np.zeros_like(values), numbers % n_columns
     for north in range(-RADIUS, RADIUS + 1):
-        # Cells are numbered row by row: as k goes on, so does the first cell in reach.
-        begin = 0
-        for k in range(len(numbers)):
-            column, middle = numbers[k] % n_columns, numbers[k] + north * n_columns
-            west, east = min(column, RADIUS), min(n_columns - 1 - column, RADIUS)
-            while begin < len(numbers) and numbers[begin] < middle - west:
-                begin += 1
-            j = begin
-            while j < len(numbers) and numbers[j] <= middle + east:
-                away = numbers[j] - middle
-                weight = math.exp(-2.0 * (north * north + away * away) / RADIUS**2)
-                for value in range(len(values)):
-                    total[value, k] += weight * values[value, j]
-                j += 1
+        for east in range(-RADIUS, RADIUS + 1):
+            wanted = numbers + (north * n_columns + east)
+            place = np.minimum(np.searchsorted(numbers, wanted), len(numbers) - 1)
+            is_there = (numbers[place] == wanted) & (column + east >= 0) & (column + east < n_columns)
+            weight = math.exp(-2.0 * (north * north + east * east) / RADIUS**2)
+            total[:, is_there] += weight * values[:, place[is_there]]
     return total

@@ -17,6 +17,8 @@ NEIGHBOURS = 8
 MIN_SEEDS = 5
 #: A building of several cells is taken away from its sides; more often than this would wear down hills.
 MAX_PASSES = 3
+#: By what part of their trace the diagonal of normal equations is raised.
+RIDGE = 1e-12
 
 
 def choose_seeds(candidates: NDArray[np.float64], cell: float) -> NDArray[np.intp]:
@@ -54,10 +56,13 @@ def _stand_out(seeds: NDArray[np.float64], max_rise: float) -> NDArray[np.bool_]
     """Return which seeds stand above their neighbours' plane, half of the neighbours being lower."""
     distance, nearest = cKDTree(seeds[:, :2]).query(seeds[:, :2], min(NEIGHBOURS + 1, len(seeds)))
     around = seeds[nearest[:, 1:]] - seeds[:, None, :]
-    weight = 1.0 / np.maximum(distance[:, 1:], 1.0)
-    design = np.concatenate((around[..., :2], np.ones_like(around[..., :1])), axis=2)
-    plane = np.linalg.pinv(design * weight[..., None]) @ (around[..., 2] * weight)[..., None]
-    rise = -plane[:, 2, 0]
+    design = np.stack((around[..., 0], around[..., 1], np.ones(around.shape[:2])))
+    weighted = design / np.maximum(distance[:, 1:], 1.0) ** 2
+    normal = np.einsum("ink,jnk->nij", weighted, design)
+    # Solvable where all lie on a line, too.
+    normal += RIDGE * np.trace(normal, axis1=1, axis2=2)[:, None, None] * np.eye(3)
+    side = np.einsum("ink,nk->ni", weighted, around[..., 2])
+    rise = -np.linalg.solve(normal, side[..., None])[:, 2, 0]
     mostly_lower = (around[..., 2] < 0.0).mean(axis=1) >= 0.5
     return (rise > max_rise) & mostly_lower & _surrounded(around)
 
