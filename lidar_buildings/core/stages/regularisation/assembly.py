@@ -12,7 +12,7 @@ from lidar_buildings.core.stages.regularisation.division import Division
 from lidar_buildings.core.stages.regularisation.joints import (
     PARALLEL,
     extent_of,
-    joint_of,
+    find_joint,
     length_of,
     turn_at,
     turning_point,
@@ -93,9 +93,7 @@ def _assembled(points, weights, bears, first, last, kind, angles, direction_weig
     for i in range(m):
         # Walls begin in the first round, so that merged ones end in the second, as far as the sums reach.
         first[i], last[i] = first[i] % n, first[i] % n + last[i] - first[i]
-        shape[i] = fit_wall(
-            points, weights, bears, sums, first[i], last[i], kind[i], angles, direction_weight
-        )
+        fit_wall(points, weights, bears, sums, first[i], last[i], kind[i], angles, direction_weight, shape[i])
     joints = np.zeros((m, 2, 2))
     while True:
         m = _merge_parallels(
@@ -118,7 +116,7 @@ def _assembled(points, weights, bears, first, last, kind, angles, direction_weig
             m = 0
             break
         for i in range(m):
-            joints[i] = joint_of(points, first, last, shape, i, (i + 1) % m, min_step)
+            find_joint(points, first, last, shape, i, (i + 1) % m, min_step, joints[i])
         shortest, length = 0, np.inf
         for i in range(m):
             own = length_of(points, first, last, shape, i, joints[i - 1 if i else m - 1, 1], joints[i, 0])
@@ -135,7 +133,8 @@ def close_rows(first, last, kind, shape, m, i):  # type: ignore[no-untyped-def]
     """Close the rows over a wall; return how many are left."""
     for k in range(i, m - 1):
         first[k], last[k], kind[k] = first[k + 1], last[k + 1], kind[k + 1]
-        shape[k] = shape[k + 1]
+        for column in range(N_SHAPE):
+            shape[k, column] = shape[k + 1, column]
     return m - 1
 
 
@@ -158,9 +157,7 @@ def _merge_parallels(  # type: ignore[no-untyped-def]
         while end <= first[i]:
             end += n
         last[i] = end
-        shape[i] = fit_wall(
-            points, weights, bears, sums, first[i], last[i], kind[i], angles, direction_weight
-        )
+        fit_wall(points, weights, bears, sums, first[i], last[i], kind[i], angles, direction_weight, shape[i])
         m = close_rows(first, last, kind, shape, m, k)
         i = max(i - 1, 0) if k else 0
     return m

@@ -81,8 +81,12 @@ def _bridge(ring, bears, depth, length, area, gap_depth):  # type: ignore[no-unt
     Where the ring starts has no say: only vertices shallower than both their neighbours go in one sweep.
     """
     n = len(ring)
-    rows = np.flatnonzero(bears)
-    left = len(rows)
+    rows, left = np.empty(n, dtype=np.int64), 0
+    for i in range(n):
+        if bears[i]:
+            rows[left] = i
+            left += 1
+    rows = rows[:left]
     following, preceding = np.zeros(n, dtype=np.int64), np.zeros(n, dtype=np.int64)
     removal = np.full(n, np.inf)
     for k in range(left):
@@ -109,8 +113,10 @@ def _bridge(ring, bears, depth, length, area, gap_depth):  # type: ignore[no-unt
 @njit(cache=True, nogil=True)
 def _open_corners(ring, bears, following, preceding):  # type: ignore[no-untyped-def]
     """Take out the bridges beside points at which the ring turns inwards; return whether there were any."""
-    opened = False
-    for i in np.flatnonzero(bears):
+    opened, bore = False, bears.copy()
+    for i in range(len(bears)):
+        if not bore[i]:
+            continue
         first, last = preceding[i], following[i]
         ax, ay = ring[i, 0] - ring[first, 0], ring[i, 1] - ring[first, 1]
         bx, by = ring[last, 0] - ring[i, 0], ring[last, 1] - ring[i, 1]

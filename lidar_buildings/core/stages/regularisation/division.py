@@ -123,6 +123,7 @@ def divide_ring(
     shift = 0 if start is None else start % n
     for _ in range(2 if start is None else 1):
         first, kind, cost = _divide(sums, n, shift, np.cos(angles), np.sin(angles), *costs)
+        first, kind = first[::-1].copy(), kind[::-1].copy()
         corners = first + shift
         # The corner farthest, along the ring, from where this division began.
         shift = int(corners[int(np.argmin(np.abs(first - n / 2)))]) % n
@@ -133,7 +134,7 @@ def divide_ring(
 @njit(cache=True, nogil=True)
 def _divide(sums, n, shift, cosines, sines, noise, wall, own_direction, step, arc, min_radius, min_arc):  # type: ignore[no-untyped-def]
     """
-    Return the first sample and the kind of each wall of an open chain from `shift` on, and the whole cost.
+    Return first sample and kind of each wall of an open chain from `shift` on, last to first, and the cost.
 
     Columns are the directions, then free walls, then arcs.
     """
@@ -176,7 +177,8 @@ def _divide(sums, n, shift, cosines, sines, noise, wall, own_direction, step, ar
                 if is_arc and entry[start, bow] + bent < best[end, bow]:
                     best[end, bow] = entry[start, bow] + bent
                     came_from[end, bow] = start
-        cheapest[end] = best[end].min()
+        for k in range(bow + 1):
+            cheapest[end] = min(cheapest[end], best[end, k])
         _enter(best[end], entry[end], before[end], free, wall, own_direction, step, arc)
         # A start that is beaten by a wall from here can never win again.
         kept = 0
@@ -223,11 +225,14 @@ def _traced_back(best, came_from, before, n, free):  # type: ignore[no-untyped-d
     """Return the walls' first samples and kinds from the last one back."""
     first = np.zeros(n, dtype=np.int64)
     kind = np.zeros(n, dtype=np.int64)
-    n_walls, end, k = 0, n, int(np.argmin(best[n]))
+    n_walls, end, k = 0, n, 0
+    for other in range(best.shape[1]):
+        if best[n, other] < best[n, k]:
+            k = other
     while end > 0:
         start = came_from[end, k]
         first[n_walls] = start
         kind[n_walls] = k if k < free else free - 1 - k
         n_walls += 1
         end, k = start, before[start, k]
-    return first[:n_walls][::-1].copy(), kind[:n_walls][::-1].copy()
+    return first[:n_walls], kind[:n_walls]

@@ -64,9 +64,8 @@ def turning_point(points, first, last, i, k):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def joint_of(points, first, last, shape, i, k, min_step):  # type: ignore[no-untyped-def]
-    """Return the corner between two walls twice, or the two ends of the step between them."""
-    joint = np.empty((2, 2))
+def find_joint(points, first, last, shape, i, k, min_step, joint):  # type: ignore[no-untyped-def]
+    """Write the corner between two walls twice, or the two ends of the step between them."""
     x, y, gap = turning_point(points, first, last, i, k)
     turn = turn_at(points, first, last, shape, i, k, x, y)
     is_bent = shape[i, RADIUS] != 0 or shape[k, RADIUS] != 0
@@ -77,16 +76,13 @@ def joint_of(points, first, last, shape, i, k, min_step):  # type: ignore[no-unt
         limit = max(_MAX_CORNER_SHIFT * min_step * sharp, _MAX_GAP_SHIFT * gap)
         if meet and np.hypot(mx - x, my - y) <= limit:
             joint[:, 0], joint[:, 1] = mx, my
-            return joint
-    joint[0] = foot_on(shape[i], x, y)
-    joint[1] = foot_on(shape[k], x, y)
-    if (
-        is_bent
-        and turn <= PARALLEL
-        and np.hypot(joint[0, 0] - joint[1, 0], joint[0, 1] - joint[1, 1]) <= _SMOOTH * min_step
-    ):
-        joint[0] = joint[1] = 0.5 * (joint[0] + joint[1])
-    return joint
+            return
+    ax, ay = foot_on(shape[i], x, y)
+    bx, by = foot_on(shape[k], x, y)
+    if is_bent and turn <= PARALLEL and np.hypot(ax - bx, ay - by) <= _SMOOTH * min_step:
+        joint[:, 0], joint[:, 1] = 0.5 * (ax + bx), 0.5 * (ay + by)
+    else:
+        joint[0, 0], joint[0, 1], joint[1, 0], joint[1, 1] = ax, ay, bx, by
 
 
 @njit(cache=True, nogil=True)

@@ -6,7 +6,7 @@ import numpy as np
 from numba import njit
 
 from lidar_buildings.core.stages.regularisation.assembly import Fit, WalledRing, close_rows
-from lidar_buildings.core.stages.regularisation.joints import extent_of, joint_of, length_of
+from lidar_buildings.core.stages.regularisation.joints import extent_of, find_joint, length_of
 from lidar_buildings.core.stages.regularisation.samples import RingSamples
 from lidar_buildings.core.stages.regularisation.walls import move_out, offset_of
 
@@ -71,7 +71,7 @@ def _moved(points, first, last, kind, shape, distances, min_step):  # type: igno
     joints = np.zeros((m, 2, 2))
     while m > 1:
         for i in range(m):
-            joints[i] = joint_of(points, first, last, shape, i, (i + 1) % m, _MOVED * min_step)
+            find_joint(points, first, last, shape, i, (i + 1) % m, _MOVED * min_step, joints[i])
         spoilt = _spoilt(points, first, last, shape, joints, m, _LEAST_LEFT * min_step)
         if spoilt < 0 or m <= 3:
             break

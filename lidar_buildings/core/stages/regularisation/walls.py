@@ -17,7 +17,7 @@ _CIRCLE_ROUNDS = 8
 
 
 @njit(cache=True, nogil=True)
-def fit_wall(points, weights, bears, sums, first, last, kind, angles, direction_weight):  # type: ignore[no-untyped-def]
+def fit_wall(points, weights, bears, sums, first, last, kind, angles, direction_weight, shape):  # type: ignore[no-untyped-def]
     """
     Fit the line or arc of one wall.
 
@@ -39,16 +39,13 @@ def fit_wall(points, weights, bears, sums, first, last, kind, angles, direction_
         Directions of normals [rad].
     direction_weight : float
         Zero fits the samples alone, a large value keeps the direction.
-
-    Returns
-    -------
-    ndarray of shape (5,)
-        See `ANGLE` to `RADIUS`.
+    shape : ndarray of shape (5,)
+        What comes out: see `ANGLE` to `RADIUS`.
     """
-    shape = np.zeros(N_SHAPE)
+    shape[:] = 0.0
     if kind == ARC:
         _fit_arc(points, bears, sums, first, last, shape)
-        return shape
+        return
     _, x, y, xx, xy, yy = scatter_of(sums, first, last)
     if kind == FREE:
         angle = normal_angle(xx, xy, yy)
@@ -62,7 +59,6 @@ def fit_wall(points, weights, bears, sums, first, last, kind, angles, direction_
             angle -= across / (along * (1.0 + direction_weight))
     shape[ANGLE] = angle
     shape[OFFSET] = x * np.cos(angle) + y * np.sin(angle)
-    return shape
 
 
 @njit(cache=True, nogil=True)
@@ -71,22 +67,31 @@ def _fit_arc(points, bears, sums, first, last, shape):  # type: ignore[no-untype
     n = len(points)
     x, y, radius, _ = algebraic_circle(sums, first, last)
     for _ in range(_CIRCLE_ROUNDS):
-        normal, right = np.zeros((3, 3)), np.zeros(3)
+        # normal equations of the unit vectors (u, v) from the centre and of the misfits
+        uu, uv, vv, u1, v1, n_bearing = 0.0, 0.0, 0.0, 0.0, 0.0, 0
+        to_u, to_v, to_1 = 0.0, 0.0, 0.0
         for i in range(first, last):
             if not bears[i % n]:
                 continue
             dx, dy = points[i % n, 0] - x, points[i % n, 1] - y
             distance = max(np.hypot(dx, dy), 1e-12)
-            row = np.array([dx / distance, dy / distance, 1.0])
-            for a in range(3):
-                right[a] += row[a] * (distance - radius)
-                for b in range(3):
-                    normal[a, b] += row[a] * row[b]
-        change = np.linalg.solve(normal + 1e-9 * np.trace(normal) * np.eye(3), right)
-        if not np.isfinite(change).all() or radius + change[2] <= 0:
+            u, v, misfit = dx / distance, dy / distance, distance - radius
+            uu, uv, vv, u1, v1 = uu + u * u, uv + u * v, vv + v * v, u1 + u, v1 + v
+            to_u, to_v, to_1 = to_u + u * misfit, to_v + v * misfit, to_1 + misfit
+            n_bearing += 1
+        if n_bearing == 0:
             break
-        x, y, radius = x + change[0], y + change[1], radius + change[2]
-        if np.abs(change).max() < 1e-6 * radius:
+        damping = 1e-9 * (uu + vv + n_bearing)
+        uu, share = uu + damping, uv / (uu + damping)
+        vv, v1, to_v = vv + damping - share * uv, v1 - share * u1, to_v - share * to_u
+        last_one = n_bearing + damping - u1 * u1 / uu - v1 * v1 / vv
+        dr = (to_1 - u1 / uu * to_u - v1 / vv * to_v) / last_one
+        dy = (to_v - v1 * dr) / vv
+        dx = (to_u - uv * dy - u1 * dr) / uu
+        if not np.isfinite(dx + dy + dr) or radius + dr <= 0:
+            break
+        x, y, radius = x + dx, y + dy, radius + dr
+        if max(abs(dx), abs(dy), abs(dr)) < 1e-6 * radius:
             break
     turned = 0.0
     for i in range(first, last - 1):
@@ -161,13 +166,13 @@ def nearest_meeting(one, other, x, y):  # type: ignore[no-untyped-def]
         if distance == 0:
             return 0.0, 0.0, False
         along = 0.5 * (distance + (one[RADIUS] ** 2 - other[RADIUS] ** 2) / distance)
-        line = np.zeros(N_SHAPE)
-        line[ANGLE] = np.arctan2(dy, dx)
-        line[OFFSET] = (one[CENTRE_X] * dx + one[CENTRE_Y] * dy) / distance + along
-        return nearest_meeting(one, line, x, y)
-    line, arc = (one, other) if one[RADIUS] == 0 else (other, one)
-    c, s = np.cos(line[ANGLE]), np.sin(line[ANGLE])
-    off = arc[CENTRE_X] * c + arc[CENTRE_Y] * s - line[OFFSET]
+        arc, angle = one, np.arctan2(dy, dx)
+        offset = (one[CENTRE_X] * dx + one[CENTRE_Y] * dy) / distance + along
+    else:
+        line, arc = (one, other) if one[RADIUS] == 0 else (other, one)
+        angle, offset = line[ANGLE], line[OFFSET]
+    c, s = np.cos(angle), np.sin(angle)
+    off = arc[CENTRE_X] * c + arc[CENTRE_Y] * s - offset
     square = arc[RADIUS] ** 2 - off * off
     if square < 0:
         return 0.0, 0.0, False

@@ -8,7 +8,7 @@ from lidar_buildings.core.stages.regularisation.assembly import Fit, assemble
 from lidar_buildings.core.stages.regularisation.concavities import ConcavityLimits, bearing_points
 from lidar_buildings.core.stages.regularisation.directions import WallScatter, shared_directions
 from lidar_buildings.core.stages.regularisation.division import ARC, FREE, Costs, divide_ring
-from lidar_buildings.core.stages.regularisation.joints import joint_of
+from lidar_buildings.core.stages.regularisation.joints import find_joint
 from lidar_buildings.core.stages.regularisation.moments import algebraic_circle, running_sums
 from lidar_buildings.core.stages.regularisation.samples import sample_ring
 from lidar_buildings.core.stages.regularisation.turns import divide_at_turns
@@ -60,7 +60,9 @@ def jagged_box(seed, width=30.0, height=20.0):
 def fitted(points, kind, angles=(), weight=100.0):
     weights, bears = np.ones(len(points)), np.ones(len(points), dtype=bool)
     sums = running_sums(points, weights)
-    return fit_wall(points, weights, bears, sums, 0, len(points), kind, np.array(angles), weight)
+    shape = np.empty(N_SHAPE)
+    fit_wall(points, weights, bears, sums, 0, len(points), kind, np.array(angles), weight, shape)
+    return shape
 
 
 @settings(max_examples=40, deadline=None)
@@ -195,7 +197,8 @@ def test_a_sharp_corner_does_not_stick_out_beyond_its_points(turn_deg, is_corner
     points = np.vstack([up, away, [[20.0, -20.0]]])
     shapes = np.array([fitted(up, FREE), fitted(away, FREE)])
     first, last = np.array([0, 11]), np.array([11, 22])
-    joint = joint_of(points, first, last, shapes, 0, 1, 1.0)
+    joint = np.empty((2, 2))
+    find_joint(points, first, last, shapes, 0, 1, 1.0, joint)
     assert np.array_equal(*joint) == is_corner
     # A sharp corner would be 2.3 from the turn; its blunt end is beside the points.
     assert np.hypot(*(joint - (0.45, 9.8)).T).max() < 1.5
