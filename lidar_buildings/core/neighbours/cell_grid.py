@@ -223,10 +223,10 @@ def _rows_by_number(
 @njit(cache=True, nogil=True)
 def _counting_sort(numbers, n_cells):  # type: ignore[no-untyped-def]
     """Sort with one step a point and a cell; see `_rows_by_number`."""
-    place = np.zeros(n_cells, dtype=np.int64)
+    place, n_occupied = np.zeros(n_cells, dtype=np.int64), 0
     for number in numbers:
+        n_occupied += place[number] == 0
         place[number] += 1
-    n_occupied = np.count_nonzero(place)
     occupied, first = np.empty(n_occupied, dtype=np.int64), np.empty(n_occupied + 1, dtype=np.int64)
     total, k = 0, 0
     for number in range(n_cells):

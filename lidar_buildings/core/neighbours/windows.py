@@ -35,7 +35,8 @@ def first_windows(numbers, n_columns, reach, cell):  # type: ignore[no-untyped-d
     windows = np.empty((2 * reach + 1, 2), dtype=np.int64)
     row, column = numbers[cell] // n_columns, numbers[cell] % n_columns
     for k in range(len(windows)):
-        windows[k] = cells_in_row(numbers, n_columns, row + k - reach, column, reach)
+        begin, end = cells_in_row(numbers, n_columns, row + k - reach, column, reach)
+        windows[k, 0], windows[k, 1] = begin, end
     return windows
 
 

@@ -72,7 +72,9 @@ def bridged_planes(
         Largest distance of a bridge's points from the plane [m].
     """
     rows, first = rows_of_planes(labels[seam], len(equations))
-    return _bridged(cloud, labels, seam[rows], first, equations, bridge, max_distance)
+    is_bridged = np.zeros((len(equations), len(equations)), dtype=bool)
+    _bridge(cloud, labels, seam[rows], first, equations, bridge, max_distance, is_bridged)
+    return np.argwhere(is_bridged)
 
 
 @njit(cache=True, nogil=True)
@@ -135,7 +137,7 @@ def _planes_around(neighbours: NDArray[np.int32], labels: NDArray[np.int32], i: 
 
 
 @njit(cache=True, nogil=True)
-def _bridged(cloud, labels, rows, first, equations, bridge, max_distance):  # type: ignore[no-untyped-def]
+def _bridge(cloud, labels, rows, first, equations, bridge, max_distance, is_bridged):  # type: ignore[no-untyped-def]
     """Compare all planes that have seams; see `bridged_planes`."""
     points = cloud.points
     way = np.full(len(points), np.inf)
@@ -149,7 +151,6 @@ def _bridged(cloud, labels, rows, first, equations, bridge, max_distance):  # ty
                 middle[k, axis] += points[i, axis] / (first[k + 1] - first[k])
                 low[k, axis] = min(low[k, axis], points[i, axis])
                 high[k, axis] = max(high[k, axis], points[i, axis])
-    pairs = [(0, 0) for _ in range(0)]
     for a in range(1, size):
         for b in range(a + 1, size):
             apart = False
@@ -158,14 +159,9 @@ def _bridged(cloud, labels, rows, first, equations, bridge, max_distance):  # ty
             if apart or not _alike(equations, middle, a, b, _OFF * max_distance):
                 continue
             one, other = rows[first[a] : first[a + 1]], rows[first[b] : first[b + 1]]
-            if _leads_to(cloud, labels, one, b, equations[a], bridge, max_distance, way, queue) or _leads_to(
-                cloud, labels, other, a, equations[b], bridge, max_distance, way, queue
-            ):
-                pairs.append((a, b))
-    found = np.empty((len(pairs), 2), np.int64)
-    for k in range(len(pairs)):
-        found[k, 0], found[k, 1] = pairs[k]
-    return found
+            is_bridged[a, b] = _leads_to(
+                cloud, labels, one, b, equations[a], bridge, max_distance, way, queue
+            ) or _leads_to(cloud, labels, other, a, equations[b], bridge, max_distance, way, queue)
 
 
 @njit(cache=True, nogil=True)

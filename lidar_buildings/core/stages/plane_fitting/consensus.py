@@ -102,7 +102,8 @@ def propose(
             support += max(0.0, 1.0 - off * off)
         if support > best:
             best = support
-            plane[:] = trial
+            for k in range(4):
+                plane[k] = trial[k]
     return best > 0.0 and fit_near(cloud, limits, near[:n], seed, plane)
 
 
@@ -110,7 +111,7 @@ def propose(
 def fit_near(cloud: Cloud, limits: Limits, near: IntArray, seed: int, plane: FloatArray) -> bool:
     """Replace `plane` by the least-squares plane of its inliers among the seed's neighbours."""
     origin, points = cloud.points[seed], cloud.points
-    x, y, z = origin
+    x, y, z = origin[0], origin[1], origin[2]
     moments = np.zeros(N_MOMENTS)
     add_point(moments, 0.0, 0.0, 0.0)
     for j in near:
@@ -155,7 +156,7 @@ def grow(
     number = scratch.counter[0]
     visit, queue = scratch.visit, scratch.queue
     origin, points = cloud.points[seed], cloud.points
-    x, y, z = origin
+    x, y, z = origin[0], origin[1], origin[2]
     moments = np.zeros(N_MOMENTS)
     head, tail, score, next_fit = 0, 0, 0.0, cloud.neighbours.shape[1]
     if labels[seed] == 0 and belongs(cloud, limits, plane, seed):

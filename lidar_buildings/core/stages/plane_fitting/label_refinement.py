@@ -44,7 +44,8 @@ def refine_labels(
     for label in labels:
         size = max(size, label + 1)
     waiting = np.zeros(len(labels), np.bool_)
-    waiting[seam] = True
+    for i in seam:
+        waiting[i] = True
     for _ in range(_MAX_FITS):
         equations = equations_of(plane_sums(cloud.points, labels, size))
         moved = move_points(cloud, labels, equations, max_distance, smoothness, waiting)
@@ -90,7 +91,8 @@ def move_points(
                     waiting[j] = True
         if moved == before:
             break
-    waiting |= by_seam
+    for i in range(len(labels)):
+        waiting[i] |= by_seam[i]
     return moved
 
 

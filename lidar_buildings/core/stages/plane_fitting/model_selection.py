@@ -98,7 +98,8 @@ def select_planes(
     first, beside = _neighbours_of_planes(parent[touching], size)
     rows, begin = rows_of_planes(labels, size)
     moments = plane_sums(cloud.points, labels, size)
-    return _dissolved(cloud.points, labels, moments, first, beside, rows, begin, prices)
+    by_size = np.argsort(moments[:, 0], kind="stable")
+    return _dissolved(cloud.points, labels, moments, by_size, first, beside, rows, begin, prices)
 
 
 def _neighbours_of_planes(pairs: IntArray, size: int) -> tuple[IntArray, IntArray]:
@@ -131,7 +132,9 @@ def equations_of(moments: FloatArray) -> FloatArray:
 @njit(cache=True, nogil=True)
 def _saving(moments: FloatArray, a: int, b: int, prices: Prices) -> float:
     """Return what is saved by one plane in place of two."""
-    joint = moments[a] + moments[b]
+    joint = np.empty(N_MOMENTS)
+    for k in range(N_MOMENTS):
+        joint[k] = moments[a, k] + moments[b, k]
     loss = residual_of(joint) - residual_of(moments[a]) - residual_of(moments[b])
     fewer = min(moments[a, 0], moments[b, 0])
     return prices.plane + prices.unevenness * fewer - prices.point * loss
@@ -144,11 +147,15 @@ def _merged(moments: FloatArray, pairs: IntArray, prices: Prices, parent: IntArr
     for k in range(len(pairs)):
         saving[k] = _saving(moments, pairs[k, 0], pairs[k, 1], prices)
     while len(pairs):
-        best = int(np.argmax(saving))
+        best = 0
+        for k in range(len(pairs)):
+            if saving[k] > saving[best]:
+                best = k
         if saving[best] <= 0.0:
             break
         a, b = min(pairs[best, 0], pairs[best, 1]), max(pairs[best, 0], pairs[best, 1])
-        moments[a] += moments[b]
+        for k in range(N_MOMENTS):
+            moments[a, k] += moments[b, k]
         parent[b] = a
         for k in range(len(pairs)):
             for side in range(2):
@@ -164,12 +171,14 @@ def _merged(moments: FloatArray, pairs: IntArray, prices: Prices, parent: IntArr
 
 
 @njit(cache=True, nogil=True)
-def _dissolved(points, labels, moments, first, beside, rows, begin, prices):  # type: ignore[no-untyped-def]
+def _dissolved(points, labels, moments, by_size, first, beside, rows, begin, prices):  # type: ignore[no-untyped-def]
     """Return the labels without the planes that do not pay; see `dissolve_planes`."""
     labels = labels.copy()
     equations = equations_of(moments)
-    alive = moments[:, 0] > 0.0
-    for a in np.argsort(moments[:, 0]):
+    alive = np.zeros(len(moments), dtype=np.bool_)
+    for a in by_size:
+        alive[a] = moments[a, 0] > 0.0
+    for a in by_size:
         if a == 0 or not alive[a] or first[a] == first[a + 1]:
             continue
         loss, n = 0.0, begin[a + 1] - begin[a]

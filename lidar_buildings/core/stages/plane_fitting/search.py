@@ -63,8 +63,9 @@ def extract(cloud: Cloud, limits: Limits, order: IntArray, samples: FloatArray) 
         np.empty(n, np.int64),
         np.zeros(n, np.bool_),
         np.zeros(n, np.bool_),
-        np.array([0, n, 0, 0]),
+        np.zeros(4, np.int64),
     )
+    scratch.counter[1] = n
     n_planes: int = np.int64(0)  # type: ignore[assignment] # a plain 0 is a type of its own for numba
     before: int = np.int64(-1)  # type: ignore[assignment]
     while n_planes > before:
@@ -189,7 +190,8 @@ def add_hypothesis(
                 scratch.tried[i] = True
         return -1
     pool.seed[at], pool.n_points[at], pool.score[at] = seed, count, score
-    pool.holder[scratch.queue[:count]] = at
+    for i in scratch.queue[:count]:
+        pool.holder[i] = at
     pool.size[0] += 1
     return at
 

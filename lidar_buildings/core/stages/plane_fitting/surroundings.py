@@ -218,4 +218,4 @@ def _take_smoothest(points, neighbours, planes, roughness, is_smooth, noise, nor
                     break
                 if roughness[j] < roughness[best] and distance_of(planes[j], points, i) <= _ON_PLANE * noise:
                     best = j
-        normals[i] = planes[best, :3]
+        normals[i, 0], normals[i, 1], normals[i, 2] = planes[best, 0], planes[best, 1], planes[best, 2]
