@@ -6,10 +6,12 @@ import sys
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from tqdm import tqdm
 
-from lidar_buildings.io.results.output_folder import RunSummary
+if TYPE_CHECKING:
+    from lidar_buildings.io.results.output_folder import RunSummary
 
 
 @dataclass(frozen=True)

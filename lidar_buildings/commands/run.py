@@ -9,20 +9,18 @@ import sys
 import time
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from lidar_buildings.commands.progress import RunOutcome, counted, progress_bar
+from lidar_buildings.commands.progress import RunOutcome, counted
 from lidar_buildings.commands.run_request import RunRequest, request_of
 from lidar_buildings.core.kernel_cache import start_compiling
 from lidar_buildings.core.model.errors import LidarBuildingsError
-from lidar_buildings.core.model.stage_table import STAGES
-from lidar_buildings.io.clouds.las import frame_of, open_inputs
 from lidar_buildings.io.results.output_config import FORMAT_FILES
-from lidar_buildings.io.results.output_folder import OutputFolder, RunSummary
 from lidar_buildings.io.results.run_folder import discard_unfinished
-from lidar_buildings.io.results.run_info import run_info
-from lidar_buildings.io.tiling.tiling import TileSource
-from lidar_buildings.io.vectors.footprints import FootprintFile, check_overlap, read_footprints
+
+if TYPE_CHECKING:  # what reads and writes files is imported while the processes of a run start
+    from lidar_buildings.io.results.output_folder import RunSummary
+    from lidar_buildings.io.vectors.footprints import FootprintFile
 
 #: Exit statuses: users' scripts rely on them.
 DONE, WRONG_USE, TILE_FAILED = 0, 2, 3
@@ -58,6 +56,9 @@ def _footprints(request: RunRequest) -> FootprintFile | None:
     """Read the footprints, if any are given, and refuse them if none lies within the clouds."""
     if request.footprints is None:
         return None
+    from lidar_buildings.io.clouds.las import frame_of, open_inputs
+    from lidar_buildings.io.vectors.footprints import check_overlap, read_footprints
+
     clouds, _ = open_inputs(request.inputs)
     frame = frame_of(clouds)
     found = read_footprints(request.footprints, frame)
@@ -69,42 +70,20 @@ def _footprints(request: RunRequest) -> FootprintFile | None:
 
 
 def _run_local(request: RunRequest, footprints: FootprintFile | None) -> RunOutcome:
-    from lidar_buildings.commands.run_local import process_tiles
     from lidar_buildings.pipeline.building_pool import BuildingPool
-    from lidar_buildings.pipeline.tile_models import load_models
 
-    started = time.perf_counter()
-    skip: set[int] = set()
-    prepare = load_models if request.until in STAGES[-2:] else None
-    with (
-        BuildingPool(prepare=prepare) as pool,
-        TileSource(request.inputs, request.tiling, skip=skip) as source,
-    ):
-        folder = OutputFolder(
-            request.output,
-            source.inputs,
-            source.frame,
-            overwrite=request.overwrite,
-            until=request.until,
-            parameters=request.parameters(),
-            footprints=footprints,
-            formats=request.files.formats,
-        )
-        skip |= folder.done_stamps()
-        with progress_bar(lambda: source.tile_count - len(skip)) as progress:
-            seconds, failed = process_tiles(
-                source,
-                folder,
-                request.config,
-                request.until,
-                progress,
-                request.files,
-                None if footprints is None else footprints.footprints,
-                pool,
-            )
-        seconds = {"wall": time.perf_counter() - started, **seconds}
-        info = run_info(seconds, request.parameters(), failed, source.problems)
-        return RunOutcome(folder.finalise(info, pool.share), failed)
+    with BuildingPool(prepare=_prepare) as pool:
+        from lidar_buildings.commands.run_local import run_local  # while the pool is getting ready
+
+        return run_local(request, footprints, pool)
+
+
+def _prepare() -> None:
+    """Load what works on tiles, compiled code by a call of each stage."""
+    from lidar_buildings.commands import stage_calls, tile_work  # noqa: F401
+
+    for call in stage_calls.CALLS:
+        call()
 
 
 def _run_graph(request: RunRequest) -> RunOutcome:

@@ -2,24 +2,83 @@
 
 from __future__ import annotations
 
+import time
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, wait
+from functools import partial
+from typing import TypeVar
 
+from lidar_buildings.commands.progress import RunOutcome, progress_bar
+from lidar_buildings.commands.run_request import RunRequest
 from lidar_buildings.commands.tile_work import TileOutcome, TileWork, done
 from lidar_buildings.core.model.errors import LidarBuildingsError
 from lidar_buildings.core.stages.footprints import Footprints
 from lidar_buildings.core.stages.terrain import RasterConfig
 from lidar_buildings.io.results.output_folder import OutputFolder
+from lidar_buildings.io.results.run_info import run_info
 from lidar_buildings.io.tiling.spooled_tile import SpooledTile
 from lidar_buildings.io.tiling.tiling import TileSource
+from lidar_buildings.io.vectors.footprints import FootprintFile
 from lidar_buildings.pipeline.building_pool import BuildingPool, NoWorkerError
 from lidar_buildings.pipeline.reconstruct import PipelineConfig
 
 #: Footprints so far from all points may still be asked for [m]; wide margin over 5 m.
 _MARGIN = 10.0
 
+_Job = TypeVar("_Job")
+_Result = TypeVar("_Result")
 _Answer = Future[TileOutcome | LidarBuildingsError]
+
+
+def run_local(request: RunRequest, footprints: FootprintFile | None, pool: BuildingPool) -> RunOutcome:
+    """
+    Take a job from its inputs to its files.
+
+    Raises
+    ------
+    LidarBuildingsError
+        If it cannot begin or go on.
+    """
+    started = time.perf_counter()
+    skip: set[int] = set()
+    with TileSource(request.inputs, request.tiling, skip=skip) as source:
+        folder = OutputFolder(
+            request.output,
+            source.inputs,
+            source.frame,
+            overwrite=request.overwrite,
+            until=request.until,
+            parameters=request.parameters(),
+            footprints=footprints,
+            formats=request.files.formats,
+        )
+        skip |= folder.done_stamps()
+        with progress_bar(lambda: source.tile_count - len(skip)) as progress:
+            seconds, failed = process_tiles(
+                source,
+                folder,
+                request.config,
+                request.until,
+                progress,
+                request.files,
+                None if footprints is None else footprints.footprints,
+                pool,
+            )
+        seconds = {"wall": time.perf_counter() - started, **seconds}
+        info = run_info(seconds, request.parameters(), failed, source.problems)
+        return RunOutcome(folder.finalise(info, partial(_shared, pool)), failed)
+
+
+def _shared(pool: BuildingPool, function: Callable[[_Job], _Result], jobs: Sequence[_Job]) -> list[_Result]:
+    """Do the first of some jobs here, and the others meanwhile in the pool's processes."""
+    others = [pool.submit(_call, (function, job)) for job in jobs[1:]]
+    return [*map(function, jobs[:1]), *(other.result() for other in others)]
+
+
+def _call(work: tuple[Callable[[_Job], _Result], _Job], _: object) -> _Result:
+    function, job = work
+    return function(job)
 
 
 def process_tiles(
@@ -84,9 +143,12 @@ def process_tiles(
     processes = pool or BuildingPool(0)
     for tile in source.ready():
         path, near = folder.tile_path(tile.stamp), _near(footprints, tile)
-        work = TileWork(tile, path, config, until, rasters or RasterConfig(), near)
+        is_only = source.tile_count == 1
+        work = TileWork(tile, path, config, until, rasters or RasterConfig(), near, is_only)
         waiting[processes.submit(done, work)] = work
         finish(wait(waiting, timeout=0).done)
+    if processes.n_alive:
+        folder.load_writers()
     while waiting:
         finish(wait(waiting, return_when=FIRST_COMPLETED).done)
     return dict(seconds), failed

@@ -6,7 +6,7 @@ import argparse
 import re
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from lidar_buildings.commands.settings import Settings, read_settings
 from lidar_buildings.core.model.errors import InputError, ParameterError
@@ -14,10 +14,12 @@ from lidar_buildings.core.model.parameters import StageConfig
 from lidar_buildings.core.stages.footprints import FootprintConfig
 from lidar_buildings.core.stages.regularisation import RegularisationConfig
 from lidar_buildings.io.results.output_config import OutputConfig
-from lidar_buildings.io.tiling.tiling import TilingConfig
-from lidar_buildings.io.vectors.footprints import FootprintSource
+from lidar_buildings.io.tiling.tiling_config import TilingConfig
 from lidar_buildings.nodes.configs import NODE_CONFIGS
 from lidar_buildings.pipeline.reconstruct import STAGE_CONFIGS, STAGES, PipelineConfig
+
+if TYPE_CHECKING:
+    from lidar_buildings.io.vectors.footprints import FootprintSource
 
 Config = TypeVar("Config", bound=StageConfig)
 
@@ -143,6 +145,8 @@ def _footprints(options: argparse.Namespace) -> FootprintSource | None:
         return None
     if not options.footprints.exists():
         raise InputError(f"{options.footprints}: no such file: check the path of --footprints")
+    from lidar_buildings.io.vectors.footprints import FootprintSource  # what reads them takes time to import
+
     return FootprintSource(options.footprints, layer or "", column or "")
 
 

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import NamedTuple
 
 from lidar_buildings.core.model.errors import LidarBuildingsError
 from lidar_buildings.core.model.map_frame import MapFrame
+from lidar_buildings.core.model.tile import PointTile
+from lidar_buildings.core.neighbours.parallel import work_alone
 from lidar_buildings.core.stages.footprints import Footprints
-from lidar_buildings.core.stages.terrain import RasterConfig
+from lidar_buildings.core.stages.terrain import RasterConfig, TerrainRasters
 from lidar_buildings.io.models.cityjson import feature_line
 from lidar_buildings.io.results.tile_products import TileProducts
 from lidar_buildings.io.tiling.spooled_tile import SpooledTile
@@ -37,6 +41,8 @@ class TileWork:
         Of the rasters.
     footprints : Footprints or None
         Outlines to use instead of tracing.
+    is_only : bool
+        Whether there is no other tile, so that the other cores have nothing else to do.
     """
 
     tile: SpooledTile
@@ -45,6 +51,7 @@ class TileWork:
     until: str
     rasters: RasterConfig = field(default_factory=RasterConfig)
     footprints: Footprints | None = None
+    is_only: bool = False
 
 
 class TileOutcome(NamedTuple):
@@ -56,9 +63,17 @@ class TileOutcome(NamedTuple):
 
 def done(work: TileWork, pool: Sharing | None = None) -> TileOutcome | LidarBuildingsError:
     """Take a tile from its points to its saved products; return what ends the whole run."""
+    work_alone(not work.is_only)
+    frame = work.tile.store.frame
+    rasters: list[Future[TerrainRasters | None]] = []
     try:
-        result = whole_result(work.tile, work.config, work.until, work.footprints, pool)
-        products_of(result, work.tile.store.frame, work.rasters).save(work.path)
+        with ThreadPoolExecutor(1) as beside:  # rasters are made of the classes alone
+
+            def begin(classified: PointTile) -> None:
+                rasters.append(beside.submit(rasterise_tile, classified, work.rasters, frame))
+
+            result = whole_result(work.tile, work.config, work.until, work.footprints, pool, begin)
+        products_of(result, frame, rasters[-1].result()).save(work.path)
     except LidarBuildingsError as error:
         return error
     except Exception as error:
@@ -72,19 +87,22 @@ def whole_result(
     until: str,
     footprints: Footprints | None = None,
     pool: Sharing | None = None,
+    on_classified: Callable[[PointTile], object] | None = None,
 ) -> TileResult:
     """Process a tile, with a larger buffer as long as one of its buildings is not whole."""
     tile = spooled.read()
-    result = reconstruct_tile(tile, config, until=until, footprints=footprints, pool=pool)
-    while result.clipped:
+    while True:
+        result = reconstruct_tile(
+            tile, config, until=until, footprints=footprints, pool=pool, on_classified=on_classified
+        )
+        if not result.clipped:
+            return result
         larger = spooled.grown()
         # What cannot grow is all there is: no limit is left to reach.
         tile = larger if larger is not None else replace(tile, bounds=None)
-        result = reconstruct_tile(tile, config, until=until, footprints=footprints, pool=pool)
-    return result
 
 
-def products_of(result: TileResult, frame: MapFrame, rasters: RasterConfig) -> TileProducts:
+def products_of(result: TileResult, frame: MapFrame, rasters: TerrainRasters | None) -> TileProducts:
     """Gather what a tile's files need."""
     features = [
         feature_line(one.model, one.building_id, frame, one.attributes, anchor=one.anchor)
@@ -96,5 +114,5 @@ def products_of(result: TileResult, frame: MapFrame, rasters: RasterConfig) -> T
         result.traced,
         result.outlines,
         features,
-        rasterise_tile(result.classified, rasters, frame),
+        rasters,
     )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, fields, replace
 from difflib import get_close_matches
 from typing import Any
@@ -125,6 +125,7 @@ def reconstruct_tile(
     until: str = STAGES[-1],
     footprints: Footprints | None = None,
     pool: Sharing | None = None,
+    on_classified: Callable[[PointTile], object] | None = None,
 ) -> TileResult:
     """
     Take one tile from raw points to models.
@@ -141,6 +142,8 @@ def reconstruct_tile(
         Outlines to use as they are instead of tracing and regularising.
     pool : Sharing, optional
         Processes that share the buildings; one after the other here without.
+    on_classified : callable, optional
+        Called with the tile as soon as its points have their classes.
 
     Returns
     -------
@@ -158,12 +161,15 @@ def reconstruct_tile(
     if footprints is not None:
         config = replace(config, regularisation=replace(config.regularisation, keep_outlines=True))
     is_last = _StageClock(until)
+    tell = on_classified or (lambda _: None)
 
     classified = filter_ground(tile, config.ground_filter)
     if is_last("ground_filter"):
+        tell(classified)
         return TileResult(classified, seconds=is_last.seconds)
 
     classified = select_roof_points(classified, config.roof_selection)
+    tell(classified)
     roofs = roof_points(classified)
     if is_last("roof_selection"):
         return TileResult(classified, roofs, seconds=is_last.seconds)
@@ -173,14 +179,14 @@ def reconstruct_tile(
         return TileResult(classified, roofs, seconds=is_last.seconds)
 
     if footprints is None:
-        found = trace_buildings(roofs, config.segmentation, config.boundary_tracing)
+        found = trace_buildings(roofs, config.segmentation, config.boundary_tracing, pool)
     else:
         found = trace_footprints(classified, roofs, footprints, config.footprints, config.edge_labelling)
     roofs, traced = found.tile, found.outlines
     if is_last("boundary_tracing") or found.clipped:
         return TileResult(classified, roofs, traced, clipped=found.clipped, seconds=is_last.seconds)
 
-    outlines = regularise_outlines(traced, config.regularisation)
+    outlines = regularise_outlines(traced, config.regularisation, pool)
     if is_last("regularisation"):
         return TileResult(classified, roofs, traced, outlines, seconds=is_last.seconds)
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 import shapely
@@ -21,6 +22,7 @@ from lidar_buildings.core.stages.regularisation import (
     working_spacing,
 )
 from lidar_buildings.core.stages.regularisation.shared_walls import share_walls
+from lidar_buildings.pipeline.sharing import Sharing, map_buildings
 
 _log = logging.getLogger(__name__)
 
@@ -32,7 +34,7 @@ _MAX_OVERLAP = 1e-2
 
 
 def regularise_outlines(
-    outlines: tuple[BuildingOutline, ...], config: RegularisationConfig
+    outlines: tuple[BuildingOutline, ...], config: RegularisationConfig, pool: Sharing | None = None
 ) -> tuple[BuildingOutline, ...]:
     """
     Regularise every traced outline, and let touching ones share walls; one that cannot be keeps its rings.
@@ -41,12 +43,14 @@ def regularise_outlines(
     instance.
 
     What becomes of an outline depends on those of its own block alone, which is never cut by a tile's edge.
+    Each is regularised by itself first, in the pool's processes if there is one.
     """
     if config.keep_outlines:
         given = OutlineQuality(0.0, 0.0, BuildingStatus.OK, "")
         return tuple(replace(one, quality=given) for one in outlines)
     traced = [one.outline for one in outlines]
-    own = [_regularised(one, config) for one in outlines]
+    sizes = [sum(map(len, one.rings)) for one in traced]
+    own = map_buildings(pool, _regularised, [_Job(one, config) for one in outlines], sizes, _lost)
     regular = [one.outline for one in own]
     groups = touching_groups(traced)
     if config.max_wall_gap:
@@ -99,14 +103,28 @@ def _share_walls(
         outlines[row] = outline
 
 
-def _regularised(traced: BuildingOutline, config: RegularisationConfig) -> RegularisedOutline:
+class _Job(NamedTuple):
+    """What one outline is regularised from."""
+
+    traced: BuildingOutline
+    config: RegularisationConfig
+
+
+def _regularised(job: _Job) -> RegularisedOutline:
     """Regularise one outline, or keep it as it is."""
     try:
-        return regularise_outline(traced.outline, config)
+        return regularise_outline(job.traced.outline, job.config)
     except Exception as error:
-        _log.exception("building %d: regularisation failed, the traced ring is kept", traced.building_id)
-        reason = f"unexpected error: {error!r}"
-        return RegularisedOutline(traced.outline, np.nan, np.nan, (), BuildingStatus.FAILED, reason)
+        _log.exception("building %d: regularisation failed, the traced ring is kept", job.traced.building_id)
+        return _kept(job, f"unexpected error: {error!r}")
+
+
+def _lost(job: _Job) -> RegularisedOutline:
+    return _kept(job, "two processes ended at its outline")
+
+
+def _kept(job: _Job, reason: str) -> RegularisedOutline:
+    return RegularisedOutline(job.traced.outline, np.nan, np.nan, (), BuildingStatus.FAILED, reason)
 
 
 def _quality(

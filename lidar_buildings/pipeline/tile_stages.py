@@ -129,13 +129,16 @@ def label_roof_edges(tile: PointTile, config: EdgeLabellingConfig) -> LabelledTi
 
 
 def trace_buildings(
-    tile: PointTile, segmentation: SegmentationConfig, boundary_tracing: BoundaryTracingConfig
+    tile: PointTile,
+    segmentation: SegmentationConfig,
+    boundary_tracing: BoundaryTracingConfig,
+    pool: Sharing | None = None,
 ) -> TracedTile:
     """
     Segment a tile's roof points into buildings and trace those that belong to the tile.
 
     A block of touching buildings belongs to the tile that holds its anchor as a core point, so that each
-    building comes out once.
+    building comes out once. They are traced in the pool's processes if there is one.
     """
     found = segment_buildings(
         tile.points,
@@ -157,13 +160,12 @@ def trace_buildings(
         if int(found.block_id[rows[0]]) in blocks
     ]
     building_id = np.zeros(len(tile), dtype=np.uint32)
-    outlines = []
+    jobs, spacing = [], tile.point_spacing
     for number, rows in owned:
         building_id[rows] = number
-        traced = _traced(
-            number, tile.points[rows], boundary_tracing, found.patterns[number], tile.point_spacing
-        )
-        outlines.append(BuildingOutline(number, traced))
+        jobs.append(_TracingJob(number, tile.points[rows], boundary_tracing, found.patterns[number], spacing))
+    rings = map_buildings(pool, _traced, jobs, [len(rows) for _, rows in owned], _square)
+    outlines = [BuildingOutline(job.building_id, ring) for job, ring in zip(jobs, rings, strict=True)]
     clipped = any(_reaches(tile.bounds, tile.points[rows], max(found.window)) for _, rows in owned)
     return TracedTile(tile.with_columns(building_id=building_id), tuple(outlines), clipped)
 
@@ -260,21 +262,29 @@ def _with_others(
     return roofs.joined(others).select(np.argsort(rows, kind="stable"))
 
 
-def _traced(
-    number: int,
-    points: NDArray[np.float64],
-    config: BoundaryTracingConfig,
-    pattern: ScanPattern,
-    point_spacing: float | None,
-) -> Outline:
+class _TracingJob(NamedTuple):
+    """What one building is traced from."""
+
+    building_id: int
+    points: NDArray[np.float64]
+    config: BoundaryTracingConfig
+    pattern: ScanPattern
+    point_spacing: float | None
+
+
+def _traced(job: _TracingJob) -> Outline:
     """Trace one building; whatever goes wrong, a ring comes back."""
     try:
-        traced = trace_boundary(points, config, pattern=pattern, point_spacing=point_spacing)
+        traced = trace_boundary(job.points, job.config, pattern=job.pattern, point_spacing=job.point_spacing)
         return traced.outline.as_carried()
     except Exception:
-        _log.exception("building %d: tracing failed, a square marks its anchor", number)
-        square = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]]) * _MARKER_SIZE
-        return Outline(points[anchor_row(points), :2] + square).as_carried()
+        _log.exception("building %d: tracing failed, a square marks its anchor", job.building_id)
+        return _square(job)
+
+
+def _square(job: _TracingJob) -> Outline:
+    square = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]]) * _MARKER_SIZE
+    return Outline(job.points[anchor_row(job.points), :2] + square).as_carried()
 
 
 def _reaches(
@@ -283,11 +293,5 @@ def _reaches(
     """Whether points come within a window of the tile's outer limits."""
     if bounds is None:
         return False
-    west, south, east, north = bounds
-    x, y = points[:, 0], points[:, 1]
-    return bool(
-        x.min() - west < window
-        or y.min() - south < window
-        or east - x.max() < window
-        or north - y.max() < window
-    )
+    low, high = points[:, :2].min(axis=0), points[:, :2].max(axis=0)
+    return bool((low - bounds[:2] < window).any() or (bounds[2:] - high < window).any())

@@ -21,9 +21,9 @@ _lock = threading.Lock()
 _pool: ThreadPoolExecutor | None = None
 
 
-def work_alone() -> None:
-    """Let the calling thread do all its blocks itself: the other cores have threads of their own."""
-    _thread.is_alone = True
+def work_alone(is_alone: bool = True) -> None:
+    """Let the calling thread do all its blocks itself, or not: the other cores have work of their own."""
+    _thread.is_alone = is_alone
 
 
 def n_cores() -> int:

@@ -7,7 +7,7 @@ from collections.abc import Collection, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 from zipfile import BadZipFile
 
 import numpy as np
@@ -17,7 +17,6 @@ from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.model.stage_table import STAGES
 from lidar_buildings.io.clouds.las import InputFile
 from lidar_buildings.io.files.atomic_files import atomic_file
-from lidar_buildings.io.results.building_files import OF_OUTLINES, ModelHeading, Share, write_buildings
 from lidar_buildings.io.results.classified_files import write_clouds
 from lidar_buildings.io.results.footprint_results import FootprintResults
 from lidar_buildings.io.results.output_config import FORMATS
@@ -29,9 +28,11 @@ from lidar_buildings.io.results.run_folder import (
 )
 from lidar_buildings.io.results.seams import seam_pieces
 from lidar_buildings.io.results.survey_buildings import SurveyBuildings
-from lidar_buildings.io.results.terrain_files import RasterExtentError, crs_with_heights, write_rasters
 from lidar_buildings.io.results.tile_products import TileProducts, load_outlines, load_rows, load_shapes
 from lidar_buildings.io.vectors.footprints import FootprintFile
+
+if TYPE_CHECKING:  # what writes is imported when it is needed: `load_writers`
+    from lidar_buildings.io.results.building_files import ModelHeading, Share
 
 _ENDING = ".npz"
 #: File among the tiles in which the models' lines wait for their turn.
@@ -166,6 +167,13 @@ class OutputFolder:
             int(fragment.stem) for fragment in self._partial.glob(f"*{_ENDING}") if fragment.stem.isdigit()
         }
 
+    def load_writers(self) -> None:
+        """Import what `finalise` needs, in a time when nothing else is to be done."""
+        from lidar_buildings.io.results import building_files, terrain_files  # noqa: F401
+
+        if "dxf" in self.formats:
+            import ezdxf  # noqa: F401
+
     def finalise(self, run_info: Mapping[str, Any] | None = None, share: Share = map) -> RunSummary:
         """
         Make the files from the tiles on disk; ``run.json`` comes last, then the tiles are deleted.
@@ -220,6 +228,8 @@ class OutputFolder:
         self, fragments: list[Path], pieces: set[int], share: Share
     ) -> tuple[list[str], dict[str, int]]:
         """Write outlines and models as far as the run went; return file names, and buildings per status."""
+        from lidar_buildings.io.results.building_files import OF_OUTLINES, write_buildings
+
         names = self._footprints.names if self._footprints else None
         formats = self.formats
         if self.until in _WITHOUT_MODELS:
@@ -233,6 +243,9 @@ class OutputFolder:
 
     def _heading(self) -> ModelHeading:
         """Return what the city model says of itself."""
+        from lidar_buildings.io.results.building_files import ModelHeading
+        from lidar_buildings.io.results.terrain_files import crs_with_heights
+
         names = output_names(self.inputs)
         more = f" and {len(names) - 1} more" if len(names) > 1 else ""
         title = f"Buildings of {names[0]}{more}" if names else ""
@@ -240,6 +253,8 @@ class OutputFolder:
 
     def _write_rasters(self, fragments: list[Path]) -> tuple[dict[str, dict[str, Any]], list[str]]:
         """Write the rasters; a survey too wide for them is a problem."""
+        from lidar_buildings.io.results.terrain_files import RasterExtentError, write_rasters
+
         try:
             return write_rasters(self.path, fragments, self.frame, self.inputs), []
         except RasterExtentError as error:

@@ -6,13 +6,15 @@ import json
 import shutil
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from lidar_buildings.core.model.errors import OutputError
-from lidar_buildings.io.clouds.las import InputFile
 from lidar_buildings.io.files.atomic_files import atomic_file
 from lidar_buildings.io.files.captured_stderr import one_line
 from lidar_buildings.io.results.output_config import FORMAT_FILES
+
+if TYPE_CHECKING:
+    from lidar_buildings.io.clouds.las import InputFile
 
 PARTIAL = ".partial"
 RUN = "run.json"

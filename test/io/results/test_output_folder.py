@@ -17,7 +17,7 @@ from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.core.stages.building_model import BuildingModel
 from lidar_buildings.io.clouds.las import InputFile
 from lidar_buildings.io.models.cityjson import feature_line
-from lidar_buildings.io.results import output_folder
+from lidar_buildings.io.results import building_files
 from lidar_buildings.io.results.output_folder import OutputFolder
 from lidar_buildings.io.results.run_folder import output_names
 from lidar_buildings.io.results.tile_products import TileProducts
@@ -417,7 +417,7 @@ def test_a_full_disk_in_the_geopackage_keeps_the_tiles(tmp_path, survey, monkeyp
         def fail(path, *_):
             raise OutputError(f"{path}: cannot be written: disk full: check the free space")
 
-        full.setattr(output_folder, "write_buildings", fail)
+        full.setattr(building_files, "write_buildings", fail)
         with pytest.raises(OutputError, match="disk full"):
             run(tmp_path / "out", source, tiles)
     assert OutputFolder(tmp_path / "out", source.inputs, source.frame).done_stamps() == {
