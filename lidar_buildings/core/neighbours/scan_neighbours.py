@@ -61,28 +61,23 @@ class Pulses(NamedTuple):
         return Pulses(self.points[rows], time, self.strip[rows] if len(self.strip) else self.strip)
 
 
-@njit(cache=True, nogil=True)
-def mark_probes(points, group, size, most, fewest):  # type: ignore[no-untyped-def]
+def mark_probes(
+    points: NDArray[np.float64], group: NDArray[np.int64], size: NDArray[np.int64], most: int, fewest: int
+) -> NDArray[np.bool_]:
     """
     Pick about `most` points of each group, or all of smaller ones, by their coordinates alone.
 
     Groups of fewer than `fewest` points have none.
     """
-    is_probe = np.zeros(len(group), dtype=np.bool_)
-    bits = np.empty(2)
-    words = bits.view(np.uint64)
-    for i in range(len(group)):
-        if group[i] < 0 or size[group[i]] < fewest:
-            continue
-        bits[0], bits[1] = points[i, 0], points[i, 1]
-        mixed = words[0] * _GOLDEN + words[1]
-        mixed ^= mixed >> np.uint64(31)
-        mixed *= _MIX
-        mixed ^= mixed >> np.uint64(29)
-        mixed *= _MIX
-        share = np.float64(mixed >> np.uint64(11)) / 2.0**53
-        is_probe[i] = share * size[group[i]] < most
-    return is_probe
+    words = np.ascontiguousarray(points[:, :2]).view(np.uint64)
+    mixed = words[:, 0] * _GOLDEN + words[:, 1]
+    mixed ^= mixed >> np.uint64(31)
+    mixed *= _MIX
+    mixed ^= mixed >> np.uint64(29)
+    mixed *= _MIX
+    share = (mixed >> np.uint64(11)).astype(np.float64) / 2.0**53
+    own = np.where(group >= 0, size[group], 0) if len(size) else np.zeros(len(group), dtype=np.int64)
+    return (own >= max(fewest, 1)) & (share * own < most)
 
 
 @njit(cache=True, nogil=True)
@@ -134,7 +129,7 @@ def steps_along(pulses, cells, group, is_probe, spacing, by_time, axis, step, be
 @njit(cache=True, nogil=True)
 def lines_beside(pulses, cells, group, is_probe, spacing, axis, along, sides, begin, end):  # type: ignore[no-untyped-def]
     """Write each probe's distance to the next line on its left and on its right, of cells begin to end."""
-    runs = np.empty((2 * REACH + 1, 2), dtype=np.int64)
+    runs, near = np.empty((2 * REACH + 1, 2), dtype=np.int64), np.empty(2)
     for cell in range(begin, end):
         is_found = False
         for k in range(cells.first[cell], cells.first[cell + 1]):
@@ -146,7 +141,7 @@ def lines_beside(pulses, cells, group, is_probe, spacing, axis, along, sides, be
             cos, sin = axis[group[i]]
             step = along[group[i]]
             least = OFF_LINE * spacing * spacing / step
-            near = np.array([np.inf, np.inf])
+            near[0], near[1] = np.inf, np.inf
             for run in range(len(runs)):
                 for m in range(cells.first[runs[run, 0]], cells.first[runs[run, 1]]):
                     j = cells.rows[m]
@@ -210,7 +205,7 @@ def _keep_near(near, limit):  # type: ignore[no-untyped-def]
     count = 0
     for k in range(len(near)):
         if near[k, 2] <= limit:
-            near[count] = near[k]
+            near[count, 0], near[count, 1], near[count, 2] = near[k, 0], near[k, 1], near[k, 2]
             count += 1
     return count
 

@@ -6,11 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 import shapely
-from numba import njit
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
 from lidar_buildings.core.model.outline import signed_area
-from lidar_buildings.core.stages.boundary_tracing.point_grid import cells_within, span_of
+from lidar_buildings.core.stages.boundary_tracing.point_grid import PointGrid
 
 #: A roof that is narrow along more of a courtyard's rim than this is the rim of a roof without returns.
 _MAX_NARROW_SHARE = 0.5
@@ -65,8 +65,9 @@ class CourtyardRules:
         return None
 
 
-@njit(cache=True, nogil=True)
-def narrow_share(grid, hole, exterior, width):  # type: ignore[no-untyped-def]
+def narrow_share(
+    grid: PointGrid, hole: NDArray[np.int64], exterior: NDArray[np.int64], width: float
+) -> float:
     """
     Return the share of a courtyard's rim along which the outer ring is nearer than a width.
 
@@ -81,26 +82,9 @@ def narrow_share(grid, hole, exterior, width):  # type: ignore[no-untyped-def]
     width : float
         Of the roof between them [spacings' half sides of the neighbourhood].
     """
-    is_exterior = np.zeros(len(grid.x), dtype=np.bool_)
-    is_exterior[exterior] = True
-    narrow, total = 0.0, 0.0
-    for k in range(len(hole)):
-        i, before, after = hole[k], hole[k - 1], hole[(k + 1) % len(hole)]
-        length = np.hypot(grid.x[i] - grid.x[before], grid.y[i] - grid.y[before])
-        length += np.hypot(grid.x[i] - grid.x[after], grid.y[i] - grid.y[after])
-        total += length
-        if _has_near(grid, i, is_exterior, width):
-            narrow += length
-    return narrow / total
-
-
-@njit(cache=True, nogil=True)
-def _has_near(grid, row, is_wanted, width):  # type: ignore[no-untyped-def]
-    """Whether one of the points wanted lies within a width of a point."""
-    x, y, n = grid.x[row], grid.y[row], grid.n_columns
-    low_row, high_row, low_column, high_column = cells_within(grid, x, y, width)
-    for line in range(low_row, high_row + 1):
-        for i in range(grid.first[line * n + low_column], grid.first[line * n + high_column + 1]):
-            if is_wanted[i] and span_of(grid, grid.x[i] - x, grid.y[i] - y) <= width:
-                return True
-    return False
+    u, v = grid.ux * grid.x + grid.uy * grid.y, grid.vx * grid.x + grid.vy * grid.y
+    rim, outer = np.column_stack((u[hole], v[hole])), np.column_stack((u[exterior], v[exterior]))
+    distance, _ = cKDTree(outer).query(rim, p=2 if grid.is_disc else np.inf)
+    edge = np.hypot(grid.x[hole] - np.roll(grid.x[hole], 1), grid.y[hole] - np.roll(grid.y[hole], 1))
+    length = edge + np.roll(edge, -1)
+    return float(length[distance <= width].sum() / length.sum())

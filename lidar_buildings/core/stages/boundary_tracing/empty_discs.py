@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
+from scipy import ndimage
 
 from lidar_buildings.core.stages.boundary_tracing.point_grid import PointGrid, cells_within
 from lidar_buildings.core.stages.boundary_tracing.point_in_ring import filled
@@ -47,8 +50,10 @@ class EmptyDiscs:
         self._n_columns, self._n_rows = int(width / self._side) + 1, int(height / self._side) + 1
         self._west, self._south = grid.west / size[0], grid.south / size[1]
         self._is_open = self._inside(ring)
-        _close_occupied(
-            grid, self._is_open, *self._axes, self._west, self._south, self._side, self._n_columns
+        u, v = self._placed(grid.x, grid.y)
+        rows = np.clip(v, 0.0, self._n_rows - 1.0).astype(np.int64)
+        self._is_open[rows * self._n_columns + np.clip(u, 0.0, self._n_columns - 1.0).astype(np.int64)] = (
+            False
         )
         self._is_empty = self._is_open.copy()
         self._cells = np.flatnonzero(self._is_open)
@@ -78,32 +83,39 @@ class EmptyDiscs:
 
     def give_up(self) -> None:
         """Look no more in the place that the last centre was in: its cells and all connected with them."""
-        _close_connected(self._is_open, self._is_empty, self._last, self._n_columns)
+        labels, _ = ndimage.label(self._is_empty.reshape(self._n_rows, self._n_columns))
+        is_connected = labels.reshape(-1) == labels.reshape(-1)[self._last]
+        self._is_open &= ~is_connected
+        self._is_empty &= ~is_connected
 
     def _inside(self, ring: NDArray[np.int64]) -> NDArray[np.bool_]:
         """Return the cells whose centres a ring holds."""
-        x, y = self._grid.x[ring], self._grid.y[ring]
-        ux, uy, vx, vy = self._axes
-        u = (ux * x + uy * y - self._west) / self._side
-        v = (vx * x + vy * y - self._south) / self._side
+        u, v = self._placed(self._grid.x[ring], self._grid.y[ring])
         return filled(u, v, self._n_columns, self._n_rows)
+
+    def _placed(
+        self, x: NDArray[np.float64], y: NDArray[np.float64]
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return positions in units of cells."""
+        ux, uy, vx, vy = self._axes
+        return (ux * x + uy * y - self._west) / self._side, (vx * x + vy * y - self._south) / self._side
 
 
 @njit(cache=True, nogil=True)
 def nearest_free(grid, follower, x, y, n):  # type: ignore[no-untyped-def]
     """Return the rows of the up to n nearest points to a place that no ring has taken, the nearest first."""
-    size_u, size_v = np.hypot(grid.ux, grid.uy), np.hypot(grid.vx, grid.vy)
+    size_u, size_v = math.hypot(grid.ux, grid.uy), math.hypot(grid.vx, grid.vy)
     shortest = 1.0 / max(size_u, size_v)
     farthest = grid.cell * (grid.n_columns + grid.n_rows) * max(size_u, size_v) / min(size_u, size_v)
     span, n_found = 1.0, 0
-    found, distance = np.empty(n, dtype=np.int64), np.full(n, np.inf)
+    found, distance = np.empty(n, dtype=np.int64), np.empty(n)
     while True:
         low_row, high_row, low_column, high_column = cells_within(grid, x, y, span)
         n_found, distance[:] = 0, np.inf
         for row in range(low_row, high_row + 1):
             cell = row * grid.n_columns
             for i in range(grid.first[cell + low_column], grid.first[cell + high_column + 1]):
-                away = np.hypot(grid.x[i] - x, grid.y[i] - y)
+                away = math.hypot(grid.x[i] - x, grid.y[i] - y)
                 if follower[i] < 0 and away <= span * shortest and away < distance[n - 1]:
                     k = min(n_found, n - 1)
                     while k > 0 and distance[k - 1] > away:
@@ -117,39 +129,13 @@ def nearest_free(grid, follower, x, y, n):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _close_occupied(grid, is_open, ux, uy, vx, vy, west, south, side, n_columns):  # type: ignore[no-untyped-def]
-    """Close the cells that hold points."""
-    n_rows = len(is_open) // n_columns
-    for i in range(len(grid.x)):
-        u = (ux * grid.x[i] + uy * grid.y[i] - west) / side
-        v = (vx * grid.x[i] + vy * grid.y[i] - south) / side
-        row = np.int64(max(0.0, min(v, n_rows - 1.0)))
-        is_open[row * n_columns + np.int64(max(0.0, min(u, n_columns - 1.0)))] = False
-
-
-@njit(cache=True, nogil=True)
-def _close_connected(is_open, is_empty, cell, n_columns):  # type: ignore[no-untyped-def]
-    """Close an empty cell and all empty ones that are connected with it by sides."""
-    is_empty[cell] = is_open[cell] = False
-    waiting = [cell]
-    while len(waiting) > 0:
-        cell = waiting.pop()
-        for step in (-n_columns, -1, 1, n_columns):
-            beside = cell + step
-            wraps = abs(step) == 1 and beside // n_columns != cell // n_columns
-            if 0 <= beside < len(is_empty) and not wraps and is_empty[beside]:
-                is_empty[beside] = is_open[beside] = False
-                waiting.append(beside)
-
-
-@njit(cache=True, nogil=True)
 def _disc_in_cell(grid, x, y, dx, dy, radius, span):  # type: ignore[no-untyped-def]
     """
     Return whether a disc without points has its centre in a cell about (x, y) with the side (dx, dy), and it.
 
     The centre is sought uphill, towards more distance from the nearest point, from nine positions.
     """
-    side = np.hypot(dx, dy)
+    side = math.hypot(dx, dy)
     if _clearance(grid, x, y, radius, span) + 0.75 * side < radius:
         return False, x, y
     for start in range(9):
@@ -182,4 +168,4 @@ def _clearance(grid, x, y, radius, span):  # type: ignore[no-untyped-def]
         for i in range(grid.first[cell + low_column], grid.first[cell + high_column + 1]):
             dx, dy = grid.x[i] - x, grid.y[i] - y
             nearest = min(nearest, dx * dx + dy * dy)
-    return np.sqrt(nearest)
+    return math.sqrt(nearest)

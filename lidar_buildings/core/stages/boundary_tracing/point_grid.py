@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -125,7 +126,7 @@ def span_of(grid, dx, dy):  # type: ignore[no-untyped-def]
     """Return how many times the neighbourhood has to be enlarged for its rim to pass a place (dx, dy) off."""
     u, v = grid.ux * dx + grid.uy * dy, grid.vx * dx + grid.vy * dy
     if grid.is_disc:
-        return np.sqrt(u * u + v * v)
+        return math.sqrt(u * u + v * v)
     return max(abs(u), abs(v))
 
 

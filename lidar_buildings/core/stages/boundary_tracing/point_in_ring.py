@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numba import njit
+from numpy.typing import NDArray
+
+from lidar_buildings.core.stages.boundary_tracing.point_grid import PointGrid
 
 #: Points closer to the ring than this lie on it [half sides of the neighbourhood].
 _ON_RING = 1e-6
 
 
-@njit(cache=True, nogil=True)
-def misplaced(grid, ring, wrong_inside):  # type: ignore[no-untyped-def]
+def misplaced(grid: PointGrid, ring: NDArray[np.int64], wrong_inside: bool) -> NDArray[np.int64]:
     """
     Return the rows of the points inside a ring, or of those outside; points on the ring are in neither.
 
@@ -26,7 +30,15 @@ def misplaced(grid, ring, wrong_inside):  # type: ignore[no-untyped-def]
     wrong_inside : bool
         Which of them to return.
     """
-    u, v = _in_cells(grid, ring)
+    x, y = grid.x[ring], grid.y[ring]
+    u = (grid.ux * x + grid.uy * y - grid.west) / grid.cell
+    v = (grid.vx * x + grid.vy * y - grid.south) / grid.cell
+    found: NDArray[np.int64] = _misplaced(grid, u, v, wrong_inside)
+    return found
+
+
+@njit(cache=True, nogil=True)
+def _misplaced(grid, u, v, wrong_inside):  # type: ignore[no-untyped-def]
     margin = _ON_RING / grid.cell
     is_rim, first, edges = _edges_by_row(u, v, grid.n_columns, grid.n_rows, margin)
     inside = filled(u, v, grid.n_columns, grid.n_rows)
@@ -83,15 +95,6 @@ def holds(grid, ring, x, y):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _in_cells(grid, ring):  # type: ignore[no-untyped-def]
-    """Return the positions of a ring's vertices in units of cells."""
-    x, y = grid.x[ring], grid.y[ring]
-    u = (grid.ux * x + grid.uy * y - grid.west) / grid.cell
-    v = (grid.vx * x + grid.vy * y - grid.south) / grid.cell
-    return u, v
-
-
-@njit(cache=True, nogil=True)
 def _edges_by_row(u, v, n_columns, n_rows, margin):  # type: ignore[no-untyped-def]
     """Return which cells edges pass, and for every row of cells the edges that come into it."""
     is_rim = np.zeros(n_columns * n_rows, dtype=np.bool_)
@@ -103,7 +106,8 @@ def _edges_by_row(u, v, n_columns, n_rows, margin):  # type: ignore[no-untyped-d
         left, right = _cells_of(u[a], u[b], margin, n_columns)
         for row in range(low[a], high[a] + 1):
             first[row + 1] += 1
-            is_rim[row * n_columns + left : row * n_columns + right + 1] = True
+            for cell in range(row * n_columns + left, row * n_columns + right + 1):
+                is_rim[cell] = True
     for row in range(n_rows):
         first[row + 1] += first[row]
     place = first[:-1].copy()
@@ -147,4 +151,4 @@ def _distance_to_edge(p, q, du, dv):  # type: ignore[no-untyped-def]
     """Return the distance of a place from the segment that leads from the origin to (du, dv)."""
     length = du * du + dv * dv
     share = min(max((p * du + q * dv) / length, 0.0), 1.0) if length > 0 else 0.0
-    return np.hypot(p - share * du, q - share * dv)
+    return math.hypot(p - share * du, q - share * dv)

@@ -6,7 +6,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import shapely
-from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
 from lidar_buildings.core.model.outline import Outline
@@ -201,21 +200,11 @@ def _degeneracy(grid: PointGrid, spacing: float) -> str:
     return ""
 
 
-@njit(cache=True, nogil=True)
-def _width(x, y):  # type: ignore[no-untyped-def]
+def _width(x: NDArray[np.float64], y: NDArray[np.float64]) -> float:
     """Return the extent across the main direction of positions [m]."""
-    middle_x, middle_y = x.mean(), y.mean()
-    xx, xy, yy = 0.0, 0.0, 0.0
-    for i in range(len(x)):
-        dx, dy = x[i] - middle_x, y[i] - middle_y
-        xx, xy, yy = xx + dx * dx, xy + dx * dy, yy + dy * dy
-    angle = 0.5 * np.arctan2(2.0 * xy, xx - yy)
-    cosine, sine = np.cos(angle), np.sin(angle)
-    low, high = np.inf, -np.inf
-    for i in range(len(x)):
-        across = cosine * (y[i] - middle_y) - sine * (x[i] - middle_x)
-        low, high = min(low, across), max(high, across)
-    return high - low
+    dx, dy = x - x.mean(), y - y.mean()
+    angle = 0.5 * np.arctan2(2.0 * (dx @ dy), dx @ dx - dy @ dy)
+    return float(np.ptp(np.cos(angle) * dy - np.sin(angle) * dx))
 
 
 def _simple_cover(positions: NDArray[np.float64], spacing: float) -> NDArray[np.float64]:
@@ -223,8 +212,7 @@ def _simple_cover(positions: NDArray[np.float64], spacing: float) -> NDArray[np.
     if not len(positions):
         return np.zeros((0, 2))
     hull = shapely.convex_hull(shapely.multipoints(positions))
-    x, y = np.ascontiguousarray(positions.T)
-    if hull.geom_type != "Polygon" or _width(x, y) < _MIN_WIDTH * spacing:
+    if hull.geom_type != "Polygon" or _width(*positions.T) < _MIN_WIDTH * spacing:
         middle = positions.mean(axis=0)
         centred = positions - middle
         axes = np.linalg.eigh(centred.T @ centred)[1]

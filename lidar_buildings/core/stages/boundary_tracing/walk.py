@@ -12,7 +12,7 @@ from lidar_buildings.core.stages.boundary_tracing.edge_cells import (
     meets_edges,
     remove_edges,
 )
-from lidar_buildings.core.stages.boundary_tracing.point_grid import PointGrid, cells_within, span_of
+from lidar_buildings.core.stages.boundary_tracing.point_grid import PointGrid, cells_within
 
 #: How the neighbourhood grows at a point from which no step is possible.
 GROWTH = 1.5
@@ -21,8 +21,6 @@ CLOSED, STUCK, NO_ROOM, ASTRAY = 0, 1, 2, 3
 #: Turns are compared in these units, about 1e-9 rad: of points in one direction the nearest is taken.
 _TURN_UNIT = 2.0**-30
 _FULL_TURN = 4 * 2**30
-#: So many points are tried one after the other before all are sorted.
-_FEW = 4
 
 
 def walk_round(
@@ -93,7 +91,8 @@ def _walk(grid, edges, follower, reach, max_reach, start, dx, dy, max_steps):  #
         if n > max_steps:
             end = ASTRAY
             break
-    follower[ring[:n]] = -1
+    for k in range(n):
+        follower[ring[k]] = -1
     remove_edges(edges, size)
     return ring[:n].copy(), end
 
@@ -114,19 +113,15 @@ def _step_within(grid, edges, follower, seen, reach, ring, n, back):  # type: ig
     """
     Return the point with the smallest clockwise turn that can be stepped to, −1 if there is none.
 
-    Mostly the first one can; only where the first few cannot are all sorted by turn.
+    Mostly the first one can, so that sorting all would take longer.
     """
     tried, tried_distance = np.int64(-1), 0.0
-    for _ in range(_FEW):
+    while True:
         best, tried, tried_distance = _next_in_turn(
             grid, follower, seen, reach, ring, n, back, tried, tried_distance
         )
         if best < 0 or not meets_edges(grid, edges, follower, ring[n - 1], best):
             return best
-    for i in _in_turn(grid, follower, seen, reach, ring, n, back, tried, tried_distance):
-        if not meets_edges(grid, edges, follower, ring[n - 1], i):
-            return i
-    return -1
 
 
 @njit(cache=True, nogil=True)
@@ -163,54 +158,7 @@ def _next_in_turn(grid, follower, seen, reach, ring, n, back, tried, tried_dista
 
 
 @njit(cache=True, nogil=True)
-def _in_turn(grid, follower, seen, reach, ring, n, back, tried, tried_distance):  # type: ignore[no-untyped-def]
-    """Return all free points in clockwise order after those tried."""
-    x, y, current = grid.x, grid.y, ring[n - 1]
-    low_row, high_row, low_column, high_column = cells_within(grid, x[current], y[current], reach)
-    n_near = 0
-    for row in range(low_row, high_row + 1):
-        cell = row * grid.n_columns
-        n_near += grid.first[cell + high_column + 1] - grid.first[cell + low_column]
-    rows, turns, distances = np.empty(n_near, np.int64), np.empty(n_near, np.int64), np.empty(n_near)
-    n_rows = 0
-    for row in range(low_row, high_row + 1):
-        cell = row * grid.n_columns
-        for i in range(grid.first[cell + low_column], grid.first[cell + high_column + 1]):
-            if _may_follow(grid, follower, seen, reach, ring, n, i):
-                dx, dy = x[i] - x[current], y[i] - y[current]
-                turn, distance = _turn(back, _direction(dx, grid.orientation * dy)), dx * dx + dy * dy
-                if turn > tried or (turn == tried and distance > tried_distance):
-                    k = n_rows
-                    while k > 0 and (
-                        turns[k - 1] > turn or (turns[k - 1] == turn and distances[k - 1] > distance)
-                    ):
-                        rows[k], turns[k], distances[k] = rows[k - 1], turns[k - 1], distances[k - 1]
-                        k -= 1
-                    rows[k], turns[k], distances[k] = i, turn, distance
-                    n_rows += 1
-    return rows[:n_rows]
-
-
-@njit(cache=True, nogil=True)
-def _may_follow(grid, follower, seen, reach, ring, n, i):  # type: ignore[no-untyped-def]
-    """Whether a point is free, or the start of a ring that may close, and between two reaches away."""
-    current = ring[n - 1]
-    if i == current or (follower[i] >= 0 and (i != ring[0] or n < 3)):
-        return False
-    span = span_of(grid, grid.x[i] - grid.x[current], grid.y[i] - grid.y[current])
-    return seen < span <= reach
-
-
-@njit(cache=True, nogil=True)
 def _direction(dx, dy):  # type: ignore[no-untyped-def]
     """Return a number from −1 to 3 that grows with the angle of a direction, without trigonometry."""
     slant = dy / (abs(dx) + abs(dy)) if dx != 0 or dy != 0 else 0.0
     return slant if dx >= 0 else 2.0 - slant
-
-
-@njit(cache=True, nogil=True)
-def _turn(back, direction):  # type: ignore[no-untyped-def]
-    """Return the clockwise turn from the way back to a direction; straight back is the last thing to try."""
-    angle = back - direction
-    turn = np.int64((angle if angle >= 0 else angle + 4.0) / _TURN_UNIT + 0.5)
-    return turn if turn > 1 else np.int64(_FULL_TURN)

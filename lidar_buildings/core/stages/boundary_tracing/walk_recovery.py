@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 from numba import njit
+from numpy.typing import NDArray
 
-from lidar_buildings.core.stages.boundary_tracing.point_grid import cells_within, span_of
+from lidar_buildings.core.stages.boundary_tracing.point_grid import PointGrid, cells_within, span_of
 from lidar_buildings.core.stages.boundary_tracing.walk import GROWTH
 
 
@@ -25,8 +26,13 @@ def widen_about(grid, reach, row, max_reach):  # type: ignore[no-untyped-def]
     return is_wider
 
 
-@njit(cache=True, nogil=True)
-def bridge_gap(grid, reach, wrong, ring, max_reach):  # type: ignore[no-untyped-def]
+def bridge_gap(
+    grid: PointGrid,
+    reach: NDArray[np.float64],
+    wrong: NDArray[np.int64],
+    ring: NDArray[np.int64],
+    max_reach: float,
+) -> bool:
     """
     Widen the reach where points on a ring's wrong side are nearest to it; False where it cannot grow.
 
@@ -39,26 +45,24 @@ def bridge_gap(grid, reach, wrong, ring, max_reach):  # type: ignore[no-untyped-
     level = 1.0
     while level < max_reach:
         level = min(level * GROWTH, max_reach)
-        is_wider = False
-        for i in wrong:
-            is_wider |= _widen_pairs(grid, reach, i, on_ring, level)
-        if is_wider:
+        if _widen_pairs(grid, reach, wrong, on_ring, level):
             return True
     return False
 
 
 @njit(cache=True, nogil=True)
-def _widen_pairs(grid, reach, row, on_ring, level):  # type: ignore[no-untyped-def]
+def _widen_pairs(grid, reach, rows, on_ring, level):  # type: ignore[no-untyped-def]
     """
-    Raise the reach of a point and of the ring's points near it to a level; False if they have it already.
+    Raise the reach of points and of the ring's points near them to a level; False if all have it already.
     """
-    x, y, n = grid.x, grid.y, grid.n_columns
-    is_wider = False
-    low_row, high_row, low_column, high_column = cells_within(grid, x[row], y[row], level)
-    for line in range(low_row, high_row + 1):
-        for i in range(grid.first[line * n + low_column], grid.first[line * n + high_column + 1]):
-            is_new = on_ring[i] and (reach[i] < level or reach[row] < level)
-            if is_new and span_of(grid, x[i] - x[row], y[i] - y[row]) <= level:
-                reach[i], reach[row] = max(reach[i], level), max(reach[row], level)
-                is_wider = True
+    n, is_wider = grid.n_columns, False
+    for row in rows:
+        x, y = grid.x[row], grid.y[row]
+        low_row, high_row, low_column, high_column = cells_within(grid, x, y, level)
+        for line in range(low_row, high_row + 1):
+            for i in range(grid.first[line * n + low_column], grid.first[line * n + high_column + 1]):
+                is_new = on_ring[i] and (reach[i] < level or reach[row] < level)
+                if is_new and span_of(grid, grid.x[i] - x, grid.y[i] - y) <= level:
+                    reach[i], reach[row] = max(reach[i], level), max(reach[row], level)
+                    is_wider = True
     return is_wider

@@ -88,7 +88,7 @@ def _boxes(xy, rows, first):  # type: ignore[no-untyped-def]
     """Return the least x and y and the greatest x and y of every cell."""
     box = np.empty((len(first) - 1, 4))
     for cell in range(len(box)):
-        box[cell, :2], box[cell, 2:] = np.inf, -np.inf
+        box[cell, 0], box[cell, 1], box[cell, 2], box[cell, 3] = np.inf, np.inf, -np.inf, -np.inf
         for k in range(first[cell], first[cell + 1]):
             x, y = xy[rows[k], 0], xy[rows[k], 1]
             box[cell, 0], box[cell, 1] = min(box[cell, 0], x), min(box[cell, 1], y)
@@ -127,29 +127,23 @@ def _link_cornerwise(parent, xy, rows, numbers, first, n_columns, box, reach):  
             if root(parent, cell) == root(parent, other) or box[other, 1] - box[cell, 3] > reach:
                 continue
             gap = box[other, 0] - box[cell, 2] if step > 0 else box[cell, 0] - box[other, 2]
-            if gap <= reach and _reach_each_other(
-                xy, rows[first[cell] : first[cell + 1]], rows[first[other] : first[other + 1]], step, reach
-            ):
+            if gap <= reach and _reach_each_other(xy, rows, first, cell, other, step, box, reach):
                 link(parent, cell, other)
 
 
 @njit(cache=True, nogil=True)
-def _reach_each_other(xy, lower, upper, side, reach):  # type: ignore[no-untyped-def]
+def _reach_each_other(xy, rows, first, cell, other, side, box, reach):  # type: ignore[no-untyped-def]
     """
-    Whether a row of `lower` and one of `upper`, to its north-east (side 1) or north-west (−1), are linked.
+    Whether points of a cell and of another, to its north-east (side 1) or north-west (−1), are linked.
 
-    Both are swept once, the nearest in x first: of the lower points within reach in x there are only ever
-    more, so that their highest y suffices.
+    Only what is within reach of the other cell's box is compared with its points.
     """
-    lower = lower[np.argsort(-side * xy[lower, 0])]
-    upper = upper[np.argsort(side * xy[upper, 0])]
-    # From the farthest of the upper points, which fewest reach, to the nearest, which most do.
-    highest, i = -np.inf, 0
-    for k in range(len(upper) - 1, -1, -1):
-        x, y = xy[upper[k], 0], xy[upper[k], 1]
-        while i < len(lower) and side * (x - xy[lower[i], 0]) <= reach:
-            highest = max(highest, xy[lower[i], 1])
-            i += 1
-        if y - highest <= reach:
-            return True
+    nearest = box[other, 0] if side > 0 else box[other, 2]
+    for i in range(first[cell], first[cell + 1]):
+        x, y = xy[rows[i], 0], xy[rows[i], 1]
+        if box[other, 1] - y > reach or side * (nearest - x) > reach:
+            continue
+        for j in range(first[other], first[other + 1]):
+            if xy[rows[j], 1] - y <= reach and side * (xy[rows[j], 0] - x) <= reach:
+                return True
     return False

@@ -59,7 +59,8 @@ def _mark_clouds(layers, errors, rising, first, clouds):  # type: ignore[no-unty
             if low_end(layers, layer) - top > CLOUD_GAP and _is_transparent(
                 layers, errors, rising[first[block] : first[block + 1]], low_end(layers, layer)
             ):
-                clouds[rising[i : first[block + 1]]] = True
+                for j in range(i, first[block + 1]):
+                    clouds[rising[j]] = True
                 break
             top = high_end(layers, layer) if top == np.inf else max(top, high_end(layers, layer))
 

@@ -71,7 +71,8 @@ def _judge_groups(layers, seeds, errors, gap, radius):  # type: ignore[no-untype
         n_members = _gather_group(layers, seed, errors, gap, group_of, is_large, members)
         group = members[: max(n_members, 0)]
         if n_members > 0 and _is_in_the_air(layers, group, errors, gap, radius, group_of):
-            high[group] = True
+            for layer in group:
+                high[layer] = True
     return high
 
 
@@ -90,7 +91,7 @@ def _gather_group(layers, seed, errors, gap, group_of, is_large, members):  # ty
         for step in range(-reach, reach + 1):
             start, stop = columns_in_row(layers, k, step, reach)
             for other in range(start, stop):
-                across = layers.numbers[other] % layers.width - layers.numbers[k] % layers.width
+                across = layers.numbers[other] - layers.numbers[k] - step * layers.width
                 upright = gap * gap - layers.size * layers.size * (across * across + step * step)
                 if upright < 0.0:
                     continue
@@ -103,7 +104,8 @@ def _gather_group(layers, seed, errors, gap, group_of, is_large, members):  # ty
                         continue
                     n_points += _n_points(layers, j)
                     if is_large[j] or n_points > MAX_POINTS:
-                        is_large[members[:n_members]] = True
+                        for i in range(n_members):
+                            is_large[members[i]] = True
                         return -1
                     members[n_members], group_of[j] = j, seed
                     n_members += 1

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
@@ -15,6 +17,7 @@ from lidar_buildings.core.stages.ground_filter.gross_errors.noise_layers import 
     rise,
 )
 from lidar_buildings.core.stages.ground_filter.gross_errors.open_pit import is_open_pit
+from lidar_buildings.core.stages.ground_filter.gross_errors.terrain_gradient import terrain_gradient
 
 # Chosen with `bench.ground.noise` and the scenes of the tests.
 #: Columns between which layers still touch: ground seen through gaps is connected over so many.
@@ -44,10 +47,10 @@ def find_low_layers(layers: Layers, gap: float, radius: int, limit: int) -> NDAr
     Layers are split at `gap` [m]; the `radius` is in columns, and `limit` is the most layers of a group.
     """
     bottom = layers.first[:-1].copy()
-    isolated = np.empty(len(bottom), dtype=np.bool_)
-    for_row_blocks(lambda a, b: _mark_isolated(layers, gap, isolated, a, b), len(isolated))
-    seeds = bottom[isolated]
-    state, group_of = np.zeros(len(layers.column), np.uint8), np.full(len(layers.column), -1, np.int64)
+    seeds = bottom[_isolated(layers, gap)]
+    layers = _with_gradient_of_the_rest(layers, seeds, gap, limit)
+    seeds = bottom[_isolated(layers, gap)]
+    state, group_of = _unknown(layers)
     for _ in range(MAX_PASSES):
         errors, open_cases = _judge_groups(layers, bottom, seeds, gap, radius, limit, state, group_of)
         if len(errors) == 0:
@@ -56,6 +59,27 @@ def find_low_layers(layers: Layers, gap: float, radius: int, limit: int) -> NDAr
         seeds = np.append(open_cases, _new_bottoms(layers, bottom, state, np.unique(layers.column[errors])))
         group_of[:] = -1
     return state == ERROR
+
+
+def _unknown(layers: Layers) -> tuple[NDArray[np.uint8], NDArray[np.int64]]:
+    n_layers = len(layers.column)
+    return np.zeros(n_layers, dtype=np.uint8), np.full(n_layers, -1, dtype=np.int64)
+
+
+def _isolated(layers: Layers, gap: float) -> NDArray[np.bool_]:
+    """Return the columns at the western and eastern ends of what lies apart; see `_mark_isolated`."""
+    isolated = np.empty(len(layers.numbers), dtype=np.bool_)
+    for_row_blocks(lambda a, b: _mark_isolated(layers, gap, isolated, a, b), len(isolated))
+    return isolated
+
+
+def _with_gradient_of_the_rest(layers: Layers, seeds: NDArray[np.int64], gap: float, limit: int) -> Layers:
+    """Return the layers with the terrain's gradient taken anew, from columns that end in no small group."""
+    members, _ = _gather_groups(layers, seeds, gap, limit, *_unknown(layers))
+    counts = np.ones(len(layers.numbers), dtype=np.bool_)
+    counts[layers.column[members]] = False
+    lowest = layers.points[layers.begin[layers.first[:-1]]]
+    return layers._replace(gradient=terrain_gradient(lowest, counts, layers.size))
 
 
 def _new_bottoms(
@@ -76,9 +100,10 @@ def _mark_isolated(layers, gap, isolated, begin, end):  # type: ignore[no-untype
 
     Whatever lies apart has a westernmost and an easternmost column.
     """
+    around, level = np.empty(2, dtype=np.int64), np.empty(2, dtype=np.int64)
     for k in range(begin, end):
         top = high_end(layers, layers.first[k]) + gap
-        around, level = np.zeros(2), np.zeros(2)
+        around[0], around[1], level[0], level[1] = 0, 0, 0, 0
         for step in range(-1, 2):
             start, stop = columns_in_row(layers, k, step, REACH)
             for other in range(start, stop):
@@ -152,7 +177,8 @@ def _gather_group(layers, seed, gap, state, group_of, members):  # type: ignore[
                     if high_end(layers, j) < low or group_of[j] == seed or state[j] == ERROR:
                         continue
                     if state[j] == LARGE or n_members == len(members):
-                        state[members[:n_members]] = LARGE
+                        for i in range(n_members):
+                            state[members[i]] = LARGE
                         return -1
                     members[n_members], group_of[j] = j, seed
                     n_members += 1
@@ -175,8 +201,8 @@ def _is_supported(  # type: ignore[no-untyped-def]
         east = number % layers.width - layers.numbers[k] % layers.width
         north = number // layers.width - layers.numbers[k] // layers.width
         top = max(top, high_end(layers, layer) - rise(layers, k, east, north))
-    slope = np.hypot(layers.gradient[k, 0], layers.gradient[k, 1])
-    radius = int(np.ceil(radius / (1.0 + SHRINKAGE * slope)))
+    slope = math.hypot(layers.gradient[k, 0], layers.gradient[k, 1])
+    radius = math.ceil(radius / (1.0 + SHRINKAGE * slope))
     n_level, n_above = 0, 0
     for step in range(-radius, radius + 1):
         start, stop = columns_in_row(layers, k, step, radius)
