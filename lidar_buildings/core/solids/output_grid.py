@@ -52,7 +52,7 @@ def repaired_outlines(outline: Outline) -> list[tuple[Outline, str]]:
 def _without_repetitions(ring: FloatArray) -> FloatArray:
     """Leave out vertices equal to the next one, and tips of spikes, until there are none."""
     while len(ring) >= 3:
-        before, after = np.roll(ring, 1, axis=0), np.roll(ring, -1, axis=0)
+        before, after = np.concatenate([ring[-1:], ring[:-1]]), np.concatenate([ring[1:], ring[:1]])
         repeated = (ring == after).all(axis=1)
         tip = (before == after).all(axis=1)
         if not (repeated.any() or tip.any()):

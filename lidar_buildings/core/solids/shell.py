@@ -23,6 +23,12 @@ def ring_edges(ring: Sequence[int]) -> list[tuple[int, int]]:
     return list(zip(ring, (*ring[1:], *ring[:1]), strict=True))
 
 
+def cross(one: FloatArray, other: FloatArray) -> FloatArray:
+    """Return the cross products of rows of three numbers, as `numpy.cross` in half the time."""
+    (ax, ay, az), (bx, by, bz) = one.T, other.T
+    return np.stack([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx], axis=1)
+
+
 @dataclass(frozen=True, eq=False)
 class Solid:
     """
@@ -52,7 +58,7 @@ class Solid:
         rings = [ring for face in self.faces for ring in face]
         fans = np.array([(ring[0], a, b) for ring in rings for a, b in pairwise(ring[1:])], dtype=np.int64)
         tip, one, other = corners[fans.reshape(-1, 3)].transpose(1, 0, 2)
-        return float(np.einsum("ij,ij->", tip, np.cross(one, other))) / 6.0
+        return float(np.einsum("ij,ij->", tip, cross(one, other))) / 6.0
 
     def face_rings(self, face: Face) -> tuple[FloatArray, ...]:
         """Return the coordinates of a face's rings, each of shape (n, 3)."""

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from lidar_buildings.core.model.array_types import IntArray
-from lidar_buildings.core.solids.shell import Solid
+from lidar_buildings.core.solids.shell import Solid, cross
 from lidar_buildings.core.solids.validity.codes import MARGIN, MAX_PLANE_DISTANCE, SNAP_TOLERANCE
 from lidar_buildings.core.solids.validity.edges import broken_edges
 from lidar_buildings.core.solids.validity.face_arrays import FaceArrays, face_arrays, fitted_planes
@@ -109,7 +109,7 @@ def _check_shell(faces: FaceArrays, triangles: IntArray, face_of: IntArray) -> s
     if self_intersects(faces.vertices, triangles, face_of):
         return {306}
     corners = faces.vertices[triangles] - faces.vertices.mean(axis=0)
-    volume = np.einsum("ij,ij->", corners[:, 0], np.cross(corners[:, 1], corners[:, 2]))
+    volume = np.einsum("ij,ij->", corners[:, 0], cross(corners[:, 1], corners[:, 2]))
     return {405} if volume <= 0.0 else set()
 
 

@@ -7,6 +7,7 @@ import math
 import numpy as np
 
 from lidar_buildings.core.model.array_types import BoolArray, FloatArray, IntArray
+from lidar_buildings.core.solids.shell import cross
 from lidar_buildings.core.solids.validity.codes import MARGIN, MAX_NORMAL_DEVIATION_DEG
 
 #: Largest angle allowed between two triangles of a face [rad].
@@ -29,7 +30,7 @@ def folds(vertices: FloatArray, triangles: IntArray, face_of: IntArray) -> BoolA
         The face of each triangle, rising.
     """
     a, b, c = (vertices[triangles[:, k]] for k in range(3))
-    normals = np.cross(b - a, c - a)
+    normals = cross(b - a, c - a)
     sizes = np.linalg.norm(normals, axis=1)
     # A triangle without area has no normal: what it is given deviates from all.
     unit = np.divide(normals, sizes[:, None], out=np.zeros_like(normals), where=sizes[:, None] > 0.0)

@@ -19,6 +19,7 @@ from lidar_buildings.core.solids.output_grid import gridded_outline, on_grid
 from lidar_buildings.core.solids.raising.minimum_height import MIN_HEIGHT
 from lidar_buildings.core.solids.shell import ROOF_SURFACE, Solid
 from lidar_buildings.core.stages.building_model.attributes import (
+    elevation_at,
     known_attributes,
     roof_attributes,
     solid_attributes,
@@ -60,6 +61,7 @@ class _Roof:
     spacing: float
     topology: RoofTopology
     plane_id: NDArray[np.uint16]
+    has_extent: bool
 
 
 def build_model(
@@ -144,7 +146,7 @@ def _model(
     remarks = [remark, why_raised]
     try:
         topology = find_topology(points, plane_id, outline, point_spacing=spacing)
-        roof = _Roof(points, outline, ground, spacing, topology, plane_id)
+        roof = _Roof(points, outline, ground, spacing, topology, plane_id, _has_extent(points))
         levels, faces, why = _finer_levels(roof, lowest, config)
         return _finished(roof, {LOD12: lowest} | levels, faces, attributes, [*remarks, why])
     except Exception as error:
@@ -161,20 +163,17 @@ def _flat_top(roof: float, ground: float) -> tuple[float, str]:
     return lowest, f"the roof at {roof:.2f} m is not above the ground at {ground:.2f} m: raised"
 
 
-def _top(z: FloatArray, config: BuildingModelConfig) -> float:
-    return float(on_grid(np.percentile(z, ELEVATIONS[config.roof_elevation])))
-
-
 def _finer_levels(
     roof: _Roof, lowest: Level, config: BuildingModelConfig
 ) -> tuple[dict[str, Level], dict[str, list[RoofFacePatch]], str]:
     """Return LoD1.3 and LoD2.2, the faces of each, and why one is missing."""
-    if not _has_extent(roof.points):
+    if not roof.has_extent:
         return {}, {}, f"{len(roof.points)} roof points, too few or all on a line: one height"
     try:
         faces = _roof_faces_of(roof, config)
+        share = ELEVATIONS[config.roof_elevation]
         part = parts_of_one_height(faces, config.min_part_step)
-        tops = part_elevations(faces, part, roof.points, lambda z: _top(z, config))
+        tops = part_elevations(faces, part, roof.points, lambda z: elevation_at(np.sort(z), share))
         tops = np.maximum(tops, on_grid(roof.ground + MIN_HEIGHT))
         # A roof in one part is the same at both levels.
         parts = level_13(faces, tops, roof.ground) if part.any() else lowest
@@ -210,13 +209,13 @@ def _distinct_planes(roof: _Roof) -> tuple[FloatArray, NDArray[np.uint16]]:
         level = np.array([[0.0, 0.0, np.median(roof.points[:, 2])]])
         return level, np.ones_like(roof.plane_id)
     equations = np.array([_equation(plane) for plane in found])
-    _, first, number = np.unique(
-        np.round(equations, _EQUAL_DIGITS), axis=0, return_index=True, return_inverse=True
+    numbers: dict[tuple[float, ...], int] = {}
+    rounded = np.round(equations, _EQUAL_DIGITS).tolist()
+    new = np.array(
+        [0, *(numbers.setdefault(tuple(one), 1 + len(numbers)) for one in rounded)], dtype=np.uint16
     )
-    order = np.argsort(first, kind="stable")
-    rank = np.argsort(order, kind="stable")
-    new = np.concatenate([[0], 1 + rank[number.reshape(-1)]]).astype(np.uint16)
-    return equations[first[order]], new[roof.plane_id]
+    first = np.unique(new[1:], return_index=True)[1]
+    return equations[first], new[roof.plane_id]
 
 
 def _equation(plane: RoofPlane) -> FloatArray:
@@ -240,7 +239,7 @@ def _finished(
     attributes = attributes | roof_attributes(roof.topology, quality)
     attributes |= solid_attributes(finest, solids[finest])
     reason = "; ".join(text for text in (*remarks, levels[LOD12].remark) if text)
-    status = BuildingStatus.OK if _has_extent(roof.points) else BuildingStatus.DEGENERATE
+    status = BuildingStatus.OK if roof.has_extent else BuildingStatus.DEGENERATE
     return BuildingModel(solids, attributes, _roof_faces(solids[finest]), status, reason)
 
 
