@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator
 from contextlib import AbstractContextManager, ExitStack, contextmanager
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from lidar_buildings.core.model.errors import OutputError
 from lidar_buildings.io.files.atomic_files import atomic_file, write_error
@@ -16,19 +16,18 @@ from lidar_buildings.io.models.obj import obj_file
 from lidar_buildings.io.models.survey_building import SurveyBuilding
 from lidar_buildings.io.results.building_layers import building_layers_file
 from lidar_buildings.io.results.output_config import FORMAT_FILES
+from lidar_buildings.io.results.run_folder import Share
 from lidar_buildings.io.results.survey_buildings import SurveyBuildings
 
 #: Formats that tell of outlines, also where there are no models.
 OF_OUTLINES = ("gpkg",)
 _NO_FEATURE = "unknown"
 #: Formats that are written apart from the others: each of the two groups takes about as long.
-_APART = (("dxf",), ("gpkg", "cityjson", "obj"))
+_APART = (("gpkg", "cityjson", "obj"), ("dxf",))
 #: So many buildings are sent to other processes; more would take memory several times.
 _MOST_SENT = 50_000
 
 _Add = Callable[[SurveyBuilding], None]
-#: Calls a function for each of some jobs.
-Share = Callable[[Callable[[Any], Any], Sequence[Any]], Iterable[Any]]
 
 
 class ModelHeading(NamedTuple):

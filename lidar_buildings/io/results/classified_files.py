@@ -5,16 +5,17 @@ from __future__ import annotations
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from lidar_buildings.core.model.errors import InputError
+from lidar_buildings.core.model.errors import InputError, OutputError
 from lidar_buildings.io.clouds.classified_las import suffix_for, write_classified
 from lidar_buildings.io.clouds.las import InputFile, open_cloud
 from lidar_buildings.io.files.atomic_files import write_error
 from lidar_buildings.io.results.point_results import PointResults
-from lidar_buildings.io.results.run_folder import CLASSIFIED, PARTIAL, output_names
+from lidar_buildings.io.results.run_folder import CLASSIFIED, PARTIAL, Share, output_names
 from lidar_buildings.io.results.tile_products import load_rows
 
 
@@ -41,8 +42,34 @@ class ClassifiedFiles:
     n_known: int = 0
 
 
+class _Job(NamedTuple):
+    """What one input's file is written from."""
+
+    folder: Path
+    number: int
+    input: InputFile
+    name: str
+    fragments: list[Path]
+    without: Collection[int]
+
+
+class _Written(NamedTuple):
+    """What became of one input's file."""
+
+    output: str | None = None
+    problem: str = ""
+    per_class: NDArray[np.int64] | int = 0
+    n_known: int = 0
+    error: OutputError | None = None
+
+
 def write_clouds(
-    folder: Path, inputs: Sequence[InputFile], fragments: Sequence[Path], *, without: Collection[int]
+    folder: Path,
+    inputs: Sequence[InputFile],
+    fragments: Sequence[Path],
+    *,
+    without: Collection[int],
+    share: Share = map,
 ) -> ClassifiedFiles:
     """
     Write every input's classified file; an input that cannot be read is noted, the others are written.
@@ -56,35 +83,51 @@ def write_clouds(
         Saved tiles, sorted by stamp.
     without : collection of int
         Ids of buildings to leave out.
+    share : callable
+        As `map`; may call the function for several files at the same time, in other processes.
 
     Raises
     ------
     OutputError
         If a file cannot be written.
     """
-    written = ClassifiedFiles()
     touching: list[list[Path]] = [[] for _ in inputs]
     for fragment in fragments:
         for source in load_rows(fragment, "sources"):
             if source < len(inputs):
                 touching[source].append(fragment)
-    for source, name in enumerate(output_names(inputs)):
-        table = folder / PARTIAL / f"{source}.results"
-        try:
-            cloud = open_cloud(inputs[source].path)
-            if cloud.point_count != inputs[source].point_count:
-                raise InputError(f"{cloud.path}: has changed during the run: run it again with --overwrite")
-            output = f"{CLASSIFIED}/{name}{suffix_for(cloud)}"
-            _make_folder(folder / CLASSIFIED)
-            with PointResults(table, cloud.point_count) as results:
-                results.fill(touching[source], source, without=without)
-                written.per_class += write_classified(cloud, results.rows, folder / output)
-                written.n_known += results.n_known()
-            written.outputs.append(output)
-        except InputError as error:
-            written.problems.append(str(error))
-            written.outputs.append(None)
+    _make_folder(folder / CLASSIFIED)
+    jobs = [
+        _Job(folder, number, one, name, touching[number], without)
+        for number, (one, name) in enumerate(zip(inputs, output_names(inputs), strict=True))
+    ]
+    written = ClassifiedFiles()
+    for one in share(_write_cloud, jobs):
+        if one.error is not None:
+            raise one.error
+        written.outputs.append(one.output)
+        written.problems += [one.problem] * bool(one.problem)
+        written.per_class += one.per_class
+        written.n_known += one.n_known
     return written
+
+
+def _write_cloud(job: _Job) -> _Written:
+    """Write one input's file; return what was written, or why it is impossible."""
+    table = job.folder / PARTIAL / f"{job.number}.results"
+    try:
+        cloud = open_cloud(job.input.path)
+        if cloud.point_count != job.input.point_count:
+            raise InputError(f"{cloud.path}: has changed during the run: run it again with --overwrite")
+        output = f"{CLASSIFIED}/{job.name}{suffix_for(cloud)}"
+        with PointResults(table, cloud.point_count) as results:
+            results.fill(job.fragments, job.number, without=job.without)
+            per_class = write_classified(cloud, results.rows, job.folder / output)
+            return _Written(output, "", per_class, results.n_known())
+    except InputError as error:
+        return _Written(problem=str(error))
+    except OutputError as error:
+        return _Written(error=error)
 
 
 def _make_folder(folder: Path) -> None:

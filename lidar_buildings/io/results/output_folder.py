@@ -23,6 +23,7 @@ from lidar_buildings.io.results.output_config import FORMATS
 from lidar_buildings.io.results.run_folder import (
     PARTIAL,
     RUN,
+    Share,
     claim_folder,
     output_names,
 )
@@ -32,7 +33,7 @@ from lidar_buildings.io.results.tile_products import TileProducts, load_outlines
 from lidar_buildings.io.vectors.footprints import FootprintFile
 
 if TYPE_CHECKING:  # what writes is imported when it is needed: `load_writers`
-    from lidar_buildings.io.results.building_files import ModelHeading, Share
+    from lidar_buildings.io.results.building_files import ModelHeading
 
 _ENDING = ".npz"
 #: File among the tiles in which the models' lines wait for their turn.
@@ -198,7 +199,9 @@ class OutputFolder:
         # footprints are what they are, also where one lies within another
         pieces = set() if self._footprints else seam_pieces([load_outlines(one) for one in fragments])
         with ThreadPoolExecutor(2) as beside:
-            cloud_files = beside.submit(write_clouds, self.path, self.inputs, fragments, without=pieces)
+            cloud_files = beside.submit(
+                write_clouds, self.path, self.inputs, fragments, without=pieces, share=share
+            )
             raster_files = beside.submit(self._write_rasters, fragments)
             buildings, statuses = self._write_buildings(fragments, pieces, share)
             clouds, (rasters, problems) = cloud_files.result(), raster_files.result()

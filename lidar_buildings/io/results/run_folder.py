@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import shutil
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -15,6 +15,9 @@ from lidar_buildings.io.results.output_config import FORMAT_FILES
 
 if TYPE_CHECKING:
     from lidar_buildings.io.clouds.las import InputFile
+
+#: Calls a function for each of some jobs.
+Share = Callable[[Callable[[Any], Any], Sequence[Any]], Iterable[Any]]
 
 PARTIAL = ".partial"
 RUN = "run.json"
