@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from lidar_buildings.core.model.array_types import FloatArray
+from lidar_buildings.core.model.array_types import FloatArray, IntArray
 from lidar_buildings.core.model.outline import Outline
 from lidar_buildings.core.model.point_array import checked_column, checked_points
 from lidar_buildings.core.model.status import BuildingStatus
@@ -115,7 +115,7 @@ def build_model(
         )
     if ground_elevation is not None and not math.isfinite(ground_elevation):
         raise ValueError(f"ground_elevation = {ground_elevation}: must be finite, or None if unknown")
-    order = np.lexsort((plane_id, *points.T))
+    order = _order(points, plane_id)
     points, plane_id = points[order], plane_id[order]
     outline = gridded_outline(outline)
     spacing = point_spacing or (measure_spacing(points) if len(points) > 1 else _ASSUMED_SPACING)
@@ -123,6 +123,17 @@ def build_model(
     if not len(points):
         return _without_solid(attributes, ground_elevation, BuildingStatus.DEGENERATE, "no roof points")
     return _model(points, plane_id, outline, spacing, ground_elevation, attributes, config)
+
+
+def _order(points: FloatArray, plane_id: NDArray[np.uint16]) -> IntArray:
+    """Return the rows by z, y, x and plane; the latter two are looked at only where the former are equal."""
+    place = points[:, 2] + 1j * points[:, 1]
+    order = np.argsort(place)
+    equal = np.flatnonzero(np.diff(place[order]) == 0.0)
+    tied = np.union1d(equal, equal + 1)
+    rows = order[tied]
+    order[tied] = rows[np.lexsort((plane_id[rows], *points[rows].T))]
+    return order
 
 
 def _model(

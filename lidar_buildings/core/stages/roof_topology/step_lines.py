@@ -63,9 +63,9 @@ def merged(steps: StepLines, spacing: float) -> StepLines:
     line = steps.line
     if not len(line):
         return steps
-    _, inverse = np.unique(np.column_stack([steps.angle, steps.offset])[line], axis=0, return_inverse=True)
-    order = np.lexsort((steps.t[:, 0], steps.planes[:, 1], steps.planes[:, 0], inverse.reshape(-1)))
-    same = np.column_stack([inverse.reshape(-1), steps.planes])[order]
+    _, inverse = np.unique((steps.angle + 1j * steps.offset)[line], return_inverse=True)
+    order = np.lexsort((steps.t[:, 0], steps.planes[:, 1], steps.planes[:, 0], inverse))
+    same = np.column_stack([inverse, steps.planes])[order]
     line, t, length = line[order], steps.t[order], steps.length[order]
     new = np.any(same[1:] != same[:-1], axis=1) | (t[1:, 0] - t[:-1, 1] > LONGEST_GAP * spacing)
     begin = np.concatenate([[0], np.flatnonzero(new) + 1])

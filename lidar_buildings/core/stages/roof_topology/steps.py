@@ -119,9 +119,8 @@ def _first_is_higher(borders: Borders, rows: IntArray, run: IntArray, gradients:
     """Whether, of the planes of each side, the first is the higher one along the run, on average."""
     difference = gradients[borders.first[rows] - 1] - gradients[borders.second[rows] - 1]
     rise = np.einsum("ki,ki->k", difference[:, :2], borders.xy[rows]) + difference[:, 2]
-    key = np.column_stack([run, borders.first[rows], borders.second[rows]])
-    _, group = np.unique(key, axis=0, return_inverse=True)
-    group = group.reshape(-1)
+    n = len(gradients) + 1
+    _, group = np.unique((run * n + borders.first[rows]) * n + borders.second[rows], return_inverse=True)
     return np.asarray(np.bincount(group, rise)[group] >= 0)
 
 

@@ -63,7 +63,9 @@ def straight_runs(
         return np.zeros((0, 4)), run
     runs = np.empty((len(xy), 4))
     cosine, sine = np.cos(angles), np.sin(angles)
-    n_runs = _greedy(xy, upright, cell, cosine, sine, spacing, free, run, least_length * spacing, runs)
+    left = np.flatnonzero(free)
+    n_runs = _greedy(xy, upright, cell, cosine, sine, spacing, left, run, least_length * spacing, runs)
+    free[run >= 0] = False
     # The first member of a run is the number of its angle until here.
     runs[:n_runs, 0] = angles[runs[:n_runs, 0].astype(np.int64)]
     return runs[:n_runs], run
@@ -101,11 +103,11 @@ def closing(runs, stops, spacing):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _greedy(xy, upright, cell, cosine, sine, spacing, free, run, least, runs):  # type: ignore[no-untyped-def]
+def _greedy(xy, upright, cell, cosine, sine, spacing, left, run, least, runs):  # type: ignore[no-untyped-def]
     """
     Take the line with the longest sides near it, then its runs from the sides, and so on; return how many.
 
-    The runs get the number of their direction in place of the angle.
+    The runs get the number of their direction in place of the angle. Only the sides `left` are looked at.
     """
     reach = 0.0
     for k in range(len(xy)):
@@ -113,9 +115,8 @@ def _greedy(xy, upright, cell, cosine, sine, spacing, free, run, least, runs):  
     size = _BIN * cell
     n_bins = 2 * int(reach / size + 2) + _WINDOW
     votes = np.zeros((len(cosine), n_bins))
-    for k in range(len(xy)):
-        if free[k]:
-            _vote(votes, xy[k, 0], xy[k, 1], upright[k], cell, cosine, sine, size, 1.0)
+    for k in left:
+        _vote(votes, xy[k, 0], xy[k, 1], upright[k], cell, cosine, sine, size, 1.0)
     n_runs = 0
     rows = np.empty(len(xy), dtype=np.int64)
     t = np.empty(len(xy))
@@ -126,7 +127,7 @@ def _greedy(xy, upright, cell, cosine, sine, spacing, free, run, least, runs):  
         offset = (b + 0.5 * _WINDOW - n_bins // 2) * size
         for _ in range(2):
             n, offset = _members(
-                xy, upright, cell, cosine[d], sine[d], offset, _HALF_WIDTH * spacing, free, rows, t
+                xy, upright, cell, cosine[d], sine[d], offset, _HALF_WIDTH * spacing, left, rows, t
             )
         _sort_along(t, rows, n)
         begin, found = 0, False
@@ -144,7 +145,10 @@ def _greedy(xy, upright, cell, cosine, sine, spacing, free, run, least, runs):  
             for i in range(first, m):
                 run[rows[i]] = n_runs
             runs[n_runs, 0], runs[n_runs, 1], runs[n_runs, 2], runs[n_runs, 3] = d, offset, t0, t1
-            _take(xy, upright, cell, cosine, sine, d, offset, t0, t1, spacing, free, run, n_runs, votes, size)
+            n_left = _take(
+                xy, upright, cell, cosine, sine, d, offset, t0, t1, spacing, left, run, n_runs, votes, size
+            )
+            left = left[:n_left]
             n_runs += 1
             found = True
         if not found:
@@ -200,12 +204,12 @@ def _peak(votes):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _members(xy, upright, cell, cosine, sine, offset, half, free, rows, t):  # type: ignore[no-untyped-def]
+def _members(xy, upright, cell, cosine, sine, offset, half, left, rows, t):  # type: ignore[no-untyped-def]
     """Write the free sides near a line and their places along it; return how many, and their mean offset."""
     n, total, weight = 0, 0.0, 0.0
-    for k in range(len(xy)):
+    for k in left:
         r = xy[k, 1] * cosine - xy[k, 0] * sine
-        if free[k] and abs(r - offset) <= half:
+        if abs(r - offset) <= half:
             rows[n] = k
             t[n] = xy[k, 0] * cosine + xy[k, 1] * sine
             w = _along(upright[k], cell, cosine, sine)
@@ -216,17 +220,19 @@ def _members(xy, upright, cell, cosine, sine, offset, half, free, rows, t):  # t
 
 
 @njit(cache=True, nogil=True)
-def _take(xy, upright, cell, cosine, sine, d, offset, t0, t1, spacing, free, run, number, votes, size):  # type: ignore[no-untyped-def]
-    """Account for all sides near a run: they vote no more."""
-    for k in range(len(xy)):
-        if not free[k]:
-            continue
+def _take(xy, upright, cell, cosine, sine, d, offset, t0, t1, spacing, left, run, number, votes, size):  # type: ignore[no-untyped-def]
+    """Account for all sides near a run: they vote no more. Return how many are left."""
+    n_left = 0
+    for k in left:
         r = xy[k, 1] * cosine[d] - xy[k, 0] * sine[d]
         t = xy[k, 0] * cosine[d] + xy[k, 1] * sine[d]
         # Beside the ends of a run there may be corners: what lies there is left to other runs.
         inside = t0 + spacing <= t <= t1 - spacing
         near = abs(r - offset) <= (_TAKEN if inside else _HALF_WIDTH) * spacing
         if run[k] == number or (t0 <= t <= t1 and near):
-            free[k] = False
             run[k] = number
             _vote(votes, xy[k, 0], xy[k, 1], upright[k], cell, cosine, sine, size, -1.0)
+        else:
+            left[n_left] = k
+            n_left += 1
+    return n_left

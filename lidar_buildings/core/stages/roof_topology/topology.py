@@ -135,6 +135,7 @@ def _regions_of(adjustment: Adjustment) -> NDArray[np.uint16]:
     region = np.zeros(len(adjustment.coefficients) + 1, dtype=np.uint16)
     roofs = np.flatnonzero(adjustment.free.roof)
     rounded = np.round(adjustment.coefficients[roofs], _SAME_DECIMALS)
-    _, first, inverse = np.unique(rounded, axis=0, return_index=True, return_inverse=True)
-    region[roofs + 1] = roofs[first][inverse.reshape(-1)] + 1
+    first: dict[tuple[float, ...], int] = {}
+    for number, plane in zip((roofs + 1).tolist(), rounded.tolist(), strict=True):
+        region[number] = first.setdefault(tuple(plane), number)
     return region

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
+from numba import njit
 
 from lidar_buildings.core.model.array_types import BoolArray, FloatArray, IntArray
 from lidar_buildings.core.surfaces.roof_planes.free_planes import FreePlanes
@@ -114,27 +115,40 @@ def solve(
         By how much each vertex alone moves each plane at its points, roughly [m].
     """
     weight = 1.0 / np.maximum(planes.rms, _LEAST_RMS) ** 2
-    cost = planes.cost * weight[:, None, None]
-    cost_share = np.matmul(cost, unknowns.share)
-    blocks = np.matmul(unknowns.share.transpose(0, 2, 1), cost_share)
     wanted = planes.coefficients if start is None else np.zeros_like(start)
     start = np.zeros_like(wanted) if start is None else start
-    right = np.einsum("kji,kj->ki", cost_share, wanted)
-    normal = np.zeros((unknowns.n, unknowns.n))
-    np.add.at(normal, (unknowns.number[:, :, None], unknowns.number[:, None, :]), blocks)
-    target = np.zeros(unknowns.n)
-    np.add.at(target, unknowns.number, right)
-    normal[np.diag_indices(unknowns.n)] += 1e-9 * (1.0 + normal.diagonal())
     terms = _equations(planes, vertices, slopes)
-    n_equations = len(terms.owner)
-    bordering = np.zeros((n_equations, unknowns.n))
-    shares = np.einsum("ti,tij->tj", terms.factor, unknowns.share[terms.plane])
-    np.add.at(bordering, (terms.equation[:, None], unknowns.number[terms.plane]), shares)
-    lacking = np.zeros(n_equations)
-    np.subtract.at(lacking, terms.equation, np.einsum("ti,ti->t", terms.factor, start[terms.plane]))
-    solution, force = constrained_minimum(normal, target, bordering, lacking)
+    normal, target = np.zeros((unknowns.n, unknowns.n)), np.zeros(unknowns.n)
+    rows, values = np.zeros((len(terms.owner), unknowns.n)), np.zeros(len(terms.owner))
+    _assemble(planes.cost, weight, unknowns, wanted, start, terms, normal, target, rows, values)
+    solution, force = constrained_minimum(normal, target, rows, values)
     coefficients = start + np.einsum("kij,kj->ki", unknowns.share, solution[unknowns.number])
+    if not len(vertices):
+        return coefficients, np.zeros((0, len(weight)))
     return coefficients, _pulls(planes, weight, terms, force, len(vertices))
+
+
+@njit(cache=True, nogil=True)
+def _assemble(cost, weight, unknowns, wanted, start, terms, normal, target, rows, values):  # type: ignore[no-untyped-def]
+    """Add the normal equations and their right sides, and the rows of the constraints and their values."""
+    number, share = unknowns.number, unknowns.share
+    for k in range(len(cost)):
+        for j in range(3):
+            for m in range(3):
+                moved = 0.0
+                for i in range(3):
+                    moved += cost[k, m, i] * weight[k] * share[k, i, j]
+                target[number[k, j]] += moved * wanted[k, m]
+                for i in range(3):
+                    normal[number[k, i], number[k, j]] += share[k, m, i] * moved
+    for k in range(len(target)):
+        normal[k, k] += 1e-9 * (1.0 + normal[k, k])
+    for t in range(len(terms.plane)):
+        k, equation = terms.plane[t], terms.equation[t]
+        for i in range(3):
+            values[equation] -= terms.factor[t, i] * start[k, i]
+            for j in range(3):
+                rows[equation, number[k, j]] += terms.factor[t, i] * share[k, i, j]
 
 
 class _Terms(NamedTuple):
@@ -194,8 +208,6 @@ def _pulls(
     Return by how much the multipliers of each vertex's equations would move each plane if it were free [m].
     """
     pull = np.zeros((n_vertices, len(weight)))
-    if not n_vertices:
-        return pull
     plane, pushed = terms.plane, terms.factor
     give = np.linalg.inv(planes.cost)[plane]
     moved = np.sqrt(np.maximum(np.einsum("ri,rij,rj->r", pushed, give, pushed), 0.0) / planes.counts[plane])

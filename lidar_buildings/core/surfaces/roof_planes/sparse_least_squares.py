@@ -32,7 +32,7 @@ def constrained_minimum(
     normal : ndarray of shape (n, n)
         N, symmetric and positive definite; overwritten.
     target : ndarray of shape (n,)
-        t.
+        t; overwritten.
     rows : ndarray of shape (m, n)
         R; rows that follow from those before them get no multiplier.
     values : ndarray of shape (m,)
@@ -43,15 +43,29 @@ def constrained_minimum(
     x : ndarray of shape (n,)
     multipliers : ndarray of shape (m,)
     """
+    return _minimum(normal, target, rows, values)
+
+
+@njit(cache=True, nogil=True)
+def _minimum(normal, target, rows, values):  # type: ignore[no-untyped-def]
+    """Return what `constrained_minimum` does; the target is overwritten, too."""
     start, row, value = _factor(normal)
-    right = np.vstack([target[None], rows])
-    for one in right:
-        _back_substitute(start, row, value, one)
-    if not len(rows):
-        return right[0], np.zeros(0)
-    free, response = right[0], right[1:]
-    force = _solve_semidefinite(_products(rows, response), _products(rows, free[None])[:, 0] - values)
-    return free - _combination(force, response), force
+    _back_substitute(start, row, value, target)
+    response = rows.copy()
+    for k in range(len(rows)):
+        _back_substitute(start, row, value, response[k])
+    excess = np.zeros(len(rows))
+    for k in range(len(rows)):
+        for i in range(len(target)):
+            excess[k] += rows[k, i] * target[i]
+        excess[k] -= values[k]
+    force = _solve_semidefinite(_products(rows, response), excess)
+    for i in range(len(target)):
+        moved = 0.0
+        for k in range(len(rows)):
+            moved += force[k] * response[k, i]
+        target[i] -= moved
+    return target, force
 
 
 @njit(cache=True, nogil=True)
@@ -104,14 +118,6 @@ def _products(rows, others):  # type: ignore[no-untyped-def]
                 for b in range(len(others)):
                     products[a, b] += rows[a, k] * others[b, k]
     return products
-
-
-@njit(cache=True, nogil=True)
-def _combination(factors, rows):  # type: ignore[no-untyped-def]
-    total = np.zeros(rows.shape[1])
-    for a in range(len(rows)):
-        total += factors[a] * rows[a]
-    return total
 
 
 @njit(cache=True, nogil=True)
