@@ -41,11 +41,20 @@ def matched_coverage(pieces: Sequence[RoofPiece], numbers: IntArray) -> PlanGrap
 
 def _are_sound(rings: GridRings, is_clear: bool) -> bool:
     """Whether all pieces are valid polygons; clear rings are, unless they pass a place twice."""
-    groups = [group for _, group in rings.groups()]
+    groups = [group for _, group in rings.groups()] if not (is_clear and _pass_once(rings)) else []
     if is_clear:
         groups = [g for g in groups if len(g) > 1 or len(set(map(tuple, g[0].tolist()))) < len(g[0])]
     polygons = [shapely.Polygon(group[0], group[1:]) for group in groups]
     return bool(shapely.is_valid(np.array(polygons, dtype=object)).all())
+
+
+def _pass_once(rings: GridRings) -> bool:
+    """Whether each piece has one ring that passes no place twice."""
+    x, y = (rings.corners - rings.corners.min(axis=0)).T
+    place = (np.repeat(np.arange(len(rings.owner)), np.diff(rings.starts)) * (x.max() + 1) + x) * (
+        y.max() + 1
+    ) + y
+    return len(set(rings.owner.tolist())) == len(rings.owner) and len(np.unique(place)) == len(place)
 
 
 def _has_slit(graph: PlanGraph) -> bool:

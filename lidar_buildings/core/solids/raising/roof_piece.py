@@ -48,5 +48,9 @@ def check_pieces(pieces: Sequence[RoofPiece]) -> None:
         for ring in piece.rings:
             if ring.ndim != 2 or ring.shape[1] != 2:
                 raise ValueError(f"pieces[{number}].rings: shape {ring.shape} must be (n_vertices, 2)")
-            if not np.isfinite(ring).all():
-                raise ValueError(f"pieces[{number}].rings: must be finite")
+    rings = [ring for piece in pieces for ring in piece.rings]
+    if rings and not np.isfinite(np.concatenate(rings)).all():
+        bad = (
+            k for k, piece in enumerate(pieces) if not all(np.isfinite(ring).all() for ring in piece.rings)
+        )
+        raise ValueError(f"pieces[{next(bad)}].rings: must be finite")

@@ -159,27 +159,30 @@ def _groups(values, reach, weight, candidates):  # type: ignore[no-untyped-def]
     """
     group = np.full(len(values), -1, dtype=np.int64)
     means = values.copy()
-    pending = candidates.copy()
+    pending, is_member = candidates.copy(), np.empty(len(values), dtype=np.bool_)
     n_groups = 0
-    while pending.any():
+    while True:
         first = -1
         for k in range(len(values)):
             if pending[k] and (first < 0 or weight[k] > weight[first]):
                 first = k
+        if first < 0:
+            return group, means
         total, mass = 0.0, 0.0
         for k in range(len(values)):
             if pending[k] and abs(values[k] - values[first]) <= reach[k] + reach[first]:
                 total += max(weight[k], 1e-12) * (values[k] - values[first])
                 mass += max(weight[k], 1e-12)
         mean = values[first] + total / mass
-        members = pending & (np.abs(values - mean) <= reach)
-        members[first] = True
-        pending &= ~members
-        if members.sum() > 1:
-            group[members] = n_groups
-            means[members] = mean
-            n_groups += 1
-    return group, means
+        size = 0
+        for k in range(len(values)):
+            is_member[k] = pending[k] and (k == first or abs(values[k] - mean) <= reach[k])
+            size += is_member[k]
+            pending[k] = pending[k] and not is_member[k]
+        for k in range(len(values)):
+            if is_member[k] and size > 1:
+                group[k], means[k] = n_groups, mean
+        n_groups += size > 1
 
 
 def _common_surfaces(
