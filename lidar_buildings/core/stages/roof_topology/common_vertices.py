@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
 from lidar_buildings.core.model.array_types import FloatArray
 from lidar_buildings.core.neighbours.union_find import sets_of_pairs
@@ -80,11 +81,11 @@ def _common_points(
 ) -> list[CommonVertex]:
     """Find where the ends of lines between four or more planes come together."""
     positions = ends.reshape(-1, 2)
-    gap = np.hypot(*(positions[:, None] - positions[None]).transpose(2, 0, 1))
-    cluster = sets_of_pairs(len(positions), *np.nonzero(gap <= _SAME_POINT * spacing))
+    near = cKDTree(positions).query_pairs(_SAME_POINT * spacing, output_type="ndarray")
+    cluster = sets_of_pairs(len(positions), *near.T)
     pairs = np.repeat(np.column_stack([pieces.first, pieces.second]), 2, axis=0)
     vertices = []
-    for number in np.unique(cluster):
+    for number in np.flatnonzero(np.bincount(cluster) > 1):
         mine = cluster == number
         planes = np.unique(pairs[mine])
         if len(planes) < _LEAST_PLANES:

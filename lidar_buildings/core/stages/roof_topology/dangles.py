@@ -9,7 +9,7 @@ import numpy as np
 from numba import njit
 
 from lidar_buildings.core.model.array_types import FloatArray
-from lidar_buildings.core.stages.roof_topology.obstacles import walls_about
+from lidar_buildings.core.stages.roof_topology.obstacles import is_far, walls_about
 from lidar_buildings.core.stages.roof_topology.result import IntersectionSegment, StepEdge
 
 #: Ends dangle if no other line is so near; two of them belong together if they are so near [spacings].
@@ -70,6 +70,8 @@ def _dangling(lines, obstacles, reach):  # type: ignore[no-untyped-def]
             x, y = lines[k, end, 0], lines[k, end, 1]
             for m in range(len(obstacles)):
                 ax, ay = obstacles[m, 0, 0], obstacles[m, 0, 1]
+                if is_far(x, y, ax, ay, obstacles[m, 1, 0], obstacles[m, 1, 1], 2.0 * reach):
+                    continue
                 dx, dy = obstacles[m, 1, 0] - ax, obstacles[m, 1, 1] - ay
                 square = dx * dx + dy * dy
                 share = ((x - ax) * dx + (y - ay) * dy) / square if square > 0.0 else 0.0

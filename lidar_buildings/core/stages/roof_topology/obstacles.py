@@ -9,11 +9,25 @@ from numba import njit
 
 from lidar_buildings.core.model.array_types import FloatArray
 
+#: Places differ by less from where they are in whole numbers [m].
+_ROUNDING = 1e-3
+
 
 def walls_about(rings: tuple[FloatArray, ...], centre: FloatArray) -> FloatArray:
     """Return the edges of rings about the centre, shape (n, 2, 2) [m]."""
     walls = [np.stack([ring, np.roll(ring, -1, axis=0)], axis=1) for ring in rings]
     return np.concatenate(walls) - centre[:2] if walls else np.zeros((0, 2, 2))
+
+
+@njit(cache=True, nogil=True)
+def is_far(x, y, ax, ay, bx, by, reach):  # type: ignore[no-untyped-def]
+    """Whether a place is surely farther than so much from the line between two others."""
+    return (
+        (ax > x + reach and bx > x + reach)
+        or (ax < x - reach and bx < x - reach)
+        or (ay > y + reach and by > y + reach)
+        or (ay < y - reach and by < y - reach)
+    )
 
 
 @njit(cache=True, nogil=True)
@@ -25,7 +39,10 @@ def stop(t, fx, fy, ux, uy, stops, reach, beyond, but):  # type: ignore[no-untyp
     of its walls. Stop number `but` is left out.
     """
     best, place = reach, math.nan
+    x, y, around = fx + t * ux, fy + t * uy, reach + beyond + _ROUNDING
     for m in range(len(stops)):
+        if is_far(x, y, stops[m, 0, 0], stops[m, 0, 1], stops[m, 1, 0], stops[m, 1, 1], around):
+            continue
         wx, wy = stops[m, 1, 0] - stops[m, 0, 0], stops[m, 1, 1] - stops[m, 0, 1]
         length = math.hypot(wx, wy)
         across = ux * wy - uy * wx
