@@ -57,9 +57,6 @@ class CellGrid(NamedTuple):
     adjacent: NDArray[np.int64] = np.zeros((0, 9), dtype=np.int64)
 
 
-#: Names that compiled kernels in existing caches still ask for; to go with those caches.
-
-
 def rows_by_cell(points: NDArray[np.float64], cell: float) -> CellGrid:
     """
     Gather points cell by cell, those of one cell in the order given.
@@ -109,32 +106,16 @@ def lowest_of_cells(grid: CellGrid, kept: NDArray[np.bool_]) -> NDArray[np.int64
     kept : ndarray of shape (n_points,), bool
         Which of the sorted points count.
     """
-    lowest = np.full(len(grid.numbers), -1, dtype=np.int64)
-    for_row_blocks(lambda a, b: _first_kept(grid.first, kept, lowest, a, b), len(lowest))
-    return lowest[lowest >= 0]
+    rows = np.flatnonzero(kept)
+    place = np.searchsorted(rows, grid.first)
+    return rows[place[:-1][place[:-1] < place[1:]]]
 
 
 def in_rows_order(grid: CellGrid, values: NDArray[Any]) -> NDArray[Any]:
     """Return one value per point of the grid in the order of the input rows."""
     unsorted = np.empty_like(values)
-    for_row_blocks(lambda a, b: _scatter(grid.rows, values, unsorted, a, b), len(values))
+    unsorted[grid.rows] = values
     return unsorted
-
-
-@njit(cache=True, nogil=True)
-def _scatter(rows, values, unsorted, begin, end):  # type: ignore[no-untyped-def]
-    for i in range(begin, end):
-        unsorted[rows[i]] = values[i]
-
-
-@njit(cache=True, nogil=True)
-def _first_kept(first, kept, lowest, begin, end):  # type: ignore[no-untyped-def]
-    """Find the first kept point of the cells `begin` to `end`."""
-    for k in range(begin, end):
-        for i in range(first[k], first[k + 1]):
-            if kept[i]:
-                lowest[k] = i
-                break
 
 
 def cell_numbers(points: NDArray[np.float64], cell: float) -> NDArray[np.int64]:

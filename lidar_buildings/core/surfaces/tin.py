@@ -176,9 +176,25 @@ def _interpolate(  # type: ignore[no-untyped-def]
         x = min(max(points[i, 0] - origin[0], frame[0, 0]), frame[1, 0])
         y = min(max(points[i, 1] - origin[1], frame[0, 1]), frame[1, 1])
         triangle = walk(x, y, triangle, vertices, triangles, neighbours)
-        a, b, c = triangles[triangle, 0], triangles[triangle, 1], triangles[triangle, 2]
-        elevation[i] = plane_elevation(x, y, vertices[a], vertices[b], vertices[c])
-        slope[i] = plane_slope(vertices[a], vertices[b], vertices[c])
+        a, b, c = corners_of(triangle, vertices, triangles)
+        elevation[i] = plane_elevation(x, y, a, b, c)
+        slope[i] = plane_slope(a, b, c)
+
+
+@njit(cache=True, nogil=True)
+def place_of(v, vertices):  # type: ignore[no-untyped-def]
+    """Return the coordinates of a vertex."""
+    return vertices[v, 0], vertices[v, 1], vertices[v, 2]
+
+
+@njit(cache=True, nogil=True)
+def corners_of(triangle, vertices, triangles):  # type: ignore[no-untyped-def]
+    """Return the coordinates of a triangle's corners."""
+    return (
+        place_of(triangles[triangle, 0], vertices),
+        place_of(triangles[triangle, 1], vertices),
+        place_of(triangles[triangle, 2], vertices),
+    )
 
 
 @njit(cache=True, nogil=True)

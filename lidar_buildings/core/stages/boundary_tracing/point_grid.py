@@ -82,7 +82,12 @@ def build_point_grid(points: NDArray[np.float64], pattern: ScanPattern, window: 
     along, across = 0.5 * window * pattern.along, 0.5 * window * pattern.across
     cosine, sine = float(np.cos(pattern.direction)), float(np.sin(pattern.direction))
     frame = (cosine / along, sine / along, -sine / across, cosine / across)
-    low_u, high_u, low_v, high_v, largest = _extent(points, *frame) if len(points) else (0.0,) * 5
+    low_u = high_u = low_v = high_v = largest = 0.0
+    if len(points):
+        x, y = points[:, 0], points[:, 1]
+        u, v = frame[0] * x + frame[1] * y, frame[2] * x + frame[3] * y
+        low_u, high_u, low_v, high_v = (float(one) for one in (u.min(), u.max(), v.min(), v.max()))
+        largest = float(np.abs(points[:, :2]).max())
     # A sparse cloud of great extent gets larger cells, so that there are not many more than points.
     cell, limit = 1.0, max(_MAX_CELLS, _MAX_CELLS_PER_POINT * len(points))
     while ((high_u - low_u) / cell + 1) * ((high_v - low_v) / cell + 1) > limit:
@@ -128,19 +133,6 @@ def span_of(grid, dx, dy):  # type: ignore[no-untyped-def]
     if grid.is_disc:
         return math.sqrt(u * u + v * v)
     return max(abs(u), abs(v))
-
-
-@njit(cache=True, nogil=True)
-def _extent(points, ux, uy, vx, vy):  # type: ignore[no-untyped-def]
-    """Return the limits of u and v, and the largest coordinate in size."""
-    low_u, high_u, low_v, high_v, largest = np.inf, -np.inf, np.inf, -np.inf, 0.0
-    for i in range(len(points)):
-        x, y = points[i, 0], points[i, 1]
-        u, v = ux * x + uy * y, vx * x + vy * y
-        low_u, high_u = min(low_u, u), max(high_u, u)
-        low_v, high_v = min(low_v, v), max(high_v, v)
-        largest = max(largest, abs(x), abs(y))
-    return low_u, high_u, low_v, high_v, largest
 
 
 @njit(cache=True, nogil=True)

@@ -81,17 +81,14 @@ def filled(u, v, n_columns, n_rows):  # type: ignore[no-untyped-def]
     return inside
 
 
-@njit(cache=True, nogil=True)
-def holds(grid, ring, x, y):  # type: ignore[no-untyped-def]
+def holds(grid: PointGrid, ring: NDArray[np.int64], x: float, y: float) -> bool:
     """Whether a place lies inside a ring that was walked with it on the empty side."""
-    double_area, is_inside = 0.0, False
-    for k in range(len(ring)):
-        a, b = ring[k - 1], ring[k]
-        ax, ay, bx, by = grid.x[a] - x, grid.y[a] - y, grid.x[b] - x, grid.y[b] - y
-        double_area += ax * by - bx * ay
-        if (ay > 0) != (by > 0) and ax - ay / (by - ay) * (bx - ax) > 0:
-            is_inside = not is_inside
-    return is_inside and double_area * grid.orientation > 0
+    bx, by = grid.x[ring] - x, grid.y[ring] - y
+    ax, ay = np.roll(bx, 1), np.roll(by, 1)
+    across = (ay > 0) != (by > 0)
+    crossing = ax[across] - ay[across] / (by[across] - ay[across]) * (bx[across] - ax[across])
+    is_inside = np.count_nonzero(crossing > 0) % 2 == 1
+    return bool(is_inside and (ax * by - bx * ay).sum() * grid.orientation > 0)
 
 
 @njit(cache=True, nogil=True)

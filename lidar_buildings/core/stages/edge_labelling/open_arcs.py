@@ -123,7 +123,7 @@ def _without(arcs, n_open, first, last):  # type: ignore[no-untyped-def]
     """Take the arc first to last out of the open ones; return how many are left."""
     k = 0
     while k < n_open:
-        begin, end = arcs[k]
+        begin, end = arcs[k, 0], arcs[k, 1]
         has_before, has_after = first - begin > TIE, end - last > TIE
         if end <= first or begin >= last:
             k += 1
@@ -131,7 +131,7 @@ def _without(arcs, n_open, first, last):  # type: ignore[no-untyped-def]
             arcs[k, 1] = first
             if has_after and n_open < MAX_OPEN:
                 # Put at the end, where it is met again and left alone.
-                arcs[n_open] = last, end
+                arcs[n_open, 0], arcs[n_open, 1] = last, end
                 n_open += 1
             k += 1
         elif has_after:
@@ -139,5 +139,5 @@ def _without(arcs, n_open, first, last):  # type: ignore[no-untyped-def]
             k += 1
         else:
             n_open -= 1
-            arcs[k] = arcs[n_open]
+            arcs[k, 0], arcs[k, 1] = arcs[n_open, 0], arcs[n_open, 1]
     return n_open

@@ -125,7 +125,7 @@ def _gathered(sorted_points, windows, near):  # type: ignore[no-untyped-def]
     k = 0
     for begin, end in windows:
         for j in range(first[begin], first[end]):
-            near[0, k], near[1, k], near[2, k] = points[j]
+            near[0, k], near[1, k], near[2, k] = points[j, 0], points[j, 1], points[j, 2]
             near[3, k] = roof[j]
             k += 1
     return near, n_near
@@ -167,7 +167,7 @@ def _is_on_rim(near, n_near, place, radius, max_step, table, arcs):  # type: ign
 def _is_touched(near, n_near, place, radius, max_step, arcs):  # type: ignore[no-untyped-def]
     """Return the same by cutting out arc after arc."""
     x, y, z, roof = place
-    arcs[0] = 0.0, TURN
+    arcs[0, 0], arcs[0, 1] = 0.0, TURN
     n_open = 1
     for j in range(n_near):
         dx, dy, dz = near[0, j] - x, near[1, j] - y, near[2, j] - z

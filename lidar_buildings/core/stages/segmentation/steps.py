@@ -175,7 +175,7 @@ def _choose_planes(grid, reach, plane, max_offset, best, is_flat, begin, end):  
     near = np.empty(len(grid.points), dtype=np.int64)
     for i in range(begin, end):
         x, y, z = grid.points[i]
-        best[i] = 0.0
+        best[i, 0] = best[i, 1] = 0.0
         least = np.inf
         for j in near[: neighbours_of(grid, grid.cell[i], x, y, z, reach, True, near)]:
             there = (
@@ -183,7 +183,7 @@ def _choose_planes(grid, reach, plane, max_offset, best, is_flat, begin, end):  
             )
             if plane[j, 3] < least and abs(z - there) <= max_offset:
                 least = plane[j, 3]
-                best[i] = plane[j, :2]
+                best[i, 0], best[i, 1] = plane[j, 0], plane[j, 1]
         is_flat[i] = least <= max_offset
 
 

@@ -8,7 +8,6 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from lidar_buildings.core.neighbours.parallel import for_row_blocks
 from lidar_buildings.core.stages.ground_filter.gross_errors.noise_layers import (
     Layers,
     columns_in_row,
@@ -32,30 +31,20 @@ def find_high_layers(layers: Layers, errors: NDArray[np.bool_], gap: float, radi
     Layers, split at less than the `gap` [m], that are known as low gross errors do not count. The surface has
     to lie below within `radius` columns.
     """
-    isolated = np.empty(len(layers.numbers), dtype=np.bool_)
-    for_row_blocks(lambda a, b: _mark_isolated(layers, gap, isolated, a, b), len(isolated))
-    seeds = layers.first[1:][isolated] - 1
-    return _judge_groups(layers, seeds, errors, gap, radius)
+    return _judge_groups(layers, _isolated(layers, gap), errors, gap, radius)
 
 
-@njit(cache=True, nogil=True)
-def _mark_isolated(layers, gap, isolated, begin, end):  # type: ignore[no-untyped-def]
-    """
-    Mark the columns, from `begin` to `end`, whose top layer is small and stands far above what is next to it.
-    """
-    for k in range(begin, end):
-        top = layers.first[k + 1] - 1
-        low = low_end(layers, top)
-        isolated[k] = False
-        if _n_points(layers, top) > MAX_POINTS:
-            continue
-        if top > layers.first[k]:
-            isolated[k] = low - high_end(layers, top - 1) > gap
-            continue
-        for other in (k - 1, k + 1):
-            if 0 <= other < len(layers.numbers):
-                beside = high_end(layers, layers.first[other + 1] - 1)
-                isolated[k] = isolated[k] or low - beside > LOWER_SHARE * gap
+def _isolated(layers: Layers, gap: float) -> NDArray[np.int64]:
+    """Return the columns' top layers that are small and stand far above what is next to them."""
+    z = layers.points[:, 2]
+    low, high = z[layers.begin[:-1]], z[layers.begin[1:] - 1]
+    top = layers.first[1:] - 1
+    above = low[top] - high[np.maximum(top - 1, 0)] > gap
+    beside = np.zeros(len(top), dtype=np.bool_)
+    beside[1:] |= low[top[1:]] - high[top[:-1]] > LOWER_SHARE * gap
+    beside[:-1] |= low[top[:-1]] - high[top[1:]] > LOWER_SHARE * gap
+    is_small = layers.begin[top + 1] - layers.begin[top] <= MAX_POINTS
+    return top[is_small & np.where(top > layers.first[:-1], above, beside)]
 
 
 @njit(cache=True, nogil=True)
@@ -81,7 +70,7 @@ def _gather_group(layers, seed, errors, gap, group_of, is_large, members):  # ty
     """
     Fill `members` with what is within the gap of a layer, and so on; return how many, −1 if it is too much.
     """
-    n_members, done, n_points = 1, 0, _n_points(layers, seed)
+    n_members, done, n_points = 1, 0, layers.begin[seed + 1] - layers.begin[seed]
     members[0], group_of[seed] = seed, seed
     reach = math.ceil(gap / layers.size)
     while done < n_members:
@@ -102,7 +91,7 @@ def _gather_group(layers, seed, errors, gap, group_of, is_large, members):  # ty
                         break
                     if high_end(layers, j) < low or group_of[j] == seed or errors[j]:
                         continue
-                    n_points += _n_points(layers, j)
+                    n_points += layers.begin[j + 1] - layers.begin[j]
                     if is_large[j] or n_points > MAX_POINTS:
                         for i in range(n_members):
                             is_large[members[i]] = True
@@ -127,8 +116,3 @@ def _is_in_the_air(layers, group, errors, gap, radius, group_of):  # type: ignor
                 j -= 1
             n_lower += j >= first and high_end(layers, j) < low - LOWER_SHARE * gap
     return n_lower >= max(MIN_LOWER, len(group))
-
-
-@njit(cache=True, nogil=True)
-def _n_points(layers, layer):  # type: ignore[no-untyped-def]
-    return layers.begin[layer + 1] - layers.begin[layer]

@@ -9,7 +9,6 @@ from numba import njit
 from numpy.typing import NDArray
 
 from lidar_buildings.core.neighbours.cell_grid import CellGrid
-from lidar_buildings.core.neighbours.parallel import for_row_blocks
 from lidar_buildings.core.neighbours.windows import cells_in_row
 from lidar_buildings.core.stages.ground_filter.gross_errors.terrain_gradient import terrain_gradient
 
@@ -50,23 +49,15 @@ class Layers(NamedTuple):
 
 def split_into_layers(cloud: CellGrid, gap: float) -> Layers:
     """Split each column where two points on top of one another are more than `gap` [m] apart."""
-    starts = np.empty(len(cloud.points), dtype=np.bool_)
-    for_row_blocks(
-        lambda a, b: _mark_starts(cloud.points, cloud.first, gap, starts, a, b), len(cloud.numbers)
-    )
+    starts = np.ones(len(cloud.points), dtype=np.bool_)
+    starts[1:] = np.diff(cloud.points[:, 2]) > gap
+    starts[cloud.first[:-1]] = True
     begin = np.append(np.flatnonzero(starts), len(cloud.points))
     first = np.searchsorted(begin, cloud.first)
     column = np.repeat(np.arange(len(cloud.numbers)), np.diff(first))
     lowest = cloud.points[cloud.first[:-1]]
     gradient = terrain_gradient(lowest, np.ones(len(lowest), dtype=np.bool_), cloud.size)
     return Layers(cloud.points, begin, first, column, cloud.numbers, cloud.n_columns, cloud.size, gradient)
-
-
-@njit(cache=True, nogil=True)
-def _mark_starts(points, first, gap, starts, begin, end):  # type: ignore[no-untyped-def]
-    for k in range(begin, end):
-        for i in range(first[k], first[k + 1]):
-            starts[i] = i == first[k] or points[i, 2] - points[i - 1, 2] > gap
 
 
 @njit(cache=True, nogil=True)

@@ -8,7 +8,7 @@ import numpy as np
 from numba import njit
 
 from lidar_buildings.core.stages.ground_filter.growing_tin.frame import at_frame
-from lidar_buildings.core.surfaces.tin import plane_elevation, plane_slope, walk
+from lidar_buildings.core.surfaces.tin import corners_of, place_of, plane_elevation, plane_slope, walk
 
 # Chosen with `bench.ground.isprs` and `bench.ground.scenes`; mirroring is Axelsson's (2000).
 #: A facet is left as it is by points this close to it: they add nothing to its shape [m].
@@ -25,7 +25,7 @@ def candidate_score(p, triangle, vertices, n_real, n_start, triangles, neighbour
     Infinity where it may not join: neither as it is nor mirrored, or since its facet is small enough.
     """
     a, b, c = corners_of(triangle, vertices, triangles)
-    point = _place(p, vertices)
+    point = place_of(p, vertices)
     if _squared_longest_side(a, b, c) < limits[3] or _far_above(point, a, b, c, limits[2]):
         return np.inf
     score = _facet_score(point, a, b, c, limits)
@@ -80,7 +80,7 @@ def _mirrored_score(p, triangle, vertices, n_real, n_start, triangles, neighbour
     angle, _, distance, _ = limits
     if plane_slope(*corners_of(triangle, vertices, triangles)) < MIRROR_SLOPE:
         return np.inf
-    x, y, z = _place(p, vertices)
+    x, y, z = place_of(p, vertices)
     corner = _nearest_corner(x, y, triangle, vertices, triangles)
     if n_real <= corner < n_start or abs(z - vertices[corner, 2]) > distance:
         return np.inf
@@ -94,21 +94,6 @@ def _mirrored_score(p, triangle, vertices, n_real, n_start, triangles, neighbour
         return np.inf
     seen_at = _angle_at_corners((x, y, z), a, b, c, off)
     return seen_at if seen_at <= angle else np.inf
-
-
-@njit(cache=True, nogil=True)
-def _place(v, vertices):  # type: ignore[no-untyped-def]
-    return vertices[v, 0], vertices[v, 1], vertices[v, 2]
-
-
-@njit(cache=True, nogil=True)
-def corners_of(triangle, vertices, triangles):  # type: ignore[no-untyped-def]
-    """Return the coordinates of a triangle's corners."""
-    return (
-        _place(triangles[triangle, 0], vertices),
-        _place(triangles[triangle, 1], vertices),
-        _place(triangles[triangle, 2], vertices),
-    )
 
 
 @njit(cache=True, nogil=True)

@@ -72,7 +72,9 @@ def extend_terrain(vertices, n_real, n_start, triangles, border, gradient):  # t
         Which virtual vertices moved.
     """
     least = np.full(n_start - n_real, np.inf)
-    elevation = vertices[n_real:n_start, 2].copy()
+    elevation = np.empty(n_start - n_real)
+    for f in range(n_start - n_real):
+        elevation[f] = vertices[n_real + f, 2]
     for t in border:
         for v in triangles[t]:
             if not n_real <= v < n_start:
@@ -84,6 +86,8 @@ def extend_terrain(vertices, n_real, n_start, triangles, border, gradient):  # t
                 if not n_real <= w < n_start and away < least[f]:
                     least[f] = away
                     elevation[f] = vertices[w, 2] + gradient[f, 0] * dx + gradient[f, 1] * dy
-    moved = elevation != vertices[n_real:n_start, 2]
-    vertices[n_real:n_start, 2] = elevation
+    moved = np.empty(n_start - n_real, dtype=np.bool_)
+    for f in range(n_start - n_real):
+        moved[f] = elevation[f] != vertices[n_real + f, 2]
+        vertices[n_real + f, 2] = elevation[f]
     return moved

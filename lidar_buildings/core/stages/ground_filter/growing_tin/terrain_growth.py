@@ -10,11 +10,10 @@ from numba import njit
 from numpy.typing import NDArray
 
 from lidar_buildings.core.neighbours.parallel import for_row_blocks
-from lidar_buildings.core.stages.ground_filter.growing_tin.facet_scores import corners_of
 from lidar_buildings.core.stages.ground_filter.growing_tin.frame import edge_gradients
 from lidar_buildings.core.stages.ground_filter.growing_tin.growth_rounds import Mesh, join_in_rounds
 from lidar_buildings.core.surfaces.incremental_delaunay import insert_vertex, with_room
-from lidar_buildings.core.surfaces.tin import Tin, plane_elevation, plane_slope, walk
+from lidar_buildings.core.surfaces.tin import Tin, corners_of, plane_elevation, plane_slope, walk
 from lidar_buildings.core.surfaces.triangulation import build_tin
 
 

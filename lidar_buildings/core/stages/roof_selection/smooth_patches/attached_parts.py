@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from lidar_buildings.core.neighbours.columns import Columns
@@ -60,8 +59,10 @@ def wide_levels(
         own, below, others = np.zeros(shape, np.int32), np.zeros(shape, np.uint8), np.zeros(shape, np.uint8)
         np.add.at(own, (y, x), 1)
         top = columns.points[rows, 2].max() + TOLERANCE
-        grid = (columns.points, columns.first, columns.numbers, columns.row_length)
-        _draw_roofs(*grid, int(low[0]), int(low[1]), top, own, below, others)
+        line, held = _columns_within(columns, low, shape)
+        place = (line, columns.places[held, 1] - low[1])
+        below[place] = columns.points[columns.first[held], 2] <= top
+        others[place] = columns.first[held + 1] - columns.first[held] > own[place]
         depth = square_distances(closed(below), 0, reach)
         if area[part[rows[0]]] < config.max_part_area:
             kept[rows] = opened(depth, half)[y, x]
@@ -80,16 +81,15 @@ def _contact(own: NDArray[np.int32], others: NDArray[np.uint8], size: float) -> 
     return float((square_distances(others, 1, math.ceil(reach))[1:-1, 1:-1][rim] <= reach**2).mean())
 
 
-@njit(cache=True, nogil=True)
-def _draw_roofs(points, first, numbers, row_length, low_y, low_x, top, own, below, others):  # type: ignore[no-untyped-def]
-    """Mark the cells of a window that hold roofs up to an elevation, and those with others than its own."""
-    for y in range(len(own)):
-        start = (y + low_y) * row_length
-        c = np.searchsorted(numbers, start + max(low_x, 0))
-        while c < len(numbers) and numbers[c] < start + min(low_x + own.shape[1], row_length):
-            n = first[c + 1] - first[c]
-            if n > 0:
-                x = numbers[c] - start - low_x
-                below[y, x] = points[first[c], 2] <= top
-                others[y, x] = n > own[y, x]
-            c += 1
+def _columns_within(
+    columns: Columns, low: NDArray[np.integer], shape: tuple[int, int]
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Return the columns with points in a window of places, line by line, and their lines in it."""
+    start = (np.arange(shape[0]) + int(low[0])) * columns.row_length
+    west, east = max(int(low[1]), 0), min(int(low[1]) + shape[1], columns.row_length)
+    begin, end = np.searchsorted(columns.numbers, (start + west, start + east))
+    n = end - begin
+    line = np.repeat(np.arange(shape[0]), n)
+    within = np.arange(len(line)) + np.repeat(begin - (np.cumsum(n) - n), n)
+    is_held = columns.first[within + 1] > columns.first[within]
+    return line[is_held], within[is_held]
