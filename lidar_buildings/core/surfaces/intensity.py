@@ -62,7 +62,7 @@ def strip_scales(
     common = measure_scale(single)
     of = strip[is_single]
     scales = {}
-    for number in np.unique(strip).tolist():
+    for number in _distinct(strip).tolist():
         mine = single[of == number]
         scales[number] = measure_scale(mine) if len(mine) >= MIN_PULSES else common
     return scales
@@ -94,10 +94,18 @@ def normalised_intensity(
         0 to 255; 0 throughout a strip of constant intensity.
     """
     normalised = np.zeros(len(intensity), dtype=np.float32)
-    for number in np.unique(strip).tolist():
+    for number in _distinct(strip).tolist():
         scale = scales.get(number, other)
         if scale is not None and scale.high > scale.low:
             mine = strip == number
             gain = HIGH_ANCHOR / (scale.high - scale.low)
             normalised[mine] = np.clip((intensity[mine] - scale.low) * gain, 0.0, BRIGHTEST)
     return normalised
+
+
+def _distinct(strip: NDArray[np.integer]) -> NDArray[np.int64]:
+    """Return the strips' numbers, rising; they mostly lie close together, and are counted."""
+    if not len(strip) or int(strip.max()) - int(strip.min()) > len(strip):
+        return np.unique(strip).astype(np.int64)
+    low = int(strip.min())
+    return np.flatnonzero(np.bincount(strip.astype(np.int64, copy=False) - low)) + low

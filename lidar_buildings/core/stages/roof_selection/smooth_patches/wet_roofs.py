@@ -80,12 +80,12 @@ def find_wet_roofs(
     half = max(MIN_VOID_CELLS // 2, round(0.5 * MIN_VOID_WIDTH / spacing - 0.5))
     reach = half + 2 * math.ceil(RIM_REACH) + 1
     margin = math.ceil(MAX_LENGTH / spacing) + 2 * reach
-    for own in _blocks(np.floor(points[open_rows, :2] / spacing).astype(np.int64)):
-        low = own.min(axis=0) - margin
-        plan = np.zeros(own.max(axis=0) + margin + 1 - low, dtype=np.bool_)
+    for x, y in _blocks(*(np.floor(points[open_rows, :2].T / spacing).astype(np.int64))):
+        low = np.array([x.min(), y.min()]) - margin
+        plan = np.zeros(np.array([x.max(), y.max()]) + margin + 1 - low, dtype=np.bool_)
         rim, zone = np.zeros_like(plan), np.zeros_like(plan)
         _mark(points, spacing, low[0], low[1], plan)
-        rim[tuple((own - low).T)] = True
+        rim[x - low[0], y - low[1]] = True
         places = list(_voids(plan, rim, half, reach, MAX_LENGTH / spacing))
         if not places:
             continue
@@ -101,14 +101,17 @@ def find_wet_roofs(
     return found & ~is_roof
 
 
-def _blocks(cells: NDArray[np.int64]) -> Iterator[NDArray[np.int64]]:
-    if len(cells) == 0:
-        return
-    block = cells // BLOCK
-    for x in np.unique(block[:, 0]):
-        own = cells[block[:, 0] == x]
-        for y in np.unique(own[:, 1] // BLOCK):
-            yield own[own[:, 1] // BLOCK == y]
+def _blocks(
+    x: NDArray[np.int64], y: NDArray[np.int64]
+) -> Iterator[tuple[NDArray[np.int64], NDArray[np.int64]]]:
+    """Go through the cells block by block, so that far points cost no memory."""
+    east, north = x // BLOCK, y // BLOCK
+    for one in np.unique(east):
+        in_column = np.flatnonzero(east == one)
+        rows = north[in_column]
+        for other in np.unique(rows):
+            own = in_column[rows == other]
+            yield x[own], y[own]
 
 
 def _voids(
