@@ -17,11 +17,11 @@ MARGIN = 2.0 * SLACK
 
 def tiles_of(lines: FloatArray) -> FloatArray:
     """Return west, south, side, columns and rows of about as many square tiles as there are lines."""
-    ends = lines.reshape(-1, 2)
-    (x0, y0), (x1, y1) = ends.min(axis=0).tolist(), ends.max(axis=0).tolist()
-    width, height = x1 - x0, y1 - y0
+    x, y = lines.reshape(-1, 2).T
+    west, south = float(x.min()), float(y.min())
+    width, height = float(x.max()) - west, float(y.max()) - south
     side = max(math.sqrt(width * height / len(lines)), max(width, height) / 1000.0, 10.0 * MARGIN)
-    return np.array([x0, y0, side, math.floor(width / side) + 1.0, math.floor(height / side) + 1.0])
+    return np.array([west, south, side, math.floor(width / side) + 1.0, math.floor(height / side) + 1.0])
 
 
 @njit(cache=True, nogil=True)

@@ -265,8 +265,9 @@ def _has_extent(points: FloatArray) -> bool:
     """Whether points span an area in plan."""
     if len(points) < 3:
         return False
-    offsets = points[:, :2] - points[:, :2].mean(axis=0)
-    least, most = np.linalg.eigvalsh(offsets.T @ offsets)
+    plan = np.ascontiguousarray(points[:, :2].T)
+    plan -= plan.mean(axis=1, keepdims=True)
+    least, most = np.linalg.eigvalsh(plan @ plan.T)
     return bool(least > 1e-12 * most)
 
 

@@ -95,7 +95,7 @@ def node_segments(walls: FloatArray, segments: FloatArray) -> Nodes:
         crossings = np.empty((n, 2), dtype=np.int64)
     ends = np.floor(lines.reshape(-1, 2) * _SCALE + 0.5).astype(np.int64)
     every = np.concatenate([ends, crossings[:n]])
-    low = every.min(axis=0)
+    low = np.array([column.min() for column in every.T])
     keys, row = np.unique((every[:, 0] - low[0] << 32) + (every[:, 1] - low[1]), return_inverse=True)
     vertices = np.column_stack([keys >> 32, keys & 0xFFFFFFFF]) + low
     row = row.reshape(-1)[: 2 * len(lines)]

@@ -51,7 +51,8 @@ def plane_moments(points: FloatArray, plane_id: NDArray[np.uint16], n_planes: in
     """
     if not len(points):
         return PlaneMoments(np.zeros(3), np.zeros((n_planes, N_MOMENTS)))
-    low, high = points.min(axis=0), points.max(axis=0)
+    # Column by column: numpy takes twenty times as long along the rows of a narrow array.
+    low, high = np.array([(column.min(), column.max()) for column in points.T]).T
     centre = 0.5 * (low + high)
     half = max(float((high - low).max()), 1e-3)
     bits = min(_FINEST_BITS, int((_SUM_BITS - math.log2(len(points))) / 2 - math.log2(half)))
