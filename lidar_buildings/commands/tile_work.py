@@ -97,9 +97,10 @@ def whole_result(
         )
         if not result.clipped:
             return result
+        del result, tile  # one at a time in memory
         larger = spooled.grown()
         # What cannot grow is all there is: no limit is left to reach.
-        tile = larger if larger is not None else replace(tile, bounds=None)
+        tile = larger if larger is not None else replace(spooled.read(), bounds=None)
 
 
 def products_of(result: TileResult, frame: MapFrame, rasters: TerrainRasters | None) -> TileProducts:

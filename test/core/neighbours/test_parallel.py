@@ -32,6 +32,8 @@ def test_a_thread_that_works_alone_does_all_blocks_itself():
     def alone():
         work_alone()
         found.append(work_on(100, 8))
+        work_alone(False)
+        found.append(work_on(100, 8))
 
     thread = threading.Thread(target=alone)
     thread.start()
@@ -39,6 +41,7 @@ def test_a_thread_that_works_alone_does_all_blocks_itself():
     times, threads = found[0]
     assert (times == 1).all()
     assert threads == {thread}
+    assert thread not in found[1][1]
     assert threading.current_thread() not in work_on(100, 8)[1]
 
 

@@ -113,6 +113,14 @@ def test_ids_are_unique_even_where_footprints_lie_over_each_other():
     assert len(set(found.building_id.tolist())) == len(rings)
 
 
+def test_footprints_near_a_place_keep_their_ids():
+    houses = [shapely.box(20.0 * k, 0.0, 20.0 * k + 10.0, 10.0) for k in range(5)]
+    whole = footprints(*houses)
+    near = whole.near((25.0, -5.0, 45.0, 5.0))
+    assert near.building_id.tolist() == whole.building_id[1:3].tolist()
+    assert len(near) == len(near.bounds) == len(near.area) == 2
+
+
 def test_ids_do_not_depend_on_the_order_nor_on_the_direction_of_rings():
     polygons = [HOUSE, NEIGHBOUR, shapely.box(12, 12, 15, 15), shapely.box(0, 30, 5, 33)]
     ids = footprints(*polygons).building_id
