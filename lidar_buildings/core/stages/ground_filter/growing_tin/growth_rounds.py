@@ -199,7 +199,8 @@ def _insert(mesh, n_triangles, facets, best, waiting, pending, marks):  # type: 
             if at_frame(triangle, triangles, n_real, n_start):
                 if n_fresh == len(fresh):
                     longer = np.empty(2 * n_fresh, dtype=np.int32)
-                    longer[:n_fresh] = fresh
+                    for i in range(n_fresh):
+                        longer[i] = fresh[i]
                     fresh = longer
                 fresh[n_fresh] = triangle
                 n_fresh += 1
