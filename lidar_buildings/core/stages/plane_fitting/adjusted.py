@@ -14,6 +14,8 @@ from lidar_buildings.core.surfaces.roof_planes import RoofPlane
 MAX_PLANES = 65535
 #: Side of the cells in whose order points are summed [m].
 _CELL = 1.0
+#: Rows and columns of what a symmetric matrix has to tell.
+_UPPER = np.triu_indices(3)
 #: Points whose variance across a line is no larger than this, relative to that along, are on it.
 _LINE = 1e-12
 
@@ -26,8 +28,8 @@ def why_degenerate(points: FloatArray) -> str:
     shifted = points - points[0]
     moments = plane_sums(shifted, np.ones(len(points), dtype=np.int32), 2)[1]
     mean, products = moments[1:4] / moments[0], np.empty((3, 3))
-    products[np.triu_indices(3)] = moments[4:] / moments[0]
-    products.T[np.triu_indices(3)] = moments[4:] / moments[0]
+    products[_UPPER] = moments[4:] / moments[0]
+    products.T[_UPPER] = moments[4:] / moments[0]
     spread = np.linalg.eigvalsh(products - np.outer(mean, mean))
     return f"all {len(points)} points lie on a line" if spread[1] <= _LINE * spread[2] else ""
 
@@ -68,7 +70,7 @@ def adjusted_planes(points: FloatArray, plane_id: NDArray[np.uint16]) -> tuple[R
     centroid = np.column_stack([np.bincount(plane_id, axis, size) / divisor for axis in shifted.T])
     offsets = shifted - centroid[plane_id]
     scatter = np.empty((size, 3, 3))
-    for a, b in zip(*np.triu_indices(3), strict=True):
+    for a, b in zip(*_UPPER, strict=True):
         scatter[:, a, b] = scatter[:, b, a] = np.bincount(plane_id, offsets[:, a] * offsets[:, b], size)
     normal = np.linalg.eigh(scatter)[1][:, :, 0]
     normal[normal[:, 2] < 0] *= -1.0

@@ -180,12 +180,3 @@ def grow(
     if refine:
         refit(moments, origin, plane)
     return tail, score
-
-
-@njit(cache=True, nogil=True)
-def refine(
-    cloud: Cloud, limits: Limits, labels: NDArray[np.int32], seed: int, plane: FloatArray, scratch: Scratch
-) -> tuple[int, float]:
-    """Let a plane find its way across the roof; then collect the points of where it came to lie."""
-    grow(cloud, limits, labels, seed, plane, True, scratch)
-    return grow(cloud, limits, labels, seed, plane, False, scratch)

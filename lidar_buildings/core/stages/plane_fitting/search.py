@@ -14,7 +14,6 @@ from lidar_buildings.core.stages.plane_fitting.consensus import (
     Scratch,
     grow,
     propose,
-    refine,
     samples_needed,
 )
 from lidar_buildings.core.stages.plane_fitting.surroundings import Cloud
@@ -43,6 +42,11 @@ def extract(cloud: Cloud, limits: Limits, order: IntArray, samples: FloatArray) 
     """
     Take planes out of the cloud one after the other until none is left with enough points.
 
+    In each round every free point is a seed, unless a known hypothesis holds it. A hypothesis is accepted
+    once enough seeds were drawn to have met, with the wanted probability, any plane as large. Hypotheses are
+    kept for later planes; since points only ever leave, a score can only fall, so the one with the highest
+    score after a recount is the best of all.
+
     Parameters
     ----------
     cloud, limits : Cloud, Limits
@@ -70,45 +74,36 @@ def extract(cloud: Cloud, limits: Limits, order: IntArray, samples: FloatArray) 
     before: int = np.int64(-1)  # type: ignore[assignment]
     while n_planes > before:
         before = n_planes
-        n_planes = search_round(cloud, limits, labels, n_planes, order, samples, scratch)
+        pool = Pool(
+            np.empty((n, 4)),
+            np.empty(n, np.int64),
+            np.zeros(n),
+            np.zeros(n, np.int64),
+            np.full(n, -1, np.int64),
+            np.zeros(1, np.int64),
+        )
+        cursor: int = np.int64(0)  # type: ignore[assignment]
+        scratch.drawn[:] = False
+        scratch.counter[2] = 0
+        while True:
+            cursor = draw_seeds(cloud, limits, labels, order, samples, cursor, pool, scratch)
+            best = best_of(pool)
+            known = pool.score[best]
+            if known <= 0.0:
+                break
+            # Counted anew among the free points; one with too few loses its score.
+            count, score = grow(cloud, limits, labels, pool.seed[best], pool.plane[best], False, scratch)
+            pool.n_points[best], pool.score[best] = count, score
+            if count < limits.min_points:
+                pool.score[best] = 0.0
+            elif score >= known:
+                n_planes += 1
+                pool.score[best] = 0.0
+                for i in scratch.queue[:count]:
+                    labels[i] = n_planes
+                    scratch.counter[2] -= scratch.drawn[i]
+                scratch.counter[1] -= count
     return labels
-
-
-@njit(cache=True, nogil=True)
-def search_round(
-    cloud: Cloud,
-    limits: Limits,
-    labels: NDArray[np.int32],
-    n_planes: int,
-    order: IntArray,
-    samples: FloatArray,
-    scratch: Scratch,
-) -> int:
-    """
-    Let every free point be a seed, unless a known hypothesis holds it; return the number of planes.
-
-    A hypothesis is accepted once enough seeds were drawn to have met, with the wanted probability, any
-    plane as large. Hypotheses are kept for later planes; since points only ever leave, a score can only
-    fall, so the one with the highest score after a recount is the best of all.
-    """
-    pool = new_pool(len(order))
-    cursor: int = np.int64(0)  # type: ignore[assignment]
-    scratch.drawn[:] = False
-    scratch.counter[2] = 0
-    while True:
-        cursor = draw_seeds(cloud, limits, labels, order, samples, cursor, pool, scratch)
-        best = best_of(pool)
-        if pool.score[best] <= 0.0:
-            return n_planes
-        before = pool.score[best]
-        count = recount(cloud, limits, labels, best, pool, scratch)
-        if pool.score[best] > 0.0 and pool.score[best] >= before:
-            n_planes += 1
-            pool.score[best] = 0.0
-            for i in scratch.queue[:count]:
-                labels[i] = n_planes
-                scratch.counter[2] -= scratch.drawn[i]
-            scratch.counter[1] -= count
 
 
 @njit(cache=True, nogil=True)
@@ -119,19 +114,6 @@ def best_of(pool: Pool) -> int:
         if pool.score[k] > pool.score[best]:
             best = k
     return best
-
-
-@njit(cache=True, nogil=True)
-def new_pool(n: int) -> Pool:
-    """Return room for n hypotheses about n points."""
-    return Pool(
-        np.empty((n, 4)),
-        np.empty(n, np.int64),
-        np.zeros(n),
-        np.zeros(n, np.int64),
-        np.full(n, -1, np.int64),
-        np.zeros(1, np.int64),
-    )
 
 
 @njit(cache=True, nogil=True)
@@ -182,7 +164,9 @@ def add_hypothesis(
     plane = pool.plane[at]
     if not propose(cloud, limits, labels, seed, samples, plane):
         return -1
-    count, score = refine(cloud, limits, labels, seed, plane, scratch)
+    # It finds its way across the roof; then the points of where it came to lie are collected.
+    grow(cloud, limits, labels, seed, plane, True, scratch)
+    count, score = grow(cloud, limits, labels, seed, plane, False, scratch)
     if count < limits.min_points or plane[2] < limits.min_vertical:
         scratch.counter[3] += count
         if scratch.counter[3] > _PATIENCE * len(labels):
@@ -194,14 +178,3 @@ def add_hypothesis(
         pool.holder[i] = at
     pool.size[0] += 1
     return at
-
-
-@njit(cache=True, nogil=True)
-def recount(
-    cloud: Cloud, limits: Limits, labels: NDArray[np.int32], at: int, pool: Pool, scratch: Scratch
-) -> int:
-    """Count a hypothesis's points anew among the free ones; one with too few loses its score."""
-    count, score = grow(cloud, limits, labels, pool.seed[at], pool.plane[at], False, scratch)
-    pool.n_points[at] = count
-    pool.score[at] = score if count >= limits.min_points else 0.0
-    return count
