@@ -12,6 +12,7 @@ from lidar_buildings.core.neighbours.point_spacing import quantised_spacing
 from lidar_buildings.core.stages.ground_filter.config import CANDIDATE_SPACING, GroundFilterConfig
 from lidar_buildings.core.stages.ground_filter.growing_tin.bridges import find_decks
 from lidar_buildings.core.stages.ground_filter.growing_tin.landforms import find_landforms
+from lidar_buildings.core.stages.ground_filter.growing_tin.roof_terrain import find_roof_terrain
 from lidar_buildings.core.stages.ground_filter.growing_tin.seeds import choose_seeds
 from lidar_buildings.core.stages.ground_filter.growing_tin.terrain_growth import (
     GrowthLimits,
@@ -46,7 +47,8 @@ def densify(candidates: NDArray[np.float64], extent: NDArray[np.float64], config
     wider ones, and what it gains is judged part by part: a part that meets the terrain around it as terrain
     does is a landform and stays, one with steps around it is an object and is excluded.
 
-    Candidates on the decks of bridges are taken out then, and the terrain grows again without them.
+    Candidates on the decks of bridges, and on roofs that a seed fell on, are taken out then, and the terrain
+    grows again without them.
 
     Which of many similar candidates join depends on where the large facets began, and so on distant seeds. So
     the terrain grows once more, from seeds chosen among its ground in small cells: the influence of distant
@@ -74,9 +76,11 @@ def densify(candidates: NDArray[np.float64], extent: NDArray[np.float64], config
     is_seed = np.zeros(len(candidates), dtype=np.bool_)
     is_seed[choose_seeds(candidates, config.seed_cell)] = True
     terrain = _grown(candidates, is_seed, extent, spacing, config)
-    is_deck = find_decks(terrain.tin(), candidates, spacing)
-    if is_deck.any() and (is_seed & ~is_deck).any():
-        candidates, is_seed = candidates[~is_deck], is_seed[~is_deck]
+    ground = near_terrain(*terrain.height_and_slope(), config)
+    false = find_roof_terrain(candidates, ground, spacing, config.seed_cell**2)
+    false |= find_decks(terrain.tin(), candidates, spacing)
+    if false.any() and (is_seed & ~false).any():
+        candidates, is_seed = candidates[~false], is_seed[~false]
         terrain = _grown(candidates, is_seed, extent, spacing, config)
     local = np.zeros(len(candidates), dtype=np.bool_)
     rows = np.flatnonzero(near_terrain(*terrain.height_and_slope(), config))
