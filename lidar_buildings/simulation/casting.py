@@ -10,8 +10,8 @@ tuple: numba cannot read its cache any more once the class of a named one has go
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from lidar_buildings.core.kernels import inner_kernel, kernel
 from lidar_buildings.simulation.surfaces import CELL, CROWNS, FACES, ROADS, WALLS
 from lidar_buildings.simulation.terrain import terrain_elevation
 
@@ -23,20 +23,20 @@ TERRAIN_TOLERANCE, TERRAIN_ROUNDS = 1e-4, 10
 MIN_FACING = 0.02
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def cell_of(x, y, columns, rows):
     """Number of the grid cell at a position within the scene."""
     return min(int(y / CELL), rows - 1) * columns + min(int(x / CELL), columns - 1)
 
 
-@njit(cache=True, nogil=True)
+@inner_kernel
 def position_at(beam, z):
     """Where the beam is at an elevation."""
     foot_x, foot_y, top, lean_x, lean_y = beam
     return foot_x + lean_x * (top - z), foot_y + lean_y * (top - z)
 
 
-@njit(cache=True, nogil=True)
+@inner_kernel
 def terrain_hit(beam, guess, terrain):
     """Elevation at which the beam meets the terrain [m], from a first guess."""
     z = guess
@@ -49,7 +49,7 @@ def terrain_hit(beam, guess, terrain):
     return z
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def first_hit(beam, cell, terrain_z, surfaces):
     """Elevation, kind of surface and its row for the first solid thing on the beam."""
     _, faces, edges, walls, _, _, _, _, start, items = surfaces
@@ -67,7 +67,7 @@ def first_hit(beam, cell, terrain_z, surfaces):
     return best, kind, row
 
 
-@njit(cache=True, nogil=True)
+@inner_kernel
 def _face_hit(beam, face, edges):
     """Elevation at which the beam meets a roof face, −∞ if it does not."""
     _, _, _, lean_x, lean_y = beam
@@ -87,7 +87,7 @@ def _face_hit(beam, face, edges):
     return z if inside else -np.inf
 
 
-@njit(cache=True, nogil=True)
+@inner_kernel
 def _wall_hit(beam, wall):
     """Elevation at which the beam meets a wall, −∞ if it does not."""
     foot_x, foot_y, beam_top, lean_x, lean_y = beam
@@ -105,7 +105,7 @@ def _wall_hit(beam, wall):
     return z if bottom < z < top else -np.inf
 
 
-@njit(cache=True, nogil=True)
+@inner_kernel
 def next_crown(beam, cell, below, surfaces):
     """Entry and exit [m] of the next crown that the beam enters below an elevation; −∞ if there is none."""
     _, _, _, _, crowns, _, _, _, start, items = surfaces
@@ -117,7 +117,7 @@ def next_crown(beam, cell, below, surfaces):
     return best, best_exit
 
 
-@njit(cache=True, nogil=True)
+@inner_kernel
 def _crown_crossing(beam, crown):
     """Elevations at which the beam enters and leaves an ellipsoid, −∞ if it misses it."""
     _, _, _, lean_x, lean_y = beam
@@ -132,7 +132,7 @@ def _crown_crossing(beam, crown):
     return crown.z + (root - half_b) / a, crown.z - (root + half_b) / a
 
 
-@njit(cache=True, nogil=True)
+@inner_kernel
 def on_road(x, y, cell, surfaces):
     """Whether a position lies on a road."""
     _, _, _, _, _, roads, _, _, start, items = surfaces

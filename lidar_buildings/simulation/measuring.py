@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from lidar_buildings.core.kernels import inner_kernel, kernel
 from lidar_buildings.core.model.classes import PointClass
 from lidar_buildings.simulation.casting import (
     ON_ROOF,
@@ -49,7 +49,7 @@ MARKS = (
 )
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def measure(window, zigzag, seed, strip_number, flight, scanner, size, surfaces, numbers, marks):
     """Send pulses `window[0]` to `window[1]` and write their points; the number of points."""
     max_angle, range_noise, planimetric_noise, divergence, error_share = scanner
@@ -84,7 +84,7 @@ def measure(window, zigzag, seed, strip_number, flight, scanner, size, surfaces,
     return row
 
 
-@njit(cache=True, nogil=True)
+@inner_kernel
 def _write_point(numbers, marks, key, what, beam, noise, cell, terrain_z, surfaces):
     """Write where a return was measured, and what it is."""
     true_z, kind, row, number = what
@@ -103,7 +103,7 @@ def _write_point(numbers, marks, key, what, beam, noise, cell, terrain_z, surfac
     marks[5], marks[6] = building, plane_id
 
 
-@njit(cache=True, nogil=True)
+@inner_kernel
 def _beam(pulse, angle, flight):
     """The line of a pulse, and its time after the strip's first [s]."""
     start_x, start_y, top, heading_x, heading_y, speed, pulse_rate = flight
@@ -113,7 +113,7 @@ def _beam(pulse, angle, flight):
     return (x, y, top, heading_y * lean, -heading_x * lean), elapsed
 
 
-@njit(cache=True, nogil=True)
+@inner_kernel
 def _owner(kind, what, surfaces):
     """Number of the building that was hit and its roof face; 0 for all else."""
     _, faces, _, walls, _, _, _, _, _, _ = surfaces
@@ -124,7 +124,7 @@ def _owner(kind, what, surfaces):
     return 0, 0
 
 
-@njit(cache=True, nogil=True)
+@inner_kernel
 def _true_class(kind, building, height):
     """ASPRS class of a return."""
     if kind == ON_TERRAIN:
@@ -138,7 +138,7 @@ def _true_class(kind, building, height):
     return BUILDING if building > 0 else UNCLASSIFIED
 
 
-@njit(cache=True, nogil=True)
+@inner_kernel
 def _brightness(kind, building, asphalt):
     """Mean intensity of the material; each building's roof has its own."""
     if kind == ON_TERRAIN:

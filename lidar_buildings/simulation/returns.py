@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from lidar_buildings.core.kernels import inner_kernel
 from lidar_buildings.simulation.casting import first_hit, next_crown, terrain_hit
 from lidar_buildings.simulation.chance import exponential, uniform
 from lidar_buildings.simulation.surfaces import CELL_START, CROWNS, FACES, TERRAIN
@@ -25,7 +25,7 @@ LOW_FROM, LOW_TO, HIGH_FROM, HIGH_TO = 2.0, 10.0, 40.0, 100.0
 DRAW_ERROR, DRAW_FOOTPRINT, DRAW_SOLID, DRAW_CROWN, DRAW_NOISE = 0, 4, 6, 8, 64
 
 
-@njit(cache=True, nogil=True)
+@inner_kernel
 def gross_error(key, share, terrain_z, hits):
     """Write a gross error with this probability; the number of returns, 0 or 1."""
     if uniform(key, DRAW_ERROR) >= share:
@@ -36,7 +36,7 @@ def gross_error(key, share, terrain_z, hits):
     return _write(hits, 0, terrain_z + HIGH_FROM + far * (HIGH_TO - HIGH_FROM), TOO_HIGH, -1)
 
 
-@njit(cache=True, nogil=True)
+@inner_kernel
 def returns_of(key, beam, divergence, cell, terrain_z, surfaces, hits):
     """Write elevation, kind and row of each return, highest first; the number of returns."""
     z, kind, row = first_hit(beam, cell, terrain_z, surfaces)
@@ -57,14 +57,14 @@ def returns_of(key, beam, divergence, cell, terrain_z, surfaces, hits):
     return _write(hits, n_returns, z, kind, row)
 
 
-@njit(cache=True, nogil=True)
+@inner_kernel
 def _write(hits, n_returns, z, kind, row):
     """Append a return; their new number."""
     hits[n_returns, 0], hits[n_returns, 1], hits[n_returns, 2] = z, kind, row
     return n_returns + 1
 
 
-@njit(cache=True, nogil=True)
+@inner_kernel
 def _rim_hit(key, beam, divergence, cell, terrain_z, surfaces):
     """What the rim of the beam hits, in a random direction from its axis."""
     foot_x, foot_y, top, lean_x, lean_y = beam
@@ -74,7 +74,7 @@ def _rim_hit(key, beam, divergence, cell, terrain_z, surfaces):
     return first_hit(rim, cell, terrain_hit(rim, terrain_z, surfaces[TERRAIN]), surfaces)
 
 
-@njit(cache=True, nogil=True)
+@inner_kernel
 def _crown_returns(key, beam, cell, solid_z, surfaces, hits):
     """Write the returns from leaves above the solid hit; their number."""
     n_returns, draw = 0, DRAW_CROWN

@@ -5,8 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from lidar_buildings.core.kernels import inner_kernel, kernel
 
 
 @dataclass(frozen=True)
@@ -62,7 +63,7 @@ class Terrain:
         return _elevations(np.ascontiguousarray(xy, dtype=np.float64), self.coefficients())
 
 
-@njit(cache=True, nogil=True)
+@inner_kernel
 def terrain_elevation(x, y, coefficients):
     """Elevation at one position [m]; `coefficients` as `Terrain.coefficients` gives them."""
     z = coefficients[0, 0] + coefficients[0, 1] * x + coefficients[0, 2] * y
@@ -72,7 +73,7 @@ def terrain_elevation(x, y, coefficients):
     return z
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _elevations(xy, coefficients):
     """Elevation at many positions [m]."""
     z = np.empty(len(xy))

@@ -6,9 +6,9 @@ import math
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from lidar_buildings.core.kernels import inner_kernel, kernel
 from lidar_buildings.core.neighbours.parallel import for_row_blocks
 
 #: Largest number of cells that a row-by-column number may count: an eighth of what int64 holds.
@@ -176,7 +176,7 @@ def _n_across(low: float, high: float, cell: float) -> float:
     return high / cell - low / cell + 2.0
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _number(points, cell, start, n_columns, numbers, begin, end):  # type: ignore[no-untyped-def]
     for i in range(begin, end):
         column = np.int64(math.floor(points[i, 0] / cell) - start[0])
@@ -201,7 +201,7 @@ def _rows_by_number(
     return rows, in_order[begins], np.append(begins, len(rows))
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _counting_sort(numbers, n_cells):  # type: ignore[no-untyped-def]
     """Sort with one step a point and a cell; see `_rows_by_number`."""
     place, n_occupied = np.zeros(n_cells, dtype=np.int64), 0
@@ -223,7 +223,7 @@ def _counting_sort(numbers, n_cells):  # type: ignore[no-untyped-def]
     return rows, occupied, first
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _fill_cells(points, rows, ordered, first, begin, end):  # type: ignore[no-untyped-def]
     """Sort the rows of the cells `begin` to `end` and copy their points into their places."""
     elevation = np.empty(LARGE_CELL)
@@ -235,7 +235,7 @@ def _fill_cells(points, rows, ordered, first, begin, end):  # type: ignore[no-un
             ordered[i, axis] = points[rows[i], axis]
 
 
-@njit(cache=True, nogil=True)
+@inner_kernel
 def _sort_cell(points, rows, elevation):  # type: ignore[no-untyped-def]
     """Sort a cell's rows by their points' z, x, y (Shell 1959); `elevation` is room for as many numbers."""
     for i in range(len(rows)):
@@ -250,7 +250,7 @@ def _sort_cell(points, rows, elevation):  # type: ignore[no-untyped-def]
             elevation[j], rows[j] = z, row
 
 
-@njit(cache=True, nogil=True)
+@inner_kernel
 def _comes_first(points, z, row, other_z, other_row):  # type: ignore[no-untyped-def]
     """Whether a row's point, of elevation z, comes before another's by z, x, y."""
     if z != other_z:
@@ -266,7 +266,7 @@ def _sort_large_cell(points: NDArray[np.float64], rows: NDArray[np.intp], cell: 
     points[cell], rows[cell] = points[cell][order], rows[cell][order]
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _lowest_of_runs(rows, first, points):  # type: ignore[no-untyped-def]
     lowest = np.empty(len(first) - 1, dtype=np.intp)
     for k in range(len(lowest)):

@@ -7,9 +7,9 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from lidar_buildings.core.kernels import kernel
 from lidar_buildings.core.neighbours.cell_grid import sort_by_cell
 
 #: Columns at the very reach count as within, whatever rounding makes of it.
@@ -101,7 +101,7 @@ def by_column(points: NDArray[np.float64], size: float) -> Columns:
     return Columns(grid.points, grid.rows, grid.first, grid.numbers, grid.n_columns, grid.size)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _find_runs(numbers, row_length, half):  # type: ignore[no-untyped-def]
     n = len(numbers)
     runs = np.zeros((n, len(half), 2), dtype=np.int32)

@@ -9,10 +9,10 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from lidar_buildings.core.kernels import inner_kernel, kernel
 from lidar_buildings.core.neighbours.cell_grid import rows_by_cell
 from lidar_buildings.core.neighbours.parallel import for_row_blocks
 from lidar_buildings.core.neighbours.windows import cells_in_row
@@ -73,7 +73,7 @@ def _guessed_spacing(plan: NDArray[np.float64]) -> float:
     return far * math.sqrt(math.pi / (k * step))
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def find_nth(grid, group, nth, is_probe, distance, begin, end):  # type: ignore[no-untyped-def]
     """
     Write how far from probes the n-th nearest other point of their group is in plan, cells begin to end.
@@ -140,7 +140,7 @@ def find_nth(grid, group, nth, is_probe, distance, begin, end):  # type: ignore[
                 break
 
 
-@njit(cache=True, nogil=True)
+@inner_kernel
 def _put_least_first(values, filled, n):  # type: ignore[no-untyped-def]
     """Put the n least of the numbers first, the n-th in its place (Hoare 1961)."""
     low, high = 0, filled - 1

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import ArrayLike
 
+from lidar_buildings.core.kernels import kernel
 from lidar_buildings.core.model.point_array import checked_points
 from lidar_buildings.core.neighbours.cell_grid import CellGrid, sort_by_cell
 from lidar_buildings.core.neighbours.parallel import for_row_blocks
@@ -44,7 +44,7 @@ def build_grid(points: ArrayLike, size: float) -> CellGrid:
     return grid._replace(cell=cell, adjacent=adjacent)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def neighbours_of(grid, cell, x, y, z, radius, in_plan, near):  # type: ignore[no-untyped-def]
     """
     Write the sorted points within a radius of a position in an occupied column to `near`; return how many.
@@ -67,7 +67,7 @@ def neighbours_of(grid, cell, x, y, z, radius, in_plan, near):  # type: ignore[n
     return found
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _list_adjacent(numbers, n_columns, adjacent, begin, end):  # type: ignore[no-untyped-def]
     """Look up the columns begin to end themselves and their eight neighbours, row by row from the south."""
     windows = first_windows(numbers, n_columns, 1, begin)

@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial import cKDTree
 
+from lidar_buildings.core.kernels import inner_kernel, kernel
 from lidar_buildings.core.model.point_array import checked_points
 from lidar_buildings.core.neighbours.nearest_neighbours import nth_distances
 from lidar_buildings.core.neighbours.parallel import for_row_blocks
@@ -108,7 +108,7 @@ def _distinct(x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.comp
     return positions if differs.all() else positions[differs]
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _by_strip(x, y, low, width, first):  # type: ignore[no-untyped-def]
     """Return positions strip by strip, and write to `first` where each strip begins."""
     last = len(first) - 2
@@ -127,7 +127,7 @@ def _by_strip(x, y, low, width, first):  # type: ignore[no-untyped-def]
     return positions
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _sort_strips(positions, first, begin, end):  # type: ignore[no-untyped-def]
     """Sort the positions within the strips begin to end, but for large ones, by insertion."""
     for k in range(begin, end):
@@ -142,7 +142,7 @@ def _sort_strips(positions, first, begin, end):  # type: ignore[no-untyped-def]
             positions[j] = one
 
 
-@njit(cache=True, nogil=True)
+@inner_kernel
 def _comes_first(one, other):  # type: ignore[no-untyped-def]
     """Whether a position comes before another by x, then y."""
     return one.real < other.real or (one.real == other.real and one.imag < other.imag)

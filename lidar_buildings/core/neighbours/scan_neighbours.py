@@ -10,9 +10,9 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from lidar_buildings.core.kernels import inner_kernel, kernel
 from lidar_buildings.core.neighbours.windows import first_windows
 
 #: What 1 is in whole numbers.
@@ -80,7 +80,7 @@ def mark_probes(
     return (own >= max(fewest, 1)) & (share * own < most)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def add_directions(pulses, cells, group, is_probe, spacing, by_time, sums):  # type: ignore[no-untyped-def]
     """
     Add up (cos 2φ, sin 2φ, number of probes) of the directions φ to the nearest neighbours, group by group.
@@ -106,7 +106,7 @@ def add_directions(pulses, cells, group, is_probe, spacing, by_time, sums):  # t
                 sums[group[i], 2] += 1
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def steps_along(pulses, cells, group, is_probe, spacing, by_time, axis, step, begin, end):  # type: ignore[no-untyped-def]
     """
     Write each probe's mean distance along its line to the nearest neighbours on it, of cells begin to end.
@@ -126,7 +126,7 @@ def steps_along(pulses, cells, group, is_probe, spacing, by_time, axis, step, be
                 step[i] = spacing * _mean_step(near[:count], second, axis[group[i]], spacing)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def lines_beside(pulses, cells, group, is_probe, spacing, axis, along, sides, begin, end):  # type: ignore[no-untyped-def]
     """Write each probe's distance to the next line on its left and on its right, of cells begin to end."""
     runs, near = np.empty((2 * REACH + 1, 2), dtype=np.int64), np.empty(2)
@@ -158,13 +158,13 @@ def lines_beside(pulses, cells, group, is_probe, spacing, axis, along, sides, be
                     sides[i, side] = near[side]
 
 
-@njit(cache=True, nogil=True)
+@inner_kernel
 def _are_mates(pulses, group, i, j):  # type: ignore[no-untyped-def]
     """Whether two points are of one group and strip."""
     return group[i] == group[j] and (len(pulses.strip) == 0 or pulses.strip[i] == pulses.strip[j])
 
 
-@njit(cache=True, nogil=True)
+@inner_kernel
 def _gather(pulses, cells, runs, group, i, spacing, by_time, near):  # type: ignore[no-untyped-def]
     """
     Write a point's neighbours (dx, dy, squared distance in time or in plan) to `near`.
@@ -199,7 +199,7 @@ def _gather(pulses, cells, runs, group, i, spacing, by_time, near):  # type: ign
     return count, second
 
 
-@njit(cache=True, nogil=True)
+@inner_kernel
 def _keep_near(near, limit):  # type: ignore[no-untyped-def]
     """Move the neighbours within a squared distance to the front and return their number."""
     count = 0
@@ -210,7 +210,7 @@ def _keep_near(near, limit):  # type: ignore[no-untyped-def]
     return count
 
 
-@njit(cache=True, nogil=True)
+@inner_kernel
 def _mean_direction(near, second):  # type: ignore[no-untyped-def]
     """Return the weighted mean of (cos 2φ, sin 2φ) over neighbours."""
     cosine, sine, total = 0, 0, 0
@@ -227,7 +227,7 @@ def _mean_direction(near, second):  # type: ignore[no-untyped-def]
     return cosine / total, sine / total
 
 
-@njit(cache=True, nogil=True)
+@inner_kernel
 def _mean_step(near, second, axis, spacing):  # type: ignore[no-untyped-def]
     """
     Return the mean distance along an axis of the nearest neighbours that lie on it [spacings], NaN if none.

@@ -8,8 +8,9 @@ forest is an int array, at first each member's own number; the lowest number of 
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from lidar_buildings.core.kernels import kernel
 
 
 def sets_of_pairs(count: int, one: NDArray[np.integer], other: NDArray[np.integer]) -> NDArray[np.int64]:
@@ -28,7 +29,7 @@ def sets_of_pairs(count: int, one: NDArray[np.integer], other: NDArray[np.intege
     return parent
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def root(parent, i):  # type: ignore[no-untyped-def]
     """Return the lowest number of the set that i is in, shortening the way to it."""
     while parent[i] != i:
@@ -37,21 +38,21 @@ def root(parent, i):  # type: ignore[no-untyped-def]
     return i
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def link(parent, i, j):  # type: ignore[no-untyped-def]
     """Make one set of those of i and j."""
     i, j = root(parent, i), root(parent, j)
     parent[max(i, j)] = min(i, j)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def flatten(parent):  # type: ignore[no-untyped-def]
     """Give every member the number of its set."""
     for i in range(len(parent)):
         parent[i] = root(parent, i)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _link_pairs(parent, one, other):  # type: ignore[no-untyped-def]
     for i in range(len(one)):
         link(parent, one[i], other[i])

@@ -8,10 +8,11 @@ number to number each run only ever moves forward.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
+
+from lidar_buildings.core.kernels import inner_kernel, kernel
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def first_windows(numbers, n_columns, reach, cell):  # type: ignore[no-untyped-def]
     """
     Return the window of an occupied cell, for `move_windows` to start from.
@@ -40,7 +41,7 @@ def first_windows(numbers, n_columns, reach, cell):  # type: ignore[no-untyped-d
     return windows
 
 
-@njit(cache=True, nogil=True)
+@inner_kernel
 def cells_in_row(numbers, n_columns, row, column, reach):  # type: ignore[no-untyped-def]
     """
     Return where the run of a row's occupied cells begins and ends that lie at most `reach` from a column.
@@ -52,7 +53,7 @@ def cells_in_row(numbers, n_columns, row, column, reach):  # type: ignore[no-unt
     return begin, _first_from(numbers, row * n_columns + east + 1)
 
 
-@njit(cache=True, nogil=True)
+@inner_kernel
 def _first_from(numbers, least):  # type: ignore[no-untyped-def]
     """Return where rising numbers are no longer less, as np.searchsorted, which takes longer to compile."""
     begin, end = 0, len(numbers)
@@ -65,7 +66,7 @@ def _first_from(numbers, least):  # type: ignore[no-untyped-def]
     return begin
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def move_windows(numbers, n_columns, reach, cell, windows):  # type: ignore[no-untyped-def]
     """Move the window of an earlier cell to this one."""
     column = numbers[cell] % n_columns
@@ -81,7 +82,7 @@ def move_windows(numbers, n_columns, reach, cell, windows):  # type: ignore[no-u
         windows[row, 0], windows[row, 1] = begin, end
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def z_range(z, first, last, low, high):  # type: ignore[no-untyped-def]
     """
     Return the part (start, stop) of z[first:last], sorted, that lies within low to high, both inclusive.

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
+
+from lidar_buildings.core.kernels import kernel
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def square_distances(plan, value, reach):  # type: ignore[no-untyped-def]
     """
     Return each cell's squared distance from the nearest one of a value, capped at that of `reach` + 1.

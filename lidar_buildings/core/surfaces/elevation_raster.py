@@ -7,8 +7,9 @@ Grids start at multiples of the cell from the map's origin; a raster is a window
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from lidar_buildings.core.kernels import kernel
 
 #: Rounds of relaxation on each level of filling; more change nothing that a filter would notice.
 RELAXATIONS = 2
@@ -92,7 +93,7 @@ def filled(
     return out
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _lower(points, cell, first, lowest):  # type: ignore[no-untyped-def]
     for i in range(len(points)):
         row = int(np.floor(points[i, 1] / cell) - first[0])
@@ -101,7 +102,7 @@ def _lower(points, cell, first, lowest):  # type: ignore[no-untyped-def]
             lowest[row, column] = points[i, 2]
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _halved(elevation, known, odd_row, odd_column):  # type: ignore[no-untyped-def]
     """Return the means of the known cells among each two by two, and where there are any."""
     n_rows, n_columns = elevation.shape
@@ -115,7 +116,7 @@ def _halved(elevation, known, odd_row, odd_column):  # type: ignore[no-untyped-d
     return mean / np.maximum(count, 1.0), count > 0.0
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _refine(coarse, fine, known, odd_row, odd_column):  # type: ignore[no-untyped-def]
     """Set unknown cells by linear interpolation between the middles of the coarse ones."""
     last_row, last_column = coarse.shape[0] - 1, coarse.shape[1] - 1
@@ -132,7 +133,7 @@ def _refine(coarse, fine, known, odd_row, odd_column):  # type: ignore[no-untype
             fine[y, x] = 0.75 * near + 0.25 * far
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _relax(elevation, known):  # type: ignore[no-untyped-def]
     """Set each unknown cell to the mean of the four beside it, those before it already set."""
     n_rows, n_columns = elevation.shape

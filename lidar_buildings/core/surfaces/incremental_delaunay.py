@@ -10,12 +10,14 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from lidar_buildings.core.kernels import inner_kernel, kernel
+
 #: A fourth point this little inside or outside the circle, relative to the sides to the fourth power, counts
 #: as on it: far above rounding (1e-16), far below what matters to the shape.
 ON_CIRCLE = 1e-12
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def insert_vertex(  # type: ignore[no-untyped-def]
     vertex, triangle, n_triangles, vertices, triangles, neighbours, changed, mark
 ):
@@ -63,7 +65,7 @@ def insert_vertex(  # type: ignore[no-untyped-def]
             return n_triangles + 2
 
 
-@njit(cache=True, nogil=True)
+@inner_kernel
 def _split(vertex, triangle, first, second, triangles, neighbours):  # type: ignore[no-untyped-def]
     """Replace a triangle by three that meet in the vertex; it is corner 0 of each."""
     a, b, c = triangles[triangle, 0], triangles[triangle, 1], triangles[triangle, 2]
@@ -75,7 +77,7 @@ def _split(vertex, triangle, first, second, triangles, neighbours):  # type: ign
     _redirect(beyond_c, triangle, second, neighbours)
 
 
-@njit(cache=True, nogil=True)
+@inner_kernel
 def _flip(near, far, k, triangles, neighbours):  # type: ignore[no-untyped-def]
     """
     Turn the side between two triangles; `near` faces it with corner 0, `far` with corner k.
@@ -104,7 +106,7 @@ def _redirect(triangle, old, new, neighbours):  # type: ignore[no-untyped-def]
         neighbours[triangle, _corner_facing(triangle, old, neighbours)] = new
 
 
-@njit(cache=True, nogil=True)
+@inner_kernel
 def _corner_facing(triangle, other, neighbours):  # type: ignore[no-untyped-def]
     """Return the corner of a triangle opposite the side that it shares with another."""
     if neighbours[triangle, 0] == other:
@@ -112,7 +114,7 @@ def _corner_facing(triangle, other, neighbours):  # type: ignore[no-untyped-def]
     return 1 if neighbours[triangle, 1] == other else 2
 
 
-@njit(cache=True, nogil=True)
+@inner_kernel
 def _has_to_flip(triangle, vertex, vertices, triangles):  # type: ignore[no-untyped-def]
     """
     Whether a vertex d lies within the circle round a triangle abc and the side bc may be turned into ad.

@@ -7,8 +7,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from lidar_buildings.core.kernels import inner_kernel, kernel
 
 
 def eroded(surface: NDArray[np.float64], radius: int) -> NDArray[np.float64]:
@@ -46,7 +47,7 @@ def opened(surface: NDArray[np.float64], radius: int) -> NDArray[np.float64]:
     return -eroded(-eroded(surface, radius), radius)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _eroded(surface, half, level):  # type: ignore[no-untyped-def]
     """Fold each row's minima over the disc's chords into the rows that the disc reaches from there."""
     n_rows, n_columns = surface.shape
@@ -64,7 +65,7 @@ def _eroded(surface, half, level):  # type: ignore[no-untyped-def]
     return lowest
 
 
-@njit(cache=True, nogil=True)
+@inner_kernel
 def _double(single, double, length):  # type: ignore[no-untyped-def]
     """Set minima over twice a length, each from its cell to the right; beyond the row's end they stay."""
     for x in range(len(single) - 2 * length + 1):
@@ -72,7 +73,7 @@ def _double(single, double, length):  # type: ignore[no-untyped-def]
         double[x] = a if a < b else b
 
 
-@njit(cache=True, nogil=True)
+@inner_kernel
 def _fold(one, other, lowest):  # type: ignore[no-untyped-def]
     """Lower values to those of two rows."""
     for x in range(len(lowest)):

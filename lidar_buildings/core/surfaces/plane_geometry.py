@@ -8,8 +8,7 @@ from __future__ import annotations
 
 import math
 
-from numba import njit
-
+from lidar_buildings.core.kernels import inner_kernel, kernel
 from lidar_buildings.core.model.array_types import FloatArray
 from lidar_buildings.core.surfaces.point_moments import covariance
 from lidar_buildings.core.surfaces.symmetric_eigen import eigenvalues_3x3, principal_axes
@@ -19,7 +18,7 @@ from lidar_buildings.core.surfaces.symmetric_eigen import eigenvalues_3x3, princ
 _DEGENERATE = 1e-10
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def fitted_plane(moments: FloatArray, plane: FloatArray) -> float:
     """
     Write the orthogonal least-squares plane of the summed points to `plane`.
@@ -40,14 +39,14 @@ def fitted_plane(moments: FloatArray, plane: FloatArray) -> float:
     return third * n
 
 
-@njit(cache=True, nogil=True)
+@inner_kernel
 def residual_of(moments: FloatArray) -> float:
     """Return the sum of the squared distances of the summed points from their least-squares plane [m²]."""
     n = moments[0]
     return eigenvalues_3x3(*covariance(moments))[2] * n if n >= 3.0 else 0.0
 
 
-@njit(cache=True, nogil=True)
+@inner_kernel
 def plane_through(p: FloatArray, q: FloatArray, r: FloatArray, plane: FloatArray) -> bool:
     """Write the plane through three points to `plane`; False if they lie on a line."""
     ux, uy, uz = q[0] - p[0], q[1] - p[1], q[2] - p[2]
@@ -63,7 +62,7 @@ def plane_through(p: FloatArray, q: FloatArray, r: FloatArray, plane: FloatArray
     return True
 
 
-@njit(cache=True, nogil=True)
+@inner_kernel
 def distance_of(plane: FloatArray, points: FloatArray, i: int) -> float:
     """Return the orthogonal distance of point i to a plane [m]."""
     return abs(plane[0] * points[i, 0] + plane[1] * points[i, 1] + plane[2] * points[i, 2] + plane[3])

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from numba import njit
+from lidar_buildings.core.kernels import inner_kernel, kernel
 
 #: Sums over points: n, Σx, Σy, Σz, Σxx, Σxy, Σxz, Σyy, Σyz, Σzz.
 N_MOMENTS = 10
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def add_point(moments, x, y, z):  # type: ignore[no-untyped-def]
     """Add a point to its sums, of floats or of whole numbers."""
     moments[0] += 1
@@ -23,7 +23,7 @@ def add_point(moments, x, y, z):  # type: ignore[no-untyped-def]
     moments[9] += z * z
 
 
-@njit(cache=True, nogil=True)
+@inner_kernel
 def covariance(moments):  # type: ignore[no-untyped-def]
     """Return xx, xy, xz, yy, yz, zz of the covariance about the mean of at least one point."""
     n = moments[0]

@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from lidar_buildings.core.kernels import inner_kernel, kernel
 from lidar_buildings.core.neighbours.columns import Columns, by_column
 from lidar_buildings.core.neighbours.union_find import flatten, link, root
 
@@ -112,7 +112,7 @@ def _numbered(parent: NDArray[np.int64]) -> NDArray[np.int64]:
     return np.asarray((np.cumsum(is_root) - 1)[parent])
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _count_cells(labels, first, counts):  # type: ignore[no-untyped-def]
     counted_last = np.full(len(counts), -1, dtype=np.int64)
     for k in range(len(first) - 1):
@@ -122,7 +122,7 @@ def _count_cells(labels, first, counts):  # type: ignore[no-untyped-def]
                 counts[label] += 1
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _connect(points, first, beside, around, radius, size, in_plan, part):  # type: ignore[no-untyped-def]
     """Write the number of each point's part."""
     square = radius * radius
@@ -169,7 +169,7 @@ def _connect(points, first, beside, around, radius, size, in_plan, part):  # typ
         part[start[one] : start[one + 1]] = parent[one]
 
 
-@njit(cache=True, nogil=True)
+@inner_kernel
 def _touch(points, begin, end, other_begin, other_end, square, in_plan):  # type: ignore[no-untyped-def]
     """Tell whether any point of one run is near any of another."""
     for i in range(begin, end):
@@ -181,7 +181,7 @@ def _touch(points, begin, end, other_begin, other_end, square, in_plan):  # type
     return False
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _link_smooth(points, first, runs, normals, chosen, reach, min_cosine, max_offset, parent):  # type: ignore[no-untyped-def]
     """Link the chosen points to all others within their reach."""
     for k in range(len(first) - 1):

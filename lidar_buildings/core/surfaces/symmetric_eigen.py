@@ -14,6 +14,8 @@ import numpy as np
 from numba import njit
 from numpy.polynomial import Chebyshev, Polynomial
 
+from lidar_buildings.core.kernels import kernel
+
 #: Numbers below this are 0, lest a division by them overflows.
 SMALLEST = 1e-200
 #: Difference of the eigenvalues, in parts of their sum, from which on the better separated axis is known.
@@ -97,7 +99,7 @@ def principal_axes(xx, xy, xz, yy, yz, zz):  # type: ignore[no-untyped-def]
     return trace * first, trace * max(second, 0.0), trace * max(third, 0.0), lx, ly, lz, nx, ny, nz
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def smallest_eigenvector_3x3(xx, xy, xz, yy, yz, zz):  # type: ignore[no-untyped-def]
     """Return the axis of λ3 alone, see `principal_axes`."""
     return np.array(principal_axes(xx, xy, xz, yy, yz, zz)[6:])

@@ -10,9 +10,9 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from lidar_buildings.core.kernels import inner_kernel, kernel
 from lidar_buildings.core.neighbours.cell_grid import cell_order
 from lidar_buildings.core.neighbours.parallel import BLOCK, for_row_blocks
 
@@ -123,7 +123,7 @@ class Tin:
         return math.sqrt(2.0 * width * height / len(self.triangles))
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _locate(xy, vertices, triangles, neighbours):  # type: ignore[no-untyped-def]
     """Walk to each point's triangle, starting where the previous point was found."""
     found = np.empty(len(xy), dtype=np.int32)
@@ -134,7 +134,7 @@ def _locate(xy, vertices, triangles, neighbours):  # type: ignore[no-untyped-def
     return found
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def walk(x, y, start, vertices, triangles, neighbours):  # type: ignore[no-untyped-def]
     """
     Cross the side that hides the point until none does (Devillers et al. 2002: visibility walk).
@@ -166,7 +166,7 @@ def walk(x, y, start, vertices, triangles, neighbours):  # type: ignore[no-untyp
     return triangle
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _interpolate(  # type: ignore[no-untyped-def]
     points, origin, frame, vertices, triangles, neighbours, start, elevation, slope, begin, end
 ):
@@ -181,13 +181,13 @@ def _interpolate(  # type: ignore[no-untyped-def]
         slope[i] = plane_slope(a, b, c)
 
 
-@njit(cache=True, nogil=True)
+@inner_kernel
 def place_of(v, vertices):  # type: ignore[no-untyped-def]
     """Return the coordinates of a vertex."""
     return vertices[v, 0], vertices[v, 1], vertices[v, 2]
 
 
-@njit(cache=True, nogil=True)
+@inner_kernel
 def corners_of(triangle, vertices, triangles):  # type: ignore[no-untyped-def]
     """Return the coordinates of a triangle's corners."""
     return (
@@ -197,7 +197,7 @@ def corners_of(triangle, vertices, triangles):  # type: ignore[no-untyped-def]
     )
 
 
-@njit(cache=True, nogil=True)
+@inner_kernel
 def plane_slope(a, b, c):  # type: ignore[no-untyped-def]
     """Return the rise over run of the plane through three corners; 0 for a triangle without area."""
     ux, uy, uz = b[0] - a[0], b[1] - a[1], b[2] - a[2]
@@ -208,7 +208,7 @@ def plane_slope(a, b, c):  # type: ignore[no-untyped-def]
     return math.hypot(uy * vz - uz * vy, uz * vx - ux * vz) / area
 
 
-@njit(cache=True, nogil=True)
+@inner_kernel
 def plane_elevation(x, y, a, b, c):  # type: ignore[no-untyped-def]
     """
     Return the elevation at (x, y) of the plane through three corners [m].

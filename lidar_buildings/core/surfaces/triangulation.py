@@ -8,9 +8,9 @@ interpreter's lock. Qhull remains where a ring needs the hull without a frame: `
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
+from lidar_buildings.core.kernels import kernel
 from lidar_buildings.core.model.point_array import checked_points
 from lidar_buildings.core.neighbours.cell_grid import cell_order
 from lidar_buildings.core.surfaces.incremental_delaunay import insert_vertex
@@ -166,7 +166,7 @@ def _ring_of(box: NDArray[np.float64]) -> NDArray[np.float64]:
     )
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _elevation_of_nearest(places, vertices):  # type: ignore[no-untyped-def]
     """Return the elevation of the vertex nearest to each place; of several as near the lowest [m]."""
     elevations = np.empty(len(places))
@@ -180,7 +180,7 @@ def _elevation_of_nearest(places, vertices):  # type: ignore[no-untyped-def]
     return elevations
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _insert_all(order, vertices, triangles, neighbours):  # type: ignore[no-untyped-def]
     """Insert vertices in this order, walking to each from the one before; return the number of triangles."""
     changed = np.zeros(len(triangles), dtype=np.int32)

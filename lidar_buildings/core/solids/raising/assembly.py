@@ -7,8 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 import shapely
-from numba import njit
 
+from lidar_buildings.core.kernels import inner_kernel, kernel
 from lidar_buildings.core.model.array_types import IntArray
 from lidar_buildings.core.solids.output_grid import GRID
 from lidar_buildings.core.solids.raising.clearance import n_joints
@@ -145,7 +145,7 @@ def _with_holes(polygons: list[shapely.Polygon], exteriors: list[int], holes: li
     return faces
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _trace_rings(
     vertices: IntArray,
     edges: IntArray,
@@ -197,7 +197,7 @@ def _trace_rings(
     return n_rings
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _raise(
     vertices: IntArray,
     edges: IntArray,
@@ -287,7 +287,7 @@ def _raise(
     return n_places, n_rings - len(rings), is_wide
 
 
-@njit(cache=True, nogil=True)
+@inner_kernel
 def _place(
     vertices: IntArray, v: int, levels: IntArray, slot: int, rows: IntArray, places: IntArray, n_places: int
 ) -> int:

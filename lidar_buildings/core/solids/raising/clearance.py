@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numba import njit
 
+from lidar_buildings.core.kernels import inner_kernel, kernel
 from lidar_buildings.core.model.array_types import FloatArray, IntArray
 
 
@@ -35,7 +35,7 @@ def edges_of_rings(rings: Sequence[FloatArray]) -> FloatArray:
     return edges[np.argsort(edges[:, 0])]
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _n_joints(edges: FloatArray, distance: float) -> int:
     """Sweep the edges from west to east; sides of points are exact for whole numbers."""
     square, n = distance * distance, 0
@@ -73,7 +73,7 @@ def _n_joints(edges: FloatArray, distance: float) -> int:
     return n
 
 
-@njit(cache=True, nogil=True)
+@inner_kernel
 def _squared(x: float, y: float, ux: float, uy: float) -> float:
     """Return the squared distance of a place to a segment, both seen from the segment's start."""
     share = min(1.0, max(0.0, (x * ux + y * uy) / (ux * ux + uy * uy)))

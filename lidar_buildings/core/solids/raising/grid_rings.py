@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from lidar_buildings.core.kernels import kernel
 from lidar_buildings.core.model.array_types import FloatArray, IntArray
 from lidar_buildings.core.solids.output_grid import GRID
 from lidar_buildings.core.solids.raising.roof_piece import RoofPiece
@@ -71,7 +71,7 @@ def grid_rings(groups: Sequence[tuple[int, Sequence[FloatArray | IntArray]]]) ->
     return GridRings(corners[: starts[n_rings]], starts[: n_rings + 1], owner[:n_rings])
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _clean(corners: IntArray, starts: IntArray, rank: IntArray, owner: IntArray) -> int:
     """Leave out repetitions, spikes, and rings without area, in place; return how many rings are left."""
     n_rings, filled, keeps_holes = 0, 0, False

@@ -8,8 +8,8 @@ valley is drawn back.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from lidar_buildings.core.kernels import inner_kernel, kernel
 from lidar_buildings.core.model.array_types import FloatArray, IntArray
 from lidar_buildings.core.solids.output_grid import GRID
 from lidar_buildings.core.solids.raising.edge_columns import EDGE, JOINED, LEFT, LEVEL, START, X, Y
@@ -89,7 +89,7 @@ class HalfEdges:
         self._edges = np.concatenate([self.edges, np.zeros((2 * most, 5), dtype=np.int64)])
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _repair(
     vertices: IntArray,
     edges: IntArray,
@@ -152,7 +152,7 @@ def _repair(
     return changed
 
 
-@njit(cache=True, nogil=True)
+@inner_kernel
 def _is_taken(vertices: IntArray, new: int) -> bool:
     """Whether an earlier vertex with edges lies where a new one is to lie."""
     for v in range(new):
@@ -165,7 +165,7 @@ def _is_taken(vertices: IntArray, new: int) -> bool:
     return False
 
 
-@njit(cache=True, nogil=True)
+@inner_kernel
 def _find_crossing(
     vertices: IntArray, planes: FloatArray, a: int, b: int, left: int, right: int, new: int
 ) -> None:
@@ -189,7 +189,7 @@ def _find_crossing(
                         vertices[new, X], vertices[new, Y] = u, v
 
 
-@njit(cache=True, nogil=True)
+@inner_kernel
 def _split_edge(
     vertices: IntArray, edges: IntArray, sizes: IntArray, e: int, new: int, fan: IntArray, value: FloatArray
 ) -> None:
@@ -211,7 +211,7 @@ def _split_edge(
     arrange(vertices, edges, new, fan, 2, value)
 
 
-@njit(cache=True, nogil=True)
+@inner_kernel
 def _cut_corner(
     vertices: IntArray,
     edges: IntArray,

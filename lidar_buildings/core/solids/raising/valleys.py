@@ -11,8 +11,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
+from lidar_buildings.core.kernels import inner_kernel
 from lidar_buildings.core.model.array_types import IntArray
 from lidar_buildings.core.solids.raising.edge_columns import LEVEL, START, X, Y
 
@@ -22,7 +22,7 @@ DRAWN_BACK = 10
 _MAX_FACTOR = 4.0
 
 
-@njit(cache=True, nogil=True)
+@inner_kernel
 def valley_to_cut(edges: IntArray, fan: IntArray, n: int) -> tuple[int, int]:
     """Return the first and the last sector of the shallowest valley to cut, −1 if the vertex is sound."""
     chosen, chosen_last, shallowest = -1, -1, 0
@@ -56,7 +56,7 @@ def valley_to_cut(edges: IntArray, fan: IntArray, n: int) -> tuple[int, int]:
             return chosen, chosen_last
 
 
-@njit(cache=True, nogil=True)
+@inner_kernel
 def find_apex(vertices: IntArray, edges: IntArray, v: int, first: int, last: int, new: int) -> None:
     """Put a vertex on the bisector between two half-edges, the first one clockwise of the second."""
     p, q = edges[first ^ 1, START], edges[last ^ 1, START]

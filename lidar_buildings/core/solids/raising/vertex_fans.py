@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
+from lidar_buildings.core.kernels import inner_kernel, kernel
 from lidar_buildings.core.model.array_types import FloatArray, IntArray
 from lidar_buildings.core.solids.output_grid import GRID
 from lidar_buildings.core.solids.raising.edge_columns import CCW, CW, EDGE, JOINED, LEFT, LEVEL, START, X, Y
@@ -17,7 +17,7 @@ from lidar_buildings.core.solids.raising.plan_graph import OUTSIDE
 _MIN_STEPS = round(MIN_HEIGHT / GRID)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def link(vertices: IntArray, edges: IntArray, planes: FloatArray, ground: int, within: float) -> None:
     """Find the half-edges around every vertex and the elevations there."""
     first = np.zeros(len(vertices) + 1, dtype=np.int64)
@@ -40,7 +40,7 @@ def link(vertices: IntArray, edges: IntArray, planes: FloatArray, ground: int, w
         measure(vertices, edges, planes, v, fan, value, ground, within)
 
 
-@njit(cache=True, nogil=True)
+@inner_kernel
 def arrange(vertices: IntArray, edges: IntArray, v: int, fan: IntArray, n: int, value: FloatArray) -> None:
     """Link the n half-edges of a vertex counter-clockwise, from the direction of −x on."""
     for i in range(n):
@@ -59,7 +59,7 @@ def arrange(vertices: IntArray, edges: IntArray, v: int, fan: IntArray, n: int, 
     vertices[v, EDGE] = fan[0] if n else -1
 
 
-@njit(cache=True, nogil=True)
+@inner_kernel
 def fan_of(vertices: IntArray, edges: IntArray, v: int, fan: IntArray) -> int:
     """Put the half-edges around a vertex into `fan` and return how many there are."""
     n, e = 0, vertices[v, EDGE]
@@ -72,13 +72,13 @@ def fan_of(vertices: IntArray, edges: IntArray, v: int, fan: IntArray) -> int:
     return n
 
 
-@njit(cache=True, nogil=True)
+@inner_kernel
 def raw_elevation(planes: FloatArray, x: int, y: int, piece: int) -> float:
     """Return the elevation of a piece's own plane at a place [steps of the grid]."""
     return (planes[piece, 0] * (x * GRID) + planes[piece, 1] * (y * GRID) + planes[piece, 2]) / GRID
 
 
-@njit(cache=True, nogil=True)
+@inner_kernel
 def measure(
     vertices: IntArray,
     edges: IntArray,
@@ -115,7 +115,7 @@ def measure(
             first = last
 
 
-@njit(cache=True, nogil=True)
+@inner_kernel
 def level_of(edges: IntArray, e: int, piece: int) -> int:
     """Return the elevation of a piece at the start of a half-edge beside it."""
     other = edges[e, CW]

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from lidar_buildings.core.kernels import inner_kernel
 from lidar_buildings.core.model.array_types import FloatArray, IntArray
 
 #: Sine of an angle that counts as nothing: flips that gain no more could go on for ever.
 _NO_GAIN = 1e-9
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@inner_kernel
 def flip_to_delaunay(
     flat: FloatArray, corners: IntArray, rows: IntArray, begin: int, end: int, across: IntArray
 ) -> None:
@@ -74,7 +74,7 @@ def flip_to_delaunay(
             return
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@inner_kernel
 def _edge_towards(across: IntArray, t: int, other: int) -> int:
     for k in range(3):
         if across[t, k] == other:
@@ -82,7 +82,7 @@ def _edge_towards(across: IntArray, t: int, other: int) -> int:
     return -1
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@inner_kernel
 def _should_flip(flat: FloatArray, a: int, b: int, c: int, d: int) -> bool:
     """Whether the angles opposite edge ab add up to more than 180° and the other diagonal lies inside."""
     if _sine(flat, c, a, d) <= 0.0 or _sine(flat, d, b, c) <= 0.0:
@@ -91,7 +91,7 @@ def _should_flip(flat: FloatArray, a: int, b: int, c: int, d: int) -> bool:
     return gain < -_NO_GAIN
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@inner_kernel
 def _sine(flat: FloatArray, p: int, q: int, r: int) -> float:
     """Return the sine of the angle at p from q to r, 0 if one coincides with it."""
     ux, uy, vx, vy = (
@@ -104,7 +104,7 @@ def _sine(flat: FloatArray, p: int, q: int, r: int) -> float:
     return (ux * vy - uy * vx) / size if size > 0.0 else 0.0
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@inner_kernel
 def _cosine(flat: FloatArray, p: int, q: int, r: int) -> float:
     """Return the cosine of the angle at p from q to r, 1 if one coincides with it."""
     ux, uy, vx, vy = (

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from lidar_buildings.core.kernels import kernel
 from lidar_buildings.core.model.array_types import FloatArray, IntArray
 from lidar_buildings.core.solids.validity.exact import whole_numbers
 from lidar_buildings.core.solids.validity.triangle_pairs import triangles_meet
@@ -35,7 +35,7 @@ def self_intersects(vertices: FloatArray, triangles: IntArray, face_of: IntArray
     return bool(_any_meet(points, triangles[order], face_of[order], low[order], high[order]))
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _any_meet(
     points: IntArray, triangles: IntArray, face_of: IntArray, low: IntArray, high: IntArray
 ) -> bool:

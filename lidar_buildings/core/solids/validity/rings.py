@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from lidar_buildings.core.kernels import inner_kernel, kernel
 from lidar_buildings.core.model.array_types import FloatArray, IntArray
 from lidar_buildings.core.solids.validity.codes import TOUCHING
 from lidar_buildings.core.solids.validity.face_arrays import FaceArrays
@@ -22,7 +22,7 @@ def self_intersections(faces: FaceArrays, flat: FloatArray) -> set[int]:
     return {104} if _any_meets_itself(flat, faces.ring_starts) else set()
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _repetitions(corners: IntArray, ring_starts: IntArray) -> int:
     """Return 1 if a ring has fewer than three distinct corners, 2 if one of the others repeats one, or 3."""
     found = 0
@@ -43,7 +43,7 @@ def _repetitions(corners: IntArray, ring_starts: IntArray) -> int:
     return found
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _any_meets_itself(flat: FloatArray, ring_starts: IntArray) -> bool:
     """Whether a ring has no area, folds back at a corner, or has edges that meet away from common corners."""
     for number in range(len(ring_starts) - 1):
@@ -88,7 +88,7 @@ def _any_meets_itself(flat: FloatArray, ring_starts: IntArray) -> bool:
     return False
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@inner_kernel
 def _is_near(flat: FloatArray, p: int, a: int, b: int) -> bool:
     """Whether a corner lies within `TOUCHING` of a segment between two others."""
     ex, ey = flat[b, 0] - flat[a, 0], flat[b, 1] - flat[a, 1]

@@ -11,8 +11,8 @@ Written out, not `shapely.constrained_delaunay_triangles`: with that 1500 solids
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from lidar_buildings.core.kernels import inner_kernel, kernel
 from lidar_buildings.core.model.array_types import FloatArray, IntArray
 from lidar_buildings.core.solids.validity.face_arrays import FaceArrays
 from lidar_buildings.core.solids.validity.flips import flip_to_delaunay
@@ -45,7 +45,7 @@ def triangulate(faces: FaceArrays, flat: FloatArray) -> tuple[IntArray, IntArray
     return triangles[used], np.repeat(np.arange(len(counts)), counts)[used]
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _triangulate_all(
     flat: FloatArray,
     corners: IntArray,
@@ -79,7 +79,7 @@ def _triangulate_all(
                 triangles[t, k] = corners[triangles[t, k]]
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@inner_kernel
 def _join_holes(
     flat: FloatArray,
     corners: IntArray,
@@ -133,7 +133,7 @@ def _join_holes(
     return n
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@inner_kernel
 def _is_free(
     flat: FloatArray,
     ring_starts: IntArray,
@@ -184,7 +184,7 @@ def _is_free(
     return True
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@inner_kernel
 def _cut_ears(
     flat: FloatArray, loop: IntArray, n: int, quality: FloatArray, triangles: IntArray, row: int
 ) -> None:
@@ -223,7 +223,7 @@ def _cut_ears(
         triangles[row, k] = loop[k]
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@inner_kernel
 def _ear_quality(flat: FloatArray, loop: IntArray, n: int, k: int) -> float:
     a, b, c = loop[k - 1 if k else n - 1], loop[k], loop[k + 1 if k + 1 < n else 0]
     longest = np.sqrt(max(_squared(flat, a, b), _squared(flat, b, c), _squared(flat, c, a)))
@@ -246,7 +246,7 @@ def _ear_quality(flat: FloatArray, loop: IntArray, n: int, k: int) -> float:
     return height / longest if height > _STRAIGHT else -1.0
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@inner_kernel
 def turn(flat: FloatArray, a: int, b: int, c: int) -> float:
     """Return twice the area of a triangle of rows, positive if counter-clockwise."""
     return (flat[b, 0] - flat[a, 0]) * (flat[c, 1] - flat[a, 1]) - (flat[b, 1] - flat[a, 1]) * (
@@ -254,6 +254,6 @@ def turn(flat: FloatArray, a: int, b: int, c: int) -> float:
     )
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@inner_kernel
 def _squared(flat: FloatArray, a: int, b: int) -> float:
     return (flat[a, 0] - flat[b, 0]) ** 2 + (flat[a, 1] - flat[b, 1]) ** 2

@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from lidar_buildings.core.kernels import inner_kernel, kernel
 from lidar_buildings.core.stages.boundary_tracing.point_grid import PointGrid, column_of, row_of
 
 #: Room for entries at first, plus so much per position; wide margin: it doubles where needed.
@@ -49,7 +49,7 @@ def with_more_room(edges: EdgeCells) -> EdgeCells:
     return EdgeCells(edges.head, link, owner, cell, edges.size)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def add_edge(grid, edges, a, b):  # type: ignore[no-untyped-def]
     """Enter the edge from a to b into its cells; False, and nothing done, if there is no room for it."""
     low_row, high_row, low_column, high_column = _box(grid, a, b)
@@ -66,7 +66,7 @@ def add_edge(grid, edges, a, b):  # type: ignore[no-untyped-def]
     return True
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def remove_edges(edges, size):  # type: ignore[no-untyped-def]
     """Take out the newest entries until `size` are left."""
     for k in range(edges.size[0] - 1, size - 1, -1):
@@ -74,7 +74,7 @@ def remove_edges(edges, size):  # type: ignore[no-untyped-def]
     edges.size[0] = size
 
 
-@njit(cache=True, nogil=True)
+@inner_kernel
 def meets_edges(grid, edges, follower, a, b):  # type: ignore[no-untyped-def]
     """Whether the segment ab crosses or touches an edge, beyond sharing its ends."""
     x, y, rounding, head, link, owner = (
@@ -97,7 +97,7 @@ def meets_edges(grid, edges, follower, a, b):  # type: ignore[no-untyped-def]
     return False
 
 
-@njit(cache=True, nogil=True)
+@inner_kernel
 def _meets_list(x, y, rounding, follower, link, owner, k, a, b):  # type: ignore[no-untyped-def]
     """Whether the segment ab meets one of the edges in the list that begins with the entry k."""
     west, east = min(x[a], x[b]) - rounding, max(x[a], x[b]) + rounding
@@ -113,7 +113,7 @@ def _meets_list(x, y, rounding, follower, link, owner, k, a, b):  # type: ignore
     return False
 
 
-@njit(cache=True, nogil=True)
+@inner_kernel
 def _box(grid, a, b):  # type: ignore[no-untyped-def]
     """Return the rows and columns that the bounding box of a segment extends over."""
     row_a, row_b = row_of(grid, grid.x[a], grid.y[a]), row_of(grid, grid.x[b], grid.y[b])
@@ -122,7 +122,7 @@ def _box(grid, a, b):  # type: ignore[no-untyped-def]
     return min(row_a, row_b), max(row_a, row_b), min(column_a, column_b), max(column_a, column_b)
 
 
-@njit(cache=True, nogil=True)
+@inner_kernel
 def _meet(x, y, rounding, a, b, c, d):  # type: ignore[no-untyped-def]
     """Whether the segments ab and cd, whose bounding boxes meet, have more in common than an end point."""
     is_shared_a, is_shared_b = a in (c, d), b in (c, d)
@@ -142,7 +142,7 @@ def _meet(x, y, rounding, a, b, c, d):  # type: ignore[no-untyped-def]
     return _side(x, y, rounding, c, d, a) * _side(x, y, rounding, c, d, b) <= 0
 
 
-@njit(cache=True, nogil=True)
+@inner_kernel
 def _side(x, y, rounding, a, b, c):  # type: ignore[no-untyped-def]
     """Return the sign of c's side of the line ab: 1 left, −1 right, 0 on it as far as rounding tells."""
     dx, dy = x[b] - x[a], y[b] - y[a]

@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 from scipy import ndimage
 
+from lidar_buildings.core.kernels import inner_kernel, kernel
 from lidar_buildings.core.stages.boundary_tracing.point_grid import PointGrid, cells_within
 from lidar_buildings.core.stages.boundary_tracing.point_in_ring import filled
 
@@ -101,7 +101,7 @@ class EmptyDiscs:
         return (ux * x + uy * y - self._west) / self._side, (vx * x + vy * y - self._south) / self._side
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def nearest_free(grid, follower, x, y, n):  # type: ignore[no-untyped-def]
     """Return the rows of the up to n nearest points to a place that no ring has taken, the nearest first."""
     size_u, size_v = math.hypot(grid.ux, grid.uy), math.hypot(grid.vx, grid.vy)
@@ -128,7 +128,7 @@ def nearest_free(grid, follower, x, y, n):  # type: ignore[no-untyped-def]
         span *= 2.0
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _disc_in_cell(grid, x, y, dx, dy, radius, span):  # type: ignore[no-untyped-def]
     """
     Return whether a disc without points has its centre in a cell about (x, y) with the side (dx, dy), and it.
@@ -158,7 +158,7 @@ def _disc_in_cell(grid, x, y, dx, dy, radius, span):  # type: ignore[no-untyped-
     return False, x, y
 
 
-@njit(cache=True, nogil=True)
+@inner_kernel
 def _clearance(grid, x, y, radius, span):  # type: ignore[no-untyped-def]
     """Return the distance from a place to the nearest point, but no more than `radius` [m]."""
     low_row, high_row, low_column, high_column = cells_within(grid, x, y, span)

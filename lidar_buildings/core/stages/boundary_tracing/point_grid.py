@@ -6,9 +6,9 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from lidar_buildings.core.kernels import inner_kernel, kernel
 from lidar_buildings.core.neighbours.scan_pattern import ScanPattern
 
 #: Cells that the grid may have: this many or so many per point; wide margin, memory only.
@@ -98,21 +98,21 @@ def build_point_grid(points: NDArray[np.float64], pattern: ScanPattern, window: 
     return PointGrid(x, y, first, n_columns, n_rows, cell, low_u, low_v, *frame, is_disc, _ROUNDING * largest)
 
 
-@njit(cache=True, nogil=True)
+@inner_kernel
 def column_of(grid, x, y):  # type: ignore[no-untyped-def]
     """Return the column of a place, limited to the grid's."""
     u = (grid.ux * x + grid.uy * y - grid.west) / grid.cell
     return np.int64(max(0.0, min(u, grid.n_columns - 1.0)))
 
 
-@njit(cache=True, nogil=True)
+@inner_kernel
 def row_of(grid, x, y):  # type: ignore[no-untyped-def]
     """Return the row of a place, limited to the grid's."""
     v = (grid.vx * x + grid.vy * y - grid.south) / grid.cell
     return np.int64(max(0.0, min(v, grid.n_rows - 1.0)))
 
 
-@njit(cache=True, nogil=True)
+@inner_kernel
 def cells_within(grid, x, y, span):  # type: ignore[no-untyped-def]
     """Return the first and last row and the first and last column of the cells within `span` of a place."""
     u = grid.ux * x + grid.uy * y - grid.west
@@ -126,7 +126,7 @@ def cells_within(grid, x, y, span):  # type: ignore[no-untyped-def]
     )
 
 
-@njit(cache=True, nogil=True)
+@inner_kernel
 def span_of(grid, dx, dy):  # type: ignore[no-untyped-def]
     """Return how many times the neighbourhood has to be enlarged for its rim to pass a place (dx, dy) off."""
     u, v = grid.ux * dx + grid.uy * dy, grid.vx * dx + grid.vy * dy
@@ -135,7 +135,7 @@ def span_of(grid, dx, dy):  # type: ignore[no-untyped-def]
     return max(abs(u), abs(v))
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _sorted_by_cell(points, ux, uy, vx, vy, west, south, cell, n_columns, n_rows):  # type: ignore[no-untyped-def]
     """Return distinct positions cell by cell, and where each cell begins."""
     number = np.empty(len(points), dtype=np.int32)
@@ -159,7 +159,7 @@ def _sorted_by_cell(points, ux, uy, vx, vy, west, south, cell, n_columns, n_rows
     return x[:n].copy(), y[:n].copy(), first
 
 
-@njit(cache=True, nogil=True)
+@inner_kernel
 def _sort(x, y, begin, end):  # type: ignore[no-untyped-def]
     """Sort positions from begin to end by x, then y, in place, by steps that shrink (Shell 1959)."""
     step = 1
@@ -178,7 +178,7 @@ def _sort(x, y, begin, end):  # type: ignore[no-untyped-def]
         step = int(step / 2.25)
 
 
-@njit(cache=True, nogil=True)
+@inner_kernel
 def _drop_copies(x, y, first):  # type: ignore[no-untyped-def]
     """Move up the positions that differ from the one before, cell by cell, and return their number."""
     n = 0

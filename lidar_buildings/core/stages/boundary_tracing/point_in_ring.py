@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from lidar_buildings.core.kernels import inner_kernel, kernel
 from lidar_buildings.core.stages.boundary_tracing.point_grid import PointGrid
 
 #: Points closer to the ring than this lie on it [half sides of the neighbourhood].
@@ -37,7 +37,7 @@ def misplaced(grid: PointGrid, ring: NDArray[np.int64], wrong_inside: bool) -> N
     return found
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _misplaced(grid, u, v, wrong_inside):  # type: ignore[no-untyped-def]
     margin = _ON_RING / grid.cell
     is_rim, first, edges = _edges_by_row(u, v, grid.n_columns, grid.n_rows, margin)
@@ -56,7 +56,7 @@ def _misplaced(grid, u, v, wrong_inside):  # type: ignore[no-untyped-def]
     return found[:n].copy()
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def filled(u, v, n_columns, n_rows):  # type: ignore[no-untyped-def]
     """
     Return for every cell, side 1, whether its centre lies inside a ring; row by row.
@@ -91,7 +91,7 @@ def holds(grid: PointGrid, ring: NDArray[np.int64], x: float, y: float) -> bool:
     return bool(is_inside and (ax * by - bx * ay).sum() * grid.orientation > 0)
 
 
-@njit(cache=True, nogil=True)
+@inner_kernel
 def _edges_by_row(u, v, n_columns, n_rows, margin):  # type: ignore[no-untyped-def]
     """Return which cells edges pass, and for every row of cells the edges that come into it."""
     is_rim = np.zeros(n_columns * n_rows, dtype=np.bool_)
@@ -116,14 +116,14 @@ def _edges_by_row(u, v, n_columns, n_rows, margin):  # type: ignore[no-untyped-d
     return is_rim, first, edges
 
 
-@njit(cache=True, nogil=True)
+@inner_kernel
 def _cells_of(a, b, margin, n):  # type: ignore[no-untyped-def]
     """Return the first and the last of n cells, of side 1, that an interval and its margin reach."""
     low = np.int64(max(0.0, min(min(a, b) - margin, n - 1.0)))
     return low, np.int64(max(0.0, min(max(a, b) + margin, n - 1.0)))
 
 
-@njit(cache=True, nogil=True)
+@inner_kernel
 def _is_wrong(grid, i, u, v, near, wrong_inside, margin):  # type: ignore[no-untyped-def]
     """Whether a point lies on the wrong side of a ring, and not on it, judged by the edges of its row."""
     x, y = grid.x[i], grid.y[i]
@@ -143,7 +143,7 @@ def _is_wrong(grid, i, u, v, near, wrong_inside, margin):  # type: ignore[no-unt
     return True
 
 
-@njit(cache=True, nogil=True)
+@inner_kernel
 def _distance_to_edge(p, q, du, dv):  # type: ignore[no-untyped-def]
     """Return the distance of a place from the segment that leads from the origin to (du, dv)."""
     length = du * du + dv * dv

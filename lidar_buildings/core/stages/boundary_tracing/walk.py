@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from lidar_buildings.core.kernels import inner_kernel, kernel
 from lidar_buildings.core.stages.boundary_tracing.edge_cells import (
     EdgeCells,
     add_edge,
@@ -67,7 +67,7 @@ def walk_round(
     return _walk(grid, edges, follower, reach, max_reach, start, heading[0], heading[1], max_steps)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _walk(grid, edges, follower, reach, max_reach, start, dx, dy, max_steps):  # type: ignore[no-untyped-def]
     """Walk until back at the start or without a way on; ends for certain, since no point is entered twice."""
     ring = np.empty(min(len(follower), max_steps + 1), dtype=np.int64)
@@ -97,7 +97,7 @@ def _walk(grid, edges, follower, reach, max_reach, start, dx, dy, max_steps):  #
     return ring[:n].copy(), end
 
 
-@njit(cache=True, nogil=True)
+@inner_kernel
 def _step(grid, edges, follower, reach, max_reach, ring, n, back):  # type: ignore[no-untyped-def]
     """Return the next point in the smallest neighbourhood that has one, −1 if even the largest has none."""
     seen, reach = 0.0, min(reach, max_reach)
@@ -108,7 +108,7 @@ def _step(grid, edges, follower, reach, max_reach, ring, n, back):  # type: igno
         seen, reach = reach, min(reach * GROWTH, max_reach)
 
 
-@njit(cache=True, nogil=True)
+@inner_kernel
 def _step_within(grid, edges, follower, seen, reach, ring, n, back):  # type: ignore[no-untyped-def]
     """
     Return the point with the smallest clockwise turn that can be stepped to, −1 if there is none.
@@ -124,7 +124,7 @@ def _step_within(grid, edges, follower, seen, reach, ring, n, back):  # type: ig
             return best
 
 
-@njit(cache=True, nogil=True)
+@inner_kernel
 def _next_in_turn(grid, follower, seen, reach, ring, n, back, tried, tried_distance):  # type: ignore[no-untyped-def]
     """
     Return the first free point in clockwise order after those tried, its turn and its squared distance.
@@ -157,7 +157,7 @@ def _next_in_turn(grid, follower, seen, reach, ring, n, back, tried, tried_dista
     return best, best_turn, best_distance
 
 
-@njit(cache=True, nogil=True)
+@inner_kernel
 def _direction(dx, dy):  # type: ignore[no-untyped-def]
     """Return a number from −1 to 3 that grows with the angle of a direction, without trigonometry."""
     slant = dy / (abs(dx) + abs(dy)) if dx != 0 or dy != 0 else 0.0

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from lidar_buildings.core.kernels import kernel
 from lidar_buildings.core.stages.boundary_tracing.point_grid import PointGrid, cells_within, span_of
 from lidar_buildings.core.stages.boundary_tracing.walk import GROWTH
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def widen_about(grid, reach, row, max_reach):  # type: ignore[no-untyped-def]
     """Widen the reach of the points about one from which there was no way on; False where it cannot grow."""
     x, y, n = grid.x, grid.y, grid.n_columns
@@ -50,7 +50,7 @@ def bridge_gap(
     return False
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _widen_pairs(grid, reach, rows, on_ring, level):  # type: ignore[no-untyped-def]
     """
     Raise the reach of points and of the ring's points near them to a level; False if all have it already.

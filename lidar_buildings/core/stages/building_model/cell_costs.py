@@ -7,10 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 import shapely
-from numba import njit
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from lidar_buildings.core.kernels import kernel
 from lidar_buildings.core.model.array_types import FloatArray, IntArray
 from lidar_buildings.core.stages.building_model.arrangement import Cells
 from lidar_buildings.core.stages.building_model.heights import Limits
@@ -129,7 +129,7 @@ def cells_of_points(cells: Cells, points: FloatArray) -> IntArray:
     return _cells_above(points, lines, cells.sides[parts], tiles, start, items)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _cells_above(points, lines, sides, tiles, start, items):  # type: ignore[no-untyped-def]
     """
     Return what lies above the next edge below each point.
@@ -199,7 +199,7 @@ def plane_costs(
     return costs
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _add_costs(  # type: ignore[no-untyped-def]
     points, weight, nearest, cell, planes, vertices, borders, sides, areas, low, high, costs
 ):  # fmt: skip

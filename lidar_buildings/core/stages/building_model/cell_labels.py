@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from lidar_buildings.core.kernels import kernel
 from lidar_buildings.core.model.array_types import FloatArray, IntArray
 from lidar_buildings.core.stages.building_model.minimum_cut import source_side
 
@@ -69,7 +69,7 @@ def label_cells(
     return labels
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _expand_all(  # type: ignore[no-untyped-def]
     costs, edges, ends, planes, border_cost, step_cost, max_step, labels,
     first, around, weights, values, numbers, links,

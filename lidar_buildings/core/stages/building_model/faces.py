@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from lidar_buildings.core.kernels import kernel
 from lidar_buildings.core.model.array_types import FloatArray, IntArray
 from lidar_buildings.core.neighbours.union_find import link, root, sets_of_pairs
 from lidar_buildings.core.stages.building_model.arrangement import Cells
@@ -30,7 +30,7 @@ def absorb_small_faces(cells: Cells, labels: IntArray, min_area: float) -> IntAr
     return labels
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _absorb(areas, edges, lengths, min_area, labels):  # type: ignore[no-untyped-def]
     n = len(areas)
     parent = np.arange(n)
@@ -94,7 +94,7 @@ def face_rings(cells: Cells, face: IntArray) -> list[tuple[FloatArray, ...]]:
     return cells.rings_of(face, kept)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _drop_straight(vertices, borders, fixed, kept):  # type: ignore[no-untyped-def]
     """Clear `kept` of the vertices to leave out, one after the other by rising x, then y."""
     first = np.zeros(len(vertices) + 1, np.int64)

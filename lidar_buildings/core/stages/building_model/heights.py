@@ -6,8 +6,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import shapely
-from numba import njit
 
+from lidar_buildings.core.kernels import kernel
 from lidar_buildings.core.model.array_types import BoolArray, FloatArray, IntArray
 from lidar_buildings.core.neighbours.union_find import sets_of_pairs
 from lidar_buildings.core.solids.output_grid import GRID
@@ -240,7 +240,7 @@ def _numbers_of_corners(faces: list[RoofFacePatch]) -> list[int]:
     return [sum(map(len, face.rings)) for face in faces]
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _common_borders(lines, owner, planes, tiles, start, items, borders):  # type: ignore[no-untyped-def]
     """
     Write pairs of faces, the lengths of pieces of edges that they share, and these times the mean step there.

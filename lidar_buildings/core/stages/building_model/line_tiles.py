@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
+from lidar_buildings.core.kernels import inner_kernel, kernel
 from lidar_buildings.core.model.array_types import FloatArray
 
 #: An end that misses an obstacle by so little meets it: less than a line moves by rounding [m].
@@ -24,13 +24,13 @@ def tiles_of(lines: FloatArray) -> FloatArray:
     return np.array([west, south, side, math.floor(width / side) + 1.0, math.floor(height / side) + 1.0])
 
 
-@njit(cache=True, nogil=True)
+@inner_kernel
 def tile_of(position, west, side, n):  # type: ignore[no-untyped-def]
     """Return which of n tiles from `west` on holds a position; the first or last one beyond them."""
     return min(max(int((position - west) / side), 0), n - 1)
 
 
-@njit(cache=True, nogil=True)
+@inner_kernel
 def rows_touched(line, column, tiles):  # type: ignore[no-untyped-def]
     """Return the first and the last tile that a line may touch in a column."""
     x0, y0, x1, y1 = line[0], line[1], line[2], line[3]
@@ -45,7 +45,7 @@ def rows_touched(line, column, tiles):  # type: ignore[no-untyped-def]
     return tile_of(low - MARGIN, tiles[1], tiles[2], n), tile_of(high + MARGIN, tiles[1], tiles[2], n)
 
 
-@njit(cache=True, nogil=True)
+@inner_kernel
 def columns_touched(line, tiles):  # type: ignore[no-untyped-def]
     """Return the first and the last column of tiles that a line may touch."""
     n = int(tiles[3])
@@ -53,7 +53,7 @@ def columns_touched(line, tiles):  # type: ignore[no-untyped-def]
     return west, tile_of(max(line[0], line[2]) + MARGIN, tiles[0], tiles[2], n)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def in_tiles(lines, tiles):  # type: ignore[no-untyped-def]
     """Return where each tile, column by column, begins in the numbers of lines that touch it; and these."""
     n_rows = int(tiles[4])

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from lidar_buildings.core.kernels import inner_kernel, kernel
 from lidar_buildings.core.model.array_types import BoolArray, FloatArray, IntArray
 
 #: Capacities below this are used up [m³].
 _EPSILON = 1e-12
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def source_side(excess: FloatArray, links: IntArray, forward: FloatArray, backward: FloatArray) -> BoolArray:
     """
     Cut a graph in two parts at the least cost.
@@ -68,7 +68,7 @@ def source_side(excess: FloatArray, links: IntArray, forward: FloatArray, backwa
     return keeps
 
 
-@njit(cache=True, nogil=True)
+@inner_kernel
 def _set_levels(source, sink, first, arcs, head, capacity, level, at, queue):  # type: ignore[no-untyped-def]
     """
     Write each node's distance from the source, -1 = not reached, and its first arc.
@@ -91,7 +91,7 @@ def _set_levels(source, sink, first, arcs, head, capacity, level, at, queue):  #
     return level[sink] >= 0
 
 
-@njit(cache=True, nogil=True)
+@inner_kernel
 def _saturate(source, sink, first, arcs, head, capacity, level, at, path):  # type: ignore[no-untyped-def]
     """Send flow along paths of rising level until every such path is used up."""
     depth, node = 0, source

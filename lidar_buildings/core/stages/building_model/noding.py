@@ -6,8 +6,8 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from lidar_buildings.core.kernels import inner_kernel, kernel
 from lidar_buildings.core.model.array_types import FloatArray, IntArray
 from lidar_buildings.core.solids.output_grid import GRID
 from lidar_buildings.core.stages.building_model.line_tiles import (
@@ -111,7 +111,7 @@ def node_segments(walls: FloatArray, segments: FloatArray) -> Nodes:
     return Nodes(vertices, edges, np.sign(enclosed), row[: 2 * len(walls)])
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _extend(obstacles, tiles, start, items, extended):  # type: ignore[no-untyped-def]
     """Write the extended segments, the first of the obstacles; none is an obstacle to itself."""
     for i in range(len(extended)):
@@ -126,7 +126,7 @@ def _extend(obstacles, tiles, start, items, extended):  # type: ignore[no-untype
             extended[i, 2 * end], extended[i, 2 * end + 1] = x, y
 
 
-@njit(cache=True, nogil=True)
+@inner_kernel
 def _reach(x, y, dx, dy, own, obstacles, tiles, start, items):  # type: ignore[no-untyped-def]
     """Return how far a ray runs to the nearest obstacle [m]; 0 where none is met."""
     side, n_columns, n_rows = tiles[2], int(tiles[3]), int(tiles[4])
@@ -168,7 +168,7 @@ def _reach(x, y, dx, dy, own, obstacles, tiles, start, items):  # type: ignore[n
     return nearest if nearest < np.inf else 0.0
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _cross(lines, tiles, start, items, crossings):  # type: ignore[no-untyped-def]
     """Write the rounded crossings of lines as far as there is room; return how many there are."""
     n, n_columns, n_rows = 0, int(tiles[3]), int(tiles[4])
@@ -200,7 +200,7 @@ def _cross(lines, tiles, start, items, crossings):  # type: ignore[no-untyped-de
     return n
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _chain(lines, tiles, vertices, row, n_walls, chains):  # type: ignore[no-untyped-def]
     """Write the links of all lines by way of the vertices whose squares they pass; return how many."""
     n_rows = int(tiles[4])

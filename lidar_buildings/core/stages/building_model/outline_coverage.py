@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from lidar_buildings.core.kernels import inner_kernel, kernel
 from lidar_buildings.core.model.array_types import BoolArray, FloatArray, IntArray
 from lidar_buildings.core.model.outline import Outline
 
@@ -46,7 +46,7 @@ def outline_coverage(
     return (n_covered / n_spots, 1.0 - n_near / n_spots) if n_spots else (0.0, 1.0)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _count(
     edges: FloatArray,
     x: FloatArray,
@@ -101,7 +101,7 @@ def _count(
             counts[2] += is_covered
 
 
-@njit(cache=True, nogil=True)
+@inner_kernel
 def _is_inside(edges: FloatArray, crossed: IntArray, n: int, x: float, y: float) -> bool:
     """Whether a place lies within rings (even-odd rule) and on no edge; only the edges at its y are given."""
     is_odd = False

@@ -10,8 +10,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from lidar_buildings.core.kernels import inner_kernel, kernel
 from lidar_buildings.core.model.array_types import BoolArray, IntArray
 from lidar_buildings.core.neighbours.union_find import link, root
 
@@ -105,7 +105,7 @@ def rings_round(
     return [[group.pop(k), *group] if k >= 0 else [] for group, k in zip(rings, outer, strict=True)]
 
 
-@njit(cache=True, nogil=True)
+@inner_kernel
 def _next(half, ends, first, order, place, face):  # type: ignore[no-untyped-def]
     """Return the half-edge that goes on round what lies to the left, by way of borders of faces only."""
     back = half ^ 1
@@ -117,7 +117,7 @@ def _next(half, ends, first, order, place, face):  # type: ignore[no-untyped-def
             return onward
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _enclosed(vertices, edges, enclosed, first, order, place, face):  # type: ignore[no-untyped-def]
     """Number faces in place; return how many."""
     ends = edges.reshape(-1)
@@ -209,7 +209,7 @@ def _enclosed(vertices, edges, enclosed, first, order, place, face):  # type: ig
     return count
 
 
-@njit(cache=True, nogil=True)
+@inner_kernel
 def _below(v, vertices, edges, walk):  # type: ignore[no-untyped-def]
     """Return the nearest edge of a face below a vertex, -1 if there is none."""
     x, y = vertices[v, 0], vertices[v, 1]
@@ -225,7 +225,7 @@ def _below(v, vertices, edges, walk):  # type: ignore[no-untyped-def]
     return best
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _walk_round(vertices, ends, first, order, place, face, kept, corners, ring):  # type: ignore[no-untyped-def]
     """Write all rings, and where each begins, its face and twice its area; return how many there are."""
     done = np.zeros(len(ends), np.bool_)

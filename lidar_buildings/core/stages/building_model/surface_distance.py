@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from lidar_buildings.core.kernels import kernel
 from lidar_buildings.core.model.array_types import FloatArray, IntArray
 from lidar_buildings.core.solids.shell import Solid
 
@@ -46,7 +46,7 @@ def distance_to_surface(points: FloatArray, solid: Solid, at_most: FloatArray) -
     return distance
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _nearest(
     points: FloatArray,
     corners: FloatArray,

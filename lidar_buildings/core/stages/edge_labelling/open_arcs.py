@@ -16,6 +16,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from lidar_buildings.core.kernels import inner_kernel
+
 #: What is left open by less than this part of a quarter turn is closed, so that points of a lattice tie
 #: everywhere or nowhere.
 TIE = 1e-6
@@ -82,7 +84,7 @@ def square_at(east, north):  # type: ignore[no-untyped-def]
     return row * (N_SQUARES + 2.0) + column
 
 
-@njit(cache=True, nogil=True)
+@inner_kernel
 def without_neighbour(arcs, n_open, dx, dy, diameter):  # type: ignore[no-untyped-def]
     """Take the arc that a neighbour blocks out of the open ones; return how many are left."""
     square = dx * dx + dy * dy
@@ -93,7 +95,7 @@ def without_neighbour(arcs, n_open, dx, dy, diameter):  # type: ignore[no-untype
     return n_open
 
 
-@njit(cache=True, nogil=True)
+@inner_kernel
 def _blocked(dx, dy, distance, across):  # type: ignore[no-untyped-def]
     """
     Return where the arc begins and ends in which a neighbour keeps the disc's centre out.
@@ -105,7 +107,7 @@ def _blocked(dx, dy, distance, across):  # type: ignore[no-untyped-def]
     return first, _direction(dx * distance - dy * across, dy * distance + dx * across)
 
 
-@njit(cache=True, nogil=True)
+@inner_kernel
 def _direction(east, north):  # type: ignore[no-untyped-def]
     """
     Return a number from 0 to 4 that rises with a vector's direction, anticlockwise from the east.
@@ -118,7 +120,7 @@ def _direction(east, north):  # type: ignore[no-untyped-def]
     return along if along >= 0.0 else 4.0 + along
 
 
-@njit(cache=True, nogil=True)
+@inner_kernel
 def _without(arcs, n_open, first, last):  # type: ignore[no-untyped-def]
     """Take the arc first to last out of the open ones; return how many are left."""
     k = 0

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from lidar_buildings.core.kernels import inner_kernel, kernel
 from lidar_buildings.core.model.outline import Outline
 
 #: Height of the strips that points are sorted into [m]: a few of them make a building.
@@ -57,7 +57,7 @@ def _upward_edges(outline: Outline) -> NDArray[np.float64]:
     return edges[edges[:, 1] < edges[:, 3]]
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _find(
     x: NDArray[np.float64],
     y: NDArray[np.float64],
@@ -85,7 +85,7 @@ def _find(
                     owner[point] = number
 
 
-@njit(cache=True, nogil=True)
+@inner_kernel
 def _is_inside(x: float, y: float, edges: NDArray[np.float64]) -> bool:
     """Whether an odd number of edges lies east of a point."""
     inside = False

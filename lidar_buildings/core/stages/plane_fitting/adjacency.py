@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from lidar_buildings.core.kernels import inner_kernel, kernel
 from lidar_buildings.core.model.array_types import FloatArray, IntArray
 from lidar_buildings.core.stages.plane_fitting.surroundings import Cloud
 from lidar_buildings.core.surfaces.plane_geometry import distance_of
@@ -20,7 +20,7 @@ _ALIKE = 0.985
 _OFF = 3.0
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def seam_points(neighbours: NDArray[np.int32], labels: NDArray[np.int32]) -> IntArray:
     """Return the rows of the points that have neighbours in a plane, but not in their own."""
     rows = np.empty(len(labels), np.int64)
@@ -77,7 +77,7 @@ def bridged_planes(
     return np.argwhere(is_bridged)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def rows_of_planes(labels: NDArray[np.int32], size: int) -> tuple[IntArray, IntArray]:
     """Return the rows plane by plane: those of plane k are ``rows[first[k]:first[k + 1]]``, rising."""
     first = np.zeros(size + 1, np.int64)
@@ -93,7 +93,7 @@ def rows_of_planes(labels: NDArray[np.int32], size: int) -> tuple[IntArray, IntA
     return rows, first
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _pair_codes(
     neighbours: NDArray[np.int32], labels: NDArray[np.int32], seam: IntArray, size: int
 ) -> IntArray:
@@ -114,7 +114,7 @@ def _pair_codes(
     return codes[:n]
 
 
-@njit(cache=True, nogil=True)
+@inner_kernel
 def _planes_around(neighbours: NDArray[np.int32], labels: NDArray[np.int32], i: int, here: IntArray) -> int:
     """Write the planes of a point and its neighbours to `here`, the first few; return how many."""
     n, last = 0, 0
@@ -136,7 +136,7 @@ def _planes_around(neighbours: NDArray[np.int32], labels: NDArray[np.int32], i: 
     return n
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _bridge(cloud, labels, rows, first, equations, bridge, max_distance, is_bridged):  # type: ignore[no-untyped-def]
     """Compare all planes that have seams; see `bridged_planes`."""
     points = cloud.points
@@ -164,7 +164,7 @@ def _bridge(cloud, labels, rows, first, equations, bridge, max_distance, is_brid
             ) or _leads_to(cloud, labels, other, a, equations[b], bridge, max_distance, way, queue)
 
 
-@njit(cache=True, nogil=True)
+@inner_kernel
 def _alike(equations, middle, a, b, max_offset):  # type: ignore[no-untyped-def]
     """
     Whether two planes are nearly parallel, and each goes nearly through the middle of the other's seams.
@@ -179,7 +179,7 @@ def _alike(equations, middle, a, b, max_offset):  # type: ignore[no-untyped-def]
     )
 
 
-@njit(cache=True, nogil=True)
+@inner_kernel
 def _leads_to(cloud, labels, start, goal, plane, bridge, max_distance, way, queue):  # type: ignore[no-untyped-def]
     """
     Whether a bridge leads from the starting points over others on their plane to the plane numbered `goal`.

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from lidar_buildings.core.kernels import inner_kernel, kernel
 from lidar_buildings.core.model.array_types import BoolArray, FloatArray, IntArray
 from lidar_buildings.core.stages.plane_fitting.model_selection import equations_of, plane_sums
 from lidar_buildings.core.stages.plane_fitting.surroundings import MAX_NEIGHBOURS, Cloud
@@ -15,7 +15,7 @@ from lidar_buildings.core.surfaces.plane_geometry import distance_of
 _MAX_FITS, _MAX_ROUNDS = 2, 4
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def refine_labels(
     cloud: Cloud, labels: NDArray[np.int32], seam: IntArray, max_distance: float, smoothness: float
 ) -> NDArray[np.int32]:
@@ -54,7 +54,7 @@ def refine_labels(
     return labels
 
 
-@njit(cache=True, nogil=True)
+@inner_kernel
 def move_points(
     cloud: Cloud,
     labels: NDArray[np.int32],
@@ -96,7 +96,7 @@ def move_points(
     return moved
 
 
-@njit(cache=True, nogil=True)
+@inner_kernel
 def labels_around(
     neighbours: NDArray[np.int32],
     labels: NDArray[np.int32],
@@ -125,7 +125,7 @@ def labels_around(
     return n
 
 
-@njit(cache=True, nogil=True)
+@inner_kernel
 def cheapest(
     points: FloatArray,
     i: int,

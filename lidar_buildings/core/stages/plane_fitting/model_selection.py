@@ -11,9 +11,9 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from lidar_buildings.core.kernels import inner_kernel, kernel
 from lidar_buildings.core.model.array_types import FloatArray, IntArray
 from lidar_buildings.core.neighbours.union_find import root
 from lidar_buildings.core.stages.plane_fitting.adjacency import (
@@ -110,7 +110,7 @@ def _neighbours_of_planes(pairs: IntArray, size: int) -> tuple[IntArray, IntArra
     return first, both % size
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def plane_sums(points: FloatArray, labels: NDArray[np.int32], size: int) -> FloatArray:
     """Return the sums of every plane's points by its number."""
     moments = np.zeros((size, N_MOMENTS))
@@ -120,7 +120,7 @@ def plane_sums(points: FloatArray, labels: NDArray[np.int32], size: int) -> Floa
     return moments
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def equations_of(moments: FloatArray) -> FloatArray:
     """Return a, b, c, d of every plane's least-squares plane; zeros where it has no points."""
     equations = np.zeros((len(moments), 4))
@@ -129,7 +129,7 @@ def equations_of(moments: FloatArray) -> FloatArray:
     return equations
 
 
-@njit(cache=True, nogil=True)
+@inner_kernel
 def _saving(moments: FloatArray, a: int, b: int, prices: Prices) -> float:
     """Return what is saved by one plane in place of two."""
     joint = np.empty(N_MOMENTS)
@@ -140,7 +140,7 @@ def _saving(moments: FloatArray, a: int, b: int, prices: Prices) -> float:
     return prices.plane + prices.unevenness * fewer - prices.point * loss
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _merged(moments: FloatArray, pairs: IntArray, prices: Prices, parent: IntArray) -> IntArray:
     """Return the number that each plane has after all joins."""
     saving = np.empty(len(pairs))
@@ -170,7 +170,7 @@ def _merged(moments: FloatArray, pairs: IntArray, prices: Prices, parent: IntArr
     return parent
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _dissolved(points, labels, moments, by_size, first, beside, rows, begin, prices):  # type: ignore[no-untyped-def]
     """Return the labels without the planes that do not pay; see `dissolve_planes`."""
     labels = labels.copy()

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from lidar_buildings.core.kernels import inner_kernel, kernel
 from lidar_buildings.core.model.array_types import IntArray
 from lidar_buildings.core.neighbours.union_find import flatten, link
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def split_planes(
     neighbours: NDArray[np.int32], labels: NDArray[np.int32], min_points: int
 ) -> NDArray[np.int32]:
@@ -43,7 +43,7 @@ def split_planes(
     return number
 
 
-@njit(cache=True, nogil=True)
+@inner_kernel
 def connected_parts(neighbours: NDArray[np.int32], labels: NDArray[np.int32]) -> IntArray:
     """Return the lowest row of the connected part of one plane that each point is of."""
     part = np.arange(len(labels))

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from lidar_buildings.core.kernels import kernel
 from lidar_buildings.core.model.array_types import BoolArray, FloatArray
 from lidar_buildings.core.stages.plane_fitting.config import PlaneFittingConfig
 from lidar_buildings.core.stages.plane_fitting.consensus import PROBABILITY, samples_needed
@@ -59,7 +59,7 @@ def ransac_planes(
     return found
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def best_plane(points: FloatArray, samples: FloatArray, tolerance: float) -> BoolArray:
     """
     Return which points lie on the adjusted plane of the sample with the best consensus.

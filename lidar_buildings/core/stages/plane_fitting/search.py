@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from lidar_buildings.core.kernels import inner_kernel, kernel
 from lidar_buildings.core.model.array_types import FloatArray, IntArray
 from lidar_buildings.core.stages.plane_fitting.consensus import (
     Limits,
@@ -37,7 +37,7 @@ class Pool(NamedTuple):
     size: IntArray
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def extract(cloud: Cloud, limits: Limits, order: IntArray, samples: FloatArray) -> NDArray[np.int32]:
     """
     Take planes out of the cloud one after the other until none is left with enough points.
@@ -106,7 +106,7 @@ def extract(cloud: Cloud, limits: Limits, order: IntArray, samples: FloatArray) 
     return labels
 
 
-@njit(cache=True, nogil=True)
+@inner_kernel
 def best_of(pool: Pool) -> int:
     """Return the hypothesis with the highest score, of several the first."""
     best = 0
@@ -116,7 +116,7 @@ def best_of(pool: Pool) -> int:
     return best
 
 
-@njit(cache=True, nogil=True)
+@inner_kernel
 def draw_seeds(
     cloud: Cloud,
     limits: Limits,
@@ -149,7 +149,7 @@ def draw_seeds(
     return cursor
 
 
-@njit(cache=True, nogil=True)
+@inner_kernel
 def add_hypothesis(
     cloud: Cloud,
     limits: Limits,

@@ -8,9 +8,9 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from lidar_buildings.core.kernels import inner_kernel, kernel
 from lidar_buildings.core.model.array_types import BoolArray, FloatArray, IntArray
 from lidar_buildings.core.neighbours.cell_grid import CELLS_A_BLOCK, CellGrid
 from lidar_buildings.core.neighbours.neighbourhoods import build_grid
@@ -122,7 +122,7 @@ def _noise_of(roughness: FloatArray) -> float:
     return min(max(math.sqrt(np.partition(known, at)[at]), NOISE_RANGE[0]), NOISE_RANGE[1])
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _look_around(grid, radius, neighbours, planes, roughness, begin, end):  # type: ignore[no-untyped-def]
     """
     Fill in the neighbours, evenly thinned if too many, and own planes of the points in cells begin to end.
@@ -155,7 +155,7 @@ def _look_around(grid, radius, neighbours, planes, roughness, begin, end):  # ty
                     planes[i, 3] -= planes[i, 0] * x + planes[i, 1] * y + planes[i, 2] * z
 
 
-@njit(cache=True, nogil=True)
+@inner_kernel
 def _count_around(grid, c):  # type: ignore[no-untyped-def]
     """Return how many points a cell and the cells around it have."""
     n = 0
@@ -165,7 +165,7 @@ def _count_around(grid, c):  # type: ignore[no-untyped-def]
     return n
 
 
-@njit(cache=True, nogil=True)
+@inner_kernel
 def _gather_around(grid, c, rows, xyz):  # type: ignore[no-untyped-def]
     """Put the points of a cell and the cells around it side by side; return how many."""
     n = 0
@@ -178,7 +178,7 @@ def _gather_around(grid, c, rows, xyz):  # type: ignore[no-untyped-def]
     return n
 
 
-@njit(cache=True, nogil=True)
+@inner_kernel
 def _within(xyz, x, y, z, radius, near):  # type: ignore[no-untyped-def]
     """Write which points lie within a radius of a position to `near`; return how many."""
     n = 0
@@ -189,7 +189,7 @@ def _within(xyz, x, y, z, radius, near):  # type: ignore[no-untyped-def]
     return n
 
 
-@njit(cache=True, nogil=True)
+@inner_kernel
 def _sum_near(xyz, near, x, y, z, radius, moments):  # type: ignore[no-untyped-def]
     """Sum the near points within a radius of a position about it; return how many."""
     n, sx, sy, sz = 0.0, 0.0, 0.0, 0.0
@@ -207,7 +207,7 @@ def _sum_near(xyz, near, x, y, z, radius, moments):  # type: ignore[no-untyped-d
     return n
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _take_smoothest(points, neighbours, planes, roughness, is_smooth, noise, normals, begin, end):  # type: ignore[no-untyped-def]
     """Give points begin to end the normal of the smoothest surroundings on whose plane they lie."""
     for i in range(begin, end):

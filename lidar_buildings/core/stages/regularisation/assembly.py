@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from lidar_buildings.core.kernels import inner_kernel, kernel
 from lidar_buildings.core.stages.regularisation.division import Division
 from lidar_buildings.core.stages.regularisation.joints import (
     PARALLEL,
@@ -83,7 +83,7 @@ def assemble(samples: RingSamples, division: Division, fit: Fit) -> WalledRing:
     )
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _assembled(points, weights, bears, first, last, kind, angles, direction_weight, min_step):  # type: ignore[no-untyped-def]
     """Fit, join, drop and fit again until all walls are long enough."""
     sums = running_sums(points, weights)
@@ -128,7 +128,7 @@ def _assembled(points, weights, bears, first, last, kind, angles, direction_weig
     return first[:m], last[:m], kind[:m], shape[:m], joints[:m]
 
 
-@njit(cache=True, nogil=True)
+@inner_kernel
 def close_rows(first, last, kind, shape, m, i):  # type: ignore[no-untyped-def]
     """Close the rows over a wall; return how many are left."""
     for k in range(i, m - 1):
@@ -138,7 +138,7 @@ def close_rows(first, last, kind, shape, m, i):  # type: ignore[no-untyped-def]
     return m - 1
 
 
-@njit(cache=True, nogil=True)
+@inner_kernel
 def _merge_parallels(  # type: ignore[no-untyped-def]
     points, weights, bears, sums, first, last, kind, shape, m, angles, direction_weight, min_step
 ):
@@ -163,7 +163,7 @@ def _merge_parallels(  # type: ignore[no-untyped-def]
     return m
 
 
-@njit(cache=True, nogil=True)
+@inner_kernel
 def _is_continued(points, first, last, shape, i, k, min_step):  # type: ignore[no-untyped-def]
     """Whether a wall goes on as the next one in the same direction with hardly a step."""
     if shape[i, RADIUS] != 0 or shape[k, RADIUS] != 0:

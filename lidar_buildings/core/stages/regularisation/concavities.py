@@ -5,8 +5,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from lidar_buildings.core.kernels import inner_kernel, kernel
 
 #: A ring keeps at least so many vertices.
 _FEWEST = 4
@@ -60,7 +61,7 @@ def bearing_points(ring: NDArray[np.float64], limits: ConcavityLimits) -> NDArra
     return np.asarray(_bridged(np.ascontiguousarray(ring), *map(float, limits)))
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _bridged(ring, depth, length, area, gap_depth):  # type: ignore[no-untyped-def]
     """Bridge all concavities; take out bridges that cut corners and bridge only smaller ones there."""
     bears = np.ones(len(ring), dtype=np.bool_)
@@ -73,7 +74,7 @@ def _bridged(ring, depth, length, area, gap_depth):  # type: ignore[no-untyped-d
     return bears
 
 
-@njit(cache=True, nogil=True)
+@inner_kernel
 def _bridge(ring, bears, depth, length, area, gap_depth):  # type: ignore[no-untyped-def]
     """
     Take vertices out of the ring, always those whose concavity is the shallowest round about.
@@ -110,7 +111,7 @@ def _bridge(ring, bears, depth, length, area, gap_depth):  # type: ignore[no-unt
     return following, preceding
 
 
-@njit(cache=True, nogil=True)
+@inner_kernel
 def _open_corners(ring, bears, following, preceding):  # type: ignore[no-untyped-def]
     """Take out the bridges beside points at which the ring turns inwards; return whether there were any."""
     opened, bore = False, bears.copy()
@@ -126,7 +127,7 @@ def _open_corners(ring, bears, following, preceding):  # type: ignore[no-untyped
     return opened
 
 
-@njit(cache=True, nogil=True)
+@inner_kernel
 def _open(bears, first, last):  # type: ignore[no-untyped-def]
     """Give the ring back what lies under a bridge; return whether it was one."""
     n, opened = len(bears), False
@@ -138,7 +139,7 @@ def _open(bears, first, last):  # type: ignore[no-untyped-def]
     return opened
 
 
-@njit(cache=True, nogil=True)
+@inner_kernel
 def _removal_depth(ring, first, last, depth, length, area, gap_depth):  # type: ignore[no-untyped-def]
     """Return the depth of the concavity between two vertices, infinite if it has to stay."""
     chord, deepest, hollow = _concavity(ring, first, last)
@@ -147,7 +148,7 @@ def _removal_depth(ring, first, last, depth, length, area, gap_depth):  # type: 
     return np.inf
 
 
-@njit(cache=True, nogil=True)
+@inner_kernel
 def _concavity(ring, first, last):  # type: ignore[no-untyped-def]
     """
     Return chord, depth and area of what lies between two vertices; infinite depth if it is no concavity.

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from lidar_buildings.core.kernels import inner_kernel, kernel
 from lidar_buildings.core.stages.regularisation.moments import (
     algebraic_circle,
     least_scatter,
@@ -131,7 +131,7 @@ def divide_ring(
     return Division(corners, last, kind, float(cost))
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _divide(sums, n, shift, cosines, sines, noise, wall, own_direction, step, arc, min_radius, min_arc):  # type: ignore[no-untyped-def]
     """
     Return first sample and kind of each wall of an open chain from `shift` on, last to first, and the cost.
@@ -192,7 +192,7 @@ def _divide(sums, n, shift, cosines, sines, noise, wall, own_direction, step, ar
     return first, kind, cheapest[n]
 
 
-@njit(cache=True, nogil=True)
+@inner_kernel
 def _bent(sums, start, end, min_radius, min_arc, variance):  # type: ignore[no-untyped-def]
     """Return the squared offsets from the best circle, and whether the stretch may be an arc of it."""
     _, _, radius, offsets = algebraic_circle(sums, start, end)
@@ -203,7 +203,7 @@ def _bent(sums, start, end, min_radius, min_arc, variance):  # type: ignore[no-u
     return offsets, is_arc and offsets <= _MAX_ARC_MISFIT * variance * weight
 
 
-@njit(cache=True, nogil=True)
+@inner_kernel
 def _enter(best, entry, before, free, wall, own_direction, step, arc):  # type: ignore[no-untyped-def]
     """Find, for each kind of wall that may start here, the kind of wall that it had best follow."""
     for k in range(free + 2):
@@ -220,7 +220,7 @@ def _enter(best, entry, before, free, wall, own_direction, step, arc):  # type: 
                 before[k] = last
 
 
-@njit(cache=True, nogil=True)
+@inner_kernel
 def _traced_back(best, came_from, before, n, free):  # type: ignore[no-untyped-def]
     """Return the walls' first samples and kinds from the last one back."""
     first = np.zeros(n, dtype=np.int64)

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from lidar_buildings.core.kernels import inner_kernel, kernel
 from lidar_buildings.core.stages.regularisation.walls import (
     CENTRE_X,
     CENTRE_Y,
@@ -26,14 +26,14 @@ _MAX_GAP_SHIFT = 0.8
 _SMOOTH = 1.0
 
 
-@njit(cache=True, nogil=True)
+@inner_kernel
 def extent_of(points, first, last):  # type: ignore[no-untyped-def]
     """Return how far the first and the last sample of a wall are apart [m]."""
     a, b = first % len(points), (last - 1) % len(points)
     return np.hypot(points[a, 0] - points[b, 0], points[a, 1] - points[b, 1])
 
 
-@njit(cache=True, nogil=True)
+@inner_kernel
 def turn_at(points, first, last, shape, i, k, x, y):  # type: ignore[no-untyped-def]
     """Return the angle by which the ring turns from one wall to the next, 0 to π [rad]."""
     ax, ay = travel_of(points, first, last, shape, i, x, y)
@@ -41,7 +41,7 @@ def turn_at(points, first, last, shape, i, k, x, y):  # type: ignore[no-untyped-
     return np.arccos(min(max(ax * bx + ay * by, -1.0), 1.0))
 
 
-@njit(cache=True, nogil=True)
+@inner_kernel
 def travel_of(points, first, last, shape, i, x, y):  # type: ignore[no-untyped-def]
     """Return the unit vector along a wall in the ring's sense near a point."""
     n = len(points)
@@ -49,7 +49,7 @@ def travel_of(points, first, last, shape, i, x, y):  # type: ignore[no-untyped-d
     return travel_at(shape[i], points[b, 0] - points[a, 0], points[b, 1] - points[a, 1], x, y)
 
 
-@njit(cache=True, nogil=True)
+@inner_kernel
 def turning_point(points, first, last, i, k):  # type: ignore[no-untyped-def]
     """
     Return the middle between the last sample of a wall and the first of the next, and how far they are apart.
@@ -63,7 +63,7 @@ def turning_point(points, first, last, i, k):  # type: ignore[no-untyped-def]
     )
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def find_joint(points, first, last, shape, i, k, min_step, joint):  # type: ignore[no-untyped-def]
     """Write the corner between two walls twice, or the two ends of the step between them."""
     x, y, gap = turning_point(points, first, last, i, k)
@@ -85,7 +85,7 @@ def find_joint(points, first, last, shape, i, k, min_step, joint):  # type: igno
         joint[0, 0], joint[0, 1], joint[1, 0], joint[1, 1] = ax, ay, bx, by
 
 
-@njit(cache=True, nogil=True)
+@inner_kernel
 def length_of(points, first, last, shape, i, start, end):  # type: ignore[no-untyped-def]
     """
     Return the length of a wall between its ends in the ring's sense, negative if they are in the wrong order.
@@ -106,7 +106,7 @@ def length_of(points, first, last, shape, i, start, end):  # type: ignore[no-unt
     return sweep * radius
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def swept(shape, start, end):  # type: ignore[no-untyped-def]
     """Return the angle of an arc from one point to another in its sense, 0 to 2π [rad]."""
     a = np.arctan2(start[1] - shape[CENTRE_Y], start[0] - shape[CENTRE_X])

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
+
+from lidar_buildings.core.kernels import inner_kernel, kernel
 
 #: Columns: Σw, Σwx, Σwy, Σwxx, Σwxy, Σwyy, Σwxz, Σwyz, Σwzz with z = x² + y², and the way along the ring.
 N_SUMS = 10
@@ -11,7 +12,7 @@ N_SUMS = 10
 _FLAT = 1e-9
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def running_sums(points, weights):  # type: ignore[no-untyped-def]
     """
     Return the sums over the points before each, going round twice, so that stretches may pass the start.
@@ -47,13 +48,13 @@ def running_sums(points, weights):  # type: ignore[no-untyped-def]
     return sums
 
 
-@njit(cache=True, nogil=True)
+@inner_kernel
 def way_along(sums, start, end):  # type: ignore[no-untyped-def]
     """Return the length of the way from the first to the last point of a stretch [m]."""
     return sums[end - 1, 9] - sums[start, 9] if end > start else 0.0
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def scatter_of(sums, start, end):  # type: ignore[no-untyped-def]
     """Return the weight of a stretch, its middle and its scatter: sums of xx, xy, yy about the middle."""
     weight = sums[end, 0] - sums[start, 0]
@@ -64,19 +65,19 @@ def scatter_of(sums, start, end):  # type: ignore[no-untyped-def]
     return weight, x, y, max(xx, 0.0), xy, max(yy, 0.0)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def least_scatter(xx, xy, yy):  # type: ignore[no-untyped-def]
     """Return the scatter across the best line: the smaller eigenvalue."""
     return max(0.5 * (xx + yy) - np.hypot(0.5 * (xx - yy), xy), 0.0)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def normal_angle(xx, xy, yy):  # type: ignore[no-untyped-def]
     """Return the direction of the least scatter, −π/2 to π/2 and beyond by π/2 [rad]."""
     return 0.5 * np.arctan2(2.0 * xy, xx - yy) + 0.5 * np.pi
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def algebraic_circle(sums, start, end):  # type: ignore[no-untyped-def]
     """
     Return centre, radius and squared offsets of the circle with the least Σ (d² − r²)² (Kåsa, 1976).

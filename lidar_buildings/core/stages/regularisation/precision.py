@@ -7,9 +7,9 @@ from collections.abc import Sequence
 
 import numpy as np
 import shapely
-from numba import njit
 from numpy.typing import NDArray
 
+from lidar_buildings.core.kernels import inner_kernel, kernel
 from lidar_buildings.core.model.outline import Outline
 from lidar_buildings.core.stages.regularisation.assembly import WalledRing
 from lidar_buildings.core.stages.regularisation.division import ARC, FREE
@@ -85,7 +85,7 @@ def _pair(place: list[float]) -> tuple[float, float]:
     return place[0], place[1]
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _bearing_counts(bears, first, last):  # type: ignore[no-untyped-def]
     """Count the traced points that bear each wall."""
     n = len(bears)
@@ -96,7 +96,7 @@ def _bearing_counts(bears, first, last):  # type: ignore[no-untyped-def]
     return counts
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _corner_variances(points, bears, first, last, kind, shape, joints, direction_weight):  # type: ignore[no-untyped-def]
     """Return the variance of the corner behind each wall, in units of a point's; NaN where it is none."""
     sums = running_sums(points, bears.astype(np.float64))
@@ -114,7 +114,7 @@ def _corner_variances(points, bears, first, last, kind, shape, joints, direction
     return variances
 
 
-@njit(cache=True, nogil=True)
+@inner_kernel
 def _variance_at(sums, first, last, kind, angle, x, y, direction_weight):  # type: ignore[no-untyped-def]
     """Return the variance of a wall's offset at a place of it, in units of a point's."""
     if sums[last, 0] - sums[first, 0] < 2:

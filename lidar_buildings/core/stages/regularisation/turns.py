@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from lidar_buildings.core.kernels import inner_kernel, kernel
 from lidar_buildings.core.stages.regularisation.division import FREE, Division
 from lidar_buildings.core.stages.regularisation.moments import normal_angle, running_sums, scatter_of
 
@@ -37,7 +37,7 @@ def divide_at_turns(points: NDArray[np.float64], angles: NDArray[np.float64], ma
     return Division(first, last, _nearest(running_sums(points, np.ones(n)), first, last, angles), 0.0)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _turns(points, max_turn):  # type: ignore[no-untyped-def]
     """Return the first point of each segment, from the sharpest turn of the ring on."""
     n = len(points)
@@ -53,7 +53,7 @@ def _turns(points, max_turn):  # type: ignore[no-untyped-def]
     return np.array(first)
 
 
-@njit(cache=True, nogil=True)
+@inner_kernel
 def _between(points, a, b, c, d):  # type: ignore[no-untyped-def]
     """Return the angle between the ways from a to b and from c to d, 0 to π [rad]."""
     ux, uy = points[b, 0] - points[a, 0], points[b, 1] - points[a, 1]
@@ -61,7 +61,7 @@ def _between(points, a, b, c, d):  # type: ignore[no-untyped-def]
     return abs(np.arctan2(ux * vy - uy * vx, ux * vx + uy * vy))
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _nearest(sums, first, last, angles):  # type: ignore[no-untyped-def]
     """Return the direction that is nearest to each segment's own, `FREE` if there are none."""
     kind = np.full(len(first), FREE)

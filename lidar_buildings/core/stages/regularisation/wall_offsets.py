@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from lidar_buildings.core.kernels import inner_kernel, kernel
 from lidar_buildings.core.stages.regularisation.assembly import Fit, WalledRing, close_rows
 from lidar_buildings.core.stages.regularisation.joints import extent_of, find_joint, length_of
 from lidar_buildings.core.stages.regularisation.samples import RingSamples
@@ -36,7 +36,7 @@ def offset_outwards(samples: RingSamples, walled: WalledRing, fit: Fit, distance
     return WalledRing(*_moved(samples.points, *walled[:4], distances, fit.min_step))
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _mean_offsets(ring, is_on_wall, rows, n_samples, first, last, kind, shape):  # type: ignore[no-untyped-def]
     """Return how far outside each wall its points lie in the mean, negative inside [m]."""
     n = len(ring)
@@ -58,7 +58,7 @@ def _mean_offsets(ring, is_on_wall, rows, n_samples, first, last, kind, shape): 
     return offsets
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _moved(points, first, last, kind, shape, distances, min_step):  # type: ignore[no-untyped-def]
     """
     Move each wall by its distance and join them anew; steps and walls that shrink by it too much are dropped.
@@ -79,7 +79,7 @@ def _moved(points, first, last, kind, shape, distances, min_step):  # type: igno
     return first[:m], last[:m], kind[:m], shape[:m], joints[:m]
 
 
-@njit(cache=True, nogil=True)
+@inner_kernel
 def _spoilt(points, first, last, shape, joints, m, least):  # type: ignore[no-untyped-def]
     """
     Return a wall that is too short, or the shorter one beside a step that is too small, −1 if there is none.

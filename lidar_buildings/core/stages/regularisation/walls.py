@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from lidar_buildings.core.kernels import inner_kernel, kernel
 from lidar_buildings.core.stages.regularisation.division import ARC, FREE
 from lidar_buildings.core.stages.regularisation.moments import algebraic_circle, normal_angle, scatter_of
 
@@ -16,7 +16,7 @@ N_SHAPE = 5
 _CIRCLE_ROUNDS = 8
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def fit_wall(points, weights, bears, sums, first, last, kind, angles, direction_weight, shape):  # type: ignore[no-untyped-def]
     """
     Fit the line or arc of one wall.
@@ -61,7 +61,7 @@ def fit_wall(points, weights, bears, sums, first, last, kind, angles, direction_
     shape[OFFSET] = x * np.cos(angle) + y * np.sin(angle)
 
 
-@njit(cache=True, nogil=True)
+@inner_kernel
 def _fit_arc(points, bears, sums, first, last, shape):  # type: ignore[no-untyped-def]
     """Fit a circle by the least squared distances of bearing points, from the algebraic one on."""
     n = len(points)
@@ -101,7 +101,7 @@ def _fit_arc(points, bears, sums, first, last, shape):  # type: ignore[no-untype
     shape[RADIUS] = radius if turned >= 0 else -radius
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def foot_on(shape, x, y):  # type: ignore[no-untyped-def]
     """Return the point of a wall that is nearest to another."""
     if shape[RADIUS] != 0:
@@ -114,7 +114,7 @@ def foot_on(shape, x, y):  # type: ignore[no-untyped-def]
     return x - off * c, y - off * s
 
 
-@njit(cache=True, nogil=True)
+@inner_kernel
 def travel_at(shape, chord_x, chord_y, x, y):  # type: ignore[no-untyped-def]
     """Return the unit vector along a wall, in the ring's sense, nearest to a point."""
     if shape[RADIUS] != 0:
@@ -127,7 +127,7 @@ def travel_at(shape, chord_x, chord_y, x, y):  # type: ignore[no-untyped-def]
     return tx, ty
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def offset_of(shape, chord_x, chord_y, x, y):  # type: ignore[no-untyped-def]
     """Return how far a point lies outside a wall, negative inside, the building being on the left [m]."""
     if shape[RADIUS] != 0:
@@ -139,7 +139,7 @@ def offset_of(shape, chord_x, chord_y, x, y):  # type: ignore[no-untyped-def]
     return side * (x * c + y * s - shape[OFFSET])
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def move_out(shape, chord_x, chord_y, distance):  # type: ignore[no-untyped-def]
     """Move a wall away from the building, which is on its left, in place."""
     if shape[RADIUS] != 0:
@@ -149,7 +149,7 @@ def move_out(shape, chord_x, chord_y, distance):  # type: ignore[no-untyped-def]
         shape[OFFSET] += -distance if chord_x * s - chord_y * c > 0 else distance
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def nearest_meeting(one, other, x, y):  # type: ignore[no-untyped-def]
     """Return where two walls meet, the nearest such point to another, and whether they meet at all."""
     if one[RADIUS] == 0 and other[RADIUS] == 0:

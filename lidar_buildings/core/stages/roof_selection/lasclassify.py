@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from lidar_buildings.core.kernels import inner_kernel, kernel
 from lidar_buildings.core.neighbours.parallel import for_row_blocks
 from lidar_buildings.core.stages.roof_selection.candidates import MAX_SLOPE_DEG, Candidates
 from lidar_buildings.core.stages.roof_selection.config import RoofSelectionConfig
@@ -97,7 +97,7 @@ def _cells(
     return rows, np.concatenate([[0], np.flatnonzero(changes) + 1, [len(rows)]]).astype(np.int64)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _judge(points, rows, first, limits, kind, least, normals, begin, end):  # type: ignore[no-untyped-def]
     max_planar, min_rugged, min_upward = limits
     for c in range(begin, end):
@@ -119,7 +119,7 @@ def _judge(points, rows, first, limits, kind, least, normals, begin, end):  # ty
                 normals[i, 0], normals[i, 1], normals[i, 2] = normal
 
 
-@njit(cache=True, nogil=True)
+@inner_kernel
 def _covariance(points, inside):  # type: ignore[no-untyped-def]
     """Return xx, xy, xz, yy, yz, zz about the mean of the points of one cell."""
     n = len(inside)

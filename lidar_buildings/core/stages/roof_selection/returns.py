@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
+from lidar_buildings.core.kernels import kernel
 from lidar_buildings.core.model.point_array import checked_column
 from lidar_buildings.core.neighbours.neighbourhoods import build_grid, neighbours_of
 from lidar_buildings.core.neighbours.parallel import for_row_blocks
@@ -43,7 +43,7 @@ def last_and_only_returns(
     return (number >= of) | is_only, is_only
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _find_twins(grid, number, has_twin, begin, end):  # type: ignore[no-untyped-def]
     """Mark sorted points begin to end next to which a return of another number lies."""
     near = np.empty(len(grid.points), dtype=np.int64)

@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from lidar_buildings.core.kernels import kernel
 from lidar_buildings.core.neighbours.columns import Columns
 from lidar_buildings.core.neighbours.parallel import for_row_blocks
 from lidar_buildings.core.stages.roof_selection.sectors import sector_of
@@ -148,7 +148,7 @@ def share_around(
     return share
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _join(  # type: ignore[no-untyped-def]
     points, first, surface, surface_first, normals, runs, radius, max_distance, upright, joined, begin, end
 ):
@@ -168,7 +168,7 @@ def _join(  # type: ignore[no-untyped-def]
                     break
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _look_around(asking, own, runs, before, place, lowest, highest, reach, n_sectors, low, high, begin, end):  # type: ignore[no-untyped-def]
     for k in range(begin, end):
         if asking[k] == asking[k + 1]:
@@ -187,7 +187,7 @@ def _look_around(asking, own, runs, before, place, lowest, highest, reach, n_sec
             seen >>= 1
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _share(asking, asking_first, points, first, runs, flag, radius, share, begin, end):  # type: ignore[no-untyped-def]
     for k in range(begin, end):
         for i in range(asking_first[k], asking_first[k + 1]):

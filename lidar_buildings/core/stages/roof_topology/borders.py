@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from lidar_buildings.core.kernels import kernel
 from lidar_buildings.core.model.array_types import BoolArray, FloatArray, IntArray
 from lidar_buildings.core.stages.roof_topology.region_raster import RegionRaster
 
@@ -89,7 +89,7 @@ def _sides(label: NDArray[np.int32]) -> tuple[tuple[NDArray[np.int32], NDArray[n
     return (label[:-1], label[1:]), (label[:, :-1], label[:, 1:])
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _fill(label, nearest, distance, numbers, place):  # type: ignore[no-untyped-def]
     """
     Write planes and nearest points of each side, and its middle in cells, whether it is upright, and its gap.

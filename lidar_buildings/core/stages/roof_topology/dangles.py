@@ -6,8 +6,8 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-from numba import njit
 
+from lidar_buildings.core.kernels import kernel
 from lidar_buildings.core.model.array_types import FloatArray
 from lidar_buildings.core.stages.roof_topology.obstacles import is_far, walls_about
 from lidar_buildings.core.stages.roof_topology.result import IntersectionSegment, StepEdge
@@ -59,7 +59,7 @@ def with_joined_dangles(
     return edges
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _dangling(lines, obstacles, reach):  # type: ignore[no-untyped-def]
     """
     Return which ends of lines have none of the obstacles near; the first obstacles are the lines themselves.

@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
+from lidar_buildings.core.kernels import inner_kernel
 from lidar_buildings.core.model.array_types import FloatArray
 
 #: Places differ by less from where they are in whole numbers [m].
@@ -19,7 +19,7 @@ def walls_about(rings: tuple[FloatArray, ...], centre: FloatArray) -> FloatArray
     return np.concatenate(walls) - centre[:2] if walls else np.zeros((0, 2, 2))
 
 
-@njit(cache=True, nogil=True)
+@inner_kernel
 def is_far(x, y, ax, ay, bx, by, reach):  # type: ignore[no-untyped-def]
     """Whether a place is surely farther than so much from the line between two others."""
     return (
@@ -30,7 +30,7 @@ def is_far(x, y, ax, ay, bx, by, reach):  # type: ignore[no-untyped-def]
     )
 
 
-@njit(cache=True, nogil=True)
+@inner_kernel
 def stop(t, fx, fy, ux, uy, stops, reach, beyond, but):  # type: ignore[no-untyped-def]
     """
     Return where the line crosses the nearest wall or step edge, NaN if there is none near.

@@ -6,9 +6,9 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from lidar_buildings.core.kernels import inner_kernel, kernel
 from lidar_buildings.core.model.array_types import BoolArray, FloatArray, IntArray
 from lidar_buildings.core.stages.roof_topology.borders import Borders
 from lidar_buildings.core.stages.roof_topology.region_raster import RegionRaster
@@ -143,7 +143,7 @@ def intersection_lines(
     return lines
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _all_pieces(  # type: ignore[no-untyped-def]
     upright, first, second, near_first, near_second, gap, start, cell, lines, t, off, order, spacing, label,
     west, south, seen, numbers, values, on_line
@@ -205,7 +205,7 @@ def _all_pieces(  # type: ignore[no-untyped-def]
     return n_pieces
 
 
-@njit(cache=True, nogil=True)
+@inner_kernel
 def _convexity(x, y, ux, uy, first, second, label, west, south, cell):  # type: ignore[no-untyped-def]
     """
     Vote on whether each plane lies on the side of the line on which it is the lower one, at one place.

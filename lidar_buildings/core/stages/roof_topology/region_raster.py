@@ -8,9 +8,9 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from lidar_buildings.core.kernels import inner_kernel, kernel
 from lidar_buildings.core.model.array_types import FloatArray
 from lidar_buildings.core.stages.roof_topology.small_regions import absorb_small_regions
 
@@ -101,7 +101,7 @@ def region_raster(
     return RegionRaster(label, nearest, distance, west, south, cell)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _nearest_points(points, plane_id, west, south, cell, nearest, distance):  # type: ignore[no-untyped-def]
     """
     Give every cell the point of a plane that is nearest to its middle, and the square of its distance.
@@ -144,7 +144,7 @@ def _nearest_points(points, plane_id, west, south, cell, nearest, distance):  # 
                     distance[r, c], nearest[r, c] = least, own
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _label_inside(vertices, ends, west, south, cell, nearest, plane_id, label):  # type: ignore[no-untyped-def]
     """Label the cells whose middle lies inside an odd number of rings."""
     n_rows, n_columns = label.shape
@@ -162,7 +162,7 @@ def _label_inside(vertices, ends, west, south, cell, nearest, plane_id, label): 
                     label[r, c] = plane_id[nearest[r, c]]
 
 
-@njit(cache=True, nogil=True)
+@inner_kernel
 def _crossings(vertices, ends, y, crossings):  # type: ignore[no-untyped-def]
     """Write where the rings cross a line of constant y, from west to east; return how often they do."""
     n, first = 0, 0

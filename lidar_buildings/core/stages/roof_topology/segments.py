@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
+from lidar_buildings.core.kernels import inner_kernel, kernel
 from lidar_buildings.core.model.array_types import BoolArray, FloatArray, IntArray
 from lidar_buildings.core.stages.roof_topology.common_vertices import POINT_REACH
 from lidar_buildings.core.stages.roof_topology.obstacles import stop, walls_about
@@ -90,7 +90,7 @@ def _points_of(
     return positions - centre[:2], members
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _moved_ends(first, second, t, gradients, lines, partners, stops, positions, members, spacing):  # type: ignore[no-untyped-def]
     """
     Return the places of all ends along their lines.
@@ -121,7 +121,7 @@ def _moved_ends(first, second, t, gradients, lines, partners, stops, positions, 
     return moved
 
 
-@njit(cache=True, nogil=True)
+@inner_kernel
 def _point(t, i, j, ux, uy, positions, members, reach):  # type: ignore[no-untyped-def]
     """Return where on the line of planes i and j the nearest point lies in which both meet others, or NaN."""
     best, place = reach, math.nan
@@ -132,7 +132,7 @@ def _point(t, i, j, ux, uy, positions, members, reach):  # type: ignore[no-untyp
     return place
 
 
-@njit(cache=True, nogil=True)
+@inner_kernel
 def _third_plane(t, i, j, fx, fy, ux, uy, gradients, partners, reach):  # type: ignore[no-untyped-def]
     """
     Return where on the line of planes i and j the nearest plane that meets both passes, NaN if none does.

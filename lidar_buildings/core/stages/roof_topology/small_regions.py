@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from lidar_buildings.core.kernels import inner_kernel, kernel
 
 
 def absorb_small_regions(label: NDArray[np.int32], least_cells: int) -> None:
@@ -33,7 +34,7 @@ def absorb_small_regions(label: NDArray[np.int32], least_cells: int) -> None:
         _absorb(label.reshape(-1), label.shape[0], piece, first, small, sides, stack)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _pieces(label):  # type: ignore[no-untyped-def]
     """Number the connected pieces of equal labels, and return a cell and the size of each."""
     n_rows, n_columns = label.shape
@@ -66,7 +67,7 @@ def _pieces(label):  # type: ignore[no-untyped-def]
     return piece, first[:n], size[:n]
 
 
-@njit(cache=True, nogil=True)
+@inner_kernel
 def _neighbour(r, c, k):  # type: ignore[no-untyped-def]
     """Return the cell east, north, west or south of one."""
     if k == 0:
@@ -78,7 +79,7 @@ def _neighbour(r, c, k):  # type: ignore[no-untyped-def]
     return r - 1, c
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _absorb(flat, n_rows, piece, first, small, sides, stack):  # type: ignore[no-untyped-def]
     n_columns = len(flat) // n_rows
     for number in small:

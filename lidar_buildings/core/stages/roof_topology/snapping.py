@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
+from lidar_buildings.core.kernels import inner_kernel, kernel
 from lidar_buildings.core.model.array_types import FloatArray
 from lidar_buildings.core.stages.roof_topology.obstacles import stop, walls_about
 from lidar_buildings.core.stages.roof_topology.step_lines import StepLines, step_segments
@@ -49,7 +49,7 @@ def snapped(steps: StepLines, rings: tuple[FloatArray, ...], centre: FloatArray,
     return steps._replace(angle=angle, offset=offset, t=t)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _onto_walls(angle, offset, low, high, walls, spacing):  # type: ignore[no-untyped-def]
     """Move lines in place; return which were moved."""
     fixed = np.zeros(len(angle), dtype=np.bool_)
@@ -92,14 +92,14 @@ def _onto_walls(angle, offset, low, high, walls, spacing):  # type: ignore[no-un
     return fixed
 
 
-@njit(cache=True, nogil=True)
+@inner_kernel
 def _difference(one, other):  # type: ignore[no-untyped-def]
     """Difference of two angles between -π and π."""
     turn = one - other
     return turn - 2.0 * math.pi * np.rint(turn / (2.0 * math.pi))
 
 
-@njit(cache=True, nogil=True)
+@inner_kernel
 def _apart(angle, offset, t, other_angle, other_offset):  # type: ignore[no-untyped-def]
     """Distance of a position on one line from another line."""
     x = t * math.cos(angle) - offset * math.sin(angle)
@@ -107,7 +107,7 @@ def _apart(angle, offset, t, other_angle, other_offset):  # type: ignore[no-unty
     return abs(y * math.cos(other_angle) - x * math.sin(other_angle) - other_offset)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _together(angle, offset, low, high, fixed, order, spacing):  # type: ignore[no-untyped-def]
     """Move shorter lines, which come later in order, in place onto longer ones that they continue."""
     most, reach = _MOST_MOVE * spacing, _REACH * spacing
@@ -154,7 +154,7 @@ def extended(
     return steps._replace(t=t)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _extended(t, angle, offset, walls, others, reach):  # type: ignore[no-untyped-def]
     """Return the new ends; the first of the others are the steps themselves."""
     moved = t.copy()

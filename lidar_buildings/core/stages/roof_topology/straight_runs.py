@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
+from lidar_buildings.core.kernels import inner_kernel, kernel
 from lidar_buildings.core.model.array_types import BoolArray, FloatArray, IntArray
 from lidar_buildings.core.stages.roof_topology.obstacles import stop
 
@@ -78,7 +78,7 @@ def run_segments(runs: FloatArray) -> FloatArray:
     return np.asarray((runs[:, 1:2] * left)[:, None] + runs[:, 2:, None] * along[:, None])
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def closing(runs, stops, spacing):  # type: ignore[no-untyped-def]
     """
     Return which runs go from one line to another.
@@ -102,7 +102,7 @@ def closing(runs, stops, spacing):  # type: ignore[no-untyped-def]
     return closed
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _greedy(xy, upright, cell, cosine, sine, spacing, left, run, least, runs):  # type: ignore[no-untyped-def]
     """
     Take the line with the longest sides near it, then its runs from the sides, and so on; return how many.
@@ -157,7 +157,7 @@ def _greedy(xy, upright, cell, cosine, sine, spacing, left, run, least, runs):  
     return n_runs
 
 
-@njit(cache=True, nogil=True)
+@inner_kernel
 def _sort_along(t, rows, n):  # type: ignore[no-untyped-def]
     """Sort the first n places and rows by place (Shell 1959): numba's own sort compiles slowly."""
     gap = 1
@@ -173,12 +173,12 @@ def _sort_along(t, rows, n):  # type: ignore[no-untyped-def]
             t[m], rows[m] = place, row
 
 
-@njit(cache=True, nogil=True)
+@inner_kernel
 def _along(upright, cell, cosine, sine):  # type: ignore[no-untyped-def]
     return cell * (abs(sine) if upright else abs(cosine))
 
 
-@njit(cache=True, nogil=True)
+@inner_kernel
 def _vote(votes, x, y, upright, cell, cosine, sine, size, sign):  # type: ignore[no-untyped-def]
     """Add a side to the line through it in every direction, or take it away."""
     middle = votes.shape[1] // 2
@@ -187,7 +187,7 @@ def _vote(votes, x, y, upright, cell, cosine, sine, size, sign):  # type: ignore
         votes[d, b] += sign * _along(upright, cell, cosine[d], sine[d])
 
 
-@njit(cache=True, nogil=True)
+@inner_kernel
 def _peak(votes):  # type: ignore[no-untyped-def]
     """Return direction, first bin and votes of the window with the most votes."""
     best, best_d, best_b = 0.0, 0, 0
@@ -203,7 +203,7 @@ def _peak(votes):  # type: ignore[no-untyped-def]
     return best_d, best_b, best
 
 
-@njit(cache=True, nogil=True)
+@inner_kernel
 def _members(xy, upright, cell, cosine, sine, offset, half, left, rows, t):  # type: ignore[no-untyped-def]
     """Write the free sides near a line and their places along it; return how many, and their mean offset."""
     n, total, weight = 0, 0.0, 0.0
@@ -219,7 +219,7 @@ def _members(xy, upright, cell, cosine, sine, offset, half, left, rows, t):  # t
     return n, total / weight if weight > 0.0 else offset
 
 
-@njit(cache=True, nogil=True)
+@inner_kernel
 def _take(xy, upright, cell, cosine, sine, d, offset, t0, t1, spacing, left, run, number, votes, size):  # type: ignore[no-untyped-def]
     """Account for all sides near a run: they vote no more. Return how many are left."""
     n_left = 0

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
+
+from lidar_buildings.core.kernels import kernel
 
 
 def building_beside(
@@ -48,7 +49,7 @@ def building_beside(
     return joined
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _is_beside(points, others, reach):  # type: ignore[no-untyped-def]
     """Return which points lie within reach of one of the others in x and in y; the others by rising x."""
     is_beside = np.zeros(len(points), dtype=np.bool_)

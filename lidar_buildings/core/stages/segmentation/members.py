@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from lidar_buildings.core.kernels import inner_kernel, kernel
 from lidar_buildings.core.model.ids import building_id
 from lidar_buildings.core.neighbours.cell_grid import cell_numbers
 
@@ -40,7 +40,7 @@ def occupied_areas(
     return count * (spacing**2 / FILLED_SHARE)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def by_component(component, n_components):  # type: ignore[no-untyped-def]
     """Return the rows component by component, in rising order within each, and where each begins."""
     first = np.zeros(n_components + 1, dtype=np.int64)
@@ -56,7 +56,7 @@ def by_component(component, n_components):  # type: ignore[no-untyped-def]
     return rows, first
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def anchor_rows(points, component, n_components):  # type: ignore[no-untyped-def]
     """
     Return the row of every component's anchor: its westernmost point, ties broken by y, then z; −1 if empty.
@@ -100,7 +100,7 @@ def distinct_ids(anchors: NDArray[np.float64]) -> NDArray[np.uint32]:
     return ids
 
 
-@njit(cache=True, nogil=True)
+@inner_kernel
 def _comes_first(p, q):  # type: ignore[no-untyped-def]
     """Whether a point comes before another by x, then y, then z."""
     for axis in range(3):
@@ -109,7 +109,7 @@ def _comes_first(p, q):  # type: ignore[no-untyped-def]
     return False
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _cells_of_each(numbers, n_cells, rows, first):  # type: ignore[no-untyped-def]
     """Count the different cells of every component."""
     last = np.full(n_cells, -1, dtype=np.int32)

@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from lidar_buildings.core.kernels import inner_kernel, kernel
 from lidar_buildings.core.neighbours.cell_grid import rows_by_cell
 from lidar_buildings.core.neighbours.windows import first_windows, move_windows
 from lidar_buildings.core.stages.segmentation.members import occupied_areas
@@ -87,7 +87,7 @@ def _nearest_labels(positions: NDArray[np.float64], label: NDArray[np.int64]) ->
     return labels
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _core(cells, half, needed):  # type: ignore[no-untyped-def]
     """Return which points have `needed` in their windows, their own among them, and do not stand alone."""
     is_core = np.zeros(len(cells.rows), dtype=np.bool_)
@@ -101,7 +101,7 @@ def _core(cells, half, needed):  # type: ignore[no-untyped-def]
     return is_core
 
 
-@njit(cache=True, nogil=True)
+@inner_kernel
 def _is_core(cells, windows, i, half, needed):  # type: ignore[no-untyped-def]
     """Whether a point has enough others in its window, one of them near."""
     x, y = cells.points[i, 0], cells.points[i, 1]

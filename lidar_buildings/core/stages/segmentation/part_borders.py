@@ -6,9 +6,9 @@ import heapq
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from lidar_buildings.core.kernels import inner_kernel, kernel
 from lidar_buildings.core.neighbours.cell_grid import rows_by_cell
 from lidar_buildings.core.stages.segmentation.part_shape import rectangle_width, spread_width
 
@@ -85,7 +85,7 @@ def _within(
     return inner * (n_parts + 1) + outer, outer * (n_parts + 1) + inner
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _owners(part, rows, first):  # type: ignore[no-untyped-def]
     """
     Return the part with most points of every cell, the last of equals, and all (part, cell) with points.
@@ -106,7 +106,7 @@ def _owners(part, rows, first):  # type: ignore[no-untyped-def]
     return owner, number[:n].copy(), place[:n].copy()
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _sides(owner, numbers, n_columns, n_parts):  # type: ignore[no-untyped-def]
     """Return a code, part · (n_parts + 1) + part beside it, or n_parts where it is open, of every side."""
     codes = np.empty(4 * len(owner), dtype=np.int64)
@@ -121,7 +121,7 @@ def _sides(owner, numbers, n_columns, n_parts):  # type: ignore[no-untyped-def]
     return codes[:n].copy()
 
 
-@njit(cache=True, nogil=True)
+@inner_kernel
 def _beside(numbers, cell, step, n_columns):  # type: ignore[no-untyped-def]
     """Return the next occupied cell, one or two steps off, −1 if both are empty."""
     column = numbers[cell] % n_columns

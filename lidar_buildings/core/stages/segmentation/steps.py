@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from lidar_buildings.core.kernels import inner_kernel, kernel
 from lidar_buildings.core.neighbours.neighbourhoods import build_grid, neighbours_of
 from lidar_buildings.core.neighbours.parallel import for_row_blocks
 from lidar_buildings.core.neighbours.union_find import flatten, link
@@ -132,7 +132,7 @@ def _follow_nearest(
             parent[others] = parent[flat[cKDTree(points[flat, :2]).query(points[others, :2])[1]]]
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _fit_planes(grid, reach, plane, begin, end):  # type: ignore[no-untyped-def]
     """
     Fit a plane about each of the sorted points begin to end: slope in x, in y, height, rms of residuals.
@@ -147,7 +147,7 @@ def _fit_planes(grid, reach, plane, begin, end):  # type: ignore[no-untyped-def]
             _fit_plane(grid.points, i, near[:n], reach, plane[i])
 
 
-@njit(cache=True, nogil=True)
+@inner_kernel
 def _fit_plane(points, i, near, reach, plane):  # type: ignore[no-untyped-def]
     """Fit the plane of least squares to heights of neighbours; left as it is where they lie on a line."""
     sx = sy = sz = sxx = sxy = syy = sxz = syz = szz = 0.0
@@ -169,7 +169,7 @@ def _fit_plane(points, i, near, reach, plane):  # type: ignore[no-untyped-def]
     plane[3] = np.sqrt(max(szz - a * sxz - b * syz, 0.0) / n)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _choose_planes(grid, reach, plane, max_offset, best, is_flat, begin, end):  # type: ignore[no-untyped-def]
     """Give each of the sorted points begin to end the slope of the best plane near it that passes it."""
     near = np.empty(len(grid.points), dtype=np.int64)
@@ -187,7 +187,7 @@ def _choose_planes(grid, reach, plane, max_offset, best, is_flat, begin, end):  
         is_flat[i] = least <= max_offset
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _link_levels(grid, block, reach, best, is_flat, min_step, parent):  # type: ignore[no-untyped-def]
     """Link neighbours of one block that lie on one level, the slope of either taken off."""
     near = np.empty(len(grid.points), dtype=np.int64)

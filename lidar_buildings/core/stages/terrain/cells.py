@@ -7,9 +7,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from lidar_buildings.core.kernels import kernel
 from lidar_buildings.core.stages.terrain.window import RasterWindow
 from lidar_buildings.core.surfaces.triangulation import triangulate
 
@@ -124,7 +124,7 @@ class Cells:
         return triangulate(vertices.points, extent).elevation(centres).astype(np.float32)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _extremes(points, at, is_first, n_cells):  # type: ignore[no-untyped-def]
     """Return the rows of each cell's highest first and later return and of its lowest point, −1 for none."""
     found = np.full((3, n_cells), np.int32(-1))

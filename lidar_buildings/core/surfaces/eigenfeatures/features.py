@@ -7,9 +7,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
+from lidar_buildings.core.kernels import kernel
 from lidar_buildings.core.model.point_array import checked_points
 from lidar_buildings.core.neighbours.cell_grid import sort_by_cell
 from lidar_buildings.core.neighbours.parallel import for_row_blocks
@@ -166,7 +166,7 @@ def _differences(eigenvalues: NDArray[np.float64], larger: int, smaller: int) ->
     return shares
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _fill_differences(eigenvalues, larger, smaller, shares, begin, end):  # type: ignore[no-untyped-def]
     for i in range(begin, end):
         first = eigenvalues[i, 0]

@@ -12,6 +12,7 @@ import math
 import numpy as np
 from numba import njit
 
+from lidar_buildings.core.kernels import inner_kernel, kernel
 from lidar_buildings.core.neighbours.windows import first_windows, move_windows
 from lidar_buildings.core.surfaces.eigenfeatures.entropy import MAX_ENTROPY, entropy_of_shape
 from lidar_buildings.core.surfaces.eigenfeatures.moments import (
@@ -33,7 +34,7 @@ BATCH_ROWS = 512
 N_COVARIANCE, N_AXES = 6, 9
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def describe_cells(cloud, squares, lookup, min_neighbours, dimensionality, found, begin, end):  # type: ignore[no-untyped-def]
     """
     Describe the neighbourhoods of the points in some cells.
@@ -85,7 +86,7 @@ def describe_cells(cloud, squares, lookup, min_neighbours, dimensionality, found
     _finish(batch, waiting[:n_waiting], squares, min_neighbours, dimensionality, found)
 
 
-@njit(cache=True, nogil=True)
+@inner_kernel
 def _end_of_run(z, start, last, height):  # type: ignore[no-untyped-def]
     """Return where the points that rise from z[start] by no more than a height end."""
     stop = start + 1
@@ -94,7 +95,7 @@ def _end_of_run(z, start, last, height):  # type: ignore[no-untyped-def]
     return stop
 
 
-@njit(cache=True, nogil=True)
+@inner_kernel
 def _add_to_batch(shells, batch, slot):  # type: ignore[no-untyped-def]
     """Add up the shells of a point, so that there are sums within each radius."""
     n_radii = len(shells)
@@ -106,7 +107,7 @@ def _add_to_batch(shells, batch, slot):  # type: ignore[no-untyped-def]
             batch[row + k] = total
 
 
-@njit(cache=True, nogil=True)
+@inner_kernel
 def _finish(batch, waiting, squares, min_neighbours, dimensionality, found):  # type: ignore[no-untyped-def]
     """Choose the radius of each point of a batch and write what is found there."""
     n_radii = len(squares)
@@ -127,7 +128,7 @@ def _finish(batch, waiting, squares, min_neighbours, dimensionality, found):  # 
         entropy[row] = min(batch[N_MOMENTS * BATCH_ROWS + chosen[slot]], MAX_ENTROPY)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@inner_kernel
 def _judge(batch, n_rows, dimensionality):  # type: ignore[no-untyped-def]
     """Put the entropy of the batch's rows behind their sums."""
     for row in range(n_rows):
@@ -135,7 +136,7 @@ def _judge(batch, n_rows, dimensionality):  # type: ignore[no-untyped-def]
         batch[N_MOMENTS * BATCH_ROWS + row] = entropy
 
 
-@njit(cache=True, nogil=True)
+@inner_kernel
 def _least_entropy(batch, first, n_radii, min_neighbours):  # type: ignore[no-untyped-def]
     """
     Return the radius of least entropy among those with enough neighbours, the largest one if there is none.
@@ -148,7 +149,7 @@ def _least_entropy(batch, first, n_radii, min_neighbours):  # type: ignore[no-un
     return best
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@inner_kernel
 def _axes_of(batch, rows):  # type: ignore[no-untyped-def]
     """
     Return eigenvalues and axes of the batch's chosen rows, one after the other at steps of `BATCH_ROWS`.

@@ -7,9 +7,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from lidar_buildings.core.kernels import kernel
 from lidar_buildings.core.model.array_types import FloatArray, IntArray
 from lidar_buildings.core.model.outline import Outline
 from lidar_buildings.core.surfaces.roof_planes.directions import main_directions, outline_directions
@@ -165,7 +165,7 @@ def _culprits(pull: FloatArray, planes: IntArray) -> set[int]:
     return {int(np.argmax(pull[:, k])) for k in planes if pull[:, k].any()}
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def common_point(coefficients):  # type: ignore[no-untyped-def]
     """
     Return where planes are nearest to meeting, x, y, z, and the root mean square of their misses there [m].

@@ -6,9 +6,9 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from lidar_buildings.core.kernels import kernel
 from lidar_buildings.core.model.array_types import FloatArray
 from lidar_buildings.core.surfaces.point_moments import N_MOMENTS, add_point
 
@@ -63,7 +63,7 @@ def plane_moments(points: FloatArray, plane_id: NDArray[np.uint16], n_planes: in
     return PlaneMoments(centre, sums * scale)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _add_points(points, plane_id, centre, unit, sums):  # type: ignore[no-untyped-def]
     for i in range(len(points)):
         k = np.int64(plane_id[i]) - 1

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from lidar_buildings.core.kernels import kernel
 from lidar_buildings.core.model.array_types import BoolArray, FloatArray, IntArray
 from lidar_buildings.core.surfaces.roof_planes.free_planes import FreePlanes
 from lidar_buildings.core.surfaces.roof_planes.relations import Relations
@@ -128,7 +128,7 @@ def solve(
     return coefficients, _pulls(planes, weight, terms, force, len(vertices))
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _assemble(cost, weight, unknowns, wanted, start, terms, normal, target, rows, values):  # type: ignore[no-untyped-def]
     """Add the normal equations and their right sides, and the rows of the constraints and their values."""
     number, share = unknowns.number, unknowns.share

@@ -6,8 +6,8 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from lidar_buildings.core.kernels import kernel
 from lidar_buildings.core.model.array_types import BoolArray, FloatArray, IntArray
 from lidar_buildings.core.surfaces.roof_planes.free_planes import FreePlanes
 
@@ -152,7 +152,7 @@ def _to_right_angle(angle: FloatArray) -> FloatArray:
     return np.asarray(angle - _RIGHT_ANGLE * np.rint(angle / _RIGHT_ANGLE))
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _groups(values, reach, weight, candidates):  # type: ignore[no-untyped-def]
     """
     Group values round the weightiest within their reach; return each one's group of several, and its mean.

@@ -10,8 +10,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
+from lidar_buildings.core.kernels import inner_kernel, kernel
 from lidar_buildings.core.model.array_types import FloatArray
 
 #: Pivots below this share of the diagonal belong to equations that follow from others.
@@ -46,7 +46,7 @@ def constrained_minimum(
     return _minimum(normal, target, rows, values)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _minimum(normal, target, rows, values):  # type: ignore[no-untyped-def]
     """Return what `constrained_minimum` does; the target is overwritten, too."""
     start, row, value = _factor(normal)
@@ -68,7 +68,7 @@ def _minimum(normal, target, rows, values):  # type: ignore[no-untyped-def]
     return target, force
 
 
-@njit(cache=True, nogil=True)
+@inner_kernel
 def _factor(normal):  # type: ignore[no-untyped-def]
     """
     Return the Cholesky factor L of N = L Lᵀ column by column: starts, rows and values, the diagonal first.
@@ -94,7 +94,7 @@ def _factor(normal):  # type: ignore[no-untyped-def]
     return start, row[:size], value[:size]
 
 
-@njit(cache=True, nogil=True)
+@inner_kernel
 def _back_substitute(start, row, value, x):  # type: ignore[no-untyped-def]
     """Replace x by (L Lᵀ)⁻¹ x."""
     n = len(x)
@@ -109,7 +109,7 @@ def _back_substitute(start, row, value, x):  # type: ignore[no-untyped-def]
         x[j] /= value[start[j]]
 
 
-@njit(cache=True, nogil=True)
+@inner_kernel
 def _products(rows, others):  # type: ignore[no-untyped-def]
     products = np.zeros((len(rows), len(others)))
     for a in range(len(rows)):
@@ -120,7 +120,7 @@ def _products(rows, others):  # type: ignore[no-untyped-def]
     return products
 
 
-@njit(cache=True, nogil=True)
+@inner_kernel
 def _solve_semidefinite(matrix, right):  # type: ignore[no-untyped-def]
     """Solve a symmetric system by Cholesky; unknowns that depend on earlier ones become 0."""
     n = len(matrix)

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from lidar_buildings.core.kernels import inner_kernel, kernel
 from lidar_buildings.core.neighbours.cell_grid import sort_by_cell
 from lidar_buildings.core.stages.ground_filter.gross_errors.noise_layers import Layers, high_end, low_end
 
@@ -43,7 +43,7 @@ def _clouds_of_blocks(
     return clouds
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _mark_clouds(layers, errors, rising, first, clouds):  # type: ignore[no-untyped-def]
     """
     Mark what lies above the lowest gap of each block that divides surface and clouds.
@@ -65,7 +65,7 @@ def _mark_clouds(layers, errors, rising, first, clouds):  # type: ignore[no-unty
             top = high_end(layers, layer) if top == np.inf else max(top, high_end(layers, layer))
 
 
-@njit(cache=True, nogil=True)
+@inner_kernel
 def _is_transparent(layers, errors, block, split):  # type: ignore[no-untyped-def]
     n_upper, n_both = 0, 0
     for layer in block:

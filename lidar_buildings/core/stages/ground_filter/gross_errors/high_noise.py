@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from lidar_buildings.core.kernels import inner_kernel, kernel
 from lidar_buildings.core.stages.ground_filter.gross_errors.noise_layers import (
     Layers,
     columns_in_row,
@@ -47,7 +47,7 @@ def _isolated(layers: Layers, gap: float) -> NDArray[np.int64]:
     return top[is_small & np.where(top > layers.first[:-1], above, beside)]
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _judge_groups(layers, seeds, errors, gap, radius):  # type: ignore[no-untyped-def]
     """Return which layers are part of a group that is an error, starting from the seeds."""
     high = np.zeros(len(layers.column), dtype=np.bool_)
@@ -65,7 +65,7 @@ def _judge_groups(layers, seeds, errors, gap, radius):  # type: ignore[no-untype
     return high
 
 
-@njit(cache=True, nogil=True)
+@inner_kernel
 def _gather_group(layers, seed, errors, gap, group_of, is_large, members):  # type: ignore[no-untyped-def]
     """
     Fill `members` with what is within the gap of a layer, and so on; return how many, −1 if it is too much.
@@ -101,7 +101,7 @@ def _gather_group(layers, seed, errors, gap, group_of, is_large, members):  # ty
     return n_members
 
 
-@njit(cache=True, nogil=True)
+@inner_kernel
 def _is_in_the_air(layers, group, errors, gap, radius, group_of):  # type: ignore[no-untyped-def]
     seed = group[0]
     low = np.inf

@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from lidar_buildings.core.kernels import inner_kernel, kernel
 from lidar_buildings.core.neighbours.parallel import for_row_blocks
 from lidar_buildings.core.stages.ground_filter.gross_errors.noise_layers import (
     Layers,
@@ -93,7 +93,7 @@ def _new_bottoms(
     return raised[raised >= 0]
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _mark_isolated(layers, gap, isolated, begin, end):  # type: ignore[no-untyped-def]
     """
     Mark the columns, from `begin` to `end`, to whose west or east most columns end above their bottom.
@@ -115,7 +115,7 @@ def _mark_isolated(layers, gap, isolated, begin, end):  # type: ignore[no-untype
         isolated[k] = 2 * level[0] <= around[0] or 2 * level[1] <= around[1]
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _judge_groups(layers, bottom, seeds, gap, radius, limit, state, group_of):  # type: ignore[no-untyped-def]
     """Return the layers of groups that are errors, and the seeds of those that others may still hide."""
     members, begins = _gather_groups(layers, seeds, gap, limit, state, group_of)
@@ -135,7 +135,7 @@ def _judge_groups(layers, bottom, seeds, gap, radius, limit, state, group_of):  
     return errors[:n_errors], open_cases[:n_open]
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _gather_groups(layers, seeds, gap, limit, state, group_of):  # type: ignore[no-untyped-def]
     """Return the layers of all small groups that a seed belongs to, and where each begins, and the end."""
     members, begins = np.empty(len(group_of), np.int64), np.zeros(len(seeds) + 1, np.int64)
@@ -152,7 +152,7 @@ def _gather_groups(layers, seeds, gap, limit, state, group_of):  # type: ignore[
     return members[:n_members], begins[: n_groups + 1]
 
 
-@njit(cache=True, nogil=True)
+@inner_kernel
 def _gather_group(layers, seed, gap, state, group_of, members):  # type: ignore[no-untyped-def]
     """
     Fill `members` with what is connected with a layer; return how many, or −1 if they do not fit.
@@ -185,7 +185,7 @@ def _gather_group(layers, seed, gap, state, group_of, members):  # type: ignore[
     return n_members
 
 
-@njit(cache=True, nogil=True)
+@inner_kernel
 def _is_supported(  # type: ignore[no-untyped-def]
     layers, bottom, group, gap, radius, state, group_of, counted, judged
 ):
@@ -222,7 +222,7 @@ def _is_supported(  # type: ignore[no-untyped-def]
     return n_above < max(MIN_SUPPORT, MIN_SURROUNDINGS * len(group))
 
 
-@njit(cache=True, nogil=True)
+@inner_kernel
 def _count_small(small, seed, counted, judged):  # type: ignore[no-untyped-def]
     """Count a column of a small group for the group of a seed: 1 until there are enough of it, then 0."""
     if judged[small] != seed:

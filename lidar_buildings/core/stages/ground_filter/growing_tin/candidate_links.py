@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from lidar_buildings.core.kernels import inner_kernel, kernel
 from lidar_buildings.core.neighbours.columns import by_column
 from lidar_buildings.core.neighbours.parallel import for_row_blocks
 from lidar_buildings.core.neighbours.union_find import flatten, link
@@ -52,7 +52,7 @@ def nearest_by_sector(
     return found
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def level_parts(candidates, rows, links, max_slope, min_rise):  # type: ignore[no-untyped-def]
     """
     Return the part of each row: the lowest of the rows that it is connected with.
@@ -74,13 +74,13 @@ def level_parts(candidates, rows, links, max_slope, min_rise):  # type: ignore[n
     return part
 
 
-@njit(cache=True, nogil=True)
+@inner_kernel
 def rise_and_length(start, end):  # type: ignore[no-untyped-def]
     """Return the rise from one point to another and their distance in plan [m]."""
     return end[2] - start[2], math.hypot(end[0] - start[0], end[1] - start[1])
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _look_around(candidates, rows, cell, runs, points, origin, reach, found, begin, end):  # type: ignore[no-untyped-def]
     """
     Fill the rows `begin` to `end` of `found`; `points` are the candidates by cell, `origin` their rows.
@@ -103,7 +103,7 @@ def _look_around(candidates, rows, cell, runs, points, origin, reach, found, beg
                     found[r, sector] = origin[i]
 
 
-@njit(cache=True, nogil=True)
+@inner_kernel
 def _sector(dx, dy):  # type: ignore[no-untyped-def]
     """Return in which eighth of the circle an offset points, counted from west anticlockwise."""
     across, up = abs(dx), abs(dy)

@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
+from lidar_buildings.core.kernels import inner_kernel, kernel
 from lidar_buildings.core.stages.ground_filter.growing_tin.frame import at_frame
 from lidar_buildings.core.surfaces.tin import corners_of, place_of, plane_elevation, plane_slope, walk
 
@@ -17,7 +17,7 @@ FLAT_DISTANCE = 0.05
 MIRROR_SLOPE = 0.1
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def candidate_score(p, triangle, vertices, n_real, n_start, triangles, neighbours, limits):  # type: ignore[no-untyped-def]
     """
     Return how well a candidate, row p of `vertices`, fits the terrain, the less the better.
@@ -34,7 +34,7 @@ def candidate_score(p, triangle, vertices, n_real, n_start, triangles, neighbour
     return score
 
 
-@njit(cache=True, nogil=True)
+@inner_kernel
 def _far_above(point, a, b, c, distance):  # type: ignore[no-untyped-def]
     """
     Whether a point is beyond reach both as it is and mirrored; costs neither roots nor divisions.
@@ -52,7 +52,7 @@ def _far_above(point, a, b, c, distance):  # type: ignore[no-untyped-def]
     return area > 0.0 and (over * area) ** 2 > reach * reach * (area * area + gx * gx + gy * gy)
 
 
-@njit(cache=True, nogil=True)
+@inner_kernel
 def _facet_score(point, a, b, c, limits):  # type: ignore[no-untyped-def]
     """
     Return how well a point fits a facet; infinity where it may not join.
@@ -70,7 +70,7 @@ def _facet_score(point, a, b, c, limits):  # type: ignore[no-untyped-def]
     return seen_at if seen_at <= angle or seen_at <= angle + gain * math.atan(slope) else np.inf
 
 
-@njit(cache=True, nogil=True)
+@inner_kernel
 def _mirrored_score(p, triangle, vertices, n_real, n_start, triangles, neighbours, limits):  # type: ignore[no-untyped-def]
     """
     Return how well a candidate, mirrored at its facet's nearest corner, fits the terrain there.
@@ -96,14 +96,14 @@ def _mirrored_score(p, triangle, vertices, n_real, n_start, triangles, neighbour
     return seen_at if seen_at <= angle else np.inf
 
 
-@njit(cache=True, nogil=True)
+@inner_kernel
 def _angle_at_corners(point, a, b, c, off):  # type: ignore[no-untyped-def]
     """Return the largest angle between a facet and the lines from its corners to a point `off` it [rad]."""
     nearest = math.sqrt(min(_squared(point, a), _squared(point, b), _squared(point, c)))
     return math.asin(min(1.0, off / nearest)) if nearest > 0.0 else 0.0
 
 
-@njit(cache=True, nogil=True)
+@inner_kernel
 def _nearest_corner(x, y, triangle, vertices, triangles):  # type: ignore[no-untyped-def]
     nearest, least = triangles[triangle, 0], np.inf
     for k in range(3):
@@ -114,7 +114,7 @@ def _nearest_corner(x, y, triangle, vertices, triangles):  # type: ignore[no-unt
     return nearest
 
 
-@njit(cache=True, nogil=True)
+@inner_kernel
 def _squared_longest_side(a, b, c):  # type: ignore[no-untyped-def]
     ab = (b[0] - a[0]) ** 2 + (b[1] - a[1]) ** 2
     bc = (c[0] - b[0]) ** 2 + (c[1] - b[1]) ** 2
@@ -122,6 +122,6 @@ def _squared_longest_side(a, b, c):  # type: ignore[no-untyped-def]
     return max(ab, bc, ca)
 
 
-@njit(cache=True, nogil=True)
+@inner_kernel
 def _squared(p, q):  # type: ignore[no-untyped-def]
     return (p[0] - q[0]) ** 2 + (p[1] - q[1]) ** 2 + (p[2] - q[2]) ** 2

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
+
+from lidar_buildings.core.kernels import inner_kernel, kernel
 
 # Chosen with `bench.ground.isprs` and `bench.ground.scenes`.
 #: Seeds that the slope at a virtual point is taken from.
@@ -41,14 +42,14 @@ def edge_gradients(seeds: NDArray[np.float64], frame: NDArray[np.float64]) -> ND
     return np.linalg.solve(normal, np.swapaxes(plan, 1, 2) @ rise)[..., 0]
 
 
-@njit(cache=True, nogil=True)
+@inner_kernel
 def at_frame(triangle, triangles, n_real, n_start):  # type: ignore[no-untyped-def]
     """Whether a triangle has a virtual corner: rows `n_real` to `n_start` are the virtual vertices."""
     a, b, c = triangles[triangle, 0], triangles[triangle, 1], triangles[triangle, 2]
     return n_real <= a < n_start or n_real <= b < n_start or n_real <= c < n_start
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def extend_terrain(vertices, n_real, n_start, triangles, border, gradient):  # type: ignore[no-untyped-def]
     """
     Raise each virtual vertex to the slope beyond the nearest real one that it shares a triangle with.

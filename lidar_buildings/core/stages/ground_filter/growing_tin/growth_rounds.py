@@ -7,9 +7,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from lidar_buildings.core.kernels import inner_kernel, kernel
 from lidar_buildings.core.neighbours.parallel import for_row_blocks
 from lidar_buildings.core.stages.ground_filter.growing_tin.facet_scores import candidate_score
 from lidar_buildings.core.stages.ground_filter.growing_tin.frame import at_frame, extend_terrain
@@ -113,7 +113,7 @@ def _at_frame(mesh: Mesh, triangles: NDArray[np.int32]) -> NDArray[np.int32]:
     return triangles[((corners >= mesh.n_real) & (corners < mesh.n_start)).any(axis=1)]
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _extend(mesh, border, waiting, pending, n_pending):  # type: ignore[no-untyped-def]
     """Carry the terrain on to the frame; candidates of triangles that move with it become pending."""
     vertices, triangles, _, n_real, n_start, gradient = mesh
@@ -126,7 +126,7 @@ def _extend(mesh, border, waiting, pending, n_pending):  # type: ignore[no-untyp
     return n_pending
 
 
-@njit(cache=True, nogil=True)
+@inner_kernel
 def _release(triangle, waiting, pending, n_pending):  # type: ignore[no-untyped-def]
     """Empty a triangle's list into `pending`; return how many are there then."""
     i = waiting.first[triangle]
@@ -138,7 +138,7 @@ def _release(triangle, waiting, pending, n_pending):  # type: ignore[no-untyped-
     return n_pending
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _evaluate(mesh, limits, waiting, pending, begin, end):  # type: ignore[no-untyped-def]
     """Update triangle and score of the pending candidates from `begin` to `end`."""
     vertices, triangles, neighbours, n_real, n_start, _ = mesh
@@ -150,7 +150,7 @@ def _evaluate(mesh, limits, waiting, pending, begin, end):  # type: ignore[no-un
         waiting.score[i] = candidate_score(p, here, vertices, n_real, n_start, triangles, neighbours, limits)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _enqueue(waiting, pending):  # type: ignore[no-untyped-def]
     """Put candidates into the lists of their triangles, the best first; return the triangles one may join."""
     facets, n_facets = np.empty(len(pending), dtype=np.int32), 0
@@ -168,7 +168,7 @@ def _enqueue(waiting, pending):  # type: ignore[no-untyped-def]
     return facets[:n_facets]
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _take_best(waiting, facets):  # type: ignore[no-untyped-def]
     best = np.empty_like(facets)
     for k in range(len(facets)):
@@ -177,7 +177,7 @@ def _take_best(waiting, facets):  # type: ignore[no-untyped-def]
     return best
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _insert(mesh, n_triangles, facets, best, waiting, pending, marks):  # type: ignore[no-untyped-def]
     """
     Insert the best candidate of each facet; candidates of triangles that change become pending.

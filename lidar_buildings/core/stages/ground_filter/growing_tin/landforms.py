@@ -7,9 +7,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from lidar_buildings.core.kernels import kernel
 from lidar_buildings.core.stages.ground_filter.config import GroundFilterConfig
 from lidar_buildings.core.stages.ground_filter.growing_tin.candidate_links import (
     level_parts,
@@ -121,7 +121,7 @@ def _judge(
     return kept, ~kept & walled & (size >= rules.min_excluded_part)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _count_links(candidates, rows, links, ground, part, rules):  # type: ignore[no-untyped-def]
     """Return each part's size, its links to the ground, and how many of them are steep, and rise at all."""
     counts = np.zeros((len(rows), 4))

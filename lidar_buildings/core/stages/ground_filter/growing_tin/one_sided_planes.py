@@ -8,9 +8,9 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from lidar_buildings.core.kernels import inner_kernel, kernel
 from lidar_buildings.core.neighbours.cell_grid import sort_by_cell
 from lidar_buildings.core.neighbours.parallel import for_row_blocks
 from lidar_buildings.core.neighbours.windows import cells_in_row
@@ -78,7 +78,7 @@ def continues_terrain(
     return result
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _test(candidates, rows, cells, start, spacing, rules, result, begin, end):  # type: ignore[no-untyped-def]
     sums = np.empty((SIDES, N_MOMENTS + 1))
     towards = np.empty((SIDES, 2))
@@ -103,7 +103,7 @@ def _test(candidates, rows, cells, start, spacing, rules, result, begin, end):  
                 break
 
 
-@njit(cache=True, nogil=True)
+@inner_kernel
 def _count(dx, dy, dz, reach, towards, sums):  # type: ignore[no-untyped-def]
     """Add a ground point, relative to the candidate, to the moments of the sides it lies on."""
     away = math.hypot(dx, dy)
@@ -117,7 +117,7 @@ def _count(dx, dy, dz, reach, towards, sums):  # type: ignore[no-untyped-def]
         s[N_MOMENTS] = min(s[N_MOMENTS], away)
 
 
-@njit(cache=True, nogil=True)
+@inner_kernel
 def _fits(s, nearest, rules):  # type: ignore[no-untyped-def]
     """Whether the moments make a plane that passes near the candidate, which lies at the origin."""
     n = s[0]

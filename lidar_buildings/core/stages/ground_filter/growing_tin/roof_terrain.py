@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from lidar_buildings.core.kernels import kernel
 from lidar_buildings.core.stages.ground_filter.growing_tin.candidate_links import (
     level_parts,
     nearest_by_sector,
@@ -47,7 +47,7 @@ def find_roof_terrain(
     return found
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _count_drops(candidates, rows, links, part, min_drop):  # type: ignore[no-untyped-def]
     """Return each part's size, its links to other ground, and how many of them drop."""
     place = np.full(len(candidates), -1, dtype=np.int32)

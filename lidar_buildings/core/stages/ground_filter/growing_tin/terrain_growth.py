@@ -6,9 +6,9 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from lidar_buildings.core.kernels import kernel
 from lidar_buildings.core.neighbours.parallel import for_row_blocks
 from lidar_buildings.core.stages.ground_filter.growing_tin.frame import edge_gradients
 from lidar_buildings.core.stages.ground_filter.growing_tin.growth_rounds import Mesh, join_in_rounds
@@ -133,7 +133,7 @@ def start_growth(
     return TerrainGrowth(start, is_seed, mesh, len(start.triangles), joined, home)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _insert_all(rows, mesh, n_triangles, joined, home):  # type: ignore[no-untyped-def]
     vertices, triangles, neighbours, _, n_start, _ = mesh
     marks = np.zeros(len(triangles), dtype=np.int8)
@@ -145,7 +145,7 @@ def _insert_all(rows, mesh, n_triangles, joined, home):  # type: ignore[no-untyp
     return n_triangles
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _heights(mesh, home, rows, height, slope, begin, end):  # type: ignore[no-untyped-def]
     vertices, triangles, neighbours, _, n_start, _ = mesh
     for i in range(begin, end):

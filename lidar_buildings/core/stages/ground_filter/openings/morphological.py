@@ -6,9 +6,9 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from lidar_buildings.core.kernels import inner_kernel, kernel
 from lidar_buildings.core.neighbours.cell_grid import cell_numbers, cell_order, lowest_per_cell
 from lidar_buildings.core.neighbours.parallel import for_row_blocks
 from lidar_buildings.core.stages.ground_filter.config import GroundFilterConfig
@@ -179,7 +179,7 @@ def _sunk(
     return np.subtract(before, after, out=np.zeros_like(before), where=known) > limit
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _place(numbers, elevation, n_columns, south, west, lowest):  # type: ignore[no-untyped-def]
     """Set a window of the raster of minima, whose first cell is in row `south` and column `west`."""
     for y in range(lowest.shape[0]):
@@ -190,7 +190,7 @@ def _place(numbers, elevation, n_columns, south, west, lowest):  # type: ignore[
             k += 1
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _slope(terrain, cell):  # type: ignore[no-untyped-def]
     n_rows, n_columns = terrain.shape
     slope = np.zeros(terrain.shape)
@@ -204,7 +204,7 @@ def _slope(terrain, cell):  # type: ignore[no-untyped-def]
     return slope
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _label(points, rows, terrain, slope, window, cell, limits, ground):  # type: ignore[no-untyped-def]
     """Set which points lie within a distance of the terrain that grows with its slope; `limits` are both."""
     for p in rows:
@@ -215,7 +215,7 @@ def _label(points, rows, terrain, slope, window, cell, limits, ground):  # type:
         ground[p] = distance <= limits[0] + limits[1] * _between(slope, y, x)
 
 
-@njit(cache=True, nogil=True)
+@inner_kernel
 def _between(raster, y, x):  # type: ignore[no-untyped-def]
     south, west = int(y), int(x)
     north, east = min(south + 1, raster.shape[0] - 1), min(west + 1, raster.shape[1] - 1)

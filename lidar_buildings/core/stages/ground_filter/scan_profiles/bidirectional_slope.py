@@ -7,9 +7,9 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from lidar_buildings.core.kernels import kernel
 from lidar_buildings.core.neighbours.cell_grid import CellGrid, sort_by_cell
 from lidar_buildings.core.neighbours.parallel import for_row_blocks
 from lidar_buildings.core.neighbours.point_spacing import quantised_spacing
@@ -162,7 +162,7 @@ def _label_all(
     return labels
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _kept_of_cells(first):  # type: ignore[no-untyped-def]
     kept = np.empty(first[-1], dtype=np.intp)
     n = 0
@@ -174,7 +174,7 @@ def _kept_of_cells(first):  # type: ignore[no-untyped-def]
     return kept[:n].copy()
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _near_lowest(points, first, gradient, limits, ground, begin, end):  # type: ignore[no-untyped-def]
     """Compare the points of crowded cells with their lowest, carried on along the terrain's gradient."""
     for k in range(begin, end):

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from lidar_buildings.core.kernels import inner_kernel, kernel
 from lidar_buildings.core.neighbours.parallel import for_row_blocks
 from lidar_buildings.core.stages.ground_filter.config import GroundFilterConfig
 from lidar_buildings.core.stages.ground_filter.scan_profiles.profiles import Profiles
@@ -61,7 +61,7 @@ def net_votes(
     return votes.sum(axis=0, dtype=np.int64) / (2.0 * GROUND * max(len(profiles), 1))
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _label_both_ways(rows, first, along, elevation, limits, votes):  # type: ignore[no-untyped-def]
     z = elevation[rows]
     label = np.empty(len(rows), dtype=np.int8)
@@ -73,7 +73,7 @@ def _label_both_ways(rows, first, along, elevation, limits, votes):  # type: ign
             votes[rows[i]] += label[i]
 
 
-@njit(cache=True, nogil=True)
+@inner_kernel
 def _walk(along, z, begin, end, heading, limits, label):  # type: ignore[no-untyped-def]
     """
     Label one profile in one direction.
@@ -116,13 +116,13 @@ def _walk(along, z, begin, end, heading, limits, label):  # type: ignore[no-unty
         on_ground, last = True, i
 
 
-@njit(cache=True, nogil=True)
+@inner_kernel
 def _fallen(steepest, run, on_ground):  # type: ignore[no-untyped-def]
     """Return by how much a profile has to fall until what came before was no ground [m]."""
     return max(FALL, steepest * run) if on_ground else FALL + steepest * run
 
 
-@njit(cache=True, nogil=True)
+@inner_kernel
 def _rises(along, z, i, last, begin, end, heading, limits, label):  # type: ignore[no-untyped-def]
     """
     Whether point i stands a step above the last ground point, or above one not much further back.
@@ -142,7 +142,7 @@ def _rises(along, z, i, last, begin, end, heading, limits, label):  # type: igno
     return False
 
 
-@njit(cache=True, nogil=True)
+@inner_kernel
 def _change(label, start, end, heading, before, after):  # type: ignore[no-untyped-def]
     i = start
     while i != end:

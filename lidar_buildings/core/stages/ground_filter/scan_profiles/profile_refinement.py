@@ -7,9 +7,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from lidar_buildings.core.kernels import kernel
 from lidar_buildings.core.neighbours.parallel import for_row_blocks
 from lidar_buildings.core.stages.ground_filter.config import GroundFilterConfig
 from lidar_buildings.core.stages.ground_filter.scan_profiles.profile_lines import (
@@ -101,7 +101,7 @@ def reject_outliers(
     return ground
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _between(rows, first, along, elevation, ground, max_gap, height, weight):  # type: ignore[no-untyped-def]
     """
     Set the weighted height above the line between the nearest ground points of a profile, and the weight.
@@ -127,7 +127,7 @@ def _between(rows, first, along, elevation, ground, max_gap, height, weight):  #
             height[rows[i]], weight[rows[i]] = w * (elevation[rows[i]] - line), w
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _stand_out(rows, first, along, elevation, ground, limits, judged, above):  # type: ignore[no-untyped-def]
     """
     Tell of each point whether it is ground with ground on both sides, and well above the line through it.

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from lidar_buildings.core.kernels import kernel
 from lidar_buildings.core.neighbours.parallel import for_row_blocks
 from lidar_buildings.core.stages.ground_filter.config import GroundFilterConfig
 from lidar_buildings.core.stages.ground_filter.scan_profiles.profile_lines import (
@@ -101,7 +101,7 @@ class _Axis:
         _judge(one.along, self.z, one.first, self.line, self.ground, stale, limits, one.rows, self.votes)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _joining(votes, ground, least):  # type: ignore[no-untyped-def]
     """Return the rows that are no ground yet and have enough half votes of all sets of profiles."""
     rows = np.empty(len(ground), dtype=np.intp)
@@ -118,7 +118,7 @@ def _joining(votes, ground, least):  # type: ignore[no-untyped-def]
     return rows[:n].copy()
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _mark_around(changed, along, line, ground, reach, stale):  # type: ignore[no-untyped-def]
     for i in changed:
         for heading in (-1, 1):
@@ -128,7 +128,7 @@ def _mark_around(changed, along, line, ground, reach, stale):  # type: ignore[no
                 j += heading
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _judge(along, z, first, line, ground, stale, limits, rows, votes):  # type: ignore[no-untyped-def]
     reach, tolerance = limits
     for i in range(len(rows)):

@@ -10,9 +10,9 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from lidar_buildings.core.kernels import inner_kernel, kernel
 from lidar_buildings.core.stages.ground_filter.scan_profiles.profiles import (
     MAX_STRIPS,
     Profiles,
@@ -167,7 +167,7 @@ def _is_scan(
     return length >= MIN_LENGTH * spacing and path <= MAX_DETOUR * extent.sum()
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _steps(points, order, strip, max_step):  # type: ignore[no-untyped-def]
     """
     Measure the steps from point to point [m], mark jumps, and sum up products of the others block by block.
@@ -187,7 +187,7 @@ def _steps(points, order, strip, max_step):  # type: ignore[no-untyped-def]
     return step, jump, products
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _way(points, order, jump, axes):  # type: ignore[no-untyped-def]
     """Return how far each point lies along the direction of the lines [m]; jumps count as no step."""
     way = np.zeros(len(order))
@@ -198,7 +198,7 @@ def _way(points, order, jump, axes):  # type: ignore[no-untyped-def]
     return way
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _by_row(order, ends, way):  # type: ignore[no-untyped-def]
     """Return each row's line and its place on it, counted from the line's first point."""
     line, place = np.empty(len(order), dtype=np.int32), np.empty(len(order), dtype=np.float32)
@@ -210,7 +210,7 @@ def _by_row(order, ends, way):  # type: ignore[no-untyped-def]
     return line, place
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _sort_pulses(order, gps_time, points):  # type: ignore[no-untyped-def]
     """Sort rows of equal times by elevation from the top, then by x and y, in place."""
     begin = 0
@@ -226,7 +226,7 @@ def _sort_pulses(order, gps_time, points):  # type: ignore[no-untyped-def]
         begin = end
 
 
-@njit(cache=True, nogil=True)
+@inner_kernel
 def _above(p, q):  # type: ignore[no-untyped-def]
     if p[2] != q[2]:
         return p[2] > q[2]
@@ -235,7 +235,7 @@ def _above(p, q):  # type: ignore[no-untyped-def]
     return p[1] < q[1]
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _turning_points(value, back):  # type: ignore[no-untyped-def]
     """Mark the steps after which a signal, having gone one way, comes back by more than `back`."""
     turns = np.zeros(max(len(value) - 1, 0), dtype=np.bool_)

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from lidar_buildings.core.kernels import kernel
 from lidar_buildings.core.neighbours.columns import Columns
 from lidar_buildings.core.stages.roof_selection.sectors import sector_of
 from lidar_buildings.core.surfaces.surface_patches import connected_columns
@@ -56,7 +56,7 @@ def is_canopy(
     return canopy
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _count_seen(roofs, roofs_first, points, first, part, runs, reach, counts):  # type: ignore[no-untyped-def]
     """Count for each part the roof points that it hangs over, seen in most directions."""
     counted_last = np.full(len(counts), -1, dtype=np.int64)

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from lidar_buildings.core.kernels import kernel
 from lidar_buildings.core.neighbours.cell_grid import rows_by_cell
 from lidar_buildings.core.neighbours.columns import Columns
 from lidar_buildings.core.stages.roof_selection.sectors import N_SECTORS, sector_of
@@ -70,7 +70,7 @@ def is_deck(
     return np.asarray((is_end[:, :half] & is_end[:, half:]).any(axis=1))
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _count_ends(points, owner, first, places, runs, reach, ends, met):  # type: ignore[no-untyped-def]
     """
     Count, by surface and sector, the cells beyond which it does not go on, and those of them with ground.

@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from lidar_buildings.core.kernels import kernel
 from lidar_buildings.core.neighbours.columns import Columns
 from lidar_buildings.core.stages.roof_selection.candidates import Candidates
 from lidar_buildings.core.stages.roof_selection.config import RoofSelectionConfig
@@ -129,7 +129,7 @@ def _loose_per_point(
     return counts / np.bincount(patches.label)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _count_loose(  # type: ignore[no-untyped-def]
     points,
     first,

@@ -10,9 +10,9 @@ import math
 from collections.abc import Callable
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from lidar_buildings.core.kernels import kernel
 from lidar_buildings.core.neighbours.columns import Columns
 from lidar_buildings.core.surfaces.cell_distances import square_distances
 
@@ -89,7 +89,7 @@ def opened(depth: NDArray[np.int32], half: float) -> NDArray[np.bool_]:
     return np.asarray(square_distances(core, 1, math.ceil(half + 1.0)) <= (half + 1.0) ** 2)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def closed(plan):  # type: ignore[no-untyped-def]
     """Return a plan with cells filled that are empty by chance: gaps of few cells."""
     n, m = plan.shape

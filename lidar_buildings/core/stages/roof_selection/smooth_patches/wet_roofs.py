@@ -6,10 +6,10 @@ import math
 from collections.abc import Iterator
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 from scipy import ndimage
 
+from lidar_buildings.core.kernels import kernel
 from lidar_buildings.core.stages.roof_selection.config import RoofSelectionConfig
 
 #: A void has so many empty cells of a spacing in a row, either way: by chance that is rare [cells].
@@ -181,7 +181,7 @@ def _off_plane(points: NDArray[np.float64], chosen: NDArray[np.bool_]) -> NDArra
     return (points - centre) @ np.append(-plane[:2], 1.0) - plane[2]
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _mark(points, cell, low_x, low_y, plan):  # type: ignore[no-untyped-def]
     """Mark the cells of a window that hold points."""
     for i in range(len(points)):
@@ -190,7 +190,7 @@ def _mark(points, cell, low_x, low_y, plan):  # type: ignore[no-untyped-def]
             plan[int(x), int(y)] = True
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _is_marked(points, rows, cell, low_x, low_y, plan):  # type: ignore[no-untyped-def]
     """Tell which rows' points lie in marked cells of a window."""
     marked = np.zeros(len(rows), dtype=np.bool_)
