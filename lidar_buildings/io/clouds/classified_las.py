@@ -20,6 +20,7 @@ from lidar_buildings.io.clouds.classified_header import (
     with_length,
 )
 from lidar_buildings.io.clouds.las import Cloud
+from lidar_buildings.io.clouds.las_reader import laz_backend
 from lidar_buildings.io.clouds.las_records import EVLR_HEADER, RawHeader
 from lidar_buildings.io.clouds.point_columns import FIRST_EXTENDED_FORMAT
 from lidar_buildings.io.files.atomic_files import CheckedFile, atomic_file, write_error
@@ -85,7 +86,7 @@ def write_classified(cloud: Cloud, rows: ResultRows, path: Path) -> NDArray[np.i
                 file,
                 out.header,
                 do_compress=path.suffix == ".laz",
-                laz_backend=laspy.LazBackend.LazrsParallel,
+                laz_backend=laz_backend(),
                 closefd=False,
             )
             first = 0
