@@ -7,7 +7,12 @@ from functools import cache
 import numpy as np
 
 from lidar_buildings.commands.sample_tile import sample_tile
+from lidar_buildings.core.neighbours.columns import by_column
 from lidar_buildings.core.neighbours.point_spacing import quantised_spacing
+from lidar_buildings.core.solids.validity import check_solid
+from lidar_buildings.core.stages.roof_selection.smooth_patches.canopies import is_canopy
+from lidar_buildings.core.stages.roof_selection.smooth_patches.wet_roofs import find_wet_roofs
+from lidar_buildings.core.stages.roof_topology.small_regions import absorb_small_regions
 from lidar_buildings.core.stages.terrain import RasterConfig
 from lidar_buildings.core.surfaces.brightness import brightness_raster
 from lidar_buildings.core.surfaces.roof_planes.adjustment import common_point
@@ -52,7 +57,9 @@ def _planes() -> None:
 
 
 def _models() -> None:
-    build_models(roof_points(_sample().tile), _sample().outlines, _CONFIG.building_model)
+    models = build_models(roof_points(_sample().tile), _sample().outlines, _CONFIG.building_model)
+    for solid in models[0].model.solids.values():
+        check_solid(solid)
 
 
 def _rasters() -> None:
@@ -66,5 +73,20 @@ def _simulation() -> None:
     simulate_tile("single_house", density=0.1)
 
 
+def _rare() -> None:
+    """Call what a small tile has no need of."""
+    label = np.ones((4, 4), dtype=np.int32)
+    label[1, 1] = label[3, :] = 2
+    absorb_small_regions(label, 2)
+    x, y = (axis.ravel() for axis in np.meshgrid(np.arange(40.0), np.arange(40.0)))
+    pool = (abs(x - 20.0) > 4.0) | (abs(y - 20.0) > 4.0)
+    roof = np.column_stack([x, y, np.full(len(x), 3.0)])[pool]
+    everywhere = np.ones(len(roof), dtype=bool)
+    find_wet_roofs(roof, roof[:, 2], everywhere, ~everywhere, 1.0, _CONFIG.roof_selection)
+    crown = np.concatenate([roof + np.array([0.0, 0.0, z]) for z in range(6)])
+    is_roof = np.arange(len(crown)) < len(roof)
+    is_canopy(by_column(crown, 1.0), is_roof, ~is_roof, 1.5)
+
+
 #: What is called, the longest first.
-CALLS = (_outlines, _models, _ground, _regularisation, _planes, _roofs, _simulation, _rasters)
+CALLS = (_outlines, _models, _ground, _regularisation, _planes, _roofs, _simulation, _rasters, _rare)

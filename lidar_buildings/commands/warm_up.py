@@ -41,6 +41,7 @@ def compile_loops(tell: Callable[[int, int], None]) -> None:
     """
     complete = kernel_cache.marker()
     if complete is not None and not complete.exists():
+        complete.parent.mkdir(parents=True, exist_ok=True)
         with _alone(complete.with_suffix(".lock")):
             if not complete.exists():
                 if not kernel_cache.is_installed():

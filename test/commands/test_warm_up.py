@@ -36,8 +36,8 @@ def test_a_run_needs_no_loop_that_warming_up_does_not_compile(tmp_path):
 
 @pytest.fixture
 def folder(tmp_path, monkeypatch):
-    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
-    return tmp_path
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "not" / "yet" / "there"))
+    return tmp_path / "not" / "yet" / "there"
 
 
 def test_warming_up_says_how_far_it_is_and_where_the_loops_are(folder, monkeypatch, capsys):
