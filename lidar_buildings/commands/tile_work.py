@@ -63,7 +63,7 @@ class TileOutcome(NamedTuple):
 
 def done(work: TileWork, pool: Sharing | None = None) -> TileOutcome | LidarBuildingsError:
     """Take a tile from its points to its saved products; return what ends the whole run."""
-    work_alone(not work.is_only)
+    was_alone = work_alone(not work.is_only)
     frame = work.tile.store.frame
     rasters: list[Future[TerrainRasters | None]] = []
     try:
@@ -78,6 +78,8 @@ def done(work: TileWork, pool: Sharing | None = None) -> TileOutcome | LidarBuil
         return error
     except Exception as error:
         return TileOutcome({}, f"{type(error).__name__}: {' '.join(str(error).split())}")
+    finally:
+        work_alone(was_alone)
     return TileOutcome(result.seconds)
 
 

@@ -21,9 +21,11 @@ _lock = threading.Lock()
 _pool: ThreadPoolExecutor | None = None
 
 
-def work_alone(is_alone: bool = True) -> None:
-    """Let the calling thread do all its blocks itself, or not: the other cores have work of their own."""
+def work_alone(is_alone: bool = True) -> bool:
+    """Let the calling thread do all its blocks itself, since the other cores have work; return if it did."""
+    before = bool(getattr(_thread, "is_alone", False))
     _thread.is_alone = is_alone
+    return before
 
 
 def n_cores() -> int:

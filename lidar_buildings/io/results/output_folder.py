@@ -206,6 +206,8 @@ class OutputFolder:
             buildings, statuses = self._write_buildings(fragments, pieces, share)
             clouds, (rasters, problems) = cloud_files.result(), raster_files.result()
         files = [*filter(None, clouds.outputs), *buildings]
+        told = info.get("problems", ())
+        new = [one for one in clouds.problems if _is_new(one, told)]
         n_points = sum(file.point_count for file in self.inputs)
         summary = RunSummary(
             files=(*files, *rasters, RUN),
@@ -216,7 +218,7 @@ class OutputFolder:
             buildings=statuses,
             n_seam_pieces=len(pieces),
             rasters=rasters,
-            problems=tuple(dict.fromkeys([*info.get("problems", ()), *clouds.problems, *problems])),
+            problems=tuple(dict.fromkeys([*told, *new, *problems])),
             footprints=self._footprints.summary(sum(statuses.values())),
         )
         self._write_run(summary, clouds.outputs, info)
@@ -285,3 +287,9 @@ def _is_whole(fragment: Path) -> bool:
     except (OSError, ValueError, KeyError, EOFError, RuntimeError, BadZipFile):
         return False
     return True
+
+
+def _is_new(problem: str, told: Collection[str]) -> bool:
+    """Whether nobody has told of a file yet that cannot be decoded, for which decoders have several words."""
+    start = "".join(problem.partition(": cannot be decoded (")[:2])
+    return problem not in told if start == problem else not any(one.startswith(start) for one in told)

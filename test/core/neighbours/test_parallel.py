@@ -70,3 +70,9 @@ def test_blocks_within_a_block_do_not_wait_for_each_other():
     for_row_blocks(lambda first, last: inner.append(work_on(100, 8)[0]), 100, 8)
     assert all((times == 1).all() for times in inner)
     assert len(inner) == 13
+
+
+def test_a_thread_can_go_back_to_how_it_worked():
+    before = work_alone()
+    assert work_alone(before) is True
+    assert work_alone(before) == before
