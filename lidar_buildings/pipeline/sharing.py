@@ -8,8 +8,6 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from typing import Any, TypeVar
 
-from lidar_buildings.pipeline.agenda import WorkerLostError
-
 _Job = TypeVar("_Job")
 _Result = TypeVar("_Result")
 
@@ -75,21 +73,6 @@ class Sharing(ABC):
         for k in again:
             results[k] = self._done_alone(function, k, jobs[k], lost)
         return [results[k] for k in range(len(jobs))]
-
-    def share(self, function: Callable[[_Job], _Result], jobs: Sequence[_Job]) -> list[_Result]:
-        """
-        Call a function for each of a few large jobs, as `map` does in its own process.
-
-        Raises
-        ------
-        RuntimeError
-            If the function raises an exception, or two processes ended while they did the same job.
-        """
-
-        def lost(_: _Job) -> _Result:
-            raise WorkerLostError("two processes ended while they did the same job")
-
-        return self.map(function, jobs, [_LITTLE] * len(jobs), lost)
 
     def _done_alone(
         self, function: Callable[[_Job], _Result], number: int, job: _Job, lost: Callable[[_Job], _Result]

@@ -21,9 +21,8 @@ from lidar_buildings.core.stages.building_model import (
     build_model,
 )
 from lidar_buildings.core.stages.footprints import remark_on_points
-from lidar_buildings.core.stages.plane_fitting import PlaneFittingConfig
 from lidar_buildings.pipeline.sharing import Sharing, map_buildings
-from lidar_buildings.pipeline.tile_stages import fit_planes, rows_by_building
+from lidar_buildings.pipeline.tile_stages import rows_by_building
 
 _log = logging.getLogger(__name__)
 
@@ -156,14 +155,3 @@ def _ground_elevation(building: PointTile, one: BuildingOutline) -> float | None
     if building.height_above_ground is None or not len(building):
         return one.ground_elevation
     return float(np.min(building.points[:, 2] - building.height_above_ground))
-
-
-def load_models() -> None:
-    """Fit planes to a house with an annex and build its model: what they are compiled to is loaded then."""
-    random = np.random.default_rng(0)
-    xy = random.uniform((0.0, 0.0), (12.0, 8.0), (1200, 2))
-    z = np.where(xy[:, 0] < 8.0, 8.0 - 0.6 * np.abs(xy[:, 1] - 4.0), 4.0) + random.normal(0.0, 0.01, len(xy))
-    tile = PointTile(np.column_stack([xy, z]), building_id=np.ones(len(xy), dtype=np.uint32))
-    ring = np.array([[0.0, 0.0], [12.0, 0.0], [12.0, 8.0], [0.0, 8.0]])
-    outline = BuildingOutline(1, Outline(ring), ground_elevation=0.0)
-    build_models(fit_planes(tile, PlaneFittingConfig()), (outline,), BuildingModelConfig())

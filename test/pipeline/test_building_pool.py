@@ -16,7 +16,7 @@ from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.core.stages.building_model import BuildingModelConfig
 from lidar_buildings.core.stages.plane_fitting import PlaneFittingConfig
 from lidar_buildings.pipeline.building_pool import BuildingPool, NoWorkerError, WorkerLostError
-from lidar_buildings.pipeline.tile_models import build_models, load_models
+from lidar_buildings.pipeline.tile_models import build_models
 from lidar_buildings.pipeline.tile_stages import fit_planes
 
 LARGE = 10_000
@@ -220,7 +220,3 @@ def test_closing_ends_all_processes_though_they_are_at_work():
     caller.join()
     while any(is_alive(process) for process in at_work):
         time.sleep(0.01)
-
-
-def test_models_load_what_they_are_compiled_to():
-    load_models()
