@@ -222,8 +222,12 @@ class TilePlayer(StageNode):
         self.get_logger().info(f"waiting for {what}", throttle_duration_sec=_REMIND, skip_first=True)
 
     def _send(self, tile: PointTile) -> None:
-        """Send a tile for the first time, unless a node has it from this player's life before."""
-        if not self._flow.is_held(tile.stamp):
+        """
+        Send a tile for the first time; what a node has from this player's life before is only told of again.
+        """
+        if self._flow.is_held(tile.stamp):
+            self._info.publish(info_message(tile))
+        else:
             self._publish(tile)
         self._flow.sent(tile)
         if not self._flow.is_counting:

@@ -111,7 +111,10 @@ class StageNode(Node):
         def on_message(message: PointCloud2) -> None:
             stamp = to_stamp(message.header.stamp)
             if not inbox.has_had(stamp):
-                infos.when_known(stamp, lambda: handle(stamp, lambda report: read(message, report)))
+                is_ours = any(one.name == "index" for one in message.fields)
+                infos.when_known(
+                    stamp, lambda: handle(stamp, lambda report: read(message, report)), is_promised=is_ours
+                )
 
         def on_tile(stamp: int, tile: PointTile) -> None:
             if not infos.is_over(stamp):

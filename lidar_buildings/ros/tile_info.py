@@ -20,6 +20,9 @@ TOPIC = "tile_info"
 _MEMBERS = ("bounds", "point_spacing", "dark_limit")
 #: How many tiles are remembered: twice what the topic keeps, far more than are in flight.
 _MAX_TILES = 2 * CLOUD_DEPTH
+#: After so long without any publisher of the topic nobody will tell of a tile that ought to be told of; wide
+#: margin over the discovery of a node, and over the time that one needs to be started anew [s].
+_PATIENCE = 20.0
 
 
 def info_message(tile: PointTile) -> String:
@@ -36,7 +39,9 @@ class TileInfos:
     """
     Remembers what the source said of its tiles, and holds work back that came before.
 
-    Where nobody publishes the topic, nothing is waited for: the stages then measure what they need.
+    Points that somebody else publishes come without: the stages then measure what they need. What comes from
+    a source of ours has the column `index`, and is waited for even if its publisher cannot be seen: it may be
+    discovered later than the points, or be started anew.
 
     Parameters
     ----------
@@ -65,23 +70,49 @@ class TileInfos:
             if not info.get("is_over"):
                 work()
 
-    def when_known(self, stamp: int, work: Callable[[], None]) -> None:
+    def when_known(self, stamp: int, work: Callable[[], None], *, is_promised: bool) -> None:
         """
         Do the work on a tile now, or once the tile's message is there if somebody sends them.
 
         A tile of which the last message says that it is over is dropped.
+
+        Parameters
+        ----------
+        stamp : int
+            The tile's key [ns].
+        work : callable
+            What is to be done.
+        is_promised : bool
+            Whether the tile comes from a source that sends such messages.
         """
         if self.is_over(stamp):
             return
-        if stamp in self._known or not self._node.count_publishers(TOPIC):
+        is_told = self._node.count_publishers(TOPIC) > 0
+        if stamp in self._known or not (is_told or is_promised):
             work()
-        else:
-            self.when_told_more(stamp, work)
+            return
+        self.when_told_more(stamp, work)
+        if not is_told:
+            self._expect(stamp)
 
     def when_told_more(self, stamp: int, work: Callable[[], None]) -> None:
         """Do the work when the next message of a tile comes."""
         self._waiting.setdefault(stamp, []).append(work)
         _keep_last(self._waiting)
+
+    def _expect(self, stamp: int) -> None:
+        """Go on without a tile's message if after some time nobody is there who sends any."""
+
+        def give_up() -> None:
+            timer.cancel()
+            if stamp in self._waiting and not self._node.count_publishers(TOPIC):
+                self._node.get_logger().warning(
+                    f"tile {stamp}: nobody publishes {TOPIC}: limits and spacing are measured from its points"
+                )
+                for work in self._waiting.pop(stamp):
+                    work()
+
+        timer = self._node.create_timer(_PATIENCE, give_up)
 
     def is_over(self, stamp: int) -> bool:
         """Whether the last message of a tile says that it is done with."""

@@ -57,10 +57,20 @@ class Bench(StageNode):
         self.to = {topic: self.create_publisher(*what) for topic, what in sends.items()}
         for topic, (kind, profile) in hears.items():
             self.create_subscription(kind, topic, self.heard[topic].append, profile)
+        self.told = set()
+        self.info = self.create_publisher(String, "tile_info", LATCHED_TILE)
 
     def send(self, topic, *messages):
         for message in messages:
+            if isinstance(message, PointCloud2):
+                self.tell(to_stamp(message.header.stamp))
             self.to[topic].publish(message)
+
+    def tell(self, stamp):
+        """Tell of a tile what a source tells, unless the test does."""
+        if "tile_info" not in self.to and stamp not in self.told:
+            self.told.add(stamp)
+            self.info.publish(info_message(PointTile(np.zeros((1, 3)), stamp=stamp)))
 
 
 @pytest.fixture

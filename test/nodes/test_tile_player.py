@@ -219,7 +219,7 @@ def test_what_a_node_had_in_hand_is_sent_again_when_it_is_started_anew(play_slow
     assert player._resent == {stage.taken[0]}
 
 
-def test_a_player_that_is_started_anew_does_not_send_what_a_node_has_in_hand(context, survey):
+def test_a_player_that_is_started_anew_only_tells_of_what_a_node_has_in_hand(context, survey):
     values = {"input": [str(survey)], "tile_size": 20.0, "buffer": 2.0, "max_tiles_in_flight": 1}
     given = {
         "context": context,
@@ -235,6 +235,7 @@ def test_a_player_that_is_started_anew_does_not_send_what_a_node_has_in_hand(con
         executor.spin_once(timeout_sec=0.1)
     executor.remove_node(first)
     first.destroy_node()
+    stage.tile_infos._known.clear()
     second = TilePlayer(**given)
     players = Composition(second)
     players.start()
@@ -242,6 +243,7 @@ def test_a_player_that_is_started_anew_does_not_send_what_a_node_has_in_hand(con
         wait_until(lambda: len(second._flow) == 1)
         assert second._flow.is_held(stage.taken[0])
         stage.let_go.set()
+        wait_until(lambda: stage.taken[0] in stage.tile_infos._known)
         wait_until(lambda: second.progress.n_done == 5)
         assert sorted(Counter(stage.taken).values()) == [1] * 5
     finally:

@@ -14,7 +14,7 @@ class Listener:
     """Stands for a node."""
 
     def __init__(self, n_publishers):
-        self.n_publishers, self.errors = n_publishers, []
+        self.n_publishers, self.errors, self.warnings, self.timers = n_publishers, [], [], []
 
     def create_subscription(self, *_):
         pass
@@ -27,6 +27,16 @@ class Listener:
 
     def error(self, text):
         self.errors.append(text)
+
+    def warning(self, text):
+        self.warnings.append(text)
+
+    def create_timer(self, _, callback):
+        self.timers.append(callback)
+        return self
+
+    def cancel(self):
+        pass
 
 
 def tile(**members):
@@ -48,19 +58,39 @@ def test_a_tile_has_what_was_sent_of_it(members):
 
 def test_work_waits_for_its_tile_alone():
     infos, done = TileInfos(Listener(1)), []
-    infos.when_known(STAMP, lambda: done.append("first"))
+    infos.when_known(STAMP, lambda: done.append("first"), is_promised=False)
     infos.on_info(info_message(PointTile([[0.0, 0.0, 0.0]], stamp=STAMP + 1)))
     assert done == []
     infos.on_info(info_message(tile()))
-    infos.when_known(STAMP, lambda: done.append("second"))
+    infos.when_known(STAMP, lambda: done.append("second"), is_promised=False)
     assert done == ["first", "second"]
 
 
 def test_where_nobody_says_anything_nothing_is_waited_for():
     infos, done = TileInfos(Listener(0)), []
-    infos.when_known(STAMP, lambda: done.append("now"))
+    infos.when_known(STAMP, lambda: done.append("now"), is_promised=False)
     assert done == ["now"]
     assert infos.complete(tile(point_spacing=0.5)).point_spacing == 0.5
+
+
+def test_a_tile_of_a_source_of_ours_waits_for_a_publisher_that_cannot_be_seen_yet():
+    infos, done = TileInfos(Listener(0)), []
+    infos.when_known(STAMP, lambda: done.append("told"), is_promised=True)
+    assert done == []
+    infos.on_info(info_message(tile(point_spacing=0.1)))
+    assert done == ["told"]
+
+
+@pytest.mark.parametrize("n_publishers", [0, 1])
+def test_after_a_time_a_tile_goes_on_if_there_is_really_nobody(n_publishers):
+    node, done = Listener(0), []
+    infos = TileInfos(node)
+    infos.when_known(STAMP, lambda: done.append("untold"), is_promised=True)
+    node.n_publishers = n_publishers
+    (give_up,) = node.timers
+    give_up()
+    assert done == ([] if n_publishers else ["untold"])
+    assert len(node.warnings) == len(done)
 
 
 @pytest.mark.parametrize("text", ["", "[]", "{}", '{"stamp": "x"}', "null"])

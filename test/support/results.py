@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 from pathlib import Path
 
@@ -14,10 +15,10 @@ MODELS = ["city_model.city.jsonl", "city_model.dxf", "city_model.mtl", "city_mod
 RESULTS = ("buildings.gpkg", *MODELS, "dtm.tif", "dsm.tif", "ndsm.tif")
 
 
-def contents(output: Path) -> dict[str, bytes]:
-    """Return name → bytes of every file whose content must not depend on how the run was laid out."""
-    classified = sorted((output / "classified").iterdir())
-    return {path.name: path.read_bytes() for path in (*classified, *(output / name for name in RESULTS))}
+def contents(output: Path) -> dict[str, str]:
+    """Return name → digest of every file whose content must not depend on how the run was laid out."""
+    files = (*sorted((output / "classified").iterdir()), *(output / name for name in RESULTS))
+    return {path.name: hashlib.sha256(path.read_bytes()).hexdigest() for path in files}
 
 
 def assert_complete(survey: Path, output: Path, *, min_tiles: int = 1) -> None:
