@@ -4,13 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from lidar_buildings.core.kernels import kernel
+from lidar_buildings.core.kernels import inner_kernel, kernel
 from lidar_buildings.core.model.array_types import FloatArray, IntArray
 from lidar_buildings.core.stages.building_model.minimum_cut import source_side
 
-#: Rows of what is known of edges. The first four are the elevations on either side at either end; then come
-#: length, costs now and with a label on the first side or the second, capacities of links, and zeros.
-_LENGTH, _NOW, _CAPACITY = 4, 5, 8
 #: Energies that differ by less are equal [m³].
 _EPSILON = 1e-9
 
@@ -56,76 +53,66 @@ def label_cells(
     """
     labels = np.argmin(costs, axis=1) if len(costs) else np.zeros(0, dtype=np.int64)
     if len(edges) and costs.shape[1] > 1:
-        order = np.argsort(edges.reshape(-1), kind="stable")
-        first = np.zeros(len(costs) + 1, dtype=np.int64)
-        np.cumsum(np.bincount(edges.reshape(-1), minlength=len(costs)), out=first[1:])
-        weights = np.zeros((10, len(edges)))
-        weights[_LENGTH] = np.hypot(ends[:, 2] - ends[:, 0], ends[:, 3] - ends[:, 1])
-        _expand_all(
-            np.ascontiguousarray(costs.T), edges, ends, planes, border_cost, step_cost, max_step, labels,
-            first, order >> 1, weights, np.empty((3, len(costs))), np.empty((3, len(costs)), dtype=np.int64),
-            np.empty_like(edges),
-        )  # fmt: skip
+        args = np.ascontiguousarray(costs.T), edges, ends, planes, border_cost, step_cost, max_step, labels
+        _expand_all(*args)
     return labels
 
 
 @kernel
-def _expand_all(  # type: ignore[no-untyped-def]
-    costs, edges, ends, planes, border_cost, step_cost, max_step, labels,
-    first, around, weights, values, numbers, links,
-):  # fmt: skip
+def _expand_all(costs, edges, ends, planes, border_cost, step_cost, max_step, labels):  # type: ignore[no-untyped-def]
     """
     Expand every label in turn.
 
-    Only cells that may gain by a label are looked at: all others would keep their planes in any case. The
-    edges round cell c are ``around[first[c] : first[c + 1]]``; the other arrays are for work.
+    Only cells that may gain by a label are looked at: all others would keep their planes in any case. Places
+    ``first[c]`` to ``first[c + 1]`` are those of the edges round cell c: which edge, and what lies beyond.
     """
     n_cells, n_edges = len(labels), len(edges)
-    slack, keep, take = values[0], values[1], values[2]
-    node, cells, pending = numbers[0], numbers[1], numbers[2]
-    capacity, nothing = weights[_CAPACITY], weights[_CAPACITY + 1]
+    first, slots, around, beyond = _edges_round(edges, n_cells)
+    known, missed = np.empty((n_edges, 8)), np.empty(2 * n_edges)
+    slack, keep, take = np.empty(n_cells), np.empty(n_cells), np.empty(n_cells)
+    node, cells = np.empty(n_cells, np.int64), np.empty(n_cells, np.int64)
+    pending, links = np.empty(n_cells, np.int64), np.empty((n_edges, 2), np.int64)
+    capacity, nothing = np.empty(n_edges), np.zeros(n_edges)
+    for e in range(n_edges):
+        known[e, 7] = np.hypot(ends[e, 2] - ends[e, 0], ends[e, 3] - ends[e, 1])
     gained = True
     for label in range(len(costs)):
         a, b, c0 = planes[label, 0], planes[label, 1], planes[label, 2]
-        for e in range(n_edges):
-            x0, y0, x1, y1 = ends[e, 0], ends[e, 1], ends[e, 2], ends[e, 3]
-            if gained:
-                for side in range(2):
-                    k = labels[edges[e, side]]
-                    weights[2 * side, e] = planes[k, 0] * x0 + planes[k, 1] * y0 + planes[k, 2]
-                    weights[2 * side + 1, e] = planes[k, 0] * x1 + planes[k, 1] * y1 + planes[k, 2]
-            z0, z1 = a * x0 + b * y0 + c0, a * x1 + b * y1 + c0
-            for way in range(0 if gained else 1, 3):
-                # What an edge costs now, with the label on its first side, and on its second.
-                first_z = z0 if way > 0 else weights[2, e]
-                last_z = z1 if way > 0 else weights[3, e]
-                side = 0 if way != 1 else 2
-                low, high = abs(weights[side, e] - first_z), abs(weights[side + 1, e] - last_z)
-                low, high = low if low < max_step else max_step, high if high < max_step else max_step
-                weights[_NOW + way, e] = weights[_LENGTH, e] * (border_cost + step_cost * 0.5 * (low + high))
-        now, on_first, on_second = weights[_NOW], weights[_NOW + 1], weights[_NOW + 2]
         for c in range(n_cells):
             slack[c] = costs[labels[c], c] - costs[label, c]
         for e in range(n_edges):
             i, j = edges[e, 0], edges[e, 1]
-            if labels[i] == labels[j]:
-                now[e] = 0.0
-            if labels[i] == label:
-                on_second[e] = 0.0
-            if labels[j] == label:
-                on_first[e] = 0.0
-            slack[i] += on_second[e]
-            slack[j] += on_first[e]
+            p, q = labels[i], labels[j]
+            x0, y0, x1, y1, length = ends[e, 0], ends[e, 1], ends[e, 2], ends[e, 3], known[e, 7]
+            if gained:
+                # Elevations on either side at either end, and what the edge costs now.
+                known[e, 0] = planes[p, 0] * x0 + planes[p, 1] * y0 + planes[p, 2]
+                known[e, 1] = planes[p, 0] * x1 + planes[p, 1] * y1 + planes[p, 2]
+                known[e, 2] = planes[q, 0] * x0 + planes[q, 1] * y0 + planes[q, 2]
+                known[e, 3] = planes[q, 0] * x1 + planes[q, 1] * y1 + planes[q, 2]
+                low, high = abs(known[e, 0] - known[e, 2]), abs(known[e, 1] - known[e, 3])
+                low, high = low if low < max_step else max_step, high if high < max_step else max_step
+                known[e, 4] = 0.0 if p == q else length * (border_cost + step_cost * 0.5 * (low + high))
+            # What it costs with the label on the first side, and on the second.
+            z0, z1 = a * x0 + b * y0 + c0, a * x1 + b * y1 + c0
+            low, high = abs(known[e, 2] - z0), abs(known[e, 3] - z1)
+            low, high = low if low < max_step else max_step, high if high < max_step else max_step
+            on_first = 0.0 if q == label else length * (border_cost + step_cost * 0.5 * (low + high))
+            low, high = abs(known[e, 0] - z0), abs(known[e, 1] - z1)
+            low, high = low if low < max_step else max_step, high if high < max_step else max_step
+            on_second = 0.0 if p == label else length * (border_cost + step_cost * 0.5 * (low + high))
+            known[e, 5], known[e, 6] = on_first, on_second
+            missed[slots[e, 0]] = missed[slots[e, 1]] = on_first + on_second - known[e, 4]
+            slack[i] += on_second
+            slack[j] += on_first
         for c in range(n_cells):
             node[c] = 0 if labels[c] != label and slack[c] >= -_EPSILON else -1
         # A border to a cell that keeps its plane gains no more than what it costs now less what it would.
         # What then loses is dropped, and so on.
-        for e in range(n_edges):
-            i, j = edges[e, 0], edges[e, 1]
-            if node[i] < 0 or node[j] < 0:
-                missed = on_first[e] + on_second[e] - now[e]
-                slack[i] -= missed
-                slack[j] -= missed
+        for c in range(n_cells):
+            if node[c] >= 0:
+                for k in range(first[c], first[c + 1]):
+                    slack[c] -= missed[k] if node[beyond[k]] < 0 else 0.0
         for begin in range(n_cells):
             if node[begin] < 0 or slack[begin] >= -_EPSILON:
                 continue
@@ -135,10 +122,9 @@ def _expand_all(  # type: ignore[no-untyped-def]
                 n_pending -= 1
                 c = pending[n_pending]
                 for k in range(first[c], first[c + 1]):
-                    e = around[k]
-                    other = edges[e, 0] + edges[e, 1] - c
+                    other = beyond[k]
                     if node[other] >= 0:
-                        slack[other] -= on_first[e] + on_second[e] - now[e]
+                        slack[other] -= missed[k]
                         if slack[other] < -_EPSILON:
                             node[other], pending[n_pending] = -1, other
                             n_pending += 1
@@ -158,19 +144,19 @@ def _expand_all(  # type: ignore[no-untyped-def]
                 for k in range(first[cells[i]], first[cells[i] + 1]):
                     e = around[k]
                     is_first = edges[e, 0] == cells[i]
-                    theirs = on_first[e] if is_first else on_second[e]
-                    j = node[edges[e, 1] if is_first else edges[e, 0]]
+                    theirs = known[e, 5] if is_first else known[e, 6]
+                    j = node[beyond[k]]
                     if j < 0:
-                        keep[i] += now[e]
+                        keep[i] += known[e, 4]
                         take[i] += theirs
                     elif is_first:
-                        pair = max(on_first[e] + on_second[e] - now[e], 0.0)
-                        keep[i] += now[e]
+                        pair = max(missed[k], 0.0)
+                        keep[i] += known[e, 4]
                         take[i] += theirs - pair
                         links[n_links, 0], links[n_links, 1], capacity[n_links] = i, j, pair
                         n_links += 1
                     else:
-                        take[i] += theirs - now[e]
+                        take[i] += theirs - known[e, 4]
             for i in range(n):
                 take[i] -= keep[i]
             keeps = source_side(take[:n], links[:n_links], nothing[:n_links], capacity[:n_links])
@@ -183,3 +169,21 @@ def _expand_all(  # type: ignore[no-untyped-def]
             for i in range(n):
                 if gained and not keeps[i]:
                     labels[cells[i]] = label
+
+
+@inner_kernel
+def _edges_round(edges, n_cells):  # type: ignore[no-untyped-def]
+    """Return where the places of each cell's edges begin, each edge's two, its number there and what lies beyond."""
+    first, slots = np.zeros(n_cells + 1, np.int64), np.empty_like(edges)
+    around, beyond = np.empty(2 * len(edges), np.int64), np.empty(2 * len(edges), np.int64)
+    for e in range(len(edges)):
+        first[edges[e, 0]] += 1
+        first[edges[e, 1]] += 1
+    for c in range(n_cells):
+        first[c + 1] += first[c]
+    for e in range(len(edges) - 1, -1, -1):
+        for side in range(1, -1, -1):
+            first[edges[e, side]] -= 1
+            slots[e, side] = first[edges[e, side]]
+            around[slots[e, side]], beyond[slots[e, side]] = e, edges[e, 1 - side]
+    return first, slots, around, beyond
