@@ -10,7 +10,6 @@ import math
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from lidar_buildings.core.kernels import inner_kernel, kernel
 from lidar_buildings.core.neighbours.cell_grid import rows_by_cell
@@ -24,7 +23,7 @@ REACHES = (1, 2, 4)
 #: A neighbour this little inside what has been looked at may be beyond it by rounding.
 SLACK = 1.0 - 1e-9
 #: Points that the density is guessed from, and the neighbours of each.
-N_GUESS, NEIGHBOURS_TO_GUESS = 100, 4
+N_GUESS, NEIGHBOURS_TO_GUESS = 50, 4
 #: Cells a block of work.
 CELLS_A_BLOCK = 512
 #: Most that n may be, and room for the squared distances of neighbours; where there are more, the far go.
@@ -67,10 +66,12 @@ def nth_distances(plan: NDArray[np.float64], step: int, n: int) -> tuple[NDArray
 def _guessed_spacing(plan: NDArray[np.float64]) -> float:
     """Guess 1/√density from a part of the points; only the time depends on it."""
     step = math.ceil(len(plan) / N_GUESS)
-    some = plan[::step]
-    k = min(NEIGHBOURS_TO_GUESS, len(some) - 1)
-    far = float(np.median(cKDTree(some).query(some, [k + 1])[0]))
-    return far * math.sqrt(math.pi / (k * step))
+    x, y = plan[::step].T
+    k = min(NEIGHBOURS_TO_GUESS, len(x) - 1)
+    squares = (x[:, None] - x) ** 2 + (y[:, None] - y) ** 2
+    squares.sort(axis=1)
+    far = np.sort(squares[:, k])[len(x) // 2]
+    return math.sqrt(float(far) * math.pi / (k * step))
 
 
 @kernel

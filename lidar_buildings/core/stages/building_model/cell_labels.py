@@ -173,7 +173,7 @@ def _expand_all(costs, edges, ends, planes, border_cost, step_cost, max_step, la
 
 @inner_kernel
 def _edges_round(edges, n_cells):  # type: ignore[no-untyped-def]
-    """Return where the places of each cell's edges begin, each edge's two, its number there and what lies beyond."""
+    """Return where each cell's places begin, the two of each edge, and each one's edge and cell beyond."""
     first, slots = np.zeros(n_cells + 1, np.int64), np.empty_like(edges)
     around, beyond = np.empty(2 * len(edges), np.int64), np.empty(2 * len(edges), np.int64)
     for e in range(len(edges)):

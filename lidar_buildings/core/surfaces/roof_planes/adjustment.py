@@ -17,9 +17,7 @@ from lidar_buildings.core.surfaces.roof_planes.free_planes import FreePlanes, fr
 from lidar_buildings.core.surfaces.roof_planes.moments import plane_moments
 from lidar_buildings.core.surfaces.roof_planes.normal_equations import (
     CommonVertex,
-    Unknowns,
     solve,
-    unknowns_of,
 )
 from lidar_buildings.core.surfaces.roof_planes.relations import (
     Relations,
@@ -50,8 +48,8 @@ class Adjustment:
         Each plane by itself.
     relations : Relations
         What planes share.
-    unknowns : Unknowns or None
-        How the planes depend on one another; None if they do not.
+    is_joint : bool
+        Whether planes are adjusted together: very many are not.
     coefficients : ndarray of shape (n_planes, 3)
         a, b, c of z = a x + b y + c about the building's centre, after the adjustment.
     vertices : tuple of CommonVertex
@@ -60,7 +58,7 @@ class Adjustment:
 
     free: FreePlanes
     relations: Relations
-    unknowns: Unknowns | None
+    is_joint: bool
     coefficients: FloatArray
     vertices: tuple[CommonVertex, ...] = ()
 
@@ -81,19 +79,19 @@ class Adjustment:
         At first under all relations. These and the outline's corners may contradict one another by little, as
         when a corner is rounded to a millimetre: then planes turn and lift by what is left to be exactly met.
         """
-        if self.unknowns is None:
+        if not self.is_joint:
             return self
         wanted = [vertex for vertex in vertices if all(self.free.roof[k - 1] for k in vertex.planes)]
-        related = self._imposed(wanted, self.unknowns, None)
-        return related._imposed(wanted, unknowns_of(self.relations.loosened()), related.coefficients)
+        related = self._imposed(wanted, self.relations, None)
+        return related._imposed(wanted, self.relations.loosened(), related.coefficients)
 
     def _imposed(
-        self, vertices: list[CommonVertex], unknowns: Unknowns, start: FloatArray | None
+        self, vertices: list[CommonVertex], relations: Relations, start: FloatArray | None
     ) -> Adjustment:
         """Impose vertices, giving up those that pull most at planes that move too far."""
         allowed = np.clip(self.free.rms, _LEAST_MOVE, _MOST_MOVE)
         while vertices:
-            coefficients, vertices, pull = self._solved(vertices, unknowns, start)
+            coefficients, vertices, pull = self._solved(vertices, relations, start)
             excess = self.free.offsets(coefficients) / allowed
             culprits = _culprits(pull, np.flatnonzero(self.free.roof & (excess > 1.0)))
             if not culprits:
@@ -102,14 +100,14 @@ class Adjustment:
         return self
 
     def _solved(
-        self, vertices: list[CommonVertex], unknowns: Unknowns, start: FloatArray | None
+        self, vertices: list[CommonVertex], relations: Relations, start: FloatArray | None
     ) -> tuple[FloatArray, list[CommonVertex], FloatArray]:
         """Solve, let vertices whose position is not given follow the planes, solve again, and so on."""
         coefficients = self.coefficients
         rounds = 1 if all(vertex.fixed for vertex in vertices) else _FOLLOW_ROUNDS
         for _ in range(rounds):
             vertices = [self._following(vertex, coefficients) for vertex in vertices]
-            coefficients, pull = solve(self.free, unknowns, vertices, coefficients[:, :2], start)
+            coefficients, pull = solve(self.free, relations, vertices, coefficients[:, :2], start)
         return coefficients, vertices, pull
 
     def _following(self, vertex: CommonVertex, coefficients: FloatArray) -> CommonVertex:
@@ -141,7 +139,7 @@ def adjust(points: FloatArray, plane_id: NDArray[np.uint16], outline: Outline | 
     n_planes = int(plane_id.max()) if len(plane_id) else 0
     free = free_planes(plane_moments(points, plane_id, n_planes))
     if n_planes > _MOST_PLANES:
-        return Adjustment(free, no_relations(n_planes), None, free.coefficients)
+        return Adjustment(free, no_relations(n_planes), False, free.coefficients)
     rings = outline.rings if outline is not None else ()
     relations = find_relations(free, main_directions(*outline_directions(rings)))
     return _with_relations(free, relations)
@@ -151,13 +149,12 @@ def _with_relations(free: FreePlanes, relations: Relations) -> Adjustment:
     """Solve under relations, giving up those of planes that move too far."""
     limit = 1.5 * allowed_move(free.rms)
     for _ in range(_MAX_ROUNDS):
-        unknowns = unknowns_of(relations)
-        coefficients, _ = solve(free, unknowns, (), free.coefficients[:, :2])
+        coefficients, _ = solve(free, relations, (), free.coefficients[:, :2])
         moved = np.flatnonzero(free.roof & (free.offsets(coefficients) > limit))
         if not len(moved):
             break
         relations = relations.without(moved)
-    return Adjustment(free, relations, unknowns, coefficients)
+    return Adjustment(free, relations, True, coefficients)
 
 
 def _culprits(pull: FloatArray, planes: IntArray) -> set[int]:

@@ -6,10 +6,11 @@ import math
 
 import numpy as np
 
+from lidar_buildings.core.kernels import kernel
 from lidar_buildings.core.model.array_types import FloatArray
 
-#: Directions that differ by less are one [deg].
-_TOLERANCE_DEG = 5.0
+#: Cosine of four times the angle by which directions that are one may differ: 5 degrees.
+_TOLERANCE = math.cos(math.radians(20.0))
 #: A direction needs this share of the sum of all weights.
 _LEAST_SHARE = 0.08
 #: Most directions, each standing for itself and its perpendicular.
@@ -32,21 +33,34 @@ def main_directions(angles: FloatArray, weights: FloatArray) -> FloatArray:
     ndarray of shape (n_groups,)
         Angles from 0 to π/2 [rad], the weightiest first.
     """
-    remaining = np.exp(4j * angles) * weights
-    total = weights.sum()
-    groups: list[float] = []
-    tolerance = math.cos(math.radians(4 * _TOLERANCE_DEG))
-    weight = weights.copy()
-    while len(groups) < _MOST and len(remaining):
-        axis = remaining / np.maximum(weight, 1e-300)
-        near = (axis[:, None] * axis.conj()[None, :]).real >= tolerance
-        best = int(np.argmax(near @ weight))
-        members = near[best]
-        if weight[members].sum() < _LEAST_SHARE * total or total <= 0:
-            break
-        groups.append(float(np.angle(remaining[members].sum()) / 4 % (math.pi / 2)))
-        remaining, weight = remaining[~members], weight[~members]
-    return np.array(groups)
+    return np.asarray(_main_directions(angles, weights))
+
+
+@kernel
+def _main_directions(angles, weights):  # type: ignore[no-untyped-def]
+    x, y, left = np.empty(len(angles)), np.empty(len(angles)), np.empty(len(angles), np.bool_)
+    total = 0.0
+    for i in range(len(angles)):
+        x[i], y[i], left[i] = math.cos(4.0 * angles[i]), math.sin(4.0 * angles[i]), weights[i] > 0.0
+        total += weights[i]
+    groups = np.empty(_MOST)
+    for n in range(_MOST):
+        best, most = -1, 0.0
+        for i in range(len(x)):
+            near = 0.0
+            for j in range(len(x)):
+                if left[i] and left[j] and x[i] * x[j] + y[i] * y[j] >= _TOLERANCE:
+                    near += weights[j]
+            if near > most:
+                best, most = i, near
+        if best < 0 or most < _LEAST_SHARE * total:
+            return groups[:n]
+        u, v, east, north = x[best], y[best], 0.0, 0.0
+        for j in range(len(x)):
+            if left[j] and u * x[j] + v * y[j] >= _TOLERANCE:
+                east, north, left[j] = east + weights[j] * x[j], north + weights[j] * y[j], False
+        groups[n] = math.atan2(north, east) / 4.0 % (math.pi / 2.0)
+    return groups
 
 
 def outline_directions(rings: tuple[FloatArray, ...]) -> tuple[FloatArray, FloatArray]:

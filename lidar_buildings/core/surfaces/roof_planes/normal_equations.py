@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 
-from lidar_buildings.core.kernels import kernel
-from lidar_buildings.core.model.array_types import BoolArray, FloatArray, IntArray
+from lidar_buildings.core.kernels import inner_kernel, kernel
+from lidar_buildings.core.model.array_types import FloatArray, IntArray
 from lidar_buildings.core.surfaces.roof_planes.free_planes import FreePlanes
 from lidar_buildings.core.surfaces.roof_planes.relations import Relations
 from lidar_buildings.core.surfaces.roof_planes.sparse_least_squares import constrained_minimum
@@ -36,58 +37,9 @@ class CommonVertex(NamedTuple):
     fixed: bool
 
 
-class Unknowns(NamedTuple):
-    """
-    How planes depend on what is to be found.
-
-    Attributes
-    ----------
-    number : ndarray of shape (n_planes, 3), int64
-        Numbers of the three unknowns that a plane depends on.
-    share : ndarray of shape (n_planes, 3, 3)
-        Plane k is ``share[k] @ unknowns[number[k]]``.
-    n : int
-        Number of unknowns.
-    """
-
-    number: IntArray
-    share: FloatArray
-    n: int
-
-
-def unknowns_of(relations: Relations) -> Unknowns:
-    """Number the unknowns: heights (shared or not), free gradients, slopes (shared or not)."""
-    n_planes = len(relations.level)
-    facing = np.isfinite(relations.azimuth) & ~relations.level
-    free = ~facing & ~relations.level
-    number = np.zeros((n_planes, 3), dtype=np.int64)
-    share = np.zeros((n_planes, 3, 3))
-    number[:, 2], n_heights = _numbered(relations.surface, np.ones(n_planes, dtype=np.bool_))
-    gradients, n_gradients = _numbered(relations.surface, free)
-    number[free, 0] = n_heights + 2 * gradients[free]
-    number[free, 1] = number[free, 0] + 1
-    first_slope = n_heights + 2 * n_gradients
-    slopes, n_slopes = _numbered(relations.slope, facing)
-    number[facing, 0] = first_slope + slopes[facing]
-    share[facing, 0, 0] = np.cos(relations.azimuth[facing])
-    share[facing, 1, 0] = np.sin(relations.azimuth[facing])
-    share[free, 0, 0] = share[free, 1, 1] = 1.0
-    share[:, 2, 2] = 1.0
-    return Unknowns(number, share, first_slope + n_slopes)
-
-
-def _numbered(group: IntArray, kept: BoolArray) -> tuple[IntArray, int]:
-    """Number groups and what is in none from 0; return each one's number and how many there are."""
-    own = np.where(group >= 0, group, group.max(initial=-1) + 1 + np.arange(len(group)))
-    distinct, inverse = np.unique(own[kept], return_inverse=True)
-    number = np.zeros(len(group), dtype=np.int64)
-    number[kept] = inverse
-    return number, len(distinct)
-
-
 def solve(
     planes: FreePlanes,
-    unknowns: Unknowns,
+    relations: Relations,
     vertices: Sequence[CommonVertex],
     slopes: FloatArray,
     start: FloatArray | None = None,
@@ -100,7 +52,7 @@ def solve(
     Parameters
     ----------
     planes : FreePlanes
-    unknowns : Unknowns
+    relations : Relations
     vertices : sequence of CommonVertex
     slopes : ndarray of shape (n_planes, 2)
         Approximate gradients, for vertices whose position is not given.
@@ -118,20 +70,25 @@ def solve(
     wanted = planes.coefficients if start is None else np.zeros_like(start)
     start = np.zeros_like(wanted) if start is None else start
     terms = _equations(planes, vertices, slopes)
-    normal, target = np.zeros((unknowns.n, unknowns.n)), np.zeros(unknowns.n)
-    rows, values = np.zeros((len(terms.owner), unknowns.n)), np.zeros(len(terms.owner))
-    _assemble(planes.cost, weight, unknowns, wanted, start, terms, normal, target, rows, values)
-    solution, force = constrained_minimum(normal, target, rows, values)
-    coefficients = start + np.einsum("kij,kj->ki", unknowns.share, solution[unknowns.number])
-    if not len(vertices):
-        return coefficients, np.zeros((0, len(weight)))
-    return coefficients, _pulls(planes, weight, terms, force, len(vertices))
+    pull = np.zeros((len(vertices), len(weight)))
+    coefficients = _solved(
+        planes.cost, weight, planes.counts, *relations, wanted, start, *terms, pull
+    )  # fmt: skip
+    return coefficients, pull
 
 
 @kernel
-def _assemble(cost, weight, unknowns, wanted, start, terms, normal, target, rows, values):  # type: ignore[no-untyped-def]
-    """Add the normal equations and their right sides, and the rows of the constraints and their values."""
-    number, share = unknowns.number, unknowns.share
+def _solved(  # type: ignore[no-untyped-def]
+    cost, weight, counts, level, azimuth, slope, surface, wanted, start, equation, plane, factor, owner, pull
+):  # fmt: skip
+    """
+    Return the coefficients, and add to each vertex' pull at each plane.
+
+    Plane k is ``share[k] @ unknowns[number[k]]``.
+    """
+    number, share, n = _unknowns(level, azimuth, slope, surface)
+    normal, target = np.zeros((n, n)), np.zeros(n)
+    rows, values = np.zeros((len(owner), n)), np.zeros(len(owner))
     for k in range(len(cost)):
         for j in range(3):
             for m in range(3):
@@ -141,14 +98,87 @@ def _assemble(cost, weight, unknowns, wanted, start, terms, normal, target, rows
                 target[number[k, j]] += moved * wanted[k, m]
                 for i in range(3):
                     normal[number[k, i], number[k, j]] += share[k, m, i] * moved
-    for k in range(len(target)):
+    for k in range(n):
         normal[k, k] += 1e-9 * (1.0 + normal[k, k])
-    for t in range(len(terms.plane)):
-        k, equation = terms.plane[t], terms.equation[t]
+    for t in range(len(plane)):
+        k = plane[t]
         for i in range(3):
-            values[equation] -= terms.factor[t, i] * start[k, i]
+            values[equation[t]] -= factor[t, i] * start[k, i]
             for j in range(3):
-                rows[equation, number[k, j]] += terms.factor[t, i] * share[k, i, j]
+                rows[equation[t], number[k, j]] += factor[t, i] * share[k, i, j]
+    solution, force = constrained_minimum(normal, target, rows, values)
+    coefficients = start.copy()
+    for k in range(len(cost)):
+        for i in range(3):
+            for j in range(3):
+                coefficients[k, i] += share[k, i, j] * solution[number[k, j]]
+    # By how much the multipliers of each vertex's equations would move each plane if it were free.
+    for t in range(len(plane)):
+        k = plane[t]
+        moved = math.sqrt(max(_give(cost[k], factor[t]), 0.0) / counts[k])
+        pull[owner[equation[t]], k] += moved * abs(force[equation[t]]) / weight[k]
+    return coefficients
+
+
+@inner_kernel
+def _give(q, f):  # type: ignore[no-untyped-def]
+    """Return fᵀ Q⁻¹ f of a symmetric matrix."""
+    a, b, c = (
+        q[1, 1] * q[2, 2] - q[1, 2] ** 2,
+        q[0, 2] * q[1, 2] - q[0, 1] * q[2, 2],
+        q[0, 1] * q[1, 2] - q[0, 2] * q[1, 1],
+    )
+    d, e, g = (
+        q[0, 0] * q[2, 2] - q[0, 2] ** 2,
+        q[0, 1] * q[0, 2] - q[0, 0] * q[1, 2],
+        q[0, 0] * q[1, 1] - q[0, 1] ** 2,
+    )
+    x, y, z = a * f[0] + b * f[1] + c * f[2], b * f[0] + d * f[1] + e * f[2], c * f[0] + e * f[1] + g * f[2]
+    return (f[0] * x + f[1] * y + f[2] * z) / (q[0, 0] * a + q[0, 1] * b + q[0, 2] * c)
+
+
+@inner_kernel
+def _unknowns(level, azimuth, slope, surface):  # type: ignore[no-untyped-def]
+    """Number heights (shared or not), free gradients, slopes (shared or not): numbers, shares, how many."""
+    n_planes = len(level)
+    facing, free, every = (
+        np.empty(n_planes, np.bool_),
+        np.empty(n_planes, np.bool_),
+        np.ones(n_planes, np.bool_),
+    )
+    number, share = np.zeros((n_planes, 3), np.int64), np.zeros((n_planes, 3, 3))
+    for k in range(n_planes):
+        facing[k] = not level[k] and not math.isnan(azimuth[k])
+        free[k] = not level[k] and not facing[k]
+    n = _number(surface, every, number[:, 2], 0, 1)
+    n = _number(surface, free, number[:, 0], n, 2)
+    n = _number(slope, facing, number[:, 0], n, 1)
+    for k in range(n_planes):
+        share[k, 2, 2] = 1.0
+        if free[k]:
+            number[k, 1] = number[k, 0] + 1
+            share[k, 0, 0] = share[k, 1, 1] = 1.0
+        elif facing[k]:
+            share[k, 0, 0], share[k, 1, 0] = math.cos(azimuth[k]), math.sin(azimuth[k])
+    return number, share, n
+
+
+@inner_kernel
+def _number(group, kept, number, first, step):  # type: ignore[no-untyped-def]
+    """Number groups, then what is in none, from the first on in steps; return the next number."""
+    at = np.full(len(group), -1, np.int64)
+    for k in range(len(group)):
+        if kept[k] and group[k] >= 0:
+            at[group[k]] = 0
+    for g in range(len(at)):
+        if at[g] == 0:
+            at[g] = first
+            first += step
+    for k in range(len(group)):
+        if kept[k]:
+            number[k] = at[group[k]] if group[k] >= 0 else first
+            first += step if group[k] < 0 else 0
+    return first
 
 
 class _Terms(NamedTuple):
@@ -171,6 +201,9 @@ class _Terms(NamedTuple):
     owner: IntArray
 
 
+_NO_TERMS = _Terms(*(np.zeros(0, np.int64),) * 2, np.zeros((0, 3)), np.zeros(0, np.int64))
+
+
 def _equations(planes: FreePlanes, vertices: Sequence[CommonVertex], slopes: FloatArray) -> _Terms:
     """
     Return the equations of vertices.
@@ -178,6 +211,8 @@ def _equations(planes: FreePlanes, vertices: Sequence[CommonVertex], slopes: Flo
     At a given position all planes have the elevation of the first. Elsewhere the position is unknown, too:
     combinations of elevations in which it cancels out are zero, three fewer than there are planes.
     """
+    if not len(vertices):
+        return _NO_TERMS
     terms: list[tuple[int, int, float, float, float]] = []
     owner: list[int] = []
     for number, vertex in enumerate(vertices):
@@ -199,18 +234,3 @@ def _equations(planes: FreePlanes, vertices: Sequence[CommonVertex], slopes: Flo
     factor = table[:, 2:3] * np.column_stack([xy, np.ones(len(xy))])
     equation, plane = table[:, :2].astype(np.int64).T
     return _Terms(equation, plane, factor, np.array(owner, dtype=np.int64))
-
-
-def _pulls(
-    planes: FreePlanes, weight: FloatArray, terms: _Terms, force: FloatArray, n_vertices: int
-) -> FloatArray:
-    """
-    Return by how much the multipliers of each vertex's equations would move each plane if it were free [m].
-    """
-    pull = np.zeros((n_vertices, len(weight)))
-    plane, pushed = terms.plane, terms.factor
-    give = np.linalg.inv(planes.cost)[plane]
-    moved = np.sqrt(np.maximum(np.einsum("ri,rij,rj->r", pushed, give, pushed), 0.0) / planes.counts[plane])
-    moves = moved * np.abs(force[terms.equation]) / weight[plane]
-    np.add.at(pull, (terms.owner[terms.equation], plane), moves)
-    return pull

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from lidar_buildings.core.kernels import kernel
+from lidar_buildings.core.kernels import inner_kernel, kernel
 from lidar_buildings.core.model.array_types import BoolArray, FloatArray, IntArray
 from lidar_buildings.core.surfaces.roof_planes.free_planes import FreePlanes
 
@@ -83,130 +83,147 @@ def find_relations(planes: FreePlanes, directions: FloatArray) -> Relations:
     directions : ndarray of shape (n_directions,)
         Directions of the outline, each standing for its perpendicular, too [rad].
     """
-    move = allowed_move(planes.rms)
-    slopes = planes.coefficients[:, :2]
-    steepness = np.hypot(slopes[:, 0], slopes[:, 1])
-    along = slopes / np.maximum(steepness, 1e-12)[:, None]
-    spread = planes.scatter[:, :2, :2] / planes.counts[:, None, None]
-    upright = planes.normals[:, 2]
-    deep = np.sqrt(np.einsum("ki,kij,kj->k", along, spread, along)) * upright
-    across = np.column_stack([-along[:, 1], along[:, 0]])
-    wide = np.sqrt(np.maximum(np.einsum("ki,kij,kj->k", across, spread, across), 0.0)) * upright
-    level = planes.roof & (steepness * deep <= move) & (steepness <= _MOST_LEVEL)
-    facing = planes.roof & ~level & (steepness >= _LEAST_STEEP)
-    azimuth = np.arctan2(slopes[:, 1], slopes[:, 0])
-    reach = np.minimum(move / np.maximum(steepness * wide, 1e-9), _MOST_AZIMUTH)
-    azimuth = _common_azimuths(azimuth, reach, planes.counts * (steepness * wide) ** 2, facing, directions)
-    facing &= np.isfinite(azimuth)
-    towards = np.column_stack([np.cos(azimuth), np.sin(azimuth)])
-    rise = np.einsum("ki,ki->k", slopes, towards)
-    reach = np.minimum(move / np.maximum(deep, 1e-9), _MOST_SLOPE)
-    slope, mean_rise = _groups(rise, reach, planes.counts * deep**2, facing)
-    rise = np.where(slope >= 0, mean_rise, rise)
-    surface = _common_surfaces(planes, level, azimuth, slope, rise, move)
-    return Relations(level, azimuth, slope, surface)
+    n = len(planes.rms)
+    related = Relations(
+        np.zeros(n, dtype=np.bool_), np.empty(n), np.empty(n, np.int64), np.empty(n, np.int64)
+    )
+    _relate(
+        planes.mean, planes.scatter, planes.normals, planes.counts, planes.coefficients, planes.roof,
+        allowed_move(planes.rms), directions, *related,
+    )  # fmt: skip
+    return related
 
 
-def _common_azimuths(
-    azimuth: FloatArray, reach: FloatArray, weight: FloatArray, facing: BoolArray, directions: FloatArray
-) -> FloatArray:
+@kernel
+def _relate(  # type: ignore[no-untyped-def]
+    mean, scatter, normals, counts, coefficients, roof, move, directions, level, azimuth, slope, surface
+):  # fmt: skip
+    """Write what planes share."""
+    n = len(roof)
+    facing = np.empty(n, np.bool_)
+    reach, weight, rise, deep = np.empty(n), np.empty(n), np.empty(n), np.empty(n)
+    for k in range(n):
+        a, b = coefficients[k, 0], coefficients[k, 1]
+        steep = np.hypot(a, b)
+        u, v = a / max(steep, 1e-12), b / max(steep, 1e-12)
+        xx, xy, yy = scatter[k, 0, 0] / counts[k], scatter[k, 0, 1] / counts[k], scatter[k, 1, 1] / counts[k]
+        deep[k] = math.sqrt(max(u * u * xx + 2.0 * u * v * xy + v * v * yy, 0.0)) * normals[k, 2]
+        wide = math.sqrt(max(v * v * xx - 2.0 * u * v * xy + u * u * yy, 0.0)) * normals[k, 2]
+        level[k] = roof[k] and steep * deep[k] <= move[k] and steep <= _MOST_LEVEL
+        facing[k] = roof[k] and not level[k] and steep >= _LEAST_STEEP
+        azimuth[k], slope[k], surface[k] = math.atan2(b, a), -1, -1
+        reach[k] = min(move[k] / max(steep * wide, 1e-9), _MOST_AZIMUTH)
+        weight[k] = counts[k] * (steep * wide) ** 2
+    _face_together(azimuth, reach, weight, facing, directions)
+    for k in range(n):
+        rise[k] = coefficients[k, 0] * math.cos(azimuth[k]) + coefficients[k, 1] * math.sin(azimuth[k])
+        reach[k] = min(move[k] / max(deep[k], 1e-9), _MOST_SLOPE)
+        weight[k] = counts[k] * deep[k] ** 2
+    _group(rise, reach, weight, facing, slope, 0)
+    # Planes of one kind that look in one direction, to a hundredth of a degree, are parallel: level ones, and
+    # those of one slope.
+    parallel, height = np.full(n, -1, np.int64), np.empty(n)
+    for k in range(n):
+        height[k] = mean[k, 2]
+        if level[k]:
+            parallel[k] = 0
+        elif slope[k] >= 0:
+            turn = np.int64(np.rint(math.degrees(azimuth[k]) % 360.0 * 100.0)) % 36_000
+            parallel[k] = (slope[k] + 1) * 36_000 + turn
+            u, v = math.cos(azimuth[k]), math.sin(azimuth[k])
+            height[k] -= rise[k] * (u * mean[k, 0] + v * mean[k, 1])
+    n_groups = 0
+    for first in range(n):
+        if parallel[first] >= 0:
+            key = parallel[first]
+            for k in range(n):
+                facing[k] = parallel[k] == key
+                parallel[k] = -1 if facing[k] else parallel[k]
+            n_groups = _group(height, move, counts, facing, surface, n_groups)
+
+
+@inner_kernel
+def _face_together(azimuth, reach, weight, pending, directions):  # type: ignore[no-untyped-def]
     """
-    Return the directions that planes may be made to face, NaN where a plane goes its own way.
+    Turn pending planes into the directions that they may be made to face; all others face nowhere, NaN.
 
     Planes group round the best known of them; a group takes a direction of the outline if nearly all of it
     can.
     """
-    common = np.full(len(azimuth), math.nan)
-    remaining = np.flatnonzero(facing)
-    remaining = remaining[np.argsort(-weight[remaining], kind="stable")]
-    while len(remaining):
-        off = _to_right_angle(azimuth[remaining] - azimuth[remaining[0]])
-        members = np.abs(off) <= reach[remaining] + reach[remaining[0]]
-        rows, off = remaining[members], off[members]
-        mean = azimuth[rows[0]] + np.average(off, weights=np.maximum(weight[rows], 1e-12))
-        mean = _outline_direction(azimuth[rows], reach[rows], weight[rows], mean, directions)
-        off = _to_right_angle(azimuth[rows] - mean)
-        kept = np.abs(off) <= reach[rows]
-        kept[0] = True
-        common[rows[kept]] = azimuth[rows[kept]] - off[kept]
-        remaining = remaining[~np.isin(remaining, rows[kept])]
-    return common
-
-
-def _outline_direction(
-    azimuth: FloatArray, reach: FloatArray, weight: FloatArray, mean: float, directions: FloatArray
-) -> float:
-    """
-    Return the outline's direction nearest to a group's mean if all but a tenth of the group can take it.
-    """
-    if len(directions):
-        nearest = directions[np.argmin(np.abs(_to_right_angle(directions - mean)))]
-        fits = np.abs(_to_right_angle(azimuth - nearest)) <= reach
-        if fits[0] and weight[fits].sum() >= 0.9 * weight.sum():
-            return float(nearest)
-    return mean
-
-
-def _to_right_angle(angle: FloatArray) -> FloatArray:
-    """Difference of angles from the nearest multiple of a right angle [rad]."""
-    return np.asarray(angle - _RIGHT_ANGLE * np.rint(angle / _RIGHT_ANGLE))
-
-
-@kernel
-def _groups(values, reach, weight, candidates):  # type: ignore[no-untyped-def]
-    """
-    Group values round the weightiest within their reach; return each one's group of several, and its mean.
-    """
-    group = np.full(len(values), -1, dtype=np.int64)
-    means = values.copy()
-    pending, is_member = candidates.copy(), np.empty(len(values), dtype=np.bool_)
-    n_groups = 0
+    left = pending.copy()
+    for k in range(len(azimuth)):
+        azimuth[k] = azimuth[k] if left[k] else math.nan
     while True:
-        first = -1
-        for k in range(len(values)):
-            if pending[k] and (first < 0 or weight[k] > weight[first]):
-                first = k
+        first = _heaviest(weight, left)
         if first < 0:
-            return group, means
-        total, mass = 0.0, 0.0
-        for k in range(len(values)):
-            if pending[k] and abs(values[k] - values[first]) <= reach[k] + reach[first]:
-                total += max(weight[k], 1e-12) * (values[k] - values[first])
+            return
+        total, mass, all_mass = 0.0, 0.0, 0.0
+        member = left.copy()
+        for k in range(len(azimuth)):
+            off = _to_right_angle(azimuth[k] - azimuth[first])
+            member[k] = left[k] and abs(off) <= reach[k] + reach[first]
+            if member[k]:
+                total += max(weight[k], 1e-12) * off
                 mass += max(weight[k], 1e-12)
-        mean = values[first] + total / mass
+                all_mass += weight[k]
+        mean = azimuth[first] + total / mass
+        nearest, least = math.nan, math.inf
+        for direction in directions:
+            off = abs(_to_right_angle(direction - mean))
+            if off < least:
+                nearest, least = direction, off
+        fitting = 0.0
+        for k in range(len(azimuth)):
+            if member[k] and abs(_to_right_angle(azimuth[k] - nearest)) <= reach[k]:
+                fitting += weight[k]
+        if abs(_to_right_angle(azimuth[first] - nearest)) <= reach[first] and fitting >= 0.9 * all_mass:
+            mean = nearest
+        for k in range(len(azimuth)):
+            off = _to_right_angle(azimuth[k] - mean)
+            if member[k] and (k == first or abs(off) <= reach[k]):
+                azimuth[k], left[k] = azimuth[k] - off, False
+
+
+@inner_kernel
+def _to_right_angle(angle):  # type: ignore[no-untyped-def]
+    """Difference of an angle from the nearest multiple of a right angle [rad]."""
+    return angle - _RIGHT_ANGLE * np.rint(angle / _RIGHT_ANGLE)
+
+
+@inner_kernel
+def _heaviest(weight, left):  # type: ignore[no-untyped-def]
+    """Return the first of those left with the greatest weight, -1 if there are none."""
+    first = -1
+    for k in range(len(weight)):
+        if left[k] and (first < 0 or weight[k] > weight[first]):
+            first = k
+    return first
+
+
+@inner_kernel
+def _group(values, reach, weight, candidates, group, n_groups):  # type: ignore[no-untyped-def]
+    """
+    Group values round the weightiest within their reach, those of several get their mean; return the groups.
+    """
+    left = candidates.copy()
+    while True:
+        first = _heaviest(weight, left)
+        if first < 0:
+            return n_groups
+        centre, total, mass = values[first], 0.0, 0.0
+        for k in range(len(values)):
+            if left[k] and abs(values[k] - centre) <= reach[k] + reach[first]:
+                total += max(weight[k], 1e-12) * (values[k] - centre)
+                mass += max(weight[k], 1e-12)
+        mean = centre + total / mass
         size = 0
-        for k in range(len(values)):
-            is_member[k] = pending[k] and (k == first or abs(values[k] - mean) <= reach[k])
-            size += is_member[k]
-            pending[k] = pending[k] and not is_member[k]
-        for k in range(len(values)):
-            if is_member[k] and size > 1:
-                group[k], means[k] = n_groups, mean
+        for turn in range(2):
+            for k in range(len(values)):
+                if left[k] and (k == first or abs(values[k] - mean) <= reach[k]):
+                    if turn == 0:
+                        size += 1
+                    else:
+                        left[k] = False
+                        if size > 1:
+                            group[k], values[k] = n_groups, mean
         n_groups += size > 1
-
-
-def _common_surfaces(
-    planes: FreePlanes,
-    level: BoolArray,
-    azimuth: FloatArray,
-    slope: IntArray,
-    rise: FloatArray,
-    move: FloatArray,
-) -> IntArray:
-    """Number the groups of level planes at one height, and of parallel planes that are pieces of one."""
-    surface = np.full(len(level), -1, dtype=np.int64)
-    kinds = np.where(level, 0, np.where(slope >= 0, slope + 1, -1))
-    kept = np.where(level | (slope < 0), 0.0, azimuth)
-    steep = np.where(level, 0.0, rise)
-    slopes = steep[:, None] * np.column_stack([np.cos(kept), np.sin(kept)])
-    heights = planes.mean[:, 2] - np.einsum("ki,ki->k", slopes, planes.mean[:, :2])
-    # Planes of one kind that look in one direction, to a hundredth of a degree, are parallel.
-    turns = np.rint(np.degrees(kept) % 360.0 * 100.0).astype(np.int64) % 36_000
-    parallel = np.where(kinds >= 0, kinds * 36_000 + turns, -1)
-    n_groups = 0
-    for key in np.unique(parallel[parallel >= 0]):
-        if np.count_nonzero(parallel == key) > 1:
-            same, _ = _groups(heights, move, planes.counts, parallel == key)
-            surface = np.where(same >= 0, same + n_groups, surface)
-            n_groups += int(same.max()) + 1
-    return surface

@@ -12,15 +12,13 @@ import math
 import numpy as np
 
 from lidar_buildings.core.kernels import inner_kernel, kernel
-from lidar_buildings.core.model.array_types import FloatArray
 
 #: Pivots below this share of the diagonal belong to equations that follow from others.
 _DEPENDENT = 1e-6
 
 
-def constrained_minimum(
-    normal: FloatArray, target: FloatArray, rows: FloatArray, values: FloatArray
-) -> tuple[FloatArray, FloatArray]:
+@kernel
+def constrained_minimum(normal, target, rows, values):  # type: ignore[no-untyped-def]
     """
     Minimise ½ xᵀ N x - tᵀ x under R x = r.
 
@@ -43,12 +41,6 @@ def constrained_minimum(
     x : ndarray of shape (n,)
     multipliers : ndarray of shape (m,)
     """
-    return _minimum(normal, target, rows, values)
-
-
-@kernel
-def _minimum(normal, target, rows, values):  # type: ignore[no-untyped-def]
-    """Return what `constrained_minimum` does; the target is overwritten, too."""
     start, row, value = _factor(normal)
     _back_substitute(start, row, value, target)
     response = rows.copy()
