@@ -220,7 +220,7 @@ def frame_of(clouds: list[Cloud]) -> MapFrame:
 
 def xyz_of(chunk: laspy.ScaleAwarePointRecord) -> NDArray[np.float64]:
     """Return a chunk's coordinates, shape (n, 3), in the source's own system."""
-    counts = np.column_stack([chunk.array["X"], chunk.array["Y"], chunk.array["Z"]])
+    counts = np.stack([chunk.array[name] for name in "XYZ"]).T  # column by column: numpy is slow in threes
     return counts * chunk.scales + chunk.offsets
 
 

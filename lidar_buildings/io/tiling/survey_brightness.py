@@ -17,6 +17,7 @@ from lidar_buildings.core.surfaces.intensity import (
     normalised_intensity,
     strip_scales,
 )
+from lidar_buildings.io.tiling.tile_grid import Rectangle
 
 #: About how many points of a file tell the scales of its strips;
 #: wide margin: quantiles of so many are known to 0.2 %.
@@ -35,8 +36,9 @@ MAX_OBJECT = 60.0
 #: Height above the opened surface up to which a point counts as ground here [m];
 #: wide margin over the noise of a scanner.
 GROUND_TOLERANCE = 0.3
-#: What tells the scale of a strip.
+#: What tells the scale of a strip, and with its place what brightness parts dark ground from other.
 _SAMPLE = ("intensity", "point_source_id", "return_number", "number_of_returns")
+_PLACED = ("x", "y", "z", *_SAMPLE)
 
 
 class SurveyBrightness:
@@ -57,12 +59,15 @@ class SurveyBrightness:
         self._scales: dict[int, IntensityScale] = {}
         self._common: IntensityScale | None = None
         self._samples: dict[int, list[NDArray[Any]]] = {}
+        self._squares: dict[int, list[NDArray[Any]]] = {}
 
     def __getstate__(self) -> dict[str, Any]:
         """Return all but the samples of files that have not been read to their end."""
-        return self.__dict__ | {"_samples": {}}
+        return self.__dict__ | {"_samples": {}, "_squares": {}}
 
-    def add(self, source: int, first: int, records: NDArray[Any], n_points: int) -> None:
+    def add(
+        self, source: int, first: int, records: NDArray[Any], n_points: int, square: Rectangle | None = None
+    ) -> None:
         """
         Take a sample of a file's chunk.
 
@@ -74,17 +79,18 @@ class SurveyBrightness:
             The chunk's points, as `io.tiling.spool.RECORD`.
         n_points : int
             Points of the whole file.
+        square : Rectangle, optional
+            Where the modes of the ground are looked for, in the map frame [m]; nowhere if not given.
         """
         step = math.ceil(n_points / MAX_SAMPLE)
-        chosen = records[-first % step :: step]
-        sample = np.empty(len(chosen), [(name, records.dtype[name]) for name in _SAMPLE])
-        for name in _SAMPLE:
-            sample[name] = chosen[name]
-        self._samples.setdefault(source, []).append(sample)
+        self._samples.setdefault(source, []).append(_only(_SAMPLE, records[-first % step :: step]))
+        if square is not None and self.dark_limit is None:
+            rows = np.flatnonzero(square.holds(records["x"], records["y"]))
+            self._squares.setdefault(source, []).append(_only(_PLACED, records.take(rows)))
 
     def learn(self, source: int) -> None:
-        """Measure the strips that a file, read to its end, shows for the first time."""
-        samples = self._samples.pop(source, [])
+        """Measure what a file, read to its end, is the first to show."""
+        samples, squares = self._samples.pop(source, []), self._squares.pop(source, [])
         if not samples:
             return
         sample = np.concatenate(samples)
@@ -95,13 +101,15 @@ class SurveyBrightness:
         self._scales = {**found, **self._scales}
         if self._common is None:
             self._common = measure_scale(sample["intensity"][is_only])
+        if squares and self.dark_limit is None:
+            self._learn_limit(np.concatenate(squares))
 
-    def learn_limit(self, records: NDArray[Any]) -> None:
-        """Look for two modes in the ground of some records, unless they are known already."""
+    def _learn_limit(self, records: NDArray[Any]) -> None:
+        """Look for two modes in the ground of some records."""
         is_only = only_returns(records)
-        if self.dark_limit is not None or self._common is None or not is_only.any():
+        if not is_only.any():
             return
-        points = np.column_stack([records[name] for name in "xyz"]).astype(np.float64)
+        points = np.stack([records[name] for name in "xyz"], dtype=np.float64, casting="safe").T
         spacing = quantised_spacing(_middle(points[is_only]))
         ground = np.flatnonzero(_roughly_ground(points, max(MIN_CELL, 2 * spacing)))
         normalised = normalised_intensity(
@@ -114,6 +122,7 @@ class SurveyBrightness:
     def forget(self, source: int) -> None:
         """Drop the sample of a file that turned out unreadable."""
         self._samples.pop(source, None)
+        self._squares.pop(source, None)
 
     def normalised(
         self, intensity: NDArray[np.float32], strip: NDArray[np.uint16]
@@ -122,6 +131,14 @@ class SurveyBrightness:
         if self._common is None:
             return None
         return normalised_intensity(intensity, strip, self._scales, self._common)
+
+
+def _only(names: tuple[str, ...], records: NDArray[Any]) -> NDArray[Any]:
+    """Copy some columns of records."""
+    chosen = np.empty(len(records), [(name, records.dtype[name]) for name in names])
+    for name in names:
+        chosen[name] = records[name]
+    return chosen
 
 
 def only_returns(records: NDArray[Any]) -> NDArray[np.bool_]:
@@ -133,8 +150,8 @@ def only_returns(records: NDArray[Any]) -> NDArray[np.bool_]:
 
 def _middle(points: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the points in the middle of some, all where these are few."""
-    middle = (points[:, :2].min(axis=0) + points[:, :2].max(axis=0)) / 2
-    inside = (np.abs(points[:, :2] - middle) <= SPACING_SIDE / 2).all(axis=1)
+    (x, x_middle), (y, y_middle) = ((along, (along.min() + along.max()) / 2) for along in points.T[:2])
+    inside = (np.abs(x - x_middle) <= SPACING_SIDE / 2) & (np.abs(y - y_middle) <= SPACING_SIDE / 2)
     return points[inside] if np.count_nonzero(inside) >= SPACING_POINTS else points
 
 
@@ -144,10 +161,11 @@ def _roughly_ground(points: NDArray[np.float64], cell: float) -> NDArray[np.bool
 
     Good enough for a histogram of many points; tops of hills and what is wider than the opening is wrong.
     """
-    place = np.floor(points[:, :2] / cell).astype(np.int64)
-    place -= place.min(axis=0)
-    lowest = np.full(place.max(axis=0) + 1, np.inf)
-    np.minimum.at(lowest, (place[:, 0], place[:, 1]), points[:, 2])
+    column, row = (np.floor(along / cell).astype(np.int64) for along in points.T[:2])
+    column -= column.min()
+    row -= row.min()
+    lowest = np.full((column.max() + 1, row.max() + 1), np.inf)
+    np.minimum.at(lowest, (column, row), points[:, 2])
     nearest = ndimage.distance_transform_edt(np.isinf(lowest), return_distances=False, return_indices=True)
     opened = ndimage.grey_opening(lowest[tuple(nearest)], size=2 * round(MAX_OBJECT / cell / 2) + 1)
-    return points[:, 2] <= opened[place[:, 0], place[:, 1]] + GROUND_TOLERANCE
+    return np.asarray(points[:, 2] <= opened[column, row] + GROUND_TOLERANCE)

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.core.neighbours.point_spacing import steady_spacing
-from lidar_buildings.io.clouds.las import xyz_of
+from lidar_buildings.io.clouds.las import Cloud, xyz_of
 from lidar_buildings.io.clouds.point_columns import last_returns, point_columns, without_empty_columns
 from lidar_buildings.io.tiling.spool import RECORD, Cell, Spool
 from lidar_buildings.io.tiling.survey_brightness import SQUARE_SIDE, SurveyBrightness
@@ -77,9 +77,9 @@ class TileStore:
         """Normalised intensity up to which the survey's ground is dark; None as long as that is not known."""
         return self._brightness.dark_limit
 
-    def add(self, source: int, first: int, chunk: laspy.ScaleAwarePointRecord, n_points: int) -> set[Cell]:
+    def add(self, source: int, first: int, chunk: laspy.ScaleAwarePointRecord, cloud: Cloud) -> set[Cell]:
         """
-        Keep a chunk's points; `first` is the index of its first one, `n_points` the file's number of points.
+        Keep a chunk of a file's points; `first` is the index of its first one.
 
         Returns
         -------
@@ -93,7 +93,9 @@ class TileStore:
             records[name] = column
         records["source"] = source
         records["index"] = np.arange(first, first + len(chunk), dtype=np.uint32)
-        self._brightness.add(source, first, records, n_points)
+        area = Rectangle.of_cloud(cloud)
+        square = None if area is None else self._local(sample_square(area, SQUARE_SIDE))
+        self._brightness.add(source, first, records, cloud.point_count, square)
         cells = self.grid.cells_at(xyz[:, :2] * self.frame.horizontal_unit)
         return {self.grid.tile_of(cell) for cell in self._spool.append(cells, records)}
 
@@ -140,26 +142,13 @@ class TileStore:
             samples = self._within(sample_square(area), source)
             self._expected_spacing = expected_spacing(_pulses_of(block) for block in samples)
 
-    def learn_brightness(self, source: int, area: Rectangle) -> None:
-        """
-        Measure what the intensities of a file mean, as far as no file before it has told.
-
-        Parameters
-        ----------
-        source : int
-            A file that has been read.
-        area : Rectangle
-            Its bounds, source's position [m].
-        """
+    def learn_brightness(self, source: int) -> None:
+        """Measure what the intensities of a file, read to its end, mean, as far as none before it told."""
         self._brightness.learn(source)
-        if self.dark_limit is None:
-            blocks = list(self._within(sample_square(area, SQUARE_SIDE), source))
-            if blocks:
-                self._brightness.learn_limit(np.concatenate(blocks))
 
     def _within(self, square: Rectangle, source: int | None) -> Iterator[NDArray[Any]]:
         """Read a file's records, or all, within a square at the source's position."""
-        local = square.moved(-self.frame.origin[0], -self.frame.origin[1])
+        local = self._local(square)
         for cell in self.grid.cells_touching(square):
             for block in self._blocks(cell):
                 inside = local.holds(block["x"], block["y"])
@@ -213,7 +202,10 @@ class TileStore:
 
     def local_area(self, plan: TilePlan, buffer: float) -> Rectangle:
         """Return where a tile and its buffer lie in the map frame [m]."""
-        area = self.grid.area_of(plan.block).grown(buffer)
+        return self._local(self.grid.area_of(plan.block).grown(buffer))
+
+    def _local(self, area: Rectangle) -> Rectangle:
+        """Move an area from the source's position into the map frame [m]."""
         return area.moved(-self.frame.origin[0], -self.frame.origin[1])
 
     def _tile_blocks(self, plan: TilePlan, buffer: float) -> Iterator[tuple[NDArray[Any], int]]:

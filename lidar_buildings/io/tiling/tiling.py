@@ -192,7 +192,7 @@ class TileSource:
             try:
                 first, cloud = 0, self._clouds[source]
                 for chunk in cloud.chunks(CHUNK):
-                    self._waiting |= self._store.add(source, first, chunk, cloud.point_count)
+                    self._waiting |= self._store.add(source, first, chunk, cloud)
                     first += len(chunk)
                     yield True
             except InputError as error:
@@ -201,7 +201,7 @@ class TileSource:
                 n_failed += 1
             else:
                 self._read.append(source)
-                self._learn_brightness(source)
+                self._store.learn_brightness(source)
             self._unread.discard(source)
             self._plan_tiles_near(self._areas[source])
             yield True
@@ -210,12 +210,6 @@ class TileSource:
         for tile in sorted(self._waiting):
             self._plan(tile)
         yield True
-
-    def _learn_brightness(self, source: int) -> None:
-        """Let the first file that can tell what the survey's intensities mean."""
-        area = self._areas[source]
-        if area is not None:
-            self._store.learn_brightness(source, area)
 
     def _learn_spacing(self) -> None:
         """
