@@ -110,10 +110,9 @@ def signed_area(ring: NDArray[np.float64]) -> float:
     """Area of an open ring, shape (n, 2): positive if counter-clockwise, 0 for fewer than 3 vertices."""
     if len(ring) < 3:
         return 0.0
+    # Seen from the first corner, what closes the ring adds nothing.
     x, y = (ring - ring[0]).T
-    # The first corner, 0, closes the ring: the same as np.roll in a tenth of the time.
-    after_x, after_y = np.append(x[1:], x[:1]), np.append(y[1:], y[:1])
-    return 0.5 * float(np.dot(x, after_y) - np.dot(y, after_x))
+    return 0.5 * float(x[:-1].dot(y[1:]) - y[:-1].dot(x[1:]))
 
 
 def _carried(

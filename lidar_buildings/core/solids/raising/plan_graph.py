@@ -11,7 +11,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from lidar_buildings.core.kernels import kernel
 from lidar_buildings.core.model.array_types import IntArray
+from lidar_buildings.core.neighbours.few_rows import sort_rows
 from lidar_buildings.core.solids.raising.grid_rings import GridRings
 
 #: Stands for what lies beside all pieces.
@@ -55,16 +57,49 @@ def labelled_graph(rings: GridRings) -> PlanGraph | None:
     corners = rings.corners
     if not len(corners):
         return PlanGraph(corners, corners, corners)
-    low, span = corners.min(axis=0), int(np.ptp(corners[:, 1])) + 1
-    keys, start = np.unique((corners - low) @ [span, 1], return_inverse=True)
-    places = np.stack(np.divmod(keys, span), axis=1) + low
-    end = start[rings.following]
-    n = len(places)
-    edges, number = np.unique(np.minimum(start, end) * n + np.maximum(start, end), return_inverse=True)
-    side = 2 * number + (start > end)
-    sides = np.full(2 * len(edges), OUTSIDE)
-    sides[side] = np.repeat(rings.owner, np.diff(rings.starts))
-    if np.bincount(side).max() > 1:
-        return None
-    kept = sides[::2] != sides[1::2]
-    return PlanGraph(places, np.stack(np.divmod(edges[kept], n), axis=1), sides.reshape(-1, 2)[kept])
+    places, ends, sides = np.empty_like(corners), np.empty_like(corners), np.empty_like(corners)
+    n, n_edges = _label(corners, rings.starts, rings.owner, places, ends, sides)
+    return None if n_edges < 0 else PlanGraph(places[:n], ends[:n_edges], sides[:n_edges])
+
+
+@kernel
+def _label(corners, starts, owner, places, ends, sides):  # type: ignore[no-untyped-def]
+    """Write places and edges; return how many there are, -1 edges if two rings claim the same side of one."""
+    west, south, north = corners[0, 0], corners[0, 1], corners[0, 1]
+    for k in range(len(corners)):
+        west, south, north = min(west, corners[k, 0]), min(south, corners[k, 1]), max(north, corners[k, 1])
+    size = len(corners)
+    keys, rows, place = np.empty(size, np.int64), np.empty(size, np.int64), np.empty(size, np.int64)
+    for k in range(len(corners)):
+        keys[k], rows[k] = (corners[k, 0] - west) * (north - south + 1) + corners[k, 1] - south, k
+    sort_rows(keys, rows, len(keys))
+    n = 0
+    for k in range(len(keys)):
+        if k == 0 or keys[k] != keys[k - 1]:
+            places[n, 0], places[n, 1] = corners[rows[k], 0], corners[rows[k], 1]
+            n += 1
+        place[rows[k]] = n - 1
+    # Twice the pair of places, and 1 more where the corner's edge runs from the higher to the lower one.
+    ring_of = np.empty(len(corners), np.int64)
+    for ring in range(len(owner)):
+        for k in range(starts[ring], starts[ring + 1]):
+            a, b = place[k], place[k + 1 if k + 1 < starts[ring + 1] else starts[ring]]
+            keys[k], rows[k], ring_of[k] = 2 * (min(a, b) * n + max(a, b)) + (a > b), k, ring
+    sort_rows(keys, rows, len(keys))
+    n_edges, k = 0, 0
+    while k < len(keys):
+        left, right = OUTSIDE, OUTSIDE
+        edge = keys[k] >> 1
+        while k < len(keys) and keys[k] >> 1 == edge:
+            if k > 0 and keys[k] == keys[k - 1]:
+                return n, -1
+            if keys[k] & 1:
+                right = owner[ring_of[rows[k]]]
+            else:
+                left = owner[ring_of[rows[k]]]
+            k += 1
+        if left != right:
+            ends[n_edges, 0], ends[n_edges, 1] = edge // n, edge % n
+            sides[n_edges, 0], sides[n_edges, 1] = left, right
+            n_edges += 1
+    return n, n_edges

@@ -43,7 +43,7 @@ def check_pieces(pieces: Sequence[RoofPiece]) -> None:
         If a plane is not three finite numbers, or a ring not an array of shape (n, 2) of finite numbers.
     """
     for number, piece in enumerate(pieces):
-        if len(piece.plane) != 3 or not all(math.isfinite(value) for value in piece.plane):
+        if len(piece.plane) != 3 or not all(map(math.isfinite, piece.plane)):
             raise ValueError(f"pieces[{number}].plane = {piece.plane}: must be three finite numbers")
         for ring in piece.rings:
             if ring.ndim != 2 or ring.shape[1] != 2:

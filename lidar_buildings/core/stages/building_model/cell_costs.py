@@ -6,20 +6,21 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-import shapely
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from lidar_buildings.core.kernels import kernel
 from lidar_buildings.core.model.array_types import FloatArray, IntArray
-from lidar_buildings.core.stages.building_model.arrangement import Cells
+from lidar_buildings.core.model.outline import Outline
+from lidar_buildings.core.stages.building_model.arrangement import Cells, walls_of
 from lidar_buildings.core.stages.building_model.heights import Limits
 from lidar_buildings.core.stages.building_model.line_tiles import in_tiles, tile_of, tiles_of
+from lidar_buildings.core.stages.building_model.outline_coverage import is_inside
 
 #: Spots farther than this from any point are without data [spacings].
 EMPTY_DISTANCE = 2.0
-#: In a raster of no larger steps the whole of a cell lies within that distance of the middle of the next one.
-_NEAR_STEP = 1.25
+#: No point within that distance of a spot lies more cells of the raster from it: two, and one for rounding.
+_REACH = 3
 #: Most spots of the raster.
 _MAX_SPOTS = 40_000
 #: A point counts as so far off its plane at most [m].
@@ -51,7 +52,7 @@ class Samples:
 
 
 def make_samples(
-    points: FloatArray, plane_id: NDArray[np.uint16], outline: shapely.Polygon, spacing: float
+    points: FloatArray, plane_id: NDArray[np.uint16], outline: Outline, spacing: float
 ) -> Samples:
     """
     Weigh points by the area they stand for, and find the spots without any.
@@ -62,53 +63,79 @@ def make_samples(
         Roof points [m].
     plane_id : ndarray of shape (n_points,)
         Number of each point's plane, 0 = none.
-    outline : shapely.Polygon
+    outline : Outline
         Of the building [m].
     spacing : float
         Point spacing [m].
     """
-    west, south, east, north = outline.bounds
+    x, y = outline.exterior.T
+    west, south, east, north = float(x.min()), float(y.min()), float(x.max()), float(y.max())
     step = max(spacing, ((east - west) * (north - south) / _MAX_SPOTS) ** 0.5)
     # Whole multiples of the step, so that the raster does not hang on the outline.
     column, row = math.floor(west / step), math.floor(south / step)
     n_columns, n_rows = math.floor(east / step) - column + 1, math.floor(north / step) - row + 1
-    at_x, at_y = np.floor(points[:, 0] / step) - column, np.floor(points[:, 1] / step) - row
-    inside = (at_x >= 0) & (at_x < n_columns) & (at_y >= 0) & (at_y < n_rows)
-    flat = np.where(inside, at_x * n_rows + at_y, n_columns * n_rows).astype(np.int64)
-    count = np.bincount(flat, minlength=n_columns * n_rows + 1)
-    count[-1] = 1
-    weight = step**2 / count[flat]
-    without = count[:-1].reshape(n_columns, n_rows) == 0
-    if step <= _NEAR_STEP * spacing:
-        # A spot beside a cell with points is near enough to one.
-        lone = np.pad(without, 1, constant_values=True)
-        without = without & lone[2:, 1:-1] & lone[:-2, 1:-1] & lone[1:-1, 2:] & lone[1:-1, :-2]
-    spots = (np.argwhere(without) + np.array([column, row]) + 0.5) * step
-    shapely.prepare(outline)
-    spots = spots[shapely.contains_xy(outline, spots)]
-    planar = np.flatnonzero(plane_id > 0)
-    if not len(spots) or not len(planar):
-        return Samples(points, weight, np.full(len(points), -1, dtype=np.int64))
-    # No point within reach of a spot lies more than two cells from it, and the third is for rounding.
-    around = np.zeros((n_columns + 6, n_rows + 6), dtype=np.bool_)
-    for place in np.floor(spots / step).astype(np.int64) - [column, row]:
-        around[place[0] : place[0] + 7, place[1] : place[1] + 7] = True
-    near = np.append(around[3:-3, 3:-3], True)[flat]
-    reach = EMPTY_DISTANCE * spacing
-    far = np.isinf(_tree(points[near, :2]).query(spots, distance_upper_bound=reach)[0])
-    spots = spots[far]
-    nearest = _tree(points[planar, :2]).query(spots)[1] if len(spots) else np.zeros(0, dtype=np.int64)
-    label = plane_id[planar].astype(np.int64)[nearest] - 1
+    weight, spots = np.empty(len(points)), np.empty((n_columns * n_rows, 2))
+    n_spots = _weigh(
+        points, walls_of(outline).reshape(-1, 4), step, column - _REACH, row - _REACH, n_columns + 2 * _REACH,
+        n_rows + 2 * _REACH, EMPTY_DISTANCE * spacing, weight, spots,
+    )  # fmt: skip
+    planar = np.flatnonzero(plane_id > 0) if n_spots else np.zeros(0, dtype=np.int64)
+    no_plane = np.full(len(points), -1, dtype=np.int64)
+    if not len(planar):
+        return Samples(points, weight, no_plane)
+    spots = spots[:n_spots]
+    tree = cKDTree(points[planar, :2], balanced_tree=False, compact_nodes=False)
+    label = plane_id[planar].astype(np.int64)[tree.query(spots)[1]] - 1
     return Samples(
-        np.concatenate([points, np.column_stack([spots, np.zeros(len(spots))])]),
-        np.concatenate([weight, np.full(len(spots), step**2)]),
-        np.concatenate([np.full(len(points), -1, dtype=np.int64), label]),
+        np.concatenate([points, np.column_stack([spots, np.zeros(n_spots)])]),
+        np.concatenate([weight, np.full(n_spots, step**2)]),
+        np.concatenate([no_plane, label]),
     )
 
 
-def _tree(xy: FloatArray) -> cKDTree:
-    """Return a tree that is made quickly, for few questions."""
-    return cKDTree(xy, balanced_tree=False, compact_nodes=False)
+@kernel
+def _weigh(  # type: ignore[no-untyped-def]
+    points, walls, step, column, row, n_columns, n_rows, reach, weight, spots
+):  # fmt: skip
+    """Write points' weights and the spots inside without a point near; return how many spots there are."""
+    first = np.zeros(n_columns * n_rows + 1, np.int64)
+    cell, items = np.full(len(points), -1), np.empty(len(points), np.int64)
+    for i in range(len(points)):
+        c, r = math.floor(points[i, 0] / step) - column, math.floor(points[i, 1] / step) - row
+        if 0 <= c < n_columns and 0 <= r < n_rows:
+            cell[i] = c * n_rows + r
+            first[cell[i]] += 1
+    for i in range(len(points)):
+        # Points beside the raster count for no cell.
+        weight[i] = step**2 / first[cell[i]] if cell[i] >= 0 else 0.0
+    for k in range(1, len(first)):
+        first[k] += first[k - 1]
+    for i in range(len(points) - 1, -1, -1):
+        if cell[i] >= 0:
+            first[cell[i]] -= 1
+            items[first[cell[i]]] = i
+    every = np.arange(len(walls))
+    n_spots = 0
+    for c in range(_REACH, n_columns - _REACH):
+        for r in range(_REACH, n_rows - _REACH):
+            k = c * n_rows + r
+            if first[k] < first[k + 1]:
+                continue
+            x, y = (c + column + 0.5) * step, (r + row + 0.5) * step
+            if not is_inside(walls, every, len(walls), x, y):
+                continue
+            is_far = True
+            for beside in range(c - _REACH, c + _REACH + 1):
+                if not is_far:
+                    break
+                for m in range(first[beside * n_rows + r - _REACH], first[beside * n_rows + r + _REACH + 1]):
+                    i = items[m]
+                    away = (points[i, 0] - x) ** 2 + (points[i, 1] - y) ** 2
+                    is_far = is_far and away >= reach**2
+            if is_far:
+                spots[n_spots, 0], spots[n_spots, 1] = x, y
+                n_spots += 1
+    return n_spots
 
 
 def cells_of_points(cells: Cells, points: FloatArray) -> IntArray:

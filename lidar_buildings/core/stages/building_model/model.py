@@ -126,13 +126,13 @@ def build_model(
 
 
 def _order(points: FloatArray, plane_id: NDArray[np.uint16]) -> IntArray:
-    """Return the rows by z, y, x and plane; the latter two are looked at only where the former are equal."""
-    place = points[:, 2] + 1j * points[:, 1]
-    order = np.argsort(place)
-    equal = np.flatnonzero(np.diff(place[order]) == 0.0)
-    tied = np.union1d(equal, equal + 1)
+    """Return the rows by y, x, z and plane; all but y are looked at only where it is equal."""
+    y = points[:, 1]
+    order = np.argsort(y)
+    equal = y[order[1:]] == y[order[:-1]]
+    tied = np.flatnonzero(np.append(equal, False) | np.append(False, equal))
     rows = order[tied]
-    order[tied] = rows[np.lexsort((plane_id[rows], *points[rows].T))]
+    order[tied] = rows[np.lexsort((plane_id[rows], points[rows, 2], points[rows, 0], y[rows]))]
     return order
 
 
@@ -265,10 +265,11 @@ def _has_extent(points: FloatArray) -> bool:
     """Whether points span an area in plan."""
     if len(points) < 3:
         return False
-    plan = np.ascontiguousarray(points[:, :2].T)
-    plan -= plan.mean(axis=1, keepdims=True)
-    least, most = np.linalg.eigvalsh(plan @ plan.T)
-    return bool(least > 1e-12 * most)
+    x, y = points[:, 0] - points[0, 0], points[:, 1] - points[0, 1]
+    x, y = x - x.sum() / len(x), y - y.sum() / len(y)
+    xx, xy, yy = float(x.dot(x)), float(x.dot(y)), float(y.dot(y))
+    # The product of the eigenvalues against the square of their sum.
+    return xx * yy - xy * xy > 1e-12 * (xx + yy) ** 2
 
 
 def _without_solid(

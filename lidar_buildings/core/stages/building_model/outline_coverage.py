@@ -83,7 +83,7 @@ def _count(
                 crossed[n] = e
                 n += 1
         for column in range(len(x)):
-            if not _is_inside(edges, crossed, n, x[column], y[row]):
+            if not is_inside(edges, crossed, n, x[column], y[row]):
                 continue
             counts[0] += 1
             at_u, at_v = int((x[column] - west) / size), int((y[row] - south) / size)
@@ -102,7 +102,7 @@ def _count(
 
 
 @inner_kernel
-def _is_inside(edges: FloatArray, crossed: IntArray, n: int, x: float, y: float) -> bool:
+def is_inside(edges: FloatArray, crossed: IntArray, n: int, x: float, y: float) -> bool:
     """Whether a place lies within rings (even-odd rule) and on no edge; only the edges at its y are given."""
     is_odd = False
     for k in range(n):

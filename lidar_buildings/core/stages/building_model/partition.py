@@ -71,7 +71,7 @@ def partition_outline(
         Point spacing [m].
     config : BuildingModelConfig
     """
-    samples = make_samples(points, plane_id, outline.polygon, spacing)
+    samples = make_samples(points, plane_id, outline, spacing)
     roof = _Roof(outline, points, samples, planes, spacing, config)
     found = _label(roof, segments)
     for _ in range(_SECOND_LOOKS):
@@ -162,6 +162,7 @@ def _reentrant_walls(ring: FloatArray) -> FloatArray:
 def _rows_by_face(face: IntArray, cell: IntArray, n_faces: int) -> list[IntArray]:
     rows = np.flatnonzero(cell >= 0)
     number = face[cell[rows]]
-    order = np.argsort(number, kind="stable")
+    # Numpy sorts numbers of 16 bits in a tenth of the time.
+    order = np.argsort(number.astype(np.uint16) if n_faces < 65536 else number, kind="stable")
     ends = np.cumsum(np.bincount(number, minlength=n_faces))
     return np.split(rows[order], ends[:-1])

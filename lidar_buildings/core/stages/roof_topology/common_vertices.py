@@ -80,6 +80,8 @@ def _common_points(
     pieces: Pieces, ends: FloatArray, gradients: FloatArray, centre: FloatArray, spacing: float
 ) -> list[CommonVertex]:
     """Find where the ends of lines between four or more planes come together."""
+    if len({*pieces.first.tolist(), *pieces.second.tolist()}) < _LEAST_PLANES:
+        return []
     positions = ends.reshape(-1, 2)
     near = cKDTree(positions).query_pairs(_SAME_POINT * spacing, output_type="ndarray")
     cluster = sets_of_pairs(len(positions), *near.T)

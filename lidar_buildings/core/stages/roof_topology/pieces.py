@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from lidar_buildings.core.kernels import inner_kernel, kernel
 from lidar_buildings.core.model.array_types import BoolArray, FloatArray, IntArray
+from lidar_buildings.core.neighbours.few_rows import sort_rows
 from lidar_buildings.core.stages.roof_topology.borders import Borders
 from lidar_buildings.core.stages.roof_topology.region_raster import RegionRaster
 
@@ -87,15 +88,10 @@ def find_pieces(
     lines = intersection_lines(
         borders.first[borders.start[:-1]], borders.second[borders.start[:-1]], gradients
     )
-    pair = np.repeat(np.arange(borders.n_pairs), np.diff(borders.start))
-    fx, fy, ux, uy, _ = lines[pair].T
-    x, y = borders.xy.T
-    t, off = x * ux + y * uy, np.abs((x - fx) * uy - (y - fy) * ux)
-    order = np.lexsort((t, pair))
     seen = np.full((1 + max(borders.near_first.max(initial=-1), borders.near_second.max(initial=-1)), 2), -1)
     n_pieces = _all_pieces(
         borders.upright, borders.first, borders.second, borders.near_first, borders.near_second,
-        borders.gap, borders.start, borders.cell, lines, t, off, order, spacing, raster.label,
+        borders.gap, borders.start, borders.cell, lines, borders.xy, spacing, raster.label,
         raster.west - centre[0], raster.south - centre[1], seen, numbers, values, on_line,
     )  # fmt: skip
     numbers, values = numbers[:n_pieces], values[:n_pieces]
@@ -112,9 +108,8 @@ def find_pieces(
     )
 
 
-def intersection_lines(
-    first: NDArray[np.integer], second: NDArray[np.integer], gradients: FloatArray
-) -> FloatArray:
+@kernel
+def intersection_lines(first, second, gradients):  # type: ignore[no-untyped-def]
     """
     Return foot, direction and bend of the lines in which pairs of planes meet, seen from above.
 
@@ -134,27 +129,31 @@ def intersection_lines(
         Position nearest to the origin, unit direction, and the difference of the planes' gradients; a bend
         less than `LEAST_BEND` means that there is no line.
     """
-    gx, gy, d = (gradients[first - 1] - gradients[second - 1]).reshape(-1, 3).T
-    bend = np.hypot(gx, gy)
-    lines = np.column_stack([np.zeros_like(d), np.zeros_like(d), np.ones_like(d), np.zeros_like(d), bend])
-    k = np.flatnonzero(bend >= LEAST_BEND)
-    gx, gy, d, bend = gx[k], gy[k], d[k], bend[k]
-    lines[k, :4] = np.column_stack([-d * gx / bend**2, -d * gy / bend**2, -gy / bend, gx / bend])
+    lines = np.zeros((len(first), 5))
+    for k in range(len(first)):
+        i, j = first[k] - 1, second[k] - 1
+        gx, gy = gradients[i, 0] - gradients[j, 0], gradients[i, 1] - gradients[j, 1]
+        d = gradients[i, 2] - gradients[j, 2]
+        bend = np.hypot(gx, gy)
+        lines[k, 2], lines[k, 4] = 1.0, bend
+        if bend >= LEAST_BEND:
+            lines[k, 0], lines[k, 1] = -d * gx / bend**2, -d * gy / bend**2
+            lines[k, 2], lines[k, 3] = -gy / bend, gx / bend
     return lines
 
 
 @kernel
 def _all_pieces(  # type: ignore[no-untyped-def]
-    upright, first, second, near_first, near_second, gap, start, cell, lines, t, off, order, spacing, label,
+    upright, first, second, near_first, near_second, gap, start, cell, lines, xy, spacing, label,
     west, south, seen, numbers, values, on_line
 ):  # fmt: skip
     """
     Write pair and number of points, ends, length and vote on convexity of each piece; return how many.
 
-    The sides are ordered by pair and place along the line; `seen` has -1 for every point, twice.
+    The sides are ordered by pair; `seen` has -1 for every point, twice.
     """
     n_pieces = 0
-    rows = np.empty(len(t), np.int64)
+    rows, t, off, along = np.empty(len(xy), np.int64), np.empty(len(xy)), np.empty(len(xy)), np.empty(len(xy))
     for pair in range(len(start) - 1):
         a, b = start[pair], start[pair + 1]
         fx, fy, ux, uy, bend = lines[pair, 0], lines[pair, 1], lines[pair, 2], lines[pair, 3], lines[pair, 4]
@@ -162,10 +161,13 @@ def _all_pieces(  # type: ignore[no-untyped-def]
             continue
         least, strict = max(_TOLERANCE * spacing, _NOISE / bend), max(_END_TOLERANCE * spacing, _NOISE / bend)
         n = 0
-        for at in range(a, b):
-            if off[order[at]] <= least + gap[order[at]]:
-                rows[n] = order[at]
+        for k in range(a, b):
+            x, y = xy[k, 0], xy[k, 1]
+            t[k], off[k] = x * ux + y * uy, abs((x - fx) * uy - (y - fy) * ux)
+            if off[k] <= least + gap[k]:
+                rows[n], along[n] = k, t[k]
                 n += 1
+        sort_rows(along, rows, n)
         begin, first_piece = 0, n_pieces
         for m in range(1, n + 1):
             if m < n and t[rows[m]] - t[rows[m - 1]] <= _LONGEST_GAP * spacing:

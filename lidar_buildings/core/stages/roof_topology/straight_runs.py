@@ -8,6 +8,7 @@ import numpy as np
 
 from lidar_buildings.core.kernels import inner_kernel, kernel
 from lidar_buildings.core.model.array_types import BoolArray, FloatArray, IntArray
+from lidar_buildings.core.neighbours.few_rows import sort_rows
 from lidar_buildings.core.stages.roof_topology.obstacles import stop
 
 #: Bins across the lines, and how many a line takes up, in cells.
@@ -129,7 +130,7 @@ def _greedy(xy, upright, cell, cosine, sine, spacing, left, run, least, runs):  
             n, offset = _members(
                 xy, upright, cell, cosine[d], sine[d], offset, _HALF_WIDTH * spacing, left, rows, t
             )
-        _sort_along(t, rows, n)
+        sort_rows(t, rows, n)
         begin, found = 0, False
         for m in range(1, n + 1):
             if m < n and t[m] - t[m - 1] <= _LONGEST_GAP * spacing:
@@ -155,22 +156,6 @@ def _greedy(xy, upright, cell, cosine, sine, spacing, left, run, least, runs):  
             for k in range(b, b + _WINDOW):
                 votes[d, k] = -1e9
     return n_runs
-
-
-@inner_kernel
-def _sort_along(t, rows, n):  # type: ignore[no-untyped-def]
-    """Sort the first n places and rows by place (Shell 1959): numba's own sort compiles slowly."""
-    gap = 1
-    while gap < n:
-        gap = 3 * gap + 1
-    while gap > 1:
-        gap //= 3
-        for k in range(gap, n):
-            place, row, m = t[k], rows[k], k
-            while m >= gap and t[m - gap] > place:
-                t[m], rows[m] = t[m - gap], rows[m - gap]
-                m -= gap
-            t[m], rows[m] = place, row
 
 
 @inner_kernel

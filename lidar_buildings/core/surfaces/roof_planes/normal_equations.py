@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from lidar_buildings.core.kernels import inner_kernel, kernel
-from lidar_buildings.core.model.array_types import FloatArray, IntArray
+from lidar_buildings.core.model.array_types import FloatArray
 from lidar_buildings.core.surfaces.roof_planes.free_planes import FreePlanes
 from lidar_buildings.core.surfaces.roof_planes.relations import Relations
 from lidar_buildings.core.surfaces.roof_planes.sparse_least_squares import constrained_minimum
@@ -69,17 +69,22 @@ def solve(
     weight = 1.0 / np.maximum(planes.rms, _LEAST_RMS) ** 2
     wanted = planes.coefficients if start is None else np.zeros_like(start)
     start = np.zeros_like(wanted) if start is None else start
-    terms = _equations(planes, vertices, slopes)
+    begin = np.cumsum([0, *(len(vertex.planes) for vertex in vertices)])
+    members = np.array([k - 1 for vertex in vertices for k in vertex.planes], dtype=np.int64)
+    xy = np.array([vertex.xy for vertex in vertices]).reshape(-1, 2) - planes.moments.centre[:2]
+    is_fixed = np.array([vertex.fixed for vertex in vertices], dtype=np.bool_)
     pull = np.zeros((len(vertices), len(weight)))
     coefficients = _solved(
-        planes.cost, weight, planes.counts, *relations, wanted, start, *terms, pull
+        planes.cost, weight, planes.counts, *relations, wanted, start, begin, members, xy, is_fixed,
+        np.ascontiguousarray(slopes), pull,
     )  # fmt: skip
     return coefficients, pull
 
 
 @kernel
 def _solved(  # type: ignore[no-untyped-def]
-    cost, weight, counts, level, azimuth, slope, surface, wanted, start, equation, plane, factor, owner, pull
+    cost, weight, counts, level, azimuth, slope, surface, wanted, start, begin, members, xy, is_fixed, slopes,
+    pull
 ):  # fmt: skip
     """
     Return the coefficients, and add to each vertex' pull at each plane.
@@ -88,7 +93,8 @@ def _solved(  # type: ignore[no-untyped-def]
     """
     number, share, n = _unknowns(level, azimuth, slope, surface)
     normal, target = np.zeros((n, n)), np.zeros(n)
-    rows, values = np.zeros((len(owner), n)), np.zeros(len(owner))
+    plane, owner, equation, factor, n_equations = _terms(begin, members, xy, is_fixed, slopes)
+    rows, values = np.zeros((n_equations, n)), np.zeros(n_equations)
     for k in range(len(cost)):
         for j in range(3):
             for m in range(3):
@@ -116,7 +122,7 @@ def _solved(  # type: ignore[no-untyped-def]
     for t in range(len(plane)):
         k = plane[t]
         moved = math.sqrt(max(_give(cost[k], factor[t]), 0.0) / counts[k])
-        pull[owner[equation[t]], k] += moved * abs(force[equation[t]]) / weight[k]
+        pull[owner[t], k] += moved * abs(force[equation[t]]) / weight[k]
     return coefficients
 
 
@@ -181,56 +187,76 @@ def _number(group, kept, number, first, step):  # type: ignore[no-untyped-def]
     return first
 
 
-class _Terms(NamedTuple):
+@inner_kernel
+def _terms(begin, members, xy, is_fixed, slopes):  # type: ignore[no-untyped-def]
     """
-    The equations of vertices, each a sum of planes' coefficients times factors that is zero.
-
-    Attributes
-    ----------
-    equation, plane : ndarray of shape (n_terms,), int64
-        Rows of the equation and the plane.
-    factor : ndarray of shape (n_terms, 3)
-        Of a, b, c.
-    owner : ndarray of shape (n_equations,), int64
-        The vertex that each equation belongs to.
-    """
-
-    equation: IntArray
-    plane: IntArray
-    factor: FloatArray
-    owner: IntArray
-
-
-_NO_TERMS = _Terms(*(np.zeros(0, np.int64),) * 2, np.zeros((0, 3)), np.zeros(0, np.int64))
-
-
-def _equations(planes: FreePlanes, vertices: Sequence[CommonVertex], slopes: FloatArray) -> _Terms:
-    """
-    Return the equations of vertices.
+    Return the terms of vertices' equations, sums of planes' coefficients times factors that are zero.
 
     At a given position all planes have the elevation of the first. Elsewhere the position is unknown, too:
-    combinations of elevations in which it cancels out are zero, three fewer than there are planes.
+    combinations of elevations in which it cancels out are zero, three fewer than there are planes. Returned
+    are plane, vertex, equation and factors of each term, and the number of equations.
     """
-    if not len(vertices):
-        return _NO_TERMS
-    terms: list[tuple[int, int, float, float, float]] = []
-    owner: list[int] = []
-    for number, vertex in enumerate(vertices):
-        if vertex.fixed:
-            first, *others = vertex.planes
-            for k in others:
-                terms += [(len(owner), first - 1, 1.0, *vertex.xy), (len(owner), k - 1, -1.0, *vertex.xy)]
-                owner.append(number)
+    most = 0
+    for v in range(len(is_fixed)):
+        size = begin[v + 1] - begin[v]
+        most += 2 * (size - 1) if is_fixed[v] else size * max(size - 3, 0)
+    plane, owner, equation = np.empty(most, np.int64), np.empty(most, np.int64), np.empty(most, np.int64)
+    factor = np.empty((most, 3))
+    n, n_equations = 0, 0
+    for v in range(len(is_fixed)):
+        first, size = begin[v], begin[v + 1] - begin[v]
+        combinations = np.zeros((size, size))
+        skipped = 1
+        if is_fixed[v]:
+            for k in range(1, size):
+                combinations[0, k], combinations[k, k] = 1.0, -1.0
+        else:
+            skipped = 3
+            _cancel_position(members[first : first + size], slopes, combinations)
+        for column in range(skipped, size):
+            for k in range(size):
+                share = combinations[k, column]
+                if is_fixed[v] and share == 0.0:
+                    continue
+                plane[n], owner[n], equation[n] = members[first + k], v, n_equations
+                factor[n, 0], factor[n, 1], factor[n, 2] = share * xy[v, 0], share * xy[v, 1], share
+                n += 1
+            n_equations += 1
+    return plane, owner, equation, factor, n_equations
+
+
+@inner_kernel
+def _cancel_position(members, slopes, q):  # type: ignore[no-untyped-def]
+    """Write the orthogonal matrix whose columns from the fourth on are across all slopes and ones."""
+    n = len(members)
+    a, tau = np.ones((n, 3)), np.zeros(3)
+    for k in range(n):
+        q[k, k] = 1.0
+        a[k, 0], a[k, 1] = slopes[members[k], 0], slopes[members[k], 1]
+    # Reflections (Householder 1958) turn column after column onto its axis.
+    for j in range(min(3, n - 1)):
+        size = 0.0
+        for k in range(j, n):
+            size += a[k, j] ** 2
+        if size == 0.0:
             continue
-        members = np.array(vertex.planes) - 1
-        position = np.column_stack([slopes[members], np.ones(len(members))])
-        for combination in np.linalg.qr(position, mode="complete")[0][:, 3:].T.tolist():
-            terms += [
-                (len(owner), k, w, *vertex.xy) for k, w in zip(members.tolist(), combination, strict=True)
-            ]
-            owner.append(number)
-    table = np.array(terms, dtype=np.float64).reshape(-1, 5)
-    xy = table[:, 3:] - planes.moments.centre[:2]
-    factor = table[:, 2:3] * np.column_stack([xy, np.ones(len(xy))])
-    equation, plane = table[:, :2].astype(np.int64).T
-    return _Terms(equation, plane, factor, np.array(owner, dtype=np.int64))
+        turned = -math.copysign(math.sqrt(size), a[j, j])
+        tau[j] = (turned - a[j, j]) / turned
+        for k in range(j + 1, n):
+            a[k, j] /= a[j, j] - turned
+        a[j, j] = 1.0
+        for column in range(j + 1, 3):
+            _reflect(a, j, tau[j], a, column)
+    for j in range(2, -1, -1):
+        for column in range(n):
+            _reflect(a, j, tau[j], q, column)
+
+
+@inner_kernel
+def _reflect(a, j, tau, other, column):  # type: ignore[no-untyped-def]
+    """Reflect a column by the vector in column j from row j on."""
+    along = 0.0
+    for k in range(j, len(a)):
+        along += a[k, j] * other[k, column]
+    for k in range(j, len(a)):
+        other[k, column] -= tau * along * a[k, j]
