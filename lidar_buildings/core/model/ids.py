@@ -18,7 +18,9 @@ def anchor_row(points: NDArray[np.float64]) -> int:
     points : ndarray of shape (n_points, 3)
         The building's points [m]; at least one.
     """
-    return int(np.lexsort((points[:, 2], points[:, 1], points[:, 0]))[0])
+    x = points[:, 0]
+    west = np.flatnonzero(x == x.min())
+    return int(west[np.lexsort((points[west, 2], points[west, 1]))[0]])
 
 
 def building_id(anchor: NDArray[np.float64]) -> int:
