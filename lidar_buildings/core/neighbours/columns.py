@@ -14,6 +14,8 @@ from lidar_buildings.core.neighbours.cell_grid import sort_by_cell
 
 #: Columns at the very reach count as within, whatever rounding makes of it.
 SLACK = 1e-9
+#: Runs of columns so many steps away are kept for the next who asks; wider ones take more memory than time.
+KEPT_STEPS = 2
 #: Up to so many places a column are counted one by one, else walked along; the result is the same.
 MAX_PLACES = 16
 
@@ -88,11 +90,14 @@ class Columns:
         """
         steps = math.ceil(reach / self.size - SLACK)
         key = repr(float(reach))
-        if key not in self._shared:
-            across = np.maximum(abs(np.arange(-steps, steps + 1)) - 1, 0) * self.size
-            half = np.ceil(np.sqrt(np.maximum(reach**2 - across**2, 0.0)) / self.size - SLACK)
-            self._shared[key] = _find_runs(self.numbers, self.row_length, half.astype(np.int64))
-        return self._shared[key]
+        if key in self._shared:
+            return self._shared[key]
+        across = np.maximum(abs(np.arange(-steps, steps + 1)) - 1, 0) * self.size
+        half = np.ceil(np.sqrt(np.maximum(reach**2 - across**2, 0.0)) / self.size - SLACK)
+        runs: NDArray[np.int32] = _find_runs(self.numbers, self.row_length, half.astype(np.int64))
+        if steps <= KEPT_STEPS:
+            self._shared[key] = runs
+        return runs
 
 
 def by_column(points: NDArray[np.float64], size: float) -> Columns:

@@ -56,7 +56,8 @@ def find_roofs(candidates: Candidates, config: RoofSelectionConfig) -> NDArray[n
     high = candidates.columns.select(candidates.height >= config.min_height)
     side = max(config.planarity_cell, MIN_CELL_SPACINGS * candidates.cell / 2.0)
     kind, normals = _judged(high.points, side, config)
-    continued = near_tangent_plane(high, normals, kind == PLANAR, side / 2.0, config.max_plane_distance)
+    is_planar = kind == PLANAR
+    continued = near_tangent_plane(high, normals[is_planar], is_planar, side / 2.0, config.max_plane_distance)
     roof = np.zeros(len(candidates.points), dtype=bool)
     roof[high.rows] = continued & (kind != RUGGED)
     return roof

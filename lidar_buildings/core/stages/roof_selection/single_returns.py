@@ -52,7 +52,9 @@ def find_roofs(candidates: Candidates, config: RoofSelectionConfig) -> NDArray[n
     radius = candidates.radius
     normals, is_plane = _planes(counted, radius, config)
     found = np.zeros(len(candidates.points), dtype=bool)
-    found[counted.rows] = near_tangent_plane(counted, normals, is_plane, radius, config.max_plane_distance)
+    found[counted.rows] = near_tangent_plane(
+        counted, normals[is_plane], is_plane, radius, config.max_plane_distance
+    )
     return found
 
 

@@ -49,8 +49,8 @@ def near_tangent_plane(
     ----------
     columns : Columns
         The points [m].
-    normals : ndarray of shape (n_points, 3)
-        Unit normals of the surface points; others are not looked at.
+    normals : ndarray of shape (n_surface_points, 3)
+        Unit normals of the surface points.
     is_surface : ndarray of bool, shape (n_points,)
         Which points are surface.
     radius : float
@@ -63,7 +63,7 @@ def near_tangent_plane(
     ndarray of bool, shape (n_points,)
         True for surface points and what continues them.
     """
-    return _joined(columns, normals[is_surface], is_surface, radius, max_distance, 1.0)
+    return _joined(columns, normals, is_surface, radius, max_distance, 1.0)
 
 
 def near_in_plan(columns: Columns, targets: NDArray[np.bool_], reach: float) -> NDArray[np.bool_]:

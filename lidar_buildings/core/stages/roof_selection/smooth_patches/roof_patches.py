@@ -46,8 +46,8 @@ class RoofSurface:
         Point of an accepted patch.
     is_wall : ndarray of bool, shape (n_points,)
         Point of a smooth surface steeper than a roof.
-    normals : ndarray of shape (n_points, 3)
-        Unit normals of the surface points, 0 elsewhere.
+    normals : ndarray of shape (n_surface_points, 3)
+        Their unit normals.
     """
 
     is_surface: NDArray[np.bool_]
@@ -80,25 +80,27 @@ def find_roof_surface(candidates: Candidates, config: RoofSelectionConfig) -> Ro
     smooth = (roughness <= config.max_roughness) & (features.linearity <= MAX_LINEARITY)
     smooth &= features.n_neighbours >= MIN_PLANE_POINTS
     steep = upward < math.cos(math.radians(MAX_SLOPE_DEG))
-    surface = RoofSurface(np.zeros(n, dtype=bool), np.zeros(n, dtype=bool), np.zeros((n, 3)))
-    surface.is_wall[rows[smooth & steep]] = True
+    is_surface, is_wall = np.zeros((2, n), dtype=bool)
+    is_wall[rows[smooth & steep]] = True
     level = np.flatnonzero(smooth & ~steep)
-    surface.is_surface[rows[level]] = True
-    points, normals, roughness = columns.select(surface.is_surface), features.normals[level], roughness[level]
+    is_surface[rows[level]] = True
+    points, normals, roughness = columns.select(is_surface), features.normals[level], roughness[level]
+    reach = _link_lengths(features.n_neighbours[level], features.radius[level], radius)
+    del features, upward, noise, rows  # half of the memory
     label = smooth_patches(
         points,
         normals,
-        _link_lengths(features.n_neighbours[level], features.radius[level], radius),
+        reach,
         max_angle_deg=MAX_ANGLE_DEG,
         max_offset=PATCH_OFFSET * config.max_roughness,
     )
     patch = np.full(n, -1, dtype=np.int64)
     patch[points.rows] = label
     patches = Patches(points, label, normals, candidates.areas(patch, label.max(initial=-1) + 1))
+    del patch
     accepted = _accepted(candidates, patches, roughness, config)
-    surface.is_surface[points.rows[~accepted]] = False
-    surface.normals[points.rows[accepted]] = normals[accepted]
-    return surface
+    is_surface[points.rows[~accepted]] = False
+    return RoofSurface(is_surface, is_wall, normals[accepted])
 
 
 def _accepted(

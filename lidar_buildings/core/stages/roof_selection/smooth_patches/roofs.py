@@ -56,6 +56,7 @@ def find_roofs(candidates: Candidates, config: RoofSelectionConfig) -> NDArray[n
     roof = can_be_roof & near_tangent_plane(
         columns, surface.normals, surface.is_surface, radius, config.max_plane_distance
     )
+    del surface
     held = _held(columns, roof, radius)
     stands = _small_parts(candidates, roof, held, config) | (held & candidates.is_last)
     roof |= stands & can_be_roof & ~is_canopy(columns, roof, stands, radius)
