@@ -18,6 +18,9 @@ from lidar_buildings.io.tiling.tile_stamps import LATEST
 _SMALLEST_CELL = 5.0
 #: More spool cells per side of a tile than this make too many small files.
 _MOST_CELLS = 8
+#: How much of a buffer's width lies west, south, east and north of a tile. A block belongs to the tile that
+#: holds its westernmost point: it reaches farther beyond it eastwards than to the other sides.
+BUFFER_SHARES = (2.0 / 3.0, 2.0 / 3.0, 1.0, 2.0 / 3.0)
 
 
 @dataclass(frozen=True)
@@ -52,6 +55,11 @@ class Rectangle:
         return Rectangle(
             self.x_min - distance, self.y_min - distance, self.x_max + distance, self.y_max + distance
         )
+
+    def buffered(self, width: float) -> Rectangle:
+        """Return the rectangle of a tile with a buffer of a width, see `BUFFER_SHARES`."""
+        west, south, east, north = (share * width for share in BUFFER_SHARES)
+        return Rectangle(self.x_min - west, self.y_min - south, self.x_max + east, self.y_max + north)
 
     def moved(self, x: float, y: float) -> Rectangle:
         """Return the rectangle moved by (x, y)."""

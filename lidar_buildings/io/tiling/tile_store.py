@@ -189,7 +189,7 @@ class TileStore:
 
     def _gathered(self, plan: TilePlan, buffer: float) -> tuple[NDArray[Any], NDArray[np.uint8]]:
         """Read a tile's records with its buffer, and 1 for each that belongs to the buffer."""
-        area = self.grid.area_of(plan.block).grown(buffer)
+        area = self.grid.area_of(plan.block).buffered(buffer)
         cells = {*plan.core, *self.grid.cells_touching(area)}
         # room for all of the cells' records: what stays empty is never touched, so it takes no memory
         records = np.empty(sum(self._spool.counts.get(cell, 0) for cell in cells), RECORD)
@@ -202,7 +202,7 @@ class TileStore:
 
     def local_area(self, plan: TilePlan, buffer: float) -> Rectangle:
         """Return where a tile and its buffer lie in the map frame [m]."""
-        return self._local(self.grid.area_of(plan.block).grown(buffer))
+        return self._local(self.grid.area_of(plan.block).buffered(buffer))
 
     def _local(self, area: Rectangle) -> Rectangle:
         """Move an area from the source's position into the map frame [m]."""
@@ -211,7 +211,7 @@ class TileStore:
     def _tile_blocks(self, plan: TilePlan, buffer: float) -> Iterator[tuple[NDArray[Any], int]]:
         """Read a tile's records with its buffer: (records, 0 for core points or 1)."""
         near = self.local_area(plan, buffer)
-        area = self.grid.area_of(plan.block).grown(buffer)
+        area = self.grid.area_of(plan.block).buffered(buffer)
         for cell in dict.fromkeys([*plan.core, *self.grid.cells_touching(area)]):
             first, last = plan.core.get(cell, (0, 0))
             for block in self._blocks(cell, first, last):

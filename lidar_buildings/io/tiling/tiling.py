@@ -240,7 +240,7 @@ class TileSource:
         unread = [area for source in self._unread if (area := self._areas[source]) is not None]
         for tile in sorted(self._waiting - self._planned):
             square = self._grid.area_of(self._grid.block_of(tile))
-            surroundings = square.grown(reach)
+            surroundings = square.buffered(reach)
             if not surroundings.touches(read) or any(surroundings.touches(area) for area in unread):
                 continue
             if any(square.touches(area) for area in areas):

@@ -29,8 +29,8 @@ class TilingConfig(StageConfig):
     )
     buffer: float = parameter(
         75.0,
-        "Width of the strip of neighbours round a tile; a larger one lets larger buildings cross its edge, "
-        "and the ground filter see more of the terrain around (its reach is 1.5 seed_cell).",
+        "Width of the strip of neighbours east of a tile; those on its other sides are two thirds as wide. A "
+        "larger one lets larger buildings cross its edge, and the ground filter see more of the terrain.",
         unit="m",
         minimum=0.0,
         maximum=1_000.0,

@@ -30,7 +30,7 @@ class RasterConfig(StageConfig):
     raster_reach: float = parameter(
         20.0,
         "Radius of the smallest circle without any point that stays unknown in the rasters; a larger one "
-        "closes wider waters and gaps, and wants a buffer twice as wide.",
+        "closes wider waters and gaps, and wants a buffer three times as wide.",
         unit="m",
         minimum=0.0,
         maximum=200.0,
