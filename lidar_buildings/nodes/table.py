@@ -104,7 +104,12 @@ CLASSIFIED_POINTS = Topic(
     "6 building (`facade` = 1: walls and what is under the eaves), 7 and 18 noise, 11 road, and the "
     "source's own that are kept",
 )
-ROOF_POINTS = Topic("roof_points", _CLOUD, "CLOUD", "the points of class 6 that are no façade")
+ROOF_POINTS = Topic(
+    "roof_points",
+    _CLOUD,
+    "CLOUD",
+    "the points of class 6 that are no façade, and of these what may hang together with the tile's own",
+)
 EDGE_POINTS = Topic(
     "edge_points",
     _CLOUD,

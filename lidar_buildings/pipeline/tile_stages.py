@@ -25,6 +25,7 @@ from lidar_buildings.core.stages.ground_filter import GroundFilterConfig, classi
 from lidar_buildings.core.stages.plane_fitting import PlaneFittingConfig, number_planes
 from lidar_buildings.core.stages.roof_selection import RoofSelectionConfig, select_roofs
 from lidar_buildings.core.stages.segmentation import SegmentationConfig, segment_buildings
+from lidar_buildings.core.surfaces.own_roofs import own_roofs
 from lidar_buildings.pipeline.sharing import Sharing, map_buildings
 
 _log = logging.getLogger(__name__)
@@ -109,8 +110,8 @@ def select_roof_points(tile: PointTile, config: RoofSelectionConfig) -> PointTil
 
 
 def roof_points(tile: PointTile) -> PointTile:
-    """Return the points of class 6 alone, and of these the roofs."""
-    return tile.select(tile.is_roof)
+    """Return the roofs of class 6 that the tile's core may be part of, see `own_roofs`."""
+    return tile.select(own_roofs(tile))
 
 
 def label_roof_edges(tile: PointTile, config: EdgeLabellingConfig) -> LabelledTile:
@@ -192,9 +193,10 @@ def trace_footprints(
         For the points that are taken at footprints next to without roof points.
     """
     found = assign_footprints(classified, footprints, config)
-    is_other = (found.building_id > 0) & ~classified.is_roof
-    tile = _with_others(classified, roofs, is_other, found.building_id, edge_labelling)
-    chosen = np.flatnonzero(classified.is_roof | is_other)
+    is_own = own_roofs(classified)
+    is_other = (found.building_id > 0) & ~is_own
+    tile = _with_others(classified, roofs, is_own, is_other, found.building_id, edge_labelling)
+    chosen = np.flatnonzero(is_own | is_other)
     return TracedTile(tile.with_columns(building_id=found.building_id[chosen]), found.outlines, found.clipped)
 
 
@@ -247,6 +249,7 @@ def rows_by_building(building_id: NDArray[np.uint32]) -> list[tuple[int, NDArray
 def _with_others(
     classified: PointTile,
     roofs: PointTile,
+    is_own: NDArray[np.bool_],
     is_other: NDArray[np.bool_],
     building_id: NDArray[np.uint32],
     edge_labelling: EdgeLabellingConfig,
@@ -258,7 +261,7 @@ def _with_others(
     together = np.flatnonzero(np.isin(building_id, building_id[is_other]))
     labelled = label_roof_edges(classified.select(together), edge_labelling).tile
     others = labelled.select(is_other[together])
-    rows = np.concatenate([np.flatnonzero(classified.is_roof), np.flatnonzero(is_other)])
+    rows = np.concatenate([np.flatnonzero(is_own), np.flatnonzero(is_other)])
     return roofs.joined(others).select(np.argsort(rows, kind="stable"))
 
 

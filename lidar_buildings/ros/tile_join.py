@@ -10,6 +10,7 @@ import numpy as np
 
 from lidar_buildings.core.model.outline import BuildingOutline
 from lidar_buildings.core.model.tile import PointTile
+from lidar_buildings.core.surfaces.own_roofs import own_roofs
 from lidar_buildings.ros.outline_quality import Qualities
 
 #: How many tiles may be incomplete: those in flight (at most 8), and copies sent again.
@@ -88,16 +89,16 @@ def agree_on_buildings(parts: Parts) -> bool:
 
 def agree_on_roofs(classified: PointTile, *roofs: PointTile) -> bool:
     """
-    Whether a tile's clouds are of one sending: every one of the later stages has all roof points.
+    Whether a tile's clouds are of one sending: every one of the later stages has all of its own roof points.
 
-    A cloud may have others beside them, which stand in footprints without roof points.
+    A cloud may have others beside them, which stand in footprints.
 
     A tile that was sent again with a larger buffer has more points under the same stamp.
     """
     if classified.classification is None:
         return True
-    n_roofs = int(np.count_nonzero(classified.is_roof))
-    return all(int(np.count_nonzero(cloud.is_roof)) == n_roofs for cloud in roofs)
+    n_roofs = int(np.count_nonzero(own_roofs(classified)))
+    return all(int(np.count_nonzero(own_roofs(cloud))) == n_roofs for cloud in roofs)
 
 
 def _building_ids(part: Any) -> set[int] | None:
