@@ -71,10 +71,8 @@ def run_local(request: RunRequest, footprints: FootprintFile | None, pool: Build
 
 
 def _shared(pool: BuildingPool, function: Callable[[_Job], _Result], jobs: Sequence[_Job]) -> list[_Result]:
-    """Do the last of some jobs here, and the others meanwhile in the pool's processes."""
-    others = [pool.submit(_call, (function, job)) for job in jobs[:-1]]
-    here = [function(job) for job in jobs[-1:]]
-    return [*(other.result() for other in others), *here]
+    """Do some jobs in the pool's processes."""
+    return [answer.result() for answer in [pool.submit(_call, (function, job)) for job in jobs]]
 
 
 def _call(work: tuple[Callable[[_Job], _Result], _Job], _: object) -> _Result:

@@ -8,7 +8,7 @@ with other diagonals.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from itertools import chain, pairwise
+from itertools import accumulate, chain, pairwise
 
 import mapbox_earcut
 import numpy as np
@@ -55,11 +55,13 @@ def triangles_of(pieces: Sequence[tuple[int, ...]]) -> list[Triangle]:
 def _triangles(vertices: FloatArray, face: Face) -> list[Triangle]:
     rows = list(chain.from_iterable(face))
     plan = _largest_view(vertices, face)
-    ends = np.cumsum([len(ring) for ring in face]).astype(np.uint32)
+    ends = np.array(list(accumulate(map(len, face))), dtype=np.uint32)
     cut = mapbox_earcut.triangulate_float64(plan, ends).reshape(-1, 3).tolist()
     places = plan.tolist()
     turned = [_counter_clockwise(places, *corners) for corners in cut]
-    return _split_at_vertices([(rows[a], rows[b], rows[c]) for a, b, c in turned], face, vertices)
+    triangles = [(rows[a], rows[b], rows[c]) for a, b, c in turned]
+    is_whole = len(face) == 1 and len(triangles) == len(rows) - 2
+    return triangles if is_whole else _split_at_vertices(triangles, face, vertices)
 
 
 def _is_convex_quadrilateral(vertices: FloatArray, ring: Sequence[int]) -> bool:
@@ -69,8 +71,11 @@ def _is_convex_quadrilateral(vertices: FloatArray, ring: Sequence[int]) -> bool:
     a, b, c, d = vertices[list(ring)].tolist()
     sides = [_step(a, b), _step(b, c), _step(c, d), _step(d, a)]
     x, y, z = _cross(sides[3], sides[0])
-    others = (_cross(sides[k], sides[k + 1]) for k in range(3))
-    return all(x * u + y * v + z * w > 0.0 for u, v, w in others)
+    for k in range(3):
+        u, v, w = _cross(sides[k], sides[k + 1])
+        if not x * u + y * v + z * w > 0.0:
+            return False
+    return True
 
 
 def _step(a: Sequence[float], b: Sequence[float]) -> tuple[float, float, float]:

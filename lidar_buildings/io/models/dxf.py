@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lidar_buildings.core.model.map_frame import MapFrame
-from lidar_buildings.core.solids.shell import GROUND_SURFACE, ROOF_SURFACE, WALL_SURFACE
+from lidar_buildings.core.solids.shell import GROUND_SURFACE, ROOF_SURFACE, WALL_SURFACE, ring_edges
 from lidar_buildings.io.files.atomic_files import atomic_file
 from lidar_buildings.io.models.arcs import ring_arcs
 from lidar_buildings.io.models.dxf_entities import Corner, DxfEntities, corner_text
@@ -100,13 +100,13 @@ class _Drawing:
         """Draw a solid's faces; edges within a face are hidden."""
         data = self._entities.extended_data([name])
         corners = [corner_text(corner) for corner in self._in_source(mesh.solid.vertices)]
+        layers = {kind: layer_name(mesh.lod, kind) for kind in _SURFACES}
         drawn = []
         for face, pieces, kind in zip(mesh.solid.faces, mesh.pieces, mesh.solid.semantics, strict=True):
-            layer = layer_name(mesh.lod, kind)
-            seen = set(_edges(face[0])).union(*map(_edges, face[1:])) if len(pieces) > 1 else None
+            seen = {edge for ring in face for edge in ring_edges(ring)} if len(pieces) > 1 else None
             for rows in pieces:
-                hidden = [seen is not None and edge not in seen for edge in _edges(rows)]
-                drawn.append(self._entities.face(layer, [corners[k] for k in rows], data, hidden))
+                hidden = [] if seen is None else [edge not in seen for edge in ring_edges(rows)]
+                drawn.append(self._entities.face(layers[kind], [corners[k] for k in rows], data, hidden))
         return drawn
 
     def _in_source(self, vertices: NDArray[np.float64]) -> list[Corner]:
@@ -114,10 +114,6 @@ class _Drawing:
         full = np.zeros((len(vertices), 3))
         full[:, : vertices.shape[1]] = vertices
         return [(x, y, z) for x, y, z in self._frame.to_source(full).tolist()]
-
-
-def _edges(ring: Sequence[int]) -> list[tuple[int, int]]:
-    return list(zip(ring, (*ring[1:], ring[0]), strict=True))
 
 
 def _known_attributes(attributes: Mapping[str, Any]) -> list[str]:

@@ -46,16 +46,20 @@ class DxfEntities:
         data : str
             What `extended_data` returns.
         hidden : sequence of bool
-            Whether the edge from each corner to the next is not drawn.
+            Whether the edge from each corner to the next is not drawn; empty if all are.
         """
         # three corners are written as four, of which the last two are one
-        four = corners if len(corners) == 4 else [*corners, corners[2]]
-        places = "".join(f" 1{k}\n{x}\n 2{k}\n{y}\n 3{k}\n{z}\n" for k, (x, y, z) in enumerate(four))
-        flags = sum(1 << k for k, one in enumerate(hidden[: len(corners) - 1]) if one)
+        (ax, ay, az), (bx, by, bz), (cx, cy, cz) = corners[:3]
+        dx, dy, dz = corners[-1]
+        flags = sum(1 << k for k, one in enumerate(hidden[:-1]) if one)
         # with three corners the last edge is the fourth, and the third has no length
-        flags |= 8 if hidden[len(corners) - 1] else 0
+        flags |= 8 if hidden and hidden[-1] else 0
         mark = f" 70\n{flags}\n" if flags else ""
-        return f"{self._begun('3DFACE', layer)}100\nAcDbFace\n{places}{mark}{data}"
+        return (
+            f"{self._begun('3DFACE', layer)}100\nAcDbFace\n 10\n{ax}\n 20\n{ay}\n 30\n{az}\n"
+            f" 11\n{bx}\n 21\n{by}\n 31\n{bz}\n 12\n{cx}\n 22\n{cy}\n 32\n{cz}\n"
+            f" 13\n{dx}\n 23\n{dy}\n 33\n{dz}\n{mark}{data}"
+        )
 
     def closed_polyline(
         self,

@@ -8,7 +8,6 @@ from contextlib import AbstractContextManager, ExitStack, contextmanager
 from pathlib import Path
 from typing import NamedTuple
 
-from lidar_buildings.core.model.errors import OutputError
 from lidar_buildings.io.files.atomic_files import atomic_file, write_error
 from lidar_buildings.io.models.cityjson import header_line
 from lidar_buildings.io.models.dxf import dxf_file
@@ -16,16 +15,11 @@ from lidar_buildings.io.models.obj import obj_file
 from lidar_buildings.io.models.survey_building import SurveyBuilding
 from lidar_buildings.io.results.building_layers import building_layers_file
 from lidar_buildings.io.results.output_config import FORMAT_FILES
-from lidar_buildings.io.results.run_folder import Share
 from lidar_buildings.io.results.survey_buildings import SurveyBuildings
 
 #: Formats that tell of outlines, also where there are no models.
 OF_OUTLINES = ("gpkg",)
 _NO_FEATURE = "unknown"
-#: Formats that are written apart from the others: each of the two groups takes about as long.
-_APART = (("gpkg", "cityjson", "obj"), ("dxf",))
-#: So many buildings are sent to other processes; more would take memory several times.
-_MOST_SENT = 50_000
 
 _Add = Callable[[SurveyBuilding], None]
 
@@ -51,7 +45,6 @@ def write_buildings(
     buildings: SurveyBuildings,
     formats: Collection[str],
     heading: ModelHeading,
-    share: Share = map,
 ) -> tuple[list[str], dict[str, int]]:
     """
     Write buildings in some formats; a file appears, complete, when its last building is written.
@@ -66,8 +59,6 @@ def write_buildings(
         Names of `FORMAT_FILES`.
     heading : ModelHeading
         What a city model is to say of itself.
-    share : callable
-        As `map`; may call the function for several jobs at the same time, in other processes.
 
     Returns
     -------
@@ -82,50 +73,26 @@ def write_buildings(
         If a file cannot be written.
     """
     chosen = [name for name in FORMAT_FILES if name in formats]
-    groups = [tuple(chosen)]
-    if share is not map and len(buildings) <= _MOST_SENT:
-        groups = [tuple(name for name in group if name in chosen) for group in _APART]
-    jobs = [_Job(folder, buildings, group, heading) for group in groups if group]
-    done = list(share(_written, jobs or [_Job(folder, buildings, (), heading)]))
-    for outcome in done:
-        if isinstance(outcome, OutputError):
-            raise outcome
-    return [file for name in chosen for file in FORMAT_FILES[name]], dict(done[0])
-
-
-class _Job(NamedTuple):
-    """Files that are written in one pass over the buildings."""
-
-    folder: Path
-    buildings: SurveyBuildings
-    formats: tuple[str, ...]
-    heading: ModelHeading
-
-
-def _written(job: _Job) -> dict[str, int] | OutputError:
-    """Write files side by side; return the number of buildings by status, or why it is impossible."""
+    paths = [folder / FORMAT_FILES[name][0] for name in chosen]
     outlined: Counter[str] = Counter()
     traced: Counter[str] = Counter()
-    try:
-        with ExitStack() as stack:
-            paths = [job.folder / FORMAT_FILES[name][0] for name in job.formats]
-            writers = [
-                stack.enter_context(_WRITERS[name](path, job.buildings, job.heading))
-                for name, path in zip(job.formats, paths, strict=True)
-            ]
-            for building in job.buildings:
-                for path, add in zip(paths, writers, strict=True):
-                    try:
-                        add(building)
-                    except OSError as error:  # else the file opened last would be named
-                        raise write_error(path, error) from error
-                status = building.attributes.get("status") or _NO_FEATURE
-                outlined[status] += building.outline is not None
-                traced[status] += building.traced is not None
-    except OutputError as error:
-        return error
+    with ExitStack() as stack:
+        writers = [
+            stack.enter_context(_WRITERS[name](path, buildings, heading))
+            for name, path in zip(chosen, paths, strict=True)
+        ]
+        for building in buildings:
+            for path, add in zip(paths, writers, strict=True):
+                try:
+                    add(building)
+                except OSError as error:  # else the file opened last would be named
+                    raise write_error(path, error) from error
+            status = building.attributes.get("status") or _NO_FEATURE
+            outlined[status] += building.outline is not None
+            traced[status] += building.traced is not None
     counted = outlined if outlined.total() else traced
-    return dict(sorted((+counted).items()))
+    files = [file for name in chosen for file in FORMAT_FILES[name]]
+    return files, dict(sorted((+counted).items()))
 
 
 @contextmanager

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +13,7 @@ import shapely
 from numpy.typing import NDArray
 
 from lidar_buildings.core.model.map_frame import MapFrame
-from lidar_buildings.core.solids.shell import ROOF_SURFACE
+from lidar_buildings.core.solids.shell import ROOF_SURFACE, Face
 from lidar_buildings.io.models.building_attributes import BUILDING_FIELDS, FACE_FIELDS, face_attributes
 from lidar_buildings.io.models.survey_building import SurveyBuilding
 from lidar_buildings.io.vectors.geopackage import GeoPackageLayer, GeoPackageWriter
@@ -111,18 +112,28 @@ def _roof_faces(
         return
     solid = feature.solids[feature.finest]
     faces = [f for f, kind in zip(solid.faces, solid.semantics, strict=True) if kind == ROOF_SURFACE]
-    for number, face in enumerate(faces, start=1):
-        rings = solid.face_rings(face)
-        polygon = _polygon(rings, frame)
-        elevations = np.round(shapely.get_coordinates(polygon, include_z=True)[:, 2], _DECIMALS)
+    vertices = frame.to_source(solid.vertices)
+    elevations = np.round(vertices[:, 2], _DECIMALS).tolist()
+    for number, (face, polygon) in enumerate(zip(faces, _polygons(vertices, faces), strict=True), start=1):
+        own = [elevations[row] for ring in face for row in ring]
         known = {
             "lod": feature.finest,
             "face": number,
-            **face_attributes(rings, frame),
-            "elevation_min": float(elevations.min()),
-            "elevation_max": float(elevations.max()),
+            **face_attributes(solid.face_rings(face), frame),
+            "elevation_min": min(own),
+            "elevation_max": max(own),
         }
         yield known, polygon
+
+
+def _polygons(vertices: NDArray[np.float64], faces: Sequence[Face]) -> NDArray[Any]:
+    """Return faces as polygons, all at once."""
+    rings = [ring for face in faces for ring in face]
+    corners = vertices[np.fromiter(chain.from_iterable(rings), dtype=np.intp)]
+    number = np.repeat(np.arange(len(rings)), [len(ring) for ring in rings])
+    of_face = np.repeat(np.arange(len(faces)), [len(face) for face in faces])
+    polygons: NDArray[Any] = shapely.polygons(shapely.linearrings(corners, indices=number), indices=of_face)
+    return polygons
 
 
 def _polygon(rings: Iterable[NDArray[np.float64]], frame: MapFrame) -> shapely.Polygon:

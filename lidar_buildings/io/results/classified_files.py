@@ -16,7 +16,7 @@ from lidar_buildings.io.clouds.las import InputFile, open_cloud
 from lidar_buildings.io.files.atomic_files import write_error
 from lidar_buildings.io.results.point_results import PointResults
 from lidar_buildings.io.results.run_folder import CLASSIFIED, PARTIAL, Share, output_names
-from lidar_buildings.io.results.tile_products import load_rows
+from lidar_buildings.io.results.tile_products import load_sources
 
 
 @dataclass
@@ -93,7 +93,7 @@ def write_clouds(
     """
     touching: list[list[Path]] = [[] for _ in inputs]
     for fragment in fragments:
-        for source in load_rows(fragment, "sources"):
+        for source in load_sources(fragment):
             if source < len(inputs):
                 touching[source].append(fragment)
     _make_folder(folder / CLASSIFIED)

@@ -29,7 +29,7 @@ from lidar_buildings.io.results.run_folder import (
 )
 from lidar_buildings.io.results.seams import seam_pieces
 from lidar_buildings.io.results.survey_buildings import SurveyBuildings
-from lidar_buildings.io.results.tile_products import TileProducts, load_outlines, load_rows, load_shapes
+from lidar_buildings.io.results.tile_products import TileProducts, load_outlines, load_shapes, load_stamp
 from lidar_buildings.io.vectors.footprints import FootprintFile
 
 if TYPE_CHECKING:  # what writes is imported when it is needed: `load_writers`
@@ -187,7 +187,7 @@ class OutputFolder:
             What else ``run.json`` is to tell: versions, parameters, seconds per stage; its ``problems`` stand
             before those met here.
         share : callable
-            As `map`; may do its jobs in other processes.
+            As `map`; may do its jobs, the classified clouds, in other processes.
 
         Raises
         ------
@@ -203,7 +203,7 @@ class OutputFolder:
                 write_clouds, self.path, self.inputs, fragments, without=pieces, share=share
             )
             raster_files = beside.submit(self._write_rasters, fragments)
-            buildings, statuses = self._write_buildings(fragments, pieces, share)
+            buildings, statuses = self._write_buildings(fragments, pieces)
             clouds, (rasters, problems) = cloud_files.result(), raster_files.result()
         files = [*filter(None, clouds.outputs), *buildings]
         told = info.get("problems", ())
@@ -229,9 +229,7 @@ class OutputFolder:
     def _partial(self) -> Path:
         return self.path / PARTIAL
 
-    def _write_buildings(
-        self, fragments: list[Path], pieces: set[int], share: Share
-    ) -> tuple[list[str], dict[str, int]]:
+    def _write_buildings(self, fragments: list[Path], pieces: set[int]) -> tuple[list[str], dict[str, int]]:
         """Write outlines and models as far as the run went; return file names, and buildings per status."""
         from lidar_buildings.io.results.building_files import OF_OUTLINES, write_buildings
 
@@ -244,7 +242,7 @@ class OutputFolder:
         ) as buildings:
             for shapes in self._footprints.named(load_shapes(one) for one in fragments):
                 buildings.add(shapes)
-            return write_buildings(self.path, buildings, formats, self._heading(), share)
+            return write_buildings(self.path, buildings, formats, self._heading())
 
     def _heading(self) -> ModelHeading:
         """Return what the city model says of itself."""
@@ -283,7 +281,7 @@ class OutputFolder:
 
 def _is_whole(fragment: Path) -> bool:
     try:
-        load_rows(fragment, "stamp")
+        load_stamp(fragment)
     except (OSError, ValueError, KeyError, EOFError, RuntimeError, BadZipFile):
         return False
     return True

@@ -67,15 +67,6 @@ class SurveyBuildings:
         with self._reported():
             self._file = open(path, "w+b")  # noqa: SIM115 (open as long as the object)
 
-    def __getstate__(self) -> dict[str, Any]:
-        """Return all but the open file."""
-        return {name: value for name, value in self.__dict__.items() if name != "_file"}
-
-    def __setstate__(self, state: dict[str, Any]) -> None:
-        """Open the file for reading."""
-        self.__dict__.update(state)
-        self._file = open(self._path, "rb")  # noqa: SIM115 (open as long as the object)
-
     def close(self) -> None:
         """Close the file of lines."""
         # what could not be written was said when the tile was added, and closing tries to write it again
@@ -105,9 +96,6 @@ class SurveyBuildings:
                 self._entries[key] = _Entry(before, after, *self._kept(model))
         with self._reported():
             self._file.flush()
-
-    def __len__(self) -> int:
-        return len(self._entries)
 
     def __iter__(self) -> Iterator[SurveyBuilding]:
         """Yield the buildings by id and name, one at a time."""

@@ -112,26 +112,34 @@ class TileProducts:
         """
         polygons = {"traced": self.traced, "outlines": self.outlines}
         shapes = {name: _outlines_as_lists(group) for name, group in polygons.items()}
-        sources = np.unique(np.concatenate([rows["source"] for rows in (self.core, self.roofs, self.edges)]))
+        tables = {"core": self.core, "roofs": self.roofs, "edges": self.edges}
+        sources = np.unique(np.concatenate([rows["source"] for rows in tables.values()]))
+        by_source = {
+            _table_name(name, source): rows[rows["source"] == source]
+            for name, rows in tables.items()
+            for source in sources.tolist()
+        }
         with atomic_file(path) as temporary, open(temporary, "wb") as file:
             np.savez(
                 file,
                 stamp=np.int64(self.stamp),
                 sources=sources,
-                core=self.core,
-                roofs=self.roofs,
-                edges=self.edges,
                 shapes=_as_bytes(shapes),
                 features=_as_bytes(list(self.features)),
+                **by_source,
                 **_raster_arrays(self.rasters),
             )
 
     @classmethod
     def load(cls, path: Path) -> TileProducts:
         """Read what `save` wrote."""
-        core, roofs, edges = (load_rows(path, name) for name in ("core", "roofs", "edges"))
+        sources = load_sources(path)
+        core, roofs, edges = (
+            np.concatenate([np.zeros(0, kind), *(load_rows(path, name, source) for source in sources)])
+            for name, kind in (("core", CORE), ("roofs", ROOFS), ("edges", EDGES))
+        )
         rasters = None if load_raster_window(path) is None else load_rasters(path)
-        return cls(int(load_rows(path, "stamp")), core, roofs, edges, *load_shapes(path), rasters)
+        return cls(load_stamp(path), core, roofs, edges, *load_shapes(path), rasters)
 
 
 class Shapes(NamedTuple):
@@ -178,11 +186,28 @@ def load_rasters(path: Path) -> TerrainRasters:
         return TerrainRasters(window, *(held[name] for name in _RASTERS))
 
 
-def load_rows(path: Path, name: str) -> NDArray[Any]:
-    """Read one table of a saved tile: ``core``, ``roofs``, ``edges`` or ``sources``."""
+def load_stamp(path: Path) -> int:
+    """Read the key of a saved tile [ns]."""
     with np.load(path) as held:
-        table: NDArray[Any] = held[name]
+        return int(held["stamp"])
+
+
+def load_sources(path: Path) -> list[int]:
+    """Read from which inputs a saved tile has points."""
+    with np.load(path) as held:
+        sources: list[int] = held["sources"].tolist()
+    return sources
+
+
+def load_rows(path: Path, name: str, source: int) -> NDArray[Any]:
+    """Read what one table of a saved tile, ``core``, ``roofs`` or ``edges``, says of an input's points."""
+    with np.load(path) as held:
+        table: NDArray[Any] = held[_table_name(name, source)]
         return table
+
+
+def _table_name(name: str, source: int) -> str:
+    return f"{name}_{source}"
 
 
 def _as_bytes(content: Any) -> NDArray[np.uint8]:

@@ -3,7 +3,6 @@ The files of a survey's buildings: GeoPackage layers read by GDAL, order, repeti
 """
 
 import json
-import pickle
 
 import numpy as np
 import pyogrio
@@ -55,29 +54,6 @@ def test_all_files_are_named_and_buildings_counted_by_status(dutch):
     assert files == NAMES
     assert all((folder / name).is_file() for name in files)
     assert statuses == {"degenerate": 1, "ok": 4}
-
-
-def elsewhere(function, jobs):
-    """Do jobs as processes do that are sent them."""
-    jobs = [pickle.loads(pickle.dumps(job)) for job in jobs]
-    assert len(jobs) > 1
-    return [pickle.loads(pickle.dumps(function(job))) for job in jobs]
-
-
-def test_files_written_by_several_processes_are_the_same(dutch, tmp_path):
-    folder, files, statuses = dutch
-    with model_survey.survey(tmp_path, model_survey.shapes(), frame=DUTCH) as survey:
-        heading = ModelHeading("Buildings of a")
-        assert write_buildings(tmp_path, survey, FILES, heading, elsewhere) == (files, statuses)
-    assert bytes_of(tmp_path) == bytes_of(folder)
-
-
-def test_a_process_that_cannot_write_says_so(tmp_path):
-    with (
-        model_survey.survey(tmp_path, model_survey.shapes(), frame=DUTCH) as survey,
-        pytest.raises(OutputError, match="cannot be written"),
-    ):
-        write_buildings(tmp_path / "not there", survey, FILES, ModelHeading(), elsewhere)
 
 
 def test_outlines_have_every_attribute_and_every_building(dutch):
