@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -113,6 +114,17 @@ def signed_area(ring: NDArray[np.float64]) -> float:
     # Seen from the first corner, what closes the ring adds nothing.
     x, y = (ring - ring[0]).T
     return 0.5 * float(x[:-1].dot(y[1:]) - y[:-1].dot(x[1:]))
+
+
+def ring_walls(rings: Sequence[NDArray[np.float64]]) -> NDArray[np.float64]:
+    """Return both ends of every edge of open rings, shape (n_vertices, 2, 2)."""
+    walls = np.empty((sum(map(len, rings)), 2, 2))
+    first = 0
+    for ring in rings:
+        own = walls[first : first + len(ring)]
+        own[:, 0], own[:-1, 1], own[-1:, 1] = ring, ring[1:], ring[:1]
+        first += len(ring)
+    return walls
 
 
 def _carried(

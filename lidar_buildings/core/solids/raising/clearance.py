@@ -8,6 +8,7 @@ import numpy as np
 
 from lidar_buildings.core.kernels import inner_kernel, kernel
 from lidar_buildings.core.model.array_types import FloatArray, IntArray
+from lidar_buildings.core.model.outline import ring_walls
 
 
 def n_joints(edges: FloatArray | IntArray, distance: float) -> int:
@@ -29,7 +30,7 @@ def n_joints(edges: FloatArray | IntArray, distance: float) -> int:
 
 def edges_of_rings(rings: Sequence[FloatArray]) -> FloatArray:
     """Return the edges of open rings as `n_joints` takes them."""
-    edges = np.concatenate([np.concatenate([ring, np.roll(ring, -1, axis=0)], axis=1) for ring in rings])
+    edges = ring_walls(rings).reshape(-1, 4)
     turned = edges[:, 0] > edges[:, 2]
     edges[turned] = edges[turned][:, [2, 3, 0, 1]]
     return edges[np.argsort(edges[:, 0])]

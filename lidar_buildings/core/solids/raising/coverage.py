@@ -40,12 +40,15 @@ def matched_coverage(pieces: Sequence[RoofPiece], numbers: IntArray) -> PlanGrap
 
 
 def _are_sound(rings: GridRings, is_clear: bool) -> bool:
-    """Whether all pieces are valid polygons; clear rings are, unless they pass a place twice."""
-    groups = [group for _, group in rings.groups()] if not (is_clear and _pass_once(rings)) else []
-    if is_clear:
-        groups = [g for g in groups if len(g) > 1 or len(set(map(tuple, g[0].tolist()))) < len(g[0])]
-    polygons = [shapely.Polygon(group[0], group[1:]) for group in groups]
-    return bool(shapely.is_valid(np.array(polygons, dtype=object)).all())
+    """Whether all pieces are valid polygons; clear rings that pass each place once are."""
+    if is_clear and _pass_once(rings):
+        return True
+    ring = np.repeat(np.arange(len(rings.owner)), np.diff(rings.starts))
+    piece = np.cumsum(np.append(0, rings.owner[1:] != rings.owner[:-1]))
+    polygons = shapely.polygons(
+        shapely.linearrings(rings.corners.astype(np.float64), indices=ring), indices=piece
+    )
+    return bool(shapely.is_valid(polygons).all())
 
 
 def _pass_once(rings: GridRings) -> bool:

@@ -10,14 +10,13 @@ import shapely
 from numpy.typing import NDArray
 
 from lidar_buildings.core.model.array_types import BoolArray, FloatArray, IntArray
-from lidar_buildings.core.model.outline import Outline
+from lidar_buildings.core.model.outline import Outline, ring_walls
 from lidar_buildings.core.solids.output_grid import GRID
+from lidar_buildings.core.stages.building_model.graph_rings import rings_round
 from lidar_buildings.core.stages.building_model.noding import node_segments
 from lidar_buildings.core.stages.building_model.planar_graph import (
     Rotation,
-    enclosed_faces,
-    rings_round,
-    rotation_of,
+    enclosed_cells,
 )
 
 
@@ -110,22 +109,12 @@ def cut_into_cells(outline: Outline, segments: FloatArray) -> Cells:
         Ends in plan [m].
     """
     units, borders, enclosed, corners = node_segments(walls_of(outline), segments)
-    rotation = rotation_of(units, borders)
-    face, n_cells = enclosed_faces(units, borders, enclosed, rotation)
-    low, high = np.full((n_cells, 2), np.iinfo(np.int64).max), np.full((n_cells, 2), np.iinfo(np.int64).min)
-    half = np.flatnonzero(face >= 0)
-    cell, a, b = face[half], units[borders.reshape(-1)[half]], units[borders[:, ::-1].reshape(-1)[half]]
-    np.minimum.at(low, cell, a)
-    np.maximum.at(high, cell, a)
-    order = np.lexsort((high[:, 1], high[:, 0], low[:, 1], low[:, 0]))
-    number = np.append(np.argsort(order), -1)
-    (ax, ay), (bx, by) = (a - low[cell]).T, (b - low[cell]).T
-    doubled = np.bincount(cell, ax * by - ay * bx, n_cells)[order]
+    first, order, place, sides, doubled = enclosed_cells(units, borders, enclosed)
     scale = round(1.0 / GRID)
-    areas, sides = 0.5 * doubled / scale**2, number[face].reshape(-1, 2)
+    areas, rotation = 0.5 * doubled / scale**2, Rotation(first, order, place)
     return Cells(units / scale, borders, sides, areas, corners, units, rotation)
 
 
 def walls_of(outline: Outline) -> FloatArray:
     """Return the edges of an outline, shape (n_walls, 2, 2) [m]."""
-    return np.concatenate([np.stack([ring, np.roll(ring, -1, axis=0)], axis=1) for ring in outline.rings])
+    return ring_walls(outline.rings)

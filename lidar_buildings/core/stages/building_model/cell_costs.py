@@ -14,7 +14,7 @@ from lidar_buildings.core.model.array_types import FloatArray, IntArray
 from lidar_buildings.core.model.outline import Outline
 from lidar_buildings.core.stages.building_model.arrangement import Cells, walls_of
 from lidar_buildings.core.stages.building_model.heights import Limits
-from lidar_buildings.core.stages.building_model.line_tiles import in_tiles, tile_of, tiles_of
+from lidar_buildings.core.stages.building_model.line_tiles import in_tiles, tile_of
 from lidar_buildings.core.stages.building_model.outline_coverage import is_inside
 
 #: Spots farther than this from any point are without data [spacings].
@@ -151,8 +151,7 @@ def cells_of_points(cells: Cells, points: FloatArray) -> IntArray:
     # Lines that end inside a cell part nothing.
     parts = cells.sides[:, 0] != cells.sides[:, 1]
     lines = cells.vertices[cells.borders[parts]].reshape(-1, 4)
-    tiles = tiles_of(lines)
-    start, items = in_tiles(lines, tiles)
+    tiles, start, items = in_tiles(lines)
     return _cells_above(points, lines, cells.sides[parts], tiles, start, items)
 
 

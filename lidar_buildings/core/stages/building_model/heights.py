@@ -11,7 +11,7 @@ from lidar_buildings.core.kernels import kernel
 from lidar_buildings.core.model.array_types import BoolArray, FloatArray, IntArray
 from lidar_buildings.core.neighbours.union_find import sets_of_pairs
 from lidar_buildings.core.solids.output_grid import GRID
-from lidar_buildings.core.stages.building_model.line_tiles import in_tiles, tile_of, tiles_of
+from lidar_buildings.core.stages.building_model.line_tiles import in_tiles, tile_of
 from lidar_buildings.core.stages.building_model.roof_face import RoofFacePatch, open_rings
 
 #: A face whose points lie farther off in the middle than this gets a plane of its own [m].
@@ -118,7 +118,10 @@ def _suit(planes: FloatArray, faces: list[RoofFacePatch], points: FloatArray, sp
     own = points[np.concatenate([faces[k].rows for k in some])]
     number, begin = np.repeat(some, n), np.cumsum(n) - n
     misfit = np.abs(own[:, 2] - _elevations(planes[number], own))
-    ordered = misfit[np.lexsort((misfit, number))]
+    order = np.argsort(misfit)
+    # Numpy sorts numbers of 16 bits in a tenth of the time.
+    few = np.uint16 if len(faces) < 65536 else np.int64
+    ordered = misfit[order[np.argsort(number[order].astype(few), kind="stable")]]
     median = 0.5 * (ordered[begin + (n - 1) // 2] + ordered[begin + n // 2])
     suits[some] = median <= _MAX_MEDIAN_MISFIT + 0.5 * spacing * rise[some]
     corners, first, length, area = _corners_of(faces)
@@ -225,8 +228,7 @@ def parts_of_one_height(faces: list[RoofFacePatch], min_step: float) -> IntArray
     corners, owner = np.concatenate(rings), np.repeat(np.arange(len(faces)), _numbers_of_corners(faces))
     lines = np.concatenate([corners, corners[_next_corners(rings)]], axis=1)
     planes = np.array([face.plane for face in faces])
-    tiles = tiles_of(lines)
-    start, items = in_tiles(lines, tiles)
+    tiles, start, items = in_tiles(lines)
     borders = np.empty((4 * len(lines) + 16, 3))
     while (n := _common_borders(lines, owner, planes, tiles, start, items, borders)) > len(borders):
         borders = np.empty((n, 3))

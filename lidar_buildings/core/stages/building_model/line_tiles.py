@@ -7,7 +7,6 @@ import math
 import numpy as np
 
 from lidar_buildings.core.kernels import inner_kernel, kernel
-from lidar_buildings.core.model.array_types import FloatArray
 
 #: An end that misses an obstacle by so little meets it: less than a line moves by rounding [m].
 SLACK = 1e-3
@@ -15,11 +14,14 @@ SLACK = 1e-3
 MARGIN = 2.0 * SLACK
 
 
-def tiles_of(lines: FloatArray) -> FloatArray:
+@inner_kernel
+def _tiles_of(lines):  # type: ignore[no-untyped-def]
     """Return west, south, side, columns and rows of about as many square tiles as there are lines."""
-    x, y = lines.reshape(-1, 2).T
-    west, south = float(x.min()), float(y.min())
-    width, height = float(x.max()) - west, float(y.max()) - south
+    west, south, width, height = np.inf, np.inf, -np.inf, -np.inf
+    for i in range(len(lines)):
+        west, south = min(west, lines[i, 0], lines[i, 2]), min(south, lines[i, 1], lines[i, 3])
+        width, height = max(width, lines[i, 0], lines[i, 2]), max(height, lines[i, 1], lines[i, 3])
+    width, height = width - west, height - south
     side = max(math.sqrt(width * height / len(lines)), max(width, height) / 1000.0, 10.0 * MARGIN)
     return np.array([west, south, side, math.floor(width / side) + 1.0, math.floor(height / side) + 1.0])
 
@@ -54,8 +56,13 @@ def columns_touched(line, tiles):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def in_tiles(lines, tiles):  # type: ignore[no-untyped-def]
-    """Return where each tile, column by column, begins in the numbers of lines that touch it; and these."""
+def in_tiles(lines):  # type: ignore[no-untyped-def]
+    """
+    Return tiles over lines, and which lines touch each.
+
+    The latter as where each tile, column by column, begins in the numbers of lines, and these.
+    """
+    tiles = _tiles_of(lines)
     n_rows = int(tiles[4])
     start = np.zeros(int(tiles[3]) * n_rows + 1, np.int64)
     items = np.empty(0, np.int64)
@@ -74,4 +81,4 @@ def in_tiles(lines, tiles):  # type: ignore[no-untyped-def]
                     else:
                         start[k] -= 1
                         items[start[k]] = i
-    return start, items
+    return tiles, start, items

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from lidar_buildings.core.model.array_types import FloatArray, IntArray
-from lidar_buildings.core.model.outline import Outline
+from lidar_buildings.core.model.outline import Outline, ring_walls
 from lidar_buildings.core.neighbours.union_find import sets_of_pairs
 
 #: A point so far off the face it lies in was missed [m].
@@ -98,7 +98,9 @@ def _parts(xy: FloatArray, plane_id: NDArray[np.uint16], reach: float, fewest: i
     """Return the rows of connected groups of at least so many points of one plane."""
     if len(xy) < fewest:
         return []
-    one, other = cKDTree(xy).query_pairs(reach, output_type="ndarray").T
+    one, other = (
+        cKDTree(xy, balanced_tree=False, compact_nodes=False).query_pairs(reach, output_type="ndarray").T
+    )
     same = plane_id[one] == plane_id[other]
     part = sets_of_pairs(len(xy), one[same], other[same])
     order, count = np.argsort(part, kind="stable"), np.bincount(part)
@@ -110,7 +112,8 @@ def _directions(outline: Outline) -> FloatArray:
     """
     Return unit vectors along the longest walls, at most three that differ by more than 10 degrees mod 90.
     """
-    walls = np.concatenate([np.roll(ring, -1, axis=0) - ring for ring in outline.rings])
+    ends = ring_walls(outline.rings)
+    walls = ends[:, 1] - ends[:, 0]
     length = np.hypot(*walls.T)
     chosen: list[float] = []
     for row in np.argsort(-length, kind="stable"):

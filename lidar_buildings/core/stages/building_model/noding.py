@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 
 from lidar_buildings.core.kernels import inner_kernel, kernel
 from lidar_buildings.core.model.array_types import FloatArray, IntArray
+from lidar_buildings.core.neighbours.few_rows import sort_rows
 from lidar_buildings.core.solids.output_grid import GRID
 from lidar_buildings.core.stages.building_model.line_tiles import (
     MARGIN,
@@ -17,7 +17,6 @@ from lidar_buildings.core.stages.building_model.line_tiles import (
     in_tiles,
     rows_touched,
     tile_of,
-    tiles_of,
 )
 
 #: Units of the output grid per metre.
@@ -45,35 +44,12 @@ def extend_segments(segments: FloatArray, walls: FloatArray) -> FloatArray:
         return segments
     obstacles = np.concatenate([segments, walls]).reshape(-1, 4)
     extended = np.empty((len(segments), 4))
-    tiles = tiles_of(obstacles)
-    start, items = in_tiles(obstacles, tiles)
+    tiles, start, items = in_tiles(obstacles)
     _extend(obstacles, tiles, start, items, extended)
     return extended.reshape(-1, 2, 2)
 
 
-class Nodes(NamedTuple):
-    """
-    Segments cut at one another.
-
-    Attributes
-    ----------
-    vertices : ndarray of shape (n_vertices, 2), int64
-        In units of the grid, by rising x, then y.
-    edges : ndarray of shape (n_edges, 2), int64
-        Rows of both ends, the lower one first; in rising order, each once.
-    enclosed : ndarray of shape (n_edges,), int64
-        1 where the outline lies to the left of the edge, -1 to the right, 0 on both sides or on none.
-    corners : ndarray of int64
-        Rows of the outline's vertices, some of them repeated.
-    """
-
-    vertices: IntArray
-    edges: IntArray
-    enclosed: IntArray
-    corners: IntArray
-
-
-def node_segments(walls: FloatArray, segments: FloatArray) -> Nodes:
+def node_segments(walls: FloatArray, segments: FloatArray) -> tuple[IntArray, IntArray, IntArray, IntArray]:
     """
     Cut segments at one another with snap rounding (Hobby 1999).
 
@@ -86,29 +62,74 @@ def node_segments(walls: FloatArray, segments: FloatArray) -> Nodes:
         Edges of the outline, what it encloses on their left [m].
     segments : ndarray of shape (n_segments, 2, 2)
         Further lines [m].
+
+    Returns
+    -------
+    vertices : ndarray of shape (n_vertices, 2), int64
+        In units of the grid, by rising x, then y.
+    edges : ndarray of shape (n_edges, 2), int64
+        Rows of both ends, the lower one first; in rising order, each once.
+    enclosed : ndarray of shape (n_edges,), int64
+        1 where the outline lies to the left of the edge, -1 to the right, 0 on both sides or on none.
+    corners : ndarray of int64
+        Rows of the outline's vertices, some of them repeated.
     """
-    lines = np.concatenate([walls, segments]).reshape(-1, 4)
-    tiles = tiles_of(lines)
-    start, items = in_tiles(lines, tiles)
-    crossings = np.empty((8 * len(lines) + 16, 2), dtype=np.int64)
-    while (n := _cross(lines, tiles, start, items, crossings)) > len(crossings):
-        crossings = np.empty((n, 2), dtype=np.int64)
-    ends = np.floor(lines.reshape(-1, 2) * _SCALE + 0.5).astype(np.int64)
-    every = np.concatenate([ends, crossings[:n]])
-    low = np.array([column.min() for column in every.T])
-    keys, row = np.unique((every[:, 0] - low[0] << 32) + (every[:, 1] - low[1]), return_inverse=True)
-    vertices = np.column_stack([keys >> 32, keys & 0xFFFFFFFF]) + low
-    row = row.reshape(-1)[: 2 * len(lines)]
-    chains = np.empty(4 * len(every) + 16, dtype=np.int64)
-    while (n := _chain(lines, tiles, vertices, row, len(walls), chains)) > len(chains):
-        chains = np.empty(n, dtype=np.int64)
-    # A link is its edge's key, tripled, and 1 more or less along a wall.
-    keys, edge = np.unique((chains[:n] + 1) // 3, return_inverse=True)
-    along = chains[:n] - 3 * keys[edge]
-    enclosed = np.zeros(len(keys), dtype=np.int64)
-    np.add.at(enclosed, edge, along)
-    edges = np.column_stack(np.divmod(keys, len(vertices)))
-    return Nodes(vertices, edges, np.sign(enclosed), row[: 2 * len(walls)])
+    vertices, edges, enclosed, row = _node(np.concatenate([walls, segments]).reshape(-1, 4), len(walls))
+    return vertices, edges, enclosed, row[: 2 * len(walls)]
+
+
+@kernel
+def _node(lines, n_walls):  # type: ignore[no-untyped-def]
+    """Return vertices, edges, how the outline lies to them, and the vertices of the lines' ends."""
+    tiles, start, items = in_tiles(lines)
+    crossings = np.empty((8 * len(lines) + 16, 2), np.int64)
+    n_crossings = _cross(lines, tiles, start, items, crossings)
+    if n_crossings > len(crossings):
+        crossings = np.empty((n_crossings, 2), np.int64)
+        _cross(lines, tiles, start, items, crossings)
+    n_ends = 2 * len(lines)
+    size = n_ends + n_crossings
+    x, y, keys, rows = (
+        np.empty(size, np.int64),
+        np.empty(size, np.int64),
+        np.empty(size, np.int64),
+        np.arange(size),
+    )
+    for i in range(n_ends):
+        x[i] = math.floor(lines[i >> 1, 2 * (i & 1)] * _SCALE + 0.5)
+        y[i] = math.floor(lines[i >> 1, 2 * (i & 1) + 1] * _SCALE + 0.5)
+    for k in range(n_crossings):
+        x[n_ends + k], y[n_ends + k] = crossings[k, 0], crossings[k, 1]
+    west, south = x[0], y[0]
+    for k in range(size):
+        west, south = min(west, x[k]), min(south, y[k])
+    for k in range(size):
+        keys[k] = ((x[k] - west) << 32) + (y[k] - south)
+    sort_rows(keys, rows, size)
+    vertices, row, n_vertices = np.empty((size, 2), np.int64), np.empty(size, np.int64), 0
+    for k in range(size):
+        if k == 0 or keys[k] != keys[k - 1]:
+            vertices[n_vertices, 0], vertices[n_vertices, 1] = x[rows[k]], y[rows[k]]
+            n_vertices += 1
+        row[rows[k]] = n_vertices - 1
+    vertices = vertices[:n_vertices]
+    chains = np.empty(4 * size + 16, np.int64)
+    n_links = _chain(lines, tiles, vertices, row, n_walls, chains)
+    if n_links > len(chains):
+        chains = np.empty(n_links, np.int64)
+        _chain(lines, tiles, vertices, row, n_walls, chains)
+    sort_rows(chains, np.arange(n_links), n_links)
+    edges, enclosed, n_edges = np.empty((n_links, 2), np.int64), np.zeros(n_links, np.int64), 0
+    for k in range(n_links):
+        # A link is its edge's key, tripled, and 1 more or less along a wall.
+        key = (chains[k] + 1) // 3
+        if k == 0 or key != (chains[k - 1] + 1) // 3:
+            edges[n_edges, 0], edges[n_edges, 1] = key // n_vertices, key % n_vertices
+            n_edges += 1
+        enclosed[n_edges - 1] += chains[k] - 3 * key
+    for e in range(n_edges):
+        enclosed[e] = min(max(enclosed[e], -1), 1)
+    return vertices, edges[:n_edges], enclosed[:n_edges], row
 
 
 @kernel
@@ -168,7 +189,7 @@ def _reach(x, y, dx, dy, own, obstacles, tiles, start, items):  # type: ignore[n
     return nearest if nearest < np.inf else 0.0
 
 
-@kernel
+@inner_kernel
 def _cross(lines, tiles, start, items, crossings):  # type: ignore[no-untyped-def]
     """Write the rounded crossings of lines as far as there is room; return how many there are."""
     n, n_columns, n_rows = 0, int(tiles[3]), int(tiles[4])
@@ -200,7 +221,7 @@ def _cross(lines, tiles, start, items, crossings):  # type: ignore[no-untyped-de
     return n
 
 
-@kernel
+@inner_kernel
 def _chain(lines, tiles, vertices, row, n_walls, chains):  # type: ignore[no-untyped-def]
     """Write the links of all lines by way of the vertices whose squares they pass; return how many."""
     n_rows = int(tiles[4])

@@ -6,7 +6,7 @@ import numpy as np
 
 from lidar_buildings.core.kernels import inner_kernel, kernel
 from lidar_buildings.core.model.array_types import BoolArray, FloatArray, IntArray
-from lidar_buildings.core.model.outline import Outline
+from lidar_buildings.core.model.outline import Outline, ring_walls
 
 #: Most spots at which an outline is probed.
 _MAX_SPOTS = 10_000
@@ -39,7 +39,7 @@ def outline_coverage(
     step = max(spacing, float(np.prod(high - low) / _MAX_SPOTS) ** 0.5)
     x, y = (np.arange(a + 0.5 * min(step, b - a), b, step) for a, b in zip(low, high, strict=True))
     rings = [ring for ring in outline.rings if len(ring) >= 3]
-    edges = np.concatenate([np.concatenate([ring, np.roll(ring, -1, axis=0)], axis=1) for ring in rings])
+    edges = ring_walls(rings).reshape(-1, 4)
     counts = np.zeros(3, dtype=np.int64)
     _count(edges, x, y, np.ascontiguousarray(xy), agrees, reach, counts)
     n_spots, n_near, n_covered = counts.tolist()

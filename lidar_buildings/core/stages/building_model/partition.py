@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lidar_buildings.core.model.array_types import FloatArray, IntArray
-from lidar_buildings.core.model.outline import Outline
+from lidar_buildings.core.model.outline import Outline, ring_walls
 from lidar_buildings.core.stages.building_model.arrangement import Cells, cut_into_cells, walls_of
 from lidar_buildings.core.stages.building_model.cell_costs import (
     Samples,
@@ -72,7 +72,8 @@ def partition_outline(
     config : BuildingModelConfig
     """
     samples = make_samples(points, plane_id, outline, spacing)
-    roof = _Roof(outline, points, samples, planes, spacing, config)
+    inward = np.concatenate([_reentrant_walls(ring) for ring in outline.rings])
+    roof = _Roof(outline, points, samples, inward, planes, spacing, config)
     found = _label(roof, segments)
     for _ in range(_SECOND_LOOKS):
         missed = find_missed_parts(
@@ -93,6 +94,7 @@ class _Roof:
     outline: Outline
     points: FloatArray
     samples: Samples
+    inward: FloatArray
     planes: FloatArray
     spacing: float
     config: BuildingModelConfig
@@ -114,9 +116,11 @@ class _Labelled:
 
 
 def _label(roof: _Roof, segments: FloatArray) -> _Labelled:
-    """Cut the outline and give every cell a plane."""
+    """Cut the outline along segments and the walls of its re-entrant corners; give every cell a plane."""
     outline, planes, config = roof.outline, roof.planes, roof.config
-    cells = _cells(outline, segments) if len(planes) > 1 else cut_into_cells(outline, segments[:0])
+    lines = np.concatenate([segments, roof.inward])
+    lines = extend_segments(lines, walls_of(outline)) if len(planes) > 1 else lines[:0]
+    cells = cut_into_cells(outline, lines)
     cell = cells_of_points(cells, roof.samples.points)
     costs = plane_costs(roof.samples, cell, cells, planes, Limits.of(roof.points, roof.spacing))
     labels = label_cells(
@@ -138,19 +142,11 @@ def _faces(roof: _Roof, found: _Labelled) -> list[RoofFacePatch]:
     ]
 
 
-def _cells(outline: Outline, segments: FloatArray) -> Cells:
-    """
-    Cut an outline along segments and along the walls of its re-entrant corners, all run on to the next line.
-    """
-    inward = [_reentrant_walls(ring) for ring in outline.rings]
-    lines = np.concatenate([segments, *inward])
-    return cut_into_cells(outline, extend_segments(lines, walls_of(outline)))
-
-
 def _reentrant_walls(ring: FloatArray) -> FloatArray:
     """Return short segments that lead from re-entrant corners along their walls into the building."""
-    into = ring - np.roll(ring, 1, axis=0)
-    out = np.roll(ring, -1, axis=0) - ring
+    ends = ring_walls([ring])
+    out = ends[:, 1] - ends[:, 0]
+    into = np.concatenate([out[-1:], out[:-1]])
     turn = np.arctan2(into[:, 0] * out[:, 1] - into[:, 1] * out[:, 0], np.sum(into * out, axis=1))
     corner = turn < -_REENTRANT
     at, a, b = ring[corner], into[corner], out[corner]

@@ -1,5 +1,5 @@
 """
-Plane graphs as half-edges: what the edges enclose, and the rings round sets of faces.
+Plane graphs as half-edges, and what the edges enclose.
 
 Edge e from its lower to its higher vertex is half-edge 2e, the way back 2e + 1. The rotation of a vertex is
 its half-edges by direction, counter-clockwise.
@@ -7,12 +7,14 @@ its half-edges by direction, counter-clockwise.
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
 
 from lidar_buildings.core.kernels import inner_kernel, kernel
-from lidar_buildings.core.model.array_types import BoolArray, IntArray
+from lidar_buildings.core.model.array_types import IntArray
+from lidar_buildings.core.neighbours.few_rows import sort_rows
 from lidar_buildings.core.neighbours.union_find import link, root
 
 
@@ -35,78 +37,103 @@ class Rotation(NamedTuple):
     place: IntArray
 
 
-def rotation_of(vertices: IntArray, edges: IntArray) -> Rotation:
-    """Sort the half-edges of a graph round its vertices."""
-    along = (vertices[edges[:, 1]] - vertices[edges[:, 0]]).astype(np.float64)
-    angle = np.arctan2(along[:, 1], along[:, 0])
-    # The way back lies opposite: one rounding for both.
-    back = np.where(angle > 0.0, angle - np.pi, angle + np.pi)
-    order = np.lexsort((np.column_stack([angle, back]).reshape(-1), edges.reshape(-1)))
-    place = np.empty(len(order), dtype=np.int64)
-    place[order] = np.arange(len(order))
-    first = np.zeros(len(vertices) + 1, dtype=np.int64)
-    np.cumsum(np.bincount(edges.reshape(-1), minlength=len(vertices)), out=first[1:])
-    return Rotation(first, order, place)
-
-
-def enclosed_faces(
-    vertices: IntArray, edges: IntArray, enclosed: IntArray, rotation: Rotation
-) -> tuple[IntArray, int]:
+@kernel
+def enclosed_cells(vertices, edges, enclosed):  # type: ignore[no-untyped-def]
     """
-    Number the faces of a graph that lie inside its outline.
+    Find the faces of a graph that lie inside its outline.
 
     Parameters
     ----------
     vertices, edges, enclosed : ndarray
         As returned by `node_segments`.
-    rotation : Rotation
 
     Returns
     -------
-    face : ndarray of shape (n_half_edges,), int64
-        Face to the left of each half-edge, -1 = outside; edges that bound no face have -1 on both sides.
-    n_faces : int
+    first, order, place : ndarray
+        The rotation.
+    sides : ndarray of shape (n_edges, 2), int64
+        Face to the left of each edge and to the right, -1 = outside; edges that bound no face have -1 on both
+        sides. Faces rise by the lower corner of the box round them, then by the upper one.
+    doubled : ndarray of shape (n_faces,)
+        Twice the area of each face.
     """
-    face = np.full(2 * len(edges), -1, dtype=np.int64)
-    n_faces = _enclosed(vertices, edges, enclosed, *rotation, face)
-    return face, n_faces
-
-
-def rings_round(
-    vertices: IntArray, edges: IntArray, rotation: Rotation, face: IntArray, kept: BoolArray
-) -> list[list[IntArray]]:
-    """
-    Return the rings round faces or sets of them: per face its outer ring, counter-clockwise, then its holes.
-
-    Rings are simple, begin at their first vertex, and are rows of vertices; a face without a ring of three
-    vertices has none.
-
-    Parameters
-    ----------
-    vertices : ndarray of shape (n_vertices, 2), int64
-    edges : ndarray of shape (n_edges, 2), int64
-    rotation : Rotation
-    face : ndarray of shape (n_half_edges,), int64
-        Face or set to the left of each half-edge, -1 = none.
-    kept : ndarray of shape (n_vertices,), bool
-        The vertices that rings show.
-    """
-    ends = edges.reshape(-1)
-    corners = np.empty(len(ends), dtype=np.int64)
-    ring = np.zeros((len(ends) + 1, 3), dtype=np.int64)
-    n = _walk_round(vertices, ends, *rotation, face, kept, corners, ring)
-    rings: list[list[IntArray]] = [[] for _ in range(int(face.max(initial=-1)) + 1)]
-    outer = [-1] * len(rings)
-    for k, (start, owner, area) in enumerate(ring[:n].tolist()):
-        own = corners[start : ring[k + 1, 0]]
-        if area > 0:
-            outer[owner] = len(rings[owner])
-        rings[owner].append(own)
-    return [[group.pop(k), *group] if k >= 0 else [] for group, k in zip(rings, outer, strict=True)]
+    first, order, place = _rotation(vertices, edges)
+    face = np.empty(2 * len(edges), np.int64)
+    n = _enclosed(vertices, edges, enclosed, first, order, place, face)
+    largest = np.iinfo(np.int64).max
+    low, high = np.full((n, 2), largest), np.full((n, 2), -largest)
+    for half in range(len(face)):
+        if face[half] >= 0:
+            f, v = face[half], edges[half >> 1, half & 1]
+            for axis in range(2):
+                low[f, axis] = min(low[f, axis], vertices[v, axis])
+                high[f, axis] = max(high[f, axis], vertices[v, axis])
+    keys, rows, number = np.empty(n, np.int64), np.arange(n), np.empty(n, np.int64)
+    for f in range(n):
+        # Vertices rise by x: the first one is the westernmost.
+        keys[f] = ((low[f, 0] - vertices[0, 0]) << 32) + low[f, 1] + (1 << 31) - vertices[0, 1]
+    sort_rows(keys, rows, n)
+    for k in range(n):
+        m, f = k, rows[k]
+        while m > 0 and keys[m - 1] == keys[k] and _comes_first(high, f, rows[m - 1]):
+            rows[m] = rows[m - 1]
+            m -= 1
+        rows[m] = f
+    for k in range(n):
+        number[rows[k]] = k
+    sides, doubled = np.empty_like(edges), np.zeros(n)
+    for half in range(len(face)):
+        f = face[half]
+        sides[half >> 1, half & 1] = -1 if f < 0 else number[f]
+        if f >= 0:
+            a, b = edges[half >> 1, half & 1], edges[half >> 1, 1 - (half & 1)]
+            ax, ay = vertices[a, 0] - low[f, 0], vertices[a, 1] - low[f, 1]
+            bx, by = vertices[b, 0] - low[f, 0], vertices[b, 1] - low[f, 1]
+            doubled[number[f]] += ax * by - ay * bx
+    return first, order, place, sides, doubled
 
 
 @inner_kernel
-def _next(half, ends, first, order, place, face):  # type: ignore[no-untyped-def]
+def _comes_first(high, one, other):  # type: ignore[no-untyped-def]
+    """Whether the upper corner of one box comes before another's by x, then y."""
+    return high[one, 0] < high[other, 0] or (high[one, 0] == high[other, 0] and high[one, 1] < high[other, 1])
+
+
+@inner_kernel
+def _rotation(vertices, edges):  # type: ignore[no-untyped-def]
+    """Sort the half-edges of a graph round its vertices: see `Rotation`."""
+    first = np.zeros(len(vertices) + 1, np.int64)
+    n = 2 * len(edges)
+    order, place, angle = np.empty(n, np.int64), np.empty(n, np.int64), np.empty(n)
+    for e in range(len(edges)):
+        a, b = edges[e, 0], edges[e, 1]
+        angle[2 * e] = math.atan2(
+            float(vertices[b, 1] - vertices[a, 1]), float(vertices[b, 0] - vertices[a, 0])
+        )
+        # The way back lies opposite: one rounding for both.
+        angle[2 * e + 1] = angle[2 * e] - math.pi if angle[2 * e] > 0.0 else angle[2 * e] + math.pi
+        first[a] += 1
+        first[b] += 1
+    for v in range(len(vertices)):
+        first[v + 1] += first[v]
+    for half in range(2 * len(edges) - 1, -1, -1):
+        v = edges[half >> 1, half & 1]
+        first[v] -= 1
+        order[first[v]] = half
+    for v in range(len(vertices)):
+        for m in range(first[v] + 1, first[v + 1]):
+            half, k = order[m], m
+            while k > first[v] and angle[order[k - 1]] > angle[half]:
+                order[k] = order[k - 1]
+                k -= 1
+            order[k] = half
+    for k in range(len(order)):
+        place[order[k]] = k
+    return first, order, place
+
+
+@inner_kernel
+def next_half_edge(half, ends, first, order, place, face):  # type: ignore[no-untyped-def]
     """Return the half-edge that goes on round what lies to the left, by way of borders of faces only."""
     back = half ^ 1
     v, k = ends[back], place[back]
@@ -117,7 +144,7 @@ def _next(half, ends, first, order, place, face):  # type: ignore[no-untyped-def
             return onward
 
 
-@kernel
+@inner_kernel
 def _enclosed(vertices, edges, enclosed, first, order, place, face):  # type: ignore[no-untyped-def]
     """Number faces in place; return how many."""
     ends = edges.reshape(-1)
@@ -152,7 +179,7 @@ def _enclosed(vertices, edges, enclosed, first, order, place, face):  # type: ig
                 a, b = ends[half], ends[half ^ 1]
                 area[n] += (vertices[a, 0] - x) * (vertices[b, 1] - y)
                 area[n] -= (vertices[a, 1] - y) * (vertices[b, 0] - x)
-                half = _next(half, ends, first, order, place, face)
+                half = next_half_edge(half, ends, first, order, place, face)
             n += 1
         # Edges with one face on both sides bound nothing.
         bridges = 0
@@ -223,48 +250,3 @@ def _below(v, vertices, edges, walk):  # type: ignore[no-untyped-def]
         if at < y and at > nearest:
             best, nearest = e, at
     return best
-
-
-@kernel
-def _walk_round(vertices, ends, first, order, place, face, kept, corners, ring):  # type: ignore[no-untyped-def]
-    """Write all rings, and where each begins, its face and twice its area; return how many there are."""
-    done = np.zeros(len(ends), np.bool_)
-    at = np.full(len(first), -1, np.int64)
-    stack = np.empty(len(ends) + 1, np.int64)
-    n = 0
-    for begin in range(len(ends)):
-        if done[begin] or face[begin] < 0 or face[begin] == face[begin ^ 1]:
-            continue
-        half, depth = begin, 0
-        while True:
-            v = ends[half]
-            if at[v] >= 0:
-                # The walk has come back to a vertex: what lies between is a ring of its own.
-                low, count = at[v], 0
-                for k in range(low, depth):
-                    at[stack[k]] = -1
-                    if kept[stack[k]]:
-                        stack[low + count] = stack[k]
-                        count += 1
-                depth = low
-                if count >= 3:
-                    lowest = low
-                    for k in range(low, low + count):
-                        lowest = k if stack[k] < stack[lowest] else lowest
-                    start, area = ring[n, 0], 0
-                    x, y = vertices[stack[lowest], 0], vertices[stack[lowest], 1]
-                    for k in range(count):
-                        a = stack[low + (lowest - low + k) % count]
-                        b = stack[low + (lowest - low + k + 1) % count]
-                        corners[start + k] = a
-                        area += (vertices[a, 0] - x) * (vertices[b, 1] - y)
-                        area -= (vertices[a, 1] - y) * (vertices[b, 0] - x)
-                    ring[n, 1], ring[n, 2], ring[n + 1, 0] = face[begin], area, start + count
-                    n += 1
-            if done[half]:
-                break
-            done[half] = True
-            at[v], stack[depth] = depth, v
-            depth += 1
-            half = _next(half, ends, first, order, place, face)
-    return n

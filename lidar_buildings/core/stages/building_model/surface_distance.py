@@ -7,6 +7,7 @@ import numpy as np
 from lidar_buildings.core.kernels import kernel
 from lidar_buildings.core.model.array_types import FloatArray, IntArray
 from lidar_buildings.core.solids.shell import Solid
+from lidar_buildings.core.solids.validity.face_arrays import face_arrays
 
 #: Points a block, the strips that they are sorted in, and how far those of one class reach at most [m].
 _BLOCK, _STRIP = 32, 4.0
@@ -31,14 +32,18 @@ def distance_to_surface(points: FloatArray, solid: Solid, at_most: FloatArray) -
     ndarray of shape (n_points,)
         [m].
     """
-    rings = [ring for face in solid.faces for ring in face]
-    rows = np.array([row for ring in rings for row in (*ring, ring[0])], dtype=np.int64)
-    first_corner = np.cumsum([0, *(len(ring) + 1 for ring in rings)])
-    first_ring = np.cumsum([0, *(len(face) for face in solid.faces)])
+    faces = face_arrays(solid)
+    starts = faces.ring_starts
+    rows = np.insert(faces.corners, starts[1:], faces.corners[starts[:-1]])
+    first_corner, first_ring = starts + np.arange(len(starts)), faces.face_starts
     corners = np.ascontiguousarray(solid.vertices[rows])
     # Points that lie together and reach as far, side by side: faces pass over whole blocks of them.
-    reach = np.digitize(at_most, _REACHES)
-    order = np.lexsort((points[:, 1], np.floor(points[:, 0] / _STRIP), reach))
+    strip = np.floor(points[:, 0] / _STRIP)
+    strip -= strip.min(initial=0.0)
+    place = np.digitize(at_most, _REACHES) * (strip.max(initial=0.0) + 1.0) + strip
+    order = np.argsort(points[:, 1])
+    # Numpy sorts numbers of 16 bits in a tenth of the time.
+    order = order[np.argsort(np.minimum(place[order], 65535.0).astype(np.uint16), kind="stable")]
     found = np.array(at_most[order], dtype=np.float64)
     _nearest(np.ascontiguousarray(points[order]), corners, first_corner, first_ring, found)
     distance = np.empty_like(found)

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
 from lidar_buildings.core.kernels import inner_kernel
 from lidar_buildings.core.model.array_types import FloatArray
+from lidar_buildings.core.model.outline import ring_walls
 
 #: Places differ by less from where they are in whole numbers [m].
 _ROUNDING = 1e-3
@@ -15,8 +14,7 @@ _ROUNDING = 1e-3
 
 def walls_about(rings: tuple[FloatArray, ...], centre: FloatArray) -> FloatArray:
     """Return the edges of rings about the centre, shape (n, 2, 2) [m]."""
-    walls = [np.stack([ring, np.roll(ring, -1, axis=0)], axis=1) for ring in rings]
-    return np.concatenate(walls) - centre[:2] if walls else np.zeros((0, 2, 2))
+    return ring_walls(rings) - centre[:2]
 
 
 @inner_kernel

@@ -8,6 +8,7 @@ import numpy as np
 
 from lidar_buildings.core.kernels import kernel
 from lidar_buildings.core.model.array_types import FloatArray
+from lidar_buildings.core.model.outline import ring_walls
 
 #: Cosine of four times the angle by which directions that are one may differ: 5 degrees.
 _TOLERANCE = math.cos(math.radians(20.0))
@@ -65,9 +66,8 @@ def _main_directions(angles, weights):  # type: ignore[no-untyped-def]
 
 def outline_directions(rings: tuple[FloatArray, ...]) -> tuple[FloatArray, FloatArray]:
     """Return angle [rad] and length [m] of every edge of an outline."""
-    if not rings:
-        return np.zeros(0), np.zeros(0)
-    edges = np.concatenate([np.roll(ring, -1, axis=0) - ring for ring in rings])
+    walls = ring_walls(rings)
+    edges = walls[:, 1] - walls[:, 0]
     return np.arctan2(edges[:, 1], edges[:, 0]), np.hypot(edges[:, 0], edges[:, 1])
 
 
