@@ -68,7 +68,8 @@ def _guessed_spacing(plan: NDArray[np.float64]) -> float:
     step = math.ceil(len(plan) / N_GUESS)
     x, y = plan[::step].T
     k = min(NEIGHBOURS_TO_GUESS, len(x) - 1)
-    squares = (x[:, None] - x) ** 2 + (y[:, None] - y) ** 2
+    with np.errstate(over="ignore"):
+        squares = (x[:, None] - x) ** 2 + (y[:, None] - y) ** 2
     squares.sort(axis=1)
     far = np.sort(squares[:, k])[len(x) // 2]
     return math.sqrt(float(far) * math.pi / (k * step))

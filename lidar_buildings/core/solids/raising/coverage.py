@@ -34,30 +34,17 @@ def matched_coverage(pieces: Sequence[RoofPiece], numbers: IntArray) -> PlanGrap
     if graph is not None and len(graph.ends):
         # Edges that keep clear of each other cross nowhere and leave no slits.
         is_clear = n_joints(graph.places[graph.ends].reshape(-1, 4), LEAST_DISTANCE) >= 0
-        if _are_sound(rings, is_clear) and (is_clear or not _has_slit(graph)):
+        if _are_sound(rings) and (is_clear or not _has_slit(graph)):
             return graph
     return noded_coverage(pieces, numbers, LEAST_DISTANCE, 1.0)
 
 
-def _are_sound(rings: GridRings, is_clear: bool) -> bool:
-    """Whether all pieces are valid polygons; clear rings that pass each place once are."""
-    if is_clear and _pass_once(rings):
-        return True
+def _are_sound(rings: GridRings) -> bool:
+    """Whether all pieces are valid polygons."""
     ring = np.repeat(np.arange(len(rings.owner)), np.diff(rings.starts))
     piece = np.cumsum(np.append(0, rings.owner[1:] != rings.owner[:-1]))
-    polygons = shapely.polygons(
-        shapely.linearrings(rings.corners.astype(np.float64), indices=ring), indices=piece
-    )
-    return bool(shapely.is_valid(polygons).all())
-
-
-def _pass_once(rings: GridRings) -> bool:
-    """Whether each piece has one ring that passes no place twice."""
-    x, y = (rings.corners - rings.corners.min(axis=0)).T
-    place = (np.repeat(np.arange(len(rings.owner)), np.diff(rings.starts)) * (x.max() + 1) + x) * (
-        y.max() + 1
-    ) + y
-    return len(set(rings.owner.tolist())) == len(rings.owner) and len(np.unique(place)) == len(place)
+    shells = shapely.linearrings(rings.corners.astype(np.float64), indices=ring)
+    return bool(shapely.is_valid(shapely.polygons(shells, indices=piece)).all())
 
 
 def _has_slit(graph: PlanGraph) -> bool:

@@ -56,12 +56,12 @@ class Cells:
         """Rows of the edges between two cells."""
         return np.flatnonzero((self.sides.min(axis=1) >= 0) & (self.sides[:, 0] != self.sides[:, 1]))
 
-    @property
+    @cached_property
     def edges(self) -> IntArray:
         """The two cells on either side of each inner edge, shape (n_edges, 2)."""
         return np.sort(self.sides[self.inner], axis=1)
 
-    @property
+    @cached_property
     def ends(self) -> FloatArray:
         """The x and y of each inner edge's two ends, shape (n_edges, 4) [m]."""
         return self.vertices[self.borders[self.inner]].reshape(-1, 4)

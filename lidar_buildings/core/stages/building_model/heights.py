@@ -9,6 +9,7 @@ import shapely
 
 from lidar_buildings.core.kernels import kernel
 from lidar_buildings.core.model.array_types import BoolArray, FloatArray, IntArray
+from lidar_buildings.core.neighbours.few_rows import rows_by_number
 from lidar_buildings.core.neighbours.union_find import sets_of_pairs
 from lidar_buildings.core.solids.output_grid import GRID
 from lidar_buildings.core.stages.building_model.line_tiles import in_tiles, tile_of
@@ -27,6 +28,9 @@ _NARROW = 1.5
 _ABOVE, _BELOW = 0.3, 1.0
 #: Edges no farther beside one another than rounding moves them run on one another; shorter ones do not [m].
 _BESIDE = 0.001
+
+#: All faces' vertices, where each one's begin, the lengths of their rings and their areas.
+_Corners = tuple[FloatArray, IntArray, FloatArray, FloatArray]
 
 
 @dataclass(frozen=True)
@@ -77,14 +81,14 @@ def fit_face_planes(faces: list[RoofFacePatch], points: FloatArray, spacing: flo
         return []
     limits = Limits.of(points, spacing)
     planes = np.array([face.plane for face in faces])
-    suits = _suit(planes, faces, points, spacing)
+    corners = _corners_of(faces)
+    suits = _suit(planes, faces, corners, points, spacing)
     fitting = list(faces)
     for k in np.flatnonzero(~suits):
         planes[k] = _own_plane(faces[k], points, spacing)
         fitting[k] = replace(faces[k], plane=planes[k])
-    corners, begin, _, _ = _corners_of(faces)
-    beyond = limits.excess(np.repeat(planes, np.diff(begin), axis=0), corners) > 0.0
-    reaching = np.logical_or.reduceat(beyond, begin[:-1])
+    beyond = limits.excess(np.repeat(planes, np.diff(corners[1]), axis=0), corners[0]) > 0.0
+    reaching = np.logical_or.reduceat(beyond, corners[1][:-1])
     pieces = [
         _within(face, points, limits) if is_beyond else [face]
         for face, is_beyond in zip(fitting, reaching, strict=True)
@@ -96,13 +100,15 @@ def _own_plane(face: RoofFacePatch, points: FloatArray, spacing: float) -> Float
     """Return a plane that fits a face's points better than its own: a sloping one, or else a level one."""
     own = points[face.rows]
     if len(own) >= _MIN_POINTS:
-        plane = _least_squares(own)
-        if np.hypot(*plane[:2]) <= _MAX_RISE and _suit(plane[None], [face], points, spacing)[0]:
+        plane, corners = _least_squares(own), _corners_of([face])
+        if np.hypot(*plane[:2]) <= _MAX_RISE and _suit(plane[None], [face], corners, points, spacing)[0]:
             return plane
     return np.array([0.0, 0.0, np.median(own[:, 2])])
 
 
-def _suit(planes: FloatArray, faces: list[RoofFacePatch], points: FloatArray, spacing: float) -> BoolArray:
+def _suit(
+    planes: FloatArray, faces: list[RoofFacePatch], corners_of: _Corners, points: FloatArray, spacing: float
+) -> BoolArray:
     """
     Whether planes fit faces' points and, where a face is small and full of them, keep to their heights.
 
@@ -119,12 +125,10 @@ def _suit(planes: FloatArray, faces: list[RoofFacePatch], points: FloatArray, sp
     number, begin = np.repeat(some, n), np.cumsum(n) - n
     misfit = np.abs(own[:, 2] - _elevations(planes[number], own))
     order = np.argsort(misfit)
-    # Numpy sorts numbers of 16 bits in a tenth of the time.
-    few = np.uint16 if len(faces) < 65536 else np.int64
-    ordered = misfit[order[np.argsort(number[order].astype(few), kind="stable")]]
+    ordered = misfit[order[rows_by_number(number[order], len(faces))]]
     median = 0.5 * (ordered[begin + (n - 1) // 2] + ordered[begin + n // 2])
     suits[some] = median <= _MAX_MEDIAN_MISFIT + 0.5 * spacing * rise[some]
-    corners, first, length, area = _corners_of(faces)
+    corners, first, length, area = corners_of
     small = suits[some] & (area[some] <= _SMALL) & (n * spacing**2 >= 0.5 * area[some])
     if small.any():
         z = _elevations(np.repeat(planes, np.diff(first), axis=0), corners)
@@ -137,7 +141,7 @@ def _suit(planes: FloatArray, faces: list[RoofFacePatch], points: FloatArray, sp
     return suits
 
 
-def _corners_of(faces: list[RoofFacePatch]) -> tuple[FloatArray, IntArray, FloatArray, FloatArray]:
+def _corners_of(faces: list[RoofFacePatch]) -> _Corners:
     """Return all faces' vertices, where each one's begin, the lengths of their rings [m] and areas [m²]."""
     rings = [ring for face in faces for ring in face.rings]
     corners, follows = np.concatenate(rings), _next_corners(rings)
@@ -224,6 +228,8 @@ def parts_of_one_height(faces: list[RoofFacePatch], min_step: float) -> IntArray
     ndarray of shape (n_faces,), int64
         From 0.
     """
+    if len(faces) == 1:
+        return np.zeros(1, dtype=np.int64)
     rings = [ring for face in faces for ring in face.rings]
     corners, owner = np.concatenate(rings), np.repeat(np.arange(len(faces)), _numbers_of_corners(faces))
     lines = np.concatenate([corners, corners[_next_corners(rings)]], axis=1)

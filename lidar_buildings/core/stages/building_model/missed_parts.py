@@ -11,6 +11,7 @@ from scipy.spatial import cKDTree
 from lidar_buildings.core.model.array_types import FloatArray, IntArray
 from lidar_buildings.core.model.outline import Outline, ring_walls
 from lidar_buildings.core.neighbours.union_find import sets_of_pairs
+from lidar_buildings.core.surfaces.percentiles import middle_of
 
 #: A point so far off the face it lies in was missed [m].
 _MISSED = 0.2
@@ -78,20 +79,20 @@ def find_missed_parts(
     ]
     level = np.zeros(len(unassigned), dtype=np.uint16)
     tops = [unassigned[rows] for rows in _parts(points[unassigned, :2], level, _TOGETHER * spacing, fewest)]
-    tops = [rows for rows in tops if _is_level(np.sort(points[rows, 2]))]
+    heights = [np.sort(points[rows, 2]) for rows in tops]
+    level_tops = [(rows, z) for rows, z in zip(tops, heights, strict=True) if _is_level(z)]
+    tops = [rows for rows, _ in level_tops]
     if not parts and not tops:
         return MissedParts(np.zeros((0, 2, 2)), np.zeros((0, 3)))
     planes = np.zeros((len(tops), 3))
-    planes[:, 2] = [np.median(points[rows, 2]) for rows in tops]
+    planes[:, 2] = [0.5 * (z[(len(z) - 1) // 2] + z[len(z) // 2]) for _, z in level_tops]
     return MissedParts(_rectangles(parts + tops, points, _directions(outline), _MARGIN * spacing), planes)
 
 
 def _is_level(z: FloatArray) -> bool:
     """Whether most points of a part, sorted, are at one level."""
-    place = np.array([0.2, 0.8]) * (len(z) - 1)
-    before = place.astype(np.int64)
-    low, high = z[before] + (place - before) * (z[np.minimum(before + 1, len(z) - 1)] - z[before])
-    return bool(high - low <= _MAX_SPREAD)
+    low, high = middle_of(z, 0.2)
+    return high - low <= _MAX_SPREAD
 
 
 def _parts(xy: FloatArray, plane_id: NDArray[np.uint16], reach: float, fewest: int) -> list[IntArray]:
@@ -115,9 +116,9 @@ def _directions(outline: Outline) -> FloatArray:
     ends = ring_walls(outline.rings)
     walls = ends[:, 1] - ends[:, 0]
     length = np.hypot(*walls.T)
+    angles = np.arctan2(walls[:, 1], walls[:, 0]) % (np.pi / 2)
     chosen: list[float] = []
-    for row in np.argsort(-length, kind="stable"):
-        angle = float(np.arctan2(walls[row, 1], walls[row, 0]) % (np.pi / 2))
+    for angle in angles[np.argsort(-length, kind="stable")].tolist():
         if all(abs((angle - other + np.pi / 4) % (np.pi / 2) - np.pi / 4) > np.pi / 18 for other in chosen):
             chosen.append(angle)
         if len(chosen) == 3:

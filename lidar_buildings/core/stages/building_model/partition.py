@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from lidar_buildings.core.model.array_types import FloatArray, IntArray
 from lidar_buildings.core.model.outline import Outline, ring_walls
+from lidar_buildings.core.neighbours.few_rows import rows_by_number
 from lidar_buildings.core.stages.building_model.arrangement import Cells, cut_into_cells, walls_of
 from lidar_buildings.core.stages.building_model.cell_costs import (
     Samples,
@@ -158,7 +159,6 @@ def _reentrant_walls(ring: FloatArray) -> FloatArray:
 def _rows_by_face(face: IntArray, cell: IntArray, n_faces: int) -> list[IntArray]:
     rows = np.flatnonzero(cell >= 0)
     number = face[cell[rows]]
-    # Numpy sorts numbers of 16 bits in a tenth of the time.
-    order = np.argsort(number.astype(np.uint16) if n_faces < 65536 else number, kind="stable")
+    order = rows_by_number(number, n_faces)
     ends = np.cumsum(np.bincount(number, minlength=n_faces))
     return np.split(rows[order], ends[:-1])

@@ -6,6 +6,7 @@ import numpy as np
 
 from lidar_buildings.core.kernels import kernel
 from lidar_buildings.core.model.array_types import FloatArray, IntArray
+from lidar_buildings.core.neighbours.few_rows import rows_by_number
 from lidar_buildings.core.solids.shell import Solid
 from lidar_buildings.core.solids.validity.face_arrays import face_arrays
 
@@ -40,10 +41,10 @@ def distance_to_surface(points: FloatArray, solid: Solid, at_most: FloatArray) -
     # Points that lie together and reach as far, side by side: faces pass over whole blocks of them.
     strip = np.floor(points[:, 0] / _STRIP)
     strip -= strip.min(initial=0.0)
-    place = np.digitize(at_most, _REACHES) * (strip.max(initial=0.0) + 1.0) + strip
+    n_strips = strip.max(initial=0.0) + 1.0
+    place = np.digitize(at_most, _REACHES) * n_strips + strip
     order = np.argsort(points[:, 1])
-    # Numpy sorts numbers of 16 bits in a tenth of the time.
-    order = order[np.argsort(np.minimum(place[order], 65535.0).astype(np.uint16), kind="stable")]
+    order = order[rows_by_number(place[order].astype(np.int64), len(_REACHES) * int(n_strips))]
     found = np.array(at_most[order], dtype=np.float64)
     _nearest(np.ascontiguousarray(points[order]), corners, first_corner, first_ring, found)
     distance = np.empty_like(found)

@@ -61,10 +61,9 @@ def find_borders(raster: RegionRaster, centre: FloatArray) -> Borders:
         Origin of the positions returned [m].
     """
     label = raster.label
-    n = sum(int(np.count_nonzero((a != b) & (a > 0) & (b > 0))) for a, b in _sides(label))
-    numbers = np.empty((n, 4), dtype=np.int32)
-    place = np.empty((n, 4))
-    _fill(label, raster.nearest, raster.distance, numbers, place)
+    numbers, place = np.empty((2 * label.size, 4), dtype=np.int32), np.empty((2 * label.size, 4))
+    n = _fill(label, raster.nearest, raster.distance, numbers, place)
+    numbers, place = numbers[:n], place[:n]
     key = numbers[:, 0].astype(np.int64) << 32 | numbers[:, 1]
     order = np.argsort(key, kind="stable")
     numbers, place, key = numbers[order], place[order], key[order]
@@ -84,15 +83,12 @@ def find_borders(raster: RegionRaster, centre: FloatArray) -> Borders:
     )
 
 
-def _sides(label: NDArray[np.int32]) -> tuple[tuple[NDArray[np.int32], NDArray[np.int32]], ...]:
-    """Return the labels on either side of all sides of cells."""
-    return (label[:-1], label[1:]), (label[:, :-1], label[:, 1:])
-
-
 @kernel
 def _fill(label, nearest, distance, numbers, place):  # type: ignore[no-untyped-def]
     """
     Write planes and nearest points of each side, and its middle in cells, whether it is upright, and its gap.
+
+    Return how many there are.
     """
     n = 0
     n_rows, n_columns = label.shape
@@ -116,3 +112,4 @@ def _fill(label, nearest, distance, numbers, place):  # type: ignore[no-untyped-
                 place[n, 2] = upright
                 place[n, 3] = max(distance[r, c], distance[rr, cc])
                 n += 1
+    return n

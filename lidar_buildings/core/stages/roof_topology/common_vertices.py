@@ -83,14 +83,17 @@ def _common_points(
     if len({*pieces.first.tolist(), *pieces.second.tolist()}) < _LEAST_PLANES:
         return []
     positions = ends.reshape(-1, 2)
-    near = cKDTree(positions).query_pairs(_SAME_POINT * spacing, output_type="ndarray")
-    cluster = sets_of_pairs(len(positions), *near.T)
+    tree = cKDTree(positions, balanced_tree=False, compact_nodes=False)
+    near = tree.query_pairs(_SAME_POINT * spacing, output_type="ndarray")
+    cluster = sets_of_pairs(len(positions), *near.T).tolist()
     pairs = np.repeat(np.column_stack([pieces.first, pieces.second]), 2, axis=0)
+    members: dict[int, list[int]] = {number: [] for number in cluster}
+    for row, number in enumerate(cluster):
+        members[number].append(row)
     vertices = []
-    for number in np.flatnonzero(np.bincount(cluster) > 1):
-        mine = cluster == number
-        planes = np.unique(pairs[mine])
-        if len(planes) < _LEAST_PLANES:
+    for number in sorted(members):
+        mine = members[number]
+        if 2 * len(mine) < _LEAST_PLANES or len(planes := np.unique(pairs[mine])) < _LEAST_PLANES:
             continue
         point, planes = _agreeing(gradients, planes)
         apart = np.hypot(*(positions[mine] - point[:2]).T).min()

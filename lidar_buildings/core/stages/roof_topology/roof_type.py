@@ -20,6 +20,7 @@ from lidar_buildings.core.stages.roof_topology.result import (
     StepEdge,
 )
 from lidar_buildings.core.stages.roof_topology.wings import l_or_t
+from lidar_buildings.core.surfaces.percentiles import middle_of
 
 #: Faces less steep are flat: water runs off, the eye sees none of it [deg].
 _FLAT_DEG = 8.0
@@ -164,9 +165,10 @@ def _faces(
 ) -> Faces:
     """Join planes that are pieces of one face, and sum the lines between faces."""
     planes: list[list[int]] = []
+    known = coefficients.tolist()
     for number in large:
         for face in planes:
-            if _same_face(coefficients[face[0] - 1], coefficients[number - 1], size):
+            if _same_face(known[face[0] - 1], known[number - 1], size):
                 face.append(number)
                 break
         else:
@@ -185,9 +187,9 @@ def _faces(
     return Faces(planes, gradient, lines, size)
 
 
-def _same_face(one: FloatArray, other: FloatArray, size: float) -> bool:
+def _same_face(one: Sequence[float], other: Sequence[float], size: float) -> bool:
     """Whether two planes are nearly one, as far as half the roof's size from the centre."""
-    turn = math.hypot(*(one[:2] - other[:2]))
+    turn = math.hypot(one[0] - other[0], one[1] - other[1])
     return turn < _SAME_GRADIENT and abs(one[2] - other[2]) + 0.5 * size * turn < 2 * _SAME_HEIGHT
 
 
@@ -230,6 +232,4 @@ def _heights(points: FloatArray, plane_id: NDArray[np.uint16], planes: list[int]
     """
     Return the elevations near the eaves and the ridge of planes [m]: percentiles, as a few points may be off.
     """
-    z = points[np.isin(plane_id, planes), 2]
-    low, high = np.percentile(z, (2.0, 98.0))
-    return float(low), float(high)
+    return middle_of(np.sort(points[np.isin(plane_id, planes), 2]), 0.02)

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from lidar_buildings.core.model.array_types import FloatArray
 from lidar_buildings.core.stages.roof_topology.result import RIDGE, IntersectionSegment
+from lidar_buildings.core.surfaces.percentiles import middle_of
 
 #: Ridges within this of a right angle, or parallel to within it, are so [deg].
 _TOLERANCE_DEG = 20.0
@@ -85,7 +86,7 @@ def _span(
 ) -> list[tuple[float, float]]:
     """Return from where to where planes reach in each direction [m]."""
     xy = points[np.isin(plane_id, planes), :2]
-    return [(float(low), float(high)) for low, high in (np.percentile(xy @ d, (1, 99)) for d in directions)]
+    return [middle_of(np.sort(xy @ d), 0.01) for d in directions]
 
 
 def _at_corner(main: tuple[float, float], wing: tuple[float, float]) -> bool:
