@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import ctypes
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import NamedTuple
 
@@ -70,6 +71,7 @@ def done(work: TileWork, pool: Sharing | None = None) -> TileOutcome | LidarBuil
         with ThreadPoolExecutor(1) as beside:  # rasters are made of the classes alone
 
             def begin(classified: PointTile) -> None:
+                _give_memory_back()
                 rasters.append(beside.submit(rasterise_tile, classified, work.rasters, frame))
 
             result = whole_result(work.tile, work.config, work.until, work.footprints, pool, begin)
@@ -80,7 +82,18 @@ def done(work: TileWork, pool: Sharing | None = None) -> TileOutcome | LidarBuil
         return TileOutcome({}, f"{type(error).__name__}: {' '.join(str(error).split())}")
     finally:
         work_alone(was_alone)
-    return TileOutcome(result.seconds)
+    seconds = result.seconds
+    del result
+    rasters.clear()
+    _give_memory_back()
+    return TileOutcome(seconds)
+
+
+def _give_memory_back() -> None:
+    """Return to the system what is free: glibc keeps holes between what is in use, half a tile's memory."""
+    trim = getattr(ctypes.CDLL(None), "malloc_trim", None)
+    if trim is not None:
+        trim(0)
 
 
 def whole_result(
@@ -92,17 +105,19 @@ def whole_result(
     on_classified: Callable[[PointTile], object] | None = None,
 ) -> TileResult:
     """Process a tile, with a larger buffer as long as one of its buildings is not whole."""
-    tile = spooled.read()
     while True:
         result = reconstruct_tile(
-            tile, config, until=until, footprints=footprints, pool=pool, on_classified=on_classified
+            spooled.read(),
+            config,
+            until=until,
+            footprints=footprints,
+            pool=pool,
+            on_classified=on_classified,
+            is_all=lambda: not spooled.grow(),
         )
         if not result.clipped:
             return result
-        del result, tile  # one at a time in memory
-        larger = spooled.grown()
-        # What cannot grow is all there is: no limit is left to reach.
-        tile = larger if larger is not None else replace(spooled.read(), bounds=None)
+        del result  # one at a time in memory
 
 
 def products_of(result: TileResult, frame: MapFrame, rasters: TerrainRasters | None) -> TileProducts:

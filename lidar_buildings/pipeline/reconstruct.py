@@ -104,7 +104,7 @@ class TileResult:
     models : tuple of TileModel
         One per outline.
     clipped : bool
-        Whether a building of this tile reaches beyond the tile's buffer; the chain then ends after tracing.
+        Whether a building of this tile reaches beyond it; the chain then ends after tracing.
     seconds : dict
         Stage name → seconds it took.
     """
@@ -126,6 +126,7 @@ def reconstruct_tile(
     footprints: Footprints | None = None,
     pool: Sharing | None = None,
     on_classified: Callable[[PointTile], object] | None = None,
+    is_all: Callable[[], bool] = lambda: False,
 ) -> TileResult:
     """
     Take one tile from raw points to models.
@@ -144,6 +145,8 @@ def reconstruct_tile(
         Processes that share the buildings; one after the other here without.
     on_classified : callable, optional
         Called with the tile as soon as its points have their classes.
+    is_all : callable
+        Asked when a building reaches beyond the tile: whether nothing lies there, so that the chain goes on.
 
     Returns
     -------
@@ -183,8 +186,9 @@ def reconstruct_tile(
     else:
         found = trace_footprints(classified, roofs, footprints, config.footprints, config.edge_labelling)
     roofs, traced = found.tile, found.outlines
-    if is_last("boundary_tracing") or found.clipped:
-        return TileResult(classified, roofs, traced, clipped=found.clipped, seconds=is_last.seconds)
+    clipped = found.clipped and not is_all()
+    if is_last("boundary_tracing") or clipped:
+        return TileResult(classified, roofs, traced, clipped=clipped, seconds=is_last.seconds)
 
     outlines = regularise_outlines(traced, config.regularisation, pool)
     if is_last("regularisation"):

@@ -43,18 +43,13 @@ class SpooledTile:
         """Return the tile."""
         return self.store.tile(self.plan, self.buffer)
 
-    def grown(self) -> PointTile | None:
+    def grow(self) -> bool:
         """
-        Return the tile once more with its buffer doubled, up to the largest.
-
-        Returns
-        -------
-        PointTile or None
-            None if the buffer is at its largest, or a larger one brings no more points.
+        Double the buffer, up to the largest, until it brings more points; False if none does.
         """
         n_before = self.store.count(self.plan, self.buffer)
         while self.buffer < self.max_buffer:
             self.buffer = min(2 * self.buffer or self.store.grid.cell_size, self.max_buffer)
             if self.store.count(self.plan, self.buffer) > n_before:
-                return self.read()
-        return None
+                return True
+        return False

@@ -139,7 +139,7 @@ class TileSource:
 
     def grown(self, stamp: int) -> PointTile | None:
         """
-        Return the tile of a stamp once more with its buffer doubled, as `SpooledTile.grown` does.
+        Return the tile of a stamp once more with its buffer doubled, None if that brings no more points.
 
         Raises
         ------
@@ -150,7 +150,7 @@ class TileSource:
             tile = self._by_stamp.get(stamp)
             if tile is None or self._closed.is_set():
                 raise ValueError(f"stamp = {stamp}: must be that of a tile that was given out")
-            return tile.grown()
+            return tile.read() if tile.grow() else None
 
     def close(self) -> None:
         """Stop iterating, from whatever thread, and delete the temporary folder."""
