@@ -9,6 +9,7 @@ from rclpy.event_handler import PublisherEventCallbacks
 from std_msgs.msg import Header, String
 from visualization_msgs.msg import MarkerArray
 
+from lidar_buildings.core.model.errors import MessageError
 from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.core.stages.building_model import BuildingModelConfig
@@ -16,7 +17,6 @@ from lidar_buildings.io.models.cityjson import feature_line, header_line
 from lidar_buildings.nodes.configs import NODE_CONFIGS, FlowControlConfig
 from lidar_buildings.pipeline.building_pool import BuildingPool
 from lidar_buildings.pipeline.tile_models import TileModel, build_models
-from lidar_buildings.ros.errors import MessageError
 from lidar_buildings.ros.map_frames import FrameListener
 from lidar_buildings.ros.markers import model_markers
 from lidar_buildings.ros.outline_quality import qualities_of

@@ -10,11 +10,11 @@ from rosgraph_msgs.msg import Clock
 from std_msgs.msg import Header, String
 from std_srvs.srv import Trigger
 
+from lidar_buildings.core.model.errors import MessageError
 from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.io.tiling.tiling import TileSource
 from lidar_buildings.nodes.configs import NODE_CONFIGS, TilePlayerConfig
 from lidar_buildings.nodes.tile_reader import TileReader
-from lidar_buildings.ros.errors import MessageError
 from lidar_buildings.ros.flow_control import FlowControl
 from lidar_buildings.ros.graph_watch import GraphWatch
 from lidar_buildings.ros.map_frames import origin_message, units_message

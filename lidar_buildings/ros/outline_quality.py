@@ -9,9 +9,9 @@ from dataclasses import replace
 import numpy as np
 from std_msgs.msg import String
 
+from lidar_buildings.core.model.errors import MessageError
 from lidar_buildings.core.model.outline import BuildingOutline, OutlineQuality
 from lidar_buildings.core.model.status import BuildingStatus
-from lidar_buildings.ros.errors import MessageError
 
 
 class Qualities(dict[int, OutlineQuality]):

@@ -13,8 +13,8 @@ import numpy as np
 from geometry_msgs.msg import Point32, Polygon, PolygonInstance, PolygonInstanceStamped
 from numpy.typing import NDArray
 
+from lidar_buildings.core.model.errors import MessageError
 from lidar_buildings.core.model.outline import BuildingOutline
-from lidar_buildings.ros.errors import MessageError
 from lidar_buildings.ros.stamps import header_of
 
 Ring = NDArray[np.float64]

@@ -9,7 +9,7 @@ from uuid import uuid4
 from rclpy.node import Node
 from std_msgs.msg import String
 
-from lidar_buildings.ros.errors import MessageError
+from lidar_buildings.core.model.errors import MessageError
 from lidar_buildings.ros.qos import LATCHED_EVENT
 
 TOPIC = "tile_receipt"

@@ -11,9 +11,9 @@ from typing import Any
 from rclpy.node import Node
 from std_msgs.msg import String
 
+from lidar_buildings.core.model.errors import MessageError
 from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.ros.depths import CLOUD_DEPTH
-from lidar_buildings.ros.errors import MessageError
 from lidar_buildings.ros.qos import LATCHED_TILE
 
 TOPIC = "tile_info"

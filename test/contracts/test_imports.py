@@ -31,8 +31,8 @@ LAYERS = {
 }
 #: Layer → its rooms from the ground up: one may import those before it, and the stages not each other.
 ROOMS = {
-    "core": ("model", "neighbours", "surfaces", "solids", "stages"),
-    "io": ("files", "clouds", "tiling", "vectors", "models", "results"),
+    "core": ("model", "scans", "neighbours", "surfaces", "solids", "stages"),
+    "io": ("files", "clouds", "tiling", "bags", "vectors", "models", "results"),
     "evaluation": ("scores", "readers", "command"),
 }
 #: Rooms of io that do not know of each other.

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from std_msgs.msg import String
 
+from lidar_buildings.core.model.errors import MessageError
 from lidar_buildings.core.model.outline import BuildingOutline, Outline, OutlineQuality
 from lidar_buildings.core.model.status import BuildingStatus
-from lidar_buildings.ros.errors import MessageError
 from lidar_buildings.ros.outline_quality import Qualities, qualities_of, quality_message
 
 SQUARE = Outline(np.array([[0.0, 0.0], [4.0, 0.0], [4.0, 4.0], [0.0, 4.0]]))

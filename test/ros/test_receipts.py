@@ -3,8 +3,8 @@
 import pytest
 from std_msgs.msg import String
 
+from lidar_buildings.core.model.errors import MessageError
 from lidar_buildings.ros import receipts
-from lidar_buildings.ros.errors import MessageError
 from lidar_buildings.ros.graph_watch import GraphWatch
 from lidar_buildings.ros.receipts import READY, TAKEN, Receipt, receipt_message, receipt_of
 

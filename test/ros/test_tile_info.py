@@ -3,8 +3,8 @@
 import pytest
 from std_msgs.msg import String
 
+from lidar_buildings.core.model.errors import MessageError
 from lidar_buildings.core.model.tile import PointTile
-from lidar_buildings.ros.errors import MessageError
 from lidar_buildings.ros.tile_info import TileInfos, info_message
 
 STAMP = 1_700_000_000_123_456_789

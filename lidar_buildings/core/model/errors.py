@@ -15,3 +15,7 @@ class OutputError(LidarBuildingsError):
 
 class ParameterError(LidarBuildingsError, ValueError):
     """A parameter name is unknown or its value is out of range."""
+
+
+class MessageError(InputError):
+    """A message does not hold what its topic promises; the message says which field and what is allowed."""
