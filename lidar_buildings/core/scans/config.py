@@ -1,0 +1,88 @@
+"""How scans are placed in the map: what the assembler's parameters and the command line share."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from lidar_buildings.core.model.errors import ParameterError
+from lidar_buildings.core.model.parameters import StageConfig, parameter
+from lidar_buildings.core.scans.point_times import UNITS
+from lidar_buildings.core.scans.trajectory import Pose
+
+#: Numbers of a mounting: x, y, z, roll, pitch, yaw.
+_N_MOUNTING = 6
+
+
+@dataclass(frozen=True)
+class ScanConfig(StageConfig):
+    """How scans are placed in the map."""
+
+    stage: ClassVar[str] = "scan_assembler"
+
+    georeferenced: bool = parameter(
+        False,
+        "Whether scans are taken as they are, their coordinates being the map's; no pose is looked for then.",
+        read_only=True,
+    )
+    map_frame: str = parameter(
+        "map",
+        "Frame in which scans are placed; if nobody tells of it, the last one on the way up from the scan's.",
+        read_only=True,
+    )
+    mounting: str = parameter(
+        "",
+        "Where the scanner is fixed in the frame that poses are of: x, y, z [m], roll, pitch, yaw [deg], "
+        "with commas between them (lever arm and boresight); empty if /tf_static tells, or it is that frame.",
+        read_only=True,
+    )
+    time_unit: str = parameter(
+        "auto",
+        "Unit of the points' own times; auto finds it out.",
+        choices=("auto", *UNITS),
+        read_only=True,
+        advanced=True,
+    )
+    max_pose_gap: float = parameter(
+        0.5,
+        "Longest time between two poses that is filled; raising it places more points, and worse.",
+        unit="s",
+        minimum=0.0,
+        maximum=60.0,
+        read_only=True,
+    )
+    max_speed: float = parameter(
+        150.0,
+        "Highest speed of the sensor; between poses that are further apart no point is placed.",
+        unit="m/s",
+        minimum=0.1,
+        maximum=10_000.0,
+        read_only=True,
+        advanced=True,
+    )
+
+    def __post_init__(self) -> None:
+        """Check every value."""
+        super().__post_init__()
+        self.mounting_pose()
+
+    def mounting_pose(self) -> Pose | None:
+        """Return where the scanner is fixed, None if that is not given."""
+        if not self.mounting.strip():
+            return None
+        try:
+            numbers = [float(word) for word in self.mounting.split(",")]
+        except ValueError:
+            numbers = []
+        if len(numbers) != _N_MOUNTING or not np.isfinite(numbers).all():
+            raise ParameterError(
+                f"{self.stage}.mounting = {self.mounting!r}: must be six numbers with commas between them: "
+                "x, y, z [m], roll, pitch, yaw [deg]"
+            )
+        # roll, pitch and yaw about fixed axes, as in URDF (REP-103)
+        quaternion = Rotation.from_euler("xyz", numbers[3:], degrees=True).as_quat()
+        x, y, z, w = (float(part) for part in quaternion)
+        return Pose((numbers[0], numbers[1], numbers[2]), (x, y, z, w))

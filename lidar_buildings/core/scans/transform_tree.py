@@ -1,0 +1,116 @@
+"""The tree of frames that /tf, /tf_static and odometry tell."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lidar_buildings.core.scans.trajectory import Pose, Poses, Trajectory
+
+#: A frame as it lies in itself.
+_NO_MOVE = Pose((0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))
+
+
+class TransformTree:
+    """
+    Frames, each in its parent.
+
+    Parameters
+    ----------
+    max_gap, max_speed : float
+        As for `Trajectory`.
+    """
+
+    def __init__(self, max_gap: float, max_speed: float) -> None:
+        self._limits = (max_gap, max_speed)
+        self._parents: dict[str, str] = {}
+        self._edges: dict[str, Pose | Trajectory] = {}
+        self._fixed: set[str] = set()
+
+    def set_fixed(self, parent: str, child: str, pose: Pose) -> None:
+        """Fix a frame in its parent for ever, whatever messages say of it."""
+        child = frame_name(child)
+        self._fixed.discard(child)
+        self.add_static(parent, child, pose)
+        self._fixed.add(child)
+
+    def add_static(self, parent: str, child: str, pose: Pose) -> None:
+        """Take a transform of /tf_static."""
+        parent, child = frame_name(parent), frame_name(child)
+        if child not in self._fixed:
+            self._parents[child], self._edges[child] = parent, pose
+
+    def add(self, parent: str, child: str, stamp: int, pose: Pose) -> None:
+        """Take a transform of /tf, or a pose of odometry."""
+        parent, child = frame_name(parent), frame_name(child)
+        if child in self._fixed:
+            return
+        edge = self._edges.get(child)
+        if not isinstance(edge, Trajectory) or self._parents[child] != parent:
+            edge = self._edges[child] = Trajectory(*self._limits)
+            self._parents[child] = parent
+        edge.add(stamp, pose)
+
+    @property
+    def frames(self) -> list[str]:
+        """Names of all frames."""
+        return sorted({*self._parents, *self._parents.values()})
+
+    def root_of(self, frame: str) -> str:
+        """Return the last frame on the way up."""
+        return self._way_up(frame)[-1]
+
+    def has_way(self, source: str, target: str) -> bool:
+        """Whether the two frames are connected."""
+        return self.root_of(source) == self.root_of(target)
+
+    def known_until(self, source: str, target: str) -> int | None:
+        """Return up to when the moving transforms between two frames are known [ns]; None if none moves."""
+        ends = [
+            edge.last or 0
+            for frame in set(self._way_up(source)) ^ set(self._way_up(target))
+            if isinstance(edge := self._edges.get(frame), Trajectory)
+        ]
+        return min(ends, default=None)
+
+    def drop_before(self, stamp: int) -> None:
+        """Forget poses that no later time needs [ns]."""
+        for edge in self._edges.values():
+            if isinstance(edge, Trajectory):
+                edge.drop_before(stamp)
+
+    def poses(self, source: str, target: str, times: NDArray[np.int64]) -> Poses:
+        """
+        Return the poses of frame `source` in frame `target`.
+
+        Raises
+        ------
+        KeyError
+            If they are not connected.
+        """
+        up, down = self._way_up(source), self._way_up(target)
+        common = next((frame for frame in up if frame in down), None)
+        if common is None:
+            raise KeyError(f"no transform leads from {source} to {target}")
+        return self._to(target, common, times).inverted().after(self._to(source, common, times))
+
+    def _to(self, frame: str, ancestor: str, times: NDArray[np.int64]) -> Poses:
+        poses, frame = _NO_MOVE.at(times), frame_name(frame)
+        while frame != frame_name(ancestor):
+            poses = self._edges[frame].at(times).after(poses)
+            frame = self._parents[frame]
+        return poses
+
+    def _way_up(self, frame: str) -> list[str]:
+        """Return a frame and its ancestors; a loop, which no tree has, ends the way."""
+        way = [frame_name(frame)]
+        while (parent := self._parents.get(way[-1])) is not None and parent not in way:
+            way.append(parent)
+        return way
+
+
+def frame_name(name: Any) -> str:
+    """Return a frame's name as ROS 2 writes it, without the slash of ROS 1."""
+    return str(name).lstrip("/")

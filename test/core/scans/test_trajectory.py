@@ -1,0 +1,111 @@
+"""Poses between poses, and frames in frames."""
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from lidar_buildings.core.scans.trajectory import Pose, Trajectory
+from lidar_buildings.core.scans.transform_tree import TransformTree
+
+SECOND = 1_000_000_000
+T0 = 1_700_000_000 * SECOND
+NO_TURN = (0.0, 0.0, 0.0, 1.0)
+
+
+def turned(degrees, axis="z"):
+    return tuple(Rotation.from_euler(axis, degrees, degrees=True).as_quat())
+
+
+def times(*seconds):
+    return T0 + np.rint(np.array(seconds) * SECOND).astype(np.int64)
+
+
+def track(poses, max_gap=1.0, max_speed=100.0):
+    trajectory = Trajectory(max_gap, max_speed)
+    for second, pose in poses:
+        trajectory.add(int(times(second)[0]), pose)
+    return trajectory
+
+
+def test_a_pose_lies_between_its_neighbours_in_place_and_attitude():
+    found = track([(0.5, Pose((4.0, 2.0, 0.0), turned(90))), (0.0, Pose((0.0, 0.0, 0.0), NO_TURN))]).at(
+        times(0.0, 0.125, 0.5)
+    )
+    assert found.is_known.all()
+    np.testing.assert_allclose(found.translation, [[0, 0, 0], [1, 0.5, 0], [4, 2, 0]])
+    np.testing.assert_allclose(found.rotation.as_euler("zyx", degrees=True)[:, 0], [0, 22.5, 90], atol=1e-9)
+
+
+def test_of_two_opposite_quaternions_the_shorter_way_is_taken():
+    back = tuple(-part for part in turned(10))
+    found = track([(0.0, Pose((0, 0, 0), NO_TURN)), (0.5, Pose((0, 0, 0), back))]).at(times(0.25))
+    np.testing.assert_allclose(found.rotation.as_euler("zyx", degrees=True)[0], [5, 0, 0], atol=1e-9)
+
+
+def test_nothing_is_known_outside_in_gaps_and_where_the_pose_jumps():
+    poses = [(0.0, (0, 0, 0)), (0.5, (1, 0, 0)), (2.5, (2, 0, 0)), (3.0, (102, 0, 0)), (3.5, (103, 0, 0))]
+    trajectory = track([(second, Pose(place, NO_TURN)) for second, place in poses])
+    found = trajectory.at(times(-0.1, 0.2, 0.5, 1.0, 2.5, 2.75, 3.0, 3.25, 3.6))
+    assert found.is_known.tolist() == [False, True, True, False, True, False, True, True, False]
+
+
+def test_one_pose_holds_at_its_own_time_alone_and_none_never():
+    one = track([(1.0, Pose((5, 0, 0), NO_TURN))]).at(times(0.9, 1.0))
+    assert one.is_known.tolist() == [False, True]
+    assert not track([]).at(times(0.0)).is_known.any()
+
+
+def test_a_pose_that_is_none_is_counted_and_one_that_comes_twice_replaced():
+    trajectory = track([(0.0, Pose((0, 0, 0), NO_TURN)), (0.0, Pose((1, 0, 0), NO_TURN))])
+    trajectory.add(T0, Pose((np.nan, 0, 0), NO_TURN))
+    trajectory.add(T0, Pose((0, 0, 0), (0.0, 0.0, 0.0, 0.0)))
+    assert (len(trajectory), trajectory.n_refused) == (1, 2)
+    assert trajectory.at(times(0.0)).translation.tolist() == [[1, 0, 0]]
+
+
+def test_what_is_forgotten_leaves_the_poses_that_later_times_need():
+    trajectory = track([(0.1 * i, Pose((i, 0, 0), NO_TURN)) for i in range(10)])
+    trajectory.drop_before(int(times(0.45)[0]))
+    assert len(trajectory) == 6
+    found = trajectory.at(times(0.35, 0.45))
+    assert found.is_known.tolist() == [False, True]
+    np.testing.assert_allclose(found.translation[1], [4.5, 0, 0])
+
+
+def tree():
+    made = TransformTree(1.0, 100.0)
+    made.add("map", "odom", T0, Pose((100, 0, 0), NO_TURN))
+    made.add("map", "odom", T0 + SECOND // 2, Pose((100, 0, 0), NO_TURN))
+    for i in range(2):
+        made.add("odom", "/base", T0 + i * SECOND // 2, Pose((i, 0, 0), turned(90)))
+    made.add_static("base", "lidar", Pose((1, 0, 2), NO_TURN))
+    made.add_static("base", "camera", Pose((0, 0, 1), turned(180)))
+    return made
+
+
+def test_frames_are_chained_up_and_down():
+    poses = tree().poses("lidar", "map", times(0.25))
+    np.testing.assert_allclose(poses.apply(np.array([[1.0, 0.0, 0.0]])), [[100.5, 2, 2]], atol=1e-9)
+    there = tree().poses("lidar", "camera", times(0.25))
+    assert there.is_known.all()
+    np.testing.assert_allclose(there.apply(np.array([[1.0, 0.0, 0.0]])), [[-2, 0, 1]], atol=1e-9)
+
+
+def test_a_way_is_known_as_far_as_its_moving_parts_are():
+    made = tree()
+    assert made.known_until("lidar", "map") == T0 + SECOND // 2
+    assert made.known_until("lidar", "camera") is None
+    assert made.root_of("lidar") == "map"
+    assert not made.has_way("lidar", "moon")
+    with pytest.raises(KeyError, match="moon"):
+        made.poses("lidar", "moon", times(0.0))
+
+
+def test_what_is_fixed_is_not_changed_by_messages_and_loops_end():
+    made = tree()
+    made.set_fixed("base", "lidar", Pose((0, 0, 7), NO_TURN))
+    made.add_static("base", "lidar", Pose((9, 9, 9), NO_TURN))
+    made.add("odom", "lidar", T0, Pose((9, 9, 9), NO_TURN))
+    assert made.poses("lidar", "base", times(0.0)).translation.tolist() == [[0, 0, 7]]
+    made.add_static("lidar", "map", Pose((0, 0, 0), NO_TURN))
+    assert made.root_of("camera") in {"map", "lidar", "odom", "base"}
