@@ -77,6 +77,7 @@ setup(
         "ezdxf>=1.0",
         "pyyaml>=6",
         "tqdm>=4.66",
+        "rosbags>=0.11",
     ],
     extras_require={"ros": ROS_WHEELS, "test": TEST, "bench": BENCH},
     python_requires=">=3.10",

@@ -56,8 +56,23 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def _add_run(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("input", nargs="+", metavar="INPUT", help="LAS, LAZ or COPC files, folders or globs")
+    parser.add_argument(
+        "input",
+        nargs="+",
+        metavar="INPUT",
+        help="LAS, LAZ or COPC files, folders or globs; bags of ROS 2 or 1",
+    )
     parser.add_argument("--output", required=True, type=Path, metavar="DIR", help="folder for the results")
+    parser.add_argument("--topic", metavar="NAME", help="bags: topic of the scans (default: the only one)")
+    parser.add_argument(
+        "--odometry", metavar="NAME", help="bags: topic of the poses (default: the only one; else /tf)"
+    )
+    parser.add_argument(
+        "--start", type=float, default=0.0, metavar="S", help="bags: begin so many seconds after their start"
+    )
+    parser.add_argument(
+        "--duration", type=float, default=0.0, metavar="S", help="bags: read so many seconds (default: all)"
+    )
     parser.add_argument(
         "--params", type=Path, metavar="FILE", help="parameters as in config/pipeline.param.yaml"
     )

@@ -11,6 +11,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from lidar_buildings.commands.bag_inputs import with_placed_bags
 from lidar_buildings.commands.progress import RunOutcome, counted
 from lidar_buildings.commands.run_request import RunRequest, request_of
 from lidar_buildings.core.kernel_cache import start_compiling
@@ -41,6 +42,7 @@ def run_command(options: argparse.Namespace) -> int:
         discard_unfinished(request.output)
     started = time.perf_counter()
     compiling = start_compiling()
+    request = with_placed_bags(request, options)
     footprints = _footprints(request)
     if compiling is not None:
         compiling.wait()

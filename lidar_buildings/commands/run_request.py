@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import argparse
 import re
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from lidar_buildings.commands.settings import Settings, read_settings
 from lidar_buildings.core.model.errors import InputError, ParameterError
 from lidar_buildings.core.model.parameters import StageConfig
+from lidar_buildings.core.scans.config import ScanConfig
 from lidar_buildings.core.stages.footprints import FootprintConfig
 from lidar_buildings.core.stages.regularisation import RegularisationConfig
 from lidar_buildings.io.results.output_config import OutputConfig
@@ -72,6 +73,10 @@ class RunRequest:
         ROS namespace, None for one of its own.
     footprints : FootprintSource or None
         Where given footprints come from, None to trace outlines.
+    scans : ScanConfig
+        How the scans of bags are placed.
+    bags : tuple of dict
+        What became of the bags among the inputs, once they are placed.
     """
 
     inputs: tuple[str, ...]
@@ -84,6 +89,8 @@ class RunRequest:
     overwrite: bool
     namespace: str | None
     footprints: FootprintSource | None = None
+    scans: ScanConfig = field(default_factory=ScanConfig)
+    bags: tuple[dict[str, Any], ...] = ()
 
     def parameters(self) -> dict[str, Any]:
         """Return everything that results depend on, as plain values."""
@@ -91,6 +98,7 @@ class RunRequest:
             **asdict(self.config),
             _TILING: asdict(self.tiling),
             OutputConfig.stage: asdict(self.files),
+            **({"bags": list(self.bags)} if self.bags else {}),
         }
         if self.footprints is None:
             return stages
@@ -111,7 +119,9 @@ def request_of(options: argparse.Namespace) -> RunRequest:
     ParameterError
         If a name is unknown or a value not allowed.
     """
-    settings = read_settings(options.params, options.set, NODE_CONFIGS)
+    settings = read_settings(
+        options.params, options.set, NODE_CONFIGS | {ScanConfig.stage: {ScanConfig.stage: ScanConfig}}
+    )
     if options.tile_size is not None:
         settings.setdefault(_TILING, {})["tile_size"] = options.tile_size
     _check_own(settings)
@@ -130,6 +140,7 @@ def request_of(options: argparse.Namespace) -> RunRequest:
         overwrite=options.overwrite,
         namespace=options.namespace,
         footprints=footprints,
+        scans=ScanConfig(**settings.pop(ScanConfig.stage, {})),
     )
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 from collections.abc import Collection, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass, field
@@ -274,9 +275,9 @@ class OutputFolder:
             temporary.write_text(json.dumps(content, indent=2, default=str) + "\n", encoding="utf-8")
 
     def _discard_tiles(self, fragments: list[Path]) -> None:
-        for left in (*fragments, *self._partial.glob("*")):
+        for left in fragments:
             left.unlink(missing_ok=True)
-        self._partial.rmdir()
+        shutil.rmtree(self._partial)
 
 
 def _is_whole(fragment: Path) -> bool:

@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 Share = Callable[[Callable[[Any], Any], Sequence[Any]], Iterable[Any]]
 
 PARTIAL = ".partial"
+#: Folder in it with the clouds that were made of bags.
+PLACED = "placed"
 RUN = "run.json"
 CLASSIFIED = "classified"
 DTM, DSM, NDSM = "dtm.tif", "dsm.tif", "ndsm.tif"
@@ -53,19 +55,13 @@ def claim_folder(
     for file in inputs:
         if (path / CLASSIFIED).resolve() in file.path.resolve().parents:
             raise OutputError(f"{path}: holds the input {file.path}: choose another output folder")
+    check_folder(path, overwrite=overwrite)
     try:
-        path.mkdir(parents=True, exist_ok=True)
         if overwrite:
             if not _is_same(path, identity):
                 _clear(path)
-        elif (path / RUN).exists():
-            raise OutputError(
-                f"{path}: holds a finished run: give --overwrite to replace it, or another folder"
-            )
         elif _holds_run(path):
             _check_same(path, identity)
-        elif any(file.name != PARTIAL for file in path.iterdir()):
-            raise OutputError(f"{path}: is not empty: give --overwrite to write into it, or another folder")
         (path / PARTIAL).mkdir(exist_ok=True)
     except OSError as error:
         raise _unusable(path, error) from error
@@ -74,6 +70,29 @@ def claim_folder(
             temporary.write_text(json.dumps(identity))
     except OutputError as error:
         raise _unusable(path, error.__cause__ or error) from error
+
+
+def check_folder(path: Path, *, overwrite: bool) -> None:
+    """
+    Make a folder, or refuse one that holds something else than an unfinished run.
+
+    Raises
+    ------
+    OutputError
+        If it cannot be used.
+    """
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+        if overwrite:
+            return
+        if (path / RUN).exists():
+            raise OutputError(
+                f"{path}: holds a finished run: give --overwrite to replace it, or another folder"
+            )
+        if not _holds_run(path) and any(file.name != PARTIAL for file in path.iterdir()):
+            raise OutputError(f"{path}: is not empty: give --overwrite to write into it, or another folder")
+    except OSError as error:
+        raise _unusable(path, error) from error
 
 
 def output_names(inputs: Sequence[InputFile]) -> list[str]:
@@ -93,7 +112,7 @@ def output_names(inputs: Sequence[InputFile]) -> list[str]:
 
 def _holds_run(path: Path) -> bool:
     """Whether there is an unfinished run; a folder that a full disk kept empty is none."""
-    return any((path / PARTIAL).glob("*"))
+    return any(one.name != PLACED for one in (path / PARTIAL).glob("*"))
 
 
 def _check_same(path: Path, identity: dict[str, Any]) -> None:
@@ -121,7 +140,9 @@ def _clear(path: Path) -> None:
         file = path / name
         if path.resolve() in file.resolve().parents:
             file.unlink(missing_ok=True)
-    shutil.rmtree(path / PARTIAL, ignore_errors=True)
+    for one in (path / PARTIAL).glob("*"):
+        if one.name != PLACED:  # the clouds of bags are inputs of the run that begins
+            one.unlink(missing_ok=True)
 
 
 def _read(path: Path) -> Any:

@@ -5,6 +5,9 @@ from __future__ import annotations
 import bisect
 import math
 
+import numpy as np
+from numpy.typing import NDArray
+
 #: Seconds of a week: the largest GPS week time.
 WEEK = 604_800
 #: Unix time of the GPS epoch, 1980-01-06 [s].
@@ -49,6 +52,15 @@ def stamp_of_time(gps_time: float, *, is_standard: bool) -> int | None:
 def stamp_of_number(number: int) -> int:
     """Return the stamp [ns] of tile `number` where no time is known: so many seconds."""
     return number * _NANOSECONDS
+
+
+def gps_time_of(stamps: NDArray[np.int64]) -> NDArray[np.float64]:
+    """Return adjusted standard GPS times [s] of Unix times [ns]; 0 for what lies before the GPS epoch."""
+    whole = stamps // _NANOSECONDS - GPS_EPOCH
+    # the leap seconds up to a Unix time are those up to it and themselves
+    n_leaps = np.searchsorted(np.array(LEAP_SECONDS) - np.arange(len(LEAP_SECONDS)), whole, side="right")
+    gps = (whole + n_leaps - ADJUSTMENT) + (stamps % _NANOSECONDS) / _NANOSECONDS
+    return np.where(whole > 0, gps, 0.0)
 
 
 def _unix(gps_seconds: float) -> float:

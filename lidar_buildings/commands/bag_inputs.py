@@ -1,0 +1,92 @@
+"""Bags among the inputs of a run: their scans are placed first, and then read like any other cloud."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from dataclasses import asdict, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from lidar_buildings.commands.run_request import RunRequest
+from lidar_buildings.core.model.errors import ParameterError
+from lidar_buildings.core.scans.config import ScanConfig
+from lidar_buildings.io.bags import is_bag
+from lidar_buildings.io.results.run_folder import PARTIAL, PLACED, check_folder
+
+if TYPE_CHECKING:
+    from lidar_buildings.io.bags.placed_cloud import BagChoice
+
+#: Options of the command line that say what of a bag is wanted.
+_OPTIONS = ("topic", "odometry", "start", "duration")
+
+
+def with_placed_bags(request: RunRequest, options: argparse.Namespace) -> RunRequest:
+    """
+    Return the request with a LAZ file for each bag.
+
+    The files stand among the unfinished tiles of the output folder, and go with them; an interrupted run goes
+    on with those that are there.
+
+    Raises
+    ------
+    ParameterError
+        If an option of bags is given and no input is one.
+    InputError, OutputError
+        If a bag cannot be read or placed, or the output folder not used.
+    """
+    bags = [one for one in request.inputs if is_bag(one)]
+    if not bags:
+        given = [f"--{one}" for one in _OPTIONS if getattr(options, one)]
+        if given:
+            raise ParameterError(f"{', '.join(given)}: says what of a bag is wanted, and no INPUT is one")
+        return request
+    from lidar_buildings.io.bags.placed_cloud import BagChoice  # what reads bags takes time to import
+
+    choice = BagChoice(options.topic or "", options.odometry or "", options.start, options.duration)
+    check_folder(request.output, overwrite=request.overwrite)
+    folder = request.output / PARTIAL / PLACED
+    folder.mkdir(parents=True, exist_ok=True)
+    inputs, records = [], []
+    for one in request.inputs:
+        if one in bags:
+            path, record = _placed(Path(one), folder, choice, request.scans)
+            records.append(record)
+            inputs.append(str(path))
+        else:
+            inputs.append(one)
+    return replace(request, inputs=tuple(inputs), bags=tuple(records))
+
+
+def _placed(bag: Path, folder: Path, choice: BagChoice, config: ScanConfig) -> tuple[Path, dict[str, Any]]:
+    """Place a bag's scans unless that is done; return the file and the record of it."""
+    from lidar_buildings.io.bags.placed_cloud import write_placed
+
+    path = folder / f"{bag.resolve().stem}.laz"
+    note = path.with_suffix(".json")
+    wanted = {"bag": str(bag.resolve()), "changed": _changed(bag), **asdict(choice), **asdict(config)}
+    if path.exists() and note.exists():
+        record: dict[str, Any] = json.loads(note.read_text())
+        if {name: record.get(name) for name in wanted} == wanted:
+            return path, record
+    count = write_placed(bag, path, choice, config)
+    record = wanted | {
+        "n_scans": count.n_scans,
+        "n_points": count.n_points,
+        "left_out": dict(sorted(count.left_out.items())),
+    }
+    note.write_text(json.dumps(record))
+    print(f"lidar-buildings: {_line(bag, record)}", file=sys.stderr)
+    return path, record
+
+
+def _changed(bag: Path) -> int:
+    """Return when a bag was changed last [ns]."""
+    files = [bag, *bag.iterdir()] if bag.is_dir() else [bag]
+    return max(file.stat().st_mtime_ns for file in files)
+
+
+def _line(bag: Path, record: dict[str, Any]) -> str:
+    out = "".join(f"; {number:,} left out: {reason}" for reason, number in record["left_out"].items())
+    return f"{bag}: {record['n_points']:,} points of {record['n_scans']:,} scans placed{out}"

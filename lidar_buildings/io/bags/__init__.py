@@ -1,0 +1,12 @@
+"""rosbag2 (MCAP, sqlite3) and rosbag1 files, read by rosbags without any ROS installation."""
+
+from pathlib import Path
+
+_ENDINGS = (".mcap", ".db3", ".bag")
+_METADATA = "metadata.yaml"
+
+
+def is_bag(path: str | Path) -> bool:
+    """Whether a path names a bag: a folder of rosbag2, or a file."""
+    named = Path(path)
+    return (named / _METADATA).is_file() if named.is_dir() else named.name.lower().endswith(_ENDINGS)

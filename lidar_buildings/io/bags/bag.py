@@ -1,0 +1,151 @@
+"""Bags: what is in them, and their messages."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from rosbags.interfaces import Connection
+from rosbags.rosbag1 import Reader as Reader1
+from rosbags.rosbag2 import Reader as Reader2
+from rosbags.typesys import Stores, get_typestore
+
+from lidar_buildings.core.model.errors import InputError
+from lidar_buildings.io.files.captured_stderr import one_line
+
+CLOUD = "sensor_msgs/msg/PointCloud2"
+ODOMETRY = "nav_msgs/msg/Odometry"
+TRANSFORMS = "tf2_msgs/msg/TFMessage"
+#: What ROS 1 called it before.
+_OLD_TRANSFORMS = "tf/msg/tfMessage"
+POINT = "geometry_msgs/msg/PointStamped"
+_SECOND = 1_000_000_000
+
+
+class BagTopic(NamedTuple):
+    """
+    A topic of a bag.
+
+    Attributes
+    ----------
+    name, type : str
+        As in ROS 2: ``/points``, ``sensor_msgs/msg/PointCloud2``.
+    n_messages : int
+        How many.
+    rate : float
+        Messages a second, over the whole bag.
+    """
+
+    name: str
+    type: str
+    n_messages: int
+    rate: float
+
+    def __str__(self) -> str:
+        return f"{self.name}: {self.type}, {self.n_messages} messages, {self.rate:.3g} Hz"
+
+
+class BagMessage(NamedTuple):
+    """A message of a bag, with the time when it was recorded [ns]."""
+
+    topic: str
+    type: str
+    time: int
+    message: Any
+
+
+class Bag:
+    """
+    A bag that is open.
+
+    Parameters
+    ----------
+    path : Path
+        A folder of rosbag2, a storage file of one (.mcap, .db3), or a bag of ROS 1 (.bag).
+
+    Raises
+    ------
+    InputError
+        If it cannot be read.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self._is_ros1 = path.suffix.lower() == ".bag"
+        self._types = get_typestore(Stores.ROS1_NOETIC if self._is_ros1 else Stores.ROS2_JAZZY)
+        with _reported(path):
+            self._reader: Any = Reader1(path) if self._is_ros1 else Reader2(path)
+            self._reader.open()
+
+    def close(self) -> None:
+        """Close it."""
+        self._reader.close()
+
+    def __enter__(self) -> Bag:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    @property
+    def topics(self) -> list[BagTopic]:
+        """All topics, by name."""
+        seconds = max(self._reader.end_time - self._reader.start_time, 1) / _SECOND
+        counts: dict[tuple[str, str], int] = {}
+        for one in self._reader.connections:
+            key = (one.topic, one.msgtype)
+            counts[key] = counts.get(key, 0) + (one.msgcount or 0)
+        return [BagTopic(name, kind, n, n / seconds) for (name, kind), n in sorted(counts.items())]
+
+    def messages(
+        self, topics: Collection[str], start: float = 0.0, duration: float = 0.0
+    ) -> Iterator[BagMessage]:
+        """
+        Read messages in the order in which they were recorded.
+
+        Parameters
+        ----------
+        topics : collection of str
+            Which.
+        start, duration : float
+            Seconds after the beginning of the bag, and how many seconds of it; 0 = to its end.
+
+        Raises
+        ------
+        InputError
+            If one cannot be read.
+        """
+        chosen = [one for one in self._reader.connections if one.topic in topics]
+        begin = self._reader.start_time + round(start * _SECOND)
+        end = begin + round(duration * _SECOND) if duration else None
+        if not chosen:
+            return
+        with _reported(self.path):
+            for connection, time, raw in self._reader.messages(chosen, begin, end):
+                kind = TRANSFORMS if connection.msgtype == _OLD_TRANSFORMS else connection.msgtype
+                yield BagMessage(connection.topic, kind, time, self._read(connection, raw))
+
+    def _read(self, connection: Connection, raw: bytes) -> Any:
+        kind = TRANSFORMS if connection.msgtype == _OLD_TRANSFORMS else connection.msgtype
+        if self._is_ros1:
+            return self._types.deserialize_ros1(raw, kind)
+        # of a view fields are views: the points are not copied
+        return self._types.deserialize_cdr(memoryview(raw), kind)  # type: ignore[arg-type]
+
+
+@contextmanager
+def _reported(path: Path) -> Iterator[None]:
+    """Turn whatever goes wrong in reading a bag into one line."""
+    try:
+        yield
+    except (InputError, GeneratorExit):
+        raise
+    except FileNotFoundError as error:
+        raise InputError(f"{path}: {one_line(error)}: check the path") from error
+    except Exception as error:
+        raise InputError(
+            f"{path}: cannot be read as a bag ({one_line(error)}): `ros2 bag reindex` or `mcap recover` "
+            "mends one that was cut off"
+        ) from error

@@ -1,0 +1,207 @@
+"""A bag's scans placed in the map, as one LAZ file that everything after it reads like any other."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import laspy
+import numpy as np
+from numpy.typing import NDArray
+
+from lidar_buildings.core.model.errors import InputError
+from lidar_buildings.core.scans.config import ScanConfig
+from lidar_buildings.core.scans.placing import NO_POSE, PlacedScan, ScanPlacer
+from lidar_buildings.io.bags.bag import CLOUD, ODOMETRY, POINT, TRANSFORMS, Bag, BagMessage
+from lidar_buildings.io.bags.selection import BagTopics, choose_topics
+from lidar_buildings.io.clouds.las_reader import laz_backend
+from lidar_buildings.io.clouds.point_columns import SCAN_ANGLE_STEP
+from lidar_buildings.io.files.atomic_files import atomic_file
+from lidar_buildings.io.tiling.tile_stamps import gps_time_of
+
+#: Resolution of the coordinates [m]: finer than any scanner measures.
+SCALE = 0.001
+#: What one unit of a dimension stands for, and the numbers it holds (LAS 1.4, point format 6).
+_STEPS = {"scan_angle": SCAN_ANGLE_STEP}
+_LIMITS = {
+    "scan_angle": (-30_000, 30_000),
+    "return_number": (0, 15),
+    "number_of_returns": (0, 15),
+    "classification": (0, 255),
+    "scan_direction_flag": (0, 1),
+}
+#: Points gathered before they are encoded: a chunk of LAZ has 50,000.
+_BATCH = 500_000
+#: The file's origin is rounded to this [m].
+_STEP = 100.0
+
+
+@dataclass(frozen=True)
+class BagChoice:
+    """
+    What of a bag is wanted.
+
+    Attributes
+    ----------
+    clouds, odometry : str
+        Topics; empty for the only ones.
+    start, duration : float
+        Seconds after its beginning, and how many of it; 0 = to its end.
+    """
+
+    clouds: str = ""
+    odometry: str = ""
+    start: float = 0.0
+    duration: float = 0.0
+
+
+@dataclass
+class PlacedCount:
+    """
+    What became of a bag's points.
+
+    Attributes
+    ----------
+    n_scans, n_points : int
+        Scans that were read, points that were placed.
+    left_out : Counter
+        Reason → points.
+    """
+
+    n_scans: int = 0
+    n_points: int = 0
+    left_out: Counter[str] = field(default_factory=Counter)
+
+
+def write_placed(bag_path: Path, path: Path, choice: BagChoice, config: ScanConfig) -> PlacedCount:
+    """
+    Place the scans of a bag and write them to a LAZ file.
+
+    Points are in the order in which they were recorded; GPS times are the points' own.
+
+    Raises
+    ------
+    InputError
+        If the bag cannot be read, a topic is missing, or nothing says where the scans were made.
+    OutputError
+        If the file cannot be written.
+    """
+    with Bag(bag_path) as bag, atomic_file(path) as temporary:
+        topics = choose_topics(bag, choice.clouds, choice.odometry)
+        placer = ScanPlacer(config)
+        file = _Laz(temporary)
+        try:
+            for message in _messages(bag, topics, choice):
+                _take(placer, file, message)
+                for scan in placer.placed():
+                    file.add(scan)
+            for scan in placer.placed(is_end=True):
+                file.add(scan)
+        except InputError as error:
+            raise InputError(str(error) if str(bag_path) in str(error) else f"{bag_path}: {error}") from error
+        finally:
+            file.close()
+        if not file.n_points and placer.left_out[NO_POSE]:
+            raise InputError(
+                f"{bag_path}: none of its {placer.left_out[NO_POSE]} points could be placed: no pose at "
+                "their times (two poses further apart than scan_assembler.max_pose_gap, or of another clock)"
+            )
+    return PlacedCount(placer.n_scans, file.n_points, placer.left_out)
+
+
+def _messages(bag: Bag, topics: BagTopics, choice: BagChoice) -> Iterator[BagMessage]:
+    """Read what holds for the whole bag first, and then what is wanted of the rest."""
+    whole = {*(one for one in topics.transforms if one.endswith("static")), topics.origin} - {""}
+    yield from bag.messages(whole)
+    yield from bag.messages(topics.all - whole, choice.start, choice.duration)
+
+
+def _take(placer: ScanPlacer, file: _Laz, message: BagMessage) -> None:
+    if message.type == CLOUD:
+        placer.add_scan(message.message)
+    elif message.type == ODOMETRY:
+        placer.add_odometry(message.message)
+    elif message.type == TRANSFORMS:
+        placer.add_transforms(message.message, is_static=message.topic.endswith("static"))
+    elif message.type == POINT:
+        point = message.message.point
+        file.place(message.message.header.frame_id, (point.x, point.y, point.z))
+
+
+class _Laz:
+    """A LAZ file that grows by scans."""
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self._writer: laspy.LasWriter | None = None
+        self._crs, self._origin = "", np.zeros(3)
+        self._batch: list[PlacedScan] = []
+        self._brightness = 1.0
+        self.n_points = 0
+
+    def place(self, crs: str, origin: tuple[float, float, float]) -> None:
+        """Say where the map lies; as `map_origin` does."""
+        self._crs, self._origin = crs, np.array(origin)
+
+    def add(self, scan: PlacedScan) -> None:
+        """Add a scan's points."""
+        self._batch.append(scan)
+        if sum(len(one.points) for one in self._batch) >= _BATCH:
+            self._flush()
+
+    def close(self) -> None:
+        """Write the rest; a file without any point is a valid one, too."""
+        self._flush()
+        if self._writer is not None:
+            self._writer.close()
+
+    def _flush(self) -> None:
+        points = np.concatenate([np.empty((0, 3)), *(one.points for one in self._batch)]) + self._origin
+        if self._writer is None:
+            self._writer = self._opened(points)
+            self._brightness = _brightness(self._batch)
+        record = laspy.ScaleAwarePointRecord.zeros(len(points), header=self._writer.header)
+        record.x, record.y, record.z = points.T
+        for name, values in self._columns(len(points)).items():
+            record[name] = values
+        times = [one.columns.get("gps_time", gps_time_of(one.times)) for one in self._batch]
+        record.gps_time = np.concatenate([np.empty(0), *times])
+        self._writer.write_points(record)
+        self.n_points += len(points)
+        self._batch.clear()
+
+    def _columns(self, n_points: int) -> dict[str, NDArray[Any]]:
+        """Return the batch's columns as LAS has them; returns that are not known stay 0."""
+        columns: dict[str, NDArray[Any]] = {"classification": np.ones(n_points, np.uint8)}
+        for name in {name for one in self._batch for name in one.columns} - {"gps_time"}:
+            parts = [one.columns.get(name, np.zeros(len(one.points))) for one in self._batch]
+            step = self._brightness if name == "intensity" else _STEPS.get(name, 1.0)
+            values = np.rint(np.concatenate(parts).astype(np.float64) / step)
+            low, high = _LIMITS.get(name, (0, 65_535))
+            columns[name] = np.clip(values, low, high).astype(np.int32)
+        return columns
+
+    def _opened(self, points: NDArray[np.float64]) -> laspy.LasWriter:
+        header = laspy.LasHeader(point_format=6, version="1.4")
+        header.scales = np.full(3, SCALE)
+        header.offsets = np.floor(points[0] / _STEP) * _STEP if len(points) else np.zeros(3)
+        header.global_encoding.gps_time_type = laspy.header.GpsTimeType.STANDARD
+        header.system_identifier = "placed scans"
+        header.generating_software = "lidar_buildings"
+        if self._crs:
+            import pyproj
+
+            header.add_crs(pyproj.CRS(self._crs))
+        stream = open(self._path, "wb")  # noqa: SIM115
+        return laspy.LasWriter(stream, header, do_compress=True, laz_backend=laz_backend(), closefd=True)
+
+
+def _brightness(scans: list[PlacedScan]) -> float:
+    """Return what one step of intensity stands for: drivers count to 255 and more, or from 0 to 1."""
+    highest = max(
+        (one.columns["intensity"].max(initial=0) for one in scans if "intensity" in one.columns), default=0
+    )
+    return 1.0 / 255.0 if 0 < highest <= 1 else 1.0

@@ -1,0 +1,80 @@
+"""Which topics of a bag are taken."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from lidar_buildings.core.model.errors import InputError
+from lidar_buildings.io.bags.bag import CLOUD, ODOMETRY, POINT, TRANSFORMS, Bag, BagTopic
+
+_ORIGIN = "map_origin"
+
+
+class BagTopics(NamedTuple):
+    """
+    What is read of a bag.
+
+    Attributes
+    ----------
+    clouds, odometry : str
+        Topic of the scans; of the poses, empty if there is none.
+    transforms : tuple of str
+        Topics of /tf and /tf_static.
+    origin : str
+        Topic that tells where the map lies, empty if there is none.
+    """
+
+    clouds: str
+    odometry: str
+    transforms: tuple[str, ...]
+    origin: str
+
+    @property
+    def all(self) -> set[str]:
+        """All of them."""
+        return {self.clouds, self.odometry, *self.transforms, self.origin} - {""}
+
+
+def choose_topics(bag: Bag, clouds: str = "", odometry: str = "") -> BagTopics:
+    """
+    Choose the topics of a bag.
+
+    Parameters
+    ----------
+    bag : Bag
+        An open bag.
+    clouds, odometry : str
+        What the user wants; empty if there is only one.
+
+    Raises
+    ------
+    InputError
+        If one is missing, or it is not clear which; then all topics are listed.
+    """
+    topics = bag.topics
+    own = [one for one in topics if one.type == TRANSFORMS]
+    return BagTopics(
+        _one(bag, topics, CLOUD, clouds, "--topic", is_needed=True),
+        _one(bag, topics, ODOMETRY, odometry, "--odometry", is_needed=False),
+        tuple(one.name for one in own),
+        next((one.name for one in topics if one.type == POINT and one.name.endswith(_ORIGIN)), ""),
+    )
+
+
+def _one(bag: Bag, topics: list[BagTopic], kind: str, wanted: str, option: str, *, is_needed: bool) -> str:
+    """Return the topic of a kind that is wanted, or the only one."""
+    having = [one for one in topics if one.type == kind and one.n_messages]
+    listed = "".join(f"\n  {one}" for one in topics) or " none"
+    if wanted:
+        found = [one for one in topics if one.name.lstrip("/") == wanted.lstrip("/")]
+        if not found or found[0].type != kind:
+            has = f"is {found[0].type}, not {kind}" if found else "is not in it"
+            raise InputError(f"{bag.path}: {option} {wanted} {has}; its topics:{listed}")
+        return found[0].name
+    if len(having) > 1:
+        raise InputError(
+            f"{bag.path}: holds several topics of {kind}: choose by {option}; its topics:{listed}"
+        )
+    if not having and is_needed:
+        raise InputError(f"{bag.path}: holds no {kind}; its topics:{listed}")
+    return having[0].name if having else ""

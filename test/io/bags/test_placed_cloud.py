@@ -1,0 +1,136 @@
+"""Bags of all kinds become one cloud whose points lie where they were measured."""
+
+import laspy
+import numpy as np
+import pytest
+from support.bags import (
+    MOUNTING,
+    ODOMETRY_TYPE,
+    SCAN_TYPE,
+    SECOND,
+    STORAGES,
+    T0,
+    BagWriter,
+    vehicle,
+    write_drive,
+)
+
+from lidar_buildings.core.model.errors import InputError
+from lidar_buildings.core.scans.config import ScanConfig
+from lidar_buildings.core.scans.placing import NO_POSE, NO_RETURN, NOT_FINITE
+from lidar_buildings.io.bags.placed_cloud import BagChoice, write_placed
+
+MOUNTED = ScanConfig(mounting=",".join(map(str, MOUNTING)))
+
+
+def placed(tmp_path, bag, config=MOUNTED, choice=None):
+    path = tmp_path / "placed.laz"
+    count = write_placed(bag, path, choice or BagChoice(), config)
+    return laspy.read(path), count
+
+
+@pytest.mark.parametrize("storage", STORAGES)
+def test_points_lie_where_they_were_measured_whatever_the_storage(tmp_path, storage):
+    drive = write_drive(tmp_path / "drive", storage)
+    las, count = placed(tmp_path, drive.path)
+    assert (count.n_scans, count.n_points, dict(count.left_out)) == (10, 5000, {})
+    assert np.abs(las.xyz - drive.points).max() < 0.02
+    unix = las.gps_time + 1e9 + 315_964_800 - 18
+    np.testing.assert_allclose(unix - T0 / SECOND, drive.times, atol=2e-6)
+
+
+def test_transforms_place_them_as_odometry_does(tmp_path):
+    told = write_drive(tmp_path / "tf", poses="tf")
+    las, _ = placed(tmp_path, told.path, ScanConfig())
+    assert np.abs(las.xyz - told.points).max() < 0.02
+
+
+def test_of_a_bag_a_part_may_be_taken(tmp_path):
+    drive = write_drive(tmp_path / "drive")
+    las, count = placed(tmp_path, drive.path, choice=BagChoice(start=0.35, duration=0.3))
+    assert count.n_scans == 3
+    assert 0 < len(las.points) < 5000
+    las, count = placed(
+        tmp_path, write_drive(tmp_path / "tf", poses="tf").path, ScanConfig(), BagChoice(start=0.5)
+    )
+    assert len(las.points) > 1000
+
+
+def test_scans_without_any_pose_are_refused_unless_they_are_in_the_map(tmp_path):
+    bare = write_drive(tmp_path / "bare", poses="none")
+    with pytest.raises(InputError, match=r"bare: no pose leads .* frame 'lidar' .*georeferenced"):
+        placed(tmp_path, bare.path)
+    las, _ = placed(tmp_path, bare.path, ScanConfig(georeferenced=True))
+    assert len(las.points) == 5000
+
+
+def test_odometry_of_a_frame_that_nothing_ties_to_the_scanner_is_refused(tmp_path):
+    with pytest.raises(InputError, match=r"frame 'lidar' .*base, odom.*mounting"):
+        placed(tmp_path, write_drive(tmp_path / "drive").path, ScanConfig())
+
+
+def test_points_in_gaps_of_the_odometry_are_left_out_and_counted(tmp_path):
+    drive = write_drive(tmp_path / "slow", pose_rate=5.0)
+    config = ScanConfig(mounting=MOUNTED.mounting, max_pose_gap=0.1)
+    with pytest.raises(InputError, match="none of its 5000 points could be placed"):
+        placed(tmp_path, drive.path, config)
+    las, count = placed(tmp_path, drive.path)
+    assert len(las.points) + count.left_out[NO_POSE] == 5000
+
+
+def test_what_is_no_measurement_is_left_out_and_counted(tmp_path):
+    bag = BagWriter(tmp_path / "odd")
+    for second in (0.0, 0.5):
+        now = T0 + round(second * SECOND)
+        place, attitude = (one[0] for one in vehicle([0.0]))
+        bag.write("/odometry", ODOMETRY_TYPE, now, bag.odometry(now, "odom", "lidar", place, attitude))
+    points = np.array(
+        [[1.0, 2.0, 3.0], [0.0, 0.0, 0.0], [np.nan, 1.0, 1.0], [np.inf, 0.0, 0.0], [4.0, 5.0, 6.0]]
+    )
+    bag.write("/points", SCAN_TYPE, T0, bag.cloud(T0, "lidar", points))
+    bag.write("/points", SCAN_TYPE, T0 + 1, bag.cloud(T0, "lidar", np.zeros((0, 3))))
+    bag.close()
+    las, count = placed(tmp_path, bag.path, ScanConfig())
+    assert len(las.points) == 2
+    assert dict(count.left_out) == {NOT_FINITE: 2, NO_RETURN: 1}
+
+
+def test_points_that_are_in_the_map_frame_stay_where_they_are(tmp_path):
+    bag = BagWriter(tmp_path / "map")
+    bag.write("/points", SCAN_TYPE, T0, bag.cloud(T0, "map", [[100.25, 200.5, 3.0]]))
+    bag.close()
+    las, _ = placed(tmp_path, bag.path, ScanConfig())
+    assert las.xyz.tolist() == [[100.25, 200.5, 3.0]]
+
+
+def test_where_the_choice_is_not_clear_all_topics_are_listed(tmp_path):
+    bag = BagWriter(tmp_path / "two")
+    for topic in ("/left", "/right"):
+        bag.write(topic, SCAN_TYPE, T0, bag.cloud(T0, "map", [[1.0, 2.0, 3.0]]))
+    bag.close()
+    with pytest.raises(
+        InputError, match=r"choose by --topic; its topics:\n  /left: .*1 messages.*\n  /right"
+    ):
+        placed(tmp_path, bag.path)
+    assert placed(tmp_path, bag.path, choice=BagChoice("right"))[1].n_points == 1
+    with pytest.raises(InputError, match=r"--topic /up is not in it"):
+        placed(tmp_path, bag.path, choice=BagChoice("/up"))
+
+
+def test_a_bag_that_cannot_be_read_is_named(tmp_path):
+    drive = write_drive(tmp_path / "cut")
+    (file,) = drive.path.glob("*.mcap")
+    file.write_bytes(file.read_bytes()[: file.stat().st_size // 2])
+    with pytest.raises(InputError, match=r"cut: cannot be read as a bag"):
+        placed(tmp_path, drive.path)
+    (tmp_path / "no.bag").write_bytes(b"nothing")
+    with pytest.raises(InputError, match=r"no\.bag: cannot be read as a bag"):
+        placed(tmp_path, tmp_path / "no.bag")
+
+
+def test_a_cloud_whose_data_are_shorter_than_claimed_is_refused(tmp_path):
+    bag = BagWriter(tmp_path / "short")
+    bag.write("/points", SCAN_TYPE, T0, bag.cloud(T0, "map", [[1.0, 2.0, 3.0]], width=7, row_step=112))
+    bag.close()
+    with pytest.raises(InputError, match=r"short: the cloud has 16 bytes of data"):
+        placed(tmp_path, bag.path)

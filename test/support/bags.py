@@ -1,0 +1,193 @@
+"""Bags of a virtual scanner that moves, rolls and turns over known points."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+from rosbags.rosbag1 import Writer as Writer1
+from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
+from rosbags.rosbag2 import Writer as Writer2
+from rosbags.typesys import Stores, get_typestore
+from scipy.spatial.transform import Rotation
+
+SECOND = 1_000_000_000
+T0 = 1_700_000_000 * SECOND
+#: Lever arm [m] and boresight angles [deg] of the scanner on the vehicle.
+MOUNTING = (0.4, -0.2, 1.1, 2.0, -1.5, 0.7)
+#: Storage → how it is written.
+STORAGES = {
+    "mcap": (StoragePlugin.MCAP, None),
+    "mcap_message": (StoragePlugin.MCAP, CompressionMode.MESSAGE),
+    "sqlite3": (StoragePlugin.SQLITE3, None),
+    "sqlite3_message": (StoragePlugin.SQLITE3, CompressionMode.MESSAGE),
+    "sqlite3_file": (StoragePlugin.SQLITE3, CompressionMode.FILE),
+    "ros1": (None, None),
+}
+SCAN_TYPE, ODOMETRY_TYPE = "sensor_msgs/msg/PointCloud2", "nav_msgs/msg/Odometry"
+ORIGIN_TYPE = "geometry_msgs/msg/PointStamped"
+TF_TYPE = "tf2_msgs/msg/TFMessage"
+
+
+def vehicle(seconds):
+    """Where the vehicle is at some times: position and attitude; smooth, and rolling."""
+    seconds = np.asarray(seconds, dtype=float)
+    place = np.column_stack([20.0 * seconds, 3.0 * np.sin(seconds), 0.5 * np.cos(seconds)])
+    angles = np.column_stack([5.0 * np.sin(2 * seconds), 3.0 * np.cos(seconds), 10.0 * seconds])
+    return place, Rotation.from_euler("xyz", angles, degrees=True)
+
+
+def mounted():
+    """Position and attitude of the scanner on the vehicle."""
+    return np.array(MOUNTING[:3]), Rotation.from_euler("xyz", MOUNTING[3:], degrees=True)
+
+
+def truth(n_points=5000, seconds=1.0, seed=1):
+    """Points in the map and when they are measured [s]."""
+    random = np.random.default_rng(seed)
+    times = np.sort(random.uniform(0.0, seconds, n_points))
+    return random.uniform([-30, -30, -5], [30, 30, 10], (n_points, 3)), times
+
+
+def seen(points, times):
+    """The points as the scanner sees them at their times."""
+    place, attitude = vehicle(times)
+    arm, boresight = mounted()
+    return boresight.inv().apply(attitude.inv().apply(points - place) - arm)
+
+
+class BagWriter:
+    """Writes messages given as plain values."""
+
+    def __init__(self, path: Path, storage: str = "mcap") -> None:
+        plugin, mode = STORAGES[storage]
+        self.path = path
+        self.types = get_typestore(Stores.ROS1_NOETIC if plugin is None else Stores.ROS2_JAZZY)
+        if plugin is None:
+            self.path = path.with_suffix(".bag")
+            self.writer = Writer1(self.path)
+        else:
+            self.writer = Writer2(path, version=9, storage_plugin=plugin)
+            if mode is not None:
+                self.writer.set_compression(mode, CompressionFormat.ZSTD)
+        self.is_ros1 = plugin is None
+        self.connections = {}
+        self.writer.open()
+
+    def write(self, topic, kind, time, message):
+        if topic not in self.connections:
+            self.connections[topic] = self.writer.add_connection(topic, kind, typestore=self.types)
+        serialise = self.types.serialize_ros1 if self.is_ros1 else self.types.serialize_cdr
+        self.writer.write(self.connections[topic], time, serialise(message, kind))
+
+    def close(self):
+        self.writer.close()
+
+    def header(self, time, frame):
+        stamp = self.types.types["builtin_interfaces/msg/Time"](time // SECOND, time % SECOND)
+        seq = (0,) if self.is_ros1 else ()
+        return self.types.types["std_msgs/msg/Header"](*seq, stamp, frame)
+
+    def transform(self, place, attitude):
+        types = self.types.types
+        x, y, z = map(float, place)
+        return types["geometry_msgs/msg/Transform"](
+            types["geometry_msgs/msg/Vector3"](x, y, z),
+            types["geometry_msgs/msg/Quaternion"](*map(float, attitude.as_quat())),
+        )
+
+    def tf(self, *edges):
+        types = self.types.types
+        return types[TF_TYPE](
+            [
+                types["geometry_msgs/msg/TransformStamped"](
+                    self.header(time, parent), child, self.transform(place, attitude)
+                )
+                for time, parent, child, place, attitude in edges
+            ]
+        )
+
+    def odometry(self, time, frame, child, place, attitude):
+        types = self.types.types
+        moved = self.transform(place, attitude)
+        point = types["geometry_msgs/msg/Point"](
+            moved.translation.x, moved.translation.y, moved.translation.z
+        )
+        pose = types["geometry_msgs/msg/PoseWithCovariance"](
+            types["geometry_msgs/msg/Pose"](point, moved.rotation), np.zeros(36)
+        )
+        zero = types["geometry_msgs/msg/Vector3"](0.0, 0.0, 0.0)
+        twist = types["geometry_msgs/msg/TwistWithCovariance"](
+            types["geometry_msgs/msg/Twist"](zero, zero), np.zeros(36)
+        )
+        return types[ODOMETRY_TYPE](self.header(time, frame), child, pose, twist)
+
+    def cloud(self, time, frame, points, offsets=None, **changes):
+        dtype = [(name, "<f4") for name in ("x", "y", "z", "intensity")]
+        if offsets is not None:
+            dtype.append(("t", "<u4"))
+        rows = np.zeros(len(points), dtype)
+        rows["x"], rows["y"], rows["z"] = np.asarray(points).T
+        rows["intensity"] = np.arange(len(points)) % 200
+        if offsets is not None:
+            rows["t"] = offsets
+        return self.cloud_of(time, frame, rows, **changes)
+
+    def cloud_of(self, time, frame, rows, **changes):
+        """A cloud with a field per member of a structured array."""
+        types = self.types.types
+        field = types["sensor_msgs/msg/PointField"]
+        codes = {"i1": 1, "u1": 2, "i2": 3, "u2": 4, "i4": 5, "u4": 6, "f4": 7, "f8": 8}
+        fields = [
+            field(name, rows.dtype.fields[name][1], codes[rows.dtype[name].str[1:]], 1)
+            for name in rows.dtype.names
+        ]
+        step = rows.dtype.itemsize
+        values = {
+            "height": 1,
+            "width": len(rows),
+            "fields": fields,
+            "is_bigendian": False,
+            "point_step": step,
+            "row_step": step * len(rows),
+            "data": rows.view(np.uint8).reshape(-1),
+            "is_dense": True,
+        } | changes
+        return types[SCAN_TYPE](header=self.header(time, frame), **values)
+
+    def origin(self, crs, x, y, z):
+        types = self.types.types
+        return types[ORIGIN_TYPE](self.header(T0, crs), types["geometry_msgs/msg/Point"](x, y, z))
+
+
+def write_drive(path, storage="mcap", poses="odometry", pose_rate=200.0, n_points=5000, seconds=1.0):
+    """
+    Write scans of a tenth of a second and the vehicle's poses; return the bag's path and the truth.
+
+    `poses`: ``odometry`` (of the vehicle, mounting not told), ``tf`` (mounting in /tf_static) or ``none``.
+    """
+    points, times = truth(n_points, seconds)
+    bag = BagWriter(path, storage)
+    end = seconds + 2.0 / pose_rate
+    if poses == "tf":
+        static = bag.tf((T0, "base", "lidar", mounted()[0], mounted()[1]))
+        bag.write("/tf_static", TF_TYPE, T0, static)
+    events = [(second, "pose") for second in np.arange(0.0, end, 1.0 / pose_rate)]
+    events += [(second + 0.1, "scan") for second in np.arange(0.0, seconds, 0.1)]
+    for second, what in sorted(events):
+        now = T0 + round(second * SECOND)
+        place, attitude = (one[0] for one in vehicle([second]))
+        if what == "scan":
+            begin = second - 0.1
+            own = (times >= begin) & (times < begin + 0.1)
+            begin = T0 + round(begin * SECOND)
+            offsets = np.rint(times[own] * SECOND).astype(np.int64) - (begin - T0)
+            cloud = bag.cloud(begin, "lidar", seen(points[own], times[own]), np.maximum(offsets, 0))
+            bag.write("/points", SCAN_TYPE, now, cloud)
+        elif poses == "odometry":
+            bag.write("/odometry", ODOMETRY_TYPE, now, bag.odometry(now, "odom", "base", place, attitude))
+        elif poses == "tf":
+            bag.write("/tf", TF_TYPE, now, bag.tf((now, "odom", "base", place, attitude)))
+    bag.close()
+    return SimpleNamespace(path=bag.path, points=points, times=times)
