@@ -2,11 +2,21 @@
 
 import numpy as np
 import pytest
+import shapely
 
 from lidar_buildings.core.model.tile import PointTile
+from lidar_buildings.core.stages.edge_labelling import EdgeLabellingConfig
+from lidar_buildings.core.stages.footprints import FootprintConfig, footprints_of
 from lidar_buildings.core.surfaces.own_roofs import APART_SPACINGS, own_roofs
 from lidar_buildings.pipeline.reconstruct import PipelineConfig
-from lidar_buildings.pipeline.tile_stages import fit_planes, label_roof_edges, roof_points, trace_buildings
+from lidar_buildings.pipeline.tile_stages import (
+    fit_planes,
+    label_roof_edges,
+    roof_points,
+    trace_buildings,
+    trace_footprints,
+)
+from lidar_buildings.ros.tile_join import agree_on_roofs
 
 SPACING = 0.5
 
@@ -57,3 +67,25 @@ def test_what_is_left_out_changes_nothing_that_the_tile_says(tile):
     for one, other in zip(outlines, own_outlines, strict=True):
         assert np.array_equal(one.outline.exterior, other.outline.exterior)
     assert len(outlines) == 2
+
+
+def test_a_footprint_has_the_roofs_that_hang_together_with_nothing_in_the_core(tile):
+    lawn = np.column_stack([np.arange(18.0, 75.0, 0.5), np.full(114, 12.0), np.zeros(114)])
+    points = np.vstack([tile.points, lawn])
+    classes = np.where(np.arange(len(points)) < len(tile), 6, 2)
+    classified = PointTile(
+        points,
+        classification=classes,
+        facade=np.zeros(len(points)),
+        height_above_ground=points[:, 2],
+        buffer=points[:, 0] >= 20.0,
+        point_spacing=SPACING,
+    )
+    given = footprints_of([shapely.box(17.0, 11.5, 71.0, 12.5).union(shapely.box(59.0, -1.0, 71.0, 12.0))])
+    labelled = label_roof_edges(roof_points(classified), EdgeLabellingConfig()).tile
+    traced = trace_footprints(classified, labelled, given, FootprintConfig(), EdgeLabellingConfig())
+    inside = traced.tile.points[traced.tile.building_id > 0]
+    assert np.count_nonzero(inside[:, 0] > 59.0) == np.count_nonzero(tile.points[:, 0] > 59.0)
+    assert traced.tile.edge[traced.tile.building_id > 0].any()
+    assert agree_on_roofs(classified, labelled, traced.tile)
+    assert not agree_on_roofs(classified, labelled.select(labelled.points[:, 0] < 20.0))
