@@ -25,7 +25,7 @@ def sets_of_pairs(count: int, one: NDArray[np.integer], other: NDArray[np.intege
         Linked members.
     """
     parent = np.arange(count)
-    _link_pairs(parent, np.asarray(one, dtype=np.int64), np.asarray(other, dtype=np.int64))
+    _link_pairs(parent, np.ascontiguousarray(one, np.int64), np.ascontiguousarray(other, np.int64))
     return parent
 
 

@@ -100,7 +100,7 @@ def find_pieces(
         numbers[:, 0],
         borders.first[at],
         borders.second[at],
-        values[:, :2],
+        np.ascontiguousarray(values[:, :2]),
         values[:, 2],
         values[:, 3] > 0,
         numbers[:, 1],

@@ -79,7 +79,7 @@ def free_planes(moments: PlaneMoments) -> FreePlanes:
     slopes = -normals[:, :2] / upright[:, None]
     heights = mean[:, 2] - np.einsum("ki,ki->k", slopes, mean[:, :2])
     cost = sums[:, [4, 5, 1, 5, 7, 2, 1, 2, 0]].reshape(-1, 3, 3) * (upright**2)[:, None, None]
-    cost = cost + _PRIOR * np.eye(3)
+    cost = np.ascontiguousarray(cost + _PRIOR * np.eye(3))
     roof = (sums[:, 0] > 0) & (normals[:, 2] > math.cos(math.radians(STEEPEST_DEG)))
     return FreePlanes(
         moments,
@@ -87,7 +87,7 @@ def free_planes(moments: PlaneMoments) -> FreePlanes:
         scatter,
         normals,
         np.sqrt(np.maximum(squares, 0.0) / counts),
-        np.column_stack([slopes, heights]),
+        np.ascontiguousarray(np.column_stack([slopes, heights])),
         cost,
         roof,
     )
