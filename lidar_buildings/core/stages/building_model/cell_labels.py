@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from lidar_buildings.core.kernels import inner_kernel, kernel
+from lidar_buildings.core.kernels import kernel
 from lidar_buildings.core.model.array_types import FloatArray, IntArray
 from lidar_buildings.core.stages.building_model.minimum_cut import source_side
 
@@ -67,7 +67,18 @@ def _expand_all(costs, edges, ends, planes, border_cost, step_cost, max_step, la
     ``first[c]`` to ``first[c + 1]`` are those of the edges round cell c: which edge, and what lies beyond.
     """
     n_cells, n_edges = len(labels), len(edges)
-    first, slots, around, beyond = _edges_round(edges, n_cells)
+    first, slots = np.zeros(n_cells + 1, np.int64), np.empty_like(edges)
+    around, beyond = np.empty(2 * len(edges), np.int64), np.empty(2 * len(edges), np.int64)
+    for e in range(len(edges)):
+        first[edges[e, 0]] += 1
+        first[edges[e, 1]] += 1
+    for c in range(n_cells):
+        first[c + 1] += first[c]
+    for e in range(len(edges) - 1, -1, -1):
+        for side in range(1, -1, -1):
+            first[edges[e, side]] -= 1
+            slots[e, side] = first[edges[e, side]]
+            around[slots[e, side]], beyond[slots[e, side]] = e, edges[e, 1 - side]
     known, missed = np.empty((n_edges, 8)), np.empty(2 * n_edges)
     slack, keep, take = np.empty(n_cells), np.empty(n_cells), np.empty(n_cells)
     node, cells = np.empty(n_cells, np.int64), np.empty(n_cells, np.int64)
@@ -169,21 +180,3 @@ def _expand_all(costs, edges, ends, planes, border_cost, step_cost, max_step, la
             for i in range(n):
                 if gained and not keeps[i]:
                     labels[cells[i]] = label
-
-
-@inner_kernel
-def _edges_round(edges, n_cells):  # type: ignore[no-untyped-def]
-    """Return where each cell's places begin, the two of each edge, and each one's edge and cell beyond."""
-    first, slots = np.zeros(n_cells + 1, np.int64), np.empty_like(edges)
-    around, beyond = np.empty(2 * len(edges), np.int64), np.empty(2 * len(edges), np.int64)
-    for e in range(len(edges)):
-        first[edges[e, 0]] += 1
-        first[edges[e, 1]] += 1
-    for c in range(n_cells):
-        first[c + 1] += first[c]
-    for e in range(len(edges) - 1, -1, -1):
-        for side in range(1, -1, -1):
-            first[edges[e, side]] -= 1
-            slots[e, side] = first[edges[e, side]]
-            around[slots[e, side]], beyond[slots[e, side]] = e, edges[e, 1 - side]
-    return first, slots, around, beyond

@@ -15,18 +15,6 @@ MARGIN = 2.0 * SLACK
 
 
 @inner_kernel
-def _tiles_of(lines):  # type: ignore[no-untyped-def]
-    """Return west, south, side, columns and rows of about as many square tiles as there are lines."""
-    west, south, width, height = np.inf, np.inf, -np.inf, -np.inf
-    for i in range(len(lines)):
-        west, south = min(west, lines[i, 0], lines[i, 2]), min(south, lines[i, 1], lines[i, 3])
-        width, height = max(width, lines[i, 0], lines[i, 2]), max(height, lines[i, 1], lines[i, 3])
-    width, height = width - west, height - south
-    side = max(math.sqrt(width * height / len(lines)), max(width, height) / 1000.0, 10.0 * MARGIN)
-    return np.array([west, south, side, math.floor(width / side) + 1.0, math.floor(height / side) + 1.0])
-
-
-@inner_kernel
 def tile_of(position, west, side, n):  # type: ignore[no-untyped-def]
     """Return which of n tiles from `west` on holds a position; the first or last one beyond them."""
     return min(max(int((position - west) / side), 0), n - 1)
@@ -62,7 +50,13 @@ def in_tiles(lines):  # type: ignore[no-untyped-def]
 
     The latter as where each tile, column by column, begins in the numbers of lines, and these.
     """
-    tiles = _tiles_of(lines)
+    west, south, width, height = np.inf, np.inf, -np.inf, -np.inf
+    for i in range(len(lines)):
+        west, south = min(west, lines[i, 0], lines[i, 2]), min(south, lines[i, 1], lines[i, 3])
+        width, height = max(width, lines[i, 0], lines[i, 2]), max(height, lines[i, 1], lines[i, 3])
+    width, height = width - west, height - south
+    side = max(math.sqrt(width * height / len(lines)), max(width, height) / 1000.0, 10.0 * MARGIN)
+    tiles = np.array([west, south, side, math.floor(width / side) + 1.0, math.floor(height / side) + 1.0])
     n_rows = int(tiles[4])
     start = np.zeros(int(tiles[3]) * n_rows + 1, np.int64)
     items = np.empty(0, np.int64)

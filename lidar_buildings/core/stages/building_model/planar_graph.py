@@ -75,7 +75,11 @@ def enclosed_cells(vertices, edges, enclosed):  # type: ignore[no-untyped-def]
     sort_rows(keys, rows, n)
     for k in range(n):
         m, f = k, rows[k]
-        while m > 0 and keys[m - 1] == keys[k] and _comes_first(high, f, rows[m - 1]):
+        while (
+            m > 0
+            and keys[m - 1] == keys[k]
+            and (high[f, 0], high[f, 1]) < (high[rows[m - 1], 0], high[rows[m - 1], 1])
+        ):
             rows[m] = rows[m - 1]
             m -= 1
         rows[m] = f
@@ -91,12 +95,6 @@ def enclosed_cells(vertices, edges, enclosed):  # type: ignore[no-untyped-def]
             bx, by = vertices[b, 0] - low[f, 0], vertices[b, 1] - low[f, 1]
             doubled[number[f]] += ax * by - ay * bx
     return first, order, place, sides, doubled
-
-
-@inner_kernel
-def _comes_first(high, one, other):  # type: ignore[no-untyped-def]
-    """Whether the upper corner of one box comes before another's by x, then y."""
-    return high[one, 0] < high[other, 0] or (high[one, 0] == high[other, 0] and high[one, 1] < high[other, 1])
 
 
 @inner_kernel

@@ -17,7 +17,9 @@ from lidar_buildings.core.surfaces.roof_planes.free_planes import FreePlanes, fr
 from lidar_buildings.core.surfaces.roof_planes.moments import plane_moments
 from lidar_buildings.core.surfaces.roof_planes.normal_equations import (
     CommonVertex,
+    Unknowns,
     solve,
+    unknowns_of,
 )
 from lidar_buildings.core.surfaces.roof_planes.relations import (
     Relations,
@@ -82,16 +84,16 @@ class Adjustment:
         if not self.is_joint:
             return self
         wanted = [vertex for vertex in vertices if all(self.free.roof[k - 1] for k in vertex.planes)]
-        related = self._imposed(wanted, self.relations, None)
-        return related._imposed(wanted, self.relations.loosened(), related.coefficients)
+        related = self._imposed(wanted, unknowns_of(self.relations), None)
+        return related._imposed(wanted, unknowns_of(self.relations.loosened()), related.coefficients)
 
     def _imposed(
-        self, vertices: list[CommonVertex], relations: Relations, start: FloatArray | None
+        self, vertices: list[CommonVertex], unknowns: Unknowns, start: FloatArray | None
     ) -> Adjustment:
         """Impose vertices, giving up those that pull most at planes that move too far."""
         allowed = np.clip(self.free.rms, _LEAST_MOVE, _MOST_MOVE)
         while vertices:
-            coefficients, vertices, pull = self._solved(vertices, relations, start)
+            coefficients, vertices, pull = self._solved(vertices, unknowns, start)
             excess = self.free.offsets(coefficients) / allowed
             culprits = _culprits(pull, np.flatnonzero(self.free.roof & (excess > 1.0)))
             if not culprits:
@@ -100,14 +102,14 @@ class Adjustment:
         return self
 
     def _solved(
-        self, vertices: list[CommonVertex], relations: Relations, start: FloatArray | None
+        self, vertices: list[CommonVertex], unknowns: Unknowns, start: FloatArray | None
     ) -> tuple[FloatArray, list[CommonVertex], FloatArray]:
         """Solve, let vertices whose position is not given follow the planes, solve again, and so on."""
         coefficients = self.coefficients
         rounds = 1 if all(vertex.fixed for vertex in vertices) else _FOLLOW_ROUNDS
         for _ in range(rounds):
             vertices = [self._following(vertex, coefficients) for vertex in vertices]
-            coefficients, pull = solve(self.free, relations, vertices, coefficients[:, :2], start)
+            coefficients, pull = solve(self.free, unknowns, vertices, coefficients[:, :2], start)
         return coefficients, vertices, pull
 
     def _following(self, vertex: CommonVertex, coefficients: FloatArray) -> CommonVertex:
@@ -149,7 +151,7 @@ def _with_relations(free: FreePlanes, relations: Relations) -> Adjustment:
     """Solve under relations, giving up those of planes that move too far."""
     limit = 1.5 * allowed_move(free.rms)
     for _ in range(_MAX_ROUNDS):
-        coefficients, _ = solve(free, relations, (), free.coefficients[:, :2])
+        coefficients, _ = solve(free, unknowns_of(relations), (), free.coefficients[:, :2])
         moved = np.flatnonzero(free.roof & (free.offsets(coefficients) > limit))
         if not len(moved):
             break
