@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from lidar_buildings.commands.bag_inputs import with_placed_bags
+from lidar_buildings.commands.prepare import load_stages
 from lidar_buildings.commands.progress import RunOutcome, counted
 from lidar_buildings.commands.run_request import RunRequest, request_of
 from lidar_buildings.core.kernel_cache import start_compiling
@@ -74,18 +75,10 @@ def _footprints(request: RunRequest) -> FootprintFile | None:
 def _run_local(request: RunRequest, footprints: FootprintFile | None) -> RunOutcome:
     from lidar_buildings.pipeline.building_pool import BuildingPool
 
-    with BuildingPool(prepare=_prepare) as pool:
+    with BuildingPool(prepare=load_stages) as pool:
         from lidar_buildings.commands.run_local import run_local  # while the pool is getting ready
 
         return run_local(request, footprints, pool)
-
-
-def _prepare() -> None:
-    """Load what works on tiles, compiled code by a call of each stage."""
-    from lidar_buildings.commands import stage_calls, tile_work  # noqa: F401
-
-    for call in stage_calls.CALLS:
-        call()
 
 
 def _run_graph(request: RunRequest) -> RunOutcome:

@@ -6,6 +6,7 @@ import os
 from contextlib import suppress
 from typing import TYPE_CHECKING
 
+from lidar_buildings.commands.prepare import load_stages
 from lidar_buildings.commands.progress import RunOutcome, progress_bar
 from lidar_buildings.pipeline.building_pool import BuildingPool
 from lidar_buildings.ros.middleware import prepare_middleware
@@ -29,7 +30,7 @@ def run_graph(request: RunRequest) -> RunOutcome:
     """
     os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
     prepare_middleware()
-    with BuildingPool() as pool:  # before ROS starts its threads
+    with BuildingPool(prepare=load_stages) as pool:  # before ROS starts its threads
         return _run(request, pool)
 
 

@@ -13,6 +13,7 @@ from lidar_buildings.core.stages.edge_labelling import EdgeLabellingConfig
 from lidar_buildings.core.stages.segmentation import SegmentationConfig
 from lidar_buildings.io.vectors.footprints import FootprintSource, read_footprints
 from lidar_buildings.nodes.configs import NODE_CONFIGS, FootprintNodeConfig
+from lidar_buildings.pipeline.building_pool import BuildingPool
 from lidar_buildings.pipeline.tile_stages import TracedTile, trace_buildings, trace_footprints
 from lidar_buildings.ros.map_frames import FrameListener
 from lidar_buildings.ros.polygons import outline_rings
@@ -28,8 +29,9 @@ _EDGES, _ALL = "edge_points", "classified_points"
 class BuildingTracer(StageNode):
     """Traces the buildings of each tile, or takes given footprints; holds a tile back that cuts one off."""
 
-    def __init__(self, **kwargs: Any) -> None:
+    def __init__(self, pool: BuildingPool | None = None, **kwargs: Any) -> None:
         super().__init__("building_tracer", NODE_CONFIGS["building_tracer"], **kwargs)
+        self._pool = pool or BuildingPool(0)
         self._building_points = self.create_tile_outlet("building_points")
         self._traced = self.create_ring_outlet("traced_outlines")
         self._clipped = self.create_publisher(Header, "tile_clipped", EVENT)
@@ -80,8 +82,12 @@ class BuildingTracer(StageNode):
         config = self.parameters[FootprintNodeConfig]
         frame = None if self._map is None else self._map.frame
         if frame is None:
-            return trace_buildings(
-                parts[_EDGES], self.parameters[SegmentationConfig], self.parameters[BoundaryTracingConfig]
+            return self._pool.call(
+                trace_buildings,
+                parts[_EDGES],
+                self.parameters[SegmentationConfig],
+                self.parameters[BoundaryTracingConfig],
+                shares=True,
             )
         given = read_footprints(FootprintSource(Path(config.file), config.layer), frame)
         return trace_footprints(

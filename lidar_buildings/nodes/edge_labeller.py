@@ -7,6 +7,7 @@ from typing import Any
 from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.core.stages.edge_labelling import EdgeLabellingConfig
 from lidar_buildings.nodes.configs import NODE_CONFIGS
+from lidar_buildings.pipeline.building_pool import BuildingPool
 from lidar_buildings.pipeline.tile_stages import label_roof_edges
 from lidar_buildings.ros.runner import run_node
 from lidar_buildings.ros.stage_node import StageNode
@@ -15,14 +16,15 @@ from lidar_buildings.ros.stage_node import StageNode
 class EdgeLabeller(StageNode):
     """Labels the roof points on edges."""
 
-    def __init__(self, **kwargs: Any) -> None:
+    def __init__(self, pool: BuildingPool | None = None, **kwargs: Any) -> None:
         super().__init__("edge_labeller", NODE_CONFIGS["edge_labeller"], **kwargs)
+        self._pool = pool or BuildingPool(0)
         self._edge_points = self.create_tile_outlet("edge_points")
         self.subscribe_tiles("roof_points", self.on_tile)
 
     def on_tile(self, tile: PointTile) -> dict[str, int]:
         """Label one tile; report how many of its roofs came to which status."""
-        labelled = label_roof_edges(tile, self.parameters[EdgeLabellingConfig])
+        labelled = self._pool.call(label_roof_edges, tile, self.parameters[EdgeLabellingConfig])
         self._edge_points.publish(labelled.tile)
         return {f"roofs_{status}": number for status, number in labelled.n_roofs.items()}
 

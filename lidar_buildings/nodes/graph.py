@@ -15,8 +15,9 @@ from lidar_buildings.ros.stage_node import StageNode
 
 _CLASSES = {name: "".join(word.title() for word in name.split("_")) for name in NODE_CONFIGS}
 
-#: Nodes that work on building after building.
-_WITH_POOL = ("plane_fitter", "model_builder")
+#: The one node that does its work itself; the others let processes do it, since in one process they would
+#: wait for the interpreter's lock.
+_WITHOUT_POOL = "tile_player"
 
 
 def node_class(name: str) -> type[StageNode]:
@@ -39,11 +40,11 @@ def make_node(
     settings : mapping
         ``{stage: {name: value}}``; what is not named keeps its default, what is of other nodes is left out.
     pool : BuildingPool, optional
-        Processes, if it works on building after building.
+        Processes that do its work; it is done here if not given.
     **kwargs
         As for `rclpy.node.Node`: namespace, context…
     """
-    shared = {"pool": pool} if name in _WITH_POOL else {}
+    shared = {} if name == _WITHOUT_POOL else {"pool": pool}
     return node_class(name)(
         parameter_overrides=parameter_overrides(NODE_CONFIGS[name], settings), **shared, **kwargs
     )
@@ -78,7 +79,7 @@ def survey_nodes(
     identity : mapping
         All that results depend on, for taking an unfinished run up again; `settings` if not given.
     pool : BuildingPool, optional
-        Processes for the nodes that work on building after building.
+        Processes that do the nodes' work.
     **kwargs
         As for `rclpy.node.Node`, the same for all: namespace, context…
 

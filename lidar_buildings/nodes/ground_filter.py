@@ -10,6 +10,7 @@ from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.core.stages.terrain import RasterConfig
 from lidar_buildings.nodes.configs import NODE_CONFIGS, GroundFilterNodeConfig
+from lidar_buildings.pipeline.building_pool import BuildingPool
 from lidar_buildings.pipeline.tile_rasters import rasterise_tile
 from lidar_buildings.pipeline.tile_stages import filter_ground
 from lidar_buildings.ros.elevation_grid import grid_message
@@ -21,8 +22,9 @@ from lidar_buildings.ros.stage_node import StageNode
 class GroundFilter(StageNode):
     """Classifies the ground of each tile."""
 
-    def __init__(self, **kwargs: Any) -> None:
+    def __init__(self, pool: BuildingPool | None = None, **kwargs: Any) -> None:
         super().__init__("ground_filter", NODE_CONFIGS["ground_filter"], **kwargs)
+        self._pool = pool or BuildingPool(0)
         self._ground_points = self.create_tile_outlet("ground_points")
         self._dtm = None
         if self.parameters[GroundFilterNodeConfig].publish_dtm:
@@ -31,7 +33,7 @@ class GroundFilter(StageNode):
 
     def on_tile(self, tile: PointTile) -> None:
         """Classify one tile."""
-        classified = filter_ground(tile, self.parameters[GroundFilterNodeConfig])
+        classified = self._pool.call(filter_ground, tile, self.parameters[GroundFilterNodeConfig])
         self._ground_points.publish(classified)
         if self._dtm is not None:
             self._publish_dtm(classified)

@@ -37,7 +37,7 @@ class ModelBuilder(StageNode):
 
     def __init__(self, pool: BuildingPool | None = None, **kwargs: Any) -> None:
         super().__init__("model_builder", NODE_CONFIGS["model_builder"], **kwargs)
-        self._pool = pool
+        self._pool = pool or BuildingPool(0)
         self._make_publishers()
         self._map = FrameListener(self, self.on_frame)
         self._join = TileJoin(
@@ -90,7 +90,9 @@ class ModelBuilder(StageNode):
 
     def _build(self, stamp: int, parts: Parts, frame: MapFrame) -> None:
         outlines = parts[_QUALITY].given_to(parts[_OUTLINES])
-        models = build_models(parts[_POINTS], outlines, self.parameters[BuildingModelConfig], self._pool)
+        models = self._pool.call(
+            build_models, parts[_POINTS], outlines, self.parameters[BuildingModelConfig], shares=True
+        )
         publish_all(self._features, (String(data=_feature(one, frame)) for one in models))
         faces = ((one.building_id, face) for one in models for face in one.model.roof_faces)
         self._roof_faces.publish(stamp, roof_rings(faces))

@@ -35,6 +35,7 @@ from lidar_buildings.nodes.table import (
     nodes_until,
     writer_topics,
 )
+from lidar_buildings.pipeline.building_pool import BuildingPool
 from lidar_buildings.pipeline.tile_rasters import rasterise_tile
 from lidar_buildings.ros.features import FeaturePool
 from lidar_buildings.ros.polygons import Rings
@@ -71,8 +72,9 @@ class _AllPoints:
 class ModelWriter(StageNode):
     """Puts tiles on disk as they are complete, and makes the files when the survey is done."""
 
-    def __init__(self, **kwargs: Any) -> None:
+    def __init__(self, pool: BuildingPool | None = None, **kwargs: Any) -> None:
         super().__init__("model_writer", NODE_CONFIGS["model_writer"], **kwargs)
+        self._pool = pool or BuildingPool(0)
         try:
             self._open(self.parameters[ModelWriterConfig])
         except Exception:
@@ -212,7 +214,7 @@ class ModelWriter(StageNode):
         return agree_on_roofs(*self._clouds_of(parts)) and agree_on_buildings(parts)
 
     def _rasterised(self, tile: PointTile) -> TerrainRasters | None:
-        return rasterise_tile(tile, self.parameters[ModelWriterConfig], self._folder.frame)
+        return self._pool.call(rasterise_tile, tile, self.parameters[ModelWriterConfig], self._folder.frame)
 
     def _clouds_of(self, parts: Parts) -> list[PointTile]:
         """Return the clouds among a tile's parts: all its points first, then its roofs."""

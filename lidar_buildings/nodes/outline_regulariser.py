@@ -8,6 +8,7 @@ from std_msgs.msg import String
 
 from lidar_buildings.core.stages.regularisation import RegularisationConfig
 from lidar_buildings.nodes.configs import NODE_CONFIGS
+from lidar_buildings.pipeline.building_pool import BuildingPool
 from lidar_buildings.pipeline.tile_outlines import regularise_outlines
 from lidar_buildings.ros.outline_quality import quality_message
 from lidar_buildings.ros.polygons import Rings, outline_rings
@@ -20,15 +21,18 @@ from lidar_buildings.ros.stage_node import StageNode
 class OutlineRegulariser(StageNode):
     """Regularises the outlines of each tile."""
 
-    def __init__(self, **kwargs: Any) -> None:
+    def __init__(self, pool: BuildingPool | None = None, **kwargs: Any) -> None:
         super().__init__("outline_regulariser", NODE_CONFIGS["outline_regulariser"], **kwargs)
+        self._pool = pool or BuildingPool(0)
         self._outlines = self.create_ring_outlet("outlines")
         self._quality = self.create_publisher(String, "outline_quality", CLOUD)
         self.subscribe_rings("traced_outlines", self.on_rings)
 
     def on_rings(self, stamp: int, rings: Rings) -> None:
         """Regularise one tile's outlines."""
-        outlines = regularise_outlines(outlines_of(rings), self.parameters[RegularisationConfig])
+        outlines = self._pool.call(
+            regularise_outlines, outlines_of(rings), self.parameters[RegularisationConfig], shares=True
+        )
         self._quality.publish(quality_message(stamp, outlines))
         self._outlines.publish(stamp, outline_rings(outlines))
 

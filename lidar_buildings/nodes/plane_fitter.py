@@ -18,13 +18,14 @@ class PlaneFitter(StageNode):
 
     def __init__(self, pool: BuildingPool | None = None, **kwargs: Any) -> None:
         super().__init__("plane_fitter", NODE_CONFIGS["plane_fitter"], **kwargs)
-        self._pool = pool
+        self._pool = pool or BuildingPool(0)
         self._plane_points = self.create_tile_outlet("plane_points")
         self.subscribe_tiles("building_points", self.on_tile)
 
     def on_tile(self, tile: PointTile) -> None:
         """Fit the planes of one tile's buildings."""
-        self._plane_points.publish(fit_planes(tile, self.parameters[PlaneFittingConfig], self._pool))
+        planes = self._pool.call(fit_planes, tile, self.parameters[PlaneFittingConfig], shares=True)
+        self._plane_points.publish(planes)
 
 
 def main() -> int:

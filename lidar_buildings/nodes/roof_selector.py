@@ -7,6 +7,7 @@ from typing import Any
 from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.core.stages.roof_selection import RoofSelectionConfig
 from lidar_buildings.nodes.configs import NODE_CONFIGS
+from lidar_buildings.pipeline.building_pool import BuildingPool
 from lidar_buildings.pipeline.tile_stages import roof_points, select_roof_points
 from lidar_buildings.ros.runner import run_node
 from lidar_buildings.ros.stage_node import StageNode
@@ -15,15 +16,16 @@ from lidar_buildings.ros.stage_node import StageNode
 class RoofSelector(StageNode):
     """Gives every point its final class."""
 
-    def __init__(self, **kwargs: Any) -> None:
+    def __init__(self, pool: BuildingPool | None = None, **kwargs: Any) -> None:
         super().__init__("roof_selector", NODE_CONFIGS["roof_selector"], **kwargs)
+        self._pool = pool or BuildingPool(0)
         self._classified_points = self.create_tile_outlet("classified_points")
         self._roof_points = self.create_tile_outlet("roof_points")
         self.subscribe_tiles("ground_points", self.on_tile)
 
     def on_tile(self, tile: PointTile) -> None:
         """Classify one tile and hand its roofs on."""
-        classified = select_roof_points(tile, self.parameters[RoofSelectionConfig])
+        classified = self._pool.call(select_roof_points, tile, self.parameters[RoofSelectionConfig])
         self._roof_points.publish(roof_points(classified))
         self._classified_points.publish(classified)
 

@@ -110,6 +110,35 @@ class BuildingPool(Sharing):
             done.set_exception(error)
         return done
 
+    def call(self, function: Callable[..., _Result], *arguments: object, shares: bool = False) -> _Result:
+        """
+        Call a function in the next free process, here without any, and wait for its result.
+
+        For threads that share an interpreter's lock: the others go on meanwhile.
+
+        Parameters
+        ----------
+        function : callable
+            At the top of a module.
+        *arguments : object
+            What it is called with.
+        shares : bool
+            Whether it takes a `pool`, over which it shares a tile's buildings.
+
+        Raises
+        ------
+        WorkerLostError
+            If two processes ended at it.
+        """
+        work = function, arguments, shares
+        try:
+            result = self.submit(_called, work).result() if self._n_alive else _called(work, None)
+        except NoWorkerError:
+            result = _called(work, None)
+        if isinstance(result, Exception):
+            raise result
+        return result
+
     def _exchange(self, messages: Sequence[bytes]) -> list[bytes | None]:
         tasks = [Task(message) for message in messages]
         return _answers(tasks) if self._put(tasks) else [None] * len(tasks)
@@ -161,6 +190,16 @@ class BuildingPool(Sharing):
             self._agenda.lose(task)
         if not self._n_alive:
             self._agenda.close()
+
+
+def _called(
+    work: tuple[Callable[..., _Result], tuple[object, ...], bool], pool: Sharing | None
+) -> _Result | Exception:
+    function, arguments, shares = work
+    try:
+        return function(*arguments, pool=pool) if shares else function(*arguments)
+    except Exception as error:
+        return error
 
 
 def _answers(tasks: Sequence[Task]) -> list[bytes | None]:

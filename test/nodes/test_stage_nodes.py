@@ -175,7 +175,7 @@ def tracing(monkeypatch):
     """Tracing that calls a tile clipped as long as it has bounds."""
     seen = []
 
-    def trace(tile, *_):
+    def trace(tile, *_, pool):
         seen.append(tile.bounds)
         return TracedTile(tile, outlines(HOUSE), tile.bounds is not None)
 

@@ -220,3 +220,22 @@ def test_closing_ends_all_processes_though_they_are_at_work():
     caller.join()
     while any(is_alive(process) for process in at_work):
         time.sleep(0.01)
+
+
+def place_of(number, pool=None):
+    return number, os.getpid(), pool is not None
+
+
+def refuse(number):
+    raise ValueError(f"number = {number}: must be larger")
+
+
+def test_a_call_is_done_in_another_process_which_may_share_it():
+    with BuildingPool(2) as pool:
+        number, process, has_pool = pool.call(place_of, 5)
+        assert (number, has_pool) == (5, False)
+        assert process != os.getpid()
+        assert pool.call(place_of, 6, shares=True)[::2] == (6, True)
+        with pytest.raises(ValueError, match="number = 7: must be larger"):
+            pool.call(refuse, 7)
+    assert pool.call(place_of, 8) == (8, os.getpid(), False)

@@ -1,0 +1,11 @@
+"""What the first process of a run's pool does before it has work: the others are forked from it."""
+
+from __future__ import annotations
+
+
+def load_stages() -> None:
+    """Load what works on tiles, compiled code by a call of each stage."""
+    from lidar_buildings.commands import stage_calls, tile_work  # noqa: F401
+
+    for call in stage_calls.CALLS:
+        call()
