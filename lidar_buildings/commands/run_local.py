@@ -67,7 +67,7 @@ def run_local(request: RunRequest, footprints: FootprintFile | None, pool: Build
             )
         seconds = {"wall": time.perf_counter() - started, **seconds}
         info = run_info(seconds, request.parameters(), failed, source.problems)
-        return RunOutcome(folder.finalise(info, partial(_shared, pool)), failed)
+        return RunOutcome(folder.finalise(info, partial(_shared, pool), source.unreadable), failed)
 
 
 def _shared(pool: BuildingPool, function: Callable[[_Job], _Result], jobs: Sequence[_Job]) -> list[_Result]:

@@ -28,8 +28,8 @@ class ClassifiedFiles:
     ----------
     outputs : list of str or None
         Per input the file's name in the output folder, None where the input could not be read.
-    problems : list of str
-        One line for each of those.
+    problems : dict
+        Number of each of those inputs → one line.
     per_class : ndarray of int64, shape (256,)
         Number of points per class.
     n_known : int
@@ -37,7 +37,7 @@ class ClassifiedFiles:
     """
 
     outputs: list[str | None] = field(default_factory=list)
-    problems: list[str] = field(default_factory=list)
+    problems: dict[int, str] = field(default_factory=dict)
     per_class: NDArray[np.int64] = field(default_factory=lambda: np.zeros(256, dtype=np.int64))
     n_known: int = 0
 
@@ -102,11 +102,12 @@ def write_clouds(
         for number, (one, name) in enumerate(zip(inputs, output_names(inputs), strict=True))
     ]
     written = ClassifiedFiles()
-    for one in share(_write_cloud, jobs):
+    for number, one in enumerate(share(_write_cloud, jobs)):
         if one.error is not None:
             raise one.error
         written.outputs.append(one.output)
-        written.problems += [one.problem] * bool(one.problem)
+        if one.problem:
+            written.problems[number] = one.problem
         written.per_class += one.per_class
         written.n_known += one.n_known
     return written

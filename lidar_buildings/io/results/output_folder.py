@@ -176,7 +176,12 @@ class OutputFolder:
         if "dxf" in self.formats:
             import ezdxf  # noqa: F401
 
-    def finalise(self, run_info: Mapping[str, Any] | None = None, share: Share = map) -> RunSummary:
+    def finalise(
+        self,
+        run_info: Mapping[str, Any] | None = None,
+        share: Share = map,
+        told_of: Collection[int] = (),
+    ) -> RunSummary:
         """
         Make the files from the tiles on disk; ``run.json`` comes last, then the tiles are deleted.
 
@@ -189,6 +194,8 @@ class OutputFolder:
             before those met here.
         share : callable
             As `map`; may do its jobs, the classified clouds, in other processes.
+        told_of : collection of int
+            Inputs of which `run_info` tells that they cannot be read; each is told of once.
 
         Raises
         ------
@@ -207,8 +214,7 @@ class OutputFolder:
             buildings, statuses = self._write_buildings(fragments, pieces)
             clouds, (rasters, problems) = cloud_files.result(), raster_files.result()
         files = [*filter(None, clouds.outputs), *buildings]
-        told = info.get("problems", ())
-        new = [one for one in clouds.problems if _is_new(one, told)]
+        new = [line for source, line in clouds.problems.items() if source not in told_of]
         n_points = sum(file.point_count for file in self.inputs)
         summary = RunSummary(
             files=(*files, *rasters, RUN),
@@ -219,7 +225,7 @@ class OutputFolder:
             buildings=statuses,
             n_seam_pieces=len(pieces),
             rasters=rasters,
-            problems=tuple(dict.fromkeys([*told, *new, *problems])),
+            problems=tuple(dict.fromkeys([*info.get("problems", ()), *new, *problems])),
             footprints=self._footprints.summary(sum(statuses.values())),
         )
         self._write_run(summary, clouds.outputs, info)
@@ -286,9 +292,3 @@ def _is_whole(fragment: Path) -> bool:
     except (OSError, ValueError, KeyError, EOFError, RuntimeError, BadZipFile):
         return False
     return True
-
-
-def _is_new(problem: str, told: Collection[str]) -> bool:
-    """Whether nobody has told of a file yet that cannot be decoded, for which decoders have several words."""
-    start = "".join(problem.partition(": cannot be decoded (")[:2])
-    return problem not in told if start == problem else not any(one.startswith(start) for one in told)

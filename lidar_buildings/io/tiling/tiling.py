@@ -58,6 +58,8 @@ class TileSource:
         The map frame of all tiles.
     problems : list of str
         One line per input that is missing or could not be read.
+    unreadable : set of int
+        Those of `inputs` that could not be read to their end.
 
     Raises
     ------
@@ -79,6 +81,7 @@ class TileSource:
             raise InputError(
                 f"{len(self._clouds)} input files: at most {_MOST_FILES} in one run: run them in parts"
             )
+        self.unreadable: set[int] = set()
         self.inputs = [InputFile(cloud.path, cloud.point_count) for cloud in self._clouds]
         self.frame: MapFrame = frame_of(self._clouds)
         self._skip = skip
@@ -187,7 +190,6 @@ class TileSource:
 
     def _read_all(self) -> Generator[bool, None, None]:
         """Read every file, giving way after each chunk, and plan tiles as they become complete."""
-        n_failed = 0
         for source in reading_order(self._areas):
             try:
                 first, cloud = 0, self._clouds[source]
@@ -198,14 +200,14 @@ class TileSource:
             except InputError as error:
                 self.problems.append(str(error))
                 self._store.drop(source)
-                n_failed += 1
+                self.unreadable.add(source)
             else:
                 self._read.append(source)
                 self._store.learn_brightness(source)
             self._unread.discard(source)
             self._plan_tiles_near(self._areas[source])
             yield True
-        if n_failed == len(self._clouds):
+        if len(self.unreadable) == len(self._clouds):
             raise InputError("\n".join(self.problems))
         for tile in sorted(self._waiting):
             self._plan(tile)

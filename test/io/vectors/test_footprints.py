@@ -14,7 +14,7 @@ from lidar_buildings.core.model.errors import InputError
 from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.core.stages.footprints import assign_footprints
-from lidar_buildings.io.files.warn_once import warn_once
+from lidar_buildings.io.files.warn_once import SAID
 from lidar_buildings.io.vectors.footprints import FootprintSource, check_overlap, read_footprints
 
 RD = "EPSG:28992"
@@ -31,7 +31,7 @@ HOUSES = [
 
 @pytest.fixture(autouse=True)
 def every_warning_anew():
-    warn_once.cache_clear()
+    SAID.clear()
 
 
 def written(path, shapes, *, crs=RD, kind="Polygon", columns=None, **options):
