@@ -93,7 +93,7 @@ def _hash_of_sources() -> str:
     for room in _WITH_LOOPS:
         for path in sorted((_PACKAGE / room).rglob("*.py")):
             source = path.read_bytes()
-            if b"core.kernels import" in source or b"njit" in source:
+            if any(word in source for word in (b"core.kernels import", b"njit", b"numba")):
                 found.update(str(path.relative_to(_PACKAGE)).encode() + b"\0" + source)
     return found.hexdigest()[:16]
 

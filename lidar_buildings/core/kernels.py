@@ -11,7 +11,14 @@ from typing import Any
 
 from numba import njit, types
 
-_OPTIONS: Any = {"nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True}
+from lidar_buildings.core.compiling import LoopCompiler
+
+_OPTIONS: Any = {
+    "nogil": True,
+    "error_model": "numpy",
+    "no_cfunc_wrapper": True,
+    "pipeline_class": LoopCompiler,
+}
 _INNER_OPTIONS: Any = _OPTIONS | {"no_cpython_wrapper": True}
 
 

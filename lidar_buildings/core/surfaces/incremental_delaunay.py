@@ -8,7 +8,6 @@ A mesh is a pair of int32 arrays with room for growth: `triangles` (rows of vert
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from lidar_buildings.core.kernels import inner_kernel, kernel
 
@@ -93,14 +92,14 @@ def _flip(near, far, k, triangles, neighbours):  # type: ignore[no-untyped-def]
     _redirect(beyond_ca, near, far, neighbours)
 
 
-@njit(inline="always")
+@inner_kernel
 def _set(triangle, a, b, c, beyond_a, beyond_b, beyond_c, triangles, neighbours):  # type: ignore[no-untyped-def]
     """Write a triangle's corners and the neighbours opposite them."""
     triangles[triangle, 0], triangles[triangle, 1], triangles[triangle, 2] = a, b, c
     neighbours[triangle, 0], neighbours[triangle, 1], neighbours[triangle, 2] = beyond_a, beyond_b, beyond_c
 
 
-@njit(inline="always")
+@inner_kernel
 def _redirect(triangle, old, new, neighbours):  # type: ignore[no-untyped-def]
     if triangle >= 0:
         neighbours[triangle, _corner_facing(triangle, old, neighbours)] = new
