@@ -9,8 +9,13 @@ import numpy as np
 from lidar_buildings.commands.sample_tile import sample_tile
 from lidar_buildings.core.neighbours.columns import by_column
 from lidar_buildings.core.neighbours.point_spacing import quantised_spacing
+from lidar_buildings.core.neighbours.scan_pattern import ScanPattern
 from lidar_buildings.core.solids.validity import check_solid
+from lidar_buildings.core.stages.boundary_tracing.point_grid import build_point_grid
+from lidar_buildings.core.stages.boundary_tracing.walk_recovery import bridge_gap
+from lidar_buildings.core.stages.roof_selection.candidates import Candidates
 from lidar_buildings.core.stages.roof_selection.smooth_patches.canopies import is_canopy
+from lidar_buildings.core.stages.roof_selection.smooth_patches.foliage import Patches, is_foliage
 from lidar_buildings.core.stages.roof_selection.smooth_patches.wet_roofs import find_wet_roofs
 from lidar_buildings.core.stages.roof_topology.small_regions import absorb_small_regions
 from lidar_buildings.core.stages.terrain import RasterConfig
@@ -86,6 +91,12 @@ def _rare() -> None:
     crown = np.concatenate([roof + np.array([0.0, 0.0, z]) for z in range(6)])
     is_roof = np.arange(len(crown)) < len(roof)
     is_canopy(by_column(crown, 1.0), is_roof, ~is_roof, 1.5)
+    columns = by_column(roof, 1.0)
+    candidates = Candidates(columns, np.ones(len(roof)), everywhere, everywhere, roof, 1.0, 1.0)
+    patches = Patches(columns, np.zeros(len(roof), dtype=np.int64), roof, np.ones(1))
+    is_foliage(candidates, patches, 2.0, _CONFIG.roof_selection)
+    grid = build_point_grid(roof, ScanPattern(0.0, 1.0, 1.0), 2.0)
+    bridge_gap(grid, np.ones(len(grid.x)), np.array([0]), np.array([1, 2]), 2.0)
 
 
 #: What is called, the longest first.
