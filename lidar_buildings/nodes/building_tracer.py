@@ -21,7 +21,7 @@ from lidar_buildings.ros.qos import EVENT
 from lidar_buildings.ros.runner import run_node
 from lidar_buildings.ros.stage_node import StageNode
 from lidar_buildings.ros.stamps import header_of
-from lidar_buildings.ros.tile_join import Parts, TileJoin, agree_on_roofs
+from lidar_buildings.ros.tile_join import Parts, TileJoin
 
 _EDGES, _ALL = "edge_points", "classified_points"
 
@@ -39,7 +39,7 @@ class BuildingTracer(StageNode):
         if self.parameters[FootprintNodeConfig].file:
             self._map = FrameListener(self, lambda _: self._go_on())
         topics = (_EDGES,) if self._map is None else (_EDGES, _ALL)
-        self._join = TileJoin(topics, _are_of_one_sending, lambda *_: self._knows_frame())
+        self._join = TileJoin(topics, is_ready=lambda *_: self._knows_frame())
         for topic in topics:
             self.subscribe_tiles(topic, lambda tile, topic=topic: self.on_tile(topic, tile))
 
@@ -69,7 +69,7 @@ class BuildingTracer(StageNode):
             self._hand_on(stamp, traced)
 
     def _go_on_if_whole(self, stamp: int, traced: TracedTile) -> None:
-        """Hand a clipped tile on if there is nothing beyond it; else a larger one comes."""
+        """Hand a clipped tile on if there is nothing beyond it; else a larger revision comes."""
         if self.tile_infos.is_whole(stamp):
             with self.reporting(stamp):
                 self._hand_on(stamp, traced)
@@ -93,11 +93,6 @@ class BuildingTracer(StageNode):
         return trace_footprints(
             parts[_ALL], parts[_EDGES], given.footprints, config, self.parameters[EdgeLabellingConfig]
         )
-
-
-def _are_of_one_sending(parts: Parts) -> bool:
-    """Whether a tile's clouds fit together: one that was sent larger has more points under the same stamp."""
-    return _ALL not in parts or agree_on_roofs(parts[_ALL], parts[_EDGES])
 
 
 def main() -> int:

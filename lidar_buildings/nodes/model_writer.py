@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -43,8 +43,8 @@ from lidar_buildings.ros.qos import BUILDING, EVENT, LATCHED, LATCHED_HISTORY
 from lidar_buildings.ros.ring_collector import outlines_of
 from lidar_buildings.ros.runner import run_node
 from lidar_buildings.ros.stage_node import StageNode
-from lidar_buildings.ros.stamps import header_of, to_stamp
-from lidar_buildings.ros.tile_join import Parts, TileJoin, agree_on_buildings, agree_on_roofs
+from lidar_buildings.ros.stamps import header_of, tile_of, to_stamp
+from lidar_buildings.ros.tile_join import Parts, TileJoin, agree_on_buildings
 
 #: Exit status when a tile was given up and the rest was done.
 TILE_FAILED = 3
@@ -95,7 +95,7 @@ class ModelWriter(StageNode):
 
     def on_tile(self, topic: str, tile: PointTile) -> None:
         """Take points of one tile; a tile that is on disk already was sent again for want of this answer."""
-        if tile.stamp not in self._on_disk:
+        if tile_of(tile.stamp) not in self._on_disk:
             self._add(
                 tile.stamp, topic, tile if topic != self._topics[0] else _AllPoints(tile, self._rasterised)
             )
@@ -112,7 +112,7 @@ class ModelWriter(StageNode):
             all_points = self._join.part(stamp, self._topics[0])
             if all_points is not None:
                 all_points.rasters()
-        if stamp not in self._on_disk:
+        if tile_of(stamp) not in self._on_disk:
             # the models have the faces; that they have come is all that is to know
             self._add(stamp, topic, None if topic == ROOF_FACES.name else outlines_of(rings))
 
@@ -132,7 +132,7 @@ class ModelWriter(StageNode):
 
     def on_failed(self, message: Header) -> None:
         """Note that a tile was given up."""
-        self._record.failed.add(to_stamp(message.stamp))
+        self._record.failed.add(tile_of(to_stamp(message.stamp)))
 
     def on_survey_done(self, _: Header) -> None:
         """Make the files as soon as the diagnostics of the last tiles have come, and end."""
@@ -184,7 +184,7 @@ class ModelWriter(StageNode):
         self._end_timer: Timer | None = None
         self._features = FeaturePool()
         self._join = TileJoin(
-            (t for t in self._topics if t != CITY_MODEL.name), self._fits, self._has_features
+            (t for t in self._topics if t != CITY_MODEL.name), agree_on_buildings, self._has_features
         )
 
     def _subscribe_results(self) -> None:
@@ -207,12 +207,6 @@ class ModelWriter(StageNode):
         """Whether the models of all buildings of a tile have come."""
         return not self._features.expect(stamp, self._buildings_of(parts))
 
-    def _fits(self, parts: Parts) -> bool:
-        """
-        Whether parts are of one sending: a tile that was sent larger has more points under the same stamp.
-        """
-        return agree_on_roofs(*self._clouds_of(parts)) and agree_on_buildings(parts)
-
     def _rasterised(self, tile: PointTile) -> TerrainRasters | None:
         return self._pool.call(rasterise_tile, tile, self.parameters[ModelWriterConfig], self._folder.frame)
 
@@ -232,8 +226,10 @@ class ModelWriter(StageNode):
         self._tile_done.publish(header_of(stamp))
 
     def _write(self, parts: Parts) -> None:
+        classified, *roofs = self._clouds_of(parts)
         products = TileProducts.from_tiles(
-            *self._clouds_of(parts),
+            replace(classified, stamp=tile_of(classified.stamp)),
+            *roofs,
             traced=parts.get(TRACED_OUTLINES.name, ()),
             outlines=parts.get(OUTLINES.name, ()),
             features=self._features.take(sorted(self._buildings_of(parts))),

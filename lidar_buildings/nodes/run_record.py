@@ -11,6 +11,7 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 
 from lidar_buildings.io.results.run_info import run_info
 from lidar_buildings.nodes.table import NODE_STAGES, NODE_TABLE
+from lidar_buildings.ros.stamps import tile_of
 
 _NODES = {card.name for card in NODE_TABLE}
 
@@ -30,7 +31,7 @@ class RunRecord:
     def __init__(self) -> None:
         self.failed: set[int] = set()
         self.n_heard = 0
-        self._seconds: dict[str, dict[str, float]] = {stage: {} for stage in NODE_STAGES.values()}
+        self._seconds: dict[str, dict[int, float]] = {stage: {} for stage in NODE_STAGES.values()}
         self._parameters: dict[str, Any] = {}
         self._reasons: dict[int, str] = {}
         self._started = time.perf_counter()
@@ -42,16 +43,17 @@ class RunRecord:
             values = {pair.key: pair.value for pair in status.values}
             if status.name not in _NODES or "tile" not in values:
                 continue
+            tile = tile_of(int(values["tile"]))
             if status.level == DiagnosticStatus.ERROR:
-                self._reasons[int(values["tile"])] = f"{status.name}: {status.message}"
+                self._reasons[tile] = f"{status.name}: {status.message}"
                 continue
             self._parameters.update(json.loads(values.get("parameters", "{}")))
             if status.name in NODE_STAGES and "seconds" in values:
-                self._seconds[NODE_STAGES[status.name]][values["tile"]] = float(values["seconds"])
+                self._seconds[NODE_STAGES[status.name]][tile] = float(values["seconds"])
 
     def has_all(self, stages: Iterable[str], stamps: Iterable[int]) -> bool:
         """Whether the seconds of all these stages on all these tiles have come."""
-        return all(self._seconds[stage].keys() >= set(map(str, stamps)) for stage in stages)
+        return all(self._seconds[stage].keys() >= set(stamps) for stage in stages)
 
     def reasons(self, failed: Iterable[int]) -> dict[int, str]:
         """Return tile → the last error that a node reported of it."""

@@ -24,7 +24,7 @@ from lidar_buildings.ros.receipts import TOPIC as RECEIPTS
 from lidar_buildings.ros.receipts import receipt_of
 from lidar_buildings.ros.runner import run_node
 from lidar_buildings.ros.stage_node import StageNode
-from lidar_buildings.ros.stamps import header_of, to_stamp, to_time
+from lidar_buildings.ros.stamps import header_of, tile_of, to_stamp, to_time
 from lidar_buildings.ros.tile_info import info_message, over_message
 
 #: Period of the checks of deadlines and subscribers, short against the time that a tile takes [s].
@@ -97,11 +97,12 @@ class TilePlayer(StageNode):
 
     def on_done(self, message: Header) -> None:
         """Take back a tile's credit."""
-        stamp = to_stamp(message.stamp)
+        stamp = tile_of(to_stamp(message.stamp))
         self._done.add(stamp)
         self._failed.discard(stamp)
-        if self._flow.done(stamp):
-            self._call_off(stamp)
+        sent = self._flow.tile(stamp)
+        if sent is not None and self._flow.done(stamp):
+            self._call_off(sent.stamp)
             self.on_tick()
 
     def on_receipt(self, message: String) -> None:
@@ -117,13 +118,17 @@ class TilePlayer(StageNode):
             self._flow.hear(receipt)
 
     def on_clipped(self, message: Header) -> None:
-        """Send the same tile with a larger buffer; only say so if there is nothing more to send."""
+        """
+        Send the next revision of a tile, with a larger buffer; only say so if there is nothing more to send.
+        """
         tile = self._flow.tile(to_stamp(message.stamp))
-        if tile is None:
-            return
+        if tile is None or tile.stamp != to_stamp(message.stamp):
+            return  # of an earlier revision
         with self.reporting(tile.stamp, quiet=True):
             grown = self._reader.grown(tile)
             if grown is not None:
+                grown = replace(grown, stamp=tile.stamp + 1)
+                self._info.publish(over_message(tile.stamp))
                 self._publish(grown)
             else:
                 grown = replace(tile, bounds=None)
@@ -248,17 +253,17 @@ class TilePlayer(StageNode):
             for flight in self._flow.overdue():
                 stamp = flight.tile.stamp
                 self.get_logger().warning(f"tile {stamp} was lost: sent again ({flight.attempt})")
-                self._resent.add(stamp)
+                self._resent.add(tile_of(stamp))
                 self._publish(flight.tile)
         for stamp in self._flow.given_up():
             self.get_logger().error(f"tile {stamp} was never done: given up")
-            self._failed.add(stamp)
+            self._failed.add(tile_of(stamp))
             self._tile_failed.publish(header_of(stamp))
             self._call_off(stamp)
 
     def _call_off(self, stamp: int) -> None:
         """Have the copies of a tile dropped that may still be under way."""
-        if stamp in self._resent:
+        if tile_of(stamp) in self._resent:
             self._info.publish(over_message(stamp))
 
     def _finish_if_all_done(self) -> None:

@@ -9,6 +9,7 @@ from dataclasses import replace
 
 from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.io.tiling.tiling import TileSource
+from lidar_buildings.ros.stamps import tile_of
 
 #: Tiles read ahead: enough to read while one is sent, and no more memory.
 _AHEAD = 1
@@ -61,9 +62,8 @@ class TileReader:
 
     def grown(self, tile: PointTile) -> PointTile | None:
         """Return a tile with a larger buffer, None if there is none."""
-        shift = self._shifts.get(tile.stamp, 0)
-        grown = self._source.grown(tile.stamp - shift)
-        return None if grown is None else replace(grown, stamp=tile.stamp)
+        stamp = tile_of(tile.stamp)
+        return self._source.grown(stamp - self._shifts.get(stamp, 0))
 
     def stop(self) -> None:
         """Stop reading and wait for the thread."""

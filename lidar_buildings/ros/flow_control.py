@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.ros.receipts import FAILED, TAKEN, Receipt
+from lidar_buildings.ros.stamps import tile_of
 
 #: Silence after which a tile is lost that was under way when a node started; wide margin over the way of a
 #: message to a node that has nothing else to do [s].
@@ -101,24 +102,26 @@ class FlowControl:
         return not self.is_counting or len(self._flights) < self._limit
 
     def is_held(self, stamp: int) -> bool:
-        """Whether a node has a tile in its hands."""
-        return any(stamp in stamps for stamps in self._at_work.values())
+        """Whether a node has a tile in its hands, whatever revision of it."""
+        return any(tile_of(stamp) in map(tile_of, stamps) for stamps in self._at_work.values())
 
     def tile(self, stamp: int) -> PointTile | None:
         """Return a tile in flight as it was sent last, None if it is not in flight."""
-        flight = self._flights.get(stamp)
+        flight = self._flights.get(tile_of(stamp))
         return None if flight is None else flight.tile
 
     def sent(self, tile: PointTile) -> None:
         """Note that a tile was sent, for the first time or with other points or bounds."""
         if self.is_counting:
-            before = self._flights.get(tile.stamp)
-            self._flights[tile.stamp] = Flight(tile, self._n_sent, 1 if before is None else before.attempt)
+            before = self._flights.get(tile_of(tile.stamp))
+            self._flights[tile_of(tile.stamp)] = Flight(
+                tile, self._n_sent, 1 if before is None else before.attempt
+            )
             self._note_event()
 
     def done(self, stamp: int) -> bool:
         """Note that a tile is done; False if it was not in flight."""
-        done = self._flights.pop(stamp, None)
+        done = self._flights.pop(tile_of(stamp), None)
         if done is None:
             return False
         for flight in self._flights.values():
@@ -131,8 +134,8 @@ class FlowControl:
         held = self._at_work.pop(node, set())
         for stamp, flight in self._flights.items():
             flight.is_in_doubt = True
-            flight.has_ended_a_node |= stamp in held
-            flight.is_lost |= stamp in held
+            flight.has_ended_a_node |= stamp in map(tile_of, held)
+            flight.is_lost |= stamp in map(tile_of, held)
 
     def hear(self, receipt: Receipt) -> None:
         """Note what a node does with a tile."""
@@ -142,7 +145,7 @@ class FlowControl:
             in_hand.add(receipt.stamp)
             return
         in_hand.discard(receipt.stamp)
-        flight = self._flights.get(receipt.stamp)
+        flight = self._flights.get(tile_of(receipt.stamp))
         if flight is not None:
             flight.has_failed |= receipt.state == FAILED
 
@@ -155,19 +158,21 @@ class FlowControl:
         """Return the flights that are lost and get another attempt, as flights that begin anew."""
         late = [one for one in self._flights.values() if self._is_due(one) and not self._is_over(one)]
         for one in late:
-            self._flights[one.tile.stamp] = Flight(one.tile, self._n_sent, one.attempt + one.counts)
+            self._flights[tile_of(one.tile.stamp)] = Flight(one.tile, self._n_sent, one.attempt + one.counts)
             self._note_event()
-        return [self._flights[one.tile.stamp] for one in late]
+        return [self._flights[tile_of(one.tile.stamp)] for one in late]
 
     def given_up(self) -> list[int]:
-        """Remove and return the tiles that a node could not handle, or whose last attempt is up."""
+        """
+        Remove the tiles that a node could not handle, or whose last attempt is up; return their last stamps.
+        """
         lost = [
-            stamp
-            for stamp, one in self._flights.items()
+            one.tile.stamp
+            for one in self._flights.values()
             if one.has_failed or (self._is_due(one) and self._is_over(one))
         ]
         for stamp in lost:
-            del self._flights[stamp]
+            del self._flights[tile_of(stamp)]
         return lost
 
     def _note_event(self) -> None:

@@ -1,4 +1,10 @@
-"""The tile's key in messages: `header.stamp`."""
+"""
+The tile's key in messages: `header.stamp`.
+
+A tile that is sent with other points, larger for instance, is another revision of it: its stamp is a
+nanosecond later, so that no node takes parts of two revisions for one. Stamps of tiles are whole microseconds
+apart.
+"""
 
 from __future__ import annotations
 
@@ -9,6 +15,13 @@ from std_msgs.msg import Header
 FRAME_ID = "map"
 
 _NANOSECONDS = 1_000_000_000
+#: Stamps per tile.
+_REVISIONS = 1_000
+
+
+def tile_of(stamp: int) -> int:
+    """Return the stamp of the first revision of a tile, by which it is known as a whole [ns]."""
+    return stamp - stamp % _REVISIONS
 
 
 def to_time(stamp: int) -> Time:

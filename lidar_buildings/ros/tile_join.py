@@ -10,8 +10,8 @@ import numpy as np
 
 from lidar_buildings.core.model.outline import BuildingOutline
 from lidar_buildings.core.model.tile import PointTile
-from lidar_buildings.core.surfaces.own_roofs import own_roofs
 from lidar_buildings.ros.outline_quality import Qualities
+from lidar_buildings.ros.stamps import tile_of
 
 #: How many tiles may be incomplete: those in flight (at most 8), and copies sent again.
 MAX_INCOMPLETE_TILES = 16
@@ -24,7 +24,7 @@ class TileJoin:
     Joins the parts of a tile that several topics carry, and holds it back until it can be worked on.
 
     A part that comes again replaces the earlier one, so a tile that was sent again completes what a restart
-    has left incomplete.
+    has left incomplete. The first part of a later revision takes the place of all that was there.
 
     Parameters
     ----------
@@ -50,6 +50,8 @@ class TileJoin:
 
     def add(self, stamp: int, topic: str, part: Any) -> Parts | None:
         """Take one part; return the tile's parts by topic if it is now complete and ready."""
+        for other in [one for one in self._incomplete if one < stamp and tile_of(one) == tile_of(stamp)]:
+            del self._incomplete[other]
         parts = self._incomplete.setdefault(stamp, {})
         parts[topic] = part
         if parts.keys() >= self._topics and self._fits(parts):
@@ -85,20 +87,6 @@ def agree_on_buildings(parts: Parts) -> bool:
     if any(ids != outlined[0] for ids in outlined):
         return False
     return all(ids is None or not outlined or ids <= outlined[0] for ids in clouds)
-
-
-def agree_on_roofs(classified: PointTile, *roofs: PointTile) -> bool:
-    """
-    Whether a tile's clouds are of one sending: every one of the later stages has all of its own roof points.
-
-    A cloud may have others beside them, which stand in footprints.
-
-    A tile that was sent again with a larger buffer has more points under the same stamp.
-    """
-    if classified.classification is None:
-        return True
-    n_roofs = int(np.count_nonzero(own_roofs(classified)))
-    return all(int(np.count_nonzero(own_roofs(cloud))) == n_roofs for cloud in roofs)
 
 
 def _building_ids(part: Any) -> set[int] | None:

@@ -23,7 +23,7 @@ from lidar_buildings.ros.point_cloud import from_message
 from lidar_buildings.ros.qos import CLOUD, EVENT, LATCHED, LATCHED_HISTORY, LATCHED_TILE
 from lidar_buildings.ros.receipts import ReceiptSender
 from lidar_buildings.ros.stage_node import StageNode
-from lidar_buildings.ros.stamps import header_of, to_stamp
+from lidar_buildings.ros.stamps import header_of, tile_of, to_stamp
 
 pytestmark = pytest.mark.graph
 
@@ -45,7 +45,7 @@ class GraphEnd(StageNode):
 
     def on_points(self, message):
         tile = from_message(message).tile
-        number = self._numbers.setdefault(tile.stamp, len(self._numbers) + 1)
+        number = self._numbers.setdefault(tile_of(tile.stamp), len(self._numbers) + 1)
         self.received.append(tile)
         time.sleep(self.delay)
         if self.forgets[number] > 0 or self.is_silent:
@@ -66,7 +66,7 @@ class GraphEnd(StageNode):
         if info.get("is_over"):
             self.over.append(info["stamp"])
             return
-        self.bounds.setdefault(info["stamp"], []).append(info["bounds"])
+        self.bounds.setdefault(tile_of(info["stamp"]), []).append(info["bounds"])
         if info["bounds"] is None and info["stamp"] in self._held:
             self._finish(info["stamp"])
 
@@ -265,7 +265,9 @@ def test_a_clipped_tile_comes_again_larger_until_there_is_no_more_of_it(play):
     _, end = play({"clips": {2: 3}}, max_attempts=1)
     wait_until(lambda: end.survey_done)
     stamp = end.received[1].stamp
-    copies = [tile for tile in end.received if tile.stamp == stamp]
+    copies = [tile for tile in end.received if tile_of(tile.stamp) == stamp]
+    assert [tile.stamp - stamp for tile in copies] == [0, 1, 2], "each is a revision of its own"
+    assert end.over == [stamp, stamp + 1], "the smaller ones are over"
     sizes = [len(tile) for tile in copies]
     assert sizes[0] < sizes[1] < sizes[2]
     assert len(sizes) == 3, "that there is no more of it needs no points"

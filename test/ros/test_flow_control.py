@@ -8,6 +8,8 @@ from lidar_buildings.ros.receipts import DONE, FAILED, TAKEN, Receipt
 
 SECOND = 1_000_000_000
 TIMEOUT = 10.0
+#: Stamps of two tiles.
+A, B = 1_000, 2_000
 
 
 class Clock:
@@ -41,56 +43,56 @@ def hear(flow, node, state, stamp):
 
 
 def test_no_more_tiles_than_credits_are_in_flight(flow):
-    for stamp in (1, 2):
+    for stamp in (A, B):
         assert flow.has_room
         flow.sent(tile(stamp))
     assert not flow.has_room
-    assert flow.done(1)
+    assert flow.done(A)
     assert flow.has_room
-    assert not flow.done(1)
+    assert not flow.done(A)
 
 
 def test_without_credits_every_tile_may_go_and_none_is_waited_for(clock):
     flow = FlowControl(0, timeout=1.0, max_attempts=1, now=clock)
-    flow.sent(tile(1))
+    flow.sent(tile(A))
     assert flow.has_room
     assert len(flow) == 0
 
 
 def test_what_a_node_has_in_hand_is_never_lost_however_slow_it_is(flow, clock):
-    flow.sent(tile(1))
-    hear(flow, "builder", TAKEN, 1)
+    flow.sent(tile(A))
+    hear(flow, "builder", TAKEN, A)
     clock.time += 1_000_000.0
     assert not flow.has_losses
     assert flow.overdue() == flow.given_up() == []
 
 
 def test_a_tile_that_waits_for_a_busy_node_is_not_lost(flow, clock):
-    flow.sent(tile(1))
-    flow.sent(tile(2))
-    hear(flow, "builder", TAKEN, 1)
-    hear(flow, "fitter", TAKEN, 2)
-    hear(flow, "fitter", DONE, 2)
+    flow.sent(tile(A))
+    flow.sent(tile(B))
+    hear(flow, "builder", TAKEN, A)
+    hear(flow, "fitter", TAKEN, B)
+    hear(flow, "fitter", DONE, B)
     clock.time += 1_000_000.0
     assert not flow.has_losses
 
 
 def test_after_a_long_silence_a_tile_is_lost_and_at_last_given_up(flow, clock):
-    flow.sent(tile(1))
+    flow.sent(tile(A))
     for wait in (TIMEOUT, 2 * TIMEOUT):
         clock.time += wait - 0.1
         assert flow.overdue() == []
         clock.time += 0.2
-        assert stamps(flow.overdue()) == [1]
+        assert stamps(flow.overdue()) == [A]
         assert flow.given_up() == []
     clock.time += 4 * TIMEOUT + 1.0
     assert flow.overdue() == []
-    assert flow.given_up() == [1]
+    assert flow.given_up() == [A]
     assert len(flow) == 0
 
 
 def test_whatever_a_node_says_ends_the_silence(flow, clock):
-    flow.sent(tile(1))
+    flow.sent(tile(A))
     for _ in range(10):
         clock.time += 0.9 * TIMEOUT
         hear(flow, "filter", DONE, 0)
@@ -98,49 +100,49 @@ def test_whatever_a_node_says_ends_the_silence(flow, clock):
 
 
 def test_what_a_node_had_in_hand_is_lost_when_it_is_started_anew_and_only_that_at_once(flow):
-    flow.sent(tile(1))
-    flow.sent(tile(2))
-    hear(flow, "fitter", TAKEN, 1)
-    hear(flow, "builder", TAKEN, 2)
+    flow.sent(tile(A))
+    flow.sent(tile(B))
+    hear(flow, "fitter", TAKEN, A)
+    hear(flow, "builder", TAKEN, B)
     flow.started("builder")
-    assert stamps(flow.overdue()) == [2]
+    assert stamps(flow.overdue()) == [B]
 
 
 def test_a_tile_in_a_living_nodes_hands_is_not_sent_again_because_another_node_died(flow, clock):
-    flow.sent(tile(1))
-    hear(flow, "builder", TAKEN, 1)
-    hear(flow, "writer", TAKEN, 1)
+    flow.sent(tile(A))
+    hear(flow, "builder", TAKEN, A)
+    hear(flow, "writer", TAKEN, A)
     flow.started("writer")
     clock.time += 1_000_000.0
     assert not flow.has_losses
-    hear(flow, "builder", DONE, 1)
-    assert stamps(flow.overdue()) == [1]
+    hear(flow, "builder", DONE, A)
+    assert stamps(flow.overdue()) == [A]
 
 
 def test_a_tile_on_its_way_when_a_node_was_started_is_lost_if_nothing_happens(flow, clock):
-    flow.sent(tile(1))
-    hear(flow, "filter", TAKEN, 1)
+    flow.sent(tile(A))
+    hear(flow, "filter", TAKEN, A)
     flow.started("writer")
-    hear(flow, "filter", DONE, 1)
+    hear(flow, "filter", DONE, A)
     assert not flow.has_losses
     clock.time += 1.1
-    assert stamps(flow.overdue()) == [1]
+    assert stamps(flow.overdue()) == [A]
 
 
 def test_a_tile_that_ends_a_node_each_time_is_given_up(flow):
-    flow.sent(tile(1))
+    flow.sent(tile(A))
     for attempt in (2, 3):
-        hear(flow, "builder", TAKEN, 1)
+        hear(flow, "builder", TAKEN, A)
         flow.started("builder")
         assert [flight.attempt for flight in flow.overdue()] == [attempt]
-    hear(flow, "builder", TAKEN, 1)
+    hear(flow, "builder", TAKEN, A)
     flow.started("builder")
     assert flow.overdue() == []
-    assert flow.given_up() == [1]
+    assert flow.given_up() == [A]
 
 
 def test_nodes_that_start_while_a_tile_is_on_its_way_cost_it_no_attempt(flow, clock):
-    flow.sent(tile(1))
+    flow.sent(tile(A))
     for _ in range(10):  # more often than a tile has attempts
         flow.started("writer")
         clock.time += 1.1
@@ -148,45 +150,45 @@ def test_nodes_that_start_while_a_tile_is_on_its_way_cost_it_no_attempt(flow, cl
 
 
 def test_a_tile_that_a_node_could_not_handle_is_given_up_at_once(flow):
-    flow.sent(tile(1))
-    flow.sent(tile(2))
-    hear(flow, "filter", TAKEN, 1)
-    hear(flow, "filter", FAILED, 1)
-    assert flow.given_up() == [1]
+    flow.sent(tile(A))
+    flow.sent(tile(B))
+    hear(flow, "filter", TAKEN, A)
+    hear(flow, "filter", FAILED, A)
+    assert flow.given_up() == [A]
     assert len(flow) == 1
 
 
 def test_a_tile_is_lost_when_a_later_one_is_done(flow):
-    flow.sent(tile(1))
-    flow.sent(tile(2))
-    flow.done(2)
-    assert [(flight.tile.stamp, flight.attempt) for flight in flow.overdue()] == [(1, 1)]
+    flow.sent(tile(A))
+    flow.sent(tile(B))
+    flow.done(B)
+    assert [(flight.tile.stamp, flight.attempt) for flight in flow.overdue()] == [(A, 1)]
 
 
 def test_a_tile_in_hand_when_a_later_one_is_done_is_not_lost(flow):
-    flow.sent(tile(1))
-    flow.sent(tile(2))
-    hear(flow, "builder", TAKEN, 1)
-    flow.done(2)
-    hear(flow, "builder", DONE, 1)
+    flow.sent(tile(A))
+    flow.sent(tile(B))
+    hear(flow, "builder", TAKEN, A)
+    flow.done(B)
+    hear(flow, "builder", DONE, A)
     assert not flow.has_losses
 
 
 def test_an_earlier_tile_that_is_done_says_nothing_of_a_later_one(flow):
-    flow.sent(tile(1))
-    flow.sent(tile(2))
-    flow.done(1)
+    flow.sent(tile(A))
+    flow.sent(tile(B))
+    flow.done(A)
     assert not flow.has_losses
 
 
 def test_a_larger_tile_takes_the_place_of_the_smaller_one_behind_all_others(flow):
-    flow.sent(tile(1))
-    flow.sent(tile(2))
-    larger = PointTile(np.zeros((5, 3)), stamp=1)
+    flow.sent(tile(A))
+    flow.sent(tile(B))
+    larger = PointTile(np.zeros((5, 3)), stamp=A + 1)
     flow.sent(larger)
-    flow.done(2)
+    flow.done(B)
     assert not flow.has_losses
-    assert flow.tile(1) is larger
+    assert flow.tile(A) is larger
     assert flow.tile(5) is None
 
 

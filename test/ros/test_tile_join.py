@@ -17,10 +17,18 @@ def outlines(*building_ids):
 
 def test_a_tile_is_complete_when_every_topic_has_spoken():
     join = TileJoin("ab")
-    assert join.add(1, "a", "first") is None
-    assert join.add(2, "b", "other") is None
-    assert join.add(1, "b", "second") == {"a": "first", "b": "second"}
-    assert join.add(1, "b", "again") is None
+    assert join.add(1000, "a", "first") is None
+    assert join.add(2000, "b", "other") is None
+    assert join.add(1000, "b", "second") == {"a": "first", "b": "second"}
+    assert join.add(1000, "b", "again") is None
+
+
+def test_parts_of_two_revisions_are_not_mixed_and_the_later_one_counts():
+    join = TileJoin("ab")
+    assert join.add(1000, "a", "small") is None
+    assert join.add(1001, "b", "large") is None
+    assert join.add(1000, "b", "small") is None
+    assert join.add(1001, "a", "large") == {"a": "large", "b": "large"}
 
 
 def test_parts_that_do_not_fit_wait_for_better_ones():
@@ -57,9 +65,9 @@ def test_points_that_know_of_no_buildings_agree_with_anything():
 def test_leftovers_of_tiles_that_came_again_do_not_pile_up():
     join = TileJoin("ab")
     for stamp in range(MAX_INCOMPLETE_TILES + 1):
-        join.add(stamp, "a", stamp)
+        join.add(1000 * stamp, "a", stamp)
     assert join.add(0, "b", 0) is None
-    assert join.add(MAX_INCOMPLETE_TILES, "b", 0) is not None
+    assert join.add(1000 * MAX_INCOMPLETE_TILES, "b", 0) is not None
 
 
 def test_a_tile_waits_for_the_features_of_its_buildings():

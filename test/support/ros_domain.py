@@ -1,12 +1,28 @@
-"""A ROS domain for each test worker, so that workers side by side do not hear each other."""
+"""A ROS domain for each test process of a machine, so that those side by side do not hear each other."""
 
+import fcntl
 import os
+import tempfile
 
 #: Domains up to 101 have free ports on every system.
-_FIRST, _COUNT = 20, 50
+_DOMAINS = range(101, 19, -1)
+#: Held as long as the process lives.
+_locks = []
 
 
 def use_own_domain() -> None:
-    worker = os.environ.get("PYTEST_XDIST_WORKER", "gw0").removeprefix("gw")
-    os.environ["ROS_DOMAIN_ID"] = str(_FIRST + int(worker) % _COUNT)
+    """Take a domain that no other test process has."""
     os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
+    if _locks:
+        return
+    for domain in _DOMAINS:
+        lock = open(os.path.join(tempfile.gettempdir(), f"ros_domain_{domain}.lock"), "a")  # noqa: SIM115
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError:
+            lock.close()
+            continue
+        _locks.append(lock)
+        os.environ["ROS_DOMAIN_ID"] = str(domain)
+        return
+    raise RuntimeError("every ROS domain is taken by another test process")

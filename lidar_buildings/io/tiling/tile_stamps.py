@@ -22,6 +22,8 @@ LEAP_SECONDS = (
 #: Stamps carry seconds as int32.
 LATEST = 2**31 - 1
 _NANOSECONDS = 1_000_000_000
+#: Stamps are multiples of this, so that there is room for revisions of a tile between them [ns].
+STEP = 1_000
 
 
 def stamp_of_time(gps_time: float, *, is_standard: bool) -> int | None:
@@ -46,7 +48,7 @@ def stamp_of_time(gps_time: float, *, is_standard: bool) -> int | None:
         seconds = _unix(gps_time + ADJUSTMENT)
         if seconds > LATEST:  # standard time that was not adjusted
             seconds = _unix(gps_time)
-    return round(seconds * _NANOSECONDS) if 0 < seconds < LATEST else None
+    return round(seconds * (_NANOSECONDS // STEP)) * STEP if 0 < seconds < LATEST else None
 
 
 def stamp_of_number(number: int) -> int:

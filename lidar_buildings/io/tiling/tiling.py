@@ -19,7 +19,7 @@ from lidar_buildings.io.tiling.spool import Cell
 from lidar_buildings.io.tiling.spooled_tile import SpooledTile
 from lidar_buildings.io.tiling.tile_grid import Block, Rectangle, TileGrid
 from lidar_buildings.io.tiling.tile_size import fitting_size
-from lidar_buildings.io.tiling.tile_stamps import stamp_of_number, stamp_of_time
+from lidar_buildings.io.tiling.tile_stamps import STEP, stamp_of_number, stamp_of_time
 from lidar_buildings.io.tiling.tile_store import TilePlan, TileStore
 from lidar_buildings.io.tiling.tiling_config import TilingConfig
 
@@ -284,5 +284,5 @@ class TileSource:
             areas = [area for area in self._areas if area is not None]
             stamp = stamp_of_number(self._grid.number_of(tile, areas))
         while stamp in self._by_stamp:
-            stamp += 1
+            stamp += STEP
         return stamp

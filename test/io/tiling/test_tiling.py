@@ -274,7 +274,7 @@ def test_the_stamp_is_the_first_core_points_time(tmp_path):
     with TileSource(paths, TilingConfig(tile_size=50.0)) as source:
         for tile in source:
             gps = float(tile.gps_time[tile.is_core][0])
-            assert tile.stamp == round((gps + 1e9 + 315_964_800 - 18) * 1e9)
+            assert tile.stamp == round((gps + 1e9 + 315_964_800 - 18) * 1e6) * 1000
 
 
 def test_tiles_of_one_time_get_stamps_of_their_own(tmp_path):
@@ -284,7 +284,7 @@ def test_tiles_of_one_time_get_stamps_of_their_own(tmp_path):
     cloud_files.saved(cloud, paths[0])
     with TileSource(paths, TilingConfig(tile_size=50.0)) as source:
         stamps = [tile.stamp for tile in source]
-    assert stamps == [1000 * 10**9 + nudge for nudge in range(4)]
+    assert stamps == [1000 * 10**9 + 1000 * nudge for nudge in range(4)]
 
 
 def test_without_times_stamps_are_the_tiles_numbers(tmp_path):
