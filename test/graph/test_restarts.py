@@ -1,15 +1,13 @@
 """Nothing is lost when a stage is slow or a node dies."""
 
-import time
-
 import pytest
 from support.node_processes import LAST, NodeProcesses
 from support.results import assert_complete, contents
+from support.slow_stages import label_slowly
 
 from lidar_buildings.cli import main
 from lidar_buildings.nodes import edge_labeller
 from lidar_buildings.nodes.table import nodes_until
-from lidar_buildings.pipeline.tile_stages import label_roof_edges
 
 #: Small tiles, so that a small survey has many [m].
 TILE_SIZE = 75.0
@@ -18,11 +16,7 @@ pytestmark = [pytest.mark.graph, pytest.mark.slow]
 
 
 def test_a_stage_that_takes_a_second_a_tile_loses_nothing(survey, tmp_path, monkeypatch):
-    def slow(*arguments):
-        time.sleep(1.0)
-        return label_roof_edges(*arguments)
-
-    monkeypatch.setattr(edge_labeller, "label_roof_edges", slow)
+    monkeypatch.setattr(edge_labeller, "label_roof_edges", label_slowly)
     output = tmp_path / "out"
     assert main(["run", str(survey), "--output", str(output), "--tile-size", str(TILE_SIZE)]) == 0
     assert_complete(survey, output, min_tiles=12)
