@@ -68,3 +68,27 @@ def test_a_loop_read_from_a_file_while_another_is_compiled_can_be_called_by_pyth
         )
         assert done.returncode == 0, done.stderr
     assert done.stdout.strip() == "4.0 4.0"
+
+
+def test_a_numba_that_was_not_tried_compiles_in_its_own_way(tmp_path):
+    (tmp_path / "loops.py").write_text(textwrap.dedent(LOOPS))
+    script = """
+        import sys
+        import numba
+        numba.__version__ = "99.0"
+        import loops
+        assert "lidar_buildings.core.compiling" not in sys.modules
+        print(loops.quadruple(1.0), loops.double(2.0))
+    """
+    done = subprocess.run(
+        [sys.executable, "-c", textwrap.dedent(script)],
+        cwd=tmp_path,
+        env=os.environ
+        | {
+            "NUMBA_CACHE_DIR": "kept",
+            "PYTHONPATH": os.pathsep.join([str(tmp_path), *filter(None, sys.path)]),
+        },
+        capture_output=True,
+        text=True,
+    )
+    assert (done.returncode, done.stdout.strip()) == (0, "4.0 4.0"), done.stderr
