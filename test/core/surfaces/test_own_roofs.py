@@ -16,7 +16,6 @@ from lidar_buildings.pipeline.tile_stages import (
     trace_buildings,
     trace_footprints,
 )
-from lidar_buildings.ros.tile_join import agree_on_roofs
 
 SPACING = 0.5
 
@@ -87,5 +86,3 @@ def test_a_footprint_has_the_roofs_that_hang_together_with_nothing_in_the_core(t
     inside = traced.tile.points[traced.tile.building_id > 0]
     assert np.count_nonzero(inside[:, 0] > 59.0) == np.count_nonzero(tile.points[:, 0] > 59.0)
     assert traced.tile.edge[traced.tile.building_id > 0].any()
-    assert agree_on_roofs(classified, labelled, traced.tile)
-    assert not agree_on_roofs(classified, labelled.select(labelled.points[:, 0] < 20.0))
