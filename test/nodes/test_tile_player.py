@@ -195,7 +195,7 @@ def let_a_day_pass(player):
 
 def test_what_a_living_node_has_in_hand_is_never_sent_to_it_again(play_slowly):
     player, stage, bystander = play_slowly
-    wait_until(lambda: stage.taken)
+    wait_until(lambda: stage.taken and player._flow.is_held(stage.taken[0]))
     let_a_day_pass(player)
     # another node was started anew
     bystander._receipts = ReceiptSender(bystander)
@@ -209,7 +209,7 @@ def test_what_a_living_node_has_in_hand_is_never_sent_to_it_again(play_slowly):
 
 def test_what_a_node_had_in_hand_is_sent_again_when_it_is_started_anew(play_slowly):
     player, stage, _ = play_slowly
-    wait_until(lambda: stage.taken)
+    wait_until(lambda: stage.taken and player._flow.is_held(stage.taken[0]))
     # as if the process were another one; what the first one holds is its own affair
     stage._receipts = ReceiptSender(stage)
     stage.announce()
