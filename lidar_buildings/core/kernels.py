@@ -9,16 +9,9 @@ own, as the files of their callers hold them.
 from collections.abc import Callable
 from typing import Any
 
-import numba
 from numba import njit, types
 
-#: Versions of numba whose insides `compiling` was tried with; others compile in their own, slower way.
-_TRIED = ("0.68.",)
 _OPTIONS: Any = {"nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True}
-if numba.__version__.startswith(_TRIED):
-    from lidar_buildings.core.compiling import LoopCompiler
-
-    _OPTIONS["pipeline_class"] = LoopCompiler
 _INNER_OPTIONS: Any = _OPTIONS | {"no_cpython_wrapper": True}
 
 
