@@ -179,7 +179,8 @@ class ModelWriter(StageNode):
         self._on_disk = self._folder.done_stamps()
         self._written: set[int] = set()
         self._stages = [NODE_STAGES[name] for name in nodes_until(config.until)[1:-1]]
-        self._record = RunRecord()
+        bags = _settings(config.settings).get("bags")
+        self._record = RunRecord({"bags": bags} if bags else {})
         self._topics = [topic.name for topic in writer_topics(config.until)]
         self._end_timer: Timer | None = None
         self._features = FeaturePool()

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import json
 import time
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
+from types import MappingProxyType
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
@@ -20,6 +21,11 @@ class RunRecord:
     """
     Seconds per stage, parameters and failed tiles of a run.
 
+    Parameters
+    ----------
+    parameters : mapping
+        What no node reports.
+
     Attributes
     ----------
     failed : set of int
@@ -28,11 +34,11 @@ class RunRecord:
         Messages taken so far.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, parameters: Mapping[str, Any] = MappingProxyType({})) -> None:
         self.failed: set[int] = set()
         self.n_heard = 0
         self._seconds: dict[str, dict[int, float]] = {stage: {} for stage in NODE_STAGES.values()}
-        self._parameters: dict[str, Any] = {}
+        self._parameters: dict[str, Any] = dict(parameters)
         self._reasons: dict[int, str] = {}
         self._started = time.perf_counter()
 
