@@ -47,29 +47,27 @@ def with_placed_bags(request: RunRequest, options: argparse.Namespace) -> RunReq
     choice = BagChoice(options.topic or "", options.odometry or "", options.start, options.duration)
     check_folder(request.output, overwrite=request.overwrite)
     folder = request.output / PARTIAL / PLACED
-    folder.mkdir(parents=True, exist_ok=True)
-    inputs, records = [], []
-    for one in request.inputs:
-        if one in bags:
-            path, record = _placed(Path(one), folder, choice, request.scans)
-            records.append(record)
-            inputs.append(str(path))
-        else:
-            inputs.append(one)
-    return replace(request, inputs=tuple(inputs), bags=tuple(records))
+    # a folder each, since bags of different places may have one name
+    placed = {
+        bag: _placed(bag, folder / str(number), choice, request.scans)
+        for number, bag in enumerate(dict.fromkeys(Path(one).resolve() for one in bags))
+    }
+    inputs = tuple(str(placed[Path(one).resolve()][0]) if one in bags else one for one in request.inputs)
+    return replace(request, inputs=inputs, bags=tuple(record for _, record in placed.values()))
 
 
 def _placed(bag: Path, folder: Path, choice: BagChoice, config: ScanConfig) -> tuple[Path, dict[str, Any]]:
     """Place a bag's scans unless that is done; return the file and the record of it."""
     from lidar_buildings.io.bags.placed_cloud import write_placed
 
-    path = folder / f"{bag.resolve().stem}.laz"
-    note = path.with_suffix(".json")
-    wanted = {"bag": str(bag.resolve()), "changed": _changed(bag), **asdict(choice), **asdict(config)}
+    path = folder / f"{bag.name if bag.is_dir() else bag.stem}.laz"
+    note = folder / "record.json"
+    wanted = {"bag": str(bag), "changed": _changed(bag), **asdict(choice), **asdict(config)}
     if path.exists() and note.exists():
         record: dict[str, Any] = json.loads(note.read_text())
         if {name: record.get(name) for name in wanted} == wanted:
             return path, record
+    folder.mkdir(parents=True, exist_ok=True)
     count = write_placed(bag, path, choice, config)
     record = wanted | {
         "n_scans": count.n_scans,

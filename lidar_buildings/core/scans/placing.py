@@ -31,6 +31,8 @@ _KEPT = (
 NOT_FINITE = "x, y or z is not finite"
 NO_RETURN = "at the sensor's own place: no return"
 NO_POSE = "no pose at their time"
+#: Poses are kept so long before the scan that was placed last [ns]: one may come so much later than others.
+_KEPT_POSES = 10_000_000_000
 
 
 class PlacedScan(NamedTuple):
@@ -86,11 +88,7 @@ class ScanPlacer:
         self.n_scans = 0
         self._waiting: deque[_Scan] = deque()
         self._odometry_child = ""
-
-    @property
-    def n_waiting(self) -> int:
-        """Number of scans that wait for their poses."""
-        return len(self._waiting)
+        self._mounting = self.config.mounting_pose()
 
     def add_odometry(self, message: Any) -> None:
         """Take a nav_msgs/Odometry."""
@@ -154,7 +152,10 @@ class ScanPlacer:
             If at the end no transform leads from a scan's frame to any other.
         """
         while self._waiting and (is_end or self._is_due(self._waiting[0])):
-            yield self._place(self._waiting.popleft())
+            scan = self._waiting.popleft()
+            yield self._place(scan)
+            if len(scan.times):
+                self.tree.drop_before(int(scan.times.min()) - _KEPT_POSES)
 
     def target_of(self, frame: str) -> str:
         """Return the frame in which scans of a frame are placed."""
@@ -185,9 +186,9 @@ class ScanPlacer:
 
     def _mount(self, frame: str) -> None:
         """Fix the scanner where the parameter says."""
-        mounting, child = self.config.mounting_pose(), self._odometry_child
-        if mounting is not None and child and child != frame:
-            self.tree.set_fixed(child, frame, mounting)
+        child = self._odometry_child
+        if self._mounting is not None and child and child != frame:
+            self.tree.set_fixed(child, frame, self._mounting)
 
     def _place(self, scan: _Scan) -> PlacedScan:
         if self._is_placed(scan):

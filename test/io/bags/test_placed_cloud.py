@@ -18,6 +18,7 @@ from support.bags import (
 from lidar_buildings.core.model.errors import InputError
 from lidar_buildings.core.scans.config import ScanConfig
 from lidar_buildings.core.scans.placing import NO_POSE, NO_RETURN, NOT_FINITE
+from lidar_buildings.core.scans.trajectory import Trajectory
 from lidar_buildings.io.bags.placed_cloud import BagChoice, write_placed
 
 MOUNTED = ScanConfig(mounting=",".join(map(str, MOUNTING)))
@@ -134,3 +135,19 @@ def test_a_cloud_whose_data_are_shorter_than_claimed_is_refused(tmp_path):
     bag.close()
     with pytest.raises(InputError, match=r"short: the cloud has 16 bytes of data"):
         placed(tmp_path, bag.path)
+
+
+def test_of_a_long_drive_only_the_last_poses_are_kept(tmp_path, monkeypatch):
+    kept = []
+    monkeypatch.setattr("lidar_buildings.core.scans.placing._KEPT_POSES", SECOND // 5)
+    drop_before = Trajectory.drop_before
+
+    def drop(trajectory, stamp):
+        drop_before(trajectory, stamp)
+        kept.append(len(trajectory))
+
+    monkeypatch.setattr(Trajectory, "drop_before", drop)
+    drive = write_drive(tmp_path / "drive", seconds=3.0)
+    las, count = placed(tmp_path, drive.path)
+    assert (len(las.points), dict(count.left_out)) == (5000, {})
+    assert max(kept) < 100, "of 600 poses"
