@@ -20,26 +20,9 @@ from lidar_buildings.pipeline.reconstruct import STAGE_CONFIGS
 
 
 @dataclass(frozen=True)
-class TilePlayerConfig(TilingConfig):
-    """What to play, how fast, and how many tiles may be in the graph."""
+class SendingConfig(StageConfig):
+    """How many tiles may be in the graph, and how long they are waited for."""
 
-    stage: ClassVar[str] = "tile_player"
-
-    input: tuple[str, ...] = parameter(
-        (), "Files, folders and globs of LAS, LAZ and COPC clouds.", read_only=True
-    )
-    rate: float = parameter(
-        0.0,
-        "Speed as a multiple of the recorded time; 0 plays as fast as the graph takes the tiles.",
-        minimum=0.0,
-        maximum=1_000_000.0,
-    )
-    loop: bool = parameter(
-        False,
-        "Whether to begin again after the last tile, under new stamps; to look at, not to write files.",
-        read_only=True,
-        advanced=True,
-    )
     max_tiles_in_flight: int = parameter(
         2,
         "How many tiles may be in the graph; more keep more stages busy and take more memory; "
@@ -73,14 +56,37 @@ class TilePlayerConfig(TilingConfig):
         read_only=True,
         advanced=True,
     )
+    start_paused: bool = parameter(
+        False, "Whether to wait for ~/resume or ~/step before the first tile.", read_only=True, advanced=True
+    )
+
+
+@dataclass(frozen=True)
+class TilePlayerConfig(SendingConfig, TilingConfig):
+    """What to play, and how fast."""
+
+    stage: ClassVar[str] = "tile_player"
+
+    input: tuple[str, ...] = parameter(
+        (), "Files, folders and globs of LAS, LAZ and COPC clouds.", read_only=True
+    )
+    rate: float = parameter(
+        0.0,
+        "Speed as a multiple of the recorded time; 0 plays as fast as the graph takes the tiles.",
+        minimum=0.0,
+        maximum=1_000_000.0,
+    )
+    loop: bool = parameter(
+        False,
+        "Whether to begin again after the last tile, under new stamps; to look at, not to write files.",
+        read_only=True,
+        advanced=True,
+    )
     publish_clock: bool = parameter(
         False,
         "Whether to publish the stamps as time on `/clock`, for use_sim_time.",
         read_only=True,
         advanced=True,
-    )
-    start_paused: bool = parameter(
-        False, "Whether to wait for ~/resume or ~/step before the first tile.", read_only=True, advanced=True
     )
 
 

@@ -2,63 +2,26 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import Any
 
-from geometry_msgs.msg import PointStamped, Vector3Stamped
 from rosgraph_msgs.msg import Clock
-from std_msgs.msg import Header, String
-from std_srvs.srv import Trigger
 
-from lidar_buildings.core.model.errors import MessageError
 from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.io.tiling.tiling import TileSource
-from lidar_buildings.nodes.configs import NODE_CONFIGS, TilePlayerConfig
+from lidar_buildings.nodes.configs import TilePlayerConfig
 from lidar_buildings.nodes.tile_reader import TileReader
-from lidar_buildings.ros.flow_control import FlowControl
-from lidar_buildings.ros.graph_watch import GraphWatch
-from lidar_buildings.ros.map_frames import origin_message, units_message
-from lidar_buildings.ros.playback import Playback
-from lidar_buildings.ros.qos import EVENT, LATCHED, LATCHED_EVENT, LATCHED_HISTORY, LATCHED_TILE
-from lidar_buildings.ros.receipts import TOPIC as RECEIPTS
-from lidar_buildings.ros.receipts import receipt_of
+from lidar_buildings.nodes.tile_sender import TileSender
+from lidar_buildings.ros.qos import EVENT
 from lidar_buildings.ros.runner import run_node
-from lidar_buildings.ros.stage_node import StageNode
-from lidar_buildings.ros.stamps import header_of, tile_of, to_stamp, to_time
-from lidar_buildings.ros.tile_info import info_message, over_message
-
-#: Period of the checks of deadlines and subscribers, short against the time that a tile takes [s].
-_TICK = 0.05
-#: Period of the reminders of what is waited for [s].
-_REMIND = 10.0
+from lidar_buildings.ros.stamps import header_of, to_time
 
 
-class Progress(NamedTuple):
-    """How far the player is."""
-
-    n_done: int
-    n_failed: int
-    n_tiles: int
-
-
-class TilePlayer(StageNode):
-    """Sends tiles into the graph, as many at a time as there are credits, until each is done."""
+class TilePlayer(TileSender):
+    """Cuts files into tiles and sends them into the graph."""
 
     def __init__(self, **kwargs: Any) -> None:
-        super().__init__("tile_player", NODE_CONFIGS["tile_player"], **kwargs)
+        super().__init__("tile_player", TilePlayerConfig, **kwargs)
         config = self.parameters[TilePlayerConfig]
-        # by ticks, so that silence is what the node has listened to, not what it was too busy to hear
-        self._time = 0.0
-        self._flow = FlowControl(
-            config.max_tiles_in_flight, config.tile_timeout, config.max_attempts, lambda: self._time
-        )
-        self._watch = GraphWatch(self)
-        self._done: set[int] = set()
-        self._failed: set[int] = set()
-        self._resent: set[int] = set()
-        self._playback = Playback(is_paused=config.start_paused)
-        self._next: PointTile | None = None
-        self._is_finished = False
         try:
             self._source = TileSource(config.input, config, skip=() if config.loop else self._done)
         except Exception:
@@ -66,213 +29,36 @@ class TilePlayer(StageNode):
             raise
         for problem in self._source.problems:
             self.get_logger().error(problem)
-        self._reader = TileReader(self._source, loop=config.loop)
-        self._make_publishers()
-        self._make_services()
-        self._make_subscriptions()
-        self.create_timer(_TICK, self.on_timer)
-        self._wake = self.create_guard_condition(self.on_tick)
-        self._reader.start(self._wake.trigger)
+        self.tiles = TileReader(self._source, loop=config.loop)
+        self._clock_publisher = None
+        if config.publish_clock:
+            self._clock_publisher = self.create_publisher(Clock, "/clock", EVENT)
+        self.begin()
+        self.publish_frame(self._source.frame)
+        self.tiles.start(self._wake.trigger)
 
-    @property
-    def progress(self) -> Progress:
-        """
-        How many tiles are done, given up, and there in all (an estimate until everything has been read).
-        """
-        return Progress(len(self._done), len(self._failed), self._source.tile_count)
+    def may_send(self, tile: PointTile) -> bool:
+        """Whether a tile's time has come in the recording."""
+        return self._playback.is_due(tile.stamp, self.parameters[TilePlayerConfig].rate)
 
-    def on_timer(self) -> None:
-        """Let time go on, and send what is due."""
-        self._time += _TICK
-        self.on_tick()
+    def before(self, tile: PointTile) -> None:
+        """Publish the time of a tile on request."""
+        if self._clock_publisher is not None:
+            self._clock_publisher.publish(Clock(clock=to_time(max(tile.stamp, 0))))
 
-    def on_tick(self) -> None:
-        """Send what is due."""
-        if self._is_finished or self._reader_has_failed():
-            return
-        self._send_overdue()
-        while self._may_send():
-            self._send(self._take())
-        self._finish_if_all_done()
-
-    def on_done(self, message: Header) -> None:
-        """Take back a tile's credit."""
-        stamp = tile_of(to_stamp(message.stamp))
-        self._done.add(stamp)
-        self._failed.discard(stamp)
-        sent = self._flow.tile(stamp)
-        if sent is not None and self._flow.done(stamp):
-            self._call_off(sent.stamp)
-            self.on_tick()
-
-    def on_receipt(self, message: String) -> None:
-        """Note what a node has in hand."""
-        try:
-            receipt = receipt_of(message)
-        except MessageError as error:
-            self.get_logger().error(str(error))
-            return
-        if self._watch.hear(receipt):
-            self._flow.started(receipt.node)
-        if not self._watch.is_past(receipt):
-            self._flow.hear(receipt)
-
-    def on_clipped(self, message: Header) -> None:
-        """
-        Send the next revision of a tile, with a larger buffer; only say so if there is nothing more to send.
-        """
-        tile = self._flow.tile(to_stamp(message.stamp))
-        if tile is None or tile.stamp != to_stamp(message.stamp):
-            return  # of an earlier revision
-        with self.reporting(tile.stamp, quiet=True):
-            grown = self._reader.grown(tile)
-            if grown is not None:
-                grown = replace(grown, stamp=tile.stamp + 1)
-                self._info.publish(over_message(tile.stamp))
-                self._publish(grown)
-            else:
-                grown = replace(tile, bounds=None)
-                self._info.publish(info_message(grown))
-            self._flow.sent(grown)
+    def on_all_done(self) -> None:
+        """Say that the survey is done."""
+        self._is_finished = True
+        n_failed = f", {len(self._failed)} given up" if self._failed else ""
+        self.get_logger().info(f"all tiles are done{n_failed}")
+        self._survey_done.publish(header_of(max({*self._done, *self._failed}, default=0)))
 
     def destroy_node(self) -> None:
         """Stop reading and remove the temporary files."""
-        if hasattr(self, "_reader"):
-            self._reader.stop()
+        if hasattr(self, "tiles"):
+            self.tiles.stop()
             self._source.close()
         super().destroy_node()
-
-    def _make_publishers(self) -> None:
-        """Create the publishers, and publish the map frame."""
-        self._points = self.create_tile_outlet("points")
-        self._info = self.create_publisher(String, "tile_info", LATCHED_TILE)
-        self._survey_done = self.create_publisher(Header, "survey_done", LATCHED)
-        self._tile_failed = self.create_publisher(Header, "tile_failed", LATCHED_HISTORY)
-        self._clock_publisher = None
-        if self.parameters[TilePlayerConfig].publish_clock:
-            self._clock_publisher = self.create_publisher(Clock, "/clock", EVENT)
-        self._map_units = self.create_publisher(Vector3Stamped, "map_units", LATCHED)
-        self._map_origin = self.create_publisher(PointStamped, "map_origin", LATCHED)
-        self._map_units.publish(units_message(self._source.frame))
-        self._map_origin.publish(origin_message(self._source.frame))
-
-    def _make_services(self) -> None:
-        self.create_service(Trigger, "~/pause", self.on_pause)
-        self.create_service(Trigger, "~/resume", self.on_resume)
-        self.create_service(Trigger, "~/step", self.on_step)
-
-    def _make_subscriptions(self) -> None:
-        self.create_subscription(Header, "tile_clipped", self.on_clipped, EVENT)
-        self.create_subscription(String, RECEIPTS, self.on_receipt, LATCHED_EVENT)
-        self.create_subscription(Header, "tile_done", self.on_done, LATCHED_HISTORY)
-
-    def on_pause(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        """Send no more tiles."""
-        self._playback.pause()
-        response.success, response.message = True, "paused"
-        return response
-
-    def on_resume(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        """Go on."""
-        self._playback.resume()
-        response.success, response.message = True, "playing"
-        return response
-
-    def on_step(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        """Send one tile while paused."""
-        response.success = self._playback.step()
-        response.message = "one tile will be sent" if response.success else "not paused: call pause first"
-        return response
-
-    def _reader_has_failed(self) -> bool:
-        """End the node if the points cannot be read."""
-        if self._reader.error is not None:
-            self.fail(self._reader.error)
-        return self._reader.error is not None
-
-    def _may_send(self) -> bool:
-        """Whether there is a tile, a credit for it, someone to take it, and its time has come."""
-        tile = self._peek() if self._flow.has_room else None
-        if tile is None or not self._playback.is_due(tile.stamp, self.parameters[TilePlayerConfig].rate):
-            return False
-        return self._has_listeners() and self._watch.is_settled
-
-    def _peek(self) -> PointTile | None:
-        """Return the next tile that is not done yet, None if none has been read."""
-        while self._next is None or self._next.stamp in self._done:
-            self._next = self._reader.take()
-            if self._next is None:
-                return None
-        return self._next
-
-    def _take(self) -> PointTile:
-        tile, self._next = self._next, None
-        if tile is None:
-            raise RuntimeError("no tile was found")
-        self._playback.sent()
-        return tile
-
-    def _has_listeners(self) -> bool:
-        """Whether all topics have their subscribers, and something publishes when a tile is done."""
-        config = self.parameters[TilePlayerConfig]
-        missing = [topic for topic in config.wait_for if not self.count_subscribers(topic)]
-        what = f"a subscriber of {', '.join(missing)}"
-        if not missing and config.max_tiles_in_flight and not self.count_publishers("tile_done"):
-            missing, what = ["tile_done"], "a publisher of tile_done (model_writer, or model_builder)"
-        if missing:
-            self._log_waiting(what)
-        return not missing
-
-    def _log_waiting(self, what: str) -> None:
-        self.get_logger().info(f"waiting for {what}", throttle_duration_sec=_REMIND, skip_first=True)
-
-    def _send(self, tile: PointTile) -> None:
-        """
-        Send a tile for the first time; what a node has from this player's life before is only told of again.
-        """
-        if self._flow.is_held(tile.stamp):
-            self._info.publish(info_message(tile))
-        else:
-            self._publish(tile)
-        self._flow.sent(tile)
-        if not self._flow.is_counting:
-            self._done.add(tile.stamp)
-
-    def _publish(self, tile: PointTile) -> None:
-        """Publish what holds for a tile as a whole, and its points."""
-        with self.reporting(tile.stamp) as report:
-            report.n_points = len(tile)
-            if self._clock_publisher is not None:
-                self._clock_publisher.publish(Clock(clock=to_time(max(tile.stamp, 0))))
-            self._info.publish(info_message(tile))
-            self._points.publish(tile)
-
-    def _send_overdue(self) -> None:
-        """Send again what is lost as soon as the nodes are there, and give up what was lost too often."""
-        if self._flow.has_losses and self._has_listeners() and self._watch.is_settled:
-            for flight in self._flow.overdue():
-                stamp = flight.tile.stamp
-                self.get_logger().warning(f"tile {stamp} was lost: sent again ({flight.attempt})")
-                self._resent.add(tile_of(stamp))
-                self._publish(flight.tile)
-        for stamp in self._flow.given_up():
-            self.get_logger().error(f"tile {stamp} was never done: given up")
-            self._failed.add(tile_of(stamp))
-            self._tile_failed.publish(header_of(stamp))
-            self._call_off(stamp)
-
-    def _call_off(self, stamp: int) -> None:
-        """Have the copies of a tile dropped that may still be under way."""
-        if tile_of(stamp) in self._resent:
-            self._info.publish(over_message(stamp))
-
-    def _finish_if_all_done(self) -> None:
-        """Say that the survey is done once nothing is left to send or to wait for."""
-        if self._reader.is_exhausted and self._peek() is None and not len(self._flow):
-            self._is_finished = True
-            n_failed = f", {len(self._failed)} given up" if self._failed else ""
-            self.get_logger().info(f"all tiles are done{n_failed}")
-            self._survey_done.publish(header_of(max(self._done | self._failed, default=0)))
 
 
 def main() -> int:

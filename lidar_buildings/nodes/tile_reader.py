@@ -48,6 +48,11 @@ class TileReader:
         self._thread = threading.Thread(target=self._run, name="tile_reader", daemon=True)
         self._on_tile: Callable[[], None] = lambda: None
 
+    @property
+    def tile_count(self) -> int:
+        """Number of tiles, as the source knows it."""
+        return self._source.tile_count
+
     def start(self, on_tile: Callable[[], None]) -> None:
         """Begin to read; `on_tile` is called, from the reading thread, when there is something to take."""
         self._on_tile = on_tile
