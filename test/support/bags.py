@@ -7,10 +7,10 @@ from types import SimpleNamespace
 
 import numpy as np
 from rosbags.rosbag1 import Writer as Writer1
-from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
-from rosbags.rosbag2 import Writer as Writer2
 from rosbags.typesys import Stores, get_typestore
 from scipy.spatial.transform import Rotation
+
+from lidar_buildings.io.bags import bag_writer
 
 SECOND = 1_000_000_000
 T0 = 1_700_000_000 * SECOND
@@ -18,12 +18,12 @@ T0 = 1_700_000_000 * SECOND
 MOUNTING = (0.4, -0.2, 1.1, 2.0, -1.5, 0.7)
 #: Storage → how it is written.
 STORAGES = {
-    "mcap": (StoragePlugin.MCAP, None),
-    "mcap_message": (StoragePlugin.MCAP, CompressionMode.MESSAGE),
-    "sqlite3": (StoragePlugin.SQLITE3, None),
-    "sqlite3_message": (StoragePlugin.SQLITE3, CompressionMode.MESSAGE),
-    "sqlite3_file": (StoragePlugin.SQLITE3, CompressionMode.FILE),
-    "ros1": (None, None),
+    "mcap": ("mcap", ""),
+    "mcap_message": ("mcap", "message"),
+    "sqlite3": ("sqlite3", ""),
+    "sqlite3_message": ("sqlite3", "message"),
+    "sqlite3_file": ("sqlite3", "file"),
+    "ros1": None,
 }
 SCAN_TYPE, ODOMETRY_TYPE = "sensor_msgs/msg/PointCloud2", "nav_msgs/msg/Odometry"
 ORIGIN_TYPE = "geometry_msgs/msg/PointStamped"
@@ -61,25 +61,24 @@ class BagWriter:
     """Writes messages given as plain values."""
 
     def __init__(self, path: Path, storage: str = "mcap") -> None:
-        plugin, mode = STORAGES[storage]
         self.path = path
-        self.types = get_typestore(Stores.ROS1_NOETIC if plugin is None else Stores.ROS2_JAZZY)
-        if plugin is None:
+        self.is_ros1 = STORAGES[storage] is None
+        self.types = get_typestore(Stores.ROS1_NOETIC if self.is_ros1 else Stores.ROS2_JAZZY)
+        if self.is_ros1:
             self.path = path.with_suffix(".bag")
             self.writer = Writer1(self.path)
+            self.writer.open()
         else:
-            self.writer = Writer2(path, version=9, storage_plugin=plugin)
-            if mode is not None:
-                self.writer.set_compression(mode, CompressionFormat.ZSTD)
-        self.is_ros1 = plugin is None
+            self.writer = bag_writer.BagWriter(path, *STORAGES[storage])
         self.connections = {}
-        self.writer.open()
 
     def write(self, topic, kind, time, message):
+        if not self.is_ros1:
+            self.writer.write(topic, kind, time, message)
+            return
         if topic not in self.connections:
             self.connections[topic] = self.writer.add_connection(topic, kind, typestore=self.types)
-        serialise = self.types.serialize_ros1 if self.is_ros1 else self.types.serialize_cdr
-        self.writer.write(self.connections[topic], time, serialise(message, kind))
+        self.writer.write(self.connections[topic], time, self.types.serialize_ros1(message, kind))
 
     def close(self):
         self.writer.close()

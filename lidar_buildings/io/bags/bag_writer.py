@@ -1,0 +1,116 @@
+"""Writing bags of rosbag2."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from pathlib import Path
+from typing import Any
+
+from rosbags.interfaces import (
+    Connection,
+    Qos,
+    QosDurability,
+    QosHistory,
+    QosLiveliness,
+    QosReliability,
+    QosTime,
+)
+from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
+from rosbags.rosbag2.errors import WriterError
+from rosbags.typesys import Stores, get_typestore
+
+from lidar_buildings.core.model.errors import OutputError
+from lidar_buildings.io.files.atomic_files import write_error
+
+#: Storage → rosbags' plugin.
+STORAGES = {"mcap": StoragePlugin.MCAP, "sqlite3": StoragePlugin.SQLITE3}
+#: What is compressed → rosbags' mode; with zstd.
+COMPRESSIONS = {"": None, "message": CompressionMode.MESSAGE, "file": CompressionMode.FILE}
+#: The format of rosbag2 that ROS 2 Jazzy writes.
+_VERSION = 9
+_FOR_EVER = QosTime(9_223_372_036, 854_775_807)
+#: What `ros2 bag play` must offer to those that come late.
+_LATCHED = Qos(
+    QosHistory.KEEP_LAST,
+    1,
+    QosReliability.RELIABLE,
+    QosDurability.TRANSIENT_LOCAL,
+    _FOR_EVER,
+    _FOR_EVER,
+    QosLiveliness.AUTOMATIC,
+    _FOR_EVER,
+    False,
+)
+
+
+class BagWriter:
+    """
+    A bag that is being written, a folder; schemas of the messages are inside.
+
+    Parameters
+    ----------
+    path : Path
+        The folder, which must not be there.
+    storage : str
+        A key of `STORAGES`.
+    compression : str
+        A key of `COMPRESSIONS`; whole files only with sqlite3.
+    latched : collection of str
+        Topics that latecomers get, too.
+
+    Raises
+    ------
+    OutputError
+        If there is something of that name, or it cannot be written.
+    """
+
+    def __init__(
+        self, path: Path, storage: str = "mcap", compression: str = "", latched: Collection[str] = ()
+    ) -> None:
+        self.path = path
+        self._latched = latched
+        self._types = get_typestore(Stores.ROS2_JAZZY)
+        self._connections: dict[str, Connection] = {}
+        if path.exists():
+            raise OutputError(f"{path}: is there already: choose another name for the bag, or remove it")
+        self._writer = Writer(path, version=_VERSION, storage_plugin=STORAGES[storage])
+        mode = COMPRESSIONS[compression]
+        if mode is not None:
+            self._writer.set_compression(mode, CompressionFormat.ZSTD)
+        try:
+            self._writer.open()
+        except (OSError, WriterError) as error:
+            raise write_error(path, error) from error
+
+    def close(self) -> None:
+        """Complete the bag."""
+        try:
+            self._writer.close()
+        except OSError as error:
+            raise write_error(self.path, error) from error
+
+    def __enter__(self) -> BagWriter:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def make(self, kind: str, **members: Any) -> Any:
+        """Return a message of a type (``std_msgs/msg/Header``); all of its members must be given."""
+        return self._types.types[kind](**members)
+
+    def write(self, topic: str, kind: str, time: int, message: Any) -> None:
+        """Write a message of rosbags with the time when it was received [ns]."""
+        self.write_serialised(topic, kind, time, self._types.serialize_cdr(message, kind))
+
+    def write_serialised(self, topic: str, kind: str, time: int, data: bytes | memoryview) -> None:
+        """Write a message as it went over the network (CDR)."""
+        try:
+            if topic not in self._connections:
+                qos = (_LATCHED,) if topic in self._latched else ()
+                self._connections[topic] = self._writer.add_connection(
+                    topic, kind, typestore=self._types, offered_qos_profiles=qos
+                )
+            self._writer.write(self._connections[topic], time, data)
+        except OSError as error:
+            raise write_error(self.path, error) from error

@@ -1,0 +1,44 @@
+"""Bags that are written here."""
+
+import pytest
+import yaml
+
+from lidar_buildings.core.model.errors import OutputError
+from lidar_buildings.io.bags.bag import POINT, Bag
+from lidar_buildings.io.bags.bag_writer import COMPRESSIONS, STORAGES, BagWriter
+
+KINDS = [(one, how) for one in STORAGES for how in COMPRESSIONS if (one, how) != ("mcap", "file")]
+
+
+def point(bag, x):
+    stamp = bag.make("builtin_interfaces/msg/Time", sec=5, nanosec=0)
+    header = bag.make("std_msgs/msg/Header", stamp=stamp, frame_id="EPSG:25832")
+    return bag.make(POINT, header=header, point=bag.make("geometry_msgs/msg/Point", x=x, y=2.0, z=3.0))
+
+
+@pytest.mark.parametrize(("storage", "compression"), KINDS)
+def test_what_is_written_is_read_again_with_its_times(tmp_path, storage, compression):
+    with BagWriter(tmp_path / "bag", storage, compression) as bag:
+        for number in range(3):
+            bag.write("/place", POINT, 7_000 + number, point(bag, float(number)))
+    with Bag(tmp_path / "bag") as read:
+        messages = list(read.messages(["/place"]))
+    assert [(one.time, one.message.point.x) for one in messages] == [(7000, 0.0), (7001, 1.0), (7002, 2.0)]
+
+
+def test_latched_topics_say_that_latecomers_get_them(tmp_path):
+    with BagWriter(tmp_path / "bag", latched={"/map_origin"}) as bag:
+        bag.write("/map_origin", POINT, 1, point(bag, 1.0))
+        bag.write("/place", POINT, 1, point(bag, 1.0))
+    metadata = yaml.safe_load((tmp_path / "bag" / "metadata.yaml").read_text())
+    topics = metadata["rosbag2_bagfile_information"]["topics_with_message_count"]
+    said = {one["topic_metadata"]["name"]: one["topic_metadata"]["offered_qos_profiles"] for one in topics}
+    assert "transient_local" in str(said["/map_origin"])
+    assert not said["/place"]
+
+
+def test_a_bag_does_not_replace_what_is_there(tmp_path):
+    (tmp_path / "bag").write_text("mine")
+    with pytest.raises(OutputError, match="bag: is there already"):
+        BagWriter(tmp_path / "bag")
+    assert (tmp_path / "bag").read_text() == "mine"
