@@ -49,6 +49,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--version", action="version", version=__version__)
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
     _add_run(commands.add_parser("run", help="point clouds to classified points, outlines and models"))
+    _add_inspect(commands.add_parser("inspect", help="say what files and bags hold"))
     _add_simulate(commands.add_parser("simulate", help="make a virtual survey with its truth"))
     _add_score(commands.add_parser("score", help="compare a result with a reference"))
     _add_warm_up(commands.add_parser("warm-up", help="compile now what else the first run compiles"))
@@ -72,6 +73,12 @@ def _add_run(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--duration", type=float, default=0.0, metavar="S", help="bags: read so many seconds (default: all)"
+    )
+    parser.add_argument(
+        "--georeferenced", action="store_true", help="bags: the scans are in the map already, without poses"
+    )
+    parser.add_argument(
+        "--rate", type=float, metavar="R", help="play at R times the recorded speed (default: at once)"
     )
     parser.add_argument(
         "--params", type=Path, metavar="FILE", help="parameters as in config/pipeline.param.yaml"
@@ -111,6 +118,20 @@ def _run(options: argparse.Namespace) -> int:
     from lidar_buildings.commands.run import run_command
 
     return run_command(options)
+
+
+def _add_inspect(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "input", nargs="+", metavar="INPUT", help="LAS, LAZ or COPC files, bags, folders of them or globs"
+    )
+    parser.add_argument("--json", action="store_true", help="print JSON, for scripts")
+    parser.set_defaults(command=_inspect)
+
+
+def _inspect(options: argparse.Namespace) -> int:
+    from lidar_buildings.commands.inspect import inspect_command
+
+    return inspect_command(options)
 
 
 def _add_simulate(parser: argparse.ArgumentParser) -> None:

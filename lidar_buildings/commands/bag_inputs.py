@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from lidar_buildings.io.bags.placed_cloud import BagChoice
 
 #: Options of the command line that say what of a bag is wanted.
-_OPTIONS = ("topic", "odometry", "start", "duration")
+_OPTIONS = ("topic", "odometry", "start", "duration", "georeferenced")
 
 
 def with_placed_bags(request: RunRequest, options: argparse.Namespace) -> RunRequest:

@@ -120,7 +120,9 @@ def request_of(options: argparse.Namespace) -> RunRequest:
         If a name is unknown or a value not allowed.
     """
     settings = read_settings(
-        options.params, options.set, NODE_CONFIGS | {ScanConfig.stage: {ScanConfig.stage: ScanConfig}}
+        options.params,
+        [*options.set, *_short_forms(options)],
+        NODE_CONFIGS | {ScanConfig.stage: {ScanConfig.stage: ScanConfig}},
     )
     if options.tile_size is not None:
         settings.setdefault(_TILING, {})["tile_size"] = options.tile_size
@@ -142,6 +144,14 @@ def request_of(options: argparse.Namespace) -> RunRequest:
         footprints=footprints,
         scans=ScanConfig(**settings.pop(ScanConfig.stage, {})),
     )
+
+
+def _short_forms(options: argparse.Namespace) -> list[str]:
+    """Return the assignments that options of their own stand for."""
+    if options.rate is not None and options.no_ros:
+        raise ParameterError("--rate: only the node graph plays at a speed: leave out --no-ros, or --rate")
+    forms = [f"{ScanConfig.stage}.georeferenced=true"] if options.georeferenced else []
+    return forms if options.rate is None else [*forms, f"{_TILING}.rate={options.rate!r}"]
 
 
 def _footprints(options: argparse.Namespace) -> FootprintSource | None:

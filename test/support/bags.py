@@ -7,7 +7,7 @@ from types import SimpleNamespace
 
 import numpy as np
 from rosbags.rosbag1 import Writer as Writer1
-from rosbags.typesys import Stores, get_typestore
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from scipy.spatial.transform import Rotation
 
 from lidar_buildings.io.bags import bag_writer
@@ -65,6 +65,8 @@ class BagWriter:
         self.is_ros1 = STORAGES[storage] is None
         self.types = get_typestore(Stores.ROS1_NOETIC if self.is_ros1 else Stores.ROS2_JAZZY)
         if self.is_ros1:
+            edges = "geometry_msgs/TransformStamped[] transforms"
+            self.types.register(get_types_from_msg(edges, TF_TYPE))
             self.path = path.with_suffix(".bag")
             self.writer = Writer1(self.path)
             self.writer.open()

@@ -200,7 +200,8 @@ class ScanPlacer:
             raise MessageError(
                 f"no pose leads from the scans' frame {scan.frame!r} to another one (frames with poses: "
                 f"{known}): give the odometry or /tf of it; or scan_assembler.mounting, if fixed to one of "
-                "those; or scan_assembler.georeferenced=true, if the scans are in the map already"
+                "those; or scan_assembler.georeferenced=true (--georeferenced), if the scans are in the map "
+                "already"
             )
         # many points have the same time: each is looked up once
         times, row = np.unique(scan.times, return_inverse=True)

@@ -9,4 +9,9 @@ _METADATA = "metadata.yaml"
 def is_bag(path: str | Path) -> bool:
     """Whether a path names a bag: a folder of rosbag2, or a file."""
     named = Path(path)
-    return (named / _METADATA).is_file() if named.is_dir() else named.name.lower().endswith(_ENDINGS)
+    return (named / _METADATA).is_file() if named.is_dir() else is_bag_file(named)
+
+
+def is_bag_file(path: Path) -> bool:
+    """Whether a file is called as those of bags are."""
+    return path.name.lower().endswith(_ENDINGS)

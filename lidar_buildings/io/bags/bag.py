@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 from rosbags.interfaces import Connection
 from rosbags.rosbag1 import Reader as Reader1
 from rosbags.rosbag2 import Reader as Reader2
-from rosbags.typesys import Stores, get_typestore
+from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
 
 from lidar_buildings.core.model.errors import InputError
 from lidar_buildings.io.files.captured_stderr import one_line
@@ -35,16 +35,13 @@ class BagTopic(NamedTuple):
     n_messages : int
         How many.
     rate : float
-        Messages a second, over the whole bag.
+        Messages a second, over the whole bag; 0 for a single one.
     """
 
     name: str
     type: str
     n_messages: int
     rate: float
-
-    def __str__(self) -> str:
-        return f"{self.name}: {self.type}, {self.n_messages} messages, {self.rate:.3g} Hz"
 
 
 class BagMessage(NamedTuple):
@@ -64,6 +61,8 @@ class Bag:
     ----------
     path : Path
         A folder of rosbag2, a storage file of one (.mcap, .db3), or a bag of ROS 1 (.bag).
+    reader : optional
+        What reads it, as the readers of rosbags do, where it is none of theirs.
 
     Raises
     ------
@@ -71,12 +70,12 @@ class Bag:
         If it cannot be read.
     """
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, reader: Any = None) -> None:
         self.path = path
-        self._is_ros1 = path.suffix.lower() == ".bag"
+        self._is_ros1 = path.is_file() and path.suffix.lower() == ".bag"
         self._types = get_typestore(Stores.ROS1_NOETIC if self._is_ros1 else Stores.ROS2_JAZZY)
         with _reported(path):
-            self._reader: Any = Reader1(path) if self._is_ros1 else Reader2(path)
+            self._reader: Any = reader or (Reader1(path) if self._is_ros1 else Reader2(path))
             self._reader.open()
 
     def close(self) -> None:
@@ -92,12 +91,40 @@ class Bag:
     @property
     def topics(self) -> list[BagTopic]:
         """All topics, by name."""
-        seconds = max(self._reader.end_time - self._reader.start_time, 1) / _SECOND
         counts: dict[tuple[str, str], int] = {}
         for one in self._reader.connections:
-            key = (one.topic, one.msgtype)
+            key = (one.topic, _kind_of(one))
             counts[key] = counts.get(key, 0) + (one.msgcount or 0)
-        return [BagTopic(name, kind, n, n / seconds) for (name, kind), n in sorted(counts.items())]
+        seconds = self.seconds
+        return [
+            BagTopic(name, kind, n, (n - 1) / seconds if n > 1 and seconds else 0.0)
+            for (name, kind), n in sorted(counts.items())
+        ]
+
+    @property
+    def start(self) -> int | None:
+        """When its first message was recorded [ns], None if it has none."""
+        return int(self._reader.start_time) if self._reader.message_count else None
+
+    @property
+    def seconds(self) -> float:
+        """Time from its first to its last message [s]."""
+        return max(self._reader.end_time - 1 - self._reader.start_time, 0) / _SECOND if self.start else 0.0
+
+    def first(self, topic: BagTopic) -> Any:
+        """
+        Read a topic's first message, of a type of the bag's own, too, if its definition stands in the bag.
+
+        Raises
+        ------
+        InputError
+            If there is none, or it cannot be read.
+        """
+        with _reported(self.path):
+            chosen = [one for one in self._reader.connections if one.topic == topic.name]
+            for connection, _, raw in self._reader.messages(chosen):
+                return self._read(connection, raw)
+        raise InputError(f"{self.path}: {topic.name} has no message")
 
     def messages(
         self, topics: Collection[str], start: float = 0.0, duration: float = 0.0
@@ -124,15 +151,33 @@ class Bag:
             return
         with _reported(self.path):
             for connection, time, raw in self._reader.messages(chosen, begin, end):
-                kind = TRANSFORMS if connection.msgtype == _OLD_TRANSFORMS else connection.msgtype
-                yield BagMessage(connection.topic, kind, time, self._read(connection, raw))
+                yield BagMessage(connection.topic, _kind_of(connection), time, self._read(connection, raw))
+
+    def _learn(self, connection: Connection) -> None:
+        """Make a type known by its definition."""
+        if connection.msgtype not in self._types.types:
+            if not connection.msgdef.data:
+                raise InputError(f"its type {connection.msgtype} is not known, nor defined in the bag")
+            is_idl = connection.msgdef.format.name == "IDL"
+            defined = (
+                get_types_from_idl(connection.msgdef.data)
+                if is_idl
+                else get_types_from_msg(connection.msgdef.data, connection.msgtype)
+            )
+            self._types.register({k: v for k, v in defined.items() if k not in self._types.types})
 
     def _read(self, connection: Connection, raw: bytes) -> Any:
-        kind = TRANSFORMS if connection.msgtype == _OLD_TRANSFORMS else connection.msgtype
+        self._learn(connection)
+        kind = connection.msgtype
         if self._is_ros1:
             return self._types.deserialize_ros1(raw, kind)
         # of a view fields are views: the points are not copied
         return self._types.deserialize_cdr(memoryview(raw), kind)  # type: ignore[arg-type]
+
+
+def _kind_of(connection: Connection) -> str:
+    """Return the type of a connection's messages, as ROS 2 calls it."""
+    return TRANSFORMS if connection.msgtype == _OLD_TRANSFORMS else connection.msgtype
 
 
 @contextmanager

@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 from lidar_buildings.core.model.errors import InputError
 from lidar_buildings.io.bags.bag import CLOUD, ODOMETRY, POINT, TRANSFORMS, Bag, BagTopic
+from lidar_buildings.io.bags.topic_lines import topic_contents
 
 _ORIGIN = "map_origin"
 
@@ -64,17 +65,20 @@ def choose_topics(bag: Bag, clouds: str = "", odometry: str = "") -> BagTopics:
 def _one(bag: Bag, topics: list[BagTopic], kind: str, wanted: str, option: str, *, is_needed: bool) -> str:
     """Return the topic of a kind that is wanted, or the only one."""
     having = [one for one in topics if one.type == kind and one.n_messages]
-    listed = "".join(f"\n  {one}" for one in topics) or " none"
+
+    def listed() -> str:
+        return "".join(f"\n  {one}" for one in topic_contents(bag)) or " none"
+
     if wanted:
         found = [one for one in topics if one.name.lstrip("/") == wanted.lstrip("/")]
         if not found or found[0].type != kind:
             has = f"is {found[0].type}, not {kind}" if found else "is not in it"
-            raise InputError(f"{bag.path}: {option} {wanted} {has}; its topics:{listed}")
+            raise InputError(f"{bag.path}: {option} {wanted} {has}; its topics:{listed()}")
         return found[0].name
     if len(having) > 1:
         raise InputError(
-            f"{bag.path}: holds several topics of {kind}: choose by {option}; its topics:{listed}"
+            f"{bag.path}: holds several topics of {kind}: choose by {option}; its topics:{listed()}"
         )
     if not having and is_needed:
-        raise InputError(f"{bag.path}: holds no {kind}; its topics:{listed}")
+        raise InputError(f"{bag.path}: holds no {kind}; its topics:{listed()}")
     return having[0].name if having else ""

@@ -89,4 +89,9 @@ def _expanded(path: Path) -> list[Path]:
 
 
 def _clouds(paths: Iterable[Path]) -> list[Path]:
-    return sorted(path for path in paths if path.name.lower().endswith(ENDINGS) and path.is_file())
+    return sorted(path for path in paths if is_cloud_file(path))
+
+
+def is_cloud_file(path: Path) -> bool:
+    """Whether a path is a file that is called as clouds are."""
+    return path.name.lower().endswith(ENDINGS) and path.is_file()

@@ -40,8 +40,9 @@ def test_points_lie_where_they_were_measured_whatever_the_storage(tmp_path, stor
     np.testing.assert_allclose(unix - T0 / SECOND, drive.times, atol=2e-6)
 
 
-def test_transforms_place_them_as_odometry_does(tmp_path):
-    told = write_drive(tmp_path / "tf", poses="tf")
+@pytest.mark.parametrize("storage", ["mcap", "ros1"])
+def test_transforms_place_them_as_odometry_does(tmp_path, storage):
+    told = write_drive(tmp_path / "tf", storage, poses="tf")
     las, _ = placed(tmp_path, told.path, ScanConfig())
     assert np.abs(las.xyz - told.points).max() < 0.02
 
@@ -110,7 +111,7 @@ def test_where_the_choice_is_not_clear_all_topics_are_listed(tmp_path):
         bag.write(topic, SCAN_TYPE, T0, bag.cloud(T0, "map", [[1.0, 2.0, 3.0]]))
     bag.close()
     with pytest.raises(
-        InputError, match=r"choose by --topic; its topics:\n  /left: .*1 messages.*\n  /right"
+        InputError, match=r"choose by --topic; its topics:\n  /left: .*1 message, frame map.*\n  /right"
     ):
         placed(tmp_path, bag.path)
     assert placed(tmp_path, bag.path, choice=BagChoice("right"))[1].n_points == 1

@@ -1,0 +1,96 @@
+"""The command ``lidar-buildings inspect``: what files and bags hold, and what a run would make of them."""
+
+from __future__ import annotations
+
+import argparse
+import glob
+import json
+import logging
+import sys
+from collections.abc import Iterator
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+from lidar_buildings.commands.inspect_text import bag_lines, cloud_lines
+from lidar_buildings.core.model.errors import InputError
+from lidar_buildings.io.bags import is_bag, is_bag_file
+from lidar_buildings.io.clouds.find_inputs import is_cloud_file
+from lidar_buildings.io.tiling.cloud_summary import CloudSummary, summarise_cloud, summed_up
+
+#: Exit statuses: users' scripts rely on them.
+DONE, WRONG_USE = 0, 2
+
+
+def inspect_command(options: argparse.Namespace) -> int:
+    """
+    Print what every input holds; what cannot be read gives a line on stderr, and the rest is listed.
+
+    Returns
+    -------
+    int
+        0; 2 if an input could not be read, or not to its end.
+    """
+    logging.basicConfig(format="lidar-buildings: %(message)s", level=logging.WARNING)
+    problems: list[str] = []
+    told: list[dict[str, Any]] = []
+    for name in options.input:
+        for kind, summary, lines in _looked_at(Path(name), problems):
+            if options.json:
+                told.append({"kind": kind, **summary})
+            else:
+                print("\n".join(lines), flush=True)
+    if options.json:
+        print(json.dumps(told, indent=2))
+    for problem in problems:
+        print(f"lidar-buildings: {problem}", file=sys.stderr)
+    return WRONG_USE if problems else DONE
+
+
+def _looked_at(path: Path, problems: list[str]) -> Iterator[tuple[str, dict[str, Any], list[str]]]:
+    """Yield (kind, summary, its text) of each bag and cloud that a path names, and of its clouds together."""
+    clouds: list[CloudSummary] = []
+    try:
+        files = _named(path)
+    except InputError as error:
+        problems.append(str(error))
+        return
+    for file in files:
+        try:
+            if is_bag(file):
+                yield _bag(file, problems)
+            else:
+                clouds.append(summarise_cloud(file))
+                yield "cloud", asdict(clouds[-1]), cloud_lines(clouds[-1])
+        except InputError as error:
+            problems.append(str(error))
+    if len(clouds) > 1:
+        total = summed_up(str(path), clouds)
+        yield "sum", asdict(total), cloud_lines(total)
+
+
+def _bag(path: Path, problems: list[str]) -> tuple[str, dict[str, Any], list[str]]:
+    from lidar_buildings.io.bags.bag_summary import summarise_bag  # what reads bags takes time to import
+
+    found = summarise_bag(path)
+    if found.problem:
+        problems.append(f"{path}: {found.problem}")
+    taken = None if found.taken is None else found.taken._asdict()
+    topics = [one._asdict() for one in found.topics]
+    return "bag", {**found._asdict(), "topics": topics, "taken": taken}, bag_lines(found)
+
+
+def _named(path: Path) -> list[Path]:
+    """Return the bags and clouds that a path names: itself, or those directly in a folder, by name."""
+    if is_bag(path) or (path.exists() and not path.is_dir()):
+        return [path]
+    if path.is_dir():
+        within = list(path.iterdir())
+    elif glob.has_magic(str(path)):
+        within = [Path(one) for one in glob.glob(str(path), recursive=True)]
+    else:
+        raise InputError(f"{path}: no such file or folder: check the path")
+    found = sorted(one for one in within if is_cloud_file(one) or is_bag_file(one) or is_bag(one))
+    if not found:
+        raise InputError(f"{path}: holds no cloud (.las, .laz) and no bag: name a folder that does, or files")
+    return found

@@ -1,0 +1,121 @@
+"""What a bag holds, what a run would take of it, and what it would miss."""
+
+from __future__ import annotations
+
+from itertools import islice
+from pathlib import Path
+from typing import NamedTuple
+
+from lidar_buildings.core.model.errors import InputError
+from lidar_buildings.core.scans.config import ScanConfig
+from lidar_buildings.core.scans.placing import ScanPlacer
+from lidar_buildings.core.scans.transform_tree import frame_name
+from lidar_buildings.io.bags.bag import ODOMETRY, Bag
+from lidar_buildings.io.bags.cut_mcap import CutMcapReader, storage_of
+from lidar_buildings.io.bags.selection import BagTopics, choose_topics
+from lidar_buildings.io.bags.topic_lines import TopicContent, topic_contents
+
+#: Messages of a topic that are looked at for the tree of frames; wide margin: most tell of all frames.
+_FIRST = 100
+
+
+class BagSummary(NamedTuple):
+    """
+    A bag at a glance.
+
+    Attributes
+    ----------
+    path : str
+        The bag.
+    start : int or None
+        When it begins [ns].
+    seconds : float
+        How long it is [s].
+    topics : list of TopicContent
+        All, by name.
+    taken : BagTopics or None
+        What a run takes without options, None if it cannot choose.
+    notes : list of str
+        How the scans are placed, or what is missing for it.
+    problem : str
+        Why only a part of it can be read, empty if all can.
+    """
+
+    path: str
+    start: int | None
+    seconds: float
+    topics: list[TopicContent]
+    taken: BagTopics | None
+    notes: list[str]
+    problem: str
+
+
+def summarise_bag(path: Path) -> BagSummary:
+    """
+    Look into a bag; of an MCAP file that was cut off into what is whole.
+
+    Raises
+    ------
+    InputError
+        If nothing of it can be read.
+    """
+    try:
+        with Bag(path) as bag:
+            return _summary(bag, "")
+    except InputError as error:
+        storage, problem = storage_of(path), error
+    if storage is None:
+        raise problem
+    reader = CutMcapReader(storage)
+    try:
+        bag = Bag(path, reader)
+    except InputError:
+        raise problem from None
+    with bag:
+        share = reader.data_end / max(storage.stat().st_size, 1)
+        said = str(problem).removeprefix(f"{path}: ")
+        return _summary(bag, f"{said}; listed is what is whole, {share:.0%} of the file")
+
+
+def _summary(bag: Bag, problem: str) -> BagSummary:
+    topics = topic_contents(bag)
+    taken = None
+    try:
+        taken = choose_topics(bag)
+        notes = _placing(bag, topics, taken)
+    except InputError as error:
+        notes = [str(error).removeprefix(f"{bag.path}: ").split("; its topics:")[0]]
+    return BagSummary(str(bag.path), bag.start, bag.seconds, topics, taken, notes, problem)
+
+
+def _placing(bag: Bag, topics: list[TopicContent], taken: BagTopics) -> list[str]:
+    """Say how the scans would be placed."""
+    frame = frame_name(next(one.frame for one in topics if one.name == taken.clouds))
+    map_frame = ScanConfig().map_frame
+    placer = _with_poses(bag, taken)
+    notes = [] if taken.origin else ["no map_origin: the outputs carry no reference system"]
+    if frame == map_frame:
+        return [f"the scans are in frame {map_frame}: they are taken as they are", *notes]
+    target = placer.target_of(frame)
+    if target != frame:
+        return [f"the scans are placed in frame {target}", *notes]
+    known = ", ".join(placer.tree.frames)
+    mounting = f"; or --set scan_assembler.mounting=…, if it is fixed to one of {known}" if known else ""
+    return [
+        f"no pose leads from the scans' frame {frame!r} to another one: record its odometry or /tf"
+        f"{mounting}; or --georeferenced, if the points are in the map already",
+        *notes,
+    ]
+
+
+def _with_poses(bag: Bag, taken: BagTopics) -> ScanPlacer:
+    """Return a placer that knows the frames that poses tell of."""
+    placer = ScanPlacer()
+    for topic in (*taken.transforms, *filter(None, [taken.odometry])):
+        is_static = topic.endswith("static")
+        for message in islice(bag.messages([topic]), None if is_static else _FIRST):
+            if message.type == ODOMETRY:
+                placer.add_odometry(message.message)
+            else:
+                placer.add_transforms(message.message, is_static=is_static)
+    return placer
