@@ -73,6 +73,7 @@ def _placed(bag: Path, folder: Path, choice: BagChoice, config: ScanConfig) -> t
         "n_scans": count.n_scans,
         "n_points": count.n_points,
         "left_out": dict(sorted(count.left_out.items())),
+        "messages": dict(sorted(count.messages.items())),
     }
     note.write_text(json.dumps(record))
     print(f"lidar-buildings: {_line(bag, record)}", file=sys.stderr)
@@ -87,4 +88,5 @@ def _changed(bag: Path) -> int:
 
 def _line(bag: Path, record: dict[str, Any]) -> str:
     out = "".join(f"; {number:,} left out: {reason}" for reason, number in record["left_out"].items())
-    return f"{bag}: {record['n_points']:,} points of {record['n_scans']:,} scans placed{out}"
+    said = "".join(f"; {number:,} {what}" for what, number in record["messages"].items())
+    return f"{bag}: {record['n_points']:,} points of {record['n_scans']:,} scans placed{out}{said}"

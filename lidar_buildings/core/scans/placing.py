@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections import Counter, deque
+from collections import Counter, OrderedDict
 from collections.abc import Iterator
 from typing import Any, NamedTuple
 
@@ -10,29 +10,27 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lidar_buildings.core.model.errors import MessageError
-from lidar_buildings.core.scans.cloud_layout import Cloud, columns_of
 from lidar_buildings.core.scans.config import ScanConfig
-from lidar_buildings.core.scans.point_times import TIME_FIELDS, point_times
+from lidar_buildings.core.scans.scan import Scan, mark_of, read_scan, stamp_of
 from lidar_buildings.core.scans.trajectory import Pose
-from lidar_buildings.core.scans.transform_tree import TransformTree, frame_name
+from lidar_buildings.core.scans.transform_tree import MAX_FRAMES, SET_BACK, TransformTree, frame_name
+from lidar_buildings.core.scans.waiting import WaitingScans
 
-#: Fields that are kept beside place and time.
-_KEPT = (
-    "intensity",
-    "return_number",
-    "number_of_returns",
-    "classification",
-    "scan_angle",
-    "scan_direction_flag",
-    "point_source_id",
-    "gps_time",
-)
-#: What was left out, in words.
-NOT_FINITE = "x, y or z is not finite"
-NO_RETURN = "at the sensor's own place: no return"
+#: Why points are left out, in words; those of `scan` beside.
 NO_POSE = "no pose at their time"
+NO_WAY = "no pose leads from their frame to another one"
+WAITED = "waited too long for poses"
+#: Why messages are left out, and what else they tell, in words.
+TWICE = "scans that came twice"
+UNREADABLE = "scans that cannot be read"
+NO_POSES = "poses that are none (not finite, off the Earth, no rotation)"
+CLOCK_SET_BACK = "times that the clock was set back"
 #: Poses are kept so long before the scan that was placed last [ns]: one may come so much later than others.
 _KEPT_POSES = 10_000_000_000
+#: Points that are placed at once: each takes a matrix.
+_BATCH = 1_000_000
+#: Scans among which one that comes twice is found: minutes to an hour.
+_MAX_MARKS = 10_000
 
 
 class PlacedScan(NamedTuple):
@@ -54,19 +52,13 @@ class PlacedScan(NamedTuple):
     columns: dict[str, NDArray[Any]]
 
 
-class _Scan(NamedTuple):
-    frame: str
-    points: NDArray[np.float64]
-    times: NDArray[np.int64]
-    columns: dict[str, NDArray[Any]]
-
-
 class ScanPlacer:
     """
     Places scans in the map.
 
     Poses and scans may come in any order; a scan waits until the poses reach beyond its last point. Each
     point is placed by the pose at its own time, so that the sensor's motion within a scan is taken out.
+    What is kept is bounded, so that this can go on for ever.
 
     Parameters
     ----------
@@ -79,6 +71,8 @@ class ScanPlacer:
         Reason → points that were left out.
     n_scans : int
         Scans that came.
+    refusal : str
+        Why the last scan was refused that could not be read or has no pose, empty if none was.
     """
 
     def __init__(self, config: ScanConfig | None = None) -> None:
@@ -86,20 +80,32 @@ class ScanPlacer:
         self.tree = TransformTree(self.config.max_pose_gap, self.config.max_speed)
         self.left_out: Counter[str] = Counter()
         self.n_scans = 0
-        self._waiting: deque[_Scan] = deque()
+        self.refusal = ""
+        self._messages: Counter[str] = Counter()
+        self._waiting = WaitingScans()
+        self._of_before: list[PlacedScan] = []
+        self._marks: OrderedDict[tuple[str, int, int, int], None] = OrderedDict()
+        self._last: OrderedDict[str, int] = OrderedDict()
         self._odometry_child = ""
         self._mounting = self.config.mounting_pose()
+        self._mounted = ""
+
+    @property
+    def n_waiting(self) -> int:
+        """Points that wait for poses."""
+        return self._waiting.n_points
+
+    @property
+    def messages(self) -> Counter[str]:
+        """What is to be said of messages: reason → how many."""
+        refused = Counter({NO_POSES: self.tree.n_refused} if self.tree.n_refused else {})
+        return self._messages + refused
 
     def add_odometry(self, message: Any) -> None:
         """Take a nav_msgs/Odometry."""
         pose = message.pose.pose
         self._odometry_child = frame_name(message.child_frame_id)
-        self.tree.add(
-            message.header.frame_id,
-            message.child_frame_id,
-            stamp_of(message.header),
-            _pose(pose.position, pose.orientation),
-        )
+        self._add_pose(message.header, message.child_frame_id, _pose(pose.position, pose.orientation))
 
     def add_transforms(self, message: Any, *, is_static: bool) -> None:
         """Take a tf2_msgs/TFMessage of /tf or /tf_static."""
@@ -108,51 +114,49 @@ class ScanPlacer:
             if is_static:
                 self.tree.add_static(one.header.frame_id, one.child_frame_id, pose)
             elif frame_name(one.child_frame_id) != self._odometry_child:
-                self.tree.add(one.header.frame_id, one.child_frame_id, stamp_of(one.header), pose)
+                self._add_pose(one.header, one.child_frame_id, pose)
 
     def add_scan(self, message: Any) -> None:
         """
-        Take a sensor_msgs/PointCloud2.
+        Take a sensor_msgs/PointCloud2; one that came before is left out.
 
         Raises
         ------
         MessageError
-            If its layout contradicts itself, or it has no x, y and z.
+            If its layout contradicts itself, it has no x, y and z, or no unit makes its times a scan's.
         """
-        cloud: Cloud = message
-        columns = columns_of(cloud, {*TIME_FIELDS, *_KEPT, "buffer"})
-        unit = "" if self.config.time_unit == "auto" else self.config.time_unit
-        stamp = stamp_of(message.header)
-        xyz = np.column_stack([np.asarray(columns.pop(axis), dtype=np.float64) for axis in "xyz"])
         self.n_scans += 1
-        kept = self._measured(xyz)
-        if "buffer" in columns:  # a tile of ours: these come with another one
-            kept = kept[columns.pop("buffer")[kept] == 0]
-        columns = {name: values[kept] for name, values in columns.items()}
-        times, _ = point_times(columns, stamp, unit)
-        if times is None:
-            times = np.full(len(kept), stamp, dtype=np.int64)
-        ours = {name: values for name, values in columns.items() if name in _KEPT}
-        if "intensity" in ours:  # drivers put −1 or NaN where they have none
-            ours["intensity"] = np.where(ours["intensity"] > 0, ours["intensity"], 0)
-        self._waiting.append(_Scan(frame_name(message.header.frame_id), xyz[kept], times, ours))
+        mark = mark_of(message)
+        if mark in self._marks:
+            self._messages[TWICE] += 1
+            return
+        try:
+            scan = read_scan(message, self.config, self.left_out)
+        except MessageError as error:
+            self._messages[UNREADABLE] += 1
+            self.refusal = str(error)
+            raise
+        _keep(self._marks, mark, None, _MAX_MARKS)
+        stamp = stamp_of(message.header)
+        if stamp < self._last.get(scan.frame, stamp) - SET_BACK:
+            self._set_back(stamp)
+        _keep(self._last, scan.frame, stamp, MAX_FRAMES)
+        self._waiting.add(scan)
+        while self._waiting.are_too_many and (oldest := self._waiting.take()) is not None:
+            self._leave_out(WAITED, len(oldest.times))
 
     def placed(self, *, is_end: bool = False) -> Iterator[PlacedScan]:
         """
-        Return the scans that can be placed, in the order in which they came.
+        Return the scans that can be placed, in the order in which they came; each frame has its own.
 
         Parameters
         ----------
         is_end : bool
             Whether no more poses come: what has none yet is left out and counted.
-
-        Raises
-        ------
-        MessageError
-            If at the end no transform leads from a scan's frame to any other.
         """
-        while self._waiting and (is_end or self._is_due(self._waiting[0])):
-            scan = self._waiting.popleft()
+        while self._of_before:
+            yield self._of_before.pop(0)
+        while (scan := self._waiting.take(lambda one: is_end or self._is_due(one))) is not None:
             yield self._place(scan)
             if len(scan.times):
                 self.tree.drop_before(int(scan.times.min()) - _KEPT_POSES)
@@ -162,15 +166,22 @@ class ScanPlacer:
         wanted = frame_name(self.config.map_frame)
         return wanted if self.tree.has_way(frame, wanted) else self.tree.root_of(frame)
 
-    def _measured(self, xyz: NDArray[np.float64]) -> NDArray[np.intp]:
-        """Return the rows that are measurements."""
-        is_finite = np.isfinite(xyz).all(axis=1)
-        is_return = is_finite & xyz.any(axis=1)
-        self._leave_out(NOT_FINITE, len(xyz) - np.count_nonzero(is_finite))
-        self._leave_out(NO_RETURN, np.count_nonzero(is_finite) - np.count_nonzero(is_return))
-        return np.flatnonzero(is_return)
+    def _add_pose(self, header: Any, child: str, pose: Pose) -> None:
+        stamp = stamp_of(header)
+        if pose.is_valid and self.tree.is_set_back(child, stamp):
+            self._set_back(stamp)
+        self.tree.add(header.frame_id, child, stamp, pose)
 
-    def _is_due(self, scan: _Scan) -> bool:
+    def _set_back(self, stamp: int) -> None:
+        """Place what waits of the time before the clock was set back, and forget the poses of that time."""
+        self._messages[CLOCK_SET_BACK] += 1
+        end = stamp + SET_BACK
+        while (scan := self._waiting.take(lambda one: one.times.max(initial=stamp) > end)) is not None:
+            self._of_before.append(self._place(scan))
+        self.tree.set_back(stamp)
+        self._last.clear()
+
+    def _is_due(self, scan: Scan) -> bool:
         if self._is_placed(scan):
             return True
         self._mount(scan.frame)
@@ -179,48 +190,60 @@ class ScanPlacer:
         until = self.tree.known_until(scan.frame, self.target_of(scan.frame))
         return until is None or until >= scan.times.max()
 
-    def _is_placed(self, scan: _Scan) -> bool:
+    def _is_placed(self, scan: Scan) -> bool:
         """Whether a scan needs no pose."""
         is_in_map = self.config.georeferenced or scan.frame == frame_name(self.config.map_frame)
         return is_in_map or not len(scan.times)
 
     def _mount(self, frame: str) -> None:
-        """Fix the scanner where the parameter says."""
+        """Fix the scanner where the parameter says; it holds for one: the first."""
         child = self._odometry_child
-        if self._mounting is not None and child and child != frame:
+        if self._mounting is not None and child and child != frame and self._mounted in ("", frame):
+            self._mounted = frame
             self.tree.set_fixed(child, frame, self._mounting)
 
-    def _place(self, scan: _Scan) -> PlacedScan:
+    def _place(self, scan: Scan) -> PlacedScan:
         if self._is_placed(scan):
             return PlacedScan(*scan[1:])
         self._mount(scan.frame)
         target = self.target_of(scan.frame)
         if target == scan.frame:
-            known = ", ".join(self.tree.frames) or "none"
-            raise MessageError(
-                f"no pose leads from the scans' frame {scan.frame!r} to another one (frames with poses: "
-                f"{known}): give the odometry or /tf of it; or scan_assembler.mounting, if fixed to one of "
-                "those; or scan_assembler.georeferenced=true (--georeferenced), if the scans are in the map "
-                "already"
-            )
+            self._leave_out(NO_WAY, len(scan.times))
+            self.refusal = self._no_way_from(scan.frame)
+            none = np.zeros(0, dtype=np.intp)
+            return PlacedScan(scan.points[none], scan.times[none], {})
         # many points have the same time: each is looked up once
         times, row = np.unique(scan.times, return_inverse=True)
         poses = self.tree.poses(scan.frame, target, times)
         is_known = poses.is_known[row]
         self._leave_out(NO_POSE, len(row) - np.count_nonzero(is_known))
-        matrices = poses.rotation.as_matrix()[row]
-        points = np.einsum("nij,nj->ni", matrices, scan.points) + poses.translation[row]
+        matrices, points = poses.rotation.as_matrix(), np.empty_like(scan.points)
+        for begin in range(0, len(row), _BATCH):
+            own = slice(begin, begin + _BATCH)
+            turned = np.einsum("nij,nj->ni", matrices[row[own]], scan.points[own])
+            points[own] = turned + poses.translation[row[own]]
         columns = {name: values[is_known] for name, values in scan.columns.items()}
         return PlacedScan(points[is_known], scan.times[is_known], columns)
+
+    def _no_way_from(self, frame: str) -> str:
+        known = ", ".join(self.tree.frames) or "none"
+        return (
+            f"no pose leads from the scans' frame {frame!r} to another one (frames with poses: {known}): "
+            "give the odometry or /tf of it; or scan_assembler.mounting, if fixed to one of those; or "
+            "scan_assembler.georeferenced=true (--georeferenced), if the scans are in the map already"
+        )
 
     def _leave_out(self, reason: str, n_points: Any) -> None:
         if n_points:
             self.left_out[reason] += int(n_points)
 
 
-def stamp_of(header: Any) -> int:
-    """Return a header's time [ns]."""
-    return int(header.stamp.sec) * 1_000_000_000 + int(header.stamp.nanosec)
+def _keep(kept: OrderedDict[Any, Any], key: Any, value: Any, most: int) -> None:
+    """Keep a value as the newest, and of all the newest ones."""
+    kept[key] = value
+    kept.move_to_end(key)
+    while len(kept) > most:
+        kept.popitem(last=False)
 
 
 def _pose(place: Any, attitude: Any) -> Pose:

@@ -2,13 +2,22 @@
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation, Slerp
+from scipy.spatial.transform import Rotation
 
 _NANOSECONDS = 1e9
+#: Nothing on or near the Earth has a greater coordinate in any reference system [m].
+MAX_COORDINATE = 1e8
+#: Poses that are kept of a frame: a quarter of an hour at 200 Hz, where nothing else forgets them.
+MAX_POSES = 200_000
+#: How far a quaternion's length may be from 1; wide margin over single precision.
+_MAX_NORM_ERROR = 0.1
+#: New poses are sorted in at the latest when they are so many.
+_BATCH = 10_000
 
 
 class Poses(NamedTuple):
@@ -53,6 +62,12 @@ class Pose(NamedTuple):
     translation: tuple[float, float, float]
     quaternion: tuple[float, float, float, float]
 
+    @property
+    def is_valid(self) -> bool:
+        """Whether it is a place on or near the Earth, and a rotation."""
+        is_place = all(abs(one) <= MAX_COORDINATE for one in self.translation)
+        return is_place and abs(math.hypot(*self.quaternion) - 1.0) <= _MAX_NORM_ERROR
+
     def at(self, times: NDArray[np.int64]) -> Poses:
         """Return the pose for each time."""
         n = len(times)
@@ -64,46 +79,53 @@ class Trajectory:
     """
     Poses by time, and what lies between them: positions on lines, attitudes by slerp (Shoemake 1985).
 
+    The last `MAX_POSES` are kept.
+
     Parameters
     ----------
     max_gap : float
         Longest time between two poses that is filled [s].
     max_speed : float
         Two poses further apart than this allows are of two tracks, and nothing lies between them [m/s].
+
+    Attributes
+    ----------
+    last : int or None
+        Time of the last pose [ns].
     """
 
     def __init__(self, max_gap: float, max_speed: float) -> None:
         self._max_gap = max_gap
         self._max_speed = max_speed
-        self._poses: dict[int, Pose] = {}
-        self._sorted: tuple[NDArray[np.int64], NDArray[np.float64], Rotation] | None = None
-        self.n_refused = 0
+        self._stamps = np.empty(0, dtype=np.int64)
+        self._poses = np.empty((0, 7))
+        self._new: list[tuple[int, Pose]] = []
+        self.last: int | None = None
 
     def __len__(self) -> int:
         """Return the number of poses."""
-        return len(self._poses)
-
-    @property
-    def last(self) -> int | None:
-        """Time of the last pose [ns]."""
-        return max(self._poses, default=None)
+        self._sort_in()
+        return len(self._stamps)
 
     def add(self, stamp: int, pose: Pose) -> None:
-        """Add a pose; a later one of the same time replaces it, one that is none is counted and left out."""
-        numbers = np.array([*pose.translation, *pose.quaternion])
-        if not np.isfinite(numbers).all() or not np.abs(numbers[3:]).max() > 0:
-            self.n_refused += 1
-            return
-        self._poses[stamp] = pose
-        self._sorted = None
+        """Add a valid pose; a later one of the same time replaces it."""
+        self._new.append((stamp, pose))
+        self.last = stamp if self.last is None else max(stamp, self.last)
+        if len(self._new) >= _BATCH:
+            self._sort_in()
 
     def drop_before(self, stamp: int) -> None:
         """Forget poses that no later time needs: all but the last one before a time."""
-        past = sorted(one for one in self._poses if one <= stamp)[:-1]
-        for one in past:
-            del self._poses[one]
-        if past:
-            self._sorted = None
+        self._sort_in()
+        first = max(int(np.searchsorted(self._stamps, stamp, side="right")) - 1, 0)
+        self._stamps, self._poses = self._stamps[first:], self._poses[first:]
+
+    def set_back(self, stamp: int) -> None:
+        """Forget poses that lie after a time, or so near before it that what is between would be filled."""
+        self._sort_in()
+        n = int(np.searchsorted(self._stamps, stamp - round(self._max_gap * _NANOSECONDS)))
+        self._stamps, self._poses = self._stamps[:n], self._poses[:n]
+        self.last = int(self._stamps[-1]) if n else None
 
     def at(self, times: NDArray[np.int64]) -> Poses:
         """
@@ -114,36 +136,43 @@ class Trajectory:
         times : ndarray of int64, shape (n,)
             [ns].
         """
-        if not self._poses:
-            return (
-                Pose((0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))
-                .at(times)
-                ._replace(is_known=np.zeros(len(times), dtype=np.bool_))
-            )
-        stamps, places, attitudes = self._table()
-        if len(stamps) == 1:
-            only = next(iter(self._poses.values())).at(times)
-            return only._replace(is_known=times == stamps[0])
-        right = np.clip(np.searchsorted(stamps, times), 1, len(stamps) - 1)
-        left = right - 1
-        span = (stamps[right] - stamps[left]) / _NANOSECONDS
+        n = len(self)
+        if not n:
+            nowhere = Pose((0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0)).at(times)
+            return nowhere._replace(is_known=np.zeros(len(times), dtype=np.bool_))
+        stamps, places = self._stamps, self._poses[:, :3]
+        right = np.clip(np.searchsorted(stamps, times), min(1, n - 1), n - 1)
+        left = np.maximum(right - 1, 0)
+        step = stamps[right] - stamps[left]
+        move = places[right] - places[left]
+        since = times - stamps[left]
+        share = np.clip(np.divide(since, step, out=np.zeros(len(times)), where=step > 0), 0.0, 1.0)
         is_inside = (times >= stamps[0]) & (times <= stamps[-1])
-        length = np.linalg.norm(places[right] - places[left], axis=1)
         is_exact = (times == stamps[left]) | (times == stamps[right])
-        is_filled = (span <= self._max_gap) & (length <= self._max_speed * span)
-        share = np.clip((times - stamps[left]) / (stamps[right] - stamps[left]), 0.0, 1.0)[:, None]
-        between = places[left] + share * (places[right] - places[left])
-        since = np.clip(times, stamps[0], stamps[-1]) - stamps[0]
-        rotation = Slerp((stamps - stamps[0]).astype(np.float64), attitudes)(since.astype(np.float64))
-        return Poses(between, rotation, is_inside & (is_filled | is_exact))
+        span = step / _NANOSECONDS
+        is_filled = (span <= self._max_gap) & (np.linalg.norm(move, axis=1) <= self._max_speed * span)
+        return Poses(
+            places[left] + share[:, None] * move,
+            self._attitudes(left, share),
+            is_inside & (is_filled | is_exact),
+        )
 
-    def _table(self) -> tuple[NDArray[np.int64], NDArray[np.float64], Rotation]:
-        if self._sorted is None:
-            stamps = sorted(self._poses)
-            poses = [self._poses[stamp] for stamp in stamps]
-            self._sorted = (
-                np.array(stamps, dtype=np.int64),
-                np.array([pose.translation for pose in poses], dtype=np.float64),
-                Rotation.from_quat(np.array([pose.quaternion for pose in poses], dtype=np.float64)),
-            )
-        return self._sorted
+    def _attitudes(self, left: NDArray[np.intp], share: NDArray[np.float64]) -> Rotation:
+        """Return attitudes at shares of the ways from poses to the next ones."""
+        first, row = np.unique(left, return_inverse=True)
+        start = Rotation.from_quat(self._poses[first, 3:])
+        end = Rotation.from_quat(self._poses[np.minimum(first + 1, len(self._poses) - 1), 3:])
+        turn = (start.inv() * end).as_rotvec()
+        return start[row] * Rotation.from_rotvec(share[:, None] * turn[row])
+
+    def _sort_in(self) -> None:
+        """Put the new poses where they belong."""
+        if not self._new:
+            return
+        stamps = np.concatenate([self._stamps, np.array([stamp for stamp, _ in self._new], dtype=np.int64)])
+        new = np.array([(*pose.translation, *pose.quaternion) for _, pose in self._new], dtype=np.float64)
+        order = np.argsort(stamps, kind="stable")
+        is_last = np.append(np.diff(stamps[order]) > 0, True)
+        kept = order[is_last][-MAX_POSES:]
+        self._stamps, self._poses = stamps[kept], np.concatenate([self._poses, new])[kept]
+        self._new.clear()

@@ -9,6 +9,11 @@ from numpy.typing import NDArray
 
 from lidar_buildings.core.scans.trajectory import Pose, Poses, Trajectory
 
+#: Frames that are taken note of; wide margin: a vehicle has tens.
+MAX_FRAMES = 1_000
+#: A pose so much earlier than the last one of its frame says that the clock was set back [ns]; wide margin
+#: over the disorder in which messages of one sender come.
+SET_BACK = 1_000_000_000
 #: A frame as it lies in itself.
 _NO_MOVE = Pose((0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))
 
@@ -21,6 +26,11 @@ class TransformTree:
     ----------
     max_gap, max_speed : float
         As for `Trajectory`.
+
+    Attributes
+    ----------
+    n_refused : int
+        Poses that were none: not finite, off the Earth, or no rotation; or of one frame too many.
     """
 
     def __init__(self, max_gap: float, max_speed: float) -> None:
@@ -28,6 +38,7 @@ class TransformTree:
         self._parents: dict[str, str] = {}
         self._edges: dict[str, Pose | Trajectory] = {}
         self._fixed: set[str] = set()
+        self.n_refused = 0
 
     def set_fixed(self, parent: str, child: str, pose: Pose) -> None:
         """Fix a frame in its parent for ever, whatever messages say of it."""
@@ -39,19 +50,30 @@ class TransformTree:
     def add_static(self, parent: str, child: str, pose: Pose) -> None:
         """Take a transform of /tf_static."""
         parent, child = frame_name(parent), frame_name(child)
-        if child not in self._fixed:
+        if child not in self._fixed and self._is_taken(child, pose):
             self._parents[child], self._edges[child] = parent, pose
 
     def add(self, parent: str, child: str, stamp: int, pose: Pose) -> None:
         """Take a transform of /tf, or a pose of odometry."""
         parent, child = frame_name(parent), frame_name(child)
-        if child in self._fixed:
+        if child in self._fixed or not self._is_taken(child, pose):
             return
         edge = self._edges.get(child)
         if not isinstance(edge, Trajectory) or self._parents[child] != parent:
             edge = self._edges[child] = Trajectory(*self._limits)
             self._parents[child] = parent
         edge.add(stamp, pose)
+
+    def is_set_back(self, child: str, stamp: int) -> bool:
+        """Whether a pose of a frame says that the clock was set back."""
+        edge = self._edges.get(frame_name(child))
+        return isinstance(edge, Trajectory) and edge.last is not None and stamp < edge.last - SET_BACK
+
+    def set_back(self, stamp: int) -> None:
+        """Forget what is known of the time after a stamp, where that is of before the clock was set back."""
+        for child, edge in self._edges.items():
+            if isinstance(edge, Trajectory) and self.is_set_back(child, stamp):
+                edge.set_back(stamp)
 
     @property
     def frames(self) -> list[str]:
@@ -95,6 +117,12 @@ class TransformTree:
         if common is None:
             raise KeyError(f"no transform leads from {source} to {target}")
         return self._to(target, common, times).inverted().after(self._to(source, common, times))
+
+    def _is_taken(self, child: str, pose: Pose) -> bool:
+        """Whether a pose is one, and of a frame that is known or one of not too many; counted if not."""
+        is_taken = pose.is_valid and (child in self._edges or len(self._edges) < MAX_FRAMES)
+        self.n_refused += not is_taken
+        return is_taken
 
     def _to(self, frame: str, ancestor: str, times: NDArray[np.int64]) -> Poses:
         poses, frame = _NO_MOVE.at(times), frame_name(frame)

@@ -4,17 +4,20 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import laspy
 import numpy as np
+import pyproj
 from numpy.typing import NDArray
 
-from lidar_buildings.core.model.errors import InputError
+from lidar_buildings.core.model.errors import InputError, MessageError
 from lidar_buildings.core.scans.config import ScanConfig
 from lidar_buildings.core.scans.placing import NO_POSE, PlacedScan, ScanPlacer
+from lidar_buildings.core.scans.trajectory import MAX_COORDINATE
 from lidar_buildings.io.bags.bag import CLOUD, ODOMETRY, POINT, TRANSFORMS, Bag, BagMessage
 from lidar_buildings.io.bags.selection import BagTopics, choose_topics
 from lidar_buildings.io.clouds.las_reader import laz_backend
@@ -37,6 +40,10 @@ _LIMITS = {
 _BATCH = 500_000
 #: The file's origin is rounded to this [m].
 _STEP = 100.0
+#: How far from its origin a file reaches: LAS counts steps of `SCALE` in 32 bits [m].
+_REACH = 2_000_000.0
+#: Why points are left out, in words.
+FAR = "further than 2,000 km from the first points"
 
 
 @dataclass(frozen=True)
@@ -69,11 +76,14 @@ class PlacedCount:
         Scans that were read, points that were placed.
     left_out : Counter
         Reason → points.
+    messages : Counter
+        What is to be said of messages → how many.
     """
 
     n_scans: int = 0
     n_points: int = 0
     left_out: Counter[str] = field(default_factory=Counter)
+    messages: Counter[str] = field(default_factory=Counter)
 
 
 def write_placed(bag_path: Path, path: Path, choice: BagChoice, config: ScanConfig) -> PlacedCount:
@@ -104,12 +114,22 @@ def write_placed(bag_path: Path, path: Path, choice: BagChoice, config: ScanConf
             raise InputError(str(error) if str(bag_path) in str(error) else f"{bag_path}: {error}") from error
         finally:
             file.close()
-        if not file.n_points and placer.left_out[NO_POSE]:
-            raise InputError(
-                f"{bag_path}: none of its {placer.left_out[NO_POSE]} points could be placed: no pose at "
-                "their times (two poses further apart than scan_assembler.max_pose_gap, or of another clock)"
-            )
-    return PlacedCount(placer.n_scans, file.n_points, placer.left_out)
+        _check_any(bag_path, file.n_points, placer)
+    left_out = placer.left_out + Counter({FAR: file.n_far} if file.n_far else {})
+    return PlacedCount(placer.n_scans, file.n_points, left_out, placer.messages)
+
+
+def _check_any(bag_path: Path, n_points: int, placer: ScanPlacer) -> None:
+    """Say why no point could be placed, if any was to be."""
+    if n_points:
+        return
+    if placer.refusal:
+        raise InputError(f"{bag_path}: {placer.refusal}")
+    if placer.left_out[NO_POSE]:
+        raise InputError(
+            f"{bag_path}: none of its {placer.left_out[NO_POSE]} points could be placed: no pose at "
+            "their times (two poses further apart than scan_assembler.max_pose_gap, or of another clock)"
+        )
 
 
 def _messages(bag: Bag, topics: BagTopics, choice: BagChoice) -> Iterator[BagMessage]:
@@ -121,7 +141,8 @@ def _messages(bag: Bag, topics: BagTopics, choice: BagChoice) -> Iterator[BagMes
 
 def _take(placer: ScanPlacer, file: _Laz, message: BagMessage) -> None:
     if message.type == CLOUD:
-        placer.add_scan(message.message)
+        with suppress(MessageError):  # the placer counts it
+            placer.add_scan(message.message)
     elif message.type == ODOMETRY:
         placer.add_odometry(message.message)
     elif message.type == TRANSFORMS:
@@ -137,14 +158,21 @@ class _Laz:
     def __init__(self, path: Path) -> None:
         self._path = path
         self._writer: laspy.LasWriter | None = None
-        self._crs, self._origin = "", np.zeros(3)
+        self._crs: pyproj.CRS | None = None
+        self._origin = np.zeros(3)
         self._batch: list[PlacedScan] = []
         self._brightness = 1.0
-        self.n_points = 0
+        self.n_points = self.n_far = 0
 
     def place(self, crs: str, origin: tuple[float, float, float]) -> None:
         """Say where the map lies; as `map_origin` does."""
-        self._crs, self._origin = crs, np.array(origin)
+        try:
+            self._crs = pyproj.CRS(crs) if crs else None
+        except pyproj.exceptions.CRSError:
+            raise InputError(f"map_origin names no reference system that is known: {crs[:100]!r}") from None
+        self._origin = np.array(origin)
+        if not (np.abs(self._origin) <= MAX_COORDINATE).all():
+            raise InputError(f"map_origin {origin} is no place on Earth")
 
     def add(self, scan: PlacedScan) -> None:
         """Add a scan's points."""
@@ -163,14 +191,17 @@ class _Laz:
         if self._writer is None:
             self._writer = self._opened(points)
             self._brightness = _brightness(self._batch)
-        record = laspy.ScaleAwarePointRecord.zeros(len(points), header=self._writer.header)
-        record.x, record.y, record.z = points.T
+        near = (np.abs(points - self._writer.header.offsets) < _REACH).all(axis=1)
+        n_near = int(np.count_nonzero(near))
+        record = laspy.ScaleAwarePointRecord.zeros(n_near, header=self._writer.header)
+        record.x, record.y, record.z = points[near].T
         for name, values in self._columns(len(points)).items():
-            record[name] = values
+            record[name] = values[near]
         times = [one.columns.get("gps_time", gps_time_of(one.times)) for one in self._batch]
-        record.gps_time = np.concatenate([np.empty(0), *times])
+        record.gps_time = np.concatenate([np.empty(0), *times])[near]
         self._writer.write_points(record)
-        self.n_points += len(points)
+        self.n_points += n_near
+        self.n_far += len(points) - n_near
         self._batch.clear()
 
     def _columns(self, n_points: int) -> dict[str, NDArray[Any]]:
@@ -191,10 +222,8 @@ class _Laz:
         header.global_encoding.gps_time_type = laspy.header.GpsTimeType.STANDARD
         header.system_identifier = "placed scans"
         header.generating_software = "lidar_buildings"
-        if self._crs:
-            import pyproj
-
-            header.add_crs(pyproj.CRS(self._crs))
+        if self._crs is not None:
+            header.add_crs(self._crs)
         stream = open(self._path, "wb")  # noqa: SIM115
         return laspy.LasWriter(stream, header, do_compress=True, laz_backend=laz_backend(), closefd=True)
 

@@ -5,7 +5,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from lidar_buildings.core.scans.trajectory import Pose, Trajectory
-from lidar_buildings.core.scans.transform_tree import TransformTree
+from lidar_buildings.core.scans.transform_tree import MAX_FRAMES, TransformTree
 
 SECOND = 1_000_000_000
 T0 = 1_700_000_000 * SECOND
@@ -55,12 +55,56 @@ def test_one_pose_holds_at_its_own_time_alone_and_none_never():
     assert not track([]).at(times(0.0)).is_known.any()
 
 
-def test_a_pose_that_is_none_is_counted_and_one_that_comes_twice_replaced():
+def test_of_two_poses_of_one_time_the_later_counts():
     trajectory = track([(0.0, Pose((0, 0, 0), NO_TURN)), (0.0, Pose((1, 0, 0), NO_TURN))])
-    trajectory.add(T0, Pose((np.nan, 0, 0), NO_TURN))
-    trajectory.add(T0, Pose((0, 0, 0), (0.0, 0.0, 0.0, 0.0)))
-    assert (len(trajectory), trajectory.n_refused) == (1, 2)
+    assert len(trajectory) == 1
     assert trajectory.at(times(0.0)).translation.tolist() == [[1, 0, 0]]
+
+
+@pytest.mark.parametrize(
+    ("place", "attitude"),
+    [
+        ((np.nan, 0, 0), NO_TURN),
+        ((0, -np.inf, 0), NO_TURN),
+        ((0, 0, 1e9), NO_TURN),
+        ((0, 0, 0), (0.0, 0.0, 0.0, 0.0)),
+        ((0, 0, 0), (1e-200, 0.0, 0.0, 0.0)),
+        ((0, 0, 0), (0.0, np.nan, 0.0, 1.0)),
+    ],
+)
+def test_a_pose_that_is_none_is_counted_and_left_out(place, attitude):
+    made = tree()
+    made.add("odom", "base", T0, Pose(place, attitude))
+    made.add_static("base", "lidar", Pose(place, attitude))
+    made.add_static("base", "radar", Pose(place, attitude))
+    assert made.n_refused == 3
+    assert "radar" not in made.frames
+    np.testing.assert_allclose(made.poses("lidar", "map", times(0.0)).translation, [[100, 1, 2]], atol=1e-9)
+
+
+def test_of_frames_without_end_the_first_are_taken():
+    made = TransformTree(1.0, 100.0)
+    for number in range(MAX_FRAMES + 10):
+        made.add_static("base", f"frame{number}", Pose((0, 0, 0), NO_TURN))
+    assert (len(made.frames), made.n_refused) == (MAX_FRAMES + 1, 10)
+
+
+def test_poses_nanoseconds_apart_long_after_others_are_told_apart():
+    trajectory = Trajectory(1.0, 1e12)
+    for stamp, x in ((0, 0.0), (T0, 1.0), (T0 + 10, 2.0)):
+        trajectory.add(stamp, Pose((x, 0, 0), turned(90 * x)))
+    found = trajectory.at(np.array([T0 + 5]))
+    np.testing.assert_allclose(found.translation, [[1.5, 0, 0]])
+    np.testing.assert_allclose(abs(found.rotation.as_euler("zyx", degrees=True)[0, 0]), 135.0)
+
+
+def test_poses_are_sorted_in_whenever_they_come(monkeypatch):
+    monkeypatch.setattr("lidar_buildings.core.scans.trajectory._BATCH", 3)
+    monkeypatch.setattr("lidar_buildings.core.scans.trajectory.MAX_POSES", 8)
+    seconds = np.random.default_rng(0).permutation(20) / 10
+    trajectory = track([(second, Pose((second, 0, 0), NO_TURN)) for second in seconds])
+    assert len(trajectory) == 8
+    np.testing.assert_allclose(trajectory.at(times(1.75, 1.9)).translation[:, 0], [1.75, 1.9])
 
 
 def test_what_is_forgotten_leaves_the_poses_that_later_times_need():

@@ -17,7 +17,8 @@ from support.bags import (
 
 from lidar_buildings.core.model.errors import InputError
 from lidar_buildings.core.scans.config import ScanConfig
-from lidar_buildings.core.scans.placing import NO_POSE, NO_RETURN, NOT_FINITE
+from lidar_buildings.core.scans.placing import NO_POSE
+from lidar_buildings.core.scans.scan import NO_RETURN, NOT_FINITE
 from lidar_buildings.core.scans.trajectory import Trajectory
 from lidar_buildings.io.bags.placed_cloud import BagChoice, write_placed
 

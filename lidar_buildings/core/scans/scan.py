@@ -1,0 +1,120 @@
+"""A scan's measurements, as its message holds them."""
+
+from __future__ import annotations
+
+import zlib
+from collections import Counter
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lidar_buildings.core.scans.cloud_layout import Cloud, columns_of
+from lidar_buildings.core.scans.config import ScanConfig
+from lidar_buildings.core.scans.point_times import TIME_FIELDS, point_times
+from lidar_buildings.core.scans.trajectory import MAX_COORDINATE
+from lidar_buildings.core.scans.transform_tree import frame_name
+
+#: Fields that are kept beside place and time.
+KEPT = (
+    "intensity",
+    "return_number",
+    "number_of_returns",
+    "classification",
+    "scan_angle",
+    "scan_direction_flag",
+    "point_source_id",
+    "gps_time",
+)
+#: What is left out of a scan, in words.
+NOT_FINITE = "x, y or z is not finite, or beyond any place on Earth"
+NO_RETURN = "at the sensor's own place: no return"
+NO_TIME = "time is not finite"
+
+
+class Scan(NamedTuple):
+    """
+    A scan in its own frame.
+
+    Attributes
+    ----------
+    frame : str
+        Its frame.
+    points : ndarray of shape (n, 3)
+        [m]
+    times : ndarray of int64, shape (n,)
+        [ns]
+    columns : dict
+        Our column → values.
+    """
+
+    frame: str
+    points: NDArray[np.float64]
+    times: NDArray[np.int64]
+    columns: dict[str, NDArray[Any]]
+
+
+def read_scan(message: Any, config: ScanConfig, left_out: Counter[str]) -> Scan:
+    """
+    Read a sensor_msgs/PointCloud2, and count what it has beside measurements.
+
+    Raises
+    ------
+    MessageError
+        If its layout contradicts itself, it has no x, y and z, or no unit makes its times a scan's.
+    """
+    cloud: Cloud = message
+    columns = columns_of(cloud, {*TIME_FIELDS, *KEPT, "buffer"})
+    xyz = np.column_stack([np.asarray(columns.pop(axis), dtype=np.float64) for axis in "xyz"])
+    is_kept = _are_measured(xyz, left_out)
+    if "buffer" in columns:  # a tile of ours: these come with another one
+        is_kept &= columns.pop("buffer") == 0
+    for name in columns.keys() & set(TIME_FIELDS):
+        is_timed = np.isfinite(columns[name])
+        _leave_out(left_out, NO_TIME, is_kept & ~is_timed)
+        is_kept &= is_timed
+    kept = np.flatnonzero(is_kept)
+    columns = {name: values[kept] for name, values in columns.items()}
+    stamp = stamp_of(message.header)
+    times, _ = point_times(columns, stamp, "" if config.time_unit == "auto" else config.time_unit)
+    if times is None:
+        times = np.full(len(kept), stamp, dtype=np.int64)
+    return Scan(frame_name(message.header.frame_id), xyz[kept], times, _cleaned(columns))
+
+
+def mark_of(message: Any) -> tuple[str, int, int, int]:
+    """Return what tells a message from others: its frame, stamp, length and the check sum of its data."""
+    data = memoryview(message.data)
+    return frame_name(message.header.frame_id), stamp_of(message.header), data.nbytes, zlib.crc32(data)
+
+
+def stamp_of(header: Any) -> int:
+    """Return a header's time [ns]."""
+    return int(header.stamp.sec) * 1_000_000_000 + int(header.stamp.nanosec)
+
+
+def _are_measured(xyz: NDArray[np.float64], left_out: Counter[str]) -> NDArray[np.bool_]:
+    """Return which rows are measurements."""
+    is_finite = np.all(np.abs(xyz) <= MAX_COORDINATE, axis=1)
+    is_return = np.any(xyz, axis=1)
+    _leave_out(left_out, NOT_FINITE, ~is_finite)
+    _leave_out(left_out, NO_RETURN, is_finite & ~is_return)
+    return np.logical_and(is_finite, is_return)
+
+
+def _cleaned(columns: dict[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
+    """Return the columns that are kept; drivers put −1 or NaN where they have no intensity."""
+    ours = {name: columns[name] for name in KEPT if name in columns}
+    if "gps_time" in ours and not np.isfinite(ours["gps_time"]).all():
+        del ours["gps_time"]
+    for name, values in ours.items():
+        if values.dtype.kind == "f" and not np.isfinite(values).all():
+            ours[name] = np.where(np.isfinite(values), values, 0)
+    if "intensity" in ours:
+        ours["intensity"] = np.maximum(ours["intensity"], 0)
+    return ours
+
+
+def _leave_out(left_out: Counter[str], reason: str, rows: NDArray[np.bool_]) -> None:
+    if rows.any():
+        left_out[reason] += int(np.count_nonzero(rows))

@@ -1,0 +1,53 @@
+"""Scans that wait for the poses of their points."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable
+
+from lidar_buildings.core.scans.scan import Scan
+
+#: Points that may wait: a second of the fastest scanners, half a minute of others; 0.5 GB.
+MAX_POINTS = 10_000_000
+#: Scans that may wait, however small.
+MAX_SCANS = 50_000
+
+
+class WaitingScans:
+    """
+    Scans that wait, those of each frame in the order in which they came.
+
+    Attributes
+    ----------
+    n_points : int
+        How many points they have.
+    """
+
+    def __init__(self) -> None:
+        self._by_frame: dict[str, deque[tuple[int, Scan]]] = {}
+        self._n_came = self._n_scans = self.n_points = 0
+
+    @property
+    def are_too_many(self) -> bool:
+        """Whether the first has to go; a single one may be as large as it is."""
+        return self._n_scans > 1 and (self.n_points > MAX_POINTS or self._n_scans > MAX_SCANS)
+
+    def add(self, scan: Scan) -> None:
+        """Let a scan wait."""
+        self._by_frame.setdefault(scan.frame, deque()).append((self._n_came, scan))
+        self._n_came += 1
+        self._n_scans += 1
+        self.n_points += len(scan.times)
+
+    def take(self, is_due: Callable[[Scan], bool] = lambda scan: True) -> Scan | None:
+        """Remove and return the first scan that is due, None if none is; none passes another of its frame."""
+        for _, frame in sorted((queue[0][0], frame) for frame, queue in self._by_frame.items()):
+            queue = self._by_frame[frame]
+            if is_due(queue[0][1]):
+                _, scan = queue.popleft()
+                if not queue:
+                    del self._by_frame[frame]
+                self._n_scans -= 1
+                self.n_points -= len(scan.times)
+                return scan
+        return None

@@ -1,0 +1,225 @@
+"""Whatever comes of a scanner and of poses, points are placed right, or left out and counted."""
+
+import numpy as np
+import pytest
+from support.scan_messages import SECOND, T0, cloud_of, odometry, scan, transforms
+
+from lidar_buildings.core.model.errors import MessageError
+from lidar_buildings.core.scans import waiting
+from lidar_buildings.core.scans.config import ScanConfig
+from lidar_buildings.core.scans.placing import (
+    CLOCK_SET_BACK,
+    NO_POSE,
+    NO_POSES,
+    NO_WAY,
+    TWICE,
+    UNREADABLE,
+    WAITED,
+    ScanPlacer,
+)
+from lidar_buildings.core.scans.scan import NO_RETURN, NO_TIME, NOT_FINITE
+
+POINTS = np.array([[5.0, 1.0, 0.0], [5.0, 2.0, 0.0], [5.0, 3.0, 0.0]])
+#: The sensor drives along x.
+SPEED = 10.0
+
+
+class Drive:
+    """Sends poses and scans of a sensor that moves along x; the clock may be set."""
+
+    def __init__(self, **config):
+        self.placer = ScanPlacer(ScanConfig(**config))
+        self.found = []
+
+    def pose(self, second, x=None, clock=0.0):
+        self.placer.add_odometry(odometry(stamp(second + clock), (SPEED * second if x is None else x, 0, 0)))
+
+    def poses(self, begin, end, **more):
+        for second in np.arange(begin, end, 0.05):
+            self.pose(second, **more)
+
+    def scan(self, second, clock=0.0, **more):
+        self.placer.add_scan(scan(stamp(second + clock), POINTS + np.array([0, 0, 100 * second]), **more))
+        self.take()
+
+    def take(self, **how):
+        for one in self.placer.placed(**how):
+            self.found.extend(one.points)
+
+    def end(self):
+        """Return the second of each placed point, by its height; all lie where they were measured."""
+        self.take(is_end=True)
+        points = np.array(self.found).reshape(-1, 3)
+        seconds = np.rint(points[:, 2]) / 100
+        since = (points[:, 1] - 1) / 2 * 0.1
+        np.testing.assert_allclose(points[:, 0], 5 + SPEED * (seconds + since), atol=1e-5)
+        return seconds.tolist()
+
+
+def stamp(second):
+    return T0 + round(second * SECOND)
+
+
+def test_scans_and_poses_come_in_any_order_and_points_in_that_of_the_scans():
+    drive = Drive()
+    drive.scan(0.2)
+    drive.scan(0.0)  # out of order
+    for second in (0.5, 0.0, 0.25, 0.1, 0.3):
+        drive.pose(second)
+    assert drive.end() == [0.2] * 3 + [0.0] * 3
+    assert not drive.placer.left_out
+    assert not drive.placer.messages
+
+
+def test_a_scan_that_comes_twice_counts_once():
+    drive = Drive()
+    for _ in range(3):
+        drive.scan(0.1)
+    drive.scan(0.1, frame="other")
+    drive.poses(0.0, 0.5)
+    assert drive.end() == [0.1] * 3
+    assert drive.placer.messages == {TWICE: 2}
+    assert drive.placer.left_out == {NO_WAY: 3}
+
+
+@pytest.mark.parametrize("is_scan_first", [True, False])
+@pytest.mark.parametrize("by", [2.0, 5.0, 100.0])
+def test_after_the_clock_was_set_back_poses_of_before_place_nothing(by, is_scan_first):
+    drive = Drive()
+    drive.poses(0.0, 6.0)
+    drive.scan(5.5)
+    drive.scan(5.94)  # waits for poses that never come
+    if is_scan_first:
+        drive.scan(6.1, clock=-by)
+    drive.poses(6.0, 9.0, clock=-by)
+    if not is_scan_first:
+        drive.scan(6.1, clock=-by)
+    drive.scan(7.0, clock=-by)
+    assert sorted(set(drive.end())) == [5.5, 5.94, 6.1, 7.0]
+    assert drive.placer.messages == {CLOCK_SET_BACK: 1}
+    assert drive.placer.left_out == {NO_POSE: 2}
+
+
+def test_one_stamp_from_the_future_costs_half_a_second_of_poses_at_most():
+    drive = Drive()
+    drive.poses(0.0, 2.0)
+    drive.pose(3600.0, x=20.0)
+    drive.poses(2.0, 4.0)
+    drive.scan(1.0)
+    drive.scan(3.0)
+    assert drive.end() == [1.0] * 3 + [3.0] * 3
+
+
+def test_points_in_a_gap_and_where_a_pose_jumps_are_left_out_and_counted():
+    drive = Drive()
+    drive.poses(0.0, 1.01)
+    drive.poses(2.0, 3.01)
+    drive.pose(3.2, x=132.0)  # a jump of 100 m
+    drive.poses(3.4, 5.0)
+    for second in (0.5, 1.5, 2.5, 3.08, 3.25, 4.0):
+        drive.scan(second)
+    assert drive.end() == [0.5] * 3 + [2.5] * 3 + [4.0] * 3
+    assert drive.placer.left_out == {NO_POSE: 9}
+
+
+def test_poses_that_are_none_are_told():
+    drive = Drive()
+    drive.poses(0.0, 1.0)
+    drive.pose(0.52, x=np.nan)
+    drive.placer.add_odometry(odometry(stamp(0.53), (0, 0, 0), (0, 0, 0, 0)))
+    drive.scan(0.5)
+    assert drive.end() == [0.5] * 3
+    assert drive.placer.messages == {NO_POSES: 2}
+
+
+def test_what_is_no_measurement_is_left_out_and_counted():
+    placer = ScanPlacer(ScanConfig(georeferenced=True))
+    points = [[1, 2, 3], [0, 0, 0], [np.nan, 0, 0], [np.inf, 0, 0], [1e30, 0, 0], [4, 5, 6], [7, 8, 9]]
+    seconds = [0, 0, 0, 0, 0, np.nan, 0.1]
+    values = {"intensity": [-1, 1, 1, 1, 1, 1, np.nan], "gps_time": [np.inf] * 7, "scan_angle": [np.nan] * 7}
+    placer.add_scan(scan(T0, points, seconds=seconds, **values))
+    (found,) = placer.placed()
+    np.testing.assert_allclose(found.points, [[1, 2, 3], [7, 8, 9]])
+    assert (found.times - T0).tolist() == [0, pytest.approx(SECOND // 10, abs=10)]
+    assert {name: column.tolist() for name, column in found.columns.items()} == {
+        "intensity": [0, 0],
+        "scan_angle": [0, 0],
+    }
+    assert placer.left_out == {NOT_FINITE: 3, NO_RETURN: 1, NO_TIME: 1}
+
+
+def test_a_layout_may_change_be_big_endian_or_empty_in_mid_stream():
+    placer = ScanPlacer(ScanConfig(georeferenced=True))
+    placer.add_scan(scan(T0, POINTS))
+    placer.add_scan(scan(T0 + 1, POINTS, kind=">f8", intensity=[1, 2, 3]))
+    placer.add_scan(scan(T0 + 2, np.zeros((0, 3))))
+    packed = np.zeros(3, [("z", "<f8"), ("pad", "u1"), ("y", "<f4"), ("x", "<f4"), ("t", "<u4")])
+    packed["x"], packed["y"], packed["z"] = POINTS.T
+    placer.add_scan(cloud_of(T0 + 3, "lidar", packed))
+    found = list(placer.placed())
+    assert [len(one.points) for one in found] == [3, 3, 0, 3]
+    for one in (found[0], found[1], found[3]):
+        np.testing.assert_allclose(one.points, POINTS)
+    assert found[1].columns["intensity"].tolist() == [1, 2, 3]
+
+
+def test_a_scan_that_claims_more_than_it_has_is_refused_and_the_next_placed():
+    placer = ScanPlacer(ScanConfig(georeferenced=True))
+    rows = np.zeros(2, [(name, "<f4") for name in "xyz"])
+    for changes in ({"width": 2**32 - 1}, {"height": 2**31, "row_step": 24}, {"data": b"123"}):
+        with pytest.raises(MessageError):
+            placer.add_scan(cloud_of(T0, "lidar", rows, **changes))
+    placer.add_scan(scan(T0, POINTS))
+    assert sum(len(one.points) for one in placer.placed()) == 3
+    assert placer.messages == {UNREADABLE: 3}
+    assert "3 bytes of data" in placer.refusal
+
+
+def test_of_two_scanners_on_a_topic_each_is_placed_by_its_own_frame():
+    placer = ScanPlacer(ScanConfig(mounting="0,0,1,0,0,0"))
+    placer.add_transforms(transforms((0, "base", "right", (0, 0, 2))), is_static=True)
+    for second in (0.0, 0.3):
+        placer.add_odometry(odometry(stamp(second), (0, 0, 0), child="base"))
+    for frame in ("left", "right", "nowhere"):
+        placer.add_scan(scan(T0, POINTS, frame=frame))
+    heights = [one.points[:, 2].tolist() for one in placer.placed(is_end=True)]
+    assert heights == [[1] * 3, [2] * 3, []]
+    assert placer.left_out == {NO_WAY: 3}
+    assert "'nowhere'" in placer.refusal
+
+
+def test_a_frame_that_waits_does_not_hold_up_another_one():
+    drive = Drive()
+    drive.placer.add_scan(scan(stamp(0.1), POINTS, frame="nowhere"))
+    drive.poses(0.0, 0.5)
+    drive.scan(0.2)
+    assert len(drive.found) == 3
+    assert drive.placer.n_waiting == 3
+
+
+def test_what_waits_is_bounded_by_points_and_by_scans(monkeypatch):
+    for name, most in (("MAX_POINTS", 30), ("MAX_SCANS", 10)):
+        monkeypatch.setattr(waiting, name, most)
+    drive = Drive()
+    for number in range(15):
+        drive.scan(number / 10)
+    drive.poses(0.0, 3.0)
+    assert sorted(set(drive.end())) == [number / 10 for number in range(5, 15)]
+    assert drive.placer.left_out == {WAITED: 15}
+    big = Drive()
+    big.placer.add_scan(scan(T0, np.ones((100, 3))))
+    assert big.placer.n_waiting == 100, "a single one may be as large as it is"
+
+
+def test_hours_of_a_feed_take_no_memory(monkeypatch):
+    monkeypatch.setattr("lidar_buildings.core.scans.placing._MAX_MARKS", 50)
+    drive = Drive()
+    sizes = []
+    for second in range(400):
+        drive.pose(second / 4)
+        drive.placer.add_scan(scan(stamp(second / 4), POINTS))
+        assert sum(len(one.points) for one in drive.placer.placed()) <= 3
+        edge = drive.placer.tree._edges["lidar"]
+        sizes.append((len(edge), len(drive.placer._marks), len(drive.placer._last), drive.placer.n_waiting))
+    assert sizes[200] == sizes[-1]
+    assert sizes[-1][0] < 50
