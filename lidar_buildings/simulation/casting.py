@@ -56,23 +56,23 @@ def first_hit(beam, cell, terrain_z, surfaces):
     best, kind, row = terrain_z, ON_TERRAIN, -1
     for place in range(start[FACES, cell], start[FACES, cell + 1]):
         face = items[place]
-        z = _face_hit(beam, faces[face], edges)
+        z = face_hit(beam, faces[face], edges, 1.0)
         if z > best:
             best, kind, row = z, ON_ROOF, face
     for place in range(start[WALLS, cell], start[WALLS, cell + 1]):
         wall = items[place]
-        z = _wall_hit(beam, walls[wall])
+        z = wall_hit(beam, walls[wall])
         if z > best:
             best, kind, row = z, ON_WALL, wall
     return best, kind, row
 
 
 @inner_kernel
-def _face_hit(beam, face, edges):
-    """Elevation at which the beam meets a roof face, −∞ if it does not."""
+def face_hit(beam, face, edges, sense):
+    """Elevation at which a beam that falls (sense 1) or rises (−1) meets a roof face, −∞ if it does not."""
     _, _, _, lean_x, lean_y = beam
     facing = 1.0 + face.a * lean_x + face.b * lean_y
-    if facing < MIN_FACING:
+    if sense * facing < MIN_FACING:
         return -np.inf
     x_at_zero, y_at_zero = position_at(beam, 0.0)
     z = (face.a * x_at_zero + face.b * y_at_zero + face.c) / facing
@@ -88,7 +88,7 @@ def _face_hit(beam, face, edges):
 
 
 @inner_kernel
-def _wall_hit(beam, wall):
+def wall_hit(beam, wall):
     """Elevation at which the beam meets a wall, −∞ if it does not."""
     foot_x, foot_y, beam_top, lean_x, lean_y = beam
     edge_x, edge_y = wall.x_1 - wall.x_0, wall.y_1 - wall.y_0
@@ -111,14 +111,14 @@ def next_crown(beam, cell, below, surfaces):
     _, _, _, _, crowns, _, _, _, start, items = surfaces
     best, best_exit = -np.inf, -np.inf
     for place in range(start[CROWNS, cell], start[CROWNS, cell + 1]):
-        entry, leaving = _crown_crossing(beam, crowns[items[place]])
+        entry, leaving = crown_crossing(beam, crowns[items[place]])
         if best < entry < below:
             best, best_exit = entry, leaving
     return best, best_exit
 
 
 @inner_kernel
-def _crown_crossing(beam, crown):
+def crown_crossing(beam, crown):
     """Elevations at which the beam enters and leaves an ellipsoid, −∞ if it misses it."""
     _, _, _, lean_x, lean_y = beam
     x, y = position_at(beam, crown.z)

@@ -95,11 +95,11 @@ def _write_point(numbers, marks, key, what, beam, noise, cell, terrain_z, surfac
     z = true_z + range_noise * range_error * np.cos(numbers[4])
     x, y = position_at(beam, z)
     numbers[0], numbers[1], numbers[2] = x + planimetric_noise * error_x, y + planimetric_noise * error_y, z
-    building, plane_id = _owner(kind, row, surfaces)
+    building, plane_id = owner_of(kind, row, surfaces)
     asphalt = kind == ON_TERRAIN and on_road(x, y, cell, surfaces)
-    brightness = _brightness(kind, building, asphalt) * (0.9 + 0.2 * uniform(key, draw + 4))
+    brightness = brightness_of(kind, building, asphalt) * (0.9 + 0.2 * uniform(key, draw + 4))
     marks[0] = max(1, int(brightness / marks[2]))
-    marks[4] = _true_class(kind, building, true_z - terrain_z)
+    marks[4] = class_of(kind, building, true_z - terrain_z)
     marks[5], marks[6] = building, plane_id
 
 
@@ -114,7 +114,7 @@ def _beam(pulse, angle, flight):
 
 
 @inner_kernel
-def _owner(kind, what, surfaces):
+def owner_of(kind, what, surfaces):
     """Number of the building that was hit and its roof face; 0 for all else."""
     _, faces, _, walls, _, _, _, _, _, _ = surfaces
     if kind == ON_ROOF:
@@ -125,7 +125,7 @@ def _owner(kind, what, surfaces):
 
 
 @inner_kernel
-def _true_class(kind, building, height):
+def class_of(kind, building, height):
     """ASPRS class of a return."""
     if kind == ON_TERRAIN:
         return GROUND
@@ -139,7 +139,7 @@ def _true_class(kind, building, height):
 
 
 @inner_kernel
-def _brightness(kind, building, asphalt):
+def brightness_of(kind, building, asphalt):
     """Mean intensity of the material; each building's roof has its own."""
     if kind == ON_TERRAIN:
         return ASPHALT if asphalt else GRASS

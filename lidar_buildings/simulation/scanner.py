@@ -85,9 +85,8 @@ def scan(scene: VirtualScene, seed: int = 0, config: SimulationConfig = DEFAULTS
     """
     surfaces = surfaces_of(scene, config.max_scan_angle_deg)
     for strip in plan_flight(scene, config):
-        firsts = range(0, strip.n_pulses, CHUNK)
-        chunks = [_measured(strip, first, scene.size, seed, surfaces, config) for first in firsts]
-        yield joined(chunks)
+        windows = [(k, min(k + CHUNK, strip.n_pulses)) for k in range(0, strip.n_pulses, CHUNK)]
+        yield joined([measured(strip, one, scene.size, seed, surfaces, config) for one in windows])
 
 
 def joined(parts: list[StripPoints]) -> StripPoints:
@@ -97,16 +96,16 @@ def joined(parts: list[StripPoints]) -> StripPoints:
     )
 
 
-def _measured(
+def measured(
     strip: Strip,
-    first: int,
+    window: tuple[int, int],
     size: tuple[float, float],
     seed: int,
     surfaces: Surfaces,
     config: SimulationConfig,
 ) -> StripPoints:
-    last = min(first + CHUNK, strip.n_pulses)
-    space = (last - first) * MAX_RETURNS
+    """Measure pulses `window[0]` to `window[1]` of a strip; arguments as `scan` has them."""
+    space = (window[1] - window[0]) * MAX_RETURNS
     numbers, marks = np.empty((space, 5)), np.empty((space, 7), dtype=np.uint32)
     flight = np.array([*strip.start, *strip.heading, strip.speed, strip.pulse_rate])
     scanner = np.array(
@@ -119,9 +118,17 @@ def _measured(
         ]
     )
     zigzag = config.pattern == "zigzag"
-    window = (first, last, strip.pulses_per_line)
     n_points = measure(
-        window, zigzag, seed, strip.number, flight, scanner, size, tuple(surfaces), numbers, marks
+        (*window, strip.pulses_per_line),
+        zigzag,
+        seed,
+        strip.number,
+        flight,
+        scanner,
+        size,
+        tuple(surfaces),
+        numbers,
+        marks,
     )
     x, y, z, elapsed, angle = numbers[:n_points].T
     mark = dict(zip(MARKS, marks[:n_points].T, strict=True))

@@ -1,0 +1,132 @@
+"""A line scanner in an aircraft that rolls, pitches and yaws."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lidar_buildings.core.model.errors import ParameterError
+from lidar_buildings.io.tiling.tile_stamps import stamp_of_time
+from lidar_buildings.simulation.config import SimulationConfig
+from lidar_buildings.simulation.flight import TAKE_OFF, Strip, plan_flight
+from lidar_buildings.simulation.live.live_survey import (
+    SCAN_RATE,
+    SECOND,
+    LiveSurvey,
+    Scan,
+    mounting_pose,
+)
+from lidar_buildings.simulation.live.motion import Leg, Sway
+from lidar_buildings.simulation.scanner import DEFAULTS, StripPoints, measured
+from lidar_buildings.simulation.scene import VirtualScene
+from lidar_buildings.simulation.surfaces import surfaces_of
+
+#: Lever arm [m] and boresight angles [deg] of the scanner; those of a good installation are smaller.
+MOUNTING = "0.35,-0.12,-0.45,0.4,-0.25,0.6"
+#: An aircraft in ordinary air.
+AIRCRAFT = Sway(
+    (0.0, 1.5, 2.0),
+    ((0, 3.0, 4.1, 0.3), (0, 0.7, 1.3, 1.1), (1, 1.0, 5.3, 2.0), (2, 1.2, 6.7, 0.9)),
+)
+#: Poses a second, as an inertial unit tells them.
+POSE_RATE = 200.0
+#: Turns are cut to this [s], more than any reader fills between two poses.
+TURN = 5.0
+#: What the driver sends of each return: name → type. The time is absolute [s].
+ROW = np.dtype(
+    [(name, "<f4") for name in ("x", "y", "z", "intensity")]
+    + [("timestamp", "<f8"), ("scan_angle", "<f4"), ("point_source_id", "<u2")]
+    + [(name, "u1") for name in ("return_number", "number_of_returns", "scan_direction_flag")]
+)
+
+
+def fly(
+    scene: VirtualScene,
+    seed: int = 0,
+    config: SimulationConfig = DEFAULTS,
+    pulse_rate: float | None = None,
+) -> LiveSurvey:
+    """
+    Fly over a scene with a scanner of this pulse rate.
+
+    The pulses are those of `scan`, so that a file of the same points can be had from their truth; the flight
+    is as fast as the pulse rate makes it at the density asked for.
+
+    Parameters
+    ----------
+    scene, seed, config
+        As for `scan`.
+    pulse_rate : float or None
+        Pulses a second; None for what `config.ground_speed` makes it.
+
+    Raises
+    ------
+    ParameterError
+        If the pulse rate is not above 0.
+    """
+    if pulse_rate is not None and not pulse_rate > 0:
+        raise ParameterError(f"pulse rate = {pulse_rate}: must be above 0 [1/s]")
+    flight = _Flight(scene, seed, config, _timed(plan_flight(scene, config), pulse_rate))
+    legs = tuple(_leg(strip) for strip in flight.strips)
+    return LiveSurvey(scene, MOUNTING, legs, POSE_RATE, flight.scans_of)
+
+
+class _Flight:
+    """Measures the strips scan by scan, as the scanner sees them."""
+
+    def __init__(self, scene: VirtualScene, seed: int, config: SimulationConfig, strips: list[Strip]) -> None:
+        self.strips = strips
+        self._scene, self._seed, self._config = scene, seed, config
+        self._surfaces = surfaces_of(scene, config.max_scan_angle_deg)
+        self._mounting = mounting_pose(MOUNTING)
+
+    def scans_of(self, leg: Leg) -> Iterator[Scan]:
+        """Yield the scans of a strip that have returns."""
+        strip = self.strips[leg.number - 1]
+        n_scans = int(np.ceil(strip.duration * SCAN_RATE))
+        firsts = [round(number * strip.pulse_rate / SCAN_RATE) for number in range(n_scans)]
+        for window in pairwise([*firsts, strip.n_pulses]):
+            points = measured(strip, window, self._scene.size, self._seed, self._surfaces, self._config)
+            if len(points.points):
+                begin, end = (leg.stamp + round(pulse / strip.pulse_rate * SECOND) for pulse in window)
+                yield Scan(begin, end, self._rows(leg, points, points.gps_time - strip.start_time), points)
+
+    def _rows(self, leg: Leg, points: StripPoints, elapsed: NDArray[np.float64]) -> NDArray[Any]:
+        rows = np.empty((1, len(elapsed)), dtype=ROW)
+        seen = leg.at(elapsed).of_mounted(self._mounting).seen(points.points)
+        rows["x"], rows["y"], rows["z"] = seen.T
+        rows["timestamp"] = leg.stamp / SECOND + elapsed
+        rows["scan_direction_flag"] = points.scan_direction
+        for name in ("intensity", "scan_angle", "point_source_id", "return_number", "number_of_returns"):
+            rows[name] = getattr(points, name)
+        return rows
+
+
+def _timed(strips: tuple[Strip, ...], pulse_rate: float | None) -> list[Strip]:
+    """Return strips flown at this pulse rate, with short turns between them."""
+    timed: list[Strip] = []
+    for strip in strips:
+        faster = 1.0 if pulse_rate is None else pulse_rate / strip.pulse_rate
+        begin = timed[-1].start_time + timed[-1].duration + TURN if timed else TAKE_OFF
+        timed.append(
+            replace(
+                strip,
+                speed=strip.speed * faster,
+                pulse_rate=strip.pulse_rate * faster,
+                start_time=float(np.ceil(begin)),
+            )
+        )
+    return timed
+
+
+def _leg(strip: Strip) -> Leg:
+    lever_arm = mounting_pose(MOUNTING).translation
+    stamp = stamp_of_time(strip.start_time, is_standard=True)
+    return Leg(
+        strip.number, strip.start, strip.heading, strip.speed, strip.duration, stamp, AIRCRAFT, lever_arm
+    )
