@@ -119,11 +119,7 @@ def request_of(options: argparse.Namespace) -> RunRequest:
     ParameterError
         If a name is unknown or a value not allowed.
     """
-    settings = read_settings(
-        options.params,
-        [*options.set, *_short_forms(options)],
-        NODE_CONFIGS | {ScanConfig.stage: {ScanConfig.stage: ScanConfig}},
-    )
+    settings = read_settings(options.params, [*options.set, *_short_forms(options)], NODE_CONFIGS)
     if options.tile_size is not None:
         settings.setdefault(_TILING, {})["tile_size"] = options.tile_size
     _check_own(settings)
@@ -142,7 +138,7 @@ def request_of(options: argparse.Namespace) -> RunRequest:
         overwrite=options.overwrite,
         namespace=options.namespace,
         footprints=footprints,
-        scans=ScanConfig(**settings.pop(ScanConfig.stage, {})),
+        scans=_shared(ScanConfig, settings),
     )
 
 

@@ -9,12 +9,16 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
+from lidar_buildings.core.model.errors import ParameterError
+from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.model.parameters import StageConfig, parameter
 from lidar_buildings.core.model.stage_table import STAGE_TABLE, STAGES
+from lidar_buildings.core.scans.config import ScanConfig
 from lidar_buildings.core.stages.edge_labelling import EdgeLabellingConfig
 from lidar_buildings.core.stages.footprints import FootprintConfig
 from lidar_buildings.core.stages.ground_filter import GroundFilterConfig
 from lidar_buildings.io.results.output_config import OutputConfig
+from lidar_buildings.io.tiling.live_config import LiveTilingConfig
 from lidar_buildings.io.tiling.tiling_config import TilingConfig
 from lidar_buildings.pipeline.reconstruct import STAGE_CONFIGS
 
@@ -30,6 +34,7 @@ class SendingConfig(StageConfig):
         minimum=0,
         maximum=8,
         read_only=True,
+        advanced=True,
     )
     tile_timeout: float = parameter(
         60.0,
@@ -88,6 +93,45 @@ class TilePlayerConfig(SendingConfig, TilingConfig):
         read_only=True,
         advanced=True,
     )
+
+
+@dataclass(frozen=True)
+class ScanAssemblerConfig(SendingConfig, LiveTilingConfig, ScanConfig):
+    """How scans become tiles."""
+
+    stage: ClassVar[str] = ScanConfig.stage
+
+    map_crs: str = parameter(
+        "",
+        "Reference system of the map, such as EPSG:28992, if map_position is given.",
+        read_only=True,
+        advanced=True,
+    )
+    map_position: str = parameter(
+        "",
+        "Where the map's origin lies in it: x, y, z [m], with commas between them. Empty: as `map_origin` or "
+        "`fix` tells, else nowhere.",
+        read_only=True,
+        advanced=True,
+    )
+
+    def __post_init__(self) -> None:
+        """Check every value."""
+        super().__post_init__()
+        self.given_frame()
+
+    def given_frame(self) -> MapFrame | None:
+        """Return where the map lies, None if that is not given."""
+        if not self.map_position.strip():
+            return None
+        try:
+            x, y, z = (float(word) for word in self.map_position.split(","))
+        except ValueError:
+            raise ParameterError(
+                f"{self.stage}.map_position = {self.map_position!r}: must be three numbers with commas "
+                "between them: x, y, z [m]"
+            ) from None
+        return MapFrame(self.map_crs, (x, y, z))
 
 
 @dataclass(frozen=True)
@@ -196,6 +240,7 @@ _BESIDE: dict[str, tuple[type[StageConfig], ...]] = {
 #: Node → stage → config class. A node's parameters carry the stage's name as a prefix where it has several.
 NODE_CONFIGS: dict[str, dict[str, type[StageConfig]]] = {
     "tile_player": {TilePlayerConfig.stage: TilePlayerConfig},
+    "scan_assembler": {ScanAssemblerConfig.stage: ScanAssemblerConfig},
     **{
         stage.node: {name: _OF_NODES.get(name, STAGE_CONFIGS[name]) for name in stage.configs}
         | {config.stage: config for config in _BESIDE.get(stage.node, ())}

@@ -8,16 +8,12 @@ from importlib import import_module
 from typing import Any
 
 from lidar_buildings.nodes.configs import NODE_CONFIGS
-from lidar_buildings.nodes.table import nodes_until, topics_until
+from lidar_buildings.nodes.table import SOURCES, nodes_until, topics_until
 from lidar_buildings.pipeline.building_pool import BuildingPool
 from lidar_buildings.ros.parameters import parameter_overrides
 from lidar_buildings.ros.stage_node import StageNode
 
 _CLASSES = {name: "".join(word.title() for word in name.split("_")) for name in NODE_CONFIGS}
-
-#: The one node that does its work itself; the others let processes do it, since in one process they would
-#: wait for the interpreter's lock.
-_WITHOUT_POOL = "tile_player"
 
 
 def node_class(name: str) -> type[StageNode]:
@@ -44,7 +40,8 @@ def make_node(
     **kwargs
         As for `rclpy.node.Node`: namespace, context…
     """
-    shared = {} if name == _WITHOUT_POOL else {"pool": pool}
+    # sources work themselves; the others let processes work, to wait for no interpreter's lock in one process
+    shared = {} if name in SOURCES else {"pool": pool}
     return node_class(name)(
         parameter_overrides=parameter_overrides(NODE_CONFIGS[name], settings), **shared, **kwargs
     )

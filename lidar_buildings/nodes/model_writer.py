@@ -26,15 +26,8 @@ from lidar_buildings.io.results.tile_products import TileProducts
 from lidar_buildings.io.vectors.footprints import FootprintFile, FootprintSource, read_footprints
 from lidar_buildings.nodes.configs import NODE_CONFIGS, ModelWriterConfig
 from lidar_buildings.nodes.run_record import RunRecord
-from lidar_buildings.nodes.table import (
-    CITY_MODEL,
-    NODE_STAGES,
-    OUTLINES,
-    ROOF_FACES,
-    TRACED_OUTLINES,
-    nodes_until,
-    writer_topics,
-)
+from lidar_buildings.nodes.table import NODE_STAGES, nodes_until, writer_topics
+from lidar_buildings.nodes.topics import CITY_MODEL, OUTLINES, ROOF_FACES, TRACED_OUTLINES
 from lidar_buildings.pipeline.building_pool import BuildingPool
 from lidar_buildings.pipeline.tile_rasters import rasterise_tile
 from lidar_buildings.ros.features import FeaturePool

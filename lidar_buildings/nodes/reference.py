@@ -20,7 +20,8 @@ import yaml
 from lidar_buildings.core.model.parameter_names import parameter_names
 from lidar_buildings.core.model.parameters import StageConfig, spec_of
 from lidar_buildings.nodes.configs import NODE_CONFIGS
-from lidar_buildings.nodes.table import NODE_TABLE, OF_EVERY_NODE, NodeCard, Topic
+from lidar_buildings.nodes.table import NODE_TABLE, NodeCard
+from lidar_buildings.nodes.topics import OF_EVERY_NODE, Topic
 from lidar_buildings.ros.depths import CLOUD_DEPTH, EVENT_DEPTH, HISTORY_DEPTH
 
 _COMMAND = "python -m lidar_buildings.nodes.reference"

@@ -9,31 +9,39 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from lidar_buildings.core.model.stage_table import STAGE_TABLE, STAGES
-
-_CLOUD = "sensor_msgs/PointCloud2"
-_RINGS = "geometry_msgs/PolygonInstanceStamped"
-_HEADER = "std_msgs/Header"
-
-
-@dataclass(frozen=True)
-class Topic:
-    """
-    One topic of a node.
-
-    Attributes
-    ----------
-    name, type : str
-        Relative name and message type.
-    qos : str
-        The profile's name in `lidar_buildings.ros.qos`.
-    meaning : str
-        What it carries.
-    """
-
-    name: str
-    type: str
-    qos: str
-    meaning: str
+from lidar_buildings.nodes.topics import (
+    BUILDING_MARKERS,
+    BUILDING_POINTS,
+    CITY_MODEL,
+    CITY_MODEL_HEADER,
+    CLASSIFIED_POINTS,
+    CLOCK,
+    DIAGNOSTICS,
+    DTM,
+    EDGE_POINTS,
+    FIX,
+    GROUND_POINTS,
+    MAP_ORIGIN,
+    MAP_UNITS,
+    ODOMETRY,
+    OUTLINE_QUALITY,
+    OUTLINES,
+    PLANE_POINTS,
+    POINTS,
+    ROOF_FACES,
+    ROOF_POINTS,
+    SCAN,
+    SURVEY_DONE,
+    TF,
+    TF_STATIC,
+    TILE_CLIPPED,
+    TILE_DONE,
+    TILE_FAILED,
+    TILE_INFO,
+    TILE_RECEIPT,
+    TRACED_OUTLINES,
+    Topic,
+)
 
 
 @dataclass(frozen=True)
@@ -60,115 +68,6 @@ class NodeCard:
     services: tuple[tuple[str, str, str], ...] = ()
 
 
-DIAGNOSTICS = Topic(
-    "diagnostics",
-    "diagnostic_msgs/DiagnosticArray",
-    "EVENT",
-    "per tile: seconds, points, what else the node counts, status, parameters as JSON",
-)
-TILE_RECEIPT = Topic(
-    "tile_receipt",
-    "std_msgs/String",
-    "LATCHED_EVENT",
-    "JSON: `node`, its `life` (another one after a restart), `state`: `ready`, or of tile `stamp` `taken`, "
-    "`done` or `failed`",
-)
-#: What every node publishes beside its own.
-OF_EVERY_NODE = (DIAGNOSTICS, TILE_RECEIPT)
-POINTS = Topic(
-    "points",
-    _CLOUD,
-    "CLOUD",
-    "points as in the source, with `source` and `index` (its row there), `normalised_intensity` (0 to 255); "
-    "`buffer` = 1 are the neighbours'",
-)
-GROUND_POINTS = Topic(
-    "ground_points",
-    _CLOUD,
-    "CLOUD",
-    "all points with `classification` (1, 2, 7, 18, and the source's own that are kept: water, bridges …), "
-    "`height_above_ground`",
-)
-DTM = Topic(
-    "dtm",
-    _CLOUD,
-    "CLOUD",
-    "the terrain of a tile's own cells on request: an organised cloud, its northernmost row first; "
-    "z is NaN where it is not known",
-)
-CLASSIFIED_POINTS = Topic(
-    "classified_points",
-    _CLOUD,
-    "CLOUD",
-    "every point with its final ASPRS class: 1 undecided, 2 ground, 3 to 5 low, medium and high vegetation, "
-    "6 building (`facade` = 1: walls and what is under the eaves), 7 and 18 noise, 11 road, and the "
-    "source's own that are kept",
-)
-ROOF_POINTS = Topic(
-    "roof_points",
-    _CLOUD,
-    "CLOUD",
-    "the points of class 6 that are no façade, and of these what may hang together with the tile's own",
-)
-EDGE_POINTS = Topic(
-    "edge_points",
-    _CLOUD,
-    "CLOUD",
-    "roof points with `linearity`, `planarity`, `normal_x` `_y` `_z`, `neighbourhood_radius`, `edge` (0, 1)",
-)
-BUILDING_POINTS = Topic(
-    "building_points",
-    _CLOUD,
-    "CLOUD",
-    "edge points with `building_id` (0 = none); in footprints next to without roof points what else stands "
-    "there, of other classes than 6",
-)
-PLANE_POINTS = Topic("plane_points", _CLOUD, "CLOUD", "building points with `plane_id` (0 = none)")
-TRACED_OUTLINES = Topic(
-    "traced_outlines",
-    _RINGS,
-    "BUILDING",
-    "outlines as traced, or footprints as given; z is the ground's elevation where it is known, else 0",
-)
-OUTLINES = Topic("outlines", _RINGS, "BUILDING", "regularised outlines")
-OUTLINE_QUALITY = Topic(
-    "outline_quality",
-    "std_msgs/String",
-    "CLOUD",
-    "JSON of a tile: by building the `sigma` and `max_offset` [m] of its outline from the traced ring, and "
-    "why it is the traced one, if it is",
-)
-ROOF_FACES = Topic("roof_faces", _RINGS, "BUILDING", "the models' roofs in 3D; ids are the buildings'")
-CITY_MODEL = Topic("city_model", "std_msgs/String", "BUILDING", "one CityJSONFeature per building")
-CITY_MODEL_HEADER = Topic("city_model", "std_msgs/String", "LATCHED", "CityJSON header: CRS and transform")
-BUILDING_MARKERS = Topic(
-    "building_markers", "visualization_msgs/MarkerArray", "CLOUD", "the solids' edges, for RViz"
-)
-MAP_ORIGIN = Topic(
-    "map_origin",
-    "geometry_msgs/PointStamped",
-    "LATCHED",
-    "what to add to map coordinates [m]; `frame_id` is the coordinate reference system",
-)
-MAP_UNITS = Topic(
-    "map_units",
-    "geometry_msgs/Vector3Stamped",
-    "LATCHED",
-    "metres per unit of the source's x, y and z",
-)
-TILE_INFO = Topic(
-    "tile_info",
-    "std_msgs/String",
-    "LATCHED_TILE",
-    "JSON of a tile: `stamp`, `bounds` (west, south, east, north of it with its buffer; null where nothing "
-    "lies beyond), `point_spacing` [m], `dark_limit` (parts the two modes of the ground, if it has two)",
-)
-TILE_CLIPPED = Topic("tile_clipped", _HEADER, "EVENT", "a building of this tile is not whole")
-TILE_DONE = Topic("tile_done", _HEADER, "LATCHED_HISTORY", "this tile is done, or safely on disk")
-TILE_FAILED = Topic("tile_failed", _HEADER, "LATCHED_HISTORY", "this tile was given up")
-SURVEY_DONE = Topic("survey_done", _HEADER, "LATCHED", "every tile is done or given up")
-CLOCK = Topic("/clock", "rosgraph_msgs/Clock", "EVENT", "the stamp of the tile just sent, on request")
-
 _TRIGGER = "std_srvs/Trigger"
 
 NODE_TABLE: tuple[NodeCard, ...] = (
@@ -182,6 +81,20 @@ NODE_TABLE: tuple[NodeCard, ...] = (
             ("~/pause", _TRIGGER, "send no more tiles"),
             ("~/resume", _TRIGGER, "go on"),
             ("~/step", _TRIGGER, "send one tile while paused"),
+        ),
+    ),
+    NodeCard(
+        "scan_assembler",
+        "Places the scans of a moving sensor in the map and gathers them on disk. "
+        "A tile is sent when the sensor has left it, and again as a later revision when it has come back.",
+        (SCAN, ODOMETRY, TF, TF_STATIC, FIX, MAP_ORIGIN, MAP_UNITS, TILE_DONE, TILE_CLIPPED, TILE_RECEIPT),
+        (POINTS, TILE_INFO, MAP_ORIGIN, MAP_UNITS, SURVEY_DONE, TILE_FAILED),
+        (
+            ("~/pause", _TRIGGER, "send no more tiles; scans are still gathered"),
+            ("~/resume", _TRIGGER, "go on"),
+            ("~/step", _TRIGGER, "send one tile while paused"),
+            ("~/flush", _TRIGGER, "send all tiles that have new points; `survey_done` follows them"),
+            ("~/reset", _TRIGGER, "forget all points and tiles"),
         ),
     ),
     NodeCard(
@@ -278,10 +191,14 @@ def writer_topics(until: str) -> tuple[Topic, ...]:
 ON_REQUEST: dict[str, tuple[Topic, ...]] = {"building_tracer": (MAP_ORIGIN, MAP_UNITS, CLASSIFIED_POINTS)}
 
 
-def nodes_until(stage: str) -> tuple[str, ...]:
-    """Return the nodes that a run ending with `stage` needs, the player first and the writer last."""
-    later = {one.node for one in STAGE_TABLE[STAGES.index(stage) + 1 :]}
-    return tuple(card.name for card in NODE_TABLE if card.name not in later)
+#: Nodes that tiles come from; a graph has one of them.
+SOURCES = ("tile_player", "scan_assembler")
+
+
+def nodes_until(stage: str, source: str = SOURCES[0]) -> tuple[str, ...]:
+    """Return the nodes that a run ending with `stage` needs, the source first and the writer last."""
+    without = {one.node for one in STAGE_TABLE[STAGES.index(stage) + 1 :]} | {*SOURCES} - {source}
+    return tuple(card.name for card in NODE_TABLE if card.name not in without)
 
 
 def topics_until(stage: str, *, has_writer: bool = True) -> tuple[str, ...]:

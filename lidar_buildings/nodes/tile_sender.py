@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from dataclasses import replace
-from typing import Any, NamedTuple, Protocol
+from typing import Any
 
 from geometry_msgs.msg import PointStamped, Vector3Stamped
 from std_msgs.msg import Header, String
@@ -14,6 +14,7 @@ from lidar_buildings.core.model.errors import MessageError
 from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.nodes.configs import NODE_CONFIGS, SendingConfig
+from lidar_buildings.nodes.tile_queue import Progress, TileQueue
 from lidar_buildings.ros.flow_control import FlowControl
 from lidar_buildings.ros.graph_watch import GraphWatch
 from lidar_buildings.ros.map_frames import origin_message, units_message
@@ -29,42 +30,6 @@ from lidar_buildings.ros.tile_info import info_message, over_message
 _TICK = 0.05
 #: Period of the reminders of what is waited for [s].
 _REMIND = 10.0
-
-
-class Progress(NamedTuple):
-    """How far a source is."""
-
-    n_done: int
-    n_failed: int
-    n_tiles: int
-
-
-class TileQueue(Protocol):
-    """
-    Where tiles come from.
-
-    Attributes
-    ----------
-    error : Exception or None
-        Why no more come.
-    is_exhausted : bool
-        Whether all have been made, though perhaps not all taken.
-    tile_count : int
-        How many there are, as far as is known.
-    """
-
-    error: Exception | None
-    is_exhausted: bool
-
-    @property
-    def tile_count(self) -> int:
-        """Number of tiles."""
-
-    def take(self) -> PointTile | None:
-        """Return the next tile, None if none is ready."""
-
-    def grown(self, tile: PointTile) -> PointTile | None:
-        """Return a tile with a larger buffer, None if there is none."""
 
 
 class TileSender(StageNode):
@@ -107,6 +72,8 @@ class TileSender(StageNode):
         self._info = self.create_publisher(String, "tile_info", LATCHED_TILE)
         self._survey_done = self.create_publisher(Header, "survey_done", LATCHED)
         self._tile_failed = self.create_publisher(Header, "tile_failed", LATCHED_HISTORY)
+        self._map_units = self.create_publisher(Vector3Stamped, "map_units", LATCHED)
+        self._map_origin = self.create_publisher(PointStamped, "map_origin", LATCHED)
         self.create_service(Trigger, "~/pause", self.on_pause)
         self.create_service(Trigger, "~/resume", self.on_resume)
         self.create_service(Trigger, "~/step", self.on_step)
@@ -118,8 +85,6 @@ class TileSender(StageNode):
 
     def publish_frame(self, frame: MapFrame) -> None:
         """Publish where the map frame lies."""
-        self._map_units = self.create_publisher(Vector3Stamped, "map_units", LATCHED)
-        self._map_origin = self.create_publisher(PointStamped, "map_origin", LATCHED)
         self._map_units.publish(units_message(frame))
         self._map_origin.publish(origin_message(frame))
 
@@ -168,6 +133,19 @@ class TileSender(StageNode):
         """Note that a revision of a tile is done."""
         self._done[tile_of(stamp)] = max(stamp, self._done.get(tile_of(stamp), 0))
         self._failed.discard(tile_of(stamp))
+
+    def note_failed(self, stamp: int) -> None:
+        """Note that a tile was given up."""
+        self._failed.add(tile_of(stamp))
+
+    def forget_tiles(self) -> None:
+        """Forget all tiles, and have the copies of those dropped that are under way."""
+        for stamp in self._flow.forget():
+            self._info.publish(over_message(stamp))
+        self._done.clear()
+        self._failed.clear()
+        self._resent.clear()
+        self._next = None
 
     def on_receipt(self, message: String) -> None:
         """Note what a node has in hand."""
@@ -288,7 +266,7 @@ class TileSender(StageNode):
                 self._publish(flight.tile)
         for stamp in self._flow.given_up():
             self.get_logger().error(f"tile {stamp} was never done: given up")
-            self._failed.add(tile_of(stamp))
+            self.note_failed(stamp)
             self._tile_failed.publish(header_of(stamp))
             self._call_off(stamp)
 

@@ -9,3 +9,6 @@ EVENT_DEPTH = 1000
 #: Headers that late joiners must get all, such as the finished tiles of a survey; wide margin: 6,000 km² in
 #: tiles of 250 m.
 HISTORY_DEPTH = 100_000
+
+#: Scans and poses; wide margin: what comes while a node has other things to do, 1000 Hz for half a second.
+SENSOR_DEPTH = 500

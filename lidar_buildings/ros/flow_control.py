@@ -175,6 +175,12 @@ class FlowControl:
             del self._flights[tile_of(stamp)]
         return lost
 
+    def forget(self) -> list[int]:
+        """Remove all tiles; return their last stamps."""
+        stamps = [one.tile.stamp for one in self._flights.values()]
+        self._flights.clear()
+        return stamps
+
     def _note_event(self) -> None:
         self._n_sent += 1
         self._last_event = self._now()

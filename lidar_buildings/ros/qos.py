@@ -1,8 +1,8 @@
-"""Quality of service: three kinds of topic, one profile each."""
+"""Quality of service: some kinds of topic, one profile each."""
 
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 
-from lidar_buildings.ros.depths import CLOUD_DEPTH, EVENT_DEPTH, HISTORY_DEPTH
+from lidar_buildings.ros.depths import CLOUD_DEPTH, EVENT_DEPTH, HISTORY_DEPTH, SENSOR_DEPTH
 
 
 def _profile(depth: int, *, latched: bool = False) -> QoSProfile:
@@ -29,6 +29,11 @@ LATCHED_TILE = _profile(CLOUD_DEPTH, latched=True)
 
 #: All messages are given to late joiners.
 LATCHED_HISTORY = _profile(HISTORY_DEPTH, latched=True)
+
+#: What sensors send: whoever publishes it, reliable or not, is heard.
+SENSOR = QoSProfile(
+    reliability=ReliabilityPolicy.BEST_EFFORT, history=HistoryPolicy.KEEP_LAST, depth=SENSOR_DEPTH
+)
 
 #: Headers and diagnostics: small, a few per tile and node.
 EVENT = _profile(EVENT_DEPTH)

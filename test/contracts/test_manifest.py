@@ -37,6 +37,7 @@ ROS_DEPENDENCIES = {
     "rclpy": "ros-rclpy",
     "diagnostic_msgs": "ros-diagnostic-msgs",
     "geometry_msgs": "ros-geometry-msgs",
+    "nav_msgs": "ros-nav-msgs",
     "rosgraph_msgs": "ros-rosgraph-msgs",
     "sensor_msgs": "ros-sensor-msgs",
     "std_msgs": "ros-std-msgs",
@@ -46,7 +47,7 @@ ROS_DEPENDENCIES = {
     "launch_ros": None,
 }
 #: Imported where they are installed, and not missed where they are not.
-OPTIONAL = {"sensor_msgs_py", "tf2_ros"}
+OPTIONAL = {"sensor_msgs_py", "tf2_msgs", "tf2_ros"}
 
 
 def manifest():

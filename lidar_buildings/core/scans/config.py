@@ -32,6 +32,7 @@ class ScanConfig(StageConfig):
         "map",
         "Frame in which scans are placed; if nobody tells of it, the last one on the way up from the scan's.",
         read_only=True,
+        advanced=True,
     )
     mounting: str = parameter(
         "",
@@ -53,6 +54,7 @@ class ScanConfig(StageConfig):
         minimum=0.0,
         maximum=60.0,
         read_only=True,
+        advanced=True,
     )
     max_speed: float = parameter(
         150.0,

@@ -45,11 +45,14 @@ class PlacedScan(NamedTuple):
         [ns]
     columns : dict
         Our column → values.
+    sensor : ndarray of shape (3,) or None
+        Where the sensor was at the end of the scan; None if no pose is needed.
     """
 
     points: NDArray[np.float64]
     times: NDArray[np.int64]
     columns: dict[str, NDArray[Any]]
+    sensor: NDArray[np.float64] | None = None
 
 
 class ScanPlacer:
@@ -161,6 +164,14 @@ class ScanPlacer:
             if len(scan.times):
                 self.tree.drop_before(int(scan.times.min()) - _KEPT_POSES)
 
+    def position(self, stamp: int) -> NDArray[np.float64] | None:
+        """Return where what odometry is of was at a time [ns], None if that is not known."""
+        frame = self._odometry_child
+        if not frame or self.target_of(frame) == frame:
+            return None
+        poses = self.tree.poses(frame, self.target_of(frame), np.array([stamp]))
+        return poses.translation[0] if poses.is_known[0] else None
+
     def target_of(self, frame: str) -> str:
         """Return the frame in which scans of a frame are placed."""
         wanted = frame_name(self.config.map_frame)
@@ -223,7 +234,8 @@ class ScanPlacer:
             turned = np.einsum("nij,nj->ni", matrices[row[own]], scan.points[own])
             points[own] = turned + poses.translation[row[own]]
         columns = {name: values[is_known] for name, values in scan.columns.items()}
-        return PlacedScan(points[is_known], scan.times[is_known], columns)
+        sensor = poses.translation[poses.is_known][-1:]
+        return PlacedScan(points[is_known], scan.times[is_known], columns, sensor[0] if len(sensor) else None)
 
     def _no_way_from(self, frame: str) -> str:
         known = ", ".join(self.tree.frames) or "none"

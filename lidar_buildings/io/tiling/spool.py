@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import errno
+import os
 import shutil
 import tempfile
 from collections.abc import Iterator
@@ -62,7 +64,7 @@ class Spool:
 
     def append(self, cells: NDArray[np.int64], records: NDArray[Any]) -> list[Cell]:
         """
-        Add records, each to its cell, in their order; return the cells.
+        Add records, each to its cell, in their order; return the cells. What cannot be added leaves nothing.
 
         Parameters
         ----------
@@ -75,8 +77,17 @@ class Spool:
         order, starts = _grouped(cells)
         records = records.take(order)  # ten times as fast as by index: a record is copied in one piece
         touched: list[Cell] = [(column, row) for column, row in cells[order[starts]].tolist()]
-        for cell, start, end in zip(touched, starts, [*starts[1:], len(records)], strict=True):
-            self._write(cell, records[start:end])
+        before = {cell: self.counts.get(cell, 0) for cell in touched}
+        try:
+            for cell, start, end in zip(touched, starts, [*starts[1:], len(records)], strict=True):
+                append_records(self._file(cell), before[cell], records[start:end])
+                self.counts[cell] = before[cell] + end - start
+        except OSError as error:
+            for cell, count in before.items():
+                if self.counts.get(cell, 0) > count:
+                    os.truncate(self._file(cell), count * RECORD.itemsize)
+                    self.counts[cell] = count
+            raise self._full(self.folder, error) from error
         return touched
 
     def blocks(self, cell: Cell, first: int = 0, last: int | None = None) -> Iterator[NDArray[Any]]:
@@ -91,14 +102,6 @@ class Spool:
         """Delete everything."""
         shutil.rmtree(self.folder, ignore_errors=True)
 
-    def _write(self, cell: Cell, records: NDArray[Any]) -> None:
-        try:
-            with open(self._file(cell), "ab") as file:
-                file.write(records.view(np.uint8).data)
-        except OSError as error:
-            raise self._full(self.folder, error) from error
-        self.counts[cell] = self.counts.get(cell, 0) + len(records)
-
     def _file(self, cell: Cell) -> Path:
         return self.folder / f"{cell[0]}_{cell[1]}.points"
 
@@ -108,6 +111,26 @@ class Spool:
             f"{folder}: temporary files cannot be written ({one_line(error)}): "
             "free some space, or set TMPDIR to a folder with more"
         )
+
+
+def append_records(path: Path, n_before: int, records: NDArray[Any]) -> None:
+    """
+    Append records to a file that holds so many; what cannot be written whole leaves it as it was.
+
+    Raises
+    ------
+    OSError
+        If they cannot be written.
+    """
+    try:
+        with open(path, "ab", buffering=0) as file:
+            content = records.view(np.uint8).data
+            if file.write(content) != content.nbytes:  # the disk was full in between
+                raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+    except OSError:
+        if path.exists():
+            os.truncate(path, n_before * RECORD.itemsize)
+        raise
 
 
 def _grouped(cells: NDArray[np.int64]) -> tuple[NDArray[np.int64], list[int]]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -97,7 +97,15 @@ class TileStore:
         square = None if area is None else self._local(sample_square(area, SQUARE_SIDE))
         self._brightness.add(source, first, records, cloud.point_count, square)
         cells = self.grid.cells_at(xyz[:, :2] * self.frame.horizontal_unit)
-        return {self.grid.tile_of(cell) for cell in self._spool.append(cells, records)}
+        return {self.grid.tile_of(cell) for cell in self.keep(cells, records)}
+
+    def keep(self, cells: NDArray[np.int64], records: NDArray[Any]) -> list[Cell]:
+        """Keep records, each in its cell; return the cells."""
+        return self._spool.append(cells, records)
+
+    def count_in(self, cells: Iterable[Cell]) -> int:
+        """Count the records of cells."""
+        return sum(self._spool.counts.get(cell, 0) for cell in cells)
 
     def drop(self, source: int) -> None:
         """Forget the points of a file that turned out unreadable."""
@@ -145,6 +153,15 @@ class TileStore:
     def learn_brightness(self, source: int) -> None:
         """Measure what the intensities of a file, read to its end, mean, as far as none before it told."""
         self._brightness.learn(source)
+
+    def learn_from_tile(self, plan: TilePlan, buffer: float) -> None:
+        """Measure what a tile is the first to show: the expected spacing, what intensities mean."""
+        records, _ = self._gathered(plan, buffer)
+        if self._expected_spacing is None:
+            self._expected_spacing = expected_spacing([_pulses_of(records)])
+        area = self.grid.area_of(plan.block)
+        self._brightness.add(0, 0, records, len(records), self._local(sample_square(area, SQUARE_SIDE)))
+        self._brightness.learn(0)
 
     def _within(self, square: Rectangle, source: int | None) -> Iterator[NDArray[Any]]:
         """Read a file's records, or all, within a square at the source's position."""

@@ -1,0 +1,69 @@
+"""How a feed is cut into tiles."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from lidar_buildings.core.model.parameters import parameter
+from lidar_buildings.core.scans.config import ScanConfig
+from lidar_buildings.io.tiling.tiling_config import TilingConfig
+
+
+@dataclass(frozen=True)
+class LiveTilingConfig(TilingConfig):
+    """How a feed is cut into tiles, and when one is sent."""
+
+    stage: ClassVar[str] = ScanConfig.stage
+
+    tile_size: float = parameter(
+        150.0,
+        "Side of a tile; a larger one is waited for longer, and costs less, as tiles overlap.",
+        unit="m",
+        minimum=10.0,
+        maximum=10_000.0,
+        read_only=True,
+    )
+    buffer: float = parameter(
+        75.0,
+        "Width of the strip of neighbours east of a tile; those on its other sides are two thirds as wide.",
+        unit="m",
+        minimum=0.0,
+        maximum=1_000.0,
+        read_only=True,
+        advanced=True,
+    )
+    max_tile_points: int = parameter(
+        5_000_000,
+        "Most points kept of a tile without its buffer, as a sensor that stands still goes on for ever; more "
+        "are left out and counted.",
+        minimum=1_000,
+        maximum=1_000_000_000,
+        read_only=True,
+        advanced=True,
+    )
+    leave_after: float = parameter(
+        5.0,
+        "A tile is sent when so long no point has fallen into it or its buffer; raising it waits longer for "
+        "a tile, and sends it less often again.",
+        unit="s",
+        minimum=0.0,
+        maximum=86_400.0,
+        read_only=True,
+    )
+    leave_distance: float = parameter(
+        0.0,
+        "A tile is sent, too, when the sensor is so far from it and its buffer, though single points still "
+        "fall into it; 0: only time tells.",
+        unit="m",
+        minimum=0.0,
+        maximum=100_000.0,
+        read_only=True,
+        advanced=True,
+    )
+    spool: str = parameter(
+        "",
+        "Folder in which points wait for their turn; with one a feed goes on where it was cut off. Empty: a "
+        "temporary one.",
+        read_only=True,
+    )

@@ -1,0 +1,300 @@
+"""A feed: messages in, placed points on disk, tiles out; in two threads, so that who listens never waits."""
+
+from __future__ import annotations
+
+import math
+import queue
+import shutil
+import tempfile
+import threading
+import time
+from collections import Counter
+from collections.abc import Callable
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from lidar_buildings.core.model.errors import MessageError, OutputError
+from lidar_buildings.core.model.map_frame import MapFrame
+from lidar_buildings.core.model.tile import PointTile
+from lidar_buildings.core.scans.config import ScanConfig
+from lidar_buildings.core.scans.placing import PlacedScan, ScanPlacer
+from lidar_buildings.io.tiling.live_config import LiveTilingConfig
+from lidar_buildings.io.tiling.live_files import record_frame, recorded_frame, write_placed_points
+from lidar_buildings.io.tiling.live_frame import FrameSearch, moved_origin
+from lidar_buildings.io.tiling.live_survey import LiveSurvey
+
+#: Why points are left out: more wait to be placed than memory is meant for.
+TOO_FAST = "came faster than they could be placed"
+#: Points that may wait to be placed (about 0.5 GB).
+_MOST_QUEUED = 10_000_000
+#: Period of looking for tiles that were left [s].
+_TICK = 0.1
+#: Different problems that are remembered.
+_MOST_PROBLEMS = 100
+
+
+class LiveFeed:
+    """
+    Takes messages, of rclpy or of a bag, and gives out tiles.
+
+    Parameters
+    ----------
+    tiling : LiveTilingConfig
+        Tiles, and where points are kept.
+    scans : ScanConfig
+        How they are placed.
+    frame : MapFrame, optional
+        Where the map lies, if that is known. An interrupted feed knows it.
+
+    Attributes
+    ----------
+    error : Exception or None
+        What ended it.
+    frame : MapFrame or None
+        Where the map lies, as soon as that is settled.
+    obstacle : str
+        Why nothing can be written now, empty if it can.
+    problems : Counter
+        What was wrong with messages → how often.
+    n_flushed : int
+        Flushes that are done.
+    """
+
+    is_exhausted = False
+
+    def __init__(
+        self,
+        tiling: LiveTilingConfig,
+        scans: ScanConfig,
+        frame: MapFrame | None = None,
+    ) -> None:
+        self.error: Exception | None = None
+        self.obstacle = ""
+        self.problems: Counter[str] = Counter()
+        self.n_flushed = 0
+        self._left_out: Counter[str] = Counter()
+        self._tiling, self._scans = tiling, scans
+        self.folder = Path(tiling.spool or tempfile.mkdtemp(prefix="lidar_buildings_"))
+        recorded = recorded_frame(self.folder, tiling)
+        self._search = FrameSearch(frame)
+        self._placer = ScanPlacer(scans)
+        self._survey: LiveSurvey | None = None
+        self._early: list[PlacedScan] = []
+        self._shift = np.zeros(3)
+        self._inbox: queue.Queue[tuple[Callable[[Any], None], Any, int]] = queue.Queue()
+        self._n_taken = self._n_left = 0
+        self._is_flushing = False
+        self._tiles: queue.Queue[PointTile] = queue.Queue(maxsize=1)
+        self._has_work, self._stopping = threading.Event(), threading.Event()
+        self._wake: Callable[[], None] = lambda: None
+        if recorded is not None:
+            self._open(*recorded)
+        self._threads = [threading.Thread(target=one, daemon=True) for one in (self._take_in, self._give_out)]
+
+    def start(self, wake: Callable[[], None]) -> None:
+        """Begin; `wake` is called, from another thread, when there is something to take or to tell."""
+        self._wake = wake
+        for thread in self._threads:
+            thread.start()
+
+    def stop(self) -> None:
+        """Write what has come, and end."""
+        self._stopping.set()
+        self._has_work.set()
+        for thread in self._threads:
+            if thread.ident is not None:
+                thread.join()
+        try:
+            if self._survey is not None:
+                self._survey.close()
+        finally:
+            if not self._tiling.spool:
+                shutil.rmtree(self.folder, ignore_errors=True)
+
+    @property
+    def frame(self) -> MapFrame | None:
+        """Where the map lies, None as long as that is not settled."""
+        return None if self._survey is None else self._survey.frame
+
+    @property
+    def tile_count(self) -> int:
+        """Number of tiles that have points."""
+        return 0 if self._survey is None else self._survey.n_tiles
+
+    def counts(self) -> dict[str, int]:
+        """Return what has come, what waits, and what was left out for which reason."""
+        survey = self._survey
+        left_out = self._left_out + self._placer.left_out + (survey.left_out if survey else Counter())
+        return {
+            "scans": self._placer.n_scans,
+            "points": survey.n_points if survey else 0,
+            "points_waiting": self._n_taken - self._n_left,
+            "tiles_waiting": survey.n_waiting if survey else 0,
+            **{f"left out: {reason}": count for reason, count in sorted(left_out.items())},
+            **dict(sorted(self._placer.messages.items())),
+        }
+
+    def add_scan(self, message: Any) -> None:
+        """Take a sensor_msgs/PointCloud2."""
+        n_points = int(message.width) * int(message.height)
+        if self._n_taken - self._n_left + n_points > _MOST_QUEUED:
+            self._left_out[TOO_FAST] += n_points
+            return
+        self._n_taken += n_points
+        self._inbox.put((self._place, message, n_points))
+
+    def add_odometry(self, message: Any) -> None:
+        """Take a nav_msgs/Odometry."""
+        self._inbox.put((lambda one: self._placer.add_odometry(one), message, 0))
+
+    def add_transforms(self, message: Any, *, is_static: bool) -> None:
+        """Take a tf2_msgs/TFMessage."""
+        self._inbox.put((lambda one: self._placer.add_transforms(one, is_static=is_static), message, 0))
+
+    def add_fix(self, message: Any) -> None:
+        """Take a sensor_msgs/NavSatFix."""
+        self._inbox.put((self._search.take_fix, message, 0))
+
+    def add_frame(self, frame: MapFrame) -> None:
+        """Take what others say of where the map lies; too late once points are kept."""
+        self._inbox.put((self._search.take_frame, frame, 0))
+
+    def finish(self, stamp: int, *, is_done: bool = True) -> None:
+        """Note that a tile is done, or was given up."""
+        self._inbox.put((lambda _: self._survey and self._survey.finish(stamp, is_done=is_done), None, 0))
+
+    def flush(self) -> None:
+        """Have all tiles made that have new points; `n_flushed` tells when they are done."""
+        self._inbox.put((self._flush, None, 0))
+
+    def reset(self) -> None:
+        """Forget all points and tiles."""
+        self._inbox.put((self._reset, None, 0))
+
+    def take(self) -> PointTile | None:
+        """Return the next tile, None if none is ready."""
+        with suppress(queue.Empty):
+            return self._tiles.get_nowait()
+        return None
+
+    def grown(self, tile: PointTile) -> PointTile | None:
+        """Return a tile with a larger buffer, None if there is none."""
+        return None if self._survey is None else self._survey.grown(tile)
+
+    def _take_in(self) -> None:
+        """Work on what has come, and look now and then for tiles that were left."""
+        next_tick = time.monotonic()
+        try:
+            while not (self._stopping.is_set() and self._inbox.empty()):
+                with suppress(queue.Empty):
+                    work, message, n_points = self._inbox.get(timeout=_TICK)
+                    self._try(work, message)
+                    self._n_left += n_points
+                if time.monotonic() >= next_tick or self._inbox.empty():
+                    self._try(self._tick, None)
+                    next_tick = time.monotonic() + _TICK
+        except Exception as error:
+            self.error = error
+            self._wake()
+
+    def _try(self, work: Callable[[Any], Any], message: Any) -> None:
+        """Do something; what is wrong with a message, or the disk, is told and goes no further."""
+        try:
+            work(message)
+        except MessageError as error:
+            if len(self.problems) < _MOST_PROBLEMS:
+                self.problems[str(error)] += 1
+        except OutputError as error:
+            self.obstacle = str(error)
+
+    def _tick(self, _: None) -> None:
+        self._settle_frame(time.monotonic())
+        if self._survey is None:
+            return
+        is_ready = self._survey.tick(time.monotonic())
+        self.obstacle = ""
+        if is_ready or (self._is_flushing and self._survey.is_flushed):
+            self._has_work.set()
+
+    def _place(self, message: Any) -> None:
+        self._placer.add_scan(message)
+        self._keep_placed()
+
+    def _keep_placed(self, *, is_end: bool = False) -> None:
+        for scan in self._placer.placed(is_end=is_end):
+            self._keep(scan)
+
+    def _keep(self, scan: PlacedScan) -> None:
+        if self._survey is not None:
+            self._survey.add(scan._replace(points=scan.points - self._shift), time.monotonic())
+        elif len(scan.points):
+            self._early.append(scan)
+
+    def _settle_frame(self, now: float) -> None:
+        """Begin to keep points once it is settled where the map lies."""
+        if self._survey is not None or not self._early:
+            return
+        n_points = sum(len(scan.points) for scan in self._early)
+        given = self._search.settled(self._placer, now, n_points)
+        if given is None:
+            return
+        frame = moved_origin(given, self._early[0].points[0])
+        self._open(given, frame)
+        record_frame(self.folder, self._tiling, given, frame)
+        early, self._early = self._early, []
+        for scan in early:
+            self._keep(scan)
+        self._wake()
+
+    def _open(self, given: MapFrame, frame: MapFrame) -> None:
+        """Begin to keep points: scans lie in the given frame, tiles in the other."""
+        self._shift = np.array(frame.origin) - np.array(given.origin)
+        self._survey = LiveSurvey(self._tiling, frame, self.folder)
+
+    def _flush(self, _: None) -> None:
+        self._keep_placed(is_end=True)
+        self._settle_frame(math.inf)
+        if self._survey is not None:
+            self._survey.flush(time.monotonic())
+            self._is_flushing = True
+        else:
+            self.n_flushed += 1
+            self._wake()
+
+    def _reset(self, _: None) -> None:
+        self._placer, self._early = ScanPlacer(self._scans), []
+        self._left_out.clear()
+        if self._survey is not None:
+            self._survey.clear()
+        while self.take() is not None:
+            pass
+
+    def _give_out(self) -> None:
+        """Make the tiles that are ready, and the files of points when a flush is done."""
+        try:
+            while not self._stopping.is_set():
+                self._has_work.wait()
+                self._has_work.clear()
+                while self._survey is not None and (tile := self._survey.take()) is not None:
+                    if not self._put(tile):
+                        return
+                if self._is_flushing and self._survey is not None and self._survey.is_flushed:
+                    write_placed_points(self._survey, self.folder)
+                    self._is_flushing = False
+                    self.n_flushed += 1
+                    self._wake()
+        except Exception as error:
+            self.error = error
+            self._wake()
+
+    def _put(self, tile: PointTile) -> bool:
+        """Hand a tile on as soon as there is room; False if the feed ends before."""
+        while not self._stopping.is_set():
+            with suppress(queue.Full):
+                self._tiles.put(tile, timeout=_TICK)
+                self._wake()
+                return True
+        return False

@@ -1,0 +1,108 @@
+"""What a feed's folder holds beside the points: where the map lies, and the points as LAZ files."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from lidar_buildings.core.model.errors import OutputError
+from lidar_buildings.core.model.map_frame import MapFrame
+from lidar_buildings.core.scans.placing import PlacedScan
+from lidar_buildings.io.files.atomic_files import atomic_file
+from lidar_buildings.io.tiling.live_config import LiveTilingConfig
+from lidar_buildings.io.tiling.live_survey import POINTS_PER_FILE, LiveSurvey
+from lidar_buildings.io.tiling.placed_laz import PlacedLaz
+from lidar_buildings.io.tiling.spool import RECORD
+
+#: Folder with the LAZ files.
+PLACED = "placed"
+_NAME = "points_{:05d}.laz"
+_SURVEY = "survey.json"
+
+
+def record_frame(folder: Path, tiling: LiveTilingConfig, given: MapFrame, frame: MapFrame) -> None:
+    """
+    Note what a feed must know to go on: where the map lies, as scans have it and as tiles have it.
+
+    Raises
+    ------
+    OutputError
+        If it cannot be written.
+    """
+    with atomic_file(folder / _SURVEY) as temporary:
+        temporary.write_text(json.dumps(_identity(tiling) | {"given": asdict(given), "frame": asdict(frame)}))
+
+
+def recorded_frame(folder: Path, tiling: LiveTilingConfig) -> tuple[MapFrame, MapFrame] | None:
+    """
+    Return what `record_frame` has noted, None if there is nothing.
+
+    Raises
+    ------
+    OutputError
+        If the folder is of a feed with other tiles.
+    """
+    try:
+        noted = json.loads((folder / _SURVEY).read_text())
+        own = {name: noted[name] for name in _identity(tiling)}
+        given, frame = (_frame_of(noted[name]) for name in ("given", "frame"))
+    except FileNotFoundError:
+        return None
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise OutputError(f"{folder / _SURVEY}: is not understood ({error}): remove the folder") from error
+    if own != _identity(tiling):
+        raise OutputError(
+            f"{folder}: holds points that are cut with {own}, not {_identity(tiling)}: give the same "
+            "parameters, or another folder as scan_assembler.spool"
+        )
+    return given, frame
+
+
+def write_placed_points(survey: LiveSurvey, folder: Path) -> None:
+    """
+    Write all points of a feed as LAZ files, file k those of source k, but for those that were full before.
+
+    Raises
+    ------
+    OutputError
+        If one cannot be written.
+    """
+    (folder / PLACED).mkdir(exist_ok=True)
+    for number in range(-(-survey.n_points // POINTS_PER_FILE)):
+        path = folder / PLACED / _NAME.format(number)
+        if path.exists() and (number + 1) * POINTS_PER_FILE <= survey.n_points and not _is_part(path):
+            continue
+        with atomic_file(path) as temporary:
+            file = PlacedLaz(temporary)
+            try:
+                file.place(survey.frame.crs, survey.frame.origin)
+                for records in survey.records(number):
+                    file.add(_scan_of(records))
+            finally:
+                file.close()
+
+
+def _is_part(path: Path) -> bool:
+    """Whether a file was written before it was full."""
+    import laspy
+
+    with laspy.open(path) as file:
+        return bool(file.header.point_count < POINTS_PER_FILE)
+
+
+def _scan_of(records: Any) -> PlacedScan:
+    points = np.column_stack([records[axis] for axis in "xyz"]).astype(np.float64)
+    names = [name for name in RECORD.names or () if name not in ("x", "y", "z", "source", "index")]
+    return PlacedScan(points, np.zeros(len(points), np.int64), {name: records[name] for name in names})
+
+
+def _identity(tiling: LiveTilingConfig) -> dict[str, float]:
+    return {name: getattr(tiling, name) for name in ("tile_size", "buffer", "max_buffer")}
+
+
+def _frame_of(noted: dict[str, Any]) -> MapFrame:
+    return MapFrame(**noted | {"origin": tuple(noted["origin"])})

@@ -1,0 +1,300 @@
+"""The points of a feed as they come, cut into tiles that are ready when the sensor has left them."""
+
+from __future__ import annotations
+
+import math
+import shutil
+import threading
+from collections import Counter, deque
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lidar_buildings.core.model.map_frame import MapFrame
+from lidar_buildings.core.model.tile import PointTile
+from lidar_buildings.core.scans.placing import PlacedScan
+from lidar_buildings.io.tiling.live_config import LiveTilingConfig
+from lidar_buildings.io.tiling.live_tile import MOST_REVISIONS, LiveTile, LiveTiles
+from lidar_buildings.io.tiling.point_log import PointLog, records_of
+from lidar_buildings.io.tiling.spool import Cell
+from lidar_buildings.io.tiling.tile_grid import Rectangle, TileGrid
+from lidar_buildings.io.tiling.tile_store import TilePlan, TileStore
+
+#: Points of a file when they are written as LAZ; `index` counts them anew in each.
+POINTS_PER_FILE = 5_000_000
+#: Points that are written together: fewer open each cell's file more often.
+_BATCH = 50_000
+#: Why points were left out.
+TOO_MANY = "a tile has more than max_tile_points"
+_CELLS = "cells"
+
+
+class LiveSurvey:
+    """
+    Takes placed scans, and says which tiles are ready.
+
+    A tile is ready when no point has fallen into it or its buffer for a while, or the sensor is far away. It
+    comes again as a later revision, with all its points, when more have come. Every point goes to the disk at
+    once, so memory holds a batch and what is known of the tiles.
+
+    Parameters
+    ----------
+    config : LiveTilingConfig
+        Size of tiles, and how long they are waited for.
+    frame : MapFrame
+        Where the map lies.
+    folder : Path
+        Where points are kept. A feed that was cut off goes on with those that are there.
+
+    Attributes
+    ----------
+    left_out : Counter
+        Reason → points that were left out.
+
+    Raises
+    ------
+    OutputError
+        If the folder cannot be used.
+    """
+
+    def __init__(self, config: LiveTilingConfig, frame: MapFrame, folder: Path) -> None:
+        self.config = config
+        self.frame = frame
+        self.left_out: Counter[str] = Counter()
+        self._grid = TileGrid.fitting(config.tile_size, config.buffer)
+        self._log = PointLog(folder)
+        self._cells = folder / _CELLS
+        shutil.rmtree(self._cells, ignore_errors=True)
+        self._lock = threading.RLock()
+        self._begin()
+        for records in self._log.blocks():
+            self._keep(records, -math.inf)
+        self._tiles.take_up({tuple(event["tile"]): event for event in self._log.events()})
+
+    def _begin(self) -> None:
+        """Be empty."""
+        self._cells.mkdir(exist_ok=True)
+        self._store = TileStore(self._grid, self.frame, self._cells)
+        self._tiles = LiveTiles(self._grid, self.config.buffer)
+        #: Tiles that wait to be sent or to be done; the first of these in their order; full ones.
+        self._under_way: set[Cell] = set()
+        self._ready: deque[Cell] = deque()
+        self._full: set[Cell] = set()
+        #: Tiles that a flush wants sent, and those that it has sent or found under way.
+        self._to_flush: set[Cell] = set()
+        self._in_flush: set[Cell] = set()
+        self._batch: list[PlacedScan] = []
+        self._sensor: NDArray[np.float64] | None = None
+
+    @property
+    def n_points(self) -> int:
+        """Points that were kept."""
+        return self._log.count
+
+    @property
+    def n_waiting(self) -> int:
+        """Tiles, roughly, that have points which are not sent, or not done; 0 if there is none."""
+        return len(self._tiles.changed) + len(self._under_way) + bool(self._batch)
+
+    @property
+    def n_tiles(self) -> int:
+        """Tiles that have points."""
+        return len(self._tiles)
+
+    def add(self, scan: PlacedScan, now: float) -> None:
+        """
+        Take a scan.
+
+        Parameters
+        ----------
+        scan : PlacedScan
+            Its points in the map.
+        now : float
+            The time by which tiles are waited for [s].
+
+        Raises
+        ------
+        OutputError
+            If the disk is full; the scan is kept in memory and written by the next call that can.
+        """
+        with self._lock:
+            self._batch.append(scan)
+            if scan.sensor is not None:
+                self._sensor = scan.sensor
+            if sum(len(one.points) for one in self._batch) >= _BATCH:
+                self._keep_batch(now)
+
+    @property
+    def is_flushed(self) -> bool:
+        """Whether what the last `flush` wanted is done."""
+        return not self._to_flush and not self._in_flush
+
+    def flush(self, now: float) -> None:
+        """
+        Have all tiles sent that have new points, whether they were left or not.
+
+        Raises
+        ------
+        OutputError
+            As `add`.
+        """
+        with self._lock:
+            self._keep_batch(now)
+            self._drop_unchanged()
+            self._to_flush = set(self._tiles.changed)
+            self._in_flush = self._under_way - self._to_flush
+
+    def tick(self, now: float) -> bool:
+        """
+        Make the tiles ready that were left; return whether any is.
+
+        Raises
+        ------
+        OutputError
+            As `add`.
+        """
+        with self._lock:
+            self._keep_batch(now)
+            self._drop_unchanged()
+            for place in sorted(self._tiles.changed - self._under_way):
+                if place in self._to_flush or self._is_left(self._tiles[place], now):
+                    self._in_flush |= self._to_flush & {place}
+                    self._to_flush.discard(place)
+                    self._tiles.changed.discard(place)
+                    self._under_way.add(place)
+                    self._ready.append(place)
+            return bool(self._ready)
+
+    def take(self) -> PointTile | None:
+        """Return the tile that is ready for the longest time, None if none is."""
+        with self._lock:
+            if not self._ready:
+                return None
+            tile = self._tiles[self._ready.popleft()]
+            tile.n_sent = self._store.count_in(tile.near)
+            tile.revision += 1
+            if tile.revision == 0:
+                self._store.learn_from_tile(self._plan(tile), self.config.buffer)
+            return self._store.tile(self._plan(tile), self.config.buffer)
+
+    def grown(self, sent: PointTile) -> PointTile | None:
+        """Return the tile once more with its buffer doubled, None if that brings no more points."""
+        with self._lock:
+            tile = self._tiles.of_stamp(sent.stamp)
+            if tile is None:
+                return None
+            plan, buffer = self._plan(tile), self.config.buffer
+            while buffer < self.config.max_buffer:
+                buffer = min(2 * buffer or self._grid.cell_size, self.config.max_buffer)
+                if self._store.count(plan, buffer) > len(sent):
+                    tile.revision += 1
+                    return self._store.tile(plan, buffer)
+            return None
+
+    def finish(self, stamp: int, *, is_done: bool = True) -> None:
+        """
+        Note that a tile is done, or was given up: it may come again.
+
+        Raises
+        ------
+        OutputError
+            If the disk is full.
+        """
+        with self._lock:
+            tile = self._tiles.of_stamp(stamp)
+            if tile is None:
+                return
+            tile.revision = max(tile.revision, stamp - tile.stamp)
+            self._under_way.discard(tile.place)
+            self._in_flush.discard(tile.place)
+            n_done = tile.n_sent if is_done else -1
+            event = {"tile": tile.place, "stamp": tile.stamp, "revision": tile.revision, "n_done": n_done}
+            self._log.note(event)
+
+    def records(self, number: int) -> Iterable[NDArray[Any]]:
+        """Read the points of file `number`, see `POINTS_PER_FILE`, some at a time."""
+        return self._log.blocks(number * POINTS_PER_FILE, (number + 1) * POINTS_PER_FILE)
+
+    def clear(self) -> None:
+        """Forget all points and tiles."""
+        with self._lock:
+            self._log.clear()
+            self._store.remove()
+            self._begin()
+
+    def close(self) -> None:
+        """Write what is in memory, and delete what can be made again."""
+        with self._lock:
+            try:
+                self._keep_batch(0.0)
+            finally:
+                shutil.rmtree(self._cells, ignore_errors=True)
+
+    def _drop_unchanged(self) -> None:
+        """Forget that tiles were touched which have no points that were not sent, or came too often."""
+        for place in self._tiles.changed - self._under_way:
+            tile = self._tiles[place]
+            if self._store.count_in(tile.near) == tile.n_sent or tile.revision >= MOST_REVISIONS:
+                self._tiles.changed.discard(place)
+
+    def _keep_batch(self, now: float) -> None:
+        """Write what has come."""
+        if not self._batch:
+            return
+        records = np.concatenate([records_of(scan) for scan in self._batch])
+        kept = self._with_room(records)
+        numbers = np.arange(self._log.count, self._log.count + len(kept))
+        kept["source"], kept["index"] = np.divmod(numbers, POINTS_PER_FILE)
+        self._log.append(kept)
+        try:
+            self._keep(kept, now)
+        except Exception:
+            self._log.take_back(len(kept))
+            raise
+        if len(kept) < len(records):
+            self.left_out[TOO_MANY] += len(records) - len(kept)
+        self._batch.clear()
+
+    def _keep(self, records: NDArray[Any], now: float) -> None:
+        """Put records into their cells, and note which tiles they touch."""
+        cells = self._cells_of(records)
+        touched = self._store.keep(cells, records)
+        for place in sorted(self._tiles.missing(touched)):
+            row = np.flatnonzero((cells // self._grid.cells_per_side == place).all(axis=1))[0]
+            self._tiles.make(place, float(records["gps_time"][row]))
+        self._tiles.touch(touched, now)
+        for place in {self._grid.tile_of(cell) for cell in touched}:
+            if self._store.count_in(self._tiles[place].block.cells) >= self.config.max_tile_points:
+                self._full.add(place)
+
+    def _with_room(self, records: NDArray[Any]) -> NDArray[Any]:
+        """Leave out what falls into a tile that is full."""
+        if not self._full:
+            return records
+        places = self._cells_of(records) // self._grid.cells_per_side
+        is_out = np.zeros(len(records), dtype=bool)
+        for place in self._full:
+            is_out |= (places == place).all(axis=1)
+        return records[~is_out]
+
+    def _cells_of(self, records: NDArray[Any]) -> NDArray[np.int64]:
+        """Return the cells of records: by what is written, so that it is the same when it is read again."""
+        x, y = (records[axis].astype(np.float64) + self.frame.origin[k] for k, axis in enumerate("xy"))
+        return self._grid.cells_at(np.column_stack([x, y]))
+
+    def _is_left(self, tile: LiveTile, now: float) -> bool:
+        """Whether the sensor has left a tile."""
+        if now - self._tiles.last_touched(tile) >= self.config.leave_after:
+            return True
+        if tile.revision >= 0 or self._sensor is None or not self.config.leave_distance:
+            return False
+        area = self._store.local_area(self._plan(tile), self.config.buffer).grown(self.config.leave_distance)
+        return not area.touches(Rectangle(*self._sensor[:2], *self._sensor[:2]))
+
+    def _plan(self, tile: LiveTile) -> TilePlan:
+        """Return what a tile is made of now."""
+        core = {cell: (0, count) for cell in tile.block.cells if (count := self._store.count_in([cell]))}
+        return TilePlan(tile.stamp + max(tile.revision, 0), tile.block, core, self._store.dark_limit)

@@ -1,0 +1,125 @@
+"""The tiles of a feed: which have points that were not sent, and how long none has fallen into them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Any
+
+from lidar_buildings.io.tiling.spool import Cell
+from lidar_buildings.io.tiling.tile_grid import Block, TileGrid
+from lidar_buildings.io.tiling.tile_stamps import STEP, stamp_of_number, stamp_of_time
+
+#: A tile comes again at most so often: its stamps leave room for no more revisions (`ros.stamps`), some of
+#: which it needs to grow.
+MOST_REVISIONS = 900
+
+
+@dataclass(eq=False)
+class LiveTile:
+    """
+    What is known of a tile.
+
+    Attributes
+    ----------
+    place : Cell
+        Its column and row in the grid.
+    stamp : int
+        Its key: the stamp of its first revision [ns].
+    block : Block
+        Its spool cells.
+    near : tuple of Cell
+        Its spool cells and those of its buffer.
+    n_sent : int
+        Points near it when it was sent last; −1 = never.
+    revision : int
+        Number of the last one that was sent; −1 = none was.
+    """
+
+    place: Cell
+    stamp: int
+    block: Block
+    near: tuple[Cell, ...]
+    n_sent: int = -1
+    revision: int = -1
+
+
+class LiveTiles:
+    """
+    All tiles of a feed.
+
+    Parameters
+    ----------
+    grid : TileGrid
+        Where tiles and spool cells lie.
+    buffer : float
+        Width of the strip of neighbours that comes with a tile [m].
+
+    Attributes
+    ----------
+    changed : set of Cell
+        Places of the tiles that have seen points since they were looked at.
+    """
+
+    def __init__(self, grid: TileGrid, buffer: float) -> None:
+        self._grid = grid
+        self._buffer = buffer
+        self._by_place: dict[Cell, LiveTile] = {}
+        self._by_stamp: dict[int, LiveTile] = {}
+        self._touched: dict[Cell, float] = {}
+        self.changed: set[Cell] = set()
+
+    def __len__(self) -> int:
+        """Return the number of tiles."""
+        return len(self._by_place)
+
+    def __getitem__(self, place: Cell) -> LiveTile:
+        """Return the tile of a place."""
+        return self._by_place[place]
+
+    def of_stamp(self, stamp: int) -> LiveTile | None:
+        """Return the tile of a stamp, whatever the revision."""
+        return self._by_stamp.get(stamp - stamp % STEP)
+
+    def missing(self, cells: Iterable[Cell]) -> set[Cell]:
+        """Return the places of the tiles of some cells that there are not yet."""
+        return {self._grid.tile_of(cell) for cell in cells} - self._by_place.keys()
+
+    def make(self, place: Cell, gps_time: float) -> None:
+        """Make a tile of which the first point has come; neighbours' points may have come before."""
+        block = self._grid.block_of(place)
+        near = tuple(self._grid.cells_touching(self._grid.area_of(block).buffered(self._buffer)))
+        stamp = stamp_of_time(gps_time, is_standard=True) or stamp_of_number(len(self) + 1)
+        tile = LiveTile(place, self._free(stamp), block, near)
+        self._by_place[place] = self._by_stamp[tile.stamp] = tile
+
+    def touch(self, cells: Iterable[Cell], now: float) -> None:
+        """Note that points fell into cells."""
+        k = self._grid.cells_per_side
+        reach = math.ceil(self._buffer / self._grid.cell_size) + 1
+        for cell in cells:
+            self._touched[cell] = now
+            columns, rows = (range((one - reach) // k, (one + reach) // k + 1) for one in cell)
+            seen = {(column, row) for column in columns for row in rows}
+            self.changed |= seen & self._by_place.keys()
+
+    def last_touched(self, tile: LiveTile) -> float:
+        """Return when a point has fallen into a tile or its buffer last."""
+        return max((self._touched.get(cell, -math.inf) for cell in tile.near), default=-math.inf)
+
+    def take_up(self, last: dict[Cell, dict[str, Any]]) -> None:
+        """Give tiles the stamps and revisions that they had in an earlier life."""
+        for place in last.keys() & self._by_place.keys():
+            tile, event = self._by_place[place], last[place]
+            tile.stamp, tile.revision, tile.n_sent = event["stamp"], event["revision"], event["n_done"]
+        self._by_stamp.clear()
+        for tile in sorted(self._by_place.values(), key=lambda one: (one.revision < 0, one.place)):
+            tile.stamp = self._free(tile.stamp)
+            self._by_stamp[tile.stamp] = tile
+
+    def _free(self, stamp: int) -> int:
+        """Return the next stamp that no tile has."""
+        while stamp in self._by_stamp:
+            stamp += STEP
+        return stamp

@@ -1,0 +1,122 @@
+"""All points of a feed in the order in which they came, on disk: what an interrupted feed goes on with."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lidar_buildings.core.scans.placing import PlacedScan
+from lidar_buildings.io.files.atomic_files import write_error
+from lidar_buildings.io.tiling.spool import BLOCK, RECORD, append_records
+from lidar_buildings.io.tiling.tile_stamps import gps_time_of
+
+_POINTS, _EVENTS = "points.log", "tiles.jsonl"
+
+
+class PointLog:
+    """
+    Records one after the other, and what became of tiles as lines of JSON beside them.
+
+    Parameters
+    ----------
+    folder : Path
+        Made if it is not there; what it holds is gone on with.
+
+    Attributes
+    ----------
+    count : int
+        Number of records.
+
+    Raises
+    ------
+    OutputError
+        If the folder cannot be used.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self._points, self._events = folder / _POINTS, folder / _EVENTS
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+            self._points.touch()
+            self.count = self._points.stat().st_size // RECORD.itemsize
+            with open(self._points, "r+b") as file:
+                file.truncate(self.count * RECORD.itemsize)  # a process that was killed leaves a part of one
+        except OSError as error:
+            raise write_error(folder, error) from error
+
+    def append(self, records: NDArray[Any]) -> None:
+        """
+        Add records.
+
+        Raises
+        ------
+        OutputError
+            If they cannot be written; then none is.
+        """
+        try:
+            append_records(self._points, self.count, records)
+        except OSError as error:
+            raise write_error(self._points, error) from error
+        self.count += len(records)
+
+    def take_back(self, n_records: int) -> None:
+        """Remove the last records."""
+        self.count -= n_records
+        with open(self._points, "r+b") as file:
+            file.truncate(self.count * RECORD.itemsize)
+
+    def blocks(self, first: int = 0, last: int | None = None) -> Iterator[NDArray[Any]]:
+        """Read the records `first` to `last`, some at a time."""
+        end = self.count if last is None else min(last, self.count)
+        while first < end:
+            n_records = min(BLOCK, end - first)
+            yield np.fromfile(self._points, RECORD, n_records, offset=first * RECORD.itemsize)
+            first += n_records
+
+    def note(self, event: dict[str, Any]) -> None:
+        """
+        Add an event.
+
+        Raises
+        ------
+        OutputError
+            If it cannot be written.
+        """
+        try:
+            with open(self._events, "a", encoding="utf-8") as file:
+                file.write(json.dumps(event) + "\n")
+        except OSError as error:
+            raise write_error(self._events, error) from error
+
+    def events(self) -> list[dict[str, Any]]:
+        """Return the events; a line that was cut off is none."""
+        found = []
+        for line in self._events.read_text(encoding="utf-8").splitlines() if self._events.exists() else ():
+            try:
+                event = json.loads(line)
+            except ValueError:
+                continue
+            if isinstance(event, dict):
+                found.append(event)
+        return found
+
+    def clear(self) -> None:
+        """Forget all."""
+        self.take_back(self.count)
+        self._events.unlink(missing_ok=True)
+
+
+def records_of(scan: PlacedScan) -> NDArray[Any]:
+    """Return a scan's points as they are kept."""
+    records = np.zeros(len(scan.points), RECORD)
+    records["x"], records["y"], records["z"] = scan.points.T
+    records["classification"] = 1
+    records["gps_time"] = gps_time_of(scan.times)
+    for name, values in scan.columns.items():
+        records[name] = values
+    return records

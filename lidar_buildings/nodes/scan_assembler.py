@@ -1,0 +1,124 @@
+"""Node `scan_assembler`."""
+
+from __future__ import annotations
+
+from importlib import import_module
+from importlib.util import find_spec
+from typing import Any
+
+from nav_msgs.msg import Odometry
+from rclpy.qos_overriding_options import QoSOverridingOptions
+from sensor_msgs.msg import NavSatFix, PointCloud2
+from std_srvs.srv import Trigger
+
+from lidar_buildings.core.model.tile import PointTile
+from lidar_buildings.io.tiling.live_feed import LiveFeed
+from lidar_buildings.nodes.configs import ScanAssemblerConfig
+from lidar_buildings.nodes.tile_sender import TileSender
+from lidar_buildings.ros.map_frames import FrameListener
+from lidar_buildings.ros.qos import LATCHED_HISTORY, SENSOR
+from lidar_buildings.ros.runner import run_node
+from lidar_buildings.ros.stamps import header_of
+
+
+class ScanAssembler(TileSender):
+    """Makes tiles of the scans of a moving sensor, and sends them into the graph."""
+
+    def __init__(self, **kwargs: Any) -> None:
+        super().__init__("scan_assembler", ScanAssemblerConfig, **kwargs)
+        config = self.parameters[ScanAssemblerConfig]
+        try:
+            self.tiles: LiveFeed = LiveFeed(config, config, config.given_frame())
+        except Exception:
+            self.destroy_node()
+            raise
+        self._n_flushed = 0
+        self._told: set[str] = set()
+        self._has_frame = False
+        self.begin()
+        self.create_service(Trigger, "~/flush", self.on_flush)
+        self.create_service(Trigger, "~/reset", self.on_reset)
+        FrameListener(self, self.tiles.add_frame)
+        self._subscribe_sensors()
+        self.tiles.start(self._wake.trigger)
+
+    def may_send(self, _: PointTile) -> bool:
+        """Whether tiles are sent at all: pause and step say so."""
+        return self._playback.is_due(0, 0.0)
+
+    def on_tick(self) -> None:
+        """Tell where the map lies and what is wrong, send what is due, and say when a flush is done."""
+        self._tell_of_problems()
+        if not self._has_frame and self.tiles.frame is not None:
+            self._has_frame = True
+            self.publish_frame(self.tiles.frame)
+        super().on_tick()
+        if self._n_flushed < self.tiles.n_flushed and not len(self._flow):
+            self._n_flushed = self.tiles.n_flushed
+            self._survey_done.publish(header_of(max({*self._done, *self._failed}, default=0)))
+
+    def on_all_done(self) -> None:
+        """Go on: a feed ends with the node only."""
+
+    def note_done(self, stamp: int) -> None:
+        """Note that a revision of a tile is done: it may come again."""
+        super().note_done(stamp)
+        self.tiles.finish(stamp)
+
+    def note_failed(self, stamp: int) -> None:
+        """Note that a tile was given up: it may come again, with more points."""
+        super().note_failed(stamp)
+        self.tiles.finish(stamp, is_done=False)
+
+    def on_flush(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        """Send all tiles that have new points."""
+        self.tiles.flush()
+        response.success, response.message = True, "survey_done follows the last tile"
+        return response
+
+    def on_reset(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        """Forget all points and tiles."""
+        self.tiles.reset()
+        self.forget_tiles()
+        response.success, response.message = True, "all points and tiles are forgotten"
+        return response
+
+    def destroy_node(self) -> None:
+        """Write what has come, and stop."""
+        if hasattr(self, "tiles"):
+            self.tiles.stop()
+        super().destroy_node()
+
+    def _subscribe_sensors(self) -> None:
+        """Listen to scans and poses, with the quality of service that parameters say."""
+        options = {"qos_overriding_options": QoSOverridingOptions.with_default_policies()}
+        feed = self.tiles
+        self.create_subscription(Odometry, "odometry", feed.add_odometry, SENSOR, **options)
+        self.create_subscription(NavSatFix, "fix", feed.add_fix, SENSOR, **options)
+        if find_spec("tf2_msgs") is not None:
+            kind = import_module("tf2_msgs.msg").TFMessage
+            self.create_subscription(
+                kind, "/tf_static", lambda one: feed.add_transforms(one, is_static=True), LATCHED_HISTORY
+            )
+            self.create_subscription(
+                kind, "/tf", lambda one: feed.add_transforms(one, is_static=False), SENSOR
+            )
+        else:
+            self.get_logger().info("tf2_msgs is not installed: poses come by odometry only")
+        self.create_subscription(PointCloud2, "scan", feed.add_scan, SENSOR, **options)
+
+    def _tell_of_problems(self) -> None:
+        """Log each problem once."""
+        for problem in [*self.tiles.problems, self.tiles.obstacle]:
+            if problem and problem not in self._told:
+                self._told.add(problem)
+                self.get_logger().error(problem)
+
+
+def main() -> int:
+    """Run the node."""
+    return run_node(ScanAssembler)
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())
