@@ -77,6 +77,7 @@ class BuildingTracer(StageNode):
     def _hand_on(self, stamp: int, traced: TracedTile) -> None:
         self._building_points.publish(traced.tile)
         self._traced.publish(stamp, outline_rings(traced.outlines))
+        self.summary.counts["buildings"] += len(traced.outlines)
 
     def _traced_tile(self, parts: Parts) -> TracedTile:
         config = self.parameters[FootprintNodeConfig]

@@ -97,6 +97,7 @@ class ModelBuilder(StageNode):
         faces = ((one.building_id, face) for one in models for face in one.model.roof_faces)
         self._roof_faces.publish(stamp, roof_rings(faces))
         self._publish_markers(stamp, models)
+        self.summary.count_buildings(one.attributes["status"] for one in models)
         if self._tile_done is not None:
             self._tile_done.publish(header_of(stamp))
 

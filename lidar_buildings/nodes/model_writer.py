@@ -218,6 +218,7 @@ class ModelWriter(StageNode):
     def _store(self, stamp: int, parts: Parts) -> None:
         self._write(parts)
         self._tile_done.publish(header_of(stamp))
+        self.summary.handed_on(stamp, len(self._clouds_of(parts)[0]))
 
     def _write(self, parts: Parts) -> None:
         classified, *roofs = self._clouds_of(parts)

@@ -35,6 +35,7 @@ class OutlineRegulariser(StageNode):
         )
         self._quality.publish(quality_message(stamp, outlines))
         self._outlines.publish(stamp, outline_rings(outlines))
+        self.summary.count_buildings(one.quality.status.value for one in outlines)
 
 
 def main() -> int:

@@ -31,7 +31,7 @@ class RunRecord:
     failed : set of int
         Stamps of the tiles that were given up.
     n_heard : int
-        Messages taken so far.
+        Statuses of tiles taken so far.
     """
 
     def __init__(self, parameters: Mapping[str, Any] = MappingProxyType({})) -> None:
@@ -43,12 +43,12 @@ class RunRecord:
         self._started = time.perf_counter()
 
     def add(self, message: DiagnosticArray) -> None:
-        """Take one node's status of one tile; a node's last status of a tile counts."""
-        self.n_heard += 1
+        """Take one node's status of one tile, the last of which counts; its summaries say nothing here."""
         for status in message.status:
             values = {pair.key: pair.value for pair in status.values}
             if status.name not in _NODES or "tile" not in values:
                 continue
+            self.n_heard += 1
             tile = tile_of(int(values["tile"]))
             if status.level == DiagnosticStatus.ERROR:
                 self._reasons[tile] = f"{status.name}: {status.message}"

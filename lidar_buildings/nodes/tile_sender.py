@@ -57,6 +57,7 @@ class TileSender(StageNode):
         self._flow = FlowControl(
             sending.max_tiles_in_flight, sending.tile_timeout, sending.max_attempts, lambda: self._time
         )
+        self.summary.watch(self._flow.gauges)
         self._watch = GraphWatch(self)
         #: Tile → the last revision of it that is done; tiles that were given up, or sent again.
         self._done: dict[int, int] = {}

@@ -34,7 +34,8 @@ DIAGNOSTICS = Topic(
     "diagnostics",
     "diagnostic_msgs/DiagnosticArray",
     "EVENT",
-    "per tile: seconds, points, what else the node counts, status, parameters as JSON",
+    "per tile (named as the node): seconds, points, what else the node counts, status, parameters as JSON; "
+    "once a second (`NODE: summary`): how the node gets on",
 )
 TILE_RECEIPT = Topic(
     "tile_receipt",

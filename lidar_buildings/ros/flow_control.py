@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.ros.receipts import FAILED, TAKEN, Receipt
@@ -34,6 +34,8 @@ class Flight:
         Whether a node has started since it was sent, so that it may be lost.
     has_failed : bool
         Whether a node could not handle it.
+    since : float
+        When its first revision was sent [s].
     """
 
     tile: PointTile
@@ -43,6 +45,7 @@ class Flight:
     has_ended_a_node: bool = False
     is_in_doubt: bool = False
     has_failed: bool = False
+    since: float = field(default_factory=time.monotonic)
 
     @property
     def counts(self) -> bool:
@@ -84,12 +87,28 @@ class FlowControl:
         self._now = now
         self._flights: dict[int, Flight] = {}
         self._at_work: dict[str, set[int]] = {}
-        self._n_sent = 0
+        self._n_sent = self._n_done = self._n_given_up = 0
+        self._latency = 0.0
         self._last_event = now()
 
     def __len__(self) -> int:
         """Return the number of tiles in flight."""
         return len(self._flights)
+
+    def gauges(self) -> dict[str, float]:
+        """
+        Return how it goes.
+
+        `latency` is the time from sending to done of the tile that was done last, `silence` that since a node
+        has said something [s].
+        """
+        return {
+            "tiles_in_flight": len(self._flights),
+            "tiles_done": self._n_done,
+            "tiles_given_up": self._n_given_up,
+            "latency": self._latency,
+            "silence": self._now() - self._last_event,
+        }
 
     @property
     def is_counting(self) -> bool:
@@ -114,9 +133,9 @@ class FlowControl:
         """Note that a tile was sent, for the first time or with other points or bounds."""
         if self.is_counting:
             before = self._flights.get(tile_of(tile.stamp))
-            self._flights[tile_of(tile.stamp)] = Flight(
-                tile, self._n_sent, 1 if before is None else before.attempt
-            )
+            flight = self._flights[tile_of(tile.stamp)] = Flight(tile, self._n_sent)
+            if before is not None:
+                flight.attempt, flight.since = before.attempt, before.since
             self._note_event()
 
     def done(self, stamp: int) -> bool:
@@ -124,6 +143,8 @@ class FlowControl:
         done = self._flights.pop(tile_of(stamp), None)
         if done is None:
             return False
+        self._latency = time.monotonic() - done.since
+        self._n_done += 1
         for flight in self._flights.values():
             flight.is_lost |= flight.order < done.order and not self.is_held(flight.tile.stamp)
         self._last_event = self._now()
@@ -158,7 +179,8 @@ class FlowControl:
         """Return the flights that are lost and get another attempt, as flights that begin anew."""
         late = [one for one in self._flights.values() if self._is_due(one) and not self._is_over(one)]
         for one in late:
-            self._flights[tile_of(one.tile.stamp)] = Flight(one.tile, self._n_sent, one.attempt + one.counts)
+            again = Flight(one.tile, self._n_sent, one.attempt + one.counts, since=one.since)
+            self._flights[tile_of(one.tile.stamp)] = again
             self._note_event()
         return [self._flights[tile_of(one.tile.stamp)] for one in late]
 
@@ -173,6 +195,7 @@ class FlowControl:
         ]
         for stamp in lost:
             del self._flights[tile_of(stamp)]
+        self._n_given_up += len(lost)
         return lost
 
     def forget(self) -> list[int]:

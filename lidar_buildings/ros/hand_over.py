@@ -86,10 +86,13 @@ class _Outlet:
         Whose publisher it is.
     publisher : Publisher
         For listeners elsewhere.
+    note : callable
+        Called with the stamp and the number of points of what is handed on.
     """
 
-    def __init__(self, node: Node, publisher: Publisher) -> None:
+    def __init__(self, node: Node, publisher: Publisher, note: Callable[[int, int], None]) -> None:
         self._publisher = publisher
+        self._note = note
         self._context = node.context
 
     def _hand_on(self, stamp: int, item: Any, messages: Callable[[], Iterable[Any]]) -> None:
@@ -107,6 +110,7 @@ class TileOutlet(_Outlet):
 
     def publish(self, tile: PointTile) -> None:
         """Hand a tile on."""
+        self._note(tile.stamp, len(tile))
         self._hand_on(tile.stamp, tile, lambda: [to_message(tile)])
 
 
@@ -115,4 +119,5 @@ class RingOutlet(_Outlet):
 
     def publish(self, stamp: int, rings: Rings) -> None:
         """Hand the rings of a tile on."""
+        self._note(stamp, 0)
         self._hand_on(stamp, rings, lambda: ring_messages(stamp, rings))

@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-import json
 import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass, field
 from typing import Any
 
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from geometry_msgs.msg import PolygonInstanceStamped
 from rclpy.node import Node
 from rclpy.subscription import Subscription
@@ -19,38 +16,16 @@ from sensor_msgs.msg import PointCloud2
 from lidar_buildings.core.model.errors import LidarBuildingsError
 from lidar_buildings.core.model.parameters import StageConfig
 from lidar_buildings.core.model.tile import PointTile
+from lidar_buildings.ros.diagnostics import Diagnostics, TileReport
 from lidar_buildings.ros.hand_over import Inbox, RingOutlet, TileOutlet
 from lidar_buildings.ros.parameters import NodeParameters
 from lidar_buildings.ros.point_cloud import from_message
 from lidar_buildings.ros.polygons import Rings
-from lidar_buildings.ros.qos import BUILDING, CLOUD, EVENT
+from lidar_buildings.ros.qos import BUILDING, CLOUD
 from lidar_buildings.ros.receipts import DONE, FAILED, READY, TAKEN, ReceiptSender
 from lidar_buildings.ros.ring_collector import RingCollector
-from lidar_buildings.ros.stamps import header_of, to_stamp
+from lidar_buildings.ros.stamps import to_stamp
 from lidar_buildings.ros.tile_info import TileInfos
-
-
-@dataclass
-class TileReport:
-    """
-    A node's report of a tile in `diagnostics`.
-
-    Attributes
-    ----------
-    stamp : int
-        The tile's key [ns].
-    n_points : int
-        Points that came in.
-    warnings : list of str
-        What was wrong but did not keep the tile.
-    counts : dict
-        What the node counted beside points, by name.
-    """
-
-    stamp: int
-    n_points: int = 0
-    warnings: list[str] = field(default_factory=list)
-    counts: dict[str, int] = field(default_factory=dict)
 
 
 class StageNode(Node):
@@ -74,6 +49,8 @@ class StageNode(Node):
         Done when the node has nothing more to do, or cannot go on.
     exit_status : int
         What its process ends with.
+    summary : NodeSummary
+        How it gets on, as `diagnostics` tells once a second.
 
     Raises
     ------
@@ -91,7 +68,8 @@ class StageNode(Node):
         except LidarBuildingsError:
             self.destroy_node()
             raise
-        self._diagnostics = self.create_publisher(DiagnosticArray, "diagnostics", EVENT)
+        self._diagnostics = Diagnostics(self, self.parameters.as_dict)
+        self.summary = self._diagnostics.summary
         self._receipts = ReceiptSender(self)
         self.tile_infos: TileInfos | None = None
 
@@ -155,11 +133,13 @@ class StageNode(Node):
 
     def create_tile_outlet(self, topic: str) -> TileOutlet:
         """Return what hands tiles on under a topic."""
-        return TileOutlet(self, self.create_publisher(PointCloud2, topic, CLOUD))
+        publisher = self.create_publisher(PointCloud2, topic, CLOUD)
+        return TileOutlet(self, publisher, self.summary.handed_on)
 
     def create_ring_outlet(self, topic: str) -> RingOutlet:
         """Return what hands rings on under a topic."""
-        return RingOutlet(self, self.create_publisher(PolygonInstanceStamped, topic, BUILDING))
+        publisher = self.create_publisher(PolygonInstanceStamped, topic, BUILDING)
+        return RingOutlet(self, publisher, self.summary.handed_on)
 
     def destroy_node(self) -> None:
         """Let nothing more be handed to the node."""
@@ -187,46 +167,29 @@ class StageNode(Node):
         report = TileReport(stamp)
         if not quiet:
             self._receipts.send(TAKEN, stamp)
+            self._diagnostics.begin_tile(stamp)
         started = time.perf_counter()
+        failure = ""
         try:
             yield report
         except Exception as error:
-            self._report_failure(report, error)
-        else:
-            if report.warnings:
-                self.get_logger().warning(f"tile {stamp}: {'; '.join(report.warnings)}")
-            if not quiet:
-                level = DiagnosticStatus.WARN if report.warnings else DiagnosticStatus.OK
-                text = "; ".join(report.warnings) or "done"
-                self._publish_status(report, level, text, time.perf_counter() - started)
-                self._receipts.send(DONE, stamp)
+            failure = _reason(error)
+            self.get_logger().error(f"tile {stamp}: {failure}: the tile is not handed on")
+        if report.warnings:
+            self.get_logger().warning(f"tile {stamp}: {'; '.join(report.warnings)}")
+        if failure or not quiet:
+            self._diagnostics.end_tile(report, failure, time.perf_counter() - started)
+            self._receipts.send(FAILED if failure else DONE, stamp)
 
     def fail(self, error: Exception) -> None:
         """End the node: it cannot go on."""
+        self.summary.problem = _reason(error)
+        self._diagnostics.publish_summary()
         if not self.outcome.done():
             self.outcome.set_exception(error)
 
-    def _report_failure(self, report: TileReport, error: Exception) -> None:
-        """Say in one line why a tile is not handed on."""
-        words = " ".join(str(error).split())
-        reason = words if isinstance(error, LidarBuildingsError) else f"{type(error).__name__}: {words}"
-        self.get_logger().error(f"tile {report.stamp}: {reason}: the tile is not handed on")
-        self._publish_status(report, DiagnosticStatus.ERROR, reason, 0.0)
-        self._receipts.send(FAILED, report.stamp)
 
-    def _publish_status(self, report: TileReport, level: bytes, text: str, seconds: float) -> None:
-        values = {
-            "tile": str(report.stamp),
-            "seconds": f"{seconds:.6f}",
-            "points": str(report.n_points),
-            **{name: str(count) for name, count in report.counts.items()},
-            "parameters": json.dumps(self.parameters.as_dict()),
-        }
-        status = DiagnosticStatus(
-            level=level,
-            name=self.get_name(),
-            message=text,
-            hardware_id=self.get_fully_qualified_name(),
-            values=[KeyValue(key=key, value=value) for key, value in values.items()],
-        )
-        self._diagnostics.publish(DiagnosticArray(header=header_of(report.stamp), status=[status]))
+def _reason(error: Exception) -> str:
+    """Say in one line what went wrong."""
+    words = " ".join(str(error).split())
+    return words if isinstance(error, LidarBuildingsError) else f"{type(error).__name__}: {words}"

@@ -222,3 +222,18 @@ def test_a_recording_goes_on_from_where_it_was_paused(clock):
     playback.resume()
     assert playback.is_due(5 * SECOND, 1.0)
     assert not playback.is_due(6 * SECOND, 1.0)
+
+
+def test_it_is_told_how_it_goes(flow, clock):
+    flow.sent(tile(A))
+    flow.sent(tile(B))
+    flow.hear(Receipt("a", "life", FAILED, B))
+    clock.time += 3.0
+    assert flow.gauges()["silence"] == 3.0
+    assert flow.given_up() == [B]
+    assert (flow.gauges()["tiles_in_flight"], flow.gauges()["latency"]) == (1, 0.0)
+    flow.done(A)
+    told = flow.gauges()
+    assert (told["tiles_in_flight"], told["tiles_done"], told["tiles_given_up"]) == (0, 1, 1)
+    assert told["latency"] > 0.0
+    assert told["silence"] == 0.0

@@ -1,0 +1,120 @@
+"""How a node gets on: counts, and the level by what happened last."""
+
+import time
+
+import pytest
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+
+from lidar_buildings.core.model.errors import OutputError
+from lidar_buildings.ros.composition import Composition
+from lidar_buildings.ros.node_summary import ERROR, OK, WARN, NodeSummary
+from lidar_buildings.ros.qos import EVENT
+from lidar_buildings.ros.stage_node import StageNode
+
+TILE = 1_000_000_000
+
+
+class Watch:
+    def __init__(self):
+        self.now = 100.0
+
+    def __call__(self):
+        return self.now
+
+
+@pytest.fixture
+def clock():
+    return Watch()
+
+
+@pytest.fixture
+def summary(clock):
+    return NodeSummary(clock)
+
+
+def work(summary, stamp=TILE, n_points=10, seconds=0.5):
+    summary.taken(stamp)
+    summary.ended(stamp, n_points, seconds)
+
+
+def test_a_tile_that_comes_in_parts_is_one_and_its_seconds_add_up(summary, clock):
+    work(summary)
+    work(summary, n_points=0, seconds=0.25)
+    summary.handed_on(TILE, 4)
+    summary.handed_on(TILE, 0)
+    clock.now += 3.0
+    level, message, values = summary.state()
+    assert (level, message) == (OK, "idle")
+    assert (values["tiles_in"], values["points_in"], values["tiles_out"], values["points_out"]) == (
+        1,
+        10,
+        1,
+        4,
+    )
+    assert (values["seconds_last_tile"], values["seconds"], values["input_age"]) == (0.75, 0.75, 3.0)
+    work(summary, 2 * TILE)
+    assert summary.state().values["seconds_last_tile"] == 0.5
+    assert summary.state().values["tiles_in"] == 2
+
+
+def test_what_is_worked_on_is_said(summary):
+    summary.taken(TILE)
+    state = summary.state()
+    assert (state.message, state.values["tiles_in_hand"]) == (f"at work on tile {TILE}", 1)
+
+
+def test_a_warning_and_a_failed_tile_count_for_a_minute_the_worse_first(summary, clock):
+    summary.failed("no disk")
+    clock.now += 30.0
+    summary.warned("points left out")
+    assert summary.state()[:2] == (ERROR, "no disk")
+    clock.now += 31.0
+    assert summary.state()[:2] == (WARN, "points left out")
+    clock.now += 30.0
+    assert summary.state().level == OK
+    assert summary.state().values["tiles_failed"] == 1
+
+
+def test_silence_matters_only_while_something_is_in_flight(summary):
+    gauges = {"tiles_in_flight": 0, "silence": 45.0}
+    summary.watch(lambda: gauges)
+    assert summary.state().level == OK
+    gauges["tiles_in_flight"] = 2
+    assert summary.state()[:2] == (WARN, "nothing was heard of the tiles in flight for 45 s")
+
+
+def test_many_tiles_take_no_more_memory(summary):
+    for number in range(1000):
+        work(summary, number * TILE)
+    assert summary.state().values["tiles_in"] == 1000
+    assert len(summary._seen["tiles_in"]) < 300
+
+
+class Worker(StageNode):
+    def __init__(self, **kwargs):
+        super().__init__("worker", {}, **kwargs)
+
+
+@pytest.mark.graph
+def test_a_node_tells_how_it_gets_on_apart_from_its_tiles_and_at_once_when_it_cannot(context):
+    worker, listener = Worker(context=context), Worker(context=context)
+    heard = []
+    listener.create_subscription(DiagnosticArray, "diagnostics", lambda m: heard.extend(m.status), EVENT)
+    composition = Composition(listener)
+    composition.start()
+    with worker.reporting(TILE) as report:
+        report.n_points = 7
+    worker.summary.count_buildings(["ok", "no_solid", "ok"])
+    worker.fail(OutputError("a.bag: cannot be written"))
+    end = time.monotonic() + 60
+    while len(heard) < 3 and time.monotonic() < end:
+        time.sleep(0.01)
+    composition.stop()
+    worker.destroy_node()
+    begun, tile, broken = heard[:3]
+    assert [one.name for one in (begun, tile, broken)] == ["worker: summary", "worker", "worker: summary"]
+    assert begun.message == f"at work on tile {TILE}"
+    assert (broken.level, broken.message) == (DiagnosticStatus.ERROR, "a.bag: cannot be written")
+    values = {pair.key: pair.value for pair in broken.values}
+    assert (values["points_in"], values["buildings_ok"], values["buildings_no_solid"]) == ("7", "2", "1")
+    assert "tile" not in values
