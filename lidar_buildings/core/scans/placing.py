@@ -27,7 +27,7 @@ NO_POSES = "poses that are none (not finite, off the Earth, no rotation)"
 CLOCK_SET_BACK = "times that the clock was set back"
 #: Poses are kept so long before the scan that was placed last [ns]: one may come so much later than others.
 _KEPT_POSES = 10_000_000_000
-#: Points that are placed at once: each takes a matrix.
+#: Points that are placed at once: each takes a pose.
 _BATCH = 1_000_000
 #: Scans among which one that comes twice is found: minutes to an hour.
 _MAX_MARKS = 10_000
@@ -228,11 +228,10 @@ class ScanPlacer:
         poses = self.tree.poses(scan.frame, target, times)
         is_known = poses.is_known[row]
         self._leave_out(NO_POSE, len(row) - np.count_nonzero(is_known))
-        matrices, points = poses.rotation.as_matrix(), np.empty_like(scan.points)
+        points = np.empty_like(scan.points)
         for begin in range(0, len(row), _BATCH):
             own = slice(begin, begin + _BATCH)
-            turned = np.einsum("nij,nj->ni", matrices[row[own]], scan.points[own])
-            points[own] = turned + poses.translation[row[own]]
+            points[own] = poses.of_rows(row[own]).apply(scan.points[own])
         columns = {name: values[is_known] for name, values in scan.columns.items()}
         sensor = poses.translation[poses.is_known][-1:]
         return PlacedScan(points[is_known], scan.times[is_known], columns, sensor[0] if len(sensor) else None)

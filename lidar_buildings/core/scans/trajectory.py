@@ -9,6 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from lidar_buildings.core.scans.quaternions import conjugate, product, rotated
+
 _NANOSECONDS = 1e9
 #: Nothing on or near the Earth has a greater coordinate in any reference system [m].
 MAX_COORDINATE = 1e8
@@ -28,32 +30,41 @@ class Poses(NamedTuple):
     ----------
     translation : ndarray of shape (n, 3)
         Position of the frame's origin [m].
-    rotation : Rotation
-        n rotations from the frame into the other one.
+    quaternion : ndarray of shape (n, 4)
+        x, y, z, w of the rotations from the frame into the other one.
     is_known : ndarray of bool, shape (n,)
         Whether there is a pose at that time.
     """
 
     translation: NDArray[np.float64]
-    rotation: Rotation
+    quaternion: NDArray[np.float64]
     is_known: NDArray[np.bool_]
+
+    @property
+    def rotation(self) -> Rotation:
+        """The rotations."""
+        return Rotation.from_quat(self.quaternion)
+
+    def of_rows(self, rows: NDArray[np.intp]) -> Poses:
+        """Return some of them."""
+        return Poses(self.translation[rows], self.quaternion[rows], self.is_known[rows])
 
     def after(self, first: Poses) -> Poses:
         """Return the poses of `first`'s frame in the frame that these lead to."""
         return Poses(
-            self.translation + self.rotation.apply(first.translation),
-            self.rotation * first.rotation,
+            self.apply(first.translation),
+            product(self.quaternion, first.quaternion),
             self.is_known & first.is_known,
         )
 
     def inverted(self) -> Poses:
         """Return the poses the other way round."""
-        back = self.rotation.inv()
-        return Poses(-back.apply(self.translation), back, self.is_known)
+        back = conjugate(self.quaternion)
+        return Poses(-rotated(back, self.translation), back, self.is_known)
 
     def apply(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
         """Turn points of the frame, one per pose, into the other frame."""
-        return self.rotation.apply(points) + self.translation
+        return rotated(self.quaternion, points) + self.translation
 
 
 class Pose(NamedTuple):
@@ -71,8 +82,10 @@ class Pose(NamedTuple):
     def at(self, times: NDArray[np.int64]) -> Poses:
         """Return the pose for each time."""
         n = len(times)
-        rotation = Rotation.from_quat(np.tile(self.quaternion, (n, 1)))
-        return Poses(np.tile(self.translation, (n, 1)), rotation, np.ones(n, dtype=np.bool_))
+        quaternion = np.array(self.quaternion) / math.hypot(*self.quaternion)
+        return Poses(
+            np.tile(self.translation, (n, 1)), np.tile(quaternion, (n, 1)), np.ones(n, dtype=np.bool_)
+        )
 
 
 class Trajectory:
@@ -157,13 +170,15 @@ class Trajectory:
             is_inside & (is_filled | is_exact),
         )
 
-    def _attitudes(self, left: NDArray[np.intp], share: NDArray[np.float64]) -> Rotation:
+    def _attitudes(self, left: NDArray[np.intp], share: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return attitudes at shares of the ways from poses to the next ones."""
-        first, row = np.unique(left, return_inverse=True)
-        start = Rotation.from_quat(self._poses[first, 3:])
-        end = Rotation.from_quat(self._poses[np.minimum(first + 1, len(self._poses) - 1), 3:])
-        turn = (start.inv() * end).as_rotvec()
-        return start[row] * Rotation.from_rotvec(share[:, None] * turn[row])
+        start = self._poses[left, 3:]
+        turn = product(conjugate(start), self._poses[np.minimum(left + 1, len(self._poses) - 1), 3:])
+        turn *= np.where(turn[:, 3:] < 0, -1.0, 1.0)  # the shorter way
+        sine = np.linalg.norm(turn[:, :3], axis=1)
+        half = share * np.arctan2(sine, turn[:, 3])
+        scale = np.divide(np.sin(half), sine, out=np.zeros(len(left)), where=sine > 0)
+        return product(start, np.column_stack([scale[:, None] * turn[:, :3], np.cos(half)]))
 
     def _sort_in(self) -> None:
         """Put the new poses where they belong."""
@@ -171,6 +186,7 @@ class Trajectory:
             return
         stamps = np.concatenate([self._stamps, np.array([stamp for stamp, _ in self._new], dtype=np.int64)])
         new = np.array([(*pose.translation, *pose.quaternion) for _, pose in self._new], dtype=np.float64)
+        new[:, 3:] /= np.linalg.norm(new[:, 3:], axis=1, keepdims=True)
         order = np.argsort(stamps, kind="stable")
         is_last = np.append(np.diff(stamps[order]) > 0, True)
         kept = order[is_last][-MAX_POSES:]

@@ -116,7 +116,8 @@ class TransformTree:
         common = next((frame for frame in up if frame in down), None)
         if common is None:
             raise KeyError(f"no transform leads from {source} to {target}")
-        return self._to(target, common, times).inverted().after(self._to(source, common, times))
+        poses = self._to(source, common, times)
+        return poses if common == down[0] else self._to(target, common, times).inverted().after(poses)
 
     def _is_taken(self, child: str, pose: Pose) -> bool:
         """Whether a pose is one, and of a frame that is known or one of not too many; counted if not."""
@@ -125,11 +126,12 @@ class TransformTree:
         return is_taken
 
     def _to(self, frame: str, ancestor: str, times: NDArray[np.int64]) -> Poses:
-        poses, frame = _NO_MOVE.at(times), frame_name(frame)
+        poses, frame = None, frame_name(frame)
         while frame != frame_name(ancestor):
-            poses = self._edges[frame].at(times).after(poses)
+            edge = self._edges[frame].at(times)
+            poses = edge if poses is None else edge.after(poses)
             frame = self._parents[frame]
-        return poses
+        return poses or _NO_MOVE.at(times)
 
     def _way_up(self, frame: str) -> list[str]:
         """Return a frame and its ancestors; a loop, which no tree has, ends the way."""
