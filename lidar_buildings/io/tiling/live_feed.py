@@ -258,7 +258,7 @@ class LiveFeed:
         self._keep_placed(is_end=True)
         self._settle_frame(math.inf)
         if self._survey is not None:
-            self._survey.flush(time.monotonic())
+            self._survey.flush()
             self._is_flushing = True
         else:
             self.n_flushed += 1

@@ -34,7 +34,7 @@ _CELLS = "cells"
 
 class LiveSurvey:
     """
-    Takes placed scans, and says which tiles are ready.
+    Takes placed scans, and gives out tiles.
 
     A tile is ready when no point has fallen into it or its buffer for a while, or the sensor is far away. It
     comes again as a later revision, with all its points, when more have come. Every point goes to the disk at
@@ -87,7 +87,13 @@ class LiveSurvey:
         self._to_flush: set[Cell] = set()
         self._in_flush: set[Cell] = set()
         self._batch: list[PlacedScan] = []
+        self._arrived = -math.inf
         self._sensor: NDArray[np.float64] | None = None
+
+    @property
+    def n_tiles(self) -> int:
+        """Tiles that have points."""
+        return len(self._tiles)
 
     @property
     def n_points(self) -> int:
@@ -98,11 +104,6 @@ class LiveSurvey:
     def n_waiting(self) -> int:
         """Tiles, roughly, that have points which are not sent, or not done; 0 if there is none."""
         return len(self._tiles.changed) + len(self._under_way) + bool(self._batch)
-
-    @property
-    def n_tiles(self) -> int:
-        """Tiles that have points."""
-        return len(self._tiles)
 
     def add(self, scan: PlacedScan, now: float) -> None:
         """
@@ -122,27 +123,20 @@ class LiveSurvey:
         """
         with self._lock:
             self._batch.append(scan)
-            if scan.sensor is not None:
-                self._sensor = scan.sensor
+            self._arrived = now
+            self._sensor = self._sensor if scan.sensor is None else scan.sensor
             if sum(len(one.points) for one in self._batch) >= _BATCH:
-                self._keep_batch(now)
+                self._keep_batch()
 
     @property
     def is_flushed(self) -> bool:
         """Whether what the last `flush` wanted is done."""
         return not self._to_flush and not self._in_flush
 
-    def flush(self, now: float) -> None:
-        """
-        Have all tiles sent that have new points, whether they were left or not.
-
-        Raises
-        ------
-        OutputError
-            As `add`.
-        """
+    def flush(self) -> None:
+        """Have all tiles sent that have new points; errors as of `add`."""
         with self._lock:
-            self._keep_batch(now)
+            self._keep_batch()
             self._drop_unchanged()
             self._to_flush = set(self._tiles.changed)
             self._in_flush = self._under_way - self._to_flush
@@ -157,7 +151,7 @@ class LiveSurvey:
             As `add`.
         """
         with self._lock:
-            self._keep_batch(now)
+            self._keep_batch()
             self._drop_unchanged()
             for place in sorted(self._tiles.changed - self._under_way):
                 if place in self._to_flush or self._is_left(self._tiles[place], now):
@@ -229,7 +223,7 @@ class LiveSurvey:
         """Write what is in memory, and delete what can be made again."""
         with self._lock:
             try:
-                self._keep_batch(0.0)
+                self._keep_batch()
             finally:
                 shutil.rmtree(self._cells, ignore_errors=True)
 
@@ -240,7 +234,7 @@ class LiveSurvey:
             if self._store.count_in(tile.near) == tile.n_sent or tile.revision >= MOST_REVISIONS:
                 self._tiles.changed.discard(place)
 
-    def _keep_batch(self, now: float) -> None:
+    def _keep_batch(self) -> None:
         """Write what has come."""
         if not self._batch:
             return
@@ -250,7 +244,7 @@ class LiveSurvey:
         kept["source"], kept["index"] = np.divmod(numbers, POINTS_PER_FILE)
         self._log.append(kept)
         try:
-            self._keep(kept, now)
+            self._keep(kept, self._arrived)
         except Exception:
             self._log.take_back(len(kept))
             raise
@@ -291,8 +285,9 @@ class LiveSurvey:
             return True
         if tile.revision >= 0 or self._sensor is None or not self.config.leave_distance:
             return False
-        area = self._store.local_area(self._plan(tile), self.config.buffer).grown(self.config.leave_distance)
-        return not area.touches(Rectangle(*self._sensor[:2], *self._sensor[:2]))
+        area = self._store.local_area(self._plan(tile), self.config.buffer)
+        x, y = self._sensor[:2]
+        return not area.grown(self.config.leave_distance).touches(Rectangle(x, y, x, y))
 
     def _plan(self, tile: LiveTile) -> TilePlan:
         """Return what a tile is made of now."""

@@ -1,0 +1,254 @@
+"""Messages of a feed become tiles; where the map lies is found out; what is wrong with them is told."""
+
+import threading
+from types import SimpleNamespace
+
+import laspy
+import numpy as np
+import pyproj
+import pytest
+from support.scan_messages import SECOND, T0, header, odometry, scan
+
+from lidar_buildings.core.model.errors import OutputError
+from lidar_buildings.core.model.map_frame import MapFrame
+from lidar_buildings.core.scans.config import ScanConfig
+from lidar_buildings.core.scans.placing import ScanPlacer
+from lidar_buildings.io.tiling import live_feed, live_files
+from lidar_buildings.io.tiling.live_config import LiveTilingConfig
+from lidar_buildings.io.tiling.live_feed import TOO_FAST, LiveFeed
+from lidar_buildings.io.tiling.live_frame import Fix, FrameSearch, frame_by_fix, moved_origin
+
+FAR_LATER = 3600.0
+
+
+class Running:
+    """A feed whose tiles are done as they come."""
+
+    def __init__(self, folder="", frame=None, scans=None, **tiling):
+        config = LiveTilingConfig(
+            tile_size=40.0, buffer=5.0, leave_after=FAR_LATER, spool=str(folder), **tiling
+        )
+        self._news = threading.Condition()
+        self.feed = LiveFeed(config, scans or ScanConfig(), frame)
+        self.tiles = []
+
+    def __enter__(self):
+        self.feed.start(self._wake)
+        return self
+
+    def __exit__(self, *_):
+        self.feed.stop()
+
+    def _wake(self):
+        with self._news:
+            self._news.notify_all()
+
+    def flush(self):
+        """Take all tiles that there are."""
+        n_before = self.feed.n_flushed
+        self.feed.flush()
+        while self.feed.n_flushed == n_before:
+            assert self.feed.error is None
+            tile = self.feed.take()
+            if tile is not None:
+                self.tiles.append(tile)
+                self.feed.finish(tile.stamp)
+                continue
+            with self._news:
+                self._news.wait(0.05)
+        return self.tiles
+
+
+def points(n_points=500, seed=0, at=(20.0, 20.0, 2.0)):
+    random = np.random.default_rng(seed)
+    return random.uniform(-5.0, 5.0, (n_points, 3)) + np.array(at)
+
+
+def core(tiles):
+    return sum(int(np.count_nonzero(tile.buffer == 0)) for tile in tiles)
+
+
+def fix(stamp, latitude, longitude, altitude, status=0):
+    return SimpleNamespace(
+        header=header(stamp, "gps"),
+        status=SimpleNamespace(status=status),
+        latitude=latitude,
+        longitude=longitude,
+        altitude=altitude,
+    )
+
+
+def test_scans_and_poses_become_tiles_and_files_of_all_points(tmp_path):
+    with Running(tmp_path, MapFrame("EPSG:28992", (1000.0, 2000.0, 0.0))) as run:
+        for k in range(4):
+            run.feed.add_odometry(odometry(T0 + k * SECOND // 10, (10.0 * k, 0.0, 0.0), frame="map"))
+        run.feed.add_scan(scan(T0, points()))
+        run.feed.add_scan(scan(T0 + SECOND // 10, points(seed=1)))
+        tiles = run.flush()
+    assert core(tiles) == 1000
+    assert {tile.frame.crs for tile in tiles} == {"EPSG:28992"}
+    saved = laspy.read(tmp_path / "placed" / "points_00000.laz")
+    assert len(saved) == 1000
+    merged = np.concatenate([tile.points[tile.buffer == 0] for tile in tiles])
+    index = np.concatenate([tile.index[tile.buffer == 0] for tile in tiles])
+    at = merged[np.argsort(index)] + [1000.0, 2000.0, 0.0]
+    np.testing.assert_allclose(saved.xyz, at, atol=0.001)
+
+
+def test_scans_of_the_map_need_no_pose_and_nobody_tells_where_it_lies():
+    with Running() as run:
+        run.feed.add_scan(scan(T0, points(), frame="map"))
+        tiles = run.flush()
+        assert run.feed.frame == MapFrame()
+    assert core(tiles) == 500
+    assert not run.feed.folder.exists(), "a temporary folder goes with its feed"
+
+
+def test_a_feed_goes_on_where_it_was_cut_off(tmp_path):
+    first = Running(tmp_path, MapFrame("EPSG:28992", (1000.0, 2000.0, 0.0)))
+    with first:
+        first.feed.add_scan(scan(T0, points(), frame="map"))
+        (tile,) = first.flush()
+    with Running(tmp_path) as second:
+        assert second.feed.frame == MapFrame("EPSG:28992", (1000.0, 2000.0, 0.0))
+        assert second.flush() == [], "what was done is not sent again"
+        second.feed.add_scan(scan(T0 + SECOND, points(seed=1), frame="map"))
+        (again,) = second.flush()
+    assert again.stamp == tile.stamp + 1
+    assert core([again]) == 1000
+
+
+def test_a_folder_of_other_tiles_is_refused(tmp_path):
+    with Running(tmp_path) as run:
+        run.feed.add_scan(scan(T0, points(), frame="map"))
+        run.flush()
+    config = LiveTilingConfig(tile_size=50.0, spool=str(tmp_path))
+    with pytest.raises(OutputError, match=r"tile_size.*scan_assembler\.spool"):
+        LiveFeed(config, ScanConfig())
+    (tmp_path / "survey.json").write_text("{}")
+    with pytest.raises(OutputError, match="not understood"):
+        LiveFeed(config, ScanConfig())
+
+
+def test_what_cannot_be_read_is_told_and_the_rest_goes_on():
+    with Running() as run:
+        broken = scan(T0, points(), frame="map")
+        broken.data = broken.data[:-10]
+        run.feed.add_scan(broken)
+        run.feed.add_scan(scan(T0 + 1, points(), frame="map"))
+        tiles = run.flush()
+        counts = run.feed.counts()
+    assert core(tiles) == 500
+    assert counts["scans"] == 2
+    assert counts["scans that cannot be read"] == 1
+    assert any("bytes of data" in problem for problem in run.feed.problems)
+
+
+def test_scans_without_any_pose_are_counted_at_the_end():
+    with Running() as run:
+        run.feed.add_scan(scan(T0, points()))
+        assert run.flush() == []
+        counts = run.feed.counts()
+    assert counts["left out: no pose leads from their frame to another one"] == 500
+
+
+def test_scans_beyond_what_memory_is_meant_for_are_counted(monkeypatch):
+    monkeypatch.setattr(live_feed, "_MOST_QUEUED", 1200)
+    run = Running()  # not started: nothing is taken out
+    for k in range(3):
+        run.feed.add_scan(scan(T0 + k, points(), frame="map"))
+    assert run.feed.counts()[f"left out: {TOO_FAST}"] == 500
+    with run:
+        assert core(run.flush()) == 1000
+
+
+def test_reset_forgets_points_and_tiles():
+    with Running() as run:
+        run.feed.add_scan(scan(T0, points(), frame="map"))
+        run.flush()
+        run.feed.reset()
+        run.feed.add_scan(scan(T0, points(400), frame="map"))
+        assert core(run.flush()) == 900
+        assert run.feed.tile_count == 1
+
+
+def test_full_files_are_not_written_again(tmp_path, monkeypatch):
+    for module in (live_files, live_feed.LiveSurvey.records.__globals__):
+        if isinstance(module, dict):
+            monkeypatch.setitem(module, "POINTS_PER_FILE", 400)
+        else:
+            monkeypatch.setattr(module, "POINTS_PER_FILE", 400)
+    with Running(tmp_path) as run:
+        run.feed.add_scan(scan(T0, points(), frame="map"))
+        run.flush()
+        first, second = sorted((tmp_path / "placed").iterdir())
+        times = first.stat().st_mtime_ns, second.stat().st_mtime_ns
+        run.feed.add_scan(scan(T0 + 1, points(100, seed=1), frame="map"))
+        tiles = run.flush()
+    assert first.stat().st_mtime_ns == times[0]
+    assert second.stat().st_mtime_ns != times[1]
+    assert [len(laspy.read(path)) for path in (first, second)] == [400, 200]
+    assert sorted(set(tiles[-1].source.tolist())) == [0, 1]
+
+
+def placer_at(place):
+    placer = ScanPlacer()
+    placer.add_odometry(odometry(T0, place, frame="odom", child="base_link"))
+    return placer
+
+
+@pytest.mark.parametrize(
+    ("latitude", "longitude", "crs"),
+    [(52.0, 4.4, "EPSG:32631"), (-33.9, 151.2, "EPSG:32756"), (10.0, 180.0, "EPSG:32660")],
+)
+def test_a_fix_says_where_the_map_lies(latitude, longitude, crs):
+    place = (12.0, -7.0, 1.5)
+    frame = frame_by_fix(Fix(T0, latitude, longitude, 44.0), placer_at(place))
+    assert frame.crs == crs
+    back = pyproj.Transformer.from_crs(crs, "EPSG:4326", always_xy=True)
+    x, y, z = frame.to_source(np.array([place]))[0]
+    np.testing.assert_allclose(back.transform(x, y), (longitude, latitude), atol=1e-7)
+    assert z == pytest.approx(44.0)
+
+
+def test_a_fix_without_a_pose_says_nothing():
+    assert frame_by_fix(Fix(T0 + 10 * SECOND, 52.0, 4.4, 0.0), placer_at((0, 0, 0))) is None
+    assert frame_by_fix(Fix(T0, 52.0, 4.4, 0.0), ScanPlacer()) is None
+
+
+@pytest.mark.parametrize("wrong", [{"status": -1}, {"latitude": np.nan}, {"longitude": 400.0}])
+def test_a_message_without_position_is_no_fix(wrong):
+    values = {"latitude": 52.0, "longitude": 4.4, "altitude": 0.0} | wrong
+    assert Fix.of(fix(T0, **values)) is None
+
+
+def test_where_the_map_lies_is_waited_for_and_then_taken_as_it_is():
+    search = FrameSearch(None)
+    assert search.settled(ScanPlacer(), 100.0, 10) is None
+    assert search.settled(ScanPlacer(), 101.9, 10) is None
+    assert search.settled(ScanPlacer(), 102.0, 10) == MapFrame()
+    told = FrameSearch(None)
+    assert told.settled(ScanPlacer(), 0.0, 10) is None
+    told.take_frame(MapFrame("EPSG:28992", (1.0, 2.0, 3.0)))
+    assert told.settled(ScanPlacer(), 0.1, 10) == MapFrame("EPSG:28992", (1.0, 2.0, 3.0))
+    by_fix = FrameSearch(None)
+    by_fix.take_fix(fix(T0, 52.0, 4.4, 0.0))
+    assert by_fix.settled(placer_at((0.0, 0.0, 0.0)), 0.0, 10).crs == "EPSG:32631"
+    assert FrameSearch(None).settled(ScanPlacer(), 0.0, 10_000_000) == MapFrame(), "memory is bounded"
+
+
+def test_an_origin_far_away_is_moved_so_that_float32_suffices():
+    near = MapFrame("EPSG:28992", (10.0, 20.0, 30.0))
+    assert moved_origin(near, np.array([40_000.0, -40_000.0, 0.0])) == near
+    far = moved_origin(MapFrame("EPSG:28992"), np.array([85_321.0, 447_890.0, 3.0]))
+    assert far.origin == (85_000.0, 448_000.0, 0.0)
+
+
+def test_scans_far_from_the_origin_keep_their_millimetres():
+    places = points(at=(85_320.0, 447_890.0, 3.0))
+    with Running(scans=ScanConfig(georeferenced=True)) as run:
+        run.feed.add_scan(scan(T0, places, kind="<f8"))
+        tiles = run.flush()
+    found = np.concatenate([tile.frame.to_source(tile.points[tile.buffer == 0]) for tile in tiles])
+    index = np.concatenate([tile.index[tile.buffer == 0] for tile in tiles])
+    np.testing.assert_allclose(found[np.argsort(index)], places, atol=2e-4)

@@ -1,0 +1,242 @@
+"""Points of a feed become tiles when the sensor has left them, again when more come, and are never lost."""
+
+import errno
+
+import numpy as np
+import pytest
+
+from lidar_buildings.core.model.errors import OutputError
+from lidar_buildings.core.model.map_frame import MapFrame
+from lidar_buildings.core.scans.placing import PlacedScan
+from lidar_buildings.io.tiling import live_survey, point_log, spool
+from lidar_buildings.io.tiling.live_config import LiveTilingConfig
+from lidar_buildings.io.tiling.live_survey import TOO_MANY, LiveSurvey
+
+SIDE = 40.0
+CONFIG = LiveTilingConfig(tile_size=SIDE, buffer=6.0, max_buffer=12.0, leave_after=5.0)
+FRAME = MapFrame("EPSG:28992", (80.0, -200.0, 3.0))
+T0 = 1_700_000_000_000_000_000
+
+
+def scan_at(x, y, n_points=300, seed=0, spread=3.0, sensor=None):
+    """A scan around a place of the map."""
+    random = np.random.default_rng(seed)
+    points = random.uniform([x - spread, y - spread, 0.0], [x + spread, y + spread, 5.0], (n_points, 3))
+    times = T0 + np.arange(n_points, dtype=np.int64) * 1000
+    columns = {"intensity": random.uniform(0, 255, n_points).astype(np.float32)}
+    return PlacedScan(points.astype(np.float32).astype(np.float64), times, columns, sensor)
+
+
+@pytest.fixture
+def survey(tmp_path):
+    return LiveSurvey(CONFIG, FRAME, tmp_path / "feed")
+
+
+def tiles_of(survey):
+    found = []
+    while (tile := survey.take()) is not None:
+        found.append(tile)
+    return found
+
+
+def core_of(tiles):
+    return np.concatenate([tile.points[tile.buffer == 0] for tile in tiles])
+
+
+def sorted_rows(points):
+    return points[np.lexsort(points.T)]
+
+
+def test_a_tile_is_ready_when_no_point_has_fallen_into_it_for_a_while(survey):
+    survey.add(scan_at(20, 20), 0.0)
+    assert not survey.tick(4.9)
+    assert survey.tick(5.0)
+    (tile,) = tiles_of(survey)
+    assert tile.stamp // 1000 == T0 // 1000
+    assert tile.point_spacing is not None
+    assert tile.frame == FRAME
+    np.testing.assert_array_equal(sorted_rows(tile.points), sorted_rows(scan_at(20, 20).points))
+
+
+def test_points_in_the_buffer_keep_a_tile_waiting(survey):
+    survey.add(scan_at(20, 20), 0.0)
+    survey.tick(0.0)
+    survey.add(scan_at(43, 20, spread=2.0), 4.0)  # of its neighbour, and seen by both
+    survey.tick(4.0)
+    assert not survey.tick(5.0)
+    assert survey.tick(9.0)
+    first, second = sorted(tiles_of(survey), key=lambda tile: tile.points[tile.buffer == 0][:, 0].mean())
+    assert np.count_nonzero(first.buffer) > 0
+    assert len(core_of([first, second])) == 600
+
+
+def test_a_tile_comes_again_as_the_next_revision_with_all_its_points(survey):
+    survey.add(scan_at(20, 20), 0.0)
+    survey.tick(5.0)
+    (first,) = tiles_of(survey)
+    survey.add(scan_at(20, 20, seed=1), 6.0)
+    survey.tick(20.0)
+    assert tiles_of(survey) == [], "not while the first is under way"
+    survey.finish(first.stamp)
+    assert survey.tick(20.0)
+    (second,) = tiles_of(survey)
+    assert second.stamp == first.stamp + 1
+    assert len(second) == 600
+    survey.finish(second.stamp)
+    assert not survey.tick(1000.0)
+    assert survey.n_waiting == 0
+
+
+def test_it_comes_again_when_only_its_buffer_has_changed(survey):
+    survey.add(scan_at(20, 20), 0.0)
+    survey.tick(5.0)
+    (first,) = tiles_of(survey)
+    survey.finish(first.stamp)
+    survey.add(scan_at(43, 20, spread=2.0), 6.0)
+    survey.tick(11.0)
+    assert {tile.stamp - first.stamp for tile in tiles_of(survey)} >= {1}
+
+
+def test_a_far_sensor_ends_the_waiting_once(tmp_path):
+    config = LiveTilingConfig(tile_size=SIDE, buffer=6.0, leave_after=100.0, leave_distance=50.0)
+    survey = LiveSurvey(config, FRAME, tmp_path)
+    survey.add(scan_at(20, 20, sensor=np.array([20.0, 20.0, 2.0])), 0.0)
+    assert not survey.tick(1.0)
+    survey.add(scan_at(20, 20, seed=1, sensor=np.array([20.0, 120.0, 2.0])), 2.0)
+    assert survey.tick(2.0)
+    (tile,) = tiles_of(survey)
+    survey.finish(tile.stamp)
+    survey.add(scan_at(20, 20, seed=2, sensor=np.array([20.0, 130.0, 2.0])), 3.0)
+    assert not survey.tick(3.0), "a later revision waits for silence: single far points would repeat it"
+    assert survey.tick(103.0)
+
+
+def test_a_flush_sends_all_and_is_done_when_they_are(survey):
+    survey.add(scan_at(20, 20), 0.0)
+    survey.add(scan_at(140, 20), 0.0)
+    survey.flush()
+    assert not survey.is_flushed
+    assert survey.tick(0.0)
+    tiles = tiles_of(survey)
+    assert len(tiles) == 2
+    survey.finish(tiles[0].stamp)
+    assert not survey.is_flushed
+    survey.finish(tiles[1].stamp, is_done=False)
+    assert survey.is_flushed
+
+
+def test_the_flush_of_a_tile_under_way_that_has_changed_waits_for_its_next_revision(survey):
+    survey.add(scan_at(20, 20), 0.0)
+    survey.tick(5.0)
+    (first,) = tiles_of(survey)
+    survey.add(scan_at(20, 20, seed=1), 6.0)
+    survey.flush()
+    survey.finish(first.stamp)
+    assert not survey.is_flushed
+    assert survey.tick(6.0)
+    (second,) = tiles_of(survey)
+    survey.finish(second.stamp)
+    assert survey.is_flushed
+
+
+def test_a_larger_buffer_brings_more_points_until_there_are_none(survey):
+    survey.add(scan_at(20, 20), 0.0)
+    survey.add(scan_at(50, 20, spread=1.0), 0.0)  # beyond the first buffer
+    survey.tick(5.0)
+    tile = min(tiles_of(survey), key=lambda one: one.points[one.buffer == 0][:, 0].mean())
+    grown = survey.grown(tile)
+    assert len(grown) > len(tile)
+    assert survey.grown(grown) is None
+    survey.finish(tile.stamp + 1)  # the sender counts a grown one as a revision
+    survey.add(scan_at(20, 20, seed=3), 20.0)
+    survey.tick(30.0)
+    assert 2 in {one.stamp - tile.stamp for one in tiles_of(survey)}
+
+
+def test_an_interrupted_feed_goes_on_with_what_was_not_done(survey, tmp_path):
+    survey.add(scan_at(20, 20), 0.0)
+    survey.add(scan_at(140, 20), 0.0)
+    survey.add(scan_at(260, 20), 0.0)
+    survey.tick(5.0)
+    done, under_way, _ = tiles_of(survey)
+    survey.finish(done.stamp)
+    # nothing is closed: as after SIGKILL; and a record was being written
+    with open(tmp_path / "feed" / "points.log", "ab") as file:
+        file.write(b"half a record")
+    with open(tmp_path / "feed" / "tiles.jsonl", "a") as file:
+        file.write('{"tile": [0, 0], "sta')
+    second = LiveSurvey(CONFIG, FRAME, tmp_path / "feed")
+    assert second.n_points == 900
+    assert second.tick(0.0)
+    again = tiles_of(second)
+    assert len(again) == 2
+    assert done.stamp not in {tile.stamp for tile in again}
+    assert under_way.stamp in {tile.stamp for tile in again}
+    second.add(scan_at(20, 20, seed=5), 1.0)
+    second.tick(6.0)
+    assert [tile.stamp for tile in tiles_of(second)] == [done.stamp + 1]
+
+
+def test_tiles_are_the_same_after_an_interruption(survey, tmp_path):
+    scans = [scan_at(x, y, seed=int(x + y)) for x in (10, 38, 70) for y in (5, 41)]
+    for one in scans:
+        survey.add(one, 0.0)
+    survey.tick(5.0)
+    before = {tile.stamp: tile for tile in tiles_of(survey)}
+    second = LiveSurvey(CONFIG, FRAME, tmp_path / "feed")
+    second.tick(5.0)
+    after = {tile.stamp: tile for tile in tiles_of(second)}
+    assert before.keys() == after.keys()
+    for stamp, tile in before.items():
+        np.testing.assert_array_equal(tile.points, after[stamp].points)
+        np.testing.assert_array_equal(tile.index, after[stamp].index)
+        np.testing.assert_array_equal(tile.buffer, after[stamp].buffer)
+
+
+@pytest.mark.parametrize("module", [point_log, spool])
+def test_points_wait_in_memory_while_the_disk_is_full(survey, monkeypatch, module):
+    survey.add(scan_at(20, 20), 0.0)
+    survey.tick(0.0)
+    write = module.append_records
+    room = iter([True, False])
+
+    def full(path, n_before, records):
+        if not next(room, False):
+            raise OSError(errno.ENOSPC, "No space left on device")
+        write(path, n_before, records)
+
+    if module is point_log:
+        next(room)  # the log is written in one piece, cells in several
+    monkeypatch.setattr(module, "append_records", full)
+    survey.add(scan_at(41, 41, seed=1), 1.0)
+    for _ in range(2):
+        with pytest.raises(OutputError, match="No space left"):
+            survey.tick(1.0)
+    monkeypatch.setattr(module, "append_records", write)
+    survey.tick(6.0)
+    assert survey.n_points == 600
+    assert len(core_of(tiles_of(survey))) == 600
+
+
+def test_a_tile_that_is_full_takes_no_more_and_the_points_are_counted(tmp_path, monkeypatch):
+    monkeypatch.setattr(live_survey, "_BATCH", 1)
+    config = LiveTilingConfig(tile_size=SIDE, buffer=6.0, max_tile_points=1000)
+    survey = LiveSurvey(config, FRAME, tmp_path)
+    for seed in range(5):
+        survey.add(scan_at(20, 20, seed=seed), 0.0)
+    survey.add(scan_at(140, 20), 0.0)
+    assert survey.left_out == {TOO_MANY: 300}
+    assert survey.n_points == 1500
+
+
+def test_reset_forgets_all(survey, tmp_path):
+    survey.add(scan_at(20, 20), 0.0)
+    survey.tick(5.0)
+    tiles_of(survey)
+    survey.clear()
+    assert survey.n_points == survey.n_waiting == survey.n_tiles == 0
+    survey.add(scan_at(20, 20, seed=1), 6.0)
+    survey.tick(11.0)
+    (tile,) = tiles_of(survey)
+    assert len(tile) == 300
+    assert LiveSurvey(CONFIG, FRAME, tmp_path / "feed").n_points == 300
