@@ -135,17 +135,43 @@ def _inspect(options: argparse.Namespace) -> int:
 
 
 def _add_simulate(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--output", required=True, type=Path, metavar="DIR", help="folder for the survey")
+    switch = argparse.BooleanOptionalAction
+    parser.add_argument("--output", type=Path, metavar="DIR", help="folder for the survey and its truth")
     parser.add_argument("--scene", default="village", metavar="NAME", help="which scene (default: village)")
     parser.add_argument(
         "--seed", type=int, default=0, metavar="N", help="seed of everything random (default: 0)"
     )
     parser.add_argument("--density", type=float, metavar="D", help="points per square metre")
     parser.add_argument("--overwrite", action="store_true", help="replace what is in DIR")
+    parser.add_argument("--live", action="store_true", help="publish scans and poses in real time")
+    parser.add_argument("--bag", type=Path, metavar="DIR", help="write scans and poses into a bag of ROS 2")
+    parser.add_argument(
+        "--bag-storage", choices=("mcap", "sqlite3"), default="mcap", help="kind of the bag (default: mcap)"
+    )
+    parser.add_argument(
+        "--scanner",
+        choices=("airborne", "vehicle"),
+        default="airborne",
+        help="what carries the scanner (default: airborne)",
+    )
+    parser.add_argument("--pulse-rate", type=float, metavar="N", help="pulses a second of the live scanner")
+    parser.add_argument(
+        "--tf", action=switch, default=True, help="live: tell poses and mounting by /tf and /tf_static, too"
+    )
+    parser.add_argument("--fix", action="store_true", help="live: publish NavSatFix instead of map_origin")
+    parser.add_argument(
+        "--wait", action=switch, default=True, help="live: begin when somebody subscribes to the scans"
+    )
+    parser.add_argument("--reliable", action="store_true", help="live: send scans again that got lost")
+    parser.add_argument("--namespace", metavar="NAME", help="live: ROS namespace of the node (default: none)")
     parser.set_defaults(command=_simulate)
 
 
 def _simulate(options: argparse.Namespace) -> int:
+    if options.live or options.bag or options.pulse_rate is not None or options.scanner == "vehicle":
+        from lidar_buildings.commands.simulate_live import simulate_live_command
+
+        return simulate_live_command(options)
     from lidar_buildings.simulation.command import simulate_command
 
     return simulate_command(options)

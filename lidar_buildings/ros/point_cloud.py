@@ -69,7 +69,7 @@ def cloud_message(stamp: int, rows: NDArray[Any], *, is_dense: bool = True) -> P
         row_step=rows.dtype.itemsize * width,
         is_dense=is_dense,
     )
-    _fill(message, rows)
+    fill(message, rows)
     return message
 
 
@@ -99,7 +99,7 @@ def from_message(message: PointCloud2) -> CloudReading:
     return CloudReading(PointTile(points, stamp=stamp, **known), n_dropped)
 
 
-def _fill(message: PointCloud2, rows: NDArray[Any]) -> None:
+def fill(message: PointCloud2, rows: NDArray[Any]) -> None:
     """
     Give the message its bytes without copying them.
 

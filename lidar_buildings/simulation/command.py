@@ -6,8 +6,11 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from lidar_buildings.core.model.errors import OutputError
+from lidar_buildings.core.model.errors import OutputError, ParameterError
 from lidar_buildings.simulation import simulate_survey
+
+#: What is wrong where nothing would be made.
+NOWHERE = "simulate: nothing says where to: give --output DIR, --live or --bag DIR"
 
 
 def simulate_command(options: argparse.Namespace) -> int:
@@ -19,9 +22,11 @@ def simulate_command(options: argparse.Namespace) -> int:
     OutputError
         If the folder holds something and may not be replaced, or cannot be written.
     ParameterError
-        If there is no such scene, or a value is out of range.
+        If there is no such scene, a value is out of range, or the folder is missing.
     """
-    _check_folder(options.output, options.overwrite)
+    if options.output is None:
+        raise ParameterError(NOWHERE)
+    check_folder(options.output, options.overwrite)
     parameters: dict[str, Any] = {} if options.density is None else {"density": options.density}
     survey = simulate_survey(options.output, options.scene, options.seed, **parameters)
     rate = survey.n_points / max(survey.seconds, 1e-9)
@@ -34,7 +39,8 @@ def simulate_command(options: argparse.Namespace) -> int:
     return 0
 
 
-def _check_folder(folder: Path, overwrite: bool) -> None:
+def check_folder(folder: Path, overwrite: bool) -> None:
+    """Refuse a folder for a survey that holds something, unless that may be replaced."""
     try:
         is_full = folder.is_dir() and any(folder.iterdir())
     except OSError as error:

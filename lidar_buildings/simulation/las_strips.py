@@ -25,24 +25,52 @@ TRUTH_DIMENSIONS = {
 }
 
 
+class StripFile:
+    """
+    A strip's file that grows; `classification` is 1 throughout.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    frame : MapFrame
+        Where the scene lies.
+    """
+
+    def __init__(self, path: Path, frame: MapFrame) -> None:
+        self._frame = frame
+        stream = open(path, "wb")  # noqa: SIM115
+        self._writer = laspy.LasWriter(stream, _header(frame), do_compress=True, closefd=True)
+
+    def add(self, strip: StripPoints) -> None:
+        """Write points."""
+        record = laspy.ScaleAwarePointRecord.zeros(len(strip.points), header=self._writer.header)
+        record.x, record.y, record.z = self._frame.to_source(strip.points).T
+        record.intensity = strip.intensity
+        record.return_number = strip.return_number
+        record.number_of_returns = strip.number_of_returns
+        record.scan_direction_flag = strip.scan_direction
+        record.edge_of_flight_line = strip.edge_of_flight_line
+        record.classification = np.full(len(strip.points), int(PointClass.UNCLASSIFIED), dtype=np.uint8)
+        record.scan_angle = np.round(strip.scan_angle / ANGLE_UNIT).astype(np.int16)
+        record.point_source_id = strip.point_source_id
+        record.gps_time = strip.gps_time
+        for name, (_, member, _) in TRUTH_DIMENSIONS.items():
+            record[name] = getattr(strip, member)
+        self._writer.write_points(record)
+
+    def close(self) -> None:
+        """Complete the file."""
+        self._writer.close()
+
+
 def write_strip(path: Path, strip: StripPoints, frame: MapFrame) -> None:
-    """Write one strip; `classification` is 1 throughout."""
-    las = laspy.LasData(_header(frame))
-    las.points = laspy.ScaleAwarePointRecord.zeros(len(strip.points), header=las.header)
-    las.xyz = frame.to_source(strip.points)
-    las.intensity = strip.intensity
-    las.return_number = strip.return_number
-    las.number_of_returns = strip.number_of_returns
-    las.scan_direction_flag = strip.scan_direction
-    las.edge_of_flight_line = strip.edge_of_flight_line
-    las.classification = np.full(len(strip.points), int(PointClass.UNCLASSIFIED), dtype=np.uint8)
-    las.scan_angle = np.round(strip.scan_angle / ANGLE_UNIT).astype(np.int16)
-    las.point_source_id = strip.point_source_id
-    las.gps_time = strip.gps_time
-    for name, (_, member, _) in TRUTH_DIMENSIONS.items():
-        las[name] = getattr(strip, member)
-    with open(path, "wb") as stream:
-        las.write(stream, do_compress=True)
+    """Write one strip."""
+    file = StripFile(path, frame)
+    try:
+        file.add(strip)
+    finally:
+        file.close()
 
 
 def _header(frame: MapFrame) -> laspy.LasHeader:

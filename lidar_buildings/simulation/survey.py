@@ -119,21 +119,27 @@ def simulate_survey(
     """
     begin = time.perf_counter()
     virtual, config, output = make_scene(scene, seed), _replaced(config, parameters), Path(output)
-    _make_folder(output)
+    make_folder(output)
     files, n_points = [], 0
     for strip in scan(virtual, seed, config):
         files.append(output / STRIP_NAME.format(len(files) + 1))
         with atomic_file(files[-1], WRITE_ERRORS) as part:
             write_strip(part, strip, virtual.frame)
         n_points += len(strip.points)
+    truth_files = write_truth(output, virtual)
+    remove_surplus(output, files)
+    seconds = time.perf_counter() - begin
+    return SurveySummary(tuple(files), truth_files, n_points, len(virtual.buildings), seconds)
+
+
+def write_truth(output: Path, scene: VirtualScene) -> tuple[Path, Path]:
+    """Write what is true of a scene into a folder; return the GeoPackage and the CityJSONSeq."""
     layers, model = output / LAYERS_NAME, output / CITY_MODEL_NAME
     with atomic_file(layers, WRITE_ERRORS) as part:
-        write_truth_layers(part, virtual)
+        write_truth_layers(part, scene)
     with atomic_file(model) as part:
-        write_truth_city_model(part, virtual)
-    _remove_surplus(output, files)
-    seconds = time.perf_counter() - begin
-    return SurveySummary(tuple(files), (layers, model), n_points, len(virtual.buildings), seconds)
+        write_truth_city_model(part, scene)
+    return layers, model
 
 
 def simulate_tile(
@@ -181,14 +187,15 @@ def _replaced(config: SimulationConfig, parameters: dict[str, Any]) -> Simulatio
     return replace(config, **parameters)
 
 
-def _make_folder(folder: Path) -> None:
+def make_folder(folder: Path) -> None:
+    """Make the folder of a survey unless it is there."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise write_error(folder, error) from error
 
 
-def _remove_surplus(output: Path, files: list[Path]) -> None:
+def remove_surplus(output: Path, files: list[Path]) -> None:
     """Remove the strips that an earlier survey with more strips left."""
     for path in output.iterdir():
         if re.fullmatch(r"strip_\d{2,}\.laz", path.name) and path not in files:

@@ -11,12 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lidar_buildings.core.model.errors import ParameterError
-from lidar_buildings.io.tiling.tile_stamps import stamp_of_time
 from lidar_buildings.simulation.config import SimulationConfig
 from lidar_buildings.simulation.flight import TAKE_OFF, Strip, plan_flight
 from lidar_buildings.simulation.live.live_survey import (
-    SCAN_RATE,
     SECOND,
+    TAKE_OFF_STAMP,
     LiveSurvey,
     Scan,
     mounting_pose,
@@ -35,6 +34,8 @@ AIRCRAFT = Sway(
 )
 #: Poses a second, as an inertial unit tells them.
 POSE_RATE = 200.0
+#: Clouds a second: small ones, which pass through shared memory.
+SCAN_RATE = 50.0
 #: Turns are cut to this [s], more than any reader fills between two poses.
 TURN = 5.0
 #: What the driver sends of each return: name → type. The time is absolute [s].
@@ -126,7 +127,7 @@ def _timed(strips: tuple[Strip, ...], pulse_rate: float | None) -> list[Strip]:
 
 def _leg(strip: Strip) -> Leg:
     lever_arm = mounting_pose(MOUNTING).translation
-    stamp = stamp_of_time(strip.start_time, is_standard=True)
+    stamp = TAKE_OFF_STAMP + round((strip.start_time - TAKE_OFF) * SECOND)
     return Leg(
         strip.number, strip.start, strip.heading, strip.speed, strip.duration, stamp, AIRCRAFT, lever_arm
     )

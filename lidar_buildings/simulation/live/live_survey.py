@@ -18,8 +18,8 @@ from lidar_buildings.simulation.scene import VirtualScene
 #: Frames of the poses and of the scans.
 MAP, BODY, SENSOR = "map", "base_link", "lidar"
 SECOND = 1_000_000_000
-#: Scans a second, of both scanners.
-SCAN_RATE = 10.0
+#: When every survey begins, Unix time [ns]: `flight.TAKE_OFF`.
+TAKE_OFF_STAMP = 1_714_986_000 * SECOND
 
 
 @dataclass(frozen=True, eq=False)

@@ -176,5 +176,5 @@ class LiveMessages:
 
 def _layout(dtype: np.dtype[Any]) -> list[tuple[str, int, int]]:
     """Return name, offset and number of the type of each field."""
-    members = dtype.fields or {}
+    members: Any = dtype.fields
     return [(name, members[name][1], _CODES[members[name][0]]) for name in dtype.names or ()]

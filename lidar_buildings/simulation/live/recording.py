@@ -2,11 +2,21 @@
 
 from __future__ import annotations
 
+from contextlib import AbstractContextManager
 from pathlib import Path
 
 from lidar_buildings.io.bags.bag_writer import BagWriter
+from lidar_buildings.io.files.atomic_files import atomic_file
+from lidar_buildings.simulation.las_strips import StripFile
 from lidar_buildings.simulation.live.live_survey import BodyPose, LiveSurvey, Scan
 from lidar_buildings.simulation.live.messages import LATCHED, TYPES, LiveMessages, Told
+from lidar_buildings.simulation.survey import (
+    STRIP_NAME,
+    WRITE_ERRORS,
+    make_folder,
+    remove_surplus,
+    write_truth,
+)
 
 
 class SurveyBag:
@@ -24,6 +34,11 @@ class SurveyBag:
     with_tf, with_fix : bool
         As for `LiveMessages`.
 
+    Attributes
+    ----------
+    files : list of Path
+        The bag.
+
     Raises
     ------
     OutputError
@@ -39,22 +54,87 @@ class SurveyBag:
         with_tf: bool = True,
         with_fix: bool = False,
     ) -> None:
+        self.files = [path]
         self._bag = BagWriter(path, storage, latched={_absolute(topic) for topic in LATCHED})
         self._messages = LiveMessages(survey, self._bag.make, with_tf=with_tf, with_fix=with_fix)
         for told in self._messages.opening():
             self._write(told, survey.legs[0].stamp)
+
+    def __enter__(self) -> SurveyBag:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._bag.close()
 
     def add(self, event: Scan | BodyPose) -> None:
         """Write what is said of a scan or a pose."""
         for told in self._messages.of(event):
             self._write(told, event.sent)
 
-    def close(self) -> None:
-        """Complete the bag."""
-        self._bag.close()
-
     def _write(self, told: Told, time: int) -> None:
         self._bag.write(_absolute(told.topic), TYPES[told.topic], time, told.message)
+
+
+class SurveyFiles:
+    """
+    The files that `simulate_survey` makes, of a survey on the move: a LAZ file per leg, and the truth.
+
+    Parameters
+    ----------
+    output : Path
+        Folder, made if it is not there.
+    survey : LiveSurvey
+        What is written.
+
+    Attributes
+    ----------
+    files : list of Path
+        The clouds that are complete, and at the end the truth.
+
+    Raises
+    ------
+    OutputError
+        If the folder or a file cannot be written.
+    """
+
+    def __init__(self, output: Path, survey: LiveSurvey) -> None:
+        self.files: list[Path] = []
+        self._output, self._scene = output, survey.scene
+        self._leg = 0
+        self._file: StripFile | None = None
+        self._whole: AbstractContextManager[Path] | None = None
+        make_folder(output)
+
+    def __enter__(self) -> SurveyFiles:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, *error: object) -> None:
+        self._close_leg()
+        if kind is None or issubclass(kind, KeyboardInterrupt):
+            remove_surplus(self._output, self.files)
+            self.files.extend(write_truth(self._output, self._scene))
+
+    def add(self, event: Scan | BodyPose) -> None:
+        """Write the returns of a scan."""
+        if not isinstance(event, Scan) or not len(event.truth.points):
+            return
+        leg = int(event.truth.point_source_id[0])
+        if leg != self._leg:
+            self._close_leg()
+            self._leg = leg
+            path = self._output / STRIP_NAME.format(leg)
+            self._whole = atomic_file(path, WRITE_ERRORS)
+            self._file = StripFile(self._whole.__enter__(), self._scene.frame)
+            self.files.append(path)
+        if self._file is not None:
+            self._file.add(event.truth)
+
+    def _close_leg(self) -> None:
+        """Complete the leg's file; of an interrupted survey with what there is."""
+        if self._file is not None and self._whole is not None:
+            self._file.close()
+            self._whole.__exit__(None, None, None)
+        self._file = self._whole = None
 
 
 def _absolute(topic: str) -> str:

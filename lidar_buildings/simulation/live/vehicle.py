@@ -11,11 +11,10 @@ from numpy.typing import NDArray
 
 from lidar_buildings.core.model.errors import ParameterError
 from lidar_buildings.core.model.parameters import StageConfig, parameter
-from lidar_buildings.io.tiling.tile_stamps import gps_time_of, stamp_of_time
-from lidar_buildings.simulation.flight import TAKE_OFF
+from lidar_buildings.io.tiling.tile_stamps import gps_time_of
 from lidar_buildings.simulation.live.live_survey import (
-    SCAN_RATE,
     SECOND,
+    TAKE_OFF_STAMP,
     LiveSurvey,
     Scan,
     mounting_pose,
@@ -42,6 +41,8 @@ CAR = Sway(
 )
 #: Poses a second.
 POSE_RATE = 100.0
+#: Turns a second.
+SCAN_RATE = 10.0
 #: It begins and ends this far from the ends of a street [m].
 MARGIN = 2.0
 #: Time between two streets [s], more than any reader fills between two poses.
@@ -117,7 +118,7 @@ def _leg(scene: VirtualScene, road: Road, before: list[Leg], speed: float) -> Le
     length = float(np.hypot(*(end - start)))
     heading = (end - start) / length
     x, y = start + MARGIN * heading
-    begin = stamp_of_time(TAKE_OFF, is_standard=True)
+    begin = TAKE_OFF_STAMP
     if before:
         begin = before[-1].stamp + int(np.ceil(before[-1].duration + BETWEEN)) * SECOND
     return Leg(

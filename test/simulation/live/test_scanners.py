@@ -1,5 +1,6 @@
 """Virtual scanners on the move: what they send leads back to the truth."""
 
+import itertools
 from collections import Counter
 from dataclasses import replace
 
@@ -15,7 +16,7 @@ from lidar_buildings.io.bags.bag import Bag
 from lidar_buildings.io.bags.placed_cloud import BagChoice, write_placed
 from lidar_buildings.simulation import SimulationConfig, make_scene
 from lidar_buildings.simulation.live import BodyPose, Scan, VehicleConfig, drive, fly
-from lidar_buildings.simulation.live.recording import SurveyBag
+from lidar_buildings.simulation.live.recording import SurveyBag, SurveyFiles
 from lidar_buildings.simulation.scanner import StripPoints, joined, scan
 
 FLIGHT = SimulationConfig(density=4.0)
@@ -46,17 +47,23 @@ def truth_of(survey):
     return joined([one.truth for one in scans(survey)])
 
 
+def recorded(survey, path, n_events=None, **how):
+    """Write a bag of a survey, or of its first events."""
+    with SurveyBag(path, survey, **how) as bag:
+        for event in itertools.islice(survey.events(), n_events):
+            bag.add(event)
+    return path
+
+
 def errors_of(survey, tmp_path, mounting=None, **bag):
     """How far from the truth the points of the survey's bag are placed [m]."""
-    recorded = SurveyBag(tmp_path / "bag", survey, **bag)
-    for event in survey.events():
-        recorded.add(event)
-    recorded.close()
     config = ScanConfig(mounting=survey.mounting if mounting is None else mounting)
-    count = write_placed(tmp_path / "bag", tmp_path / "placed.laz", BagChoice(), config)
-    truth = survey.scene.frame.to_source(truth_of(survey).points)
-    assert count.n_points == len(truth)
-    return np.linalg.norm(laspy.read(tmp_path / "placed.laz").xyz - truth, axis=1)
+    path = recorded(survey, tmp_path / "bag", **bag)
+    count = write_placed(path, tmp_path / "placed.laz", BagChoice(), config)
+    truth, las = truth_of(survey), laspy.read(tmp_path / "placed.laz")
+    assert count.n_points == len(truth.points)
+    assert np.abs(las.gps_time - truth.gps_time).max() < 1e-6
+    return np.linalg.norm(las.xyz - survey.scene.frame.to_source(truth.points), axis=1)
 
 
 def test_placed_points_lie_within_two_centimetres_of_the_truth(survey, tmp_path):
@@ -131,7 +138,8 @@ def test_the_pulse_rate_is_the_one_asked_for():
         survey = fly(field, 0, SimulationConfig(density=20.0, max_scan_angle_deg=5.0), rate)
         middle = scans(survey)[len(scans(survey)) // 2]
         times = np.unique(middle.rows["timestamp"])
-        assert 1 / np.median(np.diff(times)) == pytest.approx(rate, rel=0.06)  # times to a quarter of a µs
+        # times are known to a quarter of a microsecond
+        assert 1 / np.median(np.diff(times)) == pytest.approx(rate, rel=0.06)
 
 
 def test_a_flight_too_fast_for_the_default_says_what_to_set(flight):
@@ -209,10 +217,7 @@ def test_a_pulse_rate_of_zero_is_refused():
 
 @pytest.mark.parametrize(("with_fix", "tells"), [(False, "/map_origin"), (True, "/fix")])
 def test_a_bag_tells_where_the_map_lies(flight, tmp_path, with_fix, tells):
-    recorded = SurveyBag(tmp_path / "bag", flight, with_fix=with_fix)
-    for _, event in zip(range(100), flight.events(), strict=False):
-        recorded.add(event)
-    recorded.close()
+    recorded(flight, tmp_path / "bag", 100, with_fix=with_fix)
     with Bag(tmp_path / "bag") as bag:
         names = {topic.name for topic in bag.topics}
         (first, *_) = bag.messages([tells])
@@ -229,3 +234,29 @@ def test_the_truth_has_a_row_for_each_return(survey):
     for one in scans(survey)[:5]:
         n_returns = np.any([one.rows[axis] != 0 for axis in "xyz"], axis=0).sum()
         assert {len(getattr(one.truth, name)) for name in StripPoints.__dataclass_fields__} == {n_returns}
+
+
+def test_the_files_of_a_survey_on_the_move_hold_its_points_and_the_truth(survey, tmp_path):
+    (tmp_path / "strip_09.laz").write_text("of an earlier survey")
+    with SurveyFiles(tmp_path, survey) as files:
+        for event in survey.events():
+            files.add(event)
+    names = [f"strip_0{leg.number}.laz" for leg in survey.legs] + ["truth.gpkg", "truth.city.jsonl"]
+    assert [path.name for path in files.files] == names
+    assert sorted(path.name for path in tmp_path.iterdir()) == sorted(names)
+    clouds = [laspy.read(path) for path in files.files[:-2]]
+    truth = truth_of(survey)
+    xyz = survey.scene.frame.to_source(truth.points)
+    assert np.abs(np.concatenate([las.xyz for las in clouds]) - xyz).max() < 0.001
+    assert np.array_equal(np.concatenate([las.TrueBuilding for las in clouds]), truth.true_building)
+    assert np.array_equal(np.concatenate([las.gps_time for las in clouds]), truth.gps_time)
+
+
+def test_what_keeps_the_files_from_being_whole_leaves_no_truth(flight, tmp_path):
+    def fail_at_once():
+        with SurveyFiles(tmp_path / "survey", flight):
+            raise OSError("full")
+
+    with pytest.raises(OSError, match="full"):
+        fail_at_once()
+    assert list((tmp_path / "survey").iterdir()) == []

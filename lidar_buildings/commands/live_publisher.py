@@ -1,0 +1,123 @@
+"""The virtual scanner as a ROS node that publishes in real time."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterable, Iterator
+from contextlib import closing
+from typing import Any
+
+import rclpy
+from rclpy.duration import Duration
+from rclpy.publisher import Publisher
+from rclpy.qos import QoSProfile, qos_profile_sensor_data
+
+from lidar_buildings.ros import qos
+from lidar_buildings.ros.message_types import is_installed, make_message, message_class
+from lidar_buildings.simulation.live import BodyPose, LiveSurvey, Scan
+from lidar_buildings.simulation.live.messages import LATCHED, ODOMETRY, SCAN, TF, TYPES, LiveMessages, Told
+from lidar_buildings.simulation.live.playing import Pace, PlayReport, ahead
+
+#: Events that are made ready ahead: two seconds of 200 poses and 10 scans.
+DEPTH = 420
+#: Who subscribes to scans is given so long to subscribe to poses, too [s].
+_FOR_POSES = 2.0
+#: How often it is looked for a subscriber, and how long the last messages may take [s].
+_TICK, _LAST = 0.02, 5.0
+
+
+class LivePublisher:
+    """
+    Publishes a survey.
+
+    Parameters
+    ----------
+    survey : LiveSurvey
+        What is published.
+    context : rclpy.Context
+        Initialised.
+    namespace : str
+        Of the node and its topics; /tf, /tf_static and /clock have none.
+    with_tf, with_fix : bool
+        As for `LiveMessages`; without tf2_msgs there is no /tf.
+    is_reliable : bool
+        Whether scans are sent again when they get lost.
+
+    Attributes
+    ----------
+    has_tf : bool
+        Whether /tf and /tf_static are published.
+    report : PlayReport
+        How it was played so far.
+    """
+
+    def __init__(
+        self,
+        survey: LiveSurvey,
+        context: rclpy.Context,
+        namespace: str = "",
+        *,
+        with_tf: bool = True,
+        with_fix: bool = False,
+        is_reliable: bool = False,
+    ) -> None:
+        self.has_tf = with_tf and is_installed(TYPES[TF])
+        self.report = PlayReport()
+        self._survey = survey
+        self._messages = LiveMessages(survey, make_message, with_tf=self.has_tf, with_fix=with_fix)
+        self._node = rclpy.create_node(
+            "virtual_scanner", context=context, namespace=namespace, start_parameter_services=False
+        )
+        self._publishers: dict[str, Publisher] = {
+            topic: self._node.create_publisher(
+                message_class(TYPES[topic]), topic, _profile(topic, is_reliable=is_reliable)
+            )
+            for topic in self._messages.topics
+        }
+        for told in self._messages.opening():
+            self._tell(told)
+
+    @property
+    def scan_topic(self) -> str:
+        """The scans' topic with its namespace."""
+        return self._publishers[SCAN].topic_name
+
+    def wait(self) -> None:
+        """Return when somebody subscribes to the scans, and has had time to do so to the poses."""
+        while not self._publishers[SCAN].get_subscription_count():
+            time.sleep(_TICK)
+        until = time.monotonic() + _FOR_POSES
+        poses = [one for topic, one in self._publishers.items() if topic in (ODOMETRY, TF)]
+        while time.monotonic() < until and not any(one.get_subscription_count() for one in poses):
+            time.sleep(_TICK)
+
+    def play(self, events: Iterable[Scan | BodyPose]) -> None:
+        """Publish scans and poses, each when its time has come; a thread of its own reads `events` ahead."""
+        pace = Pace(self.report, 2.0 / self._survey.pose_rate)
+        with closing(ahead(self._made(events), DEPTH)) as made:
+            for event, tidings in made:
+                pace.wait_for(event.sent)
+                for told in tidings:
+                    self._tell(told)
+                if isinstance(event, Scan):
+                    self.report.n_scans += 1
+                    self.report.n_points += len(event.truth.points)
+
+    def close(self) -> None:
+        """Wait until what is sent reliably has arrived, and leave the graph."""
+        for publisher in self._publishers.values():
+            publisher.wait_for_all_acked(Duration(seconds=_LAST))
+        self._node.destroy_node()
+
+    def _made(self, events: Iterable[Scan | BodyPose]) -> Iterator[tuple[Any, list[Told]]]:
+        for event in events:
+            yield event, list(self._messages.of(event))
+
+    def _tell(self, told: Told) -> None:
+        self._publishers[told.topic].publish(told.message)
+
+
+def _profile(topic: str, *, is_reliable: bool) -> QoSProfile:
+    if topic == SCAN and not is_reliable:
+        return qos_profile_sensor_data
+    return qos.LATCHED if topic in LATCHED else qos.EVENT

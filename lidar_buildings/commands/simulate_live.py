@@ -1,0 +1,132 @@
+"""``lidar-buildings simulate`` with a scanner on the move: published, as a bag, as files."""
+
+from __future__ import annotations
+
+import argparse
+import signal
+from collections.abc import Iterable, Iterator
+from contextlib import ExitStack, contextmanager, suppress
+from typing import Any
+
+from lidar_buildings.core.model.errors import ParameterError
+from lidar_buildings.simulation import SimulationConfig, make_scene
+from lidar_buildings.simulation.command import NOWHERE, check_folder
+from lidar_buildings.simulation.live import BodyPose, LiveSurvey, Scan, VehicleConfig, drive, fly
+from lidar_buildings.simulation.live.recording import SurveyBag, SurveyFiles
+
+Event = Scan | BodyPose
+
+
+def simulate_live_command(options: argparse.Namespace) -> int:
+    """
+    Make a survey scan by scan, publish it or write it down, and say how it went.
+
+    Raises
+    ------
+    OutputError
+        If there is something under the name of the bag or in the folder, or it cannot be written.
+    ParameterError
+        If there is no such scene, a value is out of range, or ROS is not installed.
+    """
+    if not (options.live or options.bag or options.output):
+        raise ParameterError(NOWHERE)
+    survey = survey_of(options)
+    if options.output is not None:
+        check_folder(options.output, options.overwrite)
+    with ExitStack() as stack:
+        recorders: list[SurveyBag | SurveyFiles] = []
+        if options.bag is not None:
+            bag = SurveyBag(
+                options.bag, survey, options.bag_storage, with_tf=options.tf, with_fix=options.fix
+            )
+            recorders.append(stack.enter_context(bag))
+        if options.output is not None:
+            recorders.append(stack.enter_context(SurveyFiles(options.output, survey)))
+        _announce(options, survey)
+        events = _recorded(survey, recorders)
+        if options.live:
+            _publish(options, survey, events)
+        else:
+            n_points = sum(len(event.truth.points) for event in events if isinstance(event, Scan))
+            print(f"{n_points:,} points")
+    for recorder in recorders:
+        for path in recorder.files:
+            print(f"  {path}")
+    return 0
+
+
+def survey_of(options: argparse.Namespace) -> LiveSurvey:
+    """Return the survey that a command line asks for."""
+    scene, rate = make_scene(options.scene, options.seed), options.pulse_rate
+    if options.scanner == "vehicle":
+        if options.density is not None:
+            raise ParameterError(
+                "--density: is that of an airborne survey, a vehicle's follows from --pulse-rate"
+            )
+        return drive(scene, options.seed, VehicleConfig() if rate is None else VehicleConfig(pulse_rate=rate))
+    config = SimulationConfig() if options.density is None else SimulationConfig(density=options.density)
+    return fly(scene, options.seed, config, rate)
+
+
+def _announce(options: argparse.Namespace, survey: LiveSurvey) -> None:
+    """Print what comes, and the parameters that a reader of it needs."""
+    duration = sum(leg.duration for leg in survey.legs)
+    print(
+        f"{options.scene}: {options.scanner} scanner, {len(survey.scene.buildings)} buildings, "
+        f"{len(survey.legs)} legs, {duration:.1f} s at {survey.legs[0].speed:.1f} m/s"
+    )
+    needed = " ".join(f"--set {name}={value}" for name, value in survey.settings.items())
+    print(f"  a reader needs: {needed}")
+
+
+def _recorded(survey: LiveSurvey, recorders: Iterable[SurveyBag | SurveyFiles]) -> Iterator[Event]:
+    for event in survey.events():
+        for recorder in recorders:
+            recorder.add(event)
+        yield event
+
+
+def _publish(options: argparse.Namespace, survey: LiveSurvey, events: Iterator[Event]) -> None:
+    """Publish until the survey ends, or a signal ends it."""
+    with _ros() as context:
+        from lidar_buildings.commands.live_publisher import LivePublisher
+
+        publisher = LivePublisher(
+            survey,
+            context,
+            options.namespace or "",
+            with_tf=options.tf,
+            with_fix=options.fix,
+            is_reliable=options.reliable,
+        )
+        if options.tf and not publisher.has_tf:
+            print("  tf2_msgs is not installed: /tf and /tf_static are not published")
+        with suppress(KeyboardInterrupt):
+            if options.wait:
+                print(f"waiting for a subscriber of {publisher.scan_topic}", flush=True)
+                publisher.wait()
+            publisher.play(events)
+        print(publisher.report, flush=True)
+        publisher.close()
+
+
+@contextmanager
+def _ros() -> Iterator[Any]:
+    """Give a context of ROS in which SIGINT and SIGTERM interrupt Python."""
+    from lidar_buildings.ros.middleware import prepare_middleware
+
+    prepare_middleware()
+    try:
+        import rclpy  # after the middleware was prepared
+    except ImportError as error:
+        raise ParameterError("--live: ROS 2 (rclpy) is not installed: --bag does without it") from error
+    from rclpy.signals import SignalHandlerOptions
+
+    context = rclpy.Context()
+    rclpy.init(args=[], context=context, signal_handler_options=SignalHandlerOptions.NO)
+    before = signal.signal(signal.SIGTERM, signal.default_int_handler)
+    try:
+        yield context
+    finally:
+        signal.signal(signal.SIGTERM, before)
+        rclpy.try_shutdown(context=context)

@@ -1,0 +1,141 @@
+"""`lidar-buildings simulate` with a scanner on the move."""
+
+import threading
+import time
+from collections import Counter
+
+import laspy
+import pytest
+from support.cli_runs import Command
+from support.ros_domain import use_own_domain
+
+from lidar_buildings.core.scans.config import ScanConfig
+from lidar_buildings.io.bags.bag import Bag
+from lidar_buildings.io.bags.placed_cloud import BagChoice, write_placed
+from lidar_buildings.simulation.live.airborne import MOUNTING
+
+SMALL = ("--scene", "single_house", "--density", "2", "--pulse-rate", "60000")
+
+
+@pytest.fixture
+def command(capfd):
+    return Command(capfd)
+
+
+def rows(spoken, word):
+    return [line for line in spoken.out if word in line]
+
+
+def test_a_bag_and_files_of_the_same_points_are_written_without_ros(command, tmp_path):
+    spoken = command("simulate", *SMALL, "--bag", tmp_path / "bag", "--output", tmp_path / "out", "--no-tf")
+    assert (spoken.status, spoken.err) == (0, [])
+    assert rows(spoken, f"--set scan_assembler.mounting={MOUNTING}")
+    count = write_placed(
+        tmp_path / "bag", tmp_path / "placed.laz", BagChoice(), ScanConfig(mounting=MOUNTING)
+    )
+    assert count.n_points == len(laspy.read(tmp_path / "out" / "strip_01.laz")) > 1000
+    assert (tmp_path / "out" / "truth.gpkg").exists()
+
+
+def test_a_vehicle_gives_bags_of_either_kind(command, tmp_path):
+    arguments = ("--scanner", "vehicle", "--scene", "dense_block", "--pulse-rate", "4000")
+    for storage, ending in (("mcap", "mcap"), ("sqlite3", "db3")):
+        spoken = command("simulate", *arguments, "--bag", tmp_path / storage, "--bag-storage", storage)
+        assert (spoken.status, spoken.err) == (0, [])
+        assert list((tmp_path / storage).glob(f"*.{ending}"))
+        with Bag(tmp_path / storage) as bag:
+            names = {topic.name for topic in bag.topics}
+        assert names == {"/scan", "/odometry", "/tf", "/tf_static", "/clock", "/map_origin"}
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        ([], "give --output DIR, --live or --bag DIR"),
+        (["--scanner", "vehicle"], "give --output DIR, --live or --bag DIR"),
+        (["--scanner", "vehicle", "--density", "3", "--bag", "b"], "--density"),
+        (["--scanner", "vehicle", "--scene", "single_house", "--bag", "b"], "no street"),
+        (["--scanner", "vehicle", "--pulse-rate", "3", "--bag", "b"], "vehicle.pulse_rate = 3"),
+        (["--pulse-rate", "-3", "--bag", "b"], "pulse rate = -3"),
+        (["--scanner", "boat", "--bag", "b"], "'boat'"),
+    ],
+)
+def test_what_cannot_be_simulated_gives_one_line(command, tmp_path, monkeypatch, arguments, words):
+    monkeypatch.chdir(tmp_path)
+    assert words in command.refused("simulate", *arguments)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_bag_or_folder_that_is_there_is_kept(command, tmp_path):
+    (tmp_path / "mine").mkdir()
+    (tmp_path / "mine" / "file").write_text("mine")
+    assert "is there already" in command.refused("simulate", *SMALL, "--bag", tmp_path / "mine")
+    assert "is not empty" in command.refused("simulate", *SMALL, "--live", "--output", tmp_path / "mine")
+    assert [path.name for path in (tmp_path / "mine").iterdir()] == ["file"]
+
+
+class Ear:
+    """Hears what a virtual scanner says, in a thread of its own."""
+
+    def __init__(self, namespace, topics):
+        import rclpy
+        from rclpy.executors import SingleThreadedExecutor
+        from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+
+        from lidar_buildings.ros.message_types import message_class
+        from lidar_buildings.simulation.live.messages import LATCHED, TYPES
+
+        self.heard, self.stamps = Counter(), []
+        self._context = rclpy.Context()
+        rclpy.init(args=[], context=self._context)
+        self._node = rclpy.create_node("ear", context=self._context, namespace=namespace)
+        self._executor = SingleThreadedExecutor(context=self._context)
+        self._executor.add_node(self._node)
+        for topic in topics:
+            latched = DurabilityPolicy.TRANSIENT_LOCAL if topic in LATCHED else DurabilityPolicy.VOLATILE
+            qos = QoSProfile(depth=1000, durability=latched, reliability=ReliabilityPolicy.RELIABLE)
+            self._node.create_subscription(
+                message_class(TYPES[topic]), topic, lambda message, topic=topic: self._on(topic, message), qos
+            )
+        self._thread = threading.Thread(target=self._executor.spin)
+
+    def __enter__(self):
+        self._thread.start()
+        return self
+
+    def __exit__(self, *_):
+        self._executor.shutdown()
+        self._thread.join()
+        self._node.destroy_node()
+        self._context.try_shutdown()
+
+    def _on(self, topic, message):
+        self.heard[topic] += 1
+        if topic == "scan":
+            self.heard["points"] += message.width * message.height
+        if topic == "odometry":
+            self.stamps.append(message.header.stamp.sec * 10**9 + message.header.stamp.nanosec)
+
+
+@pytest.mark.graph
+@pytest.mark.parametrize("origin", ["map_origin", "fix"])
+def test_a_subscriber_hears_all_of_it_in_real_time(command, tmp_path, origin):
+    pytest.importorskip("rclpy")
+    use_own_domain()
+    more = ("--fix",) if origin == "fix" else ()
+    with Ear("live_ear", ["scan", "odometry", "/clock", origin]) as ear:
+        begin = time.monotonic()
+        spoken = command(
+            *("simulate", "--live", "--reliable", "--namespace", "live_ear", *SMALL, *more),
+            *("--output", tmp_path / "out"),
+        )
+        wall_time = time.monotonic() - begin
+    assert (spoken.status, spoken.err) == (0, [])
+    n_points = len(laspy.read(tmp_path / "out" / "strip_01.laz"))
+    assert rows(spoken, f"{n_points:,} points in {ear.heard['scan']} scans")
+    assert ear.heard["points"] == n_points
+    assert ear.heard[origin] >= 1
+    assert ear.heard["/clock"] == pytest.approx(ear.heard["odometry"] / 2, abs=2)
+    seconds = (ear.stamps[-1] - ear.stamps[0]) * 1e-9
+    assert len(ear.stamps) == round(seconds * 200) + 1
+    assert wall_time > seconds > 0.3
