@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from tqdm import tqdm
 
 if TYPE_CHECKING:
-    from lidar_buildings.io.results.output_folder import RunSummary
+    from lidar_buildings.io.results.run_summary import RunSummary
 
 
 @dataclass(frozen=True)

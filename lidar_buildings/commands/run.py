@@ -21,7 +21,7 @@ from lidar_buildings.io.results.output_config import FORMAT_FILES
 from lidar_buildings.io.results.run_folder import discard_unfinished
 
 if TYPE_CHECKING:  # what reads and writes files is imported while the processes of a run start
-    from lidar_buildings.io.results.output_folder import RunSummary
+    from lidar_buildings.io.results.run_summary import RunSummary
     from lidar_buildings.io.vectors.footprints import FootprintFile
 
 #: Exit statuses: users' scripts rely on them.

@@ -12,7 +12,7 @@ from lidar_buildings.core.stages.boundary_tracing import BoundaryTracingConfig
 from lidar_buildings.core.stages.edge_labelling import EdgeLabellingConfig
 from lidar_buildings.core.stages.segmentation import SegmentationConfig
 from lidar_buildings.io.vectors.footprints import FootprintSource, read_footprints
-from lidar_buildings.nodes.configs import NODE_CONFIGS, FootprintNodeConfig
+from lidar_buildings.nodes.configs import NODE_CONFIGS, FootprintNodeConfig, MapFrameConfig
 from lidar_buildings.pipeline.building_pool import BuildingPool
 from lidar_buildings.pipeline.tile_stages import TracedTile, trace_buildings, trace_footprints
 from lidar_buildings.ros.map_frames import FrameListener
@@ -37,7 +37,9 @@ class BuildingTracer(StageNode):
         self._clipped = self.create_publisher(Header, "tile_clipped", EVENT)
         self._map: FrameListener | None = None
         if self.parameters[FootprintNodeConfig].file:
-            self._map = FrameListener(self, lambda _: self._go_on())
+            self._map = FrameListener(
+                self, lambda _: self._go_on(), self.parameters[MapFrameConfig].frame_patience
+            )
         topics = (_EDGES,) if self._map is None else (_EDGES, _ALL)
         self._join = TileJoin(topics, is_ready=lambda *_: self._knows_frame())
         for topic in topics:
@@ -51,7 +53,7 @@ class BuildingTracer(StageNode):
 
     def _knows_frame(self) -> bool:
         """Whether it is known where the map lies, if footprints are given."""
-        return self._map is None or self._map.frame is not None
+        return self._map is None or self._map.expect()
 
     def _go_on(self) -> None:
         """Trace the tiles that came before the map frame."""

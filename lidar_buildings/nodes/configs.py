@@ -188,13 +188,42 @@ class FlowControlConfig(StageConfig):
 
 
 @dataclass(frozen=True)
-class ModelWriterConfig(OutputConfig):
+class MapFrameConfig(StageConfig):
+    """How long tiles wait until it is known where they lie."""
+
+    stage: ClassVar[str] = "map_frame"
+
+    frame_patience: float = parameter(
+        10.0,
+        "Time that a tile waits for `map_origin` while nobody publishes it; then the map frame is taken as "
+        "it is, with origin 0 and without a reference system. A longer one suits sources that start late.",
+        unit="s",
+        minimum=0.1,
+        maximum=86_400.0,
+        read_only=True,
+        advanced=True,
+    )
+
+
+@dataclass(frozen=True)
+class ModelWriterConfig(MapFrameConfig, OutputConfig):
     """What to write, and where."""
 
     stage: ClassVar[str] = OutputConfig.stage
 
     input: tuple[str, ...] = parameter(
-        (), "The same files, folders and globs as of `tile_player`.", read_only=True, advanced=True
+        (),
+        "The same files, folders and globs as of `tile_player`. Empty: the survey is live, the map frame is "
+        "that of `map_origin`, and tiles stay on disk when files are made of them.",
+        read_only=True,
+        advanced=True,
+    )
+    placed: str = parameter(
+        "",
+        "Folder with the clouds that a live source writes of its points (`points_*.laz`), from which the "
+        "classified ones are made; empty: none are made in a live survey.",
+        read_only=True,
+        advanced=True,
     )
     output: str = parameter("", "Folder for the results.", read_only=True)
     overwrite: bool = parameter(
@@ -234,8 +263,8 @@ _OF_NODES: dict[str, type[StageConfig]] = {
 }
 #: Node → configs beside those of its stage: what stands in footprints is labelled by the tracer.
 _BESIDE: dict[str, tuple[type[StageConfig], ...]] = {
-    "building_tracer": (EdgeLabellingConfig,),
-    "model_builder": (FlowControlConfig,),
+    "building_tracer": (EdgeLabellingConfig, MapFrameConfig),
+    "model_builder": (FlowControlConfig, MapFrameConfig),
 }
 #: Node → stage → config class. A node's parameters carry the stage's name as a prefix where it has several.
 NODE_CONFIGS: dict[str, dict[str, type[StageConfig]]] = {

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 from rclpy.event_handler import PublisherEventCallbacks
@@ -13,10 +13,11 @@ from lidar_buildings.core.model.errors import MessageError
 from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.core.stages.building_model import BuildingModelConfig
-from lidar_buildings.io.models.cityjson import feature_line, header_line
-from lidar_buildings.nodes.configs import NODE_CONFIGS, FlowControlConfig
+from lidar_buildings.io.models.cityjson import feature_id, feature_line, header_line
+from lidar_buildings.nodes.configs import NODE_CONFIGS, FlowControlConfig, MapFrameConfig
 from lidar_buildings.pipeline.building_pool import BuildingPool
 from lidar_buildings.pipeline.tile_models import TileModel, build_models
+from lidar_buildings.ros.features import tile_closing_message, withdrawal_message
 from lidar_buildings.ros.map_frames import FrameListener
 from lidar_buildings.ros.markers import model_markers
 from lidar_buildings.ros.outline_quality import qualities_of
@@ -28,20 +29,23 @@ from lidar_buildings.ros.runner import run_node
 from lidar_buildings.ros.stage_node import StageNode
 from lidar_buildings.ros.stamps import header_of
 from lidar_buildings.ros.tile_join import Parts, TileJoin, agree_on_buildings
+from lidar_buildings.ros.withdrawals import Withdrawals
 
 _POINTS, _OUTLINES, _QUALITY = "plane_points", "outlines", "outline_quality"
 
 
 class ModelBuilder(StageNode):
-    """Builds the models of each tile's buildings."""
+    """Builds the models of each tile's buildings, and withdraws those that a tile has no more."""
 
     def __init__(self, pool: BuildingPool | None = None, **kwargs: Any) -> None:
         super().__init__("model_builder", NODE_CONFIGS["model_builder"], **kwargs)
         self._pool = pool or BuildingPool(0)
         self._make_publishers()
-        self._map = FrameListener(self, self.on_frame)
+        self._names: Withdrawals[str] = Withdrawals()
+        self._numbers: Withdrawals[int] = Withdrawals()
+        self._map = FrameListener(self, self.on_frame, self.parameters[MapFrameConfig].frame_patience)
         self._join = TileJoin(
-            (_POINTS, _OUTLINES, _QUALITY), agree_on_buildings, lambda *_: self._map.frame is not None
+            (_POINTS, _OUTLINES, _QUALITY), agree_on_buildings, lambda *_: self._map.expect()
         )
         self.create_subscription(String, _QUALITY, self.on_quality, CLOUD)
         self.subscribe_rings(_OUTLINES, self.on_outlines)
@@ -93,7 +97,7 @@ class ModelBuilder(StageNode):
         models = self._pool.call(
             build_models, parts[_POINTS], outlines, self.parameters[BuildingModelConfig], shares=True
         )
-        publish_all(self._features, (String(data=_feature(one, frame)) for one in models))
+        publish_all(self._features, self._feature_messages(stamp, models, frame))
         faces = ((one.building_id, face) for one in models for face in one.model.roof_faces)
         self._roof_faces.publish(stamp, roof_rings(faces))
         self._publish_markers(stamp, models)
@@ -101,15 +105,22 @@ class ModelBuilder(StageNode):
         if self._tile_done is not None:
             self._tile_done.publish(header_of(stamp))
 
+    def _feature_messages(self, stamp: int, models: Sequence[TileModel], frame: MapFrame) -> Iterator[String]:
+        """Yield a tile's models, then the names of those that it has no more, then that this is all."""
+        names = []
+        for one in models:
+            line = feature_line(one.model, one.building_id, frame, one.attributes, anchor=one.anchor)
+            names.append(feature_id(one.anchor, frame))
+            yield String(data=line)
+        yield from map(withdrawal_message, self._names.of(stamp, names))
+        yield tile_closing_message(stamp)
+
     def _publish_markers(self, stamp: int, models: Sequence[TileModel]) -> None:
         """Publish the solids' edges if anyone looks at them."""
-        solids = [solid for one in models for solid in one.model.solids.values()]
-        if solids and self._markers.get_subscription_count():
-            self._markers.publish(model_markers(stamp, solids))
-
-
-def _feature(one: TileModel, frame: MapFrame) -> str:
-    return feature_line(one.model, one.building_id, frame, one.attributes, anchor=one.anchor)
+        solids = {one.building_id: one.model.solids.values() for one in models}
+        gone = self._numbers.of(stamp, solids)
+        if (solids or gone) and self._markers.get_subscription_count():
+            self._markers.publish(model_markers(stamp, solids, gone))
 
 
 def main() -> int:

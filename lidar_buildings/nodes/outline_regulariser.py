@@ -11,19 +11,21 @@ from lidar_buildings.nodes.configs import NODE_CONFIGS
 from lidar_buildings.pipeline.building_pool import BuildingPool
 from lidar_buildings.pipeline.tile_outlines import regularise_outlines
 from lidar_buildings.ros.outline_quality import quality_message
-from lidar_buildings.ros.polygons import Rings, outline_rings
+from lidar_buildings.ros.polygons import Rings, outline_rings, withdrawn
 from lidar_buildings.ros.qos import CLOUD
 from lidar_buildings.ros.ring_collector import outlines_of
 from lidar_buildings.ros.runner import run_node
 from lidar_buildings.ros.stage_node import StageNode
+from lidar_buildings.ros.withdrawals import Withdrawals
 
 
 class OutlineRegulariser(StageNode):
-    """Regularises the outlines of each tile."""
+    """Regularises the outlines of each tile, and withdraws those that a tile has no more."""
 
     def __init__(self, pool: BuildingPool | None = None, **kwargs: Any) -> None:
         super().__init__("outline_regulariser", NODE_CONFIGS["outline_regulariser"], **kwargs)
         self._pool = pool or BuildingPool(0)
+        self._withdrawals: Withdrawals[int] = Withdrawals()
         self._outlines = self.create_ring_outlet("outlines")
         self._quality = self.create_publisher(String, "outline_quality", CLOUD)
         self.subscribe_rings("traced_outlines", self.on_rings)
@@ -33,8 +35,9 @@ class OutlineRegulariser(StageNode):
         outlines = self._pool.call(
             regularise_outlines, outlines_of(rings), self.parameters[RegularisationConfig], shares=True
         )
+        gone = self._withdrawals.of(stamp, (one.building_id for one in outlines))
         self._quality.publish(quality_message(stamp, outlines))
-        self._outlines.publish(stamp, outline_rings(outlines))
+        self._outlines.publish(stamp, {**withdrawn(gone), **outline_rings(outlines)})
         self.summary.count_buildings(one.quality.status.value for one in outlines)
 
 

@@ -29,7 +29,7 @@ class RunRecord:
     Attributes
     ----------
     failed : set of int
-        Stamps of the tiles that were given up.
+        Stamps of the tiles that were given up, in the revision that was sent last.
     n_heard : int
         Statuses of tiles taken so far.
     """

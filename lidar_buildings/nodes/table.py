@@ -148,9 +148,11 @@ NODE_TABLE: tuple[NodeCard, ...] = (
     NodeCard(
         "model_writer",
         "Puts each tile's results safely on disk and reports the tile as done. "
-        "When the survey is done it makes the files from them and ends.",
+        "When the survey is done it makes the files from them and ends, or goes on if the survey is live.",
         (
             TILE_INFO,
+            MAP_ORIGIN,
+            MAP_UNITS,
             CLASSIFIED_POINTS,
             PLANE_POINTS,
             TRACED_OUTLINES,
@@ -162,6 +164,10 @@ NODE_TABLE: tuple[NodeCard, ...] = (
             DIAGNOSTICS,
         ),
         (TILE_DONE,),
+        (
+            ("~/save", _TRIGGER, "make the files of a live survey now, of the tiles that are on disk"),
+            ("~/reset", _TRIGGER, "forget the tiles of a live survey, after its source was reset"),
+        ),
     ),
 )
 
@@ -187,8 +193,11 @@ def writer_topics(until: str) -> tuple[Topic, ...]:
     return tuple(topics[-1] for topics in found if topics)
 
 
-#: Node → what it listens to only where footprints are given.
-ON_REQUEST: dict[str, tuple[Topic, ...]] = {"building_tracer": (MAP_ORIGIN, MAP_UNITS, CLASSIFIED_POINTS)}
+#: Node → what it listens to only where footprints are given, or the survey is live.
+ON_REQUEST: dict[str, tuple[Topic, ...]] = {
+    "building_tracer": (MAP_ORIGIN, MAP_UNITS, CLASSIFIED_POINTS),
+    "model_writer": (MAP_ORIGIN, MAP_UNITS),
+}
 
 
 #: Nodes that tiles come from; a graph has one of them.

@@ -101,7 +101,13 @@ TRACED_OUTLINES = Topic(
     "BUILDING",
     "outlines as traced, or footprints as given; z is the ground's elevation where it is known, else 0",
 )
-OUTLINES = Topic("outlines", _RINGS, "BUILDING", "regularised outlines")
+OUTLINES = Topic(
+    "outlines",
+    _RINGS,
+    "BUILDING",
+    "regularised outlines; a building that a tile had in an earlier revision and has no more comes without "
+    "vertices",
+)
 OUTLINE_QUALITY = Topic(
     "outline_quality",
     "std_msgs/String",
@@ -110,10 +116,19 @@ OUTLINE_QUALITY = Topic(
     "why it is the traced one, if it is",
 )
 ROOF_FACES = Topic("roof_faces", _RINGS, "BUILDING", "the models' roofs in 3D; ids are the buildings'")
-CITY_MODEL = Topic("city_model", "std_msgs/String", "BUILDING", "one CityJSONFeature per building")
+CITY_MODEL = Topic(
+    "city_model",
+    "std_msgs/String",
+    "BUILDING",
+    "one CityJSONFeature per building; without `CityObjects` and `vertices` of one that a tile has no more, "
+    "and, under the name `tile-STAMP`, after the last one of a tile",
+)
 CITY_MODEL_HEADER = Topic("city_model", "std_msgs/String", "LATCHED", "CityJSON header: CRS and transform")
 BUILDING_MARKERS = Topic(
-    "building_markers", "visualization_msgs/MarkerArray", "CLOUD", "the solids' edges, for RViz"
+    "building_markers",
+    "visualization_msgs/MarkerArray",
+    "CLOUD",
+    "the solids' edges, for RViz: a marker per building, deleted when its tile has it no more",
 )
 MAP_ORIGIN = Topic(
     "map_origin",
@@ -135,7 +150,9 @@ TILE_INFO = Topic(
     "lies beyond), `point_spacing` [m], `dark_limit` (parts the two modes of the ground, if it has two)",
 )
 TILE_CLIPPED = Topic("tile_clipped", _HEADER, "EVENT", "a building of this tile is not whole")
-TILE_DONE = Topic("tile_done", _HEADER, "LATCHED_HISTORY", "this tile is done, or safely on disk")
+TILE_DONE = Topic(
+    "tile_done", _HEADER, "LATCHED_HISTORY", "this revision of a tile is done, or safely on disk"
+)
 TILE_FAILED = Topic("tile_failed", _HEADER, "LATCHED_HISTORY", "this tile was given up")
 SURVEY_DONE = Topic("survey_done", _HEADER, "LATCHED", "every tile is done or given up")
 SCAN = Topic(

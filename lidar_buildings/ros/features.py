@@ -1,12 +1,49 @@
-"""Buildings' models on their way to a tile: messages without a stamp, found by the building's id."""
+"""
+Buildings' models on their way to a tile: lines of CityJSONSeq, which carry no stamp.
+
+A feature without city objects withdraws what had its id before. One that is named after a tile closes the
+tile: all its features have been sent.
+"""
 
 from __future__ import annotations
 
+import json
+import re
 from collections import OrderedDict
 from collections.abc import Iterable
 
+from std_msgs.msg import String
+
 #: How many features are kept; wide margin: a tile has hundreds. The oldest are of tiles that were sent again.
 _MAX_FEATURES = 100_000
+#: How many closed tiles are remembered; wide margin: at most 8 are in flight.
+_MAX_TILES = 1_000
+#: Stands before the stamp in the name of the feature that closes a tile.
+_TILE = "tile-"
+#: How a feature without city objects ends, and how one that closes a tile reads.
+_END = ',"CityObjects":{},"vertices":[]}'
+_CLOSING = re.compile(rf'{{"type":"CityJSONFeature","id":"{_TILE}(\d{{1,19}})"{re.escape(_END)}', re.ASCII)
+
+
+def withdrawal_message(readable_id: str) -> String:
+    """Return the message that there is no building of this name any more."""
+    return String(data=f'{{"type":"CityJSONFeature","id":{json.dumps(readable_id)}{_END}')
+
+
+def is_withdrawal(line: str) -> bool:
+    """Whether a feature is one without city objects, as `withdrawal_message` writes it."""
+    return line.endswith(_END)
+
+
+def tile_closing_message(stamp: int) -> String:
+    """Return the message that a tile has no more features."""
+    return withdrawal_message(f"{_TILE}{stamp}")
+
+
+def closed_tile(line: str) -> int | None:
+    """Return the stamp of the tile that a feature closes, None if it closes none."""
+    found = _CLOSING.fullmatch(line)
+    return int(found[1]) if found else None
 
 
 class FeaturePool:
@@ -14,29 +51,25 @@ class FeaturePool:
 
     def __init__(self) -> None:
         self._lines: OrderedDict[int, str] = OrderedDict()
-        self._missing: dict[int, set[int]] = {}
+        self._closed: OrderedDict[int, None] = OrderedDict()
 
-    def add(self, building_id: int, line: str) -> bool:
-        """Take a feature; return whether it was the last one that a tile has waited for."""
+    def add(self, building_id: int, line: str) -> None:
+        """Take a feature; it replaces an earlier one of its building."""
         self._lines[building_id] = line
         self._lines.move_to_end(building_id)
         if len(self._lines) > _MAX_FEATURES:
             self._lines.popitem(last=False)
-        for stamp, missing in self._missing.items():
-            missing.discard(building_id)
-            if not missing:
-                del self._missing[stamp]
-                return True
-        return False
 
-    def expect(self, stamp: int, building_ids: Iterable[int]) -> bool:
-        """Say which features a tile needs; return whether it has to wait for any."""
-        missing = {number for number in building_ids if number not in self._lines}
-        if missing:
-            self._missing[stamp] = missing
-        else:
-            self._missing.pop(stamp, None)
-        return bool(missing)
+    def close(self, stamp: int) -> None:
+        """Note that all features of a tile are there; what is held of an earlier revision is outdated."""
+        self._closed[stamp] = None
+        self._closed.move_to_end(stamp)
+        if len(self._closed) > _MAX_TILES:
+            self._closed.popitem(last=False)
+
+    def has(self, stamp: int, building_ids: Iterable[int]) -> bool:
+        """Whether a tile's features are there, and not only those of an earlier revision."""
+        return stamp in self._closed and all(number in self._lines for number in building_ids)
 
     def take(self, building_ids: Iterable[int]) -> tuple[str, ...]:
         """Remove and return a tile's features, in the order of the ids."""

@@ -52,8 +52,9 @@ class Inbox:
 
     def put(self, stamp: int, item: Any, *, comes_again: bool) -> None:
         """Leave something; `comes_again` if a message with the same content follows."""
-        with _LOCK:
-            self._coming[stamp] += comes_again
+        if comes_again:
+            with _LOCK:
+                self._coming[stamp] += 1
         self._left.append((stamp, item))
         self._guard.trigger()
 

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 
 from geometry_msgs.msg import Point, PointStamped, Vector3, Vector3Stamped
-from rclpy.node import Node
+from rclpy.timer import Timer
 from std_msgs.msg import Header
 
 from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.ros.qos import LATCHED
+from lidar_buildings.ros.stage_node import StageNode
 from lidar_buildings.ros.stamps import FRAME_ID
 
 
@@ -29,19 +31,28 @@ class FrameListener:
     """
     Subscribes to `map_origin` and `map_units`.
 
+    Where tiles wait for the frame and nobody publishes `map_origin`, the map frame is taken as it is after
+    a time: origin 0, no reference system. What is published later counts from then on.
+
     Parameters
     ----------
-    node : Node
+    node : StageNode
         Who listens.
     on_frame : callable
-        Called with the frame when a message has made it known or changed it.
+        Called with the frame when a message has made it known or changed it, or when it was taken as it is.
+    patience : float
+        Time that a tile waits while nobody publishes `map_origin` [s].
     """
 
-    def __init__(self, node: Node, on_frame: Callable[[MapFrame], None]) -> None:
+    def __init__(
+        self, node: StageNode, on_frame: Callable[[MapFrame], None], patience: float = math.inf
+    ) -> None:
         self._node = node
         self._on_frame = on_frame
+        self._patience = patience
         self._origin: PointStamped | None = None
         self._units: Vector3Stamped | None = None
+        self._timer: Timer | None = None
         node.create_subscription(Vector3Stamped, "map_units", self._on_units, LATCHED)
         node.create_subscription(PointStamped, "map_origin", self._on_origin, LATCHED)
 
@@ -53,6 +64,27 @@ class FrameListener:
         point, units = self._origin.point, self._units
         horizontal, vertical = (1.0, 1.0) if units is None else (units.vector.x, units.vector.z)
         return MapFrame(self._origin.header.frame_id, (point.x, point.y, point.z), horizontal, vertical)
+
+    def expect(self) -> bool:
+        """Return whether the frame is known; if not, a tile waits for it from now on."""
+        if self.frame is None and self._timer is None and math.isfinite(self._patience):
+            self._timer = self._node.create_timer(self._patience, self._lose_patience)
+        return self.frame is not None
+
+    def _lose_patience(self) -> None:
+        """Take the frame as it is, unless somebody is there who may still tell of it."""
+        if self._timer is None:
+            return
+        if self._origin is None and self._node.count_publishers("map_origin"):
+            self._node.get_logger().warning("map_origin has a publisher that says nothing: tiles wait for it")
+            return
+        self._timer.cancel()
+        if self._origin is None:
+            self._node.warn(
+                f"nobody has published map_origin for {self._patience:g} s: the map frame is taken as it is, "
+                "with origin 0 and without a reference system"
+            )
+            self._on_origin(origin_message(MapFrame()))
 
     def _on_units(self, message: Vector3Stamped) -> None:
         self._units = message

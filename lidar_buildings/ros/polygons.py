@@ -2,7 +2,8 @@
 Rings to geometry_msgs/PolygonInstanceStamped and back.
 
 One message is one ring, open, with the building's id: the outer ring first and counter-clockwise, its holes
-after it and clockwise. A message with id −1 and no vertices closes the tile on its topic.
+after it and clockwise. A message with id −1 and no vertices closes the tile on its topic; one without
+vertices and another id says that there is no such building any more.
 """
 
 from __future__ import annotations
@@ -18,11 +19,12 @@ from lidar_buildings.core.model.outline import BuildingOutline
 from lidar_buildings.ros.stamps import header_of
 
 Ring = NDArray[np.float64]
-#: Building id → its rings as they are sent, each of shape (n_vertices, 3).
+#: Building id → its rings as they are sent, each of shape (n_vertices, 3); none of one that is withdrawn.
 Rings = Mapping[int, tuple[Ring, ...]]
 
 #: The id of the message that closes a tile.
 CLOSING_ID = -1
+_NO_RING = np.zeros((0, 3))
 #: An outline at z = 0 is one whose ground is not known; ground at 0 itself is sent as a micrometre [m].
 _NOT_ZERO = 1e-6
 
@@ -43,6 +45,11 @@ def outline_rings(outlines: Iterable[BuildingOutline]) -> Rings:
     return {one.building_id: tuple(_raised(ring, one) for ring in one.outline.rings) for one in outlines}
 
 
+def withdrawn(building_ids: Iterable[int]) -> Rings:
+    """Return what is sent of buildings that a tile has no more."""
+    return dict.fromkeys(building_ids, ())
+
+
 def roof_rings(faces: Iterable[tuple[int, Sequence[Ring]]]) -> Rings:
     """Return the rings of a tile's roof faces, given as (building id, rings of a face)."""
     found: dict[int, tuple[Ring, ...]] = {}
@@ -54,7 +61,7 @@ def roof_rings(faces: Iterable[tuple[int, Sequence[Ring]]]) -> Rings:
 def ring_messages(stamp: int, rings: Rings) -> Iterator[PolygonInstanceStamped]:
     """Yield every ring of a tile, then the closing message."""
     for number, of_building in rings.items():
-        for ring in of_building:
+        for ring in of_building or (_NO_RING,):
             yield ring_message(stamp, number, ring)
     yield closing_message(stamp)
 

@@ -30,7 +30,8 @@ class RingCollector:
     Gathers the rings of one topic by stamp.
 
     A tile may come again after it was closed, or half of it may come twice when its sender was restarted:
-    a ring that equals its building's first ring starts that building anew.
+    a ring that equals its building's first ring starts that building anew. A building of which only a message
+    without vertices came, has no rings.
     """
 
     def __init__(self) -> None:
@@ -58,14 +59,17 @@ class RingCollector:
         rings = buildings.setdefault(number, [])
         if rings and np.array_equal(rings[0], ring):
             rings.clear()
-        rings.append(ring)
+        if len(ring):
+            rings.append(ring)
         while len(self._open) > _MAX_OPEN_TILES:
             self._open.popitem(last=False)
 
 
 def outlines_of(rings: Rings) -> tuple[BuildingOutline, ...]:
     """
-    Assemble the outlines of a tile, by rising building id; holes whose outer ring was lost are left out.
+    Assemble the outlines of a tile, by rising building id.
+
+    What was withdrawn is left out, and so are holes whose outer ring was lost.
     """
     outlines = []
     for number in sorted(rings):

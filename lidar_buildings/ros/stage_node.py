@@ -115,7 +115,11 @@ class StageNode(Node):
         inbox = self._inbox(self.create_subscription(PointCloud2, topic, on_message, CLOUD), on_tile)
 
     def subscribe_rings(self, topic: str, work: Callable[[int, Rings], None]) -> None:
-        """Have `work` called with the stamp and all rings of every tile that a topic closes."""
+        """
+        Have `work` called with the stamp and all rings of every tile that a topic closes.
+
+        Where a node takes tiles as well, rings of a tile that is over are dropped as its points are.
+        """
         collector = RingCollector()
 
         def on_message(message: PolygonInstanceStamped) -> None:
@@ -125,6 +129,8 @@ class StageNode(Node):
                 on_rings(closed.stamp, closed.rings)
 
         def on_rings(stamp: int, rings: Rings) -> None:
+            if self.tile_infos is not None and self.tile_infos.is_over(stamp):
+                return
             with self.reporting(stamp):
                 work(stamp, rings)
 
@@ -180,6 +186,12 @@ class StageNode(Node):
         if failure or not quiet:
             self._diagnostics.end_tile(report, failure, time.perf_counter() - started)
             self._receipts.send(FAILED if failure else DONE, stamp)
+
+    def warn(self, text: str) -> None:
+        """Say in the log and in `diagnostics` what is wrong beside any tile."""
+        self.get_logger().warning(text)
+        self.summary.warned(text)
+        self._diagnostics.publish_summary()
 
     def fail(self, error: Exception) -> None:
         """End the node: it cannot go on."""

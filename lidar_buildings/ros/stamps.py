@@ -11,17 +11,12 @@ from __future__ import annotations
 from builtin_interfaces.msg import Time
 from std_msgs.msg import Header
 
+from lidar_buildings.core.model.stamps import tile_of as tile_of
+
 #: The local map frame of REP-105.
 FRAME_ID = "map"
 
 _NANOSECONDS = 1_000_000_000
-#: Stamps per tile.
-_REVISIONS = 1_000
-
-
-def tile_of(stamp: int) -> int:
-    """Return the stamp of the first revision of a tile, by which it is known as a whole [ns]."""
-    return stamp - stamp % _REVISIONS
 
 
 def to_time(stamp: int) -> Time:

@@ -46,12 +46,13 @@ class TileJoin:
         self._fits = fits
         self._is_ready = is_ready
         self._incomplete: OrderedDict[int, Parts] = OrderedDict()
-        self._complete: dict[int, Parts] = {}
+        self._complete: OrderedDict[int, Parts] = OrderedDict()
 
     def add(self, stamp: int, topic: str, part: Any) -> Parts | None:
         """Take one part; return the tile's parts by topic if it is now complete and ready."""
-        for other in [one for one in self._incomplete if one < stamp and tile_of(one) == tile_of(stamp)]:
-            del self._incomplete[other]
+        for held in (self._incomplete, self._complete):
+            for other in [one for one in held if one < stamp and tile_of(one) == tile_of(stamp)]:
+                del held[other]
         parts = self._incomplete.setdefault(stamp, {})
         parts[topic] = part
         if parts.keys() >= self._topics and self._fits(parts):
@@ -60,8 +61,9 @@ class TileJoin:
                 self._complete.pop(stamp, None)
                 return parts
             self._complete[stamp] = parts
-        while len(self._incomplete) > MAX_INCOMPLETE_TILES:
-            self._incomplete.popitem(last=False)
+        for held in (self._incomplete, self._complete):
+            while len(held) > MAX_INCOMPLETE_TILES:
+                held.popitem(last=False)
         return None
 
     def part(self, stamp: int, topic: str) -> Any:

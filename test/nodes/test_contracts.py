@@ -64,7 +64,7 @@ def start(context, tmp_path):
         "tile_player": {"input": [str(cloud)], "publish_clock": True},
         "ground_filter": {"publish_dtm": True},
         "model_builder": {"flow_control.publish_tile_done": True},
-        "model_writer": {"input": [str(cloud)], "output": str(tmp_path / "out")},
+        "model_writer": {"output": str(tmp_path / "out")},  # live
     }
     started = []
 
@@ -118,15 +118,15 @@ def test_every_node_has_the_topics_types_and_durabilities_of_the_table(start, na
 
 
 @pytest.mark.graph
-def test_the_player_has_the_services_of_the_table(start):
-    node = start("tile_player")
+@pytest.mark.parametrize("name", [name for name, card in CARDS.items() if card.services])
+def test_every_node_has_the_services_of_the_table(start, name):
     own = {
-        (name, kinds[0].replace("/srv/", "/"))
-        for name, kinds in node.get_service_names_and_types()
+        (service, kinds[0].replace("/srv/", "/"))
+        for service, kinds in start(name).get_service_names_and_types()
         if kinds[0].startswith("std_srvs")
     }
     assert own == {
-        (name.replace("~", "/contract/tile_player"), kind) for name, kind, _ in CARDS["tile_player"].services
+        (service.replace("~", f"/contract/{name}"), kind) for service, kind, _ in CARDS[name].services
     }
 
 

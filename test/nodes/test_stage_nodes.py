@@ -11,9 +11,21 @@ from rclpy.parameter import Parameter
 from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Header, String
 from support.cloud_files import random_cloud
+from support.node_bench import (
+    HOUSE,
+    SHED,
+    STAMP,
+    WRITER_HEARS,
+    WRITER_SENDS,
+    fragments,
+    outlines,
+    roof,
+    send_tile,
+    wait_until,
+)
 
 from lidar_buildings.core.model.map_frame import MapFrame
-from lidar_buildings.core.model.outline import BuildingOutline, Outline, OutlineQuality
+from lidar_buildings.core.model.outline import OutlineQuality
 from lidar_buildings.core.model.status import BuildingStatus
 from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.io.results.tile_products import TileProducts
@@ -26,99 +38,16 @@ from lidar_buildings.nodes.model_writer import ModelWriter
 from lidar_buildings.pipeline.reconstruct import STAGES
 from lidar_buildings.pipeline.tile_stages import TracedTile
 from lidar_buildings.ros.composition import Composition
+from lidar_buildings.ros.features import tile_closing_message
 from lidar_buildings.ros.map_frames import origin_message, units_message
 from lidar_buildings.ros.outline_quality import quality_message
 from lidar_buildings.ros.point_cloud import to_message
 from lidar_buildings.ros.polygons import outline_rings, ring_messages
 from lidar_buildings.ros.qos import BUILDING, CLOUD, EVENT, LATCHED, LATCHED_HISTORY, LATCHED_TILE
-from lidar_buildings.ros.stage_node import StageNode
 from lidar_buildings.ros.stamps import header_of, to_stamp
 from lidar_buildings.ros.tile_info import info_message
 
 pytestmark = pytest.mark.graph
-
-STAMP = 77_000_000_000
-HOUSE, SHED = 11, 12
-
-
-def wait_until(condition, seconds=120.0):
-    end = time.monotonic() + seconds
-    while not condition():
-        assert time.monotonic() < end
-        time.sleep(0.01)
-
-
-class Bench(StageNode):
-    """Sends to the node under test and hears what it publishes."""
-
-    def __init__(self, sends, hears, **kwargs):
-        super().__init__("bench", {}, **kwargs)
-        self.heard = {topic: [] for topic in hears}
-        self.to = {topic: self.create_publisher(*what) for topic, what in sends.items()}
-        for topic, (kind, profile) in hears.items():
-            self.create_subscription(kind, topic, self.heard[topic].append, profile)
-        self.told, self.info = set(), None
-
-    def send(self, topic, *messages):
-        for message in messages:
-            if isinstance(message, PointCloud2) and any(one.name == "index" for one in message.fields):
-                self.tell(to_stamp(message.header.stamp))
-            self.to[topic].publish(message)
-
-    def tell(self, stamp):
-        """Tell of a tile what a source tells, unless the test does."""
-        if "tile_info" not in self.to and stamp not in self.told:
-            self.told.add(stamp)
-            self.info = self.info or self.create_publisher(String, "tile_info", LATCHED_TILE)
-            self.info.publish(info_message(PointTile(np.zeros((1, 3)), stamp=stamp)))
-
-
-@pytest.fixture
-def bench(context):
-    running = []
-
-    def start(node, sends, hears):
-        made = {topic: (kind, topic, profile) for topic, (kind, profile) in sends.items()}
-        other = Bench(made, hears, context=context)
-        composition = Composition(node, other)
-        running.append(composition)
-        composition.start()
-        wait_until(lambda: all(publisher.get_subscription_count() for publisher in other.to.values()))
-        wait_until(lambda: all(other.count_publishers(topic) for topic in hears))
-        return other
-
-    yield start
-    for composition in running:
-        composition.stop()
-
-
-def roof(*building_ids, stamp=STAMP):
-    """A tile with a flat roof of 5 × 5 m for each building."""
-    x, y = (axis.ravel() * 1.0 for axis in np.meshgrid(np.arange(6), np.arange(6)))
-    columns = [np.column_stack([x + 20 * i, y, np.full(36, 8.0)]) for i in range(len(building_ids))]
-    points = np.concatenate([np.zeros((1, 3)), *columns])
-    ids = np.concatenate([[0], *(np.full(36, number) for number in building_ids)]).astype(np.uint32)
-    n = len(points)
-    return PointTile(
-        points,
-        classification=np.full(n, 6),
-        height_above_ground=np.full(n, 8.0),
-        buffer=np.zeros(n),
-        source=np.zeros(n),
-        index=np.arange(n),
-        edge=np.zeros(n),
-        building_id=ids,
-        plane_id=(ids > 0).astype(np.uint16),
-        stamp=stamp,
-    )
-
-
-def outlines(*building_ids):
-    square = np.array([[0.0, 0.0], [5.0, 0.0], [5.0, 5.0], [0.0, 5.0]])
-    return tuple(
-        BuildingOutline(number, Outline(square + np.array([20.0 * i, 0.0])))
-        for i, number in enumerate(building_ids)
-    )
 
 
 # the ground filter
@@ -270,9 +199,10 @@ def test_features_wait_for_the_map_frame_and_the_header_for_late_listeners(conte
     time.sleep(0.3)
     assert other.heard["tile_done"] == []
     units.publish(units_message(FRAME))
-    wait_until(lambda: other.heard["tile_done"] and len(other.heard["city_model"]) >= 2)
-    feature = json.loads(other.heard["city_model"][-1].data)
+    wait_until(lambda: other.heard["tile_done"] and len(other.heard["city_model"]) >= 3)
+    feature, end = (json.loads(message.data) for message in other.heard["city_model"][-2:])
     assert feature["type"] == "CityJSONFeature"
+    assert (end["id"], end["CityObjects"]) == (f"tile-{STAMP}", {})
     attributes = next(iter(feature["CityObjects"].values()))["attributes"]
     assert "too narrow" in attributes["reason"]
     assert attributes["outline_sigma"] == pytest.approx(0.125 / 0.3048, abs=1e-3)
@@ -288,25 +218,6 @@ def test_features_wait_for_the_map_frame_and_the_header_for_late_listeners(conte
 # the writer
 
 
-WRITER_SENDS = {
-    "classified_points": (PointCloud2, CLOUD),
-    "plane_points": (PointCloud2, CLOUD),
-    "traced_outlines": (PolygonInstanceStamped, BUILDING),
-    "outlines": (PolygonInstanceStamped, BUILDING),
-    "roof_faces": (PolygonInstanceStamped, BUILDING),
-    "city_model": (String, BUILDING),
-    "survey_done": (Header, LATCHED),
-    "tile_failed": (Header, LATCHED_HISTORY),
-}
-WRITER_HEARS = {"tile_done": (Header, LATCHED_HISTORY)}
-
-
-def feature(number):
-    building = {"type": "Building", "attributes": {"building_id": number, "status": "ok"}, "geometry": []}
-    content = {"type": "CityJSONFeature", "id": "b", "CityObjects": {"b": building}, "vertices": []}
-    return String(data=json.dumps(content, separators=(",", ":")))
-
-
 @pytest.fixture
 def make_writer(context, tmp_path):
     cloud = tmp_path / "cloud.laz"
@@ -319,25 +230,6 @@ def make_writer(context, tmp_path):
         )
 
     return make
-
-
-def send_tile(other, *ids, without=(), stamp=STAMP):
-    """Send all that a tile's nodes say of it."""
-    messages = {
-        "classified_points": [to_message(roof(*ids, stamp=stamp))],
-        "plane_points": [to_message(roof(*ids, stamp=stamp))],
-        "traced_outlines": ring_messages(stamp, outline_rings(outlines(*ids))),
-        "outlines": ring_messages(stamp, outline_rings(outlines(*ids))),
-        "roof_faces": ring_messages(stamp, outline_rings(())),
-        "city_model": [feature(number) for number in ids],
-    }
-    for topic, content in messages.items():
-        if topic not in without:
-            other.send(topic, *content)
-
-
-def fragments(tmp_path):
-    return sorted((tmp_path / "out" / ".partial").glob("*.npz"))
 
 
 @pytest.mark.parametrize(
@@ -385,6 +277,7 @@ def test_an_empty_tile_is_a_tile_like_any_other(bench, make_writer, tmp_path):
         other.send(topic, to_message(empty))
     for topic in ("traced_outlines", "outlines", "roof_faces"):
         other.send(topic, *ring_messages(STAMP, outline_rings(())))
+    other.send("city_model", tile_closing_message(STAMP))
     wait_until(lambda: [to_stamp(m.stamp) for m in other.heard["tile_done"]] == [STAMP])
     assert len(fragments(tmp_path)) == 1
 
@@ -400,7 +293,8 @@ def test_clouds_of_two_revisions_of_a_tile_are_not_mixed(bench, make_writer, tmp
     wait_until(lambda: other.heard["tile_done"])
     assert to_stamp(other.heard["tile_done"][0].stamp) == STAMP + 1
     (written,) = fragments(tmp_path)
-    assert TileProducts.load(written).stamp == STAMP, "the tile is known by its first revision"
+    assert written.stem == str(STAMP), "the tile is known by its first revision"
+    assert TileProducts.load(written).stamp == STAMP + 1
     assert len(TileProducts.load(written).core) == 37
 
 

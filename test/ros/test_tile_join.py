@@ -2,7 +2,6 @@ import numpy as np
 
 from lidar_buildings.core.model.outline import BuildingOutline, Outline
 from lidar_buildings.core.model.tile import PointTile
-from lidar_buildings.ros.features import FeaturePool
 from lidar_buildings.ros.tile_join import MAX_INCOMPLETE_TILES, TileJoin, agree_on_buildings
 
 
@@ -70,18 +69,20 @@ def test_leftovers_of_tiles_that_came_again_do_not_pile_up():
     assert join.add(1000 * MAX_INCOMPLETE_TILES, "b", 0) is not None
 
 
-def test_a_tile_waits_for_the_features_of_its_buildings():
-    pool = FeaturePool()
-    assert not pool.add(1, "one")
-    assert pool.expect(50, {1, 2, 3})
-    assert not pool.add(3, "three")
-    assert pool.add(2, "two")
-    assert not pool.expect(50, {1, 2, 3})
-    assert pool.take([1, 2, 3]) == ("one", "two", "three")
+def test_a_later_revision_takes_the_place_of_what_waited_and_of_what_was_incomplete():
+    join = TileJoin("ab", is_ready=lambda stamp, parts: False)
+    for topic in "ab":
+        join.add(1000, topic, "waiting")
+    join.add(1001, "a", "incomplete")
+    join.add(1002, "a", "new")
+    assert join.take_ready() == []
+    assert (join.part(1000, "a"), join.part(1001, "a"), join.part(1002, "a")) == (None, None, "new")
 
 
-def test_a_tile_whose_features_came_first_does_not_wait():
-    pool = FeaturePool()
-    pool.add(1, "one")
-    assert not pool.expect(50, {1})
-    assert not pool.expect(51, ())
+def test_tiles_that_never_become_ready_do_not_pile_up():
+    ready = []
+    join = TileJoin("a", is_ready=lambda stamp, parts: stamp in ready)
+    for stamp in range(0, 1000 * (MAX_INCOMPLETE_TILES + 5), 1000):
+        join.add(stamp, "a", stamp)
+    ready += range(0, 1000 * (MAX_INCOMPLETE_TILES + 5), 1000)
+    assert len(join.take_ready()) == MAX_INCOMPLETE_TILES

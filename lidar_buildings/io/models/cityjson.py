@@ -102,6 +102,12 @@ def header_line(
     return _line(header)
 
 
+def feature_id(anchor: tuple[float, float], frame: MapFrame) -> str:
+    """Return the name of the feature of a building with this anchor point [m]."""
+    x, y, _ = frame.to_source(np.array([[*anchor, 0.0]]))[0]
+    return readable_id(x, y)
+
+
 def feature_line(
     model: BuildingModel,
     building_id: int,
@@ -131,8 +137,7 @@ def feature_line(
     str
         Without a line break.
     """
-    x, y, _ = frame.to_source(np.array([[*anchor, 0.0]]))[0]
-    name = readable_id(x, y)
+    name = feature_id(anchor, frame)
     vertices: dict[tuple[int, int, int], int] = {}
     geometry = [_geometry(lod, model.solids[lod], vertices, frame) for lod in sorted(model.solids)]
     state = {"building_id": int(building_id), "status": model.status.value, "reason": model.reason}

@@ -96,7 +96,8 @@ def write_clouds(
         for source in load_sources(fragment):
             if source < len(inputs):
                 touching[source].append(fragment)
-    _make_folder(folder / CLASSIFIED)
+    if inputs:
+        _make_folder(folder / CLASSIFIED)
     jobs = [
         _Job(folder, number, one, name, touching[number], without)
         for number, (one, name) in enumerate(zip(inputs, output_names(inputs), strict=True))

@@ -6,7 +6,7 @@ import json
 import shutil
 from collections.abc import Collection, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from zipfile import BadZipFile
@@ -16,6 +16,7 @@ import numpy as np
 from lidar_buildings import __version__
 from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.model.stage_table import STAGES
+from lidar_buildings.core.model.stamps import tile_of
 from lidar_buildings.io.clouds.las import InputFile
 from lidar_buildings.io.files.atomic_files import atomic_file
 from lidar_buildings.io.results.classified_files import write_clouds
@@ -26,8 +27,11 @@ from lidar_buildings.io.results.run_folder import (
     RUN,
     Share,
     claim_folder,
+    files_of_run,
     output_names,
+    remove_files,
 )
+from lidar_buildings.io.results.run_summary import RunSummary
 from lidar_buildings.io.results.seams import seam_pieces
 from lidar_buildings.io.results.survey_buildings import SurveyBuildings
 from lidar_buildings.io.results.tile_products import TileProducts, load_outlines, load_shapes, load_stamp
@@ -42,46 +46,6 @@ _LINES = "features.jsonl"
 #: Last stage of a run that ends before there are outlines, or before there are models.
 _WITHOUT_OUTLINES = STAGES[: STAGES.index("boundary_tracing")]
 _WITHOUT_MODELS = STAGES[: STAGES.index("building_model")]
-
-
-@dataclass(frozen=True)
-class RunSummary:
-    """
-    What a run has made, as ``run.json`` tells it.
-
-    Attributes
-    ----------
-    files : tuple of str
-        Relative to the output folder.
-    n_tiles, n_points : int
-        Finished tiles; points of all inputs.
-    n_unclassified : int
-        Points in none of the finished tiles; they keep their class.
-    classes : dict
-        Class number → points.
-    buildings : dict
-        Status → buildings.
-    n_seam_pieces : int
-        Buildings left out because a neighbouring tile has them as part of a larger one.
-    rasters : dict
-        File name → its columns, rows, side of a cell in the source's unit, and known cells.
-    problems : tuple of str
-        One line per input that could not be read to its end.
-    footprints : dict
-        What became of the footprints that were given: how many were read, used, repaired, left out for which
-        reason, and outside the data. Empty where outlines were traced.
-    """
-
-    files: tuple[str, ...]
-    n_tiles: int
-    n_points: int
-    n_unclassified: int
-    classes: dict[int, int]
-    buildings: dict[str, int]
-    n_seam_pieces: int
-    rasters: dict[str, dict[str, Any]]
-    problems: tuple[str, ...]
-    footprints: dict[str, Any] = field(default_factory=dict)
 
 
 class OutputFolder:
@@ -107,6 +71,9 @@ class OutputFolder:
         The footprints that were given.
     formats : collection of str
         Which files tell of the buildings, of `lidar_buildings.io.results.output_config.FORMATS`.
+    is_live : bool
+        Whether tiles go on coming: the files are made from those there are, as often as one likes, and
+        `inputs` are named before that.
 
     Raises
     ------
@@ -125,12 +92,14 @@ class OutputFolder:
         parameters: Mapping[str, Any] | None = None,
         footprints: FootprintFile | None = None,
         formats: Collection[str] = FORMATS,
+        is_live: bool = False,
     ) -> None:
         self.path = Path(path)
         self.inputs = list(inputs)
         self.frame = frame
         self.until = until
         self.formats = tuple(formats)
+        self.is_live = is_live
         self._footprints = FootprintResults.of(footprints)
         identity = {
             "version": __version__,
@@ -142,7 +111,7 @@ class OutputFolder:
             "until": until,
             "parameters": dict(parameters or {}),
         }
-        claim_folder(self.path, identity, self.inputs, overwrite=overwrite)
+        claim_folder(self.path, identity, self.inputs, overwrite=overwrite, is_live=is_live)
         for fragment in self._partial.glob(f"*{_ENDING}"):
             # A killed process leaves a part, a power cut a name without its content.
             if not _is_whole(fragment):
@@ -150,7 +119,7 @@ class OutputFolder:
 
     def write_tile(self, products: TileProducts) -> None:
         """
-        Put a tile safely on disk; the same stamp again replaces it.
+        Put a tile safely on disk; whatever revision of it was there before is replaced.
 
         Raises
         ------
@@ -161,13 +130,16 @@ class OutputFolder:
 
     def tile_path(self, stamp: int) -> Path:
         """Return where a tile is put on disk, for a process that saves it itself."""
-        return self._partial / f"{stamp}{_ENDING}"
+        return self._partial / f"{tile_of(stamp)}{_ENDING}"
 
-    def done_stamps(self) -> set[int]:
-        """Return the stamps of the tiles on disk."""
-        return {
-            int(fragment.stem) for fragment in self._partial.glob(f"*{_ENDING}") if fragment.stem.isdigit()
-        }
+    def done_stamps(self) -> dict[int, int]:
+        """Return the tiles on disk: stamp of the first revision → that of the revision that is there."""
+        return {int(path.stem): load_stamp(path) for path in self._fragments()}
+
+    def forget_tiles(self) -> None:
+        """Delete the tiles on disk; files that were made of them stay."""
+        for fragment in self._fragments():
+            fragment.unlink()
 
     def load_writers(self) -> None:
         """Import what `finalise` needs, in a time when nothing else is to be done."""
@@ -185,7 +157,8 @@ class OutputFolder:
         """
         Make the files from the tiles on disk; ``run.json`` comes last, then the tiles are deleted.
 
-        The result does not depend on the order in which the tiles came.
+        Tiles of a live run stay; each file takes its predecessor's place when it is complete. The result does
+        not depend on the order in which the tiles came.
 
         Parameters
         ----------
@@ -203,7 +176,7 @@ class OutputFolder:
             If a file cannot be written; the tiles are kept, and the run can be taken up again.
         """
         info = dict(run_info or {})
-        fragments = [self.tile_path(stamp) for stamp in sorted(self.done_stamps())]
+        fragments = self._fragments()
         # footprints are what they are, also where one lies within another
         pieces = set() if self._footprints else seam_pieces([load_outlines(one) for one in fragments])
         with ThreadPoolExecutor(2) as beside:
@@ -228,13 +201,23 @@ class OutputFolder:
             problems=tuple(dict.fromkeys([*info.get("problems", ()), *new, *problems])),
             footprints=self._footprints.summary(sum(statuses.values())),
         )
+        outdated = set(files_of_run(self.path)) - set(summary.files)
         self._write_run(summary, clouds.outputs, info)
-        self._discard_tiles(fragments)
+        if self.is_live:
+            remove_files(self.path, outdated)
+            (self._partial / _LINES).unlink(missing_ok=True)
+        else:
+            self._discard_tiles(fragments)
         return summary
 
     @property
     def _partial(self) -> Path:
         return self.path / PARTIAL
+
+    def _fragments(self) -> list[Path]:
+        """Return where the tiles are, by rising stamp."""
+        found = [one for one in self._partial.glob(f"*{_ENDING}") if one.stem.isdigit()]
+        return sorted(found, key=lambda one: int(one.stem))
 
     def _write_buildings(self, fragments: list[Path], pieces: set[int]) -> tuple[list[str], dict[str, int]]:
         """Write outlines and models as far as the run went; return file names, and buildings per status."""

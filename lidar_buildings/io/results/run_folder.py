@@ -30,7 +30,12 @@ _IDENTITY = "identity.json"
 
 
 def claim_folder(
-    path: Path, identity: dict[str, Any], inputs: Sequence[InputFile], *, overwrite: bool
+    path: Path,
+    identity: dict[str, Any],
+    inputs: Sequence[InputFile],
+    *,
+    overwrite: bool,
+    is_live: bool = False,
 ) -> None:
     """
     Make a folder ready for a run, or for taking up the same run where it was left.
@@ -46,6 +51,9 @@ def claim_folder(
     overwrite : bool
         Whether an earlier run's files may be replaced; files of other origin are never touched. The same run,
         unfinished, is taken up again all the same: a writer that was restarted must not begin anew.
+    is_live : bool
+        Whether the run makes its files again and again, so that those of an earlier time are its own. Without
+        tiles on disk it may become another one: its source was reset.
 
     Raises
     ------
@@ -55,12 +63,12 @@ def claim_folder(
     for file in inputs:
         if (path / CLASSIFIED).resolve() in file.path.resolve().parents:
             raise OutputError(f"{path}: holds the input {file.path}: choose another output folder")
-    check_folder(path, overwrite=overwrite)
+    check_folder(path, overwrite=overwrite, is_live=is_live)
     try:
         if overwrite:
             if not _is_same(path, identity):
                 _clear(path)
-        elif _holds_run(path):
+        elif _holds_run(path) and (not is_live or any((path / PARTIAL).glob("*.npz"))):
             _check_same(path, identity)
         (path / PARTIAL).mkdir(exist_ok=True)
     except OSError as error:
@@ -72,9 +80,11 @@ def claim_folder(
         raise _unusable(path, error.__cause__ or error) from error
 
 
-def check_folder(path: Path, *, overwrite: bool) -> None:
+def check_folder(path: Path, *, overwrite: bool, is_live: bool = False) -> None:
     """
     Make a folder, or refuse one that holds something else than an unfinished run.
+
+    A live run is never finished: its tiles stay when it makes its files.
 
     Raises
     ------
@@ -85,7 +95,7 @@ def check_folder(path: Path, *, overwrite: bool) -> None:
         path.mkdir(parents=True, exist_ok=True)
         if overwrite:
             return
-        if (path / RUN).exists():
+        if (path / RUN).exists() and not (is_live and _holds_run(path)):
             raise OutputError(
                 f"{path}: holds a finished run: give --overwrite to replace it, or another folder"
             )
@@ -132,14 +142,23 @@ def discard_unfinished(path: Path) -> None:
     shutil.rmtree(path / PARTIAL, ignore_errors=True)
 
 
-def _clear(path: Path) -> None:
+def files_of_run(path: Path) -> list[str]:
+    """Return the names of the files that ``run.json`` says were made, none if there is no such file."""
     earlier = _read(path / RUN) or {}
-    names = [name for name in earlier.get("files", []) if isinstance(name, str)]
-    of_buildings = [name for files in FORMAT_FILES.values() for name in files]
-    for name in (RUN, DTM, DSM, NDSM, *of_buildings, *names):
+    return [name for name in earlier.get("files", []) if isinstance(name, str)]
+
+
+def remove_files(path: Path, names: Iterable[str]) -> None:
+    """Delete files of an output folder; names that lead out of it are left alone."""
+    for name in names:
         file = path / name
         if path.resolve() in file.resolve().parents:
             file.unlink(missing_ok=True)
+
+
+def _clear(path: Path) -> None:
+    of_buildings = [name for files in FORMAT_FILES.values() for name in files]
+    remove_files(path, (RUN, DTM, DSM, NDSM, *of_buildings, *files_of_run(path)))
     for one in (path / PARTIAL).glob("*"):
         if one.name != PLACED:  # the clouds of bags are inputs of the run that begins
             one.unlink(missing_ok=True)

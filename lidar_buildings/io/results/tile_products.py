@@ -38,7 +38,7 @@ class TileProducts:
     Attributes
     ----------
     stamp : int
-        The tile's key [ns].
+        The tile's key, of the revision that they are of [ns].
     core : structured ndarray
         `source`, `index`, `classification`, `height_above_ground`, `facade` of every core point.
     roofs : structured ndarray
@@ -187,7 +187,7 @@ def load_rasters(path: Path) -> TerrainRasters:
 
 
 def load_stamp(path: Path) -> int:
-    """Read the key of a saved tile [ns]."""
+    """Read the key of a saved tile, of the revision that it holds [ns]."""
     with np.load(path) as held:
         return int(held["stamp"])
 

@@ -8,6 +8,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from lidar_buildings.core.model.stamps import STEP
+
 #: Seconds of a week: the largest GPS week time.
 WEEK = 604_800
 #: Unix time of the GPS epoch, 1980-01-06 [s].
@@ -22,8 +24,6 @@ LEAP_SECONDS = (
 #: Stamps carry seconds as int32.
 LATEST = 2**31 - 1
 _NANOSECONDS = 1_000_000_000
-#: Stamps are multiples of this, so that there is room for revisions of a tile between them [ns].
-STEP = 1_000
 
 
 def stamp_of_time(gps_time: float, *, is_standard: bool) -> int | None:

@@ -99,7 +99,7 @@ def test_a_source_in_feet_has_its_rasters_in_feet(tmp_path, horizontal, vertical
 
 def test_the_order_of_tiles_and_their_coming_twice_change_nothing(tmp_path):
     cloud = cloud_files.saved(cloud_files.random_cloud(10), tmp_path / "a.laz")
-    tiles = [sloping((20.0 * i, 20.0 * j), stamp=10 * i + j + 1) for i in range(4) for j in range(3)]
+    tiles = [sloping((20.0 * i, 20.0 * j), stamp=1_000 * (10 * i + j)) for i in range(4) for j in range(3)]
     contents = []
     for number in range(2):
         order = tiles * (number + 1)
@@ -162,7 +162,7 @@ def test_places_too_far_apart_for_one_raster_leave_the_rest_of_the_run_complete(
     cloud = cloud_files.saved(cloud_files.random_cloud(10), tmp_path / "a.laz")
     folder = OutputFolder(tmp_path / "out", [InputFile(cloud, 10)], DUTCH, until="ground_filter")
     for k, d in ((1, 0.0), (2, 2_000_000.0)):
-        tile = sloping((d, d), stamp=k)
+        tile = sloping((d, d), stamp=1_000 * k)
         folder.write_tile(products_of(tile))
     summary = folder.finalise()
     (line,) = summary.problems

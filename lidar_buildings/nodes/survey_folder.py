@@ -1,0 +1,170 @@
+"""The output folder of a writer, whose survey comes from files or live. It needs no ROS."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import fields
+from pathlib import Path
+from typing import Any
+
+from lidar_buildings.core.model.errors import ParameterError
+from lidar_buildings.core.model.map_frame import MapFrame
+from lidar_buildings.core.model.stamps import tile_of
+from lidar_buildings.io.clouds.las import InputFile, frame_of, open_inputs
+from lidar_buildings.io.clouds.placed_clouds import PLACED_CLOUDS, placed_inputs
+from lidar_buildings.io.results.output_config import OutputConfig
+from lidar_buildings.io.results.output_folder import OutputFolder
+from lidar_buildings.io.results.run_folder import check_folder
+from lidar_buildings.io.results.run_summary import RunSummary
+from lidar_buildings.io.results.tile_products import TileProducts
+from lidar_buildings.io.vectors.footprints import FootprintFile, FootprintSource, read_footprints
+from lidar_buildings.nodes.configs import ModelWriterConfig
+
+
+class SurveyFolder:
+    """
+    Takes a survey's tiles and makes its files, whether its inputs are known before or only at the end.
+
+    Parameters
+    ----------
+    config : ModelWriterConfig
+        Without inputs the survey is live: it has a frame, and with it tiles on disk, from `open` on.
+
+    Attributes
+    ----------
+    is_live : bool
+        Whether tiles go on coming after files were made.
+    settings : mapping
+        What results depend on.
+    on_disk : dict
+        Stamp of a tile's first revision → that of the revision on disk [ns].
+
+    Raises
+    ------
+    LidarBuildingsError
+        If inputs cannot be read, or the folder cannot be used.
+    """
+
+    def __init__(self, config: ModelWriterConfig) -> None:
+        if not config.output:
+            raise ParameterError("model_writer.output is empty: name a folder for the results")
+        self._config = config
+        self.is_live = not config.input
+        self.settings = _settings(config.settings)
+        self.on_disk: dict[int, int] = {}
+        self._problems: list[str] = []
+        self._folder: OutputFolder | None = None
+        if self.is_live:
+            check_folder(Path(config.output), overwrite=config.overwrite, is_live=True)
+            return
+        clouds, self._problems = open_inputs(config.input)
+        inputs = [InputFile(cloud.path, cloud.point_count) for cloud in clouds]
+        self._claim(inputs, frame_of(clouds), overwrite=config.overwrite)
+
+    @property
+    def path(self) -> Path:
+        """Where the files go."""
+        return Path(self._config.output)
+
+    @property
+    def frame(self) -> MapFrame | None:
+        """The frame of the tiles on disk, None as long as a live survey has none."""
+        return None if self._folder is None else self._folder.frame
+
+    def open(self, frame: MapFrame) -> bool:
+        """
+        Go on in a frame that a live source has told of; return False if tiles on disk are of another one.
+
+        Raises
+        ------
+        LidarBuildingsError
+            If the folder holds tiles of another run.
+        """
+        if self.frame == frame:
+            return True
+        if self.on_disk:
+            return False
+        self._claim([], frame, overwrite=self._config.overwrite and self.frame is None)
+        return True
+
+    def revision_of(self, stamp: int) -> int:
+        """Return the stamp of the revision of a tile that is on disk, -1 if none is."""
+        return self.on_disk.get(tile_of(stamp), -1)
+
+    def write(self, products: TileProducts) -> None:
+        """
+        Put a tile on disk.
+
+        Raises
+        ------
+        OutputError
+            If it cannot be written.
+        """
+        self._opened().write_tile(products)
+        self.on_disk[tile_of(products.stamp)] = products.stamp
+
+    def make_files(self, run_info: Mapping[str, Any]) -> RunSummary:
+        """
+        Make the files of the tiles on disk, those of a live survey with the clouds that are there now.
+
+        Raises
+        ------
+        LidarBuildingsError
+            If no frame is known, or a file cannot be written.
+        """
+        folder, problems = self._opened(), list(self._problems)
+        if self.is_live:
+            folder.inputs = placed_inputs(Path(self._config.placed)) if self._config.placed else []
+            if not folder.inputs:
+                where = f"{self._config.placed}/{PLACED_CLOUDS}" if self._config.placed else "no folder named"
+                problems.append(f"no classified clouds: the source's clouds are not here ({where})")
+        return folder.finalise({**run_info, "problems": problems})
+
+    def forget_tiles(self) -> None:
+        """Delete the tiles on disk; the files that were made of them stay."""
+        if self._folder is not None:
+            self._folder.forget_tiles()
+        self.on_disk.clear()
+
+    def _opened(self) -> OutputFolder:
+        if self._folder is None:
+            raise ParameterError("no tile has come yet: nobody has told where the map frame lies")
+        return self._folder
+
+    def _claim(self, inputs: list[InputFile], frame: MapFrame, *, overwrite: bool) -> None:
+        config = self._config
+        self._folder = OutputFolder(
+            config.output,
+            inputs,
+            frame,
+            overwrite=overwrite,
+            until=config.until,
+            parameters=self.settings | {OutputConfig.stage: _output_settings(config)},
+            footprints=_footprints(config, frame),
+            formats=config.formats,
+            is_live=self.is_live,
+        )
+        self.on_disk = self._folder.done_stamps()
+
+
+def _settings(text: str) -> dict[str, Any]:
+    try:
+        settings = json.loads(text or "{}")
+    except ValueError as error:
+        raise ParameterError(f"model_writer.settings is no JSON: {error}") from error
+    if not isinstance(settings, dict):
+        raise ParameterError("model_writer.settings must be a JSON object")
+    return settings
+
+
+def _footprints(config: ModelWriterConfig, frame: MapFrame) -> FootprintFile | None:
+    if not config.footprints:
+        return None
+    source = FootprintSource(Path(config.footprints), config.footprints_layer, config.footprint_id)
+    return read_footprints(source, frame)
+
+
+def _output_settings(config: OutputConfig) -> dict[str, Any]:
+    """Return the parameters of what is written, on which an unfinished run depends as well."""
+    return {one.name: getattr(config, one.name) for one in fields(OutputConfig)}

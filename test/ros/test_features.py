@@ -1,0 +1,67 @@
+"""Buildings' models on their way to their tile."""
+
+import json
+
+import pytest
+
+from lidar_buildings.ros.features import (
+    FeaturePool,
+    closed_tile,
+    is_withdrawal,
+    tile_closing_message,
+    withdrawal_message,
+)
+
+
+def test_a_tile_has_its_features_when_they_and_their_end_have_come():
+    pool = FeaturePool()
+    pool.add(1, "one")
+    pool.add(3, "three")
+    assert not pool.has(50, {1, 3})
+    pool.close(50)
+    assert pool.has(50, {1, 3})
+    assert not pool.has(50, {1, 2, 3})
+    assert pool.take([1, 3]) == ("one", "three")
+
+
+def test_features_of_an_earlier_revision_do_not_complete_a_tile():
+    pool = FeaturePool()
+    pool.add(1, "old")
+    pool.close(50)
+    assert not pool.has(51, {1})
+    pool.add(1, "new")
+    pool.close(51)
+    assert pool.has(51, {1})
+    assert pool.take([1]) == ("new",)
+
+
+def test_a_tile_without_buildings_waits_for_the_end_too():
+    pool = FeaturePool()
+    assert not pool.has(50, ())
+    pool.close(50)
+    assert pool.has(50, ())
+
+
+def test_a_withdrawal_is_a_feature_of_cityjson_without_objects():
+    (line,) = (withdrawal_message('a "name"').data,)
+    assert json.loads(line) == {
+        "type": "CityJSONFeature",
+        "id": 'a "name"',
+        "CityObjects": {},
+        "vertices": [],
+    }
+    assert is_withdrawal(line)
+    assert closed_tile(line) is None
+
+
+def test_the_end_of_a_tile_names_it():
+    line = tile_closing_message(77_000_000_001).data
+    assert closed_tile(line) == 77_000_000_001
+    assert is_withdrawal(line)
+    assert closed_tile(line.replace("77", "x")) is None
+
+
+@pytest.mark.parametrize("line", ["", "[]", '{"type":"CityJSONFeature","id":"tile-5"}', "\x00"])
+def test_what_is_no_such_feature_closes_nothing(line):
+    assert closed_tile(line) is None
+    assert not is_withdrawal(line)

@@ -1,0 +1,121 @@
+"""A node under test, another that sends to it and hears it, and tiles that are made up."""
+
+import json
+import time
+
+import numpy as np
+from geometry_msgs.msg import PolygonInstanceStamped
+from sensor_msgs.msg import PointCloud2
+from std_msgs.msg import Header, String
+
+from lidar_buildings.core.model.outline import BuildingOutline, Outline
+from lidar_buildings.core.model.tile import PointTile
+from lidar_buildings.ros.features import tile_closing_message
+from lidar_buildings.ros.point_cloud import to_message
+from lidar_buildings.ros.polygons import outline_rings, ring_messages
+from lidar_buildings.ros.qos import BUILDING, CLOUD, LATCHED, LATCHED_HISTORY, LATCHED_TILE
+from lidar_buildings.ros.stage_node import StageNode
+from lidar_buildings.ros.stamps import to_stamp
+from lidar_buildings.ros.tile_info import info_message
+
+STAMP = 77_000_000_000
+HOUSE, SHED = 11, 12
+
+
+def wait_until(condition, seconds=120.0):
+    end = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < end
+        time.sleep(0.01)
+
+
+class Bench(StageNode):
+    """Sends to the node under test and hears what it publishes."""
+
+    def __init__(self, sends, hears, **kwargs):
+        super().__init__("bench", {}, **kwargs)
+        self.heard = {topic: [] for topic in hears}
+        self.to = {topic: self.create_publisher(*what) for topic, what in sends.items()}
+        for topic, (kind, profile) in hears.items():
+            self.create_subscription(kind, topic, self.heard[topic].append, profile)
+        self.told, self.info = set(), None
+
+    def send(self, topic, *messages):
+        for message in messages:
+            if isinstance(message, PointCloud2) and any(one.name == "index" for one in message.fields):
+                self.tell(to_stamp(message.header.stamp))
+            self.to[topic].publish(message)
+
+    def tell(self, stamp):
+        """Tell of a tile what a source tells, unless the test does."""
+        if "tile_info" not in self.to and stamp not in self.told:
+            self.told.add(stamp)
+            self.info = self.info or self.create_publisher(String, "tile_info", LATCHED_TILE)
+            self.info.publish(info_message(PointTile(np.zeros((1, 3)), stamp=stamp)))
+
+
+def roof(*building_ids, stamp=STAMP):
+    """A tile with a flat roof of 5 × 5 m for each building."""
+    x, y = (axis.ravel() * 1.0 for axis in np.meshgrid(np.arange(6), np.arange(6)))
+    columns = [np.column_stack([x + 20 * i, y, np.full(36, 8.0)]) for i in range(len(building_ids))]
+    points = np.concatenate([np.zeros((1, 3)), *columns])
+    ids = np.concatenate([[0], *(np.full(36, number) for number in building_ids)]).astype(np.uint32)
+    n = len(points)
+    return PointTile(
+        points,
+        classification=np.full(n, 6),
+        height_above_ground=np.full(n, 8.0),
+        buffer=np.zeros(n),
+        source=np.zeros(n),
+        index=np.arange(n),
+        edge=np.zeros(n),
+        building_id=ids,
+        plane_id=(ids > 0).astype(np.uint16),
+        stamp=stamp,
+    )
+
+
+def outlines(*building_ids):
+    square = np.array([[0.0, 0.0], [5.0, 0.0], [5.0, 5.0], [0.0, 5.0]])
+    return tuple(
+        BuildingOutline(number, Outline(square + np.array([20.0 * i, 0.0])))
+        for i, number in enumerate(building_ids)
+    )
+
+
+WRITER_SENDS = {
+    "classified_points": (PointCloud2, CLOUD),
+    "plane_points": (PointCloud2, CLOUD),
+    "traced_outlines": (PolygonInstanceStamped, BUILDING),
+    "outlines": (PolygonInstanceStamped, BUILDING),
+    "roof_faces": (PolygonInstanceStamped, BUILDING),
+    "city_model": (String, BUILDING),
+    "survey_done": (Header, LATCHED),
+    "tile_failed": (Header, LATCHED_HISTORY),
+}
+WRITER_HEARS = {"tile_done": (Header, LATCHED_HISTORY)}
+
+
+def feature(number):
+    building = {"type": "Building", "attributes": {"building_id": number, "status": "ok"}, "geometry": []}
+    content = {"type": "CityJSONFeature", "id": "b", "CityObjects": {"b": building}, "vertices": []}
+    return String(data=json.dumps(content, separators=(",", ":")))
+
+
+def send_tile(other, *ids, without=(), stamp=STAMP):
+    """Send all that a tile's nodes say of it."""
+    messages = {
+        "classified_points": [to_message(roof(*ids, stamp=stamp))],
+        "plane_points": [to_message(roof(*ids, stamp=stamp))],
+        "traced_outlines": ring_messages(stamp, outline_rings(outlines(*ids))),
+        "outlines": ring_messages(stamp, outline_rings(outlines(*ids))),
+        "roof_faces": ring_messages(stamp, outline_rings(())),
+        "city_model": [*(feature(number) for number in ids), tile_closing_message(stamp)],
+    }
+    for topic, content in messages.items():
+        if topic not in without:
+            other.send(topic, *content)
+
+
+def fragments(tmp_path):
+    return sorted((tmp_path / "out" / ".partial").glob("*.npz"))
