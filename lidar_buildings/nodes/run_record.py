@@ -11,6 +11,7 @@ from typing import Any
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 
 from lidar_buildings.io.results.run_info import run_info
+from lidar_buildings.nodes.configs import NODE_CONFIGS
 from lidar_buildings.nodes.table import NODE_STAGES, NODE_TABLE
 from lidar_buildings.ros.stamps import tile_of
 
@@ -43,7 +44,14 @@ class RunRecord:
         self._started = time.perf_counter()
 
     def add(self, message: DiagnosticArray) -> None:
-        """Take one node's status of one tile, the last of which counts; its summaries say nothing here."""
+        """
+        Take one node's status of one tile, the last of which counts; its summaries say nothing here.
+
+        Raises
+        ------
+        ValueError
+            If a number is none, or the parameters are not JSON of a node's.
+        """
         for status in message.status:
             values = {pair.key: pair.value for pair in status.values}
             if status.name not in _NODES or "tile" not in values:
@@ -53,7 +61,7 @@ class RunRecord:
             if status.level == DiagnosticStatus.ERROR:
                 self._reasons[tile] = f"{status.name}: {status.message}"
                 continue
-            self._parameters.update(json.loads(values.get("parameters", "{}")))
+            self._parameters.update(_parameters_of(status.name, values.get("parameters", "{}")))
             if status.name in NODE_STAGES and "seconds" in values:
                 self._seconds[NODE_STAGES[status.name]][tile] = float(values["seconds"])
 
@@ -70,3 +78,11 @@ class RunRecord:
         seconds = {stage: sum(per.values()) for stage, per in self._seconds.items() if per}
         seconds = {"wall": time.perf_counter() - self._started, **seconds}
         return run_info(seconds, self._parameters, self.reasons(failed), problems)
+
+
+def _parameters_of(node: str, text: str) -> dict[str, Any]:
+    """Return a node's parameters by stage; of stages that it has."""
+    told = json.loads(text)
+    if not isinstance(told, dict) or not told.keys() <= NODE_CONFIGS[node].keys():
+        raise ValueError(f"parameters of {node} are {text[:100]}")
+    return told

@@ -16,6 +16,8 @@ from std_msgs.msg import String
 
 #: How many features are kept; wide margin: a tile has hundreds. The oldest are of tiles that were sent again.
 _MAX_FEATURES = 100_000
+#: Characters that they may have; wide margin: a building takes 10,000.
+_MAX_CHARACTERS = 500_000_000
 #: How many closed tiles are remembered; wide margin: at most 8 are in flight.
 _MAX_TILES = 1_000
 #: Stands before the stamp in the name of the feature that closes a tile.
@@ -52,13 +54,14 @@ class FeaturePool:
     def __init__(self) -> None:
         self._lines: OrderedDict[int, str] = OrderedDict()
         self._closed: OrderedDict[int, None] = OrderedDict()
+        self._n_characters = 0
 
     def add(self, building_id: int, line: str) -> None:
         """Take a feature; it replaces an earlier one of its building."""
+        self._n_characters += len(line) - len(self._lines.pop(building_id, ""))
         self._lines[building_id] = line
-        self._lines.move_to_end(building_id)
-        if len(self._lines) > _MAX_FEATURES:
-            self._lines.popitem(last=False)
+        while len(self._lines) > _MAX_FEATURES or self._n_characters > _MAX_CHARACTERS:
+            self._n_characters -= len(self._lines.popitem(last=False)[1])
 
     def close(self, stamp: int) -> None:
         """Note that all features of a tile are there; what is held of an earlier revision is outdated."""
@@ -73,4 +76,6 @@ class FeaturePool:
 
     def take(self, building_ids: Iterable[int]) -> tuple[str, ...]:
         """Remove and return a tile's features, in the order of the ids."""
-        return tuple(self._lines.pop(number) for number in building_ids)
+        lines = tuple(self._lines.pop(number) for number in building_ids)
+        self._n_characters -= sum(map(len, lines))
+        return lines

@@ -9,10 +9,15 @@ from geometry_msgs.msg import Point, PointStamped, Vector3, Vector3Stamped
 from rclpy.timer import Timer
 from std_msgs.msg import Header
 
+from lidar_buildings.core.model.errors import MessageError
 from lidar_buildings.core.model.map_frame import MapFrame
+from lidar_buildings.core.scans.trajectory import MAX_COORDINATE
 from lidar_buildings.ros.qos import LATCHED
 from lidar_buildings.ros.stage_node import StageNode
 from lidar_buildings.ros.stamps import FRAME_ID
+
+#: Nobody measures in smaller units, or in larger ones than its inverse [m].
+_SMALLEST_UNIT = 1e-6
 
 
 def origin_message(frame: MapFrame) -> PointStamped:
@@ -87,10 +92,16 @@ class FrameListener:
             self._on_origin(origin_message(MapFrame()))
 
     def _on_units(self, message: Vector3Stamped) -> None:
+        units = (message.vector.x, message.vector.y, message.vector.z)
+        if not all(_SMALLEST_UNIT <= unit <= 1 / _SMALLEST_UNIT for unit in units):
+            raise MessageError(f"{units} are no metres per unit")
         self._units = message
         self._notify()
 
     def _on_origin(self, message: PointStamped) -> None:
+        origin = (message.point.x, message.point.y, message.point.z)
+        if not all(abs(one) <= MAX_COORDINATE for one in origin):
+            raise MessageError(f"{origin} is no place on Earth")
         self._origin = message
         self._notify()
 

@@ -5,13 +5,14 @@ from __future__ import annotations
 import json
 from collections.abc import Iterable
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from std_msgs.msg import String
 
-from lidar_buildings.core.model.errors import MessageError
 from lidar_buildings.core.model.outline import BuildingOutline, OutlineQuality
 from lidar_buildings.core.model.status import BuildingStatus
+from lidar_buildings.ros.json_text import read_json
 
 
 class Qualities(dict[int, OutlineQuality]):
@@ -46,14 +47,13 @@ def qualities_of(message: String) -> tuple[int, Qualities]:
     MessageError
         If the text is not of the form that `quality_message` gives.
     """
-    try:
-        content = json.loads(message.data)
-        qualities = Qualities(
-            (int(number), _quality_of(**members)) for number, members in content["outlines"].items()
-        )
-        return int(content["stamp"]), qualities
-    except (ValueError, TypeError, KeyError, AttributeError) as error:
-        raise MessageError(f"outline_quality is not understood: {error!r}: {message.data[:100]}") from error
+    return read_json("outline_quality", message, _content_of)
+
+
+def _content_of(said: Any) -> tuple[int, Qualities]:
+    outlines = said["outlines"].items()
+    qualities = Qualities((int(number), _quality_of(**members)) for number, members in outlines)
+    return int(said["stamp"]), qualities
 
 
 def _quality_of(sigma: float | None, max_offset: float | None, status: str, reason: str) -> OutlineQuality:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from sensor_msgs.msg import PointCloud2, PointField
 
 from lidar_buildings.core.model.tile import COLUMNS, PointTile
-from lidar_buildings.core.scans.cloud_layout import DATATYPES, XYZ, columns_of
+from lidar_buildings.core.scans.cloud_layout import DATATYPES, XYZ, columns_of, taken_points
 from lidar_buildings.ros.stamps import header_of, to_stamp
 
 _CODES = {dtype: code for code, dtype in DATATYPES.items()}
@@ -86,8 +86,7 @@ def from_message(message: PointCloud2) -> CloudReading:
         If x, y or z is missing or no float, or the sizes contradict each other.
     """
     columns = columns_of(message, COLUMNS)
-    xyz = [columns.pop(name) for name in XYZ]
-    points = np.column_stack([np.asarray(values, dtype=np.float64) for values in xyz])
+    points = taken_points(columns)
     # What float32 cannot hold would become infinite in the tile.
     finite = np.isfinite(points) & (np.abs(points) <= np.finfo(np.float32).max)
     rows = finite.all(axis=1)

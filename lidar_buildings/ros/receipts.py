@@ -9,7 +9,7 @@ from uuid import uuid4
 from rclpy.node import Node
 from std_msgs.msg import String
 
-from lidar_buildings.core.model.errors import MessageError
+from lidar_buildings.ros.json_text import read_json
 from lidar_buildings.ros.qos import LATCHED_EVENT
 
 TOPIC = "tile_receipt"
@@ -80,8 +80,8 @@ def receipt_of(message: String) -> Receipt:
     MessageError
         If it is no receipt.
     """
-    try:
-        said = json.loads(message.data)
-        return Receipt(str(said["node"]), str(said["life"]), str(said["state"]), int(said["stamp"]))
-    except (ValueError, TypeError, KeyError) as error:
-        raise MessageError(f"{TOPIC} is not understood: {error!r}: {message.data[:100]}") from error
+    return read_json(
+        TOPIC,
+        message,
+        lambda said: Receipt(str(said["node"]), str(said["life"]), str(said["state"]), int(said["stamp"])),
+    )

@@ -15,6 +15,9 @@ from lidar_buildings.ros.stamps import to_stamp
 
 #: How many tiles may be open at once; wide margin: at most 8 are in flight, more were sent again.
 _MAX_OPEN_TILES = 64
+#: How many vertices they may have, and for how many a ring counts beside its own: 0.5 GB. Wide margin: a
+#: million buildings.
+_MAX_VERTICES, _PER_RING = 20_000_000, 8
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,6 +39,7 @@ class RingCollector:
 
     def __init__(self) -> None:
         self._open: OrderedDict[int, dict[int, list[Ring]]] = OrderedDict()
+        self._n_vertices: dict[int, int] = {}
 
     def add(self, message: PolygonInstanceStamped) -> ClosedTile | None:
         """
@@ -50,6 +54,7 @@ class RingCollector:
         number = message.polygon.id
         if number == CLOSING_ID and not message.polygon.polygon.points:
             rings = self._open.pop(stamp, {})
+            self._n_vertices.pop(stamp, None)
             return ClosedTile(stamp, {key: tuple(value) for key, value in rings.items()})
         self._add_ring(stamp, number, ring_of(message))
         return None
@@ -61,8 +66,10 @@ class RingCollector:
             rings.clear()
         if len(ring):
             rings.append(ring)
-        while len(self._open) > _MAX_OPEN_TILES:
-            self._open.popitem(last=False)
+        self._n_vertices[stamp] = self._n_vertices.get(stamp, 0) + len(ring) + _PER_RING
+        while len(self._open) > _MAX_OPEN_TILES or sum(self._n_vertices.values()) > _MAX_VERTICES:
+            oldest, _ = self._open.popitem(last=False)
+            self._n_vertices.pop(oldest, None)
 
 
 def outlines_of(rings: Rings) -> tuple[BuildingOutline, ...]:
@@ -73,10 +80,11 @@ def outlines_of(rings: Rings) -> tuple[BuildingOutline, ...]:
     """
     outlines = []
     for number in sorted(rings):
-        polygons = _polygons([ring[:, :2] for ring in rings[number]])
+        of_building = [ring for ring in rings[number] if len(ring)]
+        polygons = _polygons([ring[:, :2] for ring in of_building])
         if polygons:
             exterior, *holes = polygons[-1]
-            ground = float(rings[number][-1][0, 2]) or None
+            ground = float(of_building[-1][0, 2]) or None
             outlines.append(BuildingOutline(number, Outline(exterior, tuple(holes)), ground))
     return tuple(outlines)
 

@@ -73,6 +73,21 @@ class StageNode(Node):
         self._receipts = ReceiptSender(self)
         self.tile_infos: TileInfos | None = None
 
+    def create_subscription(
+        self, kind: Any, topic: str, callback: Callable[[Any], None], *args: Any, **kwargs: Any
+    ) -> Subscription:
+        """Subscribe; a message on which the callback fails is left out, and the node goes on."""
+
+        def guarded(message: Any) -> None:
+            try:
+                callback(message)
+            except Exception as error:
+                if not self.context.ok():
+                    raise
+                self.get_logger().error(f"{topic}: {_reason(error)}: the message is left out")
+
+        return super().create_subscription(kind, topic, guarded, *args, **kwargs)
+
     def announce(self) -> None:
         """Say that the node is there; called when it begins to spin."""
         self._receipts.send(READY)

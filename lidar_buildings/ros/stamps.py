@@ -17,11 +17,13 @@ from lidar_buildings.core.model.stamps import tile_of as tile_of
 FRAME_ID = "map"
 
 _NANOSECONDS = 1_000_000_000
+#: What a message can hold; one that says more nanoseconds than a second has may be beyond it [ns].
+_FIRST, _LAST = -(2**31) * _NANOSECONDS, 2**31 * _NANOSECONDS - 1
 
 
 def to_time(stamp: int) -> Time:
-    """Turn a tile's stamp [ns] into a message."""
-    seconds, nanoseconds = divmod(stamp, _NANOSECONDS)
+    """Turn a tile's stamp [ns] into a message: the nearest one that it can hold."""
+    seconds, nanoseconds = divmod(min(max(stamp, _FIRST), _LAST), _NANOSECONDS)
     return Time(sec=seconds, nanosec=nanoseconds)
 
 

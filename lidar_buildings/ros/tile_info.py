@@ -14,12 +14,15 @@ from std_msgs.msg import String
 from lidar_buildings.core.model.errors import MessageError
 from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.ros.depths import CLOUD_DEPTH
+from lidar_buildings.ros.json_text import read_json
 from lidar_buildings.ros.qos import LATCHED_TILE
 
 TOPIC = "tile_info"
 _MEMBERS = ("bounds", "point_spacing", "dark_limit")
 #: How many tiles are remembered: twice what the topic keeps, far more than are in flight.
 _MAX_TILES = 2 * CLOUD_DEPTH
+#: How often a tile may have come before its message; wide margin: on two topics, each a few times.
+_MAX_WORKS = 8
 #: After so long without any publisher of the topic nobody will tell of a tile that ought to be told of; wide
 #: margin over the discovery of a node, and over the time that one needs to be started anew [s].
 _PATIENCE = 20.0
@@ -33,6 +36,18 @@ def info_message(tile: PointTile) -> String:
 def over_message(stamp: int) -> String:
     """Return the message that copies of a tile that are still under way are to be dropped."""
     return String(data=json.dumps({"stamp": stamp, "is_over": True}))
+
+
+def info_of(message: String) -> tuple[int, dict[str, Any]]:
+    """
+    Return a tile's stamp [ns] and what is said of it.
+
+    Raises
+    ------
+    MessageError
+        If the text is not of the form that `info_message` gives.
+    """
+    return read_json(TOPIC, message, lambda said: (int(said["stamp"]), dict(said)))
 
 
 class TileInfos:
@@ -58,10 +73,9 @@ class TileInfos:
     def on_info(self, message: String) -> None:
         """Remember what is said of a tile, and go on with the work that waits for it."""
         try:
-            info = json.loads(message.data)
-            stamp = int(info["stamp"])
-        except (ValueError, TypeError, KeyError):
-            self._node.get_logger().error(f"{TOPIC}: not understood: {message.data[:100]}")
+            stamp, info = info_of(message)
+        except MessageError as error:
+            self._node.get_logger().error(str(error))
             return
         self._known[stamp] = info
         self._known.move_to_end(stamp)
@@ -97,7 +111,9 @@ class TileInfos:
 
     def when_told_more(self, stamp: int, work: Callable[[], None]) -> None:
         """Do the work when the next message of a tile comes."""
-        self._waiting.setdefault(stamp, []).append(work)
+        works = self._waiting.setdefault(stamp, [])
+        works.append(work)
+        del works[:-_MAX_WORKS]
         _keep_last(self._waiting)
 
     def _expect(self, stamp: int) -> None:

@@ -60,8 +60,8 @@ def columns_of(cloud: Cloud, wanted: Collection[str]) -> dict[str, NDArray[Any]]
     if cloud.width * cloud.height == 0:
         empty = {one.name: np.zeros(0, DATATYPES.get(one.datatype, "<f4")) for one in cloud.fields}
         return {name: np.zeros(0, "<f4") for name in XYZ} | {n: c for n, c in empty.items() if n in wanted}
+    row_step = _checked_row_step(cloud)  # first: what follows relies on sizes that are those of the data
     layout = _layout_of(cloud, wanted)
-    row_step = _checked_row_step(cloud)
     rows = np.ndarray(
         (cloud.height, cloud.width),
         dtype=layout,
@@ -69,6 +69,12 @@ def columns_of(cloud: Cloud, wanted: Collection[str]) -> dict[str, NDArray[Any]]
         strides=(row_step, cloud.point_step),
     )
     return {name: rows[name].reshape(-1) for name in layout.names or ()}
+
+
+def taken_points(columns: dict[str, NDArray[Any]]) -> NDArray[np.float64]:
+    """Take x, y and z out of the columns; return them, shape (n, 3)."""
+    with np.errstate(invalid="ignore"):  # of what is no number there are kinds at which the processor stops
+        return np.column_stack([columns.pop(name).astype(np.float64) for name in XYZ])
 
 
 def _layout_of(cloud: Cloud, wanted: Collection[str]) -> np.dtype[Any]:

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lidar_buildings.core.scans.cloud_layout import Cloud, columns_of
+from lidar_buildings.core.scans.cloud_layout import Cloud, columns_of, taken_points
 from lidar_buildings.core.scans.config import ScanConfig
 from lidar_buildings.core.scans.point_times import TIME_FIELDS, point_times
 from lidar_buildings.core.scans.trajectory import MAX_COORDINATE
@@ -65,7 +65,7 @@ def read_scan(message: Any, config: ScanConfig, left_out: Counter[str]) -> Scan:
     """
     cloud: Cloud = message
     columns = columns_of(cloud, {*TIME_FIELDS, *KEPT, "buffer"})
-    xyz = np.column_stack([np.asarray(columns.pop(axis), dtype=np.float64) for axis in "xyz"])
+    xyz = taken_points(columns)
     is_kept = _are_measured(xyz, left_out)
     if "buffer" in columns:  # a tile of ours: these come with another one
         is_kept &= columns.pop("buffer") == 0
@@ -95,8 +95,9 @@ def stamp_of(header: Any) -> int:
 
 def _are_measured(xyz: NDArray[np.float64], left_out: Counter[str]) -> NDArray[np.bool_]:
     """Return which rows are measurements."""
-    is_finite = np.all(np.abs(xyz) <= MAX_COORDINATE, axis=1)
-    is_return = np.any(xyz, axis=1)
+    with np.errstate(invalid="ignore"):
+        is_finite = np.all(np.abs(xyz) <= MAX_COORDINATE, axis=1)
+        is_return = np.any(xyz, axis=1)
     _leave_out(left_out, NOT_FINITE, ~is_finite)
     _leave_out(left_out, NO_RETURN, is_finite & ~is_return)
     return np.logical_and(is_finite, is_return)

@@ -24,6 +24,7 @@ from lidar_buildings.io.clouds.find_inputs import search_inputs
 from lidar_buildings.io.clouds.las_crs import SourceCrs, source_crs
 from lidar_buildings.io.clouds.las_reader import open_reader, reported
 from lidar_buildings.io.clouds.las_records import RawHeader, read_raw_header
+from lidar_buildings.io.clouds.laz_chunks import check_chunks
 from lidar_buildings.io.clouds.point_columns import last_returns, point_columns, without_empty_columns
 from lidar_buildings.io.files.captured_stderr import captured_panics
 from lidar_buildings.io.files.warn_once import warn_once
@@ -37,6 +38,8 @@ ORIGIN_STEP = 100.0
 _BOUNDS_TOLERANCE = 1.0
 #: Points decoded when a file is opened; wide margin: one shows whether decoding works.
 _PROBE = 100
+#: No survey has coarser steps or lies further from the origin of its coordinates, in whatever unit.
+_MAX_SCALE, _MAX_OFFSET = 1e3, 1e12
 #: An index is a uint32.
 MOST_POINTS = 2**32 - 1
 
@@ -118,6 +121,7 @@ def open_cloud(path: str | Path) -> Cloud:
     path = Path(path)
     with reported(path):
         raw = read_raw_header(path)
+        check_chunks(path)
         with (
             captured_panics(),
             laspy.open(path, laz_backend=laspy.LazBackend.Lazrs, read_evlrs=False) as reader,
@@ -244,9 +248,11 @@ def _system(cloud: Cloud) -> str:
 def _check_scaling(path: Path, header: laspy.LasHeader) -> None:
     """Refuse scales and offsets that give no coordinates."""
     scales, offsets = np.asarray(header.scales), np.asarray(header.offsets)
-    if not (np.isfinite(scales).all() and (scales != 0).all() and np.isfinite(offsets).all()):
+    is_scale = (np.abs(scales) <= _MAX_SCALE) & (scales != 0)
+    if not (is_scale.all() and (np.abs(offsets) <= _MAX_OFFSET).all()):
         raise InputError(
-            f"{path}: its header is damaged (coordinate scales {scales.tolist()}): export it again"
+            f"{path}: its header is damaged (coordinate scales {scales.tolist()}, offsets "
+            f"{offsets.tolist()}): export it again"
         )
     if header.point_count > MOST_POINTS:
         raise InputError(f"{path}: holds {header.point_count} points, more than {MOST_POINTS}: split it")

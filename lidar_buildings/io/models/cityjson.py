@@ -186,7 +186,7 @@ def load_feature(line: str) -> tuple[dict[str, Any], int]:
         if feature["type"] != "CityJSONFeature":
             raise ValueError(f"its type is {feature['type']}")
         return feature, int(feature["CityObjects"][feature["id"]]["attributes"]["building_id"])
-    except (ValueError, KeyError, TypeError) as error:
+    except (ValueError, LookupError, TypeError, ArithmeticError, RecursionError) as error:
         raise _no_feature(line, error) from error
 
 
