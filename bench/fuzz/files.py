@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import atexit
 import shutil
 import tempfile
 from functools import cache
@@ -36,11 +37,8 @@ _WORDS = (
 def _folder() -> Path:
     """A folder for the files; it goes with the process."""
     folder = tempfile.TemporaryDirectory(prefix="fuzz_")
-    _KEPT.append(folder)
+    atexit.register(folder.cleanup)
     return Path(folder.name)
-
-
-_KEPT: list[Any] = []
 
 
 def cloud_file(random: np.random.Generator) -> str:

@@ -4,6 +4,7 @@ import json
 
 import pytest
 
+from lidar_buildings.ros import features
 from lidar_buildings.ros.features import (
     FeaturePool,
     closed_tile,
@@ -65,3 +66,17 @@ def test_the_end_of_a_tile_names_it():
 def test_what_is_no_such_feature_closes_nothing(line):
     assert closed_tile(line) is None
     assert not is_withdrawal(line)
+
+
+def test_features_that_nobody_takes_go_by_number_and_by_size(monkeypatch):
+    monkeypatch.setattr(features, "_MAX_FEATURES", 3)
+    monkeypatch.setattr(features, "_MAX_CHARACTERS", 20)
+    pool = FeaturePool()
+    for number in range(5):
+        pool.add(number, "feature")
+    pool.add(9, "f" * 18)
+    pool.add(9, "f" * 17)
+    pool.add(10, "10")
+    assert pool.take([9, 10]) == ("f" * 17, "10")
+    assert not pool._lines
+    assert pool._n_characters == 0

@@ -48,7 +48,14 @@ def test_a_receipt_comes_out_of_its_message_as_it_went_in():
     assert receipt_of(receipt_message(receipt)) == receipt
 
 
-@pytest.mark.parametrize("text", ["", "[]", "null", '{"node": "a"}', '{"node":"a","life":"b","state":"c"}'])
+@pytest.mark.parametrize(
+    "text",
+    [
+        *("", "[]", "null", '{"node": "a"}', '{"node":"a","life":"b","state":"c"}', "[" * 9999),
+        '{"node":"a","life":"b","state":"c","stamp":1e999}',
+        " " * 20_000_001,
+    ],
+)
 def test_what_is_no_receipt_is_refused(text):
     with pytest.raises(MessageError, match="tile_receipt is not understood"):
         receipt_of(String(data=text))

@@ -3,6 +3,7 @@ import pytest
 
 from lidar_buildings.core.model.errors import InputError
 from lidar_buildings.core.model.outline import BuildingOutline, Outline
+from lidar_buildings.ros import ring_collector
 from lidar_buildings.ros.polygons import (
     closing_message,
     outline_rings,
@@ -107,6 +108,24 @@ def test_rings_that_are_handed_over_are_those_that_messages_carry():
         assert carried.keys() == rings.keys()
         for number, of_building in rings.items():
             assert all(map(np.array_equal, of_building, carried[number]))
+
+
+def test_a_ring_without_a_vertex_is_none():
+    rings = {1: (np.zeros((0, 3)),), 2: (np.zeros((0, 3)), np.array([[0, 0, 5], [1, 0, 5], [0, 1, 5.0]]))}
+    (found,) = outlines_of(rings)
+    assert (found.building_id, found.ground_elevation) == (2, 5.0)
+
+
+def test_tiles_that_are_never_closed_take_no_memory_without_end(monkeypatch):
+    monkeypatch.setattr(ring_collector, "_MAX_VERTICES", 100)
+    collector = RingCollector()
+    ring = np.array([[0, 0], [1, 0], [0, 1.0]])
+    for number in range(200):
+        collector.add(ring_message(number % 3, number, ring))
+        assert sum(collector._n_vertices.values()) <= 100
+        assert sum(map(len, collector._open.values())) <= 10
+    collector.add(ring_message(7, 1, ring))
+    assert len(collector.add(closing_message(7)).rings) == 1
 
 
 def test_a_vertex_that_is_not_finite_is_refused():

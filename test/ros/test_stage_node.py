@@ -6,12 +6,13 @@ import pytest
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rclpy.node import Node
 from sensor_msgs.msg import PointCloud2, PointField
+from std_msgs.msg import String
 
 from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.core.stages.ground_filter import GroundFilterConfig
 from lidar_buildings.ros.composition import Composition
 from lidar_buildings.ros.point_cloud import from_message, to_message
-from lidar_buildings.ros.qos import CLOUD, EVENT
+from lidar_buildings.ros.qos import CLOUD, EVENT, LATCHED_TILE
 from lidar_buildings.ros.stage_node import StageNode
 
 pytestmark = pytest.mark.graph
@@ -126,6 +127,24 @@ def test_points_that_are_not_finite_are_a_warning_with_their_count(graph):
     assert listener.statuses[0].level == DiagnosticStatus.WARN
     assert listener.statuses[0].message.startswith("1 points of points were left out")
     assert len(listener.tiles[0]) == 4
+
+
+def test_no_message_ends_a_node(graph):
+    publisher, listener = graph
+    message = to_message(tile(2, 0))
+    message.header.stamp.sec, message.header.stamp.nanosec = 2**31 - 1, 2**32 - 1
+    publisher.publish(message)
+    message.fields = []
+    publisher.publish(message)
+    publisher.publish(PointCloud2(height=2**32 - 1, width=2**32 - 1))
+    infos = listener.create_publisher(String, "tile_info", LATCHED_TILE)
+    diagnostics = listener.create_publisher(DiagnosticArray, "diagnostics", EVENT)
+    for text in ('{"stamp":1e999}', "[" * 100_000, '{"stamp":3000000000}'):
+        infos.publish(String(data=text))
+    listener.on_diagnostics = None  # fails on each from now on
+    diagnostics.publish(DiagnosticArray())
+    publisher.publish(to_message(tile(4, 3)))
+    wait_until(lambda: listener.tiles and len(listener.tiles[-1]) == 4)
 
 
 def test_a_composition_ends_with_the_error_that_a_node_cannot_go_on_from(context):

@@ -93,7 +93,7 @@ def test_after_a_time_a_tile_goes_on_if_there_is_really_nobody(n_publishers):
     assert len(node.warnings) == len(done)
 
 
-@pytest.mark.parametrize("text", ["", "[]", "{}", '{"stamp": "x"}', "null"])
+@pytest.mark.parametrize("text", ["", "[]", "{}", '{"stamp": "x"}', "null", "[" * 9999, '{"stamp":1e999}'])
 def test_a_message_that_is_not_understood_is_reported_and_holds_nothing(text):
     node = Listener(1)
     TileInfos(node).on_info(String(data=text))

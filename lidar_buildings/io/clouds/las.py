@@ -24,7 +24,6 @@ from lidar_buildings.io.clouds.find_inputs import search_inputs
 from lidar_buildings.io.clouds.las_crs import SourceCrs, source_crs
 from lidar_buildings.io.clouds.las_reader import open_reader, reported
 from lidar_buildings.io.clouds.las_records import RawHeader, read_raw_header
-from lidar_buildings.io.clouds.laz_chunks import check_chunks
 from lidar_buildings.io.clouds.point_columns import last_returns, point_columns, without_empty_columns
 from lidar_buildings.io.files.captured_stderr import captured_panics
 from lidar_buildings.io.files.warn_once import warn_once
@@ -121,7 +120,6 @@ def open_cloud(path: str | Path) -> Cloud:
     path = Path(path)
     with reported(path):
         raw = read_raw_header(path)
-        check_chunks(path)
         with (
             captured_panics(),
             laspy.open(path, laz_backend=laspy.LazBackend.Lazrs, read_evlrs=False) as reader,
@@ -259,10 +257,12 @@ def _check_scaling(path: Path, header: laspy.LasHeader) -> None:
 
 
 def _bounds(cloud: Cloud, first: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return the header's bounds, or measured ones if the first points show these to be wrong."""
+    """Return the header's bounds, or measured ones if these cannot be, or are wrong by the first points."""
     mins, maxs = np.array(cloud.header.mins, dtype=float), np.array(cloud.header.maxs, dtype=float)
     slack = _BOUNDS_TOLERANCE / cloud.units
-    if np.isfinite([mins, maxs]).all() and ((first >= mins - slack) & (first <= maxs + slack)).all():
+    reach = 2.0**31 * np.abs(cloud.header.scales) + slack  # coordinates are steps in 32 bits
+    can_be = np.abs(np.array([mins, maxs]) - cloud.header.offsets) <= reach
+    if can_be.all() and ((first >= mins - slack) & (first <= maxs + slack)).all():
         return mins, maxs
     warn_once(f"{cloud.path}: the bounds in its header do not hold its points: measured anew")
     extremes = [(xyz.min(axis=0), xyz.max(axis=0)) for xyz in map(xyz_of, cloud.chunks())]

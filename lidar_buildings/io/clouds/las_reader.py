@@ -12,7 +12,6 @@ from typing import Any
 import laspy
 
 from lidar_buildings.core.model.errors import InputError
-from lidar_buildings.io.clouds.laz_chunks import check_chunks
 from lidar_buildings.io.files.captured_stderr import captured_panics, is_failure, one_line
 
 # what laspy logs of a failing file is said again in the one line of the InputError
@@ -59,7 +58,6 @@ def open_reader(path: Path) -> Iterator[tuple[Any, Any]]:
 
     The second item is a context for each read: the sequential backend may panic on damaged or very old files.
     """
-    check_chunks(path)
     backend = laz_backend()
     try:
         reader = laspy.open(path, laz_backend=backend, read_evlrs=False)

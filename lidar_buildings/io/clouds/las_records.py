@@ -28,6 +28,12 @@ WAVEFORMS_INSIDE = 0x02
 COMPRESSED = 0x80
 #: LAZ compressor without chunks, hence without chunk table.
 POINTWISE = 1
+#: Of a LAZ record: how points are compressed, and points per chunk (LASzip specification).
+_LASZIP = struct.Struct("<H10xI")
+#: Points per chunk where each has its own number; at most so many else, unless a file is one chunk.
+_VARIABLE, _LARGEST_CHUNK = 2**32 - 1, 10_000_000
+#: A chunk begins with a point as it is, of so many bytes at least.
+_SMALLEST_CHUNK = 20
 
 _AGAIN = "download or export it again"
 
@@ -158,7 +164,7 @@ def read_raw_header(path: Path) -> RawHeader:
 
 
 def _check_length(path: Path, file: BinaryIO, header: RawHeader, size: int) -> None:
-    """Refuse a file that ends before its last point."""
+    """Refuse a file that ends before its last point, or claims what it has no room for."""
     if not header.point_count:
         return
     if not header.is_compressed:
@@ -167,21 +173,29 @@ def _check_length(path: Path, file: BinaryIO, header: RawHeader, size: int) -> N
             raise InputError(f"{path}: is cut short ({held} of {header.point_count} points): {_AGAIN}")
         return
     laszip = [r.data for r in header.vlrs if r.is_a(b"laszip encoded", 22204)]
-    if not laszip or len(laszip[0]) < 2:
+    if not laszip or len(laszip[0]) < _LASZIP.size:
         raise InputError(f"{path}: its LAZ record is missing or damaged: {_AGAIN}")
-    if struct.unpack_from("<H", laszip[0])[0] != POINTWISE and not _has_chunk_table(
-        file, header.offset, size
-    ):
+    kind, chunk_size = _LASZIP.unpack_from(laszip[0])
+    if kind == POINTWISE:
+        return
+    table = _chunk_table(file, header.offset, size)
+    if table is None:
         raise InputError(f"{path}: is cut short (its chunk table is missing): {_AGAIN}")
+    file.seek(table + 4)
+    n_chunks = int.from_bytes(file.read(4), "little")
+    # lazrs takes memory for what these say, and where there is not so much the process ends
+    if n_chunks * _SMALLEST_CHUNK > size or max(header.point_count, _LARGEST_CHUNK) < chunk_size != _VARIABLE:
+        raise InputError(f"{path}: is damaged ({n_chunks} chunks of {chunk_size} points): {_AGAIN}")
 
 
-def _has_chunk_table(file: BinaryIO, offset: int, size: int) -> bool:
+def _chunk_table(file: BinaryIO, offset: int, size: int) -> int | None:
+    """Return where the table of chunks begins, None if it is not in the file."""
     file.seek(offset)
     position = int.from_bytes(file.read(8), "little", signed=True)
     if position == -1:  # written as a stream: its place stands at the file's end
         file.seek(-8, os.SEEK_END)
         position = int.from_bytes(file.read(8), "little", signed=True)
-    return offset + 8 <= position <= size - 8
+    return position if offset + 8 <= position <= size - 8 else None
 
 
 def _extended_records(file: BinaryIO, header: RawHeader, size: int) -> tuple[RawRecord, ...]:

@@ -189,12 +189,29 @@ def test_damaged_points_are_named_and_not_returned(tmp_path):
         (105, struct.pack("<H", 3)),  # point size
         (131, struct.pack("<d", 0.0)),  # x scale
         (131, struct.pack("<d", np.nan)),
+        (131, struct.pack("<d", 1e30)),
         (155, struct.pack("<d", np.inf)),  # x offset
+        (155, struct.pack("<d", 1e300)),
     ],
 )
 def test_a_damaged_header_is_named(tmp_path, at, content):
     path = cloud_files.patched(cloud_at(tmp_path / "hurt.las"), at, content)
     assert "hurt.las" in the_line(open_cloud, path)
+
+
+def test_more_chunks_than_a_file_has_room_for_are_refused_before_memory_is_taken(tmp_path):
+    path = cloud_at(tmp_path / "chunks.laz")
+    (start,) = struct.unpack_from("<I", path.read_bytes(), 96)
+    (table,) = struct.unpack_from("<q", path.read_bytes(), start)
+    cloud_files.patched(path, table + 4, struct.pack("<I", 2**32 - 1))
+    assert "chunks.laz: is damaged (4294967295 chunks of 50000 points)" in the_line(open_cloud, path)
+    cloud_files.patched(path, start, struct.pack("<q", -1))
+    path.write_bytes(path.read_bytes() + struct.pack("<q", table))
+    assert "is damaged (4294967295 chunks" in the_line(read_tile, path)
+    large = cloud_at(tmp_path / "large.laz")
+    record = large.read_bytes().index(b"laszip encoded") - 2 + 54
+    cloud_files.patched(large, record + 12, struct.pack("<I", 2**32 - 2))
+    assert "large.laz: is damaged (1 chunks of 4294967294 points)" in the_line(open_cloud, large)
 
 
 def test_what_is_missing_does_not_keep_the_others_from_being_read(tmp_path):
