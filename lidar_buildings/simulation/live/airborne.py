@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from lidar_buildings.core.model.errors import ParameterError
 from lidar_buildings.simulation.config import SimulationConfig
 from lidar_buildings.simulation.flight import TAKE_OFF, Strip, plan_flight
+from lidar_buildings.simulation.las_strips import SCALE
 from lidar_buildings.simulation.live.live_survey import (
     SECOND,
     TAKE_OFF_STAMP,
@@ -30,7 +31,7 @@ MOUNTING = "0.35,-0.12,-0.45,0.4,-0.25,0.6"
 #: An aircraft in ordinary air.
 AIRCRAFT = Sway(
     (0.0, 1.5, 2.0),
-    ((0, 3.0, 4.1, 0.3), (0, 0.7, 1.3, 1.1), (1, 1.0, 5.3, 2.0), (2, 1.2, 6.7, 0.9)),
+    ((0, 3.0, 4.1, 0.3), (0, 0.5, 1.7, 1.1), (1, 1.0, 5.3, 2.0), (2, 1.2, 6.7, 0.9)),
 )
 #: Poses a second, as an inertial unit tells them.
 POSE_RATE = 200.0
@@ -93,6 +94,8 @@ class _Flight:
         firsts = [round(number * strip.pulse_rate / SCAN_RATE) for number in range(n_scans)]
         for window in pairwise([*firsts, strip.n_pulses]):
             points = measured(strip, window, self._scene.size, self._seed, self._surfaces, self._config)
+            # whole millimetres: placed again, and rounded as in a file, they are the same numbers
+            points = replace(points, points=np.round(points.points / SCALE) * SCALE)
             if len(points.points):
                 begin, end = (leg.stamp + round(pulse / strip.pulse_rate * SECOND) for pulse in window)
                 yield Scan(begin, end, self._rows(leg, points, points.gps_time - strip.start_time), points)
