@@ -10,6 +10,7 @@ from lidar_buildings.ros.polygons import (
     ring_message,
     ring_messages,
     roof_rings,
+    withdrawn,
 )
 from lidar_buildings.ros.ring_collector import RingCollector, outlines_of
 
@@ -126,6 +127,23 @@ def test_tiles_that_are_never_closed_take_no_memory_without_end(monkeypatch):
         assert sum(map(len, collector._open.values())) <= 10
     collector.add(ring_message(7, 1, ring))
     assert len(collector.add(closing_message(7)).rings) == 1
+
+
+def test_a_building_that_is_withdrawn_comes_without_vertices_and_is_no_outline():
+    rings = {**withdrawn([4, 2**32 - 2]), **outline_rings(OUTLINES)}
+    messages = list(ring_messages(STAMP, rings))
+    assert [m.polygon.id for m in messages if not m.polygon.polygon.points] == [4, 2**32 - 2, -1]
+    closed = collected(messages)
+    assert {number: len(of) for number, of in closed.rings.items()} == {
+        number: len(of) for number, of in rings.items()
+    }
+    assert_same(outlines_of(closed.rings), OUTLINES)
+
+
+def test_a_building_may_be_withdrawn_after_half_of_its_tile_came_twice():
+    rings = {**outline_rings((PLAIN,)), **withdrawn([4])}
+    messages = list(ring_messages(STAMP, rings))
+    assert_same(outlines_of(collected(messages[:2] + messages).rings), (PLAIN,))
 
 
 def test_a_vertex_that_is_not_finite_is_refused():

@@ -20,7 +20,8 @@ def seam_pieces(tiles: Sequence[Sequence[BuildingOutline]]) -> set[int]:
 
     Points near the edge of a tile's buffer can be judged otherwise than in the middle of the next tile, and
     a part connected by a few points then seems to be a building of its own. Buildings of one tile never
-    overlap by so much and are never taken for pieces of each other.
+    overlap by so much and are never taken for pieces of each other; nor is a building a piece of itself, as
+    another tile had it before it went over to this one.
 
     Parameters
     ----------
@@ -29,12 +30,14 @@ def seam_pieces(tiles: Sequence[Sequence[BuildingOutline]]) -> set[int]:
     """
     outlines = [one for tile in tiles for one in tile]
     tile_of = np.repeat(np.arange(len(tiles)), [len(tile) for tile in tiles])
+    number = np.array([one.building_id for one in outlines], dtype=np.int64)
     polygons = np.array([_polygon(one) for one in outlines], dtype=object)
     area = shapely.area(polygons)
     first, second = shapely.STRtree(polygons).query(polygons)
     # by falling size; equal ones by id, so that the order of tiles does not matter
-    rank = np.lexsort((np.array([one.building_id for one in outlines]), -area)).argsort()
-    chosen = (tile_of[first] != tile_of[second]) & (rank[first] > rank[second])
+    rank = np.lexsort((number, -area)).argsort()
+    chosen = (tile_of[first] != tile_of[second]) & (number[first] != number[second])
+    chosen &= rank[first] > rank[second]
     smaller, larger = first[chosen], second[chosen]
     shared = shapely.area(shapely.intersection(polygons[smaller], polygons[larger]))
     is_piece = (shared >= _PIECE_SHARE * area[smaller]) & (area[smaller] > 0)

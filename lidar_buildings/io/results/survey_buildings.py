@@ -23,6 +23,9 @@ from lidar_buildings.io.models.survey_building import SurveyBuilding
 from lidar_buildings.io.results.footprint_results import FOOTPRINT_ID
 from lidar_buildings.io.results.tile_products import Shapes
 
+#: Ids differ within twice this distance [m].
+_NEAR = 16_000.0
+
 
 @dataclass(frozen=True, eq=False)
 class _Entry:
@@ -62,6 +65,7 @@ class SurveyBuildings:
         self._without = frozenset(without)
         self._footprint_id = footprint_id
         self._entries: dict[tuple[int, str], _Entry] = {}
+        self._places: dict[int, list[NDArray[np.float64]]] = {}
         self._low, self._high = np.full(3, np.inf), np.full(3, -np.inf)
         self._path = path
         with self._reported():
@@ -92,7 +96,7 @@ class SurveyBuildings:
         for number in sorted((traced.keys() | outlines.keys() | models.keys()) - self._without):
             before, after, model = traced.get(number), outlines.get(number), models.get(number)
             key = number, model.readable_id if model else self._name_of(number, before or after)
-            if key not in self._entries:
+            if key not in self._entries and self._is_new(number, before or after):
                 self._entries[key] = _Entry(before, after, *self._kept(model))
         with self._reported():
             self._file.flush()
@@ -105,6 +109,16 @@ class SurveyBuildings:
             feature = parse_feature(line) if line else None
             attributes = feature.attributes if feature else self._attributes(number, entry.outline)
             yield SurveyBuilding(number, name, entry.traced, entry.outline, line, feature, attributes)
+
+    def _is_new(self, number: int, outline: Outline | None) -> bool:
+        """Whether no building with this id came nearby; its name may differ by what was scanned later."""
+        if outline is None or not len(outline.exterior):
+            return True
+        place, others = outline.exterior[0], self._places.setdefault(number, [])
+        if any(np.abs(place - other).max() < _NEAR for other in others):
+            return False
+        others.append(place)
+        return True
 
     def _kept(self, model: _Head | None) -> tuple[int, int]:
         """Put a line into the file; return where it begins and its length."""

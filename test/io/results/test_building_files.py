@@ -206,6 +206,18 @@ def test_two_buildings_with_one_id_keep_their_own_models(tmp_path):
     assert len((tmp_path / "city_model.city.jsonl").read_text().splitlines()) == 3
 
 
+def test_a_building_whose_anchor_moved_on_is_there_once(tmp_path):
+    # another tile had it before what lies farther west was scanned
+    def grown():
+        outline, model = model_survey.gable()
+        return Outline(np.add(outline.exterior, (-0.2, 0.0))), model
+
+    near, again = (model_survey.shapes(buildings={5: one}) for one in (model_survey.gable, grown))
+    _, statuses = written(tmp_path, near, again)
+    assert statuses == {"ok": 1}
+    assert len((tmp_path / "city_model.city.jsonl").read_text().splitlines()) == 2
+
+
 def far_gable():
     """The gable house once more, 32,768 m to the east."""
 

@@ -36,5 +36,11 @@ def test_of_two_equal_buildings_one_is_kept():
     assert seam_pieces([[WHOLE], [twin]]) == seam_pieces([[twin], [WHOLE]]) == {7}
 
 
+def test_a_building_that_has_gone_over_to_another_tile_is_no_piece_of_itself():
+    grown = building(1, 0, 0, 25, 10)
+    piece = building(2, 15, 2, 5, 5)
+    assert seam_pieces([[WHOLE], [grown, piece]]) == {2}
+
+
 def test_nothing_at_all_has_no_pieces():
     assert seam_pieces([]) == seam_pieces([[], []]) == set()

@@ -1,0 +1,133 @@
+"""What a tile's later revision has no more is withdrawn on the topics that showed it."""
+
+import json
+from dataclasses import replace
+
+import pytest
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from geometry_msgs.msg import PointStamped, PolygonInstanceStamped
+from rclpy.parameter import Parameter
+from sensor_msgs.msg import PointCloud2
+from std_msgs.msg import Header, String
+from support.node_bench import HOUSE, SHED, STAMP, outlines, roof, wait_until
+from visualization_msgs.msg import Marker, MarkerArray
+
+from lidar_buildings.core.model.map_frame import MapFrame
+from lidar_buildings.core.model.outline import OutlineQuality
+from lidar_buildings.core.model.status import BuildingStatus
+from lidar_buildings.nodes.model_builder import ModelBuilder
+from lidar_buildings.nodes.outline_regulariser import OutlineRegulariser
+from lidar_buildings.ros.map_frames import origin_message
+from lidar_buildings.ros.outline_quality import quality_message
+from lidar_buildings.ros.point_cloud import to_message
+from lidar_buildings.ros.polygons import outline_rings, ring_messages
+from lidar_buildings.ros.qos import BUILDING, CLOUD, EVENT, LATCHED, LATCHED_HISTORY, LATCHED_TILE
+from lidar_buildings.ros.stage_node import StageNode
+from lidar_buildings.ros.tile_info import over_message
+
+pytestmark = pytest.mark.graph
+
+OK = OutlineQuality(0.1, 0.2, BuildingStatus.OK, "")
+SENDS = {
+    "plane_points": (PointCloud2, CLOUD),
+    "outlines": (PolygonInstanceStamped, BUILDING),
+    "outline_quality": (String, CLOUD),
+}
+HEARS = {
+    "city_model": (String, BUILDING),
+    "building_markers": (MarkerArray, CLOUD),
+    "tile_done": (Header, LATCHED_HISTORY),
+    "diagnostics": (DiagnosticArray, EVENT),
+}
+
+
+def rings(stamp, *ids):
+    return ring_messages(stamp, outline_rings(outlines(*ids)))
+
+
+def send_tile(other, stamp, *ids):
+    quality = [replace(one, quality=OK) for one in outlines(*ids)]
+    other.send("outline_quality", quality_message(stamp, quality))
+    other.send("outlines", *rings(stamp, *ids))
+    other.send("plane_points", to_message(roof(*ids, stamp=stamp)))
+
+
+def make_builder(context, **given):
+    values = {"flow_control.publish_tile_done": True, **given}
+    return ModelBuilder(
+        context=context, parameter_overrides=[Parameter(name, value=one) for name, one in values.items()]
+    )
+
+
+def features(other):
+    """Name and whether there is something under it, of all that came but the header."""
+    lines = [json.loads(message.data) for message in list(other.heard["city_model"])]
+    return [(line["id"], bool(line["CityObjects"])) for line in lines if line["type"] == "CityJSONFeature"]
+
+
+def test_the_regulariser_withdraws_the_outlines_that_a_later_revision_lacks(context, bench):
+    topic = (PolygonInstanceStamped, BUILDING)
+    other = bench(OutlineRegulariser(context=context), {"traced_outlines": topic}, {"outlines": topic})
+    other.send("traced_outlines", *rings(STAMP, HOUSE, SHED))
+    other.send("traced_outlines", *rings(STAMP + 1, SHED))
+    other.send("traced_outlines", *rings(STAMP + 2))
+    wait_until(lambda: sum(m.polygon.id == -1 for m in list(other.heard["outlines"])) == 3)
+    told = [(m.polygon.id, bool(m.polygon.polygon.points)) for m in other.heard["outlines"]]
+    assert told == [
+        *((HOUSE, True), (SHED, True), (-1, False)),
+        *((HOUSE, False), (SHED, True), (-1, False)),
+        *((SHED, False), (-1, False)),
+    ]
+
+
+def test_the_builder_withdraws_models_and_markers_that_a_later_revision_lacks(context, bench):
+    sends = SENDS | {"map_origin": (PointStamped, LATCHED)}
+    other = bench(make_builder(context), sends, HEARS)
+    other.send("map_origin", origin_message(MapFrame()))
+    for n, ids in enumerate([(HOUSE, SHED), (SHED,), ()], start=1):
+        send_tile(other, STAMP + n, *ids)
+        wait_until(lambda n=n: len(other.heard["tile_done"]) == n)
+    wait_until(lambda: len(other.heard["building_markers"]) == 3)
+    wait_until(lambda: (f"tile-{STAMP + 3}", False) in features(other))
+    names = [name for name, is_there in features(other)[:2]]
+    house, shed = names
+    assert features(other) == [
+        *((house, True), (shed, True), (f"tile-{STAMP + 1}", False)),
+        *((shed, True), (house, False), (f"tile-{STAMP + 2}", False)),
+        *((shed, False), (f"tile-{STAMP + 3}", False)),
+    ]
+    actions = [[(one.id, one.action) for one in m.markers] for m in other.heard["building_markers"]]
+    add, delete = Marker.ADD, Marker.DELETE
+    assert actions == [[(HOUSE, add), (SHED, add)], [(HOUSE, delete), (SHED, add)], [(SHED, delete)]]
+
+
+class Taker(StageNode):
+    """Takes points and outlines, as builder and writer do."""
+
+    def __init__(self, **kwargs):
+        super().__init__("taker", {}, **kwargs)
+        self.taken = []
+        self.subscribe_tiles("plane_points", lambda tile: None)
+        self.subscribe_rings("outlines", lambda stamp, _: self.taken.append(stamp))
+
+
+def test_rings_of_a_revision_that_is_over_are_dropped_as_its_points_are(context, bench):
+    sends = {"outlines": (PolygonInstanceStamped, BUILDING), "tile_info": (String, LATCHED_TILE)}
+    node = Taker(context=context)
+    other = bench(node, sends, {})
+    other.send("tile_info", over_message(STAMP))
+    wait_until(lambda: node.tile_infos.is_over(STAMP))
+    for stamp in (STAMP, STAMP + 1):
+        other.send("outlines", *rings(stamp, HOUSE))
+    wait_until(lambda: node.taken)
+    assert node.taken == [STAMP + 1]
+
+
+def test_a_foreign_publisher_has_his_models_though_nobody_says_where_the_map_lies(context, bench):
+    other = bench(make_builder(context, **{"map_frame.frame_patience": 0.1}), SENDS, HEARS)
+    send_tile(other, STAMP, HOUSE)
+    wait_until(lambda: other.heard["tile_done"])
+    wait_until(lambda: any(n.startswith("building-0.") for n, _ in features(other)))
+    told = [one for message in list(other.heard["diagnostics"]) for one in message.status]
+    (warning,) = {one.message for one in told if one.level == DiagnosticStatus.WARN}
+    assert warning.startswith("nobody has published map_origin for 0.1 s")

@@ -1,0 +1,103 @@
+"""Where the map lies, as messages tell it, or as it is taken where nobody does."""
+
+from lidar_buildings.core.model.map_frame import MapFrame
+from lidar_buildings.ros.map_frames import FrameListener, origin_message, units_message
+
+DUTCH = MapFrame("EPSG:28992", (85000.0, 447000.0, 0.0))
+FEET = MapFrame("EPSG:2229", (1000.0, 2000.0, 0.0), 0.3048, 0.3048)
+
+
+class Listener:
+    """Stands for a node."""
+
+    def __init__(self, **publishers):
+        self.publishers, self.warnings, self.logged, self.timers = publishers, [], [], []
+        self.topics = {}
+
+    def create_subscription(self, _, topic, callback, __):
+        self.topics[topic] = callback
+
+    def count_publishers(self, topic):
+        return self.publishers.get(topic, 0)
+
+    def create_timer(self, period, callback):
+        self.timers.append((period, callback))
+        return self
+
+    def cancel(self):
+        self.timers.clear()
+
+    def get_logger(self):
+        return self
+
+    def warning(self, text):
+        self.logged.append(text)
+
+    def warn(self, text):
+        self.warnings.append(text)
+
+
+def listener(**publishers):
+    node, frames = Listener(**publishers), []
+    return node, frames, FrameListener(node, frames.append, 5.0)
+
+
+def test_the_frame_is_known_by_its_origin_and_units():
+    node, frames, found = listener(map_units=1)
+    node.topics["map_origin"](origin_message(FEET))
+    assert (found.frame, frames) == (None, [])
+    node.topics["map_units"](units_message(FEET))
+    assert found.frame == FEET
+    assert frames == [FEET]
+    assert found.expect()
+    assert node.timers == []
+
+
+def test_where_nobody_tells_the_frame_is_taken_as_it_is_after_a_time_and_that_is_said_once():
+    node, frames, found = listener()
+    assert not found.expect()
+    assert not found.expect()
+    ((period, lose_patience),) = node.timers
+    assert period == 5.0
+    assert frames == []
+    lose_patience()
+    assert frames == [MapFrame()]
+    assert found.expect()
+    (said,) = node.warnings
+    assert said.startswith("nobody has published map_origin for 5 s")
+    assert node.timers == []
+
+
+def test_what_comes_later_counts_from_then_on():
+    node, frames, found = listener()
+    found.expect()
+    node.timers[0][1]()
+    node.topics["map_origin"](origin_message(DUTCH))
+    assert frames == [MapFrame(), DUTCH]
+    assert found.frame == DUTCH
+
+
+def test_a_publisher_that_is_there_is_waited_for_and_the_log_says_so():
+    node, frames, found = listener(map_origin=1)
+    found.expect()
+    node.timers[0][1]()
+    assert (frames, len(node.logged), len(node.timers)) == ([], 1, 1)
+    node.publishers.clear()
+    node.timers[0][1]()
+    assert frames == [MapFrame()]
+
+
+def test_a_frame_that_was_told_in_time_is_kept():
+    node, frames, found = listener()
+    found.expect()
+    lose_patience = node.timers[0][1]
+    node.topics["map_origin"](origin_message(DUTCH))
+    lose_patience()
+    assert frames == [DUTCH]
+    assert node.warnings == []
+
+
+def test_who_gives_no_time_waits_for_good():
+    node = Listener()
+    assert not FrameListener(node, lambda _: None).expect()
+    assert node.timers == []
