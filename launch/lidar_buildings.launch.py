@@ -58,6 +58,9 @@ ARGUMENTS = (
         default_value="",
         description="Speed as a multiple of the recorded time, 0 = unlimited; empty: as in params_file.",
     ),
+    DeclareLaunchArgument(
+        "record", default_value="", description="Folder of a bag to record topics in; empty: none."
+    ),
     DeclareLaunchArgument("namespace", default_value="", description="Namespace of all nodes and topics."),
     DeclareLaunchArgument(
         "respawn", default_value="false", description="Whether to restart nodes that died."
@@ -86,8 +89,13 @@ def start_nodes(context) -> list:
         "tile_player": {
             "input": inputs,
             **{name: kind(value(name)) for name, kind in PLAYER_ARGUMENTS.items() if value(name)},
-            "wait_for": list(topics_until("building_model", has_writer=writes)),
+            # named twice: `points` must have the recorder's subscription, too
+            "wait_for": [
+                *topics_until("building_model", has_writer=writes),
+                *["points"][: bool(value("record"))],
+            ],
         },
+        "recorder": {"output": value("record")},
         "model_builder": {"flow_control.publish_tile_done": not writes},
         "model_writer": {
             "input": inputs,
@@ -98,6 +106,7 @@ def start_nodes(context) -> list:
     for node, given in _footprints(value("footprints")).items():
         own[node] = own.get(node, {}) | given
     names = [name for name in nodes_until("building_model") if writes or name != "model_writer"]
+    names += ["recorder"] if value("record") else []
     nodes = {name: _node(name, own.get(name, {}), value) for name in names}
     return [*nodes.values(), *_end_with(nodes.get("model_writer")), _rviz(value("namespace"))]
 
@@ -123,7 +132,7 @@ def _node(name: str, parameters: dict, value) -> Node:
         namespace=value("namespace"),
         parameters=[value("params_file"), {full_names[key]: one for key, one in parameters.items()}],
         arguments=["--ros-args", "--log-level", value("log_level")],
-        respawn=value("respawn").lower() == "true" and name != "model_writer",
+        respawn=value("respawn").lower() == "true" and name not in ("model_writer", "recorder"),
         respawn_delay=1.0,
         output="screen",
     )

@@ -78,6 +78,9 @@ def _add_run(parser: argparse.ArgumentParser) -> None:
         "--georeferenced", action="store_true", help="bags: the scans are in the map already, without poses"
     )
     parser.add_argument(
+        "--record", metavar="BAG", help="record topics of the graph in a bag (MCAP), a folder to be made"
+    )
+    parser.add_argument(
         "--rate", type=float, metavar="R", help="play at R times the recorded speed (default: at once)"
     )
     parser.add_argument(

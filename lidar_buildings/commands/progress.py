@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 from tqdm import tqdm
 
 if TYPE_CHECKING:
+    from lidar_buildings.io.bags.recording import Recording
     from lidar_buildings.io.results.run_summary import RunSummary
 
 
@@ -25,10 +26,13 @@ class RunOutcome:
         What the files hold.
     failed : mapping
         Stamp of each tile that was given up → why.
+    recording : Recording or None
+        The bag that was wanted beside the files.
     """
 
     summary: RunSummary
     failed: Mapping[int, str]
+    recording: Recording | None = None
 
 
 @contextmanager

@@ -50,9 +50,10 @@ def run_command(options: argparse.Namespace) -> int:
     outcome = _run_local(request, footprints) if options.no_ros else _run_graph(request)
     _report_problems(outcome)
     _report(request.output, outcome.summary, time.perf_counter() - started)
+    has_bag = _report_recording(outcome)
     if outcome.failed or (outcome.summary.n_unclassified and not outcome.summary.problems):
         return TILE_FAILED
-    return WRONG_USE if outcome.summary.problems else DONE
+    return WRONG_USE if outcome.summary.problems or not has_bag else DONE
 
 
 def _footprints(request: RunRequest) -> FootprintFile | None:
@@ -120,6 +121,19 @@ def _report(output: Path, summary: RunSummary, wall: float) -> None:
         print(_footprints_line(summary.footprints))
     for name in summary.files:
         print(f"  {output / name}")
+
+
+def _report_recording(outcome: RunOutcome) -> bool:
+    """Print what was recorded; return whether all was that was to be."""
+    bag = outcome.recording
+    if bag is None:
+        return True
+    if not bag.failure:
+        print(f"  {bag.path}: {counted(bag.n_messages, 'message')}")
+        return True
+    lost = ", ".join(f"{n:,} of {name}" for name, n in sorted(bag.lost.items())) or "none"
+    print(f"lidar-buildings: {bag.failure}; messages not recorded: {lost}", file=sys.stderr)
+    return False
 
 
 def _footprints_line(record: Mapping[str, Any]) -> str:

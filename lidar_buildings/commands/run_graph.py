@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import time
 from contextlib import suppress
 from typing import TYPE_CHECKING
 
@@ -61,7 +62,10 @@ def _run(request: RunRequest, pool: BuildingPool) -> RunOutcome:
         )
         composition = Composition(*nodes.values())
         composition.start()
-        return _outcome(composition, nodes)
+        outcome = _outcome(composition, nodes)
+        while outcome.recording is not None and not nodes["recorder"].is_silent:
+            time.sleep(_TICK)
+        return outcome
     finally:
         if composition is not None:
             composition.stop()
@@ -82,4 +86,5 @@ def _outcome(composition, nodes) -> RunOutcome:
                 shown = done
         if player.progress.n_done > max(shown, 0):
             show(player.progress.n_done)
-    return RunOutcome(writer.outcome.result(), writer.failed_tiles)
+    recording = nodes["recorder"].recording if "recorder" in nodes else None
+    return RunOutcome(writer.outcome.result(), writer.failed_tiles, recording)

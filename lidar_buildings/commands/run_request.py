@@ -41,6 +41,7 @@ _OWN = {
     ("footprints", "file"): "--footprints",
     ("footprints", "layer"): "--footprints-layer",
     ("flow_control", "publish_tile_done"): "--output",
+    ("recorder", "output"): "--record",
 }
 #: A namespace of ROS: words of letters, digits and underscores that begin with no digit.
 _NAMESPACE = re.compile(r"/?[A-Za-z_]\w*(/[A-Za-z_]\w*)*", re.ASCII)
@@ -123,6 +124,8 @@ def request_of(options: argparse.Namespace) -> RunRequest:
     if options.tile_size is not None:
         settings.setdefault(_TILING, {})["tile_size"] = options.tile_size
     _check_own(settings)
+    if options.record is not None:
+        settings.setdefault("recorder", {})["output"] = str(_new_bag(options))
     _check_namespace(options.namespace)
     footprints = _footprints(options)
     if footprints is not None:
@@ -140,6 +143,17 @@ def request_of(options: argparse.Namespace) -> RunRequest:
         footprints=footprints,
         scans=_shared(ScanConfig, settings),
     )
+
+
+def _new_bag(options: argparse.Namespace) -> Path:
+    """Return the folder of the bag to be recorded."""
+    if options.no_ros:
+        raise ParameterError(
+            "--record: without ROS there is nothing to record: leave out --no-ros, or --record"
+        )
+    from lidar_buildings.io.bags.recording import Recording, bag_folder  # takes time to import
+
+    return Recording(bag_folder(options.record)).path
 
 
 def _short_forms(options: argparse.Namespace) -> list[str]:

@@ -20,6 +20,7 @@ from lidar_buildings.core.stages.ground_filter import GroundFilterConfig
 from lidar_buildings.io.results.output_config import OutputConfig
 from lidar_buildings.io.tiling.live_config import LiveTilingConfig
 from lidar_buildings.io.tiling.tiling_config import TilingConfig
+from lidar_buildings.nodes.topics import RECORDED
 from lidar_buildings.pipeline.reconstruct import STAGE_CONFIGS
 
 
@@ -57,7 +58,8 @@ class SendingConfig(StageConfig):
     )
     wait_for: tuple[str, ...] = parameter(
         ("points",),
-        "Topics that must have a subscriber before a tile is sent, so that no node misses the first one.",
+        "Topics that must have a subscriber before a tile is sent, so that no node misses the first one; one "
+        "that is named twice must have two.",
         read_only=True,
         advanced=True,
     )
@@ -256,6 +258,21 @@ class ModelWriterConfig(MapFrameConfig, OutputConfig):
     )
 
 
+@dataclass(frozen=True)
+class RecorderConfig(StageConfig):
+    """What is recorded, and where."""
+
+    stage: ClassVar[str] = "recorder"
+
+    topics: tuple[str, ...] = parameter(
+        RECORDED,
+        "Topics to record; as they are called here, or any other topic by its own name.",
+        read_only=True,
+        advanced=True,
+    )
+    output: str = parameter("", "Folder for the bag, which must not be there.", read_only=True, advanced=True)
+
+
 #: What a node's configs have beside those of its stage: parameters that only nodes know.
 _OF_NODES: dict[str, type[StageConfig]] = {
     "ground_filter": GroundFilterNodeConfig,
@@ -276,4 +293,5 @@ NODE_CONFIGS: dict[str, dict[str, type[StageConfig]]] = {
         for stage in STAGE_TABLE
     },
     "model_writer": {ModelWriterConfig.stage: ModelWriterConfig},
+    "recorder": {RecorderConfig.stage: RecorderConfig},
 }

@@ -40,8 +40,8 @@ def make_node(
     **kwargs
         As for `rclpy.node.Node`: namespace, context…
     """
-    # sources work themselves; the others let processes work, to wait for no interpreter's lock in one process
-    shared = {} if name in SOURCES else {"pool": pool}
+    # these work themselves; the others let processes work, to wait for no interpreter's lock in one process
+    shared = {} if name in (*SOURCES, "recorder") else {"pool": pool}
     return node_class(name)(
         parameter_overrides=parameter_overrides(NODE_CONFIGS[name], settings), **shared, **kwargs
     )
@@ -83,7 +83,7 @@ def survey_nodes(
     Returns
     -------
     dict
-        Node name → node, the player first and the writer last.
+        Node name → node, the player first and the writer last; behind it the recorder, if it has an output.
 
     Raises
     ------
@@ -96,13 +96,14 @@ def survey_nodes(
     try:
         # the writer first: it refuses an output folder before anything is read, which begins with the player
         first, *between, last = names = nodes_until(until)
-        for name in (last, first, *between):
+        recorder = ("recorder",) if merged.get("recorder", {}).get("output") else ()
+        for name in (*recorder, last, first, *between):
             nodes[name] = make_node(name, merged, pool, **kwargs)
     except Exception:
         for node in nodes.values():
             node.destroy_node()
         raise
-    return {name: nodes[name] for name in names}
+    return {name: nodes[name] for name in (*names, *recorder)}
 
 
 def _merged(

@@ -28,6 +28,7 @@ from lidar_buildings.nodes.topics import (
     OUTLINES,
     PLANE_POINTS,
     POINTS,
+    RECORDED,
     ROOF_FACES,
     ROOF_POINTS,
     SCAN,
@@ -41,6 +42,7 @@ from lidar_buildings.nodes.topics import (
     TILE_RECEIPT,
     TRACED_OUTLINES,
     Topic,
+    topics_called,
 )
 
 
@@ -169,6 +171,13 @@ NODE_TABLE: tuple[NodeCard, ...] = (
             ("~/reset", _TRIGGER, "forget the tiles of a live survey, after its source was reset"),
         ),
     ),
+    NodeCard(
+        "recorder",
+        "Writes what is published under some topics, these if not told otherwise, to a bag (MCAP). "
+        "It is no part of the chain: a run goes on without it if the bag cannot be written.",
+        tuple(topic for name in RECORDED for topic in topics_called(name)),
+        (),
+    ),
 )
 
 #: Node → the stage under which its seconds are counted.
@@ -207,7 +216,7 @@ SOURCES = ("tile_player", "scan_assembler")
 def nodes_until(stage: str, source: str = SOURCES[0]) -> tuple[str, ...]:
     """Return the nodes that a run ending with `stage` needs, the source first and the writer last."""
     without = {one.node for one in STAGE_TABLE[STAGES.index(stage) + 1 :]} | {*SOURCES} - {source}
-    return tuple(card.name for card in NODE_TABLE if card.name not in without)
+    return tuple(card.name for card in NODE_TABLE if card.name not in without | {"recorder"})
 
 
 def topics_until(stage: str, *, has_writer: bool = True) -> tuple[str, ...]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
+from collections import Counter
 from dataclasses import replace
 from typing import Any
 
@@ -226,7 +227,8 @@ class TileSender(StageNode):
 
     def _has_listeners(self) -> bool:
         """Whether all topics have their subscribers, and something publishes when a tile is done."""
-        missing = [topic for topic in self.sending.wait_for if not self.count_subscribers(topic)]
+        wanted = Counter(self.sending.wait_for)
+        missing = [topic for topic, n in wanted.items() if self.count_subscribers(topic) < n]
         what = f"a subscriber of {', '.join(missing)}"
         if not missing and self._flow.is_counting and not self.count_publishers("tile_done"):
             missing, what = ["tile_done"], "a publisher of tile_done (model_writer, or model_builder)"

@@ -172,3 +172,23 @@ FIX = Topic(
     "latitude and longitude beside odometry: they say where the map lies, in a zone of UTM",
 )
 CLOCK = Topic("/clock", "rosgraph_msgs/Clock", "EVENT", "the stamp of the tile just sent, on request")
+
+#: What a recorder records if not told otherwise: what a run can be done from again (the source's points, and
+#: where they lie), its results, and how it went. What lies between is much more, and can be made again.
+RECORDED = (
+    "points",
+    "map_origin",
+    "map_units",
+    "tile_info",
+    "traced_outlines",
+    "outlines",
+    "roof_faces",
+    "city_model",
+    "diagnostics",
+)
+_ALL = tuple(one for one in tuple(globals().values()) if isinstance(one, Topic))
+
+
+def topics_called(name: str) -> tuple[Topic, ...]:
+    """Return the graph's topics of a name: none, one, or several that differ in their durability."""
+    return tuple(one for one in _ALL if one.name == name)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
@@ -74,13 +75,14 @@ class StageNode(Node):
         self.tile_infos: TileInfos | None = None
 
     def create_subscription(
-        self, kind: Any, topic: str, callback: Callable[[Any], None], *args: Any, **kwargs: Any
+        self, kind: Any, topic: str, callback: Callable[..., None], *args: Any, **kwargs: Any
     ) -> Subscription:
         """Subscribe; a message on which the callback fails is left out, and the node goes on."""
 
-        def guarded(message: Any) -> None:
+        @functools.wraps(callback)  # rclpy looks whether it takes the message's times, too
+        def guarded(*received: Any) -> None:
             try:
-                callback(message)
+                callback(*received)
             except Exception as error:
                 if not self.context.ok():
                     raise

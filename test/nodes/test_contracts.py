@@ -30,6 +30,8 @@ from lidar_buildings.ros import qos
 from lidar_buildings.ros.parameters import ros_value
 
 CARDS = {card.name: card for card in NODE_TABLE}
+#: Nodes that do not start without being told of files.
+WITH_PATHS = ("tile_player", "model_writer", "recorder")
 
 #: DESIGN.md section 2: node → (subscribes, publishes).
 DESIGN = {
@@ -49,6 +51,7 @@ DESIGN = {
         {"classified_points", "plane_points", "traced_outlines", "outlines", "roof_faces", "city_model"},
         {"tile_done"},
     ),
+    "recorder": ({"points", "map_origin", "outlines", "city_model", "diagnostics"}, set()),
 }
 
 
@@ -65,6 +68,7 @@ def start(context, tmp_path):
         "ground_filter": {"publish_dtm": True},
         "model_builder": {"flow_control.publish_tile_done": True},
         "model_writer": {"output": str(tmp_path / "out")},  # live
+        "recorder": {"advanced.output": str(tmp_path / "bag")},
     }
     started = []
 
@@ -203,7 +207,7 @@ def declared(configs):
 
 
 @pytest.mark.graph
-@pytest.mark.parametrize("name", [name for name in CARDS if name not in ("tile_player", "model_writer")])
+@pytest.mark.parametrize("name", [name for name in CARDS if name not in WITH_PATHS])
 def test_declared_parameters_have_the_defaults_and_ranges_of_the_configs(start, name):
     switched_off = {
         "building_tracer": {"footprints.file": ""},
@@ -219,10 +223,10 @@ def test_declared_parameters_have_the_defaults_and_ranges_of_the_configs(start, 
 
 
 @pytest.mark.graph
-@pytest.mark.parametrize("name", ["tile_player", "model_writer"])
+@pytest.mark.parametrize("name", WITH_PATHS)
 def test_the_parameters_of_source_and_sink_have_their_defaults_where_none_was_given(start, name):
     node = start(name)
-    given = {"input", "advanced.input", "output", "advanced.publish_clock"}
+    given = {"input", "advanced.input", "output", "advanced.output", "advanced.publish_clock"}
     for parameter, (value, _) in declared(NODE_CONFIGS[name]).items():
         assert parameter in given or node.get_parameter(parameter).value == value
 

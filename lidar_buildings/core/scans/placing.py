@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from lidar_buildings.core.model.errors import MessageError
 from lidar_buildings.core.scans.config import ScanConfig
 from lidar_buildings.core.scans.scan import Scan, mark_of, read_scan, stamp_of
+from lidar_buildings.core.scans.seen_points import SeenPoints
 from lidar_buildings.core.scans.trajectory import Pose
 from lidar_buildings.core.scans.transform_tree import MAX_FRAMES, SET_BACK, TransformTree, frame_name
 from lidar_buildings.core.scans.waiting import WaitingScans
@@ -67,6 +68,8 @@ class ScanPlacer:
     ----------
     config : ScanConfig
         How.
+    seen : SeenPoints, optional
+        What leaves out the points of our own tiles that were in an earlier sending of them.
 
     Attributes
     ----------
@@ -78,12 +81,13 @@ class ScanPlacer:
         Why the last scan was refused that could not be read or has no pose, empty if none was.
     """
 
-    def __init__(self, config: ScanConfig | None = None) -> None:
+    def __init__(self, config: ScanConfig | None = None, seen: SeenPoints | None = None) -> None:
         self.config = config or ScanConfig()
         self.tree = TransformTree(self.config.max_pose_gap, self.config.max_speed)
         self.left_out: Counter[str] = Counter()
         self.n_scans = 0
         self.refusal = ""
+        self._seen = seen
         self._messages: Counter[str] = Counter()
         self._waiting = WaitingScans()
         self._of_before: list[PlacedScan] = []
@@ -134,7 +138,7 @@ class ScanPlacer:
             self._messages[TWICE] += 1
             return
         try:
-            scan = read_scan(message, self.config, self.left_out)
+            scan = read_scan(message, self.config, self.left_out, self._seen)
         except MessageError as error:
             self._messages[UNREADABLE] += 1
             self.refusal = str(error)

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from lidar_buildings.core.scans.cloud_layout import Cloud, columns_of, taken_points
 from lidar_buildings.core.scans.config import ScanConfig
 from lidar_buildings.core.scans.point_times import TIME_FIELDS, point_times
+from lidar_buildings.core.scans.seen_points import SeenPoints
 from lidar_buildings.core.scans.trajectory import MAX_COORDINATE
 from lidar_buildings.core.scans.transform_tree import frame_name
 
@@ -26,6 +27,9 @@ KEPT = (
     "point_source_id",
     "gps_time",
 )
+#: Fields of our tiles: which point it is, and whether it is a neighbour's.
+_NAMING = ("source", "index")
+_OF_TILES = ("buffer", *_NAMING)
 #: What is left out of a scan, in words.
 NOT_FINITE = "x, y or z is not finite, or beyond any place on Earth"
 NO_RETURN = "at the sensor's own place: no return"
@@ -54,9 +58,13 @@ class Scan(NamedTuple):
     columns: dict[str, NDArray[Any]]
 
 
-def read_scan(message: Any, config: ScanConfig, left_out: Counter[str]) -> Scan:
+def read_scan(
+    message: Any, config: ScanConfig, left_out: Counter[str], seen: SeenPoints | None = None
+) -> Scan:
     """
     Read a sensor_msgs/PointCloud2, and count what it has beside measurements.
+
+    Of a tile of ours the buffer is left out, and what was `seen` in an earlier sending of it.
 
     Raises
     ------
@@ -64,11 +72,14 @@ def read_scan(message: Any, config: ScanConfig, left_out: Counter[str]) -> Scan:
         If its layout contradicts itself, it has no x, y and z, or no unit makes its times a scan's.
     """
     cloud: Cloud = message
-    columns = columns_of(cloud, {*TIME_FIELDS, *KEPT, "buffer"})
+    columns = columns_of(cloud, {*TIME_FIELDS, *KEPT, *_OF_TILES})
     xyz = taken_points(columns)
     is_kept = _are_measured(xyz, left_out)
     if "buffer" in columns:  # a tile of ours: these come with another one
         is_kept &= columns.pop("buffer") == 0
+        if seen is not None and all(name in columns and columns[name].dtype.kind == "u" for name in _NAMING):
+            own = np.flatnonzero(is_kept)
+            is_kept[own] = seen.are_new(columns["source"][own], columns["index"][own])
     for name in columns.keys() & set(TIME_FIELDS):
         is_timed = np.isfinite(columns[name])
         _leave_out(left_out, NO_TIME, is_kept & ~is_timed)

@@ -21,6 +21,7 @@ TRANSFORMS = "tf2_msgs/msg/TFMessage"
 #: What ROS 1 called it before.
 _OLD_TRANSFORMS = "tf/msg/tfMessage"
 POINT = "geometry_msgs/msg/PointStamped"
+VECTOR = "geometry_msgs/msg/Vector3Stamped"
 _SECOND = 1_000_000_000
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -29,18 +30,30 @@ COMPRESSIONS = {"": None, "message": CompressionMode.MESSAGE, "file": Compressio
 #: The format of rosbag2 that ROS 2 Jazzy writes.
 _VERSION = 9
 _FOR_EVER = QosTime(9_223_372_036, 854_775_807)
-#: What `ros2 bag play` must offer to those that come late.
-_LATCHED = Qos(
-    QosHistory.KEEP_LAST,
-    1,
-    QosReliability.RELIABLE,
-    QosDurability.TRANSIENT_LOCAL,
-    _FOR_EVER,
-    _FOR_EVER,
-    QosLiveliness.AUTOMATIC,
-    _FOR_EVER,
-    False,
-)
+
+
+def offered(depth: int, *, is_latched: bool) -> Qos:
+    """
+    Return what `ros2 bag play` is to offer under a topic: reliable.
+
+    Parameters
+    ----------
+    depth : int
+        Messages that are kept; 0 for all.
+    is_latched : bool
+        Whether those that come late get them, too.
+    """
+    return Qos(
+        QosHistory.KEEP_LAST if depth else QosHistory.KEEP_ALL,
+        depth,
+        QosReliability.RELIABLE,
+        QosDurability.TRANSIENT_LOCAL if is_latched else QosDurability.VOLATILE,
+        _FOR_EVER,
+        _FOR_EVER,
+        QosLiveliness.AUTOMATIC,
+        _FOR_EVER,
+        False,
+    )
 
 
 class BagWriter:
@@ -99,6 +112,17 @@ class BagWriter:
         """Return a message of a type (``std_msgs/msg/Header``); all of its members must be given."""
         return self._types.types[kind](**members)
 
+    def abandon(self) -> None:
+        """Leave the bag as it is, without an end: it cannot be written any more."""
+        with suppress(OSError):
+            self._writer.abort()
+
+    def add_topic(self, topic: str, kind: str, qos: Qos | None) -> None:
+        """Say of what type a topic is, and how it is to be played."""
+        self._connections[topic] = self._writer.add_connection(
+            topic, kind, typestore=self._types, offered_qos_profiles=(qos,) if qos else ()
+        )
+
     def write(self, topic: str, kind: str, time: int, message: Any) -> None:
         """Write a message of rosbags with the time when it was received [ns]."""
         self.write_serialised(topic, kind, time, self._types.serialize_cdr(message, kind))
@@ -107,10 +131,7 @@ class BagWriter:
         """Write a message as it went over the network (CDR)."""
         try:
             if topic not in self._connections:
-                qos = (_LATCHED,) if topic in self._latched else ()
-                self._connections[topic] = self._writer.add_connection(
-                    topic, kind, typestore=self._types, offered_qos_profiles=qos
-                )
+                self.add_topic(topic, kind, offered(1, is_latched=True) if topic in self._latched else None)
             self._writer.write(self._connections[topic], time, data)
         except OSError as error:
             raise write_error(self.path, error) from error

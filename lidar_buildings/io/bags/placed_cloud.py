@@ -11,7 +11,8 @@ from pathlib import Path
 from lidar_buildings.core.model.errors import InputError, MessageError
 from lidar_buildings.core.scans.config import ScanConfig
 from lidar_buildings.core.scans.placing import NO_POSE, ScanPlacer
-from lidar_buildings.io.bags.bag import CLOUD, ODOMETRY, POINT, TRANSFORMS, Bag, BagMessage
+from lidar_buildings.core.scans.seen_points import SeenPoints
+from lidar_buildings.io.bags.bag import CLOUD, ODOMETRY, POINT, TRANSFORMS, VECTOR, Bag, BagMessage
 from lidar_buildings.io.bags.selection import BagTopics, choose_topics
 from lidar_buildings.io.files.atomic_files import atomic_file
 from lidar_buildings.io.tiling.placed_laz import FAR, PlacedLaz
@@ -72,7 +73,7 @@ def write_placed(bag_path: Path, path: Path, choice: BagChoice, config: ScanConf
     """
     with Bag(bag_path) as bag, atomic_file(path) as temporary:
         topics = choose_topics(bag, choice.clouds, choice.odometry)
-        placer = ScanPlacer(config)
+        placer = ScanPlacer(config, SeenPoints())
         file = PlacedLaz(temporary)
         try:
             for message in _messages(bag, topics, choice):
@@ -105,7 +106,8 @@ def _check_any(bag_path: Path, n_points: int, placer: ScanPlacer) -> None:
 
 def _messages(bag: Bag, topics: BagTopics, choice: BagChoice) -> Iterator[BagMessage]:
     """Read what holds for the whole bag first, and then what is wanted of the rest."""
-    whole = {*(one for one in topics.transforms if one.endswith("static")), topics.origin} - {""}
+    whole = {*(one for one in topics.transforms if one.endswith("static")), topics.origin}
+    whole = (whole | {topics.units}) - {""}
     yield from bag.messages(whole)
     yield from bag.messages(topics.all - whole, choice.start, choice.duration)
 
@@ -121,3 +123,6 @@ def _take(placer: ScanPlacer, file: PlacedLaz, message: BagMessage) -> None:
     elif message.type == POINT:
         point = message.message.point
         file.place(message.message.header.frame_id, (point.x, point.y, point.z))
+    elif message.type == VECTOR:
+        units = message.message.vector
+        file.measure((units.x, units.y, units.z))

@@ -5,10 +5,10 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from lidar_buildings.core.model.errors import InputError
-from lidar_buildings.io.bags.bag import CLOUD, ODOMETRY, POINT, TRANSFORMS, Bag, BagTopic
+from lidar_buildings.io.bags.bag import CLOUD, ODOMETRY, POINT, TRANSFORMS, VECTOR, Bag, BagTopic
 from lidar_buildings.io.bags.topic_lines import topic_contents
 
-_ORIGIN = "map_origin"
+_ORIGIN, _UNITS = "map_origin", "map_units"
 
 
 class BagTopics(NamedTuple):
@@ -21,19 +21,21 @@ class BagTopics(NamedTuple):
         Topic of the scans; of the poses, empty if there is none.
     transforms : tuple of str
         Topics of /tf and /tf_static.
-    origin : str
-        Topic that tells where the map lies, empty if there is none.
+    origin, units : str
+        Topics that tell where the map lies, and how long its reference system's units are; empty if there
+        is none.
     """
 
     clouds: str
     odometry: str
     transforms: tuple[str, ...]
     origin: str
+    units: str
 
     @property
     def all(self) -> set[str]:
         """All of them."""
-        return {self.clouds, self.odometry, *self.transforms, self.origin} - {""}
+        return {self.clouds, self.odometry, *self.transforms, self.origin, self.units} - {""}
 
 
 def choose_topics(bag: Bag, clouds: str = "", odometry: str = "") -> BagTopics:
@@ -58,7 +60,10 @@ def choose_topics(bag: Bag, clouds: str = "", odometry: str = "") -> BagTopics:
         _one(bag, topics, CLOUD, clouds, "--topic", is_needed=True),
         _one(bag, topics, ODOMETRY, odometry, "--odometry", is_needed=False),
         tuple(one.name for one in own),
-        next((one.name for one in topics if one.type == POINT and one.name.endswith(_ORIGIN)), ""),
+        *(
+            next((one.name for one in topics if one.type == kind and one.name.endswith(name)), "")
+            for kind, name in ((POINT, _ORIGIN), (VECTOR, _UNITS))
+        ),
     )
 
 

@@ -57,7 +57,7 @@ class PlacedLaz:
         self._path = path
         self._writer: laspy.LasWriter | None = None
         self._crs: pyproj.CRS | None = None
-        self._origin = np.zeros(3)
+        self._origin, self._units = np.zeros(3), np.ones(3)
         self._batch: list[PlacedScan] = []
         self._brightness = 1.0
         self.n_points = self.n_far = 0
@@ -72,6 +72,12 @@ class PlacedLaz:
         if not (np.abs(self._origin) <= MAX_COORDINATE).all():
             raise InputError(f"map_origin {origin} is no place on Earth")
 
+    def measure(self, units: tuple[float, float, float]) -> None:
+        """Say how many metres a unit of the reference system's x, y and z has; as `map_units` does."""
+        self._units = np.array(units)
+        if not (np.isfinite(self._units) & (self._units > 0.0)).all():
+            raise InputError(f"map_units {units} are no lengths")
+
     def add(self, scan: PlacedScan) -> None:
         """Add a scan's points."""
         self._batch.append(scan)
@@ -85,7 +91,8 @@ class PlacedLaz:
             self._writer.close()
 
     def _flush(self) -> None:
-        points = np.concatenate([np.empty((0, 3)), *(one.points for one in self._batch)]) + self._origin
+        points = np.concatenate([np.empty((0, 3)), *(one.points for one in self._batch)])
+        points = (points + self._origin) / self._units
         if self._writer is None:
             self._writer = self._opened(points)
             self._brightness = _brightness(self._batch)

@@ -6,6 +6,7 @@ import pytest
 from support.bags import (
     MOUNTING,
     ODOMETRY_TYPE,
+    ORIGIN_TYPE,
     SCAN_TYPE,
     SECOND,
     STORAGES,
@@ -153,3 +154,21 @@ def test_of_a_long_drive_only_the_last_poses_are_kept(tmp_path, monkeypatch):
     las, count = placed(tmp_path, drive.path)
     assert (len(las.points), dict(count.left_out)) == (5000, {})
     assert max(kept) < 100, "of 600 poses"
+
+
+def test_tiles_of_ours_come_back_in_their_own_units_and_each_point_once(tmp_path):
+    bag = BagWriter(tmp_path / "tiles")
+    header = bag.header(T0, "map")
+    foot = bag.types.types["geometry_msgs/msg/Vector3"](0.3048, 0.3048, 0.3048)
+    units = "geometry_msgs/msg/Vector3Stamped"
+    bag.write("/map_units", units, T0, bag.types.types[units](header, foot))
+    bag.write("/map_origin", ORIGIN_TYPE, T0, bag.origin("EPSG:2263", 304_800.0, 60_960.0, 0.0))
+    dtype = [("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("buffer", "u1"), ("source", "<u2"), ("index", "<u4")]
+    rows = np.zeros(6, dtype)
+    rows["x"], rows["y"], rows["z"] = np.arange(6) * 0.3048, 3.048, 6.096
+    rows["index"], rows["buffer"] = np.arange(6), [0, 0, 0, 0, 1, 1]
+    bag.write("/points", SCAN_TYPE, T0, bag.cloud_of(T0, "map", rows[:5]))
+    bag.write("/points", SCAN_TYPE, T0 + 1, bag.cloud_of(T0 + 1, "map", rows[1:]))
+    bag.close()
+    las, _ = placed(tmp_path, bag.path, ScanConfig())
+    np.testing.assert_allclose(las.xyz, [[1e6 + step, 200_010.0, 20.0] for step in range(4)], atol=1e-3)

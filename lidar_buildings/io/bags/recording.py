@@ -1,0 +1,125 @@
+"""A bag of what is heard, which may fail without ending what is recorded."""
+
+from __future__ import annotations
+
+import os
+from collections import Counter
+from pathlib import Path
+from typing import NamedTuple
+
+from lidar_buildings.core.model.errors import OutputError
+from lidar_buildings.io.bags.bag_writer import BagWriter, offered
+from lidar_buildings.io.files.captured_stderr import one_line
+
+_MCAP = ".mcap"
+
+
+class RecordedTopic(NamedTuple):
+    """
+    A topic to be recorded.
+
+    Attributes
+    ----------
+    name, type : str
+        As they stand in the bag: ``/points``, ``sensor_msgs/msg/PointCloud2``.
+    depth : int
+        How many messages whoever plays it is to keep; 0 = all.
+    is_latched : bool
+        Whether those that come late are to get them.
+    """
+
+    name: str
+    type: str
+    depth: int
+    is_latched: bool
+
+
+class Recording:
+    """
+    A bag that is made with its first message.
+
+    Parameters
+    ----------
+    path : Path
+        Its folder, which must not be there.
+
+    Attributes
+    ----------
+    n_messages, n_bytes : int
+        What was recorded.
+    lost : Counter
+        Topic → messages that came after it could not be written any more.
+    failure : str
+        Why it cannot be written, empty if it can.
+
+    Raises
+    ------
+    OutputError
+        If something of that name is there, or no folder can be made there.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.n_messages = self.n_bytes = 0
+        self.lost: Counter[str] = Counter()
+        self.failure = ""
+        self._topics: dict[str, RecordedTopic] = {}
+        self._bag: BagWriter | None = None
+        if path.exists():
+            raise OutputError(f"{path}: is there already: choose another name for the bag, or remove it")
+        above = next(one for one in path.absolute().parents if one.exists())
+        if not above.is_dir() or not os.access(above, os.W_OK):
+            raise OutputError(f"{path}: cannot be written: {above} is no folder that can be written to")
+
+    def declare(self, topic: RecordedTopic) -> None:
+        """Say what a topic is, before its first message."""
+        self._topics[topic.name] = topic
+
+    def add(self, name: str, time: int, data: bytes) -> None:
+        """Record a message (CDR) that came at a time [ns]; once that fails, only count it."""
+        if self.failure:
+            self.lost[name] += 1
+            return
+        topic = self._topics[name]
+        try:
+            self._opened().write_serialised(name, topic.type, time, data)
+        except OutputError as error:
+            self._give_up(error)
+            self.lost[name] += 1
+            return
+        self.n_messages += 1
+        self.n_bytes += len(data)
+
+    def close(self) -> None:
+        """Complete the bag."""
+        if self._bag is None:
+            return
+        try:
+            self._bag.close()
+        except OutputError as error:
+            self._give_up(error)
+        self._bag = None
+
+    def _opened(self) -> BagWriter:
+        """Return the bag, with all its topics."""
+        if self._bag is None:
+            self._bag = BagWriter(self.path)
+            for one in self._topics.values():
+                self._bag.add_topic(one.name, one.type, offered(one.depth, is_latched=one.is_latched))
+        return self._bag
+
+    def _give_up(self, error: OutputError) -> None:
+        why = one_line(error.__cause__ or error)
+        self.failure = (
+            f"{self.path}: cannot be written any more ({why}): what is whole of it stays, and "
+            "`mcap recover` mends it"
+        )
+        if self._bag is not None:
+            self._bag.abandon()
+            self._bag = None
+
+
+def bag_folder(name: str | Path) -> Path:
+    """Return the folder of a bag that a user calls so: ``flight`` for ``flight.mcap``, a file within it."""
+    path = Path(name)
+    return path.with_suffix("") if path.suffix.lower() == _MCAP else path

@@ -1,0 +1,159 @@
+"""Node `recorder`."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from importlib import import_module
+from typing import Any
+
+import rclpy
+from rclpy.event_handler import SubscriptionEventCallbacks
+from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
+
+from lidar_buildings.core.model.errors import ParameterError
+from lidar_buildings.io.bags.recording import RecordedTopic, Recording, bag_folder
+from lidar_buildings.nodes.configs import NODE_CONFIGS, RecorderConfig
+from lidar_buildings.nodes.topics import topics_called
+from lidar_buildings.ros import qos
+from lidar_buildings.ros.diagnostics import TOPIC as DIAGNOSTICS
+from lidar_buildings.ros.runner import run_node
+from lidar_buildings.ros.stage_node import StageNode
+
+#: Period of the search for topics that the graph does not have of itself [s].
+_SEARCH = 0.5
+#: After so long without a message all that was sent has come [s]; wide margin over the way of a message.
+_SILENCE = 0.2
+#: A message that was under way for so long is worth a warning [s].
+_LATE = 10.0
+#: A header of CityJSONSeq, which has a publisher of its own, and is not told twice.
+_HEADER = b'{"type":"CityJSON",'
+
+
+class Recorder(StageNode):
+    """Writes what is published under some topics to a bag, as it came."""
+
+    def __init__(self, **kwargs: Any) -> None:
+        super().__init__("recorder", NODE_CONFIGS["recorder"], **kwargs)
+        config = self.parameters[RecorderConfig]
+        try:
+            if not config.output:
+                raise ParameterError("recorder.output is empty: name a folder for the bag")
+            self.recording = Recording(bag_folder(config.output))
+        except Exception:
+            self.destroy_node()
+            raise
+        self._last_heard = time.monotonic()
+        self._lag = 0.0
+        self._sought = set(config.topics)
+        self._takers: list[tuple[Any, Callable[[bytes, dict[str, int]], None]]] = []
+        self.summary.watch(self._gauges)
+        for name in config.topics:
+            for topic in topics_called(name):
+                self._subscribe(name, topic.type.replace("/", "/msg/"), getattr(qos, topic.qos))
+        self.on_search()
+        if self._sought:
+            self._search = self.create_timer(_SEARCH, self.on_search)
+
+    @property
+    def is_silent(self) -> bool:
+        """Whether nothing has come for a while but diagnostics, which always do."""
+        return time.monotonic() - self._last_heard > _SILENCE
+
+    def on_search(self) -> None:
+        """Subscribe to topics that the graph does not have of itself as soon as somebody publishes them."""
+        for name in sorted(self._sought):
+            publishers = self.get_publishers_info_by_topic(name)
+            if publishers:
+                profiles = [one.qos_profile for one in publishers]
+                self._subscribe(name, publishers[0].topic_type, _common(profiles))
+        if not self._sought and hasattr(self, "_search"):
+            self._search.cancel()
+
+    def destroy_node(self) -> None:
+        """Record what has come and was not taken yet, and complete the bag."""
+        if hasattr(self, "recording"):
+            self._take_the_rest()
+            self.recording.close()
+        super().destroy_node()
+
+    def _subscribe(self, name: str, kind: str, profile: QoSProfile) -> None:
+        """Record a topic; all that comes is kept until it is written."""
+        self._sought.discard(name)
+        package, _, message = kind.partition("/msg/")
+        try:
+            message_type = getattr(import_module(f"{package}.msg"), message)
+        except (ImportError, AttributeError):
+            self.get_logger().error(f"{name} is not recorded: its type {kind} is not installed")
+            return
+        recorded = f"/{name.lstrip('/')}"
+        is_latched = profile.durability == DurabilityPolicy.TRANSIENT_LOCAL
+        depth = 0 if profile.history == HistoryPolicy.KEEP_ALL else profile.depth
+        several = len(topics_called(name)) > 1
+        self.recording.declare(RecordedTopic(recorded, kind, 0 if several else depth, is_latched or several))
+
+        def take(data: bytes, info: dict[str, int]) -> None:
+            if not (several and not is_latched and _HEADER in data[:64]):
+                self._record(recorded, data, info)
+
+        wanted = QoSProfile(
+            reliability=profile.reliability, durability=profile.durability, history=HistoryPolicy.KEEP_ALL
+        )
+        silent = SubscriptionEventCallbacks(use_default_callbacks=False)
+        subscription = self.create_subscription(
+            message_type, name, take, wanted, raw=True, event_callbacks=silent
+        )
+        self._takers.append((subscription, take))
+
+    def _record(self, name: str, data: bytes, info: dict[str, int]) -> None:
+        had_failed = self.recording.failure
+        received = info["received_timestamp"] or time.time_ns()
+        self.recording.add(name, received, data)
+        self._lag = (time.time_ns() - received) * 1e-9
+        if self._lag > _LATE:
+            self.summary.warned(f"{name} is recorded {self._lag:.0f} s after it came: the disk is too slow")
+        if self.recording.failure and not had_failed:
+            self.summary.problem = self.recording.failure
+            self.get_logger().error(self.recording.failure)
+        if name != f"/{DIAGNOSTICS}":
+            self._last_heard = time.monotonic()
+
+    def _take_the_rest(self) -> None:
+        """Take what waits in the subscriptions, until nothing more comes; once ROS has ended nothing does."""
+        while rclpy.ok(context=self.context):
+            for subscription, take in self._takers:
+                while (taken := subscription.handle.take_message(subscription.msg_type, True)) is not None:
+                    take(*taken)
+            if self.is_silent:
+                break
+            time.sleep(_SILENCE / 10)
+        self._takers.clear()
+
+    def _gauges(self) -> dict[str, float]:
+        recording = self.recording
+        return {
+            "messages": recording.n_messages,
+            "megabytes": recording.n_bytes * 1e-6,
+            "messages_lost": sum(recording.lost.values()),
+            "lag": self._lag,
+        }
+
+
+def _common(profiles: list[QoSProfile]) -> QoSProfile:
+    """Return what all publishers of a topic can give."""
+    is_latched = all(one.durability == DurabilityPolicy.TRANSIENT_LOCAL for one in profiles)
+    is_reliable = all(one.reliability == ReliabilityPolicy.RELIABLE for one in profiles)
+    return QoSProfile(
+        reliability=ReliabilityPolicy.RELIABLE if is_reliable else ReliabilityPolicy.BEST_EFFORT,
+        durability=DurabilityPolicy.TRANSIENT_LOCAL if is_latched else DurabilityPolicy.VOLATILE,
+        history=HistoryPolicy.KEEP_ALL,
+    )
+
+
+def main() -> int:
+    """Run the node."""
+    return run_node(Recorder)
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

@@ -1,0 +1,145 @@
+"""The recorder writes what it hears as it came, and a full disk ends the bag alone."""
+
+import time
+
+import numpy as np
+import pytest
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+from rosbags.highlevel import AnyReader
+from sensor_msgs.msg import PointCloud2
+from std_msgs.msg import Int32, String
+from support.cloud_files import fill_the_disk
+
+from lidar_buildings.core.model.errors import OutputError, ParameterError
+from lidar_buildings.core.model.tile import PointTile
+from lidar_buildings.io.bags.recording import Recording, bag_folder
+from lidar_buildings.nodes.recorder import Recorder
+from lidar_buildings.ros.composition import Composition
+from lidar_buildings.ros.point_cloud import to_message
+from lidar_buildings.ros.qos import BUILDING, CLOUD, LATCHED
+
+pytestmark = pytest.mark.graph
+
+
+@pytest.fixture
+def record(context, tmp_path):
+    """Start a recorder of some topics beside a sender."""
+    sender = Node("sender", context=context)
+    composed = []
+
+    def start(*topics, path=tmp_path / "bag"):
+        values = {"topics": list(topics), "output": str(path)}
+        overrides = [Parameter(f"advanced.{name}", value=value) for name, value in values.items()]
+        recorder = Recorder(context=context, parameter_overrides=overrides)
+        composed.append(Composition(recorder))
+        composed[-1].start()
+        return sender, recorder
+
+    yield start
+    for composition in composed:
+        composition.stop()
+    sender.destroy_node()
+
+
+def until(condition, seconds=60.0):
+    end = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < end
+        time.sleep(0.01)
+
+
+def messages(path):
+    with AnyReader([path]) as bag:
+        found = [(one.topic, bag.deserialize(raw, one.msgtype)) for one, _, raw in bag.messages()]
+        offered = {one.topic: one.ext.offered_qos_profiles for one in bag.connections}
+    return found, {topic: profiles[0] for topic, profiles in offered.items() if profiles}
+
+
+def test_messages_come_out_as_they_went_in_and_latched_ones_are_told_so(record, tmp_path):
+    sender, recorder = record("points", "city_model")
+    points = sender.create_publisher(PointCloud2, "points", CLOUD)
+    header = sender.create_publisher(String, "city_model", LATCHED)
+    features = sender.create_publisher(String, "city_model", BUILDING)
+    until(lambda: points.get_subscription_count() and features.get_subscription_count())
+    header.publish(String(data='{"type":"CityJSON","version":"2.0"}'))
+    sent = to_message(PointTile(np.arange(30.0).reshape(10, 3), stamp=7_000_000_000))
+    points.publish(sent)
+    for number in range(3):
+        features.publish(String(data=f'{{"type":"CityJSONFeature","id":"{number}"}}'))
+    until(lambda: recorder.recording.n_messages == 5)
+    recorder.destroy_node()
+    found, offered = messages(tmp_path / "bag")
+    (cloud,) = (one for topic, one in found if topic == "/points")
+    assert bytes(cloud.data) == bytes(sent.data)
+    assert (cloud.header.stamp.sec, cloud.header.frame_id) == (7, "map")
+    lines = [one.data for topic, one in found if topic == "/city_model"]
+    assert sorted(lines)[0] == '{"type":"CityJSON","version":"2.0"}'
+    assert len(lines) == 4
+    assert (offered["/points"].durability.name, offered["/points"].depth) == ("VOLATILE", CLOUD.depth)
+    assert (offered["/city_model"].durability.name, offered["/city_model"].history.name) == (
+        "TRANSIENT_LOCAL",
+        "KEEP_ALL",
+    )
+
+
+def test_a_topic_of_somebody_else_is_recorded_as_soon_as_it_is_there(record, tmp_path):
+    sender, recorder = record("/counter")
+    counter = sender.create_publisher(Int32, "/counter", CLOUD)
+    until(lambda: counter.get_subscription_count())
+    counter.publish(Int32(data=42))
+    until(lambda: recorder.recording.n_messages)
+    recorder.destroy_node()
+    ((topic, message),) = messages(tmp_path / "bag")[0]
+    assert (topic, message.data) == ("/counter", 42)
+
+
+def test_what_waits_when_the_recorder_ends_is_still_recorded(context, tmp_path):
+    overrides = [
+        Parameter("advanced.topics", value=["roof_faces", "city_model"]),
+        Parameter("advanced.output", value=str(tmp_path / "bag")),
+    ]
+    recorder = Recorder(context=context, parameter_overrides=overrides)  # nothing spins it
+    sender = Node("sender", context=context)
+    publisher = sender.create_publisher(String, "city_model", BUILDING)
+    until(publisher.get_subscription_count)
+    for number in range(50):
+        publisher.publish(String(data=str(number)))
+    recorder.destroy_node()
+    sender.destroy_node()
+    assert [one.data for _, one in messages(tmp_path / "bag")[0]] == [str(number) for number in range(50)]
+
+
+def test_a_full_disk_ends_the_bag_and_says_what_is_missing(record, tmp_path, monkeypatch):
+    fill_the_disk(monkeypatch, ".mcap", 3_000_000)
+    sender, recorder = record("points")
+    points = sender.create_publisher(PointCloud2, "points", CLOUD)
+    until(points.get_subscription_count)
+    for second in range(4):
+        points.publish(to_message(PointTile(np.ones((100_000, 3)), stamp=second * 1_000_000_000)))
+    recording = recorder.recording
+    until(lambda: recording.n_messages + recording.lost["/points"] == 4)
+    assert recording.failure.startswith(f"{tmp_path / 'bag'}: cannot be written any more (No space left")
+    assert recording.lost["/points"] >= 1
+    assert recorder.summary.state()[:2] == (2, recording.failure)
+    assert not recorder.outcome.done()
+
+
+def test_what_is_there_is_not_touched(tmp_path):
+    (tmp_path / "bag").mkdir()
+    (tmp_path / "file").write_text("")
+    for path, words in ((tmp_path / "bag", "is there already"), (tmp_path / "file" / "bag", "is no folder")):
+        with pytest.raises(OutputError, match=words):
+            Recording(path)
+    Recording(tmp_path / "new").close()
+    assert not (tmp_path / "new").exists()
+
+
+def test_a_recorder_without_a_name_for_its_bag_does_not_start(context):
+    with pytest.raises(ParameterError, match=r"recorder\.output is empty"):
+        Recorder(context=context)
+
+
+def test_a_bag_is_a_folder_even_if_it_is_called_as_a_file(tmp_path):
+    assert bag_folder(tmp_path / "flight.mcap") == tmp_path / "flight"
+    assert bag_folder(tmp_path / "flight.1") == tmp_path / "flight.1"
