@@ -9,14 +9,14 @@ CORNER = np.array([85_000.0, 447_000.0])
 HOUSES, ELEVATION, DENSITY = ((6, 6, 18, 16), (22, 6, 32, 16)), (7.0, 9.0), 8.0
 
 
-def houses_on_a_lawn(seed=0):
-    """Points of level ground and two flat roofs, and which are on a roof."""
+def houses_on_a_lawn(seed=0, houses=HOUSES, elevations=ELEVATION, width=40.0):
+    """Points of level ground and flat roofs, and which are on a roof."""
     generator = np.random.default_rng(seed)
-    x, y = np.meshgrid(np.arange(0.0, 40.0, DENSITY**-0.5), np.arange(0.0, 24.0, DENSITY**-0.5))
+    x, y = np.meshgrid(np.arange(0.0, width, DENSITY**-0.5), np.arange(0.0, 24.0, DENSITY**-0.5))
     xy = np.column_stack((x.ravel(), y.ravel())) + generator.uniform(0, 0.1, (x.size, 2))
     z = generator.normal(0.0, 0.02, len(xy))
     roof = np.zeros(len(xy), dtype=bool)
-    for (west, south, east, north), elevation in zip(HOUSES, ELEVATION, strict=True):
+    for (west, south, east, north), elevation in zip(houses, elevations, strict=True):
         inside = (xy > (west, south)).all(axis=1) & (xy < (east, north)).all(axis=1)
         z[inside] += elevation
         roof |= inside
