@@ -52,6 +52,7 @@ def _parser() -> argparse.ArgumentParser:
     _add_inspect(commands.add_parser("inspect", help="say what files and bags hold"))
     _add_simulate(commands.add_parser("simulate", help="make a virtual survey with its truth"))
     _add_score(commands.add_parser("score", help="compare a result with a reference"))
+    _add_top(commands.add_parser("top", help="watch the running graphs"))
     _add_warm_up(commands.add_parser("warm-up", help="compile now what else the first run compiles"))
     return parser
 
@@ -178,6 +179,21 @@ def _simulate(options: argparse.Namespace) -> int:
     from lidar_buildings.simulation.command import simulate_command
 
     return simulate_command(options)
+
+
+def _add_top(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--namespace", metavar="NAME", help="look at this graph alone (default: at all)")
+    parser.add_argument("--once", action="store_true", help="print one table and end")
+    parser.add_argument(
+        "--wait", type=float, default=10.0, metavar="S", help="wait so long for a graph [s] (default: 10)"
+    )
+    parser.set_defaults(command=_top)
+
+
+def _top(options: argparse.Namespace) -> int:
+    from lidar_buildings.commands.top import top_command
+
+    return top_command(options)
 
 
 def _add_warm_up(parser: argparse.ArgumentParser) -> None:

@@ -1,0 +1,93 @@
+"""The command ``lidar-buildings top``: how the running graphs get on."""
+
+from __future__ import annotations
+
+import argparse
+import importlib.util
+import os
+import shutil
+import sys
+import time
+
+from lidar_buildings.core.model.errors import LidarBuildingsError
+
+DONE = 0
+#: Period of the blocks [s].
+_PERIOD = 1.0
+#: What nodes that were there before are given to say how they get on; they do so once a second [s].
+_HEARING = 2.5
+_CLEAR = "\x1b[H\x1b[2J"
+
+
+def top_command(options: argparse.Namespace) -> int:
+    """
+    Print a table of the nodes once a second until all have gone, or once.
+
+    Raises
+    ------
+    LidarBuildingsError
+        If ROS is not installed, or no graph is found in time.
+    """
+    if importlib.util.find_spec("rclpy") is None:
+        raise LidarBuildingsError(
+            "rclpy is not installed: source a ROS 2 Jazzy workspace, or pip install '.[ros]' in the sources"
+        )
+    os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+    import rclpy
+    from rclpy.executors import SingleThreadedExecutor
+    from rclpy.signals import SignalHandlerOptions
+
+    from lidar_buildings.nodes.table import NODE_TABLE
+    from lidar_buildings.ros.graph_listener import GraphListener
+
+    context = rclpy.Context()
+    rclpy.init(args=[], context=context, signal_handler_options=SignalHandlerOptions.NO)
+    node = rclpy.create_node(f"top_{os.getpid()}", context=context, enable_rosout=False)
+    executor = SingleThreadedExecutor(context=context)
+    executor.add_node(node)
+    try:
+        listener = GraphListener(node, options.namespace or "", [card.name for card in NODE_TABLE])
+        _wait_for_graph(executor, listener, options)
+        _listen(executor, _HEARING, lambda: all(one.has_all for one in listener.views.values()))
+        while True:
+            _print(listener.views)
+            if options.once:
+                return DONE
+            if listener.has_ended():
+                print("all nodes have gone")
+                return DONE
+            _listen(executor, _PERIOD)
+    except KeyboardInterrupt:
+        return DONE
+    finally:
+        executor.shutdown()
+        node.destroy_node()
+        rclpy.try_shutdown(context=context)
+
+
+def _wait_for_graph(executor, listener, options: argparse.Namespace) -> None:
+    _listen(executor, options.wait, lambda: bool(listener.views))
+    if not listener.views:
+        where = f" in namespace {options.namespace}" if options.namespace else ""
+        raise LidarBuildingsError(
+            f"no graph of lidar_buildings was heard{where} within {options.wait:g} s: start one first, and "
+            "compare ROS_DOMAIN_ID and ROS_AUTOMATIC_DISCOVERY_RANGE"
+        )
+
+
+def _listen(executor, seconds: float, is_enough=lambda: False) -> None:
+    """Take messages for some time, or until it is enough."""
+    end = time.monotonic() + seconds
+    while (left := end - time.monotonic()) > 0 and not is_enough():
+        executor.spin_once(timeout_sec=min(left, 0.1))
+
+
+def _print(views) -> None:
+    """Print the graphs, in place of the last block on a terminal."""
+    is_terminal = sys.stdout.isatty()
+    width = shutil.get_terminal_size().columns if is_terminal else None
+    lines = []
+    for namespace, view in views.items():
+        lines += [f"graph {namespace or '/'}", *view.lines(time.monotonic()), ""]
+    text = "\n".join(line[:width] for line in lines)
+    print(f"{_CLEAR if is_terminal else ''}{text}", flush=True)
