@@ -13,7 +13,7 @@ from lidar_buildings.simulation.building import Building
 from lidar_buildings.simulation.scene import Road, VirtualScene
 from lidar_buildings.simulation.site import Site
 from lidar_buildings.simulation.terrain import Terrain, Wave
-from lidar_buildings.simulation.village import village
+from lidar_buildings.simulation.village import city, village
 
 
 def single_house(seed: int) -> VirtualScene:
@@ -95,6 +95,7 @@ SCENES: dict[str, Callable[[int], VirtualScene]] = {
     "courtyards": courtyards,
     "flat_terrain_empty": flat_terrain_empty,
     "dense_block": dense_block,
+    "city": city,
 }
 
 

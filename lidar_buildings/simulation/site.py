@@ -44,6 +44,11 @@ class Site:
         self._trees: list[Tree] = []
         self._roads: list[Road] = []
 
+    @property
+    def n_buildings(self) -> int:
+        """How many stand there."""
+        return len(self._buildings)
+
     def add_road(self, road: Road) -> None:
         """Lay a road."""
         self._roads.append(road)
@@ -90,11 +95,12 @@ class Site:
         built = [building.polygon for building in self._buildings]
         paved = [shapely.LineString([road.start, road.end]).buffer(road.width / 2) for road in self._roads]
         taken = shapely.union_all([*built, *paved])
+        shapely.prepare(taken)
         for _ in range(n_trees):
             for _ in range(MAX_TRIES):
                 x, y = (float(self.random.uniform(0.02, 0.98) * extent) for extent in self.size)
                 radius = float(self.random.uniform(1.8, 4.0))
-                if shapely.Point(x, y).distance(taken) >= radius + clearance:
+                if not shapely.dwithin(taken, shapely.Point(x, y), radius + clearance):
                     self._plant(x, y, radius)
                     break
 
