@@ -25,7 +25,7 @@ def test_buildings_are_valid_apart_and_inside_the_scene(name, seed):
         assert building.polygon.area >= 40.0
         assert building.height > 2.5
         assert np.all((building.exterior > 2.0) & (building.exterior < np.array(scene.size) - 2.0))
-    polygons = np.array([building.polygon for building in scene.buildings])
+    polygons = np.array([building.polygon for building in scene.buildings], dtype=object)
     one, other = shapely.STRtree(polygons).query(polygons, predicate="intersects")
     apart = one != other
     assert (shapely.area(shapely.intersection(polygons[one[apart]], polygons[other[apart]])) < 1e-6).all()
