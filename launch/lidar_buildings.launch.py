@@ -11,12 +11,15 @@ from launch_ros.substitutions import FindPackageShare
 from launch import LaunchDescription
 from lidar_buildings.core.model.parameter_names import parameter_names, spellings
 from lidar_buildings.nodes.configs import NODE_CONFIGS
+from lidar_buildings.nodes.replication import replicas_of, share_parameters
 from lidar_buildings.nodes.table import nodes_until, topics_until
 
 PACKAGE = "lidar_buildings"
 SHARED = PathJoinSubstitution([FindPackageShare(PACKAGE), "config"])
 #: Arguments that, where given, win over the parameter file.
 PLAYER_ARGUMENTS = {"tile_size": float, "max_tiles_in_flight": int, "tile_timeout": float, "rate": float}
+#: As many tiles as the player lets into the graph at most.
+MOST_IN_FLIGHT = 8
 
 ARGUMENTS = (
     DeclareLaunchArgument(
@@ -60,6 +63,11 @@ ARGUMENTS = (
     ),
     DeclareLaunchArgument(
         "record", default_value="", description="Folder of a bag to record topics in; empty: none."
+    ),
+    DeclareLaunchArgument(
+        "replicas",
+        default_value="",
+        description="Nodes of which several share the tiles, such as roof_selector:2,model_builder:2.",
     ),
     DeclareLaunchArgument("namespace", default_value="", description="Namespace of all nodes and topics."),
     DeclareLaunchArgument(
@@ -107,8 +115,18 @@ def start_nodes(context) -> list:
         own[node] = own.get(node, {}) | given
     names = [name for name in nodes_until("building_model") if writes or name != "model_writer"]
     names += ["recorder"] if value("record") else []
-    nodes = {name: _node(name, own.get(name, {}), value) for name in names}
-    return [*nodes.values(), *_end_with(nodes.get("model_writer")), _rviz(value("namespace"))]
+    replicas = replicas_of(value("replicas"))
+    if replicas and not value("max_tiles_in_flight"):  # enough for each to have one at work and one waiting
+        own["tile_player"]["max_tiles_in_flight"] = min(2 * max(replicas.values()), MOST_IN_FLIGHT)
+    nodes = {
+        name: [
+            _node(name, own.get(name, {}), value, (number, replicas.get(name, 1)))
+            for number in range(replicas.get(name, 1))
+        ]
+        for name in names
+    }
+    writer = nodes.get("model_writer", [None])[0]
+    return [*(one for of in nodes.values() for one in of), *_end_with(writer), _rviz(value("namespace"))]
 
 
 def _footprints(path: str) -> dict[str, dict]:
@@ -122,15 +140,19 @@ def _footprints(path: str) -> dict[str, dict]:
     }
 
 
-def _node(name: str, parameters: dict, value) -> Node:
-    """Return one node; a writer that has finished is not started again."""
+def _node(name: str, parameters: dict, value, share: tuple) -> Node:
+    """Return a node, or one of several that share tiles; a writer that has finished is not started again."""
     full_names = spellings(parameter_names(NODE_CONFIGS[name]))
+    number, n_replicas = share
+    own = {full_names[key]: one for key, one in parameters.items()}
+    if n_replicas > 1:
+        own = share_parameters(number, n_replicas, value("params_file"), name) | own
     return Node(
         package=PACKAGE,
         executable=name,
-        name=name,
+        name=f"{name}_{number}" if n_replicas > 1 else name,
         namespace=value("namespace"),
-        parameters=[value("params_file"), {full_names[key]: one for key, one in parameters.items()}],
+        parameters=[value("params_file"), own],
         arguments=["--ros-args", "--log-level", value("log_level")],
         respawn=value("respawn").lower() == "true" and name not in ("model_writer", "recorder"),
         respawn_delay=1.0,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping
+from dataclasses import fields
 from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
@@ -144,7 +145,10 @@ def _flat(parameters: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str
 
 def _stage_of(origin: str, node: str, name: str, nodes: NodeConfigs) -> tuple[str, str]:
     """Return (stage, name) of a node's parameter: the stage is named where the node has several."""
-    stages = nodes[node]
+    for stage, config in nodes[node].items():
+        if config.is_of_node and name in {one.name for one in fields(config)}:
+            return stage, name
+    stages = [stage for stage, config in nodes[node].items() if not config.is_of_node]
     if len(stages) == 1:
         return next(iter(stages)), name
     stage, dot, rest = name.partition(".")

@@ -12,6 +12,7 @@ from typing import ClassVar
 from lidar_buildings.core.model.errors import ParameterError
 from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.model.parameters import StageConfig, parameter
+from lidar_buildings.core.model.replicas import ReplicaConfig
 from lidar_buildings.core.model.stage_table import STAGE_TABLE, STAGES
 from lidar_buildings.core.scans.config import ScanConfig
 from lidar_buildings.core.stages.edge_labelling import EdgeLabellingConfig
@@ -289,7 +290,7 @@ NODE_CONFIGS: dict[str, dict[str, type[StageConfig]]] = {
     "scan_assembler": {ScanAssemblerConfig.stage: ScanAssemblerConfig},
     **{
         stage.node: {name: _OF_NODES.get(name, STAGE_CONFIGS[name]) for name in stage.configs}
-        | {config.stage: config for config in _BESIDE.get(stage.node, ())}
+        | {config.stage: config for config in (*_BESIDE.get(stage.node, ()), ReplicaConfig)}
         for stage in STAGE_TABLE
     },
     "model_writer": {ModelWriterConfig.stage: ModelWriterConfig},

@@ -65,8 +65,9 @@ class ModelBuilder(StageNode):
         except MessageError as error:
             self.get_logger().error(str(error))
             return
-        with self.reporting(stamp):
-            self._add(stamp, _QUALITY, qualities)
+        if self.takes(stamp):
+            with self.reporting(stamp):
+                self._add(stamp, _QUALITY, qualities)
 
     def on_outlines(self, stamp: int, rings: Rings) -> None:
         """Take the outlines of one tile."""

@@ -17,7 +17,7 @@ from typing import Any
 
 import yaml
 
-from lidar_buildings.core.model.parameter_names import parameter_names
+from lidar_buildings.core.model.parameter_names import parameter_names, prefix_of
 from lidar_buildings.core.model.parameters import StageConfig, spec_of
 from lidar_buildings.nodes.configs import NODE_CONFIGS
 from lidar_buildings.nodes.table import NODE_TABLE, NodeCard
@@ -38,14 +38,15 @@ def parameter_yaml() -> str:
     ]
     owners: dict[str, str] = {}
     for node, configs in NODE_CONFIGS.items():
-        indent = "      " if len(configs) > 1 else "    "
         for stage, config in configs.items():
+            is_inner = bool(prefix_of(stage, configs))
+            indent = "      " if is_inner else "    "
             shown = [one for _, one in parameter_names({stage: config}).values() if not spec_of(one).advanced]
             if not shown or owners.setdefault(stage, node) != node:
                 continue
             if f"/**/{node}:" not in lines:
                 lines += ["", f"/**/{node}:", "  ros__parameters:"]
-            if len(configs) > 1:
+            if is_inner:
                 lines.append(f"    {stage}:")
             for one in shown:
                 lines += [

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import time
 from collections.abc import Iterable, Mapping
 from types import MappingProxyType
@@ -10,11 +11,14 @@ from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 
+from lidar_buildings.core.model.replicas import ReplicaConfig
 from lidar_buildings.io.results.run_info import run_info
 from lidar_buildings.nodes.configs import NODE_CONFIGS
 from lidar_buildings.nodes.table import NODE_STAGES, NODE_TABLE
 from lidar_buildings.ros.stamps import tile_of
 
+#: What the name of a node has beside that of its kind, where several share their tiles.
+_REPLICA = re.compile(r"_\d+$")
 _NODES = {card.name for card in NODE_TABLE}
 
 
@@ -54,16 +58,17 @@ class RunRecord:
         """
         for status in message.status:
             values = {pair.key: pair.value for pair in status.values}
-            if status.name not in _NODES or "tile" not in values:
+            node = _REPLICA.sub("", status.name)
+            if node not in _NODES or "tile" not in values:
                 continue
             self.n_heard += 1
             tile = tile_of(int(values["tile"]))
             if status.level == DiagnosticStatus.ERROR:
                 self._reasons[tile] = f"{status.name}: {status.message}"
                 continue
-            self._parameters.update(_parameters_of(status.name, values.get("parameters", "{}")))
-            if status.name in NODE_STAGES and "seconds" in values:
-                self._seconds[NODE_STAGES[status.name]][tile] = float(values["seconds"])
+            self._parameters.update(_parameters_of(node, values.get("parameters", "{}")))
+            if node in NODE_STAGES and "seconds" in values:
+                self._seconds[NODE_STAGES[node]][tile] = float(values["seconds"])
 
     def has_all(self, stages: Iterable[str], stamps: Iterable[int]) -> bool:
         """Whether the seconds of all these stages on all these tiles have come."""
@@ -85,4 +90,4 @@ def _parameters_of(node: str, text: str) -> dict[str, Any]:
     told = json.loads(text)
     if not isinstance(told, dict) or not told.keys() <= NODE_CONFIGS[node].keys():
         raise ValueError(f"parameters of {node} are {text[:100]}")
-    return told
+    return {stage: members for stage, members in told.items() if stage != ReplicaConfig.stage}

@@ -226,12 +226,14 @@ class TileSender(StageNode):
         return tile
 
     def _has_listeners(self) -> bool:
-        """Whether all topics have their subscribers, and something publishes when a tile is done."""
+        """Whether topics have their subscribers, nodes that share tiles are all there, and one ends tiles."""
         wanted = Counter(self.sending.wait_for)
         missing = [topic for topic, n in wanted.items() if self.count_subscribers(topic) < n]
         what = f"a subscriber of {', '.join(missing)}"
         if not missing and self._flow.is_counting and not self.count_publishers("tile_done"):
             missing, what = ["tile_done"], "a publisher of tile_done (model_writer, or model_builder)"
+        if not missing and (missing := self._watch.missing_replicas()):
+            what = f"{', '.join(missing)}: all share the tiles"
         if missing:
             self.get_logger().info(f"waiting for {what}", throttle_duration_sec=_REMIND, skip_first=True)
         return not missing

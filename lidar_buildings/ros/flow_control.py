@@ -59,8 +59,8 @@ class FlowControl:
 
     A tile that a node has in its hands is never sent again, however long that takes. A tile in nobody's
     hands is lost if the node that had it was started anew, or if one that was sent later is done: topics
-    keep their order. Beside that it is lost if all nodes are idle and silent: for a second if a node has
-    started meanwhile, else for `timeout`.
+    keep their order, unless nodes share their tiles. Beside that it is lost if all nodes are idle and
+    silent: for a second if a node has started meanwhile, else for `timeout`.
 
     Parameters
     ----------
@@ -89,6 +89,7 @@ class FlowControl:
         self._at_work: dict[str, set[int]] = {}
         self._n_sent = self._n_done = self._n_given_up = 0
         self._latency = 0.0
+        self._keeps_order = True
         self._last_event = now()
 
     def __len__(self) -> int:
@@ -145,8 +146,9 @@ class FlowControl:
             return False
         self._latency = time.monotonic() - done.since
         self._n_done += 1
-        for flight in self._flights.values():
-            flight.is_lost |= flight.order < done.order and not self.is_held(flight.tile.stamp)
+        if self._keeps_order:
+            for flight in self._flights.values():
+                flight.is_lost |= flight.order < done.order and not self.is_held(flight.tile.stamp)
         self._last_event = self._now()
         return True
 
@@ -161,6 +163,7 @@ class FlowControl:
     def hear(self, receipt: Receipt) -> None:
         """Note what a node does with a tile."""
         self._last_event = self._now()
+        self._keeps_order &= receipt.replicas == 1
         in_hand = self._at_work.setdefault(receipt.node, set())
         if receipt.state == TAKEN:
             in_hand.add(receipt.stamp)

@@ -7,6 +7,7 @@ from collections.abc import Callable
 
 from rclpy.node import Node
 
+from lidar_buildings.core.model.replicas import MAX_REPLICAS
 from lidar_buildings.ros.receipts import TOPIC, Receipt
 
 #: Time that a node of another process is given to discover its counterparts; wide margin [s].
@@ -33,6 +34,8 @@ class GraphWatch:
         self._lives: dict[str, str] = {}
         self._past: set[str] = set()
         self._settled_at = 0.0
+        self._shares: dict[str, dict[int, str]] = {}
+        self._n_shares: dict[str, int] = {}
 
     def hear(self, receipt: Receipt) -> bool:
         """Note who speaks; return whether this life of the node was not known."""
@@ -42,6 +45,9 @@ class GraphWatch:
             return False
         self._past.add(self._lives.get(receipt.node, ""))
         self._lives[receipt.node] = receipt.life
+        if 1 < receipt.replicas <= MAX_REPLICAS:
+            self._shares.setdefault(receipt.kind, {})[receipt.replica] = receipt.node
+            self._n_shares[receipt.kind] = receipt.replicas
         if not receipt.is_of_this_process:
             self._settled_at = self._now() + _DISCOVERY
         return True
@@ -53,11 +59,24 @@ class GraphWatch:
     @property
     def is_settled(self) -> bool:
         """Whether all nodes that can be seen have spoken, and know of each other."""
-        if self._now() < self._settled_at:
-            return False
-        seen = {
+        return self._now() >= self._settled_at and self._seen() <= self._lives.keys()
+
+    def missing_replicas(self) -> list[str]:
+        """Return which nodes are not there that take a share of the tiles, in words."""
+        if not self._shares:
+            return []
+        seen = self._seen()
+        return [
+            f"replica {number} of {n} of {kind}"
+            for kind, n in sorted(self._n_shares.items())
+            for number in range(n)
+            if self._shares[kind].get(number) not in seen
+        ]
+
+    def _seen(self) -> set[str]:
+        """Return the names of the nodes that can be seen."""
+        return {
             one.node_name
             for one in self._node.get_publishers_info_by_topic(TOPIC)
             if one.node_namespace == self._node.get_namespace()
         }
-        return seen <= self._lives.keys()

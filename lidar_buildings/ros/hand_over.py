@@ -39,9 +39,18 @@ class Inbox:
         Where messages of other processes come.
     take : callable
         Called with a tile's stamp and what was left.
+    takes : callable, optional
+        Which tiles are left, by their stamp; all if not given.
     """
 
-    def __init__(self, node: Node, subscription: Subscription, take: Callable[[int, Any], None]) -> None:
+    def __init__(
+        self,
+        node: Node,
+        subscription: Subscription,
+        take: Callable[[int, Any], None],
+        takes: Callable[[int], bool] = lambda stamp: True,
+    ) -> None:
+        self._takes = takes
         self._take = take
         self._left: deque[tuple[int, Any]] = deque()
         self._coming: Counter[int] = Counter()
@@ -52,6 +61,8 @@ class Inbox:
 
     def put(self, stamp: int, item: Any, *, comes_again: bool) -> None:
         """Leave something; `comes_again` if a message with the same content follows."""
+        if not self._takes(stamp):
+            return
         if comes_again:
             with _LOCK:
                 self._coming[stamp] += 1

@@ -9,6 +9,7 @@ from uuid import uuid4
 from rclpy.node import Node
 from std_msgs.msg import String
 
+from lidar_buildings.core.model.replicas import ReplicaConfig
 from lidar_buildings.ros.json_text import read_json
 from lidar_buildings.ros.qos import LATCHED_EVENT
 
@@ -33,12 +34,19 @@ class Receipt(NamedTuple):
         One of the four above.
     stamp : int
         The tile's key [ns]; 0 where it is about none.
+    kind : str
+        What nodes that share their tiles have in common; the node's name where it shares them with none.
+    replica, replicas : int
+        The node is number `replica` of so many.
     """
 
     node: str
     life: str
     state: str
     stamp: int
+    kind: str = ""
+    replica: int = 0
+    replicas: int = 1
 
     @property
     def is_of_this_process(self) -> bool:
@@ -54,16 +62,22 @@ class ReceiptSender:
     ----------
     node : Node
         Whose life begins with this.
+    kind : str
+        As in `Receipt`.
+    share : ReplicaConfig
+        Which tiles it takes.
     """
 
-    def __init__(self, node: Node) -> None:
+    def __init__(self, node: Node, kind: str = "", share: ReplicaConfig | None = None) -> None:
         self._name = node.get_name()
+        share = share or ReplicaConfig()
+        self._of = (kind or self._name, share.replica, share.replicas)
         self._life = f"{_PROCESS}.{uuid4().hex}"
         self._publisher = node.create_publisher(String, TOPIC, LATCHED_EVENT)
 
     def send(self, state: str, stamp: int = 0) -> None:
         """Say something of a tile."""
-        self._publisher.publish(receipt_message(Receipt(self._name, self._life, state, stamp)))
+        self._publisher.publish(receipt_message(Receipt(self._name, self._life, state, stamp, *self._of)))
 
 
 def receipt_message(receipt: Receipt) -> String:
@@ -83,5 +97,11 @@ def receipt_of(message: String) -> Receipt:
     return read_json(
         TOPIC,
         message,
-        lambda said: Receipt(str(said["node"]), str(said["life"]), str(said["state"]), int(said["stamp"])),
+        lambda said: Receipt(
+            *(str(said[name]) for name in ("node", "life", "state")),
+            int(said["stamp"]),
+            str(said.get("kind", said["node"])),
+            int(said.get("replica", 0)),
+            int(said.get("replicas", 1)),
+        ),
     )

@@ -16,6 +16,7 @@ from sensor_msgs.msg import PointCloud2
 
 from lidar_buildings.core.model.errors import LidarBuildingsError
 from lidar_buildings.core.model.parameters import StageConfig
+from lidar_buildings.core.model.replicas import ReplicaConfig
 from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.ros.diagnostics import Diagnostics, TileReport
 from lidar_buildings.ros.hand_over import Inbox, RingOutlet, TileOutlet
@@ -71,7 +72,9 @@ class StageNode(Node):
             raise
         self._diagnostics = Diagnostics(self, self.parameters.as_dict)
         self.summary = self._diagnostics.summary
-        self._receipts = ReceiptSender(self)
+        shares = ReplicaConfig.stage in configs
+        self._share = self.parameters[ReplicaConfig] if shares else ReplicaConfig()
+        self._receipts = ReceiptSender(self, name, self._share)
         self.tile_infos: TileInfos | None = None
 
     def create_subscription(
@@ -90,6 +93,10 @@ class StageNode(Node):
 
         return super().create_subscription(kind, topic, guarded, *args, **kwargs)
 
+    def takes(self, stamp: int) -> bool:
+        """Whether a tile is this node's, where nodes of one kind share them [ns]."""
+        return self._share.takes(stamp)
+
     def announce(self) -> None:
         """Say that the node is there; called when it begins to spin."""
         self._receipts.send(READY)
@@ -105,7 +112,7 @@ class StageNode(Node):
 
         def on_message(message: PointCloud2) -> None:
             stamp = to_stamp(message.header.stamp)
-            if not inbox.has_had(stamp):
+            if self.takes(stamp) and not inbox.has_had(stamp):
                 is_ours = any(one.name == "index" for one in message.fields)
                 infos.when_known(
                     stamp, lambda: handle(stamp, lambda report: read(message, report)), is_promised=is_ours
@@ -140,7 +147,10 @@ class StageNode(Node):
         collector = RingCollector()
 
         def on_message(message: PolygonInstanceStamped) -> None:
-            with self.reporting(to_stamp(message.header.stamp), quiet=True):
+            stamp = to_stamp(message.header.stamp)
+            if not self.takes(stamp):
+                return
+            with self.reporting(stamp, quiet=True):
                 closed = collector.add(message)
             if closed is not None and not inbox.has_had(closed.stamp):
                 on_rings(closed.stamp, closed.rings)
@@ -172,7 +182,7 @@ class StageNode(Node):
         super().destroy_node()
 
     def _inbox(self, subscription: Subscription, take: Callable[[int, Any], None]) -> Inbox:
-        self._inboxes.append(Inbox(self, subscription, take))
+        self._inboxes.append(Inbox(self, subscription, take, self.takes))
         return self._inboxes[-1]
 
     @contextmanager

@@ -1,5 +1,6 @@
 """The same input gives the same files, however the stages are laid out."""
 
+import json
 import subprocess
 import sys
 from pathlib import Path
@@ -40,6 +41,20 @@ def test_a_process_per_node_gives_the_same_files(survey, without_ros, tmp_path):
         graph.start_all()
         assert graph.wait_until_written(400) == 0, graph.tails()
     assert contents(output) == contents(without_ros)
+
+
+def test_nodes_that_share_the_tiles_give_the_same_files(survey, without_ros, tmp_path):
+    output = tmp_path / "replicas"
+    files = sorted(survey.glob("*.laz"))
+    replicas = {"roof_selector": 2, "building_tracer": 2, "model_builder": 2}
+    given = {"tile_size": TILE_SIZE, "max_tiles_in_flight": 4}
+    with NodeProcesses(files, output, "shared", tmp_path, replicas=replicas, **given) as graph:
+        graph.start_all()
+        assert graph.wait_until_written(400) == 0, graph.tails()
+    assert contents(output) == contents(without_ros)
+    told = json.loads((output / "run.json").read_text())
+    assert told["seconds"].keys() >= {"roof_selection", "building_model"}
+    assert "replicas" not in told["parameters"]
 
 
 def test_two_instances_run_side_by_side_under_different_namespaces(survey, without_ros, tmp_path):

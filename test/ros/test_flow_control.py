@@ -237,3 +237,12 @@ def test_it_is_told_how_it_goes(flow, clock):
     assert (told["tiles_in_flight"], told["tiles_done"], told["tiles_given_up"]) == (0, 1, 1)
     assert told["latency"] > 0.0
     assert told["silence"] == 0.0
+
+
+def test_where_nodes_share_tiles_one_may_pass_another(flow):
+    flow.sent(tile(A))
+    flow.sent(tile(B))
+    flow.hear(Receipt("selector_1", "life", TAKEN, B, "selector", 1, 2))
+    flow.hear(Receipt("selector_1", "life", DONE, B, "selector", 1, 2))
+    assert flow.done(B)
+    assert not flow.has_losses

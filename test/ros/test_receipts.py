@@ -90,5 +90,24 @@ def test_a_node_of_another_process_gets_time_to_find_the_others():
     assert not watch.is_settled
 
 
+def test_a_replica_that_is_missing_is_named_until_it_is_there():
+    view = View(Endpoint("roof_selector_0"))
+    watch = GraphWatch(view, Clock())
+    assert watch.missing_replicas() == []
+
+    def speaks(number):
+        name = f"roof_selector_{number}"
+        watch.hear(Receipt(name, f"{name}.1", READY, 0, "roof_selector", number, 2))
+
+    speaks(0)
+    assert watch.missing_replicas() == ["replica 1 of 2 of roof_selector"]
+    view.endpoints.append(Endpoint("roof_selector_1"))
+    assert watch.missing_replicas() == ["replica 1 of 2 of roof_selector"]
+    speaks(1)
+    assert watch.missing_replicas() == []
+    del view.endpoints[0]
+    assert watch.missing_replicas() == ["replica 0 of 2 of roof_selector"]
+
+
 def test_other_graphs_are_not_waited_for():
     assert GraphWatch(View(Endpoint("filter", "/other"))).is_settled

@@ -33,8 +33,17 @@ LAST = "building_model"
 class NodeProcesses:
     """The whole graph, each node in its own process."""
 
-    def __init__(self, inputs: list[Path], output: Path, namespace: str, logs: Path, **player) -> None:
+    def __init__(
+        self,
+        inputs: list[Path],
+        output: Path,
+        namespace: str,
+        logs: Path,
+        replicas: dict[str, int] | None = None,
+        **player,
+    ) -> None:
         self.output, self._namespace, self._logs = output, namespace, logs
+        self._replicas = replicas or {}
         self._processes: dict[str, subprocess.Popen] = {}
         given = [str(path) for path in inputs]
         self._parameters = {
@@ -53,17 +62,29 @@ class NodeProcesses:
 
     def start_all(self, slow: dict[str, tuple[str, float]] | None = None) -> None:
         for name in reversed(nodes_until(LAST)):
-            self.start(name, (slow or {}).get(name))
+            for replica in range(self._replicas.get(name, 1)):
+                self.start(name, (slow or {}).get(name), replica)
 
-    def start(self, name: str, slow: tuple[str, float] | None = None) -> None:
+    def start(self, name: str, slow: tuple[str, float] | None = None, replica: int = 0) -> None:
         command = [sys.executable, "-m", f"lidar_buildings.nodes.{name}"]
         if slow is not None:
             command = [sys.executable, "-c", _SLOW, name, slow[0], str(slow[1])]
         command += ["--ros-args", "-r", f"__ns:=/{self._namespace}"]
-        for parameter, value in self._parameters.get(name, {}).items():
+        parameters = self._parameters.get(name, {})
+        if (n_replicas := self._replicas.get(name, 1)) > 1:
+            name = f"{name}_{replica}"
+            command += ["-r", f"__node:={name}"]
+            parameters = parameters | {"replica": replica, "replicas": n_replicas}
+        for parameter, value in parameters.items():
             command += ["-p", f"{parameter}:={json.dumps(value)}"]
         with (self._logs / f"{name}.log").open("a") as log:
-            self._processes[name] = subprocess.Popen(command, stdout=log, stderr=log, env=os.environ)
+            self._processes[name] = subprocess.Popen(
+                [*self.before(name), *command], stdout=log, stderr=log, env=os.environ
+            )
+
+    def before(self, _: str) -> list[str]:
+        """What stands before a node's command."""
+        return []
 
     def kill(self, name: str) -> None:
         self._processes[name].send_signal(signal.SIGKILL)

@@ -20,13 +20,16 @@ def parameter_names(configs: Mapping[str, type[StageConfig]]) -> dict[str, tuple
     ``segmentation.advanced.noise`` where it has several.
     """
     return {
-        f"{'' if len(configs) == 1 else f'{stage}.'}{ADVANCED * spec_of(one).advanced}{one.name}": (
-            stage,
-            one,
-        )
+        f"{prefix_of(stage, configs)}{ADVANCED * spec_of(one).advanced}{one.name}": (stage, one)
         for stage, config in configs.items()
         for one in fields(config)
     }
+
+
+def prefix_of(stage: str, configs: Mapping[str, type[StageConfig]]) -> str:
+    """Return what stands before the names of a stage's parameters, with a dot, or nothing."""
+    n_stages = sum(not config.is_of_node for config in configs.values())
+    return f"{stage}." if n_stages > 1 and not configs[stage].is_of_node else ""
 
 
 def spellings(names: Iterable[str]) -> dict[str, str]:

@@ -89,6 +89,8 @@ class StageConfig:
     """
 
     stage: ClassVar[str] = ""
+    #: Whether it is of no stage but of the node: its parameters carry no prefix.
+    is_of_node: ClassVar[bool] = False
 
     def __post_init__(self) -> None:
         """Check every value."""

@@ -1,0 +1,56 @@
+"""
+Several nodes of one kind that share their tiles: which, and with what parameters.
+
+It needs no ROS.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from lidar_buildings.core.model.errors import ParameterError
+from lidar_buildings.core.model.replicas import MAX_REPLICAS
+from lidar_buildings.core.model.stage_table import STAGE_TABLE
+
+#: Nodes that may have replicas.
+REPLICABLE = tuple(stage.node for stage in STAGE_TABLE)
+
+
+def replicas_of(text: str) -> dict[str, int]:
+    """
+    Return node → how many share its tiles, of ``roof_selector:2,model_builder:2``.
+
+    Raises
+    ------
+    ParameterError
+        If a node cannot have replicas, or a number is none.
+    """
+    found: dict[str, int] = {}
+    for word in filter(None, (one.strip() for one in text.split(","))):
+        node, _, number = word.partition(":")
+        if node not in REPLICABLE:
+            raise ParameterError(f"replicas: {word}: the node must be one of {', '.join(REPLICABLE)}")
+        if not number.isdecimal() or not 1 <= int(number) <= MAX_REPLICAS:
+            raise ParameterError(
+                f"replicas: {word}: must be NODE:NUMBER with a number from 1 to {MAX_REPLICAS}"
+            )
+        found[node] = int(number)
+    return found
+
+
+def share_parameters(number: int, n_replicas: int, params_file: str | Path, node: str) -> dict[str, Any]:
+    """
+    Return the parameters of replica `number`: its share, and what a parameter file says of its kind.
+
+    ROS finds parameters in a file by the name of a node, which each replica has its own of.
+    """
+    content = yaml.safe_load(Path(params_file).read_text(encoding="utf-8")) if str(params_file) else None
+    found: dict[str, Any] = {}
+    for key, body in (content if isinstance(content, Mapping) else {}).items():
+        if str(key).rpartition("/")[2] == node:
+            found |= (body or {}).get("ros__parameters") or {}
+    return found | {"replica": number, "replicas": n_replicas}
