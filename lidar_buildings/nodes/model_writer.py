@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
@@ -26,6 +27,7 @@ from lidar_buildings.pipeline.tile_rasters import rasterise_tile
 from lidar_buildings.ros.map_frames import FrameListener
 from lidar_buildings.ros.polygons import Rings
 from lidar_buildings.ros.qos import BUILDING, EVENT, LATCHED, LATCHED_HISTORY
+from lidar_buildings.ros.receipts import DONE, TAKEN
 from lidar_buildings.ros.runner import run_node
 from lidar_buildings.ros.stage_node import StageNode
 from lidar_buildings.ros.stamps import header_of, tile_of, to_stamp
@@ -56,6 +58,7 @@ class ModelWriter(StageNode):
         self._record = RunRecord({"bags": bags} if bags else {})
         self._end_timer: Timer | None = None
         self._begin()
+        self.summary.watch(lambda: {"tiles_on_disk": len(self._survey.on_disk)})
         self._map: FrameListener | None = None
         if self._survey.is_live:
             self._map = FrameListener(self, self.on_frame, config.frame_patience)
@@ -171,7 +174,7 @@ class ModelWriter(StageNode):
             else:
                 self.subscribe_tiles(topic, lambda tile, t=topic: self.on_tile(t, tile))
 
-    def _store_all(self, ready: list[tuple[int, Parts]]) -> None:
+    def _store_all(self, ready: Iterable[tuple[int, Parts]]) -> None:
         for stamp, parts in ready:
             with self.reporting(stamp):
                 self._store_if_complete(stamp, parts)
@@ -234,7 +237,12 @@ class ModelWriter(StageNode):
             self._end_timer = None
 
     def _make_files(self) -> RunSummary:
-        return self._survey.make_files(self._record.as_dict(self.failed_tiles, ()))
+        """Make the files; the writer is at work, so that no tile that waits for it is sent again."""
+        self._receipts.send(TAKEN)
+        try:
+            return self._survey.make_files(self._record.as_dict(self.failed_tiles, ()))
+        finally:
+            self._receipts.send(DONE)
 
     def _words(self, summary: RunSummary) -> str:
         n_buildings = sum(summary.buildings.values())

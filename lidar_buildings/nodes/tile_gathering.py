@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -78,7 +78,7 @@ class TileGathering:
         # the models have the faces; that they have come is all that is to know
         return self._join.add(stamp, topic, None if topic == ROOF_FACES.name else outlines_of(rings))
 
-    def add_feature(self, line: str) -> list[tuple[int, Parts]]:
+    def add_feature(self, line: str) -> Iterable[tuple[int, Parts]]:
         """
         Take a line of a city model; return the tiles that have waited for it.
 
@@ -97,8 +97,8 @@ class TileGathering:
             self._features.add(load_feature(line)[1], line)
         return []
 
-    def take_ready(self) -> list[tuple[int, Parts]]:
-        """Return the stamps and parts of the tiles that have become complete."""
+    def take_ready(self) -> Iterable[tuple[int, Parts]]:
+        """Yield the stamps and parts of the tiles that have become complete."""
         return self._join.take_ready()
 
     def products(self, parts: Parts, *, has_names: bool = True) -> TileProducts:

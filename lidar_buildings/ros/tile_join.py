@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import OrderedDict
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from typing import Any
 
 import numpy as np
@@ -70,10 +70,16 @@ class TileJoin:
         """Return what a topic carried of a tile that is not complete, None if nothing."""
         return self._incomplete.get(stamp, {}).get(topic)
 
-    def take_ready(self) -> list[tuple[int, Parts]]:
-        """Return the stamps and parts of the complete tiles that have become ready."""
-        ready = [stamp for stamp, parts in self._complete.items() if self._is_ready(stamp, parts)]
-        return [(stamp, self._complete.pop(stamp)) for stamp in ready]
+    def take_ready(self) -> Iterator[tuple[int, Parts]]:
+        """
+        Yield the stamps and parts of the complete tiles that have become ready.
+
+        Whether one is ready is asked when those before it have been dealt with: they may have used what it
+        needs.
+        """
+        for stamp, parts in list(self._complete.items()):
+            if self._is_ready(stamp, parts):
+                yield stamp, self._complete.pop(stamp)
 
 
 def agree_on_buildings(parts: Parts) -> bool:

@@ -43,13 +43,13 @@ def test_a_complete_tile_is_held_back_until_it_is_ready():
     for stamp in (1, 2):
         assert join.add(stamp, "a", "first") is None
         assert join.add(stamp, "b", "second") is None
-    assert join.take_ready() == []
+    assert list(join.take_ready()) == []
     known.add(2)
-    assert join.take_ready() == [(2, {"a": "first", "b": "second"})]
+    assert list(join.take_ready()) == [(2, {"a": "first", "b": "second"})]
     known.add(1)
     join.add(1, "a", "sent again")
     assert join.add(1, "b", "second") == {"a": "sent again", "b": "second"}
-    assert join.take_ready() == []
+    assert list(join.take_ready()) == []
 
 
 def test_points_without_buildings_agree_with_no_outlines():
@@ -75,7 +75,7 @@ def test_a_later_revision_takes_the_place_of_what_waited_and_of_what_was_incompl
         join.add(1000, topic, "waiting")
     join.add(1001, "a", "incomplete")
     join.add(1002, "a", "new")
-    assert join.take_ready() == []
+    assert list(join.take_ready()) == []
     assert (join.part(1000, "a"), join.part(1001, "a"), join.part(1002, "a")) == (None, None, "new")
 
 
@@ -85,4 +85,20 @@ def test_tiles_that_never_become_ready_do_not_pile_up():
     for stamp in range(0, 1000 * (MAX_INCOMPLETE_TILES + 5), 1000):
         join.add(stamp, "a", stamp)
     ready += range(0, 1000 * (MAX_INCOMPLETE_TILES + 5), 1000)
-    assert len(join.take_ready()) == MAX_INCOMPLETE_TILES
+    assert len(list(join.take_ready())) == MAX_INCOMPLETE_TILES
+
+
+def test_a_tile_is_not_ready_when_the_one_before_it_took_what_it_needs():
+    models = {7}
+    join = TileJoin("a", is_ready=lambda stamp, parts: is_open and parts["a"] in models)
+    is_open = False
+    for stamp in (1000, 2000):
+        join.add(stamp, "a", 7)
+    is_open = True
+    taken = []
+    for stamp, parts in join.take_ready():
+        models.discard(parts["a"])
+        taken.append(stamp)
+    assert taken == [1000]
+    models.add(7)
+    assert [stamp for stamp, _ in join.take_ready()] == [2000]

@@ -4,16 +4,19 @@ import json
 import time
 
 import numpy as np
-from geometry_msgs.msg import PolygonInstanceStamped
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from geometry_msgs.msg import PointStamped, PolygonInstanceStamped
 from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Header, String
+from std_srvs.srv import Trigger
 
+from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.model.outline import BuildingOutline, Outline
 from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.ros.features import tile_closing_message
 from lidar_buildings.ros.point_cloud import to_message
 from lidar_buildings.ros.polygons import outline_rings, ring_messages
-from lidar_buildings.ros.qos import BUILDING, CLOUD, LATCHED, LATCHED_HISTORY, LATCHED_TILE
+from lidar_buildings.ros.qos import BUILDING, CLOUD, EVENT, LATCHED, LATCHED_HISTORY, LATCHED_TILE
 from lidar_buildings.ros.stage_node import StageNode
 from lidar_buildings.ros.stamps import to_stamp
 from lidar_buildings.ros.tile_info import info_message
@@ -94,6 +97,10 @@ WRITER_SENDS = {
     "tile_failed": (Header, LATCHED_HISTORY),
 }
 WRITER_HEARS = {"tile_done": (Header, LATCHED_HISTORY)}
+#: What a live survey's writer takes and says beside that.
+LIVE_SENDS = WRITER_SENDS | {"map_origin": (PointStamped, LATCHED)}
+LIVE_HEARS = WRITER_HEARS | {"diagnostics": (DiagnosticArray, EVENT)}
+FRAME = MapFrame("EPSG:28992", (85000.0, 447000.0, 0.0))
 
 
 def feature(number):
@@ -119,3 +126,29 @@ def send_tile(other, *ids, without=(), stamp=STAMP):
 
 def fragments(tmp_path):
     return sorted((tmp_path / "out" / ".partial").glob("*.npz"))
+
+
+def done(other):
+    """Stamps of the tiles that were reported as done."""
+    return [to_stamp(message.stamp) for message in other.heard["tile_done"]]
+
+
+def call(other, service):
+    """Answer of a service of the writer."""
+    client = other.create_client(Trigger, f"model_writer/{service}")
+    wait_until(client.service_is_ready)
+    answer = client.call_async(Trigger.Request())
+    wait_until(answer.done)
+    return answer.result()
+
+
+def told(tmp_path):
+    """What ``run.json`` says, nothing if it is not there."""
+    path = tmp_path / "out" / "run.json"
+    return json.loads(path.read_text()) if path.exists() else {}
+
+
+def warnings(other):
+    """What nodes warned of in their diagnostics."""
+    status = (one for message in list(other.heard["diagnostics"]) for one in message.status)
+    return [one.message for one in status if one.level == DiagnosticStatus.WARN]
