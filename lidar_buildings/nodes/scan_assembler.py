@@ -35,6 +35,7 @@ class ScanAssembler(TileSender):
         self._n_flushed = 0
         self._told: set[str] = set()
         self._has_frame = False
+        self.summary.watch(self.tiles.counts)
         self.begin()
         self.create_service(Trigger, "~/flush", self.on_flush)
         self.create_service(Trigger, "~/reset", self.on_reset)
@@ -69,6 +70,11 @@ class ScanAssembler(TileSender):
         """Note that a tile was given up: it may come again, with more points."""
         super().note_failed(stamp)
         self.tiles.finish(stamp, is_done=False)
+
+    def on_scan(self, message: PointCloud2) -> None:
+        """Take a scan."""
+        self.summary.heard()
+        self.tiles.add_scan(message)
 
     def on_flush(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         """Send all tiles that have new points."""
@@ -105,14 +111,16 @@ class ScanAssembler(TileSender):
             )
         else:
             self.get_logger().info("tf2_msgs is not installed: poses come by odometry only")
-        self.create_subscription(PointCloud2, "scan", feed.add_scan, SENSOR, **options)
+        self.create_subscription(PointCloud2, "scan", self.on_scan, SENSOR, **options)
 
     def _tell_of_problems(self) -> None:
-        """Log each problem once."""
+        """Log each problem once; as long as nothing can be written, diagnostics say so."""
+        self.summary.problem = self.tiles.obstacle
         for problem in [*self.tiles.problems, self.tiles.obstacle]:
             if problem and problem not in self._told:
                 self._told.add(problem)
                 self.get_logger().error(problem)
+                self.summary.warned(problem)
 
 
 def main() -> int:

@@ -114,6 +114,13 @@ def _more(name: str, values: Mapping[str, float]) -> list[str]:
             f"{name}: {values['tiles_done']:,.0f} tiles done, {values['tiles_in_flight']:.0f} in flight, "
             f"{values['tiles_given_up']:,.0f} given up; the last took {values['latency']:.1f} s"
         )
+    if "points_waiting" in values:
+        left_out = sum(n for key, n in values.items() if key.startswith("left out"))
+        lines.append(
+            f"{name}: {values['scans']:,.0f} scans, {values['points']:,.0f} points kept, "
+            f"{values['points_waiting']:,.0f} to be placed, {left_out:,.0f} left out; "
+            f"{values['tiles_waiting']:,.0f} tiles wait for room in the graph"
+        )
     buildings = {
         key.removeprefix("buildings").strip("_"): n
         for key, n in values.items()

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections import Counter, OrderedDict
 from collections.abc import Callable, Iterable, Mapping
+from contextlib import suppress
 from typing import NamedTuple
 
 #: Levels as in diagnostic_msgs/DiagnosticStatus.
@@ -65,11 +66,15 @@ class NodeSummary:
         """Have numbers as they are now told beside the counts."""
         self._gauges.append(gauges)
 
+    def heard(self) -> None:
+        """Note that something came in."""
+        self._heard = self._now()
+
     def taken(self, stamp: int) -> None:
         """Note that the node works on a tile, or a part of it."""
         self._count_once("tiles_in", stamp)
         self._in_hand[stamp] += 1
-        self._heard = self._now()
+        self.heard()
 
     def ended(self, stamp: int, n_points: int, seconds: float) -> None:
         """Note that the work on it is over."""
@@ -109,7 +114,8 @@ class NodeSummary:
             **self.counts,
         }
         for gauges in self._gauges:
-            values.update(gauges())
+            with suppress(RuntimeError):  # of a mapping to which another thread has just added something
+                values.update(gauges())
         return State(*self._level(values), values)
 
     def _level(self, values: Mapping[str, float]) -> tuple[int, str]:

@@ -89,7 +89,9 @@ class StageNode(Node):
             except Exception as error:
                 if not self.context.ok():
                     raise
-                self.get_logger().error(f"{topic}: {_reason(error)}: the message is left out")
+                text = f"{topic}: {_reason(error)}: the message is left out"
+                self.get_logger().error(text)
+                self.summary.warned(text)
 
         return super().create_subscription(kind, topic, guarded, *args, **kwargs)
 

@@ -60,9 +60,13 @@ def test_tiles_of_the_source_and_buildings_stand_beneath_in_the_order_of_the_cha
     view = GraphView(["tile_player", "model_builder"])
     gauges = {"tiles_done": 5, "tiles_in_flight": 2, "tiles_given_up": 1, "latency": 3.14, "points_in": 9}
     view.hear_summary("tile_player", OK, "idle", gauges | {"seconds": 0.1}, 0.0)
+    feed = {"scans": 7, "points": 5000, "points_waiting": 20, "tiles_waiting": 4, "left out: no pose": 3}
+    view.hear_summary("scan_assembler", OK, "idle", feed, 0.0)
     view.hear_summary("model_builder", OK, "idle", {"buildings_ok": 1200, "buildings_no_solid": 3}, 0.0)
-    assert view.lines(0.0)[-2:] == [
+    assert view.lines(0.0)[-3:] == [
         "tile_player: 5 tiles done, 2 in flight, 1 given up; the last took 3.1 s",
         "model_builder: buildings: 3 no_solid, 1,200 ok",
+        "scan_assembler: 7 scans, 5,000 points kept, 20 to be placed, 3 left out; "
+        "4 tiles wait for room in the graph",
     ]
     assert cells(view, 0.0, "tile_player")[5] == "-"

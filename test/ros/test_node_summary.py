@@ -106,6 +106,7 @@ def test_a_node_tells_how_it_gets_on_apart_from_its_tiles_and_at_once_when_it_ca
         report.n_points = 7
     worker.summary.count_buildings(["ok", "no_solid", "ok"])
     worker.fail(OutputError("a.bag: cannot be written"))
+    assert worker.outcome.exception() is not None
     end = time.monotonic() + 60
     while len(heard) < 3 and time.monotonic() < end:
         time.sleep(0.01)
