@@ -39,7 +39,7 @@ class ScanAssembler(TileSender):
         self.begin()
         self.create_service(Trigger, "~/flush", self.on_flush)
         self.create_service(Trigger, "~/reset", self.on_reset)
-        FrameListener(self, self.tiles.add_frame)
+        FrameListener(self, self.tiles.add_frame, n_own=1)
         self._subscribe_sensors()
         self.tiles.start(self._wake.trigger)
 

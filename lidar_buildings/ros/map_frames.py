@@ -47,14 +47,21 @@ class FrameListener:
         Called with the frame when a message has made it known or changed it, or when it was taken as it is.
     patience : float
         Time that a tile waits while nobody publishes `map_origin` [s].
+    n_own : int
+        Publishers of `map_units` that the node has itself: they tell it nothing.
     """
 
     def __init__(
-        self, node: StageNode, on_frame: Callable[[MapFrame], None], patience: float = math.inf
+        self,
+        node: StageNode,
+        on_frame: Callable[[MapFrame], None],
+        patience: float = math.inf,
+        n_own: int = 0,
     ) -> None:
         self._node = node
         self._on_frame = on_frame
         self._patience = patience
+        self._n_own = n_own
         self._origin: PointStamped | None = None
         self._units: Vector3Stamped | None = None
         self._timer: Timer | None = None
@@ -64,7 +71,9 @@ class FrameListener:
     @property
     def frame(self) -> MapFrame | None:
         """The frame, None as long as it is not known; in metres where nothing publishes units."""
-        if self._origin is None or (self._units is None and self._node.count_publishers("map_units")):
+        if self._origin is None or (
+            self._units is None and self._node.count_publishers("map_units") > self._n_own
+        ):
             return None
         point, units = self._origin.point, self._units
         horizontal, vertical = (1.0, 1.0) if units is None else (units.vector.x, units.vector.z)

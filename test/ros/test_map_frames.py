@@ -53,6 +53,14 @@ def test_the_frame_is_known_by_its_origin_and_units():
     assert node.timers == []
 
 
+def test_a_node_does_not_wait_for_units_that_only_itself_may_tell():
+    node, frames = Listener(map_units=1), []
+    found = FrameListener(node, frames.append, n_own=1)
+    node.topics["map_origin"](origin_message(DUTCH))
+    assert found.frame == DUTCH
+    assert frames == [DUTCH]
+
+
 def test_where_nobody_tells_the_frame_is_taken_as_it_is_after_a_time_and_that_is_said_once():
     node, frames, found = listener()
     assert not found.expect()
