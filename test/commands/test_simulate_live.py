@@ -1,5 +1,9 @@
 """`lidar-buildings simulate` with a scanner on the move."""
 
+import os
+import signal
+import subprocess
+import sys
 import threading
 import time
 from collections import Counter
@@ -139,3 +143,33 @@ def test_a_subscriber_hears_all_of_it_in_real_time(command, tmp_path, origin):
     seconds = (ear.stamps[-1] - ear.stamps[0]) * 1e-9
     assert len(ear.stamps) == round(seconds * 200) + 1
     assert wall_time > seconds > 0.3
+
+
+@pytest.mark.graph
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_ends_it_and_leaves_a_whole_bag_and_whole_files(tmp_path, number):
+    pytest.importorskip("rclpy")
+    use_own_domain()
+    slow = ("--scene", "single_house", "--density", "50", "--pulse-rate", "2000", "--live", "--no-wait")
+    to = ("--bag", str(tmp_path / "bag"), "--output", str(tmp_path / "out"))
+    process = subprocess.Popen(
+        [sys.executable, "-m", "lidar_buildings.cli", "simulate", *slow, *to],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        env=os.environ,
+    )
+    give_up = time.monotonic() + 60.0
+    while not list((tmp_path / "out").glob(".strip_01*")):  # the first scans were made
+        assert process.poll() is None, process.stderr.read()
+        assert time.monotonic() < give_up
+        time.sleep(0.01)
+    process.send_signal(number)
+    out, err = process.communicate(timeout=30.0)
+    assert (process.returncode, err) == (0, "")
+    assert " points in " in out
+    n_points = len(laspy.read(tmp_path / "out" / "strip_01.laz"))
+    with Bag(tmp_path / "bag") as bag:
+        told = sum(one.message.width for one in bag.messages(["/scan"]))
+    assert 0 < told == n_points
+    assert (tmp_path / "out" / "truth.gpkg").exists()
