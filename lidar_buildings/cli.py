@@ -153,6 +153,12 @@ def _add_simulate(parser: argparse.ArgumentParser) -> None:
         "--bag-storage", choices=("mcap", "sqlite3"), default="mcap", help="kind of the bag (default: mcap)"
     )
     parser.add_argument(
+        "--bag-compression",
+        choices=("message", "file"),
+        default="",
+        help="compress the bag's messages or its file (zstd; default: neither)",
+    )
+    parser.add_argument(
         "--scanner",
         choices=("airborne", "vehicle"),
         default="airborne",

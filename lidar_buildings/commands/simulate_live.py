@@ -37,7 +37,12 @@ def simulate_live_command(options: argparse.Namespace) -> int:
         recorders: list[SurveyBag | SurveyFiles] = []
         if options.bag is not None:
             bag = SurveyBag(
-                options.bag, survey, options.bag_storage, with_tf=options.tf, with_fix=options.fix
+                options.bag,
+                survey,
+                options.bag_storage,
+                options.bag_compression,
+                with_tf=options.tf,
+                with_fix=options.fix,
             )
             recorders.append(stack.enter_context(bag))
         if options.output is not None:

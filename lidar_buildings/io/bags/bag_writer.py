@@ -67,7 +67,7 @@ class BagWriter:
     storage : str
         A key of `STORAGES`.
     compression : str
-        A key of `COMPRESSIONS`; whole files only with sqlite3.
+        A key of `COMPRESSIONS`.
     latched : collection of str
         Topics that latecomers get, too.
 

@@ -29,8 +29,8 @@ class SurveyBag:
         The folder, which must not be there.
     survey : LiveSurvey
         What is written.
-    storage : str
-        ``mcap`` or ``sqlite3``.
+    storage, compression : str
+        As for `BagWriter`.
     with_tf, with_fix : bool
         As for `LiveMessages`.
 
@@ -50,12 +50,13 @@ class SurveyBag:
         path: Path,
         survey: LiveSurvey,
         storage: str = "mcap",
+        compression: str = "",
         *,
         with_tf: bool = True,
         with_fix: bool = False,
     ) -> None:
         self.files = [path]
-        self._bag = BagWriter(path, storage, latched={_absolute(topic) for topic in LATCHED})
+        self._bag = BagWriter(path, storage, compression, latched={_absolute(topic) for topic in LATCHED})
         self._messages = LiveMessages(survey, self._bag.make, with_tf=with_tf, with_fix=with_fix)
         for told in self._messages.opening():
             self._write(told, survey.legs[0].stamp)
