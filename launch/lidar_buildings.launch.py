@@ -12,18 +12,37 @@ from launch import LaunchDescription
 from lidar_buildings.core.model.parameter_names import parameter_names, spellings
 from lidar_buildings.nodes.configs import NODE_CONFIGS
 from lidar_buildings.nodes.replication import replicas_of, share_parameters
-from lidar_buildings.nodes.table import nodes_until, topics_until
+from lidar_buildings.nodes.run_settings import run_settings
+from lidar_buildings.nodes.table import SOURCES, nodes_until
 
 PACKAGE = "lidar_buildings"
 SHARED = PathJoinSubstitution([FindPackageShare(PACKAGE), "config"])
 #: Arguments that, where given, win over the parameter file.
-PLAYER_ARGUMENTS = {"tile_size": float, "max_tiles_in_flight": int, "tile_timeout": float, "rate": float}
 #: As many tiles as the player lets into the graph at most.
 MOST_IN_FLIGHT = 8
+_OF_BOTH = {"tile_size": float, "max_tiles_in_flight": int, "tile_timeout": float}
+SOURCE_ARGUMENTS = {"tile_player": _OF_BOTH | {"rate": float}, "scan_assembler": _OF_BOTH | {"mounting": str}}
+#: Topics of a feed that may have other names.
+FEED_TOPICS = ("scan", "odometry")
 
 ARGUMENTS = (
     DeclareLaunchArgument(
-        "input", description="LAS, LAZ or COPC file, folder or glob; several joined by ':'."
+        "source",
+        default_value=SOURCES[0],
+        choices=SOURCES,
+        description="Where tiles come from: tile_player plays files, scan_assembler listens to a scanner.",
+    ),
+    DeclareLaunchArgument(
+        "input",
+        default_value="",
+        description="LAS, LAZ or COPC file, folder or glob; several joined by ':'. None of a live feed.",
+    ),
+    DeclareLaunchArgument("scan", default_value="scan", description="Topic of the scans of a live feed."),
+    DeclareLaunchArgument("odometry", default_value="odometry", description="Topic of its poses."),
+    DeclareLaunchArgument(
+        "mounting",
+        default_value="",
+        description="Where the scanner is fixed in the frame of the poses: x,y,z,roll,pitch,yaw [m, deg].",
     ),
     DeclareLaunchArgument(
         "output",
@@ -91,33 +110,20 @@ def start_nodes(context) -> list:
     def value(name: str) -> str:
         return LaunchConfiguration(name).perform(context)
 
-    inputs = [path for path in value("input").split(":") if path]
+    source, inputs = value("source"), [path for path in value("input").split(":") if path]
     writes = bool(value("output"))
-    own = {
-        "tile_player": {
-            "input": inputs,
-            **{name: kind(value(name)) for name, kind in PLAYER_ARGUMENTS.items() if value(name)},
-            # named twice: `points` must have the recorder's subscription, too
-            "wait_for": [
-                *topics_until("building_model", has_writer=writes),
-                *["points"][: bool(value("record"))],
-            ],
-        },
-        "recorder": {"output": value("record")},
-        "model_builder": {"flow_control.publish_tile_done": not writes},
-        "model_writer": {
-            "input": inputs,
-            "output": value("output"),
-            "overwrite": value("overwrite").lower() == "true",
-        },
-    }
+    own = run_settings(source, inputs, value("output"), is_recorded=bool(value("record")))
+    own[source] |= {name: kind(value(name)) for name, kind in SOURCE_ARGUMENTS[source].items() if value(name)}
+    own["recorder"] = {"output": value("record")}
+    own["model_builder"] = {"flow_control.publish_tile_done": not writes}
+    own["model_writer"]["overwrite"] = value("overwrite").lower() == "true"
     for node, given in _footprints(value("footprints")).items():
         own[node] = own.get(node, {}) | given
-    names = [name for name in nodes_until("building_model") if writes or name != "model_writer"]
+    names = [name for name in nodes_until("building_model", source) if writes or name != "model_writer"]
     names += ["recorder"] if value("record") else []
     replicas = replicas_of(value("replicas"))
     if replicas and not value("max_tiles_in_flight"):  # enough for each to have one at work and one waiting
-        own["tile_player"]["max_tiles_in_flight"] = min(2 * max(replicas.values()), MOST_IN_FLIGHT)
+        own[source]["max_tiles_in_flight"] = min(2 * max(replicas.values()), MOST_IN_FLIGHT)
     nodes = {
         name: [
             _node(name, own.get(name, {}), value, (number, replicas.get(name, 1)))
@@ -144,7 +150,7 @@ def _node(name: str, parameters: dict, value, share: tuple) -> Node:
     """Return a node, or one of several that share tiles; a writer that has finished is not started again."""
     full_names = spellings(parameter_names(NODE_CONFIGS[name]))
     number, n_replicas = share
-    own = {full_names[key]: one for key, one in parameters.items()}
+    own = {full_names[key]: list(one) if isinstance(one, tuple) else one for key, one in parameters.items()}
     if n_replicas > 1:
         own = share_parameters(number, n_replicas, value("params_file"), name) | own
     return Node(
@@ -153,6 +159,7 @@ def _node(name: str, parameters: dict, value, share: tuple) -> Node:
         name=f"{name}_{number}" if n_replicas > 1 else name,
         namespace=value("namespace"),
         parameters=[value("params_file"), own],
+        remappings=[(topic, value(topic)) for topic in FEED_TOPICS] if name == "scan_assembler" else [],
         arguments=["--ros-args", "--log-level", value("log_level")],
         respawn=value("respawn").lower() == "true" and name not in ("model_writer", "recorder"),
         respawn_delay=1.0,

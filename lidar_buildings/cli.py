@@ -50,6 +50,7 @@ def _parser() -> argparse.ArgumentParser:
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
     _add_run(commands.add_parser("run", help="point clouds to classified points, outlines and models"))
     _add_inspect(commands.add_parser("inspect", help="say what files and bags hold"))
+    _add_live(commands.add_parser("live", help="listen to a scanner, until it is interrupted"))
     _add_simulate(commands.add_parser("simulate", help="make a virtual survey with its truth"))
     _add_score(commands.add_parser("score", help="compare a result with a reference"))
     _add_top(commands.add_parser("top", help="watch the running graphs"))
@@ -84,17 +85,7 @@ def _add_run(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--rate", type=float, metavar="R", help="play at R times the recorded speed (default: at once)"
     )
-    parser.add_argument(
-        "--params", type=Path, metavar="FILE", help="parameters as in config/pipeline.param.yaml"
-    )
-    parser.add_argument(
-        "--set",
-        action="append",
-        default=[],
-        metavar="STAGE.NAME=VALUE",
-        help="set one parameter (repeatable)",
-    )
-    parser.add_argument("--until", metavar="STAGE", help="end with this stage")
+    _add_settings(parser)
     parser.add_argument("--tile-size", type=float, metavar="M", help="side of a tile [m]")
     parser.add_argument(
         "--footprints",
@@ -122,6 +113,50 @@ def _run(options: argparse.Namespace) -> int:
     from lidar_buildings.commands.run import run_command
 
     return run_command(options)
+
+
+def _add_settings(parser: argparse.ArgumentParser) -> None:
+    """Add what files and feeds have in common."""
+    parser.add_argument(
+        "--params", type=Path, metavar="FILE", help="parameters as in config/pipeline.param.yaml"
+    )
+    parser.add_argument(
+        "--set",
+        action="append",
+        default=[],
+        metavar="STAGE.NAME=VALUE",
+        help="set one parameter (repeatable)",
+    )
+    parser.add_argument("--until", metavar="STAGE", help="end with this stage")
+
+
+def _add_live(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--output", required=True, type=Path, metavar="DIR", help="folder for the results")
+    parser.add_argument("--scan", metavar="TOPIC", help="the scans, PointCloud2 (default: scan)")
+    parser.add_argument("--odometry", metavar="TOPIC", help="the poses (default: odometry; /tf beside it)")
+    parser.add_argument(
+        "--reliable", action="store_true", help="have lost scans sent again: their publisher must be reliable"
+    )
+    _add_settings(parser)
+    parser.add_argument("--overwrite", action="store_true", help="replace what is in DIR")
+    parser.add_argument("--namespace", metavar="NAME", help="ROS namespace of the nodes (default: none)")
+    parser.set_defaults(
+        command=_live,
+        input=(),
+        tile_size=None,
+        georeferenced=False,
+        no_ros=False,
+        rate=None,
+        footprints=None,
+        footprints_layer=None,
+        footprint_id=None,
+    )
+
+
+def _live(options: argparse.Namespace) -> int:
+    from lidar_buildings.commands.live import live_command
+
+    return live_command(options)
 
 
 def _add_inspect(parser: argparse.ArgumentParser) -> None:

@@ -8,7 +8,8 @@ from importlib import import_module
 from typing import Any
 
 from lidar_buildings.nodes.configs import NODE_CONFIGS
-from lidar_buildings.nodes.table import SOURCES, nodes_until, topics_until
+from lidar_buildings.nodes.run_settings import run_settings
+from lidar_buildings.nodes.table import SOURCES, nodes_until
 from lidar_buildings.pipeline.building_pool import BuildingPool
 from lidar_buildings.ros.parameters import parameter_overrides
 from lidar_buildings.ros.stage_node import StageNode
@@ -51,6 +52,7 @@ def survey_nodes(
     inputs: Sequence[str],
     output: str,
     *,
+    source: str = SOURCES[0],
     until: str = "building_model",
     settings: Mapping[str, Mapping[str, Any]] | None = None,
     overwrite: bool = False,
@@ -59,14 +61,16 @@ def survey_nodes(
     **kwargs: Any,
 ) -> dict[str, StageNode]:
     """
-    Make the nodes of a run from files to files.
+    Make the nodes of a run from files, or a feed, to files.
 
     Parameters
     ----------
     inputs : sequence of str
-        Files, folders, globs.
+        Files, folders, globs; a feed has none.
     output : str
-        Folder for the results.
+        Folder for the results; empty to have topics only.
+    source : str
+        Node that tiles come from, of `lidar_buildings.nodes.table.SOURCES`.
     until : str
         The last stage.
     settings : mapping
@@ -83,7 +87,7 @@ def survey_nodes(
     Returns
     -------
     dict
-        Node name → node, the player first and the writer last; behind it the recorder, if it has an output.
+        Node name → node, the source first and the writer last; behind it the recorder, if it has an output.
 
     Raises
     ------
@@ -91,13 +95,18 @@ def survey_nodes(
         If a node cannot start; those made before are destroyed.
     """
     given = settings or {}
-    merged = _merged(given, inputs, output, until, overwrite, given if identity is None else identity)
+    is_recorded = bool(given.get("recorder", {}).get("output"))
+    own = run_settings(source, inputs, output, until, is_recorded=is_recorded)
+    kept = json.dumps(dict(given if identity is None else identity), sort_keys=True)
+    own["model_writer"] |= {"overwrite": overwrite, "settings": kept}
+    own["flow_control"] = {"publish_tile_done": not output}
+    merged = _merged(given, own)
     nodes: dict[str, StageNode] = {}
     try:
         # the writer first: it refuses an output folder before anything is read, which begins with the player
-        first, *between, last = names = nodes_until(until)
+        names = [name for name in nodes_until(until, source) if output or name != "model_writer"]
         recorder = ("recorder",) if merged.get("recorder", {}).get("output") else ()
-        for name in (*recorder, last, first, *between):
+        for name in (*recorder, names[-1], *names[:-1]):
             nodes[name] = make_node(name, merged, pool, **kwargs)
     except Exception:
         for node in nodes.values():
@@ -107,22 +116,7 @@ def survey_nodes(
 
 
 def _merged(
-    given: Mapping[str, Mapping[str, Any]],
-    inputs: Sequence[str],
-    output: str,
-    until: str,
-    overwrite: bool,
-    identity: Mapping[str, Any],
+    given: Mapping[str, Mapping[str, Any]], own: Mapping[str, Mapping[str, Any]]
 ) -> dict[str, dict[str, Any]]:
-    """Return settings with what player and writer are given of the run."""
-    own: dict[str, dict[str, Any]] = {
-        "tile_player": {"input": tuple(inputs), "wait_for": topics_until(until)},
-        "model_writer": {
-            "input": tuple(inputs),
-            "output": output,
-            "until": until,
-            "overwrite": overwrite,
-            "settings": json.dumps(dict(identity), sort_keys=True),
-        },
-    }
+    """Return settings with what source and writer are given of the run."""
     return {stage: {**given.get(stage, {}), **own.get(stage, {})} for stage in given.keys() | own.keys()}

@@ -41,11 +41,21 @@ _SILENCE, _MAX_PERIODS = 0.1, 20
 
 
 class ModelWriter(StageNode):
-    """Puts tiles on disk as they are complete, and makes the files when the survey is done."""
+    """
+    Puts tiles on disk as they are complete, and makes the files when the survey is done.
+
+    Attributes
+    ----------
+    n_saved : int
+        How often files were made.
+    last_words : str
+        What was made last.
+    """
 
     def __init__(self, pool: BuildingPool | None = None, **kwargs: Any) -> None:
         super().__init__("model_writer", NODE_CONFIGS["model_writer"], **kwargs)
         self._pool = pool or BuildingPool(0)
+        self.n_saved, self.last_words = 0, ""
         config = self.parameters[ModelWriterConfig]
         try:
             self._survey = SurveyFolder(config)
@@ -240,9 +250,11 @@ class ModelWriter(StageNode):
         """Make the files; the writer is at work, so that no tile that waits for it is sent again."""
         self._receipts.send(TAKEN)
         try:
-            return self._survey.make_files(self._record.as_dict(self.failed_tiles, ()))
+            summary = self._survey.make_files(self._record.as_dict(self.failed_tiles, ()))
         finally:
             self._receipts.send(DONE)
+        self.last_words, self.n_saved = self._words(summary), self.n_saved + 1
+        return summary
 
     def _words(self, summary: RunSummary) -> str:
         n_buildings = sum(summary.buildings.values())

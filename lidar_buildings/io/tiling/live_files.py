@@ -19,7 +19,7 @@ from lidar_buildings.io.tiling.placed_laz import PlacedLaz
 from lidar_buildings.io.tiling.spool import RECORD
 
 #: Folder with the LAZ files.
-PLACED = "placed"
+CLOUDS = "clouds"
 _NAME = "points_{:05d}.laz"
 _SURVEY = "survey.json"
 
@@ -71,9 +71,9 @@ def write_placed_points(survey: LiveSurvey, folder: Path) -> None:
     OutputError
         If one cannot be written.
     """
-    (folder / PLACED).mkdir(exist_ok=True)
+    (folder / CLOUDS).mkdir(exist_ok=True)
     for number in range(-(-survey.n_points // POINTS_PER_FILE)):
-        path = folder / PLACED / _NAME.format(number)
+        path = folder / CLOUDS / _NAME.format(number)
         if path.exists() and (number + 1) * POINTS_PER_FILE <= survey.n_points and not _is_part(path):
             continue
         with atomic_file(path) as temporary:

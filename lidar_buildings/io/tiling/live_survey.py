@@ -37,8 +37,9 @@ class LiveSurvey:
     Takes placed scans, and gives out tiles.
 
     A tile is ready when no point has fallen into it or its buffer for a while, or the sensor is far away. It
-    comes again as a later revision, with all its points, when more have come. Every point goes to the disk at
-    once, so memory holds a batch and what is known of the tiles.
+    comes again as a later revision, with all its points, when more have come. Every point goes to the disk
+    at once, so memory holds a batch and what is known of the tiles. Nothing is learnt of one tile for
+    another, as of files: what comes out of a feed does not depend on which tile was left first.
 
     Parameters
     ----------
@@ -170,8 +171,6 @@ class LiveSurvey:
             tile = self._tiles[self._ready.popleft()]
             tile.n_sent = self._store.count_in(tile.near)
             tile.revision += 1
-            if tile.revision == 0:
-                self._store.learn_from_tile(self._plan(tile), self.config.buffer)
             return self._store.tile(self._plan(tile), self.config.buffer)
 
     def grown(self, sent: PointTile) -> PointTile | None:
@@ -233,6 +232,7 @@ class LiveSurvey:
             tile = self._tiles[place]
             if self._store.count_in(tile.near) == tile.n_sent or tile.revision >= MOST_REVISIONS:
                 self._tiles.changed.discard(place)
+                self._to_flush.discard(place)
 
     def _keep_batch(self) -> None:
         """Write what has come."""

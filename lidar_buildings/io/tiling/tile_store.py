@@ -154,15 +154,6 @@ class TileStore:
         """Measure what the intensities of a file, read to its end, mean, as far as none before it told."""
         self._brightness.learn(source)
 
-    def learn_from_tile(self, plan: TilePlan, buffer: float) -> None:
-        """Measure what a tile is the first to show: the expected spacing, what intensities mean."""
-        records, _ = self._gathered(plan, buffer)
-        if self._expected_spacing is None:
-            self._expected_spacing = expected_spacing([_pulses_of(records)])
-        area = self.grid.area_of(plan.block)
-        self._brightness.add(0, 0, records, len(records), self._local(sample_square(area, SQUARE_SIDE)))
-        self._brightness.learn(0)
-
     def _within(self, square: Rectangle, source: int | None) -> Iterator[NDArray[Any]]:
         """Read a file's records, or all, within a square at the source's position."""
         local = self._local(square)

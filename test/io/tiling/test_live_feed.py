@@ -87,7 +87,7 @@ def test_scans_and_poses_become_tiles_and_files_of_all_points(tmp_path):
         tiles = run.flush()
     assert core(tiles) == 1000
     assert {tile.frame.crs for tile in tiles} == {"EPSG:28992"}
-    saved = laspy.read(tmp_path / "placed" / "points_00000.laz")
+    saved = laspy.read(tmp_path / "clouds" / "points_00000.laz")
     assert len(saved) == 1000
     merged = np.concatenate([tile.points[tile.buffer == 0] for tile in tiles])
     index = np.concatenate([tile.index[tile.buffer == 0] for tile in tiles])
@@ -181,7 +181,7 @@ def test_full_files_are_not_written_again(tmp_path, monkeypatch):
     with Running(tmp_path) as run:
         run.feed.add_scan(scan(T0, points(), frame="map"))
         run.flush()
-        first, second = sorted((tmp_path / "placed").iterdir())
+        first, second = sorted((tmp_path / "clouds").iterdir())
         times = first.stat().st_mtime_ns, second.stat().st_mtime_ns
         run.feed.add_scan(scan(T0 + 1, points(100, seed=1), frame="map"))
         tiles = run.flush()

@@ -139,6 +139,18 @@ def test_the_flush_of_a_tile_under_way_that_has_changed_waits_for_its_next_revis
     assert survey.is_flushed
 
 
+def test_the_flush_of_a_tile_that_was_touched_before_it_was_taken_needs_no_revision(survey):
+    survey.add(scan_at(20, 20), 0.0)
+    survey.tick(5.0)
+    survey.add(scan_at(20, 20, seed=1), 6.0)
+    survey.flush()
+    (tile,) = tiles_of(survey)
+    assert len(tile) == 600
+    survey.finish(tile.stamp)
+    assert not survey.tick(6.0)
+    assert survey.is_flushed
+
+
 def test_a_larger_buffer_brings_more_points_until_there_are_none(survey):
     survey.add(scan_at(20, 20), 0.0)
     survey.add(scan_at(50, 20, spread=1.0), 0.0)  # beyond the first buffer

@@ -1,0 +1,49 @@
+"""What source and writer are told of a run. It needs no ROS."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from lidar_buildings.io.results.run_folder import PARTIAL, PLACED
+from lidar_buildings.io.tiling.live_files import CLOUDS
+from lidar_buildings.nodes.table import SOURCES, topics_until
+
+
+def feed_folder(output: str | Path) -> Path:
+    """Return the folder, within that of the results, in which the points of a feed wait."""
+    return Path(output) / PARTIAL / PLACED
+
+
+def run_settings(
+    source: str,
+    inputs: Sequence[str],
+    output: str,
+    until: str = "building_model",
+    *,
+    is_recorded: bool = False,
+) -> dict[str, dict[str, Any]]:
+    """
+    Return ``{stage: {name: value}}`` of the source and the writer.
+
+    Parameters
+    ----------
+    source : str
+        One of `SOURCES`.
+    inputs : sequence of str
+        Files, folders, globs; a feed has none.
+    output : str
+        Folder for the results, empty if none are written.
+    until : str
+        The last stage.
+    is_recorded : bool
+        Whether the recorder listens to `points`, too: it is named twice then, so that both are waited for.
+    """
+    waits = {"wait_for": topics_until(until, has_writer=bool(output)) + ("points",) * is_recorded}
+    writer = {"output": output, "until": until}
+    if source == SOURCES[0]:
+        return {source: {"input": tuple(inputs), **waits}, "model_writer": {"input": tuple(inputs), **writer}}
+    folder = feed_folder(output)
+    spool = {"spool": str(folder)} if output else {}
+    return {source: {**spool, **waits}, "model_writer": {"placed": str(folder / CLOUDS), **writer}}
