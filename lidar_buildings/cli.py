@@ -80,9 +80,6 @@ def _add_run(parser: argparse.ArgumentParser) -> None:
         "--georeferenced", action="store_true", help="bags: the scans are in the map already, without poses"
     )
     parser.add_argument(
-        "--record", metavar="BAG", help="record topics of the graph in a bag (MCAP), a folder to be made"
-    )
-    parser.add_argument(
         "--rate", type=float, metavar="R", help="play at R times the recorded speed (default: at once)"
     )
     _add_settings(parser)
@@ -117,6 +114,9 @@ def _run(options: argparse.Namespace) -> int:
 
 def _add_settings(parser: argparse.ArgumentParser) -> None:
     """Add what files and feeds have in common."""
+    parser.add_argument(
+        "--record", metavar="BAG", help="record topics of the graph in a bag (MCAP), a folder to be made"
+    )
     parser.add_argument(
         "--params", type=Path, metavar="FILE", help="parameters as in config/pipeline.param.yaml"
     )
