@@ -19,14 +19,14 @@ from lidar_buildings.simulation.live import BodyPose, Scan, VehicleConfig, drive
 from lidar_buildings.simulation.live.recording import SurveyBag, SurveyFiles
 from lidar_buildings.simulation.scanner import StripPoints, joined, scan
 
-FLIGHT = SimulationConfig(density=4.0)
+FLIGHT = SimulationConfig(density=1.0)
 DRIVE = VehicleConfig(beams=16, pulse_rate=20_000.0, speed=20.0)
 NOISELESS = replace(DRIVE, range_noise=0.0)
 
 
 @pytest.fixture(scope="module")
 def flight():
-    return fly(make_scene("village"), 3, FLIGHT, 100_000.0)
+    return fly(make_scene("village"), 3, FLIGHT, 25_000.0)
 
 
 @pytest.fixture(scope="module")
