@@ -167,19 +167,3 @@ def test_a_type_that_nobody_knows_does_not_hide_the_other_topics(tmp_path):
     topics = {one.name: one for one in summarise_bag(file).topics}
     assert topics["/odometry"].problem.startswith("its type own_msgs/msg/Secret is not known")
     assert topics["/points"].frame == "lidar"
-
-
-def test_georeferenced_is_an_option_of_its_own(command, tmp_path):
-    bare = write_drive(tmp_path / "bare", poses="none")
-    run = ("run", bare.path, "--no-ros", "--until", "ground_filter", "--output")
-    assert "(--georeferenced)" in command.refused(*run, tmp_path / "no")
-    spoken = command(*run, tmp_path / "out", "--georeferenced")
-    assert spoken.status == 0
-    assert "5,000 points of 10 scans placed" in spoken.err[0]
-
-
-def test_a_rate_without_the_graph_is_refused(command, tmp_path):
-    run = ("run", lattice(tmp_path / "a.laz"), "--output", tmp_path / "out")
-    line = command.refused(*run, "--rate", "2", "--no-ros")
-    assert "--rate: only the node graph plays at a speed" in line
-    assert "tile_player.rate = -1.0: must be within 0 to 1e+06" in command.refused(*run, "--rate", "-1")
