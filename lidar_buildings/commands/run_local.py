@@ -53,7 +53,7 @@ def run_local(request: RunRequest, footprints: FootprintFile | None, pool: Build
             footprints=footprints,
             formats=request.files.formats,
         )
-        skip |= folder.done_stamps().keys()
+        skip.update(folder.done_stamps())
         with progress_bar(lambda: source.tile_count - len(skip)) as progress:
             seconds, failed = process_tiles(
                 source,
