@@ -200,7 +200,11 @@ class LiveSurvey:
             tile = self._tiles.of_stamp(stamp)
             if tile is None:
                 return
+            # a writer that was started anew tells once more of what was done before
+            is_last = stamp - tile.stamp >= tile.revision and tile.place not in self._ready
             tile.revision = max(tile.revision, stamp - tile.stamp)
+            if not is_last:
+                return
             self._under_way.discard(tile.place)
             self._in_flush.discard(tile.place)
             n_done = tile.n_sent if is_done else -1

@@ -87,6 +87,23 @@ def test_a_tile_comes_again_as_the_next_revision_with_all_its_points(survey):
     assert survey.n_waiting == 0
 
 
+def test_what_is_said_once_more_of_an_earlier_revision_does_not_end_the_next_one(survey):
+    survey.add(scan_at(20, 20), 0.0)
+    survey.tick(5.0)
+    (first,) = tiles_of(survey)
+    survey.finish(first.stamp)
+    survey.add(scan_at(20, 20, seed=1), 6.0)
+    survey.flush()
+    assert survey.tick(6.0)
+    survey.finish(first.stamp)  # while the next one waits to be taken
+    assert not survey.is_flushed
+    (second,) = tiles_of(survey)
+    survey.finish(first.stamp)  # and while it is under way
+    assert not survey.is_flushed
+    survey.finish(second.stamp)
+    assert survey.is_flushed
+
+
 def test_it_comes_again_when_only_its_buffer_has_changed(survey):
     survey.add(scan_at(20, 20), 0.0)
     survey.tick(5.0)
