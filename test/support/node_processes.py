@@ -10,7 +10,8 @@ import sys
 import time
 from pathlib import Path
 
-from lidar_buildings.nodes.table import nodes_until, topics_until
+from lidar_buildings.nodes.run_settings import run_settings
+from lidar_buildings.nodes.table import SOURCES, nodes_until
 
 #: Runs a node with one of the functions of its module slowed down.
 _SLOW = """
@@ -40,16 +41,15 @@ class NodeProcesses:
         namespace: str,
         logs: Path,
         replicas: dict[str, int] | None = None,
-        **player,
+        source: str = SOURCES[0],
+        **of_source,
     ) -> None:
         self.output, self._namespace, self._logs = output, namespace, logs
         self._replicas = replicas or {}
         self._processes: dict[str, subprocess.Popen] = {}
-        given = [str(path) for path in inputs]
-        self._parameters = {
-            "tile_player": {"input": given, "wait_for": list(topics_until(LAST)), **player},
-            "model_writer": {"input": given, "output": str(output)},
-        }
+        self._names = nodes_until(LAST, source)
+        self._parameters = run_settings(source, [str(path) for path in inputs], str(output), LAST)
+        self._parameters[source] |= of_source
 
     def __enter__(self) -> NodeProcesses:
         return self
@@ -61,7 +61,7 @@ class NodeProcesses:
             process.wait()
 
     def start_all(self, slow: dict[str, tuple[str, float]] | None = None) -> None:
-        for name in reversed(nodes_until(LAST)):
+        for name in reversed(self._names):
             for replica in range(self._replicas.get(name, 1)):
                 self.start(name, (slow or {}).get(name), replica)
 
