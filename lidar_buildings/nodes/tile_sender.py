@@ -266,11 +266,12 @@ class TileSender(StageNode):
         if self._flow.has_losses and self._has_listeners() and self._watch.is_settled:
             for flight in self._flow.overdue():
                 stamp = flight.tile.stamp
-                self.get_logger().warning(f"tile {stamp} was lost: sent again ({flight.attempt})")
+                self.warn(f"tile {stamp} was lost: sent again ({flight.attempt})")
                 self._resent.add(tile_of(stamp))
                 self._publish(flight.tile)
         for stamp in self._flow.given_up():
             self.get_logger().error(f"tile {stamp} was never done: given up")
+            self.summary.failed(f"tile {stamp} was never done: given up")
             self.note_failed(stamp)
             self._tile_failed.publish(header_of(stamp))
             self._call_off(stamp)
