@@ -319,3 +319,13 @@ def test_rviz_shows_topics_that_nodes_publish_in_messages_that_it_can_draw():
     types = {topic.name: topic.type.split("/")[1] for card in NODE_TABLE for topic in card.publishes}
     assert shown
     assert shown == {name: types.get(name) for name in shown}
+
+
+def test_what_names_files_and_folders_is_fixed_when_a_node_starts():
+    changeable = {
+        one.name
+        for configs in NODE_CONFIGS.values()
+        for _, one in parameter_names(configs).values()
+        if isinstance(one.default, str | tuple) and not spec_of(one).choices and not spec_of(one).read_only
+    }
+    assert changeable == {"centres"}, "which are numbers"

@@ -1,0 +1,71 @@
+"""Two hosts on one machine: network namespaces with a cable between them, and shared memory of their own."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+from support.node_processes import NodeProcesses
+
+#: Address of each host; documentation addresses (RFC 5737), which no network has.
+HOSTS = {"left": "192.0.2.1", "right": "192.0.2.2"}
+#: Nodes of the first host; all others are on the second.
+LIGHT = ("tile_player", "model_writer")
+#: Holds a host's memory as long as it runs; says so when it does.
+_KEEPER = "mount -t tmpfs none /dev/shm && echo ready && exec sleep infinity"
+
+
+@contextmanager
+def two_hosts() -> Iterator[dict[str, int]]:
+    """
+    Return host → process whose namespaces its processes share.
+
+    Raises
+    ------
+    OSError, subprocess.CalledProcessError
+        Where that is not permitted.
+    """
+    networks = {host: f"lb{os.getpid()}{host[0]}" for host in HOSTS}
+    keepers: dict[str, subprocess.Popen] = {}
+    try:
+        for network in networks.values():
+            _ip("netns", "add", network)
+        _ip("link", "add", networks["left"], "type", "veth", "peer", "name", networks["right"])
+        for host, network in networks.items():
+            _ip("link", "set", network, "netns", network)
+            _ip("-n", network, "addr", "add", f"{HOSTS[host]}/24", "dev", network)
+            for link in (network, "lo"):
+                _ip("-n", network, "link", "set", link, "up")
+            command = ["ip", "netns", "exec", network, "unshare", "--mount", "sh", "-c", _KEEPER]
+            keepers[host] = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+            if keepers[host].stdout.readline() != "ready\n":
+                raise OSError("no memory of its own can be mounted for a host")
+        yield {host: keeper.pid for host, keeper in keepers.items()}
+    finally:
+        for keeper in keepers.values():
+            keeper.kill()
+            keeper.communicate()
+        for network in networks.values():
+            subprocess.run(["ip", "netns", "del", network], check=False, capture_output=True)
+
+
+def inside(keeper: int, *command: str) -> list[str]:
+    """Return a command that runs on a host."""
+    return ["nsenter", "--target", str(keeper), "--mount", "--net", *command]
+
+
+class OnTwoHosts(NodeProcesses):
+    """The heavy nodes on one host, the source and the writer on the other."""
+
+    def __init__(self, hosts: dict[str, int], *arguments, **keywords) -> None:
+        super().__init__(*arguments, **keywords)
+        self._hosts = hosts
+
+    def before(self, name: str) -> list[str]:
+        return inside(self._hosts["left" if name in LIGHT else "right"])
+
+
+def _ip(*arguments: str) -> None:
+    subprocess.run(["ip", *arguments], check=True, capture_output=True, text=True)
