@@ -1,0 +1,162 @@
+"""The node that makes tiles of a feed, as others see it."""
+
+import numpy as np
+import pytest
+from geometry_msgs.msg import PointStamped
+from rclpy.parameter import Parameter
+from sensor_msgs.msg import NavSatFix, PointCloud2
+from std_msgs.msg import Header
+from std_srvs.srv import Trigger
+from support.node_bench import Bench, wait_until
+
+from lidar_buildings.core.model.map_frame import MapFrame
+from lidar_buildings.nodes.scan_assembler import ScanAssembler
+from lidar_buildings.ros.composition import Composition
+from lidar_buildings.ros.map_frames import origin_message
+from lidar_buildings.ros.point_cloud import cloud_message, from_message
+from lidar_buildings.ros.qos import CLOUD, LATCHED, LATCHED_HISTORY, SENSOR
+from lidar_buildings.ros.stamps import tile_of, to_stamp
+
+pytestmark = pytest.mark.graph
+
+T0 = 1_700_000_000_000_000_000
+SENDS = {
+    "scan": (PointCloud2, "scan", 100),
+    "fix": (NavSatFix, "fix", SENSOR),
+    "tile_done": (Header, "tile_done", LATCHED_HISTORY),
+}
+HEARS = {
+    "points": (PointCloud2, CLOUD),
+    "map_origin": (PointStamped, LATCHED),
+    "survey_done": (Header, LATCHED),
+}
+
+
+class End(Bench):
+    """A graph that has every tile done at once, unless it is told to hold them."""
+
+    def __init__(self, sends, **kwargs):
+        super().__init__(sends, HEARS, **kwargs)
+        self.create_subscription(PointCloud2, "points", self.on_points, CLOUD)
+
+    def on_points(self, message):
+        self.to["tile_done"].publish(message.header)
+
+    def send_scans(self, *scans):
+        """Send scans, and wait until they have come: a service may be faster."""
+        before = self.assembler.tiles.counts()["scans"]
+        self.send("scan", *scans)
+        wait_until(lambda: self.assembler.tiles.counts()["scans"] == before + len(scans))
+
+    def call(self, name):
+        client = self.create_client(Trigger, f"scan_assembler/{name}")
+        wait_until(client.service_is_ready)
+        answer = client.call_async(Trigger.Request())
+        wait_until(answer.done)
+        return answer.result()
+
+    def tiles(self):
+        return [from_message(message).tile for message in self.heard["points"]]
+
+
+@pytest.fixture
+def start(context):
+    """Start an assembler and what is at both its ends."""
+    running = []
+
+    def made(sends=SENDS, **parameters):
+        values = {"tile_size": 40.0, "buffer": 5.0, "leave_after": 3600.0} | parameters
+        values["qos_overrides./scan.subscription.reliability"] = "reliable"
+        overrides = [Parameter(name, value=value) for name, value in values.items()]
+        end = End(sends, context=context)
+        end.assembler = ScanAssembler(context=context, parameter_overrides=overrides)
+        running.append(Composition(end, end.assembler))
+        running[-1].start()
+        wait_until(lambda: end.count_subscribers("scan") and end.count_publishers("points"))
+        return end
+
+    yield made
+    for one in running:
+        one.stop()
+
+
+def scan(number, n_points=300, at=(20.0, 20.0)):
+    rows = np.zeros(n_points, [(axis, "<f4") for axis in "xyz"])
+    random = np.random.default_rng(number)
+    rows["x"], rows["y"] = (random.uniform(c - 5, c + 5, n_points) for c in at)
+    return cloud_message(T0 + number * 1_000_000, rows.reshape(1, -1))
+
+
+def test_a_flush_sends_what_there_is_and_then_says_that_the_survey_is_done(start):
+    end = start()
+    end.send_scans(scan(0), scan(1, at=(100.0, 20.0)))
+    assert end.call("flush").success
+    wait_until(lambda: end.heard["survey_done"])
+    assert sorted(len(tile) for tile in end.tiles()) == [300, 300]
+    assert [origin.header.frame_id for origin in end.heard["map_origin"]] == [""]
+
+
+def test_more_points_make_a_later_revision(start):
+    end = start()
+    end.send_scans(scan(0))
+    end.call("flush")
+    wait_until(lambda: end.heard["survey_done"])
+    end.send_scans(scan(1))
+    end.call("flush")
+    wait_until(lambda: len(end.heard["survey_done"]) == 2)
+    first, second = (to_stamp(message.header.stamp) for message in end.heard["points"])
+    assert (first % 1000, second % 1000) == (0, 1)
+    assert tile_of(second) == first
+    assert [len(tile) for tile in end.tiles()] == [300, 600]
+
+
+def test_while_paused_scans_are_gathered_and_no_tile_is_sent(start):
+    end = start(leave_after=0.0)
+    end.call("pause")
+    end.send_scans(scan(0), scan(1, at=(100.0, 20.0)))
+    end.call("step")
+    wait_until(lambda: end.heard["points"])
+    assert len(end.heard["points"]) == 1
+    end.call("resume")
+    wait_until(lambda: sum(map(len, end.tiles())) >= 600)
+
+
+def test_reset_forgets_points_and_tiles(start):
+    end = start()
+    end.send_scans(scan(0))
+    end.call("flush")
+    wait_until(lambda: end.heard["survey_done"])
+    assert end.call("reset").success
+    end.send_scans(scan(1, 200))
+    end.call("flush")
+    wait_until(lambda: len(end.heard["survey_done"]) == 2)
+    assert [len(tile) for tile in end.tiles()] == [300, 200]
+
+
+def test_where_others_say_the_map_lies_is_taken_and_told_on(start):
+    sends = SENDS | {"map_origin": (PointStamped, "map_origin", LATCHED)}
+    end = start(sends)
+    frame = MapFrame("EPSG:28992", (1000.0, 2000.0, 3.0))
+    end.send("map_origin", origin_message(frame))
+    wait_until(lambda: end.heard["map_origin"])
+    end.send_scans(scan(0))
+    wait_until(lambda: len(end.heard["map_origin"]) == 2)
+    assert {one.header.frame_id for one in end.heard["map_origin"]} == {"EPSG:28992"}
+
+
+def test_given_parameters_say_where_the_map_lies(start):
+    end = start(map_crs="EPSG:28992", map_position="85000, 447000, 0")
+    end.send_scans(scan(0))
+    wait_until(lambda: end.heard["map_origin"])
+    (origin,) = end.heard["map_origin"]
+    assert (origin.header.frame_id, origin.point.x, origin.point.y) == ("EPSG:28992", 85_000.0, 447_000.0)
+
+
+def test_a_spool_keeps_the_points_and_they_become_files(start, tmp_path):
+    end = start(spool=str(tmp_path / "feed"))
+    end.send_scans(scan(0))
+    end.call("flush")
+    wait_until(lambda: end.heard["survey_done"])
+    log = tmp_path / "feed" / "points.log"
+    assert log.stat().st_size > 0
+    assert len(list((tmp_path / "feed" / "clouds").glob("points_*.laz"))) == 1
