@@ -1,8 +1,11 @@
 """Bags of all kinds become one cloud whose points lie where they were measured."""
 
+import struct
+
 import laspy
 import numpy as np
 import pytest
+from rosbags.typesys import get_types_from_msg
 from support.bags import (
     MOUNTING,
     ODOMETRY_TYPE,
@@ -18,10 +21,11 @@ from support.bags import (
 
 from lidar_buildings.core.model.errors import InputError
 from lidar_buildings.core.scans.config import ScanConfig
-from lidar_buildings.core.scans.placing import NO_POSE
+from lidar_buildings.core.scans.placing import NO_POSE, NO_WAY, TWICE, UNREADABLE
 from lidar_buildings.core.scans.scan import NO_RETURN, NOT_FINITE
 from lidar_buildings.core.scans.trajectory import Trajectory
 from lidar_buildings.io.bags.placed_cloud import BagChoice, write_placed
+from lidar_buildings.io.tiling.placed_laz import FAR
 
 MOUNTED = ScanConfig(mounting=",".join(map(str, MOUNTING)))
 
@@ -172,3 +176,58 @@ def test_tiles_of_ours_come_back_in_their_own_units_and_each_point_once(tmp_path
     bag.close()
     las, _ = placed(tmp_path, bag.path, ScanConfig())
     np.testing.assert_allclose(las.xyz, [[1e6 + step, 200_010.0, 20.0] for step in range(4)], atol=1e-3)
+
+
+def test_of_bad_scans_among_others_those_are_left_out_and_told(tmp_path):
+    bag = BagWriter(tmp_path / "some")
+    good, other = [[1.0, 2.0, 3.0]], [[4.0, 5.0, 6.0]]
+    bag.write("/points", SCAN_TYPE, T0, bag.cloud(T0, "map", good))
+    bag.write("/points", SCAN_TYPE, T0 + 1, bag.cloud(T0 + 1, "map", good, width=7, row_step=112))
+    bag.write("/points", SCAN_TYPE, T0 + 2, bag.cloud(T0, "map", good))
+    bag.write("/points", SCAN_TYPE, T0 + 3, bag.cloud(T0 + 3, "nowhere", other))
+    bag.write("/points", SCAN_TYPE, T0 + 4, bag.cloud(T0 + 4, "map", [[9e6, 0.0, 1.0]]))
+    bag.write("/points", SCAN_TYPE, T0 + 5, bag.cloud(T0 + 5, "map", other))
+    bag.close()
+    las, count = placed(tmp_path, bag.path, ScanConfig())
+    assert las.xyz.tolist() == [*good, *other]
+    assert count.left_out == {NO_WAY: 1, FAR: 1}
+    assert count.messages == {UNREADABLE: 1, TWICE: 1}
+
+
+@pytest.mark.parametrize(
+    ("crs", "x", "what"),
+    [("EPSG:999999", 0.0, "no reference system"), ("", np.nan, "no place"), ("", 1e30, "no place")],
+)
+def test_an_origin_that_is_none_is_refused(tmp_path, crs, x, what):
+    bag = BagWriter(tmp_path / "lost")
+    bag.write("/map_origin", ORIGIN_TYPE, T0, bag.origin(crs, x, 0.0, 0.0))
+    bag.write("/points", SCAN_TYPE, T0, bag.cloud(T0, "map", [[1.0, 2.0, 3.0]]))
+    bag.close()
+    with pytest.raises(InputError, match=f"lost: map_origin .*{what}"):
+        placed(tmp_path, bag.path, ScanConfig())
+
+
+def test_topics_of_types_that_nobody_knows_are_passed_over(tmp_path):
+    bag = BagWriter(tmp_path / "odd")
+    kind = "odd_msgs/msg/Odd"
+    types = bag.writer._types
+    types.register(get_types_from_msg("int32 number", kind))
+    bag.write("/odd", kind, T0, types.types[kind](7))
+    bag.write("/points", SCAN_TYPE, T0, bag.cloud(T0, "map", [[1.0, 2.0, 3.0]]))
+    bag.close()
+    assert placed(tmp_path, bag.path, ScanConfig())[1].n_points == 1
+
+
+def test_an_mcap_file_without_an_index_is_read_or_named(tmp_path):
+    drive = write_drive(tmp_path / "drive")
+    (file,) = drive.path.glob("*.mcap")
+    content = file.read_bytes()
+    end = content.index(struct.pack("<BQ", 0x0F, 4)) + 13  # after the record that ends the data
+    footer = struct.pack("<BQQQI", 0x02, 20, 0, 0, 0)
+    file.write_bytes(content[:end] + footer + content[-8:])
+    try:
+        _, count = placed(tmp_path, drive.path)
+    except InputError as error:
+        assert "drive: cannot be read as a bag" in str(error)  # noqa: PT017 - either is right
+    else:
+        assert count.n_points == 5000
