@@ -66,8 +66,7 @@ class GraphView:
 
     def lines(self, now: float) -> list[str]:
         """Return a table of the nodes, and what is known of tiles and buildings beneath."""
-        places = {name: place for place, name in enumerate(self._order)}
-        nodes = sorted(self._nodes.items(), key=lambda pair: (places.get(pair[0], len(places)), pair[0]))
+        nodes = sorted(self._nodes.items(), key=lambda pair: (self._place_of(pair[0]), pair[0]))
         rows = [_HEAD, *(_row(name, one, now) for name, one in nodes)]
         widths = [max(len(row[column]) for row in rows) for column in range(len(_HEAD))]
         table = [
@@ -78,6 +77,11 @@ class GraphView:
             for row in rows
         ]
         return [*table, *(line for name, one in nodes for line in _more(name, one.values))]
+
+    def _place_of(self, node: str) -> int:
+        """Return where a node stands; those that share a node's tiles, called as it is, stand with it."""
+        places = (place for place, name in enumerate(self._order) if node.startswith(name))
+        return next(places, len(self._order))
 
 
 def _row(name: str, one: _Node, now: float) -> tuple[str, ...]:

@@ -19,6 +19,7 @@ from support.cloud_files import random_cloud
 from lidar_buildings.core.model.errors import InputError
 from lidar_buildings.nodes.tile_player import TilePlayer
 from lidar_buildings.ros.composition import Composition
+from lidar_buildings.ros.node_summary import ERROR
 from lidar_buildings.ros.point_cloud import from_message
 from lidar_buildings.ros.qos import CLOUD, EVENT, LATCHED, LATCHED_HISTORY, LATCHED_TILE
 from lidar_buildings.ros.receipts import ReceiptSender
@@ -259,6 +260,9 @@ def test_a_tile_that_is_never_done_is_given_up_and_the_others_are_done(play):
     assert len(set(end.done)) == 4
     assert end.failed[0] not in end.done
     assert player.progress.n_failed == 1
+    level, message, values = player.summary.state()
+    assert (level, values["tiles_given_up"], values["tiles_done"]) == (ERROR, 1, 4)
+    assert message.endswith("was never done: given up")
 
 
 def test_a_clipped_tile_comes_again_larger_until_there_is_no_more_of_it(play):

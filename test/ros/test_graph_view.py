@@ -70,3 +70,11 @@ def test_tiles_of_the_source_and_buildings_stand_beneath_in_the_order_of_the_cha
         "4 tiles wait for room in the graph",
     ]
     assert cells(view, 0.0, "tile_player")[5] == "-"
+
+
+def test_nodes_that_share_tiles_stand_together():
+    view = GraphView(["ground_filter", "roof_selector"])
+    for name in ("roof_selector", "other", "ground_filter_2", "ground_filter"):
+        view.hear_summary(name, OK, "idle", {"tiles_in": 1}, 0.0)
+    names = [line.split()[0] for line in view.lines(0.0)[1:]]
+    assert names == ["ground_filter", "ground_filter_2", "roof_selector", "other"]
