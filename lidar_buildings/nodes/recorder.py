@@ -21,7 +21,9 @@ from lidar_buildings.ros.runner import run_node
 from lidar_buildings.ros.stage_node import StageNode
 
 #: Period of the search for topics that the graph does not have of itself [s].
-_SEARCH = 0.5
+_SEARCH = 0.1
+#: Quality of service of topics that sensors publish as they like, reliably or not.
+_OF_SENSORS = "SENSOR"
 #: After so long without a message all that was sent has come [s]; wide margin over the way of a message.
 _SILENCE = 0.2
 #: A message that was under way for so long is worth a warning [s].
@@ -50,7 +52,8 @@ class Recorder(StageNode):
         self.summary.watch(self._gauges)
         for name in config.topics:
             for topic in topics_called(name):
-                self._subscribe(name, topic.type.replace("/", "/msg/"), getattr(qos, topic.qos))
+                if topic.qos != _OF_SENSORS:
+                    self._subscribe(name, topic.type.replace("/", "/msg/"), getattr(qos, topic.qos))
         self.on_search()
         if self._sought:
             self._search = self.create_timer(_SEARCH, self.on_search)
@@ -61,7 +64,7 @@ class Recorder(StageNode):
         return time.monotonic() - self._last_heard > _SILENCE
 
     def on_search(self) -> None:
-        """Subscribe to topics that the graph does not have of itself as soon as somebody publishes them."""
+        """Subscribe to topics of others as soon as somebody publishes them, as reliably as they are sent."""
         for name in sorted(self._sought):
             publishers = self.get_publishers_info_by_topic(name)
             if publishers:

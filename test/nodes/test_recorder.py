@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from rclpy.node import Node
 from rclpy.parameter import Parameter
+from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rosbags.highlevel import AnyReader
 from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Int32, String
@@ -92,6 +93,17 @@ def test_a_topic_of_somebody_else_is_recorded_as_soon_as_it_is_there(record, tmp
     recorder.destroy_node()
     ((topic, message),) = messages(tmp_path / "bag")[0]
     assert (topic, message.data) == ("/counter", 42)
+
+
+@pytest.mark.parametrize("reliability", [ReliabilityPolicy.RELIABLE, ReliabilityPolicy.BEST_EFFORT])
+def test_scans_are_recorded_as_reliably_as_they_are_sent(record, tmp_path, reliability):
+    sender, recorder = record("scan")
+    scans = sender.create_publisher(PointCloud2, "scan", QoSProfile(depth=5, reliability=reliability))
+    until(scans.get_subscription_count)
+    (listener,) = sender.get_subscriptions_info_by_topic("scan")
+    assert listener.qos_profile.reliability == reliability
+    scans.publish(to_message(PointTile(np.ones((3, 3)))))
+    until(lambda: recorder.recording.n_messages)
 
 
 def test_what_waits_when_the_recorder_ends_is_still_recorded(context, tmp_path):
