@@ -35,17 +35,17 @@ class LiveTilingConfig(TilingConfig):
     )
     max_tile_points: int = parameter(
         5_000_000,
-        "Most points kept of a tile without its buffer, as a sensor that stands still goes on for ever; more "
-        "are left out and counted.",
+        "Most points kept of a tile without its buffer, as a sensor that stands still goes on for ever; from "
+        "half of it on points near others are left out, and all beyond it.",
         minimum=1_000,
         maximum=1_000_000_000,
         read_only=True,
         advanced=True,
     )
     leave_after: float = parameter(
-        5.0,
-        "A tile is sent when so long no point has fallen into it or its buffer; raising it waits longer for "
-        "a tile, and sends it less often again.",
+        1.0,
+        "A tile is sent when so long no point has fallen into it or its buffer; again after ten times as "
+        "long. Raising it waits longer for a tile, and sends it less often.",
         unit="s",
         minimum=0.0,
         maximum=86_400.0,

@@ -21,14 +21,15 @@ from lidar_buildings.io.tiling.live_tile import MOST_REVISIONS, LiveTile, LiveTi
 from lidar_buildings.io.tiling.point_log import PointLog, records_of
 from lidar_buildings.io.tiling.spool import Cell
 from lidar_buildings.io.tiling.tile_grid import Rectangle, TileGrid
+from lidar_buildings.io.tiling.tile_room import TileRoom
 from lidar_buildings.io.tiling.tile_store import TilePlan, TileStore
 
 #: Points of a file when they are written as LAZ; `index` counts them anew in each.
 POINTS_PER_FILE = 5_000_000
+#: A tile that comes again waits so many times as long: single far points would repeat it.
+AGAIN = 10.0
 #: Points that are written together: fewer open each cell's file more often.
 _BATCH = 50_000
-#: Why points were left out.
-TOO_MANY = "a tile has more than max_tile_points"
 _CELLS = "cells"
 
 
@@ -80,10 +81,10 @@ class LiveSurvey:
         self._cells.mkdir(exist_ok=True)
         self._store = TileStore(self._grid, self.frame, self._cells)
         self._tiles = LiveTiles(self._grid, self.config.buffer)
-        #: Tiles that wait to be sent or to be done; the first of these in their order; full ones.
+        #: Tiles that wait to be sent or to be done; the first of these in their order.
         self._under_way: set[Cell] = set()
         self._ready: deque[Cell] = deque()
-        self._full: set[Cell] = set()
+        self._room = TileRoom(self.config.max_tile_points)
         #: Tiles that a flush wants sent, and those that it has sent or found under way.
         self._to_flush: set[Cell] = set()
         self._in_flush: set[Cell] = set()
@@ -243,7 +244,8 @@ class LiveSurvey:
         if not self._batch:
             return
         records = np.concatenate([records_of(scan) for scan in self._batch])
-        kept = self._with_room(records)
+        places = self._cells_of(records) // self._grid.cells_per_side
+        kept, left_out = self._room.chosen(records, places)
         numbers = np.arange(self._log.count, self._log.count + len(kept))
         kept["source"], kept["index"] = np.divmod(numbers, POINTS_PER_FILE)
         self._log.append(kept)
@@ -252,8 +254,7 @@ class LiveSurvey:
         except Exception:
             self._log.take_back(len(kept))
             raise
-        if len(kept) < len(records):
-            self.left_out[TOO_MANY] += len(records) - len(kept)
+        self.left_out += left_out
         self._batch.clear()
 
     def _keep(self, records: NDArray[Any], now: float) -> None:
@@ -265,18 +266,7 @@ class LiveSurvey:
             self._tiles.make(place, float(records["gps_time"][row]))
         self._tiles.touch(touched, now)
         for place in {self._grid.tile_of(cell) for cell in touched}:
-            if self._store.count_in(self._tiles[place].block.cells) >= self.config.max_tile_points:
-                self._full.add(place)
-
-    def _with_room(self, records: NDArray[Any]) -> NDArray[Any]:
-        """Leave out what falls into a tile that is full."""
-        if not self._full:
-            return records
-        places = self._cells_of(records) // self._grid.cells_per_side
-        is_out = np.zeros(len(records), dtype=bool)
-        for place in self._full:
-            is_out |= (places == place).all(axis=1)
-        return records[~is_out]
+            self._room.note(place, self._store.count_in(self._tiles[place].block.cells))
 
     def _cells_of(self, records: NDArray[Any]) -> NDArray[np.int64]:
         """Return the cells of records: by what is written, so that it is the same when it is read again."""
@@ -285,7 +275,8 @@ class LiveSurvey:
 
     def _is_left(self, tile: LiveTile, now: float) -> bool:
         """Whether the sensor has left a tile."""
-        if now - self._tiles.last_touched(tile) >= self.config.leave_after:
+        waits = self.config.leave_after * (1.0 if tile.revision < 0 else AGAIN)
+        if now - self._tiles.last_touched(tile) >= waits:
             return True
         if tile.revision >= 0 or self._sensor is None or not self.config.leave_distance:
             return False

@@ -10,7 +10,8 @@ from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.scans.placing import PlacedScan
 from lidar_buildings.io.tiling import live_survey, point_log, spool
 from lidar_buildings.io.tiling.live_config import LiveTilingConfig
-from lidar_buildings.io.tiling.live_survey import TOO_MANY, LiveSurvey
+from lidar_buildings.io.tiling.live_survey import LiveSurvey
+from lidar_buildings.io.tiling.tile_room import CROWDED, TOO_MANY, VOXEL
 
 SIDE = 40.0
 CONFIG = LiveTilingConfig(tile_size=SIDE, buffer=6.0, max_buffer=12.0, leave_after=5.0)
@@ -75,10 +76,11 @@ def test_a_tile_comes_again_as_the_next_revision_with_all_its_points(survey):
     survey.tick(5.0)
     (first,) = tiles_of(survey)
     survey.add(scan_at(20, 20, seed=1), 6.0)
-    survey.tick(20.0)
+    survey.tick(56.0)
     assert tiles_of(survey) == [], "not while the first is under way"
     survey.finish(first.stamp)
-    assert survey.tick(20.0)
+    assert not survey.tick(55.9), "longer than for the first time"
+    assert survey.tick(56.0)
     (second,) = tiles_of(survey)
     assert second.stamp == first.stamp + 1
     assert len(second) == 600
@@ -110,7 +112,7 @@ def test_it_comes_again_when_only_its_buffer_has_changed(survey):
     (first,) = tiles_of(survey)
     survey.finish(first.stamp)
     survey.add(scan_at(43, 20, spread=2.0), 6.0)
-    survey.tick(11.0)
+    survey.tick(56.0)
     assert {tile.stamp - first.stamp for tile in tiles_of(survey)} >= {1}
 
 
@@ -125,7 +127,7 @@ def test_a_far_sensor_ends_the_waiting_once(tmp_path):
     survey.finish(tile.stamp)
     survey.add(scan_at(20, 20, seed=2, sensor=np.array([20.0, 130.0, 2.0])), 3.0)
     assert not survey.tick(3.0), "a later revision waits for silence: single far points would repeat it"
-    assert survey.tick(103.0)
+    assert survey.tick(1003.0)
 
 
 def test_a_flush_sends_all_and_is_done_when_they_are(survey):
@@ -178,7 +180,7 @@ def test_a_larger_buffer_brings_more_points_until_there_are_none(survey):
     assert survey.grown(grown) is None
     survey.finish(tile.stamp + 1)  # the sender counts a grown one as a revision
     survey.add(scan_at(20, 20, seed=3), 20.0)
-    survey.tick(30.0)
+    survey.tick(70.0)
     assert 2 in {one.stamp - tile.stamp for one in tiles_of(survey)}
 
 
@@ -202,7 +204,7 @@ def test_an_interrupted_feed_goes_on_with_what_was_not_done(survey, tmp_path):
     assert done.stamp not in {tile.stamp for tile in again}
     assert under_way.stamp in {tile.stamp for tile in again}
     second.add(scan_at(20, 20, seed=5), 1.0)
-    second.tick(6.0)
+    second.tick(51.0)
     assert [tile.stamp for tile in tiles_of(second)] == [done.stamp + 1]
 
 
@@ -254,8 +256,25 @@ def test_a_tile_that_is_full_takes_no_more_and_the_points_are_counted(tmp_path, 
     for seed in range(5):
         survey.add(scan_at(20, 20, seed=seed), 0.0)
     survey.add(scan_at(140, 20), 0.0)
-    assert survey.left_out == {TOO_MANY: 300}
-    assert survey.n_points == 1500
+    assert survey.left_out[TOO_MANY] == 300
+    assert survey.n_points == 1500 - survey.left_out[CROWDED]
+
+
+def test_of_a_crowded_tile_points_near_others_are_left_out(tmp_path, monkeypatch):
+    monkeypatch.setattr(live_survey, "_BATCH", 1)
+    config = LiveTilingConfig(tile_size=SIDE, buffer=6.0, max_tile_points=100_000)
+    survey = LiveSurvey(config, FRAME, tmp_path)
+    for seed in range(60):  # a sensor that stands still: the same wall of 2 x 5 m again and again
+        one = scan_at(20, 20, 3000, seed, spread=1.0)
+        one.points[:, 0] = 20.0
+        survey.add(one, 0.0)
+    survey.tick(5.0)
+    (tile,) = tiles_of(survey)
+    assert survey.n_points == len(tile) < 60_000
+    assert survey.n_points + survey.left_out[CROWDED] == 180_000
+    assert set(survey.left_out) == {CROWDED}
+    voxels = np.unique(np.floor(tile.points / VOXEL), axis=0)
+    assert len(voxels) >= 0.9 * (2 / VOXEL) * (5 / VOXEL), "the wall is covered"
 
 
 def test_reset_forgets_all(survey, tmp_path):
