@@ -227,18 +227,21 @@ class ScanPlacer:
             self.refusal = self._no_way_from(scan.frame)
             none = np.zeros(0, dtype=np.intp)
             return PlacedScan(scan.points[none], scan.times[none], {})
-        # many points have the same time: each is looked up once
-        times, row = np.unique(scan.times, return_inverse=True)
-        poses = self.tree.poses(scan.frame, target, times)
-        is_known = poses.is_known[row]
-        self._leave_out(NO_POSE, len(row) - np.count_nonzero(is_known))
-        points = np.empty_like(scan.points)
-        for begin in range(0, len(row), _BATCH):
+        points, is_known = np.empty_like(scan.points), np.empty(len(scan.times), dtype=np.bool_)
+        last, sensor = np.iinfo(np.int64).min, None
+        for begin in range(0, len(points), _BATCH):
             own = slice(begin, begin + _BATCH)
-            points[own] = poses.of_rows(row[own]).apply(scan.points[own])
+            # many points have the same time: each is looked up once
+            times, row = np.unique(scan.times[own], return_inverse=True)
+            poses = self.tree.poses(scan.frame, target, times)
+            points[own] = poses.of_rows(row).apply(scan.points[own])
+            is_known[own] = poses.is_known[row]
+            known = np.flatnonzero(poses.is_known)[-1:]
+            if len(known) and times[known[0]] > last:
+                last, sensor = int(times[known[0]]), poses.translation[known[0]]
+        self._leave_out(NO_POSE, len(points) - np.count_nonzero(is_known))
         columns = {name: values[is_known] for name, values in scan.columns.items()}
-        sensor = poses.translation[poses.is_known][-1:]
-        return PlacedScan(points[is_known], scan.times[is_known], columns, sensor[0] if len(sensor) else None)
+        return PlacedScan(points[is_known], scan.times[is_known], columns, sensor)
 
     def _no_way_from(self, frame: str) -> str:
         known = ", ".join(self.tree.frames) or "none"

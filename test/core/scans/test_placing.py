@@ -110,6 +110,19 @@ def test_one_stamp_from_the_future_costs_half_a_second_of_poses_at_most():
     assert drive.end() == [1.0] * 3 + [3.0] * 3
 
 
+def test_a_large_scan_is_placed_in_parts_as_it_would_be_at_once(monkeypatch):
+    found = []
+    for batch in (1_000_000, 7):
+        monkeypatch.setattr("lidar_buildings.core.scans.placing._BATCH", batch)
+        drive = Drive()
+        drive.poses(0.0, 0.6)
+        drive.placer.add_scan(scan(T0, np.ones((50, 3)), seconds=np.linspace(0.9, 0.0, 50)))
+        found += drive.placer.placed(is_end=True)
+    assert 10 < len(found[0].points) < 50
+    np.testing.assert_array_equal(found[0].points, found[1].points)
+    np.testing.assert_array_equal(found[0].sensor, found[1].sensor)
+
+
 def test_points_in_a_gap_and_where_a_pose_jumps_are_left_out_and_counted():
     drive = Drive()
     drive.poses(0.0, 1.01)
