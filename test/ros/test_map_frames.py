@@ -1,5 +1,9 @@
 """Where the map lies, as messages tell it, or as it is taken where nobody does."""
 
+import numpy as np
+import pytest
+
+from lidar_buildings.core.model.errors import MessageError
 from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.ros.map_frames import FrameListener, origin_message, units_message
 
@@ -109,3 +113,21 @@ def test_who_gives_no_time_waits_for_good():
     node = Listener()
     assert not FrameListener(node, lambda _: None).expect()
     assert node.timers == []
+
+
+@pytest.mark.parametrize(
+    ("topic", "message"),
+    [
+        ("map_origin", origin_message(MapFrame("", (np.nan, 0.0, 0.0)))),
+        ("map_origin", origin_message(MapFrame("", (0.0, 1e300, 0.0)))),
+        ("map_units", units_message(MapFrame(horizontal_unit=0.0))),
+        ("map_units", units_message(MapFrame(vertical_unit=-np.inf))),
+    ],
+)
+def test_what_is_no_place_and_no_unit_is_refused_and_changes_nothing(topic, message):
+    node, frames, found = listener()
+    node.topics["map_origin"](origin_message(DUTCH))
+    with pytest.raises(MessageError):
+        node.topics[topic](message)
+    assert found.frame == DUTCH
+    assert frames == [DUTCH]
