@@ -14,7 +14,7 @@ from rclpy.qos import QoSProfile, qos_profile_sensor_data
 
 from lidar_buildings.ros import qos
 from lidar_buildings.ros.message_types import is_installed, make_message, message_class
-from lidar_buildings.simulation.live import BodyPose, LiveSurvey, Scan
+from lidar_buildings.simulation.live import BodyPose, MovingSurvey, Scan
 from lidar_buildings.simulation.live.messages import LATCHED, ODOMETRY, SCAN, TF, TYPES, LiveMessages, Told
 from lidar_buildings.simulation.live.playing import Pace, PlayReport, ahead
 
@@ -32,7 +32,7 @@ class LivePublisher:
 
     Parameters
     ----------
-    survey : LiveSurvey
+    survey : MovingSurvey
         What is published.
     context : rclpy.Context
         Initialised.
@@ -53,7 +53,7 @@ class LivePublisher:
 
     def __init__(
         self,
-        survey: LiveSurvey,
+        survey: MovingSurvey,
         context: rclpy.Context,
         namespace: str = "",
         *,

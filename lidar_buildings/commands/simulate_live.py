@@ -11,7 +11,7 @@ from typing import Any
 from lidar_buildings.core.model.errors import ParameterError
 from lidar_buildings.simulation import SimulationConfig, make_scene
 from lidar_buildings.simulation.command import NOWHERE, check_folder
-from lidar_buildings.simulation.live import BodyPose, LiveSurvey, Scan, VehicleConfig, drive, fly
+from lidar_buildings.simulation.live import BodyPose, MovingSurvey, Scan, VehicleConfig, drive, fly
 from lidar_buildings.simulation.live.recording import SurveyBag, SurveyFiles
 
 Event = Scan | BodyPose
@@ -60,7 +60,7 @@ def simulate_live_command(options: argparse.Namespace) -> int:
     return 0
 
 
-def survey_of(options: argparse.Namespace) -> LiveSurvey:
+def survey_of(options: argparse.Namespace) -> MovingSurvey:
     """Return the survey that a command line asks for."""
     scene, rate = make_scene(options.scene, options.seed), options.pulse_rate
     if options.scanner == "vehicle":
@@ -73,7 +73,7 @@ def survey_of(options: argparse.Namespace) -> LiveSurvey:
     return fly(scene, options.seed, config, rate)
 
 
-def _announce(options: argparse.Namespace, survey: LiveSurvey) -> None:
+def _announce(options: argparse.Namespace, survey: MovingSurvey) -> None:
     """Print what comes, and the parameters that a reader of it needs."""
     duration = sum(leg.duration for leg in survey.legs)
     print(
@@ -84,14 +84,14 @@ def _announce(options: argparse.Namespace, survey: LiveSurvey) -> None:
     print(f"  a reader needs: {needed}")
 
 
-def _recorded(survey: LiveSurvey, recorders: Iterable[SurveyBag | SurveyFiles]) -> Iterator[Event]:
+def _recorded(survey: MovingSurvey, recorders: Iterable[SurveyBag | SurveyFiles]) -> Iterator[Event]:
     for event in survey.events():
         for recorder in recorders:
             recorder.add(event)
         yield event
 
 
-def _publish(options: argparse.Namespace, survey: LiveSurvey, events: Iterator[Event]) -> None:
+def _publish(options: argparse.Namespace, survey: MovingSurvey, events: Iterator[Event]) -> None:
     """Publish until the survey ends, or a signal ends it."""
     with _ros() as context:
         from lidar_buildings.commands.live_publisher import LivePublisher

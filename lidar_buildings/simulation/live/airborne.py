@@ -14,14 +14,14 @@ from lidar_buildings.core.model.errors import ParameterError
 from lidar_buildings.simulation.config import SimulationConfig
 from lidar_buildings.simulation.flight import TAKE_OFF, Strip, plan_flight
 from lidar_buildings.simulation.las_strips import SCALE
-from lidar_buildings.simulation.live.live_survey import (
+from lidar_buildings.simulation.live.motion import Leg, Sway
+from lidar_buildings.simulation.live.moving_survey import (
     SECOND,
     TAKE_OFF_STAMP,
-    LiveSurvey,
+    MovingSurvey,
     Scan,
     mounting_pose,
 )
-from lidar_buildings.simulation.live.motion import Leg, Sway
 from lidar_buildings.simulation.scanner import DEFAULTS, StripPoints, measured
 from lidar_buildings.simulation.scene import VirtualScene
 from lidar_buildings.simulation.surfaces import surfaces_of
@@ -52,7 +52,7 @@ def fly(
     seed: int = 0,
     config: SimulationConfig = DEFAULTS,
     pulse_rate: float | None = None,
-) -> LiveSurvey:
+) -> MovingSurvey:
     """
     Fly over a scene with a scanner of this pulse rate.
 
@@ -75,7 +75,7 @@ def fly(
         raise ParameterError(f"pulse rate = {pulse_rate}: must be above 0 [1/s]")
     flight = _Flight(scene, seed, config, _timed(plan_flight(scene, config), pulse_rate))
     legs = tuple(_leg(strip) for strip in flight.strips)
-    return LiveSurvey(scene, MOUNTING, legs, POSE_RATE, flight.scans_of)
+    return MovingSurvey(scene, MOUNTING, legs, POSE_RATE, flight.scans_of)
 
 
 class _Flight:

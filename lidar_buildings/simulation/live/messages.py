@@ -10,7 +10,15 @@ import pyproj
 
 from lidar_buildings.core.scans.cloud_layout import DATATYPES
 from lidar_buildings.core.scans.trajectory import Pose
-from lidar_buildings.simulation.live.live_survey import BODY, MAP, SECOND, SENSOR, BodyPose, LiveSurvey, Scan
+from lidar_buildings.simulation.live.moving_survey import (
+    BODY,
+    MAP,
+    SECOND,
+    SENSOR,
+    BodyPose,
+    MovingSurvey,
+    Scan,
+)
 
 SCAN, ODOMETRY, ORIGIN, FIX = "scan", "odometry", "map_origin", "fix"
 TF, TF_STATIC, CLOCK = "/tf", "/tf_static", "/clock"
@@ -46,7 +54,7 @@ class LiveMessages:
 
     Parameters
     ----------
-    survey : LiveSurvey
+    survey : MovingSurvey
         What is told.
     make : callable
         Makes a message of a type from its members.
@@ -57,7 +65,7 @@ class LiveMessages:
     """
 
     def __init__(
-        self, survey: LiveSurvey, make: Callable[..., Any], *, with_tf: bool = True, with_fix: bool = False
+        self, survey: MovingSurvey, make: Callable[..., Any], *, with_tf: bool = True, with_fix: bool = False
     ) -> None:
         self._survey, self._make = survey, make
         self._with_tf, self._with_fix = with_tf, with_fix

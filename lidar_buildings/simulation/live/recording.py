@@ -8,8 +8,8 @@ from pathlib import Path
 from lidar_buildings.io.bags.bag_writer import BagWriter
 from lidar_buildings.io.files.atomic_files import atomic_file
 from lidar_buildings.simulation.las_strips import StripFile
-from lidar_buildings.simulation.live.live_survey import BodyPose, LiveSurvey, Scan
 from lidar_buildings.simulation.live.messages import LATCHED, TYPES, LiveMessages, Told
+from lidar_buildings.simulation.live.moving_survey import BodyPose, MovingSurvey, Scan
 from lidar_buildings.simulation.survey import (
     STRIP_NAME,
     WRITE_ERRORS,
@@ -27,7 +27,7 @@ class SurveyBag:
     ----------
     path : Path
         The folder, which must not be there.
-    survey : LiveSurvey
+    survey : MovingSurvey
         What is written.
     storage, compression : str
         As for `BagWriter`.
@@ -48,7 +48,7 @@ class SurveyBag:
     def __init__(
         self,
         path: Path,
-        survey: LiveSurvey,
+        survey: MovingSurvey,
         storage: str = "mcap",
         compression: str = "",
         *,
@@ -84,7 +84,7 @@ class SurveyFiles:
     ----------
     output : Path
         Folder, made if it is not there.
-    survey : LiveSurvey
+    survey : MovingSurvey
         What is written.
 
     Attributes
@@ -98,7 +98,7 @@ class SurveyFiles:
         If the folder or a file cannot be written.
     """
 
-    def __init__(self, output: Path, survey: LiveSurvey) -> None:
+    def __init__(self, output: Path, survey: MovingSurvey) -> None:
         self.files: list[Path] = []
         self._output, self._scene = output, survey.scene
         self._leg = 0

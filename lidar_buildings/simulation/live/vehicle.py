@@ -12,14 +12,14 @@ from numpy.typing import NDArray
 from lidar_buildings.core.model.errors import ParameterError
 from lidar_buildings.core.model.parameters import StageConfig, parameter
 from lidar_buildings.io.tiling.tile_stamps import gps_time_of
-from lidar_buildings.simulation.live.live_survey import (
+from lidar_buildings.simulation.live.motion import Leg, Sway
+from lidar_buildings.simulation.live.moving_survey import (
     SECOND,
     TAKE_OFF_STAMP,
-    LiveSurvey,
+    MovingSurvey,
     Scan,
     mounting_pose,
 )
-from lidar_buildings.simulation.live.motion import Leg, Sway
 from lidar_buildings.simulation.live.rays import (
     INTENSITY,
     RANGE,
@@ -86,7 +86,7 @@ class VehicleConfig(StageConfig):
 DEFAULTS = VehicleConfig()
 
 
-def drive(scene: VirtualScene, seed: int = 0, config: VehicleConfig = DEFAULTS) -> LiveSurvey:
+def drive(scene: VirtualScene, seed: int = 0, config: VehicleConfig = DEFAULTS) -> MovingSurvey:
     """
     Drive once along each street of a scene.
 
@@ -110,7 +110,7 @@ def drive(scene: VirtualScene, seed: int = 0, config: VehicleConfig = DEFAULTS) 
     for road in scene.roads:
         legs.append(_leg(scene, road, legs, config.speed))
     scanner = _SpinningScanner(scene, seed, config)
-    return LiveSurvey(scene, MOUNTING, tuple(legs), POSE_RATE, scanner.scans_of)
+    return MovingSurvey(scene, MOUNTING, tuple(legs), POSE_RATE, scanner.scans_of)
 
 
 def _leg(scene: VirtualScene, road: Road, before: list[Leg], speed: float) -> Leg:

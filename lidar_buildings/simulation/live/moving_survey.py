@@ -68,7 +68,7 @@ class BodyPose:
 
 
 @dataclass(frozen=True, eq=False)
-class LiveSurvey:
+class MovingSurvey:
     """
     A survey with a scanner on a body that moves.
 
