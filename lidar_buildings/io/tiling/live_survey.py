@@ -172,6 +172,7 @@ class LiveSurvey:
             tile = self._tiles[self._ready.popleft()]
             tile.n_sent = self._store.count_in(tile.near)
             tile.revision += 1
+            self._note(tile, -1)
             return self._store.tile(self._plan(tile), self.config.buffer)
 
     def grown(self, sent: PointTile) -> PointTile | None:
@@ -185,6 +186,7 @@ class LiveSurvey:
                 buffer = min(2 * buffer or self._grid.cell_size, self.config.max_buffer)
                 if self._store.count(plan, buffer) > len(sent):
                     tile.revision += 1
+                    self._note(tile, -1)
                     return self._store.tile(plan, buffer)
             return None
 
@@ -208,9 +210,7 @@ class LiveSurvey:
                 return
             self._under_way.discard(tile.place)
             self._in_flush.discard(tile.place)
-            n_done = tile.n_sent if is_done else -1
-            event = {"tile": tile.place, "stamp": tile.stamp, "revision": tile.revision, "n_done": n_done}
-            self._log.note(event)
+            self._note(tile, tile.n_sent if is_done else -1)
 
     def records(self, number: int) -> Iterable[NDArray[Any]]:
         """Read the points of file `number`, see `POINTS_PER_FILE`, some at a time."""
@@ -230,6 +230,11 @@ class LiveSurvey:
                 self._keep_batch()
             finally:
                 shutil.rmtree(self._cells, ignore_errors=True)
+
+    def _note(self, tile: LiveTile, n_done: int) -> None:
+        """Note which revision was sent or done last, for the next life: it must send a later one."""
+        event = {"tile": tile.place, "stamp": tile.stamp, "revision": tile.revision, "n_done": n_done}
+        self._log.note(event)
 
     def _drop_unchanged(self) -> None:
         """Forget that tiles were touched which have no points that were not sent, or came too often."""

@@ -7,9 +7,10 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
+from lidar_buildings.core.model.stamps import STEP, tile_of
 from lidar_buildings.io.tiling.spool import Cell
 from lidar_buildings.io.tiling.tile_grid import Block, TileGrid
-from lidar_buildings.io.tiling.tile_stamps import STEP, stamp_of_number, stamp_of_time
+from lidar_buildings.io.tiling.tile_stamps import stamp_of_number, stamp_of_time
 
 #: A tile comes again at most so often: its stamps leave room for no more revisions (`ros.stamps`), some of
 #: which it needs to grow.
@@ -80,7 +81,7 @@ class LiveTiles:
 
     def of_stamp(self, stamp: int) -> LiveTile | None:
         """Return the tile of a stamp, whatever the revision."""
-        return self._by_stamp.get(stamp - stamp % STEP)
+        return self._by_stamp.get(tile_of(stamp))
 
     def missing(self, cells: Iterable[Cell]) -> set[Cell]:
         """Return the places of the tiles of some cells that there are not yet."""
