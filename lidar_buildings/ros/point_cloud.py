@@ -123,9 +123,10 @@ def _fields_of(layout: np.dtype[Any]) -> list[PointField]:
 
 def _cast(values: NDArray[Any], dtype: np.dtype[Any]) -> NDArray[Any]:
     """Turn a field's values into our type; what it cannot hold becomes its nearest value, NaN becomes 0."""
-    if dtype.kind == "f" or np.can_cast(values.dtype, dtype):
-        with np.errstate(over="ignore"):
+    with np.errstate(over="ignore", invalid="ignore"):
+        if dtype.kind == "f" or np.can_cast(values.dtype, dtype):
             return values.astype(dtype)
+        whole = values.astype(np.float64)  # float32 rounds the largest uint32 up, beyond it
     limits = np.iinfo(dtype)
-    whole = np.nan_to_num(values, nan=0.0, posinf=limits.max, neginf=limits.min)
+    whole = np.nan_to_num(whole, nan=0.0, posinf=limits.max, neginf=limits.min)
     return np.clip(whole, limits.min, limits.max).astype(dtype)

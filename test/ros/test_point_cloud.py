@@ -8,7 +8,7 @@ from sensor_msgs.msg import PointCloud2, PointField
 
 from lidar_buildings.core.model.errors import InputError
 from lidar_buildings.core.model.tile import COLUMNS, PointTile
-from lidar_buildings.ros.point_cloud import from_message, to_message
+from lidar_buildings.ros.point_cloud import cloud_message, from_message, to_message
 
 NUMBERS = {
     PointField.INT8: "i1",
@@ -224,3 +224,12 @@ def test_an_unknown_datatype_and_a_vector_field_are_refused():
     message.fields[0].count = 3
     with pytest.raises(InputError, match="field x has 3 values a point"):
         from_message(message)
+
+
+def test_the_largest_number_of_a_column_is_held_whatever_float_carries_it():
+    rows = np.zeros((1, 3), [(name, "<f4") for name in ("x", "y", "z", "index", "building_id")])
+    rows["index"] = [1e30, 4294967296.0, -1.0]
+    rows["building_id"] = [np.nan, np.inf, 7.0]
+    tile = from_message(cloud_message(0, rows)).tile
+    assert tile.index.tolist() == [2**32 - 1, 2**32 - 1, 0]
+    assert tile.building_id.tolist() == [0, 2**32 - 1, 7]
