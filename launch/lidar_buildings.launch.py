@@ -122,8 +122,8 @@ def start_nodes(context) -> list:
     names = [name for name in nodes_until("building_model", source) if writes or name != "model_writer"]
     names += ["recorder"] if value("record") else []
     replicas = replicas_of(value("replicas"))
-    if replicas and not value("max_tiles_in_flight"):  # enough for each to have one at work and one waiting
-        own[source]["max_tiles_in_flight"] = min(2 * max(replicas.values()), MOST_IN_FLIGHT)
+    if replicas and not value("max_tiles_in_flight"):  # so many that mostly each has one
+        own[source]["max_tiles_in_flight"] = min(4 * max(replicas.values()), MOST_IN_FLIGHT)
     nodes = {
         name: [
             _node(name, own.get(name, {}), value, (number, replicas.get(name, 1)))
