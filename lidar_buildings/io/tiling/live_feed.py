@@ -65,12 +65,7 @@ class LiveFeed:
 
     is_exhausted = False
 
-    def __init__(
-        self,
-        tiling: LiveTilingConfig,
-        scans: ScanConfig,
-        frame: MapFrame | None = None,
-    ) -> None:
+    def __init__(self, tiling: LiveTilingConfig, scans: ScanConfig, frame: MapFrame | None = None) -> None:
         self.error: Exception | None = None
         self.obstacle = ""
         self.problems: Counter[str] = Counter()
@@ -108,6 +103,8 @@ class LiveFeed:
             if thread.ident is not None:
                 thread.join()
         try:
+            if self._tiling.spool:
+                self._settle_frame(math.inf)
             if self._survey is not None:
                 self._survey.close()
         finally:

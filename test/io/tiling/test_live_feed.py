@@ -118,6 +118,13 @@ def test_a_feed_goes_on_where_it_was_cut_off(tmp_path):
     assert core([again]) == 1000
 
 
+def test_points_that_waited_for_where_the_map_lies_are_kept_when_the_feed_ends(tmp_path):
+    with Running(tmp_path) as run:
+        run.feed.add_scan(scan(T0, points(), frame="map"))
+    with Running(tmp_path) as second:
+        assert core(second.flush()) == 500
+
+
 def test_a_folder_of_other_tiles_is_refused(tmp_path):
     with Running(tmp_path) as run:
         run.feed.add_scan(scan(T0, points(), frame="map"))
