@@ -81,9 +81,11 @@ class LiveSurvey:
         self._cells.mkdir(exist_ok=True)
         self._store = TileStore(self._grid, self.frame, self._cells)
         self._tiles = LiveTiles(self._grid, self.config.buffer)
-        #: Tiles that wait to be sent or to be done; the first of these in their order.
+        #: Tiles that wait to be sent or to be done; the first of these in their order,
+        #: those that come again behind those that nobody has seen.
         self._under_way: set[Cell] = set()
         self._ready: deque[Cell] = deque()
+        self._again: deque[Cell] = deque()
         self._room = TileRoom(self.config.max_tile_points)
         #: Tiles that a flush wants sent, and those that it has sent or found under way.
         self._to_flush: set[Cell] = set()
@@ -161,15 +163,15 @@ class LiveSurvey:
                     self._to_flush.discard(place)
                     self._tiles.changed.discard(place)
                     self._under_way.add(place)
-                    self._ready.append(place)
-            return bool(self._ready)
+                    (self._ready if self._tiles[place].revision < 0 else self._again).append(place)
+            return bool(self._ready or self._again)
 
     def take(self) -> PointTile | None:
-        """Return the tile that is ready for the longest time, None if none is."""
+        """Return the tile that is ready for the longest time, later revisions last; None if none is."""
         with self._lock:
-            if not self._ready:
+            if not self._ready and not self._again:
                 return None
-            tile = self._tiles[self._ready.popleft()]
+            tile = self._tiles[(self._ready or self._again).popleft()]
             tile.n_sent = self._store.count_in(tile.near)
             tile.revision += 1
             self._note(tile, -1)
@@ -204,7 +206,7 @@ class LiveSurvey:
             if tile is None:
                 return
             # a writer that was started anew tells once more of what was done before
-            is_last = stamp - tile.stamp >= tile.revision and tile.place not in self._ready
+            is_last = stamp - tile.stamp >= tile.revision and tile.place not in (*self._ready, *self._again)
             tile.revision = max(tile.revision, stamp - tile.stamp)
             if not is_last:
                 return

@@ -106,6 +106,19 @@ def test_what_is_said_once_more_of_an_earlier_revision_does_not_end_the_next_one
     assert survey.is_flushed
 
 
+def test_a_tile_that_nobody_has_seen_goes_before_one_that_comes_again(survey):
+    survey.add(scan_at(20, 20), 0.0)
+    survey.tick(5.0)
+    (seen,) = tiles_of(survey)
+    survey.finish(seen.stamp)
+    survey.add(scan_at(20, 20, seed=1), 6.0)
+    survey.tick(56.0)
+    survey.add(scan_at(140, 20), 56.0)
+    survey.tick(61.0)
+    first, second = tiles_of(survey)
+    assert (first.stamp % 1000, second.stamp) == (0, seen.stamp + 1)
+
+
 def test_it_comes_again_when_only_its_buffer_has_changed(survey):
     survey.add(scan_at(20, 20), 0.0)
     survey.tick(5.0)
