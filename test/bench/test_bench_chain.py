@@ -15,6 +15,7 @@ from bench.chain.child import PERIOD, Watch, run_child
 from bench.chain.copies import GAP, PAUSE, input_files
 from bench.chain.decoding import decode
 from bench.chain.latency import middle_tile
+from bench.chain.live import Sending, latencies
 from bench.chain.parts import n_compiled
 from bench.chain.process_tree import children_cpu, tree_memory, tree_of
 from bench.chain.stages import Clock
@@ -183,3 +184,20 @@ def test_a_landing_is_appended_from_what_was_kept(tmp_path, monkeypatch, capsys)
     assert text.startswith("# Benchmarks\n\n### A landing\n\nWhole runs")
     assert "| Delft × 1 | 2 | 4 | 800,000 |" in text
     assert "Delft × 1" in capsys.readouterr().out
+
+
+def test_latencies_of_a_feed_count_from_a_tiles_last_point():
+    sendings = [
+        Sending(0, 100, 0.0, 1.0, 3.0),
+        Sending(0, 300, 0.0, 1.0, 2.0),
+        Sending(1, 500, 5.0, 15.0, 16.0),
+    ]
+    found = latencies(sendings)
+    assert found["first"] == {
+        "n": 2,
+        "points": 200,
+        "latency": [2.5, 3.0, 3.0],
+        "of_it_in_the_graph": [1.5, 2.0, 2.0],
+    }
+    assert found["all"]["n"] == 3
+    assert found["all"]["latency"][2] == 11.0

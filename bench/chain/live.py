@@ -1,0 +1,160 @@
+"""
+A virtual scanner's feed through the live graph, in real time: does the graph keep up, and how late is it.
+
+    python -m bench.chain.live [--scene NAME] [--density D] [--pulse-rate N] [--seconds S] [--tile-size M]
+
+`lidar-buildings simulate --live` publishes and `lidar-buildings live` listens, each in processes of its own.
+So many seconds after the graph was started the scanner ends, and the graph finishes. Both share the machine:
+what the scanner takes, the graph lacks. Prints a line of JSON: points that were sent and kept, how long the
+graph still had to work, latencies of tiles from their last point (that of their buffer included) to their
+models on disk, and memory, which must not grow from third to third.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import re
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from bench.chain.process_tree import tree_memory
+
+#: In the child's error output, the line with the latencies.
+_MARK = "LATENCIES "
+_PERIOD = 1.0
+
+
+class Sending(NamedTuple):
+    """One sending of a tile: its revision, points, and seconds of its last point, making and being done."""
+
+    revision: int
+    n_points: int
+    last_point: float
+    made: float
+    done: float
+
+
+def main() -> None:
+    """Measure, and print the figures."""
+    parser = argparse.ArgumentParser(description=__doc__.split("\n\n")[0])
+    parser.add_argument("--scene", default="city")
+    parser.add_argument("--density", default="8")
+    parser.add_argument("--pulse-rate", default="70000")
+    parser.add_argument("--seconds", type=float, default=120.0)
+    parser.add_argument("--tile-size", type=float)
+    print(json.dumps(measure(parser.parse_args())))
+
+
+def measure(options: argparse.Namespace) -> dict[str, Any]:
+    """Let a scanner and the graph run side by side, and return the figures."""
+    os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+    scene = ["--scene", options.scene, "--density", options.density, "--pulse-rate", options.pulse_rate]
+    command = [sys.executable, "-m", "lidar_buildings.cli", "simulate", "--live", "--reliable", *scene]
+    with tempfile.TemporaryDirectory() as folder, open(Path(folder) / "log", "w+") as log:
+        # an own line of the scanner says what its reader needs
+        scanner = subprocess.Popen([*command, "--wait"], stdout=subprocess.PIPE, text=True)
+        needs = re.findall(r"--set (\S+)", _line_with(scanner, "a reader needs"))
+        if options.tile_size:
+            needs.append(f"scan_assembler.tile_size={options.tile_size}")
+        words = [word for one in needs for word in ("--set", one)]
+        child = [sys.executable, "-m", "bench.chain.live", "--child", str(Path(folder) / "out"), *words]
+        graph = subprocess.Popen(child, stderr=log)
+        memory = _watch(scanner, graph, options.seconds)
+        report = scanner.communicate()[0]
+        graph.send_signal(signal.SIGINT)
+        begin = time.perf_counter()
+        graph.wait()
+        seconds_after = time.perf_counter() - begin
+        log.seek(0)
+        told = next(line for line in log if line.startswith(_MARK))
+        sendings = [Sending(*one) for one in json.loads(told.removeprefix(_MARK))]
+        record = json.loads((Path(folder) / "out" / "run.json").read_text())
+    thirds = [round(float(np.mean(part)) / 1e6) for part in np.array_split(memory, 3)]
+    return {
+        "scanner": next(line for line in report.splitlines() if " points in " in line),
+        "n_points": record["n_points"],
+        "buildings": record["buildings"],
+        "seconds_after": round(seconds_after, 1),
+        **latencies(sendings),
+        "memory_MB": {"most": round(max(memory) / 1e6), "thirds": thirds},
+    }
+
+
+def latencies(sendings: list[Sending]) -> dict[str, Any]:
+    """Return quantiles of the latencies of tiles that were sent for the first time, and of all."""
+    kinds = {"first": [one for one in sendings if one.revision == 0], "all": sendings}
+    return {name: _quantiles(ones) for name, ones in kinds.items() if ones}
+
+
+def _quantiles(sendings: list[Sending]) -> dict[str, Any]:
+    late = np.array([one.done - one.last_point for one in sendings])
+    working = np.array([one.done - one.made for one in sendings])
+    return {
+        "n": len(sendings),
+        "points": int(np.median([one.n_points for one in sendings])),
+        "latency": [round(float(one), 1) for one in np.quantile(late, [0.5, 0.95, 1.0])],
+        "of_it_in_the_graph": [round(float(one), 1) for one in np.quantile(working, [0.5, 0.95, 1.0])],
+    }
+
+
+def _line_with(process: subprocess.Popen[str], words: str) -> str:
+    lines = iter(process.stdout.readline, "") if process.stdout else iter(())
+    return next(line for line in lines if words in line)
+
+
+def _watch(scanner: subprocess.Popen[str], graph: subprocess.Popen[bytes], seconds: float) -> list[int]:
+    """Note the graph's memory until the scanner ends, or has had its time."""
+    end, memory = None, []
+    while scanner.poll() is None:
+        memory.append(tree_memory(graph.pid))
+        if end is None and memory[-1] > 0:
+            end = time.monotonic() + seconds
+        if end is not None and time.monotonic() >= end:
+            scanner.send_signal(signal.SIGINT)
+            end = float("inf")
+        time.sleep(_PERIOD)
+    return memory
+
+
+def _child(output: str, words: list[str]) -> int:
+    """Run `lidar-buildings live`, and say on stderr when each tile was sent and done."""
+    from lidar_buildings.cli import main as command
+    from lidar_buildings.io.tiling.live_survey import LiveSurvey
+
+    take, finish = LiveSurvey.take, LiveSurvey.finish
+    under_way: dict[int, list[Any]] = {}
+    sendings: list[list[Any]] = []
+
+    def noted_take(self: LiveSurvey) -> Any:
+        tile = take(self)
+        if tile is not None:
+            own = self._tiles.of_stamp(tile.stamp)
+            last = self._tiles.last_touched(own)
+            under_way[own.stamp] = [own.revision, len(tile), last, time.monotonic()]
+        return tile
+
+    def noted_finish(self: LiveSurvey, stamp: int, *, is_done: bool = True) -> None:
+        own = self._tiles.of_stamp(stamp)
+        finish(self, stamp, is_done=is_done)
+        if own is not None and own.place not in self._under_way and own.stamp in under_way:
+            sendings.append([*under_way.pop(own.stamp), time.monotonic()])
+
+    LiveSurvey.take, LiveSurvey.finish = noted_take, noted_finish  # type: ignore[method-assign]
+    status = command(["live", "--output", output, "--reliable", *words])
+    print(_MARK + json.dumps(sendings), file=sys.stderr)
+    return status
+
+
+if __name__ == "__main__":
+    if sys.argv[1:2] == ["--child"]:
+        raise SystemExit(_child(sys.argv[2], sys.argv[3:]))
+    main()
