@@ -77,6 +77,7 @@ def _low_slopes(
 ) -> NDArray[np.float64]:
     """Return the slopes of planes through the low ones of the kept points, as far as they explain these."""
     is_known = kept.sum(axis=1) >= MIN_BLOCKS
+    kept = kept | ~is_known[:, None]  # a row without any has no mean; what is not known is 0 in the end
     plane = _planes(x, y, z, kept)
     for _ in range(MAX_PASSES):
         above = z - (plane[2] + plane[0] * x + plane[1] * y)
