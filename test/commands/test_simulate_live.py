@@ -153,7 +153,7 @@ def test_a_subscriber_hears_all_of_it_in_real_time(command, tmp_path, origin):
 def test_a_signal_ends_it_and_leaves_a_whole_bag_and_whole_files(tmp_path, number):
     pytest.importorskip("rclpy")
     use_own_domain()
-    slow = ("--scene", "single_house", "--density", "50", "--pulse-rate", "2000", "--live", "--no-wait")
+    slow = ("--scene", "single_house", "--density", "50", "--pulse-rate", "20000", "--live", "--no-wait")
     to = ("--bag", str(tmp_path / "bag"), "--output", str(tmp_path / "out"))
     process = subprocess.Popen(
         [sys.executable, "-m", "lidar_buildings.cli", "simulate", *slow, *to],

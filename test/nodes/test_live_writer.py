@@ -68,8 +68,12 @@ def test_while_it_makes_files_the_writer_says_that_it_is_at_work(live):
         String, TOPIC, lambda message: receipts.append(receipt_of(message)), LATCHED_EVENT
     )
     call(other, "save")
-    wait_until(lambda: receipts and receipts[-1].state == DONE)
-    assert [one.state for one in receipts if one.node == "model_writer"][-2:] == [TAKEN, DONE]
+
+    def of_writer():
+        return [one.state for one in receipts if one.node == "model_writer"]
+
+    wait_until(lambda: of_writer()[-1:] == [DONE])
+    assert of_writer()[-2:] == [TAKEN, DONE]
 
 
 def test_at_the_end_of_the_survey_files_are_made_and_the_writer_goes_on(live, tmp_path):
