@@ -38,7 +38,7 @@ _MOST_PROBLEMS = 100
 
 class LiveFeed:
     """
-    Takes messages, of rclpy or of a bag, and gives out tiles.
+    Takes messages and gives out tiles.
 
     Parameters
     ----------
@@ -186,6 +186,9 @@ class LiveFeed:
         next_tick = time.monotonic()
         try:
             while not (self._stopping.is_set() and self._inbox.empty()):
+                if self.obstacle and not self._stopping.wait(_TICK):
+                    self._try(self._tick, None)  # what comes waits in the inbox, which has its bound
+                    continue
                 with suppress(queue.Empty):
                     work, message, n_points = self._inbox.get(timeout=_TICK)
                     self._try(work, message)
@@ -202,8 +205,7 @@ class LiveFeed:
         try:
             work(message)
         except MessageError as error:
-            if len(self.problems) < _MOST_PROBLEMS:
-                self.problems[str(error)] += 1
+            self.problems[str(error) if len(self.problems) < _MOST_PROBLEMS else "more"] += 1
         except OutputError as error:
             self.obstacle = str(error)
 
@@ -232,19 +234,18 @@ class LiveFeed:
 
     def _settle_frame(self, now: float) -> None:
         """Begin to keep points once it is settled where the map lies."""
-        if self._survey is not None or not self._early:
+        if not self._early:
             return
-        n_points = sum(len(scan.points) for scan in self._early)
-        given = self._search.settled(self._placer, now, n_points)
-        if given is None:
-            return
-        frame = moved_origin(given, self._early[0].points[0])
-        self._open(given, frame)
-        record_frame(self.folder, self._tiling, given, frame)
-        early, self._early = self._early, []
-        for scan in early:
-            self._keep(scan)
-        self._wake()
+        if self._survey is None:
+            n_points = sum(len(scan.points) for scan in self._early)
+            given = self._search.settled(self._placer, now, n_points)
+            if given is None:
+                return
+            frame = moved_origin(given, self._early[0].points[0])
+            record_frame(self.folder, self._tiling, given, frame)
+            self._open(given, frame)
+        while self._early:
+            self._keep(self._early.pop(0))
 
     def _open(self, given: MapFrame, frame: MapFrame) -> None:
         """Begin to keep points: scans lie in the given frame, tiles in the other."""
@@ -259,7 +260,6 @@ class LiveFeed:
             self._is_flushing = True
         else:
             self.n_flushed += 1
-            self._wake()
 
     def _reset(self, _: None) -> None:
         self._placer, self._early = ScanPlacer(self._scans), []
@@ -275,16 +275,19 @@ class LiveFeed:
             while not self._stopping.is_set():
                 self._has_work.wait()
                 self._has_work.clear()
-                while self._survey is not None and (tile := self._survey.take()) is not None:
-                    if not self._put(tile):
-                        return
-                if self._is_flushing and self._survey is not None and self._survey.is_flushed:
-                    write_placed_points(self._survey, self.folder)
-                    self._is_flushing = False
-                    self.n_flushed += 1
-                    self._wake()
+                self._try(self._make, None)  # with a full disk again at the next tick
         except Exception as error:
             self.error = error
+            self._wake()
+
+    def _make(self, _: None) -> None:
+        while self._survey is not None and (tile := self._survey.take()) is not None:
+            if not self._put(tile):
+                return
+        if self._is_flushing and self._survey is not None and self._survey.is_flushed:
+            write_placed_points(self._survey, self.folder)
+            self._is_flushing = False
+            self.n_flushed += 1
             self._wake()
 
     def _put(self, tile: PointTile) -> bool:

@@ -33,6 +33,7 @@ def record_frame(folder: Path, tiling: LiveTilingConfig, given: MapFrame, frame:
     OutputError
         If it cannot be written.
     """
+    folder.mkdir(parents=True, exist_ok=True)
     with atomic_file(folder / _SURVEY) as temporary:
         temporary.write_text(json.dumps(_identity(tiling) | {"given": asdict(given), "frame": asdict(frame)}))
 

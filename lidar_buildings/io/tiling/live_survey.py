@@ -20,14 +20,12 @@ from lidar_buildings.io.tiling.live_config import LiveTilingConfig
 from lidar_buildings.io.tiling.live_tile import MOST_REVISIONS, LiveTile, LiveTiles
 from lidar_buildings.io.tiling.point_log import PointLog, records_of
 from lidar_buildings.io.tiling.spool import Cell
-from lidar_buildings.io.tiling.tile_grid import Rectangle, TileGrid
+from lidar_buildings.io.tiling.tile_grid import TileGrid
 from lidar_buildings.io.tiling.tile_room import TileRoom
 from lidar_buildings.io.tiling.tile_store import TilePlan, TileStore
 
 #: Points of a file when they are written as LAZ; `index` counts them anew in each.
 POINTS_PER_FILE = 5_000_000
-#: A tile that comes again waits so many times as long: single far points would repeat it.
-AGAIN = 10.0
 #: Points that are written together: fewer open each cell's file more often.
 _BATCH = 50_000
 _CELLS = "cells"
@@ -80,7 +78,7 @@ class LiveSurvey:
         """Be empty."""
         self._cells.mkdir(exist_ok=True)
         self._store = TileStore(self._grid, self.frame, self._cells)
-        self._tiles = LiveTiles(self._grid, self.config.buffer)
+        self._tiles = LiveTiles(self._grid, self.config)
         #: Tiles that wait to be sent or to be done; the first of these in their order,
         #: those that come again behind those that nobody has seen.
         self._under_way: set[Cell] = set()
@@ -91,6 +89,8 @@ class LiveSurvey:
         self._to_flush: set[Cell] = set()
         self._in_flush: set[Cell] = set()
         self._batch: list[PlacedScan] = []
+        #: What is kept of scans and could not be written yet.
+        self._unwritten: list[NDArray[Any]] = []
         self._arrived = -math.inf
         self._sensor: NDArray[np.float64] | None = None
 
@@ -107,7 +107,7 @@ class LiveSurvey:
     @property
     def n_waiting(self) -> int:
         """Tiles, roughly, that have points which are not sent, or not done; 0 if there is none."""
-        return len(self._tiles.changed) + len(self._under_way) + bool(self._batch)
+        return len(self._tiles.changed) + len(self._under_way) + bool(self._batch or self._unwritten)
 
     def add(self, scan: PlacedScan, now: float) -> None:
         """
@@ -128,7 +128,8 @@ class LiveSurvey:
         with self._lock:
             self._batch.append(scan)
             self._arrived = now
-            self._sensor = self._sensor if scan.sensor is None else scan.sensor
+            if scan.sensor is not None:
+                self._sensor = scan.sensor + np.array(self.frame.origin)
             if sum(len(one.points) for one in self._batch) >= _BATCH:
                 self._keep_batch()
 
@@ -158,7 +159,7 @@ class LiveSurvey:
             self._keep_batch()
             self._drop_unchanged()
             for place in sorted(self._tiles.changed - self._under_way):
-                if place in self._to_flush or self._is_left(self._tiles[place], now):
+                if place in self._to_flush or self._tiles.is_left(place, now, self._sensor):
                     self._in_flush |= self._to_flush & {place}
                     self._to_flush.discard(place)
                     self._tiles.changed.discard(place)
@@ -167,14 +168,23 @@ class LiveSurvey:
             return bool(self._ready or self._again)
 
     def take(self) -> PointTile | None:
-        """Return the tile that is ready for the longest time, later revisions last; None if none is."""
+        """
+        Return the tile that is ready for the longest time, later revisions last; None if none is.
+
+        Raises
+        ------
+        OutputError
+            If the disk is full; the tile stays ready.
+        """
         with self._lock:
             if not self._ready and not self._again:
                 return None
-            tile = self._tiles[(self._ready or self._again).popleft()]
+            waiting = self._ready or self._again
+            tile = self._tiles[waiting[0]]
+            self._note(tile, tile.revision + 1, -1)
+            waiting.popleft()
             tile.n_sent = self._store.count_in(tile.near)
             tile.revision += 1
-            self._note(tile, -1)
             return self._store.tile(self._plan(tile), self.config.buffer)
 
     def grown(self, sent: PointTile) -> PointTile | None:
@@ -188,7 +198,7 @@ class LiveSurvey:
                 buffer = min(2 * buffer or self._grid.cell_size, self.config.max_buffer)
                 if self._store.count(plan, buffer) > len(sent):
                     tile.revision += 1
-                    self._note(tile, -1)
+                    self._note(tile, tile.revision, -1)
                     return self._store.tile(plan, buffer)
             return None
 
@@ -212,7 +222,7 @@ class LiveSurvey:
                 return
             self._under_way.discard(tile.place)
             self._in_flush.discard(tile.place)
-            self._note(tile, tile.n_sent if is_done else -1)
+            self._note(tile, tile.revision, tile.n_sent if is_done else -1)
 
     def records(self, number: int) -> Iterable[NDArray[Any]]:
         """Read the points of file `number`, see `POINTS_PER_FILE`, some at a time."""
@@ -233,9 +243,9 @@ class LiveSurvey:
             finally:
                 shutil.rmtree(self._cells, ignore_errors=True)
 
-    def _note(self, tile: LiveTile, n_done: int) -> None:
+    def _note(self, tile: LiveTile, revision: int, n_done: int) -> None:
         """Note which revision was sent or done last, for the next life: it must send a later one."""
-        event = {"tile": tile.place, "stamp": tile.stamp, "revision": tile.revision, "n_done": n_done}
+        event = {"tile": tile.place, "stamp": tile.stamp, "revision": revision, "n_done": n_done}
         self._log.note(event)
 
     def _drop_unchanged(self) -> None:
@@ -247,22 +257,25 @@ class LiveSurvey:
                 self._to_flush.discard(place)
 
     def _keep_batch(self) -> None:
-        """Write what has come."""
-        if not self._batch:
-            return
-        records = np.concatenate([records_of(scan) for scan in self._batch])
-        places = self._cells_of(records) // self._grid.cells_per_side
-        kept, left_out = self._room.chosen(records, places)
-        numbers = np.arange(self._log.count, self._log.count + len(kept))
-        kept["source"], kept["index"] = np.divmod(numbers, POINTS_PER_FILE)
-        self._log.append(kept)
-        try:
-            self._keep(kept, self._arrived)
-        except Exception:
-            self._log.take_back(len(kept))
-            raise
-        self.left_out += left_out
-        self._batch.clear()
+        """Write what has come; what is left out of it is chosen once, however often writing is tried."""
+        if self._batch:
+            records = np.concatenate([records_of(scan) for scan in self._batch])
+            places = self._cells_of(records) // self._grid.cells_per_side
+            chosen, left_out = self._room.chosen(records, places)
+            self.left_out += left_out
+            self._unwritten.append(chosen)
+            self._batch.clear()
+        while self._unwritten:
+            kept = self._unwritten[0]
+            numbers = np.arange(self._log.count, self._log.count + len(kept))
+            kept["source"], kept["index"] = np.divmod(numbers, POINTS_PER_FILE)
+            self._log.append(kept)
+            try:
+                self._keep(kept, self._arrived)
+            except Exception:
+                self._log.take_back(len(kept))
+                raise
+            self._unwritten.pop(0)
 
     def _keep(self, records: NDArray[Any], now: float) -> None:
         """Put records into their cells, and note which tiles they touch."""
@@ -279,17 +292,6 @@ class LiveSurvey:
         """Return the cells of records: by what is written, so that it is the same when it is read again."""
         x, y = (records[axis].astype(np.float64) + self.frame.origin[k] for k, axis in enumerate("xy"))
         return self._grid.cells_at(np.column_stack([x, y]))
-
-    def _is_left(self, tile: LiveTile, now: float) -> bool:
-        """Whether the sensor has left a tile."""
-        waits = self.config.leave_after * (1.0 if tile.revision < 0 else AGAIN)
-        if now - self._tiles.last_touched(tile) >= waits:
-            return True
-        if tile.revision >= 0 or self._sensor is None or not self.config.leave_distance:
-            return False
-        area = self._store.local_area(self._plan(tile), self.config.buffer)
-        x, y = self._sensor[:2]
-        return not area.grown(self.config.leave_distance).touches(Rectangle(x, y, x, y))
 
     def _plan(self, tile: LiveTile) -> TilePlan:
         """Return what a tile is made of now."""

@@ -7,14 +7,20 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from lidar_buildings.core.model.stamps import STEP, tile_of
+from lidar_buildings.io.tiling.live_config import LiveTilingConfig
 from lidar_buildings.io.tiling.spool import Cell
-from lidar_buildings.io.tiling.tile_grid import Block, TileGrid
+from lidar_buildings.io.tiling.tile_grid import Block, Rectangle, TileGrid
 from lidar_buildings.io.tiling.tile_stamps import stamp_of_number, stamp_of_time
 
 #: A tile comes again at most so often: its stamps leave room for no more revisions (`ros.stamps`), some of
 #: which it needs to grow.
 MOST_REVISIONS = 900
+#: A tile that comes again waits so many times as long: single far points would repeat it.
+AGAIN = 10.0
 
 
 @dataclass(eq=False)
@@ -54,8 +60,8 @@ class LiveTiles:
     ----------
     grid : TileGrid
         Where tiles and spool cells lie.
-    buffer : float
-        Width of the strip of neighbours that comes with a tile [m].
+    config : LiveTilingConfig
+        How wide buffers are, and how long tiles are waited for.
 
     Attributes
     ----------
@@ -63,9 +69,9 @@ class LiveTiles:
         Places of the tiles that have seen points since they were looked at.
     """
 
-    def __init__(self, grid: TileGrid, buffer: float) -> None:
+    def __init__(self, grid: TileGrid, config: LiveTilingConfig) -> None:
         self._grid = grid
-        self._buffer = buffer
+        self._config = config
         self._by_place: dict[Cell, LiveTile] = {}
         self._by_stamp: dict[int, LiveTile] = {}
         self._touched: dict[Cell, float] = {}
@@ -90,7 +96,7 @@ class LiveTiles:
     def make(self, place: Cell, gps_time: float) -> None:
         """Make a tile of which the first point has come; neighbours' points may have come before."""
         block = self._grid.block_of(place)
-        near = tuple(self._grid.cells_touching(self._grid.area_of(block).buffered(self._buffer)))
+        near = tuple(self._grid.cells_touching(self._grid.area_of(block).buffered(self._config.buffer)))
         stamp = stamp_of_time(gps_time, is_standard=True) or stamp_of_number(len(self) + 1)
         tile = LiveTile(place, self._free(stamp), block, near)
         self._by_place[place] = self._by_stamp[tile.stamp] = tile
@@ -98,7 +104,7 @@ class LiveTiles:
     def touch(self, cells: Iterable[Cell], now: float) -> None:
         """Note that points fell into cells."""
         k = self._grid.cells_per_side
-        reach = math.ceil(self._buffer / self._grid.cell_size) + 1
+        reach = math.ceil(self._config.buffer / self._grid.cell_size) + 1
         for cell in cells:
             self._touched[cell] = now
             columns, rows = (range((one - reach) // k, (one + reach) // k + 1) for one in cell)
@@ -108,6 +114,16 @@ class LiveTiles:
     def last_touched(self, tile: LiveTile) -> float:
         """Return when a point has fallen into a tile or its buffer last."""
         return max((self._touched.get(cell, -math.inf) for cell in tile.near), default=-math.inf)
+
+    def is_left(self, place: Cell, now: float, sensor: NDArray[np.float64] | None) -> bool:
+        """Whether the sensor, at a source's position [m] if that is known, has left a tile."""
+        config, tile = self._config, self._by_place[place]
+        if now - self.last_touched(tile) >= config.leave_after * (1.0 if tile.revision < 0 else AGAIN):
+            return True
+        if tile.revision >= 0 or sensor is None or not config.leave_distance:
+            return False
+        area = self._grid.area_of(tile.block).buffered(config.buffer).grown(config.leave_distance)
+        return not area.touches(Rectangle(*sensor[:2], *sensor[:2]))
 
     def take_up(self, last: dict[Cell, dict[str, Any]]) -> None:
         """Give tiles the stamps and revisions that they had in an earlier life."""

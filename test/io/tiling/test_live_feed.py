@@ -151,6 +151,25 @@ def test_what_cannot_be_read_is_told_and_the_rest_goes_on():
     assert any("bytes of data" in problem for problem in run.feed.problems)
 
 
+def test_a_disk_that_is_full_for_a_while_loses_nothing_and_ends_nothing(tmp_path, monkeypatch):
+    record, refused = live_feed.record_frame, threading.Event()
+
+    def full(*given):
+        if refused.is_set():
+            return record(*given)
+        refused.set()
+        raise OutputError("no space left")
+
+    monkeypatch.setattr(live_feed, "record_frame", full)
+    with Running(tmp_path) as run:
+        run.feed.add_scan(scan(T0, points(), frame="map"))
+        run.feed.add_frame(MapFrame("EPSG:28992"))
+        assert refused.wait(60.0)
+        run.feed.add_scan(scan(T0 + 1, points(400, seed=1), frame="map"))
+        assert core(run.flush()) == 900
+        assert run.feed.obstacle == ""
+
+
 def test_scans_without_any_pose_are_counted_at_the_end():
     with Running() as run:
         run.feed.add_scan(scan(T0, points()))

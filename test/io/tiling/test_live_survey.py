@@ -291,6 +291,43 @@ def test_of_a_crowded_tile_points_near_others_are_left_out(tmp_path, monkeypatch
     assert len(voxels) >= 0.9 * (2 / VOXEL) * (5 / VOXEL), "the wall is covered"
 
 
+def test_of_a_crowded_tile_nothing_is_left_out_for_a_disk_that_was_full(tmp_path, monkeypatch):
+    config = LiveTilingConfig(tile_size=SIDE, buffer=6.0, max_tile_points=1000)
+    survey = LiveSurvey(config, FRAME, tmp_path)
+    survey.add(scan_at(20, 20, 600), 0.0)
+    survey.tick(0.0)
+    survey.add(scan_at(30, 30, 100, spread=4.0), 0.0)
+    write = point_log.append_records
+
+    def full(*_):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(point_log, "append_records", full)
+    for _ in range(2):
+        with pytest.raises(OutputError):
+            survey.tick(0.0)
+    monkeypatch.setattr(point_log, "append_records", write)
+    survey.tick(0.0)
+    assert survey.n_points + survey.left_out[CROWDED] == 700
+    assert survey.n_points > 690
+
+
+def test_a_tile_that_cannot_be_noted_stays_ready(survey, monkeypatch):
+    survey.add(scan_at(20, 20), 0.0)
+    survey.tick(5.0)
+    note = survey._log.note
+
+    def full(_):
+        raise OutputError("full")
+
+    monkeypatch.setattr(survey._log, "note", full)
+    with pytest.raises(OutputError):
+        survey.take()
+    monkeypatch.setattr(survey._log, "note", note)
+    (tile,) = tiles_of(survey)
+    assert tile.stamp % 1000 == 0
+
+
 def test_reset_forgets_all(survey, tmp_path):
     survey.add(scan_at(20, 20), 0.0)
     survey.tick(5.0)
