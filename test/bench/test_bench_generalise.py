@@ -1,0 +1,48 @@
+import numpy as np
+import pytest
+
+from bench.common.clouds import Cloud
+from bench.generalise import ground, run
+from bench.generalise.disturbances import KINDS, disturbances
+from bench.generalise.figures import Score, figures_of, worst_tenth
+
+CHANCE = np.random.default_rng(5)
+POINTS = CHANCE.uniform(0.0, 100.0, (4000, 3))
+TIMES = np.repeat(np.arange(2000.0), 2)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_disturbed_points_are_the_clouds_own_wherever_they_were_moved(kind):
+    for one in disturbances(POINTS, {"gps_time": TIMES}, kinds=[kind]):
+        away = np.abs(one.points - one.moved(POINTS[one.rows])).max()
+        assert away < (0.2 if kind == "noisy" else 1e-9)
+        assert len(np.unique(one.rows)) == len(one.rows) >= 50
+        for name, column in one.columns.items():
+            assert (column == {"gps_time": TIMES}[name][one.rows]).all()
+
+
+def test_disturbances_are_the_same_whichever_others_are_drawn():
+    alone = list(disturbances(POINTS, kinds=["discs"]))
+    among = [one for one in disturbances(POINTS) if one.kind == "discs"]
+    assert [one.rows.tolist() for one in alone] == [one.rows.tolist() for one in among]
+
+
+def test_thinning_keeps_or_drops_all_returns_of_a_pulse():
+    (half,) = disturbances(POINTS, {"gps_time": TIMES}, kinds=["half"])
+    assert (np.unique(half.columns["gps_time"], return_counts=True)[1] == 2).all()
+    assert 0.4 < len(half.rows) / len(POINTS) < 0.6
+
+
+def test_the_worst_tenth_is_that_of_the_figures_sense():
+    values = np.arange(1.0, 21.0)
+    assert worst_tenth(values) == 19.5
+    assert worst_tenth(values, higher_is_better=True) == 1.5
+    assert figures_of([Score("a", "half", 0.1), Score("b", "half", float("nan"))])[0] == "1"
+
+
+def test_the_command_prints_a_line_per_disturbance(capsys, monkeypatch):
+    cloud = Cloud(POINTS * [1.0, 1.0, 0.001], {}, np.ones(len(POINTS), dtype=bool))
+    monkeypatch.setattr(ground, "read_clouds", lambda data, names: {"flat": cloud})
+    run.main(["--parts", "ground", "--quick"])
+    lines = capsys.readouterr().out.splitlines()
+    assert [line.split()[1] for line in lines[3:-1]] == ["plain", *KINDS, "all"]
