@@ -5,8 +5,8 @@ What disturbances cost: every part of the chain on known clouds as if they had b
                                    [--methods METHOD ...] [--set NAME=VALUE ...] [--data DIR]
 
 Prints per part and kind of disturbance (`disturbances`: random windows, strips and discs without points,
-thinned, turned, moved, stretched, 3 cm noise, other scan patterns) the mean and the mean of the worst tenth. These are
-the figures that constants and rules are chosen by; the plain clouds come first, for comparison.
+thinned, turned, moved, stretched, 3 cm noise, other scan patterns) the mean and the mean of the worst tenth.
+These are the figures that constants and rules are chosen by; the plain clouds come first, for comparison.
 """
 
 from __future__ import annotations
