@@ -20,8 +20,15 @@ SHARED = PathJoinSubstitution([FindPackageShare(PACKAGE), "config"])
 #: Arguments that, where given, win over the parameter file.
 #: As many tiles as the player lets into the graph at most.
 MOST_IN_FLIGHT = 8
-_OF_BOTH = {"tile_size": float, "max_tiles_in_flight": int, "tile_timeout": float}
-SOURCE_ARGUMENTS = {"tile_player": _OF_BOTH | {"rate": float}, "scan_assembler": _OF_BOTH | {"mounting": str}}
+_OF_BOTH = {
+    "tile_size": float,
+    "max_tiles_in_flight": int,
+    "tile_timeout": float,
+    "mounting": str,
+    "georeferenced": lambda word: word.lower() == "true",
+}
+_OF_BAGS = {"topic": str, "odometry": str, "start": float, "duration": float}
+SOURCE_ARGUMENTS = {"tile_player": _OF_BOTH | _OF_BAGS | {"rate": float}, "scan_assembler": _OF_BOTH}
 #: Topics of a feed that may have other names.
 FEED_TOPICS = ("scan", "odometry")
 
@@ -35,10 +42,20 @@ ARGUMENTS = (
     DeclareLaunchArgument(
         "input",
         default_value="",
-        description="LAS, LAZ or COPC file, folder or glob; several joined by ':'. None of a live feed.",
+        description="LAS, LAZ or COPC file, folder or glob, bag; several joined by ':'. None of a live feed.",
     ),
     DeclareLaunchArgument("scan", default_value="scan", description="Topic of the scans of a live feed."),
-    DeclareLaunchArgument("odometry", default_value="odometry", description="Topic of its poses."),
+    DeclareLaunchArgument(
+        "odometry",
+        default_value="",
+        description="Topic of the poses; empty: odometry of a live feed, the only one of a bag.",
+    ),
+    DeclareLaunchArgument("topic", default_value="", description="Topic of a bag's scans, if several."),
+    DeclareLaunchArgument("start", default_value="", description="Begin so late in a bag [s]."),
+    DeclareLaunchArgument("duration", default_value="", description="Read so much of a bag [s]."),
+    DeclareLaunchArgument(
+        "georeferenced", default_value="", description="true: scans are in the map already, without poses."
+    ),
     DeclareLaunchArgument(
         "mounting",
         default_value="",
@@ -159,7 +176,7 @@ def _node(name: str, parameters: dict, value, share: tuple) -> Node:
         name=f"{name}_{number}" if n_replicas > 1 else name,
         namespace=value("namespace"),
         parameters=[value("params_file"), own],
-        remappings=[(topic, value(topic)) for topic in FEED_TOPICS] if name == "scan_assembler" else [],
+        remappings=[(one, value(one)) for one in FEED_TOPICS if name == "scan_assembler" and value(one)],
         arguments=["--ros-args", "--log-level", value("log_level")],
         respawn=value("respawn").lower() == "true" and name not in ("model_writer", "recorder"),
         respawn_delay=1.0,

@@ -70,12 +70,7 @@ def _add_run(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--odometry", metavar="NAME", help="bags: topic of the poses (default: the only one; else /tf)"
     )
-    parser.add_argument(
-        "--start", type=float, default=0.0, metavar="S", help="bags: begin so many seconds after their start"
-    )
-    parser.add_argument(
-        "--duration", type=float, default=0.0, metavar="S", help="bags: read so many seconds (default: all)"
-    )
+    _add_part_of_bag(parser)
     parser.add_argument(
         "--georeferenced", action="store_true", help="bags: the scans are in the map already, without poses"
     )
@@ -112,6 +107,15 @@ def _run(options: argparse.Namespace) -> int:
     return run_command(options)
 
 
+def _add_part_of_bag(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "--start", type=float, metavar="S", help="bags: begin so many seconds after their start"
+    )
+    parser.add_argument(
+        "--duration", type=float, metavar="S", help="bags: read so many seconds (default: all)"
+    )
+
+
 def _add_settings(parser: argparse.ArgumentParser) -> None:
     """Add what files and feeds have in common."""
     parser.add_argument(
@@ -132,8 +136,25 @@ def _add_settings(parser: argparse.ArgumentParser) -> None:
 
 def _add_live(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--output", required=True, type=Path, metavar="DIR", help="folder for the results")
-    parser.add_argument("--scan", metavar="TOPIC", help="the scans, PointCloud2 (default: scan)")
-    parser.add_argument("--odometry", metavar="TOPIC", help="the poses (default: odometry; /tf beside it)")
+    parser.add_argument(
+        "--scan",
+        dest="topic",
+        metavar="TOPIC",
+        help="the scans (default: scan; a bag's only one)",
+    )
+    parser.add_argument(
+        "--odometry", metavar="TOPIC", help="the poses (default: odometry; a bag's only one; /tf beside it)"
+    )
+    parser.add_argument(
+        "--replay", type=Path, metavar="BAG", help="play a bag instead of listening, and end with it"
+    )
+    parser.add_argument(
+        "--rate",
+        type=float,
+        metavar="R",
+        help="play at R times the recorded speed (default: 1; 0: at once)",
+    )
+    _add_part_of_bag(parser)
     parser.add_argument(
         "--reliable", action="store_true", help="have lost scans sent again: their publisher must be reliable"
     )
@@ -146,7 +167,6 @@ def _add_live(parser: argparse.ArgumentParser) -> None:
         tile_size=None,
         georeferenced=False,
         no_ros=False,
-        rate=None,
         footprints=None,
         footprints_layer=None,
         footprint_id=None,

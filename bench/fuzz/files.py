@@ -19,7 +19,8 @@ from rosbags.typesys import Stores, get_typestore
 
 from lidar_buildings.commands.settings import read_settings
 from lidar_buildings.core.scans.config import ScanConfig
-from lidar_buildings.io.bags.placed_cloud import BagChoice, write_placed
+from lidar_buildings.io.bags.bag_config import BagConfig
+from lidar_buildings.io.bags.placed_cloud import write_placed
 from lidar_buildings.io.clouds.las import read_tile
 from lidar_buildings.nodes.configs import NODE_CONFIGS
 
@@ -59,7 +60,7 @@ def bag_file(random: np.random.Generator) -> str:
     whole = _bag_bytes(name)
     path = _folder() / f"case_{name}"
     path.write_bytes(_mutated(whole, random))
-    count = write_placed(path, _folder() / "placed.laz", BagChoice(), ScanConfig(georeferenced=True))
+    count = write_placed(path, _folder() / "placed.laz", BagConfig(), ScanConfig(georeferenced=True))
     return f"accepted, {'with' if count.n_points else 'without'} points"
 
 

@@ -7,22 +7,22 @@ import signal
 import sys
 import time
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
-from lidar_buildings.commands.prepare import load_stages
+from lidar_buildings.commands.replay import Replay
 from lidar_buildings.commands.run_request import RunRequest, request_of
+from lidar_buildings.commands.running_graph import running_graph
 from lidar_buildings.core.kernel_cache import start_compiling
+from lidar_buildings.core.model.errors import ParameterError
 from lidar_buildings.io.results.run_folder import discard_unfinished
-from lidar_buildings.pipeline.building_pool import BuildingPool
-from lidar_buildings.ros.middleware import prepare_middleware
 
 if TYPE_CHECKING:
     from lidar_buildings.nodes.model_writer import ModelWriter
     from lidar_buildings.nodes.scan_assembler import ScanAssembler
     from lidar_buildings.ros.composition import Composition
 
-DONE, LEFT = 0, 130
+DONE, IN_PART, LEFT = 0, 2, 130
 #: Period of looking at the nodes, and of telling how far they are [s].
 _TICK, _TELL = 0.1, 5.0
 _NODE = "scan_assembler"
@@ -30,26 +30,37 @@ _NODE = "scan_assembler"
 
 def live_command(options: argparse.Namespace) -> int:
     """
-    Listen to scans and poses until SIGINT or SIGTERM; then finish the tiles that have points.
+    Listen to scans and poses until SIGINT or SIGTERM, or play a bag; then finish the tiles that have points.
 
     Returns
     -------
     int
-        0; 130 if a second signal came before all was finished: the same command goes on.
+        0; 2 if a bag could be played in part only; 130 if a second signal came before all was finished: the
+        same command goes on.
     """
     request = request_of(options)
+    replay = _replay(options, request)
     if request.overwrite:
         discard_unfinished(request.output)
     if (compiling := start_compiling()) is not None:
         compiling.wait()
-    prepare_middleware()
-    with BuildingPool(prepare=load_stages) as pool:  # before ROS starts its threads
-        return _listen(request, _ros_arguments(options), pool)
+    namespace = (request.namespace or "").strip("/")
+    with running_graph(request, _NODE, namespace, _ros_arguments(options)) as (composition, nodes):
+        return _until_interrupted(composition, nodes, replay)
+
+
+def _replay(options: argparse.Namespace, request: RunRequest) -> Replay | None:
+    """Open the bag that is to be played, if one is."""
+    if options.replay is not None:
+        return Replay(options.replay, request.choice, 1.0 if options.rate is None else options.rate)
+    if given := [f"--{name}" for name in ("rate", "start", "duration") if getattr(options, name) is not None]:
+        raise ParameterError(f"{', '.join(given)}: says how a bag is played: add --replay BAG")
+    return None
 
 
 def _ros_arguments(options: argparse.Namespace) -> list[str]:
     """Return the names of the feed's topics, and their quality of service, as arguments of ROS."""
-    names = {"scan": options.scan, "odometry": options.odometry}
+    names = {"scan": options.topic, "odometry": options.odometry}
     words = [word for topic, name in names.items() if name for word in ("-r", f"{topic}:={name}")]
     if options.reliable:
         namespace = f"/{(options.namespace or '').strip('/')}".rstrip("/")
@@ -59,46 +70,18 @@ def _ros_arguments(options: argparse.Namespace) -> list[str]:
     return ["--ros-args", *words] if words else []
 
 
-def _listen(request: RunRequest, arguments: list[str], pool: BuildingPool) -> int:
-    import rclpy  # after the middleware was prepared
-    from rclpy.signals import SignalHandlerOptions
-
-    from lidar_buildings.nodes.graph import survey_nodes
-    from lidar_buildings.ros.composition import Composition
-
-    context = rclpy.Context()
-    rclpy.init(args=arguments, context=context, signal_handler_options=SignalHandlerOptions.NO)
-    composition = None
-    try:
-        nodes = survey_nodes(
-            (),
-            str(request.output),
-            source=_NODE,
-            until=request.until,
-            settings=request.settings,
-            overwrite=request.overwrite,
-            identity=request.parameters(),
-            pool=pool,
-            context=context,
-            namespace=(request.namespace or "").strip("/"),
-        )
-        composition = Composition(*nodes.values())
-        composition.start()
-        return _until_interrupted(composition, nodes)
-    finally:
-        if composition is not None:
-            composition.stop()
-        with suppress(Exception):
-            rclpy.try_shutdown(context=context)
-
-
-def _until_interrupted(composition: Composition, nodes: Mapping[str, Any]) -> int:
-    """Tell how far the feed is; when a signal comes, have it finished."""
+def _until_interrupted(composition: Composition, nodes: Mapping[str, Any], replay: Replay | None) -> int:
+    """Tell how far the feed is; when a signal comes, or a bag is over, have it finished."""
     source: ScanAssembler = nodes[_NODE]
     writer: ModelWriter = nodes["model_writer"]
     with _interruptions() as n_interruptions:
         _tell("listening: Ctrl-C finishes what has come and makes the files")
-        _watch(composition, source, writer, lambda: n_interruptions() > 0)
+        if replay is None:
+            _watch(composition, source, writer, lambda: n_interruptions() > 0)
+        else:
+            with replay.playing_to(source.tiles):
+                _watch(composition, source, writer, lambda: n_interruptions() > 0 or replay.is_over)
+            _tell(f"played {replay}")
         _tell("finishing: Ctrl-C again leaves the rest for the next time")
         n_saved = writer.n_saved
         source.tiles.flush()
@@ -106,8 +89,8 @@ def _until_interrupted(composition: Composition, nodes: Mapping[str, Any]) -> in
         if writer.n_saved == n_saved:
             _tell("left: the same command goes on from here")
             return LEFT
-    _tell(writer.last_words)
-    return DONE
+    _tell(f"{_come(source)}; {writer.last_words}")
+    return IN_PART if replay is not None and replay.problem else DONE
 
 
 def _watch(
@@ -119,12 +102,15 @@ def _watch(
         if time.monotonic() < next_time:
             continue
         next_time = time.monotonic() + _TELL
-        counts, progress = source.tiles.counts(), source.progress
-        words = ", ".join(f"{number:,} {name}" for name, number in counts.items() if number)
-        line = f"{words or 'no scan has come'}; {progress.n_done} tiles done"
+        line = f"{_come(source)}; {source.progress.n_done} tiles done"
         if line != told:
             _tell(line)
             told = line
+
+
+def _come(source: ScanAssembler) -> str:
+    counts = source.tiles.counts()
+    return ", ".join(f"{number:,} {name}" for name, number in counts.items() if number) or "no scan has come"
 
 
 @contextmanager

@@ -43,7 +43,7 @@ def run_command(options: argparse.Namespace) -> int:
         discard_unfinished(request.output)
     started = time.perf_counter()
     compiling = start_compiling()
-    request = with_placed_bags(request, options)
+    request = with_placed_bags(request)
     footprints = _footprints(request)
     if compiling is not None:
         compiling.wait()
@@ -53,7 +53,8 @@ def run_command(options: argparse.Namespace) -> int:
     has_bag = _report_recording(outcome)
     if outcome.failed or (outcome.summary.n_unclassified and not outcome.summary.problems):
         return TILE_FAILED
-    return WRONG_USE if outcome.summary.problems or not has_bag else DONE
+    is_short = any(bag["problem"] for bag in request.bags)
+    return WRONG_USE if outcome.summary.problems or is_short or not has_bag else DONE
 
 
 def _footprints(request: RunRequest) -> FootprintFile | None:

@@ -4,13 +4,10 @@ from __future__ import annotations
 
 import os
 import time
-from contextlib import suppress
 from typing import TYPE_CHECKING
 
-from lidar_buildings.commands.prepare import load_stages
 from lidar_buildings.commands.progress import RunOutcome, progress_bar
-from lidar_buildings.pipeline.building_pool import BuildingPool
-from lidar_buildings.ros.middleware import prepare_middleware
+from lidar_buildings.commands.running_graph import running_graph
 
 if TYPE_CHECKING:
     from lidar_buildings.commands.run_request import RunRequest
@@ -30,47 +27,12 @@ def run_graph(request: RunRequest) -> RunOutcome:
         If a node cannot start or go on.
     """
     os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
-    prepare_middleware()
-    with BuildingPool(prepare=load_stages) as pool:  # before ROS starts its threads
-        return _run(request, pool)
-
-
-def _run(request: RunRequest, pool: BuildingPool) -> RunOutcome:
-    import rclpy  # after the middleware was prepared
-    from rclpy.logging import LoggingSeverity, set_logger_level
-
-    from lidar_buildings.nodes.graph import survey_nodes
-    from lidar_buildings.ros.composition import Composition
-
-    context = rclpy.Context()
-    rclpy.init(args=[], context=context)
     namespace = (request.namespace or f"lidar_buildings_{os.getpid()}").strip("/")
-    # what the nodes would log, the command prints once, in one line
-    set_logger_level(namespace.replace("/", "."), LoggingSeverity.FATAL)
-    composition = None
-    try:
-        nodes = survey_nodes(
-            request.inputs,
-            str(request.output),
-            until=request.until,
-            settings=request.settings,
-            overwrite=request.overwrite,
-            identity=request.parameters(),
-            pool=pool,
-            context=context,
-            namespace=namespace,
-        )
-        composition = Composition(*nodes.values())
-        composition.start()
+    with running_graph(request, "tile_player", namespace, is_quiet=True) as (composition, nodes):
         outcome = _outcome(composition, nodes)
         while outcome.recording is not None and not nodes["recorder"].is_silent:
             time.sleep(_TICK)
         return outcome
-    finally:
-        if composition is not None:
-            composition.stop()
-        with suppress(Exception):
-            rclpy.try_shutdown(context=context)
 
 
 def _outcome(composition, nodes) -> RunOutcome:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import json
 import re
 from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path
@@ -14,6 +15,7 @@ from lidar_buildings.core.model.parameters import StageConfig
 from lidar_buildings.core.scans.config import ScanConfig
 from lidar_buildings.core.stages.footprints import FootprintConfig
 from lidar_buildings.core.stages.regularisation import RegularisationConfig
+from lidar_buildings.io.bags.bag_config import BagConfig
 from lidar_buildings.io.results.output_config import OutputConfig
 from lidar_buildings.io.tiling.tiling_config import TilingConfig
 from lidar_buildings.nodes.configs import NODE_CONFIGS
@@ -76,6 +78,8 @@ class RunRequest:
         Where given footprints come from, None to trace outlines.
     scans : ScanConfig
         How the scans of bags are placed.
+    choice : BagConfig
+        What of bags is taken.
     bags : tuple of dict
         What became of the bags among the inputs, once they are placed.
     """
@@ -91,6 +95,7 @@ class RunRequest:
     namespace: str | None
     footprints: FootprintSource | None = None
     scans: ScanConfig = field(default_factory=ScanConfig)
+    choice: BagConfig = field(default_factory=BagConfig)
     bags: tuple[dict[str, Any], ...] = ()
 
     def parameters(self) -> dict[str, Any]:
@@ -142,6 +147,7 @@ def request_of(options: argparse.Namespace) -> RunRequest:
         namespace=options.namespace,
         footprints=footprints,
         scans=_shared(ScanConfig, settings),
+        choice=_shared(BagConfig, settings),
     )
 
 
@@ -161,7 +167,9 @@ def _short_forms(options: argparse.Namespace) -> list[str]:
     if options.rate is not None and options.no_ros:
         raise ParameterError("--rate: only the node graph plays at a speed: leave out --no-ros, or --rate")
     forms = [f"{ScanConfig.stage}.georeferenced=true"] if options.georeferenced else []
-    return forms if options.rate is None else [*forms, f"{_TILING}.rate={options.rate!r}"]
+    named = {name: getattr(options, name) for name in ("rate", *(one.name for one in fields(BagConfig)))}
+    told = {name: value for name, value in named.items() if value is not None}
+    return forms + [f"{_TILING}.{name}={json.dumps(value)}" for name, value in told.items()]
 
 
 def _footprints(options: argparse.Namespace) -> FootprintSource | None:

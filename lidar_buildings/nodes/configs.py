@@ -1,8 +1,4 @@
-"""
-Which node has which parameters; and those that no stage has: where points come from and results go.
-
-It needs no ROS.
-"""
+"""Which node has which parameters; and those that no stage has, of sources and results. It needs no ROS."""
 
 from __future__ import annotations
 
@@ -18,6 +14,7 @@ from lidar_buildings.core.scans.config import ScanConfig
 from lidar_buildings.core.stages.edge_labelling import EdgeLabellingConfig
 from lidar_buildings.core.stages.footprints import FootprintConfig
 from lidar_buildings.core.stages.ground_filter import GroundFilterConfig
+from lidar_buildings.io.bags.bag_config import BagConfig
 from lidar_buildings.io.results.output_config import OutputConfig
 from lidar_buildings.io.tiling.live_config import LiveTilingConfig
 from lidar_buildings.io.tiling.tiling_config import TilingConfig
@@ -70,13 +67,19 @@ class SendingConfig(StageConfig):
 
 
 @dataclass(frozen=True)
-class TilePlayerConfig(SendingConfig, TilingConfig):
+class TilePlayerConfig(SendingConfig, BagConfig, TilingConfig):
     """What to play, and how fast."""
 
     stage: ClassVar[str] = "tile_player"
 
     input: tuple[str, ...] = parameter(
-        (), "Files, folders and globs of LAS, LAZ and COPC clouds.", read_only=True
+        (), "Files, folders and globs of LAS, LAZ and COPC clouds; bags of scans.", read_only=True
+    )
+    placed: str = parameter(
+        "",
+        "Folder for the points of bags, the same for `model_writer`; empty: a temporary one.",
+        read_only=True,
+        advanced=True,
     )
     rate: float = parameter(
         0.0,
@@ -103,6 +106,7 @@ class ScanAssemblerConfig(SendingConfig, LiveTilingConfig, ScanConfig):
     """How scans become tiles."""
 
     stage: ClassVar[str] = ScanConfig.stage
+    is_of_node: ClassVar[bool] = False
 
     map_crs: str = parameter(
         "",
@@ -130,9 +134,9 @@ class ScanAssemblerConfig(SendingConfig, LiveTilingConfig, ScanConfig):
         try:
             x, y, z = (float(word) for word in self.map_position.split(","))
         except ValueError:
+            given = f"{self.stage}.map_position = {self.map_position!r}"
             raise ParameterError(
-                f"{self.stage}.map_position = {self.map_position!r}: must be three numbers with commas "
-                "between them: x, y, z [m]"
+                f"{given}: must be three numbers, x, y, z [m], with commas between"
             ) from None
         return MapFrame(self.map_crs, (x, y, z))
 
@@ -171,9 +175,7 @@ class FootprintNodeConfig(FootprintConfig):
         "`regularisation.keep_outlines`. Empty: outlines are traced.",
         read_only=True,
     )
-    layer: str = parameter(
-        "", "Layer of the file; empty: its only one of polygons.", read_only=True, advanced=True
-    )
+    layer: str = parameter("", "Layer of the file; empty: its only one.", read_only=True, advanced=True)
 
 
 @dataclass(frozen=True)
@@ -223,8 +225,8 @@ class ModelWriterConfig(MapFrameConfig, OutputConfig):
     )
     placed: str = parameter(
         "",
-        "Folder with the clouds that a live source writes of its points (`points_*.laz`), from which the "
-        "classified ones are made; empty: none are made in a live survey.",
+        "Folder with the clouds that a live source writes of its points (`points_*.laz`), or `tile_player` "
+        "of bags, from which the classified ones are made; empty: none are made in a live survey.",
         read_only=True,
         advanced=True,
     )
@@ -247,9 +249,7 @@ class ModelWriterConfig(MapFrameConfig, OutputConfig):
         read_only=True,
         advanced=True,
     )
-    footprints_layer: str = parameter(
-        "", "Layer of the footprints' file; empty: its only one of polygons.", read_only=True, advanced=True
-    )
+    footprints_layer: str = parameter("", "Layer of it; empty: its only one.", read_only=True, advanced=True)
     footprint_id: str = parameter(
         "",
         "Column of the footprints' file that names them in the results; empty: one that looks like it, or "
@@ -286,7 +286,7 @@ _BESIDE: dict[str, tuple[type[StageConfig], ...]] = {
 }
 #: Node → stage → config class. A node's parameters carry the stage's name as a prefix where it has several.
 NODE_CONFIGS: dict[str, dict[str, type[StageConfig]]] = {
-    "tile_player": {TilePlayerConfig.stage: TilePlayerConfig},
+    "tile_player": {TilePlayerConfig.stage: TilePlayerConfig, ScanConfig.stage: ScanConfig},
     "scan_assembler": {ScanAssemblerConfig.stage: ScanAssemblerConfig},
     **{
         stage.node: {name: _OF_NODES.get(name, STAGE_CONFIGS[name]) for name in stage.configs}

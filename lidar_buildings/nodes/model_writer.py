@@ -70,7 +70,7 @@ class ModelWriter(StageNode):
         self._begin()
         self.summary.watch(lambda: {"tiles_on_disk": len(self._survey.on_disk)})
         self._map: FrameListener | None = None
-        if self._survey.is_live:
+        if self._survey.frame is None:
             self._map = FrameListener(self, self.on_frame, config.frame_patience)
         self.create_subscription(DiagnosticArray, "diagnostics", self._record.add, EVENT)
         self.create_subscription(Header, "tile_failed", self.on_failed, LATCHED_HISTORY)
@@ -88,7 +88,7 @@ class ModelWriter(StageNode):
         )
 
     def on_frame(self, frame: MapFrame) -> None:
-        """Take up a live survey where it was left, and store the tiles that came before its frame."""
+        """Take up a survey where it was left, and store the tiles that came before its frame."""
         before = self._survey.frame
         try:
             is_taken = self._survey.open(frame)

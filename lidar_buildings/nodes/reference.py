@@ -42,7 +42,7 @@ def parameter_yaml() -> str:
             is_inner = bool(prefix_of(stage, configs))
             indent = "      " if is_inner else "    "
             shown = [one for _, one in parameter_names({stage: config}).values() if not spec_of(one).advanced]
-            if not shown or owners.setdefault(stage, node) != node:
+            if not shown or config.is_of_node or owners.setdefault(stage, node) != node:
                 continue
             if f"/**/{node}:" not in lines:
                 lines += ["", f"/**/{node}:", "  ros__parameters:"]

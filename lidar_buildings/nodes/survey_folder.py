@@ -11,6 +11,7 @@ from typing import Any
 from lidar_buildings.core.model.errors import ParameterError
 from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.model.stamps import tile_of
+from lidar_buildings.io.bags.bag_inputs import bags_among, with_clouds
 from lidar_buildings.io.clouds.las import InputFile, frame_of, open_inputs
 from lidar_buildings.io.clouds.placed_clouds import PLACED_CLOUDS, placed_inputs
 from lidar_buildings.io.results.output_config import OutputConfig
@@ -29,7 +30,8 @@ class SurveyFolder:
     Parameters
     ----------
     config : ModelWriterConfig
-        Without inputs the survey is live: it has a frame, and with it tiles on disk, from `open` on.
+        Without inputs the survey is live. Such a survey, and one of bags, has a frame, and with it tiles on
+        disk, from `open` on.
 
     Attributes
     ----------
@@ -51,12 +53,15 @@ class SurveyFolder:
             raise ParameterError("model_writer.output is empty: name a folder for the results")
         self._config = config
         self.is_live = not config.input
+        self._bags = bags_among(config.input)
         self.settings = _settings(config.settings)
         self.on_disk: dict[int, int] = {}
         self._problems: list[str] = []
         self._folder: OutputFolder | None = None
-        if self.is_live:
-            check_folder(Path(config.output), overwrite=config.overwrite, is_live=True)
+        if self._bags and not config.placed:
+            raise ParameterError("model_writer.placed is empty: bags need the folder of tile_player.placed")
+        if self.is_live or self._bags:
+            check_folder(Path(config.output), overwrite=config.overwrite, is_live=self.is_live)
             return
         clouds, self._problems = open_inputs(config.input)
         inputs = [InputFile(cloud.path, cloud.point_count) for cloud in clouds]
@@ -74,7 +79,9 @@ class SurveyFolder:
 
     def open(self, frame: MapFrame) -> bool:
         """
-        Go on in a frame that a live source has told of; return False if tiles on disk are of another one.
+        Go on in a frame that a source has told of; return False if tiles on disk are of another one.
+
+        A live source has no files yet then; of bags it has placed the scans.
 
         Raises
         ------
@@ -85,7 +92,11 @@ class SurveyFolder:
             return True
         if self.on_disk:
             return False
-        self._claim([], frame, overwrite=self._config.overwrite and self.frame is None)
+        inputs = []
+        if self._bags:
+            clouds, self._problems = open_inputs(with_clouds(self._config.input, Path(self._config.placed)))
+            inputs = [InputFile(cloud.path, cloud.point_count) for cloud in clouds]
+        self._claim(inputs, frame, overwrite=self._config.overwrite and self.frame is None)
         return True
 
     def revision_of(self, stamp: int) -> int:

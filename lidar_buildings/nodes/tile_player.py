@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 from rosgraph_msgs.msg import Clock
 
 from lidar_buildings.core.model.tile import PointTile
+from lidar_buildings.core.scans.config import ScanConfig
+from lidar_buildings.io.bags.bag_inputs import bags_among, place_bags, with_clouds
 from lidar_buildings.io.tiling.tiling import TileSource
 from lidar_buildings.nodes.configs import TilePlayerConfig
 from lidar_buildings.nodes.tile_reader import TileReader
@@ -22,8 +26,10 @@ class TilePlayer(TileSender):
     def __init__(self, **kwargs: Any) -> None:
         super().__init__("tile_player", TilePlayerConfig, **kwargs)
         config = self.parameters[TilePlayerConfig]
+        self._temporary = TemporaryDirectory(prefix="lidar_buildings_", ignore_cleanup_errors=True)
         try:
-            self._source = TileSource(config.input, config, skip=() if config.loop else self._done)
+            inputs = self._with_placed_bags(config)
+            self._source = TileSource(inputs, config, skip=() if config.loop else self._done)
         except Exception:
             self.destroy_node()
             raise
@@ -58,7 +64,21 @@ class TilePlayer(TileSender):
         if hasattr(self, "tiles"):
             self.tiles.stop()
             self._source.close()
+        self._temporary.cleanup()
         super().destroy_node()
+
+    def _with_placed_bags(self, config: TilePlayerConfig) -> tuple[str, ...]:
+        """Return the inputs with clouds instead of bags, whose scans are placed now."""
+        folder = Path(config.placed or self._temporary.name)
+        if bags_among(config.input):
+            self.get_logger().info("placing the scans of bags")
+        records = place_bags(
+            config.input, folder, config, self.parameters[ScanConfig], self.get_logger().info
+        )
+        for record in records:
+            if record["problem"]:
+                self.warn(f"{record['bag']}: {record['problem']}")
+        return with_clouds(config.input, folder)
 
 
 def main() -> int:

@@ -142,7 +142,7 @@ def test_of_a_bag_that_was_cut_off_what_is_whole_is_listed(command, tmp_path, sh
     for path in (drive.path, cut):
         spoken = command("inspect", path)
         assert spoken.status == 2
-        assert "listed is what is whole" in spoken.err[0]
+        assert "read is what is whole" in spoken.err[0]
         assert spoken.out[-2] == "  " + whole.notes[0]
         found = summarise_bag(path)
         assert [one.name for one in found.topics] == [one.name for one in whole.topics]

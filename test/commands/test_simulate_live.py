@@ -15,7 +15,8 @@ from support.ros_domain import use_own_domain
 
 from lidar_buildings.core.scans.config import ScanConfig
 from lidar_buildings.io.bags.bag import Bag
-from lidar_buildings.io.bags.placed_cloud import BagChoice, write_placed
+from lidar_buildings.io.bags.bag_config import BagConfig
+from lidar_buildings.io.bags.placed_cloud import write_placed
 from lidar_buildings.simulation.live.airborne import MOUNTING
 
 SMALL = ("--scene", "single_house", "--density", "2", "--pulse-rate", "60000")
@@ -35,7 +36,7 @@ def test_a_bag_and_files_of_the_same_points_are_written_without_ros(command, tmp
     assert (spoken.status, spoken.err) == (0, [])
     assert rows(spoken, f"--set scan_assembler.mounting={MOUNTING}")
     count = write_placed(
-        tmp_path / "bag", tmp_path / "placed.laz", BagChoice(), ScanConfig(mounting=MOUNTING)
+        tmp_path / "bag", tmp_path / "placed.laz", BagConfig(), ScanConfig(mounting=MOUNTING)
     )
     assert count.n_points == len(laspy.read(tmp_path / "out" / "strip_01.laz")) > 1000
     assert (tmp_path / "out" / "truth.gpkg").exists()

@@ -22,6 +22,8 @@ class ScanConfig(StageConfig):
     """How scans are placed in the map."""
 
     stage: ClassVar[str] = "scan_assembler"
+    #: In a node that places bags beside what else it does.
+    is_of_node: ClassVar[bool] = True
 
     georeferenced: bool = parameter(
         False,

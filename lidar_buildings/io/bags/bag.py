@@ -22,6 +22,7 @@ TRANSFORMS = "tf2_msgs/msg/TFMessage"
 _OLD_TRANSFORMS = "tf/msg/tfMessage"
 POINT = "geometry_msgs/msg/PointStamped"
 VECTOR = "geometry_msgs/msg/Vector3Stamped"
+FIX = "sensor_msgs/msg/NavSatFix"
 _SECOND = 1_000_000_000
 
 

@@ -11,7 +11,7 @@ from lidar_buildings.core.scans.config import ScanConfig
 from lidar_buildings.core.scans.placing import ScanPlacer
 from lidar_buildings.core.scans.transform_tree import frame_name
 from lidar_buildings.io.bags.bag import ODOMETRY, Bag
-from lidar_buildings.io.bags.cut_mcap import CutMcapReader, storage_of
+from lidar_buildings.io.bags.cut_mcap import open_bag
 from lidar_buildings.io.bags.selection import BagTopics, choose_topics
 from lidar_buildings.io.bags.topic_lines import TopicContent, topic_contents
 
@@ -59,22 +59,9 @@ def summarise_bag(path: Path) -> BagSummary:
     InputError
         If nothing of it can be read.
     """
-    try:
-        with Bag(path) as bag:
-            return _summary(bag, "")
-    except InputError as error:
-        storage, problem = storage_of(path), error
-    if storage is None:
-        raise problem
-    reader = CutMcapReader(storage)
-    try:
-        bag = Bag(path, reader)
-    except InputError:
-        raise problem from None
+    bag, problem = open_bag(path)
     with bag:
-        share = reader.data_end / max(storage.stat().st_size, 1)
-        said = str(problem).removeprefix(f"{path}: ")
-        return _summary(bag, f"{said}; listed is what is whole, {share:.0%} of the file")
+        return _summary(bag, problem)
 
 
 def _summary(bag: Bag, problem: str) -> BagSummary:

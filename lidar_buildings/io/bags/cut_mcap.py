@@ -9,6 +9,9 @@ from typing import BinaryIO
 from rosbags.rosbag2.errors import ReaderError
 from rosbags.rosbag2.storage_mcap import McapReader
 
+from lidar_buildings.core.model.errors import InputError
+from lidar_buildings.io.bags.bag import Bag
+
 _MAGIC = b"\x89MCAP0\r\n"
 #: A record's operation code and length (MCAP specification).
 _RECORD = struct.Struct("<BQ")
@@ -84,7 +87,39 @@ def whole_part(file: BinaryIO, size: int) -> tuple[int, int]:
     return start, end
 
 
-def storage_of(path: Path) -> Path | None:
+def open_bag(path: Path) -> tuple[Bag, str]:
+    """
+    Open a bag; of an MCAP file that was cut off what is whole.
+
+    Returns
+    -------
+    bag : Bag
+        It is open.
+    problem : str
+        Why only a part of it can be read, and which; empty if all can.
+
+    Raises
+    ------
+    InputError
+        If nothing of it can be read.
+    """
+    try:
+        return Bag(path), ""
+    except InputError as error:
+        storage, problem = _storage_of(path), error
+    if storage is None:
+        raise problem
+    reader = CutMcapReader(storage)
+    try:
+        bag = Bag(path, reader)
+    except InputError:
+        raise problem from None
+    share = reader.data_end / max(storage.stat().st_size, 1)
+    said = str(problem).removeprefix(f"{path}: ")
+    return bag, f"{said}; read is what is whole: {share:.0%} of the file, the first {bag.seconds:.1f} s"
+
+
+def _storage_of(path: Path) -> Path | None:
     """Return the only MCAP file of a bag, or the file itself; None if it has none or several."""
     files = list(path.glob("*.mcap")) if path.is_dir() else [path]
     return files[0] if len(files) == 1 and files[0].suffix.lower() == ".mcap" else None

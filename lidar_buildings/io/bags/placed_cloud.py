@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -12,29 +11,13 @@ from lidar_buildings.core.model.errors import InputError, MessageError
 from lidar_buildings.core.scans.config import ScanConfig
 from lidar_buildings.core.scans.placing import NO_POSE, ScanPlacer
 from lidar_buildings.core.scans.seen_points import SeenPoints
-from lidar_buildings.io.bags.bag import CLOUD, ODOMETRY, POINT, TRANSFORMS, VECTOR, Bag, BagMessage
-from lidar_buildings.io.bags.selection import BagTopics, choose_topics
+from lidar_buildings.io.bags.bag import CLOUD, ODOMETRY, POINT, TRANSFORMS, VECTOR, BagMessage
+from lidar_buildings.io.bags.bag_config import BagConfig
+from lidar_buildings.io.bags.cut_mcap import open_bag
+from lidar_buildings.io.bags.selection import choose_topics, chosen_messages
 from lidar_buildings.io.files.atomic_files import atomic_file
+from lidar_buildings.io.tiling.live_feed import LiveFeed
 from lidar_buildings.io.tiling.placed_laz import FAR, PlacedLaz
-
-
-@dataclass(frozen=True)
-class BagChoice:
-    """
-    What of a bag is wanted.
-
-    Attributes
-    ----------
-    clouds, odometry : str
-        Topics; empty for the only ones.
-    start, duration : float
-        Seconds after its beginning, and how many of it; 0 = to its end.
-    """
-
-    clouds: str = ""
-    odometry: str = ""
-    start: float = 0.0
-    duration: float = 0.0
 
 
 @dataclass
@@ -50,19 +33,23 @@ class PlacedCount:
         Reason → points.
     messages : Counter
         What is to be said of messages → how many.
+    problem : str
+        Why only a part of the bag could be read, and which; empty if all could.
     """
 
     n_scans: int = 0
     n_points: int = 0
     left_out: Counter[str] = field(default_factory=Counter)
     messages: Counter[str] = field(default_factory=Counter)
+    problem: str = ""
 
 
-def write_placed(bag_path: Path, path: Path, choice: BagChoice, config: ScanConfig) -> PlacedCount:
+def write_placed(bag_path: Path, path: Path, choice: BagConfig, config: ScanConfig) -> PlacedCount:
     """
     Place the scans of a bag and write them to a LAZ file.
 
-    Points are in the order in which they were recorded; GPS times are the points' own.
+    Points are in the order in which they were recorded; GPS times are the points' own. Of an MCAP file that
+    was cut off those are read that are whole.
 
     Raises
     ------
@@ -71,12 +58,13 @@ def write_placed(bag_path: Path, path: Path, choice: BagChoice, config: ScanConf
     OutputError
         If the file cannot be written.
     """
-    with Bag(bag_path) as bag, atomic_file(path) as temporary:
-        topics = choose_topics(bag, choice.clouds, choice.odometry)
+    bag, problem = open_bag(bag_path)
+    with bag, atomic_file(path) as temporary:
+        topics = choose_topics(bag, choice.topic, choice.odometry)
         placer = ScanPlacer(config, SeenPoints())
         file = PlacedLaz(temporary)
         try:
-            for message in _messages(bag, topics, choice):
+            for message in chosen_messages(bag, topics, choice):
                 _take(placer, file, message)
                 for scan in placer.placed():
                     file.add(scan)
@@ -88,7 +76,7 @@ def write_placed(bag_path: Path, path: Path, choice: BagChoice, config: ScanConf
             file.close()
         _check_any(bag_path, file.n_points, placer)
     left_out = placer.left_out + Counter({FAR: file.n_far} if file.n_far else {})
-    return PlacedCount(placer.n_scans, file.n_points, left_out, placer.messages)
+    return PlacedCount(placer.n_scans, file.n_points, left_out, placer.messages, problem)
 
 
 def _check_any(bag_path: Path, n_points: int, placer: ScanPlacer) -> None:
@@ -104,15 +92,8 @@ def _check_any(bag_path: Path, n_points: int, placer: ScanPlacer) -> None:
         )
 
 
-def _messages(bag: Bag, topics: BagTopics, choice: BagChoice) -> Iterator[BagMessage]:
-    """Read what holds for the whole bag first, and then what is wanted of the rest."""
-    whole = {*(one for one in topics.transforms if one.endswith("static")), topics.origin}
-    whole = (whole | {topics.units}) - {""}
-    yield from bag.messages(whole)
-    yield from bag.messages(topics.all - whole, choice.start, choice.duration)
-
-
-def _take(placer: ScanPlacer, file: PlacedLaz, message: BagMessage) -> None:
+def hand_over(message: BagMessage, placer: ScanPlacer | LiveFeed) -> None:
+    """Give a scan, or poses, to what places them."""
     if message.type == CLOUD:
         with suppress(MessageError):  # the placer counts it
             placer.add_scan(message.message)
@@ -120,7 +101,11 @@ def _take(placer: ScanPlacer, file: PlacedLaz, message: BagMessage) -> None:
         placer.add_odometry(message.message)
     elif message.type == TRANSFORMS:
         placer.add_transforms(message.message, is_static=message.topic.endswith("static"))
-    elif message.type == POINT:
+
+
+def _take(placer: ScanPlacer, file: PlacedLaz, message: BagMessage) -> None:
+    hand_over(message, placer)
+    if message.type == POINT:
         point = message.message.point
         file.place(message.message.header.frame_id, (point.x, point.y, point.z))
     elif message.type == VECTOR:

@@ -2,10 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from dataclasses import replace
 from typing import NamedTuple
 
 from lidar_buildings.core.model.errors import InputError
-from lidar_buildings.io.bags.bag import CLOUD, ODOMETRY, POINT, TRANSFORMS, VECTOR, Bag, BagTopic
+from lidar_buildings.core.model.map_frame import MapFrame
+from lidar_buildings.io.bags.bag import (
+    CLOUD,
+    FIX,
+    ODOMETRY,
+    POINT,
+    TRANSFORMS,
+    VECTOR,
+    Bag,
+    BagMessage,
+    BagTopic,
+)
+from lidar_buildings.io.bags.bag_config import BagConfig
 from lidar_buildings.io.bags.topic_lines import topic_contents
 
 _ORIGIN, _UNITS = "map_origin", "map_units"
@@ -21,9 +35,9 @@ class BagTopics(NamedTuple):
         Topic of the scans; of the poses, empty if there is none.
     transforms : tuple of str
         Topics of /tf and /tf_static.
-    origin, units : str
-        Topics that tell where the map lies, and how long its reference system's units are; empty if there
-        is none.
+    origin, units, fix : str
+        Topics that tell where the map lies, how long its reference system's units are, and where by satellite
+        what moves is; empty if there is none.
     """
 
     clouds: str
@@ -31,11 +45,18 @@ class BagTopics(NamedTuple):
     transforms: tuple[str, ...]
     origin: str
     units: str
+    fix: str
 
     @property
     def all(self) -> set[str]:
         """All of them."""
-        return {self.clouds, self.odometry, *self.transforms, self.origin, self.units} - {""}
+        return {self.clouds, self.odometry, *self.transforms, self.origin, self.units, self.fix} - {""}
+
+    @property
+    def of_whole(self) -> set[str]:
+        """Those that hold for the whole bag, whenever they were recorded."""
+        static = (one for one in self.transforms if one.endswith("static"))
+        return {*static, self.origin, self.units} - {""}
 
 
 def choose_topics(bag: Bag, clouds: str = "", odometry: str = "") -> BagTopics:
@@ -62,9 +83,24 @@ def choose_topics(bag: Bag, clouds: str = "", odometry: str = "") -> BagTopics:
         tuple(one.name for one in own),
         *(
             next((one.name for one in topics if one.type == kind and one.name.endswith(name)), "")
-            for kind, name in ((POINT, _ORIGIN), (VECTOR, _UNITS))
+            for kind, name in ((POINT, _ORIGIN), (VECTOR, _UNITS), (FIX, ""))
         ),
     )
+
+
+def chosen_messages(bag: Bag, topics: BagTopics, choice: BagConfig) -> Iterator[BagMessage]:
+    """Read what holds for the whole bag first, and then what is wanted of the rest."""
+    yield from bag.messages(topics.of_whole)
+    yield from bag.messages(topics.all - topics.of_whole, choice.start, choice.duration)
+
+
+def told_frame(message: BagMessage, frame: MapFrame) -> MapFrame:
+    """Return a map frame with what a message of `map_origin` or `map_units` says of it."""
+    if message.type == POINT:
+        point = message.message.point
+        return replace(frame, crs=message.message.header.frame_id, origin=(point.x, point.y, point.z))
+    units = message.message.vector
+    return replace(frame, horizontal_unit=units.x, vertical_unit=units.z)
 
 
 def _one(bag: Bag, topics: list[BagTopic], kind: str, wanted: str, option: str, *, is_needed: bool) -> str:

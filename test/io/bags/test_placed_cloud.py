@@ -24,7 +24,8 @@ from lidar_buildings.core.scans.config import ScanConfig
 from lidar_buildings.core.scans.placing import NO_POSE, NO_WAY, TWICE, UNREADABLE
 from lidar_buildings.core.scans.scan import NO_RETURN, NOT_FINITE
 from lidar_buildings.core.scans.trajectory import Trajectory
-from lidar_buildings.io.bags.placed_cloud import BagChoice, write_placed
+from lidar_buildings.io.bags.bag_config import BagConfig
+from lidar_buildings.io.bags.placed_cloud import write_placed
 from lidar_buildings.io.tiling.placed_laz import FAR
 
 MOUNTED = ScanConfig(mounting=",".join(map(str, MOUNTING)))
@@ -32,7 +33,7 @@ MOUNTED = ScanConfig(mounting=",".join(map(str, MOUNTING)))
 
 def placed(tmp_path, bag, config=MOUNTED, choice=None):
     path = tmp_path / "placed.laz"
-    count = write_placed(bag, path, choice or BagChoice(), config)
+    count = write_placed(bag, path, choice or BagConfig(), config)
     return laspy.read(path), count
 
 
@@ -55,11 +56,11 @@ def test_transforms_place_them_as_odometry_does(tmp_path, storage):
 
 def test_of_a_bag_a_part_may_be_taken(tmp_path):
     drive = write_drive(tmp_path / "drive")
-    las, count = placed(tmp_path, drive.path, choice=BagChoice(start=0.35, duration=0.3))
+    las, count = placed(tmp_path, drive.path, choice=BagConfig(start=0.35, duration=0.3))
     assert count.n_scans == 3
     assert 0 < len(las.points) < 5000
     las, count = placed(
-        tmp_path, write_drive(tmp_path / "tf", poses="tf").path, ScanConfig(), BagChoice(start=0.5)
+        tmp_path, write_drive(tmp_path / "tf", poses="tf").path, ScanConfig(), BagConfig(start=0.5)
     )
     assert len(las.points) > 1000
 
@@ -120,14 +121,14 @@ def test_where_the_choice_is_not_clear_all_topics_are_listed(tmp_path):
         InputError, match=r"choose by --topic; its topics:\n  /left: .*1 message, frame map.*\n  /right"
     ):
         placed(tmp_path, bag.path)
-    assert placed(tmp_path, bag.path, choice=BagChoice("right"))[1].n_points == 1
+    assert placed(tmp_path, bag.path, choice=BagConfig("right"))[1].n_points == 1
     with pytest.raises(InputError, match=r"--topic /up is not in it"):
-        placed(tmp_path, bag.path, choice=BagChoice("/up"))
+        placed(tmp_path, bag.path, choice=BagConfig("/up"))
 
 
 def test_a_bag_that_cannot_be_read_is_named(tmp_path):
-    drive = write_drive(tmp_path / "cut")
-    (file,) = drive.path.glob("*.mcap")
+    drive = write_drive(tmp_path / "cut", "sqlite3")
+    (file,) = drive.path.glob("*.db3")
     file.write_bytes(file.read_bytes()[: file.stat().st_size // 2])
     with pytest.raises(InputError, match=r"cut: cannot be read as a bag"):
         placed(tmp_path, drive.path)

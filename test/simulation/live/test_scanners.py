@@ -13,7 +13,8 @@ from lidar_buildings.core.model.classes import PointClass
 from lidar_buildings.core.model.errors import ParameterError
 from lidar_buildings.core.scans.config import ScanConfig
 from lidar_buildings.io.bags.bag import Bag
-from lidar_buildings.io.bags.placed_cloud import BagChoice, write_placed
+from lidar_buildings.io.bags.bag_config import BagConfig
+from lidar_buildings.io.bags.placed_cloud import write_placed
 from lidar_buildings.simulation import SimulationConfig, make_scene
 from lidar_buildings.simulation.live import BodyPose, Scan, VehicleConfig, drive, fly
 from lidar_buildings.simulation.live.recording import SurveyBag, SurveyFiles
@@ -59,7 +60,7 @@ def errors_of(survey, tmp_path, mounting=None, **bag):
     """How far from the truth the points of the survey's bag are placed [m]."""
     config = ScanConfig(mounting=survey.mounting if mounting is None else mounting)
     path = recorded(survey, tmp_path / "bag", **bag)
-    count = write_placed(path, tmp_path / "placed.laz", BagChoice(), config)
+    count = write_placed(path, tmp_path / "placed.laz", BagConfig(), config)
     truth, las = truth_of(survey), laspy.read(tmp_path / "placed.laz")
     assert count.n_points == len(truth.points)
     assert np.abs(las.gps_time - truth.gps_time).max() < 1e-6
@@ -74,7 +75,7 @@ def test_placed_points_lie_within_two_centimetres_of_the_truth(survey, tmp_path)
 
 def test_points_of_a_flight_placed_and_rounded_are_the_same_numbers_as_in_its_files(flight, tmp_path):
     path = recorded(flight, tmp_path / "bag")
-    write_placed(path, tmp_path / "placed.laz", BagChoice(), ScanConfig(mounting=flight.mounting))
+    write_placed(path, tmp_path / "placed.laz", BagConfig(), ScanConfig(mounting=flight.mounting))
     with SurveyFiles(tmp_path / "survey", flight) as files:
         for event in flight.events():
             files.add(event)

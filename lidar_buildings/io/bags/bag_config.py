@@ -1,0 +1,41 @@
+"""What is taken of bags among the inputs."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from lidar_buildings.core.model.parameters import StageConfig, parameter
+
+
+@dataclass(frozen=True)
+class BagConfig(StageConfig):
+    """What is taken of bags among the inputs."""
+
+    stage: ClassVar[str] = "tile_player"
+
+    topic: str = parameter(
+        "", "Topic of the scans of a bag; empty: its only one of clouds.", read_only=True, advanced=True
+    )
+    odometry: str = parameter(
+        "",
+        "Topic of the poses of a bag; empty: its only one of odometry, else `/tf`.",
+        read_only=True,
+        advanced=True,
+    )
+    start: float = parameter(
+        0.0,
+        "A bag is read from so long after its beginning on.",
+        unit="s",
+        minimum=0.0,
+        read_only=True,
+        advanced=True,
+    )
+    duration: float = parameter(
+        0.0,
+        "So much of a bag is read; 0: to its end.",
+        unit="s",
+        minimum=0.0,
+        read_only=True,
+        advanced=True,
+    )

@@ -1,0 +1,103 @@
+"""Bags among inputs: their scans are placed first, and then read like any other cloud."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, fields
+from pathlib import Path
+from typing import Any
+
+from lidar_buildings.core.scans.config import ScanConfig
+from lidar_buildings.io.bags import is_bag
+from lidar_buildings.io.bags.bag_config import BagConfig
+
+
+def bags_among(inputs: Sequence[str]) -> list[Path]:
+    """Return the bags among inputs, each once."""
+    return list(dict.fromkeys(Path(one).resolve() for one in inputs if is_bag(one)))
+
+
+def with_clouds(inputs: Sequence[str], folder: Path) -> tuple[str, ...]:
+    """Return inputs with the clouds that `place_bags` makes in a folder instead of the bags."""
+    paths = {bag: str(_cloud(folder, number, bag)) for number, bag in enumerate(bags_among(inputs))}
+    return tuple(paths[Path(one).resolve()] if is_bag(one) else one for one in inputs)
+
+
+def place_bags(
+    inputs: Sequence[str], folder: Path, choice: BagConfig, config: ScanConfig, tell: Callable[[str], None]
+) -> list[dict[str, Any]]:
+    """
+    Make a LAZ file of each bag among inputs, but for those that are there from an earlier time.
+
+    Parameters
+    ----------
+    inputs : sequence of str
+        Files, folders, globs, bags.
+    folder : Path
+        Where the files are made, each in a folder of its own, as bags of different places may have one name.
+    choice : BagConfig
+        What of the bags is taken.
+    config : ScanConfig
+        How scans are placed.
+    tell : callable
+        Called with one line for each bag that was placed.
+
+    Returns
+    -------
+    list of dict
+        What was read, placed and left out of each bag.
+
+    Raises
+    ------
+    InputError, OutputError
+        If a bag cannot be read or placed, or a file not be written.
+    """
+    return [
+        _placed(bag, _cloud(folder, number, bag), choice, config, tell)
+        for number, bag in enumerate(bags_among(inputs))
+    ]
+
+
+def _cloud(folder: Path, number: int, bag: Path) -> Path:
+    return folder / str(number) / f"{bag.name if bag.is_dir() else bag.stem}.laz"
+
+
+def _placed(
+    bag: Path, path: Path, choice: BagConfig, config: ScanConfig, tell: Callable[[str], None]
+) -> dict[str, Any]:
+    """Place a bag's scans unless that is done; return the record of it."""
+    from lidar_buildings.io.bags.placed_cloud import write_placed  # what reads bags takes time to import
+
+    note = path.parent / "record.json"
+    wanted = {one.name: getattr(choice, one.name) for one in fields(BagConfig)}
+    wanted |= {"bag": str(bag), "changed": _changed(bag), **asdict(config)}
+    if path.exists() and note.exists():
+        record: dict[str, Any] = json.loads(note.read_text())
+        if {name: record.get(name) for name in wanted} == wanted:
+            return record
+    path.parent.mkdir(parents=True, exist_ok=True)
+    count = write_placed(bag, path, choice, config)
+    record = wanted | {
+        "n_scans": count.n_scans,
+        "n_points": count.n_points,
+        "left_out": dict(sorted(count.left_out.items())),
+        "messages": dict(sorted(count.messages.items())),
+        "problem": count.problem,
+    }
+    note.write_text(json.dumps(record))
+    tell(_line(bag, record))
+    return record
+
+
+def _changed(bag: Path) -> int:
+    """Return when a bag was changed last [ns]."""
+    files = [bag, *bag.iterdir()] if bag.is_dir() else [bag]
+    return max(file.stat().st_mtime_ns for file in files)
+
+
+def _line(bag: Path, record: dict[str, Any]) -> str:
+    out = "".join(f"; {number:,} left out: {reason}" for reason, number in record["left_out"].items())
+    said = "".join(f"; {number:,} {what}" for what, number in record["messages"].items())
+    problem = f"; {record['problem']}" if record["problem"] else ""
+    return f"{bag}: {record['n_points']:,} points of {record['n_scans']:,} scans placed{out}{said}{problem}"

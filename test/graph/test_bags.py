@@ -1,0 +1,92 @@
+"""Bags as inputs of the graph: read by its player as by a run, and played to its assembler."""
+
+import json
+import time
+
+import laspy
+import numpy as np
+import pytest
+import rclpy
+from support.bags import MOUNTING, write_drive
+from support.cli_runs import Command
+from support.cloud_files import shortened
+
+from lidar_buildings.nodes.graph import survey_nodes
+from lidar_buildings.ros.composition import Composition
+from lidar_buildings.ros.middleware import prepare_middleware
+
+pytestmark = pytest.mark.graph
+
+MOUNTED = ",".join(map(str, MOUNTING))
+UNTIL = ("--until", "ground_filter")
+
+
+@pytest.fixture
+def command(capfd):
+    return Command(capfd, "--set", f"scan_assembler.mounting={MOUNTED}", *UNTIL)
+
+
+@pytest.fixture(scope="module")
+def drive(tmp_path_factory):
+    return write_drive(tmp_path_factory.mktemp("bag") / "drive")
+
+
+@pytest.fixture
+def context():
+    prepare_middleware()
+    context = rclpy.Context()
+    rclpy.init(args=[], context=context)
+    yield context
+    rclpy.try_shutdown(context=context)
+
+
+def test_the_nodes_take_bags_as_a_run_does(command, drive, context, tmp_path):
+    part = ("--start", "0.35", "--duration", "0.3")
+    assert command("run", drive.path, "--no-ros", *part, "--output", tmp_path / "run").status == 0
+    settings = {"scan_assembler": {"mounting": MOUNTED}, "tile_player": {"start": 0.35, "duration": 0.3}}
+    nodes = survey_nodes(
+        (str(drive.path),), str(tmp_path / "graph"), until=UNTIL[1], settings=settings, context=context
+    )
+    composition = Composition(*nodes.values())
+    composition.start()
+    assert composition.wait(nodes["model_writer"], 60.0)
+    composition.stop()
+    clouds = [laspy.read(tmp_path / one / "classified" / "drive.laz") for one in ("run", "graph")]
+    assert 0 < len(clouds[0]) < len(drive.points)
+    assert np.array_equal(clouds[0].points.array, clouds[1].points.array)
+    assert not (tmp_path / "graph" / ".partial").exists()
+
+
+def test_a_bag_is_played_as_it_was_recorded(command, drive, tmp_path):
+    started = time.monotonic()
+    spoken = command("live", "--replay", drive.path, "--rate", "0.5", "--output", tmp_path / "out")
+    assert time.monotonic() - started > 2.0  # of one second
+    assert (spoken.status, spoken.err[-1].count("10 scans, 5,000 points; ")) == (0, 1), spoken.err
+    (cloud,) = (tmp_path / "out" / "classified").iterdir()
+    xyz = laspy.read(cloud).xyz
+    assert np.abs(xyz - drive.points).max() < 0.02
+
+
+def test_of_a_bag_that_was_cut_off_the_rest_is_read_and_it_is_said(command, tmp_path):
+    drive = write_drive(tmp_path / "drive", n_points=100_000)
+    (file,) = drive.path.glob("*.mcap")
+    cut = shortened(file, 0.6)
+    play = ("live", "--replay", cut, "--rate", "0", "--output", tmp_path / "played")
+    for words in (("run", cut, "--no-ros", "--output", tmp_path / "read"), play):
+        spoken = command(*words)
+        assert spoken.status == 2
+        (line,) = [one for one in spoken.err if "read is what is whole: " in one]
+        assert " of the file, the first 0." in line
+    (record,) = json.loads((tmp_path / "read" / "run.json").read_text())["parameters"]["bags"]
+    read = laspy.read(tmp_path / "read" / "classified" / f"{cut.stem}.laz").xyz
+    assert record["n_points"] == len(read)
+    assert 30_000 < len(read) < 80_000
+    played = laspy.read(tmp_path / "played" / "classified" / "points_00000.laz").xyz
+    np.testing.assert_allclose(played, read, atol=0.0011)  # rounded to whole millimetres, by two ways
+
+
+def test_what_is_said_of_a_bag_that_is_not_played_is_refused(command, tmp_path):
+    assert "add --replay BAG" in command.refused("live", "--start", "3", "--output", tmp_path / "out")
+    missing = command.refused("live", "--replay", tmp_path / "none.mcap", "--output", tmp_path / "out")
+    assert "none.mcap" in missing
+    assert not (tmp_path / "out").exists()
