@@ -17,7 +17,6 @@ from lidar_buildings.commands.progress import RunOutcome, counted
 from lidar_buildings.commands.run_request import RunRequest, request_of
 from lidar_buildings.core.kernel_cache import start_compiling
 from lidar_buildings.core.model.errors import LidarBuildingsError
-from lidar_buildings.io.results.output_config import FORMAT_FILES
 from lidar_buildings.io.results.run_folder import discard_unfinished
 
 if TYPE_CHECKING:  # what reads and writes files is imported while the processes of a run start
@@ -106,9 +105,8 @@ def _report_problems(outcome: RunOutcome) -> None:
             f"{counted(summary.n_unclassified, 'point')} kept the class from before: the same command with "
             "--overwrite tries again"
         )
-    is_bare = FORMAT_FILES["gpkg"][0] in summary.files and not summary.buildings
-    if is_bare and summary.n_points and not outcome.failed:
-        lines.append("no building was found: doc/data_requirements.md says what the points must be like")
+    if summary.why_no_building and not outcome.failed:
+        lines.append(summary.why_no_building)
     for line in lines:
         print(f"lidar-buildings: {line}", file=sys.stderr)
 

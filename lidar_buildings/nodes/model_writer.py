@@ -258,7 +258,8 @@ class ModelWriter(StageNode):
 
     def _words(self, summary: RunSummary) -> str:
         n_buildings = sum(summary.buildings.values())
-        return f"{summary.n_tiles} tiles, {n_buildings} buildings are written to {self._survey.path}"
+        why = f"; {summary.why_no_building}" if summary.why_no_building else ""
+        return f"{summary.n_tiles} tiles, {n_buildings} buildings are written to {self._survey.path}{why}"
 
 
 def main() -> int:

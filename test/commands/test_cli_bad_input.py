@@ -113,7 +113,9 @@ def test_clouds_without_extent_are_legal_and_come_out_as_they_were(
     # what the logger says goes to stderr where pytest does not hold it
     lines = [*spoken.err, *caplog.messages]
     assert len(lines) == 1
-    assert (f"{path}: holds no points" if n_points == 0 else "no building was found") in lines[0]
+    said = f"no building was found: of {n_points} points " if n_points else f"{path}: holds no points"
+    assert said in lines[0]
+    assert ("no roof seen" in lines[0]) == (n_points > 0)
     files = FILES if n_points else WITHOUT_POINTS
     assert files_in(tmp_path / "out") == sorted([*files, "classified/tiny.laz"])
     after = laspy.read(tmp_path / "out" / "classified" / "tiny.laz")

@@ -25,6 +25,7 @@ WAITED = "waited too long for poses"
 TWICE = "scans that came twice"
 UNREADABLE = "scans that cannot be read"
 NO_POSES = "poses that are none (not finite, off the Earth, no rotation)"
+TOO_FAST = "steps from pose to pose faster than scan_assembler.max_speed, one of {:,.0f} m/s"
 CLOCK_SET_BACK = "times that the clock was set back"
 #: Poses are kept so long before the scan that was placed last [ns]: one may come so much later than others.
 _KEPT_POSES = 10_000_000_000
@@ -105,8 +106,8 @@ class ScanPlacer:
     @property
     def messages(self) -> Counter[str]:
         """What is to be said of messages: reason → how many."""
-        refused = Counter({NO_POSES: self.tree.n_refused} if self.tree.n_refused else {})
-        return self._messages + refused
+        n_jumps, speed = self.tree.jumps
+        return self._messages + Counter({NO_POSES: self.tree.n_refused, TOO_FAST.format(speed): n_jumps})
 
     def add_odometry(self, message: Any) -> None:
         """Take a nav_msgs/Odometry."""

@@ -105,6 +105,10 @@ class Trajectory:
     ----------
     last : int or None
         Time of the last pose [ns].
+    n_jumps : int
+        Steps from pose to pose that were faster than `max_speed`.
+    first_jump : float
+        Speed of the first of them [m/s].
     """
 
     def __init__(self, max_gap: float, max_speed: float) -> None:
@@ -114,6 +118,7 @@ class Trajectory:
         self._poses = np.empty((0, 7))
         self._new: list[tuple[int, Pose]] = []
         self.last: int | None = None
+        self.n_jumps, self.first_jump = 0, 0.0
 
     def __len__(self) -> int:
         """Return the number of poses."""
@@ -191,4 +196,15 @@ class Trajectory:
         is_last = np.append(np.diff(stamps[order]) > 0, True)
         kept = order[is_last][-MAX_POSES:]
         self._stamps, self._poses = stamps[kept], np.concatenate([self._poses, new])[kept]
+        self._count_jumps(min(stamp for stamp, _ in self._new))
         self._new.clear()
+
+    def _count_jumps(self, since: int) -> None:
+        """Count the steps that end at a time or later, and are too fast."""
+        begin = max(int(np.searchsorted(self._stamps, since)) - 1, 0)
+        span = np.diff(self._stamps[begin:]) / _NANOSECONDS
+        speed = np.linalg.norm(np.diff(self._poses[begin:, :3], axis=0), axis=1) / span
+        is_jump = (span <= self._max_gap) & (speed > self._max_speed)
+        if is_jump.any():
+            self.first_jump = self.first_jump or float(speed[is_jump][0])
+            self.n_jumps += int(np.count_nonzero(is_jump))

@@ -76,6 +76,12 @@ class TransformTree:
                 edge.set_back(stamp)
 
     @property
+    def jumps(self) -> tuple[int, float]:
+        """How many steps of poses were faster than `max_speed`, and the speed of a first one [m/s]."""
+        tracks = [edge for edge in self._edges.values() if isinstance(edge, Trajectory) and edge.n_jumps]
+        return sum(one.n_jumps for one in tracks), tracks[0].first_jump if tracks else 0.0
+
+    @property
     def frames(self) -> list[str]:
         """Names of all frames."""
         return sorted({*self._parents, *self._parents.values()})

@@ -86,9 +86,10 @@ def _check_any(bag_path: Path, n_points: int, placer: ScanPlacer) -> None:
     if placer.refusal:
         raise InputError(f"{bag_path}: {placer.refusal}")
     if placer.left_out[NO_POSE]:
+        said = "".join(f"; {number:,} {what}" for what, number in placer.messages.items())
         raise InputError(
-            f"{bag_path}: none of its {placer.left_out[NO_POSE]} points could be placed: no pose at "
-            "their times (two poses further apart than scan_assembler.max_pose_gap, or of another clock)"
+            f"{bag_path}: none of its {placer.left_out[NO_POSE]} points could be placed: no pose at their "
+            f"times (two poses further apart than scan_assembler.max_pose_gap, or of another clock){said}"
         )
 
 

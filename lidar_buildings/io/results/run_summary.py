@@ -5,6 +5,20 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any
 
+from lidar_buildings.core.model.classes import CLASS_GROUPS, ON_TERRAIN, PointClass
+from lidar_buildings.io.results.output_config import FORMAT_FILES
+
+#: What points are, in a reader's words, if there is no building; the rest is "other".
+_KINDS = {
+    "ground": (PointClass.GROUND, *(number for group in ON_TERRAIN for number in CLASS_GROUPS[group])),
+    "vegetation or walls": (
+        PointClass.LOW_VEGETATION,
+        PointClass.MEDIUM_VEGETATION,
+        PointClass.HIGH_VEGETATION,
+    ),
+    "roof, too little of it": (PointClass.BUILDING,),
+}
+
 
 @dataclass(frozen=True)
 class RunSummary:
@@ -44,3 +58,20 @@ class RunSummary:
     rasters: dict[str, dict[str, Any]]
     problems: tuple[str, ...]
     footprints: dict[str, Any] = field(default_factory=dict)
+
+    @property
+    def why_no_building(self) -> str:
+        """What the points are of a run that was to find buildings and found none, empty if it did."""
+        if self.buildings or not self.n_points or FORMAT_FILES["gpkg"][0] not in self.files:
+            return ""
+        shares = {
+            kind: 100.0 * sum(self.classes.get(number, 0) for number in numbers) / self.n_points
+            for kind, numbers in _KINDS.items()
+        }
+        shares["other"] = 100.0 - sum(shares.values())
+        told = ", ".join(f"{share:.0f} % {kind}" for kind, share in shares.items() if share >= 0.5)
+        seen = "" if shares["roof, too little of it"] else ", no roof seen"
+        return (
+            f"no building was found: of {self.n_points:,} points {told}{seen}: roofs show from above, "
+            "a vehicle sees walls only (doc/data_requirements.md)"
+        )

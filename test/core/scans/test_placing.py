@@ -12,6 +12,7 @@ from lidar_buildings.core.scans.placing import (
     NO_POSE,
     NO_POSES,
     NO_WAY,
+    TOO_FAST,
     TWICE,
     UNREADABLE,
     WAITED,
@@ -133,6 +134,7 @@ def test_points_in_a_gap_and_where_a_pose_jumps_are_left_out_and_counted():
         drive.scan(second)
     assert drive.end() == [0.5] * 3 + [2.5] * 3 + [4.0] * 3
     assert drive.placer.left_out == {NO_POSE: 9}
+    assert drive.placer.messages == {TOO_FAST.format(510.0): 2}
 
 
 def test_poses_that_are_none_are_told():
