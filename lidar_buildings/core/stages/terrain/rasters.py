@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from lidar_buildings.core.model.classes import PointClass
 from lidar_buildings.core.model.point_array import checked_column, checked_points
 from lidar_buildings.core.neighbours.point_spacing import given_or_measured
+from lidar_buildings.core.stages.terrain.areas import main_area
 from lidar_buildings.core.stages.terrain.cells import Cells
 from lidar_buildings.core.stages.terrain.config import RasterConfig
 from lidar_buildings.core.stages.terrain.known_cells import closed, squared_distance
@@ -20,6 +21,8 @@ from lidar_buildings.core.stages.terrain.window import RasterWindow, reach_in_ce
 #: Classes whose points carry the terrain, and those that no surface has.
 GROUND_CLASSES = (PointClass.GROUND, PointClass.WATER, PointClass.RAIL, PointClass.ROAD_SURFACE)
 NOISE_CLASSES = (PointClass.LOW_NOISE, PointClass.HIGH_NOISE)
+#: Side of the squares by which areas are told apart, beside three times the reach [m].
+_LEAST_SQUARE = 10.0
 _IS_GROUND, _IS_NOISE = (np.isin(np.arange(256), classes) for classes in (GROUND_CLASSES, NOISE_CLASSES))
 
 
@@ -69,6 +72,8 @@ def make_rasters(
     closed by the TIN of the highest points round them, wider holes by the ground. Noise counts for neither. A
     cell that an empty circle of radius `raster_reach` covers is unknown, so that nothing is made up beyond
     the survey's edge or across wide waters.
+
+    Points that lie kilometres from all others are left out where they would make a window of gigabytes.
 
     A tile answers for the cells whose nearest point is a core point of it: rasters of neighbouring tiles fit
     together without gaps, and agree where their buffers hold what matters (twice the reach).
@@ -120,6 +125,7 @@ def make_rasters(
     if config.raster_resolution <= 0.0:
         raise ValueError("raster_resolution = 0: must be above 0 to make rasters")
     seen = np.flatnonzero(~_IS_NOISE[classes])
+    seen = seen[main_area(points[seen], 3.0 * config.raster_reach + _LEAST_SQUARE, config.raster_resolution)]
     if len(seen) < len(points):
         points, classes = points.take(seen, axis=0), classes[seen]
         core, first = core[seen], first[seen]

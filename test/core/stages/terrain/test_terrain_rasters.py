@@ -262,7 +262,10 @@ def test_a_tile_of_neighbours_points_alone_has_no_cell():
         ({"is_core": np.ones(3, dtype=bool)}, "is_core has shape"),
         ({"points": np.full((4, 3), np.nan)}, "must be finite"),
         (
-            {"points": np.array([[0, 0, 0], [1e6, 1e6, 0], [0, 0, 0], [1, 1, 0]])},
+            {
+                "points": np.array([[0, 0, 0], [50, 50, 0], [0, 0, 0], [1, 1, 0]]),
+                "config": RasterConfig(raster_resolution=0.001),
+            },
             "cells between these points",
         ),
     ],
@@ -271,6 +274,16 @@ def test_a_caller_s_mistake_is_named(given, words):
     arguments = {"points": np.zeros((4, 3)), "classification": np.full(4, 2)} | given
     with pytest.raises(ValueError, match=words):
         make_rasters(**arguments)
+
+
+def test_points_far_from_a_tile_make_no_window_of_gigabytes():
+    xy = scattered((60.0, 40.0), 2.0)
+    xyz, classes = on(SLOPE, xy), np.full(len(xy), GROUND)
+    far = np.vstack((xyz, [[10_000.0, 9_000.0, 0.0], [-9e7, 9e7, 0.0]]))
+    alone, beside = make_rasters(xyz, classes), make_rasters(far, np.append(classes, [GROUND, TREE]))
+    assert alone.window == beside.window
+    np.testing.assert_array_equal(alone.dtm, beside.dtm)
+    np.testing.assert_array_equal(alone.dsm, beside.dsm)
 
 
 def test_the_ndsm_is_known_wherever_both_others_are():

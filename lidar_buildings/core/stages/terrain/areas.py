@@ -1,0 +1,45 @@
+"""Points that lie so far apart that one window of cells around them would be nearly empty."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
+
+#: Windows of fewer cells may be as empty as they are: some 1 GB.
+_SMALL = 25_000_000
+#: A window of which less than one in so many squares holds a point is nearly empty.
+_SPARSITY = 16
+
+
+def main_area(points: NDArray[np.float64], square: float, resolution: float) -> NDArray[np.intp] | slice:
+    """
+    Return the rows of the points round which a window of cells is worth its memory: mostly all.
+
+    A single point 10 km from a tile would make a window of gigabytes. Where a window is large and nearly
+    empty the group of adjoining squares with the most points is kept; of equal ones the westernmost, then
+    southernmost.
+
+    Parameters
+    ----------
+    points : ndarray of shape (n_points, 3)
+        [m]
+    square : float
+        Side of a square [m].
+    resolution : float
+        Side of a cell [m].
+    """
+    if not len(points) or np.prod(np.ptp(points[:, :2], axis=0) / resolution) <= _SMALL:
+        return slice(None)
+    squares, at, count = np.unique(
+        np.floor(points[:, :2] / square).astype(np.int64), axis=0, return_inverse=True, return_counts=True
+    )
+    wide, high = (squares.max(axis=0) - squares.min(axis=0) + 1).tolist()
+    if wide * high <= _SPARSITY * len(squares):
+        return slice(None)
+    pairs = cKDTree(squares).query_pairs(1.5, output_type="ndarray")
+    graph = coo_array((np.ones(len(pairs)), pairs.T), shape=(len(squares),) * 2)
+    group = connected_components(graph, directed=False)[1]
+    return np.flatnonzero(group[at.ravel()] == np.argmax(np.bincount(group, weights=count)))
