@@ -13,6 +13,7 @@ from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPo
 
 from lidar_buildings.core.model.errors import ParameterError
 from lidar_buildings.io.bags.recording import RecordedTopic, Recording, bag_folder
+from lidar_buildings.io.bags.recording_thread import RecordingThread
 from lidar_buildings.nodes.configs import NODE_CONFIGS, RecorderConfig
 from lidar_buildings.nodes.topics import topics_called
 from lidar_buildings.ros import qos
@@ -45,8 +46,8 @@ class Recorder(StageNode):
         except Exception:
             self.destroy_node()
             raise
-        self._last_heard = time.monotonic()
-        self._lag = 0.0
+        self._last_heard, self._lag = time.monotonic(), 0.0
+        self._writing = RecordingThread(self.recording, self._on_written)
         self._sought = set(config.topics)
         self._takers: list[tuple[Any, Callable[[bytes, dict[str, int]], None]]] = []
         self.summary.watch(self._gauges)
@@ -61,7 +62,7 @@ class Recorder(StageNode):
     @property
     def is_silent(self) -> bool:
         """Whether nothing has come for a while but diagnostics, which always do."""
-        return time.monotonic() - self._last_heard > _SILENCE
+        return not self._writing.n_waiting and time.monotonic() - self._last_heard > _SILENCE
 
     def on_search(self) -> None:
         """Subscribe to topics of others as soon as somebody publishes them, as reliably as they are sent."""
@@ -75,8 +76,9 @@ class Recorder(StageNode):
 
     def destroy_node(self) -> None:
         """Record what has come and was not taken yet, and complete the bag."""
-        if hasattr(self, "recording"):
+        if hasattr(self, "_writing"):
             self._take_the_rest()
+            self._writing.finish()
             self.recording.close()
         super().destroy_node()
 
@@ -109,17 +111,18 @@ class Recorder(StageNode):
         self._takers.append((subscription, take))
 
     def _record(self, name: str, data: bytes, info: dict[str, int]) -> None:
-        had_failed = self.recording.failure
-        received = info["received_timestamp"] or time.time_ns()
-        self.recording.add(name, received, data)
+        self._writing.add(name, info["received_timestamp"] or time.time_ns(), data)
+        if name != f"/{DIAGNOSTICS}":
+            self._last_heard = time.monotonic()
+
+    def _on_written(self, name: str, received: int) -> None:
+        """Tell how late messages are written, and what is wrong; called by the thread that writes."""
         self._lag = (time.time_ns() - received) * 1e-9
         if self._lag > _LATE:
             self.summary.warned(f"{name} is recorded {self._lag:.0f} s after it came: the disk is too slow")
-        if self.recording.failure and not had_failed:
+        if self.recording.failure != self.summary.problem:
             self.summary.problem = self.recording.failure
             self.get_logger().error(self.recording.failure)
-        if name != f"/{DIAGNOSTICS}":
-            self._last_heard = time.monotonic()
 
     def _take_the_rest(self) -> None:
         """Take what waits in the subscriptions, until nothing more comes; once ROS has ended nothing does."""
@@ -138,6 +141,7 @@ class Recorder(StageNode):
             "messages": recording.n_messages,
             "megabytes": recording.n_bytes * 1e-6,
             "messages_lost": sum(recording.lost.values()),
+            "megabytes_waiting": self._writing.n_waiting * 1e-6,
             "lag": self._lag,
         }
 

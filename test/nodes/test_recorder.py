@@ -1,5 +1,6 @@
 """The recorder writes what it hears as it came, and a full disk ends the bag alone."""
 
+import threading
 import time
 
 import numpy as np
@@ -7,6 +8,7 @@ import pytest
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.qos import QoSProfile, ReliabilityPolicy
+from rclpy.serialization import serialize_message
 from rosbags.highlevel import AnyReader
 from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Int32, String
@@ -14,7 +16,8 @@ from support.cloud_files import fill_the_disk
 
 from lidar_buildings.core.model.errors import OutputError, ParameterError
 from lidar_buildings.core.model.tile import PointTile
-from lidar_buildings.io.bags.recording import Recording, bag_folder
+from lidar_buildings.io.bags.recording import RecordedTopic, Recording, bag_folder
+from lidar_buildings.io.bags.recording_thread import RecordingThread
 from lidar_buildings.nodes.recorder import Recorder
 from lidar_buildings.ros.composition import Composition
 from lidar_buildings.ros.point_cloud import to_message
@@ -135,6 +138,24 @@ def test_a_full_disk_ends_the_bag_and_says_what_is_missing(record, tmp_path, mon
     assert recording.lost["/points"] >= 1
     assert recorder.summary.state()[:2] == (2, recording.failure)
     assert not recorder.outcome.done()
+
+
+def test_what_a_slow_disk_cannot_take_is_left_out_and_counted(tmp_path):
+    may_write, n_written = threading.Event(), []
+    recording = Recording(tmp_path / "bag")
+    recording.declare(RecordedTopic("/text", "std_msgs/msg/String", 0, False))
+    add = recording.add
+    recording.add = lambda *message: may_write.wait() and add(*message)
+    thread = RecordingThread(recording, lambda *one: n_written.append(one), most_waiting=100)
+    for number in range(10):
+        thread.add("/text", number, serialize_message(String(data=f"number {number:030}")))
+    assert thread.n_waiting <= 100
+    may_write.set()
+    thread.finish()
+    recording.close()
+    assert (recording.n_messages, recording.lost["/text"], len(n_written)) == (2, 8, 10)
+    assert recording.failure.endswith("bag: the disk is too slow: what it cannot take is left out")
+    assert [one.data[-1] for _, one in messages(tmp_path / "bag")[0]] == ["0", "1"]
 
 
 def test_what_is_there_is_not_touched(tmp_path):

@@ -48,9 +48,9 @@ class Recording:
     n_messages, n_bytes : int
         What was recorded.
     lost : Counter
-        Topic → messages that came after it could not be written any more.
+        Topic → messages that came after it could not be written any more, or faster than it could.
     failure : str
-        Why it cannot be written, empty if it can.
+        Why it cannot be written, or not all of it; empty if it can.
 
     Raises
     ------
@@ -63,6 +63,7 @@ class Recording:
         self.n_messages = self.n_bytes = 0
         self.lost: Counter[str] = Counter()
         self.failure = ""
+        self._has_ended = False
         self._topics: dict[str, RecordedTopic] = {}
         self._bag: BagWriter | None = None
         if path.exists():
@@ -77,7 +78,7 @@ class Recording:
 
     def add(self, name: str, time: int, data: bytes) -> None:
         """Record a message (CDR) that came at a time [ns]; once that fails, only count it."""
-        if self.failure:
+        if self._has_ended:
             self.lost[name] += 1
             return
         topic = self._topics[name]
@@ -89,6 +90,11 @@ class Recording:
             return
         self.n_messages += 1
         self.n_bytes += len(data)
+
+    def leave_out(self, name: str) -> None:
+        """Count a message that came faster than the disk takes them."""
+        self.lost[name] += 1
+        self.failure = self.failure or f"{self.path}: the disk is too slow: what it cannot take is left out"
 
     def close(self) -> None:
         """Complete the bag."""
@@ -117,6 +123,7 @@ class Recording:
         if self._bag is not None:
             self._bag.abandon()
             self._bag = None
+        self._has_ended = True
 
 
 def bag_folder(name: str | Path) -> Path:
