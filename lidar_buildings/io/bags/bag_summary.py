@@ -80,7 +80,7 @@ def _placing(bag: Bag, topics: list[TopicContent], taken: BagTopics) -> list[str
     frame = frame_name(next(one.frame for one in topics if one.name == taken.clouds))
     map_frame = ScanConfig().map_frame
     placer = _with_poses(bag, taken)
-    notes = [] if taken.origin else ["no map_origin: the outputs carry no reference system"]
+    notes = [] if taken.origin or taken.fix else ["no map_origin: the outputs carry no reference system"]
     if frame == map_frame:
         return [f"the scans are in frame {map_frame}: they are taken as they are", *notes]
     target = placer.target_of(frame)

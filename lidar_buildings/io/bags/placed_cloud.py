@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -11,12 +12,13 @@ from lidar_buildings.core.model.errors import InputError, MessageError
 from lidar_buildings.core.scans.config import ScanConfig
 from lidar_buildings.core.scans.placing import NO_POSE, ScanPlacer
 from lidar_buildings.core.scans.seen_points import SeenPoints
-from lidar_buildings.io.bags.bag import CLOUD, ODOMETRY, POINT, TRANSFORMS, VECTOR, BagMessage
+from lidar_buildings.io.bags.bag import CLOUD, FIX, ODOMETRY, POINT, TRANSFORMS, VECTOR, BagMessage
 from lidar_buildings.io.bags.bag_config import BagConfig
 from lidar_buildings.io.bags.cut_mcap import open_bag
 from lidar_buildings.io.bags.selection import choose_topics, chosen_messages
 from lidar_buildings.io.files.atomic_files import atomic_file
 from lidar_buildings.io.tiling.live_feed import LiveFeed
+from lidar_buildings.io.tiling.live_frame import Fix, frame_by_fix
 from lidar_buildings.io.tiling.placed_laz import FAR, PlacedLaz
 
 
@@ -64,6 +66,9 @@ def write_placed(bag_path: Path, path: Path, choice: BagConfig, config: ScanConf
         placer = ScanPlacer(config, SeenPoints())
         file = PlacedLaz(temporary)
         try:
+            if topics.fix and not topics.origin:
+                poses = chosen_messages(bag, topics._replace(clouds=""), choice)
+                _place_by_fix(poses, ScanPlacer(config), file)
             for message in chosen_messages(bag, topics, choice):
                 _take(placer, file, message)
                 for scan in placer.placed():
@@ -77,6 +82,18 @@ def write_placed(bag_path: Path, path: Path, choice: BagConfig, config: ScanConf
         _check_any(bag_path, file.n_points, placer)
     left_out = placer.left_out + Counter({FAR: file.n_far} if file.n_far else {})
     return PlacedCount(placer.n_scans, file.n_points, left_out, placer.messages, problem)
+
+
+def _place_by_fix(messages: Iterator[BagMessage], placer: ScanPlacer, file: PlacedLaz) -> None:
+    """Say where the map lies by the first fix that a pose stands beside."""
+    fix: Fix | None = None
+    for message in messages:
+        hand_over(message, placer)
+        if message.type == FIX:
+            fix = Fix.of(message.message) or fix
+        if fix is not None and (frame := frame_by_fix(fix, placer)) is not None:
+            file.place(frame.crs, frame.origin)
+            return
 
 
 def _check_any(bag_path: Path, n_points: int, placer: ScanPlacer) -> None:

@@ -100,6 +100,11 @@ def test_transforms_tell_the_mounting_too(survey, tmp_path):
     assert np.quantile(errors_of(survey, tmp_path, mounting=""), 0.95) < 0.02
 
 
+def test_a_fix_tells_where_the_map_lies(flight, tmp_path):
+    assert errors_of(flight, tmp_path, with_fix=True).max() < 0.02
+    assert laspy.read(tmp_path / "placed.laz").header.parse_crs().to_epsg() == 32632
+
+
 def test_sqlite3_holds_the_same(flight, tmp_path):
     assert np.quantile(errors_of(flight, tmp_path, storage="sqlite3"), 0.95) < 0.02
 
