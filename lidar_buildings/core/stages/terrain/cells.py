@@ -10,12 +10,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lidar_buildings.core.kernels import kernel
+from lidar_buildings.core.stages.terrain.known_cells import squared_distance
 from lidar_buildings.core.stages.terrain.window import RasterWindow
 from lidar_buildings.core.surfaces.triangulation import triangulate
 
 #: Coordinates are summed as whole multiples of 1/65536 m, so that sums do not depend on the points' order.
 #: Wide margin: 15 µm, and 10⁶ points a cell with coordinates of 10⁵ m stay below 2⁵³.
 _STEPS_PER_METRE = 65536.0
+#: Cells so near an empty one are corners of the triangles that close it.
+_RIM = 3
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,6 +47,11 @@ class CellPoints:
     def select(self, chosen: NDArray[np.bool_]) -> CellPoints:
         """Return those chosen by a mask."""
         return CellPoints(self.rows[chosen], self.columns[chosen], self.points[chosen])
+
+    def near(self, cells: NDArray[np.bool_]) -> CellPoints:
+        """Return those so near to chosen cells that they are corners of the triangles that cover these."""
+        near = squared_distance(cells, _RIM)[self.rows, self.columns] <= _RIM * _RIM
+        return self.select(near) if near.any() else self
 
     def joined(self, others: CellPoints) -> CellPoints:
         """Return these and those of other cells."""
@@ -112,6 +120,20 @@ class Cells:
     def _cell_points(self, numbers: NDArray[np.int64], points: NDArray[np.float64]) -> CellPoints:
         return CellPoints(*np.divmod(numbers, self.window.width), points)
 
+    def levelled(self, means: CellPoints) -> NDArray[np.float32]:
+        """
+        Return the elevations of cells' means, moved to the cells' middles along the slope there [m].
+
+        The slope is that of the plane through a cell's own mean which fits the means of its eight neighbours
+        best; NaN where those are too few, or too near in a direction, to tell.
+        """
+        number = np.full(self.window.shape, np.int32(-1))
+        number[means.rows, means.columns] = np.arange(len(means.rows))
+        padded = np.pad(number, 1, constant_values=-1)
+        middles = self.window.centres(means.rows, means.columns, self.origin)
+        width = self.window.resolution
+        return _levelled(means.points, middles, means.rows, means.columns, padded, width * width)
+
     def tin_at(self, vertices: CellPoints, chosen: NDArray[np.bool_]) -> NDArray[np.float32]:
         """
         Return the TIN's elevation at the middles of chosen cells, row by row; NaN if there is no vertex [m].
@@ -139,3 +161,30 @@ def _extremes(points, at, is_first, n_cells):  # type: ignore[no-untyped-def]
                     continue
             found[kind, at[i]] = i
     return found
+
+
+@kernel
+def _levelled(points, middles, rows, columns, number, spread):  # type: ignore[no-untyped-def]
+    """
+    Move elevations to the cells' middles.
+
+    `number` has a cell's row of `points`, −1 for none, and a rim; `spread` is what the squared distances of
+    the neighbours must sum up to along each axis.
+    """
+    levels = np.empty(len(points), dtype=np.float32)
+    for i in range(len(points)):
+        xx = xy = yy = xz = yz = 0.0
+        for row in range(rows[i], rows[i] + 3):
+            for column in range(columns[i], columns[i] + 3):
+                k = number[row, column]
+                if k >= 0:
+                    x, y = points[k, 0] - points[i, 0], points[k, 1] - points[i, 1]
+                    z = points[k, 2] - points[i, 2]
+                    xx, xy, yy, xz, yz = xx + x * x, xy + x * y, yy + y * y, xz + x * z, yz + y * z
+        determinant = xx * yy - xy * xy
+        levels[i] = np.nan
+        if min(xx, yy) >= spread and determinant > 0.1 * xx * yy:
+            east, north = middles[i, 0] - points[i, 0], middles[i, 1] - points[i, 1]
+            rise = (yy * xz - xy * yz) * east + (xx * yz - xy * xz) * north
+            levels[i] = points[i, 2] + rise / determinant
+    return levels

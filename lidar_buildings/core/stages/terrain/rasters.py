@@ -67,11 +67,11 @@ def make_rasters(
     """
     Make elevation rasters of the ground (DTM) and of the surface (DSM) from classified points.
 
-    The DTM is the TIN of the ground's points (the mean of each cell's), taken at the cells' middles; it
-    closes what buildings and shadows leave open. The DSM is the highest first return of a cell; gaps are
-    closed by the TIN of the highest points round them, wider holes by the ground. Noise counts for neither. A
-    cell that an empty circle of radius `raster_reach` covers is unknown, so that nothing is made up beyond
-    the survey's edge or across wide waters.
+    The DTM is the mean of each cell's ground points, moved to the cell's middle along the slope; the TIN of
+    those round them closes what buildings and shadows leave open. The DSM is the highest first return of a
+    cell; gaps are closed by the TIN of the highest points round them, wider holes by the ground. Noise counts
+    for neither. A cell that an empty circle of radius `raster_reach` covers is unknown, so that nothing is
+    made up beyond the survey's edge or across wide waters.
 
     Points that lie kilometres from all others are left out where they would make a window of gigabytes.
 
@@ -138,7 +138,9 @@ def make_rasters(
     is_ground = np.flatnonzero(_IS_GROUND[classes])
     ground = cells.means(points.take(is_ground, axis=0), at[is_ground])
     dtm = np.full(window.shape, np.nan, dtype=np.float32)
-    dtm[known] = cells.tin_at(ground, known)
+    dtm[ground.rows, ground.columns] = cells.levelled(ground)
+    gaps = known & np.isnan(dtm)
+    dtm[gaps] = cells.tin_at(ground.near(gaps), gaps)
     spacing = given_or_measured(points, point_spacing)
     gap = min(widest_gap(spacing, config.raster_resolution), reach)
     dsm = surface_elevations(cells, points, at, first, dtm, known, gap)

@@ -7,14 +7,12 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from lidar_buildings.core.stages.terrain.cells import CellPoints, Cells
-from lidar_buildings.core.stages.terrain.known_cells import closed, squared_distance
+from lidar_buildings.core.stages.terrain.known_cells import closed
 from lidar_buildings.core.stages.terrain.window import reach_in_cells
 
 # Chosen by hand on Delft, fusa and Toronto (doc/algorithms/terrain.md).
 #: Empty circles up to this radius are chance, not water: so many spacings, and at least so many metres.
 _GAP_SPACINGS, _MIN_GAP = 3.0, 1.5
-#: Cells so near an empty one are corners of the triangles that close it.
-_RIM = 3
 #: A hole lies on the ground if so great a share of the cells round it have points less high than this [m].
 _LOW_SHARE, _LOW = 0.05, 1.0
 #: Cells that share a side or a corner belong together.
@@ -73,7 +71,7 @@ def surface_elevations(
     on_ground = _holes_on_ground(lowest, ground, known & ~closed(measured, gap))
     elevation = np.where(on_ground, ground, np.float32(np.nan))
     gaps = known & ~measured & ~on_ground
-    elevation[gaps] = np.fmax(cells.tin_at(_near(highest, gaps), gaps), ground[gaps])
+    elevation[gaps] = np.fmax(cells.tin_at(highest.near(gaps), gaps), ground[gaps])
     elevation[highest.rows, highest.columns] = highest.points[:, 2]
     elevation[~known] = np.nan
     return elevation
@@ -97,7 +95,3 @@ def _with_later_returns(cells: Cells, first: CellPoints, later: CellPoints, gap:
     """Add the later returns of cells that have no first return near."""
     lacking = ~closed(first.mask(cells.window.shape), gap)[later.rows, later.columns]
     return first.joined(later.select(lacking))
-
-
-def _near(points: CellPoints, cells: NDArray[np.bool_]) -> CellPoints:
-    return points.select(squared_distance(cells, _RIM)[points.rows, points.columns] <= _RIM * _RIM)
