@@ -1,7 +1,8 @@
 """
 A virtual scanner's feed through the live graph, in real time: does the graph keep up, and how late is it.
 
-    python -m bench.chain.live [--scene NAME] [--density D] [--pulse-rate N] [--seconds S] [--tile-size M]
+    python -m bench.chain.live [--scene NAME] [--density D] [--pulse-rate N] [--seconds S] [--set WORD]
+    python -m bench.chain.live --bag BAG [--rate R] [--seconds S] [--set WORD]
 
 `lidar-buildings simulate --live` publishes and `lidar-buildings live` listens, each in processes of its own.
 So many seconds after the graph was started the scanner ends, and the graph finishes. Both share the machine:
@@ -29,7 +30,7 @@ import numpy as np
 from bench.chain.process_tree import tree_memory
 
 #: In the child's error output, the line with the latencies.
-_MARK = "LATENCIES "
+_MARK = "MEASURED "
 _PERIOD = 1.0
 
 
@@ -49,44 +50,54 @@ def main() -> None:
     parser.add_argument("--scene", default="city")
     parser.add_argument("--density", default="8")
     parser.add_argument("--pulse-rate", default="70000")
+    parser.add_argument("--bag", help="play this one instead: its scanner costs nothing")
+    parser.add_argument("--rate", default="1", help="of the bag")
     parser.add_argument("--seconds", type=float, default=120.0)
-    parser.add_argument("--tile-size", type=float)
+    parser.add_argument("--set", action="append", default=[], metavar="STAGE.NAME=VALUE")
     print(json.dumps(measure(parser.parse_args())))
 
 
 def measure(options: argparse.Namespace) -> dict[str, Any]:
-    """Let a scanner and the graph run side by side, and return the figures."""
+    """Let a scanner, or a bag, and the graph run side by side, and return the figures."""
     os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
-    scene = ["--scene", options.scene, "--density", options.density, "--pulse-rate", options.pulse_rate]
-    command = [sys.executable, "-m", "lidar_buildings.cli", "simulate", "--live", "--reliable", *scene]
+    os.environ.setdefault("ROS_DOMAIN_ID", str(1 + os.getpid() % 100))  # another's scanner is not heard
     with tempfile.TemporaryDirectory() as folder, open(Path(folder) / "log", "w+") as log:
-        # an own line of the scanner says what its reader needs
-        scanner = subprocess.Popen([*command, "--wait"], stdout=subprocess.PIPE, text=True)
-        needs = re.findall(r"--set (\S+)", _line_with(scanner, "a reader needs"))
-        if options.tile_size:
-            needs.append(f"scan_assembler.tile_size={options.tile_size}")
-        words = [word for one in needs for word in ("--set", one)]
-        child = [sys.executable, "-m", "bench.chain.live", "--child", str(Path(folder) / "out"), *words]
+        scanner = None if options.bag else _start_scanner(options)
+        output = Path(folder) / "out"
+        words = ["--replay", options.bag, "--rate", options.rate] if options.bag else ["--reliable"]
+        settings = list(options.set)
+        if scanner is not None:  # an own line of the scanner says what its reader needs
+            settings += re.findall(r"--set (\S+)", _line_with(scanner, "a reader needs"))
+        else:
+            words += ["--duration", str(options.seconds * float(options.rate))]
+        words += [word for one in settings for word in ("--set", one)]
+        child = [sys.executable, "-m", "bench.chain.live", "--child", str(output), *words]
         graph = subprocess.Popen(child, stderr=log)
         memory = _watch(scanner, graph, options.seconds)
-        report = scanner.communicate()[0]
-        graph.send_signal(signal.SIGINT)
-        begin = time.perf_counter()
+        report = scanner.communicate()[0].splitlines() if scanner is not None else []
+        graph.send_signal(signal.SIGINT) if scanner is not None else None
         graph.wait()
-        seconds_after = time.perf_counter() - begin
         log.seek(0)
-        told = next(line for line in log if line.startswith(_MARK))
-        sendings = [Sending(*one) for one in json.loads(told.removeprefix(_MARK))]
-        record = json.loads((Path(folder) / "out" / "run.json").read_text())
+        lines = log.read().splitlines()
+        told = json.loads(next(line for line in lines if line.startswith(_MARK)).removeprefix(_MARK))
+        record = json.loads((output / "run.json").read_text())
     thirds = [round(float(np.mean(part)) / 1e6) for part in np.array_split(memory, 3)]
+    words_of = " points in " if options.bag is None else ": played "
     return {
-        "scanner": next(line for line in report.splitlines() if " points in " in line),
+        "scanner": next((line for line in [*report, *lines] if words_of in line), ""),
         "n_points": record["n_points"],
         "buildings": record["buildings"],
-        "seconds_after": round(seconds_after, 1),
-        **latencies(sendings),
+        "graph_cpu": round(told["cpu"], 1),
+        "seconds_after": round(told["seconds_after"], 1),
+        **latencies([Sending(*one) for one in told["sendings"]]),
         "memory_MB": {"most": round(max(memory) / 1e6), "thirds": thirds},
     }
+
+
+def _start_scanner(options: argparse.Namespace) -> subprocess.Popen[str]:
+    scene = ["--scene", options.scene, "--density", options.density, "--pulse-rate", options.pulse_rate]
+    command = [sys.executable, "-m", "lidar_buildings.cli", "simulate", "--live", "--reliable", "--wait"]
+    return subprocess.Popen([*command, *scene], stdout=subprocess.PIPE, text=True)
 
 
 def latencies(sendings: list[Sending]) -> dict[str, Any]:
@@ -111,14 +122,16 @@ def _line_with(process: subprocess.Popen[str], words: str) -> str:
     return next(line for line in lines if words in line)
 
 
-def _watch(scanner: subprocess.Popen[str], graph: subprocess.Popen[bytes], seconds: float) -> list[int]:
-    """Note the graph's memory until the scanner ends, or has had its time."""
+def _watch(
+    scanner: subprocess.Popen[str] | None, graph: subprocess.Popen[bytes], seconds: float
+) -> list[int]:
+    """Note the graph's memory until the scanner ends or has had its time; without one, until the graph ends."""
     end, memory = None, []
-    while scanner.poll() is None:
+    while (scanner or graph).poll() is None:
         memory.append(tree_memory(graph.pid))
         if end is None and memory[-1] > 0:
             end = time.monotonic() + seconds
-        if end is not None and time.monotonic() >= end:
+        if scanner is not None and end is not None and time.monotonic() >= end:
             scanner.send_signal(signal.SIGINT)
             end = float("inf")
         time.sleep(_PERIOD)
@@ -128,11 +141,13 @@ def _watch(scanner: subprocess.Popen[str], graph: subprocess.Popen[bytes], secon
 def _child(output: str, words: list[str]) -> int:
     """Run `lidar-buildings live`, and say on stderr when each tile was sent and done."""
     from lidar_buildings.cli import main as command
+    from lidar_buildings.io.tiling.live_feed import LiveFeed
     from lidar_buildings.io.tiling.live_survey import LiveSurvey
 
-    take, finish = LiveSurvey.take, LiveSurvey.finish
+    take, finish, flush = LiveSurvey.take, LiveSurvey.finish, LiveFeed.flush
     under_way: dict[int, list[Any]] = {}
     sendings: list[list[Any]] = []
+    ends: list[float] = []
 
     def noted_take(self: LiveSurvey) -> Any:
         tile = take(self)
@@ -148,9 +163,20 @@ def _child(output: str, words: list[str]) -> int:
         if own is not None and own.place not in self._under_way and own.stamp in under_way:
             sendings.append([*under_way.pop(own.stamp), time.monotonic()])
 
+    def noted_flush(self: LiveFeed) -> None:
+        ends.append(time.monotonic())
+        flush(self)
+
     LiveSurvey.take, LiveSurvey.finish = noted_take, noted_finish  # type: ignore[method-assign]
-    status = command(["live", "--output", output, "--reliable", *words])
-    print(_MARK + json.dumps(sendings), file=sys.stderr)
+    LiveFeed.flush = noted_flush  # type: ignore[method-assign]
+    status = command(["live", "--output", output, *words])
+    of_all = os.times()
+    told = {
+        "sendings": sendings,
+        "seconds_after": time.monotonic() - ends[0],
+        "cpu": of_all.user + of_all.system + of_all.children_user + of_all.children_system,
+    }
+    print(_MARK + json.dumps(told), file=sys.stderr)
     return status
 
 

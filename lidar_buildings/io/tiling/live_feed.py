@@ -193,7 +193,7 @@ class LiveFeed:
                     work, message, n_points = self._inbox.get(timeout=_TICK)
                     self._try(work, message)
                     self._n_left += n_points
-                if time.monotonic() >= next_tick or self._inbox.empty():
+                if time.monotonic() >= next_tick:
                     self._try(self._tick, None)
                     next_tick = time.monotonic() + _TICK
         except Exception as error:
