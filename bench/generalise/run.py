@@ -16,10 +16,13 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from bench.common.clouds import data_folder
-from bench.generalise import ground
+from bench.generalise import buildings, ground
 
 #: Part → what measures it: the data folder and the command line's options → a table.
-PARTS: dict[str, Callable[[Path, argparse.Namespace], str]] = {"ground": ground.report}
+PARTS: dict[str, Callable[[Path, argparse.Namespace], str]] = {
+    "ground": ground.report,
+    "buildings": buildings.report,
+}
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
