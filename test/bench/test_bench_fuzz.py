@@ -23,6 +23,11 @@ def test_whatever_comes_only_the_documented_errors_are_raised(name, seed):
         target(np.random.default_rng(seed))
 
 
+def test_a_damaged_bag_with_a_topic_of_no_type_is_refused():
+    with pytest.raises(LidarBuildingsError, match="holds no sensor_msgs/msg/PointCloud2; its topics:"):
+        TARGETS["bags"][0](np.random.default_rng((5_000_000, 794)))
+
+
 def test_what_fails_is_printed_with_its_seed(monkeypatch, capsys):
     outcomes = iter(["accepted", ZeroDivisionError("by 0"), LidarBuildingsError("is 1.5 not 2"), "accepted"])
 

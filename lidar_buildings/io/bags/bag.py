@@ -95,7 +95,7 @@ class Bag:
         """All topics, by name."""
         counts: dict[tuple[str, str], int] = {}
         for one in self._reader.connections:
-            key = (one.topic, _kind_of(one))
+            key = (str(one.topic), _kind_of(one))
             counts[key] = counts.get(key, 0) + (one.msgcount or 0)
         seconds = self.seconds
         return [
@@ -178,8 +178,8 @@ class Bag:
 
 
 def _kind_of(connection: Connection) -> str:
-    """Return the type of a connection's messages, as ROS 2 calls it."""
-    return TRANSFORMS if connection.msgtype == _OLD_TRANSFORMS else connection.msgtype
+    """Return the type of a connection's messages, as ROS 2 calls it; a damaged bag may have none."""
+    return TRANSFORMS if connection.msgtype == _OLD_TRANSFORMS else str(connection.msgtype)
 
 
 @contextmanager
