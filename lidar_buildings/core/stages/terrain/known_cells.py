@@ -4,8 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import ndimage
 
 from lidar_buildings.core.surfaces.cell_distances import square_distances
+
+#: Cells that share a side or a corner belong together.
+ADJACENT = np.ones((3, 3), dtype=bool)
 
 
 def closed(occupied: NDArray[np.bool_], reach: int) -> NDArray[np.bool_]:
@@ -25,6 +29,15 @@ def closed(occupied: NDArray[np.bool_], reach: int) -> NDArray[np.bool_]:
     """
     near = squared_distance(occupied, reach) <= reach * (reach + 1)  # (reach + ½)² in whole cells
     return squared_distance(~near, reach) > reach * reach
+
+
+def regions_touching(cells: NDArray[np.bool_], chosen: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Return the connected regions, corners included, of some cells that have a chosen one."""
+    number, n_regions = ndimage.label(cells, ADJACENT)
+    is_touching = np.zeros(n_regions + 1, dtype=bool)
+    is_touching[number[chosen]] = True
+    is_touching[0] = False
+    return is_touching[number]
 
 
 def squared_distance(marked: NDArray[np.bool_], reach: int) -> NDArray[np.int32]:

@@ -14,7 +14,7 @@ from lidar_buildings.core.neighbours.point_spacing import given_or_measured
 from lidar_buildings.core.stages.terrain.areas import main_area
 from lidar_buildings.core.stages.terrain.cells import Cells
 from lidar_buildings.core.stages.terrain.config import RasterConfig
-from lidar_buildings.core.stages.terrain.known_cells import closed, squared_distance
+from lidar_buildings.core.stages.terrain.known_cells import closed, regions_touching, squared_distance
 from lidar_buildings.core.stages.terrain.surface import surface_elevations, widest_gap
 from lidar_buildings.core.stages.terrain.window import RasterWindow, reach_in_cells, window_of
 
@@ -139,13 +139,13 @@ def make_rasters(
     ground = cells.means(points.take(is_ground, axis=0), at[is_ground])
     dtm = np.full(window.shape, np.nan, dtype=np.float32)
     dtm[ground.rows, ground.columns] = cells.levelled(ground)
-    gaps = known & np.isnan(dtm)
+    distance = squared_distance(own, reach)
+    mine = known & (distance <= np.minimum(squared_distance(others, reach), reach * reach))
+    gaps = regions_touching(known & np.isnan(dtm), mine)
     dtm[gaps] = cells.tin_at(ground.near(gaps), gaps)
     spacing = given_or_measured(points, point_spacing)
     gap = min(widest_gap(spacing, config.raster_resolution), reach)
-    dsm = surface_elevations(cells, points, at, first, dtm, known, gap)
-    distance = squared_distance(own, reach)
-    mine = known & (distance <= np.minimum(squared_distance(others, reach), reach * reach))
+    dsm = surface_elevations(cells, points, at, first, dtm, known, mine, gap)
     for raster in (dtm, dsm):
         raster[~mine] = np.nan
     return _cropped(TerrainRasters(window, dtm, dsm, distance), mine)

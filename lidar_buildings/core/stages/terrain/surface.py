@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from lidar_buildings.core.stages.terrain.cells import CellPoints, Cells
-from lidar_buildings.core.stages.terrain.known_cells import closed
+from lidar_buildings.core.stages.terrain.known_cells import ADJACENT, closed, regions_touching
 from lidar_buildings.core.stages.terrain.window import reach_in_cells
 
 # Chosen by hand on Delft, fusa and Toronto (doc/algorithms/terrain.md).
@@ -15,8 +15,6 @@ from lidar_buildings.core.stages.terrain.window import reach_in_cells
 _GAP_SPACINGS, _MIN_GAP = 3.0, 1.5
 #: A hole lies on the ground if so great a share of the cells round it have points less high than this [m].
 _LOW_SHARE, _LOW = 0.05, 1.0
-#: Cells that share a side or a corner belong together.
-_ADJACENT = np.ones((3, 3), dtype=bool)
 
 
 def widest_gap(point_spacing: float, resolution: float) -> int:
@@ -38,10 +36,11 @@ def surface_elevations(
     is_first: NDArray[np.bool_],
     ground: NDArray[np.float32],
     known: NDArray[np.bool_],
+    wanted: NDArray[np.bool_],
     gap: int,
 ) -> NDArray[np.float32]:
     """
-    Return the elevation of the surface at the known cells [m], NaN elsewhere.
+    Return the elevation of the surface at the cells that are wanted [m], others' or NaN elsewhere.
 
     A cell with first returns has the highest of them; where there is none near, later returns stand in. Gaps
     between such cells are closed by the TIN of the highest points round them. Wider holes returned nothing:
@@ -60,8 +59,8 @@ def surface_elevations(
         Which are first returns.
     ground : ndarray of shape (height, width)
         Elevation of the ground [m]; NaN where it is not known.
-    known : ndarray of bool, shape (height, width)
-        The cells that are wanted.
+    known, wanted : ndarray of bool, shape (height, width)
+        The cells that have an elevation, and those of them that are asked for.
     gap : int
         See `widest_gap`.
     """
@@ -70,7 +69,7 @@ def surface_elevations(
     measured = highest.mask(cells.window.shape)
     on_ground = _holes_on_ground(lowest, ground, known & ~closed(measured, gap))
     elevation = np.where(on_ground, ground, np.float32(np.nan))
-    gaps = known & ~measured & ~on_ground
+    gaps = regions_touching(known & ~measured & ~on_ground, wanted)
     elevation[gaps] = np.fmax(cells.tin_at(highest.near(gaps), gaps), ground[gaps])
     elevation[highest.rows, highest.columns] = highest.points[:, 2]
     elevation[~known] = np.nan
@@ -81,8 +80,8 @@ def _holes_on_ground(
     lowest: CellPoints, ground: NDArray[np.float32], holes: NDArray[np.bool_]
 ) -> NDArray[np.bool_]:
     """Return the cells of those holes round which the ground was seen."""
-    number, n_holes = ndimage.label(holes, _ADJACENT)
-    beside = ndimage.maximum_filter(number, footprint=_ADJACENT)[lowest.rows, lowest.columns]
+    number, n_holes = ndimage.label(holes, ADJACENT)
+    beside = ndimage.maximum_filter(number, footprint=ADJACENT)[lowest.rows, lowest.columns]
     height = lowest.points[:, 2] - ground[lowest.rows, lowest.columns]
     n_beside = np.bincount(beside, minlength=n_holes + 1)
     n_low = np.bincount(beside[height < _LOW], minlength=n_holes + 1)
