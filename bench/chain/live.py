@@ -125,7 +125,7 @@ def _line_with(process: subprocess.Popen[str], words: str) -> str:
 def _watch(
     scanner: subprocess.Popen[str] | None, graph: subprocess.Popen[bytes], seconds: float
 ) -> list[int]:
-    """Note the graph's memory until the scanner ends or has had its time; without one, until the graph ends."""
+    """Note the graph's memory until the scanner ends or has had its time, or else until the graph ends."""
     end, memory = None, []
     while (scanner or graph).poll() is None:
         memory.append(tree_memory(graph.pid))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import shutil
 import threading
-from collections import Counter, deque
+from collections import Counter
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
@@ -28,6 +28,8 @@ from lidar_buildings.io.tiling.tile_store import TilePlan, TileStore
 POINTS_PER_FILE = 5_000_000
 #: Points that are written together: fewer open each cell's file more often.
 _BATCH = 50_000
+#: Spool cells along a buffer's width: narrow ones tell whether points lie in it or just beyond.
+_CELLS_PER_BUFFER = 3
 _CELLS = "cells"
 
 
@@ -61,12 +63,10 @@ class LiveSurvey:
     """
 
     def __init__(self, config: LiveTilingConfig, frame: MapFrame, folder: Path) -> None:
-        self.config = config
-        self.frame = frame
+        self.config, self.frame = config, frame
         self.left_out: Counter[str] = Counter()
-        self._grid = TileGrid.fitting(config.tile_size, config.buffer)
-        self._log = PointLog(folder)
-        self._cells = folder / _CELLS
+        self._grid = TileGrid.fitting(config.tile_size, config.buffer / _CELLS_PER_BUFFER)
+        self._log, self._cells = PointLog(folder), folder / _CELLS
         shutil.rmtree(self._cells, ignore_errors=True)
         self._lock = threading.RLock()
         self._begin()
@@ -79,15 +79,12 @@ class LiveSurvey:
         self._cells.mkdir(exist_ok=True)
         self._store = TileStore(self._grid, self.frame, self._cells)
         self._tiles = LiveTiles(self._grid, self.config)
-        #: Tiles that wait to be sent or to be done; the first of these in their order,
-        #: those that come again behind those that nobody has seen.
+        #: Tiles that wait to be sent or to be done; and the first of these, the longest waiting first.
         self._under_way: set[Cell] = set()
-        self._ready: deque[Cell] = deque()
-        self._again: deque[Cell] = deque()
+        self._ready: list[Cell] = []
         self._room = TileRoom(self.config.max_tile_points)
         #: Tiles that a flush wants sent, and those that it has sent or found under way.
-        self._to_flush: set[Cell] = set()
-        self._in_flush: set[Cell] = set()
+        self._to_flush, self._in_flush = set[Cell](), set[Cell]()
         self._batch: list[PlacedScan] = []
         #: What is kept of scans and could not be written yet.
         self._unwritten: list[NDArray[Any]] = []
@@ -106,7 +103,7 @@ class LiveSurvey:
 
     @property
     def n_waiting(self) -> int:
-        """Tiles, roughly, that have points which are not sent, or not done; 0 if there is none."""
+        """Tiles, roughly, with points that are not sent, or not done; 0 if there is none."""
         return len(self._tiles.changed) + len(self._under_way) + bool(self._batch or self._unwritten)
 
     def add(self, scan: PlacedScan, now: float) -> None:
@@ -123,7 +120,7 @@ class LiveSurvey:
         Raises
         ------
         OutputError
-            If the disk is full; the scan is kept in memory and written by the next call that can.
+            If the disk is full; the scan waits in memory for the next call that can write it.
         """
         with self._lock:
             self._batch.append(scan)
@@ -164,12 +161,15 @@ class LiveSurvey:
                     self._to_flush.discard(place)
                     self._tiles.changed.discard(place)
                     self._under_way.add(place)
-                    (self._ready if self._tiles[place].revision < 0 else self._again).append(place)
-            return bool(self._ready or self._again)
+                    self._ready.append(place)
+            return bool(self._ready)
 
     def take(self) -> PointTile | None:
         """
-        Return the tile that is ready for the longest time, later revisions last; None if none is.
+        Return the next tile that is ready, None if none is.
+
+        Later revisions, and before them tiles that the next strip may fill, come last: where there is no
+        time for all, they wait and come once.
 
         Raises
         ------
@@ -177,12 +177,11 @@ class LiveSurvey:
             If the disk is full; the tile stays ready.
         """
         with self._lock:
-            if not self._ready and not self._again:
+            if not self._ready:
                 return None
-            waiting = self._ready or self._again
-            tile = self._tiles[waiting[0]]
+            tile = self._tiles[min(self._ready, key=self._can_wait)]
             self._note(tile, tile.revision + 1, -1)
-            waiting.popleft()
+            self._ready.remove(tile.place)
             tile.n_sent = self._store.count_in(tile.near)
             tile.revision += 1
             return self._store.tile(self._plan(tile), self.config.buffer)
@@ -190,8 +189,7 @@ class LiveSurvey:
     def grown(self, sent: PointTile) -> PointTile | None:
         """Return the tile once more with its buffer doubled, None if that brings no more points."""
         with self._lock:
-            tile = self._tiles.of_stamp(sent.stamp)
-            if tile is None:
+            if (tile := self._tiles.of_stamp(sent.stamp)) is None:
                 return None
             plan, buffer = self._plan(tile), self.config.buffer
             while buffer < self.config.max_buffer:
@@ -212,11 +210,10 @@ class LiveSurvey:
             If the disk is full.
         """
         with self._lock:
-            tile = self._tiles.of_stamp(stamp)
-            if tile is None:
+            if (tile := self._tiles.of_stamp(stamp)) is None:
                 return
             # a writer that was started anew tells once more of what was done before
-            is_last = stamp - tile.stamp >= tile.revision and tile.place not in (*self._ready, *self._again)
+            is_last = stamp - tile.stamp >= tile.revision and tile.place not in self._ready
             tile.revision = max(tile.revision, stamp - tile.stamp)
             if not is_last:
                 return
@@ -245,8 +242,12 @@ class LiveSurvey:
 
     def _note(self, tile: LiveTile, revision: int, n_done: int) -> None:
         """Note which revision was sent or done last, for the next life: it must send a later one."""
-        event = {"tile": tile.place, "stamp": tile.stamp, "revision": revision, "n_done": n_done}
-        self._log.note(event)
+        self._log.note({"tile": tile.place, "stamp": tile.stamp, "revision": revision, "n_done": n_done})
+
+    def _can_wait(self, place: Cell) -> tuple[bool, bool]:
+        """Whether a tile was seen before, and whether a part of it or its buffer has no points yet."""
+        tile = self._tiles[place]
+        return tile.revision >= 0, not all(self._store.count_in([cell]) for cell in tile.near)
 
     def _drop_unchanged(self) -> None:
         """Forget that tiles were touched which have no points that were not sent, or came too often."""

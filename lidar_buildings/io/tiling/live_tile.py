@@ -96,7 +96,7 @@ class LiveTiles:
     def make(self, place: Cell, gps_time: float) -> None:
         """Make a tile of which the first point has come; neighbours' points may have come before."""
         block = self._grid.block_of(place)
-        near = tuple(self._grid.cells_touching(self._grid.area_of(block).buffered(self._config.buffer)))
+        near = tuple(self._grid.cells_in(self._grid.area_of(block).buffered(self._config.buffer)))
         stamp = stamp_of_time(gps_time, is_standard=True) or stamp_of_number(len(self) + 1)
         tile = LiveTile(place, self._free(stamp), block, near)
         self._by_place[place] = self._by_stamp[tile.stamp] = tile

@@ -152,6 +152,14 @@ class TileGrid:
             for y in range(y0, y1 + 1):
                 yield x, y
 
+    def cells_in(self, area: Rectangle) -> Iterator[Cell]:
+        """Name the spool cells that have a part within an area, not those that only share its border."""
+        x0, y0 = (math.floor(c / self.cell_size + 1e-6) for c in (area.x_min, area.y_min))
+        x1, y1 = (math.ceil(c / self.cell_size - 1e-6) for c in (area.x_max, area.y_max))
+        for x in range(x0, x1):
+            for y in range(y0, y1):
+                yield x, y
+
     def area_of(self, block: Block) -> Rectangle:
         """Return where a block's cells lie in source coordinates [m]."""
         k, size = self.cells_per_side, self.tile_size

@@ -119,6 +119,16 @@ def test_a_tile_that_nobody_has_seen_goes_before_one_that_comes_again(survey):
     assert (first.stamp % 1000, second.stamp) == (0, seen.stamp + 1)
 
 
+def test_a_tile_without_gaps_goes_before_one_that_the_next_strip_may_fill(survey):
+    survey.add(scan_at(20, 20), 0.0)
+    survey.tick(0.0)
+    wide = scan_at(220, 20, n_points=20_000, spread=SIDE)
+    survey.add(wide, 1.0)
+    survey.tick(10.0)
+    order = [tile.points[tile.buffer == 0][:, 0].mean() for tile in tiles_of(survey)]
+    assert order.index(min(order)) > np.argmin(np.abs(np.array(order) - 220))
+
+
 def test_it_comes_again_when_only_its_buffer_has_changed(survey):
     survey.add(scan_at(20, 20), 0.0)
     survey.tick(5.0)
