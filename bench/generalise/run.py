@@ -16,12 +16,13 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from bench.common.clouds import data_folder
-from bench.generalise import buildings, ground
+from bench.generalise import buildings, corners, ground
 
 #: Part → what measures it: the data folder and the command line's options → a table.
 PARTS: dict[str, Callable[[Path, argparse.Namespace], str]] = {
     "ground": ground.report,
     "buildings": buildings.report,
+    "corners": corners.report,
 }
 
 
@@ -38,7 +39,11 @@ def main(arguments: Sequence[str] | None = None) -> None:
     )
     parser.add_argument("--methods", nargs="+", metavar="METHOD", help="default: the part's default")
     parser.add_argument(
-        "--set", nargs="+", default=[], metavar="NAME=VALUE", help="parameters of the part's stage"
+        "--set",
+        nargs="+",
+        default=[],
+        metavar="NAME=VALUE",
+        help="parameters of the part's stage; corners: STAGE.NAME=VALUE",
     )
     parser.add_argument("--data", help="folder of the real clouds (default: LIDAR_BUILDINGS_DATA)")
     options = parser.parse_args(arguments)

@@ -2,9 +2,11 @@ import numpy as np
 import pytest
 
 from bench.common.clouds import Cloud
-from bench.generalise import ground, run
+from bench.generalise import corners, ground, run
 from bench.generalise.disturbances import KINDS, disturbances
 from bench.generalise.figures import Score, figures_of, worst_tenth
+from lidar_buildings.evaluation.scores.wireframe import roof_wireframe
+from lidar_buildings.pipeline.reconstruct import PipelineConfig
 
 CHANCE = np.random.default_rng(5)
 POINTS = CHANCE.uniform(0.0, 100.0, (4000, 3))
@@ -46,3 +48,15 @@ def test_the_command_prints_a_line_per_disturbance(capsys, monkeypatch):
     run.main(["--parts", "ground", "--quick"])
     lines = capsys.readouterr().out.splitlines()
     assert [line.split()[1] for line in lines[3:-1]] == ["plain", *KINDS, "all"]
+
+
+def test_a_roof_drawn_as_it_stands_has_all_its_corners_and_edges():
+    x, y = (each.ravel() + CHANCE.uniform(-0.1, 0.1, 1200) for each in np.mgrid[0.1:10:40j, 0.1:8:30j])
+    roof = np.column_stack([x, y, 3.0 - 0.6 * np.abs(y - 4.0)])
+    (solid,) = corners.solids_of(roof, PipelineConfig())
+    drawn = roof_wireframe([solid])
+    counts = corners.counts_of(roof, drawn, [solid])
+    assert len(drawn.corners) == counts.near == counts.corners == counts.corners_drawn == 6
+    assert counts.edges_paired == counts.edges == counts.edges_drawn == 7
+    assert counts.n_on_model == counts.n_points == 1200
+    assert corners.corner_table({"plain": [counts]}).splitlines()[-1].split()[2] == "1.000"
