@@ -7,6 +7,7 @@ from importlib import import_module
 
 import pytest
 import rclpy
+from support.results import assert_complete
 from support.ros_domain import use_own_domain
 
 from lidar_buildings.nodes.graph import survey_nodes
@@ -90,10 +91,11 @@ def graph(tmp_path, monkeypatch):
     rclpy.try_shutdown(context=context)
 
 
-def test_every_stage_works_once_on_each_tile_of_a_graph_slower_than_any_timeout(graph):
+def test_every_stage_works_once_on_each_tile_of_a_graph_slower_than_any_timeout(graph, tmp_path):
     summary = graph.run()
     n_tiles = summary.n_tiles
     assert n_tiles == 9
+    assert_complete(tmp_path / "survey", tmp_path / "out", min_tiles=n_tiles)
     with_stamp = {key: number for key, number in graph.calls.items() if key[1] is not None}
     assert set(with_stamp.values()) == {1}
     # empty outlines are alike

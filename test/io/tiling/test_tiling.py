@@ -58,8 +58,8 @@ def all_names(source):
     return [(number, index) for number, file in enumerate(source.inputs) for index in range(file.point_count)]
 
 
-@settings(max_examples=25, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
-@given(tile_size=st.floats(10.0, 400.0), buffer=st.floats(0.0, 120.0))
+@settings(max_examples=12, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(tile_size=st.floats(20.0, 400.0), buffer=st.floats(0.0, 120.0))
 def test_every_point_is_a_core_point_once(tmp_path, tile_size, buffer):
     paths = two_neighbours(tmp_path)
     with TileSource(paths, TilingConfig(tile_size=tile_size, buffer=buffer, max_buffer=buffer)) as source:
