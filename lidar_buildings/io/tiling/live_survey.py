@@ -38,9 +38,8 @@ class LiveSurvey:
     Takes placed scans, and gives out tiles.
 
     A tile is ready when no point has fallen into it or its buffer for a while, or the sensor is far away. It
-    comes again as a later revision, with all its points, when more have come. Every point goes to the disk
-    at once, so memory holds a batch and what is known of the tiles. Nothing is learnt of one tile for
-    another, as of files: what comes out of a feed does not depend on which tile was left first.
+    comes again as a later revision, with all its points, when more have come. Every point goes to disk at
+    once; memory holds a batch. Nothing of what comes out depends on which tile was left first.
 
     Parameters
     ----------
@@ -133,7 +132,7 @@ class LiveSurvey:
     @property
     def is_flushed(self) -> bool:
         """Whether what the last `flush` wanted is done."""
-        return not self._to_flush and not self._in_flush
+        return not (self._to_flush or self._in_flush)
 
     def flush(self) -> None:
         """Have all tiles sent that have new points; errors as of `add`."""
@@ -194,6 +193,7 @@ class LiveSurvey:
             plan, buffer = self._plan(tile), self.config.buffer
             while buffer < self.config.max_buffer:
                 buffer = min(2 * buffer or self._grid.cell_size, self.config.max_buffer)
+                self._tiles.widen(tile, buffer, self._store.count_in)
                 if self._store.count(plan, buffer) > len(sent):
                     tile.revision += 1
                     self._note(tile, tile.revision, -1)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Any
 
@@ -37,7 +37,7 @@ class LiveTile:
     block : Block
         Its spool cells.
     near : tuple of Cell
-        Its spool cells and those of its buffer.
+        Its spool cells and those of its buffer, as wide as it has grown.
     n_sent : int
         Points near it when it was sent last; −1 = never.
     revision : int
@@ -75,6 +75,7 @@ class LiveTiles:
         self._by_place: dict[Cell, LiveTile] = {}
         self._by_stamp: dict[int, LiveTile] = {}
         self._touched: dict[Cell, float] = {}
+        self._widest = config.buffer
         self.changed: set[Cell] = set()
 
     def __len__(self) -> int:
@@ -96,15 +97,22 @@ class LiveTiles:
     def make(self, place: Cell, gps_time: float) -> None:
         """Make a tile of which the first point has come; neighbours' points may have come before."""
         block = self._grid.block_of(place)
-        near = tuple(self._grid.cells_in(self._grid.area_of(block).buffered(self._config.buffer)))
+        near = self._near(block, self._config.buffer)
         stamp = stamp_of_time(gps_time, is_standard=True) or stamp_of_number(len(self) + 1)
         tile = LiveTile(place, self._free(stamp), block, near)
         self._by_place[place] = self._by_stamp[tile.stamp] = tile
 
+    def widen(self, tile: LiveTile, buffer: float, count_in: Callable[[Iterable[Cell]], int]) -> None:
+        """Have points count for a tile that fall into a wider buffer, as it was made with that."""
+        n_before = count_in(tile.near)
+        tile.near = self._near(tile.block, buffer)
+        tile.n_sent += count_in(tile.near) - n_before
+        self._widest = max(self._widest, buffer)
+
     def touch(self, cells: Iterable[Cell], now: float) -> None:
         """Note that points fell into cells."""
         k = self._grid.cells_per_side
-        reach = math.ceil(self._config.buffer / self._grid.cell_size) + 1
+        reach = math.ceil(self._widest / self._grid.cell_size) + 1
         for cell in cells:
             self._touched[cell] = now
             columns, rows = (range((one - reach) // k, (one + reach) // k + 1) for one in cell)
@@ -134,6 +142,9 @@ class LiveTiles:
         for tile in sorted(self._by_place.values(), key=lambda one: (one.revision < 0, one.place)):
             tile.stamp = self._free(tile.stamp)
             self._by_stamp[tile.stamp] = tile
+
+    def _near(self, block: Block, buffer: float) -> tuple[Cell, ...]:
+        return tuple(self._grid.cells_in(self._grid.area_of(block).buffered(buffer)))
 
     def _free(self, stamp: int) -> int:
         """Return the next stamp that no tile has."""

@@ -207,6 +207,22 @@ def test_a_larger_buffer_brings_more_points_until_there_are_none(survey):
     assert 2 in {one.stamp - tile.stamp for one in tiles_of(survey)}
 
 
+def test_a_tile_that_has_grown_comes_again_when_points_fall_into_the_wider_buffer(survey):
+    survey.add(scan_at(20, 20), 0.0)
+    survey.add(scan_at(51, 20, spread=0.8), 0.0)
+    survey.tick(5.0)
+    tile, other = sorted(tiles_of(survey), key=lambda one: one.points[one.buffer == 0][:, 0].mean())
+    grown = survey.grown(tile)
+    for stamp in (tile.stamp + 1, other.stamp):
+        survey.finish(stamp)
+    survey.add(scan_at(51, 20, seed=1, spread=0.8), 6.0)  # beyond its first buffer, within the wider one
+    survey.flush()
+    survey.tick(6.0)
+    again = {one.stamp: one for one in tiles_of(survey)}
+    assert again.keys() == {tile.stamp + 2, other.stamp + 1}
+    assert len(survey.grown(again[tile.stamp + 2])) == len(grown) + 300
+
+
 def test_an_interrupted_feed_goes_on_with_what_was_not_done(survey, tmp_path):
     survey.add(scan_at(20, 20), 0.0)
     survey.add(scan_at(140, 20), 0.0)
