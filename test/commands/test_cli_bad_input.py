@@ -131,7 +131,7 @@ SET = {
     "no number": ("roof_selection.min_height=.nan", "roof_selection.min_height = nan: must be within"),
     "text for a number": ("roof_selection.min_height=high", "= 'high': must be of type float"),
     "no value": ("roof_selection.min_height=", "= None: must be of type float"),
-    "unknown word": ("ground_filter.method=magic", "= 'magic': must be one of progressive_tin"),
+    "unknown word": ("ground_filter.method=magic", "= 'magic': must be one of consensus"),
     "a list for a number": ("roof_selection.min_height=[2]", "= [2]: must be of type float"),
     "no stage": ("min_height=2", "must be STAGE.NAME=VALUE, as in roof_selection.min_height=2.5"),
     "no equals sign": ("roof_selection.min_height", "must be STAGE.NAME=VALUE"),

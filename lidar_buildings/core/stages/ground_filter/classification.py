@@ -17,6 +17,7 @@ from lidar_buildings.core.neighbours.cell_grid import (
     sort_by_cell,
 )
 from lidar_buildings.core.stages.ground_filter.config import CANDIDATE_SPACING, GroundFilterConfig
+from lidar_buildings.core.stages.ground_filter.consensus import agreed_ground
 from lidar_buildings.core.stages.ground_filter.gross_errors.noise import find_noise
 from lidar_buildings.core.stages.ground_filter.growing_tin.progressive_tin import densify, near_terrain
 from lidar_buildings.core.stages.ground_filter.openings import morphological
@@ -57,6 +58,8 @@ def classify_ground(
 
     Gross errors are set aside; then the method that `config.method` names finds the ground:
 
+    - ``consensus``: the lowest points of small cells are ground if two of the three methods below say so;
+      points close to the TIN of those are ground.
     - ``progressive_tin`` (Axelsson 2000): the lowest points of large cells form a first, coarse TIN; points
       that lie near its facets join it, round by round, until none is left; points close to the finished TIN
       are ground.
@@ -146,7 +149,7 @@ def _labelled_ground(
 
     The method sees the free points in the order given.
     """
-    if config.method == "progressive_tin":
+    if config.method in ("consensus", "progressive_tin"):
         return None
     in_order = in_rows_order(cloud, free)
     rows = np.flatnonzero(in_order)
@@ -161,7 +164,7 @@ def _labelled_ground(
 
 def _terrain(cloud: CellGrid, ground: NDArray[np.bool_], config: GroundFilterConfig) -> Tin:
     """
-    Return the terrain over the extent of all points: densified, or the TIN of what a method labelled ground.
+    Return the terrain over the extent of all points: densified, or the TIN of what a method found ground.
 
     Only the lowest point a cell takes part. Where a method found no ground at all, it is the lowest surface.
     """
@@ -170,4 +173,6 @@ def _terrain(cloud: CellGrid, ground: NDArray[np.bool_], config: GroundFilterCon
     candidates = cloud.points[lowest_of_cells(cloud, ground if ground.any() else np.ones_like(ground))]
     if config.method == "progressive_tin":
         return densify(candidates, extent, config)
+    if config.method == "consensus":
+        candidates = candidates[agreed_ground(candidates, extent, config)]
     return build_tin(candidates, extent)

@@ -19,10 +19,10 @@ class GroundFilterConfig(StageConfig):
     stage: ClassVar[str] = "ground_filter"
 
     method: str = parameter(
-        "progressive_tin",
-        "How ground is told from the rest: by a TIN that grows (Axelsson 2000), along scan lines (Shan and "
-        "Sampath 2005), or by openings (Zhang et al. 2003).",
-        choices=("progressive_tin", "bidirectional_slope", "morphological"),
+        "consensus",
+        "How ground is told from the rest: by a TIN that grows (Axelsson 2000), along profiles (Shan and "
+        "Sampath 2005), by openings (Zhang et al. 2003), or by the majority of the three.",
+        choices=("consensus", "progressive_tin", "bidirectional_slope", "morphological"),
     )
     seed_cell: float = parameter(
         50.0,
@@ -41,7 +41,7 @@ class GroundFilterConfig(StageConfig):
         maximum=89.0,
     )
     ground_distance: float = parameter(
-        0.3,
+        0.25,
         "Points within this height of the finished TIN are ground: raising it takes in grass, kerbs and low "
         "walls.",
         unit="m",
@@ -152,15 +152,6 @@ class GroundFilterConfig(StageConfig):
         "A point no further above the ground's lines is ground: raising it takes in grass and low objects.",
         unit="m",
         minimum=0.01,
-        maximum=5.0,
-        advanced=True,
-    )
-    profile_gap_tolerance: float = parameter(
-        0.5,
-        "A point no further above the ground that lies on both sides of it is ground, 0 for none: raising it "
-        "takes in more low objects.",
-        unit="m",
-        minimum=0.0,
         maximum=5.0,
         advanced=True,
     )

@@ -21,7 +21,6 @@ PAPER = GroundFilterConfig(
     profile_directions=0,
     profile_trend_radius=0.0,
     profile_rounds=0,
-    profile_gap_tolerance=0.0,
 )
 
 

@@ -9,7 +9,7 @@ from lidar_buildings.core.stages.ground_filter import GroundFilterConfig, classi
 
 GROUND, LOW, HIGH = PointClass.GROUND, PointClass.LOW_NOISE, PointClass.HIGH_NOISE
 WITHOUT_GROUND = {"single_point", "collinear"}
-METHODS = ("progressive_tin", "bidirectional_slope", "morphological")
+METHODS = ("consensus", "progressive_tin", "bidirectional_slope", "morphological")
 
 
 def lattice(width, depth, spacing, elevation=0.0, seed=0):

@@ -156,15 +156,6 @@ def test_strips_lie_at_multiples_of_their_width_from_the_origin():
         assert len(set(strip[profiles.rows[begin:end]])) == 1
 
 
-def test_profiles_of_chosen_points_are_numbered_among_them():
-    points, _ = zigzag()
-    profiles = cut_profiles(points, 1.5, 90.0)
-    chosen = np.random.default_rng(0).random(len(points)) < 0.4
-    fewer = profiles.along_chosen(chosen)
-    np.testing.assert_array_equal(np.flatnonzero(chosen)[fewer.rows], profiles.rows[chosen[profiles.rows]])
-    assert fewer.first[-1] == chosen.sum()
-
-
 def test_no_points_give_no_profiles():
     empty = sorted_profiles(np.zeros(0), np.zeros(0))
     assert len(empty.rows) == 0

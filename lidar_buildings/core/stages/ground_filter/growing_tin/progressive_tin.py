@@ -9,10 +9,8 @@ from numpy.typing import NDArray
 
 from lidar_buildings.core.neighbours.parallel import for_row_blocks
 from lidar_buildings.core.neighbours.point_spacing import quantised_spacing
-from lidar_buildings.core.stages.ground_filter.config import CANDIDATE_SPACING, GroundFilterConfig
-from lidar_buildings.core.stages.ground_filter.growing_tin.bridges import find_decks
+from lidar_buildings.core.stages.ground_filter.config import GroundFilterConfig
 from lidar_buildings.core.stages.ground_filter.growing_tin.landforms import find_landforms
-from lidar_buildings.core.stages.ground_filter.growing_tin.roof_terrain import find_roof_terrain
 from lidar_buildings.core.stages.ground_filter.growing_tin.seeds import choose_seeds
 from lidar_buildings.core.stages.ground_filter.growing_tin.terrain_growth import (
     GrowthLimits,
@@ -22,15 +20,12 @@ from lidar_buildings.core.stages.ground_filter.growing_tin.terrain_growth import
 from lidar_buildings.core.surfaces.tin import Tin
 
 # Chosen with `bench.ground.isprs` and `bench.ground.scenes`.
-#: Side of the cells whose lowest ground starts the final terrain [m]: facets depend on what is near only, and
-#: growth has something left to decide.
-LOCAL_CELL = 5.0 * CANDIDATE_SPACING
 #: Facets whose longest side is shorter are not refined [m].
 MIN_FACET_SIDE = 2.0
 #: Iteration angle [deg] and its gain by the facet's slope while landforms are looked for.
 LANDFORM_ANGLE, LANDFORM_SLOPE_GAIN = 20.0, 0.8
 #: By how much the tolerance of ground grows per unit of slope [m], and up to which slope: walls have none.
-GROUND_DISTANCE_SLOPE, MAX_SLOPE = 0.9, 3.0
+GROUND_DISTANCE_SLOPE, MAX_SLOPE = 0.7, 3.0
 
 
 def densify(candidates: NDArray[np.float64], extent: NDArray[np.float64], config: GroundFilterConfig) -> Tin:
@@ -46,13 +41,6 @@ def densify(candidates: NDArray[np.float64], extent: NDArray[np.float64], config
     Limits that stop at every bush also stop at the foot of a bank. So a copy of the terrain grows on with
     wider ones, and what it gains is judged part by part: a part that meets the terrain around it as terrain
     does is a landform and stays, one with steps around it is an object and is excluded.
-
-    Candidates on the decks of bridges, and on roofs that a seed fell on, are taken out then, and the terrain
-    grows again without them.
-
-    Which of many similar candidates join depends on where the large facets began, and so on distant seeds. So
-    the terrain grows once more, from seeds chosen among its ground in small cells: the influence of distant
-    points ends, and neighbouring tiles agree on what they share.
 
     Parameters
     ----------
@@ -72,42 +60,33 @@ def densify(candidates: NDArray[np.float64], extent: NDArray[np.float64], config
     -----
     Only candidates whose facet changed are looked at again, so the time is near linear in their number.
     """
-    spacing = quantised_spacing(candidates)
-    is_seed = np.zeros(len(candidates), dtype=np.bool_)
-    is_seed[choose_seeds(candidates, config.seed_cell)] = True
-    terrain = _grown(candidates, is_seed, extent, spacing, config)
-    ground = near_terrain(*terrain.height_and_slope(), config)
-    false = find_roof_terrain(candidates, ground, spacing, config.seed_cell**2)
-    false |= find_decks(terrain.tin(), candidates, spacing)
-    if false.any() and (is_seed & ~false).any():
-        candidates, is_seed = candidates[~false], is_seed[~false]
-        terrain = _grown(candidates, is_seed, extent, spacing, config)
-    local = np.zeros(len(candidates), dtype=np.bool_)
-    rows = np.flatnonzero(near_terrain(*terrain.height_and_slope(), config))
-    local[rows[choose_seeds(candidates[rows], LOCAL_CELL)]] = True
-    return _grown(candidates, local, extent, spacing, config).tin()
+    return _grown(candidates, extent, config).tin()
+
+
+def label_candidates(
+    candidates: NDArray[np.float64], extent: NDArray[np.float64], config: GroundFilterConfig
+) -> NDArray[np.bool_]:
+    """Return which of the candidates of `densify` lie on its terrain."""
+    return near_terrain(*_grown(candidates, extent, config).height_and_slope(), config)
 
 
 def _grown(
-    candidates: NDArray[np.float64],
-    is_seed: NDArray[np.bool_],
-    extent: NDArray[np.float64],
-    spacing: float,
-    config: GroundFilterConfig,
+    candidates: NDArray[np.float64], extent: NDArray[np.float64], config: GroundFilterConfig
 ) -> TerrainGrowth:
+    is_seed = np.zeros(len(candidates), dtype=np.bool_)
+    is_seed[choose_seeds(candidates, config.seed_cell)] = True
     terrain = start_growth(candidates, is_seed, extent)
     angle, squared_side = math.radians(config.iteration_angle), MIN_FACET_SIDE**2
     limits = GrowthLimits(angle, config.slope_gain, config.iteration_distance, squared_side)
     terrain.grow(limits)
     if config.landform_distance > config.iteration_distance:
-        _add_landforms(terrain, candidates, spacing, limits, config)
+        _add_landforms(terrain, candidates, limits, config)
     return terrain
 
 
 def _add_landforms(
     terrain: TerrainGrowth,
     candidates: NDArray[np.float64],
-    spacing: float,
     limits: GrowthLimits,
     config: GroundFilterConfig,
 ) -> None:
@@ -116,7 +95,7 @@ def _add_landforms(
     angle = math.radians(LANDFORM_ANGLE)
     trial.grow(GrowthLimits(angle, LANDFORM_SLOPE_GAIN, config.landform_distance, limits.squared_side))
     gained = near_terrain(*trial.height_and_slope(), config) & ~ground
-    landform, excluded = find_landforms(candidates, ground, gained, spacing, config)
+    landform, excluded = find_landforms(candidates, ground, gained, quantised_spacing(candidates), config)
     terrain.insert(landform)
     terrain.grow(limits, excluded)
 

@@ -25,8 +25,6 @@ FILL_REACH = 32
 STEP = 0.2
 #: Cells are doubled until this share is occupied of those in occupied squares of `SQUARE` by `SQUARE` cells.
 MIN_OCCUPIED, SQUARE = 0.08, 8
-#: A pit steeper than this all round is a false low point, rise over run (Pingel et al. 2013).
-PIT_SLOPE = 5.0
 #: Beyond the opening radius what rises by so much may be a hall [m].
 HALL_HEIGHT = 3.0
 #: Up to the opening radius discs grow by so much, beyond it by this ratio [m].
@@ -69,7 +67,7 @@ def label_ground(points: NDArray[np.float64], config: GroundFilterConfig) -> NDA
     (after Chen et al. 2007). The terrain is spanned between the cells left, and points are ground within a
     distance of it that grows with its slope (Pingel et al. 2013).
 
-    Points come in any order, gross errors removed; single low ones that are left do no harm.
+    Points come in any order, gross errors removed.
 
     Notes
     -----
@@ -149,28 +147,18 @@ def _ground_cells(
 ) -> NDArray[np.bool_]:
     """Return which cells show the ground; all that hold points if none does."""
     known = np.isfinite(lowest)
-    solid = known & ~_pits(lowest, known, cell)
-    surface = np.where(solid, lowest, np.inf)
     objects = np.zeros(lowest.shape, dtype=np.bool_)
-    before = surface
+    before = lowest
     for radius in radii:
         after = opened(before, radius)
         limit = config.opening_slope * radius * cell + STEP
         if radius * cell <= config.opening_radius + 0.5 * cell:
-            objects |= _sunk(before, after, solid, limit)
+            objects |= _sunk(before, after, known, limit)
         else:
-            objects |= find_halls(surface, solid, _sunk(surface, after, solid, min(limit, HALL_HEIGHT)))
+            objects |= find_halls(lowest, known, _sunk(lowest, after, known, min(limit, HALL_HEIGHT)))
         before = after
-    ground = solid & ~objects
+    ground = known & ~objects
     return ground if ground.any() else known
-
-
-def _pits(lowest: NDArray[np.float64], known: NDArray[np.bool_], cell: float) -> NDArray[np.bool_]:
-    """
-    Return the cells far below all beside them: those that an opening of the surface turned over cuts off.
-    """
-    turned = np.where(known, -lowest, np.inf)
-    return _sunk(turned, opened(turned, 1), known, PIT_SLOPE * cell)
 
 
 def _sunk(

@@ -15,10 +15,7 @@ from lidar_buildings.core.neighbours.parallel import for_row_blocks
 from lidar_buildings.core.neighbours.point_spacing import quantised_spacing
 from lidar_buildings.core.stages.ground_filter.config import CANDIDATE_SPACING, GroundFilterConfig
 from lidar_buildings.core.stages.ground_filter.scan_profiles.profile_labelling import net_votes
-from lidar_buildings.core.stages.ground_filter.scan_profiles.profile_refinement import (
-    close_gaps,
-    reject_outliers,
-)
+from lidar_buildings.core.stages.ground_filter.scan_profiles.profile_refinement import reject_outliers
 from lidar_buildings.core.stages.ground_filter.scan_profiles.profile_regression import (
     TOLERANCE_SLOPE,
     grow_ground,
@@ -38,8 +35,6 @@ SPARSE = 3
 MAX_ABOVE_TREND = 1.0
 #: Passes err less where the slope is taken off: so much less agreement is asked of them.
 LESS_ON_TREND = 0.1
-#: Net votes at and below which ground is taken for the roof of an object.
-ROOF_VOTES = -0.9
 #: Radius of the planes that say how the terrain runs within a cell [multiples of the spacing].
 LOCAL_RADIUS = 3.0
 
@@ -83,15 +78,23 @@ def label_ground(
     if config.profile_directions == 0:
         return _label_lines(points, lines, spacing, config)
     candidates = cells.points[kept]
-    profiles = [
-        cut_profiles(candidates, WIDTH * spacing, 180.0 * k / config.profile_directions)
-        for k in range(config.profile_directions)
-    ]
+    profiles = _strips(candidates, spacing, config.profile_directions)
     if lines is not None:
         profiles.append(lines.profiles(points, chosen))
     ground = _label_candidates(candidates, profiles, spacing, config)
     planes = fit_trend(candidates, ground, LOCAL_RADIUS * spacing, cells_per_radius=2.0, far=False)
     return _label_all(cells, kept[ground], planes, config)
+
+
+def label_candidates(candidates: NDArray[np.float64], config: GroundFilterConfig) -> NDArray[np.bool_]:
+    """Tell which points, at most one a cell and without gross errors, are ground, by strips alone."""
+    spacing = quantised_spacing(candidates)
+    profiles = _strips(candidates, spacing, max(config.profile_directions, 1))
+    return _label_candidates(candidates, profiles, spacing, config)
+
+
+def _strips(candidates: NDArray[np.float64], spacing: float, n_directions: int) -> list[Profiles]:
+    return [cut_profiles(candidates, WIDTH * spacing, 180.0 * k / n_directions) for k in range(n_directions)]
 
 
 def _label_lines(
@@ -110,7 +113,7 @@ def _label_lines(
 def _label_candidates(
     points: NDArray[np.float64], profiles: list[Profiles], spacing: float, config: GroundFilterConfig
 ) -> NDArray[np.bool_]:
-    """Vote and grow; once more on heights above the trend that was found; then reject, close gaps, reject."""
+    """Vote and grow; once more on heights above the trend that was found; then reject."""
     z, radius = points[:, 2], config.profile_trend_radius
     ground = net_votes(profiles, z, config) > AGREEMENT
     ground = grow_ground(profiles, z, ground, spacing, config)
@@ -120,25 +123,7 @@ def _label_candidates(
         height = z - fit_trend(points, low, radius).elevation_at(points)
         ground = net_votes(profiles, height, config) > AGREEMENT - LESS_ON_TREND
         ground = grow_ground(profiles, z, ground, spacing, config)
-    ground = _without_roofs(profiles, z, ground, config)
-    if config.profile_gap_tolerance > 0:
-        ground = close_gaps(profiles, z, ground, spacing, config.profile_gap_tolerance)
     return reject_outliers(profiles, z, ground, spacing, config)
-
-
-def _without_roofs(
-    profiles: list[Profiles], z: NDArray[np.float64], ground: NDArray[np.bool_], config: GroundFilterConfig
-) -> NDArray[np.bool_]:
-    """
-    Return the ground without what rises out of it on (nearly) every profile, seen either way.
-
-    Where ground has been taken back from a point on a roof, all of the roof may have become ground. A walk
-    along nothing but the ground meets its edges on all sides.
-    """
-    votes = net_votes([one.along_chosen(ground) for one in profiles], z[ground], config)
-    kept = ground.copy()
-    kept[ground] = votes > ROOF_VOTES
-    return kept
 
 
 def _label_all(

@@ -1,6 +1,4 @@
-"""
-The last look along profiles: gaps between ground points are closed, what stands out on all sides is rejected.
-"""
+"""The last look along profiles: ground that stands out on all sides is rejected."""
 
 from __future__ import annotations
 
@@ -30,39 +28,6 @@ POINTS, REACH = 6, 10.0
 MIN_AXES = 3
 #: Rejecting a point may show others.
 ROUNDS = 3
-#: Gaps that are closed: at most so wide [multiples of the spacing].
-MAX_GAP = 10.0
-#: Added to distances so that a neighbour at the same place is not all that counts [m].
-NEAR = 0.1
-
-
-def close_gaps(
-    profiles: Sequence[Profiles],
-    elevation: NDArray[np.float64],
-    ground: NDArray[np.bool_],
-    spacing: float,
-    tolerance: float,
-) -> NDArray[np.bool_]:
-    """
-    Return the ground with the points little above what is interpolated between ground on both sides.
-
-    Elevations that the profiles give are weighted by how near their ground points are.
-
-    Profiles and elevations are those of `net_votes`, `ground` is what is known so far; `spacing` and
-    `tolerance`, how far above a point may lie, in [m].
-    """
-    height, weight = np.zeros((2, len(profiles), len(ground)))
-
-    def add(begin: int, end: int) -> None:
-        for k in range(begin, end):
-            one = profiles[k]
-            _between(
-                one.rows, one.first, one.along, elevation, ground, MAX_GAP * spacing, height[k], weight[k]
-            )
-
-    for_row_blocks(add, len(profiles), 1)
-    total = weight.sum(axis=0)
-    return ground | ((total > 0) & (height.sum(axis=0) <= tolerance * total))
 
 
 def reject_outliers(
@@ -80,7 +45,7 @@ def reject_outliers(
     the standard deviation of those. With several profiles through a point all have to agree, so that a ridge
     or the edge of a terrace, which stand out on most, stay.
 
-    The other arguments are those of `close_gaps`.
+    Profiles and elevations are those of `net_votes`, `ground` is what is known so far, `spacing` in [m].
     """
     ground = ground.copy()
     limits = (REACH * spacing, config.profile_step, REJECTION)
@@ -99,32 +64,6 @@ def reject_outliers(
             break
         ground[outlier] = False
     return ground
-
-
-@kernel
-def _between(rows, first, along, elevation, ground, max_gap, height, weight):  # type: ignore[no-untyped-def]
-    """
-    Set the weighted height above the line between the nearest ground points of a profile, and the weight.
-    """
-    for k in range(len(first) - 1):
-        last, ahead = -1, first[k]
-        for i in range(first[k], first[k + 1]):
-            if ground[rows[i]]:
-                last = i
-                continue
-            ahead = max(ahead, i + 1)
-            while ahead < first[k + 1] and not ground[rows[ahead]]:
-                ahead += 1
-            if last < 0 or ahead == first[k + 1]:
-                continue
-            before, behind = along[i] - along[last], along[ahead] - along[i]
-            gap = before + behind
-            if gap > max_gap:
-                continue
-            share = before / gap if gap > 0.0 else 0.5
-            line = (1.0 - share) * elevation[rows[last]] + share * elevation[rows[ahead]]
-            w = 1.0 / (share * behind + NEAR) ** 2
-            height[rows[i]], weight[rows[i]] = w * (elevation[rows[i]] - line), w
 
 
 @kernel

@@ -32,13 +32,6 @@ class Profiles:
     first: NDArray[np.intp]
     along: NDArray[np.float64]
 
-    def along_chosen(self, chosen: NDArray[np.bool_]) -> Profiles:
-        """Return the profiles of the chosen rows alone, numbered as they follow each other in the cloud."""
-        kept = chosen[self.rows]
-        before = np.concatenate(([0], np.cumsum(kept)))
-        number = np.cumsum(chosen) - 1
-        return Profiles(number[self.rows[kept]], before[self.first], self.along[kept])
-
 
 def cut_profiles(points: NDArray[np.float64], width: float, direction_deg: float) -> Profiles:
     """

@@ -1,0 +1,38 @@
+"""Method `consensus`: the lowest points of cells, judged in three ways that do not know of one another."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lidar_buildings.core.stages.ground_filter.config import GroundFilterConfig
+from lidar_buildings.core.stages.ground_filter.growing_tin.progressive_tin import label_candidates
+from lidar_buildings.core.stages.ground_filter.openings import morphological
+from lidar_buildings.core.stages.ground_filter.scan_profiles import bidirectional_slope
+
+
+def agreed_ground(
+    candidates: NDArray[np.float64], extent: NDArray[np.float64], config: GroundFilterConfig
+) -> NDArray[np.bool_]:
+    """
+    Return which candidates at least two of three views call ground; all if there is none.
+
+    A TIN that grows (Axelsson 2000) fails where its seeds do, profiles (Shan and Sampath 2005) where they
+    meet no ground on their way, openings (Zhang et al. 2003) where the terrain is as narrow as an object.
+    What one of them gets wrong, the two others seldom do; weights that are fitted to them come out equal.
+
+    Parameters
+    ----------
+    candidates : ndarray of shape (n_candidates, 3)
+        At least one; at most one per place, gross errors removed, in an order that puts neighbours
+        together [m].
+    extent : ndarray of shape (2, 2)
+        Lower left and upper right corner of what the terrain has to cover [m].
+    config : GroundFilterConfig
+        The parameters of all three methods.
+    """
+    votes = label_candidates(candidates, extent, config).astype(np.int8)
+    votes += bidirectional_slope.label_candidates(candidates, config)
+    votes += morphological.label_ground(candidates, config)
+    ground = votes >= 2
+    return ground if ground.any() else np.ones_like(ground)
