@@ -17,7 +17,6 @@ from lidar_buildings.core.stages.ground_filter.gross_errors.noise_layers import 
     rise,
 )
 from lidar_buildings.core.stages.ground_filter.gross_errors.open_pit import is_open_pit
-from lidar_buildings.core.stages.ground_filter.gross_errors.terrain_gradient import terrain_gradient
 
 # Chosen with `bench.ground.noise` and the scenes of the tests.
 #: Columns between which layers still touch: ground seen through gaps is connected over so many.
@@ -48,9 +47,8 @@ def find_low_layers(layers: Layers, gap: float, radius: int, limit: int) -> NDAr
     """
     bottom = layers.first[:-1].copy()
     seeds = bottom[_isolated(layers, gap)]
-    layers = _with_gradient_of_the_rest(layers, seeds, gap, limit)
-    seeds = bottom[_isolated(layers, gap)]
-    state, group_of = _unknown(layers)
+    n_layers = len(layers.column)
+    state, group_of = np.zeros(n_layers, dtype=np.uint8), np.full(n_layers, -1, dtype=np.int64)
     for _ in range(MAX_PASSES):
         errors, open_cases = _judge_groups(layers, bottom, seeds, gap, radius, limit, state, group_of)
         if len(errors) == 0:
@@ -61,25 +59,11 @@ def find_low_layers(layers: Layers, gap: float, radius: int, limit: int) -> NDAr
     return state == ERROR
 
 
-def _unknown(layers: Layers) -> tuple[NDArray[np.uint8], NDArray[np.int64]]:
-    n_layers = len(layers.column)
-    return np.zeros(n_layers, dtype=np.uint8), np.full(n_layers, -1, dtype=np.int64)
-
-
 def _isolated(layers: Layers, gap: float) -> NDArray[np.bool_]:
     """Return the columns at the western and eastern ends of what lies apart; see `_mark_isolated`."""
     isolated = np.empty(len(layers.numbers), dtype=np.bool_)
     for_row_blocks(lambda a, b: _mark_isolated(layers, gap, isolated, a, b), len(isolated))
     return isolated
-
-
-def _with_gradient_of_the_rest(layers: Layers, seeds: NDArray[np.int64], gap: float, limit: int) -> Layers:
-    """Return the layers with the terrain's gradient taken anew, from columns that end in no small group."""
-    members, _ = _gather_groups(layers, seeds, gap, limit, *_unknown(layers))
-    counts = np.ones(len(layers.numbers), dtype=np.bool_)
-    counts[layers.column[members]] = False
-    lowest = layers.points[layers.begin[layers.first[:-1]]]
-    return layers._replace(gradient=terrain_gradient(lowest, counts, layers.size))
 
 
 def _new_bottoms(

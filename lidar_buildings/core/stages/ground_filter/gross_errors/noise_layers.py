@@ -55,8 +55,7 @@ def split_into_layers(cloud: CellGrid, gap: float) -> Layers:
     begin = np.append(np.flatnonzero(starts), len(cloud.points))
     first = np.searchsorted(begin, cloud.first)
     column = np.repeat(np.arange(len(cloud.numbers)), np.diff(first))
-    lowest = cloud.points[cloud.first[:-1]]
-    gradient = terrain_gradient(lowest, np.ones(len(lowest), dtype=np.bool_), cloud.size)
+    gradient = terrain_gradient(cloud.points[cloud.first[:-1]], cloud.size)
     return Layers(cloud.points, begin, first, column, cloud.numbers, cloud.n_columns, cloud.size, gradient)
 
 

@@ -26,9 +26,7 @@ MAX_PASSES = 6
 MAX_GRADIENT = 1.0
 
 
-def terrain_gradient(
-    lowest: NDArray[np.float64], counts: NDArray[np.bool_], cell: float
-) -> NDArray[np.float64]:
+def terrain_gradient(lowest: NDArray[np.float64], cell: float) -> NDArray[np.float64]:
     """
     Return the terrain's rise over run along x and y in each cell, shape (n_cells, 2).
 
@@ -40,25 +38,17 @@ def terrain_gradient(
     ----------
     lowest : ndarray of shape (n_cells, 3)
         The lowest point of each cell, at most one a cell [m].
-    counts : ndarray of shape (n_cells,), bool
-        Which of them take part.
     cell : float
         Side of the cells [m].
     """
-    if not counts.any():
-        return np.zeros((len(lowest), 2))
     blocks = sort_by_cell(lowest, BLOCK_CELLS * cell)
-    counted = np.flatnonzero(counts[blocks.rows])
-    first = np.searchsorted(counted, blocks.first)
-    n = np.diff(first)
+    n = np.diff(blocks.first)
     low = np.minimum((LOW_SHARE * n).astype(np.int64) + (n > MIN_BLOCKS), n - 1)
-    # What a block without any has instead is not looked at.
-    nodes = blocks.points[counted[np.clip(first[:-1] + low, 0, len(counted) - 1)]]
+    nodes = blocks.points[blocks.first[:-1] + low]
     others = _blocks_around(blocks)
     x, y, z = (nodes[others] - nodes[:, None]).transpose(2, 0, 1)
-    by_block = _low_slopes(x, y, z, (others >= 0) & (n > 0)[others])
     gradient = np.empty((len(lowest), 2))
-    gradient[blocks.rows] = np.repeat(by_block, np.diff(blocks.first), axis=0)
+    gradient[blocks.rows] = np.repeat(_low_slopes(x, y, z, others >= 0), n, axis=0)
     return gradient
 
 

@@ -1,9 +1,9 @@
 """
-Draw the picture of the page on the growing TIN: scenes of the tests it masters, and two it does not.
+Draw the picture of the page on the majority of three: scenes of the tests it masters, and two it does not.
 
 It needs matplotlib (``pip install matplotlib``) beside the package:
 
-    python -m bench.pages.progressive_tin doc/algorithms/progressive_tin.png
+    python -m bench.pages.consensus doc/algorithms/consensus.png
 """
 
 import sys
@@ -22,7 +22,7 @@ from lidar_buildings.core.stages.ground_filter import classify_ground
 
 #: Scene → what to see, and along which axis and where its profile is cut, as a share of its extent.
 SCENES = {
-    "bridge_over_cut": ("bridge: the ends of its deck stay ground", 0, 0.5),
+    "bridge_over_cut": ("bridge: its deck is climbed in part", 0, 0.5),
     "quarry": ("quarry: cliffs and diggers", 0, 0.5),
     "hall_in_hillside": ("hall in a hillside: climbed from the back", 0, 0.5),
     "steep_forest": ("undergrowth on 30 to 40°", 1, 0.5),
