@@ -23,6 +23,12 @@ from lidar_buildings.core.stages.ground_filter import GroundFilterConfig
 
 #: Method → its parameters that matter most → multiples of their defaults.
 GRIDS: dict[str, dict[str, tuple[float, ...]]] = {
+    "consensus": {
+        "iteration_angle": (0.6, 1.0, 1.6),
+        "profile_max_slope": (0.6, 1.0, 1.6),
+        "opening_slope": (0.6, 1.0, 1.6),
+        "ground_distance": (0.7, 1.0, 1.4),
+    },
     "progressive_tin": {
         "seed_cell": (0.5, 1.0),
         "iteration_angle": (0.6, 1.0, 1.6),

@@ -119,7 +119,7 @@ def _judge_groups(layers, bottom, seeds, gap, radius, limit, state, group_of):  
     return errors[:n_errors], open_cases[:n_open]
 
 
-@kernel
+@inner_kernel
 def _gather_groups(layers, seeds, gap, limit, state, group_of):  # type: ignore[no-untyped-def]
     """Return the layers of all small groups that a seed belongs to, and where each begins, and the end."""
     members, begins = np.empty(len(group_of), np.int64), np.zeros(len(seeds) + 1, np.int64)
