@@ -13,10 +13,8 @@ from lidar_buildings.core.neighbours.scan_pattern import ScanPattern
 from lidar_buildings.core.solids.validity import check_solid
 from lidar_buildings.core.stages.boundary_tracing.point_grid import build_point_grid
 from lidar_buildings.core.stages.boundary_tracing.walk_recovery import bridge_gap
-from lidar_buildings.core.stages.roof_selection.candidates import Candidates
-from lidar_buildings.core.stages.roof_selection.smooth_patches.canopies import is_canopy
-from lidar_buildings.core.stages.roof_selection.smooth_patches.foliage import Patches, is_foliage
-from lidar_buildings.core.stages.roof_selection.smooth_patches.wet_roofs import find_wet_roofs
+from lidar_buildings.core.stages.roof_selection.smooth_patches.plane_votes import plane_votes
+from lidar_buildings.core.stages.roof_selection.surroundings import share_around
 from lidar_buildings.core.stages.roof_topology.small_regions import absorb_small_regions
 from lidar_buildings.core.stages.terrain import RasterConfig
 from lidar_buildings.core.surfaces.brightness import brightness_raster
@@ -86,15 +84,9 @@ def _rare() -> None:
     x, y = (axis.ravel() for axis in np.meshgrid(np.arange(40.0), np.arange(40.0)))
     pool = (abs(x - 20.0) > 4.0) | (abs(y - 20.0) > 4.0)
     roof = np.column_stack([x, y, np.full(len(x), 3.0)])[pool]
-    everywhere = np.ones(len(roof), dtype=bool)
-    find_wet_roofs(roof, roof[:, 2], everywhere, ~everywhere, 1.0, _CONFIG.roof_selection)
-    crown = np.concatenate([roof + np.array([0.0, 0.0, z]) for z in range(6)])
-    is_roof = np.arange(len(crown)) < len(roof)
-    is_canopy(by_column(crown, 1.0), is_roof, ~is_roof, 1.5)
+    plane_votes(roof, 0.1)
     columns = by_column(roof, 1.0)
-    candidates = Candidates(columns, np.ones(len(roof)), everywhere, everywhere, roof, 1.0, 1.0)
-    patches = Patches(columns, np.zeros(len(roof), dtype=np.int64), roof, np.ones(1))
-    is_foliage(candidates, patches, 2.0, _CONFIG.roof_selection)
+    share_around(columns, *np.ones((2, len(roof)), dtype=bool), 1.0)
     grid = build_point_grid(roof, ScanPattern(0.0, 1.0, 1.0), 2.0)
     bridge_gap(grid, np.ones(len(grid.x)), np.array([0]), np.array([1, 2]), 2.0)
 

@@ -1,10 +1,9 @@
-"""Flat spots of foliage are told from roofs by what pulses do there and by what lies around them."""
+"""Flat spots of foliage are told from roofs by what pulses do there."""
 
 import numpy as np
 
 from lidar_buildings.core.neighbours.columns import by_column
 from lidar_buildings.core.stages.roof_selection.candidates import Candidates
-from lidar_buildings.core.stages.roof_selection.config import RoofSelectionConfig
 from lidar_buildings.core.stages.roof_selection.smooth_patches.foliage import Patches, is_foliage
 
 AREA = 20.0
@@ -22,9 +21,8 @@ def foliage(points, is_only, label, area):
     only, label = is_only[columns.rows], label[columns.rows]
     candidates = Candidates(columns, columns.points[:, 2], is_last, only, np.zeros((0, 3)), 0.75, 0.5)
     smooth = columns.select(label >= 0)
-    normals = np.tile([0.0, 0.0, 1.0], (len(smooth.points), 1))
-    patches = Patches(smooth, label[smooth.rows], normals, np.array(area))
-    return is_foliage(candidates, patches, 40.0, RoofSelectionConfig())
+    patches = Patches(smooth, label[smooth.rows], np.array(area))
+    return is_foliage(candidates, patches, 40.0)
 
 
 def judged(top, others, is_only=None, area=AREA):
@@ -45,19 +43,6 @@ def test_an_opaque_patch_with_clear_sides_is_no_foliage():
     assert not judged(patch(), flanks(20, patch()))
 
 
-def test_a_low_patch_with_loose_points_all_around_is_a_hedge():
-    assert judged(patch(), flanks(250, patch()))
-
-
-def test_a_high_one_is_not():
-    top = patch(z=6.0)
-    assert not judged(top, flanks(250, top))
-
-
-def test_a_large_one_is_not():
-    assert not judged(patch(), flanks(250, patch()), area=60.0)
-
-
 def test_a_patch_where_most_pulses_are_split_is_foliage_at_any_height():
     top = patch(z=9.0)
     others = flanks(20, top)
@@ -66,13 +51,6 @@ def test_a_patch_where_most_pulses_are_split_is_foliage_at_any_height():
     assert not judged(top, others, is_only=~split)
 
 
-def test_the_wall_under_a_large_roof_is_nothing_loose():
-    low, large = patch(), patch(z=7.0)
-    large[:, 1] += 4.25
-    wall = flanks(250, low)
-    wall[:, 1] = 4.1
-    points = np.vstack([low, large, wall])
-    label = np.repeat([0, 1, -1], [len(low), len(large), len(wall)])
-    only = np.ones(len(points), dtype=bool)
-    for area, expected in ((80.0, False), (20.0, True)):
-        assert foliage(points, only, label, [AREA, area])[0] == expected
+def test_a_large_one_is_a_roof_whatever_its_pulses_do():
+    top, others = patch(), flanks(20, patch())
+    assert not judged(top, others, is_only=np.zeros(len(top) + len(others), dtype=bool), area=60.0)

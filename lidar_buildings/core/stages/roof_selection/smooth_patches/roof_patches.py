@@ -16,6 +16,7 @@ from lidar_buildings.core.stages.roof_selection.smooth_patches.foliage import (
     Patches,
     is_foliage,
 )
+from lidar_buildings.core.stages.roof_selection.smooth_patches.plane_votes import plane_votes
 from lidar_buildings.core.stages.roof_selection.surroundings import MAX_LINEARITY
 from lidar_buildings.core.surfaces.eigenfeatures import eigen_features
 from lidar_buildings.core.surfaces.surface_patches import connected_columns, smooth_patches
@@ -33,6 +34,9 @@ PATCH_SIZES = np.array([2.0, 10.0])
 HORIZONTAL_NOISE = 1.5
 #: Distance from the neighbour's tangent plane over which a patch goes on, a multiple of `max_roughness`.
 PATCH_OFFSET = 1.5
+#: Wider neighbourhoods reach beyond the faces of houses and are hardly ever smooth [m]; then so many of a
+#: point's nearest neighbours have to lie on one plane through it, of `N_VOTERS`.
+FACE_WIDTH, MIN_VOTES = 4.0, 7
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,9 +86,15 @@ def find_roof_surface(candidates: Candidates, config: RoofSelectionConfig) -> Ro
     steep = upward < math.cos(math.radians(MAX_SLOPE_DEG))
     is_surface, is_wall = np.zeros((2, n), dtype=bool)
     is_wall[rows[smooth & steep]] = True
-    level = np.flatnonzero(smooth & ~steep)
+    level, normals = smooth & ~steep, features.normals
+    if 2.0 * radius > FACE_WIDTH:
+        votes, voted = plane_votes(columns.points.take(rows, axis=0), config.max_roughness)
+        is_voted = ~level & (votes >= MIN_VOTES)
+        normals = np.where(is_voted[:, None], voted, normals)
+        roughness[is_voted] = PATCH_ROUGHNESS[0] * config.max_roughness
+        level |= is_voted
     is_surface[rows[level]] = True
-    points, normals, roughness = columns.select(is_surface), features.normals[level], roughness[level]
+    points, normals, roughness = columns.select(is_surface), normals[level], roughness[level]
     reach = _link_lengths(features.n_neighbours[level], features.radius[level], radius)
     del features, upward, noise, rows  # half of the memory
     label = smooth_patches(
@@ -96,7 +106,7 @@ def find_roof_surface(candidates: Candidates, config: RoofSelectionConfig) -> Ro
     )
     patch = np.full(n, -1, dtype=np.int64)
     patch[points.rows] = label
-    patches = Patches(points, label, normals, candidates.areas(patch, label.max(initial=-1) + 1))
+    patches = Patches(points, label, candidates.areas(patch, label.max(initial=-1) + 1))
     del patch
     accepted = _accepted(candidates, patches, roughness, config)
     is_surface[points.rows[~accepted]] = False
@@ -112,7 +122,7 @@ def _accepted(
     starts = relative <= limit
     accepted = (patches.area >= MIN_PATCH_AREA) & (starts | (relative <= PATCH_ROUGHNESS[1]))
     small_area = PATCH_SIZES[1] * MIN_PATCH_AREA
-    accepted &= ~is_foliage(candidates, patches, small_area, config)
+    accepted &= ~is_foliage(candidates, patches, small_area)
     points, label = patches.columns, patches.label
     asked = accepted[label]
     accepted &= ~is_deck(

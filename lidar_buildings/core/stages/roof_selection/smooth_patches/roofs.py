@@ -9,7 +9,6 @@ from lidar_buildings.core.neighbours.columns import Columns, by_column
 from lidar_buildings.core.stages.roof_selection.candidates import Candidates
 from lidar_buildings.core.stages.roof_selection.config import RoofSelectionConfig
 from lidar_buildings.core.stages.roof_selection.smooth_patches.attached_parts import LEVEL_STEP, wide_levels
-from lidar_buildings.core.stages.roof_selection.smooth_patches.canopies import is_canopy
 from lidar_buildings.core.stages.roof_selection.smooth_patches.narrow_parts import half_widths, wide_enough
 from lidar_buildings.core.stages.roof_selection.smooth_patches.roof_patches import find_roof_surface
 from lidar_buildings.core.stages.roof_selection.surroundings import near_tangent_plane, surroundings
@@ -35,8 +34,8 @@ def find_roofs(candidates: Candidates, config: RoofSelectionConfig) -> NDArray[n
     Tell which of the points above ground are roof.
 
     Patches start roofs, which grow to their edges along tangent planes, whichever the return, and take in
-    what stands on them: last returns with roof all around, and small parts, unless the roof is seen through
-    them. What is too narrow goes, on its level and as a whole.
+    what stands on them: last returns with roof all around, and small parts. What is too narrow goes, on its
+    level and as a whole.
 
     Parameters
     ----------
@@ -59,7 +58,7 @@ def find_roofs(candidates: Candidates, config: RoofSelectionConfig) -> NDArray[n
     del surface
     held = _held(columns, roof, radius)
     stands = _small_parts(candidates, roof, held, config) | (held & candidates.is_last)
-    roof |= stands & can_be_roof & ~is_canopy(columns, roof, stands, radius)
+    roof |= stands & can_be_roof
     return _without_narrow(candidates, roof, config)
 
 
