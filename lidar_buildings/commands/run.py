@@ -116,6 +116,8 @@ def _report(output: Path, summary: RunSummary, wall: float) -> None:
     counts = ", ".join(f"{n} {status}" for status, n in sorted(summary.buildings.items())) or "none"
     print(f"{counted(summary.n_points, 'point')} in {counted(summary.n_tiles, 'tile')}, {wall:.1f} s")
     print(f"buildings: {sum(summary.buildings.values())} ({counts})")
+    if aside := ", ".join(f"{n:,} {name}" for name, n in summary.set_aside.items()):
+        print(f"set aside by class: {aside}")
     if summary.footprints:
         print(_footprints_line(summary.footprints))
     for name in summary.files:

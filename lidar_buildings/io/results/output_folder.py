@@ -258,7 +258,8 @@ class OutputFolder:
             {"path": str(file.path), "point_count": file.point_count, "output": output}
             for file, output in zip(self.inputs, outputs, strict=True)
         ]
-        own = {"inputs": inputs, "until": self.until, "frame": asdict(self.frame), **asdict(summary)}
+        own = {"inputs": inputs, "until": self.until, "frame": asdict(self.frame)}
+        own |= {**asdict(summary), "set_aside": summary.set_aside}
         content = own | {name: value for name, value in run_info.items() if name not in own}
         with atomic_file(self.path / RUN) as temporary:
             temporary.write_text(json.dumps(content, indent=2, default=str) + "\n", encoding="utf-8")

@@ -60,6 +60,16 @@ class RunSummary:
     footprints: dict[str, Any] = field(default_factory=dict)
 
     @property
+    def set_aside(self) -> dict[str, int]:
+        """Points of classes that never become roof, by group; withheld ones are noise."""
+        groups = {
+            name: sum(self.classes.get(number, 0) for number in CLASS_GROUPS[name])
+            for name in CLASS_GROUPS
+            if name != "road"
+        }
+        return {name: n for name, n in groups.items() if n}
+
+    @property
     def why_no_building(self) -> str:
         """What the points are of a run that was to find buildings and found none, empty if it did."""
         if self.buildings or not self.n_points or FORMAT_FILES["gpkg"][0] not in self.files:
@@ -70,8 +80,10 @@ class RunSummary:
         }
         shares["other"] = 100.0 - sum(shares.values())
         told = ", ".join(f"{share:.0f} % {kind}" for kind, share in shares.items() if share >= 0.5)
+        aside = ", ".join(f"{n:,} {name}" for name, n in self.set_aside.items())
+        kept = f"; set aside by their class: {aside} (ground_filter.kept_classes)" if aside else ""
         seen = "" if shares["roof, too little of it"] else ", no roof seen"
         return (
             f"no building was found: of {self.n_points:,} points {told}{seen}: roofs show from above, "
-            "a vehicle sees walls only (doc/data_requirements.md)"
+            f"a vehicle sees walls only (doc/data_requirements.md){kept}"
         )

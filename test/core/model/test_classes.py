@@ -85,10 +85,18 @@ def test_noise_of_the_source_has_no_part_in_the_terrain():
     assert same.mean() > 0.999
 
 
-@pytest.mark.parametrize("number", [7, 9, 17, 255])
+@pytest.mark.parametrize("number", [7, 9, 17])
 def test_a_tile_whose_points_are_all_of_one_kept_class_keeps_it(number):
     x, y = (each.ravel() for each in np.meshgrid(np.arange(20.0), np.arange(20.0)))
     tile = PointTile(np.column_stack([x, y, 0 * x]), classification=np.full(len(x), number))
     result = classified(tile)
     assert (result.classification == number).all()
     assert np.isfinite(result.height_above_ground).all()
+
+
+@pytest.mark.parametrize(("groups", "expected"), [((), 2), (("other",), 255)])
+def test_vendors_classes_are_found_anew_unless_they_are_named(groups, expected):
+    x, y = (each.ravel() for each in np.meshgrid(np.arange(20.0), np.arange(20.0)))
+    tile = PointTile(np.column_stack([x, y, 0 * x]), classification=np.full(len(x), 255))
+    result = classified(tile, kept_classes=(*GroundFilterConfig().kept_classes, *groups))
+    assert (result.classification == expected).all()

@@ -170,6 +170,7 @@ def test_run_json_tells_inputs_counts_and_what_it_was_told(tmp_path, survey):
     assert [i["output"] for i in told["inputs"]] == ["classified/0.laz", "classified/1.laz"]
     assert told["versions"] == {"lidar_buildings": "0"}
     assert told["classes"].keys() == {"2", "6"}
+    assert told["set_aside"] == {}
     assert told["n_unclassified"] == 0
 
 

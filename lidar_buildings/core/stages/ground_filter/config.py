@@ -49,9 +49,10 @@ class GroundFilterConfig(StageConfig):
         maximum=5.0,
     )
     kept_classes: tuple[str, ...] = parameter(
-        tuple(CLASS_GROUPS),
+        tuple(name for name in CLASS_GROUPS if name != "other"),
         "Classes of the source that its points keep, since nothing here would find them better; what is left "
-        "out is classified anew. Noise, wires, bridges and other things have no part in the terrain.",
+        "out is classified anew, as are vendors' own classes (19 and up) unless `other` is named. Noise, "
+        "wires and bridges have no part in the terrain.",
         choices=tuple(CLASS_GROUPS),
     )
     slope_gain: float = parameter(
