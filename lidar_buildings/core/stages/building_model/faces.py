@@ -6,7 +6,7 @@ import numpy as np
 
 from lidar_buildings.core.kernels import kernel
 from lidar_buildings.core.model.array_types import FloatArray, IntArray
-from lidar_buildings.core.neighbours.union_find import link, root, sets_of_pairs
+from lidar_buildings.core.neighbours.union_find import sets_of_pairs
 from lidar_buildings.core.stages.building_model.arrangement import Cells
 
 #: A vertex nearer to the line through its neighbours than this is no corner [m].
@@ -19,52 +19,6 @@ def join_equal_cells(cells: Cells, labels: IntArray) -> IntArray:
     same = labels[edges[:, 0]] == labels[edges[:, 1]]
     roots = sets_of_pairs(len(labels), *edges[same].T)
     return np.unique(roots, return_inverse=True)[1].reshape(-1)
-
-
-def absorb_small_faces(cells: Cells, labels: IntArray, min_area: float) -> IntArray:
-    """
-    Give faces smaller than `min_area` [m²] the plane beyond their longest border, the smallest one first.
-    """
-    labels = labels.copy()
-    _absorb(cells.areas, cells.edges, cells.lengths, min_area, labels)
-    return labels
-
-
-@kernel
-def _absorb(areas, edges, lengths, min_area, labels):  # type: ignore[no-untyped-def]
-    n = len(areas)
-    parent = np.arange(n)
-    for e in range(len(edges)):
-        if labels[edges[e, 0]] == labels[edges[e, 1]]:
-            link(parent, edges[e, 0], edges[e, 1])
-    size, border = np.empty(n), np.empty(n)
-    while True:
-        size[:] = 0.0
-        for c in range(n):
-            size[root(parent, c)] += areas[c]
-        small = -1
-        for c in range(n):
-            if parent[c] == c and (small < 0 or size[c] < size[small]):
-                small = c
-        if small < 0 or size[small] >= min_area:
-            return
-        border[:] = 0.0
-        longest = -1
-        for e in range(len(edges)):
-            one, other = root(parent, edges[e, 0]), root(parent, edges[e, 1])
-            if one != other and (one == small or other == small):
-                border[other if one == small else one] += lengths[e]
-        for c in range(n):
-            if border[c] > 0.0 and (longest < 0 or border[c] > border[longest]):
-                longest = c
-        if longest < 0:
-            return
-        for c in range(n):
-            if root(parent, c) == small:
-                labels[c] = labels[longest]
-        for e in range(len(edges)):
-            if labels[edges[e, 0]] == labels[edges[e, 1]]:
-                link(parent, edges[e, 0], edges[e, 1])
 
 
 def face_rings(cells: Cells, face: IntArray) -> list[tuple[FloatArray, ...]]:

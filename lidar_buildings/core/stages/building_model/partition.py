@@ -20,7 +20,6 @@ from lidar_buildings.core.stages.building_model.cell_costs import (
 from lidar_buildings.core.stages.building_model.cell_labels import label_cells
 from lidar_buildings.core.stages.building_model.config import BuildingModelConfig
 from lidar_buildings.core.stages.building_model.faces import (
-    absorb_small_faces,
     face_rings,
     join_equal_cells,
 )
@@ -28,12 +27,18 @@ from lidar_buildings.core.stages.building_model.heights import Limits
 from lidar_buildings.core.stages.building_model.missed_parts import find_missed_parts
 from lidar_buildings.core.stages.building_model.noding import extend_segments
 from lidar_buildings.core.stages.building_model.roof_face import RoofFacePatch
+from lidar_buildings.core.stages.building_model.simplification import simplified
+from lidar_buildings.core.stages.building_model.straight_seams import straight_seams
 
 # Those with which `bench.models.run` divides the virtual roofs into their true faces.
 #: Cost of a metre of border between two roof faces, as a misfit over an area [spacings].
 _BORDER_COST = 0.15
 #: Cost of a square metre of step between two roof faces [m]; steps higher than this cost no more [m].
 _STEP_COST, _MAX_STEP = 0.05, 2.0
+#: Cost of a corner of a face [m³].
+_CORNER_COST = 0.1
+#: A straight line stands for a seam no farther from it [spacings].
+_SEAM = 1.5
 #: Walls of a re-entrant corner run on into the roof where they turn by more than this [rad].
 _REENTRANT = 0.35
 #: How often the partition is looked at again for parts that no line divided from their neighbours.
@@ -76,6 +81,10 @@ def partition_outline(
     inward = np.concatenate([_reentrant_walls(ring) for ring in outline.rings])
     roof = _Roof(outline, points, samples, inward, planes, spacing, config)
     found = _label(roof, segments)
+    seams = straight_seams(found.cells, found.labels, _SEAM * spacing)
+    if len(seams):
+        segments = np.concatenate([segments, seams])
+        found = _label(roof, segments)
     for _ in range(_SECOND_LOOKS):
         missed = find_missed_parts(
             points, plane_id, found.above(roof), outline, spacing, config.min_face_area
@@ -127,7 +136,7 @@ def _label(roof: _Roof, segments: FloatArray) -> _Labelled:
     labels = label_cells(
         costs, cells.edges, cells.ends, planes, _BORDER_COST * roof.spacing, _STEP_COST, _MAX_STEP
     )
-    labels = absorb_small_faces(cells, labels, config.min_face_area)
+    labels = simplified(cells, labels, costs, _BORDER_COST * roof.spacing, _CORNER_COST, config.min_face_area)
     return _Labelled(cells, labels, cell[: len(roof.points)])
 
 

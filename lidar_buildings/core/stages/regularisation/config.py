@@ -62,7 +62,7 @@ class RegularisationConfig(StageConfig):
         advanced=True,
     )
     wall_cost: float = parameter(
-        10.0,
+        20.0,
         "What a wall must save in squared offsets over noise²; raising it gives fewer walls.",
         minimum=0.0,
         advanced=True,

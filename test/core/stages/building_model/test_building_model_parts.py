@@ -15,7 +15,6 @@ from lidar_buildings.core.stages.building_model.arrangement import cut_into_cell
 from lidar_buildings.core.stages.building_model.cell_costs import cells_of_points
 from lidar_buildings.core.stages.building_model.cell_labels import label_cells
 from lidar_buildings.core.stages.building_model.faces import (
-    absorb_small_faces,
     face_rings,
     join_equal_cells,
 )
@@ -25,6 +24,8 @@ from lidar_buildings.core.stages.building_model.missed_parts import find_missed_
 from lidar_buildings.core.stages.building_model.noding import extend_segments
 from lidar_buildings.core.stages.building_model.outline_coverage import outline_coverage
 from lidar_buildings.core.stages.building_model.roof_face import RoofFacePatch
+from lidar_buildings.core.stages.building_model.simplification import simplified
+from lidar_buildings.core.stages.building_model.straight_seams import straight_seams
 from lidar_buildings.core.stages.building_model.surface_distance import distance_to_surface
 
 SQUARE = np.array([[0.0, 0.0], [10.0, 0.0], [10.0, 10.0], [0.0, 10.0]])
@@ -190,11 +191,41 @@ def test_cells_of_one_plane_make_one_face_without_the_vertices_between_them():
     assert sorted(shapely.Polygon(group[0]).area for group in rings) == pytest.approx([40.0, 60.0])
 
 
-def test_a_small_face_goes_to_the_neighbour_with_the_longest_border():
-    cells, order = strips([4.0, 4.05])
+@pytest.mark.parametrize(
+    ("misfit", "min_area", "stays"), [(1.0, 0.0, True), (0.3, 0.0, False), (1.0, 3.0, False)]
+)
+def test_a_face_stays_that_is_large_and_worth_its_corners(misfit, min_area, stays):
+    cells, order = strips([4.0, 4.2])
     labels = np.array([0, 1, 2])[order]
-    assert set(absorb_small_faces(cells, labels, 1.0)) in ({0, 2}, {0, 1, 2} - {1})
-    assert set(absorb_small_faces(cells, labels, 0.1)) == {0, 1, 2}
+    costs = (labels[:, None] != np.arange(3)) * misfit * 10.0
+    costs[labels == 1] /= 10.0
+    # Two corners of each of two faces along either long side; away goes one of these sides.
+    found = simplified(cells, labels, costs, 0.01, 0.1, min_area)
+    assert (set(found) == {0, 1, 2}) == stays
+    assert {0, 2} <= set(found)
+
+
+def test_a_tooth_of_a_seam_goes_to_the_plane_beyond():
+    lines = np.array([[[5.0, -1.0], [5.0, 11.0]], [[5.0, 4.0], [11.0, 4.0]], [[5.0, 5.0], [11.0, 5.0]],
+                      [[6.0, -1.0], [6.0, 11.0]]])  # fmt: skip
+    cells = cut_into_cells(Outline(SQUARE), lines)
+    middles = np.array([polygon.centroid.coords[0] for polygon in cells.polygons])
+    truth = (middles[:, 0] > 5.0).astype(np.int64)
+    tooth = (abs(middles - [5.5, 4.5]) < 0.1).all(axis=1)
+    costs = (truth[:, None] != np.arange(2)) * cells.areas[:, None]
+    costs[tooth] = [[0.0, 0.1]]
+    labels = np.where(tooth, 0, truth)
+    assert np.array_equal(simplified(cells, labels, costs, 0.01, 0.1, 0.0), truth)
+    assert np.array_equal(simplified(cells, labels, costs, 0.0, 0.01, 0.0), labels)
+
+
+def test_a_seam_with_teeth_gets_a_straight_line_beside():
+    teeth = np.array([[k % 2 * 0.4 + 5.0, float(k)] for k in range(-1, 12)])
+    cells = cut_into_cells(Outline(SQUARE), np.stack([teeth[:-1], teeth[1:]], axis=1))
+    labels = np.argsort(np.argsort(shapely.bounds(cells.polygons)[:, 0]))
+    (line,) = straight_seams(cells, labels, 0.5)
+    assert sorted(line[:, 1]) == [0.0, 10.0]
+    assert len(straight_seams(cells, labels, 0.1)) == 0
 
 
 def patch(x0, x1, plane, rows=()):
