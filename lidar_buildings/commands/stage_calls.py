@@ -14,6 +14,7 @@ from lidar_buildings.core.solids.validity import check_solid
 from lidar_buildings.core.stages.boundary_tracing.point_grid import build_point_grid
 from lidar_buildings.core.stages.boundary_tracing.walk_recovery import bridge_gap
 from lidar_buildings.core.stages.roof_selection.smooth_patches.plane_votes import plane_votes
+from lidar_buildings.core.stages.roof_selection.smooth_patches.wet_roofs import find_wet_roofs
 from lidar_buildings.core.stages.roof_selection.surroundings import share_around
 from lidar_buildings.core.stages.roof_topology.small_regions import absorb_small_regions
 from lidar_buildings.core.stages.terrain import RasterConfig
@@ -84,6 +85,8 @@ def _rare() -> None:
     x, y = (axis.ravel() for axis in np.meshgrid(np.arange(40.0), np.arange(40.0)))
     pool = (abs(x - 20.0) > 4.0) | (abs(y - 20.0) > 4.0)
     roof = np.column_stack([x, y, np.full(len(x), 3.0)])[pool]
+    everywhere = np.ones(len(roof), dtype=bool)
+    find_wet_roofs(roof, roof[:, 2], everywhere, ~everywhere, 1.0, _CONFIG.roof_selection)
     plane_votes(roof, 0.1)
     columns = by_column(roof, 1.0)
     share_around(columns, *np.ones((2, len(roof)), dtype=bool), 1.0)

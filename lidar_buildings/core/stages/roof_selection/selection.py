@@ -23,6 +23,7 @@ from lidar_buildings.core.stages.roof_selection.facades import TOP_REACH, find_f
 from lidar_buildings.core.stages.roof_selection.returns import last_and_only_returns
 from lidar_buildings.core.stages.roof_selection.roads import find_roads
 from lidar_buildings.core.stages.roof_selection.smooth_patches import roofs as smooth_patches
+from lidar_buildings.core.stages.roof_selection.smooth_patches.wet_roofs import find_wet_roofs
 from lidar_buildings.core.stages.roof_selection.surroundings import surroundings
 from lidar_buildings.core.stages.roof_selection.vegetation import vegetation_classes
 from lidar_buildings.core.surfaces.intensity import normalised_intensity as normalised_by_strip
@@ -48,6 +49,8 @@ METHODS = {
     "lasclassify": lasclassify.find_roofs,
     "single_returns": single_returns.find_roofs,
 }
+#: Method → what adds the roofs of which hardly anything came back, once small buildings are gone.
+COMPLETIONS = {"smooth_patches": find_wet_roofs}
 #: Lower parts tell what object a point is part of: candidates begin at this share of `min_height`.
 CONTEXT = 0.5
 #: Cells in which areas are counted, in spacings: four points each, so that few cells of a roof stay empty.
@@ -156,6 +159,8 @@ def select_roofs(
     own = (height[rows], is_last[rows], is_only[rows])
     low = points.take(np.flatnonzero(is_low), axis=0)
     is_roof[rows] = _roofs(columns, *own, low, spacing, config)
+    if config.method in COMPLETIONS:
+        is_roof |= COMPLETIONS[config.method](points, height, is_open, is_roof, spacing, config)
     is_facade = np.zeros(len(points), dtype=bool)
     classes[rows], is_facade[rows] = _open_classes(columns, own[0], is_roof[rows], own[1], spacing, config)
     brightness = _brightness(len(points), intensity, normalised_intensity, point_source_id, is_only)
