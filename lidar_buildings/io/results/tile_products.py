@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Sequence
+import threading
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -17,6 +19,9 @@ from lidar_buildings.core.stages.terrain import RasterWindow, TerrainRasters
 from lidar_buildings.io.files.atomic_files import atomic_file
 
 _NAME = ("source", "index")
+#: numpy parses the arrays' headers with `ast`, which fails now and then in two threads at once
+#: (Python 3.11, https://github.com/python/cpython/issues/106905).
+_READING = threading.Lock()
 #: Names under which a tile's rasters are saved.
 _WINDOW, _RASTERS = "window", ("dtm", "dsm", "distance")
 #: Rows of a tile's core points, of its buildings' points, and of its core roof points.
@@ -150,9 +155,16 @@ class Shapes(NamedTuple):
     features: tuple[str, ...]
 
 
+@contextmanager
+def _opened(path: Path) -> Iterator[Any]:
+    """Open a saved tile for reading, in one thread at a time."""
+    with _READING, np.load(path) as held:
+        yield held
+
+
 def load_shapes(path: Path) -> Shapes:
     """Read the buildings of a saved tile."""
-    with np.load(path) as held:
+    with _opened(path) as held:
         shapes, features = (json.loads(held[name].tobytes()) for name in ("shapes", "features"))
     return Shapes(
         _outlines_from_lists(shapes["traced"]),
@@ -163,14 +175,14 @@ def load_shapes(path: Path) -> Shapes:
 
 def load_outlines(path: Path) -> tuple[BuildingOutline, ...]:
     """Read the outlines of a saved tile, the traced ones of a run that ended before they were regularised."""
-    with np.load(path) as held:
+    with _opened(path) as held:
         shapes = json.loads(held["shapes"].tobytes())
     return _outlines_from_lists(shapes["outlines"] or shapes["traced"])
 
 
 def load_raster_window(path: Path) -> RasterWindow | None:
     """Read which cells the rasters of a saved tile have, None if it has none."""
-    with np.load(path) as held:
+    with _opened(path) as held:
         if _WINDOW not in held:
             return None
         resolution, *place = held[_WINDOW].tolist()
@@ -182,26 +194,26 @@ def load_rasters(path: Path) -> TerrainRasters:
     window = load_raster_window(path)
     if window is None:
         raise ValueError(f"{path} holds no rasters")
-    with np.load(path) as held:
+    with _opened(path) as held:
         return TerrainRasters(window, *(held[name] for name in _RASTERS))
 
 
 def load_stamp(path: Path) -> int:
     """Read the key of a saved tile, of the revision that it holds [ns]."""
-    with np.load(path) as held:
+    with _opened(path) as held:
         return int(held["stamp"])
 
 
 def load_sources(path: Path) -> list[int]:
     """Read from which inputs a saved tile has points."""
-    with np.load(path) as held:
+    with _opened(path) as held:
         sources: list[int] = held["sources"].tolist()
     return sources
 
 
 def load_rows(path: Path, name: str, source: int) -> NDArray[Any]:
     """Read what one table of a saved tile, ``core``, ``roofs`` or ``edges``, says of an input's points."""
-    with np.load(path) as held:
+    with _opened(path) as held:
         table: NDArray[Any] = held[_table_name(name, source)]
         return table
 
