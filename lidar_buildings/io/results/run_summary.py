@@ -61,13 +61,12 @@ class RunSummary:
 
     @property
     def set_aside(self) -> dict[str, int]:
-        """Points of classes that never become roof, by group; withheld ones are noise."""
+        """Points of classes that never become roof and that a run does not give itself, by group."""
         groups = {
             name: sum(self.classes.get(number, 0) for number in CLASS_GROUPS[name])
-            for name in CLASS_GROUPS
-            if name != "road"
+            for name in CLASS_GROUPS.keys() - {"noise", "road"}
         }
-        return {name: n for name, n in groups.items() if n}
+        return {name: n for name, n in sorted(groups.items()) if n}
 
     @property
     def why_no_building(self) -> str:
