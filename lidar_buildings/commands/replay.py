@@ -18,8 +18,8 @@ from lidar_buildings.simulation.live.playing import Pace, PlayReport, ahead
 
 #: Messages that are read ahead: half a second of 200 poses and 20 scans.
 _AHEAD = 100
-#: Points that may wait to be placed before the next message is handed over, and how often it is looked [s].
-_MOST_WAITING, _TICK = 1_000_000, 0.01
+#: Share of the room for what waits that a bag fills at most, and how often it is looked [s].
+_MOST_WAITING, _TICK = 0.1, 0.01
 #: A longer time between two messages is a pause [s].
 _PAUSE = 1.0
 
@@ -105,7 +105,7 @@ class Replay:
                 frame = None
             if self._rate and message.topic not in self._topics.of_whole:
                 pace.wait_for(round(message.time / self._rate))
-            while feed.counts()["points_waiting"] > _MOST_WAITING and not self._is_stopping.wait(_TICK):
+            while feed.fullness > _MOST_WAITING and not self._is_stopping.wait(_TICK):
                 pass
             if self._is_stopping.is_set():
                 return

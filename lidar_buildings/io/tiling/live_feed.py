@@ -24,12 +24,9 @@ from lidar_buildings.core.scans.placing import PlacedScan, ScanPlacer
 from lidar_buildings.io.tiling.live_config import LiveTilingConfig
 from lidar_buildings.io.tiling.live_files import record_frame, recorded_frame, write_placed_points
 from lidar_buildings.io.tiling.live_frame import FrameSearch, moved_origin
+from lidar_buildings.io.tiling.live_inbox import LiveInbox
 from lidar_buildings.io.tiling.live_survey import LiveSurvey
 
-#: Why points are left out: more wait to be placed than memory is meant for.
-TOO_FAST = "came faster than they could be placed"
-#: Points that may wait to be placed (about 0.5 GB).
-_MOST_QUEUED = 10_000_000
 #: Period of looking for tiles that were left [s].
 _TICK = 0.1
 #: Different problems that are remembered.
@@ -70,7 +67,6 @@ class LiveFeed:
         self.obstacle = ""
         self.problems: Counter[str] = Counter()
         self.n_flushed = 0
-        self._left_out: Counter[str] = Counter()
         self._tiling, self._scans = tiling, scans
         self.folder = Path(tiling.spool or tempfile.mkdtemp(prefix="lidar_buildings_"))
         recorded = recorded_frame(self.folder, tiling)
@@ -79,8 +75,7 @@ class LiveFeed:
         self._survey: LiveSurvey | None = None
         self._early: list[PlacedScan] = []
         self._shift = np.zeros(3)
-        self._inbox: queue.Queue[tuple[Callable[[Any], None], Any, int]] = queue.Queue()
-        self._n_taken = self._n_left = 0
+        self._inbox = LiveInbox()
         self._is_flushing = False
         self._tiles: queue.Queue[PointTile] = queue.Queue(maxsize=1)
         self._has_work, self._stopping = threading.Event(), threading.Event()
@@ -124,11 +119,11 @@ class LiveFeed:
     def counts(self) -> dict[str, int]:
         """Return what has come, what waits, and what was left out for which reason."""
         survey = self._survey
-        left_out = self._left_out + self._placer.left_out + (survey.left_out if survey else Counter())
+        left_out = self._inbox.left_out + self._placer.left_out + (survey.left_out if survey else Counter())
         return {
             "scans": self._placer.n_scans,
             "points": survey.n_points if survey else 0,
-            "points_waiting": self._n_taken - self._n_left,
+            "points_waiting": self._inbox.n_points,
             "tiles_waiting": survey.n_waiting if survey else 0,
             **{f"left out: {reason}": count for reason, count in sorted(left_out.items())},
             **dict(sorted(self._placer.messages.items())),
@@ -136,40 +131,35 @@ class LiveFeed:
 
     def add_scan(self, message: Any) -> None:
         """Take a sensor_msgs/PointCloud2."""
-        n_points = int(message.width) * int(message.height)
-        if self._n_taken - self._n_left + n_points > _MOST_QUEUED:
-            self._left_out[TOO_FAST] += n_points
-            return
-        self._n_taken += n_points
-        self._inbox.put((self._place, message, n_points))
+        self._inbox.put(self._place, message, int(message.width) * int(message.height))
 
     def add_odometry(self, message: Any) -> None:
         """Take a nav_msgs/Odometry."""
-        self._inbox.put((lambda one: self._placer.add_odometry(one), message, 0))
+        self._inbox.put(lambda one: self._placer.add_odometry(one), message)
 
     def add_transforms(self, message: Any, *, is_static: bool) -> None:
         """Take a tf2_msgs/TFMessage."""
-        self._inbox.put((lambda one: self._placer.add_transforms(one, is_static=is_static), message, 0))
+        self._inbox.put(lambda one: self._placer.add_transforms(one, is_static=is_static), message)
 
     def add_fix(self, message: Any) -> None:
         """Take a sensor_msgs/NavSatFix."""
-        self._inbox.put((self._search.take_fix, message, 0))
+        self._inbox.put(self._search.take_fix, message)
 
     def add_frame(self, frame: MapFrame) -> None:
         """Take what others say of where the map lies; too late once points are kept."""
-        self._inbox.put((self._search.take_frame, frame, 0))
+        self._inbox.put_order(self._search.take_frame, frame)
 
     def finish(self, stamp: int, *, is_done: bool = True) -> None:
         """Note that a tile is done, or was given up."""
-        self._inbox.put((lambda _: self._survey and self._survey.finish(stamp, is_done=is_done), None, 0))
+        self._inbox.put_order(lambda _: self._survey and self._survey.finish(stamp, is_done=is_done))
 
     def flush(self) -> None:
         """Have all tiles made that have new points; `n_flushed` tells when they are done."""
-        self._inbox.put((self._flush, None, 0))
+        self._inbox.put_order(self._flush)
 
     def reset(self) -> None:
         """Forget all points and tiles."""
-        self._inbox.put((self._reset, None, 0))
+        self._inbox.put_order(self._reset)
 
     def take(self) -> PointTile | None:
         """Return the next tile, None if none is ready."""
@@ -181,18 +171,20 @@ class LiveFeed:
         """Return a tile with a larger buffer, None if there is none."""
         return None if self._survey is None else self._survey.grown(tile)
 
+    @property
+    def fullness(self) -> float:
+        """Share of the room that is taken by what waits to be placed."""
+        return self._inbox.fullness()
+
     def _take_in(self) -> None:
         """Work on what has come, and look now and then for tiles that were left."""
         next_tick = time.monotonic()
         try:
-            while not (self._stopping.is_set() and self._inbox.empty()):
+            while not (self._stopping.is_set() and self._inbox.is_empty):
                 if self.obstacle and not self._stopping.wait(_TICK):
                     self._try(self._tick, None)  # what comes waits in the inbox, which has its bound
                     continue
-                with suppress(queue.Empty):
-                    work, message, n_points = self._inbox.get(timeout=_TICK)
-                    self._try(work, message)
-                    self._n_left += n_points
+                self._inbox.work_on_next(self._try, _TICK)
                 if time.monotonic() >= next_tick:
                     self._try(self._tick, None)
                     next_tick = time.monotonic() + _TICK
@@ -263,7 +255,7 @@ class LiveFeed:
 
     def _reset(self, _: None) -> None:
         self._placer, self._early = ScanPlacer(self._scans), []
-        self._left_out.clear()
+        self._inbox.left_out.clear()
         if self._survey is not None:
             self._survey.clear()
         while self.take() is not None:

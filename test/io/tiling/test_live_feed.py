@@ -13,10 +13,11 @@ from lidar_buildings.core.model.errors import OutputError
 from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.scans.config import ScanConfig
 from lidar_buildings.core.scans.placing import ScanPlacer
-from lidar_buildings.io.tiling import live_feed, live_files
+from lidar_buildings.io.tiling import live_feed, live_files, live_inbox
 from lidar_buildings.io.tiling.live_config import LiveTilingConfig
-from lidar_buildings.io.tiling.live_feed import TOO_FAST, LiveFeed
+from lidar_buildings.io.tiling.live_feed import LiveFeed
 from lidar_buildings.io.tiling.live_frame import Fix, FrameSearch, frame_by_fix, moved_origin
+from lidar_buildings.io.tiling.live_inbox import POSES_TOO_FAST, TOO_FAST
 
 FAR_LATER = 3600.0
 
@@ -178,8 +179,19 @@ def test_scans_without_any_pose_are_counted_at_the_end():
     assert counts["left out: no pose leads from their frame to another one"] == 500
 
 
+def test_poses_beyond_what_memory_is_meant_for_are_counted(monkeypatch):
+    monkeypatch.setattr(live_inbox, "_MOST_MESSAGES", 3)
+    run = Running()  # not started: nothing is taken out
+    for k in range(6):
+        run.feed.add_odometry(odometry(T0 + k * SECOND, (10.0 * k, 0.0, 0.0), frame="map"))
+    assert run.feed.fullness > 1.0
+    assert run.feed.counts()[f"left out: {POSES_TOO_FAST}"] == 2
+    with run:
+        assert run.flush() == []
+
+
 def test_scans_beyond_what_memory_is_meant_for_are_counted(monkeypatch):
-    monkeypatch.setattr(live_feed, "_MOST_QUEUED", 1200)
+    monkeypatch.setattr(live_inbox, "_MOST_POINTS", 1200)
     run = Running()  # not started: nothing is taken out
     for k in range(3):
         run.feed.add_scan(scan(T0 + k, points(), frame="map"))
