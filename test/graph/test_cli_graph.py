@@ -70,7 +70,7 @@ def test_run_json_tells_the_same_as_without_ros(command, house, result, tmp_path
     assert parameters[0]["tile_player"].items() >= parameters[1]["tile_player"].items()
 
 
-@pytest.mark.parametrize("stage", ["edge_labelling", "boundary_tracing", "plane_fitting"])
+@pytest.mark.parametrize("stage", ["edge_labelling", "plane_fitting"])
 def test_a_run_until_a_stage_gives_the_same_files_as_without_ros(command, house, tmp_path, stage):
     arguments = ["run", house, "--until", stage, "--output"]
     assert command(*arguments, tmp_path / "graph").status == 0
