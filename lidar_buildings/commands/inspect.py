@@ -16,6 +16,7 @@ from lidar_buildings.commands.inspect_text import bag_lines, cloud_lines
 from lidar_buildings.core.model.errors import InputError
 from lidar_buildings.io.bags import is_bag, is_bag_file
 from lidar_buildings.io.clouds.find_inputs import is_cloud_file
+from lidar_buildings.io.clouds.las import frame_of, open_cloud
 from lidar_buildings.io.tiling.cloud_summary import CloudSummary, summarise_cloud, summed_up
 
 #: Exit statuses: users' scripts rely on them.
@@ -66,7 +67,17 @@ def _looked_at(path: Path, problems: list[str]) -> Iterator[tuple[str, dict[str,
             problems.append(str(error))
     if len(clouds) > 1:
         total = summed_up(str(path), clouds)
+        total.refused = _why_refused(clouds)
         yield "sum", asdict(total), cloud_lines(total)
+
+
+def _why_refused(clouds: list[CloudSummary]) -> str:
+    """Return why a run does not take these clouds together, empty if it does."""
+    try:
+        frame_of([open_cloud(one.path) for one in clouds])
+    except InputError as error:
+        return str(error)
+    return ""
 
 
 def _bag(path: Path, problems: list[str]) -> tuple[str, dict[str, Any], list[str]]:

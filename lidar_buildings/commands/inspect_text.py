@@ -44,6 +44,7 @@ def cloud_lines(found: CloudSummary) -> list[str]:
         "withheld": f"{found.n_withheld:,}" if found.n_withheld else "",
         "times": " to ".join(found.times) or ("" if found.n_files > 1 else "none"),
         "strips": f"{found.n_strips:,}" if found.n_strips else "",
+        "refused": found.refused,
     }
     return [*lines, *(f"  {name:8} {text}" for name, text in rows.items() if text)]
 

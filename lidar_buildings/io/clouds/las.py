@@ -20,6 +20,12 @@ from lidar_buildings.core.model.errors import InputError
 from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.core.neighbours.point_spacing import steady_spacing
+from lidar_buildings.io.clouds.agreement import (
+    MAX_EXTENT,
+    agreed_system,
+    say_what_is_assumed,
+    shared_origin,
+)
 from lidar_buildings.io.clouds.find_inputs import search_inputs
 from lidar_buildings.io.clouds.las_crs import SourceCrs, source_crs
 from lidar_buildings.io.clouds.las_reader import open_reader, reported
@@ -30,8 +36,6 @@ from lidar_buildings.io.files.warn_once import warn_once
 
 #: Points read at a time: about 60 MB with all that is made of them.
 CHUNK = 500_000
-#: The map's origin is rounded down to this, so that neighbouring surveys share it [m].
-ORIGIN_STEP = 100.0
 #: Points that may lie this far outside their header's bounds before these are measured anew [m];
 #: wide margin: headers round to millimetres, wrong ones are kilometres off.
 _BOUNDS_TOLERANCE = 1.0
@@ -207,40 +211,18 @@ def frame_of(clouds: list[Cloud]) -> MapFrame:
     Raises
     ------
     InputError
-        If two clouds are in different reference systems or units.
+        If two clouds are in different reference systems or units, or too far apart for one frame.
     """
-    first = next((c for c in clouds if c.crs.name), clouds[0])
-    for cloud in clouds:
-        _check_agreement(first, cloud)
-    lowest = [cloud.mins * cloud.units for cloud in clouds if cloud.point_count]
-    corner = np.min(lowest, axis=0) if lowest else np.zeros(3)
-    x, y = np.floor(corner[:2] / ORIGIN_STEP) * ORIGIN_STEP
-    return MapFrame(
-        first.crs.name, (float(x), float(y), 0.0), first.crs.horizontal_unit, first.crs.vertical_unit
-    )
+    first = agreed_system(clouds)
+    x, y = shared_origin(clouds)
+    say_what_is_assumed(clouds, first)
+    return MapFrame(first.crs.name, (x, y, 0.0), first.crs.horizontal_unit, first.crs.vertical_unit)
 
 
 def xyz_of(chunk: laspy.ScaleAwarePointRecord) -> NDArray[np.float64]:
     """Return a chunk's coordinates, shape (n, 3), in the source's own system."""
     counts = np.stack([chunk.array[name] for name in "XYZ"]).T  # column by column: numpy is slow in threes
     return counts * chunk.scales + chunk.offsets
-
-
-def _check_agreement(first: Cloud, other: Cloud) -> None:
-    if not other.point_count or (
-        not other.crs.name and first.crs.name and np.allclose(first.units, other.units)
-    ):
-        return
-    if first.crs.name != other.crs.name or not np.allclose(first.units, other.units, rtol=1e-7):
-        raise InputError(
-            f"{other.path}: is in {_system(other)}, but {first.path} in {_system(first)}: "
-            "bring them to one system, or run them apart"
-        )
-
-
-def _system(cloud: Cloud) -> str:
-    name = cloud.crs.name.split(",")[0] if cloud.crs.name else "an unknown reference system"
-    return f"{name} with units of {cloud.crs.horizontal_unit:.7g} m and {cloud.crs.vertical_unit:.7g} m"
 
 
 def _check_scaling(path: Path, header: laspy.LasHeader) -> None:
@@ -262,9 +244,10 @@ def _bounds(cloud: Cloud, first: NDArray[np.float64]) -> tuple[NDArray[np.float6
     slack = _BOUNDS_TOLERANCE / cloud.units
     reach = 2.0**31 * np.abs(cloud.header.scales) + slack  # coordinates are steps in 32 bits
     can_be = np.abs(np.array([mins, maxs]) - cloud.header.offsets) <= reach
+    can_be &= (maxs - mins) * cloud.units <= MAX_EXTENT
     if can_be.all() and ((first >= mins - slack) & (first <= maxs + slack)).all():
         return mins, maxs
-    warn_once(f"{cloud.path}: the bounds in its header do not hold its points: measured anew")
+    warn_once(f"{cloud.path}: the bounds in its header do not fit its points: measured anew")
     extremes = [(xyz.min(axis=0), xyz.max(axis=0)) for xyz in map(xyz_of, cloud.chunks())]
     return np.min([low for low, _ in extremes], axis=0), np.max([high for _, high in extremes], axis=0)
 

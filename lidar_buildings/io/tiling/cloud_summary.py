@@ -50,6 +50,8 @@ class CloudSummary:
         First and last GPS time: UTC, or seconds of a week; empty if there are none.
     n_strips, n_withheld : int
         Point source ids; points that the file says are not to be used.
+    refused : str
+        Why a run does not take several files together, empty if it does.
     """
 
     path: str
@@ -69,6 +71,7 @@ class CloudSummary:
     times: list[str] = field(default_factory=list)
     n_strips: int = 0
     n_withheld: int = 0
+    refused: str = ""
 
     @property
     def size(self) -> NDArray[np.float64]:

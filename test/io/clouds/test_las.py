@@ -281,10 +281,35 @@ def test_clouds_in_different_systems_do_not_share_a_frame(tmp_path):
     assert "25832.laz" in line
 
 
-def test_a_cloud_without_system_joins_one_that_has_it(tmp_path):
-    known = cloud_files.with_geo_keys(cloud_files.random_cloud(), {1024: 1, 3072: 28992})
+def test_a_cloud_without_system_joins_one_that_has_it_and_says_so(tmp_path, caplog):
+    known = cloud_files.with_geo_keys(cloud_files.random_cloud(), {1024: 1, 3072: 28992, 4096: 5709})
     paths = [cloud_at(tmp_path / "a.laz"), cloud_files.saved(known, tmp_path / "b.laz")]
     assert frame_of([open_cloud(path) for path in paths]).crs == "EPSG:28992"
+    horizontal, vertical = (record.getMessage() for record in caplog.records)
+    assert "a.laz" in horizontal
+    assert "EPSG:28992" in horizontal
+    assert "a.laz" in vertical
+    assert "EPSG:5709" in vertical
+
+
+@pytest.mark.parametrize("apart", [15_000.0, 31_000.0])
+def test_clouds_far_apart_share_a_frame_in_which_float32_has_a_millimetre(tmp_path, apart):
+    corners = [(85000.0 + along, 447000.0, 0.0) for along in (0.0, apart)]
+    clouds = [open_cloud(cloud_at(tmp_path / f"{k}.laz", corner=place)) for k, place in enumerate(corners)]
+    frame = frame_of(clouds)
+    ends = [frame.to_map(cloud.maxs[None, :] * [1, 1, 0])[0] for cloud in clouds]
+    np.testing.assert_allclose(np.float32(ends), ends, rtol=0, atol=5e-4)
+
+
+@pytest.mark.parametrize("is_one_file", [False, True])
+def test_clouds_too_far_apart_are_refused_by_name(tmp_path, is_one_file):
+    size = (40_500.0, 80.0, 5.0)
+    paths = [cloud_at(tmp_path / "a.laz", size=size if is_one_file else (9.0, 9.0, 9.0))]
+    if not is_one_file:
+        paths.append(cloud_at(tmp_path / "b.laz", corner=(85000.0, 487300.0, 0.0)))
+    line = the_line(frame_of, [open_cloud(path) for path in paths])
+    assert all(path.name in line for path in paths)
+    assert "40." in line
 
 
 def test_feet_become_metres_and_go_back(tmp_path):

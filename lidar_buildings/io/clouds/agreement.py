@@ -1,0 +1,108 @@
+"""Whether clouds can be one survey: one reference system, and one map frame that reaches all of them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from lidar_buildings.core.model.errors import InputError
+from lidar_buildings.io.clouds.las_crs import vertical_crs
+from lidar_buildings.io.files.reference_systems import name_of
+from lidar_buildings.io.files.warn_once import warn_once
+
+if TYPE_CHECKING:
+    from lidar_buildings.io.clouds.las import Cloud
+
+#: The map's origin is rounded down to this, so that neighbouring surveys share it [m].
+ORIGIN_STEP = 100.0
+#: So far from the origin float32 has steps of a millimetre (2^-10 m) [m].
+REACH = 2.0**14
+#: The widest survey: its origin lies in its middle [m].
+MAX_EXTENT = 2.0 * (REACH - ORIGIN_STEP)
+
+
+def agreed_system(clouds: Sequence[Cloud]) -> Cloud:
+    """
+    Return the cloud that tells the reference system of all.
+
+    Raises
+    ------
+    InputError
+        If two clouds are in different systems or units.
+    """
+    first = next((cloud for cloud in clouds if cloud.crs.name), clouds[0])
+    for cloud in clouds:
+        if cloud.point_count and not (_is_silent(cloud, first) or _is_like(cloud, first)):
+            raise InputError(
+                f"{cloud.path}: is in {_system(cloud)}, but {first.path} in {_system(first)}: "
+                "bring them to one system, or run them apart"
+            )
+    return first
+
+
+def shared_origin(clouds: Sequence[Cloud]) -> tuple[float, float]:
+    """
+    Return x and y of the map's origin [m]: the lower corner of all clouds, of a wide survey its middle.
+
+    Raises
+    ------
+    InputError
+        If float32 cannot hold all coordinates to a millimetre from there, naming the clouds furthest apart.
+    """
+    filled = [cloud for cloud in clouds if cloud.point_count]
+    if not filled:
+        return 0.0, 0.0
+    lows = np.array([(cloud.mins * cloud.units)[:2] for cloud in filled])
+    highs = np.array([(cloud.maxs * cloud.units)[:2] for cloud in filled])
+    corner, extent = lows.min(axis=0), highs.max(axis=0) - lows.min(axis=0)
+    axis = int(extent.argmax())
+    if extent[axis] > MAX_EXTENT:
+        one, other = filled[int(lows[:, axis].argmin())].path, filled[int(highs[:, axis].argmax())].path
+        reach = f"{extent[axis] / 1000:.1f} km, more than the {MAX_EXTENT / 1000:.1f} km of one run"
+        if one == other:
+            raise InputError(f"{one}: its points span {reach}: cut it, or leave out stray points")
+        raise InputError(f"{one} and {other}: together they span {reach}: run them apart")
+    if extent[axis] > REACH - ORIGIN_STEP:
+        corner = corner + extent / 2
+    x, y = np.floor(corner / ORIGIN_STEP) * ORIGIN_STEP
+    return float(x), float(y)
+
+
+def say_what_is_assumed(clouds: Sequence[Cloud], first: Cloud) -> None:
+    """Warn of clouds that take their reference system from another one, and of different vertical systems."""
+    silent = [cloud for cloud in clouds if cloud.point_count and _is_silent(cloud, first)]
+    if silent:
+        system = f"{_system(first)} as {first.path}"
+        warn_once(f"{_named(silent)} without reference system: taken to be in {system}")
+    heights: dict[str, list[Cloud]] = {}
+    for cloud in clouds:
+        if cloud.point_count:
+            system = vertical_crs(cloud.raw.vlrs + cloud.raw.evlrs)
+            heights.setdefault(name_of(system) if system else "", []).append(cloud)
+    silent = heights.pop("", [])
+    if len(heights) > 1:
+        told = ", ".join(f"{name[:40]} in {_named(group)}" for name, group in heights.items())
+        warn_once(f"heights are in different systems ({told}): taken as they are, the outputs name none")
+    elif heights and silent:
+        name = next(iter(heights))
+        warn_once(f"{_named(silent)} without vertical reference system: heights taken to be in {name}")
+
+
+def _is_silent(cloud: Cloud, first: Cloud) -> bool:
+    return bool(first.crs.name and not cloud.crs.name and np.allclose(first.units, cloud.units))
+
+
+def _is_like(cloud: Cloud, first: Cloud) -> bool:
+    return cloud.crs.name == first.crs.name and np.allclose(first.units, cloud.units, rtol=1e-7)
+
+
+def _named(clouds: Sequence[Cloud]) -> str:
+    more = f" and {len(clouds) - 1} more" if len(clouds) > 1 else ""
+    return f"{clouds[0].path}{more}"
+
+
+def _system(cloud: Cloud) -> str:
+    name = cloud.crs.name.split(",")[0] if cloud.crs.name else "an unknown reference system"
+    return f"{name} with units of {cloud.crs.horizontal_unit:.7g} m and {cloud.crs.vertical_unit:.7g} m"
