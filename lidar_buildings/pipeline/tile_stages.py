@@ -21,7 +21,7 @@ from lidar_buildings.core.neighbours.scan_pattern import ScanPattern
 from lidar_buildings.core.stages.boundary_tracing import BoundaryTracingConfig, trace_boundary
 from lidar_buildings.core.stages.edge_labelling import EdgeLabellingConfig, label_edges
 from lidar_buildings.core.stages.footprints import FootprintConfig, Footprints, assign_footprints
-from lidar_buildings.core.stages.ground_filter import GroundFilterConfig, classify_ground
+from lidar_buildings.core.stages.ground_filter import GroundFilterConfig, classify_ground, used_classes
 from lidar_buildings.core.stages.plane_fitting import PlaneFittingConfig, number_planes
 from lidar_buildings.core.stages.roof_selection import RoofSelectionConfig, select_roofs
 from lidar_buildings.core.stages.segmentation import SegmentationConfig, segment_buildings
@@ -73,7 +73,7 @@ class TracedTile:
 
 def filter_ground(tile: PointTile, config: GroundFilterConfig) -> PointTile:
     """Append `classification` (1, 2, 7, 18, and what the source's points keep) and `height_above_ground`."""
-    before, kept = tile.classification, config.kept_classes
+    before, kept = used_classes(tile.points, tile.classification, tile.point_spacing), config.kept_classes
     result = classify_ground(
         tile.points,
         config,

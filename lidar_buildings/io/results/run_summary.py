@@ -84,5 +84,6 @@ class RunSummary:
         seen = "" if shares["roof, too little of it"] else ", no roof seen"
         return (
             f"no building was found: of {self.n_points:,} points {told}{seen}: roofs show from above, "
-            f"a vehicle sees walls only (doc/data_requirements.md){kept}"
+            "a vehicle sees walls only; points of roofs alone need ground_filter.method=none "
+            f"(doc/data_requirements.md){kept}"
         )

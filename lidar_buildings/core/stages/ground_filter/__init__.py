@@ -8,5 +8,6 @@ own: `growing_tin` (``progressive_tin``), `scan_profiles` (``bidirectional_slope
 
 from lidar_buildings.core.stages.ground_filter.classification import GroundResult, classify_ground
 from lidar_buildings.core.stages.ground_filter.config import GroundFilterConfig
+from lidar_buildings.core.stages.ground_filter.overlap import used_classes
 
-__all__ = ["GroundFilterConfig", "GroundResult", "classify_ground"]
+__all__ = ["GroundFilterConfig", "GroundResult", "classify_ground", "used_classes"]

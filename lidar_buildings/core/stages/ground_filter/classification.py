@@ -16,7 +16,11 @@ from lidar_buildings.core.neighbours.cell_grid import (
     lowest_of_cells,
     sort_by_cell,
 )
-from lidar_buildings.core.stages.ground_filter.config import CANDIDATE_SPACING, GroundFilterConfig
+from lidar_buildings.core.stages.ground_filter.config import (
+    CANDIDATE_SPACING,
+    HEIGHT_WITHOUT_GROUND,
+    GroundFilterConfig,
+)
 from lidar_buildings.core.stages.ground_filter.consensus import agreed_ground
 from lidar_buildings.core.stages.ground_filter.gross_errors.noise import find_noise
 from lidar_buildings.core.stages.ground_filter.growing_tin.progressive_tin import densify, near_terrain
@@ -67,6 +71,7 @@ def classify_ground(
       slope and elevation difference.
     - ``morphological`` (Zhang et al. 2003; Pingel et al. 2013): openings of the lowest surface with growing
       windows.
+    - ``none``: no point is; every one stands `HEIGHT_WITHOUT_GROUND` above the ground.
 
     Heights are measured from the TIN of the ground. The lowest surface is ground by definition. Where no
     ground was recorded (a tile that shows one roof only), that is the roof, and heights are measured from it;
@@ -118,6 +123,10 @@ def classify_ground(
         return GroundResult(np.zeros(0, dtype=np.uint8), np.zeros(0))
     cloud = sort_by_cell(points, CANDIDATE_SPACING)
     classes = find_noise(cloud)
+    if config.method == "none":
+        classes[classes == 0] = PointClass.UNCLASSIFIED
+        height = np.full(len(points), HEIGHT_WITHOUT_GROUND)
+        return GroundResult(in_rows_order(cloud, classes), height)
     free = _free(classes, None if aside is None else aside[cloud.rows])
     labels = _labelled_ground(points, cloud, free, config, scan)
     terrain = _terrain(cloud, free if labels is None else labels, config)

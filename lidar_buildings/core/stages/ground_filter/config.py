@@ -10,6 +10,8 @@ from lidar_buildings.core.model.parameters import StageConfig, parameter
 
 #: Side of the cells of which only the lowest point may enter the terrain [m]; from `bench.ground.isprs`.
 CANDIDATE_SPACING = 1.0
+#: Height of every point above the ground that no point shows: a storey, more than the lowest roof's [m].
+HEIGHT_WITHOUT_GROUND = 3.0
 
 
 @dataclass(frozen=True)
@@ -21,8 +23,9 @@ class GroundFilterConfig(StageConfig):
     method: str = parameter(
         "consensus",
         "How ground is told from the rest: by a TIN that grows (Axelsson 2000), along profiles (Shan and "
-        "Sampath 2005), by openings (Zhang et al. 2003), or by the majority of the three.",
-        choices=("consensus", "progressive_tin", "bidirectional_slope", "morphological"),
+        "Sampath 2005), by openings (Zhang et al. 2003), or by the majority of the three; none is for clouds "
+        "of roofs alone, below which the ground is taken to lie 3 m.",
+        choices=("consensus", "progressive_tin", "bidirectional_slope", "morphological", "none"),
     )
     seed_cell: float = parameter(
         50.0,
