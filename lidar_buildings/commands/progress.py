@@ -35,11 +35,17 @@ class RunOutcome:
     recording: Recording | None = None
 
 
+class _Bar(tqdm):
+    """A bar without tqdm's watching thread: with a second thread, processes are spawned and not forked."""
+
+    monitor_interval = 0
+
+
 @contextmanager
 def progress_bar(tile_count: Callable[[], int]) -> Iterator[Callable[[int], None]]:
     """Give a function that shows how many tiles are done: a bar on a terminal, plain lines elsewhere."""
     is_terminal = sys.stderr.isatty()
-    bar = tqdm(total=tile_count(), unit="tile", disable=not is_terminal)
+    bar = _Bar(total=tile_count(), unit="tile", disable=not is_terminal)
 
     def show(done: int) -> None:
         bar.total = max(tile_count(), done)

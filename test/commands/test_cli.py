@@ -295,7 +295,7 @@ def test_parameters_come_from_the_file_and_before_it_from_the_command_line(comma
 
 @pytest.mark.slow
 def test_outlines_do_not_depend_on_how_the_survey_is_cut_into_tiles(tmp_path):
-    simulate_survey(tmp_path / "survey", "village", 3, density=3.0)
+    simulate_survey(tmp_path / "survey", "village", 3, density=2.0)
     found = []
     for size in ("75", "1000"):
         output = tmp_path / size

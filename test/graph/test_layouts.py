@@ -65,7 +65,7 @@ def test_heavy_nodes_on_another_host_give_the_same_files(hosts, survey, without_
 
 def test_every_node_may_be_killed_and_restarted_in_mid_run(survey, without_ros, tmp_path):
     files = sorted(survey.glob("*.laz"))
-    player = {"tile_size": TILE_SIZE, "tile_timeout": 4.0, "max_attempts": 10}
+    player = {"tile_size": TILE_SIZE, "tile_timeout": 1.0, "max_attempts": 10}
     with NodeProcesses(files, tmp_path / "out", "killed", tmp_path, **player) as graph:
         # slowed, so that the run is still on when the last node is killed
         slow = {"ground_filter": ("filter_ground", 0.5)}

@@ -29,7 +29,7 @@ SECOND = 1_000_000_000
 T0 = 1_700_000_000 * SECOND
 #: Points of a scan.
 N_POINTS = 2000
-FEED = {"tile_size": 30.0, "buffer": 20.0, "leave_after": 1.0}
+FEED = {"tile_size": 38.0, "buffer": 20.0, "leave_after": 1.0}
 SOURCE = "scan_assembler"
 
 
@@ -133,7 +133,7 @@ def test_nodes_may_be_killed_and_the_whole_graph_restarted_while_a_feed_is_on(
     scans, undisturbed, driver, tmp_path
 ):
     namespace, output = "live_killed", tmp_path / "out"
-    source = FEED | reliable(namespace) | {"tile_timeout": 4.0, "max_attempts": 10}
+    source = FEED | reliable(namespace) | {"tile_timeout": 1.0, "max_attempts": 10}
     chance = random.Random(1)
     n_points = sum(one.width for one in scans)
     with NodeProcesses([], output, namespace, tmp_path, source=SOURCE, **source) as graph:

@@ -12,7 +12,7 @@ from lidar_buildings.nodes.topics import RECORDED
 
 pytestmark = pytest.mark.graph
 
-SMALL_TILES = ["--tile-size", "60", "--set", "tile_player.buffer=20"]
+SMALL_TILES = ["--tile-size", "100", "--set", "tile_player.buffer=20"]
 
 
 @pytest.fixture

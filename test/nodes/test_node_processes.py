@@ -98,8 +98,9 @@ def wait_until(condition, timeout=120.0):
         time.sleep(0.01)
 
 
-def wait_until_spinning(name, context, timeout=120.0):
-    """Wait until a node answers a service."""
+@contextmanager
+def spinning(name, context, timeout=120.0):
+    """Wait until a node answers a service; who asked stays, so that late answers find somebody."""
     asking = Node("asking", context=context)
     executor = SingleThreadedExecutor(context=context)
     executor.add_node(asking)
@@ -112,6 +113,7 @@ def wait_until_spinning(name, context, timeout=120.0):
         return answer.done()
 
     wait_until(answers, timeout)
+    yield
     executor.shutdown()
     asking.destroy_node()
 
@@ -136,8 +138,7 @@ def started(node):
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_a_node_that_is_interrupted_ends_quietly(number, context):
-    with started("outline_regulariser") as process:
-        wait_until_spinning("outline_regulariser", context)
+    with started("outline_regulariser") as process, spinning("outline_regulariser", context):
         assert_ends_quietly(process, number)
 
 

@@ -2,33 +2,49 @@
 
 from __future__ import annotations
 
+import importlib
 import json
+import multiprocessing
 import os
 import signal
 import subprocess
 import sys
 import time
+from contextlib import suppress
 from pathlib import Path
 
 from lidar_buildings.nodes.run_settings import run_settings
 from lidar_buildings.nodes.table import SOURCES, nodes_until
 
-#: Runs a node with one of the functions of its module slowed down.
-_SLOW = """
-import importlib
-import sys
-import time
-name, function, seconds = sys.argv.pop(1), sys.argv.pop(1), float(sys.argv.pop(1))
-module = importlib.import_module("lidar_buildings.nodes." + name)
-original = getattr(module, function)
-def slow(*arguments, **named):
-    time.sleep(seconds)
-    return original(*arguments, **named)
-setattr(module, function, slow)
-raise SystemExit(module.main())
-"""
-
 LAST = "building_model"
+#: Nodes are forked from a process that has imported them all: importing takes longer than most tests.
+_FORKING = multiprocessing.get_context("forkserver")
+_FORKING.set_forkserver_preload([f"lidar_buildings.nodes.{name}" for name in {*SOURCES, *nodes_until(LAST)}])
+
+
+class _Forked(subprocess.Popen):
+    """A node's process, to be handled as one of a command."""
+
+    def __init__(self, *arguments) -> None:
+        self._process = _FORKING.Process(target=_run_node, args=(*arguments, dict(os.environ)))
+        self._process.start()
+        self.pid, self.returncode, self.args = self._process.pid, None, arguments
+
+    def __del__(self) -> None:
+        """Nothing is to be said of one that still runs."""
+
+    def poll(self) -> int | None:
+        return self._process.exitcode
+
+    def wait(self, timeout: float | None = None) -> int:
+        self._process.join(timeout)
+        if self._process.exitcode is None:
+            raise subprocess.TimeoutExpired(self.args, timeout)
+        return self._process.exitcode
+
+    def send_signal(self, number: int) -> None:
+        with suppress(ProcessLookupError):
+            os.kill(self.pid, number)
 
 
 class NodeProcesses:
@@ -66,25 +82,19 @@ class NodeProcesses:
                 self.start(name, (slow or {}).get(name), replica)
 
     def start(self, name: str, slow: tuple[str, float] | None = None, replica: int = 0) -> None:
-        command = [sys.executable, "-m", f"lidar_buildings.nodes.{name}"]
-        if slow is not None:
-            command = [sys.executable, "-c", _SLOW, name, slow[0], str(slow[1])]
-        command += ["--ros-args", "-r", f"__ns:=/{self._namespace}"]
-        parameters = self._parameters.get(name, {})
+        arguments = ["--ros-args", "-r", f"__ns:=/{self._namespace}"]
+        module, parameters = name, self._parameters.get(name, {})
         if (n_replicas := self._replicas.get(name, 1)) > 1:
             name = f"{name}_{replica}"
-            command += ["-r", f"__node:={name}"]
+            arguments += ["-r", f"__node:={name}"]
             parameters = parameters | {"replica": replica, "replicas": n_replicas}
         for parameter, value in parameters.items():
-            command += ["-p", f"{parameter}:={json.dumps(value)}"]
-        with (self._logs / f"{name}.log").open("a") as log:
-            self._processes[name] = subprocess.Popen(
-                [*self.before(name), *command], stdout=log, stderr=log, env=os.environ
-            )
+            arguments += ["-p", f"{parameter}:={json.dumps(value)}"]
+        self._processes[name] = self.started(name, module, arguments, slow, self._logs / f"{name}.log")
 
-    def before(self, _: str) -> list[str]:
-        """What stands before a node's command."""
-        return []
+    def started(self, name: str, module: str, arguments: list[str], slow, log: Path) -> subprocess.Popen:
+        """Start a node's process."""
+        return _Forked(module, arguments, slow, log)
 
     def kill(self, name: str) -> None:
         self._processes[name].send_signal(signal.SIGKILL)
@@ -120,3 +130,29 @@ class NodeProcesses:
         ]
         lines += [f"{name} ended with {status}" for name, status in ended.items() if status is not None]
         return "\n" + "\n".join(lines)
+
+
+def _run_node(
+    module: str,
+    arguments: list[str],
+    slow: tuple[str, float] | None,
+    log: Path,
+    environment: dict[str, str],
+) -> None:
+    """Be a node; one of its module's functions may be slowed down."""
+    os.environ.update(environment)
+    written = os.open(log, os.O_WRONLY | os.O_APPEND | os.O_CREAT)
+    os.dup2(written, 1)
+    os.dup2(written, 2)
+    node = importlib.import_module(f"lidar_buildings.nodes.{module}")
+    if slow is not None:
+        name, seconds = slow
+        original = getattr(node, name)
+
+        def slowed(*given, **named):
+            time.sleep(seconds)
+            return original(*given, **named)
+
+        setattr(node, name, slowed)
+    sys.argv[1:] = arguments
+    raise SystemExit(node.main())

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import subprocess
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 
@@ -63,8 +64,11 @@ class OnTwoHosts(NodeProcesses):
         super().__init__(*arguments, **keywords)
         self._hosts = hosts
 
-    def before(self, name: str) -> list[str]:
-        return inside(self._hosts["left" if name in LIGHT else "right"])
+    def started(self, name, module, arguments, slow, log):
+        host = self._hosts["left" if name in LIGHT else "right"]
+        command = [sys.executable, "-m", f"lidar_buildings.nodes.{module}", *arguments]
+        with log.open("a") as written:
+            return subprocess.Popen(inside(host, *command), stdout=written, stderr=written)
 
 
 def _ip(*arguments: str) -> None:
