@@ -48,6 +48,20 @@ def face_shape(rings: Sequence[FloatArray]) -> FaceShape:
     return FaceShape(slope, azimuth, math.hypot(plan, z))
 
 
+def face_plane(rings: Sequence[FloatArray]) -> tuple[float, float, float] | None:
+    """
+    Return a, b and c of the plane z = a x + b y + c that a face lies in, None if it does not look up.
+
+    It passes through the middle of the exterior's vertices, which are rounded [m/m], [m].
+    """
+    x, y, z = area_vector(rings)
+    if z <= 0.0:
+        return None
+    east, north, up = rings[0].mean(axis=0).tolist()
+    a, b = -x / z, -y / z
+    return a, b, up - a * east - b * north
+
+
 def area_vector(rings: Sequence[FloatArray]) -> tuple[float, float, float]:
     """
     Return the normal of a face, as long as its area is large (Newell's method) [m²].

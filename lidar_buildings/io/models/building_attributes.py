@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lidar_buildings.core.model.map_frame import MapFrame
-from lidar_buildings.core.solids.face_shape import face_shape
+from lidar_buildings.core.solids.face_shape import face_plane, face_shape
 
 #: Name → type of every attribute of DESIGN.md section 3, in the order of the columns.
 BUILDING_FIELDS: dict[str, type] = {
@@ -39,17 +39,20 @@ BUILDING_FIELDS: dict[str, type] = {
     "lod": str,
     "validity": str,
 }
+_PLANE = ("plane_a", "plane_b", "plane_c")
 #: Name → type of what is said of each face of a roof.
 FACE_FIELDS: dict[str, type] = {
     "slope_deg": float,
     "azimuth_deg": float,
     "area": float,
-}
+} | dict.fromkeys(_PLANE, float)
 _ELEVATIONS = {name for name in BUILDING_FIELDS if "_elevation" in name}
 _HEIGHTS = {"height", "rmse", "plane_sigma"}
 _LENGTHS = {"point_spacing", "outline_sigma", "outline_max_offset"}
 #: Decimals that are written: a tenth of a millimetre or finer, and no noise of the last bit.
 _DECIMALS = 4
+#: Of slopes [m/m], which are multiplied by coordinates of 10⁷ m.
+_DECIMALS_OF_SLOPES = 12
 
 
 def in_source_units(attributes: dict[str, Any], frame: MapFrame) -> dict[str, Any]:
@@ -75,6 +78,8 @@ def face_attributes(rings: Sequence[NDArray[np.float64]], frame: MapFrame) -> di
     """
     Return what the geometry of a roof's face tells, by the names of `FACE_FIELDS`.
 
+    In the source's coordinates and units the face's plane is z = plane_a x + plane_b y + plane_c.
+
     Parameters
     ----------
     rings : sequence of ndarray of shape (n_vertices, 3)
@@ -82,7 +87,18 @@ def face_attributes(rings: Sequence[NDArray[np.float64]], frame: MapFrame) -> di
     frame : MapFrame
         Where the map frame lies, and the source's units.
     """
-    return in_source_units(face_shape(rings)._asdict(), frame)
+    return in_source_units(face_shape(rings)._asdict(), frame) | _plane(rings, frame)
+
+
+def _plane(rings: Sequence[NDArray[np.float64]], frame: MapFrame) -> dict[str, Any]:
+    """Return the equation of a face's plane in the source's coordinates; None where it does not look up."""
+    equation = face_plane(rings)
+    if equation is None:
+        return dict.fromkeys(_PLANE)
+    steepness = frame.horizontal_unit / frame.vertical_unit
+    a, b = (round(one * steepness, _DECIMALS_OF_SLOPES) + 0.0 for one in equation[:2])  # no minus zero
+    x, y, z = frame.to_source(np.array([[0.0, 0.0, equation[2]]]))[0].tolist()
+    return dict(zip(_PLANE, (a, b, round(z - a * x - b * y, _DECIMALS)), strict=True))
 
 
 def _converted(name: str, value: Any, frame: MapFrame) -> Any:

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lidar_buildings.core.model.map_frame import MapFrame
+from lidar_buildings.core.solids.roof_lines import KINDS
 from lidar_buildings.core.solids.shell import GROUND_SURFACE, ROOF_SURFACE, WALL_SURFACE, ring_edges
 from lidar_buildings.io.files.atomic_files import atomic_file
 from lidar_buildings.io.models.arcs import ring_arcs
@@ -24,6 +25,8 @@ OUTLINE, COURTYARD = "OUTLINE", "OUTLINE_COURTYARD"
 _SURFACES = {ROOF_SURFACE: "ROOF", WALL_SURFACE: "WALL", GROUND_SURFACE: "GROUND"}
 #: Surface → number of its colour: red, light grey, dark grey.
 _COLOURS = {ROOF_SURFACE: 1, WALL_SURFACE: 9, GROUND_SURFACE: 8}
+#: Layer of each kind of line of a roof → number of its colour.
+_LINES = {kind: (f"LINE_{kind.upper()}", 2 + k) for k, kind in enumerate(KINDS)}
 _LEVELS = ("1.2", "1.3", "2.2")
 
 
@@ -35,7 +38,7 @@ def layer_name(level: str, surface: str) -> str:
 @contextmanager
 def dxf_file(path: Path, frame: MapFrame) -> Iterator[Callable[[SurveyBuilding], None]]:
     """
-    Give a function that adds a building's outline and finest solid to a drawing in source coordinates.
+    Give a function that adds a building's outline, finest solid and its roof's lines to a drawing.
 
     Entities are written one by one, as ezdxf would write them: it holds a whole drawing in memory.
 
@@ -52,7 +55,8 @@ def dxf_file(path: Path, frame: MapFrame) -> Iterator[Callable[[SurveyBuilding],
         If the file cannot be written.
     """
     layers = {layer_name(level, kind): _COLOURS[kind] for level in _LEVELS for kind in _SURFACES}
-    around = dxf_frame(layers | {OUTLINE: 7, COURTYARD: 7}, APPLICATION, frame.horizontal_unit)
+    layers |= {OUTLINE: 7, COURTYARD: 7} | dict(_LINES.values())
+    around = dxf_frame(layers, APPLICATION, frame.horizontal_unit)
     with atomic_file(path) as temporary, open(temporary, "wb") as file:
         file.write(around.before.encode("ascii"))
         entities = DxfEntities(around.owner, APPLICATION, FIRST_HANDLE)
@@ -75,6 +79,7 @@ class _Drawing:
         parts = self._outline(building)
         if building.mesh is not None:
             parts += self._solid(building.mesh, building.readable_id)
+            parts += self._lines(building)
         self._file.write("".join(parts).encode("ascii"))
 
     def _outline(self, building: SurveyBuilding) -> list[str]:
@@ -108,6 +113,14 @@ class _Drawing:
                 hidden = [] if seen is None else [edge not in seen for edge in ring_edges(rows)]
                 drawn.append(self._entities.face(layers[kind], [corners[k] for k in rows], data, hidden))
         return drawn
+
+    def _lines(self, building: SurveyBuilding) -> list[str]:
+        """Draw the lines of a building's roof."""
+        data = self._entities.extended_data([building.readable_id])
+        return [
+            self._entities.line(_LINES[line.kind][0], self._in_source(line.ends), data)
+            for line in building.lines
+        ]
 
     def _in_source(self, vertices: NDArray[np.float64]) -> list[Corner]:
         """Return vertices of 2 or 3 coordinates in source coordinates."""

@@ -93,6 +93,14 @@ class DxfEntities:
         height = f" 38\n{_text(elevation)}\n"
         return f"{begun}100\nAcDbPolyline\n 90\n{len(corners)}\n 70\n1\n{height}{places}{data}"
 
+    def line(self, layer: str, ends: Sequence[Corner], data: str) -> str:
+        """Return a straight line."""
+        (ax, ay, az), (bx, by, bz) = map(corner_text, ends)
+        begun = self._begun("LINE", layer)
+        return (
+            f"{begun}100\nAcDbLine\n 10\n{ax}\n 20\n{ay}\n 30\n{az}\n 11\n{bx}\n 21\n{by}\n 31\n{bz}\n{data}"
+        )
+
     def point(self, layer: str, place: Corner, data: str) -> str:
         """Return a point."""
         x, y, z = corner_text(place)

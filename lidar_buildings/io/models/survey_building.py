@@ -8,6 +8,7 @@ from typing import Any
 
 from lidar_buildings.core.model.outline import Outline
 from lidar_buildings.core.solids.face_triangles import face_pieces
+from lidar_buildings.core.solids.roof_lines import RoofLine, roof_lines
 from lidar_buildings.core.solids.shell import Solid
 from lidar_buildings.io.models.cityjson import CityFeature
 
@@ -68,3 +69,9 @@ class SurveyBuilding:
         solid = self.feature.solids[self.feature.finest]
         pieces = tuple(tuple(face_pieces(solid.vertices, face)) for face in solid.faces)
         return SolidMesh(self.feature.finest, solid, pieces)
+
+    @cached_property
+    def lines(self) -> list[RoofLine]:
+        """The lines of the finest solid's roof."""
+        has_solid = self.feature is not None and self.feature.finest
+        return roof_lines(self.feature.solids[self.feature.finest]) if self.feature and has_solid else []

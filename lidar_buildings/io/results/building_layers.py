@@ -33,20 +33,30 @@ _LAYERS: dict[str, dict[str, type]] = {
         "elevation_min": float,
         "elevation_max": float,
     },
+    "roof_lines": {
+        **_NAMES,
+        "lod": str,
+        "kind": str,
+        "face": int,
+        "other_face": int,
+        "length": float,
+        "elevation_min": float,
+        "elevation_max": float,
+    },
 }
-_IN_3D = {"roof_faces"}
+_IN_3D = {"roof_faces": "Polygon", "roof_lines": "LineString"}
 #: So many rows are written at a time.
 _PORTION = 20_000
 #: Decimals of a face's elevations, as of a building's.
 _DECIMALS = 4
 
-_Rows = list[tuple[dict[str, Any], shapely.Polygon]]
+_Rows = list[tuple[dict[str, Any], Any]]
 
 
 @contextmanager
 def building_layers_file(path: Path, frame: MapFrame) -> Iterator[Callable[[SurveyBuilding], None]]:
     """
-    Give a function that adds a building to the layers outlines, traced and roof_faces of a GeoPackage.
+    Give a function that adds a building to the layers of a GeoPackage.
 
     Parameters
     ----------
@@ -87,6 +97,9 @@ class _BuildingLayers:
         self._rows["roof_faces"] += [
             (names | known, polygon) for known, polygon in _roof_faces(building, self._frame)
         ]
+        self._rows["roof_lines"] += [
+            (names | known, line) for known, line in _roof_lines(building, self._frame)
+        ]
         if len(self._rows["roof_faces"]) + len(self._rows["outlines"]) >= _PORTION:
             self.write_all()
 
@@ -98,9 +111,9 @@ class _BuildingLayers:
 
     def _write(self, name: str) -> None:
         rows, self._rows[name] = self._rows[name], []
-        polygons = [polygon for _, polygon in rows]
-        known = [row for row, _ in rows]
-        self._file.append(GeoPackageLayer(name, polygons, _LAYERS[name], known, is_3d=name in _IN_3D))
+        geometries = [geometry for _, geometry in rows]
+        known, kind = [row for row, _ in rows], _IN_3D.get(name, "Polygon")
+        self._file.append(GeoPackageLayer(name, geometries, _LAYERS[name], known, name in _IN_3D, kind))
 
 
 def _roof_faces(
@@ -124,6 +137,26 @@ def _roof_faces(
             "elevation_max": max(own),
         }
         yield known, polygon
+
+
+def _roof_lines(
+    building: SurveyBuilding, frame: MapFrame
+) -> Iterator[tuple[dict[str, Any], shapely.LineString]]:
+    """Yield the lines of a building's roof with the numbers of the faces that they bound."""
+    for line in building.lines:
+        ends = frame.to_source(line.ends)
+        elevations = np.round(ends[:, 2], _DECIMALS).tolist()
+        length = float(np.linalg.norm(line.ends[1] - line.ends[0])) / frame.horizontal_unit
+        known = {
+            "lod": building.feature.finest if building.feature else "",
+            "kind": line.kind,
+            "face": line.faces[0],
+            "other_face": line.faces[1] if len(line.faces) > 1 else None,
+            "length": round(length, _DECIMALS),
+            "elevation_min": min(elevations),
+            "elevation_max": max(elevations),
+        }
+        yield known, shapely.LineString(ends)
 
 
 def _polygons(vertices: NDArray[np.float64], faces: Sequence[Face]) -> NDArray[Any]:

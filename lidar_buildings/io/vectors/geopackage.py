@@ -1,4 +1,4 @@
-"""Polygons with attributes written to GeoPackage files."""
+"""Polygons and lines with attributes written to GeoPackage files."""
 
 from __future__ import annotations
 
@@ -35,32 +35,35 @@ _one_writer = threading.Lock()
 @dataclass(frozen=True, eq=False)
 class GeoPackageLayer:
     """
-    One layer of polygons.
+    One layer of polygons or lines.
 
     Attributes
     ----------
     name : str
         Of the layer.
-    polygons : sequence of shapely.Polygon
-        With holes; none is legal.
+    geometries : sequence of shapely geometries
+        Polygons with holes, or lines; none is legal.
     fields : dict of str to type
         Attribute → int, float or str, in the order of the columns.
     rows : sequence of dict
-        One per polygon; what a row lacks, None and numbers that are not finite become null.
+        One per geometry; what a row lacks, None and numbers that are not finite become null.
     is_3d : bool
         Whether the vertices carry z.
+    kind : str
+        ``Polygon`` or ``LineString``.
     """
 
     name: str
-    polygons: Sequence[shapely.Polygon]
+    geometries: Sequence[Any]
     fields: dict[str, type]
     rows: Sequence[dict[str, Any]]
     is_3d: bool = False
+    kind: str = "Polygon"
 
 
 class GeoPackageWriter:
     """
-    Writes layers of polygons in any number of portions; the file appears when all is written.
+    Writes layers in any number of portions; the file appears when all is written.
 
     Parameters
     ----------
@@ -79,7 +82,7 @@ class GeoPackageWriter:
 
     def append(self, layer: GeoPackageLayer) -> None:
         """
-        Add a layer, or polygons to a layer that is there.
+        Add a layer, or geometries to a layer that is there.
 
         Raises
         ------
@@ -88,7 +91,7 @@ class GeoPackageWriter:
         """
         with self._reported(), _fixed_options():
             _write_layer(self._partial, layer, self._crs, append=bool(self._counts))
-        self._counts[layer.name] = self._counts.get(layer.name, 0) + len(layer.polygons)
+        self._counts[layer.name] = self._counts.get(layer.name, 0) + len(layer.geometries)
 
     def __enter__(self) -> GeoPackageWriter:
         return self
@@ -132,7 +135,7 @@ def _write_layer(path: Path, layer: GeoPackageLayer, crs: str, append: bool) -> 
             field_mask=[masks[name] for name in layer.fields],
             layer=layer.name,
             driver="GPKG",
-            geometry_type="Polygon Z" if layer.is_3d else "Polygon",
+            geometry_type=f"{layer.kind} Z" if layer.is_3d else layer.kind,
             crs=crs or None,
             append=append,
             layer_options={"GEOMETRY_NAME": "geometry"},
@@ -140,9 +143,9 @@ def _write_layer(path: Path, layer: GeoPackageLayer, crs: str, append: bool) -> 
 
 
 def _wkb(layer: GeoPackageLayer) -> NDArray[np.object_]:
-    geometry = np.empty(len(layer.polygons), dtype=object)
-    if len(layer.polygons):
-        geometry[:] = shapely.to_wkb(list(layer.polygons), output_dimension=3 if layer.is_3d else 2)
+    geometry = np.empty(len(layer.geometries), dtype=object)
+    if len(layer.geometries):
+        geometry[:] = shapely.to_wkb(list(layer.geometries), output_dimension=3 if layer.is_3d else 2)
     return geometry
 
 
@@ -156,11 +159,11 @@ def _column(values: list[Any], missing: NDArray[np.bool_], kind: type) -> NDArra
 
 
 def _check_complete(path: Path, counts: Mapping[str, int]) -> None:
-    """Read back how many polygons each layer has: a full disk may show no sooner."""
+    """Read back how many geometries each layer has: a full disk may show no sooner."""
     for name, count in counts.items():
         found = pyogrio.read_info(path, layer=name)["features"]
         if found != count:
-            raise OSError(f"layer {name} holds {found} of {count} polygons")
+            raise OSError(f"layer {name} holds {found} of {count} geometries")
 
 
 @contextmanager

@@ -107,7 +107,15 @@ def test_each_roof_face_has_a_surface_with_slope_azimuth_and_area():
     assert [surface["slope_deg"] for surface in roofs] == pytest.approx([36.8699] * 2, abs=1e-4)
     assert [surface["area"] for surface in roofs] == pytest.approx([50.0, 50.0])
     flat = feature["CityObjects"][feature["id"]]["geometry"][0]["semantics"]["surfaces"][-1]
-    assert flat == {"type": "RoofSurface", "slope_deg": 0.0, "azimuth_deg": None, "area": 80.0}
+    assert flat == {
+        "type": "RoofSurface",
+        "slope_deg": 0.0,
+        "azimuth_deg": None,
+        "area": 80.0,
+        "plane_a": 0.0,
+        "plane_b": 0.0,
+        "plane_c": 4.0,
+    }
     used = [value for shell in semantics["values"] for value in shell]
     assert sorted(set(used)) == list(range(len(semantics["surfaces"])))
 

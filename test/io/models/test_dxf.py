@@ -66,6 +66,14 @@ def test_faces_lie_on_the_layer_of_their_level_and_surface(dutch):
     assert {data_of(one)[0] for one in faces} == {b.readable_id for b in buildings if b.mesh}
 
 
+def test_lines_of_roofs_lie_on_the_layer_of_their_kind(dutch):
+    lines = dutch[1].modelspace().query("LINE")
+    layers = Counter(one.dxf.layer for one in lines if "building-84900.0-447400.0" in data_of(one))
+    assert layers == {"LINE_RIDGE": 1, "LINE_EAVE": 2, "LINE_VERGE": 4}
+    (ridge,) = dutch[1].modelspace().query('LINE[layer=="LINE_RIDGE"]')
+    assert ridge.dxf.start.isclose((84910.0, 447404.0, model_survey.RIDGE))
+
+
 def test_faces_cover_the_solids_surface_in_source_coordinates(dutch):
     buildings, drawing = dutch
     for building in (b for b in buildings if b.mesh):

@@ -7,6 +7,7 @@ import json
 import numpy as np
 import pyogrio
 import pytest
+import shapely
 from support import model_survey
 from support.cjio_process import cjio
 from support.model_survey import DUTCH, FEET, FOOT
@@ -90,9 +91,37 @@ def test_roof_faces_are_those_of_the_finest_solid_with_their_slopes(dutch):
     assert len(polygons[5].interiors) == 1
 
 
+@pytest.mark.parametrize("survey", ["dutch", "feet"])
+def test_each_face_lies_in_the_plane_of_its_equation(survey, request):
+    found = request.getfixturevalue(survey)
+    folder = found[0] if survey == "dutch" else found
+    polygons, columns, _ = read_polygons(folder / "buildings.gpkg", "roof_faces")
+    for polygon, a, b, c in zip(polygons, *(columns[f"plane_{one}"] for one in "abc"), strict=True):
+        x, y, z = np.array(polygon.exterior.coords).T
+        assert a * x + b * y + c == pytest.approx(z, abs=2e-3)
+
+
+def test_roof_lines_have_their_kinds_and_faces(dutch):
+    path = dutch[0] / "buildings.gpkg"
+    meta, _, geometry, columns = pyogrio.raw.read(path, layer="roof_lines")
+    columns = dict(zip(meta["fields"], columns, strict=True))
+    ridge = np.flatnonzero(columns["kind"] == "ridge")
+    assert columns["building_id"][ridge].tolist() == [5]
+    assert [columns[name][ridge[0]] for name in ("face", "other_face", "length")] == [1, 2, 10.0]
+    assert list(shapely.from_wkb(geometry[ridge[0]]).coords) == [
+        (84910.0, 447404.0, model_survey.RIDGE),
+        (84900.0, 447404.0, model_survey.RIDGE),
+    ]
+
+
 def test_layers_are_there_under_their_names(dutch):
     layers = pyogrio.list_layers(dutch[0] / "buildings.gpkg").tolist()
-    assert layers == [["outlines", "Polygon"], ["traced", "Polygon"], ["roof_faces", "Polygon Z"]]
+    assert layers == [
+        ["outlines", "Polygon"],
+        ["traced", "Polygon"],
+        ["roof_faces", "Polygon Z"],
+        ["roof_lines", "LineString Z"],
+    ]
 
 
 def test_feet_come_back_in_feet(feet):

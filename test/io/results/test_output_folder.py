@@ -141,7 +141,12 @@ def test_the_geopackage_holds_every_building_in_source_coordinates(tmp_path, sur
     source, tiles = survey
     run(tmp_path / "out", source, tiles)
     path = tmp_path / "out" / "buildings.gpkg"
-    assert [name for name, _ in pyogrio.list_layers(path)] == ["outlines", "traced", "roof_faces"]
+    assert [name for name, _ in pyogrio.list_layers(path)] == [
+        "outlines",
+        "traced",
+        "roof_faces",
+        "roof_lines",
+    ]
     outlines, columns, crs = read_polygons(path, "outlines")
     assert crs == "EPSG:28992"
     assert len(outlines) == len(tiles)

@@ -143,7 +143,7 @@ def test_a_file_with_too_few_polygons_is_not_handed_out(tmp_path, monkeypatch):
     write = geopackage._write_layer
 
     def lossy(path, content, crs, append):
-        write(path, layer(content.name, content.polygons[:1], content.rows[:1]), crs, append)
+        write(path, layer(content.name, content.geometries[:1], content.rows[:1]), crs, append)
 
     monkeypatch.setattr(geopackage, "_write_layer", lossy)
     with pytest.raises(OutputError, match="1 of 2"):
