@@ -7,5 +7,5 @@ def load_stages() -> None:
     """Load what works on tiles, compiled code by a call of each stage."""
     from lidar_buildings.commands import stage_calls, tile_work  # noqa: F401
 
-    for call in stage_calls.CALLS:
+    for call in stage_calls.OF_RUNS:
         call()

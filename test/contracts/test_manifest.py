@@ -10,7 +10,6 @@ import lidar_buildings
 
 #: Import → rosdep key (None: there is none) and distribution on PyPI.
 PYTHON_DEPENDENCIES = {
-    "ezdxf": ("python3-ezdxf", "ezdxf"),
     "laspy": (None, "laspy"),
     "lazrs": (None, "lazrs"),
     "mapbox_earcut": ("python3-mapbox-earcut-pip", "mapbox-earcut"),

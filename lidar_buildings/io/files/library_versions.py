@@ -9,7 +9,7 @@ from lidar_buildings import __version__
 
 _LIBRARIES = (
     "numpy", "scipy", "numba", "scikit-learn", "shapely", "laspy", "lazrs", "pyogrio", "pyproj",
-    "rasterio", "mapbox-earcut", "ezdxf",
+    "rasterio", "mapbox-earcut",
 )  # fmt: skip
 
 

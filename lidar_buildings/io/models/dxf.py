@@ -16,18 +16,16 @@ from lidar_buildings.core.solids.shell import GROUND_SURFACE, ROOF_SURFACE, WALL
 from lidar_buildings.io.files.atomic_files import atomic_file
 from lidar_buildings.io.models.arcs import ring_arcs
 from lidar_buildings.io.models.dxf_entities import Corner, DxfEntities, corner_text
-from lidar_buildings.io.models.dxf_frame import FIRST_HANDLE, dxf_frame
+from lidar_buildings.io.models.dxf_frame import FIRST_HANDLE, OWNER, dxf_frame
 from lidar_buildings.io.models.survey_building import SolidMesh, SurveyBuilding
 
 #: Name under which entities carry their building's id, and outlines its attributes.
 APPLICATION = "LIDAR_BUILDINGS"
 OUTLINE, COURTYARD = "OUTLINE", "OUTLINE_COURTYARD"
 _SURFACES = {ROOF_SURFACE: "ROOF", WALL_SURFACE: "WALL", GROUND_SURFACE: "GROUND"}
-#: Surface → number of its colour: red, light grey, dark grey.
-_COLOURS = {ROOF_SURFACE: 1, WALL_SURFACE: 9, GROUND_SURFACE: 8}
-#: Layer of each kind of line of a roof → number of its colour.
-_LINES = {kind: (f"LINE_{kind.upper()}", 2 + k) for k, kind in enumerate(KINDS)}
-_LEVELS = ("1.2", "1.3", "2.2")
+#: Layer of each kind of line of a roof.
+LINES = {kind: f"LINE_{kind.upper()}" for kind in KINDS}
+LEVELS = ("1.2", "1.3", "2.2")
 
 
 def layer_name(level: str, surface: str) -> str:
@@ -54,12 +52,10 @@ def dxf_file(path: Path, frame: MapFrame) -> Iterator[Callable[[SurveyBuilding],
     OutputError
         If the file cannot be written.
     """
-    layers = {layer_name(level, kind): _COLOURS[kind] for level in _LEVELS for kind in _SURFACES}
-    layers |= {OUTLINE: 7, COURTYARD: 7} | dict(_LINES.values())
-    around = dxf_frame(layers, APPLICATION, frame.horizontal_unit)
+    around = dxf_frame(frame.horizontal_unit)
     with atomic_file(path) as temporary, open(temporary, "wb") as file:
         file.write(around.before.encode("ascii"))
-        entities = DxfEntities(around.owner, APPLICATION, FIRST_HANDLE)
+        entities = DxfEntities(OWNER, APPLICATION, FIRST_HANDLE)
         yield _Drawing(file, entities, frame).add
         file.write(around.after.encode("ascii"))
         file.seek(around.seed_at)
@@ -118,7 +114,7 @@ class _Drawing:
         """Draw the lines of a building's roof."""
         data = self._entities.extended_data([building.readable_id])
         return [
-            self._entities.line(_LINES[line.kind][0], self._in_source(line.ends), data)
+            self._entities.line(LINES[line.kind], self._in_source(line.ends), data)
             for line in building.lines
         ]
 

@@ -145,9 +145,6 @@ class OutputFolder:
         """Import what `finalise` needs, in a time when nothing else is to be done."""
         from lidar_buildings.io.results import building_files, terrain_files  # noqa: F401
 
-        if "dxf" in self.formats:
-            import ezdxf  # noqa: F401
-
     def finalise(
         self,
         run_info: Mapping[str, Any] | None = None,
