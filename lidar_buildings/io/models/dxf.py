@@ -114,8 +114,7 @@ class _Drawing:
         """Draw the lines of a building's roof."""
         data = self._entities.extended_data([building.readable_id])
         return [
-            self._entities.line(LINES[line.kind], self._in_source(line.ends), data)
-            for line in building.lines
+            self._entities.line(LINES[line.kind], self._in_source(line.ends), data) for line in building.lines
         ]
 
     def _in_source(self, vertices: NDArray[np.float64]) -> list[Corner]:

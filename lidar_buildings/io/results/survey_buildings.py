@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 import os
+import re
 from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
@@ -18,13 +20,15 @@ from lidar_buildings.core.model.outline import Outline
 from lidar_buildings.core.solids.output_grid import GRID
 from lidar_buildings.io.files.atomic_files import write_error
 from lidar_buildings.io.models.building_attributes import in_source_units
-from lidar_buildings.io.models.cityjson import load_feature, parse_feature
+from lidar_buildings.io.models.cityjson import parse_feature
 from lidar_buildings.io.models.survey_building import SurveyBuilding
 from lidar_buildings.io.results.footprint_results import FOOTPRINT_ID
 from lidar_buildings.io.results.tile_products import Shapes
 
 #: Ids differ within twice this distance [m].
 _NEAR = 16_000.0
+#: A line's id and building id, as `feature_line` writes them.
+_NAME, _NUMBER = re.compile(r'"id":"([^"]*)"'), re.compile(r'"building_id":(\d+)')
 
 
 @dataclass(frozen=True, eq=False)
@@ -170,8 +174,9 @@ class _Head(NamedTuple):
 
 
 def _head_of(line: str) -> _Head:
-    """Read who a line is of, and where its solids are."""
-    feature, number = load_feature(line)
-    vertices = np.array(feature["vertices"], dtype=np.float64).reshape(-1, 3) * GRID
+    """Read who a line is of, and where its solids are: of all its JSON the vertices alone, its last member."""
+    start, _, end = line.rpartition(',"vertices":')
+    vertices = np.array(json.loads(end[:-1]), dtype=np.float64).reshape(-1, 3) * GRID
     low, high = vertices.min(axis=0, initial=np.inf), vertices.max(axis=0, initial=-np.inf)
-    return _Head(number, feature["id"], line, low, high)
+    name, number = (re.search(pattern, start)[1] for pattern in (_NAME, _NUMBER))  # type: ignore[index]
+    return _Head(int(number), name, line, low, high)
