@@ -21,6 +21,8 @@ QUANTUM = 2.0**0.25
 NEIGHBOURS = 16
 #: Positions at which the density is probed; the median of so many is steady to a percent.
 MAX_PROBES = 20_000
+#: Positions that are enough where a few percent do not matter, as within one building.
+FEW_PROBES = 200
 #: Distances beyond this multiple of the median weigh no more: a few strays far off have no say.
 MAX_STRAY = 3.0
 #: Points of the strips that positions are sorted in, on average, and the most that are sorted by insertion.
@@ -30,7 +32,7 @@ POINTS_A_STRIP, LARGE_STRIP = 8, 64
 MAX_DEVIATION = 1.6
 
 
-def measure_spacing(points: ArrayLike) -> float:
+def measure_spacing(points: ArrayLike, max_probes: int = MAX_PROBES) -> float:
     """
     Measure the point spacing, 1/√density, of a cloud seen from above.
 
@@ -43,6 +45,8 @@ def measure_spacing(points: ArrayLike) -> float:
     ----------
     points : array_like of shape (n_points, 3)
         In any order [m].
+    max_probes : int
+        Positions at which the density is probed at most.
 
     Returns
     -------
@@ -65,7 +69,7 @@ def measure_spacing(points: ArrayLike) -> float:
     # In a small cloud most points lie near its edge: fewer neighbours reach less far beyond it.
     k = min(NEIGHBOURS, max(1, len(positions) // 10))
     plan = positions.view(np.float64).reshape(-1, 2)
-    step = math.ceil(len(plan) / MAX_PROBES)
+    step = math.ceil(len(plan) / max_probes)
     distance, reach = nth_distances(plan, step, k)
     middle, median = _middle(distance)
     if not (math.isfinite(middle) and reach >= MAX_STRAY * median):

@@ -14,7 +14,7 @@ from lidar_buildings.core.model.array_types import FloatArray, IntArray
 from lidar_buildings.core.model.outline import Outline
 from lidar_buildings.core.model.point_array import checked_column, checked_points
 from lidar_buildings.core.model.status import BuildingStatus
-from lidar_buildings.core.neighbours.point_spacing import measure_spacing
+from lidar_buildings.core.neighbours.point_spacing import FEW_PROBES, measure_spacing
 from lidar_buildings.core.solids.output_grid import gridded_outline, on_grid
 from lidar_buildings.core.solids.raising.minimum_height import MIN_HEIGHT
 from lidar_buildings.core.solids.shell import ROOF_SURFACE, Solid
@@ -118,7 +118,7 @@ def build_model(
     order = _order(points, plane_id)
     points, plane_id = points[order], plane_id[order]
     outline = gridded_outline(outline)
-    spacing = point_spacing or (measure_spacing(points) if len(points) > 1 else _ASSUMED_SPACING)
+    spacing = point_spacing or (measure_spacing(points, FEW_PROBES) if len(points) > 1 else _ASSUMED_SPACING)
     attributes = known_attributes(points, outline, plane_id if known_planes else None, spacing)
     if not len(points):
         return _without_solid(attributes, ground_elevation, BuildingStatus.DEGENERATE, "no roof points")
@@ -267,7 +267,8 @@ def _has_extent(points: FloatArray) -> bool:
         return False
     x, y = points[:, 0] - points[0, 0], points[:, 1] - points[0, 1]
     x, y = x - x.sum() / len(x), y - y.sum() / len(y)
-    xx, xy, yy = float(x.dot(x)), float(x.dot(y)), float(y.dot(y))
+    # Not `dot`: for many points it wakes threads that then wait on a core for more.
+    xx, xy, yy = (float(np.einsum("i,i", *each)) for each in ((x, x), (x, y), (y, y)))
     # The product of the eigenvalues against the square of their sum.
     return xx * yy - xy * xy > 1e-12 * (xx + yy) ** 2
 

@@ -66,11 +66,11 @@ def _simplify(n_vertices, borders, sides, turns, prices, areas, costs, corner_co
     graph = (first, rows, begin, around, borders, sides, turns, prices)
     members, vertices = np.empty(n_cells, np.int64), np.empty(n_vertices, np.int64)
     cell_mark, vertex_mark = np.zeros(n_cells, np.int64), np.zeros(n_vertices, np.int64)
-    tried, mark, n_moves = np.zeros(costs.shape[1], np.int64), 0, 1
+    # When each cell was last looked at, alone and in its face, and when anything about it last changed.
+    looked, changed = np.zeros((2, n_cells), np.int64), np.zeros(n_cells, np.int64)
+    tried, mark, last_move = np.zeros(costs.shape[1], np.int64), 1, 1
     for _ in range(_MAX_ROUNDS):
-        if n_moves == 0:
-            break
-        n_moves = 0
+        round_mark = mark
         for whole in range(2):
             face_mark = mark + 1
             for c in range(n_cells):
@@ -78,7 +78,15 @@ def _simplify(n_vertices, borders, sides, turns, prices, areas, costs, corner_co
                     continue
                 mark += 1
                 n = _gather(c, whole == 1, mark, members, cell_mark, labels, graph)
-                m = _touch(members[:n], mark, vertices, vertex_mark, graph)
+                is_new = False
+                for i in range(n):
+                    is_new = is_new or changed[members[i]] >= looked[whole, members[i]]
+                    looked[whole, members[i]] = mark
+                if not is_new:
+                    continue
+                m = _touch(members[:n], mark, vertices, vertex_mark, labels, graph)
+                if m == 0:
+                    continue
                 area = 0.0
                 for i in range(n):
                     area += areas[members[i]]
@@ -87,9 +95,13 @@ def _simplify(n_vertices, borders, sides, turns, prices, areas, costs, corner_co
                     members[:n], vertices[:m], least, mark, tried, labels, costs, corner_cost, graph
                 )
                 if label >= 0:
-                    n_moves += 1
+                    last_move = mark
                     for i in range(n):
                         labels[members[i]] = label
+                    for i in range(m):
+                        _note(vertices[i], mark, changed, graph)
+        if last_move <= round_mark:
+            break
 
 
 @inner_kernel
@@ -147,18 +159,33 @@ def _gather(c, whole, mark, members, cell_mark, labels, graph):  # type: ignore[
 
 
 @inner_kernel
-def _touch(members, mark, vertices, vertex_mark, graph):  # type: ignore[no-untyped-def]
-    """Write the vertices of cells; return how many these are."""
-    _, _, begin, around, borders, _, _, _ = graph
-    n = 0
+def _touch(members, mark, vertices, vertex_mark, labels, graph):  # type: ignore[no-untyped-def]
+    """Write the vertices of a cell or those at which a face ends; return how many, 0 amid a face."""
+    _, _, begin, around, borders, sides, _, _ = graph
+    n, is_amid = 0, True
     for c in members:
         for k in range(begin[c], begin[c + 1]):
+            e = around[k]
+            is_border = _face(e, 0, sides, labels) != _face(e, 1, sides, labels)
+            is_amid = is_amid and not is_border
+            if len(members) > 1 and not is_border:
+                continue
             for end in range(2):
-                v = borders[around[k], end]
+                v = borders[e, end]
                 if vertex_mark[v] != mark:
                     vertex_mark[v], vertices[n] = mark, v
                     n += 1
-    return n
+    return 0 if is_amid else n
+
+
+@inner_kernel
+def _note(v, mark, changed, graph):  # type: ignore[no-untyped-def]
+    """Note for the cells round a vertex that one of them changed."""
+    first, rows, _, _, _, sides, _, _ = graph
+    for k in range(first[v], first[v + 1]):
+        for side in range(2):
+            if sides[rows[k], side] >= 0:
+                changed[sides[rows[k], side]] = mark
 
 
 @inner_kernel

@@ -31,13 +31,14 @@ def straight_seams(cells: Cells, labels: IntArray, tolerance: float) -> FloatArr
     """
     pairs = np.sort(labels[cells.edges], axis=1)
     rows = np.flatnonzero(pairs[:, 0] != pairs[:, 1])
-    lines = shapely.linestrings(cells.ends[rows].reshape(-1, 2, 2))
-    found = [np.zeros((0, 2, 2))]
-    for pair in np.unique(pairs[rows], axis=0):
-        together = shapely.multilinestrings(lines[(pairs[rows] == pair).all(axis=1)])
-        for seam in shapely.get_parts(shapely.line_merge(together)):
-            corners = shapely.get_coordinates(seam)
-            straight = shapely.get_coordinates(shapely.simplify(seam, tolerance, preserve_topology=False))
-            if 2 <= len(straight) < len(corners):
-                found.append(np.stack([straight[:-1], straight[1:]], axis=1))
-    return np.concatenate(found)
+    if not len(rows):
+        return np.zeros((0, 2, 2))
+    pair = np.unique(pairs[rows], axis=0, return_inverse=True)[1].reshape(-1)
+    order = np.argsort(pair, kind="stable")
+    lines = shapely.linestrings(cells.ends[rows[order]].reshape(-1, 2, 2))
+    seams = shapely.get_parts(shapely.line_merge(shapely.multilinestrings(lines, indices=pair[order])))
+    straight = shapely.simplify(seams, tolerance, preserve_topology=False)
+    straight = straight[shapely.get_num_points(straight) < shapely.get_num_points(seams)]
+    corners, seam = shapely.get_coordinates(straight, return_index=True)
+    runs_on = seam[1:] == seam[:-1]
+    return np.stack([corners[:-1][runs_on], corners[1:][runs_on]], axis=1)

@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from lidar_buildings.core.model.point_array import checked_points
 from lidar_buildings.core.model.status import BuildingStatus
+from lidar_buildings.core.neighbours.point_spacing import FEW_PROBES, measure_spacing
 from lidar_buildings.core.stages.plane_fitting.adjusted import (
     adjusted_planes,
     numbered_by_size,
@@ -23,7 +24,6 @@ from lidar_buildings.core.stages.plane_fitting.config import AS_PUBLISHED, Plane
 from lidar_buildings.core.stages.plane_fitting.connected import connected_planes
 from lidar_buildings.core.stages.plane_fitting.consensus import samples_needed
 from lidar_buildings.core.stages.plane_fitting.ransac import ransac_planes
-from lidar_buildings.core.stages.plane_fitting.spacing import building_spacing
 from lidar_buildings.core.surfaces.roof_planes import RoofPlane
 
 __all__ = [
@@ -114,7 +114,7 @@ def number_planes(
     if why_degenerate(given):
         return np.zeros(len(given), dtype=np.uint16)
     near = given - given.min(axis=0)
-    spacing = point_spacing or building_spacing(near)
+    spacing = point_spacing or measure_spacing(near, FEW_PROBES)
     min_points = max(config.min_plane_points, math.ceil(config.min_plane_area / spacing**2))
     find = ransac_planes if config.method == "ransac" else connected_planes
     return numbered_by_size(near, find(near, spacing, min_points, config))
