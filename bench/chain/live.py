@@ -32,11 +32,14 @@ from bench.chain.process_tree import tree_memory
 #: In the child's error output, the line with the latencies.
 _MARK = "MEASURED "
 _PERIOD = 1.0
+#: Tiles that have their last point so long before the end are not sent with all that is left [s].
+_FLUSHED = 10.0
 
 
 class Sending(NamedTuple):
     """One sending of a tile: its revision, points, and seconds of its last point, making and being done."""
 
+    tile: int
     revision: int
     n_points: int
     last_point: float
@@ -89,7 +92,7 @@ def measure(options: argparse.Namespace) -> dict[str, Any]:
         "buildings": record["buildings"],
         "graph_cpu": round(told["cpu"], 1),
         "seconds_after": round(told["seconds_after"], 1),
-        **latencies([Sending(*one) for one in told["sendings"]]),
+        **latencies([Sending(*one) for one in told["sendings"]], told["end"]),
         "memory_MB": {"most": round(max(memory) / 1e6), "thirds": thirds},
     }
 
@@ -100,9 +103,21 @@ def _start_scanner(options: argparse.Namespace) -> subprocess.Popen[str]:
     return subprocess.Popen([*command, *scene], stdout=subprocess.PIPE, text=True)
 
 
-def latencies(sendings: list[Sending]) -> dict[str, Any]:
-    """Return quantiles of the latencies of tiles that were sent for the first time, and of all."""
-    kinds = {"first": [one for one in sendings if one.revision == 0], "all": sendings}
+def latencies(sendings: list[Sending], end: float) -> dict[str, Any]:
+    """
+    Return quantiles of the latencies of sendings.
+
+    `first` are those of tiles that were not sent before; `last` those after which no points came, so that
+    this is the time from a tile's last point to its models; `last_in_flight` those of them whose last point
+    came before the last ten seconds of the feed, after which all that is left is sent at once.
+    """
+    last = list({one.tile: one for one in sendings}.values())
+    kinds = {
+        "first": [one for one in sendings if one.revision == 0],
+        "last": last,
+        "last_in_flight": [one for one in last if one.last_point < end - _FLUSHED],
+        "all": sendings,
+    }
     return {name: _quantiles(ones) for name, ones in kinds.items() if ones}
 
 
@@ -154,7 +169,7 @@ def _child(output: str, words: list[str]) -> int:
         if tile is not None:
             own = self._tiles.of_stamp(tile.stamp)
             last = self._tiles.last_touched(own)
-            under_way[own.stamp] = [own.revision, len(tile), last, time.monotonic()]
+            under_way[own.stamp] = [own.stamp, own.revision, len(tile), last, time.monotonic()]
         return tile
 
     def noted_finish(self: LiveSurvey, stamp: int, *, is_done: bool = True) -> None:
@@ -173,6 +188,7 @@ def _child(output: str, words: list[str]) -> int:
     of_all = os.times()
     told = {
         "sendings": sendings,
+        "end": ends[0],
         "seconds_after": time.monotonic() - ends[0],
         "cpu": of_all.user + of_all.system + of_all.children_user + of_all.children_system,
     }

@@ -90,13 +90,14 @@ def brightness_raster(
         Leaves above the ground [m].
     """
     cell = max(CELL_SPACINGS * spacing, MIN_CELL)
-    while np.prod(np.ptp(ground[:, :2], axis=0) / cell + 2.0) > MAX_CELLS:
+    x, y = ground[:, :2].T.copy()  # numpy is ten times as slow along rows of two
+    while (np.ptp(x) / cell + 2.0) * (np.ptp(y) / cell + 2.0) > MAX_CELLS:
         cell *= 2.0
-    place = np.floor(ground[:, :2] / cell).astype(np.int64)
-    first = place.min(axis=0)
-    place -= first
-    shape = tuple(place.max(axis=0) + 1)
-    row_of = place[:, 0] * shape[1] + place[:, 1]
+    place = np.floor(np.array([x, y]) / cell).astype(np.int64)
+    first = place.min(axis=1)
+    place -= first[:, None]
+    shape = tuple(place.max(axis=1) + 1)
+    row_of = place[0] * shape[1] + place[1]
     size = shape[0] * shape[1]
     count = np.bincount(row_of[is_single], minlength=size)
     steps = np.rint(normalised[is_single].astype(float) * STEPS)  # whole numbers: their sum knows no order

@@ -44,8 +44,8 @@ class LiveTilingConfig(TilingConfig):
     )
     leave_after: float = parameter(
         1.0,
-        "A tile is sent when so long no point has fallen into it or its buffer; again after ten times as "
-        "long. Raising it waits longer for a tile, and sends it less often.",
+        "A tile is sent when so long no point has fallen into it or its buffer; again as well as long as a "
+        "strip may fill it, else after ten times as long. Raising it waits longer, and sends less often.",
         unit="s",
         minimum=0.0,
         maximum=86_400.0,

@@ -167,8 +167,8 @@ class LiveSurvey:
         """
         Return the next tile that is ready, None if none is.
 
-        Later revisions, and before them tiles that the next strip may fill, come last: where there is no
-        time for all, they wait and come once.
+        First come tiles with points all over that were not sent so before: their last point has come, as far
+        as can be known. Where there is no time for all, the others wait and come once.
 
         Raises
         ------
@@ -182,6 +182,7 @@ class LiveSurvey:
             self._note(tile, tile.revision + 1, -1)
             self._ready.remove(tile.place)
             tile.n_sent = self._store.count_in(tile.near)
+            tile.was_covered = self._is_covered(tile)
             tile.revision += 1
             return self._store.tile(self._plan(tile), self.config.buffer)
 
@@ -244,10 +245,15 @@ class LiveSurvey:
         """Note which revision was sent or done last, for the next life: it must send a later one."""
         self._log.note({"tile": tile.place, "stamp": tile.stamp, "revision": revision, "n_done": n_done})
 
-    def _can_wait(self, place: Cell) -> tuple[bool, bool]:
-        """Whether a tile was seen before, and whether a part of it or its buffer has no points yet."""
+    def _can_wait(self, place: Cell) -> tuple[bool, bool, bool]:
+        """Return why a tile can wait: it came whole or is not, it is not, it came before."""
         tile = self._tiles[place]
-        return tile.revision >= 0, not all(self._store.count_in([cell]) for cell in tile.near)
+        is_open = not self._is_covered(tile)
+        return tile.was_covered or is_open, is_open, tile.revision >= 0
+
+    def _is_covered(self, tile: LiveTile) -> bool:
+        """Whether every part of a tile and its buffer has points."""
+        return all(self._store.count_in([cell]) for cell in tile.near)
 
     def _drop_unchanged(self) -> None:
         """Forget that tiles were touched which have no points that were not sent, or came too often."""

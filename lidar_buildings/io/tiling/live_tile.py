@@ -19,8 +19,9 @@ from lidar_buildings.io.tiling.tile_stamps import stamp_of_number, stamp_of_time
 #: A tile comes again at most so often: its stamps leave room for no more revisions (`ros.stamps`), some of
 #: which it needs to grow.
 MOST_REVISIONS = 900
-#: A tile that comes again waits so many times as long: single far points would repeat it.
-AGAIN = 10.0
+#: A tile that came whole, or as often as strips may fill it, waits so many times as long to come again:
+#: single far points would repeat it.
+AGAIN, _STRIPS = 10.0, 4
 
 
 @dataclass(eq=False)
@@ -42,6 +43,8 @@ class LiveTile:
         Points near it when it was sent last; −1 = never.
     revision : int
         Number of the last one that was sent; −1 = none was.
+    was_covered : bool
+        Whether all of `near` had points when it was sent last: there is little that may still come.
     """
 
     place: Cell
@@ -50,6 +53,7 @@ class LiveTile:
     near: tuple[Cell, ...]
     n_sent: int = -1
     revision: int = -1
+    was_covered: bool = False
 
 
 class LiveTiles:
@@ -126,7 +130,8 @@ class LiveTiles:
     def is_left(self, place: Cell, now: float, sensor: NDArray[np.float64] | None) -> bool:
         """Whether the sensor, at a source's position [m] if that is known, has left a tile."""
         config, tile = self._config, self._by_place[place]
-        if now - self.last_touched(tile) >= config.leave_after * (1.0 if tile.revision < 0 else AGAIN):
+        can_wait = tile.was_covered or tile.revision >= _STRIPS
+        if now - self.last_touched(tile) >= config.leave_after * (AGAIN if can_wait else 1.0):
             return True
         if tile.revision >= 0 or sensor is None or not config.leave_distance:
             return False

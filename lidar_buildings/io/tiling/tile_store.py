@@ -170,11 +170,9 @@ class TileStore:
         """Put a tile together, rows in the order of (source, index)."""
         records, is_buffer = self._gathered(plan, buffer)
         order = np.argsort(_order_key(records), kind="stable")
-        points: NDArray[Any] = np.empty((len(records), 3), dtype=np.float32)
-        for axis, name in enumerate("xyz"):
-            points[:, axis] = records[name][order]
-        columns = {name: records[name][order] for name in RECORD.fields or () if name not in ("x", "y", "z")}
-        is_buffer = is_buffer[order]
+        records, is_buffer = records.take(order), is_buffer.take(order)
+        points = np.column_stack([records[name] for name in "xyz"])
+        columns = {name: records[name].copy() for name in RECORD.fields or () if name not in ("x", "y", "z")}
         del records, order
         kept = without_empty_columns(columns)
         last = last_returns(points.astype(np.float64), kept["return_number"], kept["number_of_returns"])

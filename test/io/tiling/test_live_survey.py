@@ -76,11 +76,11 @@ def test_a_tile_comes_again_as_the_next_revision_with_all_its_points(survey):
     survey.tick(5.0)
     (first,) = tiles_of(survey)
     survey.add(scan_at(20, 20, seed=1), 6.0)
-    survey.tick(56.0)
+    survey.tick(11.0)
     assert tiles_of(survey) == [], "not while the first is under way"
     survey.finish(first.stamp)
-    assert not survey.tick(55.9), "longer than for the first time"
-    assert survey.tick(56.0)
+    assert not survey.tick(10.9)
+    assert survey.tick(11.0)
     (second,) = tiles_of(survey)
     assert second.stamp == first.stamp + 1
     assert len(second) == 600
@@ -127,6 +127,24 @@ def test_a_tile_without_gaps_goes_before_one_that_the_next_strip_may_fill(survey
     survey.tick(10.0)
     order = [tile.points[tile.buffer == 0][:, 0].mean() for tile in tiles_of(survey)]
     assert order.index(min(order)) > np.argmin(np.abs(np.array(order) - 220))
+
+
+def test_a_tile_that_came_without_gaps_waits_longer_and_behind_those_that_were_filled(survey):
+    survey.add(scan_at(20, 20, n_points=20_000, spread=SIDE), 0.0)
+    survey.add(scan_at(220, 20), 0.0)
+    survey.tick(5.0)
+    first = {tile.stamp: tile for tile in tiles_of(survey)}
+    whole, part = max(first, key=lambda one: len(first[one])), min(first, key=lambda one: len(first[one]))
+    for stamp in first:
+        survey.finish(stamp)
+    survey.add(scan_at(20, 20, seed=1, spread=1.0), 6.0)
+    survey.add(scan_at(220, 20, n_points=20_000, seed=1, spread=SIDE), 6.0)
+    survey.tick(11.0)
+    again = [tile.stamp for tile in tiles_of(survey)]
+    assert part + 1 in again
+    assert whole + 1 not in again
+    survey.tick(56.0)
+    assert whole + 1 in [tile.stamp for tile in tiles_of(survey)]
 
 
 def test_it_comes_again_when_only_its_buffer_has_changed(survey):

@@ -82,7 +82,7 @@ def fit_trend(
         Whether planes are wanted further than three radii away from any ground.
     """
     cell = radius / cells_per_radius
-    low, extent = points[:, :2].min(axis=0), np.ptp(points[:, :2], axis=0)
+    low, extent = np.array([(one.min(), np.ptp(one)) for one in points[:, :2].T]).T
     while np.prod(extent / cell + 3.0) > MAX_CELLS:
         cell *= 2.0
     corner = (np.floor(low / cell) - 1.0) * cell
