@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lidar_buildings.core.model.errors import MessageError
+from lidar_buildings.core.scans.clocks import ClockWatch
 from lidar_buildings.core.scans.config import ScanConfig
 from lidar_buildings.core.scans.scan import Scan, mark_of, read_scan, stamp_of
 from lidar_buildings.core.scans.seen_points import SeenPoints
@@ -27,6 +28,7 @@ UNREADABLE = "scans that cannot be read"
 NO_POSES = "poses that are none (not finite, off the Earth, no rotation)"
 TOO_FAST = "steps from pose to pose faster than scan_assembler.max_speed, one of {:,.0f} m/s"
 CLOCK_SET_BACK = "times that the clock was set back"
+TWO_CLOCKS = "messages of a second, earlier clock, left out: two sources on the same topics"
 #: Poses are kept so long before the scan that was placed last [ns]: one may come so much later than others.
 _KEPT_POSES = 10_000_000_000
 #: Points that are placed at once: each takes a pose.
@@ -94,6 +96,7 @@ class ScanPlacer:
         self._of_before: list[PlacedScan] = []
         self._marks: OrderedDict[tuple[str, int, int, int], None] = OrderedDict()
         self._last: OrderedDict[str, int] = OrderedDict()
+        self._clocks = ClockWatch()
         self._odometry_child = ""
         self._mounting = self.config.mounting_pose()
         self._mounted = ""
@@ -131,13 +134,18 @@ class ScanPlacer:
         Raises
         ------
         MessageError
-            If its layout contradicts itself, it has no x, y and z, or no unit makes its times a scan's.
+            If its layout contradicts itself, it has no x, y and z, no unit makes its times a scan's, or it is
+            of a second clock.
         """
         self.n_scans += 1
         mark = mark_of(message)
         if mark in self._marks:
             self._messages[TWICE] += 1
             return
+        stamp, frame = stamp_of(message.header), frame_name(message.header.frame_id)
+        is_earlier = stamp < self._last.get(frame, stamp) - SET_BACK
+        if self._is_of_another_clock(is_earlier=is_earlier):
+            raise MessageError(TWO_CLOCKS)
         try:
             scan = read_scan(message, self.config, self.left_out, self._seen)
         except MessageError as error:
@@ -145,10 +153,9 @@ class ScanPlacer:
             self.refusal = str(error)
             raise
         _keep(self._marks, mark, None, _MAX_MARKS)
-        stamp = stamp_of(message.header)
-        if stamp < self._last.get(scan.frame, stamp) - SET_BACK:
+        if is_earlier:
             self._set_back(stamp)
-        _keep(self._last, scan.frame, stamp, MAX_FRAMES)
+        _keep(self._last, frame, stamp, MAX_FRAMES)
         self._waiting.add(scan)
         while self._waiting.are_too_many and (oldest := self._waiting.take()) is not None:
             self._leave_out(WAITED, len(oldest.times))
@@ -184,9 +191,17 @@ class ScanPlacer:
 
     def _add_pose(self, header: Any, child: str, pose: Pose) -> None:
         stamp = stamp_of(header)
-        if pose.is_valid and self.tree.is_set_back(child, stamp):
+        is_earlier = pose.is_valid and self.tree.is_set_back(child, stamp)
+        if self._is_of_another_clock(is_earlier=is_earlier):
+            return
+        if is_earlier:
             self._set_back(stamp)
         self.tree.add(header.frame_id, child, stamp, pose)
+
+    def _is_of_another_clock(self, *, is_earlier: bool) -> bool:
+        is_of_another = self._clocks.is_of_another(is_earlier=is_earlier)
+        self._messages[TWO_CLOCKS] += is_of_another
+        return is_of_another
 
     def _set_back(self, stamp: int) -> None:
         """Place what waits of the time before the clock was set back, and forget the poses of that time."""
