@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import struct
+from collections.abc import Collection, Iterator, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import BinaryIO
 
+from rosbags.interfaces import Connection
 from rosbags.rosbag2.errors import ReaderError
 from rosbags.rosbag2.storage_mcap import McapReader
 
@@ -44,20 +47,73 @@ class CutMcapReader(McapReader):
             message_count=told.message_count,
         )
 
-    @property
-    def start_time(self) -> int:
-        """Time of the first message [ns]."""
-        return self.metadata.start_time
 
-    @property
-    def end_time(self) -> int:
-        """Time after the last message [ns]."""
-        return self.metadata.end_time
+class CutBagReader:
+    """
+    Reads the MCAP files of a bag one after the other, of those that were cut off what is whole.
 
-    @property
-    def message_count(self) -> int:
-        """Messages that are whole."""
-        return self.metadata.message_count
+    Parameters
+    ----------
+    paths : sequence of Path
+        The files; those without a whole message are left out.
+
+    Attributes
+    ----------
+    start_time, end_time : int
+        Time of the first message, and that after the last one [ns].
+    message_count : int
+        Messages that are whole.
+    share : float
+        Share of the files that is whole.
+    """
+
+    def __init__(self, paths: Sequence[Path]) -> None:
+        self._paths = paths
+        self._files: list[McapReader] = []
+
+    def open(self) -> None:
+        """
+        Open the files.
+
+        Raises
+        ------
+        ReaderError
+            If no whole message is in them.
+        """
+        self._files = sorted(filter(None, map(_opened, self._paths)), key=lambda one: one.metadata.start_time)
+        if not self._files:
+            raise ReaderError("no whole message is in it")
+        told = [one.metadata for one in self._files]
+        self.connections = [connection for one in self._files for connection in one.connections]
+        self.start_time, self.end_time = told[0].start_time, max(one.end_time for one in told)
+        self.message_count = sum(one.message_count for one in told)
+        whole = (
+            one.data_end if isinstance(one, CutMcapReader) else one.path.stat().st_size for one in self._files
+        )
+        self.share = sum(whole) / max(sum(path.stat().st_size for path in self._paths), 1)
+
+    def close(self) -> None:
+        """Close them."""
+        while self._files:
+            self._files.pop().close()
+
+    def messages(
+        self, connections: Collection[Connection], start: int | None = None, stop: int | None = None
+    ) -> Iterator[tuple[Connection, int, bytes]]:
+        """Read messages, as the readers of rosbags do."""
+        for file in self._files:
+            if own := [one for one in connections if one.owner is file]:
+                yield from file.messages(own, start, stop)
+
+
+def _opened(path: Path) -> McapReader | None:
+    """Open a file as it is, else what is whole of it; None if that holds no message."""
+    for kind in (McapReader, CutMcapReader):
+        reader = kind(path)
+        with suppress(Exception):  # whatever is wrong with a file that was cut off
+            reader.open()
+            return reader
+    return None
 
 
 def whole_part(file: BinaryIO, size: int) -> tuple[int, int]:
@@ -106,20 +162,14 @@ def open_bag(path: Path) -> tuple[Bag, str]:
     try:
         return Bag(path), ""
     except InputError as error:
-        storage, problem = _storage_of(path), error
-    if storage is None:
+        files, problem = sorted(path.glob("*.mcap")) if path.is_dir() else [path], error
+    if not all(file.suffix.lower() == ".mcap" for file in files):
         raise problem
-    reader = CutMcapReader(storage)
+    reader = CutBagReader(files)
     try:
         bag = Bag(path, reader)
     except InputError:
         raise problem from None
-    share = reader.data_end / max(storage.stat().st_size, 1)
     said = str(problem).removeprefix(f"{path}: ")
-    return bag, f"{said}; read is what is whole: {share:.0%} of the file, the first {bag.seconds:.1f} s"
-
-
-def _storage_of(path: Path) -> Path | None:
-    """Return the only MCAP file of a bag, or the file itself; None if it has none or several."""
-    files = list(path.glob("*.mcap")) if path.is_dir() else [path]
-    return files[0] if len(files) == 1 and files[0].suffix.lower() == ".mcap" else None
+    of = "the file, the first" if len(files) == 1 else f"{len(files)} files,"
+    return bag, f"{said}; read is what is whole: {reader.share:.0%} of {of} {bag.seconds:.1f} s"
