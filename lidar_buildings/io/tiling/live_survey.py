@@ -165,15 +165,10 @@ class LiveSurvey:
 
     def take(self) -> PointTile | None:
         """
-        Return the next tile that is ready, None if none is.
+        Return the next tile that is ready, None if none is: first such as are whole and did not come so.
 
-        First come tiles with points all over that were not sent so before: their last point has come, as far
-        as can be known. Where there is no time for all, the others wait and come once.
-
-        Raises
-        ------
-        OutputError
-            If the disk is full; the tile stays ready.
+        Where there is no time for all, the others wait and come once. Raises an OutputError if the disk is
+        full; the tile stays ready.
         """
         with self._lock:
             if not self._ready:
@@ -181,8 +176,8 @@ class LiveSurvey:
             tile = self._tiles[min(self._ready, key=self._can_wait)]
             self._note(tile, tile.revision + 1, -1)
             self._ready.remove(tile.place)
-            tile.n_sent = self._store.count_in(tile.near)
-            tile.was_covered = self._is_covered(tile)
+            count_in = self._store.count_in
+            tile.n_sent, tile.was_covered = count_in(tile.near), tile.is_covered(count_in)
             tile.revision += 1
             return self._store.tile(self._plan(tile), self.config.buffer)
 
@@ -248,12 +243,8 @@ class LiveSurvey:
     def _can_wait(self, place: Cell) -> tuple[bool, bool, bool]:
         """Return why a tile can wait: it came whole or is not, it is not, it came before."""
         tile = self._tiles[place]
-        is_open = not self._is_covered(tile)
+        is_open = not tile.is_covered(self._store.count_in)
         return tile.was_covered or is_open, is_open, tile.revision >= 0
-
-    def _is_covered(self, tile: LiveTile) -> bool:
-        """Whether every part of a tile and its buffer has points."""
-        return all(self._store.count_in([cell]) for cell in tile.near)
 
     def _drop_unchanged(self) -> None:
         """Forget that tiles were touched which have no points that were not sent, or came too often."""

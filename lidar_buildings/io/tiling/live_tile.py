@@ -55,6 +55,10 @@ class LiveTile:
     revision: int = -1
     was_covered: bool = False
 
+    def is_covered(self, count_in: Callable[[Iterable[Cell]], int]) -> bool:
+        """Whether every part of the tile and its buffer has points: its last has come, as far as is known."""
+        return all(count_in([cell]) for cell in self.near)
+
 
 class LiveTiles:
     """
