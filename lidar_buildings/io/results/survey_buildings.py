@@ -174,7 +174,7 @@ class _Head(NamedTuple):
 
 
 def _head_of(line: str) -> _Head:
-    """Read who a line is of, and where its solids are: of all its JSON the vertices alone, its last member."""
+    """Read who a line is of and where its solids are: of all its JSON the vertices alone, its last member."""
     start, _, end = line.rpartition(',"vertices":')
     vertices = np.array(json.loads(end[:-1]), dtype=np.float64).reshape(-1, 3) * GRID
     low, high = vertices.min(axis=0, initial=np.inf), vertices.max(axis=0, initial=-np.inf)

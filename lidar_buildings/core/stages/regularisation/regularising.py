@@ -17,7 +17,6 @@ from lidar_buildings.core.stages.regularisation.config import RegularisationConf
 from lidar_buildings.core.stages.regularisation.division import Division
 from lidar_buildings.core.stages.regularisation.drawing import DrawnRing, draw_ring
 from lidar_buildings.core.stages.regularisation.precision import (
-    corner_sigmas,
     fit_quality,
     outline_walls,
     unknowns_of,
@@ -207,30 +206,14 @@ def _result(
     points = np.concatenate([ring.samples.on_walls for ring in rings]) + centre
     unknowns = unknowns_of([ring.walled for ring in rings], len(directions))
     sigma, max_offset = fit_quality(points, outline, unknowns)
-    shown = [(number, ring) for number, ring in enumerate(rings) if number not in kept]
-    return RegularisedOutline(
-        outline,
-        sigma,
-        max_offset,
-        directions,
-        BuildingStatus.OK,
-        _notes(rings, kept),
-        tuple(
-            wall
-            for number, ring in shown
-            for wall in outline_walls(number, ring.samples, ring.walled, centre, sigma)
-        ),
-        tuple(
-            each
-            for number, (ring, final) in enumerate(zip(rings, outline.rings, strict=True))
-            for each in (
-                [float("nan")] * len(final)
-                if number in kept
-                else corner_sigmas(ring.samples, ring.walled, ring.drawn, sigma, config.direction_weight)
-            )
-        ),
-        bias,
+    walls = tuple(
+        wall
+        for number, ring in enumerate(rings)
+        if number not in kept
+        for wall in outline_walls(number, ring.walled, centre)
     )
+    status, notes = BuildingStatus.OK, _notes(rings, kept)
+    return RegularisedOutline(outline, sigma, max_offset, directions, status, notes, walls, bias)
 
 
 def _notes(rings: list[_Fitted], kept: list[int]) -> str:

@@ -25,10 +25,6 @@ class OutlineWall:
         Of an arc [m].
     radius : float
         Of an arc, positive where the ring goes round its centre counter-clockwise; 0 for the others [m].
-    sigma : float
-        Standard deviation of the wall's place, across it, at its middle; NaN if no points bear it [m].
-    n_points : int
-        Traced points that bear the wall.
     """
 
     ring: int
@@ -37,8 +33,6 @@ class OutlineWall:
     end: tuple[float, float]
     centre: tuple[float, float] | None
     radius: float
-    sigma: float
-    n_points: int
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,9 +57,6 @@ class RegularisedOutline:
         Why it is the traced outline, or what else was out of the ordinary; else empty.
     walls : tuple of OutlineWall
         Ring by ring, in order, without those of courtyards left as traced.
-    corner_sigma : tuple of float
-        Standard deviation of each vertex's place, √(σx² + σy²), in the order of the rings' vertices; NaN
-        where a vertex is not the corner of two straight walls [m].
     bias : float
         How far the lines through the points lie inside the building's edge, as estimated from how points lie
         along it [m]. With `correct_bias` the walls were moved out by so much.
@@ -78,5 +69,4 @@ class RegularisedOutline:
     status: BuildingStatus
     reason: str
     walls: tuple[OutlineWall, ...] = ()
-    corner_sigma: tuple[float, ...] = ()
     bias: float = 0.0
