@@ -7,7 +7,7 @@ Write the drawing without entities that stands around those of every DXF file, m
 import ezdxf
 
 from lidar_buildings.core.solids.shell import GROUND_SURFACE, ROOF_SURFACE, WALL_SURFACE
-from lidar_buildings.io.models.dxf import APPLICATION, COURTYARD, LEVELS, LINES, OUTLINE, layer_name
+from lidar_buildings.io.models.dxf import APPLICATION, COURTYARD, LEVELS, LINES, OUTLINE, TERRAIN, layer_name
 from lidar_buildings.io.models.dxf_frame import EMPTY
 
 #: AutoCAD 2000: the oldest version with light polylines and units, which everything reads.
@@ -23,7 +23,7 @@ def main() -> None:
     drawing.header["$MEASUREMENT"] = 1
     drawing.appids.add(APPLICATION)
     layers = {layer_name(level, kind): COLOURS[kind] for level in LEVELS for kind in COLOURS}
-    layers |= {OUTLINE: 7, COURTYARD: 7} | {name: 2 + k for k, name in enumerate(LINES.values())}
+    layers |= {OUTLINE: 7, COURTYARD: 7, TERRAIN: 94} | {name: 2 + k for k, name in enumerate(LINES.values())}
     for name, colour in layers.items():
         drawing.layers.add(name, color=colour)
     drawing.saveas(EMPTY)

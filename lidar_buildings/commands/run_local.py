@@ -52,6 +52,7 @@ def run_local(request: RunRequest, footprints: FootprintFile | None, pool: Build
             parameters=request.parameters(),
             footprints=footprints,
             formats=request.files.formats,
+            terrain_tolerance=request.files.terrain_tolerance,
         )
         skip.update(folder.done_stamps())
         with progress_bar(lambda: source.tile_count - len(skip)) as progress:

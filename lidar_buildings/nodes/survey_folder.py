@@ -154,6 +154,7 @@ class SurveyFolder:
             parameters=self.settings | {OutputConfig.stage: _output_settings(config)},
             footprints=_footprints(config, frame),
             formats=config.formats,
+            terrain_tolerance=config.terrain_tolerance,
             is_live=self.is_live,
         )
         self.on_disk = self._folder.done_stamps()

@@ -9,6 +9,7 @@ import pyproj
 import pytest
 import shapely
 from support.cli_runs import Command
+from support.results import building_features
 
 from lidar_buildings.cli import main
 from lidar_buildings.io.vectors.polygon_file import read_polygons
@@ -104,8 +105,7 @@ def test_a_footprint_without_a_building_is_there_with_its_reason(result):
 
 
 def test_the_city_model_names_each_footprint(result):
-    lines = (result / "city_model.city.jsonl").read_text().splitlines()[1:]
-    features = [json.loads(line) for line in lines]
+    features = building_features(result)
     attributes = [feature["CityObjects"][feature["id"]]["attributes"] for feature in features]
     assert sorted(each["footprint_id"] for each in attributes) == ["no building", "one half", "other half"]
     assert len({feature["id"] for feature in features}) == 3

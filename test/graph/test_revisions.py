@@ -11,7 +11,7 @@ from std_msgs.msg import Header, String
 from std_srvs.srv import Trigger
 from support.lawn import houses_on_a_lawn
 from support.node_bench import STAMP, Bench, wait_until
-from support.results import assert_buildings_once, building_ids
+from support.results import assert_buildings_once, building_features, building_ids
 from visualization_msgs.msg import Marker, MarkerArray
 
 from lidar_buildings.core.model.map_frame import MapFrame
@@ -98,8 +98,8 @@ def saved(ends, tmp_path):
     wait_until(answer.done)
     assert answer.result().success, answer.result().message
     assert_buildings_once(tmp_path / "out")
-    lines = (tmp_path / "out" / "city_model.city.jsonl").read_text().splitlines()[1:]
-    return set(building_ids(tmp_path / "out")), {json.loads(line)["id"] for line in lines}
+    names = {one["id"] for one in building_features(tmp_path / "out")}
+    return set(building_ids(tmp_path / "out")), names
 
 
 def test_a_house_that_is_gone_is_withdrawn_and_a_new_one_is_there(graph, tmp_path):

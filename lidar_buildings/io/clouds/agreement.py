@@ -61,8 +61,6 @@ def shared_origin(clouds: Sequence[Cloud]) -> tuple[float, float]:
     if extent[axis] > MAX_EXTENT:
         one, other = filled[int(lows[:, axis].argmin())].path, filled[int(highs[:, axis].argmax())].path
         reach = f"{extent[axis] / 1000:.1f} km, more than the {MAX_EXTENT / 1000:.1f} km of one run"
-        if one == other:
-            raise InputError(f"{one}: its points span {reach}: cut it, or leave out stray points")
         raise InputError(f"{one} and {other}: together they span {reach}: run them apart")
     if extent[axis] > REACH - ORIGIN_STEP:
         corner = corner + extent / 2
@@ -77,7 +75,7 @@ def say_what_is_assumed(clouds: Sequence[Cloud], first: Cloud) -> None:
         system = f"{_system(first)} as {first.path}"
         warn_once(f"{_named(silent)} without reference system: taken to be in {system}")
     heights: dict[str, list[Cloud]] = {}
-    for cloud in clouds:
+    for cloud in clouds if len(clouds) > 1 else ():
         if cloud.point_count:
             system = vertical_crs(cloud.raw.vlrs + cloud.raw.evlrs)
             heights.setdefault(name_of(system) if system else "", []).append(cloud)

@@ -22,6 +22,7 @@ from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.core.neighbours.point_spacing import steady_spacing
 from lidar_buildings.io.clouds.agreement import (
     MAX_EXTENT,
+    REACH,
     agreed_system,
     say_what_is_assumed,
     shared_origin,
@@ -248,8 +249,24 @@ def _bounds(cloud: Cloud, first: NDArray[np.float64]) -> tuple[NDArray[np.float6
     if can_be.all() and ((first >= mins - slack) & (first <= maxs + slack)).all():
         return mins, maxs
     warn_once(f"{cloud.path}: the bounds in its header do not fit its points: measured anew")
-    extremes = [(xyz.min(axis=0), xyz.max(axis=0)) for xyz in map(xyz_of, cloud.chunks())]
-    return np.min([low for low, _ in extremes], axis=0), np.max([high for _, high in extremes], axis=0)
+    mins, maxs = _extremes(cloud, np.full(3, np.nan), np.inf)
+    if ((maxs - mins) * cloud.units)[:2].max() <= MAX_EXTENT:
+        return mins, maxs
+    middle = np.median([np.median(xyz_of(chunk), axis=0) for chunk in cloud.chunks()], axis=0)
+    warn_once(f"{cloud.path}: has points more than {REACH / 1000:.0f} km from most: coarse coordinates there")
+    return _extremes(cloud, middle, REACH / 2)
+
+
+def _extremes(
+    cloud: Cloud, middle: NDArray[np.float64], reach: float
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return the bounds of the points that lie no further from a place in x or y than the reach [m]."""
+    found = []
+    for xyz in map(xyz_of, cloud.chunks()):
+        far = (np.abs(xyz - middle) * cloud.units)[:, :2].max(axis=1) > reach
+        if not far.all():
+            found.append((xyz[~far].min(axis=0), xyz[~far].max(axis=0)))
+    return np.min([low for low, _ in found], axis=0), np.max([high for _, high in found], axis=0)
 
 
 def _metric(path: Path, crs: SourceCrs, mins: NDArray[np.float64], maxs: NDArray[np.float64]) -> SourceCrs:

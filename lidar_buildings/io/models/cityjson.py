@@ -1,5 +1,5 @@
 """
-City models as CityJSONSeq 2.0: a header line, then one line per building.
+City models as CityJSONSeq 2.0: a header line, then one line per building and per piece of the terrain.
 
 Vertices are written as whole multiples of the output grid in the map frame; the header's transform turns
 them into the source's coordinates. So what was checked is what is written, in metres and in feet alike.
@@ -22,6 +22,7 @@ from lidar_buildings.core.solids.shell import GROUND_SURFACE, ROOF_SURFACE, WALL
 from lidar_buildings.core.stages.building_model import BuildingModel
 from lidar_buildings.io.files.reference_systems import epsg_code
 from lidar_buildings.io.models.building_attributes import face_attributes, in_source_units
+from lidar_buildings.io.models.terrain_mesh import TerrainMesh
 
 #: The surfaces that every solid lists first, whether it has them or not; each roof face has one of its own.
 _SHARED = (GROUND_SURFACE, WALL_SURFACE)
@@ -149,6 +150,20 @@ def feature_line(
             "id": name,
             "CityObjects": {name: building},
             "vertices": [list(vertex) for vertex in vertices],
+        }
+    )
+
+
+def terrain_line(mesh: TerrainMesh) -> str:
+    """Return the line of a piece of the terrain, a ``TINRelief``."""
+    surfaces = [[corners] for corners in mesh.triangles.tolist()]
+    geometry = {"type": "CompositeSurface", "lod": "2", "boundaries": surfaces}
+    return _line(
+        {
+            "type": "CityJSONFeature",
+            "id": mesh.name,
+            "CityObjects": {mesh.name: {"type": "TINRelief", "geometry": [geometry]}},
+            "vertices": np.rint(mesh.vertices / GRID).astype(np.int64).tolist(),
         }
     )
 

@@ -18,11 +18,13 @@ from lidar_buildings.io.models.arcs import ring_arcs
 from lidar_buildings.io.models.dxf_entities import Corner, DxfEntities, corner_text
 from lidar_buildings.io.models.dxf_frame import FIRST_HANDLE, OWNER, dxf_frame
 from lidar_buildings.io.models.survey_building import SolidMesh, SurveyBuilding
+from lidar_buildings.io.models.terrain_mesh import TerrainMesh
 
 #: Name under which entities carry their building's id, and outlines its attributes.
 APPLICATION = "LIDAR_BUILDINGS"
 OUTLINE, COURTYARD = "OUTLINE", "OUTLINE_COURTYARD"
 _SURFACES = {ROOF_SURFACE: "ROOF", WALL_SURFACE: "WALL", GROUND_SURFACE: "GROUND"}
+TERRAIN = "TERRAIN"
 #: Layer of each kind of line of a roof.
 LINES = {kind: f"LINE_{kind.upper()}" for kind in KINDS}
 LEVELS = ("1.2", "1.3", "2.2")
@@ -34,9 +36,9 @@ def layer_name(level: str, surface: str) -> str:
 
 
 @contextmanager
-def dxf_file(path: Path, frame: MapFrame) -> Iterator[Callable[[SurveyBuilding], None]]:
+def dxf_file(path: Path, frame: MapFrame) -> Iterator[Callable[[SurveyBuilding | TerrainMesh], None]]:
     """
-    Give a function that adds a building's outline, finest solid and its roof's lines to a drawing.
+    Give a function that adds a building's outline, finest solid and roof's lines, or terrain, to a drawing.
 
     Entities are written one by one, as ezdxf would write them: it holds a whole drawing in memory.
 
@@ -70,8 +72,11 @@ class _Drawing:
         self._entities = entities
         self._frame = frame
 
-    def add(self, building: SurveyBuilding) -> None:
-        """Draw a building."""
+    def add(self, building: SurveyBuilding | TerrainMesh) -> None:
+        """Draw a building, or a piece of the terrain."""
+        if isinstance(building, TerrainMesh):
+            self._file.writelines(text.encode("ascii") for text in self._terrain(building))
+            return
         parts = self._outline(building)
         if building.mesh is not None:
             parts += self._solid(building.mesh, building.readable_id)
@@ -116,6 +121,12 @@ class _Drawing:
         return [
             self._entities.line(LINES[line.kind], self._in_source(line.ends), data) for line in building.lines
         ]
+
+    def _terrain(self, mesh: TerrainMesh) -> Iterator[str]:
+        data = self._entities.extended_data([mesh.name])
+        corners = [corner_text(corner) for corner in self._in_source(mesh.vertices)]
+        for rows in mesh.triangles.tolist():
+            yield self._entities.face(TERRAIN, [corners[k] for k in rows], data, [])
 
     def _in_source(self, vertices: NDArray[np.float64]) -> list[Corner]:
         """Return vertices of 2 or 3 coordinates in source coordinates."""

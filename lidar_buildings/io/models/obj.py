@@ -7,33 +7,37 @@ country's grid have steps of decimetres. The header says what to add.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TextIO
 
 import numpy as np
+from numpy.typing import NDArray
 
 from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.solids.face_triangles import triangles_of
 from lidar_buildings.core.solids.shell import GROUND_SURFACE, ROOF_SURFACE, WALL_SURFACE
 from lidar_buildings.io.files.atomic_files import atomic_file
 from lidar_buildings.io.models.survey_building import SolidMesh, SurveyBuilding
+from lidar_buildings.io.models.terrain_mesh import TerrainMesh
 
 #: Surface → its material's name and colour.
+_TERRAIN = ("terrain", (0.47, 0.53, 0.38))
 _MATERIALS = {
     ROOF_SURFACE: ("roof", (0.72, 0.29, 0.22)),
     WALL_SURFACE: ("wall", (0.85, 0.82, 0.76)),
     GROUND_SURFACE: ("ground", (0.45, 0.45, 0.42)),
 }
+Triangle = Sequence[int]
 #: Decimals of coordinates: the grid's millimetres, and as fine where a unit is no metre.
 _DECIMALS, _DECIMALS_OF_OTHER_UNITS = 3, 5
 
 
 @contextmanager
-def obj_file(path: Path, frame: MapFrame) -> Iterator[Callable[[SurveyBuilding], None]]:
+def obj_file(path: Path, frame: MapFrame) -> Iterator[Callable[[SurveyBuilding | TerrainMesh], None]]:
     """
-    Give a function that adds a building's finest solid to an OBJ file; its materials stand beside it.
+    Give a function that adds a building's finest solid, or terrain, to an OBJ file; its materials go beside.
 
     Solids are closed as meshes, too: triangles share their vertices, and neighbours their edges.
 
@@ -52,9 +56,10 @@ def obj_file(path: Path, frame: MapFrame) -> Iterator[Callable[[SurveyBuilding],
     materials = path.with_suffix(".mtl")
     with atomic_file(path) as temporary, open(temporary, "w", encoding="utf-8") as file:
         file.write(_header(frame, materials.name))
-        yield _Mesh(file, frame).add
+        mesh = _Mesh(file, frame)
+        yield mesh.add
         with atomic_file(materials) as beside:
-            beside.write_text("".join(_material(*one) for one in _MATERIALS.values()), encoding="utf-8")
+            beside.write_text("".join(_material(*one) for one in mesh.materials), encoding="utf-8")
 
 
 class _Mesh:
@@ -65,39 +70,49 @@ class _Mesh:
         self._units = frame.units
         self._decimals = _DECIMALS if (frame.units == 1.0).all() else _DECIMALS_OF_OTHER_UNITS
         self._n_vertices = 0
+        self.materials = list(_MATERIALS.values())
 
-    def add(self, building: SurveyBuilding) -> None:
-        """Write a building, or why it has no solid."""
+    def add(self, building: SurveyBuilding | TerrainMesh) -> None:
+        """Write a building, or why it has no solid; or a piece of the terrain."""
+        if isinstance(building, TerrainMesh):
+            if _TERRAIN not in self.materials:
+                self.materials.append(_TERRAIN)
+            self._file.write(f"o {building.name}\n")
+            self._write(building.vertices, {_TERRAIN[0]: building.triangles.tolist()})
+            return
         if building.mesh is None:
             reason = " ".join(str(building.attributes.get("reason") or "unknown").split())
             self._file.write(f"# {building.readable_id}: no solid: {reason}\n")
             return
         self._file.write(f"o {building.readable_id}\n# LoD{building.mesh.lod}\n")
-        self._write(building.mesh)
+        self._write(building.mesh.solid.vertices, _by_material(building.mesh))
 
-    def _write(self, mesh: SolidMesh) -> None:
-        """Write a solid's vertices, and its triangles by material."""
-        vertices = mesh.solid.vertices
+    def _write(self, vertices: NDArray[np.float64], triangles: Mapping[str, Iterable[Triangle]]) -> None:
+        """Write an object's vertices, and its triangles by material."""
         places = np.round(vertices / self._units, self._decimals) + 0.0  # no minus zero
         lines = [f"v {x!r} {y!r} {z!r}\n" for x, y, z in places.tolist()]
         first = self._n_vertices + 1
-        for kind, (name, _) in _MATERIALS.items():
-            own = (p for p, of in zip(mesh.pieces, mesh.solid.semantics, strict=True) if of == kind)
+        for name, own in triangles.items():
             lines.append(f"usemtl {name}\n")
-            lines += [
-                f"f {a + first} {b + first} {c + first}\n"
-                for pieces in own
-                for a, b, c in triangles_of(pieces)
-            ]
+            lines += [f"f {a + first} {b + first} {c + first}\n" for a, b, c in own]
         self._file.writelines(lines)
         self._n_vertices += len(vertices)
+
+
+def _by_material(mesh: SolidMesh) -> dict[str, list[Triangle]]:
+    """Return a solid's triangles by their materials."""
+    faces = list(zip(mesh.pieces, mesh.solid.semantics, strict=True))
+    return {
+        name: [corners for pieces, of in faces if of == kind for corners in triangles_of(pieces)]
+        for kind, (name, _) in _MATERIALS.items()
+    }
 
 
 def _header(frame: MapFrame, materials: str) -> str:
     offset = " ".join(repr(c) for c in frame.to_source(np.zeros((1, 3)))[0].tolist())
     crs = " ".join(frame.crs.split()) or "unknown"
     return (
-        "# The finest solid of each building; z is up.\n"
+        "# The finest solid of each building, and the terrain; z is up.\n"
         f"# Reference system: {crs}\n"
         f"# Offset to add to all coordinates: {offset}\n"
         f"mtllib {materials}\n"

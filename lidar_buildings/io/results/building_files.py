@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Callable, Collection, Iterable, Iterator
 from contextlib import AbstractContextManager, ExitStack, contextmanager
 from pathlib import Path
 from typing import NamedTuple
 
 from lidar_buildings.io.files.atomic_files import atomic_file, write_error
-from lidar_buildings.io.models.cityjson import header_line
+from lidar_buildings.io.models.cityjson import header_line, terrain_line
 from lidar_buildings.io.models.dxf import dxf_file
 from lidar_buildings.io.models.obj import obj_file
 from lidar_buildings.io.models.survey_building import SurveyBuilding
+from lidar_buildings.io.models.terrain_mesh import TerrainMesh
 from lidar_buildings.io.results.building_layers import building_layers_file
 from lidar_buildings.io.results.output_config import FORMAT_FILES
 from lidar_buildings.io.results.survey_buildings import SurveyBuildings
@@ -21,7 +22,7 @@ from lidar_buildings.io.results.survey_buildings import SurveyBuildings
 OF_OUTLINES = ("gpkg",)
 _NO_FEATURE = "unknown"
 
-_Add = Callable[[SurveyBuilding], None]
+_Add = Callable[[SurveyBuilding | TerrainMesh], None]
 
 
 class ModelHeading(NamedTuple):
@@ -45,6 +46,7 @@ def write_buildings(
     buildings: SurveyBuildings,
     formats: Collection[str],
     heading: ModelHeading,
+    terrain: Iterable[TerrainMesh] = (),
 ) -> tuple[list[str], dict[str, int]]:
     """
     Write buildings in some formats; a file appears, complete, when its last building is written.
@@ -59,6 +61,8 @@ def write_buildings(
         Names of `FORMAT_FILES`.
     heading : ModelHeading
         What a city model is to say of itself.
+    terrain : iterable of TerrainMesh
+        Stands behind the buildings in every format of models.
 
     Returns
     -------
@@ -82,17 +86,24 @@ def write_buildings(
             for name, path in zip(chosen, paths, strict=True)
         ]
         for building in buildings:
-            for path, add in zip(paths, writers, strict=True):
-                try:
-                    add(building)
-                except OSError as error:  # else the file opened last would be named
-                    raise write_error(path, error) from error
+            _add_to_all(paths, writers, building)
             status = building.attributes.get("status") or _NO_FEATURE
             outlined[status] += building.outline is not None
             traced[status] += building.traced is not None
+        if set(chosen) - set(OF_OUTLINES):
+            for mesh in terrain:
+                _add_to_all(paths, writers, mesh)
     counted = outlined if outlined.total() else traced
     files = [file for name in chosen for file in FORMAT_FILES[name]]
     return files, dict(sorted((+counted).items()))
+
+
+def _add_to_all(paths: list[Path], writers: list[_Add], one: SurveyBuilding | TerrainMesh) -> None:
+    for path, add in zip(paths, writers, strict=True):
+        try:
+            add(one)
+        except OSError as error:  # else the file opened last would be named
+            raise write_error(path, error) from error
 
 
 @contextmanager
@@ -101,9 +112,10 @@ def _sequence(path: Path, buildings: SurveyBuildings, heading: ModelHeading) -> 
     with atomic_file(path) as temporary, open(temporary, "w", encoding="utf-8") as file:
         file.write(f"{header}\n")
 
-        def add(building: SurveyBuilding) -> None:
-            if building.line:
-                file.write(f"{building.line}\n")
+        def add(building: SurveyBuilding | TerrainMesh) -> None:
+            line = terrain_line(building) if isinstance(building, TerrainMesh) else building.line
+            if line:
+                file.write(f"{line}\n")
 
         yield add
 

@@ -16,6 +16,7 @@ from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.solids.shell import ROOF_SURFACE, Face
 from lidar_buildings.io.models.building_attributes import BUILDING_FIELDS, FACE_FIELDS, face_attributes
 from lidar_buildings.io.models.survey_building import SurveyBuilding
+from lidar_buildings.io.models.terrain_mesh import TerrainMesh
 from lidar_buildings.io.vectors.geopackage import GeoPackageLayer, GeoPackageWriter
 
 #: Column with the name that stays the same in every file, made from the anchor's coordinates.
@@ -54,7 +55,9 @@ _Rows = list[tuple[dict[str, Any], Any]]
 
 
 @contextmanager
-def building_layers_file(path: Path, frame: MapFrame) -> Iterator[Callable[[SurveyBuilding], None]]:
+def building_layers_file(
+    path: Path, frame: MapFrame
+) -> Iterator[Callable[[SurveyBuilding | TerrainMesh], None]]:
     """
     Give a function that adds a building to the layers of a GeoPackage.
 
@@ -86,8 +89,10 @@ class _BuildingLayers:
         for name in _LAYERS:  # empty layers are layers, too
             self._write(name)
 
-    def add(self, building: SurveyBuilding) -> None:
-        """Add a building's rows."""
+    def add(self, building: SurveyBuilding | TerrainMesh) -> None:
+        """Add a building's rows; the terrain has none."""
+        if isinstance(building, TerrainMesh):
+            return
         names = {"building_id": building.building_id, READABLE_ID: building.readable_id}
         if building.outline is not None:
             row = (building.attributes | names, _polygon(building.outline.rings, self._frame))

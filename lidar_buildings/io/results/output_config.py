@@ -30,3 +30,12 @@ class OutputConfig(RasterConfig):
         choices=FORMATS,
         read_only=True,
     )
+    terrain_tolerance: float = parameter(
+        0.2,
+        "Height by which the triangles of the terrain in city models may be off the raster of the ground; "
+        "raising it makes files smaller, 0 leaves the terrain out.",
+        unit="m",
+        minimum=0.0,
+        maximum=100.0,
+        read_only=True,
+    )

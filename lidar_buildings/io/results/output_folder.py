@@ -71,6 +71,8 @@ class OutputFolder:
         The footprints that were given.
     formats : collection of str
         Which files tell of the buildings, of `lidar_buildings.io.results.output_config.FORMATS`.
+    terrain_tolerance : float
+        Of the terrain in models [m]; 0 for none.
     is_live : bool
         Whether tiles go on coming: the files are made from those there are, as often as one likes, and
         `inputs` are named before that.
@@ -92,6 +94,7 @@ class OutputFolder:
         parameters: Mapping[str, Any] | None = None,
         footprints: FootprintFile | None = None,
         formats: Collection[str] = FORMATS,
+        terrain_tolerance: float = 0.0,
         is_live: bool = False,
     ) -> None:
         self.path = Path(path)
@@ -99,6 +102,7 @@ class OutputFolder:
         self.frame = frame
         self.until = until
         self.formats = tuple(formats)
+        self._tolerance = terrain_tolerance
         self.is_live = is_live
         self._footprints = FootprintResults.of(footprints)
         identity = {
@@ -219,6 +223,7 @@ class OutputFolder:
     def _write_buildings(self, fragments: list[Path], pieces: set[int]) -> tuple[list[str], dict[str, int]]:
         """Write outlines and models as far as the run went; return file names, and buildings per status."""
         from lidar_buildings.io.results.building_files import OF_OUTLINES, write_buildings
+        from lidar_buildings.io.results.terrain_meshes import terrain_meshes
 
         names = self._footprints.names if self._footprints else None
         formats = self.formats
@@ -229,7 +234,8 @@ class OutputFolder:
         ) as buildings:
             for shapes in self._footprints.named(load_shapes(one) for one in fragments):
                 buildings.add(shapes)
-            return write_buildings(self.path, buildings, formats, self._heading())
+            terrain = terrain_meshes(fragments, self.frame, self._tolerance)
+            return write_buildings(self.path, buildings, formats, self._heading(), terrain)
 
     def _heading(self) -> ModelHeading:
         """Return what the city model says of itself."""

@@ -35,7 +35,7 @@ _UNITS = {1.0: "metre", FOOT: "foot", US_SURVEY_FOOT: "US survey foot"}
 #: Values are rounded to this part of a unit, about a millimetre: what is finer is noise, and large.
 _STEPS = 1024.0
 #: Saved tiles that are kept in memory: a row of blocks visits each several times.
-_TILES_IN_MEMORY = 32
+TILES_IN_MEMORY = 32
 
 
 class RasterExtentError(OutputError):
@@ -141,7 +141,7 @@ def _blocks(
     whole: RasterWindow, windows: dict[Path, RasterWindow]
 ) -> Iterator[tuple[int, int, TerrainRasters]]:
     """Yield first row, first column and content of each block that a tile reaches into, row by row."""
-    load = lru_cache(_TILES_IN_MEMORY)(load_rasters)
+    load = lru_cache(TILES_IN_MEMORY)(load_rasters)
     reaching: dict[tuple[int, int], list[Path]] = {}
     for path, window in windows.items():
         rows, columns = whole.shared(window)

@@ -301,15 +301,24 @@ def test_clouds_far_apart_share_a_frame_in_which_float32_has_a_millimetre(tmp_pa
     np.testing.assert_allclose(np.float32(ends), ends, rtol=0, atol=5e-4)
 
 
-@pytest.mark.parametrize("is_one_file", [False, True])
-def test_clouds_too_far_apart_are_refused_by_name(tmp_path, is_one_file):
-    size = (40_500.0, 80.0, 5.0)
-    paths = [cloud_at(tmp_path / "a.laz", size=size if is_one_file else (9.0, 9.0, 9.0))]
-    if not is_one_file:
-        paths.append(cloud_at(tmp_path / "b.laz", corner=(85000.0, 487300.0, 0.0)))
+def test_clouds_too_far_apart_are_refused_by_name(tmp_path):
+    paths = [
+        cloud_at(tmp_path / f"{north:.0f}.laz", corner=(85000.0, north, 0.0))
+        for north in (447000.0, 487300.0)
+    ]
     line = the_line(frame_of, [open_cloud(path) for path in paths])
-    assert all(path.name in line for path in paths)
-    assert "40." in line
+    assert "447000.laz and " in line
+    assert "487300.laz: together they span 40.4 km" in line
+
+
+def test_of_a_cloud_with_stray_points_the_bounds_are_those_of_the_others(tmp_path, caplog):
+    cloud = cloud_files.random_cloud()
+    x, y = np.asarray(cloud.x).copy(), np.asarray(cloud.y).copy()
+    x[3], y[3] = 0.0, 0.0
+    cloud.x, cloud.y = x, y
+    opened = open_cloud(cloud_files.saved(cloud, tmp_path / "stray.laz"))
+    assert frame_of([opened]).origin == (85000.0, 447000.0, 0.0)
+    assert "km from most" in caplog.records[-1].getMessage()
 
 
 def test_feet_become_metres_and_go_back(tmp_path):

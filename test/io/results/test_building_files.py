@@ -4,6 +4,7 @@ The files of a survey's buildings: GeoPackage layers read by GDAL, order, repeti
 
 import json
 
+import ezdxf
 import numpy as np
 import pyogrio
 import pytest
@@ -17,6 +18,7 @@ from lidar_buildings.core.model.errors import OutputError
 from lidar_buildings.core.model.outline import BuildingOutline, Outline
 from lidar_buildings.core.stages.building_model import BuildingModel
 from lidar_buildings.io.models.building_attributes import BUILDING_FIELDS
+from lidar_buildings.io.models.terrain_mesh import TerrainMesh
 from lidar_buildings.io.results import building_files
 from lidar_buildings.io.results.building_files import ModelHeading, write_buildings
 from lidar_buildings.io.results.output_config import FORMAT_FILES as FILES
@@ -143,6 +145,26 @@ def test_all_formats_name_the_same_buildings(dutch):
     assert [json.loads(line)["id"] for line in lines[1:]] == names
     mesh, drawing = ((folder / name).read_text() for name in ("city_model.obj", "city_model.dxf"))
     assert all(name in mesh and name in drawing for name in names)
+
+
+def test_the_terrain_stands_behind_the_buildings_in_every_model(tmp_path):
+    vertices = np.array([[0.0, 0, 1], [10, 0, 1], [10, 10, 2], [0, 10, 1]])
+    mesh = TerrainMesh("terrain-84800.0-447500.0", vertices, np.array([[0, 1, 2], [0, 2, 3]], np.int32))
+    with model_survey.survey(tmp_path, model_survey.shapes()) as survey:
+        write_buildings(tmp_path, survey, tuple(FILES), ModelHeading(), [mesh])
+    lines = (tmp_path / "city_model.city.jsonl").read_text().splitlines()
+    assert json.loads(lines[-1])["CityObjects"][mesh.name]["type"] == "TINRelief"
+    result = cjio("stdin", "save", str(tmp_path / "model.city.json"), lines=lines)
+    assert result.returncode == 0, result.stdout + result.stderr
+    *_, thing = json.loads((tmp_path / "model.city.json").read_text())["CityObjects"].values()
+    assert thing["geometry"][0]["type"] == "CompositeSurface"
+    obj = (tmp_path / "city_model.obj").read_text().split(f"o {mesh.name}\n")[1].splitlines()
+    assert [line.split()[0] for line in obj] == ["v"] * 4 + ["usemtl"] + ["f"] * 2
+    assert "newmtl terrain" in (tmp_path / "city_model.mtl").read_text()
+    drawing = ezdxf.readfile(tmp_path / "city_model.dxf")
+    faces = drawing.modelspace().query('3DFACE[layer=="TERRAIN"]')
+    assert [tuple(faces[1].dxf.get(f"vtx{k}")) for k in (0, 2)] == [(84900, 447400, 1), (84900, 447410, 1)]
+    assert not drawing.audit().has_errors
 
 
 def test_cjio_reads_all_levels_and_the_header_tells_extent_and_title(dutch, tmp_path):

@@ -2,6 +2,7 @@
 
 import json
 import random
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +17,7 @@ from lidar_buildings.core.stages.terrain import RasterConfig, RasterWindow, Terr
 from lidar_buildings.io.clouds.las import InputFile, open_cloud
 from lidar_buildings.io.results.output_folder import OutputFolder
 from lidar_buildings.io.results.terrain_files import RASTERS, crs_with_heights, merged, write_rasters
+from lidar_buildings.io.results.terrain_meshes import terrain_meshes
 from lidar_buildings.io.results.tile_products import TileProducts, load_raster_window
 from lidar_buildings.pipeline.tile_rasters import rasterise_tile
 
@@ -52,6 +54,28 @@ def test_rasters_come_back_from_disk_as_they_were(tmp_path):
     TileProducts.from_tiles(tile).save(tmp_path / "without.npz")
     assert load_raster_window(tmp_path / "without.npz") is None
     assert TileProducts.load(tmp_path / "without.npz").rasters is None
+
+
+def test_the_terrains_triangles_are_the_same_however_it_is_cut_into_tiles(tmp_path):
+    # x = 85,017 and 447,0xx lie amid squares of 256 m: their common side is at x = 84,992
+    frame = MapFrame("EPSG:28992", (84_900.0, 447_000.0, 0.0))
+    whole = sloping((80.0, 20.0), frame, size=24.0, n=4000)
+    is_west = whole.points[:, 0] < 95.0
+    parts = [
+        saved(tmp_path, replace(whole, buffer=(is_west == own).astype(np.uint8), stamp=stamp), frame=frame)
+        for stamp, own in ((5, True), (6, False))
+    ]
+    found = [
+        list(terrain_meshes(each, frame, 0.05)) for each in (parts, [saved(tmp_path, whole, frame=frame)])
+    ]
+    assert [one.name for one in found[0]] == ["terrain-84736.0-447232.0", "terrain-84992.0-447232.0"]
+    for mine, theirs in zip(*found, strict=True):
+        # the ground across a seam is the same but for rounding
+        np.testing.assert_allclose(mine.vertices, theirs.vertices, atol=1.5e-3)
+        np.testing.assert_array_equal(mine.triangles, theirs.triangles)
+    for mesh in found[0]:
+        assert mesh.vertices[:, 2] == pytest.approx(5.0 + 0.1 * mesh.vertices[:, 0], abs=0.06)
+    assert not list(terrain_meshes(parts, frame, 0.0))
 
 
 def test_no_rasters_are_made_where_none_are_wanted_or_points_have_no_class(tmp_path):

@@ -1,0 +1,153 @@
+"""The ground as few triangles: a raster's nodes, chosen until none of the others is far off."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import Delaunay, QhullError
+
+from lidar_buildings.core.surfaces.tin import Tin
+
+#: A mesh has no more vertices, and is refined no oftener; wide margins: a town needs a tenth, and ten rounds.
+_MOST_VERTICES, _MOST_ROUNDS = 20_000, 40
+#: On a straight rim of the data every such node is a vertex.
+_RIM_STEP = 16
+
+
+def relief(
+    elevation: NDArray[np.float64], tolerance: float
+) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int32]]:
+    """
+    Choose nodes of a raster whose triangulation is nowhere further from the others than the tolerance.
+
+    Along the raster's four sides lines are simplified by themselves (Douglas and Peucker 1973), so that
+    rasters that share a side have the same vertices there. Within, the worst node of each triangle becomes a
+    vertex, round by round (Garland and Heckbert 1995).
+
+    Parameters
+    ----------
+    elevation : ndarray of shape (height, width)
+        Of the nodes, the northernmost row first [m]; NaN where unknown: no triangle lies there.
+    tolerance : float
+        In height [m].
+
+    Returns
+    -------
+    rows, columns : ndarray of shape (n_vertices,), int64
+        The nodes that are vertices.
+    triangles : ndarray of shape (n_triangles, 3), int32
+        Rows of these, counter-clockwise from above; none without three vertices that span a triangle.
+    """
+    known = ~np.isnan(elevation)
+    inner = np.zeros_like(known)
+    inner[1:-1, 1:-1] = known[1:-1, 1:-1]
+    chosen = _on_sides(elevation, tolerance) | (_rim(known) & inner)
+    places = np.indices(known.shape).reshape(2, -1)
+    nodes = np.column_stack([places[1], -places[0], np.where(known, elevation, 0.0).ravel()])
+    nothing = np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64), np.zeros((0, 3), dtype=np.int32)
+    if np.count_nonzero(chosen) < 3:
+        return nothing
+    try:
+        for _ in range(_MOST_ROUNDS):
+            rows, columns = np.nonzero(chosen)
+            tin = _triangulated(nodes[chosen.ravel()])
+            triangle, error = _errors(tin, nodes)
+            worst = _worst_nodes(triangle, np.where(inner.ravel(), error, 0.0), tolerance)
+            if not len(worst) or len(rows) > _MOST_VERTICES:
+                break
+            chosen.reshape(-1)[worst] = True
+    except QhullError:  # all on a line
+        return nothing
+    return rows, columns, _over_known(tin, triangle, error, known)
+
+
+def _on_sides(elevation: NDArray[np.float64], tolerance: float) -> NDArray[np.bool_]:
+    """Return the nodes that stay of the lines along the raster's sides."""
+    chosen = np.zeros(elevation.shape, dtype=bool)
+    for side in ((0, slice(None)), (-1, slice(None)), (slice(None), 0), (slice(None), -1)):
+        chosen[side] |= _simplified(elevation[side], tolerance)
+    return chosen
+
+
+def _simplified(line: NDArray[np.float64], tolerance: float) -> NDArray[np.bool_]:
+    """Return the nodes that stay of a line of equal steps, of each known run at least the ends."""
+    kept = np.zeros(len(line), dtype=bool)
+    known = np.concatenate([[False], ~np.isnan(line), [False]])
+    starts, ends = np.flatnonzero(np.diff(known.astype(np.int8)) != 0).reshape(-1, 2).T
+    spans = list(zip(starts.tolist(), (ends - 1).tolist(), strict=True))
+    while spans:
+        first, last = spans.pop()
+        kept[[first, last]] = True
+        if last - first < 2:
+            continue
+        chord = np.linspace(line[first], line[last], last - first + 1)
+        away = np.abs(line[first : last + 1] - chord)
+        middle = int(away.argmax())
+        if away[middle] > tolerance:
+            spans += [(first, first + middle), (first + middle, last)]
+    return kept
+
+
+def _rim(known: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Return known nodes beside unknown ones; of straight rows of them the ends and some between."""
+    around = np.pad(known, 1, mode="edge")
+    rim = known & ~(around[:-2, 1:-1] & around[2:, 1:-1] & around[1:-1, :-2] & around[1:-1, 2:])
+    beside = np.pad(rim, 1)
+    straight = (beside[:-2, 1:-1] & beside[2:, 1:-1]) | (beside[1:-1, :-2] & beside[1:-1, 2:])
+    rows, columns = np.indices(known.shape)
+    return rim & (~straight | ((rows + columns) % _RIM_STEP == 0))
+
+
+def _triangulated(vertices: NDArray[np.float64]) -> Tin:
+    """Return the Delaunay triangulation without any frame, as hulls have to fit those of neighbours."""
+    found = Delaunay(vertices[:, :2])
+    extent = np.array([vertices[:, :2].min(axis=0), vertices[:, :2].max(axis=0)])
+    return Tin(
+        vertices,
+        np.ascontiguousarray(found.simplices),
+        np.ascontiguousarray(found.neighbors),
+        len(vertices),
+        extent,
+        np.zeros(2),
+    )
+
+
+def _errors(tin: Tin, nodes: NDArray[np.float64]) -> tuple[NDArray[np.int32], NDArray[np.float64]]:
+    """Return each node's triangle and its distance in height from that; NaN beyond the hull."""
+    triangle = tin.locate(nodes)
+    a, b, c = tin.vertices[tin.triangles[triangle]].transpose(1, 2, 0)
+    (ux, uy, uz), (vx, vy, vz), (px, py, pz) = b - a, c - a, nodes.T - a
+    area = ux * vy - uy * vx
+    with np.errstate(divide="ignore", invalid="ignore"):
+        one, other = (px * vy - py * vx) / area, (ux * py - uy * px) / area
+        error = np.abs(one * uz + other * vz - pz)
+    inside = (one >= 0.0) & (other >= 0.0) & (one + other <= 1.0 + 1e-12)
+    return triangle, np.where(inside, error, np.nan)
+
+
+def _worst_nodes(
+    triangle: NDArray[np.int32], error: NDArray[np.float64], tolerance: float
+) -> NDArray[np.intp]:
+    """Return the node of each triangle that is furthest off, where it is by more than the tolerance."""
+    far = np.flatnonzero(error > tolerance)
+    order = far[np.lexsort((far, -error[far], triangle[far]))]
+    return order[np.flatnonzero(np.diff(triangle[order], prepend=-1))]
+
+
+def _over_known(
+    tin: Tin, triangle: NDArray[np.int32], error: NDArray[np.float64], known: NDArray[np.bool_]
+) -> NDArray[np.int32]:
+    """Return the triangles over known ground: by most nodes in each, else by those round its middle."""
+    n, inside = len(tin.triangles), ~np.isnan(error)
+    in_all = np.bincount(triangle[inside], minlength=n)
+    in_known = np.bincount(triangle[inside & known.ravel()], minlength=n)
+    corners = tin.vertices[tin.triangles]
+    (ux, uy), (vx, vy) = ((corners[:, k, :2] - corners[:, 0, :2]).T for k in (1, 2))
+    x, y = corners[:, :, :2].mean(axis=1).T
+    low, high = ([up(-y).astype(np.intp), up(x).astype(np.intp)] for up in (np.floor, np.ceil))
+    round_middle = (
+        known[low[0], low[1]] & known[low[0], high[1]] & known[high[0], low[1]] & known[high[0], high[1]]
+    )
+    # every triangle holds its corners or shares them: three nodes say nothing
+    kept = np.where(in_all > 3, 2 * in_known > in_all, round_middle) & (ux * vy - uy * vx > 0.0)
+    return tin.triangles[kept]
