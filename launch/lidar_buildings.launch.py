@@ -1,5 +1,8 @@
 """The whole graph, every node a process of its own."""
 
+import json
+from pathlib import Path
+
 from launch.actions import DeclareLaunchArgument, EmitEvent, OpaqueFunction, RegisterEventHandler
 from launch.conditions import IfCondition
 from launch.event_handlers import OnProcessExit
@@ -13,9 +16,11 @@ from lidar_buildings.core.model.parameter_names import parameter_names, spelling
 from lidar_buildings.nodes.configs import NODE_CONFIGS
 from lidar_buildings.nodes.replication import replicas_of, share_parameters
 from lidar_buildings.nodes.run_settings import run_settings
+from lidar_buildings.nodes.shared_files import PRESETS, preset_file
 from lidar_buildings.nodes.table import SOURCES, nodes_until
 
 PACKAGE = "lidar_buildings"
+DEFAULTS = "pipeline.param.yaml"
 SHARED = PathJoinSubstitution([FindPackageShare(PACKAGE), "config"])
 #: Arguments that, where given, win over the parameter file.
 #: As many tiles as the player lets into the graph at most.
@@ -71,8 +76,14 @@ ARGUMENTS = (
     ),
     DeclareLaunchArgument(
         "params_file",
-        default_value=PathJoinSubstitution([SHARED, "pipeline.param.yaml"]),
+        default_value=PathJoinSubstitution([SHARED, DEFAULTS]),
         description="Parameters of all nodes.",
+    ),
+    DeclareLaunchArgument(
+        "preset",
+        default_value="",
+        choices=("", *PRESETS),
+        description="The whole chain as a paper has it; params_file wins where it is given.",
     ),
     DeclareLaunchArgument(
         "footprints",
@@ -134,6 +145,8 @@ def start_nodes(context) -> list:
     own["recorder"] = {"output": value("record")}
     own["model_builder"] = {"flow_control.publish_tile_done": not writes}
     own["model_writer"]["overwrite"] = value("overwrite").lower() == "true"
+    if value("preset"):
+        own["model_writer"]["settings"] = json.dumps({"preset": value("preset")})
     for node, given in _footprints(value("footprints")).items():
         own[node] = own.get(node, {}) | given
     names = [name for name in nodes_until("building_model", source) if writes or name != "model_writer"]
@@ -169,19 +182,26 @@ def _node(name: str, parameters: dict, value, share: tuple) -> Node:
     number, n_replicas = share
     own = {full_names[key]: list(one) if isinstance(one, tuple) else one for key, one in parameters.items()}
     if n_replicas > 1:
-        own = share_parameters(number, n_replicas, value("params_file"), name) | own
+        own = share_parameters(number, n_replicas, _parameter_files(value), name) | own
     return Node(
         package=PACKAGE,
         executable=name,
         name=f"{name}_{number}" if n_replicas > 1 else name,
         namespace=value("namespace"),
-        parameters=[value("params_file"), own],
+        parameters=[*_parameter_files(value), own],
         remappings=[(one, value(one)) for one in FEED_TOPICS if name == "scan_assembler" and value(one)],
         arguments=["--ros-args", "--log-level", value("log_level")],
         respawn=value("respawn").lower() == "true" and name not in ("model_writer", "recorder"),
         respawn_delay=1.0,
         output="screen",
     )
+
+
+def _parameter_files(value) -> list[str]:
+    """Return the parameter files, the one that wins last: the defaults, the preset, a file of the user's."""
+    given, preset = value("params_file"), value("preset")
+    files = [given, str(preset_file(preset))] if preset else [given]
+    return files if Path(given).name == DEFAULTS else files[::-1]
 
 
 def _end_with(writer) -> list:

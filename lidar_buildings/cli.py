@@ -125,6 +125,11 @@ def _add_settings(parser: argparse.ArgumentParser) -> None:
         "--params", type=Path, metavar="FILE", help="parameters as in config/pipeline.param.yaml"
     )
     parser.add_argument(
+        "--preset",
+        metavar="NAME",
+        help="the whole chain as a paper has it: santos, villalba or sampath_shan; --params and --set win",
+    )
+    parser.add_argument(
         "--set",
         action="append",
         default=[],

@@ -19,6 +19,7 @@ from lidar_buildings.io.bags.bag_config import BagConfig
 from lidar_buildings.io.results.output_config import OutputConfig
 from lidar_buildings.io.tiling.tiling_config import TilingConfig
 from lidar_buildings.nodes.configs import NODE_CONFIGS
+from lidar_buildings.nodes.shared_files import preset_file
 from lidar_buildings.pipeline.reconstruct import STAGE_CONFIGS, STAGES, PipelineConfig
 
 if TYPE_CHECKING:
@@ -82,6 +83,8 @@ class RunRequest:
         What of bags is taken.
     bags : tuple of dict
         What became of the bags among the inputs, once they are placed.
+    preset : str
+        The paper whose parameters these are, but for what the user set; empty if none.
     """
 
     inputs: tuple[str, ...]
@@ -97,6 +100,7 @@ class RunRequest:
     scans: ScanConfig = field(default_factory=ScanConfig)
     choice: BagConfig = field(default_factory=BagConfig)
     bags: tuple[dict[str, Any], ...] = ()
+    preset: str = ""
 
     def parameters(self) -> dict[str, Any]:
         """Return everything that results depend on, as plain values."""
@@ -105,6 +109,7 @@ class RunRequest:
             _TILING: asdict(self.tiling),
             OutputConfig.stage: asdict(self.files),
             **({"bags": list(self.bags)} if self.bags else {}),
+            **({"preset": self.preset} if self.preset else {}),
         }
         if self.footprints is None:
             return stages
@@ -125,7 +130,9 @@ def request_of(options: argparse.Namespace) -> RunRequest:
     ParameterError
         If a name is unknown or a value not allowed.
     """
-    settings = read_settings(options.params, [*options.set, *_short_forms(options)], NODE_CONFIGS)
+    assignments = [*options.set, *_short_forms(options)]
+    preset = preset_file(options.preset) if options.preset else None
+    settings = read_settings(options.params, assignments, NODE_CONFIGS, preset=preset)
     if options.tile_size is not None:
         settings.setdefault(_TILING, {})["tile_size"] = options.tile_size
     _check_own(settings)
@@ -148,6 +155,7 @@ def request_of(options: argparse.Namespace) -> RunRequest:
         footprints=footprints,
         scans=_shared(ScanConfig, settings),
         choice=_shared(BagConfig, settings),
+        preset=options.preset or "",
     )
 
 

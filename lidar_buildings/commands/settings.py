@@ -12,7 +12,7 @@ from typing import Any
 import yaml
 
 from lidar_buildings.core.model.errors import InputError, ParameterError
-from lidar_buildings.core.model.parameter_names import ADVANCED, parameter_names, spellings
+from lidar_buildings.core.model.parameter_names import ADVANCED, flat_names, parameter_names, spellings
 from lidar_buildings.core.model.parameters import StageConfig, checked_value
 
 #: {stage: {parameter name: value}}
@@ -25,9 +25,11 @@ _COMPARE = "compare config/pipeline.param.yaml"
 _FORM = "must be STAGE.NAME=VALUE, as in roof_selection.min_height=2.5"
 
 
-def read_settings(params: Path | None, assignments: list[str], nodes: NodeConfigs) -> Settings:
+def read_settings(
+    params: Path | None, assignments: list[str], nodes: NodeConfigs, *, preset: Path | None = None
+) -> Settings:
     """
-    Merge a parameter file with assignments; assignments win.
+    Merge a preset, a parameter file and assignments; assignments win, then the file.
 
     Parameters
     ----------
@@ -38,25 +40,35 @@ def read_settings(params: Path | None, assignments: list[str], nodes: NodeConfig
         before a parameter's name may be left out, here and in the file.
     nodes : mapping
         Which node has which stages.
+    preset : Path, optional
+        Parameter file of a preset.
 
     Raises
     ------
     InputError
-        If the file cannot be read.
+        If a file cannot be read.
     ParameterError
         If an assignment is malformed, a name is unknown or a value not allowed, or if the file gives one
         parameter two values; the message begins with the file's name or with ``--set``.
     """
-    settings: Settings = {}
-    for stage, name, value in _from_file(params, nodes):
-        if settings.setdefault(stage, {}).setdefault(name, value) != value:
-            raise ParameterError(
-                f"{params}: {stage}.{name} is both {settings[stage][name]!r} and {value!r}, since two nodes "
-                "use it: give one value, or leave one of them out"
-            )
+    settings = _read_file(preset, nodes)
+    for stage, given in _read_file(params, nodes).items():
+        settings.setdefault(stage, {}).update(given)
     for text in assignments:
         stage, name, value = _assignment(text, nodes)
         settings.setdefault(stage, {})[name] = value
+    return settings
+
+
+def _read_file(path: Path | None, nodes: NodeConfigs) -> Settings:
+    """Return the parameters of a file, none of them with two values."""
+    settings: Settings = {}
+    for stage, name, value in _from_file(path, nodes):
+        if settings.setdefault(stage, {}).setdefault(name, value) != value:
+            raise ParameterError(
+                f"{path}: {stage}.{name} is both {settings[stage][name]!r} and {value!r}, since two nodes "
+                "use it: give one value, or leave one of them out"
+            )
     return settings
 
 
@@ -70,7 +82,7 @@ def _from_file(path: Path | None, nodes: NodeConfigs) -> Iterator[tuple[str, str
             raise ParameterError(f"{path}: there is no node {node!r}{_nearest(node, nodes)}")
         if not isinstance(body, dict) or not isinstance(body.get("ros__parameters"), dict):
             raise ParameterError(f"{path}: {key} has no ros__parameters: {_COMPARE}")
-        for name, value in _flat(body["ros__parameters"]):
+        for name, value in flat_names(body["ros__parameters"]):
             yield _checked(str(path), *_stage_of(str(path), node, name, nodes), value, nodes)
 
 
@@ -133,14 +145,6 @@ def _as_ros_reads(value: Any) -> Any:
     if isinstance(value, str) and _EXPONENT.fullmatch(value):
         return float(value)  # 1e-3 is a text to YAML 1.1
     return value
-
-
-def _flat(parameters: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
-    for name, value in parameters.items():
-        if isinstance(value, dict):
-            yield from _flat(value, f"{prefix}{name}.")
-        else:
-            yield f"{prefix}{name}", value
 
 
 def _stage_of(origin: str, node: str, name: str, nodes: NodeConfigs) -> tuple[str, str]:

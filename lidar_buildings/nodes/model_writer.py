@@ -64,8 +64,8 @@ class ModelWriter(StageNode):
             raise
         self._stages = [NODE_STAGES[name] for name in nodes_until(config.until)[1:-1]]
         self._topics = [topic.name for topic in writer_topics(config.until)]
-        bags = self._survey.settings.get("bags")
-        self._record = RunRecord({"bags": bags} if bags else {})
+        told = self._survey.settings
+        self._record = RunRecord({name: told[name] for name in ("bags", "preset") if told.get(name)})
         self._end_timer: Timer | None = None
         self._begin()
         self.summary.watch(lambda: {"tiles_on_disk": len(self._survey.on_disk)})

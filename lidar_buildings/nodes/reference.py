@@ -11,7 +11,6 @@ import argparse
 import sys
 import textwrap
 from dataclasses import Field
-from importlib import resources
 from pathlib import Path
 from typing import Any
 
@@ -74,20 +73,6 @@ def nodes_page() -> str:
         *(_node_section(card) for card in NODE_TABLE),
     ]
     return "\n\n".join(parts) + "\n"
-
-
-def installed_parameter_file() -> Path | None:
-    """Return the parameter file's path: as packaged, as a ROS install shares it, or beside the source."""
-    packaged = resources.files("lidar_buildings").joinpath("config", _PARAMETER_FILE)
-    candidates = [Path(str(packaged))]
-    try:
-        from ament_index_python.packages import get_package_share_directory
-
-        candidates.append(Path(get_package_share_directory("lidar_buildings"), "config", _PARAMETER_FILE))
-    except (ImportError, LookupError, OSError):  # no ament, no such package, no AMENT_PREFIX_PATH
-        pass
-    candidates.append(_root() / "config" / _PARAMETER_FILE)
-    return next((path for path in candidates if path.is_file()), None)
 
 
 def main(arguments: list[str] | None = None) -> int:

@@ -6,13 +6,14 @@ It needs no ROS.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
 import yaml
 
 from lidar_buildings.core.model.errors import ParameterError
+from lidar_buildings.core.model.parameter_names import flat_names
 from lidar_buildings.core.model.replicas import MAX_REPLICAS
 from lidar_buildings.core.model.stage_table import STAGE_TABLE
 
@@ -42,15 +43,18 @@ def replicas_of(text: str) -> dict[str, int]:
     return found
 
 
-def share_parameters(number: int, n_replicas: int, params_file: str | Path, node: str) -> dict[str, Any]:
+def share_parameters(
+    number: int, n_replicas: int, params_files: Iterable[str | Path], node: str
+) -> dict[str, Any]:
     """
-    Return the parameters of replica `number`: its share, and what a parameter file says of its kind.
+    Return the parameters of replica `number`: its share, and what parameter files say of its kind.
 
     ROS finds parameters in a file by the name of a node, which each replica has its own of.
     """
-    content = yaml.safe_load(Path(params_file).read_text(encoding="utf-8")) if str(params_file) else None
     found: dict[str, Any] = {}
-    for key, body in (content if isinstance(content, Mapping) else {}).items():
-        if str(key).rpartition("/")[2] == node:
-            found |= (body or {}).get("ros__parameters") or {}
+    for path in filter(None, map(str, params_files)):
+        content = yaml.safe_load(Path(path).read_text(encoding="utf-8"))
+        for key, body in (content if isinstance(content, Mapping) else {}).items():
+            if str(key).rpartition("/")[2] == node:
+                found |= dict(flat_names((body or {}).get("ros__parameters") or {}))
     return found | {"replica": number, "replicas": n_replicas}

@@ -18,7 +18,7 @@ from lidar_buildings.core.model.ids import anchor_row
 from lidar_buildings.core.model.outline import BuildingOutline, Outline
 from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.core.neighbours.scan_pattern import ScanPattern
-from lidar_buildings.core.stages.boundary_tracing import BoundaryTracingConfig, trace_boundary
+from lidar_buildings.core.stages.boundary_tracing import BoundaryTracingConfig, rows_to_trace, trace_boundary
 from lidar_buildings.core.stages.edge_labelling import EdgeLabellingConfig, label_edges
 from lidar_buildings.core.stages.footprints import FootprintConfig, Footprints, assign_footprints
 from lidar_buildings.core.stages.ground_filter import GroundFilterConfig, classify_ground, used_classes
@@ -160,11 +160,11 @@ def trace_buildings(
         for number, rows in rows_by_building(found.building_id)
         if int(found.block_id[rows[0]]) in blocks
     ]
-    building_id = np.zeros(len(tile), dtype=np.uint32)
-    jobs, spacing = [], tile.point_spacing
+    building_id, jobs, spacing = np.zeros(len(tile), dtype=np.uint32), [], tile.point_spacing
     for number, rows in owned:
         building_id[rows] = number
-        jobs.append(_TracingJob(number, tile.points[rows], boundary_tracing, found.patterns[number], spacing))
+        cloud = tile.points[rows_to_trace(rows, tile.edge, boundary_tracing)]
+        jobs.append(_TracingJob(number, cloud, boundary_tracing, found.patterns[number], spacing))
     rings = map_buildings(pool, _traced, jobs, [len(rows) for _, rows in owned], _square)
     outlines = [BuildingOutline(job.building_id, ring) for job, ring in zip(jobs, rings, strict=True)]
     clipped = any(_reaches(tile.bounds, tile.points[rows], max(found.window)) for _, rows in owned)

@@ -16,6 +16,7 @@ from lidar_buildings.core.model.parameters import spec_of
 from lidar_buildings.nodes import reference
 from lidar_buildings.nodes.configs import NODE_CONFIGS
 from lidar_buildings.nodes.graph import node_class
+from lidar_buildings.nodes.shared_files import shared_file
 from lidar_buildings.nodes.table import (
     NODE_TABLE,
     ON_REQUEST,
@@ -241,7 +242,7 @@ def flat(parameters, prefix=""):
 
 def parameters_of_the_file():
     """(node, parameter name) → value in the parameter file that we ship."""
-    content = yaml.safe_load(reference.installed_parameter_file().read_text(encoding="utf-8"))
+    content = yaml.safe_load(shared_file("pipeline.param.yaml").read_text(encoding="utf-8"))
     return {
         (key.removeprefix("/**/"), name): value
         for key, body in content.items()

@@ -25,6 +25,6 @@ def test_a_replica_has_the_parameters_of_its_kind(tmp_path):
         "/**/roof_selector:\n  ros__parameters:\n    min_height: 2.0\n"
         "roof_selector:\n  ros__parameters:\n    advanced: {x: 1}\n/**:\n  ros__parameters: {y: 2}\n"
     )
-    found = share_parameters(1, 2, file, "roof_selector")
-    assert found == {"min_height": 2.0, "advanced": {"x": 1}, "replica": 1, "replicas": 2}
-    assert share_parameters(0, 2, "", "roof_selector") == {"replica": 0, "replicas": 2}
+    found = share_parameters(1, 2, [file], "roof_selector")
+    assert found == {"min_height": 2.0, "advanced.x": 1, "replica": 1, "replicas": 2}
+    assert share_parameters(0, 2, [""], "roof_selector") == {"replica": 0, "replicas": 2}

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import Field, fields
 from typing import Any
 
@@ -35,3 +35,12 @@ def prefix_of(stage: str, configs: Mapping[str, type[StageConfig]]) -> str:
 def spellings(names: Iterable[str]) -> dict[str, str]:
     """Return what users may write → parameter name: they may leave ``advanced.`` out."""
     return {spelling: name for name in names for spelling in (name.replace(ADVANCED, "", 1), name)}
+
+
+def flat_names(parameters: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
+    """Yield name and value of nested parameters, names joined by points."""
+    for name, value in parameters.items():
+        if isinstance(value, Mapping):
+            yield from flat_names(value, f"{prefix}{name}.")
+        else:
+            yield f"{prefix}{name}", value

@@ -157,6 +157,7 @@ def measure_scan_patterns(
     *,
     scan_angle: NDArray[np.float64] | None = None,
     cells: CellGrid | None = None,
+    min_ratio: float = MIN_RATIO,
 ) -> list[ScanPattern]:
     """
     Measure the pattern of each group of points from its own points alone.
@@ -175,6 +176,8 @@ def measure_scan_patterns(
         See `measure_scan_pattern`.
     cells : CellGrid, optional
         The points by `scan_cells`, if they are at hand.
+    min_ratio : float
+        Spacings along and across that differ by less than this factor are one.
     """
     patterns = [ScanPattern.isotropic(spacing) for _ in range(n_groups)]
     size = np.bincount(group[group >= 0], minlength=n_groups)
@@ -187,7 +190,7 @@ def measure_scan_patterns(
         has_lines, axis = _lines(pulses, cells, group, is_probe & open_[group], spacing, by_time, scan_angle)
         if has_lines.any():
             probes = is_probe & has_lines[group]
-            for number, pattern in _spaced(pulses, cells, group, probes, spacing, by_time, axis):
+            for number, pattern in _spaced(pulses, cells, group, probes, spacing, by_time, axis, min_ratio):
                 patterns[number] = pattern
                 open_[number] = False
     return patterns
@@ -250,6 +253,7 @@ def _spaced(
     spacing: float,
     by_time: bool,
     direction: NDArray[np.float64],
+    min_ratio: float,
 ) -> list[tuple[int, ScanPattern]]:
     """Return (group, pattern) of every group whose spacings along and across its lines clearly differ."""
     axis = np.column_stack((np.cos(direction), np.sin(direction)))
@@ -272,7 +276,7 @@ def _spaced(
     either = _medians(np.fmax(sides[:, 0], sides[:, 1]), group, len(axis))
     across = np.where(np.isnan(both), either, both)
     ratio = np.maximum(along, across) / np.minimum(along, across)
-    found = np.flatnonzero((ratio >= MIN_RATIO) & (ratio <= MAX_RATIO))
+    found = np.flatnonzero((ratio >= min_ratio) & (ratio <= MAX_RATIO))
     return [(int(k), ScanPattern(float(direction[k]), float(along[k]), float(across[k]))) for k in found]
 
 

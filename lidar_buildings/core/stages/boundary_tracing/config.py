@@ -23,6 +23,20 @@ class BoundaryTracingConfig(StageConfig):
         choices=METHODS,
         advanced=True,
     )
+    source: str = parameter(
+        "points",
+        "Which points of a building are traced: all, or those labelled as edges, as Santos and others "
+        "suggest.",
+        choices=("points", "edge_points"),
+        advanced=True,
+    )
+    neighbourhood: str = parameter(
+        "automatic",
+        "Shape of the neighbourhood: a rectangle where scan lines tell how it should be turned, else a disc; "
+        "or, as published, always a rectangle, with the scan's own spacings however they differ.",
+        choices=("automatic", "rectangle"),
+        advanced=True,
+    )
     window: float = parameter(
         5.0,
         "Sides of the neighbourhood of each step; raising it smooths the ring and closes narrow gaps.",
@@ -60,4 +74,4 @@ class BoundaryTracingConfig(StageConfig):
 
 
 #: The walk of Sampath & Shan (2007): a window slightly larger than twice the spacing, and no courtyards.
-AS_PUBLISHED = BoundaryTracingConfig(window=2.2, courtyards=False)
+AS_PUBLISHED = BoundaryTracingConfig(window=2.2, neighbourhood="rectangle", courtyards=False)

@@ -66,7 +66,9 @@ class PointGrid(NamedTuple):
     orientation: int = 1
 
 
-def build_point_grid(points: NDArray[np.float64], pattern: ScanPattern, window: float) -> PointGrid:
+def build_point_grid(
+    points: NDArray[np.float64], pattern: ScanPattern, window: float, *, is_rectangle: bool = False
+) -> PointGrid:
     """
     Sort positions into cells, every position once.
 
@@ -78,6 +80,8 @@ def build_point_grid(points: NDArray[np.float64], pattern: ScanPattern, window: 
         The spacing along and across the scan lines; a disc where both are the same, else a rectangle.
     window : float
         Sides of the neighbourhood [spacings].
+    is_rectangle : bool
+        Whether it is a rectangle where the spacings are the same, too.
     """
     along, across = 0.5 * window * pattern.along, 0.5 * window * pattern.across
     cosine, sine = float(np.cos(pattern.direction)), float(np.sin(pattern.direction))
@@ -94,7 +98,7 @@ def build_point_grid(points: NDArray[np.float64], pattern: ScanPattern, window: 
         cell *= 2.0
     n_columns, n_rows = int((high_u - low_u) / cell) + 1, int((high_v - low_v) / cell) + 1
     x, y, first = _sorted_by_cell(points, *frame, low_u, low_v, cell, n_columns, n_rows)
-    is_disc = pattern.along == pattern.across
+    is_disc = pattern.is_isotropic and not is_rectangle
     return PointGrid(x, y, first, n_columns, n_rows, cell, low_u, low_v, *frame, is_disc, _ROUNDING * largest)
 
 

@@ -90,7 +90,7 @@ def trace_boundary(
     pattern : ScanPattern, optional
         Spacing along and across the scan lines: the neighbourhood is a rectangle with sides in these
         proportions, aligned with the lines. Without it, or where both are the same, it is a disc, since
-        nothing tells how a square should be turned.
+        nothing tells how a square should be turned, unless `config.neighbourhood` wants one.
     point_spacing : float, optional
         The spacing of the building's points [m]; that of the pattern, or measured, if not given.
     other_points : array_like of shape (n_points, 2 or more), optional
@@ -115,7 +115,10 @@ def trace_boundary(
     cloud = checked_points(points)
     others = None if other_points is None else _plan(other_points)
     spacing = _spacing(cloud, pattern, point_spacing)
-    grid = build_point_grid(cloud, _widened(pattern or ScanPattern.isotropic(spacing)), config.window)
+    known, is_rectangle = pattern or ScanPattern.isotropic(spacing), config.neighbourhood == "rectangle"
+    grid = build_point_grid(
+        cloud, known if is_rectangle else _widened(known), config.window, is_rectangle=is_rectangle
+    )
     why_degenerate = _degeneracy(grid, spacing)
     if why_degenerate:
         outline = Outline(_simple_cover(np.column_stack([grid.x, grid.y]), spacing))
@@ -129,6 +132,16 @@ def trace_boundary(
     )
     outline, reasons = _METHODS[config.method](grid, config, spacing, rules if config.courtyards else None)
     return TracedBoundary(outline, spacing, BuildingStatus.OK, "; ".join(reasons))
+
+
+def rows_to_trace(
+    rows: NDArray[np.intp], edge: NDArray[np.uint8] | None, config: BoundaryTracingConfig
+) -> NDArray[np.intp]:
+    """Return the rows of a building's points that its ring is traced from: all where too few are edges."""
+    if config.source == "points" or edge is None:
+        return rows
+    edges = rows[edge[rows] > 0]
+    return edges if len(edges) >= _MIN_POSITIONS else rows
 
 
 def _by_walk(

@@ -23,11 +23,15 @@ from lidar_buildings.core.stages.ground_filter.config import (
 )
 from lidar_buildings.core.stages.ground_filter.consensus import agreed_ground
 from lidar_buildings.core.stages.ground_filter.gross_errors.noise import find_noise
+from lidar_buildings.core.stages.ground_filter.growing_tin import histogram_tin
 from lidar_buildings.core.stages.ground_filter.growing_tin.progressive_tin import densify, near_terrain
 from lidar_buildings.core.stages.ground_filter.openings import morphological
-from lidar_buildings.core.stages.ground_filter.scan_profiles import bidirectional_slope
+from lidar_buildings.core.stages.ground_filter.scan_profiles import bidirectional_slope, slope_pairs
 from lidar_buildings.core.surfaces.tin import Tin
 from lidar_buildings.core.surfaces.triangulation import build_tin
+
+#: Method → what makes the terrain of the lowest points.
+DENSIFIED = {"progressive_tin": densify, "histogram_tin": histogram_tin.densify}
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,6 +75,7 @@ def classify_ground(
       slope and elevation difference.
     - ``morphological`` (Zhang et al. 2003; Pingel et al. 2013): openings of the lowest surface with growing
       windows.
+    - ``histogram_tin`` (Mancera-Taboada et al. 2012), ``slope_pairs`` (Sampath & Shan 2007): as published.
     - ``none``: no point is; every one stands `HEIGHT_WITHOUT_GROUND` above the ground.
 
     Heights are measured from the TIN of the ground. The lowest surface is ground by definition. Where no
@@ -158,7 +163,7 @@ def _labelled_ground(
 
     The method sees the free points in the order given.
     """
-    if config.method in ("consensus", "progressive_tin"):
+    if config.method in ("consensus", *DENSIFIED):
         return None
     in_order = in_rows_order(cloud, free)
     rows = np.flatnonzero(in_order)
@@ -166,7 +171,8 @@ def _labelled_ground(
         found = morphological.label_ground(points[rows], config)
     else:
         known = {name: None if column is None else column[rows] for name, column in scan.items()}
-        found = bidirectional_slope.label_ground(points[rows], config, **known)
+        along_scan = slope_pairs if config.method == "slope_pairs" else bidirectional_slope
+        found = along_scan.label_ground(points[rows], config, **known)
     in_order[rows] = found
     return in_order[cloud.rows]
 
@@ -180,8 +186,8 @@ def _terrain(cloud: CellGrid, ground: NDArray[np.bool_], config: GroundFilterCon
     x, y = cloud.points[:, 0], cloud.points[:, 1]
     extent = np.array([[x.min(), y.min()], [x.max(), y.max()]])
     candidates = cloud.points[lowest_of_cells(cloud, ground if ground.any() else np.ones_like(ground))]
-    if config.method == "progressive_tin":
-        return densify(candidates, extent, config)
+    if config.method in DENSIFIED:
+        return DENSIFIED[config.method](candidates, extent, config)
     if config.method == "consensus":
         candidates = candidates[agreed_ground(candidates, extent, config)]
     return build_tin(candidates, extent)

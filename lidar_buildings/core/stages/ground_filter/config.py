@@ -23,9 +23,19 @@ class GroundFilterConfig(StageConfig):
     method: str = parameter(
         "consensus",
         "How ground is told from the rest: by a TIN that grows (Axelsson 2000), along profiles (Shan and "
-        "Sampath 2005), by openings (Zhang et al. 2003), or by the majority of the three; none is for clouds "
-        "of roofs alone, below which the ground is taken to lie 3 m.",
-        choices=("consensus", "progressive_tin", "bidirectional_slope", "morphological", "none"),
+        "Sampath 2005), by openings (Zhang et al. 2003), or by the majority of the three; as published, by a "
+        "TIN with thresholds from histograms (Mancera-Taboada et al. 2012), or between slopes up and down "
+        "(Sampath and Shan 2007); none is for clouds of roofs alone, below which the ground is taken to lie "
+        "3 m.",
+        choices=(
+            "consensus",
+            "progressive_tin",
+            "bidirectional_slope",
+            "morphological",
+            "histogram_tin",
+            "slope_pairs",
+            "none",
+        ),
     )
     seed_cell: float = parameter(
         50.0,

@@ -59,6 +59,15 @@ class PlaneFittingConfig(StageConfig):
         minimum=10.0,
         maximum=90.0,
     )
+    largest_plane_area: float = parameter(
+        0.0,
+        "With ransac: area of the largest plane that is likely; a sample with as many points as it has ends "
+        "the search for that plane. Raising it draws more samples, 0 draws all.",
+        unit="m²",
+        minimum=0.0,
+        maximum=1_000_000.0,
+        advanced=True,
+    )
     outlier_share: float = parameter(
         0.4,
         "Expected share of points that lie on other surfaces: of those near a roof point (connected), or of "

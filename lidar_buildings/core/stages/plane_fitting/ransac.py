@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -35,7 +37,7 @@ def ransac_planes(
     points : ndarray of shape (n_points, 3)
         In any order [m].
     spacing : float
-        Not looked at: planes are not connected.
+        What the points of the largest plane follow from; planes are not connected [m].
     min_points : int
         Fewest points of a plane.
     config : PlaneFittingConfig
@@ -44,12 +46,13 @@ def ransac_planes(
     ordered = np.ascontiguousarray(points[order])
     chance = np.random.default_rng(config.random_state)
     n_samples = samples_needed(PROBABILITY, config.outlier_share)
+    enough = math.ceil(config.largest_plane_area / spacing**2) or len(points)
     labels = np.zeros(len(points), dtype=np.int32)
     number = 0
     while np.count_nonzero(labels == 0) >= min_points:
         free = np.flatnonzero(labels == 0)
         samples = chance.random((n_samples, 3))
-        members = best_plane(ordered[free], samples, config.max_plane_distance)
+        members = best_plane(ordered[free], samples, config.max_plane_distance, enough)
         if np.count_nonzero(members) < min_points:
             break
         number += 1
@@ -60,7 +63,7 @@ def ransac_planes(
 
 
 @kernel
-def best_plane(points: FloatArray, samples: FloatArray, tolerance: float) -> BoolArray:
+def best_plane(points: FloatArray, samples: FloatArray, tolerance: float, enough: int) -> BoolArray:
     """
     Return which points lie on the adjusted plane of the sample with the best consensus.
 
@@ -72,6 +75,8 @@ def best_plane(points: FloatArray, samples: FloatArray, tolerance: float) -> Boo
         Numbers in [0, 1) that choose the points of each sample.
     tolerance : float
         Largest distance of a point to the plane [m].
+    enough : int
+        Points of a consensus after which no further sample is looked at.
     """
     best, trial = np.zeros(4), np.empty(4)
     most = 0
@@ -85,6 +90,8 @@ def best_plane(points: FloatArray, samples: FloatArray, tolerance: float) -> Boo
         if n > most:
             most = n
             best[:] = trial
+        if most >= enough:
+            break
     members = np.zeros(len(points), np.bool_)
     for _ in range(_MAX_ADJUSTMENTS if most >= 3 else 0):
         changed = False

@@ -90,10 +90,13 @@ def _divided_at_turns(
 ) -> tuple[tuple[float, ...], list[Division]]:
     """Find the directions of the long walls, and all walls, as published."""
     max_turn = np.deg2rad(config.max_turn_deg)
-    free = [divide_at_turns(ring.points, np.zeros(0), max_turn) for ring in samples]
-    directions = _long_directions(samples, free, spacing, config, config.max_directions)
-    angles = both_ways(directions)
-    return directions, [divide_at_turns(ring.points, angles, max_turn) for ring in samples]
+    consecutive = config.division == "slope_changes"
+
+    def divided(angles: NDArray[np.float64]) -> list[Division]:
+        return [divide_at_turns(ring.points, angles, max_turn, consecutive=consecutive) for ring in samples]
+
+    directions = _long_directions(samples, divided(np.zeros(0)), spacing, config, config.max_directions)
+    return directions, divided(both_ways(directions))
 
 
 def _a_corner(division: Division) -> int:
@@ -113,18 +116,24 @@ def _long_directions(
     config: RegularisationConfig,
     max_directions: int,
 ) -> tuple[float, ...]:
-    """Return the directions of the walls that are long enough, or at least half as long as the longest."""
+    """Return the directions of the walls that are long enough."""
     walls = [
         wall
         for ring, division in zip(samples, divisions, strict=True)
         for wall in wall_scatters(ring.points, running_sums(ring.points, ring.weights), division)
     ]
-    longest = max((wall.length for wall in walls), default=0.0)
-    min_length = min(_LONG_WALL * spacing, 0.5 * longest)
+    min_length = min_long_length([wall.length for wall in walls], spacing, config)
     return shared_directions(
         [wall for wall in walls if wall.length >= min_length],
         np.deg2rad(config.angle_tolerance_deg),
         config.noise * spacing,
-        OWN_DIRECTION_COST,
+        OWN_DIRECTION_COST if config.adjustment == "robust" else np.inf,
         max_directions,
     )
+
+
+def min_long_length(lengths: list[float], spacing: float, config: RegularisationConfig) -> float:
+    """Return the length from which walls count as long: as set, or half of the longest if none is [m]."""
+    longest = max(lengths, default=0.0)
+    wanted = config.min_long_wall or _LONG_WALL * spacing
+    return wanted if config.min_long_wall and longest >= wanted else min(wanted, 0.5 * longest)

@@ -27,15 +27,15 @@ class RegularisationConfig(StageConfig):
 
     division: str = parameter(
         "optimal",
-        "How a ring is divided into walls: the best division of all, or where its edges turn, as published "
-        "by Sampath & Shan (2007).",
-        choices=("optimal", "turns"),
+        "How a ring is divided into walls: the best division of all; where an edge turns from its wall; or, "
+        "as published by Sampath & Shan (2007), where it turns from the edge before.",
+        choices=("optimal", "turns", "slope_changes"),
         advanced=True,
     )
     max_turn_deg: float = parameter(
         40.0,
-        "Largest angle between an edge and its wall if the ring is divided at turns; raising it gives fewer "
-        "walls.",
+        "Largest angle between an edge and its wall, or the edge before, if the ring is divided there; "
+        "raising it gives fewer walls.",
         unit="deg",
         minimum=1.0,
         maximum=90.0,
@@ -93,6 +93,22 @@ class RegularisationConfig(StageConfig):
         unit="deg",
         minimum=0.0,
         maximum=45.0,
+        advanced=True,
+    )
+    min_long_wall: float = parameter(
+        0.0,
+        "Length from which a wall helps to find the directions (10 as published), 0 for 8 spacings; raising "
+        "it leaves fewer.",
+        unit="m",
+        minimum=0.0,
+        maximum=1000.0,
+        advanced=True,
+    )
+    adjustment: str = parameter(
+        "robust",
+        "How directions are found: long walls that do not fit have none; or, as published, all long walls "
+        "take part, and both directions are estimated once more with all walls.",
+        choices=("robust", "joint"),
         advanced=True,
     )
     direction_weight: float = parameter(
@@ -158,7 +174,9 @@ class RegularisationConfig(StageConfig):
 
 #: The method as published: two perpendicular directions of the long walls, and all points of the ring.
 AS_PUBLISHED = RegularisationConfig(
-    division="turns",
+    division="slope_changes",
+    min_long_wall=10.0,
+    adjustment="joint",
     bridge_concavities=False,
     finest_spacing=0.0,
     max_directions=1,

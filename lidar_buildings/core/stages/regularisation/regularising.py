@@ -16,6 +16,7 @@ from lidar_buildings.core.stages.regularisation.building_walls import both_ways,
 from lidar_buildings.core.stages.regularisation.config import RegularisationConfig
 from lidar_buildings.core.stages.regularisation.division import Division
 from lidar_buildings.core.stages.regularisation.drawing import DrawnRing, draw_ring
+from lidar_buildings.core.stages.regularisation.joint_directions import adjusted_directions
 from lidar_buildings.core.stages.regularisation.precision import (
     fit_quality,
     outline_walls,
@@ -95,7 +96,10 @@ def regularise_outline(traced: Outline, config: RegularisationConfig | None = No
         sample_ring(ring - centre, spacing, config.concavity_limits(spacing)) for ring in checked.rings
     ]
     directions, divisions = divide_building(samples, spacing, config)
-    fit = Fit(both_ways(directions), config.direction_weight, config.min_step * spacing)
+    angles = both_ways(directions)
+    if config.adjustment == "joint":
+        angles = adjusted_directions(samples, divisions, angles, spacing, config)
+    fit = Fit(angles, config.direction_weight, config.min_step * spacing)
     rings = [
         _fitted(ring, division, fit, config.chord_error * spacing)
         for ring, division in zip(samples, divisions, strict=True)

@@ -17,9 +17,9 @@ class RoofSelectionConfig(StageConfig):
     method: str = parameter(
         "smooth_patches",
         "How roofs are told from all else: by smooth patches that are no foliage, completed to their "
-        "edges; by the planar cells of lasclassify (Santos and others); or as planes of single returns "
-        "(Mancera-Taboada and others, 2012).",
-        choices=("smooth_patches", "lasclassify", "single_returns"),
+        "edges; by the planar cells of lasclassify (Santos and others); as planes of single returns "
+        "(Mancera-Taboada and others, 2012); or all that is high enough (Sampath and Shan, 2007).",
+        choices=("smooth_patches", "lasclassify", "single_returns", "all"),
     )
     min_height: float = parameter(
         2.0,
@@ -149,20 +149,21 @@ class RoofSelectionConfig(StageConfig):
     road_method: str = parameter(
         "automatic",
         "How roads are told from other ground: by the two modes of the ground's brightness, if it has two; "
-        "by the intensities given; or not at all.",
-        choices=("automatic", "thresholds", "none"),
+        "by the intensities given, of areas or, as published, of each point as it was recorded; or not at "
+        "all.",
+        choices=("automatic", "thresholds", "grey_values", "none"),
         advanced=True,
     )
     min_road_intensity: float = parameter(
         40.0,
-        "With thresholds: darkest normalised intensity of roads; raising it drops the darkest ground.",
+        "With thresholds and grey_values: darkest intensity of roads; raising it drops the darkest ground.",
         minimum=0.0,
         maximum=255.0,
         advanced=True,
     )
     max_road_intensity: float = parameter(
         100.0,
-        "With thresholds: brightest normalised intensity of roads; raising it takes in more ground.",
+        "With thresholds and grey_values: brightest intensity of roads; raising it takes in more ground.",
         minimum=0.0,
         maximum=255.0,
         advanced=True,

@@ -69,6 +69,11 @@ def find_roads(
     return road.ravel()[raster.row_of]
 
 
+def of_road_grey(intensity: NDArray[np.floating], config: RoofSelectionConfig) -> NDArray[np.bool_]:
+    """Tell which intensities as recorded are grey values of roads (Mancera-Taboada and others, 2012)."""
+    return (intensity >= config.min_road_intensity) & (intensity <= config.max_road_intensity)
+
+
 def _limits(
     raster: BrightnessRaster, config: RoofSelectionConfig, dark_limit: float | None
 ) -> tuple[float, float] | None:

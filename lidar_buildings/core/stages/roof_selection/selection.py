@@ -21,7 +21,7 @@ from lidar_buildings.core.stages.roof_selection.candidates import (
 from lidar_buildings.core.stages.roof_selection.config import RoofSelectionConfig
 from lidar_buildings.core.stages.roof_selection.facades import TOP_REACH, find_facades
 from lidar_buildings.core.stages.roof_selection.returns import last_and_only_returns
-from lidar_buildings.core.stages.roof_selection.roads import find_roads
+from lidar_buildings.core.stages.roof_selection.roads import find_roads, of_road_grey
 from lidar_buildings.core.stages.roof_selection.smooth_patches import roofs as smooth_patches
 from lidar_buildings.core.stages.roof_selection.smooth_patches.wet_roofs import find_wet_roofs
 from lidar_buildings.core.stages.roof_selection.surroundings import surroundings
@@ -48,6 +48,7 @@ METHODS = {
     "smooth_patches": smooth_patches.find_roofs,
     "lasclassify": lasclassify.find_roofs,
     "single_returns": single_returns.find_roofs,
+    "all": lambda candidates, config: candidates.height >= config.min_height,
 }
 #: Method → what adds the roofs of which hardly anything came back, once small buildings are gone.
 COMPLETIONS = {"smooth_patches": find_wet_roofs}
@@ -163,6 +164,11 @@ def select_roofs(
         is_roof |= COMPLETIONS[config.method](points, height, is_open, is_roof, spacing, config)
     is_facade = np.zeros(len(points), dtype=bool)
     classes[rows], is_facade[rows] = _open_classes(columns, own[0], is_roof[rows], own[1], spacing, config)
+    if config.road_method == "grey_values":
+        if intensity is not None:
+            grey = checked_column("intensity", intensity, len(points), np.float32)
+            classes[(classes == PointClass.GROUND) & of_road_grey(grey, config)] = PointClass.ROAD_SURFACE
+        return RoofSelection(classes, is_facade)
     brightness = _brightness(len(points), intensity, normalised_intensity, point_source_id, is_only)
     if brightness is not None:
         _mark_roads(classes, points, brightness, is_only, spacing, config, dark_limit)

@@ -22,6 +22,14 @@ class SegmentationConfig(StageConfig):
         minimum=2.0,
         maximum=20.0,
     )
+    min_line_ratio: float = parameter(
+        1.5,
+        "Ratio of the spacings along and across scan lines from which windows are laid along them; raising "
+        "it lays fewer, 1, as published, all.",
+        minimum=1.0,
+        maximum=40.0,
+        advanced=True,
+    )
     min_points: int = parameter(
         10,
         "Fewest points of a building; raising it drops more of the small clusters.",
@@ -75,4 +83,4 @@ class SegmentationConfig(StageConfig):
 
 #: As Sampath and Shan (2007) describe it: a window slightly larger than two spacings, and a least
 #: number of points, of which they do not say how many.
-AS_PUBLISHED = SegmentationConfig(window=2.2, min_area=0.0, loose_reach=0.0, min_neck=0.0)
+AS_PUBLISHED = SegmentationConfig(window=2.2, min_line_ratio=1.0, min_area=0.0, loose_reach=0.0, min_neck=0.0)

@@ -10,7 +10,12 @@ from numpy.typing import NDArray
 
 from lidar_buildings.core.neighbours.cell_grid import CellGrid
 from lidar_buildings.core.neighbours.scan_neighbours import Pulses
-from lidar_buildings.core.neighbours.scan_pattern import MAX_RATIO, ScanPattern, measure_scan_patterns
+from lidar_buildings.core.neighbours.scan_pattern import (
+    MAX_RATIO,
+    MIN_RATIO,
+    ScanPattern,
+    measure_scan_patterns,
+)
 from lidar_buildings.core.stages.segmentation.windows import chain_windows, turned
 
 #: A group's points are chained by at least that much: more than gaps between lines usually are [spacings].
@@ -44,6 +49,7 @@ def chain_along_scan(
     spacing: float,
     scan_angle: NDArray[np.float64] | None = None,
     cells: CellGrid | None = None,
+    min_ratio: float = MIN_RATIO,
 ) -> Chains:
     """
     Number the connected components of points that lie in each other's windows.
@@ -64,10 +70,12 @@ def chain_along_scan(
         See `lidar_buildings.core.neighbours.scan_pattern.measure_scan_pattern` [deg].
     cells : CellGrid, optional
         The points by `lidar_buildings.core.neighbours.scan_pattern.scan_cells`, if they are at hand.
+    min_ratio : float
+        Ratio of the spacings along and across from which there are lines.
     """
     half = window / 2.0 * SLACK
     component, n_components = chain_windows(pulses.points, (half * spacing, half * spacing))
-    group, patterns = _groups(pulses, half, spacing, scan_angle, cells)
+    group, patterns = _groups(pulses, half, spacing, scan_angle, cells, min_ratio)
     has_lines = np.array([not one.is_isotropic for one in patterns], dtype=bool)
     chain_patterns = [ScanPattern.isotropic(spacing)] * n_components
     if not has_lines.any():
@@ -90,13 +98,16 @@ def _groups(
     spacing: float,
     scan_angle: NDArray[np.float64] | None,
     cells: CellGrid | None,
+    min_ratio: float,
 ) -> tuple[NDArray[np.int64], list[ScanPattern]]:
     """
     Return each point's group and the groups' patterns; no window of a group reaches another of its kind.
     """
     reach = max(2.0 * half, MIN_GROUP_REACH) * spacing
     group, n_groups = chain_windows(pulses.points, (reach, reach))
-    patterns = measure_scan_patterns(pulses, group, n_groups, spacing, scan_angle=scan_angle, cells=cells)
+    patterns = measure_scan_patterns(
+        pulses, group, n_groups, spacing, scan_angle=scan_angle, cells=cells, min_ratio=min_ratio
+    )
     is_wide = np.array([half * math.hypot(one.along, one.across) > reach for one in patterns], dtype=bool)
     rows = np.flatnonzero(is_wide[group]) if is_wide.any() else np.zeros(0, dtype=np.intp)
     if not len(rows):
@@ -106,6 +117,8 @@ def _groups(
     some = pulses.select(rows)
     group_of_some, n_more = chain_windows(some.points, (wider, wider))
     angle = None if scan_angle is None else scan_angle[rows]
-    patterns += measure_scan_patterns(some, group_of_some, n_more, spacing, scan_angle=angle)
+    patterns += measure_scan_patterns(
+        some, group_of_some, n_more, spacing, scan_angle=angle, min_ratio=min_ratio
+    )
     group[rows] = n_groups + group_of_some
     return group, patterns

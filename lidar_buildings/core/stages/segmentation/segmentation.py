@@ -111,7 +111,7 @@ def segment_buildings(
     angle = None if scan_angle is None else checked_column("scan_angle", scan_angle, len(cloud), np.float64)
     spacing = given_or_measured(cloud, point_spacing)
     cells = scan_cells(pulses, spacing)
-    chains = chain_along_scan(pulses, config.window, spacing, angle, cells)
+    chains = chain_along_scan(pulses, config.window, spacing, angle, cells, config.min_line_ratio)
     n_blocks, block_of_chain = chains.n_components, np.arange(chains.n_components)
     if config.min_neck > 0.0:
         chains, block_of_chain = _without_necks(cloud, chains, config, cells, spacing)
@@ -131,7 +131,15 @@ def segment_buildings(
         )
     ids, id_of_block = _identified(cloud, block, n_blocks, part, block_of_chain[chain_of_part])
     # A building's own points, whatever lies beside it, tell the pattern that outlines are traced with.
-    own = measure_scan_patterns(pulses, part, len(chain_of_part), spacing, scan_angle=angle, cells=cells)
+    own = measure_scan_patterns(
+        pulses,
+        part,
+        len(chain_of_part),
+        spacing,
+        scan_angle=angle,
+        cells=cells,
+        min_ratio=config.min_line_ratio,
+    )
     wide = group_spacings(cloud, cells, part, len(chain_of_part))
     patterns = {
         int(ids[k]): _traced_pattern(own[k], chains.patterns[chain_of_part[k]], float(wide[k]), spacing)

@@ -14,6 +14,7 @@ from lidar_buildings.core.stages.roof_selection import RoofSelectionConfig, sele
 
 BUILDING = 6
 METHODS = next(spec_of(field).choices for field in fields(RoofSelectionConfig) if field.name == "method")
+METHODS = tuple(name for name in METHODS if name != "all")  # which tells nothing apart
 #: Height and area of the Villalba study (Mancera-Taboada and others, 2012).
 VILLALBA = {
     "method": "single_returns",

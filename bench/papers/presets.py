@@ -1,0 +1,14 @@
+"""What a preset sets, as the stages' configs."""
+
+from __future__ import annotations
+
+from lidar_buildings.commands.settings import read_settings
+from lidar_buildings.nodes.configs import NODE_CONFIGS
+from lidar_buildings.nodes.shared_files import preset_file
+from lidar_buildings.pipeline.reconstruct import STAGE_CONFIGS, PipelineConfig
+
+
+def config_of(preset: str) -> PipelineConfig:
+    """Return all stages' configs with what a preset sets."""
+    settings = read_settings(None, [], NODE_CONFIGS, preset=preset_file(preset))
+    return PipelineConfig(**{stage: kind(**settings.get(stage, {})) for stage, kind in STAGE_CONFIGS.items()})

@@ -1,0 +1,44 @@
+"""
+The tables and figures of the three papers beside ours, by the presets of their names.
+
+    python -m bench.papers.run [PAPER ...] [--data DIR] [--pictures DIR]
+
+santos         Table 1 (measures on a cube); Figures 2 and 3 (that cube, its clusters); Figure 7 (quality)
+villalba       Table II (combinations of RANSAC); points by class (section III, Figures 3 to 6)
+sampath_shan   Table 1 (σ and largest offset); Figure 4 (points, convex hull, traced, regularised)
+
+Tables are printed; figures are drawn as PNG into the folder of --pictures. The papers' own clouds are not to
+be had: what needs one is measured on ours.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Sequence
+
+from bench.common.arguments import add_pictures, picture_folder
+from bench.common.clouds import data_folder
+from bench.papers import sampath_shan, santos, villalba
+from lidar_buildings.nodes.shared_files import PRESETS
+
+PAPERS = dict(zip(PRESETS, (santos.report, villalba.report, sampath_shan.report), strict=True))
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Print the tables and draw the figures of the papers asked for."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("papers", nargs="*", metavar="PAPER", help=", ".join(PAPERS))
+    parser.add_argument("--data", help="folder of the real clouds (default: LIDAR_BUILDINGS_DATA)")
+    add_pictures(parser)
+    options = parser.parse_args(arguments)
+    if unknown := set(options.papers) - set(PAPERS):
+        parser.error(f"{unknown.pop()}: must be one of {', '.join(PAPERS)}")
+    for name in options.papers or PAPERS:
+        print(f"== {name}")
+        PAPERS[name](data_folder(options.data), picture_folder(options.pictures))
+
+
+if __name__ == "__main__":
+    main()

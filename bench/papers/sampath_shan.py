@@ -1,0 +1,60 @@
+"""Sampath and Shan 2007: Table 1, and the steps of Figure 4."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import shapely
+
+from bench.outlines.chain import Building, Configs
+from bench.outlines.clouds import read_roofs
+from bench.outlines.table1 import SPACINGS, row_of_cloud, row_of_survey, slope_through_origin, table_1
+from bench.papers.presets import config_of
+
+#: Real clouds, the first of a city of the paper; and the height noise of the virtual surveys [m].
+CLOUDS, NOISE = ("toronto", "fusa", "delft"), 0.03
+#: Buildings of the figure, as in the paper.
+N_DRAWN = 3
+
+
+def report(data: Path, folder: Path | None) -> None:
+    """Print the table; draw the figure into a folder if one is given."""
+    found = config_of("sampath_shan")
+    configs = Configs(found.segmentation, found.boundary_tracing, found.regularisation)
+    files = {name: sorted((data / name).glob("*.laz")) for name in CLOUDS}
+    rows = [row_of_cloud(read_roofs(name, paths), configs) for name, paths in files.items() if paths]
+    rows += [row_of_survey(spacing, configs, noise=NOISE, seed=0) for spacing in SPACINGS]
+    print("Table 1:")
+    print(table_1(rows))
+    for figure, title in (("sigma", "σ"), ("max_offset", "largest offset")):
+        slope, deviation = slope_through_origin(rows, figure)
+        print(f"{title} = {slope:.3f} · spacing, to {100 * deviation:.0f} %")
+    print()
+    if folder is not None and rows:
+        for row in rows[:3]:
+            _draw(folder / f"sampath_shan_figure_4_{row.name.replace(' ', '_')}.png", row.buildings[:N_DRAWN])
+
+
+def _draw(path: Path, buildings: list[Building]) -> None:
+    """Draw the ring's points, their convex hull, the traced and the regularised boundary."""
+    import matplotlib
+
+    matplotlib.use("Agg")
+    import matplotlib.pyplot as plt
+
+    figure, axes = plt.subplots(3, len(buildings), figsize=(7 * len(buildings), 18), squeeze=False)
+    for column, one in zip(axes.T, buildings, strict=True):
+        traced = one.traced.exterior
+        hull = shapely.get_coordinates(shapely.convex_hull(shapely.multipoints(traced)))
+        for panel, (name, ring) in zip(
+            column,
+            {"convex hull": hull, "traced": traced, "regularised": one.outline.exterior}.items(),
+            strict=True,
+        ):
+            closed = np.vstack((ring, ring[:1]))
+            panel.plot(*traced.T, ".", color="grey", markersize=3)
+            panel.plot(*closed.T, color="tab:blue")
+            panel.set(aspect="equal", title=f"{name}: d = {one.max_offset:.2f} m, σ = {one.sigma:.2f} m")
+    figure.savefig(path, dpi=60, bbox_inches="tight")
+    plt.close(figure)

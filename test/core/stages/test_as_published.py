@@ -1,0 +1,109 @@
+"""Formulas of the papers that only presets use, against values computed by hand."""
+
+import numpy as np
+import pytest
+
+from lidar_buildings.core.neighbours.scan_pattern import ScanPattern
+from lidar_buildings.core.stages.boundary_tracing import BoundaryTracingConfig, rows_to_trace
+from lidar_buildings.core.stages.boundary_tracing.point_grid import build_point_grid
+from lidar_buildings.core.stages.ground_filter.growing_tin.histogram_tin import (
+    facet_offsets,
+    histogram_limits,
+)
+from lidar_buildings.core.stages.ground_filter.scan_profiles.slope_pairs import objects_between_slopes
+from lidar_buildings.core.stages.plane_fitting.ransac import best_plane
+from lidar_buildings.core.stages.regularisation import RegularisationConfig
+from lidar_buildings.core.stages.regularisation.building_walls import min_long_length
+from lidar_buildings.core.stages.regularisation.division import Division
+from lidar_buildings.core.stages.regularisation.joint_directions import adjusted_directions
+from lidar_buildings.core.stages.regularisation.samples import sample_ring
+from lidar_buildings.core.stages.regularisation.turns import divide_at_turns
+from lidar_buildings.core.stages.roof_selection import RoofSelectionConfig
+from lidar_buildings.core.stages.roof_selection.roads import of_road_grey
+from lidar_buildings.core.surfaces.triangulation import build_tin
+
+
+def test_limits_lie_as_far_above_the_median_as_the_minimum_below_or_at_the_maximum():
+    distances, angles = [1.0, 2.0, 3.0, 10.0], [0.0, 2.0, 2.5, 3.0]
+    assert histogram_limits(np.column_stack((distances, angles))).tolist() == [4.0, 3.0]
+
+
+def test_distance_and_angle_are_taken_to_the_facet_and_at_its_nearest_corner():
+    tin = build_tin([[0.0, 0.0, 0.0], [4.0, 0.0, 0.0], [0.0, 4.0, 0.0]])
+    ((distance, angle),) = facet_offsets(tin, np.array([[1.0, 1.0, 1.0]]))
+    assert distance == pytest.approx(1.0)
+    assert angle == pytest.approx(np.arcsin(1.0 / np.sqrt(3.0)))
+
+
+@pytest.mark.parametrize(
+    ("z", "objects"),
+    [
+        ([0, 0, 5, 5, 0.1, 0], [2, 3]),  # between a rise and a fall
+        ([0, 0, 3, 3.5, 3, 0, 0], [2, 3, 4]),  # a roof of gentle slopes
+        ([0, 0, 5, 5, 3, 0, 0], [2, 3, 4]),  # a fall to no more than a balcony ends nothing
+        ([5, 5, 0, 0], [0, 1]),  # cut by the line's end: one pass sees the rise
+        ([0, 0.5, 1.0, 1.5], []),  # a hill
+    ],
+)
+def test_what_lies_between_a_rise_and_a_fall_is_no_ground(z, objects):
+    z = np.array(z, dtype=float)
+    found = objects_between_slopes(np.arange(float(len(z))), z, np.array([0, len(z)]), (0.6, 0.35, 80.0))
+    assert np.flatnonzero(found).tolist() == objects
+
+
+def test_roads_are_grey_from_40_to_100():
+    grey = np.array([39.0, 40.0, 100.0, 101.0])
+    assert of_road_grey(grey, RoofSelectionConfig()).tolist() == [False, True, True, False]
+
+
+def test_a_consensus_as_large_as_any_plane_ends_the_search():
+    low = [[x, y, 0.0] for x in (0.0, 1.0) for y in (0.0, 1.0)]
+    high = [[x, y, 5.0] for x in (0.0, 1.0, 2.0) for y in (0.0, 1.0)]
+    points, samples = np.array(low + high), np.array([[0.0, 0.1, 0.2], [0.4, 0.5, 0.6]])
+    assert [int(best_plane(points, samples, 0.1, enough).sum()) for enough in (4, 5)] == [4, 6]
+
+
+def test_a_square_of_slightly_more_than_two_spacings_holds_the_diagonal_neighbours():
+    def n_neighbours(**shape):
+        grid = build_point_grid(np.zeros((1, 2)), ScanPattern.isotropic(1.0), 2.2, **shape)
+        lattice = np.array([(x, y) for x in (-2, -1, 0, 1, 2) for y in (-2, -1, 0, 1, 2)])
+        u, v = np.array([[grid.ux, grid.uy], [grid.vx, grid.vy]]) @ lattice.T
+        return int(((np.hypot(u, v) if grid.is_disc else np.maximum(abs(u), abs(v))) <= 1.0).sum()) - 1
+
+    assert (n_neighbours(is_rectangle=True), n_neighbours()) == (8, 4)
+
+
+def test_the_ring_is_traced_from_the_edge_points_unless_they_are_too_few():
+    rows, edge = np.arange(6), np.array([1, 1, 0, 1, 1, 0], dtype=np.uint8)
+    config = BoundaryTracingConfig(source="edge_points")
+    assert rows_to_trace(rows, edge, config).tolist() == [0, 1, 3, 4]
+    assert rows_to_trace(rows[1:], edge, config).tolist() == [1, 2, 3, 4, 5]
+    assert rows_to_trace(rows, edge, BoundaryTracingConfig()).tolist() == rows.tolist()
+
+
+def test_consecutive_edges_of_a_round_tower_have_similar_slopes():
+    angle = np.deg2rad(np.arange(0.0, 360.0, 30.0))
+    tower = np.column_stack((np.cos(angle), np.sin(angle)))
+    assert len(divide_at_turns(tower, np.zeros(0), np.deg2rad(40.0), consecutive=True).first) == 1
+    assert len(divide_at_turns(tower, np.zeros(0), np.deg2rad(40.0)).first) > 3
+
+
+def test_long_walls_have_10_m_where_any_has():
+    config = RegularisationConfig(min_long_wall=10.0)
+    assert [min_long_length(lengths, 1.0, config) for lengths in ([4.0, 30.0], [4.0, 8.0])] == [10.0, 4.0]
+
+
+def test_all_walls_adjust_both_directions_and_the_long_ones_hold_them():
+    """A rectangle of 20 by 12 points, directions 0.01 rad off: Σ(t − mean)² = n (n² − 1) / 12."""
+    x, y = np.arange(20.0), np.arange(12.0)
+    sides = [(x, 0 * x), (0 * y + 20, y), (20 - x, 0 * x + 12), (0 * y, 12 - y)]
+    ring = np.concatenate([np.column_stack(side) for side in sides])
+    first, last = np.array([0, 20, 32, 52]), np.array([20, 32, 52, 64])
+    division = Division(first, last, np.array([0, 1, 0, 1]), 0.0)
+    samples = sample_ring(ring, 1.0, None)
+    given = np.array([np.pi / 2, 0.0]) + 0.01
+    config = RegularisationConfig(direction_weight=1.0, min_long_wall=10.0)
+    turned = adjusted_directions([samples], [division], given, 1.0, config) - given
+    a, b = 20 * 399 / 12, 12 * 143 / 12
+    held = 2 * a + 2 * b
+    assert turned == pytest.approx([-0.01 * a / (held + a), -0.01 * b / (held + b)], rel=1e-3)
