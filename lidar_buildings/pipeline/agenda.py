@@ -8,6 +8,8 @@ from collections.abc import Callable, Collection, Iterable
 from concurrent.futures import Future
 from typing import Any
 
+from lidar_buildings.pipeline.parcels import Parcel
+
 
 class WorkerLostError(RuntimeError):
     """A process ended in the middle of its work."""
@@ -23,7 +25,7 @@ class Task:
 
     Parameters
     ----------
-    message : bytes
+    message : Parcel
         What the process is told.
     is_tile : bool
         Whether it is a whole tile: one whose process ends is done once more by another one.
@@ -32,7 +34,7 @@ class Task:
     """
 
     def __init__(
-        self, message: bytes, *, is_tile: bool = False, read: Callable[[bytes], Any] = lambda reply: reply
+        self, message: Parcel, *, is_tile: bool = False, read: Callable[[Parcel], Any] = lambda reply: reply
     ) -> None:
         self.message = message
         self.is_tile = is_tile
@@ -40,7 +42,7 @@ class Task:
         self._read = read
         self.n_tries = 0
 
-    def finish(self, reply: bytes) -> None:
+    def finish(self, reply: Parcel) -> None:
         """Take a process's answer."""
         try:
             self.answer.set_result(self._read(reply))
@@ -85,7 +87,7 @@ class Agenda:
                 self._changed.wait()
         return None
 
-    def finish(self, task: Task, reply: bytes) -> None:
+    def finish(self, task: Task, reply: Parcel) -> None:
         """Take a process's answer to a task."""
         task.finish(reply)
         with self._changed:

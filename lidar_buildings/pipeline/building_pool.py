@@ -19,8 +19,9 @@ from typing import TypeVar
 
 from lidar_buildings.core.neighbours.parallel import n_cores
 from lidar_buildings.pipeline.agenda import Agenda, NoWorkerError, Task, WorkerLostError
+from lidar_buildings.pipeline.parcels import Parcel, packed, receive, send
 from lidar_buildings.pipeline.pool_workers import DO, SHARE, SHARED, end, start_workers
-from lidar_buildings.pipeline.sharing import Sharing, map_buildings, message_of, received
+from lidar_buildings.pipeline.sharing import Sharing, map_buildings, received
 
 __all__ = ["BuildingPool", "NoWorkerError", "Sharing", "WorkerLostError", "map_buildings"]
 
@@ -100,7 +101,7 @@ class BuildingPool(Sharing):
             Its result or exception; `WorkerLostError` if two processes ended at it, or the last one did, and
             `NoWorkerError` if none was left to begin.
         """
-        task = Task(message_of(function, job), is_tile=True, read=received)
+        task = Task(packed((function, job)), is_tile=True, read=received)
         if self._put([task]):
             return task.answer
         done: Future[_Result] = Future()
@@ -139,7 +140,7 @@ class BuildingPool(Sharing):
             raise result
         return result
 
-    def _exchange(self, messages: Sequence[bytes]) -> list[bytes | None]:
+    def _exchange(self, messages: Sequence[Parcel]) -> list[Parcel | None]:
         tasks = [Task(message) for message in messages]
         return _answers(tasks) if self._put(tasks) else [None] * len(tasks)
 
@@ -170,15 +171,17 @@ class BuildingPool(Sharing):
     def _do(self, link: Connection, task: Task, held: list[Task]) -> None:
         """Let a process do a task, and while it waits for its share of others what there is."""
         held.append(task)
-        link.send((DO, task.is_tile, task.message))
+        link.send((DO, task.is_tile))
+        send(link, task.message)
         while (reply := link.recv())[0] == SHARE:
             shared = [Task(message) for message in reply[1]]
             self._agenda.put(shared)
             while (batch := self._agenda.take_batch(shared)) is not None:
                 self._do(link, batch, held)
             link.send((SHARED, _answers(shared)))
+        answer = receive(link)
         held.pop()
-        self._agenda.finish(task, reply[1])
+        self._agenda.finish(task, answer)
 
     def _lose(self, held: Sequence[Task]) -> None:
         """Note that a process has ended at its tasks; without any nobody must wait for work."""
@@ -202,6 +205,6 @@ def _called(
         return error
 
 
-def _answers(tasks: Sequence[Task]) -> list[bytes | None]:
+def _answers(tasks: Sequence[Task]) -> list[Parcel | None]:
     """Wait for tasks; return their answers, None for those whose process ended."""
     return [None if task.answer.exception() else task.answer.result() for task in tasks]

@@ -7,7 +7,6 @@ import gc
 import logging
 import multiprocessing
 import os
-import pickle
 import signal
 import sys
 import threading
@@ -18,6 +17,7 @@ from multiprocessing.connection import Connection
 from multiprocessing.process import BaseProcess
 
 from lidar_buildings.core.neighbours.parallel import n_waiting_threads, work_alone
+from lidar_buildings.pipeline.parcels import Parcel, packed, receive, send, unpacked
 from lidar_buildings.pipeline.sharing import Sharing
 
 _log = logging.getLogger(__name__)
@@ -95,7 +95,8 @@ def _work(link: Connection, n_workers: int) -> None:
     worker = _Worker(link, n_workers)
     with contextlib.suppress(EOFError, OSError):
         while True:
-            worker.answer(*link.recv()[1:])
+            _, is_tile = link.recv()
+            worker.answer(is_tile, receive(link))
 
 
 class _Worker(Sharing):
@@ -112,22 +113,23 @@ class _Worker(Sharing):
         """Number of processes, at the start."""
         return self._n_workers
 
-    def answer(self, is_tile: bool, message: bytes) -> None:
+    def answer(self, is_tile: bool, message: Parcel) -> None:
         """Do a tile or a batch of buildings, and send the result, or what went wrong."""
         try:
-            function, content = pickle.loads(message)
+            function, content = unpacked(message)
             results = function(content, self) if is_tile else [(k, function(job)) for k, job in content]
-            reply = pickle.dumps((results, "", self._records.take()), protocol=5)
+            reply = packed((results, "", self._records.take()))
         except Exception:
-            reply = pickle.dumps(([], traceback.format_exc(), self._records.take()))
-        self._link.send((DONE, reply))
+            reply = packed(([], traceback.format_exc(), self._records.take()))
+        self._link.send((DONE,))
+        send(self._link, reply)
 
-    def _exchange(self, messages: Sequence[bytes]) -> list[bytes | None]:
+    def _exchange(self, messages: Sequence[Parcel]) -> list[Parcel | None]:
         """Hand messages to all processes; answer those that come back to this one."""
         self._link.send((SHARE, messages))
         while (told := self._link.recv())[0] == DO:
-            self.answer(*told[1:])
-        answers: list[bytes | None] = told[1]
+            self.answer(told[1], receive(self._link))
+        answers: list[Parcel | None] = told[1]
         return answers
 
 

@@ -8,6 +8,8 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from typing import Any, TypeVar
 
+from lidar_buildings.pipeline.parcels import Parcel, unpacked
+
 _Job = TypeVar("_Job")
 _Result = TypeVar("_Result")
 
@@ -28,7 +30,7 @@ class Sharing(ABC):
         """Number of processes."""
 
     @abstractmethod
-    def _exchange(self, messages: Sequence[bytes]) -> Sequence[bytes | None]:
+    def _exchange(self, messages: Sequence[Parcel]) -> Sequence[Parcel | None]:
         """Let processes answer messages; None for one whose process ended."""
 
     def map(
@@ -62,7 +64,7 @@ class Sharing(ABC):
         if not self.n_alive or len(jobs) < 2 or sum(weights) < _LITTLE:
             return [function(job) for job in jobs]
         batches = _batches(weights, self.n_alive)
-        answers = self._exchange([message_of(function, [(k, jobs[k]) for k in batch]) for batch in batches])
+        answers = self._exchange([_message_of(function, [(k, jobs[k]) for k in batch]) for batch in batches])
         results: dict[int, _Result] = {}
         again: list[int] = []
         for batch, answer in zip(batches, answers, strict=True):
@@ -80,7 +82,7 @@ class Sharing(ABC):
         """Do a building again whose process ended, in another one as long as there is one."""
         if not self.n_alive:
             return function(job)
-        (answer,) = self._exchange([message_of(function, [(number, job)])])
+        (answer,) = self._exchange([_message_of(function, [(number, job)])])
         if answer is None:
             return lost(job)
         ((_, result),) = received(answer)
@@ -98,14 +100,14 @@ def map_buildings(
     return [function(job) for job in jobs] if pool is None else pool.map(function, jobs, sizes, lost)
 
 
-def message_of(function: Callable[..., Any], batch: Any) -> bytes:
-    """Return what a process is told: a function and a batch of numbered jobs."""
-    return pickle.dumps((function, batch), protocol=5)
+def _message_of(function: Callable[..., Any], batch: Any) -> Parcel:
+    """Return what a process is told: a function and a batch of numbered jobs, in one piece."""
+    return Parcel(pickle.dumps((function, batch), protocol=5))
 
 
-def received(answer: bytes) -> Any:
+def received(answer: Parcel) -> Any:
     """Return what a process answered, and log what it had to say."""
-    results, error, records = pickle.loads(answer)
+    results, error, records = unpacked(answer)
     for record in records:
         logging.getLogger(record.name).handle(record)
     if error:

@@ -236,6 +236,11 @@ def test_a_call_is_done_in_another_process_which_may_share_it():
         assert (number, has_pool) == (5, False)
         assert process != os.getpid()
         assert pool.call(place_of, 6, shares=True)[::2] == (6, True)
+        large = np.arange(60_000.0).reshape(20_000, 3)
+        for sent in (large, large.T, large[::2], large[:0], large.astype(np.float32), large[:5]):
+            come = pool.call(np.negative, sent)
+            np.testing.assert_array_equal(come, -sent)
+            come += 1  # not read-only
         with pytest.raises(ValueError, match="number = 7: must be larger"):
             pool.call(refuse, 7)
     assert pool.call(place_of, 8) == (8, os.getpid(), False)
