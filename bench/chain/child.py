@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import ctypes
 import os
+import resource
 import subprocess
 import tempfile
 import threading
 import time
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import NamedTuple
 
@@ -18,6 +20,10 @@ from bench.common.clouds import ROOT
 
 #: Between two looks at the process: short against a run, long against a look of some milliseconds [s].
 PERIOD = 0.25
+#: Number of the option of `prctl` that makes a process the parent of its descendants' orphans (Linux).
+_SUBREAPER = 36
+#: What every command runs with: bytecode is kept, as in an installation.
+_ENVIRONMENT = {"PYTHONDONTWRITEBYTECODE": ""}
 
 
 class Usage(NamedTuple):
@@ -75,7 +81,8 @@ def run_child(
     """
     with tempfile.TemporaryDirectory(prefix="bench-") as folder, tempfile.TemporaryFile("w+") as printed:
         watched = Watch(Path(folder), output)
-        environment = {**os.environ, "TMPDIR": folder, **(environment or {})}
+        environment = {**os.environ, "TMPDIR": folder, **_ENVIRONMENT, **(environment or {})}
+        ctypes.CDLL(None).prctl(_SUBREAPER, 1, 0, 0, 0)
         with _on_cores(cores):
             started, busy = time.perf_counter(), machine_cpu()
             process = subprocess.Popen(
@@ -84,14 +91,22 @@ def run_child(
         with watched.watching(process.pid):
             _, status, used = os.wait4(process.pid, 0)
             wall, busy = time.perf_counter() - started, machine_cpu() - busy
+        orphans = list(_orphans())
         process.returncode = os.waitstatus_to_exitcode(status)
         printed.seek(0)
         text = printed.read()
     if process.returncode:
         raise SystemExit(f"{' '.join(command)}: status {process.returncode}:\n{text[-2000:]}")
     memory = max(watched.memory, 1024 * used.ru_maxrss)
-    cpu = used.ru_utime + used.ru_stime
+    cpu = sum(one.ru_utime + one.ru_stime for one in (used, *orphans))
     return Usage(wall, cpu, max(busy - cpu, 0.0), memory, watched.disk(), text)
+
+
+def _orphans() -> Iterator[resource.struct_rusage]:
+    """Wait for the processes whose parent ended before them, as of a pool, and yield what they took."""
+    with suppress(ChildProcessError):
+        while True:
+            yield os.wait4(-1, 0)[2]
 
 
 class Watch:
