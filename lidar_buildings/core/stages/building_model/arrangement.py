@@ -67,11 +67,6 @@ class Cells:
         return self.vertices[self.borders[self.inner]].reshape(-1, 4)
 
     @property
-    def lengths(self) -> FloatArray:
-        """Length of each inner edge [m]."""
-        return np.hypot(*np.diff(self.ends.reshape(-1, 2, 2), axis=1)[:, 0].T)
-
-    @property
     def polygons(self) -> NDArray[np.object_]:
         """The cells as polygons."""
         every = np.ones(len(self.vertices), dtype=np.bool_)

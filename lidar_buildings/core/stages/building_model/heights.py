@@ -2,35 +2,22 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 import shapely
 
 from lidar_buildings.core.kernels import kernel
-from lidar_buildings.core.model.array_types import BoolArray, FloatArray, IntArray
-from lidar_buildings.core.neighbours.few_rows import rows_by_number
+from lidar_buildings.core.model.array_types import FloatArray, IntArray
 from lidar_buildings.core.neighbours.union_find import sets_of_pairs
 from lidar_buildings.core.solids.output_grid import GRID
 from lidar_buildings.core.stages.building_model.line_tiles import in_tiles, tile_of
 from lidar_buildings.core.stages.building_model.roof_face import RoofFacePatch, open_rings
 
-#: A face whose points lie farther off in the middle than this gets a plane of its own [m].
-_MAX_MEDIAN_MISFIT = 0.25
-#: A face of its own may slope if it has so many points, and rises by no more than this [m/m].
-_MIN_POINTS, _MAX_RISE = 10, 2.0
-#: A face smaller than this [m²] with points all over reaches no farther beyond their heights than this [m],
-#: beside what the spacing explains: else it stands out as a blade.
-_SMALL, _STRAY = 5.0, 0.3
-#: A face of this mean width or less is narrow [spacings].
-_NARROW = 1.5
 #: What a vertex may lie above the highest return and below the lowest [m], beside what the spacing explains.
 _ABOVE, _BELOW = 0.3, 1.0
 #: Edges no farther beside one another than rounding moves them run on one another; shorter ones do not [m].
 _BESIDE = 0.001
-
-#: All faces' vertices, where each one's begin, the lengths of their rings and their areas.
-_Corners = tuple[FloatArray, IntArray, FloatArray, FloatArray]
 
 
 @dataclass(frozen=True)
@@ -55,16 +42,10 @@ class Limits:
         """Return the limits of a building's points."""
         return cls(float(points[:, 2].min()) - _BELOW, float(points[:, 2].max()) + _ABOVE, spacing)
 
-    def excess(self, planes: FloatArray, xy: FloatArray) -> FloatArray:
-        """Return how far planes, shape (n, 3), lie beyond the limits at places, shape (n, 2) [m]."""
-        z = np.einsum("ij,ij->i", planes[:, :2], xy) + planes[:, 2]
-        beyond = np.maximum(z - self.high, self.low - z) - self.per_rise * np.hypot(*planes[:, :2].T)
-        return np.maximum(beyond, 0.0)
 
-
-def fit_face_planes(faces: list[RoofFacePatch], points: FloatArray, spacing: float) -> list[RoofFacePatch]:
+def within_limits(faces: list[RoofFacePatch], points: FloatArray, spacing: float) -> list[RoofFacePatch]:
     """
-    Give faces that do not fit their points a plane of their own, and cut off what reaches beyond all points.
+    Cut off what reaches beyond all points.
 
     A plane is good where its points are. Beyond them it may rise above everything that was seen: there the
     roof is level, at the height of the highest return.
@@ -77,84 +58,8 @@ def fit_face_planes(faces: list[RoofFacePatch], points: FloatArray, spacing: flo
     spacing : float
         Point spacing [m].
     """
-    if not faces:
-        return []
     limits = Limits.of(points, spacing)
-    planes = np.array([face.plane for face in faces])
-    corners = _corners_of(faces)
-    suits = _suit(planes, faces, corners, points, spacing)
-    fitting = list(faces)
-    for k in np.flatnonzero(~suits):
-        planes[k] = _own_plane(faces[k], points, spacing)
-        fitting[k] = replace(faces[k], plane=planes[k])
-    beyond = limits.excess(np.repeat(planes, np.diff(corners[1]), axis=0), corners[0]) > 0.0
-    reaching = np.logical_or.reduceat(beyond, corners[1][:-1])
-    pieces = [
-        _within(face, points, limits) if is_beyond else [face]
-        for face, is_beyond in zip(fitting, reaching, strict=True)
-    ]
-    return [piece for group in pieces for piece in group]
-
-
-def _own_plane(face: RoofFacePatch, points: FloatArray, spacing: float) -> FloatArray:
-    """Return a plane that fits a face's points better than its own: a sloping one, or else a level one."""
-    own = points[face.rows]
-    if len(own) >= _MIN_POINTS:
-        plane, corners = _least_squares(own), _corners_of([face])
-        if np.hypot(*plane[:2]) <= _MAX_RISE and _suit(plane[None], [face], corners, points, spacing)[0]:
-            return plane
-    return np.array([0.0, 0.0, np.median(own[:, 2])])
-
-
-def _suit(
-    planes: FloatArray, faces: list[RoofFacePatch], corners_of: _Corners, points: FloatArray, spacing: float
-) -> BoolArray:
-    """
-    Whether planes fit faces' points and, where a face is small and full of them, keep to their heights.
-
-    Half of the points lie near the plane. Faces without points keep what they have.
-    """
-    counts = np.array([len(face.rows) for face in faces])
-    suits = counts == 0
-    some = np.flatnonzero(counts)
-    if not len(some):
-        return suits
-    n = counts[some]
-    rise = np.hypot(planes[:, 0], planes[:, 1])
-    own = points[np.concatenate([faces[k].rows for k in some])]
-    number, begin = np.repeat(some, n), np.cumsum(n) - n
-    misfit = np.abs(own[:, 2] - _elevations(planes[number], own))
-    order = np.argsort(misfit)
-    ordered = misfit[order[rows_by_number(number[order], len(faces))]]
-    median = 0.5 * (ordered[begin + (n - 1) // 2] + ordered[begin + n // 2])
-    suits[some] = median <= _MAX_MEDIAN_MISFIT + 0.5 * spacing * rise[some]
-    corners, first, length, area = corners_of
-    small = suits[some] & (area[some] <= _SMALL) & (n * spacing**2 >= 0.5 * area[some])
-    if small.any():
-        z = _elevations(np.repeat(planes, np.diff(first), axis=0), corners)
-        top, foot = np.maximum.reduceat(z, first[:-1])[some], np.minimum.reduceat(z, first[:-1])[some]
-        # Points over a face one or two of them wide tell nothing of its slope.
-        is_narrow = 2.0 * area[some] < _NARROW * spacing * length[some]
-        slack = _STRAY + np.where(is_narrow, 0.0, 2.0 * spacing * rise[some])
-        high, low = np.maximum.reduceat(own[:, 2], begin), np.minimum.reduceat(own[:, 2], begin)
-        suits[some] &= ~small | ((top <= high + slack) & (foot >= low - slack))
-    return suits
-
-
-def _corners_of(faces: list[RoofFacePatch]) -> _Corners:
-    """Return all faces' vertices, where each one's begin, the lengths of their rings [m] and areas [m²]."""
-    rings = [ring for face in faces for ring in face.rings]
-    corners, follows = np.concatenate(rings), _next_corners(rings)
-    begin = np.cumsum([0, *_numbers_of_corners(faces)])
-    x, y = (corners - np.repeat(corners[begin[:-1]], np.diff(begin), axis=0)).T
-    sides = np.hypot(x[follows] - x, y[follows] - y)
-    doubled = x * y[follows] - y * x[follows]
-    return (
-        corners,
-        begin,
-        np.add.reduceat(sides, begin[:-1]),
-        0.5 * np.add.reduceat(doubled, begin[:-1]),
-    )
+    return [piece for face in faces for piece in _within(face, points, limits)]
 
 
 def _next_corners(rings: list[FloatArray]) -> IntArray:
@@ -171,6 +76,9 @@ def _within(face: RoofFacePatch, points: FloatArray, limits: Limits) -> list[Roo
     """
     slack = limits.per_rise * float(np.hypot(*face.plane[:2]))
     levels = limits.low - slack, limits.high + slack
+    z = _elevations(face.plane, face.rings[0])
+    if levels[0] <= z.min() and z.max() <= levels[1]:
+        return [face]
     own = _elevations(face.plane, points[face.rows])
     whole, pieces = face.polygon, []
     bands = ((-np.inf, levels[0]), levels, (levels[1], np.inf))
@@ -200,16 +108,6 @@ def _between(face: RoofFacePatch, low: float, high: float) -> shapely.Polygon:
 def _elevations(planes: FloatArray, xy: FloatArray) -> FloatArray:
     """Return the elevations of a plane, or of one each, at places."""
     return np.asarray(xy[:, 0] * planes[..., 0] + xy[:, 1] * planes[..., 1] + planes[..., 2])
-
-
-def _least_squares(points: FloatArray) -> FloatArray:
-    """
-    Return the plane z = a·x + b·y + c with the least vertical misfit; flat where the points lie on a line.
-    """
-    centre = points.mean(axis=0)
-    offsets = points - centre
-    a, b = np.linalg.lstsq(offsets[:, :2], offsets[:, 2], rcond=1e-3)[0]
-    return np.array([a, b, centre[2] - a * centre[0] - b * centre[1]])
 
 
 def parts_of_one_height(faces: list[RoofFacePatch], min_step: float) -> IntArray:

@@ -25,7 +25,7 @@ from lidar_buildings.core.stages.building_model.attributes import (
     solid_attributes,
 )
 from lidar_buildings.core.stages.building_model.config import ELEVATIONS, BuildingModelConfig
-from lidar_buildings.core.stages.building_model.heights import fit_face_planes, parts_of_one_height
+from lidar_buildings.core.stages.building_model.heights import parts_of_one_height, within_limits
 from lidar_buildings.core.stages.building_model.levels import (
     LOD12,
     LOD13,
@@ -208,7 +208,7 @@ def _roof_faces_of(roof: _Roof, config: BuildingModelConfig) -> list[RoofFacePat
     segments += [one.segment for one in roof.topology.steps]
     lines = np.array(segments).reshape(-1, 2, 2)
     faces = partition_outline(roof.outline, roof.points, plane_id, planes, lines, roof.spacing, config)
-    return fit_face_planes(faces, roof.points, roof.spacing)
+    return within_limits(faces, roof.points, roof.spacing)
 
 
 def _distinct_planes(roof: _Roof) -> tuple[FloatArray, NDArray[np.uint16]]:

@@ -17,7 +17,6 @@ from lidar_buildings.core.stages.building_model.cell_costs import (
     make_samples,
     plane_costs,
 )
-from lidar_buildings.core.stages.building_model.cell_labels import label_cells
 from lidar_buildings.core.stages.building_model.config import BuildingModelConfig
 from lidar_buildings.core.stages.building_model.faces import (
     face_rings,
@@ -33,16 +32,12 @@ from lidar_buildings.core.stages.building_model.straight_seams import straight_s
 # Those with which `bench.models.run` divides the virtual roofs into their true faces.
 #: Cost of a metre of border between two roof faces, as a misfit over an area [spacings].
 _BORDER_COST = 0.15
-#: Cost of a square metre of step between two roof faces [m]; steps higher than this cost no more [m].
-_STEP_COST, _MAX_STEP = 0.05, 2.0
 #: Cost of a corner of a face [m³].
 _CORNER_COST = 0.1
 #: A straight line stands for a seam no farther from it [spacings].
 _SEAM = 1.5
 #: Walls of a re-entrant corner run on into the roof where they turn by more than this [rad].
 _REENTRANT = 0.35
-#: How often the partition is looked at again for parts that no line divided from their neighbours.
-_SECOND_LOOKS = 2
 
 
 def partition_outline(
@@ -58,7 +53,7 @@ def partition_outline(
     Divide an outline into roof faces.
 
     Ridges, hips, valleys and steps, run on to the next line, cut the outline into cells; every cell gets the
-    plane that fits the points best at the least length of borders and height of steps; cells of one plane
+    plane that fits the points best at the least length of borders and number of corners; cells of one plane
     are joined.
 
     Parameters
@@ -85,12 +80,8 @@ def partition_outline(
     if len(seams):
         segments = np.concatenate([segments, seams])
         found = _label(roof, segments)
-    for _ in range(_SECOND_LOOKS):
-        missed = find_missed_parts(
-            points, plane_id, found.above(roof), outline, spacing, config.min_face_area
-        )
-        if not len(missed.sides):
-            break
+    missed = find_missed_parts(points, plane_id, found.above(roof), outline, spacing, config.min_face_area)
+    if len(missed.sides):
         segments = np.concatenate([segments, missed.sides])
         roof = replace(roof, planes=np.concatenate([roof.planes, missed.planes]))
         found = _label(roof, segments)
@@ -133,9 +124,7 @@ def _label(roof: _Roof, segments: FloatArray) -> _Labelled:
     cells = cut_into_cells(outline, lines)
     cell = cells_of_points(cells, roof.samples.points)
     costs = plane_costs(roof.samples, cell, cells, planes, Limits.of(roof.points, roof.spacing))
-    labels = label_cells(
-        costs, cells.edges, cells.ends, planes, _BORDER_COST * roof.spacing, _STEP_COST, _MAX_STEP
-    )
+    labels = np.argmin(costs, axis=1)
     labels = simplified(cells, labels, costs, _BORDER_COST * roof.spacing, _CORNER_COST, config.min_face_area)
     return _Labelled(cells, labels, cell[: len(roof.points)])
 

@@ -58,24 +58,6 @@ def closed_up(line: IntArray, ends: FloatArray, spacing: float) -> FloatArray:
     return ends
 
 
-def merged(steps: StepLines, spacing: float) -> StepLines:
-    """Join pieces between the same planes that have come to lie on one line, and nearly touch."""
-    line = steps.line
-    if not len(line):
-        return steps
-    _, inverse = np.unique((steps.angle + 1j * steps.offset)[line], return_inverse=True)
-    order = np.lexsort((steps.t[:, 0], steps.planes[:, 1], steps.planes[:, 0], inverse))
-    same = np.column_stack([inverse, steps.planes])[order]
-    line, t, length = line[order], steps.t[order], steps.length[order]
-    new = np.any(same[1:] != same[:-1], axis=1) | (t[1:, 0] - t[:-1, 1] > LONGEST_GAP * spacing)
-    begin = np.concatenate([[0], np.flatnonzero(new) + 1])
-    t = np.column_stack([t[begin, 0], np.maximum.reduceat(t[:, 1], begin)])
-    length = np.add.reduceat(length, begin)
-    line = line[begin]
-    planes = same[begin, 1:].astype(np.int32)
-    return StepLines(steps.angle, steps.offset, line, closed_up(line, t, spacing), planes, length)
-
-
 def step_edges(steps: StepLines, gradients: FloatArray, centre: FloatArray, spacing: float) -> list[StepEdge]:
     """
     Return the pieces as segments in plan with the heights of their ends; what is short and low is left out.

@@ -13,7 +13,6 @@ from lidar_buildings.core.model.point_array import checked_column, checked_point
 from lidar_buildings.core.neighbours.point_spacing import given_or_measured
 from lidar_buildings.core.stages.roof_topology.borders import find_borders
 from lidar_buildings.core.stages.roof_topology.common_vertices import find_common_vertices, piece_ends
-from lidar_buildings.core.stages.roof_topology.dangles import with_joined_dangles
 from lidar_buildings.core.stages.roof_topology.obstacles import walls_about
 from lidar_buildings.core.stages.roof_topology.pieces import find_pieces
 from lidar_buildings.core.stages.roof_topology.region_raster import region_raster
@@ -23,7 +22,7 @@ from lidar_buildings.core.stages.roof_topology.result import (
 from lidar_buildings.core.stages.roof_topology.roof_type import roof_type
 from lidar_buildings.core.stages.roof_topology.segments import finished
 from lidar_buildings.core.stages.roof_topology.snapping import extended, snapped
-from lidar_buildings.core.stages.roof_topology.step_lines import merged, step_edges, step_segments
+from lidar_buildings.core.stages.roof_topology.step_lines import step_edges, step_segments
 from lidar_buildings.core.stages.roof_topology.steps import find_step_lines
 from lidar_buildings.core.surfaces.roof_planes import Adjustment, adjust, with_gaps, without_gaps
 
@@ -97,13 +96,12 @@ def _topology(
     stops = np.concatenate([walls_about(rings, centre), ends])
     scale = max(spacing, _LEAST_DETAIL)
     lines = find_step_lines(borders, pieces.on_line, points, gradients, area, rings, stops, centre, scale)
-    lines = merged(snapped(lines, rings, centre, scale), scale)
+    lines = snapped(lines, rings, centre, scale)
     lines = extended(lines, ends, rings, centre, scale)
     intersections = finished(
         pieces, gradients, centre, rings, step_segments(lines), adjustment.vertices, spacing
     )
     steps = step_edges(lines, gradients, centre, scale)
-    steps = with_joined_dangles(intersections, steps, gradients, rings, centre, scale)
     kind = roof_type(points, seen, gradients, intersections, steps, spacing)
     return RoofTopology(
         adjustment.planes,
