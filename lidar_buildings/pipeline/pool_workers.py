@@ -68,10 +68,12 @@ def _work_first(
         other.close()
     work_alone()
     if prepare is not None:
+        gc.disable()
         try:
             prepare()
         except Exception:
             _log.exception("processes of buildings were not prepared")
+        gc.enable()
     gc.freeze()
     mine = links[0]
     with warnings.catch_warnings():
