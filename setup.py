@@ -79,7 +79,7 @@ setup(
         "tqdm>=4.66",
         "rosbags>=0.11",
     ],
-    extras_require={"ros": ROS_WHEELS, "test": TEST, "bench": BENCH},
+    extras_require={"ros": ROS_WHEELS, "terrain": ["startinpy>=0.12"], "test": TEST, "bench": BENCH},
     python_requires=">=3.10",
     # compiled loops are cached beside their modules, and the middleware profile is a file
     zip_safe=False,

@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lidar_buildings.core.kernels import kernel
+from lidar_buildings.core.stages.terrain.interpolation import LINEAR, interpolated
 from lidar_buildings.core.stages.terrain.known_cells import squared_distance
 from lidar_buildings.core.stages.terrain.window import RasterWindow
-from lidar_buildings.core.surfaces.triangulation import triangulate
 
 #: Coordinates are summed as whole multiples of 1/65536 m, so that sums do not depend on the points' order.
 #: Wide margin: 15 µm, and 10⁶ points a cell with coordinates of 10⁵ m stay below 2⁵³.
@@ -134,16 +134,19 @@ class Cells:
         width = self.window.resolution
         return _levelled(means.points, middles, means.rows, means.columns, padded, width * width)
 
-    def tin_at(self, vertices: CellPoints, chosen: NDArray[np.bool_]) -> NDArray[np.float32]:
+    def elevations_at(
+        self, vertices: CellPoints, chosen: NDArray[np.bool_], method: str = LINEAR
+    ) -> NDArray[np.float32]:
         """
-        Return the TIN's elevation at the middles of chosen cells, row by row; NaN if there is no vertex [m].
+        Return elevations at the middles of chosen cells, row by row; NaN if there is no vertex [m].
+
+        `method` is one of `interpolation.METHODS`.
         """
         rows, columns = np.nonzero(chosen)
         if len(rows) == 0 or len(vertices.points) == 0:
             return np.full(len(rows), np.nan, dtype=np.float32)
         centres = self.window.centres(rows, columns, self.origin)
-        extent = np.array([centres.min(axis=0), centres.max(axis=0)])
-        return triangulate(vertices.points, extent).elevation(centres).astype(np.float32)
+        return interpolated(vertices.points, centres, method).astype(np.float32)
 
 
 @kernel

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import importlib.util
 from dataclasses import dataclass
 from typing import ClassVar
 
+from lidar_buildings.core.model.errors import ParameterError
 from lidar_buildings.core.model.parameters import StageConfig, parameter
 
 
@@ -37,3 +39,20 @@ class RasterConfig(StageConfig):
         read_only=True,
         advanced=True,
     )
+    dtm_interpolation: str = parameter(
+        "linear",
+        "How the ground is closed under buildings and in gaps: in the triangles of the points around, by "
+        "natural neighbours (wants the extra `terrain`), inverse distances, or a thin-plate spline.",
+        choices=("linear", "natural_neighbour", "idw", "spline"),
+        read_only=True,
+        advanced=True,
+    )
+
+    def __post_init__(self) -> None:
+        """Refuse natural neighbours where the library is not installed."""
+        super().__post_init__()
+        if self.dtm_interpolation == "natural_neighbour" and not importlib.util.find_spec("startinpy"):
+            raise ParameterError(
+                f"{self.stage}.dtm_interpolation = 'natural_neighbour': needs startinpy: "
+                "pip install 'lidar_buildings[terrain]'"
+            )

@@ -142,7 +142,7 @@ def make_rasters(
     distance = squared_distance(own, reach)
     mine = known & (distance <= np.minimum(squared_distance(others, reach), reach * reach))
     gaps = regions_touching(known & np.isnan(dtm), mine)
-    dtm[gaps] = cells.tin_at(ground.near(gaps), gaps)
+    dtm[gaps] = cells.elevations_at(ground.near(gaps), gaps, config.dtm_interpolation)
     spacing = given_or_measured(points, point_spacing)
     gap = min(widest_gap(spacing, config.raster_resolution), reach)
     dsm = surface_elevations(cells, points, at, first, dtm, known, mine, gap)

@@ -70,7 +70,7 @@ def surface_elevations(
     on_ground = _holes_on_ground(lowest, ground, known & ~closed(measured, gap))
     elevation = np.where(on_ground, ground, np.float32(np.nan))
     gaps = regions_touching(known & ~measured & ~on_ground, wanted)
-    elevation[gaps] = np.fmax(cells.tin_at(highest.near(gaps), gaps), ground[gaps])
+    elevation[gaps] = np.fmax(cells.elevations_at(highest.near(gaps), gaps), ground[gaps])
     elevation[highest.rows, highest.columns] = highest.points[:, 2]
     elevation[~known] = np.nan
     return elevation
