@@ -31,12 +31,17 @@ def straight_seams(cells: Cells, labels: IntArray, tolerance: float) -> FloatArr
     """
     pairs = np.sort(labels[cells.edges], axis=1)
     rows = np.flatnonzero(pairs[:, 0] != pairs[:, 1])
+    numbers = pairs[rows] @ np.array([labels.max(initial=0) + 1, 1])
+    _, pair, n_edges = np.unique(numbers, return_inverse=True, return_counts=True)
+    # An edge alone is as straight as can be.
+    several = n_edges[pair] > 1
+    rows, pair = rows[several], pair[several]
     if not len(rows):
         return np.zeros((0, 2, 2))
-    pair = np.unique(pairs[rows], axis=0, return_inverse=True)[1].reshape(-1)
     order = np.argsort(pair, kind="stable")
     lines = shapely.linestrings(cells.ends[rows[order]].reshape(-1, 2, 2))
-    seams = shapely.get_parts(shapely.line_merge(shapely.multilinestrings(lines, indices=pair[order])))
+    pair = np.cumsum(np.append(0, np.diff(pair[order]) > 0))
+    seams = shapely.get_parts(shapely.line_merge(shapely.multilinestrings(lines, indices=pair)))
     straight = shapely.simplify(seams, tolerance, preserve_topology=False)
     straight = straight[shapely.get_num_points(straight) < shapely.get_num_points(seams)]
     corners, seam = shapely.get_coordinates(straight, return_index=True)
