@@ -28,7 +28,7 @@ from lidar_buildings.ros.stamps import header_of, tile_of, to_stamp
 from lidar_buildings.ros.tile_info import info_message, over_message
 
 #: Period of the checks of deadlines and subscribers, short against the time that a tile takes [s].
-_TICK = 0.05
+_TICK = 0.1
 #: Period of the reminders of what is waited for [s].
 _REMIND = 10.0
 

@@ -43,9 +43,9 @@ class LiveTilingConfig(TilingConfig):
         advanced=True,
     )
     leave_after: float = parameter(
-        1.0,
+        0.5,
         "A tile is sent when so long no point has fallen into it or its buffer; again as well as long as a "
-        "strip may fill it, else after ten times as long. Raising it waits longer, and sends less often.",
+        "strip may fill it, else after four times as long or more. Raising it sends later, and less often.",
         unit="s",
         minimum=0.0,
         maximum=86_400.0,
