@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from lidar_buildings.core.model.outline import Outline
 from lidar_buildings.core.neighbours.scan_pattern import ScanPattern
 from lidar_buildings.core.stages.boundary_tracing import BoundaryTracingConfig, rows_to_trace
 from lidar_buildings.core.stages.boundary_tracing.point_grid import build_point_grid
@@ -16,6 +17,7 @@ from lidar_buildings.core.stages.regularisation import RegularisationConfig
 from lidar_buildings.core.stages.regularisation.building_walls import min_long_length
 from lidar_buildings.core.stages.regularisation.division import Division
 from lidar_buildings.core.stages.regularisation.joint_directions import adjusted_directions
+from lidar_buildings.core.stages.regularisation.regularising import _problem
 from lidar_buildings.core.stages.regularisation.samples import sample_ring
 from lidar_buildings.core.stages.regularisation.turns import divide_at_turns
 from lidar_buildings.core.stages.roof_selection import RoofSelectionConfig
@@ -79,6 +81,13 @@ def test_the_ring_is_traced_from_the_edge_points_unless_they_are_too_few():
     assert rows_to_trace(rows, edge, config).tolist() == [0, 1, 3, 4]
     assert rows_to_trace(rows[1:], edge, config).tolist() == [1, 2, 3, 4, 5]
     assert rows_to_trace(rows, edge, BoundaryTracingConfig()).tolist() == rows.tolist()
+
+
+def test_walls_that_have_passed_each_other_are_no_outline():
+    square = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
+    ring, config = Outline(np.repeat(square, 2, axis=0)), RegularisationConfig(min_overlap=0.0)
+    assert "valid" in _problem(Outline(square[::-1]), ring, 0.0, config)
+    assert _problem(Outline(square), ring, 0.0, config) == ""
 
 
 def test_consecutive_edges_of_a_round_tower_have_similar_slopes():

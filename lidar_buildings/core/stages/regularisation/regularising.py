@@ -9,7 +9,7 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from lidar_buildings.core.model.outline import Outline, OutlineQuality
+from lidar_buildings.core.model.outline import Outline, OutlineQuality, signed_area
 from lidar_buildings.core.model.status import BuildingStatus
 from lidar_buildings.core.stages.regularisation.assembly import Fit, WalledRing, assemble
 from lidar_buildings.core.stages.regularisation.building_walls import both_ways, divide_building
@@ -252,7 +252,9 @@ def _problem(outline: Outline, traced: Outline, moved: float, config: Regularisa
     if len(outline.exterior) < 3:
         return "fewer than three walls were found"
     polygon, ring = outline.polygon, traced.polygon
-    if not polygon.is_valid:
+    if (
+        not polygon.is_valid or signed_area(outline.exterior) <= 0.0
+    ):  # turned round: walls that pass each other
         return "the walls do not make up a valid polygon"
     if not ring.is_valid:
         return "the traced outline is not valid"
