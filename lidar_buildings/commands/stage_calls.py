@@ -17,6 +17,7 @@ from lidar_buildings.core.stages.roof_selection.smooth_patches.plane_votes impor
 from lidar_buildings.core.stages.roof_selection.smooth_patches.wet_roofs import find_wet_roofs
 from lidar_buildings.core.stages.roof_selection.surroundings import share_around
 from lidar_buildings.core.stages.roof_topology.small_regions import absorb_small_regions
+from lidar_buildings.core.stages.segmentation.loose_points import building_beside
 from lidar_buildings.core.stages.terrain import RasterConfig
 from lidar_buildings.core.surfaces.brightness import brightness_raster
 from lidar_buildings.core.surfaces.roof_planes.adjustment import common_point
@@ -89,6 +90,8 @@ def _rare() -> None:
     everywhere = np.ones(len(roof), dtype=bool)
     find_wet_roofs(roof, roof[:, 2], everywhere, ~everywhere, 1.0, _CONFIG.roof_selection)
     plane_votes(roof, 0.1)
+    halves, kinds = (x[pool] > 20.0).astype(np.int64), np.array([True, False])
+    building_beside(roof, halves, kinds, ~kinds, 2.0)
     columns = by_column(roof, 1.0)
     share_around(columns, *np.ones((2, len(roof)), dtype=bool), 1.0)
     grid = build_point_grid(roof, ScanPattern(0.0, 1.0, 1.0), 2.0)

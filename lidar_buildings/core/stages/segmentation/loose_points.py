@@ -36,7 +36,8 @@ def building_beside(
     if not len(loose) or reach <= 0.0 or not is_building.any():
         return joined
     by_x = points[loose[np.argsort(points[loose, 0], kind="stable")], :2]
-    around = np.flatnonzero(is_building[component] & _is_beside(points, by_x, reach))
+    first = np.searchsorted(by_x[:, 0], points[:, 0] - reach)  # compiled, it would take seconds to compile
+    around = np.flatnonzero(is_building[component] & _is_beside(points, by_x, first, reach))
     if not len(around):
         return joined
     tree = cKDTree(points[around, :2], balanced_tree=False, compact_nodes=False)
@@ -50,13 +51,12 @@ def building_beside(
 
 
 @kernel
-def _is_beside(points, others, reach):  # type: ignore[no-untyped-def]
+def _is_beside(points, others, first, reach):  # type: ignore[no-untyped-def]
     """Return which points lie within reach of one of the others in x and in y; the others by rising x."""
     is_beside = np.zeros(len(points), dtype=np.bool_)
-    x = np.ascontiguousarray(others[:, 0])
     for i in range(len(points)):
-        k = np.searchsorted(x, points[i, 0] - reach)
-        while k < len(x) and x[k] <= points[i, 0] + reach:
+        k = first[i]
+        while k < len(others) and others[k, 0] <= points[i, 0] + reach:
             if abs(points[i, 1] - others[k, 1]) <= reach:
                 is_beside[i] = True
                 break
