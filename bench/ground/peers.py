@@ -76,9 +76,9 @@ class GroundFilter(NamedTuple):
 
 
 def own_methods() -> tuple[str, ...]:
-    """Return the package's methods, the default first."""
+    """Return the package's methods, the default first; not the one for clouds without ground."""
     method = next(field for field in fields(GroundFilterConfig) if field.name == "method")
-    return spec_of(method).choices
+    return tuple(name for name in spec_of(method).choices if name != "none")
 
 
 def own_filter(method: str, settings: Mapping[str, Any] | None = None) -> GroundFilter:

@@ -226,7 +226,7 @@ def test_settings_are_chosen_per_cloud_for_all_and_on_the_others():
     assert best.left_out.tolist() == [2, 0, 0]
 
 
-@pytest.mark.parametrize("method", filters.own_methods())
+@pytest.mark.parametrize("method", optimisation.GRIDS)
 def test_the_settings_tried_are_allowed_and_begin_with_the_defaults(method):
     settings = optimisation.settings_grid(method)
     assert GroundFilterConfig(**settings[0]) == GroundFilterConfig()

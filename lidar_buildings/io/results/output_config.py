@@ -38,4 +38,5 @@ class OutputConfig(RasterConfig):
         minimum=0.0,
         maximum=100.0,
         read_only=True,
+        advanced=True,
     )
