@@ -11,7 +11,7 @@ import threading
 import time
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from pathlib import Path
 from typing import NamedTuple
 
@@ -83,6 +83,7 @@ def run_child(
         watched = Watch(Path(folder), output)
         environment = {**os.environ, "TMPDIR": folder, **_ENVIRONMENT, **(environment or {})}
         ctypes.CDLL(None).prctl(_SUBREAPER, 1, 0, 0, 0)
+        others = _children()
         with _on_cores(cores):
             started, busy = time.perf_counter(), machine_cpu()
             process = subprocess.Popen(
@@ -91,7 +92,7 @@ def run_child(
         with watched.watching(process.pid):
             _, status, used = os.wait4(process.pid, 0)
             wall, busy = time.perf_counter() - started, machine_cpu() - busy
-        orphans = list(_orphans())
+        orphans = list(_orphans(others))
         process.returncode = os.waitstatus_to_exitcode(status)
         printed.seek(0)
         text = printed.read()
@@ -102,11 +103,17 @@ def run_child(
     return Usage(wall, cpu, max(busy - cpu, 0.0), memory, watched.disk(), text)
 
 
-def _orphans() -> Iterator[resource.struct_rusage]:
+def _orphans(others: set[int]) -> Iterator[resource.struct_rusage]:
     """Wait for the processes whose parent ended before them, as of a pool, and yield what they took."""
-    with suppress(ChildProcessError):
-        while True:
-            yield os.wait4(-1, 0)[2]
+    while orphans := _children() - others:
+        for pid in orphans:
+            yield os.wait4(pid, 0)[2]
+
+
+def _children() -> set[int]:
+    """Return this process's own children."""
+    lists = Path("/proc/self/task").glob("*/children")
+    return {int(pid) for one in lists for pid in one.read_text().split()}
 
 
 class Watch:
