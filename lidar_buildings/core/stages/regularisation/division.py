@@ -120,9 +120,11 @@ def divide_ring(
     n = len(points)
     weights = np.ones(n) if weights is None else weights
     sums = running_sums(points, weights)
+    x, y = points.T
+    sense = 1.0 if x @ np.roll(y, -1) >= y @ np.roll(x, -1) else -1.0
     shift = 0 if start is None else start % n
     for _ in range(2 if start is None else 1):
-        first, kind, cost = _divide(sums, n, shift, np.cos(angles), np.sin(angles), *costs)
+        first, kind, cost = _divide(sums, n, shift, sense, np.cos(angles), np.sin(angles), *costs)
         first, kind = first[::-1].copy(), kind[::-1].copy()
         corners = first + shift
         # The corner farthest, along the ring, from where this division began.
@@ -132,7 +134,9 @@ def divide_ring(
 
 
 @kernel
-def _divide(sums, n, shift, cosines, sines, noise, wall, own_direction, step, arc, min_radius, min_arc):  # type: ignore[no-untyped-def]
+def _divide(  # type: ignore[no-untyped-def]
+    sums, n, shift, sense, cosines, sines, noise, wall, own_direction, step, arc, min_radius, min_arc
+):
     """
     Return first sample and kind of each wall of an open chain from `shift` on, last to first, and the cost.
 
@@ -171,7 +175,7 @@ def _divide(sums, n, shift, cosines, sines, noise, wall, own_direction, step, ar
                 came_from[end, free] = start
             # An arc costs more than a free wall: it has to fit better by the difference.
             if arc < np.inf and end - start >= _MIN_ARC_SAMPLES and straight > arc - own_direction:
-                bent, is_arc = _bent(sums, shift + start, shift + end, min_radius, min_arc, variance)
+                bent, is_arc = _bent(sums, shift + start, shift + end, sense, min_radius, min_arc, variance)
                 bent /= variance
                 least[s] = min(least[s], cheapest[start] + bent)
                 if is_arc and entry[start, bow] + bent < best[end, bow]:
@@ -193,14 +197,35 @@ def _divide(sums, n, shift, cosines, sines, noise, wall, own_direction, step, ar
 
 
 @inner_kernel
-def _bent(sums, start, end, min_radius, min_arc, variance):  # type: ignore[no-untyped-def]
-    """Return the squared offsets from the best circle, and whether the stretch may be an arc of it."""
+def _bent(sums, start, end, sense, min_radius, min_arc, variance):  # type: ignore[no-untyped-def]
+    """
+    Return the squared offsets from the best circle, and whether the stretch may be an arc of it.
+
+    An arc bulges out of its ring: hollows are straight, while gaps in the points, which look like hollows,
+    may be round.
+    """
     _, _, radius, offsets = algebraic_circle(sums, start, end)
     way = way_along(sums, start, end)
     turn = way / radius
     is_arc = radius >= min_radius and way >= min_arc and _MIN_ARC_TURN <= turn <= _MAX_ARC_TURN
     weight = sums[end, 0] - sums[start, 0]
-    return offsets, is_arc and offsets <= _MAX_ARC_MISFIT * variance * weight
+    is_arc = is_arc and offsets <= _MAX_ARC_MISFIT * variance * weight
+    return offsets, is_arc and sense * _bulge(sums, start, end) > 0.0
+
+
+@inner_kernel
+def _bulge(sums, start, end):  # type: ignore[no-untyped-def]
+    """Return how far the middle of a stretch lies to the right of its chord, times the chord's length."""
+    x, y = _middle(sums, start, end)
+    from_x, from_y = _middle(sums, start, start + 1)
+    to_x, to_y = _middle(sums, end - 1, end)
+    return (to_y - from_y) * (x - from_x) - (to_x - from_x) * (y - from_y)
+
+
+@inner_kernel
+def _middle(sums, start, end):  # type: ignore[no-untyped-def]
+    weight = sums[end, 0] - sums[start, 0]
+    return (sums[end, 1] - sums[start, 1]) / weight, (sums[end, 2] - sums[start, 2]) / weight
 
 
 @inner_kernel

@@ -241,6 +241,12 @@ def test_an_arc_is_found_where_it_is_worth_its_cost():
     found = divide_ring(ring, angles, costs)
     assert sorted(found.kind.tolist()) == [ARC, 0, 0, 1]
     assert ARC not in divide_ring(ring, angles, costs._replace(arc=np.inf)).kind
+    assert ARC in divide_ring(ring[::-1].copy(), angles, costs).kind
+    x = np.linspace(7.8, -7.8, 40)
+    for sign in (1, -1):  # a bow outwards, and a hollow
+        y = 10 + sign * (np.sqrt(18**2 - x**2) - np.sqrt(18**2 - 8**2))
+        bent = np.vstack([np.column_stack([x, y]), *sides, base, right])
+        assert (ARC in divide_ring(bent, angles, costs).kind) == (sign > 0)
 
 
 def test_the_division_is_the_best_of_all():
