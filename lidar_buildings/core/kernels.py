@@ -3,15 +3,18 @@ How loops are compiled: `kernel` for those that Python calls, `inner_kernel` for
 
 Numba takes some 0.3 s of a processor for each. Both leave out what is never used: the way in from C, copies
 for each literal number that a loop passes on, and for inner ones the way in from Python, machine code and a
-file of their own, as the files of their callers hold them.
+file of their own, as the files of their callers hold them. What was compiled before is loaded as machine code
+alone: what the compiler would need is read when it is asked for.
 """
 
 from collections.abc import Callable
 from typing import Any
 
 from numba import njit, types
-from numba.core.codegen import JITCodeLibrary
-from numba.core.compiler import Compiler
+from numba.core.caching import CompileResultCacheImpl, FunctionCache
+from numba.core.codegen import JITCodeLibrary, ll
+from numba.core.compiler import Compiler, CompileResult
+from numba.core.runtime import rtsys
 
 _OPTIONS: Any = {"nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True}
 
@@ -44,12 +47,75 @@ class _InnerCompiler(Compiler):
         return super().compile_extra(function)
 
 
+class _LoadedLibrary(JITCodeLibrary):
+    """Machine code from a file; what LLVM knows of it is parsed if a loop that is compiled calls it."""
+
+    _bitcode: bytes
+
+    @classmethod
+    def _unserialize(cls, codegen: Any, state: tuple[str, str, tuple[bytes, bytes]]) -> Any:
+        name, _, (machine_code, bitcode) = state
+        self = cls(codegen, name)
+        self._bitcode = bitcode
+        self.enable_object_caching()
+        self._set_compiled_object(machine_code)
+        self._finalize_final_module()
+        return self
+
+    def get_pointer_to_function(self, name: str) -> int:
+        address: int = self._codegen._engine.get_function_address(name)
+        return address
+
+    def _get_module_for_linking(self) -> Any:
+        if self._shared_module is None:
+            self._shared_module = ll.parse_bitcode(self._bitcode)
+        return self._shared_module
+
+
+class _Loading:
+    """Stands in for numba's target, and its code generator, while a compiled loop is loaded."""
+
+    def __init__(self, target: Any) -> None:
+        self._target = target
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._target, name)
+
+    def codegen(self) -> Any:
+        """Return what makes libraries of what files hold."""
+        return self
+
+    def unserialize_library(self, state: Any) -> Any:
+        return _LoadedLibrary._unserialize(self._target.codegen(), state)
+
+
+class _LoadedResult(CompileResultCacheImpl):
+    """How numba's files are read."""
+
+    def rebuild(self, target_context: Any, payload: tuple[Any, ...]) -> CompileResult:
+        result = CompileResult._rebuild(_Loading(target_context), *payload)
+        return result._replace(target_context=target_context)
+
+
+class _Files(FunctionCache):
+    """Numba's files, read without what only the compiler needs to know of all that numba can do."""
+
+    _impl_class = _LoadedResult
+
+    def load_overload(self, sig: Any, target_context: Any) -> Any:
+        rtsys.initialize(target_context)  # what compiled loops allocate memory with
+        with self._guard_against_spurious_io_errors():
+            return self._load_overload(sig, target_context)
+
+
 _INNER_OPTIONS: Any = _OPTIONS | {"no_cpython_wrapper": True, "pipeline_class": _InnerCompiler}
 
 
 def kernel(function: Callable[..., Any]) -> Any:
     """Compile a loop that Python calls. It lets other threads run, and divides as numpy does."""
-    return _without_literals(njit(cache=True, **_OPTIONS)(function))
+    loop = njit(cache=True, **_OPTIONS)(function)
+    loop._cache = _Files(function)
+    return _without_literals(loop)
 
 
 def inner_kernel(function: Callable[..., Any]) -> Any:

@@ -7,7 +7,6 @@ from importlib import import_module
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import RBFInterpolator
 from scipy.spatial import cKDTree
 
 from lidar_buildings.core.surfaces.triangulation import triangulate
@@ -71,6 +70,8 @@ def _by_natural_neighbours(
 def _by_spline(
     vertices: NDArray[np.float64], places: NDArray[np.float64], linear: NDArray[np.float64]
 ) -> NDArray[np.float64]:
+    from scipy.interpolate import RBFInterpolator  # here, because it takes 0.1 s and is no default
+
     try:
         n = min(_N_NEAREST, len(vertices))
         found = RBFInterpolator(vertices[:, :2], vertices[:, 2], n, kernel="thin_plate_spline")(places)
