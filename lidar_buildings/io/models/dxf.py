@@ -118,8 +118,11 @@ class _Drawing:
     def _lines(self, building: SurveyBuilding) -> list[str]:
         """Draw the lines of a building's roof."""
         data = self._entities.extended_data([building.readable_id])
+        ends = np.array([line.ends for line in building.lines]).reshape(-1, 3)
+        corners = [corner_text(corner) for corner in self._in_source(ends)]
         return [
-            self._entities.line(LINES[line.kind], self._in_source(line.ends), data) for line in building.lines
+            self._entities.line(LINES[line.kind], start, end, data)
+            for line, start, end in zip(building.lines, corners[::2], corners[1::2], strict=True)
         ]
 
     def _terrain(self, mesh: TerrainMesh) -> Iterator[str]:

@@ -93,9 +93,9 @@ class DxfEntities:
         height = f" 38\n{_text(elevation)}\n"
         return f"{begun}100\nAcDbPolyline\n 90\n{len(corners)}\n 70\n1\n{height}{places}{data}"
 
-    def line(self, layer: str, ends: Sequence[Corner], data: str) -> str:
+    def line(self, layer: str, start: CornerText, end: CornerText, data: str) -> str:
         """Return a straight line."""
-        (ax, ay, az), (bx, by, bz) = map(corner_text, ends)
+        (ax, ay, az), (bx, by, bz) = start, end
         begun = self._begun("LINE", layer)
         return (
             f"{begun}100\nAcDbLine\n 10\n{ax}\n 20\n{ay}\n 30\n{az}\n 11\n{bx}\n 21\n{by}\n 31\n{bz}\n{data}"

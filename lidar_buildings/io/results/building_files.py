@@ -81,10 +81,12 @@ def write_buildings(
     outlined: Counter[str] = Counter()
     traced: Counter[str] = Counter()
     with ExitStack() as stack:
-        writers = [
+        # what is opened last ends first: layers are written at their end, where a disk may be found full
+        opened = [
             stack.enter_context(_WRITERS[name](path, buildings, heading))
-            for name, path in zip(chosen, paths, strict=True)
+            for name, path in zip(reversed(chosen), reversed(paths), strict=True)
         ]
+        writers = opened[::-1]
         for building in buildings:
             _add_to_all(paths, writers, building)
             status = building.attributes.get("status") or _NO_FEATURE

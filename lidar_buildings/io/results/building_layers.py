@@ -86,8 +86,7 @@ class _BuildingLayers:
         self._file = file
         self._frame = frame
         self._rows: dict[str, _Rows] = {name: [] for name in _LAYERS}
-        for name in _LAYERS:  # empty layers are layers, too
-            self._write(name)
+        self._is_begun = False
 
     def add(self, building: SurveyBuilding | TerrainMesh) -> None:
         """Add a building's rows; the terrain has none."""
@@ -109,10 +108,11 @@ class _BuildingLayers:
             self.write_all()
 
     def write_all(self) -> None:
-        """Write the rows that wait."""
+        """Write the rows that wait; the first time all layers, as empty ones are layers, too."""
         for name, rows in self._rows.items():
-            if rows:
+            if rows or not self._is_begun:
                 self._write(name)
+        self._is_begun = True
 
     def _write(self, name: str) -> None:
         rows, self._rows[name] = self._rows[name], []
@@ -148,20 +148,24 @@ def _roof_lines(
     building: SurveyBuilding, frame: MapFrame
 ) -> Iterator[tuple[dict[str, Any], shapely.LineString]]:
     """Yield the lines of a building's roof with the numbers of the faces that they bound."""
-    for line in building.lines:
-        ends = frame.to_source(line.ends)
-        elevations = np.round(ends[:, 2], _DECIMALS).tolist()
-        length = float(np.linalg.norm(line.ends[1] - line.ends[0])) / frame.horizontal_unit
+    ends = np.array([line.ends for line in building.lines]).reshape(-1, 2, 3)
+    lengths = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1) / frame.horizontal_unit
+    places = frame.to_source(ends.reshape(-1, 3)).reshape(-1, 2, 3)
+    columns = [*np.sort(places[:, :, 2]).T, lengths]
+    numbers = np.round(np.column_stack(columns), _DECIMALS).tolist()
+    for line, (low, high, length), shape in zip(
+        building.lines, numbers, shapely.linestrings(places), strict=True
+    ):
         known = {
             "lod": building.feature.finest if building.feature else "",
             "kind": line.kind,
             "face": line.faces[0],
             "other_face": line.faces[1] if len(line.faces) > 1 else None,
-            "length": round(length, _DECIMALS),
-            "elevation_min": min(elevations),
-            "elevation_max": max(elevations),
+            "length": length,
+            "elevation_min": low,
+            "elevation_max": high,
         }
-        yield known, shapely.LineString(ends)
+        yield known, shape
 
 
 def _polygons(vertices: NDArray[np.float64], faces: Sequence[Face]) -> NDArray[Any]:

@@ -48,17 +48,19 @@ def relief(
     if np.count_nonzero(chosen) < 3:
         return nothing
     try:
+        tin = _triangulated(nodes[chosen.ravel()])
+        within = _within_hull(tin, nodes)  # which no round changes: what lies beyond it has no error
+        candidates = np.flatnonzero(within & inner.ravel())
         for _ in range(_MOST_ROUNDS):
-            rows, columns = np.nonzero(chosen)
-            tin = _triangulated(nodes[chosen.ravel()])
-            triangle, error = _errors(tin, nodes)
-            worst = _worst_nodes(triangle, np.where(inner.ravel(), error, 0.0), tolerance)
-            if not len(worst) or len(rows) > _MOST_VERTICES:
+            worst = candidates[_worst_nodes(*_errors(tin, nodes[candidates]), tolerance)]
+            if not len(worst) or len(tin.vertices) > _MOST_VERTICES:
                 break
             chosen.reshape(-1)[worst] = True
+            tin = _triangulated(nodes[chosen.ravel()])
     except QhullError:  # all on a line
         return nothing
-    return rows, columns, _over_known(tin, triangle, error, known)
+    rows, columns = np.nonzero(chosen)
+    return rows, columns, _over_known(tin, nodes, within, known)
 
 
 def _on_sides(elevation: NDArray[np.float64], tolerance: float) -> NDArray[np.bool_]:
@@ -112,17 +114,27 @@ def _triangulated(vertices: NDArray[np.float64]) -> Tin:
     )
 
 
-def _errors(tin: Tin, nodes: NDArray[np.float64]) -> tuple[NDArray[np.int32], NDArray[np.float64]]:
-    """Return each node's triangle and its distance in height from that; NaN beyond the hull."""
-    triangle = tin.locate(nodes)
-    a, b, c = tin.vertices[tin.triangles[triangle]].transpose(1, 2, 0)
-    (ux, uy, uz), (vx, vy, vz), (px, py, pz) = b - a, c - a, nodes.T - a
+def _within_hull(tin: Tin, nodes: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Whether nodes lie in the triangle that is nearest to them."""
+    a, b, c = tin.vertices[tin.triangles[tin.locate(nodes)], :2].transpose(1, 2, 0)
+    (ux, uy), (vx, vy), (px, py) = b - a, c - a, nodes[:, :2].T - a
     area = ux * vy - uy * vx
     with np.errstate(divide="ignore", invalid="ignore"):
         one, other = (px * vy - py * vx) / area, (ux * py - uy * px) / area
-        error = np.abs(one * uz + other * vz - pz)
-    inside = (one >= 0.0) & (other >= 0.0) & (one + other <= 1.0 + 1e-12)
-    return triangle, np.where(inside, error, np.nan)
+    return np.asarray((one >= 0.0) & (other >= 0.0) & (one + other <= 1.0 + 1e-12))
+
+
+def _errors(tin: Tin, nodes: NDArray[np.float64]) -> tuple[NDArray[np.int32], NDArray[np.float64]]:
+    """Return each node's triangle and its distance in height from that."""
+    triangle = tin.locate(nodes)
+    corners = tin.vertices[tin.triangles]
+    (ux, uy, uz), (vx, vy, vz) = ((corners[:, k] - corners[:, 0]).T for k in (1, 2))
+    area = ux * vy - uy * vx
+    with np.errstate(divide="ignore", invalid="ignore"):
+        east, north = (uz * vy - uy * vz) / area, (ux * vz - uz * vx) / area
+    planes = np.column_stack([east, north, corners[:, 0]])[triangle]
+    up = planes[:, 0] * (nodes[:, 0] - planes[:, 2]) + planes[:, 1] * (nodes[:, 1] - planes[:, 3])
+    return triangle, np.abs(up + planes[:, 4] - nodes[:, 2])
 
 
 def _worst_nodes(
@@ -135,12 +147,12 @@ def _worst_nodes(
 
 
 def _over_known(
-    tin: Tin, triangle: NDArray[np.int32], error: NDArray[np.float64], known: NDArray[np.bool_]
+    tin: Tin, nodes: NDArray[np.float64], within: NDArray[np.bool_], known: NDArray[np.bool_]
 ) -> NDArray[np.int32]:
     """Return the triangles over known ground: by most nodes in each, else by those round its middle."""
-    n, inside = len(tin.triangles), ~np.isnan(error)
-    in_all = np.bincount(triangle[inside], minlength=n)
-    in_known = np.bincount(triangle[inside & known.ravel()], minlength=n)
+    triangle, n = tin.locate(nodes), len(tin.triangles)
+    in_all = np.bincount(triangle[within], minlength=n)
+    in_known = np.bincount(triangle[within & known.ravel()], minlength=n)
     corners = tin.vertices[tin.triangles]
     (ux, uy), (vx, vy) = ((corners[:, k, :2] - corners[:, 0, :2]).T for k in (1, 2))
     x, y = corners[:, :, :2].mean(axis=1).T
