@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import time
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from concurrent.futures import FIRST_COMPLETED, Future, wait
-from functools import partial
-from typing import TypeVar
 
 from lidar_buildings.commands.progress import RunOutcome, progress_bar
 from lidar_buildings.commands.run_request import RunRequest
@@ -26,8 +24,6 @@ from lidar_buildings.pipeline.reconstruct import PipelineConfig
 #: Footprints so far from all points may still be asked for [m]; wide margin over 5 m.
 _MARGIN = 10.0
 
-_Job = TypeVar("_Job")
-_Result = TypeVar("_Result")
 _Answer = Future[TileOutcome | LidarBuildingsError]
 
 
@@ -68,17 +64,7 @@ def run_local(request: RunRequest, footprints: FootprintFile | None, pool: Build
             )
         seconds = {"wall": time.perf_counter() - started, **seconds}
         info = run_info(seconds, request.parameters(), failed, source.problems)
-        return RunOutcome(folder.finalise(info, partial(_shared, pool), source.unreadable), failed)
-
-
-def _shared(pool: BuildingPool, function: Callable[[_Job], _Result], jobs: Sequence[_Job]) -> list[_Result]:
-    """Do some jobs in the pool's processes."""
-    return [answer.result() for answer in [pool.submit(_call, (function, job)) for job in jobs]]
-
-
-def _call(work: tuple[Callable[[_Job], _Result], _Job], _: object) -> _Result:
-    function, job = work
-    return function(job)
+        return RunOutcome(folder.finalise(info, pool.call_each, source.unreadable), failed)
 
 
 def process_tiles(

@@ -250,7 +250,9 @@ class ModelWriter(StageNode):
         """Make the files; the writer is at work, so that no tile that waits for it is sent again."""
         self._receipts.send(TAKEN)
         try:
-            summary = self._survey.make_files(self._record.as_dict(self.failed_tiles, ()))
+            summary = self._survey.make_files(
+                self._record.as_dict(self.failed_tiles, ()), self._pool.call_each
+            )
         finally:
             self._receipts.send(DONE)
         self.last_words, self.n_saved = self._words(summary), self.n_saved + 1

@@ -16,7 +16,7 @@ from lidar_buildings.io.clouds.las import InputFile, frame_of, open_inputs
 from lidar_buildings.io.clouds.placed_clouds import PLACED_CLOUDS, placed_inputs
 from lidar_buildings.io.results.output_config import OutputConfig
 from lidar_buildings.io.results.output_folder import OutputFolder
-from lidar_buildings.io.results.run_folder import check_folder
+from lidar_buildings.io.results.run_folder import Share, check_folder
 from lidar_buildings.io.results.run_summary import RunSummary
 from lidar_buildings.io.results.tile_products import TileProducts
 from lidar_buildings.io.vectors.footprints import FootprintFile, FootprintSource, read_footprints
@@ -115,9 +115,11 @@ class SurveyFolder:
         self._opened().write_tile(products)
         self.on_disk[tile_of(products.stamp)] = products.stamp
 
-    def make_files(self, run_info: Mapping[str, Any]) -> RunSummary:
+    def make_files(self, run_info: Mapping[str, Any], share: Share = map) -> RunSummary:
         """
         Make the files of the tiles on disk, those of a live survey with the clouds that are there now.
+
+        `share` does what can be done side by side, as in `OutputFolder.finalise`.
 
         Raises
         ------
@@ -130,7 +132,7 @@ class SurveyFolder:
             if not folder.inputs:
                 where = f"{self._config.placed}/{PLACED_CLOUDS}" if self._config.placed else "no folder named"
                 problems.append(f"no classified clouds: the source's clouds are not here ({where})")
-        return folder.finalise({**run_info, "problems": problems})
+        return folder.finalise({**run_info, "problems": problems}, share)
 
     def forget_tiles(self) -> None:
         """Delete the tiles on disk; the files that were made of them stay."""

@@ -15,7 +15,7 @@ from concurrent.futures import Future
 from contextlib import suppress
 from multiprocessing.connection import Connection
 from types import TracebackType
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from lidar_buildings.core.neighbours.parallel import n_cores
 from lidar_buildings.pipeline.agenda import Agenda, NoWorkerError, Task, WorkerLostError
@@ -27,6 +27,9 @@ __all__ = ["BuildingPool", "NoWorkerError", "Sharing", "WorkerLostError", "map_b
 
 _Job = TypeVar("_Job")
 _Result = TypeVar("_Result")
+
+#: A function, what it is called with, and whether it takes a pool.
+_Work = tuple[Callable[..., Any], tuple[object, ...], bool]
 
 _log = logging.getLogger(__name__)
 
@@ -131,14 +134,27 @@ class BuildingPool(Sharing):
         WorkerLostError
             If two processes ended at it.
         """
-        work = function, arguments, shares
-        try:
-            result = self.submit(_called, work).result() if self._n_alive else _called(work, None)
-        except NoWorkerError:
-            result = _called(work, None)
-        if isinstance(result, Exception):
-            raise result
+        result: _Result = self._finished((function, arguments, shares))()
         return result
+
+    def call_each(self, function: Callable[[_Job], _Result], jobs: Sequence[_Job]) -> list[_Result]:
+        """Do as `call` for each of some jobs, several at a time, and return the results in their order."""
+        return [finish() for finish in [self._finished((function, (job,), False)) for job in jobs]]
+
+    def _finished(self, work: _Work) -> Callable[[], Any]:
+        """Begin a call; return what waits for its result."""
+        answer = self.submit(_called, work) if self._n_alive else None
+
+        def finish() -> Any:
+            try:
+                result = answer.result() if answer else _called(work, None)
+            except NoWorkerError:
+                result = _called(work, None)
+            if isinstance(result, Exception):
+                raise result
+            return result
+
+        return finish
 
     def _exchange(self, messages: Sequence[Parcel]) -> list[Parcel | None]:
         tasks = [Task(message) for message in messages]
@@ -195,9 +211,7 @@ class BuildingPool(Sharing):
             self._agenda.close()
 
 
-def _called(
-    work: tuple[Callable[..., _Result], tuple[object, ...], bool], pool: Sharing | None
-) -> _Result | Exception:
+def _called(work: _Work, pool: Sharing | None) -> Any:
     function, arguments, shares = work
     try:
         return function(*arguments, pool=pool) if shares else function(*arguments)
