@@ -2,63 +2,85 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 
-import shapely
+import numpy as np
+from numpy.typing import NDArray
 
 from lidar_buildings.io.tiling.tile_grid import BUFFER_SHARES, Rectangle
 
 #: Sides to choose from [m]; wider tiles bring nothing, and a survey that fills its bounds in parts would
 #: surprise with them.
-_SIZES = tuple(range(50, 1001, 25))
-#: A side this much shorter than the largest one may cut a survey more luckily.
+_SIZES = tuple(float(size) for size in range(1000, 49, -25))
+#: Of the sides that fit, how much shorter than the largest one the last is that is tried.
 _SHORTEST = 0.5
+#: Bounds as small as those of a single point are taken for this wide [m].
+_SMALLEST = 1e-3
+#: A header whose bounds span more tiles than this says nothing.
+_MOST_TILES = 100_000
 
 
-def fitting_size(areas: Sequence[Rectangle], n_points: int, buffer: float, max_points: int) -> float:
+def fitting_size(areas: Sequence[Rectangle], counts: Sequence[int], buffer: float, max_points: int) -> float:
     """
     Choose the side of a survey's tiles [m].
 
-    Of the sides whose tiles, buffer included, are expected to hold at most `max_points` the one with which
-    stages see the fewest points: the survey's bounds, cut at multiples of the side, with buffers.
+    Of the sides with which each tile, buffer included, is expected to hold at most `max_points` the one with
+    which stages see the fewest points, taking those of a file to lie evenly in its bounds.
 
     Parameters
     ----------
     areas : sequence of Rectangle
         The files' bounds [m].
-    n_points : int
-        Of all files.
+    counts : sequence of int
+        Their numbers of points.
     buffer : float
         Width of the strip of neighbours east of a tile [m].
     max_points : int
         Of a tile with its buffer.
     """
-    if not areas:
-        return float(_SIZES[0])
-    whole = Rectangle.around(areas)
-    density = n_points / max(shapely.union_all([shapely.box(*_corners(a)) for a in areas]).area, 1.0)
-    west, south, east, north = (share * buffer for share in BUFFER_SHARES)
-    spans = ((whole.x_min, whole.x_max, west, east), (whole.y_min, whole.y_max, south, north))
-
-    def expected(size: float) -> float:
-        return density * math.prod(
-            min(size + before + after, high - low) for low, high, before, after in spans
-        )
-
-    fitting = [size for size in _SIZES if expected(size) <= max_points] or [_SIZES[0]]
-    candidates = [size for size in fitting if size >= _SHORTEST * fitting[-1]]
-    return float(min(candidates, key=lambda size: math.prod(_seen(*span, size) for span in spans)))
+    bounds = np.array([(a.x_min, a.y_min, a.x_max, a.y_max) for a in areas]).reshape(-1, 2, 2)
+    bounds[:, 1] = np.maximum(bounds[:, 1], bounds[:, 0] + _SMALLEST)
+    chosen, least, shortest = _SIZES[-1], np.inf, 0.0
+    for size in _SIZES:
+        if size < shortest:
+            break
+        expected = _expected_points(bounds, np.asarray(counts, dtype=np.float64), buffer, size)
+        if expected.max(initial=0.0) <= max_points:
+            shortest = shortest or _SHORTEST * size
+            if expected.sum() < least:
+                chosen, least = size, float(expected.sum())
+    return chosen
 
 
-def _seen(low: float, high: float, before: float, after: float, size: float) -> float:
-    """Return the length of a span that all its tiles see together, with buffers before and after them [m]."""
-    first, last = math.floor(low / size), math.floor(high / size)
-    return sum(
-        min(high, (k + 1) * size + after) - max(low, k * size - before) + size * 1e-9
-        for k in range(first, last + 1)
-    )
+def _expected_points(
+    bounds: NDArray[np.float64], counts: NDArray[np.float64], buffer: float, size: float
+) -> NDArray[np.float64]:
+    """
+    Return how many points each tile is expected to hold, buffer included.
 
-
-def _corners(area: Rectangle) -> tuple[float, float, float, float]:
-    return area.x_min, area.y_min, area.x_max, area.y_max
+    Parameters
+    ----------
+    bounds : ndarray of shape (n_files, 2, 2)
+        Least and greatest x and y of each file [m].
+    counts : ndarray of shape (n_files,)
+        Points of each file.
+    buffer, size : float
+        Of tiles [m].
+    """
+    before, after = buffer * np.array(BUFFER_SHARES).reshape(2, 2)
+    first = np.floor((bounds[:, 0] - after) / size)
+    spans = np.floor((bounds[:, 1] + before) / size) - first + 1.0
+    is_told = spans.prod(axis=1) <= _MOST_TILES
+    bounds, counts, first = bounds[is_told], counts[is_told], first[is_told]
+    width, height = spans[is_told].astype(np.int64).T
+    file = np.repeat(np.arange(len(counts)), width * height)  # a row for each tile near each file
+    place = np.arange(len(file)) - np.repeat(np.cumsum(width * height) - width * height, width * height)
+    tiles = first[file] + np.column_stack(np.divmod(place, height[file]))
+    low, high = bounds[file, 0], bounds[file, 1]
+    within = np.minimum(high, (tiles + 1.0) * size + after) - np.maximum(low, tiles * size - before)
+    points = counts[file] * (np.maximum(within, 0.0) / (high - low)).prod(axis=1)
+    is_core = ((tiles * size <= high) & (low < (tiles + 1.0) * size)).all(axis=1)
+    column, row = (tiles - tiles.min(axis=0, initial=np.inf)).T
+    number = np.unique(column * (row.max(initial=0.0) + 1.0) + row, return_inverse=True)[1]
+    has_core = np.bincount(number[is_core], minlength=number.max(initial=-1) + 1) > 0
+    return np.bincount(number, points)[has_core]

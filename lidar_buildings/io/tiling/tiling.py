@@ -171,10 +171,11 @@ class TileSource:
 
     def _tile_size(self) -> float:
         """Return the side of a tile [m]."""
-        areas = [area for area in self._areas if area is not None]
-        n_points = sum(file.point_count for file in self.inputs)
-        config = self.config
-        return config.tile_size or fitting_size(areas, n_points, config.buffer, config.max_tile_points)
+        if self.config.tile_size:
+            return self.config.tile_size
+        filled = [(a, c.point_count) for a, c in zip(self._areas, self._clouds, strict=True) if a is not None]
+        areas, counts = zip(*filled, strict=True) if filled else ((), ())
+        return fitting_size(areas, counts, self.config.buffer, self.config.max_tile_points)
 
     def _expected_tiles(self) -> set[Cell]:
         """Return the tiles that the headers' bounds reach into."""
