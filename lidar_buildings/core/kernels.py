@@ -22,6 +22,10 @@ _OPTIONS: Any = {"nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True
 class _InnerLibrary(JITCodeLibrary):
     """What LLVM knows of an inner loop: enough to be put into its callers."""
 
+    def _optimize_functions(self, ll_module: Any) -> None:
+        """Leave to the whole loop, and to its callers, what numba does to each of its functions before."""
+        ll_module.data_layout = self._codegen._data_layout
+
     @property
     def codegen(self) -> Any:
         """Stands in for what would be told where the machine code lies."""
