@@ -26,7 +26,7 @@ def two_means(
 
     Lloyd's iteration from a start by linearity. With the Manhattan distance centres are medians; with the
     Mahalanobis distance features are whitened by their covariance over all the points given. The last bits
-    depend on the order of the points.
+    of means depend on the order of the points, unless their sums are exact.
 
     Parameters
     ----------
@@ -49,12 +49,12 @@ def two_means(
         second = linearity > 0.5 * (linearity.min() + linearity.max())
     if not _is_one(second):
         second = _k_means(features, second, distance)
-    centre = np.median if distance == "manhattan" else np.mean
     if _is_one(second):
+        centre = np.median if distance == "manhattan" else np.mean
         return np.repeat(centre(features, axis=0)[None], 2, axis=0)
     if linearity[second].mean() < linearity[~second].mean():
         second = ~second
-    return np.array([centre(features[part], axis=0) for part in (~second, second)])
+    return _centres(features, second, distance)
 
 
 def metric_of(features: NDArray[np.float64], distance: str) -> dict[str, Any]:
@@ -62,7 +62,8 @@ def metric_of(features: NDArray[np.float64], distance: str) -> dict[str, Any]:
     if distance != "mahalanobis":
         return {"metric": {"euclidean": "sqeuclidean", "manhattan": "cityblock"}[distance]}
     n_features = features.shape[1]
-    covariance = np.cov(features.T, bias=True).reshape(n_features, n_features)
+    ordered = features[np.lexsort(features.T)]  # no rounding depends on the order of the input
+    covariance = np.cov(ordered.T, bias=True).reshape(n_features, n_features)
     trace = np.trace(covariance)
     if not trace > 0:
         return {"metric": "sqeuclidean"}
@@ -88,10 +89,16 @@ def _k_means(features: NDArray[np.float64], second: NDArray[np.bool_], distance:
     By hand: scikit-learn's takes 1 s to import, and its threads spin as long again on so few features.
     """
     metric = metric_of(features, distance)
-    centre = np.median if distance == "manhattan" else np.mean
     for _ in range(MAX_ROUNDS):
-        centres = np.array([centre(features[part], axis=0) for part in (~second, second)])
-        before, second = second, in_second(features, centres, metric)
+        before, second = second, in_second(features, _centres(features, second, distance), metric)
         if _is_one(second) or np.array_equal(before, second):
             break
     return second
+
+
+def _centres(features: NDArray[np.float64], second: NDArray[np.bool_], distance: str) -> NDArray[np.float64]:
+    """Return the medians of both parts, or their means."""
+    parts = np.array([~second, second])
+    if distance == "manhattan":
+        return np.array([np.median(features[part], axis=0) for part in parts])
+    return parts.astype(np.float64) @ features / parts.sum(axis=1, keepdims=True)
