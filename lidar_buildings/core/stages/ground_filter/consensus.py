@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from lidar_buildings.core.neighbours.parallel import for_row_blocks
+from lidar_buildings.core.neighbours.point_spacing import quantised_spacing
 from lidar_buildings.core.stages.ground_filter.config import GroundFilterConfig
 from lidar_buildings.core.stages.ground_filter.growing_tin.progressive_tin import label_candidates
 from lidar_buildings.core.stages.ground_filter.openings import morphological
@@ -31,8 +33,18 @@ def agreed_ground(
     config : GroundFilterConfig
         The parameters of all three methods.
     """
-    votes = label_candidates(candidates, extent, config).astype(np.int8)
-    votes += bidirectional_slope.label_candidates(candidates, config)
-    votes += morphological.label_ground(candidates, config)
-    ground = votes >= 2
+    spacing = quantised_spacing(candidates)
+    views = (
+        lambda: label_candidates(candidates, extent, spacing, config),
+        lambda: bidirectional_slope.label_candidates(candidates, spacing, config),
+        lambda: morphological.label_ground(candidates, config),
+    )
+    votes = np.zeros((len(views), len(candidates)), dtype=np.int8)
+
+    def look(begin: int, end: int) -> None:
+        for k in range(begin, end):
+            votes[k] = views[k]()
+
+    for_row_blocks(look, len(views), 1)
+    ground = votes.sum(axis=0) >= 2
     return ground if ground.any() else np.ones_like(ground)

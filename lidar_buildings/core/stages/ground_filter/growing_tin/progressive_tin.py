@@ -60,18 +60,18 @@ def densify(candidates: NDArray[np.float64], extent: NDArray[np.float64], config
     -----
     Only candidates whose facet changed are looked at again, so the time is near linear in their number.
     """
-    return _grown(candidates, extent, config).tin()
+    return _grown(candidates, extent, quantised_spacing(candidates), config).tin()
 
 
 def label_candidates(
-    candidates: NDArray[np.float64], extent: NDArray[np.float64], config: GroundFilterConfig
+    candidates: NDArray[np.float64], extent: NDArray[np.float64], spacing: float, config: GroundFilterConfig
 ) -> NDArray[np.bool_]:
-    """Return which of the candidates of `densify` lie on its terrain."""
-    return near_terrain(*_grown(candidates, extent, config).height_and_slope(), config)
+    """Return which of the candidates of `densify`, whose spacing is known [m], lie on its terrain."""
+    return near_terrain(*_grown(candidates, extent, spacing, config).height_and_slope(), config)
 
 
 def _grown(
-    candidates: NDArray[np.float64], extent: NDArray[np.float64], config: GroundFilterConfig
+    candidates: NDArray[np.float64], extent: NDArray[np.float64], spacing: float, config: GroundFilterConfig
 ) -> TerrainGrowth:
     is_seed = np.zeros(len(candidates), dtype=np.bool_)
     is_seed[choose_seeds(candidates, config.seed_cell)] = True
@@ -80,7 +80,7 @@ def _grown(
     limits = GrowthLimits(angle, config.slope_gain, config.iteration_distance, squared_side)
     terrain.grow(limits)
     if config.landform_distance > config.iteration_distance:
-        _add_landforms(terrain, candidates, limits, config)
+        _add_landforms(terrain, candidates, limits, spacing, config)
     return terrain
 
 
@@ -88,6 +88,7 @@ def _add_landforms(
     terrain: TerrainGrowth,
     candidates: NDArray[np.float64],
     limits: GrowthLimits,
+    spacing: float,
     config: GroundFilterConfig,
 ) -> None:
     ground = near_terrain(*terrain.height_and_slope(), config)
@@ -95,7 +96,7 @@ def _add_landforms(
     angle = math.radians(LANDFORM_ANGLE)
     trial.grow(GrowthLimits(angle, LANDFORM_SLOPE_GAIN, config.landform_distance, limits.squared_side))
     gained = near_terrain(*trial.height_and_slope(), config) & ~ground
-    landform, excluded = find_landforms(candidates, ground, gained, quantised_spacing(candidates), config)
+    landform, excluded = find_landforms(candidates, ground, gained, spacing, config)
     terrain.insert(landform)
     terrain.grow(limits, excluded)
 

@@ -18,8 +18,17 @@ SIDES = ((0, 1), (0, -1), (1, 1), (1, -1))
 AROUND = np.ones((3, 3), dtype=np.bool_)
 
 
+def nearest_known(known: NDArray[np.bool_]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Return row and column of the known cell nearest to each cell of a raster."""
+    row, column = ndimage.distance_transform_edt(~known, return_distances=False, return_indices=True)
+    return row, column
+
+
 def find_halls(
-    surface: NDArray[np.float64], known: NDArray[np.bool_], raised: NDArray[np.bool_]
+    surface: NDArray[np.float64],
+    known: NDArray[np.bool_],
+    raised: NDArray[np.bool_],
+    nearest: tuple[NDArray[np.intp], NDArray[np.intp]],
 ) -> NDArray[np.bool_]:
     """
     Return the known cells of those raised regions that end in a step nearly all round.
@@ -34,10 +43,11 @@ def find_halls(
     raised : ndarray of shape (n_rows, n_columns), bool
         Known cells that a large disc does not reach from below, those of smaller objects among them: trees
         that stand against a wall hide its step, but end in one themselves.
+    nearest : tuple of two ndarray of shape (n_rows, n_columns)
+        What `nearest_known` says of `known`.
     """
     if not raised.any():
         return raised
-    nearest = tuple(ndimage.distance_transform_edt(~known, return_distances=False, return_indices=True))
     region, n_regions = ndimage.label(raised[nearest], structure=AROUND)
     return known & (_share_of_steps(surface[nearest], region, n_regions)[region] >= MIN_STEPS)
 

@@ -12,7 +12,7 @@ from lidar_buildings.core.kernels import inner_kernel, kernel
 from lidar_buildings.core.neighbours.cell_grid import cell_numbers, cell_order, lowest_per_cell
 from lidar_buildings.core.neighbours.parallel import for_row_blocks
 from lidar_buildings.core.stages.ground_filter.config import GroundFilterConfig
-from lidar_buildings.core.stages.ground_filter.openings.halls import find_halls
+from lidar_buildings.core.stages.ground_filter.openings.halls import find_halls, nearest_known
 from lidar_buildings.core.surfaces.elevation_raster import filled
 from lidar_buildings.core.surfaces.morphology import opened
 
@@ -148,14 +148,15 @@ def _ground_cells(
     """Return which cells show the ground; all that hold points if none does."""
     known = np.isfinite(lowest)
     objects = np.zeros(lowest.shape, dtype=np.bool_)
-    before = lowest
+    before, nearest = lowest, nearest_known(known)
     for radius in radii:
         after = opened(before, radius)
         limit = config.opening_slope * radius * cell + STEP
         if radius * cell <= config.opening_radius + 0.5 * cell:
             objects |= _sunk(before, after, known, limit)
         else:
-            objects |= find_halls(lowest, known, _sunk(lowest, after, known, min(limit, HALL_HEIGHT)))
+            raised = _sunk(lowest, after, known, min(limit, HALL_HEIGHT))
+            objects |= find_halls(lowest, known, raised, nearest)
         before = after
     ground = known & ~objects
     return ground if ground.any() else known

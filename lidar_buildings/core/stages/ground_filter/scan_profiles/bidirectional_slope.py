@@ -86,9 +86,10 @@ def label_ground(
     return _label_all(cells, kept[ground], planes, config)
 
 
-def label_candidates(candidates: NDArray[np.float64], config: GroundFilterConfig) -> NDArray[np.bool_]:
+def label_candidates(
+    candidates: NDArray[np.float64], spacing: float, config: GroundFilterConfig
+) -> NDArray[np.bool_]:
     """Tell which points, at most one a cell and without gross errors, are ground, by strips alone."""
-    spacing = quantised_spacing(candidates)
     profiles = _strips(candidates, spacing, max(config.profile_directions, 1))
     return _label_candidates(candidates, profiles, spacing, config)
 

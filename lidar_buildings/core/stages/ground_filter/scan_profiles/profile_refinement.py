@@ -26,8 +26,6 @@ REJECTION = 2.0
 POINTS, REACH = 6, 10.0
 #: Sets of profiles that have to agree before a point is rejected, where there are as many.
 MIN_AXES = 3
-#: Rejecting a point may show others.
-ROUNDS = 3
 
 
 def reject_outliers(
@@ -47,7 +45,6 @@ def reject_outliers(
 
     Profiles and elevations are those of `net_votes`, `ground` is what is known so far, `spacing` in [m].
     """
-    ground = ground.copy()
     limits = (REACH * spacing, config.profile_step, REJECTION)
     judged, above = np.zeros((2, len(profiles), len(ground)), dtype=np.bool_)
 
@@ -56,14 +53,9 @@ def reject_outliers(
             one = profiles[k]
             _stand_out(one.rows, one.first, one.along, elevation, ground, limits, judged[k], above[k])
 
-    for _ in range(ROUNDS):
-        for_row_blocks(judge, len(profiles), 1)
-        n_judged = judged.sum(axis=0)
-        outlier = (n_judged >= min(MIN_AXES, len(profiles))) & (above.sum(axis=0) == n_judged)
-        if not outlier.any():
-            break
-        ground[outlier] = False
-    return ground
+    for_row_blocks(judge, len(profiles), 1)
+    n_judged = judged.sum(axis=0)
+    return ground & ((n_judged < min(MIN_AXES, len(profiles))) | (above.sum(axis=0) < n_judged))
 
 
 @kernel
@@ -76,7 +68,6 @@ def _stand_out(rows, first, along, elevation, ground, limits, judged, above):  #
     for k in range(len(first) - 1):
         begin, end = first[k], first[k + 1]
         for i in range(begin, end):
-            judged[rows[i]] = above[rows[i]] = False
             if not is_ground[i]:
                 continue
             one = add_side(NO_SUMS, along, z, is_ground, i, -1, begin, end, POINTS, reach)
