@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from lidar_buildings.core.kernels import kernel
+from lidar_buildings.core.kernels import inner_kernel, kernel
 from lidar_buildings.core.neighbours.cell_grid import sort_by_cell
 
 #: Columns at the very reach count as within, whatever rounding makes of it.
@@ -69,9 +69,9 @@ class Columns:
 
     def first_of(self, kept: NDArray[np.bool_]) -> NDArray[np.int64]:
         """Return where the columns of `select` begin."""
-        before = np.zeros(len(kept) + 1, dtype=np.int64)
-        np.cumsum(kept, out=before[1:])
-        return before[self.first]
+        first = np.empty_like(self.first)
+        _count_kept(kept, self.first, first)
+        return first
 
     def around(self, reach: float) -> NDArray[np.int32]:
         """
@@ -107,34 +107,62 @@ def by_column(points: NDArray[np.float64], size: float) -> Columns:
 
 
 @kernel
+def _count_kept(kept, first, first_kept):  # type: ignore[no-untyped-def]
+    """Write where columns begin among the kept points."""
+    n = 0
+    for k in range(len(first) - 1):
+        first_kept[k] = n
+        for i in range(first[k], first[k + 1]):
+            n += kept[i]
+    first_kept[-1] = n
+
+
+@kernel
 def _find_runs(numbers, row_length, half):  # type: ignore[no-untyped-def]
     n = len(numbers)
     runs = np.zeros((n, len(half), 2), dtype=np.int32)
     last = numbers[-1] if n else 0
-    is_dense = last < MAX_PLACES * n
-    before = np.zeros(last + 2 if is_dense else 1, dtype=np.int32)
-    if is_dense:
-        for number in numbers:
-            before[number + 1] = 1
-        for place in range(last + 1):
-            before[place + 1] += before[place]
+    if last < MAX_PLACES * n:
+        _look_up_runs(numbers, row_length, half, runs)
+        return runs
     for row in range(len(half)):
-        step = (row - len(half) // 2) * row_length
         begin, end, start = 0, 0, 0
         for k in range(n):
-            # The place in its own row, without a division for each.
-            while numbers[k] >= start + row_length:
-                start = numbers[k] // row_length * row_length
-            place = numbers[k] - start
-            west = numbers[k] + step - min(half[row], place)
-            east = numbers[k] + step + min(half[row], row_length - 1 - place)
-            if is_dense:
-                begin, end = before[min(max(west, 0), last + 1)], before[min(max(east, -1), last) + 1]
-            else:
-                while begin < n and numbers[begin] < west:
-                    begin += 1
-                end = max(begin, end)
-                while end < n and numbers[end] <= east:
-                    end += 1
+            start, west, east = _span(numbers[k], start, row, row_length, half)
+            while begin < n and numbers[begin] < west:
+                begin += 1
+            end = max(begin, end)
+            while end < n and numbers[end] <= east:
+                end += 1
             runs[k, row, 0], runs[k, row, 1] = begin, end
     return runs
+
+
+@inner_kernel
+def _look_up_runs(numbers, row_length, half, runs):  # type: ignore[no-untyped-def]
+    """Find the runs of one column after the other, in a table of how many columns stand before each place."""
+    last = numbers[-1]
+    before = np.zeros(last + 2, dtype=np.int32)
+    for number in numbers:
+        before[number + 1] = 1
+    for place in range(last + 1):
+        before[place + 1] += before[place]
+    start = 0
+    for k in range(len(numbers)):
+        for row in range(len(half)):
+            start, west, east = _span(numbers[k], start, row, row_length, half)
+            runs[k, row, 0] = before[min(max(west, 0), last + 1)]
+            runs[k, row, 1] = before[min(max(east, -1), last) + 1]
+
+
+@inner_kernel
+def _span(number, start, row, row_length, half):  # type: ignore[no-untyped-def]
+    """
+    Return where a column's own row starts, and the first and the last place of a run beside it.
+
+    `start` is that of the column before: a division for each would take longer than all else.
+    """
+    while number >= start + row_length:
+        start = number // row_length * row_length
+    place, middle = number - start, number + (row - len(half) // 2) * row_length
+    return start, middle - min(half[row], place), middle + min(half[row], row_length - 1 - place)

@@ -93,9 +93,11 @@ def find_wet_roofs(
             zone[window] = True
         near = raised[_is_marked(points, raised, spacing, low[0], low[1], zone)]
         cells = np.floor(points[near, :2] / spacing).astype(np.int64) - low
+        column, row = np.ascontiguousarray(cells.T)
         for window, void in places:
             start = np.array([part.start for part in window])
-            inside = ((cells >= start) & (cells < start + void.shape)).all(axis=1)
+            east, north = start + void.shape
+            inside = (column >= start[0]) & (column < east) & (row >= start[1]) & (row < north)
             rows = near[inside]
             found[rows[_is_rim(points[rows], cells[inside] - start, void, spacing, config)]] = True
     return found & ~is_roof
