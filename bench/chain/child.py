@@ -82,8 +82,7 @@ def run_child(
     with tempfile.TemporaryDirectory(prefix="bench-") as folder, tempfile.TemporaryFile("w+") as printed:
         watched = Watch(Path(folder), output)
         environment = {**os.environ, "TMPDIR": folder, **_ENVIRONMENT, **(environment or {})}
-        ctypes.CDLL(None).prctl(_SUBREAPER, 1, 0, 0, 0)
-        others = _children()
+        others = adopt_orphans()
         with _on_cores(cores):
             started, busy = time.perf_counter(), machine_cpu()
             process = subprocess.Popen(
@@ -92,7 +91,7 @@ def run_child(
         with watched.watching(process.pid):
             _, status, used = os.wait4(process.pid, 0)
             wall, busy = time.perf_counter() - started, machine_cpu() - busy
-        orphans = list(_orphans(others))
+        orphans = list(wait_for_orphans(others))
         process.returncode = os.waitstatus_to_exitcode(status)
         printed.seek(0)
         text = printed.read()
@@ -103,7 +102,13 @@ def run_child(
     return Usage(wall, cpu, max(busy - cpu, 0.0), memory, watched.disk(), text)
 
 
-def _orphans(others: set[int]) -> Iterator[resource.struct_rusage]:
+def adopt_orphans() -> set[int]:
+    """Become the parent of what descendants leave behind; return the children that there are now."""
+    ctypes.CDLL(None).prctl(_SUBREAPER, 1, 0, 0, 0)
+    return _children()
+
+
+def wait_for_orphans(others: set[int]) -> Iterator[resource.struct_rusage]:
     """Wait for the processes whose parent ended before them, as of a pool, and yield what they took."""
     while orphans := _children() - others:
         for pid in orphans:

@@ -8,7 +8,8 @@ A virtual scanner's feed through the live graph, in real time: does the graph ke
 So many seconds after the graph was started the scanner ends, and the graph finishes. Both share the machine:
 what the scanner takes, the graph lacks. Prints a line of JSON: points that were sent and kept, how long the
 graph still had to work, latencies of tiles from their last point (that of their buffer included) to their
-models on disk, and memory, which must not grow from third to third.
+models on disk, and memory, which must not grow from third to third. `graph_cpu` is the time of all the
+graph's processes; `times_seen` how often a point was in a tile that was sent, as one's buffer, too.
 """
 
 from __future__ import annotations
@@ -17,23 +18,28 @@ import argparse
 import json
 import os
 import re
+import resource
 import signal
 import subprocess
 import sys
 import tempfile
 import time
+from collections import Counter
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from bench.chain.process_tree import tree_memory
+from bench.chain.child import adopt_orphans, wait_for_orphans
+from bench.chain.process_tree import memory_by_process
 
 #: In the child's error output, the line with the latencies.
 _MARK = "MEASURED "
 _PERIOD = 1.0
 #: Tiles that have their last point so long before the end are not sent with all that is left [s].
 _FLUSHED = 10.0
+_SHARED_MEMORY = Path("/dev/shm")
 
 
 class Sending(NamedTuple):
@@ -65,6 +71,7 @@ def measure(options: argparse.Namespace) -> dict[str, Any]:
     os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
     os.environ.setdefault("ROS_DOMAIN_ID", str(1 + os.getpid() % 100))  # another's scanner is not heard
     with tempfile.TemporaryDirectory() as folder, open(Path(folder) / "log", "w+") as log:
+        others, shared = adopt_orphans(), len(os.listdir(_SHARED_MEMORY))
         scanner = None if options.bag else _start_scanner(options)
         output = Path(folder) / "out"
         words = ["--replay", options.bag, "--rate", options.rate] if options.bag else ["--reliable"]
@@ -78,23 +85,51 @@ def measure(options: argparse.Namespace) -> dict[str, Any]:
         graph = subprocess.Popen(child, stderr=log)
         memory = _watch(scanner, graph, options.seconds)
         report = scanner.communicate()[0].splitlines() if scanner is not None else []
+        cpu_before = _waited_cpu()  # the scanner's
         graph.send_signal(signal.SIGINT) if scanner is not None else None
         graph.wait()
+        list(wait_for_orphans(others))
+        cpu = _waited_cpu() - cpu_before
         log.seek(0)
         lines = log.read().splitlines()
         told = json.loads(next(line for line in lines if line.startswith(_MARK)).removeprefix(_MARK))
         record = json.loads((output / "run.json").read_text())
-    thirds = [round(float(np.mean(part)) / 1e6) for part in np.array_split(memory, 3)]
+    sendings = [Sending(*one) for one in told["sendings"]]
     words_of = " points in " if options.bag is None else ": played "
     return {
         "scanner": next((line for line in [*report, *lines] if words_of in line), ""),
         "n_points": record["n_points"],
         "buildings": record["buildings"],
-        "graph_cpu": round(told["cpu"], 1),
+        "graph_cpu": round(cpu, 1),
+        "cpu_us_per_point": round(1e6 * cpu / max(record["n_points"], 1), 2),
+        "times_seen": round(sum(one.n_points for one in sendings) / max(record["n_points"], 1), 2),
         "seconds_after": round(told["seconds_after"], 1),
-        **latencies([Sending(*one) for one in told["sendings"]], told["end"]),
-        "memory_MB": {"most": round(max(memory) / 1e6), "thirds": thirds},
+        **latencies(sendings, told["end"]),
+        "memory_MB": memory_thirds(memory),
+        "shared_memory_entries": [shared, len(os.listdir(_SHARED_MEMORY))],
     }
+
+
+def memory_thirds(looks: list[dict[int, int]]) -> dict[str, Any]:
+    """Return the most, and the mean of each third of the time: of all processes, and of each lasting one."""
+    thirds = [part.tolist() for part in np.array_split(np.array(looks, dtype=object), 3)]
+    n_seen = Counter(pid for one in looks for pid in one)
+
+    def means(pids: Iterable[int]) -> list[int]:
+        sums = [[sum(one.get(pid, 0) for pid in pids) for one in part] for part in thirds]
+        return [round(float(np.mean(part)) / 1e6) for part in sums]
+
+    return {
+        "most": round(max(sum(one.values()) for one in looks) / 1e6),
+        "thirds": means(n_seen),
+        "thirds_of_each": [means([pid]) for pid in sorted(n_seen) if n_seen[pid] > len(looks) / 2],
+    }
+
+
+def _waited_cpu() -> float:
+    """Return the processor time of all descendants that have been waited for [s]."""
+    used = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return used.ru_utime + used.ru_stime
 
 
 def _start_scanner(options: argparse.Namespace) -> subprocess.Popen[str]:
@@ -139,12 +174,13 @@ def _line_with(process: subprocess.Popen[str], words: str) -> str:
 
 def _watch(
     scanner: subprocess.Popen[str] | None, graph: subprocess.Popen[bytes], seconds: float
-) -> list[int]:
+) -> list[dict[int, int]]:
     """Note the graph's memory until the scanner ends or has had its time, or else until the graph ends."""
-    end, memory = None, []
+    end: float | None = None
+    memory: list[dict[int, int]] = []
     while (scanner or graph).poll() is None:
-        memory.append(tree_memory(graph.pid))
-        if end is None and memory[-1] > 0:
+        memory.append(memory_by_process(graph.pid))
+        if end is None and memory[-1]:
             end = time.monotonic() + seconds
         if scanner is not None and end is not None and time.monotonic() >= end:
             scanner.send_signal(signal.SIGINT)
@@ -185,12 +221,10 @@ def _child(output: str, words: list[str]) -> int:
     LiveSurvey.take, LiveSurvey.finish = noted_take, noted_finish  # type: ignore[method-assign]
     LiveFeed.flush = noted_flush  # type: ignore[method-assign]
     status = command(["live", "--output", output, *words])
-    of_all = os.times()
     told = {
         "sendings": sendings,
         "end": ends[0],
         "seconds_after": time.monotonic() - ends[0],
-        "cpu": of_all.user + of_all.system + of_all.children_user + of_all.children_system,
     }
     print(_MARK + json.dumps(told), file=sys.stderr)
     return status

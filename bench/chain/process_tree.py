@@ -26,7 +26,16 @@ def tree_of(pid: int) -> list[int]:
 
 def tree_memory(pid: int) -> int:
     """Return the memory of a tree, what several of its processes share counted once [bytes]."""
-    return _sum(tree_of(pid), _memory)
+    return sum(memory_by_process(pid).values())
+
+
+def memory_by_process(pid: int) -> dict[int, int]:
+    """Return the memory of each process of a tree that lives, see `tree_memory` [bytes]."""
+    found: dict[int, int] = {}
+    for one in tree_of(pid):
+        with suppress(OSError, IndexError, StopIteration):
+            found[one] = _memory(_PROC / str(one))
+    return found
 
 
 def children_cpu(pid: int) -> float:

@@ -15,7 +15,7 @@ from bench.chain.child import PERIOD, Watch, run_child
 from bench.chain.copies import GAP, PAUSE, input_files
 from bench.chain.decoding import decode
 from bench.chain.latency import middle_tile
-from bench.chain.live import Sending, latencies
+from bench.chain.live import Sending, latencies, memory_thirds
 from bench.chain.parts import n_compiled
 from bench.chain.process_tree import children_cpu, tree_memory, tree_of
 from bench.chain.stages import Clock
@@ -205,3 +205,9 @@ def test_latencies_of_a_feed_count_from_a_tiles_last_point():
         1,
         100,
     ]
+
+
+def test_memory_is_told_by_thirds_of_all_and_of_each_process_that_lasts():
+    looks = [{1: 2_000_000, 2: 4_000_000}, {1: 3_000_000, 2: 4_000_000}, {1: 5_000_000, 3: 9_000_000}]
+    told = memory_thirds(looks)
+    assert told == {"most": 14, "thirds": [6, 7, 14], "thirds_of_each": [[2, 3, 5], [4, 4, 0]]}
