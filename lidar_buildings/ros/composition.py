@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import threading
 import time
 
@@ -36,6 +37,11 @@ class Composition:
             threading.Thread(target=self._spin, args=pair, name=pair[0].get_name(), daemon=True)
             for pair in zip(nodes, self._executors, strict=True)
         ]
+        #: Something has happened that may end a `wait`.
+        self._news = threading.Event()
+        for node in nodes:
+            node.outcome.add_done_callback(lambda _: self._news.set())
+            node.context.on_shutdown(self._news.set)
 
     def start(self) -> None:
         """Let all nodes spin."""
@@ -56,15 +62,17 @@ class Composition:
         Exception
             What kept a node from going on.
         """
-        end = None if timeout is None else time.monotonic() + timeout
-        while end is None or time.monotonic() < end:
+        end = math.inf if timeout is None else time.monotonic() + timeout
+        while True:
+            self._news.clear()
             for one in self._nodes:
                 if one.outcome.done():
                     one.outcome.result()
             if node.outcome.done() or not rclpy.ok(context=node.context):
                 return True
-            time.sleep(0.02)
-        return False
+            left = end - time.monotonic()
+            if left <= 0.0 or not self._news.wait(None if math.isinf(left) else left):
+                return False
 
     def stop(self) -> None:
         """Shut ROS down, wait for the threads, and destroy the nodes."""
