@@ -71,7 +71,7 @@ def measure(options: argparse.Namespace) -> dict[str, Any]:
     os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
     os.environ.setdefault("ROS_DOMAIN_ID", str(1 + os.getpid() % 100))  # another's scanner is not heard
     with tempfile.TemporaryDirectory() as folder, open(Path(folder) / "log", "w+") as log:
-        others, shared = adopt_orphans(), len(os.listdir(_SHARED_MEMORY))
+        others, shared, cpu_before = adopt_orphans(), len(os.listdir(_SHARED_MEMORY)), _waited_cpu()
         scanner = None if options.bag else _start_scanner(options)
         output = Path(folder) / "out"
         words = ["--replay", options.bag, "--rate", options.rate] if options.bag else ["--reliable"]
@@ -84,9 +84,11 @@ def measure(options: argparse.Namespace) -> dict[str, Any]:
         child = [sys.executable, "-m", "bench.chain.live", "--child", str(output), *words]
         graph = subprocess.Popen(child, stderr=log)
         memory = _watch(scanner, graph, options.seconds)
-        report = scanner.communicate()[0].splitlines() if scanner is not None else []
-        cpu_before = _waited_cpu()  # the scanner's
-        graph.send_signal(signal.SIGINT) if scanner is not None else None
+        report: list[str] = []
+        if scanner is not None:
+            report = scanner.communicate()[0].splitlines()
+            cpu_before = _waited_cpu()
+            graph.send_signal(signal.SIGINT)
         graph.wait()
         list(wait_for_orphans(others))
         cpu = _waited_cpu() - cpu_before
