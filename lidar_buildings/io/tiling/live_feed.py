@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import math
-import queue
 import shutil
 import tempfile
 import threading
 import time
 from collections import Counter
 from collections.abc import Callable
-from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -77,7 +75,10 @@ class LiveFeed:
         self._shift = np.zeros(3)
         self._inbox = LiveInbox()
         self._is_flushing = False
-        self._tiles: queue.Queue[PointTile] = queue.Queue(maxsize=1)
+        #: The tile that was asked for, once it is made.
+        self._made: PointTile | None = None
+        self._is_wanted = False
+        self._made_lock = threading.Lock()
         self._has_work, self._stopping = threading.Event(), threading.Event()
         self._wake: Callable[[], None] = lambda: None
         if recorded is not None:
@@ -162,10 +163,17 @@ class LiveFeed:
         self._inbox.put_order(self._reset)
 
     def take(self) -> PointTile | None:
-        """Return the next tile, None if none is ready."""
-        with suppress(queue.Empty):
-            return self._tiles.get_nowait()
-        return None
+        """
+        Return the next tile; None if it must be made first, with all points there are then: `wake` tells.
+
+        None is made before it is asked for: one that waits would miss points, and come again for them.
+        """
+        with self._made_lock:
+            tile, self._made = self._made, None
+            self._is_wanted = tile is None
+        if tile is None:
+            self._has_work.set()
+        return tile
 
     def grown(self, tile: PointTile) -> PointTile | None:
         """Return a tile with a larger buffer, None if there is none."""
@@ -258,8 +266,8 @@ class LiveFeed:
         self._inbox.left_out.clear()
         if self._survey is not None:
             self._survey.clear()
-        while self.take() is not None:
-            pass
+        with self._made_lock:
+            self._made = None
 
     def _give_out(self) -> None:
         """Make the tiles that are ready, and the files of points when a flush is done."""
@@ -273,20 +281,12 @@ class LiveFeed:
             self._wake()
 
     def _make(self, _: None) -> None:
-        while self._survey is not None and (tile := self._survey.take()) is not None:
-            if not self._put(tile):
-                return
+        if self._is_wanted and self._survey is not None and (tile := self._survey.take()) is not None:
+            with self._made_lock:
+                self._made, self._is_wanted = tile, False
+            self._wake()
         if self._is_flushing and self._survey is not None and self._survey.is_flushed:
             write_placed_points(self._survey, self.folder)
             self._is_flushing = False
             self.n_flushed += 1
             self._wake()
-
-    def _put(self, tile: PointTile) -> bool:
-        """Hand a tile on as soon as there is room; False if the feed ends before."""
-        while not self._stopping.is_set():
-            with suppress(queue.Full):
-                self._tiles.put(tile, timeout=_TICK)
-                self._wake()
-                return True
-        return False

@@ -19,9 +19,9 @@ from lidar_buildings.io.tiling.tile_stamps import stamp_of_number, stamp_of_time
 #: A tile comes again at most so often: its stamps leave room for no more revisions (`ros.stamps`), some of
 #: which it needs to grow.
 MOST_REVISIONS = 900
-#: So often strips may fill a tile; one that came so often, or whole, waits so many times as long to come
-#: again, and longer each time: single far points would repeat it.
-_STRIPS = 4
+#: A tile that came whole waits so many times as long to come again: single far points would repeat it. Any
+#: waits longer each time.
+_WHOLE = 4
 
 
 @dataclass(eq=False)
@@ -134,8 +134,7 @@ class LiveTiles:
     def is_left(self, place: Cell, now: float, sensor: NDArray[np.float64] | None) -> bool:
         """Whether the sensor, at a source's position [m] if that is known, has left a tile."""
         config, tile = self._config, self._by_place[place]
-        may_be_filled = tile.revision < _STRIPS and not tile.was_covered
-        times = 1 if may_be_filled else max(_STRIPS, tile.revision)
+        times = max(_WHOLE if tile.was_covered else 1, tile.revision)
         if now - self.last_touched(tile) >= config.leave_after * times:
             return True
         if tile.revision >= 0 or sensor is None or not config.leave_distance:

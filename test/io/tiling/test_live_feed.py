@@ -1,6 +1,7 @@
 """Messages of a feed become tiles; where the map lies is found out; what is wrong with them is told."""
 
 import threading
+import time
 from types import SimpleNamespace
 
 import laspy
@@ -12,7 +13,7 @@ from support.scan_messages import SECOND, T0, header, odometry, scan
 from lidar_buildings.core.model.errors import OutputError
 from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.scans.config import ScanConfig
-from lidar_buildings.core.scans.placing import ScanPlacer
+from lidar_buildings.core.scans.placing import TWO_CLOCKS, ScanPlacer
 from lidar_buildings.io.tiling import live_feed, live_files, live_inbox
 from lidar_buildings.io.tiling.live_config import LiveTilingConfig
 from lidar_buildings.io.tiling.live_feed import LiveFeed
@@ -126,6 +127,18 @@ def test_points_that_waited_for_where_the_map_lies_are_kept_when_the_feed_ends(t
         assert core(second.flush()) == 500
 
 
+def test_a_tile_is_made_when_it_is_asked_for_with_all_points_there_are_then():
+    with Running(frame=MapFrame()) as run:
+        run.feed.add_scan(scan(T0, points(), frame="map"))
+        run.feed.flush()
+        time.sleep(5 * live_feed._TICK)  # long enough to make a tile of the first scan
+        run.feed.add_scan(scan(T0 + SECOND, points(400, seed=1), frame="map"))
+        while run.feed.counts()["points"] < 900:
+            time.sleep(0.01)
+        tiles = run.flush()
+    assert [len(tile) for tile in tiles] == [900]
+
+
 def test_a_folder_of_other_tiles_is_refused(tmp_path):
     with Running(tmp_path) as run:
         run.feed.add_scan(scan(T0, points(), frame="map"))
@@ -150,6 +163,23 @@ def test_what_cannot_be_read_is_told_and_the_rest_goes_on():
     assert counts["scans"] == 2
     assert counts["scans that cannot be read"] == 1
     assert any("bytes of data" in problem for problem in run.feed.problems)
+
+
+def test_of_two_sources_on_one_topic_the_earlier_clock_is_left_out_counted_and_told():
+    with Running(frame=MapFrame()) as run:
+        for k in range(100):
+            for stamp in (T0 + k * SECOND // 10, T0 + k * SECOND // 10 - 300 * SECOND):
+                run.feed.add_odometry(odometry(stamp, (10.0, 0.0, 0.0), frame="map"))
+                run.feed.add_scan(scan(stamp, points(100, seed=k)))
+        tiles = run.flush()
+        counts = run.feed.counts()
+    n_refused = run.feed.problems[TWO_CLOCKS]
+    n_unplaced = sum(number for name, number in counts.items() if name.startswith("left out"))
+    assert counts["scans"] == 200
+    assert n_refused > 95
+    assert counts[TWO_CLOCKS] > 100 + n_refused - 10, "poses, too"
+    assert core(tiles) == counts["points"] == 100 * (200 - n_refused) - n_unplaced
+    assert counts["points"] > 95 * 100
 
 
 def test_a_disk_that_is_full_for_a_while_loses_nothing_and_ends_nothing(tmp_path, monkeypatch):

@@ -148,6 +148,18 @@ def test_a_tile_that_came_without_gaps_waits_longer_and_behind_those_that_were_f
     assert whole + 1 in [tile.stamp for tile in tiles_of(survey)]
 
 
+def test_a_tile_waits_longer_each_time_that_it_comes_again(survey):
+    now = 0.0
+    for revision, wait in enumerate([5.0, 5.0, 5.0, 10.0, 15.0]):
+        survey.add(scan_at(20, 20, seed=revision), now)
+        assert not survey.tick(now + wait - 0.1)
+        now += wait
+        assert survey.tick(now)
+        (tile,) = tiles_of(survey)
+        survey.finish(tile.stamp)
+        assert len(tile) == 300 * (revision + 1)
+
+
 def test_it_comes_again_when_only_its_buffer_has_changed(survey):
     survey.add(scan_at(20, 20), 0.0)
     survey.tick(5.0)
