@@ -13,8 +13,7 @@ from lidar_buildings.core.model.parameters import StageConfig, parameter
 from lidar_buildings.core.scans.point_times import UNITS
 from lidar_buildings.core.scans.trajectory import Pose
 
-#: Numbers of a mounting: x, y, z, roll, pitch, yaw.
-_N_MOUNTING = 6
+_WORDS = {3: "three", 6: "six"}
 
 
 @dataclass(frozen=True)
@@ -41,6 +40,13 @@ class ScanConfig(StageConfig):
         "Where the scanner is fixed in the frame that poses are of: x, y, z [m], roll, pitch, yaw [deg], "
         "with commas between them (lever arm and boresight); empty if /tf_static tells, or it is that frame.",
         read_only=True,
+    )
+    antenna: str = parameter(
+        "",
+        "Where the antenna of satellite positions (fix) is in the frame that poses are of: x, y, z [m], with "
+        "commas between them; empty: at its origin.",
+        read_only=True,
+        advanced=True,
     )
     time_unit: str = parameter(
         "auto",
@@ -72,21 +78,35 @@ class ScanConfig(StageConfig):
         """Check every value."""
         super().__post_init__()
         self.mounting_pose()
+        self.antenna_place()
 
     def mounting_pose(self) -> Pose | None:
         """Return where the scanner is fixed, None if that is not given."""
         if not self.mounting.strip():
             return None
-        try:
-            numbers = [float(word) for word in self.mounting.split(",")]
-        except ValueError:
-            numbers = []
-        if len(numbers) != _N_MOUNTING or not np.isfinite(numbers).all():
-            raise ParameterError(
-                f"{self.stage}.mounting = {self.mounting!r}: must be six numbers with commas between them: "
-                "x, y, z [m], roll, pitch, yaw [deg]"
-            )
+        numbers = self._numbers("mounting", "x, y, z [m], roll, pitch, yaw [deg]")
         # roll, pitch and yaw about fixed axes, as in URDF (REP-103)
         quaternion = Rotation.from_euler("xyz", numbers[3:], degrees=True).as_quat()
         x, y, z, w = (float(part) for part in quaternion)
         return Pose((numbers[0], numbers[1], numbers[2]), (x, y, z, w))
+
+    def antenna_place(self) -> tuple[float, float, float]:
+        """Return where the antenna is in the frame that poses are of [m]."""
+        if not self.antenna.strip():
+            return 0.0, 0.0, 0.0
+        x, y, z = self._numbers("antenna", "x, y, z [m]")
+        return x, y, z
+
+    def _numbers(self, name: str, wanted: str) -> list[float]:
+        """Return the numbers that a parameter lists, as many as are wanted by name."""
+        words, n_wanted = getattr(self, name), len(wanted.split(","))
+        try:
+            numbers = [float(word) for word in words.split(",")]
+        except ValueError:
+            numbers = []
+        if len(numbers) != n_wanted or not np.isfinite(numbers).all():
+            raise ParameterError(
+                f"{self.stage}.{name} = {words!r}: must be {_WORDS[n_wanted]} numbers with commas between "
+                f"them: {wanted}"
+            )
+        return numbers

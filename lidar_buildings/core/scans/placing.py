@@ -176,13 +176,13 @@ class ScanPlacer:
             if len(scan.times):
                 self.tree.drop_before(int(scan.times.min()) - _KEPT_POSES)
 
-    def position(self, stamp: int) -> NDArray[np.float64] | None:
-        """Return where what odometry is of was at a time [ns], None if that is not known."""
+    def antenna(self, stamp: int) -> NDArray[np.float64] | None:
+        """Return where the antenna of satellite positions was at a time [ns], None if that is not known."""
         frame = self._odometry_child
         if not frame or self.target_of(frame) == frame:
             return None
         poses = self.tree.poses(frame, self.target_of(frame), np.array([stamp]))
-        return poses.translation[0] if poses.is_known[0] else None
+        return poses.apply(np.array([self.config.antenna_place()]))[0] if poses.is_known[0] else None
 
     def target_of(self, frame: str) -> str:
         """Return the frame in which scans of a frame are placed."""

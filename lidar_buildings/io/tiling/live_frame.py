@@ -88,16 +88,16 @@ def frame_by_fix(fix: Fix, placer: ScanPlacer) -> MapFrame | None:
     """
     Return where the map lies by one fix and the pose at its time, None if there is no pose.
 
-    The map's axes are taken to point east and north of the grid; the antenna, to be where the pose is.
+    The map's axes are taken to point east and north of the grid.
 
     Parameters
     ----------
     fix : Fix
-        Of the vehicle or aircraft.
+        Of the antenna on the vehicle or aircraft.
     placer : ScanPlacer
         Knows the poses.
     """
-    place = placer.position(fix.stamp)
+    place = placer.antenna(fix.stamp)
     if place is None:
         return None
     zone = min(int((fix.longitude + 180.0) // 6.0) + 1, 60)

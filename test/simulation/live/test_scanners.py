@@ -8,6 +8,7 @@ import laspy
 import numpy as np
 import pytest
 import shapely
+from scipy.spatial.transform import Rotation
 
 from lidar_buildings.core.model.classes import PointClass
 from lidar_buildings.core.model.errors import ParameterError
@@ -17,6 +18,7 @@ from lidar_buildings.io.bags.bag_config import BagConfig
 from lidar_buildings.io.bags.placed_cloud import write_placed
 from lidar_buildings.simulation import SimulationConfig, make_scene
 from lidar_buildings.simulation.live import BodyPose, Scan, VehicleConfig, drive, fly
+from lidar_buildings.simulation.live.messages import LiveMessages
 from lidar_buildings.simulation.live.recording import SurveyBag, SurveyFiles
 from lidar_buildings.simulation.scanner import StripPoints, joined, scan
 
@@ -56,9 +58,9 @@ def recorded(survey, path, n_events=None, **how):
     return path
 
 
-def errors_of(survey, tmp_path, mounting=None, **bag):
+def errors_of(survey, tmp_path, mounting=None, antenna="", **bag):
     """How far from the truth the points of the survey's bag are placed [m]."""
-    config = ScanConfig(mounting=survey.mounting if mounting is None else mounting)
+    config = ScanConfig(mounting=survey.mounting if mounting is None else mounting, antenna=antenna)
     path = recorded(survey, tmp_path / "bag", **bag)
     count = write_placed(path, tmp_path / "placed.laz", BagConfig(), config)
     truth, las = truth_of(survey), laspy.read(tmp_path / "placed.laz")
@@ -103,6 +105,21 @@ def test_transforms_tell_the_mounting_too(survey, tmp_path):
 def test_a_fix_tells_where_the_map_lies(flight, tmp_path):
     assert errors_of(flight, tmp_path, with_fix=True).max() < 0.02
     assert laspy.read(tmp_path / "placed.laz").header.parse_crs().to_epsg() == 32632
+
+
+@pytest.mark.parametrize(("antenna", "least", "most"), [("-1.2,0.3,2.0", 0.0, 0.02), ("", 2.0, 3.0)])
+def test_a_fix_is_where_the_antenna_is(flight, tmp_path, monkeypatch, antenna, least, most):
+    fix = LiveMessages._fix
+
+    def fix_of_antenna(self, event):
+        place, attitude = np.array(event.pose.translation), Rotation.from_quat(event.pose.quaternion)
+        place += attitude.apply([-1.2, 0.3, 2.0])
+        return fix(self, replace(event, pose=event.pose._replace(translation=tuple(place))))
+
+    monkeypatch.setattr(LiveMessages, "_fix", fix_of_antenna)
+    errors = errors_of(flight, tmp_path, antenna=antenna, with_fix=True)
+    assert least <= errors.min()
+    assert errors.max() < most
 
 
 def test_sqlite3_holds_the_same(flight, tmp_path):
