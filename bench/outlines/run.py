@@ -3,7 +3,8 @@ Building outlines: against exact truth, against a map beside peers, the paper's 
 
     python -m bench.outlines.run [--data DIR] [--parts PART ...] [--set STAGE.NAME=VALUE ...]
                              [--pictures DIR] [--methods METHOD ...] [--plans NAME ...]
-                             [--density D] [--noise M] [--seeds N ...] [--strips N] [--drop-outs SHARE]
+                             [--density D] [--noise M] [--seeds N ...] [--strips N] [--anisotropy R]
+                             [--drop-outs SHARE]
                              [--own-classes] [--merge-touching] [--repeats N]
 
 Parts (all by default; all but the first need the real clouds):
@@ -49,6 +50,7 @@ def run_scenes(options: argparse.Namespace) -> None:
             seed,
             names=options.plans,
             n_strips=options.strips,
+            anisotropy=options.anisotropy,
             drop_outs=options.drop_outs,
         )
     ]
@@ -165,6 +167,12 @@ def _parser() -> argparse.ArgumentParser:
         "--seeds", type=int, nargs="+", default=[0], metavar="N", help="scenes: one round each (0)"
     )
     parser.add_argument("--strips", type=int, default=1, metavar="N", help="scenes: strips that overlap (1)")
+    parser.add_argument(
+        "--anisotropy",
+        type=float,
+        metavar="R",
+        help="scenes: so many times as far apart as points along them are scan lines (0.7 to 1.7, drawn)",
+    )
     parser.add_argument(
         "--drop-outs", type=float, default=0.0, metavar="SHARE", help="scenes: points lost (0)"
     )

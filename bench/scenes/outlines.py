@@ -55,10 +55,13 @@ class Scan:
     drop_outs: float = 0.0
 
     @classmethod
-    def drawn(cls, random: np.random.Generator, drop_outs: float = 0.0) -> Scan:
-        """Draw a pattern."""
+    def drawn(
+        cls, random: np.random.Generator, drop_outs: float = 0.0, anisotropy: float | None = None
+    ) -> Scan:
+        """Draw a pattern, of an anisotropy that may be given."""
         low, high = np.log(ANISOTROPY)
         ratio = float(np.exp(random.uniform(low, high)))
+        ratio = ratio if anisotropy is None else anisotropy
         return cls(float(random.uniform(0, 180)), ratio, float(random.uniform(*JITTER)), drop_outs)
 
     def over(self, plan: Polygon, density: float, random: np.random.Generator) -> NDArray[np.float64]:
@@ -124,6 +127,7 @@ def outline_scene(
     scans: Sequence[Scan] | None = None,
     n_strips: int = 1,
     drop_outs: float = 0.0,
+    anisotropy: float | None = None,
 ) -> OutlineScene:
     """
     Scan one building.
@@ -146,10 +150,14 @@ def outline_scene(
         How many to draw.
     drop_outs : float
         Share of points that did not return in the strips that are drawn.
+    anisotropy : float, optional
+        Of the strips that are drawn; drawn, too, if not given.
     """
     random = np.random.default_rng([seed, sorted(PLANS).index(name), round(10 * rotation_deg) % 3600])
     plan = _placed(PLANS[name](), rotation_deg, random.uniform(-REACH, REACH, 2))
-    patterns = [Scan.drawn(random, drop_outs) for _ in range(n_strips)] if scans is None else list(scans)
+    patterns = (
+        [Scan.drawn(random, drop_outs, anisotropy) for _ in range(n_strips)] if scans is None else list(scans)
+    )
     xy = np.concatenate([scan.over(plan.polygon, density / len(patterns), random) for scan in patterns])
     points = np.column_stack([xy, np.full(len(xy), ROOF)]) + random.normal(0, noise, (len(xy), 3))
     return OutlineScene(
@@ -173,6 +181,7 @@ def outline_scenes(
     rotations: Collection[float] = ROTATIONS,
     n_strips: int = 1,
     drop_outs: float = 0.0,
+    anisotropy: float | None = None,
 ) -> list[OutlineScene]:
     """Scan every plan, or those named, in all orientations."""
     return [
@@ -184,6 +193,7 @@ def outline_scenes(
             seed=seed,
             n_strips=n_strips,
             drop_outs=drop_outs,
+            anisotropy=anisotropy,
         )
         for name in names or PLANS
         for rotation in rotations

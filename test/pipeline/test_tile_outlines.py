@@ -9,8 +9,8 @@ from lidar_buildings.core.stages.regularisation.shared_walls import share_walls
 from lidar_buildings.pipeline.tile_outlines import regularise_outlines, touching_groups
 
 
-def ring_of(box, step=0.5):
-    """The ring of a rectangle as if traced: points along it."""
+def ring_of(box, step=0.6):
+    """The ring of a rectangle as if traced at a spacing of half the step: points along it."""
     segments = shapely.segmentize(shapely.orient_polygons(box), step)
     return Outline(shapely.get_coordinates(segments.exterior)[:-1])
 
@@ -26,7 +26,7 @@ def _holes(polygon):
 def test_houses_whose_rings_are_a_spacing_apart_are_of_one_block_and_others_are_not():
     boxes = [shapely.box(0, 0, 10, 8), shapely.box(10.5, 0, 20, 8), shapely.box(30, 0, 40, 8)]
     assert touching_groups([ring_of(box) for box in boxes]) == [[0, 1]]
-    assert touching_groups([ring_of(box, 0.25) for box in boxes]) == []
+    assert touching_groups([ring_of(box, 0.3) for box in boxes]) == []
     assert touching_groups([ring_of(boxes[1]), ring_of(boxes[2]), ring_of(boxes[0])]) == [[0, 2]]
 
 

@@ -38,7 +38,7 @@ class BoundaryTracingConfig(StageConfig):
         advanced=True,
     )
     window: float = parameter(
-        5.0,
+        6.0,
         "Sides of the neighbourhood of each step; raising it smooths the ring and closes narrow gaps.",
         unit="spacings",
         minimum=2.0,

@@ -49,7 +49,7 @@ class RegularisationConfig(StageConfig):
         maximum=5.0,
     )
     finest_spacing: float = parameter(
-        0.2,
+        0.25,
         "Spacing that points are worth at best, by their planimetric accuracy; raising it removes detail.",
         unit="m",
         minimum=0.0,

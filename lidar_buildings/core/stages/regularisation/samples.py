@@ -16,7 +16,7 @@ _LONGEST_PIECE = 2.0
 #: Weight of a point that is repeated: next to none, since there is no ring between the two.
 _LEAST_WEIGHT = 1e-6
 #: Length that one sample of weight 1 stands for: the median edge of a traced ring [spacings].
-SAMPLE_LENGTH = 1.65
+SAMPLE_LENGTH = 1.98
 #: What each bearing point leaves empty between itself and the wall, measured on virtual roofs [spacings²].
 _EMPTY_AREA = 0.55
 

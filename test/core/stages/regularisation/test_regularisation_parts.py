@@ -10,7 +10,7 @@ from lidar_buildings.core.stages.regularisation.directions import WallScatter, s
 from lidar_buildings.core.stages.regularisation.division import ARC, FREE, Costs, divide_ring
 from lidar_buildings.core.stages.regularisation.joints import find_joint
 from lidar_buildings.core.stages.regularisation.moments import algebraic_circle, running_sums
-from lidar_buildings.core.stages.regularisation.samples import sample_ring
+from lidar_buildings.core.stages.regularisation.samples import SAMPLE_LENGTH, sample_ring
 from lidar_buildings.core.stages.regularisation.turns import divide_at_turns
 from lidar_buildings.core.stages.regularisation.wall_offsets import offset_outwards, through_all_points
 from lidar_buildings.core.stages.regularisation.walls import (
@@ -97,7 +97,7 @@ def test_a_notch_that_points_cannot_leave_empty_by_chance_stays_open():
 def test_samples_weigh_every_metre_alike():
     ring = jagged_box(1)
     samples = sample_ring(ring, 1.0, LIMITS)
-    assert samples.weights.sum() * 1.65 == pytest.approx(samples.length)
+    assert samples.weights.sum() * SAMPLE_LENGTH == pytest.approx(samples.length)
     assert np.array_equal(samples.points[samples.bears], ring[samples.rows[samples.bears]])
     # The lines of the box lie at most a spacing from its points.
     assert samples.is_on_wall.mean() > 0.9
