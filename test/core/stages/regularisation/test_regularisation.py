@@ -109,7 +109,9 @@ def test_chords_leave_an_arc_by_no_more_than_asked_for():
         middles = 0.5 * (result.outline.exterior + np.roll(result.outline.exterior, -1, axis=0))
         (wall,) = result.walls
         sagitta = wall.radius - np.hypot(*(middles - wall.centre).T).min()
-        assert 0 < sagitta <= chord_error * np.hypot(scene.spacing * 1.1, RegularisationConfig().finest_spacing)
+        assert (
+            0 < sagitta <= chord_error * np.hypot(scene.spacing * 1.1, RegularisationConfig().finest_spacing)
+        )
         counts.append(len(middles))
     assert counts[0] > counts[1] > counts[2]
 
