@@ -27,15 +27,12 @@ from lidar_buildings.core.stages.building_model.missed_parts import find_missed_
 from lidar_buildings.core.stages.building_model.noding import extend_segments
 from lidar_buildings.core.stages.building_model.roof_face import RoofFacePatch
 from lidar_buildings.core.stages.building_model.simplification import simplified
-from lidar_buildings.core.stages.building_model.straight_seams import straight_seams
 
 # Those with which `bench.models.run` divides the virtual roofs into their true faces.
 #: Cost of a metre of border between two roof faces, as a misfit over an area [spacings].
 _BORDER_COST = 0.15
 #: Cost of a corner of a face [m³].
 _CORNER_COST = 0.1
-#: A straight line stands for a seam no farther from it [spacings].
-_SEAM = 1.5
 #: Walls of a re-entrant corner run on into the roof where they turn by more than this [rad].
 _REENTRANT = 0.35
 
@@ -76,10 +73,6 @@ def partition_outline(
     inward = np.concatenate([_reentrant_walls(ring) for ring in outline.rings])
     roof = _Roof(outline, points, samples, inward, planes, spacing, config)
     found = _label(roof, segments)
-    seams = straight_seams(found.cells, found.labels, _SEAM * spacing)
-    if len(seams):
-        segments = np.concatenate([segments, seams])
-        found = _label(roof, segments)
     missed = find_missed_parts(points, plane_id, found.above(roof), outline, spacing, config.min_face_area)
     if len(missed.sides):
         segments = np.concatenate([segments, missed.sides])

@@ -73,7 +73,7 @@ def _topology(
     points: FloatArray, numbers: NDArray[np.uint16], outline: Outline | None, spacing: float
 ) -> RoofTopology:
     """Find the topology of planes whose numbers have no gaps."""
-    adjustment = adjust(points, numbers, outline)
+    adjustment = adjust(points, numbers)
     seen = _regions_of(adjustment)[numbers]
     if np.count_nonzero(seen) < 3:
         return RoofTopology(adjustment.planes, (), (), "unknown")

@@ -1,4 +1,4 @@
-"""Least squares of all planes of a roof together."""
+"""Least squares of the planes of a roof, which may have to meet."""
 
 from __future__ import annotations
 
@@ -11,21 +11,12 @@ from numpy.typing import NDArray
 
 from lidar_buildings.core.kernels import kernel
 from lidar_buildings.core.model.array_types import FloatArray, IntArray
-from lidar_buildings.core.model.outline import Outline
-from lidar_buildings.core.surfaces.roof_planes.directions import main_directions, outline_directions
 from lidar_buildings.core.surfaces.roof_planes.free_planes import FreePlanes, free_planes
+from lidar_buildings.core.surfaces.roof_planes.level_planes import level_planes
 from lidar_buildings.core.surfaces.roof_planes.moments import plane_moments
 from lidar_buildings.core.surfaces.roof_planes.normal_equations import (
     CommonVertex,
-    Unknowns,
     solve,
-    unknowns_of,
-)
-from lidar_buildings.core.surfaces.roof_planes.relations import (
-    Relations,
-    allowed_move,
-    find_relations,
-    no_relations,
 )
 from lidar_buildings.core.surfaces.roof_planes.roof_plane import RoofPlane
 
@@ -33,8 +24,6 @@ from lidar_buildings.core.surfaces.roof_planes.roof_plane import RoofPlane
 _LEAST_MOVE, _MOST_MOVE = 0.03, 0.06
 #: More planes are not adjusted together: the normal matrix would not fit into memory.
 _MOST_PLANES = 1500
-#: Rounds in which relations that move planes too far are given up.
-_MAX_ROUNDS = 6
 #: Rounds in which the positions of common vertices follow the planes.
 _FOLLOW_ROUNDS = 3
 
@@ -42,14 +31,14 @@ _FOLLOW_ROUNDS = 3
 @dataclass(frozen=True, eq=False)
 class Adjustment:
     """
-    Planes under relations, to which common vertices can be added.
+    Planes, some of them level, to which common vertices can be added.
 
     Attributes
     ----------
     free : FreePlanes
         Each plane by itself.
-    relations : Relations
-        What planes share.
+    surface : ndarray of shape (n_planes,), int64
+        Number of the level surface that a plane is a piece of; -1 for planes that are not level.
     is_joint : bool
         Whether planes are adjusted together: very many are not.
     coefficients : ndarray of shape (n_planes, 3)
@@ -59,7 +48,7 @@ class Adjustment:
     """
 
     free: FreePlanes
-    relations: Relations
+    surface: IntArray
     is_joint: bool
     coefficients: FloatArray
     vertices: tuple[CommonVertex, ...] = ()
@@ -78,22 +67,14 @@ class Adjustment:
         """
         Return the adjustment with those common vertices imposed that the points allow.
 
-        At first under all relations. These and the outline's corners may contradict one another by little, as
-        when a corner is rounded to a millimetre: then planes turn and lift by what is left to be exactly met.
+        Those that pull most at planes that move too far are given up.
         """
         if not self.is_joint:
             return self
-        wanted = [vertex for vertex in vertices if all(self.free.roof[k - 1] for k in vertex.planes)]
-        related = self._imposed(wanted, unknowns_of(self.relations), None)
-        return related._imposed(wanted, unknowns_of(self.relations.loosened()), related.coefficients)
-
-    def _imposed(
-        self, vertices: list[CommonVertex], unknowns: Unknowns, start: FloatArray | None
-    ) -> Adjustment:
-        """Impose vertices, giving up those that pull most at planes that move too far."""
+        vertices = [vertex for vertex in vertices if all(self.free.roof[k - 1] for k in vertex.planes)]
         allowed = np.clip(self.free.rms, _LEAST_MOVE, _MOST_MOVE)
         while vertices:
-            coefficients, vertices, pull = self._solved(vertices, unknowns, start)
+            coefficients, vertices, pull = self._solved(vertices)
             excess = self.free.offsets(coefficients) / allowed
             culprits = _culprits(pull, np.flatnonzero(self.free.roof & (excess > 1.0)))
             if not culprits:
@@ -101,15 +82,13 @@ class Adjustment:
             vertices = [vertex for k, vertex in enumerate(vertices) if k not in culprits]
         return self
 
-    def _solved(
-        self, vertices: list[CommonVertex], unknowns: Unknowns, start: FloatArray | None
-    ) -> tuple[FloatArray, list[CommonVertex], FloatArray]:
+    def _solved(self, vertices: list[CommonVertex]) -> tuple[FloatArray, list[CommonVertex], FloatArray]:
         """Solve, let vertices whose position is not given follow the planes, solve again, and so on."""
         coefficients = self.coefficients
         rounds = 1 if all(vertex.fixed for vertex in vertices) else _FOLLOW_ROUNDS
         for _ in range(rounds):
             vertices = [self._following(vertex, coefficients) for vertex in vertices]
-            coefficients, pull = solve(self.free, unknowns, vertices, coefficients[:, :2], start)
+            coefficients, pull = solve(self.free, self.surface, vertices, coefficients[:, :2])
         return coefficients, vertices, pull
 
     def _following(self, vertex: CommonVertex, coefficients: FloatArray) -> CommonVertex:
@@ -120,14 +99,11 @@ class Adjustment:
         return vertex._replace(xy=(float(xy[0] + self.centre[0]), float(xy[1] + self.centre[1])))
 
 
-def adjust(points: FloatArray, plane_id: NDArray[np.uint16], outline: Outline | None) -> Adjustment:
+def adjust(points: FloatArray, plane_id: NDArray[np.uint16]) -> Adjustment:
     """
-    Fit all planes of a roof together by least squares, with the relations that the points allow.
+    Fit all planes of a roof by orthogonal least squares; those that are nearly level become exactly so.
 
-    Every plane is fitted by orthogonal least squares. Then planes that are nearly so become exactly level,
-    face common directions (the outline's where they can) or their opposites or perpendiculars, are equally
-    steep, and parallel ones nearly in one plane become it, as long as no plane moves by more than a part of
-    its roughness at its own points. So ridges of symmetric gables are level, and hips run at 45°.
+    Pieces of one level plane get one height.
 
     Parameters
     ----------
@@ -135,28 +111,13 @@ def adjust(points: FloatArray, plane_id: NDArray[np.uint16], outline: Outline | 
         The building's roof points, in any order [m].
     plane_id : ndarray of shape (n_points,), uint16
         Number of each point's plane without gaps, 0 = none. Of very many planes each stays by itself.
-    outline : Outline or None
-        Its main directions are preferred.
     """
     n_planes = int(plane_id.max()) if len(plane_id) else 0
     free = free_planes(plane_moments(points, plane_id, n_planes))
     if n_planes > _MOST_PLANES:
-        return Adjustment(free, no_relations(n_planes), False, free.coefficients)
-    rings = outline.rings if outline is not None else ()
-    relations = find_relations(free, main_directions(*outline_directions(rings)))
-    return _with_relations(free, relations)
-
-
-def _with_relations(free: FreePlanes, relations: Relations) -> Adjustment:
-    """Solve under relations, giving up those of planes that move too far."""
-    limit = 1.5 * allowed_move(free.rms)
-    for _ in range(_MAX_ROUNDS):
-        coefficients, _ = solve(free, unknowns_of(relations), (), free.coefficients[:, :2])
-        moved = np.flatnonzero(free.roof & (free.offsets(coefficients) > limit))
-        if not len(moved):
-            break
-        relations = relations.without(moved)
-    return Adjustment(free, relations, True, coefficients)
+        return Adjustment(free, np.full(n_planes, -1), False, free.coefficients)
+    surface = level_planes(free)
+    return Adjustment(free, surface, True, solve(free, surface, (), free.coefficients[:, :2])[0])
 
 
 def _culprits(pull: FloatArray, planes: IntArray) -> set[int]:

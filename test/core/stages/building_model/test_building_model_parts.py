@@ -19,7 +19,6 @@ from lidar_buildings.core.stages.building_model.noding import extend_segments
 from lidar_buildings.core.stages.building_model.outline_coverage import outline_coverage
 from lidar_buildings.core.stages.building_model.roof_face import RoofFacePatch
 from lidar_buildings.core.stages.building_model.simplification import simplified
-from lidar_buildings.core.stages.building_model.straight_seams import straight_seams
 from lidar_buildings.core.stages.building_model.surface_distance import distance_to_surface
 
 SQUARE = np.array([[0.0, 0.0], [10.0, 0.0], [10.0, 10.0], [0.0, 10.0]])
@@ -150,15 +149,6 @@ def test_a_tooth_of_a_seam_goes_to_the_plane_beyond():
     labels = np.where(tooth, 0, truth)
     assert np.array_equal(simplified(cells, labels, costs, 0.01, 0.1, 0.0), truth)
     assert np.array_equal(simplified(cells, labels, costs, 0.0, 0.01, 0.0), labels)
-
-
-def test_a_seam_with_teeth_gets_a_straight_line_beside():
-    teeth = np.array([[k % 2 * 0.4 + 5.0, float(k)] for k in range(-1, 12)])
-    cells = cut_into_cells(Outline(SQUARE), np.stack([teeth[:-1], teeth[1:]], axis=1))
-    labels = np.argsort(np.argsort(shapely.bounds(cells.polygons)[:, 0]))
-    (line,) = straight_seams(cells, labels, 0.5)
-    assert sorted(line[:, 1]) == [0.0, 10.0]
-    assert len(straight_seams(cells, labels, 0.1)) == 0
 
 
 def patch(x0, x1, plane, rows=()):
