@@ -45,7 +45,7 @@ def running_graph(
     LidarBuildingsError
         If a node cannot start.
     """
-    prepare_middleware()
+    prepare_middleware(carries_scans=not request.inputs)
     with BuildingPool(prepare=load_stages) as pool:  # before ROS starts its threads
         import rclpy  # after the middleware was prepared
         from rclpy.logging import LoggingSeverity, set_logger_level

@@ -120,7 +120,7 @@ def _ros() -> Iterator[Any]:
     """Give a context of ROS in which SIGINT and SIGTERM interrupt Python."""
     from lidar_buildings.ros.middleware import prepare_middleware
 
-    prepare_middleware()
+    prepare_middleware(carries_scans=True)
     try:
         import rclpy  # after the middleware was prepared
     except ImportError as error:

@@ -66,7 +66,7 @@ def nodes_page() -> str:
         "`advanced.NAME`, after the stage where a node has several; parameter files and `--set` may leave "
         "`advanced.` out.",
         "Fast DDS keeps at most 5000 messages of a topic, and a tile can have more rings. The nodes lift "
-        "that limit by a profile of their own (`ros/fastdds_profile.xml`), unless "
+        "that limit by a profile of their own (`ros/fastdds_profile.xml`, [hosts.md](hosts.md)), unless "
         "`FASTRTPS_DEFAULT_PROFILES_FILE` names yours: set `max_samples`, `max_instances` and "
         "`max_samples_per_instance` to 0 in it.",
         _profiles(),

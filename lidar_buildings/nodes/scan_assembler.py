@@ -7,6 +7,7 @@ from importlib.util import find_spec
 from typing import Any
 
 from nav_msgs.msg import Odometry
+from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.qos_overriding_options import QoSOverridingOptions
 from sensor_msgs.msg import NavSatFix, PointCloud2
 from std_srvs.srv import Trigger
@@ -16,9 +17,13 @@ from lidar_buildings.io.tiling.live_feed import LiveFeed
 from lidar_buildings.nodes.configs import ScanAssemblerConfig
 from lidar_buildings.nodes.tile_sender import TileSender
 from lidar_buildings.ros.map_frames import FrameListener
+from lidar_buildings.ros.middleware import SOCKET_BUFFER, allowed_buffer
 from lidar_buildings.ros.qos import LATCHED_HISTORY, SENSOR
 from lidar_buildings.ros.runner import run_node
 from lidar_buildings.ros.stamps import header_of
+
+#: A warning of lost scans is repeated no sooner [s].
+_REMIND = 10.0
 
 
 class ScanAssembler(TileSender):
@@ -32,10 +37,11 @@ class ScanAssembler(TileSender):
         except Exception:
             self.destroy_node()
             raise
-        self._n_flushed = 0
+        self._n_flushed = self._n_lost = 0
         self._told: set[str] = set()
         self._has_frame = False
         self.summary.watch(self.tiles.counts)
+        self.summary.watch(lambda: {"scans_lost": self._n_lost})
         self.begin()
         self.create_service(Trigger, "~/flush", self.on_flush)
         self.create_service(Trigger, "~/reset", self.on_reset)
@@ -76,6 +82,16 @@ class ScanAssembler(TileSender):
         self.summary.heard()
         self.tiles.add_scan(message)
 
+    def on_lost(self, status: Any) -> None:
+        """Say how many scans were lost on their way here, and what may be done about it."""
+        self._n_lost = status.total_count
+        advice = "have the driver publish reliably"
+        if allowed_buffer() < SOCKET_BUFFER:
+            advice = f"allow larger buffers (sysctl -w net.core.rmem_max={SOCKET_BUFFER}), or {advice}"
+        text = f"{self._n_lost} scans were lost on their way here: {advice}"
+        self.get_logger().warning(text, throttle_duration_sec=_REMIND)
+        self.summary.warned(text)
+
     def on_flush(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         """Send all tiles that have new points."""
         self.tiles.flush()
@@ -111,7 +127,8 @@ class ScanAssembler(TileSender):
             )
         else:
             self.get_logger().info("tf2_msgs is not installed: poses come by odometry only")
-        self.create_subscription(PointCloud2, "scan", self.on_scan, SENSOR, **options)
+        losses = SubscriptionEventCallbacks(message_lost=self.on_lost)
+        self.create_subscription(PointCloud2, "scan", self.on_scan, SENSOR, event_callbacks=losses, **options)
 
     def _tell_of_problems(self) -> None:
         """Log each problem once; as long as nothing can be written, diagnostics say so."""
@@ -125,7 +142,7 @@ class ScanAssembler(TileSender):
 
 def main() -> int:
     """Run the node."""
-    return run_node(ScanAssembler)
+    return run_node(ScanAssembler, carries_scans=True)
 
 
 if __name__ == "__main__":

@@ -1,8 +1,9 @@
-"""What has to be set before ROS starts: memory for large clouds, and no limit to a topic's history."""
+"""What has to be set before ROS starts: memory for large clouds, how they travel, and how many are kept."""
 
 from __future__ import annotations
 
 import ctypes
+import math
 import os
 import sys
 from contextlib import suppress
@@ -11,17 +12,35 @@ from pathlib import Path
 
 #: Fast DDS 2 (Jazzy) and Fast DDS 3 read different variables.
 _PROFILE_VARIABLES = ("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE")
-_PROFILE = "fastdds_profile.xml"
+_TRANSPORTS, _RANGE, _PEERS = (
+    "FASTDDS_BUILTIN_TRANSPORTS",
+    "ROS_AUTOMATIC_DISCOVERY_RANGE",
+    "ROS_STATIC_PEERS",
+)
+#: For all ranges of discovery; in place of the range of this host alone.
+_PROFILE, _LOCALHOST = "fastdds_profile.xml", "fastdds_localhost.xml"
+
+#: Least buffer of a socket with which clouds of a driver come through whole [bytes]; where Linux says what it
+#: allows.
+SOCKET_BUFFER = 4_194_304
+_ALLOWED_BUFFER = Path("/proc/sys/net/core/rmem_max")
 
 # Parameters of mallopt, from malloc.h of glibc.
 _M_TRIM_THRESHOLD, _M_MMAP_MAX, _M_ARENA_MAX = -1, -4, -8
 _MAX_C_INT = 2**31 - 1
 
 
-def prepare_middleware() -> None:
-    """Tune malloc and lift the limits of Fast DDS; call it once, before ``rclpy.init``."""
+def prepare_middleware(*, carries_scans: bool = False) -> None:
+    """
+    Tune malloc and set Fast DDS up; call it once, before ``rclpy.init``.
+
+    Parameters
+    ----------
+    carries_scans : bool
+        Whether the process sends or hears clouds of a sensor, of which none comes again.
+    """
     tune_malloc()
-    use_profile()
+    use_profile(carries_scans=carries_scans)
 
 
 def tune_malloc() -> None:
@@ -39,17 +58,41 @@ def tune_malloc() -> None:
         mallopt(_M_ARENA_MAX, 1)
 
 
-def use_profile() -> None:
+def use_profile(*, carries_scans: bool = False) -> None:
     """
-    Give Fast DDS our profile, unless the user has one.
+    Give Fast DDS our profile and transport, unless the user has a profile.
 
     By default Fast DDS holds at most 5000 messages of a topic on each side, KEEP_ALL or not, and a tile can
     have more rings: a publisher in the same process then blocks for good, one in another process fails. The
     credits of the player bound what is under way, so no limit is needed here.
+
+    Its shared memory is not used: a node that was killed and started anew at once was at times deaf to some
+    of the others for good, containers often share no ``/dev/shm``, and of clouds of more than its 512 kB most
+    got lost on the way from a driver. UDP with large buffers has none of these, and takes no longer. Scans
+    keep shared memory where the system allows no such buffers: the smaller ones come through by it. ROS's
+    range ``LOCALHOST`` always comes with it, so a profile takes the place of that.
+
+    Parameters
+    ----------
+    carries_scans : bool
+        As in `prepare_middleware`.
     """
     if any(os.environ.get(name) for name in _PROFILE_VARIABLES):
         return
-    profile = resources.files("lidar_buildings.ros").joinpath(_PROFILE)
-    if isinstance(profile, Path) and profile.is_file():
+    profile = _PROFILE
+    if os.environ.get(_TRANSPORTS) is None and (not carries_scans or allowed_buffer() >= SOCKET_BUFFER):
+        if os.environ.get(_RANGE) == "LOCALHOST" and not os.environ.get(_PEERS):
+            os.environ[_RANGE], profile = "SYSTEM_DEFAULT", _LOCALHOST
+        os.environ[_TRANSPORTS] = "UDPv4"
+    path = resources.files("lidar_buildings.ros").joinpath(profile)
+    if isinstance(path, Path) and path.is_file():
         for name in _PROFILE_VARIABLES:
-            os.environ[name] = str(profile)
+            os.environ[name] = str(path)
+
+
+def allowed_buffer() -> float:
+    """Return how large a socket's buffer may be [bytes], infinite where the system does not say."""
+    try:
+        return float(_ALLOWED_BUFFER.read_text())
+    except (OSError, ValueError):
+        return math.inf

@@ -20,7 +20,7 @@ from lidar_buildings.ros.stage_node import StageNode
 DONE, WRONG_USE = 0, 2
 
 
-def run_node(node_class: Callable[[], StageNode]) -> int:
+def run_node(node_class: Callable[[], StageNode], *, carries_scans: bool = False) -> int:
     """
     Run one node until it is done or interrupted by SIGINT or SIGTERM.
 
@@ -28,6 +28,8 @@ def run_node(node_class: Callable[[], StageNode]) -> int:
     ----------
     node_class : callable
         Makes the node.
+    carries_scans : bool
+        As in `prepare_middleware`.
 
     Returns
     -------
@@ -36,7 +38,7 @@ def run_node(node_class: Callable[[], StageNode]) -> int:
     """
     interruption = Interruption()
     try:
-        return _run(node_class, interruption)
+        return _run(node_class, interruption, carries_scans)
     except KeyboardInterrupt:
         return DONE
     finally:
@@ -45,10 +47,10 @@ def run_node(node_class: Callable[[], StageNode]) -> int:
         interruption.ignore_signals()
 
 
-def _run(node_class: Callable[[], StageNode], interruption: Interruption) -> int:
+def _run(node_class: Callable[[], StageNode], interruption: Interruption, carries_scans: bool) -> int:
     """Start ROS and spin the node; print a user's mistake in one line."""
     try:
-        prepare_middleware()
+        prepare_middleware(carries_scans=carries_scans)
         check_parameter_files(sys.argv)
         if (compiling := start_compiling()) is not None:
             compiling.wait()

@@ -1,5 +1,7 @@
 """The node that makes tiles of a feed, as others see it."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from geometry_msgs.msg import PointStamped
@@ -94,6 +96,14 @@ def test_a_flush_sends_what_there_is_and_then_says_that_the_survey_is_done(start
     wait_until(lambda: end.heard["survey_done"])
     assert sorted(len(tile) for tile in end.tiles()) == [300, 300]
     assert [origin.header.frame_id for origin in end.heard["map_origin"]] == [""]
+
+
+def test_scans_that_are_lost_on_the_way_are_told_of(start):
+    assembler = start().assembler
+    assembler.on_lost(SimpleNamespace(total_count=3))
+    state = assembler.summary.state()
+    assert state.values["scans_lost"] == 3
+    assert "3 scans were lost" in state.message
 
 
 def test_more_points_make_a_later_revision(start):

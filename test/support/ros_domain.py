@@ -12,9 +12,9 @@ _locks = []
 
 def use_own_domain() -> None:
     """Take a domain that no other test process has."""
-    os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
     if _locks:
         return
+    os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
     for domain in _DOMAINS:
         lock = open(os.path.join(tempfile.gettempdir(), f"ros_domain_{domain}.lock"), "a")  # noqa: SIM115
         try:

@@ -35,7 +35,7 @@ AIRCRAFT = Sway(
 )
 #: Poses a second, as an inertial unit tells them.
 POSE_RATE = 200.0
-#: Clouds a second: small ones, which pass through shared memory.
+#: Clouds a second: small ones, of which none gets lost on its way.
 SCAN_RATE = 50.0
 #: Turns are cut to this [s], more than any reader fills between two poses.
 TURN = 5.0
