@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 from support.node_processes import LAST, NodeProcesses
 from support.results import assert_buildings_once, assert_complete, contents
+from support.ros_domain import OF_PROFILES
 from support.two_hosts import HOSTS, OnTwoHosts, two_hosts
 
 from lidar_buildings.cli import main
@@ -46,6 +47,9 @@ def test_nodes_that_share_the_tiles_give_the_same_files(survey, without_ros, tmp
 
 @pytest.fixture
 def hosts(monkeypatch):
+    for name in OF_PROFILES:  # tests before may have set them for this host alone
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
     monkeypatch.setenv("ROS_STATIC_PEERS", ";".join(HOSTS.values()))
     try:
         with two_hosts() as made:

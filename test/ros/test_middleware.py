@@ -13,17 +13,12 @@ from rclpy.qos import qos_profile_sensor_data
 from sensor_msgs.msg import PointCloud2
 from support import plain_driver
 from support.node_bench import wait_until
+from support.ros_domain import OF_PROFILES
 
 from lidar_buildings.ros import middleware
 from lidar_buildings.ros.middleware import SOCKET_BUFFER, allowed_buffer, use_profile
 
-VARIABLES = (
-    "FASTRTPS_DEFAULT_PROFILES_FILE",
-    "FASTDDS_DEFAULT_PROFILES_FILE",
-    "FASTDDS_BUILTIN_TRANSPORTS",
-    "ROS_AUTOMATIC_DISCOVERY_RANGE",
-    "ROS_STATIC_PEERS",
-)
+VARIABLES = (*OF_PROFILES, "ROS_AUTOMATIC_DISCOVERY_RANGE", "ROS_STATIC_PEERS")
 N_CLOUDS, N_BYTES = 20, 2_000_000
 
 

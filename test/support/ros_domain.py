@@ -6,6 +6,12 @@ import tempfile
 
 #: Domains up to 101 have free ports on every system.
 _DOMAINS = range(101, 19, -1)
+#: What a process sets by `prepare_middleware`, and hands on to those that it starts.
+OF_PROFILES = (
+    "FASTRTPS_DEFAULT_PROFILES_FILE",
+    "FASTDDS_DEFAULT_PROFILES_FILE",
+    "FASTDDS_BUILTIN_TRANSPORTS",
+)
 #: Held as long as the process lives.
 _locks = []
 
