@@ -87,7 +87,7 @@ class LiveSurvey:
         self._batch: list[PlacedScan] = []
         #: What is kept of scans and could not be written yet.
         self._unwritten: list[NDArray[Any]] = []
-        self._arrived = -math.inf
+        self._arrived = self._now = -math.inf
         self._sensor: NDArray[np.float64] | None = None
 
     @property
@@ -152,10 +152,11 @@ class LiveSurvey:
             As `add`.
         """
         with self._lock:
+            self._now = now
             self._keep_batch()
             self._drop_unchanged()
             for place in sorted(self._tiles.changed - self._under_way):
-                if place in self._to_flush or self._tiles.is_left(place, now, self._sensor):
+                if place in self._to_flush or self._is_due(place):
                     self._in_flush |= self._to_flush & {place}
                     self._to_flush.discard(place)
                     self._tiles.changed.discard(place)
@@ -165,19 +166,17 @@ class LiveSurvey:
 
     def take(self) -> PointTile | None:
         """
-        Return the next tile that is ready, None if none is: first such as are whole and did not come so.
+        Return the next tile that is ready, None if none is: the one that is most urgent.
 
-        Where there is no time for all, the others wait and come once. Raises an OutputError if the disk is
-        full; the tile stays ready.
+        Raises an OutputError if the disk is full; the tile stays ready.
         """
         with self._lock:
             if not self._ready:
                 return None
-            tile = self._tiles[min(self._ready, key=self._can_wait)]
+            tile = self._tiles[max(self._ready, key=self._urgency)]
             self._note(tile, tile.revision + 1, -1)
             self._ready.remove(tile.place)
-            count_in = self._store.count_in
-            tile.n_sent, tile.was_covered = count_in(tile.near), tile.is_covered(count_in)
+            tile.n_sent = self._store.count_in(tile.near)
             tile.revision += 1
             return self._store.tile(self._plan(tile), self.config.buffer)
 
@@ -240,11 +239,12 @@ class LiveSurvey:
         """Note which revision was sent or done last, for the next life: it must send a later one."""
         self._log.note({"tile": tile.place, "stamp": tile.stamp, "revision": revision, "n_done": n_done})
 
-    def _can_wait(self, place: Cell) -> tuple[bool, bool, bool]:
-        """Return why a tile can wait: it came whole or is not, it is not, it came before."""
-        tile = self._tiles[place]
-        is_open = not tile.is_covered(self._store.count_in)
-        return tile.was_covered or is_open, is_open, tile.revision >= 0
+    def _urgency(self, place: Cell) -> float:
+        return self._tiles.urgency(place, self._now, self._store.count_in)
+
+    def _is_due(self, place: Cell) -> bool:
+        """Whether a tile has waited long enough, or the sensor is far away."""
+        return self._urgency(place) >= self.config.leave_after or self._tiles.is_left(place, self._sensor)
 
     def _drop_unchanged(self) -> None:
         """Forget that tiles were touched which have no points that were not sent, or came too often."""

@@ -19,9 +19,6 @@ from lidar_buildings.io.tiling.tile_stamps import stamp_of_number, stamp_of_time
 #: A tile comes again at most so often: its stamps leave room for no more revisions (`ros.stamps`), some of
 #: which it needs to grow.
 MOST_REVISIONS = 900
-#: A tile that came whole waits so many times as long to come again: single far points would repeat it. Any
-#: waits longer each time.
-_WHOLE = 4
 
 
 @dataclass(eq=False)
@@ -43,8 +40,6 @@ class LiveTile:
         Points near it when it was sent last; −1 = never.
     revision : int
         Number of the last one that was sent; −1 = none was.
-    was_covered : bool
-        Whether all of `near` had points when it was sent last: there is little that may still come.
     """
 
     place: Cell
@@ -53,11 +48,10 @@ class LiveTile:
     near: tuple[Cell, ...]
     n_sent: int = -1
     revision: int = -1
-    was_covered: bool = False
 
-    def is_covered(self, count_in: Callable[[Iterable[Cell]], int]) -> bool:
-        """Whether every part of the tile and its buffer has points: its last has come, as far as is known."""
-        return all(count_in([cell]) for cell in self.near)
+    def share_new(self, count_in: Callable[[Iterable[Cell]], int]) -> float:
+        """Return which share of the points near it were not sent."""
+        return 1.0 - max(self.n_sent, 0) / max(count_in(self.near), 1)
 
 
 class LiveTiles:
@@ -131,12 +125,19 @@ class LiveTiles:
         """Return when a point has fallen into a tile or its buffer last."""
         return max((self._touched.get(cell, -math.inf) for cell in tile.near), default=-math.inf)
 
-    def is_left(self, place: Cell, now: float, sensor: NDArray[np.float64] | None) -> bool:
-        """Whether the sensor, at a source's position [m] if that is known, has left a tile."""
+    def urgency(self, place: Cell, now: float, count_in: Callable[[Iterable[Cell]], int]) -> float:
+        """
+        Return for how long no point has fallen into a tile or its buffer, times the share that is new [s].
+
+        The work on a tile grows with its points, what comes of it with those that are new: of all tiles that
+        wait this one pays most, and none waits for ever.
+        """
+        tile = self._by_place[place]
+        return (now - self.last_touched(tile)) * tile.share_new(count_in)
+
+    def is_left(self, place: Cell, sensor: NDArray[np.float64] | None) -> bool:
+        """Whether the sensor, at a source's position [m] if it is known, is far from a tile not yet sent."""
         config, tile = self._config, self._by_place[place]
-        times = max(_WHOLE if tile.was_covered else 1, tile.revision)
-        if now - self.last_touched(tile) >= config.leave_after * times:
-            return True
         if tile.revision >= 0 or sensor is None or not config.leave_distance:
             return False
         area = self._grid.area_of(tile.block).buffered(config.buffer).grown(config.leave_distance)

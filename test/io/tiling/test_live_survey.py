@@ -79,8 +79,8 @@ def test_a_tile_comes_again_as_the_next_revision_with_all_its_points(survey):
     survey.tick(11.0)
     assert tiles_of(survey) == [], "not while the first is under way"
     survey.finish(first.stamp)
-    assert not survey.tick(10.9)
-    assert survey.tick(11.0)
+    assert not survey.tick(15.9), "half of its points are known"
+    assert survey.tick(16.0)
     (second,) = tiles_of(survey)
     assert second.stamp == first.stamp + 1
     assert len(second) == 600
@@ -106,51 +106,25 @@ def test_what_is_said_once_more_of_an_earlier_revision_does_not_end_the_next_one
     assert survey.is_flushed
 
 
-def test_a_tile_that_nobody_has_seen_goes_before_one_that_comes_again(survey):
-    survey.add(scan_at(20, 20), 0.0)
+@pytest.mark.parametrize(("came", "goes_first"), [(51.0, "again"), (45.0, "new")])
+def test_a_tile_goes_before_others_by_its_wait_and_its_share_of_new_points(survey, came, goes_first):
+    survey.add(scan_at(20, 20, n_points=2100), 0.0)
     survey.tick(5.0)
     (seen,) = tiles_of(survey)
     survey.finish(seen.stamp)
-    survey.add(scan_at(20, 20, seed=1), 6.0)
+    survey.add(scan_at(20, 20, seed=1), 6.0)  # an eighth
+    survey.tick(6.0)
+    survey.add(scan_at(140, 20), came)
+    survey.tick(came)
     survey.tick(56.0)
-    survey.add(scan_at(140, 20), 56.0)
-    survey.tick(61.0)
-    first, second = tiles_of(survey)
-    assert (first.stamp % 1000, second.stamp) == (0, seen.stamp + 1)
+    order = ["again" if tile.stamp == seen.stamp + 1 else "new" for tile in tiles_of(survey)]
+    assert order[0] == goes_first, "50 s / 8 against 5 s, or 11 s"
+    assert len(order) == 2
 
 
-def test_a_tile_without_gaps_goes_before_one_that_the_next_strip_may_fill(survey):
-    survey.add(scan_at(20, 20), 0.0)
-    survey.tick(0.0)
-    wide = scan_at(220, 20, n_points=20_000, spread=SIDE)
-    survey.add(wide, 1.0)
-    survey.tick(10.0)
-    order = [tile.points[tile.buffer == 0][:, 0].mean() for tile in tiles_of(survey)]
-    assert order.index(min(order)) > np.argmin(np.abs(np.array(order) - 220))
-
-
-def test_a_tile_that_came_without_gaps_waits_longer_and_behind_those_that_were_filled(survey):
-    survey.add(scan_at(20, 20, n_points=20_000, spread=SIDE), 0.0)
-    survey.add(scan_at(220, 20), 0.0)
-    survey.tick(5.0)
-    first = {tile.stamp: tile for tile in tiles_of(survey)}
-    whole, part = max(first, key=lambda one: len(first[one])), min(first, key=lambda one: len(first[one]))
-    for stamp in first:
-        survey.finish(stamp)
-    survey.add(scan_at(20, 20, seed=1, spread=1.0), 6.0)
-    survey.add(scan_at(220, 20, n_points=20_000, seed=1, spread=SIDE), 6.0)
-    survey.tick(11.0)
-    again = [tile.stamp for tile in tiles_of(survey)]
-    assert part + 1 in again
-    assert whole + 1 not in again
-    assert not survey.tick(25.9)
-    survey.tick(26.0)
-    assert whole + 1 in [tile.stamp for tile in tiles_of(survey)]
-
-
-def test_a_tile_waits_longer_each_time_that_it_comes_again(survey):
+def test_a_tile_waits_the_longer_to_come_again_the_fewer_of_its_points_are_new(survey):
     now = 0.0
-    for revision, wait in enumerate([5.0, 5.0, 5.0, 10.0, 15.0]):
+    for revision, wait in enumerate([5.0, 10.0, 15.0, 20.0]):
         survey.add(scan_at(20, 20, seed=revision), now)
         assert not survey.tick(now + wait - 0.1)
         now += wait
