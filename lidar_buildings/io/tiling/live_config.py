@@ -17,10 +17,11 @@ class LiveTilingConfig(TilingConfig):
     stage: ClassVar[str] = ScanConfig.stage
 
     tile_size: float = parameter(
-        150.0,
-        "Side of a tile; a larger one is waited for longer, and costs less, as tiles overlap.",
+        0.0,
+        "Side of a tile, 0 for one that suits how densely the scanner covers the ground; a larger one is "
+        "waited for longer, and costs less, as tiles overlap.",
         unit="m",
-        minimum=10.0,
+        minimum=0.0,
         maximum=10_000.0,
         read_only=True,
     )

@@ -9,6 +9,7 @@ import threading
 import time
 from collections import Counter
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -23,10 +24,13 @@ from lidar_buildings.io.tiling.live_config import LiveTilingConfig
 from lidar_buildings.io.tiling.live_files import record_frame, recorded_frame, write_placed_points
 from lidar_buildings.io.tiling.live_frame import FrameSearch, moved_origin
 from lidar_buildings.io.tiling.live_inbox import LiveInbox
+from lidar_buildings.io.tiling.live_side import side_for
 from lidar_buildings.io.tiling.live_survey import LiveSurvey
 
 #: Period of looking for tiles that were left [s].
 _TICK = 0.1
+#: Time that the first points wait for others that tell the side of tiles [s]; wide margin over `PERIOD`.
+_PATIENCE = 10.0
 #: Different problems that are remembered.
 _MOST_PROBLEMS = 100
 
@@ -233,24 +237,27 @@ class LiveFeed:
             self._early.append(scan)
 
     def _settle_frame(self, now: float) -> None:
-        """Begin to keep points once it is settled where the map lies."""
+        """Begin to keep points once it is settled where the map lies, and how large tiles are."""
         if not self._early:
             return
         if self._survey is None:
             n_points = sum(len(scan.points) for scan in self._early)
             given = self._search.settled(self._placer, now, n_points)
-            if given is None:
+            side = self._tiling.tile_size or side_for(
+                self._early, self._tiling.buffer, is_end=self._search.is_over(now, n_points, _PATIENCE)
+            )
+            if given is None or side is None:
                 return
             frame = moved_origin(given, self._early[0].points[0])
-            record_frame(self.folder, self._tiling, given, frame)
-            self._open(given, frame)
+            record_frame(self.folder, self._tiling, side, given, frame)
+            self._open(side, given, frame)
         while self._early:
             self._keep(self._early.pop(0))
 
-    def _open(self, given: MapFrame, frame: MapFrame) -> None:
-        """Begin to keep points: scans lie in the given frame, tiles in the other."""
+    def _open(self, side: float, given: MapFrame, frame: MapFrame) -> None:
+        """Begin to keep points, in tiles of a side [m]: scans lie in the given frame, tiles in the other."""
         self._shift = np.array(frame.origin) - np.array(given.origin)
-        self._survey = LiveSurvey(self._tiling, frame, self.folder)
+        self._survey = LiveSurvey(replace(self._tiling, tile_size=side), frame, self.folder)
 
     def _flush(self, _: None) -> None:
         self._keep_placed(is_end=True)

@@ -24,9 +24,11 @@ _NAME = "points_{:05d}.laz"
 _SURVEY = "survey.json"
 
 
-def record_frame(folder: Path, tiling: LiveTilingConfig, given: MapFrame, frame: MapFrame) -> None:
+def record_frame(
+    folder: Path, tiling: LiveTilingConfig, side: float, given: MapFrame, frame: MapFrame
+) -> None:
     """
-    Note what a feed must know to go on: where the map lies, as scans have it and as tiles have it.
+    Note what a feed must know to go on: the side of tiles [m]; where the map lies for scans, and for tiles.
 
     Raises
     ------
@@ -35,10 +37,11 @@ def record_frame(folder: Path, tiling: LiveTilingConfig, given: MapFrame, frame:
     """
     folder.mkdir(parents=True, exist_ok=True)
     with atomic_file(folder / _SURVEY) as temporary:
-        temporary.write_text(json.dumps(_identity(tiling) | {"given": asdict(given), "frame": asdict(frame)}))
+        noted = {"side": side, "given": asdict(given), "frame": asdict(frame)}
+        temporary.write_text(json.dumps(_identity(tiling) | noted))
 
 
-def recorded_frame(folder: Path, tiling: LiveTilingConfig) -> tuple[MapFrame, MapFrame] | None:
+def recorded_frame(folder: Path, tiling: LiveTilingConfig) -> tuple[float, MapFrame, MapFrame] | None:
     """
     Return what `record_frame` has noted, None if there is nothing.
 
@@ -50,7 +53,7 @@ def recorded_frame(folder: Path, tiling: LiveTilingConfig) -> tuple[MapFrame, Ma
     try:
         noted = json.loads((folder / _SURVEY).read_text())
         own = {name: noted[name] for name in _identity(tiling)}
-        given, frame = (_frame_of(noted[name]) for name in ("given", "frame"))
+        side, given, frame = float(noted["side"]), _frame_of(noted["given"]), _frame_of(noted["frame"])
     except FileNotFoundError:
         return None
     except (OSError, ValueError, KeyError, TypeError) as error:
@@ -60,7 +63,7 @@ def recorded_frame(folder: Path, tiling: LiveTilingConfig) -> tuple[MapFrame, Ma
             f"{folder}: holds points that are cut with {own}, not {_identity(tiling)}: give the same "
             "parameters, or another folder as scan_assembler.spool"
         )
-    return given, frame
+    return side, given, frame
 
 
 def write_placed_points(survey: LiveSurvey, folder: Path) -> None:

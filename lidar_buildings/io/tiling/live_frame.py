@@ -80,8 +80,12 @@ class FrameSearch:
         self._first_at = min(now, math.inf if self._first_at is None else self._first_at)
         if self.given is None and self._fix is not None:
             self.given = frame_by_fix(self._fix, placer)
-        is_over = math.isinf(now) or now - self._first_at >= _PATIENCE or n_points >= _MOST_EARLY
-        return self.given or (MapFrame() if is_over else None)
+        return self.given or (MapFrame() if self.is_over(now, n_points) else None)
+
+    def is_over(self, now: float, n_points: int, patience: float = _PATIENCE) -> bool:
+        """Whether points have waited long enough [s], or are too many to wait."""
+        first_at = now if self._first_at is None else self._first_at
+        return math.isinf(now) or now - first_at >= patience or n_points >= _MOST_EARLY
 
 
 def frame_by_fix(fix: Fix, placer: ScanPlacer) -> MapFrame | None:

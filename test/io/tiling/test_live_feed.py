@@ -1,5 +1,6 @@
 """Messages of a feed become tiles; where the map lies is found out; what is wrong with them is told."""
 
+import json
 import threading
 import time
 from types import SimpleNamespace
@@ -27,9 +28,8 @@ class Running:
     """A feed whose tiles are done as they come."""
 
     def __init__(self, folder="", frame=None, scans=None, **tiling):
-        config = LiveTilingConfig(
-            tile_size=40.0, buffer=5.0, leave_after=FAR_LATER, spool=str(folder), **tiling
-        )
+        given = {"tile_size": 40.0, "buffer": 5.0, "leave_after": FAR_LATER, "spool": str(folder)} | tiling
+        config = LiveTilingConfig(**given)
         self._news = threading.Condition()
         self.feed = LiveFeed(config, scans or ScanConfig(), frame)
         self.tiles = []
@@ -149,6 +149,20 @@ def test_a_folder_of_other_tiles_is_refused(tmp_path):
     (tmp_path / "survey.json").write_text("{}")
     with pytest.raises(OutputError, match="not understood"):
         LiveFeed(config, ScanConfig())
+
+
+def test_a_feed_that_goes_on_keeps_the_side_that_its_first_seconds_told(tmp_path):
+    with Running(tmp_path, tile_size=0.0) as run:
+        for k in range(30):
+            strip = points(2000, seed=k) * (0.4, 20.0, 1.0) + (4.0 * k, 0.0, 0.0)  # 4 m by 200 m
+            run.feed.add_scan(scan(T0 + k * SECOND // 10, strip, frame="map"))
+        run.flush()
+    noted = (tmp_path / "survey.json").read_text()
+    assert 600.0 <= json.loads(noted)["side"] <= 725.0, "2.5 points a square metre"
+    with Running(tmp_path, tile_size=0.0) as run:
+        run.feed.add_scan(scan(T0 + 4 * SECOND, points(), frame="map"))
+        assert core(run.flush()) == 60_500
+    assert (tmp_path / "survey.json").read_text() == noted
 
 
 def test_what_cannot_be_read_is_told_and_the_rest_goes_on():

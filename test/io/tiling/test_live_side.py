@@ -1,0 +1,69 @@
+"""The side of a feed's tiles suits how densely the scanner covers what it leaves behind."""
+
+import numpy as np
+import pytest
+
+from lidar_buildings.core.scans.placing import PlacedScan
+from lidar_buildings.io.tiling.live_side import side_for
+
+BUFFER = 75.0
+T0 = 1_700_000_000_000_000_000
+SECOND = 1_000_000_000
+SPEED, WIDTH = 40.0, 200.0
+
+
+def strip(density, seconds=3.0, width=WIDTH):
+    """What an airborne scanner measures, in scans of 0.1 s."""
+    random = np.random.default_rng(0)
+    found = []
+    for k in range(round(10 * seconds)):
+        n = round(density * SPEED * width * 0.1)
+        time = np.sort(random.uniform(0.1 * k, 0.1 * (k + 1), n))
+        x, y = SPEED * time, random.uniform(0.0, width, n)
+        times = T0 + np.round(time * SECOND).astype(np.int64)
+        found.append(PlacedScan(np.column_stack([x, y, 0 * x]), times, {}))
+    return found
+
+
+def turns(n_points=30_000, seconds=3.0, speed=8.0):
+    """What a scanner on the street measures, that turns ten times a second."""
+    random = np.random.default_rng(0)
+    found = []
+    for k in range(round(10 * seconds)):
+        time = np.sort(random.uniform(0.1 * k, 0.1 * (k + 1), n_points))
+        angle, distance = random.uniform(0.0, 2 * np.pi, n_points), random.uniform(2.0, 60.0, n_points)
+        xy = np.column_stack([distance * np.cos(angle) + speed * time, distance * np.sin(angle)])
+        times = T0 + np.round(time * SECOND).astype(np.int64)
+        found.append(PlacedScan(np.column_stack([xy, np.zeros(n_points)]), times, {}))
+    return found
+
+
+@pytest.mark.parametrize("density", [2.2, 6.0, 12.0])
+def test_a_strip_brings_a_million_points_and_a_quarter_into_a_tile_with_its_buffer(density):
+    side = side_for(strip(density), BUFFER)
+    assert side % 25.0 == 0.0
+    assert density * (side + 125.0) ** 2 <= 1.1 * 1.25e6 < 1.1 * density * (side + 150.0) ** 2
+
+
+def test_a_dense_strip_gets_no_smaller_tiles_than_are_worth_their_buffer():
+    assert side_for(strip(60.0), BUFFER) == 150.0
+
+
+def test_a_sparse_strip_gets_no_larger_tiles_than_files():
+    assert side_for(strip(0.5, width=500.0), BUFFER) == 1000.0
+
+
+@pytest.mark.parametrize("speed", [0.0, 8.0])
+def test_a_scanner_that_measures_the_same_places_again_gets_small_tiles(speed):
+    assert side_for(turns(2000, speed=speed), BUFFER) == 150.0
+
+
+def test_points_are_waited_for_unless_no_more_come():
+    early = strip(6.0, seconds=1.0)
+    assert side_for(early, BUFFER) is None
+    assert side_for(early, BUFFER, is_end=True) is not None
+
+
+def test_what_comes_later_does_not_tell():
+    long, short = strip(6.0, seconds=6.0), strip(6.0, seconds=6.0)[:21]
+    assert side_for(long, BUFFER) == side_for(short, BUFFER)
