@@ -164,6 +164,9 @@ class ScanPlacer:
         """
         Return the scans that can be placed, in the order in which they came; each frame has its own.
 
+        Such as follow one another in one frame, with the same columns, are placed as one: a small scan costs
+        more than its points.
+
         Parameters
         ----------
         is_end : bool
@@ -171,7 +174,7 @@ class ScanPlacer:
         """
         while self._of_before:
             yield self._of_before.pop(0)
-        while (scan := self._waiting.take(lambda one: is_end or self._is_due(one))) is not None:
+        while (scan := self._waiting.take_joined(lambda one: is_end or self._is_due(one))) is not None:
             yield self._place(scan)
             if len(scan.times):
                 self.tree.drop_before(int(scan.times.min()) - _KEPT_POSES)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import zlib
 from collections import Counter
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -91,6 +92,22 @@ def read_scan(
     if times is None:
         times = np.full(len(kept), stamp, dtype=np.int64)
     return Scan(frame_name(message.header.frame_id), xyz[kept], times, _cleaned(columns))
+
+
+def is_alike(one: Scan, other: Scan) -> bool:
+    """Whether two scans can be joined: they are of one frame, and have the same columns."""
+    types = [{name: values.dtype for name, values in scan.columns.items()} for scan in (one, other)]
+    return one.frame == other.frame and types[0] == types[1]
+
+
+def joined(scans: Sequence[Scan]) -> Scan:
+    """Return scans that are alike as one."""
+    first = scans[0]
+    if len(scans) == 1:
+        return first
+    columns = {name: np.concatenate([one.columns[name] for one in scans]) for name in first.columns}
+    points, times = (np.concatenate([one[k] for one in scans]) for k in (1, 2))
+    return Scan(first.frame, points, times, columns)
 
 
 def mark_of(message: Any) -> tuple[str, int, int, int]:

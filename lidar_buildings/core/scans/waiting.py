@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable
 
-from lidar_buildings.core.scans.scan import Scan
+from lidar_buildings.core.scans.scan import Scan, is_alike, joined
 
 #: Points that may wait: a second of the fastest scanners, half a minute of others; 0.5 GB.
 MAX_POINTS = 10_000_000
@@ -39,11 +39,28 @@ class WaitingScans:
         self._n_scans += 1
         self.n_points += len(scan.times)
 
-    def take(self, is_due: Callable[[Scan], bool] = lambda scan: True) -> Scan | None:
-        """Remove and return the first scan that is due, None if none is; none passes another of its frame."""
+    def take_joined(self, is_due: Callable[[Scan], bool]) -> Scan | None:
+        """Remove and return as one the next scans that are due, of one frame and with the same columns."""
+        scans: list[Scan] = []
+        while (scan := self.take(is_due, lambda one: not scans or is_alike(one, scans[0]))) is not None:
+            scans.append(scan)
+        return joined(scans) if scans else None
+
+    def take(
+        self,
+        is_due: Callable[[Scan], bool] = lambda scan: True,
+        is_wanted: Callable[[Scan], bool] = lambda scan: True,
+    ) -> Scan | None:
+        """
+        Remove and return the first scan that is due, None if none is, or that one is not wanted.
+
+        None passes another of its frame.
+        """
         for _, frame in sorted((queue[0][0], frame) for frame, queue in self._by_frame.items()):
             queue = self._by_frame[frame]
             if is_due(queue[0][1]):
+                if not is_wanted(queue[0][1]):
+                    return None
                 _, scan = queue.popleft()
                 if not queue:
                     del self._by_frame[frame]

@@ -136,7 +136,8 @@ class LiveFeed:
 
     def add_scan(self, message: Any) -> None:
         """Take a sensor_msgs/PointCloud2."""
-        self._inbox.put(self._place, message, int(message.width) * int(message.height))
+        n_points = int(message.width) * int(message.height)
+        self._inbox.put(lambda one: self._placer.add_scan(one), message, n_points)
 
     def add_odometry(self, message: Any) -> None:
         """Take a nav_msgs/Odometry."""
@@ -214,6 +215,7 @@ class LiveFeed:
             self.obstacle = str(error)
 
     def _tick(self, _: None) -> None:
+        self._keep_placed()
         self._settle_frame(time.monotonic())
         if self._survey is None:
             return
@@ -221,10 +223,6 @@ class LiveFeed:
         self.obstacle = ""
         if is_ready or (self._is_flushing and self._survey.is_flushed):
             self._has_work.set()
-
-    def _place(self, message: Any) -> None:
-        self._placer.add_scan(message)
-        self._keep_placed()
 
     def _keep_placed(self, *, is_end: bool = False) -> None:
         for scan in self._placer.placed(is_end=is_end):

@@ -189,17 +189,44 @@ def test_what_is_no_measurement_is_left_out_and_counted():
 
 def test_a_layout_may_change_be_big_endian_or_empty_in_mid_stream():
     placer = ScanPlacer(ScanConfig(georeferenced=True))
-    placer.add_scan(scan(T0, POINTS))
-    placer.add_scan(scan(T0 + 1, POINTS, kind=">f8", intensity=[1, 2, 3]))
-    placer.add_scan(scan(T0 + 2, np.zeros((0, 3))))
     packed = np.zeros(3, [("z", "<f8"), ("pad", "u1"), ("y", "<f4"), ("x", "<f4"), ("t", "<u4")])
     packed["x"], packed["y"], packed["z"] = POINTS.T
-    placer.add_scan(cloud_of(T0 + 3, "lidar", packed))
-    found = list(placer.placed())
+    found = []
+    for message in (
+        scan(T0, POINTS),
+        scan(T0 + 1, POINTS, kind=">f8", intensity=[1, 2, 3]),
+        scan(T0 + 2, np.zeros((0, 3))),
+        cloud_of(T0 + 3, "lidar", packed),
+    ):
+        placer.add_scan(message)
+        found += placer.placed()
     assert [len(one.points) for one in found] == [3, 3, 0, 3]
     for one in (found[0], found[1], found[3]):
         np.testing.assert_allclose(one.points, POINTS)
     assert found[1].columns["intensity"].tolist() == [1, 2, 3]
+
+
+def test_scans_that_are_alike_are_placed_as_one_in_the_order_in_which_they_came():
+    names = ["lidar", "lidar", "second", "lidar", "lidar", "lidar"]
+    one_by_one, at_once = ScanPlacer(), ScanPlacer()
+    expected = []
+    for placer in (one_by_one, at_once):
+        for k in range(10):
+            stamp = T0 + k * SECOND // 10
+            for child in set(names):
+                placer.add_transforms(transforms((stamp, "map", child, (k, 0.0, 0.0))), is_static=False)
+    for k, name in enumerate(names):
+        more = {"intensity": [k, k, k]} if k != 3 else {}
+        message = scan(T0 + k * SECOND // 10, POINTS + 0.1 * k, frame=name, **more)
+        one_by_one.add_scan(message)
+        at_once.add_scan(message)
+        expected += one_by_one.placed()
+    found = list(at_once.placed())
+    assert [len(one.points) for one in found] == [6, 3, 3, 6]
+    for member in ("points", "times"):
+        both = (np.concatenate([getattr(one, member) for one in some]) for some in (found, expected))
+        np.testing.assert_array_equal(*both)
+    assert found[0].columns["intensity"].tolist() == [0, 0, 0, 1, 1, 1]
 
 
 def test_a_scan_that_claims_more_than_it_has_is_refused_and_the_next_placed():
