@@ -16,7 +16,6 @@ from lidar_buildings.core.stages.boundary_tracing.walk_recovery import bridge_ga
 from lidar_buildings.core.stages.roof_selection.smooth_patches.plane_votes import plane_votes
 from lidar_buildings.core.stages.roof_selection.smooth_patches.wet_roofs import find_wet_roofs
 from lidar_buildings.core.stages.roof_selection.surroundings import share_around
-from lidar_buildings.core.stages.roof_topology.small_regions import absorb_small_regions
 from lidar_buildings.core.stages.segmentation.loose_points import building_beside
 from lidar_buildings.core.stages.terrain import RasterConfig
 from lidar_buildings.core.surfaces.brightness import brightness_raster
@@ -81,9 +80,6 @@ def _simulation() -> None:
 
 def _rare() -> None:
     """Call what a small tile has no need of."""
-    label = np.ones((4, 4), dtype=np.int32)
-    label[1, 1] = label[3, :] = 2
-    absorb_small_regions(label, 2)
     x, y = (axis.ravel() for axis in np.meshgrid(np.arange(40.0), np.arange(40.0)))
     pool = (abs(x - 20.0) > 4.0) | (abs(y - 20.0) > 4.0)
     roof = np.column_stack([x, y, np.full(len(x), 3.0)])[pool]

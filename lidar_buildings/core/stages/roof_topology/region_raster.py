@@ -12,14 +12,11 @@ from numpy.typing import NDArray
 
 from lidar_buildings.core.kernels import inner_kernel, kernel
 from lidar_buildings.core.model.array_types import FloatArray
-from lidar_buildings.core.stages.roof_topology.small_regions import absorb_small_regions
 
 #: Side of a cell in point spacings.
 CELL = 0.5
 #: Cells are enlarged until so many suffice.
 _MAX_CELLS = 4_000_000
-#: Pieces of regions smaller than this go to their neighbour [square spacings].
-_SMALL_REGION = 4.0
 #: Without an outline a cell belongs to the roof if a point lies within so many spacings.
 _REACH = 1.5
 #: Where the outline reaches beyond the points by more than their extent and so much [m], it is cut.
@@ -97,7 +94,6 @@ def region_raster(
     else:
         reached = (distance <= _REACH * spacing) & (nearest >= 0)
         label[reached] = plane_id[nearest[reached]]
-    absorb_small_regions(label, int(_SMALL_REGION / CELL**2))
     return RegionRaster(label, nearest, distance, west, south, cell)
 
 

@@ -1,4 +1,4 @@
-"""Lines of step edges moved onto walls, into corners and onto one another where they nearly are."""
+"""Lines of step edges moved onto walls and into corners where they nearly are."""
 
 from __future__ import annotations
 
@@ -40,9 +40,7 @@ def snapped(steps: StepLines, rings: tuple[FloatArray, ...], centre: FloatArray,
     np.minimum.at(low, steps.line, steps.t[:, 0])
     np.maximum.at(high, steps.line, steps.t[:, 1])
     angle, offset = steps.angle.copy(), steps.offset.copy()
-    fixed = _onto_walls(angle, offset, low, high, walls_about(rings, centre), spacing)
-    order = np.argsort(low - high - 1e6 * fixed)
-    _together(angle, offset, low, high, fixed, order, spacing)
+    _onto_walls(angle, offset, low, high, walls_about(rings, centre), spacing)
     # A line that turned with its wall has its ends a little farther along or back.
     turn = angle[steps.line] - steps.angle[steps.line]
     t = steps.t * np.cos(turn)[:, None] + (steps.offset[steps.line] * np.sin(turn))[:, None]
@@ -51,14 +49,13 @@ def snapped(steps: StepLines, rings: tuple[FloatArray, ...], centre: FloatArray,
 
 @kernel
 def _onto_walls(angle, offset, low, high, walls, spacing):  # type: ignore[no-untyped-def]
-    """Move lines in place; return which were moved."""
-    fixed = np.zeros(len(angle), dtype=np.bool_)
+    """Move lines in place."""
     most, reach = _MOST_MOVE * spacing, _REACH * spacing
     for k in range(len(angle)):
         if not low[k] < high[k]:
             continue
         c, s = math.cos(angle[k]), math.sin(angle[k])
-        best, best_angle, best_offset = most, 0.0, 0.0
+        best, best_angle, best_offset, is_moved = most, 0.0, 0.0, False
         for m in range(len(walls)):
             x, y = walls[m, 0, 0], walls[m, 0, 1]
             dx, dy = walls[m, 1, 0] - x, walls[m, 1, 1] - y
@@ -76,8 +73,8 @@ def _onto_walls(angle, offset, low, high, walls, spacing):  # type: ignore[no-un
                 _apart(angle[k], offset[k], high[k], turned, at),
             )
             if off < best:
-                best, best_angle, best_offset, fixed[k] = off, turned, at, True
-        if fixed[k]:
+                best, best_angle, best_offset, is_moved = off, turned, at, True
+        if is_moved:
             angle[k] = angle[k] + _difference(best_angle, angle[k])
             offset[k] = best_offset
             continue
@@ -86,10 +83,9 @@ def _onto_walls(angle, offset, low, high, walls, spacing):  # type: ignore[no-un
             x, y = walls[m, 0, 0], walls[m, 0, 1]
             t, r = x * c + y * s, y * c - x * s
             if min(abs(t - low[k]), abs(t - high[k])) <= reach and abs(r - offset[k]) < best:
-                best, best_offset, fixed[k] = abs(r - offset[k]), r, True
-        if fixed[k]:
+                best, best_offset, is_moved = abs(r - offset[k]), r, True
+        if is_moved:
             offset[k] = best_offset
-    return fixed
 
 
 @inner_kernel
@@ -105,26 +101,6 @@ def _apart(angle, offset, t, other_angle, other_offset):  # type: ignore[no-unty
     x = t * math.cos(angle) - offset * math.sin(angle)
     y = t * math.sin(angle) + offset * math.cos(angle)
     return abs(y * math.cos(other_angle) - x * math.sin(other_angle) - other_offset)
-
-
-@kernel
-def _together(angle, offset, low, high, fixed, order, spacing):  # type: ignore[no-untyped-def]
-    """Move shorter lines, which come later in order, in place onto longer ones that they continue."""
-    most, reach = _MOST_MOVE * spacing, _REACH * spacing
-    for a in range(len(order)):
-        k = order[a]
-        best = most
-        place = offset[k]
-        if fixed[k] or not low[k] < high[k]:
-            continue
-        for b in range(a):
-            j = order[b]
-            if abs(_difference(angle[j], angle[k])) > 1e-9 or not low[j] < high[j]:
-                continue
-            gap = max(low[j] - high[k], low[k] - high[j])
-            if gap <= reach and abs(offset[j] - offset[k]) < best:
-                best, place = abs(offset[j] - offset[k]), offset[j]
-        offset[k] = place
 
 
 def extended(

@@ -12,8 +12,6 @@ from lidar_buildings.core.stages.roof_topology.result import StepEdge
 
 #: Longer gaps divide the pieces of a line [spacings].
 LONGEST_GAP = 4.0
-#: Steps shorter than so many spacings and lower than so much [m] are nothing but noise.
-_SHORT, _LOW = 4.0, 0.25
 
 
 class StepLines(NamedTuple):
@@ -58,21 +56,19 @@ def closed_up(line: IntArray, ends: FloatArray, spacing: float) -> FloatArray:
     return ends
 
 
-def step_edges(steps: StepLines, gradients: FloatArray, centre: FloatArray, spacing: float) -> list[StepEdge]:
-    """
-    Return the pieces as segments in plan with the heights of their ends; what is short and low is left out.
-    """
+def step_edges(steps: StepLines, gradients: FloatArray, centre: FloatArray) -> list[StepEdge]:
+    """Return the pieces as segments in plan with the heights of their ends."""
     segments = step_segments(steps)
     extent = np.hypot(*(segments[:, 1] - segments[:, 0]).T)
     difference = gradients[steps.planes[:, 0] - 1] - gradients[steps.planes[:, 1] - 1]
     rise = np.einsum("kex,kx->ke", segments, difference[:, :2]) + difference[:, 2:]
-    low = (extent < _SHORT * spacing) & (np.abs(rise).max(axis=1, initial=0.0) < _LOW)
-    kept = (extent > 0.0) & ~low
     columns = (segments + centre[:2], rise.tolist(), steps.planes.tolist(), steps.length.tolist())
     return [
         StepEdge(upper, lower, segment, (first, last), length)
-        for is_kept, segment, (first, last), (upper, lower), length in zip(kept, *columns, strict=True)
-        if is_kept
+        for is_line, segment, (first, last), (upper, lower), length in zip(
+            extent > 0.0, *columns, strict=True
+        )
+        if is_line
     ]
 
 

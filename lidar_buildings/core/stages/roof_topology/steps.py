@@ -24,8 +24,9 @@ _OTHER_ANGLES_DEG = np.arange(0.0, 180.0, 7.5)
 _LEAST_OTHER = 4.0
 #: The shortest run that goes from line to line [spacings].
 _LEAST_CLOSING = 0.8
-#: Where points on either side keep farther from the border, the lower ones are hidden [spacings].
-_OPEN_GAP = 0.6
+#: Points keep so far from a border in the mean; upper ones that keep farther than that hide a strip of the
+#: lower roof [spacings].
+_USUAL_GAP, _OPEN_GAP = 0.5, 1.25
 
 
 def find_step_lines(
@@ -75,9 +76,11 @@ def find_step_lines(
     angle, offset = runs[run, 0], runs[run, 1]
     t = xy[:, 0] * np.cos(angle) + xy[:, 1] * np.sin(angle)
     higher = _first_is_higher(borders, rows, run, gradients)
-    moved = _towards_upper(borders, rows, points, centre, angle, offset, higher, spacing)
+    beside = _upper_points(borders, rows, points, centre, angle, offset, higher)
     weight = np.bincount(run, minlength=len(runs))
-    shift = np.bincount(run, moved, len(runs)) / np.maximum(weight, 1)
+    mean = np.bincount(run, beside, len(runs)) / np.maximum(weight, 1)
+    hidden = np.abs(mean) > _OPEN_GAP * spacing
+    shift = np.where(hidden, mean - np.copysign(_USUAL_GAP * spacing, mean), 0.0)
     first, second = borders.first[rows], borders.second[rows]
     planes = np.where(higher[:, None], np.column_stack([first, second]), np.column_stack([second, first]))
     line, ends, planes, length = _pieces(run, t, planes, borders.cell, spacing)
@@ -124,7 +127,7 @@ def _first_is_higher(borders: Borders, rows: IntArray, run: IntArray, gradients:
     return np.asarray(np.bincount(group, rise)[group] >= 0)
 
 
-def _towards_upper(
+def _upper_points(
     borders: Borders,
     rows: IntArray,
     points: FloatArray,
@@ -132,19 +135,11 @@ def _towards_upper(
     angle: FloatArray,
     offset: FloatArray,
     higher: BoolArray,
-    spacing: float,
 ) -> FloatArray:
-    """
-    Return how far each side's line should move towards the upper roof, to the left of it positive [m].
-
-    A border lies in the middle between points. The upper roof hides a strip of the lower one: where both keep
-    farther from the border than points usually do, the edge is where the upper points end.
-    """
+    """Return how far the upper roof's nearest points lie to the left of each side's line [m]."""
     near = np.where(higher, borders.near_first[rows], borders.near_second[rows])
     away = points[near, :2] - centre[:2]
-    beside = away[:, 1] * np.cos(angle) - away[:, 0] * np.sin(angle) - offset
-    excess = np.maximum(np.abs(beside) - _OPEN_GAP * spacing, 0.0)
-    return np.asarray(np.sign(beside) * excess)
+    return np.asarray(away[:, 1] * np.cos(angle) - away[:, 0] * np.sin(angle) - offset)
 
 
 def _pieces(

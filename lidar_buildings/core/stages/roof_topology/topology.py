@@ -101,7 +101,7 @@ def _topology(
     intersections = finished(
         pieces, gradients, centre, rings, step_segments(lines), adjustment.vertices, spacing
     )
-    steps = step_edges(lines, gradients, centre, scale)
+    steps = step_edges(lines, gradients, centre)
     kind = roof_type(points, seen, gradients, intersections, steps, spacing)
     return RoofTopology(
         adjustment.planes,
