@@ -2,21 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
-from typing import Any
+from collections.abc import Iterable
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lidar_buildings.core.neighbours.point_spacing import measure_spacing
-from lidar_buildings.io.clouds.point_columns import last_returns
 from lidar_buildings.io.tiling.tile_grid import Rectangle
 
 #: Side of the square in the middle of a file in which its spacing is measured [m];
 #: wide margin: 90,000 pulses at 1/m².
 _SAMPLE_SIDE = 300.0
-#: A square, or a tile without its buffer, with fewer pulses says too little: the standard error of a
-#: density is 3 % from here on.
+#: A square with fewer pulses says too little: the standard error of a density is 3 % from here on.
 _MIN_PULSES = 1000
 
 
@@ -31,26 +28,3 @@ def expected_spacing(samples: Iterable[NDArray[np.float64]]) -> float | None:
     gathered = [sample for sample in samples if len(sample)]
     sample = np.concatenate(gathered) if gathered else np.empty((0, 3))
     return measure_spacing(sample) if len(sample) >= _MIN_PULSES else None
-
-
-def own_pulses(
-    points: NDArray[np.float32], is_buffer: NDArray[np.uint8], columns: Mapping[str, NDArray[Any] | None]
-) -> NDArray[np.float64]:
-    """
-    Return the pulses that tell a tile's spacing: its own ones, those of its buffer where these are few.
-
-    Parameters
-    ----------
-    points : ndarray of shape (n_points, 3)
-        Of the tile and its buffer [m].
-    is_buffer : ndarray of shape (n_points,)
-        1 for each point of the buffer, else 0.
-    columns : mapping
-        `return_number` and `number_of_returns` of each point, None where they are not known.
-    """
-    rows = np.flatnonzero(is_buffer == 0)
-    if len(rows) < _MIN_PULSES:
-        rows = np.arange(len(points))
-    names = "return_number", "number_of_returns"
-    returns = [None if (column := columns[name]) is None else column.take(rows) for name in names]
-    return last_returns(points.take(rows, axis=0).astype(np.float64), *returns)

@@ -18,7 +18,7 @@ from lidar_buildings.io.clouds.las import Cloud, xyz_of
 from lidar_buildings.io.clouds.point_columns import last_returns, point_columns, without_empty_columns
 from lidar_buildings.io.tiling.spool import RECORD, Cell, Spool
 from lidar_buildings.io.tiling.survey_brightness import SQUARE_SIDE, SurveyBrightness
-from lidar_buildings.io.tiling.survey_spacing import expected_spacing, own_pulses, sample_square
+from lidar_buildings.io.tiling.survey_spacing import expected_spacing, sample_square
 from lidar_buildings.io.tiling.tile_grid import Block, Rectangle, TileGrid
 
 
@@ -175,7 +175,9 @@ class TileStore:
         columns = {name: records[name].copy() for name in RECORD.fields or () if name not in ("x", "y", "z")}
         del records, order
         kept = without_empty_columns(columns)
-        spacing = steady_spacing(own_pulses(points, is_buffer, kept), self._expected_spacing)
+        last = last_returns(points.astype(np.float64), kept["return_number"], kept["number_of_returns"])
+        spacing = steady_spacing(last, self._expected_spacing)
+        del last
         area = self.local_area(plan, buffer)
         return PointTile(
             points,
