@@ -11,9 +11,12 @@ from pathlib import Path
 import pytest
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
-from rclpy.parameter_client import AsyncParameterClient
+from std_msgs.msg import String
 from support.cloud_files import random_cloud
 from support.ros_domain import use_own_domain
+
+from lidar_buildings.ros.qos import LATCHED_EVENT
+from lidar_buildings.ros.receipts import TOPIC, receipt_of
 
 pytestmark = pytest.mark.graph
 
@@ -98,24 +101,18 @@ def wait_until(condition, timeout=120.0):
         time.sleep(0.01)
 
 
-@contextmanager
-def spinning(name, context, timeout=120.0):
-    """Wait until a node answers a service; who asked stays, so that late answers find somebody."""
-    asking = Node("asking", context=context)
+def wait_until_it_spins(name, context):
+    """Wait until a node has said that it is there, which it does last before it spins."""
+    listener = Node("listener", context=context)
     executor = SingleThreadedExecutor(context=context)
-    executor.add_node(asking)
-    client = AsyncParameterClient(asking, name)
-    assert client.wait_for_services(timeout)
-
-    def answers():
-        answer = client.list_parameters()
-        executor.spin_until_future_complete(answer, 5.0)
-        return answer.done()
-
-    wait_until(answers, timeout)
-    yield
+    executor.add_node(listener)
+    heard = set()
+    listener.create_subscription(
+        String, TOPIC, lambda message: heard.add(receipt_of(message).node), LATCHED_EVENT
+    )
+    wait_until(lambda: executor.spin_once(timeout_sec=0.1) or name in heard)
     executor.shutdown()
-    asking.destroy_node()
+    listener.destroy_node()
 
 
 def assert_ends_quietly(process, number):
@@ -138,7 +135,8 @@ def started(node):
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_a_node_that_is_interrupted_ends_quietly(number, context):
-    with started("outline_regulariser") as process, spinning("outline_regulariser", context):
+    with started("outline_regulariser") as process:
+        wait_until_it_spins("outline_regulariser", context)
         assert_ends_quietly(process, number)
 
 
