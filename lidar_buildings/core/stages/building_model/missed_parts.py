@@ -20,8 +20,9 @@ _MISSED = 0.2
 _STANDS_OUT, _MAX_SPREAD = 0.3, 0.6
 #: Missed points of one plane nearer than this belong together [spacings].
 _TOGETHER = 2.0
-#: Points lie inside their part by about so much [spacings].
-_MARGIN = 0.4
+#: Points lie inside their part by about so much, and a part is a border in the wrong place where they spread
+#: less than that across [spacings].
+_MARGIN, _NARROWEST = 0.4, 1.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,7 +55,7 @@ def find_missed_parts(
 
     Points of a plane that lie in the face of another one make a part; so do points without plane that
     stand above their face at one level, such as those of a chimney. Points at all levels, as of a tree, do
-    not.
+    not, nor does a single row along a border, which lies a little beside its place.
 
     Parameters
     ----------
@@ -86,7 +87,9 @@ def find_missed_parts(
         return MissedParts(np.zeros((0, 2, 2)), np.zeros((0, 3)))
     planes = np.zeros((len(tops), 3))
     planes[:, 2] = [0.5 * (z[(len(z) - 1) // 2] + z[len(z) // 2]) for _, z in level_tops]
-    return MissedParts(_rectangles(parts + tops, points, _directions(outline), _MARGIN * spacing), planes)
+    sides, width = _rectangles(parts + tops, points, _directions(outline), _MARGIN * spacing)
+    is_wide = width >= _NARROWEST * spacing
+    return MissedParts(sides[is_wide].reshape(-1, 2, 2), planes[is_wide[len(parts) :]])
 
 
 def _is_level(z: FloatArray) -> bool:
@@ -128,9 +131,11 @@ def _directions(outline: Outline) -> FloatArray:
 
 def _rectangles(
     parts: list[IntArray], points: FloatArray, directions: FloatArray, margin: float
-) -> FloatArray:
+) -> tuple[FloatArray, FloatArray]:
     """
-    Return the four sides of the smallest rectangle round each part in one of the directions, shape (n, 2, 2).
+    Return the smallest rectangle round each part in one of the directions, and how far points spread across.
+
+    The rectangles have four sides each, shape (n_parts, 4, 2, 2) [m].
     """
     rows, begin = np.concatenate(parts), np.cumsum([0, *map(len, parts)])[:-1]
     # Along each direction and across it.
@@ -143,4 +148,5 @@ def _rectangles(
     low, high, frame = low[each, best], high[each, best], axes[best]
     corners = np.stack([low, np.column_stack([high[:, 0], low[:, 1]]), high], axis=1)
     corners = np.concatenate([corners, np.column_stack([low[:, 0], high[:, 1]])[:, None]], axis=1) @ frame
-    return np.stack([corners, np.roll(corners, -1, axis=1)], axis=2).reshape(-1, 2, 2)
+    width = np.min(high - low, axis=1) - 2.0 * margin
+    return np.stack([corners, np.roll(corners, -1, axis=1)], axis=2), width
