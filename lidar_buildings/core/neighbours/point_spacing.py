@@ -174,7 +174,7 @@ def steady_spacing(points: ArrayLike, expected: float | None) -> float:
     measured = measure_spacing(points)
     if expected is not None and 1 / MAX_DEVIATION <= measured / expected <= MAX_DEVIATION:
         return expected
-    return _quantised(measured)
+    return rounded_spacing(measured)
 
 
 def quantised_spacing(points: ArrayLike) -> float:
@@ -194,7 +194,7 @@ def quantised_spacing(points: ArrayLike) -> float:
     float
         Spacing [m]; `FALLBACK_SPACING` (a power itself) where there is none to measure.
     """
-    return _quantised(measure_spacing(points))
+    return rounded_spacing(measure_spacing(points))
 
 
 def given_or_measured(points: ArrayLike, point_spacing: float | None) -> float:
@@ -213,8 +213,8 @@ def given_or_measured(points: ArrayLike, point_spacing: float | None) -> float:
     return float(point_spacing)
 
 
-def _quantised(spacing: float) -> float:
-    """Round to the nearest power of the quantum."""
+def rounded_spacing(spacing: float) -> float:
+    """Round a spacing [m] to the nearest power of 2^(1/4)."""
     if spacing == 0.0:  # distances so small that their squares are
         return FALLBACK_SPACING
     if not math.isfinite(spacing):

@@ -21,15 +21,15 @@ from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.core.scans.config import ScanConfig
 from lidar_buildings.core.scans.placing import PlacedScan, ScanPlacer
 from lidar_buildings.io.tiling.live_config import LiveTilingConfig
-from lidar_buildings.io.tiling.live_files import record_frame, recorded_frame, write_placed_points
+from lidar_buildings.io.tiling.live_files import Recorded, record, recorded_of, write_placed_points
 from lidar_buildings.io.tiling.live_frame import FrameSearch, moved_origin
 from lidar_buildings.io.tiling.live_inbox import LiveInbox
-from lidar_buildings.io.tiling.live_side import side_for
+from lidar_buildings.io.tiling.live_side import scale_of
 from lidar_buildings.io.tiling.live_survey import LiveSurvey
 
 #: Period of looking for tiles that were left [s].
 _TICK = 0.1
-#: Time that the first points wait for others that tell the side of tiles [s]; wide margin over `PERIOD`.
+#: Time that the first points wait for others that tell what tiles are like [s]; wide margin over `PERIOD`.
 _PATIENCE = 10.0
 #: Different problems that are remembered.
 _MOST_PROBLEMS = 100
@@ -71,7 +71,7 @@ class LiveFeed:
         self.n_flushed = 0
         self._tiling, self._scans = tiling, scans
         self.folder = Path(tiling.spool or tempfile.mkdtemp(prefix="lidar_buildings_"))
-        recorded = recorded_frame(self.folder, tiling)
+        recorded = recorded_of(self.folder, tiling)
         self._search = FrameSearch(frame)
         self._placer = ScanPlacer(scans)
         self._survey: LiveSurvey | None = None
@@ -86,7 +86,7 @@ class LiveFeed:
         self._has_work, self._stopping = threading.Event(), threading.Event()
         self._wake: Callable[[], None] = lambda: None
         if recorded is not None:
-            self._open(*recorded)
+            self._open(recorded)
         self._threads = [threading.Thread(target=one, daemon=True) for one in (self._take_in, self._give_out)]
 
     def start(self, wake: Callable[[], None]) -> None:
@@ -235,27 +235,29 @@ class LiveFeed:
             self._early.append(scan)
 
     def _settle_frame(self, now: float) -> None:
-        """Begin to keep points once it is settled where the map lies, and how large tiles are."""
+        """Begin to keep points once it is settled where the map lies, and what tiles are like."""
         if not self._early:
             return
         if self._survey is None:
             n_points = sum(len(scan.points) for scan in self._early)
             given = self._search.settled(self._placer, now, n_points)
-            side = self._tiling.tile_size or side_for(
+            scale = scale_of(
                 self._early, self._tiling.buffer, is_end=self._search.is_over(now, n_points, _PATIENCE)
             )
-            if given is None or side is None:
+            if given is None or scale is None:
                 return
-            frame = moved_origin(given, self._early[0].points[0])
-            record_frame(self.folder, self._tiling, side, given, frame)
-            self._open(side, given, frame)
+            scale = scale._replace(side=self._tiling.tile_size or scale.side)
+            recorded = Recorded(scale, given, moved_origin(given, self._early[0].points[0]))
+            record(self.folder, self._tiling, recorded)
+            self._open(recorded)
         while self._early:
             self._keep(self._early.pop(0))
 
-    def _open(self, side: float, given: MapFrame, frame: MapFrame) -> None:
-        """Begin to keep points, in tiles of a side [m]: scans lie in the given frame, tiles in the other."""
-        self._shift = np.array(frame.origin) - np.array(given.origin)
-        self._survey = LiveSurvey(replace(self._tiling, tile_size=side), frame, self.folder)
+    def _open(self, known: Recorded) -> None:
+        """Begin to keep points: scans lie in the given frame, tiles in the other."""
+        self._shift = np.array(known.frame.origin) - np.array(known.given.origin)
+        tiling = replace(self._tiling, tile_size=known.scale.side)
+        self._survey = LiveSurvey(tiling, known.frame, self.folder, known.scale.spacing)
 
     def _flush(self, _: None) -> None:
         self._keep_placed(is_end=True)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -14,6 +14,7 @@ from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.scans.placing import PlacedScan
 from lidar_buildings.io.files.atomic_files import atomic_file
 from lidar_buildings.io.tiling.live_config import LiveTilingConfig
+from lidar_buildings.io.tiling.live_side import FeedScale
 from lidar_buildings.io.tiling.live_survey import POINTS_PER_FILE, LiveSurvey
 from lidar_buildings.io.tiling.placed_laz import PlacedLaz
 from lidar_buildings.io.tiling.spool import RECORD
@@ -24,11 +25,26 @@ _NAME = "points_{:05d}.laz"
 _SURVEY = "survey.json"
 
 
-def record_frame(
-    folder: Path, tiling: LiveTilingConfig, side: float, given: MapFrame, frame: MapFrame
-) -> None:
+class Recorded(NamedTuple):
     """
-    Note what a feed must know to go on: the side of tiles [m]; where the map lies for scans, and for tiles.
+    What a feed must know to go on.
+
+    Attributes
+    ----------
+    scale : FeedScale
+        Side and point spacing of tiles.
+    given, frame : MapFrame
+        Where the map lies for scans, and for tiles.
+    """
+
+    scale: FeedScale
+    given: MapFrame
+    frame: MapFrame
+
+
+def record(folder: Path, tiling: LiveTilingConfig, recorded: Recorded) -> None:
+    """
+    Note what a feed must know to go on.
 
     Raises
     ------
@@ -37,13 +53,15 @@ def record_frame(
     """
     folder.mkdir(parents=True, exist_ok=True)
     with atomic_file(folder / _SURVEY) as temporary:
-        noted = {"side": side, "given": asdict(given), "frame": asdict(frame)}
-        temporary.write_text(json.dumps(_identity(tiling) | noted))
+        frames = {"given": asdict(recorded.given), "frame": asdict(recorded.frame)}
+        temporary.write_text(json.dumps(_identity(tiling) | recorded.scale._asdict() | frames))
 
 
-def recorded_frame(folder: Path, tiling: LiveTilingConfig) -> tuple[float, MapFrame, MapFrame] | None:
+def recorded_of(folder: Path, tiling: LiveTilingConfig) -> Recorded | None:
     """
-    Return what `record_frame` has noted, None if there is nothing.
+    Return what `record` has noted, None if there is nothing.
+
+    A feed without a noted spacing is of the time when each tile had its own: it goes on as it began.
 
     Raises
     ------
@@ -53,17 +71,19 @@ def recorded_frame(folder: Path, tiling: LiveTilingConfig) -> tuple[float, MapFr
     try:
         noted = json.loads((folder / _SURVEY).read_text())
         own = {name: noted[name] for name in _identity(tiling)}
-        side, given, frame = float(noted["side"]), _frame_of(noted["given"]), _frame_of(noted["frame"])
+        spacing = noted.get("spacing")
+        scale = FeedScale(float(noted["side"]), None if spacing is None else float(spacing))
+        recorded = Recorded(scale, _frame_of(noted["given"]), _frame_of(noted["frame"]))
     except FileNotFoundError:
         return None
-    except (OSError, ValueError, KeyError, TypeError) as error:
+    except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
         raise OutputError(f"{folder / _SURVEY}: is not understood ({error}): remove the folder") from error
     if own != _identity(tiling):
         raise OutputError(
             f"{folder}: holds points that are cut with {own}, not {_identity(tiling)}: give the same "
             "parameters, or another folder as scan_assembler.spool"
         )
-    return side, given, frame
+    return recorded
 
 
 def write_placed_points(survey: LiveSurvey, folder: Path) -> None:

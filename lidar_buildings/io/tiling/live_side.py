@@ -1,17 +1,21 @@
-"""The side of a feed's tiles, by how densely its scanner covers what it leaves behind."""
+"""Side and point spacing of a feed's tiles, by how densely its scanner covers what it leaves behind."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from lidar_buildings.core.neighbours.point_spacing import rounded_spacing
 from lidar_buildings.core.scans.placing import PlacedScan
+from lidar_buildings.io.tiling.point_log import records_of
+from lidar_buildings.io.tiling.survey_spacing import expected_spacing, pulses_of
 from lidar_buildings.io.tiling.tile_grid import BUFFER_SHARES
 
-#: Time of a feed whose points tell the side [s].
+#: Time of a feed whose points tell these [s].
 PERIOD = 2.0
 #: A place is left behind when so long before the period's end no point fell into it [s]: an airborne scanner
 #: passes over it once, one on the street comes back to it with each turn.
@@ -26,9 +30,28 @@ _SMALLEST, _LARGEST, _STEP = 150.0, 1000.0, 25.0
 _SECOND = 1e9
 
 
-def side_for(scans: Sequence[PlacedScan], buffer: float, *, is_end: bool = False) -> float | None:
+class FeedScale(NamedTuple):
     """
-    Choose the side of tiles [m], None as long as too little has come.
+    What holds for all tiles of a feed.
+
+    Attributes
+    ----------
+    side : float
+        Of tiles [m].
+    spacing : float or None
+        The point spacing that tiles are expected to have [m]; None: nothing tells, and each has its own.
+    """
+
+    side: float
+    spacing: float | None
+
+
+def scale_of(scans: Sequence[PlacedScan], buffer: float, *, is_end: bool = False) -> FeedScale | None:
+    """
+    Choose the side of tiles, and measure their spacing; None as long as too little has come.
+
+    Both by what the scanner has left behind. One that goes on measuring what it has measured tells no
+    spacing: its tiles become denser than what it shows in a short time.
 
     Parameters
     ----------
@@ -43,22 +66,24 @@ def side_for(scans: Sequence[PlacedScan], buffer: float, *, is_end: bool = False
     end = times[0] + round(PERIOD * _SECOND)
     if not is_end and times.max() < end:
         return None
-    xy = np.concatenate([scan.points[:, :2] for scan in scans])[times <= end]
-    density = _density_left_behind(xy, times[times <= end])
-    if density is None:
-        return _SMALLEST
+    is_early = times <= end
+    xy = np.concatenate([scan.points[:, :2] for scan in scans])[is_early]
+    is_left, area = _left_behind(xy, times[is_early])
+    if 2 * np.count_nonzero(is_left) < len(xy):
+        return FeedScale(_SMALLEST, None)
     around = buffer * (BUFFER_SHARES[0] + BUFFER_SHARES[2])
-    widest = math.sqrt(_STRIP_POINTS / density) - around
-    return min(max(math.floor(widest / _STEP) * _STEP, _SMALLEST), _LARGEST)
+    widest = math.sqrt(_STRIP_POINTS * area / np.count_nonzero(is_left)) - around
+    side = min(max(math.floor(widest / _STEP) * _STEP, _SMALLEST), _LARGEST)
+    pulses = pulses_of(np.concatenate([records_of(scan) for scan in scans])[is_early][is_left])
+    spacing = expected_spacing([pulses])
+    return FeedScale(side, None if spacing is None else rounded_spacing(spacing))
 
 
-def _density_left_behind(xy: NDArray[np.float64], times: NDArray[np.int64]) -> float | None:
-    """Return the points per m² of the places left behind, None where these hold less than half of all."""
+def _left_behind(xy: NDArray[np.float64], times: NDArray[np.int64]) -> tuple[NDArray[np.bool_], float]:
+    """Tell which points lie in places left behind, and the area of these [m²]."""
     places = np.floor(xy / _PLACE).astype(np.int64)
     _, place, counts = np.unique(places, axis=0, return_inverse=True, return_counts=True)
     last = np.full(len(counts), np.iinfo(np.int64).min)
     np.maximum.at(last, place.ravel(), times)
     is_left = last < times.max() - round(_LEFT * _SECOND)
-    if 2 * counts[is_left].sum() < len(xy):
-        return None
-    return float(counts[is_left].sum() / (np.count_nonzero(is_left) * _PLACE**2))
+    return is_left[place.ravel()], float(np.count_nonzero(is_left) * _PLACE**2)

@@ -49,6 +49,8 @@ class LiveSurvey:
         Where the map lies.
     folder : Path
         Where points are kept. A feed that was cut off goes on with those that are there.
+    spacing : float, optional
+        The point spacing that its tiles are expected to have [m]; each has its own if not given.
 
     Attributes
     ----------
@@ -61,8 +63,10 @@ class LiveSurvey:
         If the folder cannot be used.
     """
 
-    def __init__(self, config: LiveTilingConfig, frame: MapFrame, folder: Path) -> None:
-        self.config, self.frame = config, frame
+    def __init__(
+        self, config: LiveTilingConfig, frame: MapFrame, folder: Path, spacing: float | None = None
+    ) -> None:
+        self.config, self.frame, self._spacing = config, frame, spacing
         self.left_out: Counter[str] = Counter()
         self._grid = TileGrid.fitting(config.tile_size, config.buffer / _CELLS_PER_BUFFER)
         self._log, self._cells = PointLog(folder), folder / _CELLS
@@ -76,7 +80,7 @@ class LiveSurvey:
     def _begin(self) -> None:
         """Be empty."""
         self._cells.mkdir(exist_ok=True)
-        self._store = TileStore(self._grid, self.frame, self._cells)
+        self._store = TileStore(self._grid, self.frame, self._cells, self._spacing)
         self._tiles = LiveTiles(self._grid, self.config)
         #: Tiles that wait to be sent or to be done; and the first of these, the longest waiting first.
         self._under_way: set[Cell] = set()

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lidar_buildings.core.neighbours.point_spacing import measure_spacing
+from lidar_buildings.io.clouds.point_columns import last_returns, without_empty_columns
+from lidar_buildings.io.tiling.spool import RECORD
 from lidar_buildings.io.tiling.tile_grid import Rectangle
 
 #: Side of the square in the middle of a file in which its spacing is measured [m];
@@ -28,3 +31,10 @@ def expected_spacing(samples: Iterable[NDArray[np.float64]]) -> float | None:
     gathered = [sample for sample in samples if len(sample)]
     sample = np.concatenate(gathered) if gathered else np.empty((0, 3))
     return measure_spacing(sample) if len(sample) >= _MIN_PULSES else None
+
+
+def pulses_of(records: NDArray[Any]) -> NDArray[np.float64]:
+    """Return the positions of the last returns of records [m]."""
+    points = np.column_stack([records[name] for name in "xyz"]).astype(np.float64)
+    returns = without_empty_columns({name: records[name] for name in RECORD.names or ()})
+    return last_returns(points, returns["return_number"], returns["number_of_returns"])

@@ -18,7 +18,7 @@ from lidar_buildings.io.clouds.las import Cloud, xyz_of
 from lidar_buildings.io.clouds.point_columns import last_returns, point_columns, without_empty_columns
 from lidar_buildings.io.tiling.spool import RECORD, Cell, Spool
 from lidar_buildings.io.tiling.survey_brightness import SQUARE_SIDE, SurveyBrightness
-from lidar_buildings.io.tiling.survey_spacing import expected_spacing, sample_square
+from lidar_buildings.io.tiling.survey_spacing import expected_spacing, pulses_of, sample_square
 from lidar_buildings.io.tiling.tile_grid import Block, Rectangle, TileGrid
 
 
@@ -57,15 +57,20 @@ class TileStore:
         The map frame of all tiles.
     temporary : path or None
         Where the temporary folder is made.
+    spacing : float, optional
+        The point spacing that tiles are expected to have [m], if that is known; else `learn_spacing`
+        measures it.
     """
 
-    def __init__(self, grid: TileGrid, frame: MapFrame, temporary: str | Path | None) -> None:
+    def __init__(
+        self, grid: TileGrid, frame: MapFrame, temporary: str | Path | None, spacing: float | None = None
+    ) -> None:
         self.grid = grid
         self.frame = frame
         self._spool = Spool(temporary)
         self._planned: dict[Cell, int] = {}
         self._dropped: list[int] = []
-        self._expected_spacing: float | None = None
+        self._expected_spacing = spacing
         self._brightness = SurveyBrightness()
 
     def remove(self) -> None:
@@ -148,7 +153,7 @@ class TileStore:
         """
         if self._expected_spacing is None:
             samples = self._within(sample_square(area), source)
-            self._expected_spacing = expected_spacing(_pulses_of(block) for block in samples)
+            self._expected_spacing = expected_spacing(pulses_of(block) for block in samples)
 
     def learn_brightness(self, source: int) -> None:
         """Measure what the intensities of a file, read to its end, mean, as far as none before it told."""
@@ -232,12 +237,6 @@ class TileStore:
             kept = block[~np.isin(block["source"], self._dropped)] if self._dropped else block
             if len(kept):
                 yield kept
-
-
-def _pulses_of(records: NDArray[Any]) -> NDArray[np.float64]:
-    points = np.column_stack([records[name] for name in "xyz"]).astype(np.float64)
-    returns = without_empty_columns({name: records[name] for name in RECORD.names or ()})
-    return last_returns(points, returns["return_number"], returns["number_of_returns"])
 
 
 def _order_key(records: NDArray[Any]) -> NDArray[np.uint64]:

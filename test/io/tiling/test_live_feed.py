@@ -20,6 +20,7 @@ from lidar_buildings.io.tiling.live_config import LiveTilingConfig
 from lidar_buildings.io.tiling.live_feed import LiveFeed
 from lidar_buildings.io.tiling.live_frame import Fix, FrameSearch, frame_by_fix, moved_origin
 from lidar_buildings.io.tiling.live_inbox import POSES_TOO_FAST, TOO_FAST
+from lidar_buildings.pipeline.reconstruct import reconstruct_tile
 
 FAR_LATER = 3600.0
 
@@ -165,6 +166,49 @@ def test_a_feed_that_goes_on_keeps_the_side_that_its_first_seconds_told(tmp_path
     assert (tmp_path / "survey.json").read_text() == noted
 
 
+def flight_over_a_seam():
+    """Scans from west to east: points 0.5 m apart, from x = 116 m on 0.7 m; at 100 m houses 1.3 m apart."""
+    random = np.random.default_rng(0)
+    parts = []
+    for x_min, x_max, spacing in ((0.0, 116.0, 0.5), (116.0, 199.0, 0.7)):
+        x, y = np.meshgrid(np.arange(x_min, x_max, spacing), np.arange(0.0, 60.0, spacing))
+        xy = np.column_stack([x.ravel(), y.ravel()]) + spacing * random.uniform(0.3, 0.7, (x.size, 2))
+        parts.append(xy)
+    x, y = np.concatenate(parts).T
+    is_roof = (((x > 90.0) & (x < 99.3)) | ((x > 100.6) & (x < 114.0))) & (y > 20.0) & (y < 32.0)
+    points = np.column_stack([x, y, random.normal(3.0 * is_roof, 0.02)])
+    places = np.minimum((x / 5.0).astype(int), 39)
+    return [scan(T0 + k * SECOND // 10, points[places == k], frame="map") for k in range(40)]
+
+
+def test_a_building_at_the_seam_of_tiles_of_other_densities_comes_out_once(tmp_path):
+    with Running(tmp_path, tile_size=100.0, buffer=30.0, max_buffer=60.0) as run:
+        for one in flight_over_a_seam():
+            run.feed.add_scan(one)
+        tiles = run.flush()
+    noted = json.loads((tmp_path / "survey.json").read_text())["spacing"]
+    assert [tile.point_spacing for tile in tiles] == [pytest.approx(noted)] * 2
+    outlines = [one.outline.exterior for tile in tiles for one in reconstruct_tile(tile).outlines]
+    assert sorted(round(float(one[:, 0].max())) for one in outlines) == [99, 114]
+
+
+def test_a_feed_that_goes_on_keeps_its_spacing_and_one_that_began_without_goes_on_without(tmp_path):
+    note, found = tmp_path / "survey.json", []
+    sendings = [flight_over_a_seam()]
+    sendings += [[scan(T0 + k * SECOND, points(at=(170.0, 20.0, 0.0)), frame="map")] for k in (10, 20)]
+    for scans in sendings:
+        with Running(tmp_path, tile_size=100.0, buffer=30.0) as run:
+            for one in scans:
+                run.feed.add_scan(one)
+            found.append(max(run.flush(), key=lambda tile: tile.points[:, 0].max()).point_spacing)
+        noted = json.loads(note.read_text())
+        if len(found) == 2:
+            del noted["spacing"]  # as feeds were noted when each tile had its own
+            note.write_text(json.dumps(noted))
+    assert found[0] == found[1] != found[2]
+    assert found[2] == pytest.approx(0.7, rel=0.1)
+
+
 def test_what_cannot_be_read_is_told_and_the_rest_goes_on():
     with Running() as run:
         broken = scan(T0, points(), frame="map")
@@ -197,7 +241,7 @@ def test_of_two_sources_on_one_topic_the_earlier_clock_is_left_out_counted_and_t
 
 
 def test_a_disk_that_is_full_for_a_while_loses_nothing_and_ends_nothing(tmp_path, monkeypatch):
-    record, refused = live_feed.record_frame, threading.Event()
+    record, refused = live_feed.record, threading.Event()
 
     def full(*given):
         if refused.is_set():
@@ -205,7 +249,7 @@ def test_a_disk_that_is_full_for_a_while_loses_nothing_and_ends_nothing(tmp_path
         refused.set()
         raise OutputError("no space left")
 
-    monkeypatch.setattr(live_feed, "record_frame", full)
+    monkeypatch.setattr(live_feed, "record", full)
     with Running(tmp_path) as run:
         run.feed.add_scan(scan(T0, points(), frame="map"))
         run.feed.add_frame(MapFrame("EPSG:28992"))

@@ -1,10 +1,10 @@
-"""The side of a feed's tiles suits how densely the scanner covers what it leaves behind."""
+"""Side and spacing of a feed's tiles suit how densely the scanner covers what it leaves behind."""
 
 import numpy as np
 import pytest
 
 from lidar_buildings.core.scans.placing import PlacedScan
-from lidar_buildings.io.tiling.live_side import side_for
+from lidar_buildings.io.tiling.live_side import FeedScale, scale_of
 
 BUFFER = 75.0
 T0 = 1_700_000_000_000_000_000
@@ -40,30 +40,41 @@ def turns(n_points=30_000, seconds=3.0, speed=8.0):
 
 @pytest.mark.parametrize("density", [2.2, 6.0, 12.0])
 def test_a_strip_brings_a_million_points_and_a_quarter_into_a_tile_with_its_buffer(density):
-    side = side_for(strip(density), BUFFER)
+    side = scale_of(strip(density), BUFFER).side
     assert side % 25.0 == 0.0
     assert density * (side + 125.0) ** 2 <= 1.1 * 1.25e6 < 1.1 * density * (side + 150.0) ** 2
 
 
 def test_a_dense_strip_gets_no_smaller_tiles_than_are_worth_their_buffer():
-    assert side_for(strip(60.0), BUFFER) == 150.0
+    assert scale_of(strip(60.0), BUFFER).side == 150.0
+
+
+@pytest.mark.parametrize("density", [2.2, 6.0, 12.0])
+def test_a_strip_tells_the_spacing_of_what_is_left_behind(density):
+    spacing = scale_of(strip(density), BUFFER).spacing
+    assert spacing * density**0.5 == pytest.approx(1.0, rel=0.12), "rounded by up to 9 %"
+    assert (4.0 * np.log2(spacing)) % 1.0 == pytest.approx(0.0, abs=1e-9)
+
+
+def test_few_points_tell_no_spacing():
+    assert scale_of(strip(0.02), BUFFER).spacing is None
 
 
 def test_a_sparse_strip_gets_no_larger_tiles_than_files():
-    assert side_for(strip(0.5, width=500.0), BUFFER) == 1000.0
+    assert scale_of(strip(0.5, width=500.0), BUFFER).side == 1000.0
 
 
 @pytest.mark.parametrize("speed", [0.0, 8.0])
-def test_a_scanner_that_measures_the_same_places_again_gets_small_tiles(speed):
-    assert side_for(turns(2000, speed=speed), BUFFER) == 150.0
+def test_a_scanner_that_measures_the_same_places_again_gets_small_tiles_each_with_its_own_spacing(speed):
+    assert scale_of(turns(2000, speed=speed), BUFFER) == FeedScale(150.0, None)
 
 
 def test_points_are_waited_for_unless_no_more_come():
     early = strip(6.0, seconds=1.0)
-    assert side_for(early, BUFFER) is None
-    assert side_for(early, BUFFER, is_end=True) is not None
+    assert scale_of(early, BUFFER) is None
+    assert scale_of(early, BUFFER, is_end=True) is not None
 
 
 def test_what_comes_later_does_not_tell():
     long, short = strip(6.0, seconds=6.0), strip(6.0, seconds=6.0)[:21]
-    assert side_for(long, BUFFER) == side_for(short, BUFFER)
+    assert scale_of(long, BUFFER) == scale_of(short, BUFFER)
