@@ -147,14 +147,7 @@ class LiveSurvey:
             self._in_flush = self._under_way - self._to_flush
 
     def tick(self, now: float) -> bool:
-        """
-        Make the tiles ready that were left; return whether any is.
-
-        Raises
-        ------
-        OutputError
-            As `add`.
-        """
+        """Make the tiles ready that were left; return whether any is. Errors as of `add`."""
         with self._lock:
             self._now = now
             self._keep_batch()
