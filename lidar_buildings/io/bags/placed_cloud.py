@@ -18,7 +18,7 @@ from lidar_buildings.io.bags.cut_mcap import open_bag
 from lidar_buildings.io.bags.selection import choose_topics, chosen_messages
 from lidar_buildings.io.files.atomic_files import atomic_file
 from lidar_buildings.io.tiling.live_feed import LiveFeed
-from lidar_buildings.io.tiling.live_frame import Fix, frame_by_fix
+from lidar_buildings.io.tiling.live_frame import Fix, MapPlace, place_by_fix
 from lidar_buildings.io.tiling.placed_laz import FAR, PlacedLaz
 
 
@@ -65,16 +65,17 @@ def write_placed(bag_path: Path, path: Path, choice: BagConfig, config: ScanConf
         topics = choose_topics(bag, choice.topic, choice.odometry)
         placer = ScanPlacer(config, SeenPoints())
         file = PlacedLaz(temporary)
+        place = MapPlace()
         try:
             if topics.fix and not topics.origin:
                 poses = chosen_messages(bag, topics._replace(clouds=""), choice)
-                _place_by_fix(poses, ScanPlacer(config), file)
+                place = _place_by_fix(poses, ScanPlacer(config), file)
             for message in chosen_messages(bag, topics, choice):
                 _take(placer, file, message)
                 for scan in placer.placed():
-                    file.add(scan)
+                    file.add(place.placed(scan))
             for scan in placer.placed(is_end=True):
-                file.add(scan)
+                file.add(place.placed(scan))
         except InputError as error:
             raise InputError(str(error) if str(bag_path) in str(error) else f"{bag_path}: {error}") from error
         finally:
@@ -84,16 +85,17 @@ def write_placed(bag_path: Path, path: Path, choice: BagConfig, config: ScanConf
     return PlacedCount(placer.n_scans, file.n_points, left_out, placer.messages, problem)
 
 
-def _place_by_fix(messages: Iterator[BagMessage], placer: ScanPlacer, file: PlacedLaz) -> None:
-    """Say where the map lies by the first fix that a pose stands beside."""
+def _place_by_fix(messages: Iterator[BagMessage], placer: ScanPlacer, file: PlacedLaz) -> MapPlace:
+    """Say, and return, where the map lies by the first fix that a pose stands beside."""
     fix: Fix | None = None
     for message in messages:
         hand_over(message, placer)
         if message.type == FIX:
             fix = Fix.of(message.message) or fix
-        if fix is not None and (frame := frame_by_fix(fix, placer)) is not None:
-            file.place(frame.crs, frame.origin)
-            return
+        if fix is not None and (place := place_by_fix(fix, placer)) is not None:
+            file.place(place.frame.crs, place.frame.origin)
+            return place
+    return MapPlace()
 
 
 def _check_any(bag_path: Path, n_points: int, placer: ScanPlacer) -> None:

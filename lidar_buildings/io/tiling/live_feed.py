@@ -13,8 +13,6 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from lidar_buildings.core.model.errors import MessageError, OutputError
 from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.model.tile import PointTile
@@ -76,7 +74,6 @@ class LiveFeed:
         self._placer = ScanPlacer(scans)
         self._survey: LiveSurvey | None = None
         self._early: list[PlacedScan] = []
-        self._shift = np.zeros(3)
         self._inbox = LiveInbox()
         self._is_flushing = False
         #: The tile that was asked for, once it is made.
@@ -230,7 +227,7 @@ class LiveFeed:
 
     def _keep(self, scan: PlacedScan) -> None:
         if self._survey is not None:
-            self._survey.add(scan._replace(points=scan.points - self._shift), time.monotonic())
+            self._survey.add(self._recorded.placed(scan), time.monotonic())
         elif len(scan.points):
             self._early.append(scan)
 
@@ -247,17 +244,18 @@ class LiveFeed:
             if given is None or scale is None:
                 return
             scale = scale._replace(side=self._tiling.tile_size or scale.side)
-            recorded = Recorded(scale, given, moved_origin(given, self._early[0].points[0]))
+            first = given.placed(self._early[0]).points[0]
+            recorded = Recorded(scale, given, moved_origin(given.frame, first))
             record(self.folder, self._tiling, recorded)
             self._open(recorded)
         while self._early:
             self._keep(self._early.pop(0))
 
-    def _open(self, known: Recorded) -> None:
-        """Begin to keep points: scans lie in the given frame, tiles in the other."""
-        self._shift = np.array(known.frame.origin) - np.array(known.given.origin)
-        tiling = replace(self._tiling, tile_size=known.scale.side)
-        self._survey = LiveSurvey(tiling, known.frame, self.folder, known.scale.spacing)
+    def _open(self, recorded: Recorded) -> None:
+        """Begin to keep points."""
+        self._recorded = recorded
+        tiling = replace(self._tiling, tile_size=recorded.scale.side)
+        self._survey = LiveSurvey(tiling, recorded.frame, self.folder, recorded.scale.spacing)
 
     def _flush(self, _: None) -> None:
         self._keep_placed(is_end=True)

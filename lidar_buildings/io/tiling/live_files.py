@@ -13,7 +13,9 @@ from lidar_buildings.core.model.errors import OutputError
 from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.scans.placing import PlacedScan
 from lidar_buildings.io.files.atomic_files import atomic_file
+from lidar_buildings.io.tiling.level_frame import Geodetic, LevelFrame
 from lidar_buildings.io.tiling.live_config import LiveTilingConfig
+from lidar_buildings.io.tiling.live_frame import MapPlace
 from lidar_buildings.io.tiling.live_side import FeedScale
 from lidar_buildings.io.tiling.live_survey import POINTS_PER_FILE, LiveSurvey
 from lidar_buildings.io.tiling.placed_laz import PlacedLaz
@@ -33,13 +35,21 @@ class Recorded(NamedTuple):
     ----------
     scale : FeedScale
         Side and point spacing of tiles.
-    given, frame : MapFrame
-        Where the map lies for scans, and for tiles.
+    given : MapPlace
+        Where the map lies.
+    frame : MapFrame
+        The frame of tiles: the map's, with an origin near them.
     """
 
     scale: FeedScale
-    given: MapFrame
+    given: MapPlace
     frame: MapFrame
+
+    def placed(self, scan: PlacedScan) -> PlacedScan:
+        """Return a scan as placed by its poses in the frame of tiles."""
+        scan, shift = self.given.placed(scan), np.array(self.frame.origin) - np.array(self.given.frame.origin)
+        sensor = None if scan.sensor is None else scan.sensor - shift
+        return scan._replace(points=scan.points - shift, sensor=sensor)
 
 
 def record(folder: Path, tiling: LiveTilingConfig, recorded: Recorded) -> None:
@@ -53,7 +63,9 @@ def record(folder: Path, tiling: LiveTilingConfig, recorded: Recorded) -> None:
     """
     folder.mkdir(parents=True, exist_ok=True)
     with atomic_file(folder / _SURVEY) as temporary:
-        frames = {"given": asdict(recorded.given), "frame": asdict(recorded.frame)}
+        frames = {"given": asdict(recorded.given.frame), "frame": asdict(recorded.frame)}
+        level = recorded.given.level
+        frames["level"] = None if level is None else level.origin._asdict()
         temporary.write_text(json.dumps(_identity(tiling) | recorded.scale._asdict() | frames))
 
 
@@ -61,7 +73,8 @@ def recorded_of(folder: Path, tiling: LiveTilingConfig) -> Recorded | None:
     """
     Return what `record` has noted, None if there is nothing.
 
-    A feed without a noted spacing is of the time when each tile had its own: it goes on as it began.
+    A feed without a noted spacing is of the time when each tile had its own, and one without a noted level
+    frame of that when the map was taken for it: they go on as they began.
 
     Raises
     ------
@@ -73,7 +86,9 @@ def recorded_of(folder: Path, tiling: LiveTilingConfig) -> Recorded | None:
         own = {name: noted[name] for name in _identity(tiling)}
         spacing = noted.get("spacing")
         scale = FeedScale(float(noted["side"]), None if spacing is None else float(spacing))
-        recorded = Recorded(scale, _frame_of(noted["given"]), _frame_of(noted["frame"]))
+        given, level = _frame_of(noted["given"]), noted.get("level")
+        place = MapPlace(given, None if level is None else LevelFrame(Geodetic(**level), given.crs))
+        recorded = Recorded(scale, place, _frame_of(noted["frame"]))
     except FileNotFoundError:
         return None
     except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:

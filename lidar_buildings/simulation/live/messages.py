@@ -10,6 +10,7 @@ import pyproj
 
 from lidar_buildings.core.scans.cloud_layout import DATATYPES
 from lidar_buildings.core.scans.trajectory import Pose
+from lidar_buildings.io.tiling.level_frame import Geodetic, LevelFrame
 from lidar_buildings.simulation.live.moving_survey import (
     BODY,
     MAP,
@@ -61,7 +62,8 @@ class LiveMessages:
     with_tf : bool
         Whether /tf and /tf_static tell poses and mounting, too.
     with_fix : bool
-        Whether satellite positions on `fix` tell where the map lies, and not `map_origin`.
+        Whether satellite positions on `fix` tell where the map lies, and not `map_origin`. Then the scene
+        stands in a level frame that touches the Earth at its origin, as poses do, and not in the grid.
     """
 
     def __init__(
@@ -70,7 +72,9 @@ class LiveMessages:
         self._survey, self._make = survey, make
         self._with_tf, self._with_fix = with_tf, with_fix
         self._next_clock = self._next_fix = 0
-        self._to_earth = pyproj.Transformer.from_crs(survey.scene.frame.crs, "EPSG:4979", always_xy=True)
+        frame = survey.scene.frame
+        to_earth = pyproj.Transformer.from_crs(frame.crs, "EPSG:4979", always_xy=True)
+        self._level = LevelFrame(Geodetic(*to_earth.transform(*frame.origin)), frame.crs)
 
     @property
     def topics(self) -> list[str]:
@@ -149,8 +153,7 @@ class LiveMessages:
         )
 
     def _fix(self, event: BodyPose) -> Any:
-        place = self._survey.scene.frame.to_source(np.array([event.pose.translation]))[0]
-        longitude, latitude, altitude = self._to_earth.transform(*place)
+        longitude, latitude, altitude = map(float, self._level.geodetic(np.array(event.pose.translation)))
         return self._of(
             FIX,
             header=self._header(event.stamp, BODY),

@@ -1,0 +1,119 @@
+"""A level frame on the Earth, x east and y north at its origin, and where its points lie in a map's grid."""
+
+from __future__ import annotations
+
+import math
+from functools import cached_property
+from typing import Any, NamedTuple
+
+import numpy as np
+import pyproj
+from numpy.typing import ArrayLike, NDArray
+
+from lidar_buildings.core.scans.placing import PlacedScan
+
+#: GNSS positions: degrees east and north, and metres above the ellipsoid.
+_GEOGRAPHIC, _GEOCENTRIC = "EPSG:4979", "EPSG:4978"
+#: Points within this of the origin are placed to 2 cm, those within a tenth of it to 2 mm [m].
+_REACH = 10_000.0
+#: Points along a side of the square in which the grid is probed, and the degree of what is fitted to them.
+_N_PROBES, _DEGREE = 7, 3
+#: Steps in which the origin is found; each is right to the Earth's curvature times the last one's error.
+_STEPS = 5
+
+
+class Geodetic(NamedTuple):
+    """A place on WGS 84: degrees, and metres above the ellipsoid."""
+
+    longitude: Any
+    latitude: Any
+    height: Any
+
+
+class LevelFrame:
+    """
+    A Cartesian frame that touches the Earth: x points east, y to true north, z up at its origin (REP-103).
+
+    A map's grid is turned against it by the meridian convergence, is of another scale, and its heights follow
+    the Earth's curvature. The grid must be conformal: within reach of the origin it is a polynomial of
+    x + iy, fitted to what pyproj says.
+
+    Parameters
+    ----------
+    origin : Geodetic
+        Where it touches.
+    crs : str
+        A conformal reference system in metres, with heights above the ellipsoid.
+    """
+
+    def __init__(self, origin: Geodetic, crs: str) -> None:
+        self.origin, self.crs = origin, crs
+        self._to_grid = pyproj.Transformer.from_crs(_GEOGRAPHIC, crs, always_xy=True)
+        side = np.linspace(-_REACH, _REACH, _N_PROBES)
+        probes = np.stack(np.meshgrid(side, side, [0.0]), axis=-1).reshape(-1, 3)
+        east, north, _ = self._to_grid.transform(*self.geodetic(probes))
+        plan = (probes[:, 0] + 1j * probes[:, 1]) / _REACH
+        grid = east - self.place[0] + 1j * (north - self.place[1])
+        self._powers = np.linalg.lstsq(np.vander(plan, _DEGREE + 1), grid, rcond=None)[0]
+
+    @classmethod
+    def through(cls, place: ArrayLike, seen: Geodetic, crs: str) -> LevelFrame:
+        """Return the frame in which a position seen by satellites has certain coordinates [m]."""
+        geocentric = _geocentric(seen)
+        origin = seen
+        for _ in range(_STEPS):
+            origin = Geodetic(*_to_geographic().transform(*(geocentric - _axes(origin) @ np.asarray(place))))
+        return cls(origin, crs)
+
+    @cached_property
+    def place(self) -> tuple[float, float, float]:
+        """Where the origin lies in the grid [m], to the millimetre."""
+        x, y, z = (round(float(one), 3) for one in self._to_grid.transform(*self.origin))
+        return x, y, z
+
+    def geodetic(self, points: NDArray[np.float64]) -> Geodetic:
+        """Return points of the frame, shape (n, 3) [m], as places: an array a member."""
+        geocentric = _geocentric(self.origin) + points @ _axes(self.origin).T
+        return Geodetic(*_to_geographic().transform(*geocentric.T))
+
+    def in_grid(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+        """
+        Return points of the frame in the grid, less `place` [m].
+
+        Parameters
+        ----------
+        points : ndarray of shape (n, 3)
+            [m].
+        """
+        x, y, z = points.T
+        radius = self._radius
+        plan = (x + 1j * y) / (_REACH * (1.0 + z / radius))
+        grid = np.polyval(self._powers, plan)
+        return np.column_stack([grid.real, grid.imag, z + (x * x + y * y) / (2.0 * (radius + z))])
+
+    def placed(self, scan: PlacedScan) -> PlacedScan:
+        """Return a scan of the frame in the grid, less `place`."""
+        sensor = None if scan.sensor is None else self.in_grid(scan.sensor[None])[0]
+        return scan._replace(points=self.in_grid(scan.points), sensor=sensor)
+
+    @cached_property
+    def _radius(self) -> float:
+        """Distance of the origin from the middle of the sphere that fits the ellipsoid there best [m]."""
+        ellipsoid = pyproj.Geod(ellps="WGS84")
+        sine = math.sin(math.radians(self.origin.latitude))
+        return ellipsoid.b / (1.0 - ellipsoid.es * sine * sine) + self.origin.height
+
+
+def _to_geographic() -> pyproj.Transformer:
+    return pyproj.Transformer.from_crs(_GEOCENTRIC, _GEOGRAPHIC, always_xy=True)
+
+
+def _geocentric(place: Geodetic) -> NDArray[np.float64]:
+    return np.array(pyproj.Transformer.from_crs(_GEOGRAPHIC, _GEOCENTRIC, always_xy=True).transform(*place))
+
+
+def _axes(place: Geodetic) -> NDArray[np.float64]:
+    """Return the unit vectors to the east, north and up at a place, as columns, geocentric."""
+    east, north = math.radians(place.longitude), math.radians(place.latitude)
+    (s, c), (t, d) = (math.sin(east), math.cos(east)), (math.sin(north), math.cos(north))
+    return np.array([[-s, -t * c, d * c], [c, -t * s, d * s], [0.0, d, t]])
