@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import ctypes
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import NamedTuple
 
+from lidar_buildings.core.freed_memory import give_memory_back
 from lidar_buildings.core.model.errors import LidarBuildingsError
 from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.model.tile import PointTile
@@ -71,7 +71,7 @@ def done(work: TileWork, pool: Sharing | None = None) -> TileOutcome | LidarBuil
         with ThreadPoolExecutor(1) as beside:  # rasters are made of the classes alone
 
             def begin(classified: PointTile) -> None:
-                _give_memory_back()
+                give_memory_back()
                 rasters.append(beside.submit(rasterise_tile, classified, work.rasters, frame))
 
             result = whole_result(work.tile, work.config, work.until, work.footprints, pool, begin)
@@ -85,15 +85,8 @@ def done(work: TileWork, pool: Sharing | None = None) -> TileOutcome | LidarBuil
     seconds = result.seconds
     del result
     rasters.clear()
-    _give_memory_back()
+    give_memory_back()
     return TileOutcome(seconds)
-
-
-def _give_memory_back() -> None:
-    """Return to the system what is free: glibc keeps holes between what is in use, half a tile's memory."""
-    trim = getattr(ctypes.CDLL(None), "malloc_trim", None)
-    if trim is not None:
-        trim(0)
 
 
 def whole_result(

@@ -16,6 +16,7 @@ from collections.abc import Callable, Sequence
 from multiprocessing.connection import Connection
 from multiprocessing.process import BaseProcess
 
+from lidar_buildings.core.freed_memory import give_memory_back
 from lidar_buildings.core.neighbours.parallel import n_waiting_threads, work_alone
 from lidar_buildings.pipeline.parcels import Parcel, packed, receive, send, unpacked
 from lidar_buildings.pipeline.sharing import Sharing
@@ -26,6 +27,8 @@ _log = logging.getLogger(__name__)
 #: and what it answers: share this out, or here is the result.
 DO, SHARED = "do", "shared"
 SHARE, DONE = "share", "done"
+#: Free memory goes back to the system so often [s]: what the largest tile left would stay else.
+_MEMORY_PERIOD = 10.0
 
 
 def start_workers(n: int, prepare: Callable[[], object] | None) -> tuple[list[BaseProcess], list[Connection]]:
@@ -99,6 +102,7 @@ def _work(link: Connection, n_workers: int) -> None:
         while True:
             _, is_tile = link.recv()
             worker.answer(is_tile, receive(link))
+            give_memory_back(_MEMORY_PERIOD)
 
 
 class _Worker(Sharing):

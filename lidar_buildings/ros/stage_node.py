@@ -9,11 +9,13 @@ from contextlib import contextmanager
 from typing import Any
 
 from geometry_msgs.msg import PolygonInstanceStamped
+from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from rclpy.subscription import Subscription
 from rclpy.task import Future
 from sensor_msgs.msg import PointCloud2
 
+from lidar_buildings.core.freed_memory import give_memory_back
 from lidar_buildings.core.model.errors import LidarBuildingsError
 from lidar_buildings.core.model.parameters import StageConfig
 from lidar_buildings.core.model.replicas import ReplicaConfig
@@ -28,6 +30,9 @@ from lidar_buildings.ros.receipts import DONE, FAILED, READY, TAKEN, ReceiptSend
 from lidar_buildings.ros.ring_collector import RingCollector
 from lidar_buildings.ros.stamps import to_stamp
 from lidar_buildings.ros.tile_info import TileInfos
+
+#: Free memory goes back to the system so often [s]: `ros.middleware` has malloc keep it.
+_MEMORY_PERIOD = 10.0
 
 
 class StageNode(Node):
@@ -76,6 +81,8 @@ class StageNode(Node):
         self._share = self.parameters[ReplicaConfig] if shares else ReplicaConfig()
         self._receipts = ReceiptSender(self, name, self._share)
         self.tile_infos: TileInfos | None = None
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self.create_timer(_MEMORY_PERIOD, lambda: give_memory_back(_MEMORY_PERIOD), clock=steady)
 
     def create_subscription(
         self, kind: Any, topic: str, callback: Callable[..., None], *args: Any, **kwargs: Any
