@@ -11,10 +11,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 from numpy.polynomial import Chebyshev, Polynomial
 
-from lidar_buildings.core.kernels import kernel
+from lidar_buildings.core.kernels import inner_kernel, kernel
 
 #: Numbers below this are 0, lest a division by them overflows.
 SMALLEST = 1e-200
@@ -32,7 +31,7 @@ START = tuple(
 )
 
 
-@njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
+@kernel
 def eigenvalues_3x3(xx, xy, xz, yy, yz, zz):  # type: ignore[no-untyped-def]
     """
     Return the eigenvalues λ1 ≥ λ2 ≥ λ3 of a positive semidefinite matrix; negative ones become 0.
@@ -58,7 +57,7 @@ def eigenvalues_3x3(xx, xy, xz, yy, yz, zz):  # type: ignore[no-untyped-def]
     return mean + first, max(mean - first - third, 0.0), max(mean + third, 0.0)
 
 
-@njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
+@kernel
 def principal_axes(xx, xy, xz, yy, yz, zz):  # type: ignore[no-untyped-def]
     """
     Return λ1 ≥ λ2 ≥ λ3, the axis of λ1 and the axis of λ3 of a positive semidefinite matrix: nine numbers.
@@ -105,7 +104,7 @@ def smallest_eigenvector_3x3(xx, xy, xz, yy, yz, zz):  # type: ignore[no-untyped
     return np.array(principal_axes(xx, xy, xz, yy, yz, zz)[6:])
 
 
-@njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
+@inner_kernel
 def _kernel(xx, xy, xz, yy, yz, zz, eigenvalue):  # type: ignore[no-untyped-def]
     """Return the unit vector that A − λ turns to 0, λ being a single eigenvalue."""
     xx, yy, zz = xx - eigenvalue, yy - eigenvalue, zz - eigenvalue
@@ -123,7 +122,7 @@ def _kernel(xx, xy, xz, yy, yz, zz, eigenvalue):  # type: ignore[no-untyped-def]
     return ux * scale, uy * scale, uz * scale
 
 
-@njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
+@inner_kernel
 def _half_angle(cosine, sine, length):  # type: ignore[no-untyped-def]
     """Return cosine and sine of half the angle of a vector of this length; of none, 1 and 0."""
     single = length <= DOUBLE
@@ -135,7 +134,7 @@ def _half_angle(cosine, sine, length):  # type: ignore[no-untyped-def]
     return (larger if cosine >= 0.0 else other), (other if cosine >= 0.0 else larger)
 
 
-@njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
+@inner_kernel
 def _upward(x, y, z):  # type: ignore[no-untyped-def]
     """Return the vector or its opposite: z > 0, or else y > 0, or else x > 0."""
     down = (z < 0.0) | ((z == 0.0) & ((y < 0.0) | ((y == 0.0) & (x < 0.0))))

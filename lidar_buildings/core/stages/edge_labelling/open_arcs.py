@@ -13,10 +13,9 @@ from functools import lru_cache
 from typing import Any
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
-from lidar_buildings.core.kernels import inner_kernel
+from lidar_buildings.core.kernels import inner_kernel, kernel
 
 #: What is left open by less than this part of a quarter turn is closed, so that points of a lattice tie
 #: everywhere or nowhere.
@@ -76,7 +75,7 @@ def _gap(edges: NDArray[Any], place: NDArray[Any]) -> NDArray[Any]:
     return np.maximum(np.maximum(edges[:-1] - place, place - edges[1:]), 0.0)
 
 
-@njit(cache=True, nogil=True, forceinline=True)
+@kernel
 def square_at(east, north):  # type: ignore[no-untyped-def]
     """Return the number of the square at a place in units of squares; 0 is too far off."""
     column = min(max(np.floor(east) + (N_SQUARES // 2 + 1.0), 0.0), N_SQUARES + 1.0)

@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
+from lidar_buildings.core.kernels import inner_kernel, kernel
 from lidar_buildings.core.surfaces.symmetric_eigen import SMALLEST, eigenvalues_3x3
 
 #: How the entropy is counted: of the shares of line, plane and volume, or of the eigenvalues.
@@ -20,7 +20,7 @@ SQRT_HALF_BITS = int(np.float64(math.sqrt(0.5)).view(np.int64))
 SERIES = tuple(2.0 / power for power in range(17, 0, -2))
 
 
-@njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
+@kernel
 def entropy_of_shape(dimensionality, xx, xy, xz, yy, yz, zz):  # type: ignore[no-untyped-def]
     """
     Return the entropy of a covariance or any multiple of it, infinite where all neighbours coincide.
@@ -49,7 +49,7 @@ def entropy_of_shape(dimensionality, xx, xy, xz, yy, yz, zz):  # type: ignore[no
     return entropy if trace > 0.0 else np.inf
 
 
-@njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
+@inner_kernel
 def _parts(share):  # type: ignore[no-untyped-def]
     """Return a share, at least `SMALLEST`, and x and e of it: a = x 2^e, x between √½ and √2."""
     share = max(share, SMALLEST)
@@ -58,7 +58,7 @@ def _parts(share):  # type: ignore[no-untyped-def]
     return share, np.int64(bits - (exponent << 52)).view(np.float64), exponent
 
 
-@njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
+@inner_kernel
 def _log(t, exponent):  # type: ignore[no-untyped-def]
     """
     Return ln a = 2 atanh t + e ln 2 for t = (x − 1)/(x + 1) of `_parts`.

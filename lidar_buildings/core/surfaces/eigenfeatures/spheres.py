@@ -10,7 +10,6 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
 from lidar_buildings.core.kernels import inner_kernel, kernel
 from lidar_buildings.core.neighbours.windows import first_windows, move_windows
@@ -173,7 +172,7 @@ def _axes_of(batch, rows):  # type: ignore[no-untyped-def]
     return axes[N_COVARIANCE * BATCH_ROWS :]
 
 
-@njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
+@inner_kernel
 def _covariance(batch, row):  # type: ignore[no-untyped-def]
     """Return xx, xy, xz, yy, yz, zz of the covariance about the mean, 0 for fewer than two points."""
     share = 1.0 / max(batch[row], 1.0)
