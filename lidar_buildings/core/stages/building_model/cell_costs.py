@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from lidar_buildings.core.kernels import kernel
+from lidar_buildings.core.kernels import inner_kernel, kernel
 from lidar_buildings.core.model.array_types import FloatArray, IntArray
 from lidar_buildings.core.model.outline import Outline
 from lidar_buildings.core.stages.building_model.arrangement import Cells, walls_of
@@ -114,7 +114,7 @@ def _weigh(  # type: ignore[no-untyped-def]
         if cell[i] >= 0:
             first[cell[i]] -= 1
             items[first[cell[i]]] = i
-    every = np.arange(len(walls))
+    first_wall, at_row = _walls_at_rows(walls, step, row, n_rows)
     n_spots = 0
     for c in range(_REACH, n_columns - _REACH):
         for r in range(_REACH, n_rows - _REACH):
@@ -122,20 +122,44 @@ def _weigh(  # type: ignore[no-untyped-def]
             if first[k] < first[k + 1]:
                 continue
             x, y = (c + column + 0.5) * step, (r + row + 0.5) * step
-            if not is_inside(walls, every, len(walls), x, y):
-                continue
             is_far = True
-            for beside in range(c - _REACH, c + _REACH + 1):
-                if not is_far:
-                    break
+            for turn in range(2 * _REACH + 1):
+                # From the middle outwards.
+                beside = c + (turn + 1) // 2 * (1 if turn % 2 else -1)
                 for m in range(first[beside * n_rows + r - _REACH], first[beside * n_rows + r + _REACH + 1]):
                     i = items[m]
                     away = (points[i, 0] - x) ** 2 + (points[i, 1] - y) ** 2
                     is_far = is_far and away >= reach**2
-            if is_far:
+                if not is_far:
+                    break
+            crossed = at_row[first_wall[r] : first_wall[r + 1]]
+            if is_far and is_inside(walls, crossed, len(crossed), x, y):
                 spots[n_spots, 0], spots[n_spots, 1] = x, y
                 n_spots += 1
     return n_spots
+
+
+@inner_kernel
+def _walls_at_rows(walls, step, row, n_rows):  # type: ignore[no-untyped-def]
+    """Return which walls the middles of a raster's rows meet: where each row begins in them, and these."""
+    first, items = np.zeros(n_rows + 1, np.int64), np.empty(0, np.int64)
+    for turn in range(2):
+        if turn == 1:
+            for r in range(n_rows):
+                first[r + 1] += first[r]
+            items = np.empty(first[-1], np.int64)
+        for k in range(len(walls)):
+            low, high = min(walls[k, 1], walls[k, 3]), max(walls[k, 1], walls[k, 3])
+            # By rounding it may be one more on either side.
+            r0 = max(math.floor(low / step - 0.5) - row, 0)
+            r1 = min(math.ceil(high / step - 0.5) - row, n_rows - 1)
+            for r in range(r0, r1 + 1):
+                if turn == 0:
+                    first[r] += 1
+                else:
+                    first[r] -= 1
+                    items[first[r]] = k
+    return first, items
 
 
 def cells_of_points(cells: Cells, points: FloatArray) -> IntArray:

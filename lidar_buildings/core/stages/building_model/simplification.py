@@ -49,21 +49,25 @@ def simplified(
         ends = cells.vertices[cells.borders]
         along = ends[:, 1] - ends[:, 0]
         turns = np.arctan2(along[:, 1], along[:, 0])
-        prices = border_cost * np.hypot(along[:, 0], along[:, 1])
+        length = np.hypot(along[:, 0], along[:, 1])
+        courses, prices = along / length[:, None], border_cost * length
         n = len(cells.vertices)
         _simplify(
-            n, cells.borders, cells.sides, turns, prices, cells.areas, costs, corner_cost, min_area, labels
-        )
+            n, cells.borders, cells.sides, turns, courses, prices, cells.areas, costs, corner_cost, min_area,
+            labels,
+        )  # fmt: skip
     return labels
 
 
 @kernel
-def _simplify(n_vertices, borders, sides, turns, prices, areas, costs, corner_cost, min_area, labels):  # type: ignore[no-untyped-def]
+def _simplify(  # type: ignore[no-untyped-def]
+    n_vertices, borders, sides, turns, courses, prices, areas, costs, corner_cost, min_area, labels
+):
     n_cells = len(areas)
     first, rows = _grouped(borders, n_vertices)
     _sort_round(first, rows, borders, turns)
     begin, around = _grouped(sides, n_cells)
-    graph = (first, rows, begin, around, borders, sides, turns, prices)
+    graph = (first, rows, begin, around, borders, sides, courses, prices)
     members, vertices = np.empty(n_cells, np.int64), np.empty(n_vertices, np.int64)
     cell_mark, vertex_mark = np.zeros(n_cells, np.int64), np.zeros(n_vertices, np.int64)
     # When each cell was last looked at, alone and in its face, and when anything about it last changed.
@@ -217,7 +221,7 @@ def _best(members, vertices, least, mark, tried, labels, costs, corner_cost, gra
 @inner_kernel
 def _length(members, vertices, labels, costs, corner_cost, graph):  # type: ignore[no-untyped-def]
     """Return what some cells, their edges and their vertices cost [m³]."""
-    first, rows, begin, around, borders, sides, turns, prices = graph
+    first, rows, begin, around, borders, sides, courses, prices = graph
     total = 0.0
     for c in members:
         total += costs[c, labels[c]]
@@ -234,10 +238,10 @@ def _length(members, vertices, labels, costs, corner_cost, graph):  # type: igno
             if start < 0:
                 start = e
             else:
-                total += corner_cost * _turns_between(v, before, e, borders, sides, turns)
+                total += corner_cost * _turns_between(v, before, e, borders, sides, courses)
             before = e
         if before != start:
-            total += corner_cost * _turns_between(v, before, start, borders, sides, turns)
+            total += corner_cost * _turns_between(v, before, start, borders, sides, courses)
     return total
 
 
@@ -248,9 +252,9 @@ def _face(e, side, sides, labels):  # type: ignore[no-untyped-def]
 
 
 @inner_kernel
-def _turns_between(v, one, other, borders, sides, turns):  # type: ignore[no-untyped-def]
+def _turns_between(v, one, other, borders, sides, courses):  # type: ignore[no-untyped-def]
     """1 if a face lies between two edges round a vertex and turns there, else 0."""
     # To the left of an edge that leaves the vertex lies what follows by rising direction.
     inside = sides[one, 0] if borders[one, 0] == v else sides[one, 1]
-    is_straight = abs(math.sin(turns[one] - turns[other])) < _STRAIGHT
+    is_straight = abs(courses[one, 0] * courses[other, 1] - courses[one, 1] * courses[other, 0]) < _STRAIGHT
     return 0.0 if inside < 0 or is_straight else 1.0

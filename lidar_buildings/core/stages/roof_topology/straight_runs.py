@@ -121,9 +121,12 @@ def _greedy(xy, upright, cell, cosine, sine, spacing, left, run, least, runs):  
     n_runs = 0
     rows = np.empty(len(xy), dtype=np.int64)
     t = np.empty(len(xy))
+    most, place = np.full(len(cosine), np.inf), np.zeros(len(cosine), np.int64)
+    known = np.zeros(len(cosine), np.bool_)
     while True:
-        d, b, most = _peak(votes)
-        if most < least:
+        d = _peak(votes, most, place, known)
+        b = place[d]
+        if most[d] < least:
             break
         offset = (b + 0.5 * _WINDOW - n_bins // 2) * size
         for _ in range(2):
@@ -151,10 +154,12 @@ def _greedy(xy, upright, cell, cosine, sine, spacing, left, run, least, runs):  
             )
             left = left[:n_left]
             n_runs += 1
+            known[:] = False
             found = True
         if not found:
             for k in range(b, b + _WINDOW):
                 votes[d, k] = -1e9
+            known[d] = False
     return n_runs
 
 
@@ -173,19 +178,28 @@ def _vote(votes, x, y, upright, cell, cosine, sine, size, sign):  # type: ignore
 
 
 @inner_kernel
-def _peak(votes):  # type: ignore[no-untyped-def]
-    """Return direction, first bin and votes of the window with the most votes."""
-    best, best_d, best_b = 0.0, 0, 0
-    for d in range(votes.shape[0]):
+def _peak(votes, most, place, known):  # type: ignore[no-untyped-def]
+    """
+    Return the direction with the window of most votes; which window that is, is in its place.
+
+    Votes become fewer only: what a direction had before is no less than it has now, enough to pass it over.
+    """
+    while True:
+        d = 0
+        for other in range(1, len(most)):
+            if most[other] > most[d] + 1e-9:
+                d = other
+        if known[d]:
+            return d
+        most[d], place[d], known[d] = 0.0, 0, True
         total = 0.0
         for b in range(_WINDOW - 1):
             total += votes[d, b]
         for b in range(votes.shape[1] - _WINDOW + 1):
             total += votes[d, b + _WINDOW - 1]
-            if total > best + 1e-9:
-                best, best_d, best_b = total, d, b
+            if total > most[d] + 1e-9:
+                most[d], place[d] = total, b
             total -= votes[d, b]
-    return best_d, best_b, best
 
 
 @inner_kernel
