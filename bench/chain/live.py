@@ -2,7 +2,7 @@
 A virtual scanner's feed through the live graph, in real time: does the graph keep up, and how late is it.
 
     python -m bench.chain.live [--scene NAME] [--density D] [--pulse-rate N] [--seconds S] [--set WORD]
-    python -m bench.chain.live --bag BAG [--rate R] [--seconds S] [--set WORD]
+    python -m bench.chain.live --bag BAG [--rate R] [--seconds S | --repeat N] [--set WORD]
 
 `lidar-buildings simulate --live` publishes and `lidar-buildings live` listens, each in processes of its own.
 So many seconds after the graph was started the scanner ends, and the graph finishes. Both share the machine:
@@ -33,6 +33,7 @@ import numpy as np
 
 from bench.chain.child import adopt_orphans, wait_for_orphans
 from bench.chain.process_tree import memory_by_process
+from bench.chain.repeated import repeat_bags
 
 #: In the child's error output, the line with the latencies.
 _MARK = "MEASURED "
@@ -61,6 +62,7 @@ def main() -> None:
     parser.add_argument("--pulse-rate", default="70000")
     parser.add_argument("--bag", help="play this one instead: its scanner costs nothing")
     parser.add_argument("--rate", default="1", help="of the bag")
+    parser.add_argument("--repeat", type=int, default=0, help="play the whole bag so often, as one long feed")
     parser.add_argument("--seconds", type=float, default=120.0)
     parser.add_argument("--set", action="append", default=[], metavar="STAGE.NAME=VALUE")
     print(json.dumps(measure(parser.parse_args())))
@@ -78,10 +80,18 @@ def measure(options: argparse.Namespace) -> dict[str, Any]:
         settings = list(options.set)
         if scanner is not None:  # an own line of the scanner says what its reader needs
             settings += re.findall(r"--set (\S+)", _line_with(scanner, "a reader needs"))
-        else:
+        elif not options.repeat:
             words += ["--duration", str(options.seconds * float(options.rate))]
         words += [word for one in settings for word in ("--set", one)]
-        child = [sys.executable, "-m", "bench.chain.live", "--child", str(output), *words]
+        child = [
+            sys.executable,
+            "-m",
+            "bench.chain.live",
+            "--child",
+            str(options.repeat),
+            str(output),
+            *words,
+        ]
         graph = subprocess.Popen(child, stderr=log)
         memory = _watch(scanner, graph, options.seconds)
         report: list[str] = []
@@ -191,7 +201,7 @@ def _watch(
     return memory
 
 
-def _child(output: str, words: list[str]) -> int:
+def _child(n_times: int, output: str, words: list[str]) -> int:
     """Run `lidar-buildings live`, and say on stderr when each tile was sent and done."""
     from lidar_buildings.cli import main as command
     from lidar_buildings.io.tiling.live_feed import LiveFeed
@@ -222,6 +232,8 @@ def _child(output: str, words: list[str]) -> int:
 
     LiveSurvey.take, LiveSurvey.finish = noted_take, noted_finish  # type: ignore[method-assign]
     LiveFeed.flush = noted_flush  # type: ignore[method-assign]
+    if n_times:
+        repeat_bags(n_times)
     status = command(["live", "--output", output, *words])
     told = {
         "sendings": sendings,
@@ -234,5 +246,5 @@ def _child(output: str, words: list[str]) -> int:
 
 if __name__ == "__main__":
     if sys.argv[1:2] == ["--child"]:
-        raise SystemExit(_child(sys.argv[2], sys.argv[3:]))
+        raise SystemExit(_child(int(sys.argv[2]), sys.argv[3], sys.argv[4:]))
     main()

@@ -10,6 +10,8 @@ from lidar_buildings.commands.sample_tile import sample_tile
 from lidar_buildings.core.neighbours.columns import by_column
 from lidar_buildings.core.neighbours.point_spacing import quantised_spacing
 from lidar_buildings.core.neighbours.scan_pattern import ScanPattern
+from lidar_buildings.core.scans.motion import place_points
+from lidar_buildings.core.scans.trajectory import Pose
 from lidar_buildings.core.solids.validity import check_solid
 from lidar_buildings.core.stages.boundary_tracing.point_grid import build_point_grid
 from lidar_buildings.core.stages.boundary_tracing.walk_recovery import bridge_gap
@@ -91,6 +93,8 @@ def _rare() -> None:
     columns = by_column(roof, 1.0)
     share_around(columns, *np.ones((2, len(roof)), dtype=bool), 1.0)
     grid = build_point_grid(roof, ScanPattern(0.0, 1.0, 1.0), 2.0)
+    times = np.arange(2)
+    place_points(Pose((0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0)).at, times[:0], times, roof[:2])
     bridge_gap(grid, np.ones(len(grid.x)), np.array([0]), np.array([1, 2]), 2.0)
 
 

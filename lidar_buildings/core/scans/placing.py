@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter, OrderedDict
 from collections.abc import Iterator
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -12,6 +13,7 @@ from numpy.typing import NDArray
 from lidar_buildings.core.model.errors import MessageError
 from lidar_buildings.core.scans.clocks import ClockWatch
 from lidar_buildings.core.scans.config import ScanConfig
+from lidar_buildings.core.scans.motion import place_points
 from lidar_buildings.core.scans.scan import Scan, mark_of, read_scan, stamp_of
 from lidar_buildings.core.scans.seen_points import SeenPoints
 from lidar_buildings.core.scans.trajectory import Pose
@@ -247,17 +249,16 @@ class ScanPlacer:
             none = np.zeros(0, dtype=np.intp)
             return PlacedScan(scan.points[none], scan.times[none], {})
         points, is_known = np.empty_like(scan.points), np.empty(len(scan.times), dtype=np.bool_)
+        stamps = self.tree.stamps(scan.frame, target)
+        look_up = partial(self.tree.poses, scan.frame, target)
         last, sensor = np.iinfo(np.int64).min, None
         for begin in range(0, len(points), _BATCH):
             own = slice(begin, begin + _BATCH)
-            # many points have the same time: each is looked up once
-            times, row = np.unique(scan.times[own], return_inverse=True)
-            poses = self.tree.poses(scan.frame, target, times)
-            points[own] = poses.of_rows(row).apply(scan.points[own])
-            is_known[own] = poses.is_known[row]
-            known = np.flatnonzero(poses.is_known)[-1:]
-            if len(known) and times[known[0]] > last:
-                last, sensor = int(times[known[0]]), poses.translation[known[0]]
+            points[own], is_known[own], found = place_points(
+                look_up, stamps, scan.times[own], scan.points[own]
+            )
+            if found is not None and found[0] > last:
+                last, sensor = found
         self._leave_out(NO_POSE, len(points) - np.count_nonzero(is_known))
         columns = {name: values[is_known] for name, values in scan.columns.items()}
         return PlacedScan(points[is_known], scan.times[is_known], columns, sensor)

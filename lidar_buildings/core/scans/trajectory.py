@@ -45,10 +45,6 @@ class Poses(NamedTuple):
         """The rotations."""
         return Rotation.from_quat(self.quaternion)
 
-    def of_rows(self, rows: NDArray[np.intp]) -> Poses:
-        """Return some of them."""
-        return Poses(self.translation[rows], self.quaternion[rows], self.is_known[rows])
-
     def after(self, first: Poses) -> Poses:
         """Return the poses of `first`'s frame in the frame that these lead to."""
         return Poses(
@@ -124,6 +120,12 @@ class Trajectory:
         """Return the number of poses."""
         self._sort_in()
         return len(self._stamps)
+
+    @property
+    def stamps(self) -> NDArray[np.int64]:
+        """Times of the poses that are kept [ns]."""
+        self._sort_in()
+        return self._stamps
 
     def add(self, stamp: int, pose: Pose) -> None:
         """Add a valid pose; a later one of the same time replaces it."""

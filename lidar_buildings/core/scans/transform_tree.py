@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -16,6 +17,7 @@ MAX_FRAMES = 1_000
 SET_BACK = 1_000_000_000
 #: A frame as it lies in itself.
 _NO_MOVE = Pose((0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))
+_NO_TIMES = np.empty(0, dtype=np.int64)
 
 
 class TransformTree:
@@ -96,12 +98,11 @@ class TransformTree:
 
     def known_until(self, source: str, target: str) -> int | None:
         """Return up to when the moving transforms between two frames are known [ns]; None if none moves."""
-        ends = [
-            edge.last or 0
-            for frame in set(self._way_up(source)) ^ set(self._way_up(target))
-            if isinstance(edge := self._edges.get(frame), Trajectory)
-        ]
-        return min(ends, default=None)
+        return min((edge.last or 0 for edge in self._moving(source, target)), default=None)
+
+    def stamps(self, source: str, target: str) -> NDArray[np.int64]:
+        """Return the times at which poses between two frames were told [ns]."""
+        return np.concatenate([_NO_TIMES, *(edge.stamps for edge in self._moving(source, target))])
 
     def drop_before(self, stamp: int) -> None:
         """Forget poses that no later time needs [ns]."""
@@ -138,6 +139,11 @@ class TransformTree:
             poses = edge if poses is None else edge.after(poses)
             frame = self._parents[frame]
         return poses or _NO_MOVE.at(times)
+
+    def _moving(self, source: str, target: str) -> Iterator[Trajectory]:
+        for frame in set(self._way_up(source)) ^ set(self._way_up(target)):
+            if isinstance(edge := self._edges.get(frame), Trajectory):
+                yield edge
 
     def _way_up(self, frame: str) -> list[str]:
         """Return a frame and its ancestors; a loop, which no tree has, ends the way."""

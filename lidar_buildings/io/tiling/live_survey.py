@@ -163,14 +163,16 @@ class LiveSurvey:
 
     def take(self) -> PointTile | None:
         """
-        Return the next tile that is ready, None if none is: the one that is most urgent.
+        Return the next tile that is ready, None if none is: the one into which no point fell for longest.
+
+        Where there is no time for all, others are more likely to see more points, and to come again.
 
         Raises an OutputError if the disk is full; the tile stays ready.
         """
         with self._lock:
             if not self._ready:
                 return None
-            tile = self._tiles[max(self._ready, key=self._urgency)]
+            tile = min((self._tiles[place] for place in self._ready), key=self._tiles.last_touched)
             self._note(tile, tile.revision + 1, -1)
             self._ready.remove(tile.place)
             tile.n_sent = self._store.count_in(tile.near)
@@ -236,12 +238,10 @@ class LiveSurvey:
         """Note which revision was sent or done last, for the next life: it must send a later one."""
         self._log.note({"tile": tile.place, "stamp": tile.stamp, "revision": revision, "n_done": n_done})
 
-    def _urgency(self, place: Cell) -> float:
-        return self._tiles.urgency(place, self._now, self._store.count_in)
-
     def _is_due(self, place: Cell) -> bool:
         """Whether a tile has waited long enough, or the sensor is far away."""
-        return self._urgency(place) >= self.config.leave_after or self._tiles.is_left(place, self._sensor)
+        has_waited = self._tiles.has_waited(place, self._now, self._store.count_in)
+        return has_waited or self._tiles.is_left(place, self._sensor)
 
     def _drop_unchanged(self) -> None:
         """Forget that tiles were touched which have no points that were not sent, or came too often."""

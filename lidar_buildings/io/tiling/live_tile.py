@@ -125,15 +125,15 @@ class LiveTiles:
         """Return when a point has fallen into a tile or its buffer last."""
         return max((self._touched.get(cell, -math.inf) for cell in tile.near), default=-math.inf)
 
-    def urgency(self, place: Cell, now: float, count_in: Callable[[Iterable[Cell]], int]) -> float:
+    def has_waited(self, place: Cell, now: float, count_in: Callable[[Iterable[Cell]], int]) -> bool:
         """
-        Return for how long no point has fallen into a tile or its buffer, times the share that is new [s].
+        Whether no point has fallen into a tile or its buffer for long enough.
 
-        The work on a tile grows with its points, what comes of it with those that are new: of all tiles that
-        wait this one pays most, and none waits for ever.
+        The work on a tile grows with its points, what comes of it with those that are new: it waits as many
+        times as long as it has more points than new ones.
         """
         tile = self._by_place[place]
-        return (now - self.last_touched(tile)) * tile.share_new(count_in)
+        return (now - self.last_touched(tile)) * tile.share_new(count_in) >= self._config.leave_after
 
     def is_left(self, place: Cell, sensor: NDArray[np.float64] | None) -> bool:
         """Whether the sensor, at a source's position [m] if it is known, is far from a tile not yet sent."""
