@@ -163,16 +163,14 @@ class LiveSurvey:
 
     def take(self) -> PointTile | None:
         """
-        Return the next tile that is ready, None if none is: the one into which no point fell for longest.
-
-        Where there is no time for all, others are more likely to see more points, and to come again.
+        Return the tile that is ready and whose turn it is, None if none is.
 
         Raises an OutputError if the disk is full; the tile stays ready.
         """
         with self._lock:
             if not self._ready:
                 return None
-            tile = min((self._tiles[place] for place in self._ready), key=self._tiles.last_touched)
+            tile = min((self._tiles[place] for place in self._ready), key=self._tiles.turn)
             self._note(tile, tile.revision + 1, -1)
             self._ready.remove(tile.place)
             tile.n_sent = self._store.count_in(tile.near)

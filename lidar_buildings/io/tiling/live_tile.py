@@ -19,6 +19,8 @@ from lidar_buildings.io.tiling.tile_stamps import stamp_of_number, stamp_of_time
 #: A tile comes again at most so often: its stamps leave room for no more revisions (`ros.stamps`), some of
 #: which it needs to grow.
 MOST_REVISIONS = 900
+#: So long a tile that comes again lets others go first that were not sent before [s].
+_AHEAD = 60.0
 
 
 @dataclass(eq=False)
@@ -124,6 +126,15 @@ class LiveTiles:
     def last_touched(self, tile: LiveTile) -> float:
         """Return when a point has fallen into a tile or its buffer last."""
         return max((self._touched.get(cell, -math.inf) for cell in tile.near), default=-math.inf)
+
+    def turn(self, tile: LiveTile) -> float:
+        """
+        Return by what ready tiles are put in order, the lowest first [s].
+
+        The one into which no point has fallen for longest: others are more likely to see more, and to come
+        again. One that was not sent before has its turn as if it had waited `_AHEAD` longer.
+        """
+        return self.last_touched(tile) - (_AHEAD if tile.revision < 0 else 0.0)
 
     def has_waited(self, place: Cell, now: float, count_in: Callable[[Iterable[Cell]], int]) -> bool:
         """

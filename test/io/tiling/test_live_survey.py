@@ -106,8 +106,12 @@ def test_what_is_said_once_more_of_an_earlier_revision_does_not_end_the_next_one
     assert survey.is_flushed
 
 
-@pytest.mark.parametrize(("touched", "came", "goes_first"), [(6.0, 45.0, "again"), (20.0, 7.0, "new")])
-def test_the_tile_goes_before_others_into_which_no_point_fell_for_longest(survey, touched, came, goes_first):
+@pytest.mark.parametrize(
+    ("touched", "came", "goes_first"), [(6.0, 40.0, "new"), (6.0, 90.0, "again"), (40.0, 6.0, "new")]
+)
+def test_a_tile_that_was_not_sent_before_goes_first_unless_another_has_waited_a_minute_longer(
+    survey, touched, came, goes_first
+):
     survey.add(scan_at(20, 20, n_points=2100), 0.0)
     survey.tick(5.0)
     (seen,) = tiles_of(survey)
@@ -117,10 +121,25 @@ def test_the_tile_goes_before_others_into_which_no_point_fell_for_longest(survey
     ):  # an eighth is new
         survey.add(one, when)
         survey.tick(when)
-    survey.tick(61.0)
+    survey.tick(100.0)
     order = ["again" if tile.stamp == seen.stamp + 1 else "new" for tile in tiles_of(survey)]
     assert order[0] == goes_first
     assert len(order) == 2
+
+
+def test_of_tiles_that_come_again_the_one_goes_first_into_which_no_point_fell_for_longest(survey):
+    for x in (20, 140):
+        survey.add(scan_at(x, 20, n_points=2100), 0.0)
+    survey.tick(5.0)
+    first = {tile.stamp: tile.points[:, 0].mean() for tile in tiles_of(survey)}
+    for stamp in first:
+        survey.finish(stamp)
+    survey.add(scan_at(140, 20, seed=1), 6.0)  # an eighth of its points are new
+    survey.tick(6.0)
+    survey.add(scan_at(20, 20, n_points=2100, seed=1), 7.0)  # half
+    survey.tick(7.0)
+    survey.tick(60.0)
+    assert [first[tile.stamp - 1] for tile in tiles_of(survey)] == sorted(first.values(), reverse=True)
 
 
 def test_a_tile_waits_the_longer_to_come_again_the_fewer_of_its_points_are_new(survey):
