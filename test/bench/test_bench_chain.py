@@ -4,10 +4,12 @@ import json
 import os
 import subprocess
 import sys
+from types import SimpleNamespace
 
 import laspy
 import numpy as np
 import pytest
+from support.scan_messages import SECOND, T0, cloud_of, odometry
 
 from bench.chain import report
 from bench.chain import run as chain
@@ -18,8 +20,11 @@ from bench.chain.latency import middle_tile
 from bench.chain.live import Sending, latencies, memory_thirds
 from bench.chain.parts import n_compiled
 from bench.chain.process_tree import children_cpu, tree_memory, tree_of
+from bench.chain.repeated import repeat_bags
 from bench.chain.stages import Clock
+from lidar_buildings.commands import replay
 from lidar_buildings.core.model.tile import PointTile
+from lidar_buildings.io.bags.bag import CLOUD, ODOMETRY, POINT, BagMessage
 
 
 @pytest.fixture(scope="module")
@@ -211,3 +216,26 @@ def test_memory_is_told_by_thirds_of_all_and_of_each_process_that_lasts():
     looks = [{1: 2_000_000, 2: 4_000_000}, {1: 3_000_000, 2: 4_000_000}, {1: 5_000_000, 3: 9_000_000}]
     told = memory_thirds(looks)
     assert told == {"most": 14, "thirds": [6, 7, 14], "thirds_of_each": [[2, 3, 5], [4, 4, 0]]}
+
+
+def test_a_bag_that_is_repeated_goes_on_later_and_further_east(monkeypatch):
+    rows = np.zeros(3, [("x", "<f4"), ("timestamp", "<f8")])
+
+    def read(*_):
+        rows["timestamp"] = T0 / SECOND + np.arange(3)
+        yield BagMessage("/map_origin", POINT, T0, None)
+        yield BagMessage("/odometry", ODOMETRY, T0, odometry(T0, (1.0, 2.0, 3.0)))
+        yield BagMessage("/scan", CLOUD, T0 + SECOND, cloud_of(T0 + SECOND, "lidar", rows))
+
+    monkeypatch.setattr(replay, "chosen_messages", read)
+    repeat_bags(3)
+    topics = SimpleNamespace(of_whole={"/map_origin"})
+    origin, *rest = list(replay.chosen_messages(None, topics, None))
+    assert origin.type == POINT
+    assert [one.time - T0 for one in rest] == [k * SECOND for k in (0, 1, 3, 4, 6, 7)]
+    poses, clouds = rest[::2], rest[1::2]
+    assert [one.message.pose.pose.position.x for one in poses] == [1.0, 4001.0, 8001.0]
+    assert [one.message.header.stamp.sec * SECOND for one in rest] == [one.time for one in rest]
+    for k, one in enumerate(clouds):
+        times = np.frombuffer(one.message.data, rows.dtype)["timestamp"]
+        np.testing.assert_allclose(times - T0 / SECOND, np.arange(3) + 3 * k)
