@@ -30,21 +30,34 @@ def matched_coverage(pieces: Sequence[RoofPiece], numbers: IntArray) -> PlanGrap
         What each is called in the graph; pieces of one number are one.
     """
     rings = piece_rings(pieces)
-    graph = labelled_graph(rings._replace(owner=numbers[rings.owner]))
-    if graph is not None and len(graph.ends):
+    by_piece = labelled_graph(rings)
+    if by_piece is not None and len(by_piece.ends):
+        graph = by_piece.joined(numbers)
         # Edges that keep clear of each other cross nowhere and leave no slits.
-        is_clear = n_joints(graph.places[graph.ends].reshape(-1, 4), LEAST_DISTANCE) >= 0
-        if _are_sound(rings) and (is_clear or not _has_slit(graph)):
+        if _is_clear(by_piece) and _are_simple(by_piece, rings):
+            return graph
+        if shapely.is_valid(_polygons(rings)).all() and (_is_clear(graph) or not _has_slit(graph)):
             return graph
     return noded_coverage(pieces, numbers, LEAST_DISTANCE, 1.0)
 
 
-def _are_sound(rings: GridRings) -> bool:
-    """Whether all pieces are valid polygons."""
+def _is_clear(graph: PlanGraph) -> bool:
+    return n_joints(graph.places[graph.ends].reshape(-1, 4), LEAST_DISTANCE) >= 0
+
+
+def _are_simple(graph: PlanGraph, rings: GridRings) -> bool:
+    """Whether each piece has one ring, which passes no place twice, and all edges of it are in the graph."""
+    # The ring to the left of an edge goes on from its first end, that to the right from its other one.
+    passed = (graph.sides * len(graph.places) + graph.ends)[graph.sides != OUTSIDE]
+    is_all = len(np.unique(passed)) == len(passed) == len(rings.corners)
+    return is_all and bool(rings.is_exterior.all())
+
+
+def _polygons(rings: GridRings) -> NDArray[np.object_]:
+    """Return each piece as a polygon."""
     ring = np.repeat(np.arange(len(rings.owner)), np.diff(rings.starts))
-    piece = np.cumsum(np.append(0, rings.owner[1:] != rings.owner[:-1]))
     shells = shapely.linearrings(rings.corners.astype(np.float64), indices=ring)
-    return bool(shapely.is_valid(shapely.polygons(shells, indices=piece)).all())
+    return np.asarray(shapely.polygons(shells, indices=np.cumsum(rings.is_exterior) - 1))
 
 
 def _has_slit(graph: PlanGraph) -> bool:
@@ -86,18 +99,18 @@ def noded_coverage(pieces: Sequence[RoofPiece], numbers: IntArray, within: float
     rings = _snapped(rings, within)
     if not len(rings.owner):
         return nothing
-    polygons = [_sound(shapely.Polygon(group[0], group[1:])) for _, group in rings.groups()]
-    owners = [int(numbers[number]) for number, _ in rings.groups()]
-    lines = [shapely.LineString([*ring, ring[0]]) for _, group in rings.groups() for ring in group]
-    noded = shapely.union_all(lines, grid_size=grid)
+    polygons = _polygons(rings)
+    noded = shapely.union_all(shapely.boundary(polygons), grid_size=grid)
     faces = shapely.get_parts(shapely.polygonize([noded]))
-    labels = _labels(faces, polygons, owners, within)
-    labelled = [
-        (int(label), [np.asarray(ring.coords)[:-1] for ring in (face.exterior, *face.interiors)])
-        for face, label in zip(faces, labels, strict=True)
-        if label != OUTSIDE
-    ]
-    graph = labelled_graph(grid_rings(labelled))
+    # Holes stay holes even where they have come to cross their exterior.
+    sound = shapely.make_valid(polygons, method="structure", keep_collapsed=False)
+    labels = _labels(faces, sound, numbers[rings.owner[rings.is_exterior]], within)
+    shells, face = shapely.get_rings(faces[labels != OUTSIDE], return_index=True)
+    corners, ring = shapely.get_coordinates(shells, return_index=True)
+    is_last = np.diff(ring, append=len(shells)) != 0
+    starts = np.append(0, np.cumsum(np.bincount(ring, minlength=len(shells)) - 1))
+    owner = labels[labels != OUTSIDE][face]
+    graph = labelled_graph(grid_rings(corners[~is_last], starts, np.diff(face, prepend=-1) != 0, owner))
     return nothing if graph is None else graph
 
 
@@ -120,11 +133,11 @@ def _snapped(rings: GridRings, within: float) -> GridRings:
     order = np.lexsort((*corners.T[::-1], shares, np.append(np.arange(len(starts)), edge)))
     added = np.append(0, np.cumsum(np.bincount(edge, minlength=len(starts))))
     full = GridRings(corners[order].astype(np.int64), rings.starts + added[rings.starts], rings.owner)
-    return grid_rings(full.groups())
+    return grid_rings(full.corners, full.starts, full.is_exterior, full.owner)
 
 
 def _labels(
-    faces: NDArray[np.object_], polygons: list[shapely.Geometry], owners: list[int], within: float
+    faces: NDArray[np.object_], polygons: NDArray[np.object_], owners: IntArray, within: float
 ) -> IntArray:
     """Return the piece that each face belongs to: the first that covers it; slivers go to a neighbour."""
     inside = shapely.point_on_surface(faces)
@@ -141,8 +154,3 @@ def _labels(
         if len(shared) and shared.max() > 0.0:
             labels[face] = labels[others[int(np.argmax(shared))]]
     return labels
-
-
-def _sound(polygon: shapely.Polygon) -> shapely.Geometry:
-    """Return a polygon whose holes stay holes even where they have come to cross its exterior."""
-    return shapely.make_valid(polygon, method="structure", keep_collapsed=False)

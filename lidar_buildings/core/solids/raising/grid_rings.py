@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from lidar_buildings.core.kernels import kernel
-from lidar_buildings.core.model.array_types import FloatArray, IntArray
+from lidar_buildings.core.model.array_types import BoolArray, FloatArray, IntArray
 from lidar_buildings.core.solids.output_grid import GRID
 from lidar_buildings.core.solids.raising.roof_piece import RoofPiece
 
@@ -38,45 +38,46 @@ class GridRings(NamedTuple):
         following[self.starts[1:] - 1] = self.starts[:-1]
         return following
 
-    def groups(self) -> list[tuple[int, list[IntArray]]]:
-        """Return each piece's number and its rings, the exterior first."""
-        groups: dict[int, list[IntArray]] = {}
-        for number, ring in zip(self.owner.tolist(), np.split(self.corners, self.starts[1:-1]), strict=True):
-            groups.setdefault(number, []).append(ring)
-        return list(groups.items())
+    @property
+    def is_exterior(self) -> BoolArray:
+        """Whether each ring is its piece's exterior."""
+        return np.diff(self.owner, prepend=-1) != 0
 
 
 def piece_rings(pieces: Sequence[RoofPiece]) -> GridRings:
     """Return the rings of pieces; none of a piece whose exterior has no area."""
-    return grid_rings([(number, [ring / GRID for ring in one.rings]) for number, one in enumerate(pieces)])
+    rings = [ring for one in pieces for ring in one.rings]
+    if not rings:
+        return GridRings(np.empty((0, 2), np.int64), np.zeros(1, np.int64), np.empty(0, np.int64))
+    owner = np.repeat(np.arange(len(pieces)), [len(one.rings) for one in pieces])
+    starts = np.cumsum([0, *map(len, rings)])
+    return grid_rings(np.concatenate(rings) / GRID, starts, np.diff(owner, prepend=-1) != 0, owner)
 
 
-def grid_rings(groups: Sequence[tuple[int, Sequence[FloatArray | IntArray]]]) -> GridRings:
+def grid_rings(
+    corners: FloatArray | IntArray, starts: IntArray, is_exterior: BoolArray, owner: IntArray
+) -> GridRings:
     """
-    Put rings on the grid: the first of each group counter-clockwise, the others clockwise.
+    Put rings on the grid: exteriors counter-clockwise, the holes that follow each clockwise.
 
     Parameters
     ----------
-    groups : sequence of (int, sequence of ndarray of shape (n, 2))
-        Number of a piece, and its rings in steps of the grid, with fractions.
+    corners : ndarray of shape (n_corners, 2)
+        In steps of the grid, with fractions.
+    starts, is_exterior, owner : ndarray of shape (n_rings + 1,), (n_rings,) and (n_rings,)
+        As of `GridRings`.
     """
-    rings = [ring for _, group in groups for ring in group]
-    if not rings:
-        return GridRings(np.empty((0, 2), np.int64), np.zeros(1, np.int64), np.empty(0, np.int64))
-    corners = np.rint(np.concatenate(rings)).astype(np.int64)
-    starts = np.cumsum([0, *(len(ring) for ring in rings)])
-    rank = np.array([k for _, group in groups for k in range(len(group))])
-    owner = np.array([number for number, group in groups for _ in group])
-    n_rings = _clean(corners, starts, rank, owner)
+    corners, starts, owner = np.rint(corners).astype(np.int64), starts.copy(), owner.copy()
+    n_rings = _clean(corners, starts, is_exterior, owner)
     return GridRings(corners[: starts[n_rings]], starts[: n_rings + 1], owner[:n_rings])
 
 
 @kernel
-def _clean(corners: IntArray, starts: IntArray, rank: IntArray, owner: IntArray) -> int:
+def _clean(corners: IntArray, starts: IntArray, is_exterior: BoolArray, owner: IntArray) -> int:
     """Leave out repetitions, spikes, and rings without area, in place; return how many rings are left."""
     n_rings, filled, keeps_holes = 0, 0, False
     begin = starts[0]
-    for number in range(len(rank)):
+    for number in range(len(owner)):
         end = starts[number + 1]
         first = filled
         for k in range(begin, end):
@@ -103,7 +104,7 @@ def _clean(corners: IntArray, starts: IntArray, rank: IntArray, owner: IntArray)
                 head += 1
             else:
                 break
-        if rank[number] == 0:
+        if is_exterior[number]:
             keeps_holes = filled - head > 2
         if filled - head < 3 or not keeps_holes:
             filled = first
@@ -116,7 +117,7 @@ def _clean(corners: IntArray, starts: IntArray, rank: IntArray, owner: IntArray)
         for k in range(head, filled):
             corners[first + k - head, 0], corners[first + k - head, 1] = corners[k, 0], corners[k, 1]
         filled -= head - first
-        if (doubled_area > 0) != (rank[number] == 0):
+        if (doubled_area > 0) != is_exterior[number]:
             for k in range((filled - first) // 2):
                 for axis in range(2):
                     low, high = corners[first + k, axis], corners[filled - 1 - k, axis]

@@ -47,6 +47,12 @@ class PlanGraph(NamedTuple):
         is_piece = (self.sides != OUTSIDE).astype(np.int64)
         return int(((ax * by - bx * ay) * (is_piece[:, 0] - is_piece[:, 1])).sum())
 
+    def joined(self, numbers: IntArray) -> PlanGraph:
+        """Return the graph of pieces of which those of one number are one, without edges between them."""
+        sides = np.append(numbers, OUTSIDE)[self.sides]
+        parted = sides[:, 0] != sides[:, 1]
+        return PlanGraph(self.places, self.ends[parted], sides[parted])
+
 
 def labelled_graph(rings: GridRings) -> PlanGraph | None:
     """
