@@ -12,6 +12,8 @@ from lidar_buildings.core.kernels import inner_kernel, kernel
 SLACK = 1e-3
 #: What lies so near beside a tile may be met in it [m].
 MARGIN = 2.0 * SLACK
+#: Side of a tile, as a share of the side at which there are as many tiles as lines.
+_SIDE = 0.35
 
 
 @inner_kernel
@@ -55,7 +57,7 @@ def in_tiles(lines):  # type: ignore[no-untyped-def]
         west, south = min(west, lines[i, 0], lines[i, 2]), min(south, lines[i, 1], lines[i, 3])
         width, height = max(width, lines[i, 0], lines[i, 2]), max(height, lines[i, 1], lines[i, 3])
     width, height = width - west, height - south
-    side = max(math.sqrt(width * height / len(lines)), max(width, height) / 1000.0, 10.0 * MARGIN)
+    side = max(_SIDE * math.sqrt(width * height / len(lines)), max(width, height) / 1000.0, 10.0 * MARGIN)
     tiles = np.array([west, south, side, math.floor(width / side) + 1.0, math.floor(height / side) + 1.0])
     n_rows = int(tiles[4])
     start = np.zeros(int(tiles[3]) * n_rows + 1, np.int64)

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from lidar_buildings.core.model.array_types import FloatArray, IntArray
+from lidar_buildings.core.model.array_types import FloatArray
 from lidar_buildings.core.model.outline import Outline
 from lidar_buildings.core.model.point_array import checked_column, checked_points
 from lidar_buildings.core.model.status import BuildingStatus
@@ -37,6 +37,7 @@ from lidar_buildings.core.stages.building_model.levels import (
     part_elevations,
 )
 from lidar_buildings.core.stages.building_model.partition import partition_outline
+from lidar_buildings.core.stages.building_model.point_order import rows_in_order
 from lidar_buildings.core.stages.building_model.quality import measure_model
 from lidar_buildings.core.stages.building_model.result import BuildingModel, RoofFaces
 from lidar_buildings.core.stages.building_model.roof_face import RoofFacePatch
@@ -115,7 +116,7 @@ def build_model(
         )
     if ground_elevation is not None and not math.isfinite(ground_elevation):
         raise ValueError(f"ground_elevation = {ground_elevation}: must be finite, or None if unknown")
-    order = _order(points, plane_id)
+    order = rows_in_order(points, plane_id)
     points, plane_id = points[order], plane_id[order]
     outline = gridded_outline(outline)
     spacing = point_spacing or (measure_spacing(points, FEW_PROBES) if len(points) > 1 else _ASSUMED_SPACING)
@@ -123,17 +124,6 @@ def build_model(
     if not len(points):
         return _without_solid(attributes, ground_elevation, BuildingStatus.DEGENERATE, "no roof points")
     return _model(points, plane_id, outline, spacing, ground_elevation, attributes, config)
-
-
-def _order(points: FloatArray, plane_id: NDArray[np.uint16]) -> IntArray:
-    """Return the rows by y, x, z and plane; all but y are looked at only where it is equal."""
-    y = points[:, 1]
-    order = np.argsort(y)
-    equal = y[order[1:]] == y[order[:-1]]
-    tied = np.flatnonzero(np.append(equal, False) | np.append(False, equal))
-    rows = order[tied]
-    order[tied] = rows[np.lexsort((plane_id[rows], points[rows, 2], points[rows, 0], y[rows]))]
-    return order
 
 
 def _model(

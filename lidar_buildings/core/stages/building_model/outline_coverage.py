@@ -89,14 +89,17 @@ def _count(
             at_u, at_v = int((x[column] - west) / size), int((y[row] - south) / size)
             is_near, is_covered = False, False
             for v in range(max(at_v - 1, 0), min(at_v + 2, n_rows)):
-                for u in range(max(at_u - 1, 0), min(at_u + 2, n_columns)):
+                # The cells of a row lie one after the other.
+                west_most, east_most = max(at_u - 1, 0), min(at_u + 1, n_columns - 1)
+                for j in range(first[v * n_columns + west_most], first[v * n_columns + east_most + 1]):
+                    i = order[j]
+                    if (xy[i, 0] - x[column]) ** 2 + (xy[i, 1] - y[row]) ** 2 < reach * reach:
+                        is_near = True
+                        is_covered = agrees[i]
                     if is_covered:
                         break
-                    for j in range(first[v * n_columns + u], first[v * n_columns + u + 1]):
-                        i = order[j]
-                        if (xy[i, 0] - x[column]) ** 2 + (xy[i, 1] - y[row]) ** 2 < reach * reach:
-                            is_near = True
-                            is_covered = is_covered or agrees[i]
+                if is_covered:
+                    break
             counts[1] += is_near
             counts[2] += is_covered
 

@@ -71,7 +71,7 @@ def partition_outline(
     """
     samples = make_samples(points, plane_id, outline, spacing)
     inward = np.concatenate([_reentrant_walls(ring) for ring in outline.rings])
-    roof = _Roof(outline, points, samples, inward, planes, spacing, config)
+    roof = _Roof(outline, points, samples, inward, Limits.of(points, spacing), planes, spacing, config)
     found = _label(roof, segments)
     missed = find_missed_parts(points, plane_id, found.above(roof), outline, spacing, config.min_face_area)
     if len(missed.sides):
@@ -89,6 +89,7 @@ class _Roof:
     points: FloatArray
     samples: Samples
     inward: FloatArray
+    limits: Limits
     planes: FloatArray
     spacing: float
     config: BuildingModelConfig
@@ -116,7 +117,7 @@ def _label(roof: _Roof, segments: FloatArray) -> _Labelled:
     lines = extend_segments(lines, walls_of(outline)) if len(planes) > 1 else lines[:0]
     cells = cut_into_cells(outline, lines)
     cell = cells_of_points(cells, roof.samples.points)
-    costs = plane_costs(roof.samples, cell, cells, planes, Limits.of(roof.points, roof.spacing))
+    costs = plane_costs(roof.samples, cell, cells, planes, roof.limits)
     labels = np.argmin(costs, axis=1)
     labels = simplified(cells, labels, costs, _BORDER_COST * roof.spacing, _CORNER_COST, config.min_face_area)
     return _Labelled(cells, labels, cell[: len(roof.points)])

@@ -197,7 +197,7 @@ def _best(members, vertices, least, mark, tried, labels, costs, corner_cost, gra
     """Return the neighbours' plane that shortens the description most, by more than `least`; or -1."""
     _, _, begin, around, _, sides, _, _ = graph
     own = labels[members[0]]
-    before = _length(members, vertices, labels, costs, corner_cost, graph)
+    before = _length(members, vertices, np.inf, labels, costs, corner_cost, graph)
     best, chosen = before + least, -1
     tried[own] = mark
     for c in members:
@@ -210,7 +210,7 @@ def _best(members, vertices, least, mark, tried, labels, costs, corner_cost, gra
                 tried[label] = mark
                 for i in members:
                     labels[i] = label
-                length = _length(members, vertices, labels, costs, corner_cost, graph)
+                length = _length(members, vertices, best, labels, costs, corner_cost, graph)
                 for i in members:
                     labels[i] = own
                 if length < best:
@@ -219,8 +219,8 @@ def _best(members, vertices, least, mark, tried, labels, costs, corner_cost, gra
 
 
 @inner_kernel
-def _length(members, vertices, labels, costs, corner_cost, graph):  # type: ignore[no-untyped-def]
-    """Return what some cells, their edges and their vertices cost [m³]."""
+def _length(members, vertices, most, labels, costs, corner_cost, graph):  # type: ignore[no-untyped-def]
+    """Return what some cells, their edges and their vertices cost [m³], or a part that is `most` already."""
     first, rows, begin, around, borders, sides, courses, prices = graph
     total = 0.0
     for c in members:
@@ -229,6 +229,8 @@ def _length(members, vertices, labels, costs, corner_cost, graph):  # type: igno
             one, other = sides[around[k], 0], sides[around[k], 1]
             if one >= 0 and other >= 0 and labels[one] != labels[other]:
                 total += prices[around[k]]
+        if total >= most:
+            return total
     for v in vertices:
         start, before = -1, -1
         for k in range(first[v], first[v + 1]):
