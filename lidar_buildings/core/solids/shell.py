@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import pairwise
+from itertools import chain
 
 import numpy as np
 
@@ -55,9 +55,12 @@ class Solid:
             return 0.0
         # Gauss: signed tetrahedra over fans of triangles; what a fan adds outside a ring it takes back.
         corners = self.vertices - self.vertices.mean(axis=0)
-        rings = [ring for face in self.faces for ring in face]
-        fans = np.array([(ring[0], a, b) for ring in rings for a, b in pairwise(ring[1:])], dtype=np.int64)
-        tip, one, other = corners[fans.reshape(-1, 3)].transpose(1, 0, 2)
+        rings = [ring for face in self.faces for ring in face if len(ring) > 2]
+        sizes = np.array([len(ring) for ring in rings], dtype=np.int64)
+        rows = np.fromiter(chain.from_iterable(rings), dtype=np.int64, count=int(sizes.sum()))
+        tips = np.repeat(np.cumsum(sizes) - sizes, sizes - 2)
+        ones = tips + 1 + np.arange(len(tips)) - np.repeat(np.cumsum(sizes - 2) - (sizes - 2), sizes - 2)
+        tip, one, other = (corners[rows[each]] for each in (tips, ones, ones + 1))
         return float(np.einsum("ij,ij->", tip, cross(one, other))) / 6.0
 
     def face_rings(self, face: Face) -> tuple[FloatArray, ...]:

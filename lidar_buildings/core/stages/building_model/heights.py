@@ -59,7 +59,18 @@ def within_limits(faces: list[RoofFacePatch], points: FloatArray, spacing: float
         Point spacing [m].
     """
     limits = Limits.of(points, spacing)
-    return [piece for face in faces for piece in _within(face, points, limits)]
+    planes, exteriors = np.array([face.plane for face in faces]), [face.rings[0] for face in faces]
+    sizes = np.array([len(ring) for ring in exteriors])
+    z = _elevations(np.repeat(planes, sizes, axis=0), np.concatenate(exteriors))
+    begin = np.cumsum(sizes) - sizes
+    slack = limits.per_rise * np.hypot(planes[:, 0], planes[:, 1])
+    low, high = limits.low - slack, limits.high + slack
+    keeps = (low <= np.minimum.reduceat(z, begin)) & (np.maximum.reduceat(z, begin) <= high)
+    return [
+        piece
+        for face, *levels, is_kept in zip(faces, low.tolist(), high.tolist(), keeps.tolist(), strict=True)
+        for piece in ([face] if is_kept else _pieces(face, points, levels))
+    ]
 
 
 def _next_corners(rings: list[FloatArray]) -> IntArray:
@@ -70,18 +81,13 @@ def _next_corners(rings: list[FloatArray]) -> IntArray:
     return follows
 
 
-def _within(face: RoofFacePatch, points: FloatArray, limits: Limits) -> list[RoofFacePatch]:
+def _pieces(face: RoofFacePatch, points: FloatArray, levels: list[float]) -> list[RoofFacePatch]:
     """
-    Return a face, or its pieces where it reaches beyond the limits: the part between them, and level ones.
+    Return the pieces of a face that reaches beyond two levels: the part between them, and level ones.
     """
-    slack = limits.per_rise * float(np.hypot(*face.plane[:2]))
-    levels = limits.low - slack, limits.high + slack
-    z = _elevations(face.plane, face.rings[0])
-    if levels[0] <= z.min() and z.max() <= levels[1]:
-        return [face]
     own = _elevations(face.plane, points[face.rows])
     whole, pieces = face.polygon, []
-    bands = ((-np.inf, levels[0]), levels, (levels[1], np.inf))
+    bands = ((-np.inf, levels[0]), (levels[0], levels[1]), (levels[1], np.inf))
     for (low, high), level in zip(bands, (levels[0], None, levels[1]), strict=True):
         plane = face.plane if level is None else np.array([0.0, 0.0, level])
         band = shapely.intersection(whole, _between(face, low, high), grid_size=GRID)

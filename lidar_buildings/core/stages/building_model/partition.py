@@ -11,12 +11,7 @@ from lidar_buildings.core.model.array_types import FloatArray, IntArray
 from lidar_buildings.core.model.outline import Outline, ring_walls
 from lidar_buildings.core.neighbours.few_rows import rows_by_number
 from lidar_buildings.core.stages.building_model.arrangement import Cells, cut_into_cells, walls_of
-from lidar_buildings.core.stages.building_model.cell_costs import (
-    Samples,
-    cells_of_points,
-    make_samples,
-    plane_costs,
-)
+from lidar_buildings.core.stages.building_model.cell_costs import cells_of_points, plane_costs
 from lidar_buildings.core.stages.building_model.config import BuildingModelConfig
 from lidar_buildings.core.stages.building_model.faces import (
     face_rings,
@@ -26,6 +21,7 @@ from lidar_buildings.core.stages.building_model.heights import Limits
 from lidar_buildings.core.stages.building_model.missed_parts import find_missed_parts
 from lidar_buildings.core.stages.building_model.noding import extend_segments
 from lidar_buildings.core.stages.building_model.roof_face import RoofFacePatch
+from lidar_buildings.core.stages.building_model.samples import Samples, make_samples
 from lidar_buildings.core.stages.building_model.simplification import simplified
 
 # Those with which `bench.models.run` divides the virtual roofs into their true faces.

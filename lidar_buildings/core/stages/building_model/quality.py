@@ -9,9 +9,9 @@ import numpy as np
 from lidar_buildings.core.model.array_types import FloatArray
 from lidar_buildings.core.model.outline import Outline
 from lidar_buildings.core.solids.shell import Solid
-from lidar_buildings.core.stages.building_model.cell_costs import EMPTY_DISTANCE
 from lidar_buildings.core.stages.building_model.outline_coverage import outline_coverage
 from lidar_buildings.core.stages.building_model.roof_face import RoofFacePatch
+from lidar_buildings.core.stages.building_model.samples import EMPTY_DISTANCE
 from lidar_buildings.core.stages.building_model.surface_distance import distance_to_surface
 
 #: A point agrees with the model if it is nearer than this [m].
