@@ -4,7 +4,6 @@ From roof points to outlines: this package's three stages, each timed, and what 
 
 from __future__ import annotations
 
-import math
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import fields, replace
@@ -18,7 +17,6 @@ from bench.common.arguments import settings_of
 from lidar_buildings.core.model.outline import Outline
 from lidar_buildings.core.model.status import BuildingStatus
 from lidar_buildings.core.model.tile import PointTile
-from lidar_buildings.core.neighbours.scan_pattern import ScanPattern
 from lidar_buildings.core.stages.boundary_tracing import BoundaryTracingConfig, trace_boundary
 from lidar_buildings.core.stages.regularisation import RegularisationConfig, regularise_outline
 from lidar_buildings.core.stages.segmentation import SegmentationConfig, segment_buildings
@@ -126,7 +124,7 @@ def chain_of(roofs: PointTile, configs: Configs) -> Chain:
                 rows=rows,
                 traced=traced.outline,
                 outline=regular.outline,
-                spacing=mean_spacing(found.patterns[number]),
+                spacing=found.patterns[number].spacing,
                 sigma=regular.sigma,
                 max_offset=regular.max_offset,
                 is_regular=regular.status is BuildingStatus.OK,
@@ -160,11 +158,6 @@ def bias_variants(configs: Configs) -> dict[str, Configs]:
         name: configs._replace(regularisation=replace(configs.regularisation, **{"correct_bias": corrected}))
         for name, corrected in (("through the points", False), ("bias corrected", True))
     }
-
-
-def mean_spacing(pattern: ScanPattern) -> float:
-    """Return the side of the square that each point has, the paper's spacing [m]."""
-    return math.sqrt(pattern.along * pattern.across)
 
 
 def vertex_count(polygon: shapely.Polygon) -> int:

@@ -70,6 +70,11 @@ class ScanPattern:
         """How many times the larger spacing is the smaller."""
         return max(self.along, self.across) / min(self.along, self.across)
 
+    @property
+    def spacing(self) -> float:
+        """Side of the square that belongs to a pulse [m]."""
+        return math.sqrt(self.along * self.across)
+
     @classmethod
     def isotropic(cls, spacing: float) -> ScanPattern:
         """Return the pattern without lines."""

@@ -18,6 +18,7 @@ from lidar_buildings.core.neighbours.scan_pattern import ScanPattern
 from lidar_buildings.core.stages.boundary_tracing.alpha_rings import alpha_outline
 from lidar_buildings.core.stages.boundary_tracing.config import BoundaryTracingConfig
 from lidar_buildings.core.stages.boundary_tracing.courtyards import CourtyardRules
+from lidar_buildings.core.stages.boundary_tracing.gaps import gap_spacing
 from lidar_buildings.core.stages.boundary_tracing.point_grid import PointGrid, build_point_grid
 from lidar_buildings.core.stages.boundary_tracing.rings import RingTracer
 
@@ -116,21 +117,29 @@ def trace_boundary(
     others = None if other_points is None else _plan(other_points)
     spacing = _spacing(cloud, pattern, point_spacing)
     known, is_rectangle = pattern or ScanPattern.isotropic(spacing), config.neighbourhood == "rectangle"
-    grid = build_point_grid(
-        cloud, known if is_rectangle else _widened(known), config.window, is_rectangle=is_rectangle
-    )
+    known = known if is_rectangle else _widened(known)
+    grid = build_point_grid(cloud, known, config.window, is_rectangle=is_rectangle)
     why_degenerate = _degeneracy(grid, spacing)
     if why_degenerate:
         outline = Outline(_simple_cover(np.column_stack([grid.x, grid.y]), spacing))
         return TracedBoundary(outline, spacing, BuildingStatus.DEGENERATE, why_degenerate)
-    rules = CourtyardRules(
+    yards = CourtyardRules(
         radius=_MIN_COURTYARD_WIDTH * spacing / 2,
         min_area=config.min_courtyard_area,
         min_band=config.min_courtyard_band * spacing,
         min_others=_MIN_OTHER_SHARE / spacing**2,
         others=others,
     )
-    outline, reasons = _METHODS[config.method](grid, config, spacing, rules if config.courtyards else None)
+    rules = yards if config.courtyards else None
+    trace = _METHODS[config.method]
+    outline, reasons = trace(grid, config, spacing, rules)
+    if not is_rectangle:
+        across_gaps = _across_gaps(known, grid, outline)
+        if across_gaps != known:
+            grid = build_point_grid(cloud, across_gaps, config.window, is_rectangle=False)
+            smoother, why = trace(grid, config, spacing, rules)
+            if len(smoother.holes) == len(outline.holes):
+                outline, reasons = smoother, why
     return TracedBoundary(outline, spacing, BuildingStatus.OK, "; ".join(reasons))
 
 
@@ -178,7 +187,7 @@ def _spacing(cloud: NDArray[np.float64], pattern: ScanPattern | None, point_spac
     if point_spacing is not None:
         return given_or_measured(cloud, point_spacing)
     if pattern is not None:
-        return float(np.sqrt(pattern.along * pattern.across))
+        return pattern.spacing
     return _sampled_spacing(cloud)
 
 
@@ -202,6 +211,13 @@ def _widened(pattern: ScanPattern) -> ScanPattern:
     """Return a pattern whose smaller spacing is not much smaller: lines are never so straight and even."""
     least = max(pattern.along, pattern.across) / _MAX_RATIO
     return replace(pattern, along=max(pattern.along, least), across=max(pattern.across, least))
+
+
+def _across_gaps(pattern: ScanPattern, grid: PointGrid, outline: Outline) -> ScanPattern:
+    """Return the pattern as much wider as the gaps between the points are than its own."""
+    positions = np.column_stack((grid.x, grid.y))
+    wider = gap_spacing(positions, outline.polygon, pattern.spacing) / pattern.spacing
+    return replace(pattern, along=pattern.along * wider, across=pattern.across * wider)
 
 
 def _degeneracy(grid: PointGrid, spacing: float) -> str:
