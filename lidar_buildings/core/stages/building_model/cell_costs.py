@@ -41,7 +41,8 @@ def _cells_above(points, lines, sides, tiles, start, items):  # type: ignore[no-
     """
     Return what lies above the next edge below each point.
 
-    The edges lead east. Tiles that none of them touches lie in one cell.
+    The edges lead east. Above a vertex the steepest of those that leave it counts, whichever tile shows it
+    first. Tiles that none of them touches lie in one cell.
     """
     west, south, side, n_columns, n_rows = tiles[0], tiles[1], tiles[2], int(tiles[3]), int(tiles[4])
     known = np.full(len(start) - 1, -2, np.int64)
@@ -49,7 +50,7 @@ def _cells_above(points, lines, sides, tiles, start, items):  # type: ignore[no-
     for i in range(len(points)):
         x, y = points[i, 0], points[i, 1]
         column, row = tile_of(x, west, side, n_columns), tile_of(y, south, side, n_rows)
-        cell, highest, empty = -1, -np.inf, -1
+        cell, highest, steepest, empty = -1, -np.inf, 0.0, -1
         while row >= 0:
             tile = column * n_rows + row
             if start[tile] == start[tile + 1] and highest == -np.inf:
@@ -63,9 +64,10 @@ def _cells_above(points, lines, sides, tiles, start, items):  # type: ignore[no-
                 if not ax <= x < bx:
                     continue
                 ay = lines[e, 1]
-                z = ay + (lines[e, 3] - ay) / (bx - ax) * (x - ax)
-                if highest < z <= y:
-                    highest, cell = z, sides[e, 0]
+                slope = (lines[e, 3] - ay) / (bx - ax)
+                z = ay + slope * (x - ax)
+                if z <= y and (z > highest or (z == highest and slope > steepest)):
+                    highest, steepest, cell = z, slope, sides[e, 0]
             if highest >= south + row * side:
                 break
             row -= 1

@@ -109,6 +109,16 @@ def test_places_are_found_in_their_cells_and_courtyards_are_beside_all():
         assert np.array_equal(found == number, shapely.contains(polygon, points))
 
 
+def test_a_place_above_a_vertex_lies_where_the_next_one_east_does():
+    ends = np.random.default_rng(4).uniform(-1.0, 11.0, (20, 2))
+    lines = np.stack([ends, ends[::-1]], axis=1)
+    cells = cut_into_cells(Outline(SQUARE), extend_segments(lines, walls_of(Outline(SQUARE))))
+    inner = cells.vertices[(cells.vertices > 0.0).all(axis=1) & (cells.vertices < 10.0).all(axis=1)]
+    above = np.concatenate([inner + np.array([0.0, 0.001 * k]) for k in range(1, 1000, 50)])
+    beside = above + np.array([1e-9, 0.0])
+    assert np.array_equal(cells_of_points(cells, above), cells_of_points(cells, beside))
+
+
 def strips(xs):
     cells = cut_into_cells(Outline(SQUARE), np.array([[[x, -1.0], [x, 11.0]] for x in xs]))
     return cells, np.argsort(np.argsort(shapely.bounds(cells.polygons)[:, 0]))
