@@ -2,7 +2,12 @@
 
 import numpy as np
 
-from lidar_buildings.core.stages.roof_selection.smooth_patches.plane_votes import N_VOTERS, plane_votes
+from lidar_buildings.core.stages.roof_selection.smooth_patches.plane_votes import (
+    N_VOTERS,
+    mean_votes,
+    plane_votes,
+)
+from lidar_buildings.core.stages.roof_selection.smooth_patches.roofs import MIN_VOTES, SURE_VOTES
 
 
 def gable_of_a_few_points(spacing=1.7, slope=0.7, seed=0):
@@ -35,3 +40,27 @@ def test_fewer_points_than_voters_have_no_plane():
     votes, normals = plane_votes(np.zeros((N_VOTERS, 3)), 0.125)
     assert not votes.any()
     np.testing.assert_array_equal(normals, np.tile([0.0, 0.0, 1.0], (N_VOTERS, 1)))
+
+
+def test_a_point_of_a_gable_without_votes_of_its_own_is_carried_by_those_around():
+    points = gable_of_a_few_points()
+    votes, _ = plane_votes(points, 0.125)
+    middle = int(np.argmin(abs(points[:, 0]) + abs(points[:, 1] - 6.0)))
+    votes[middle] = 0
+    mean = mean_votes(points, votes)
+    assert mean[middle] >= MIN_VOTES
+    assert (mean >= MIN_VOTES).mean() > 0.9
+
+
+def test_a_crown_is_never_surely_roof_and_no_roof_where_it_splits_pulses():
+    crown = np.random.default_rng(1).uniform(0.0, 8.0, (40, 3))
+    # Planes by chance: four votes in the mean where every return is the only one of its pulse.
+    votes, _ = plane_votes(crown, 0.125)
+    assert mean_votes(crown, votes).max() < SURE_VOTES
+    is_last = np.arange(len(crown)) % 2 == 0
+    votes[is_last], votes[~is_last] = plane_votes(crown[is_last], 0.125)[0], 0
+    assert mean_votes(crown, votes).max() < MIN_VOTES
+
+
+def test_mean_votes_of_few_points_are_their_own():
+    np.testing.assert_array_equal(mean_votes(np.zeros((3, 3)), np.array([0, 2, 1])), [0.0, 2.0, 1.0])

@@ -49,6 +49,25 @@ def plane_votes(
     return votes, normals
 
 
+def mean_votes(points: NDArray[np.float64], votes: NDArray[np.integer]) -> NDArray[np.float64]:
+    """
+    Return the mean votes of each point and its nearest neighbours in plan.
+
+    One point's votes say little where faces hold few points; a crown has few votes as a whole.
+
+    Parameters
+    ----------
+    points : ndarray of shape (n_points, 3)
+        Everything that is high enough to be roof, whichever the return [m].
+    votes : ndarray of int, shape (n_points,)
+        0 for returns that others of their pulse came after: foliage has many.
+    """
+    if len(points) <= N_VOTERS:
+        return votes.astype(np.float64)
+    plan = points[:, :2]
+    return np.asarray(votes[cKDTree(plan).query(plan, N_VOTERS + 1)[1]].mean(axis=1))
+
+
 @kernel
 def _vote(points, near, max_distance, min_upward, votes, normals, begin, end):  # type: ignore[no-untyped-def]
     away = np.empty((near.shape[1], 3))

@@ -16,7 +16,7 @@ from lidar_buildings.core.stages.roof_selection.smooth_patches.foliage import (
     Patches,
     is_foliage,
 )
-from lidar_buildings.core.stages.roof_selection.smooth_patches.plane_votes import plane_votes
+from lidar_buildings.core.stages.roof_selection.smooth_patches.plane_votes import mean_votes, plane_votes
 from lidar_buildings.core.stages.roof_selection.surroundings import MAX_LINEARITY
 from lidar_buildings.core.surfaces.eigenfeatures import eigen_features
 from lidar_buildings.core.surfaces.surface_patches import connected_columns, smooth_patches
@@ -52,11 +52,17 @@ class RoofSurface:
         Point of a smooth surface steeper than a roof.
     normals : ndarray of shape (n_surface_points, 3)
         Their unit normals.
+    is_deck : ndarray of bool, shape (n_points,)
+        Point of a patch that is a deck.
+    votes : ndarray of shape (n_points,) or None
+        Mean votes around each point from `min_height` on; None where neighbourhoods are no wider than faces.
     """
 
     is_surface: NDArray[np.bool_]
     is_wall: NDArray[np.bool_]
     normals: NDArray[np.float64]
+    is_deck: NDArray[np.bool_]
+    votes: NDArray[np.float64] | None
 
 
 def find_roof_surface(candidates: Candidates, config: RoofSelectionConfig) -> RoofSurface:
@@ -87,12 +93,17 @@ def find_roof_surface(candidates: Candidates, config: RoofSelectionConfig) -> Ro
     is_surface, is_wall = np.zeros((2, n), dtype=bool)
     is_wall[rows[smooth & steep]] = True
     level, normals = smooth & ~steep, features.normals
+    around = None
     if 2.0 * radius > FACE_WIDTH:
         votes, voted = plane_votes(columns.points.take(rows, axis=0), config.max_roughness)
         is_voted = ~level & (votes >= MIN_VOTES)
         normals = np.where(is_voted[:, None], voted, normals)
         roughness[is_voted] = PATCH_ROUGHNESS[0] * config.max_roughness
         level |= is_voted
+        own, high = np.zeros(n, dtype=np.int64), np.flatnonzero(candidates.height >= config.min_height)
+        own[rows] = votes
+        around = np.zeros(n)
+        around[high] = mean_votes(columns.points.take(high, axis=0), own[high])
     is_surface[rows[level]] = True
     points, normals, roughness = columns.select(is_surface), normals[level], roughness[level]
     reach = _link_lengths(features.n_neighbours[level], features.radius[level], radius)
@@ -108,15 +119,17 @@ def find_roof_surface(candidates: Candidates, config: RoofSelectionConfig) -> Ro
     patch[points.rows] = label
     patches = Patches(points, label, candidates.areas(patch, label.max(initial=-1) + 1))
     del patch
-    accepted = _accepted(candidates, patches, roughness, config)
+    accepted, is_deck_point = _accepted(candidates, patches, roughness, config)
     is_surface[points.rows[~accepted]] = False
-    return RoofSurface(is_surface, is_wall, normals[accepted])
+    on_deck = np.zeros(n, dtype=bool)
+    on_deck[points.rows[is_deck_point]] = True
+    return RoofSurface(is_surface, is_wall, normals[accepted], on_deck, around)
 
 
 def _accepted(
     candidates: Candidates, patches: Patches, roughness: NDArray[np.float64], config: RoofSelectionConfig
-) -> NDArray[np.bool_]:
-    """Tell which smooth points are of patches that start a roof, or are connected with one in plan."""
+) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """Tell which smooth points are of patches that start a roof or touch one in plan, and which of decks."""
     relative = patches.mean(roughness) / config.max_roughness
     limit = PATCH_ROUGHNESS[np.digitize(patches.area, PATCH_SIZES * MIN_PATCH_AREA)]
     starts = relative <= limit
@@ -125,14 +138,13 @@ def _accepted(
     accepted &= ~is_foliage(candidates, patches, small_area)
     points, label = patches.columns, patches.label
     asked = accepted[label]
-    accepted &= ~is_deck(
-        points.points[asked], label[asked], len(accepted), candidates.ground, candidates.cell
-    )
+    decks = is_deck(points.points[asked], label[asked], len(accepted), candidates.ground, candidates.cell)
+    accepted &= ~decks
     touching = points.select(accepted[label])
     part = connected_columns(touching, candidates.radius, in_plan=True)
     is_roof = np.zeros(len(label), dtype=bool)
     is_roof[touching.rows] = (np.bincount(part, starts[label[touching.rows]]) > 0)[part]
-    return is_roof
+    return is_roof, decks[label]
 
 
 def _link_lengths(

@@ -25,6 +25,9 @@ PART_SINK = 0.5
 MAX_PART_HEIGHT = 3.0
 #: Share of a part's points that have to have roof around them.
 PART_SHARE = 0.7
+#: Where neighbourhoods are wider than faces: mean votes, of twelve, around a point of a roof, and those from
+#: which on it is one whatever its patch. Houses have 7 in the mean, crowns 1 to 3.
+MIN_VOTES, SURE_VOTES = 4.0, 5.5
 #: Side of the cells in which narrow parts are found: half of an area's cell, but no smaller than this [m].
 MIN_PLAN_CELL = 0.25
 
@@ -55,6 +58,9 @@ def find_roofs(candidates: Candidates, config: RoofSelectionConfig) -> NDArray[n
     roof = can_be_roof & near_tangent_plane(
         columns, surface.normals, surface.is_surface, radius, config.max_plane_distance
     )
+    if surface.votes is not None:
+        roof = (roof & (surface.votes >= MIN_VOTES)) | (surface.votes >= SURE_VOTES)
+        roof &= can_be_roof & ~surface.is_deck
     del surface
     held = _held(columns, roof, radius)
     stands = _small_parts(candidates, roof, held, config) | (held & candidates.is_last)
