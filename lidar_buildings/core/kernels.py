@@ -139,6 +139,12 @@ def inner_kernel(function: Callable[..., Any]) -> Any:
     return _without_literals(njit(**_INNER_OPTIONS)(function))
 
 
+def inlined(loop: Any) -> Any:
+    """Put a short loop into each of its callers whole, so that they can be made wide (SIMD)."""
+    loop.targetoptions["forceinline"] = True
+    return loop
+
+
 def _without_literals(loop: Any) -> Any:
     """Let a loop that is called with 0 and with 1 be one that is called with whole numbers."""
     template_for = loop.get_call_template

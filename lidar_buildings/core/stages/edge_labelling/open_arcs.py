@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lidar_buildings.core.kernels import inner_kernel, kernel
+from lidar_buildings.core.kernels import inlined, inner_kernel, kernel
 
 #: What is left open by less than this part of a quarter turn is closed, so that points of a lattice tie
 #: everywhere or nowhere.
@@ -75,6 +75,7 @@ def _gap(edges: NDArray[Any], place: NDArray[Any]) -> NDArray[Any]:
     return np.maximum(np.maximum(edges[:-1] - place, place - edges[1:]), 0.0)
 
 
+@inlined
 @kernel
 def square_at(east, north):  # type: ignore[no-untyped-def]
     """Return the number of the square at a place in units of squares; 0 is too far off."""

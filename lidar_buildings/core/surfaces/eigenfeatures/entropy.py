@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from lidar_buildings.core.kernels import inner_kernel, kernel
+from lidar_buildings.core.kernels import inlined, inner_kernel, kernel
 from lidar_buildings.core.surfaces.symmetric_eigen import SMALLEST, eigenvalues_3x3
 
 #: How the entropy is counted: of the shares of line, plane and volume, or of the eigenvalues.
@@ -20,6 +20,7 @@ SQRT_HALF_BITS = int(np.float64(math.sqrt(0.5)).view(np.int64))
 SERIES = tuple(2.0 / power for power in range(17, 0, -2))
 
 
+@inlined
 @kernel
 def entropy_of_shape(dimensionality, xx, xy, xz, yy, yz, zz):  # type: ignore[no-untyped-def]
     """
@@ -49,6 +50,7 @@ def entropy_of_shape(dimensionality, xx, xy, xz, yy, yz, zz):  # type: ignore[no
     return entropy if trace > 0.0 else np.inf
 
 
+@inlined
 @inner_kernel
 def _parts(share):  # type: ignore[no-untyped-def]
     """Return a share, at least `SMALLEST`, and x and e of it: a = x 2^e, x between √½ and √2."""
@@ -58,6 +60,7 @@ def _parts(share):  # type: ignore[no-untyped-def]
     return share, np.int64(bits - (exponent << 52)).view(np.float64), exponent
 
 
+@inlined
 @inner_kernel
 def _log(t, exponent):  # type: ignore[no-untyped-def]
     """

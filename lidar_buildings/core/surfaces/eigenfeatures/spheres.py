@@ -11,7 +11,7 @@ import math
 
 import numpy as np
 
-from lidar_buildings.core.kernels import inner_kernel, kernel
+from lidar_buildings.core.kernels import inlined, inner_kernel, kernel
 from lidar_buildings.core.neighbours.windows import first_windows, move_windows
 from lidar_buildings.core.surfaces.eigenfeatures.entropy import MAX_ENTROPY, entropy_of_shape
 from lidar_buildings.core.surfaces.eigenfeatures.moments import (
@@ -172,6 +172,7 @@ def _axes_of(batch, rows):  # type: ignore[no-untyped-def]
     return axes[N_COVARIANCE * BATCH_ROWS :]
 
 
+@inlined
 @inner_kernel
 def _covariance(batch, row):  # type: ignore[no-untyped-def]
     """Return xx, xy, xz, yy, yz, zz of the covariance about the mean, 0 for fewer than two points."""
