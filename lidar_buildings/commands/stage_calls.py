@@ -18,7 +18,6 @@ from lidar_buildings.core.stages.boundary_tracing.walk_recovery import bridge_ga
 from lidar_buildings.core.stages.roof_selection.smooth_patches.plane_votes import plane_votes
 from lidar_buildings.core.stages.roof_selection.smooth_patches.wet_roofs import find_wet_roofs
 from lidar_buildings.core.stages.roof_selection.surroundings import share_around
-from lidar_buildings.core.stages.segmentation.loose_points import building_beside
 from lidar_buildings.core.stages.terrain import RasterConfig
 from lidar_buildings.core.surfaces.brightness import brightness_raster
 from lidar_buildings.core.surfaces.roof_planes.adjustment import common_point
@@ -88,8 +87,6 @@ def _rare() -> None:
     everywhere = np.ones(len(roof), dtype=bool)
     find_wet_roofs(roof, roof[:, 2], everywhere, ~everywhere, 1.0, _CONFIG.roof_selection)
     plane_votes(roof, 0.1)
-    halves, kinds = (x[pool] > 20.0).astype(np.int64), np.array([True, False])
-    building_beside(roof, halves, kinds, ~kinds, 2.0)
     columns = by_column(roof, 1.0)
     share_around(columns, *np.ones((2, len(roof)), dtype=bool), 1.0)
     grid = build_point_grid(roof, ScanPattern(0.0, 1.0, 1.0), 2.0)

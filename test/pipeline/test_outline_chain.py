@@ -20,7 +20,7 @@ from lidar_buildings.pipeline.tile_stages import trace_buildings
 
 SPACING = 0.35
 #: Every cluster is a building, however small.
-KEEP_ALL = SegmentationConfig(min_points=1, min_area=0.0, loose_reach=0.0)
+KEEP_ALL = SegmentationConfig(min_points=1, min_area=0.0)
 
 
 def roof(west, south, east, north, spacing=SPACING, seed=0):

@@ -85,9 +85,9 @@ def test_the_ring_is_traced_from_the_edge_points_unless_they_are_too_few():
 
 def test_walls_that_have_passed_each_other_are_no_outline():
     square = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
-    ring, config = Outline(np.repeat(square, 2, axis=0)), RegularisationConfig(min_overlap=0.0)
-    assert "valid" in _problem(Outline(square[::-1]), ring, 0.0, config)
-    assert _problem(Outline(square), ring, 0.0, config) == ""
+    ring = Outline(np.repeat(square, 2, axis=0))
+    assert "valid" in _problem(Outline(square[::-1]), ring)
+    assert _problem(Outline(square), ring) == ""
 
 
 def test_consecutive_edges_of_a_round_tower_have_similar_slopes():

@@ -9,14 +9,12 @@ from lidar_buildings.core.model.parameters import StageConfig, parameter
 from lidar_buildings.core.stages.regularisation.concavities import ConcavityLimits
 from lidar_buildings.core.stages.regularisation.division import Costs
 
-#: Smallest radius and length of an arc that points can tell from a corner [spacings].
-_MIN_RADIUS, _MIN_ARC = 6.0, 10.0
 #: Depth and length of a concavity up to which it is where scan lines happen to end [spacings].
 _MAX_DEPTH, _MAX_LENGTH = 1.0, 12.0
 #: Area of a gap up to which it is left by chance [spacings²], and its depth [spacings].
 _MAX_GAP_AREA = 3.0
 #: What a direction of its own and an arc must save in squared offsets over noise² beside the wall's cost.
-OWN_DIRECTION_COST, _ARC_COST = 15.0, 32.0
+OWN_DIRECTION_COST, _ARC_COST = 15.0, 60.0
 
 
 @dataclass(frozen=True)
@@ -137,13 +135,6 @@ class RegularisationConfig(StageConfig):
         minimum=0.0,
         maximum=10.0,
     )
-    min_overlap: float = parameter(
-        0.85,
-        "Smallest intersection over union with the traced outline; raising it keeps more outlines as traced.",
-        minimum=0.0,
-        maximum=1.0,
-        advanced=True,
-    )
     keep_outlines: bool = parameter(
         False,
         "Whether all outlines stay as they are: set where footprints are given.",
@@ -167,8 +158,6 @@ class RegularisationConfig(StageConfig):
             own_direction=OWN_DIRECTION_COST,
             step=self.wall_cost,
             arc=_ARC_COST if self.curved_walls else float("inf"),
-            min_radius=_MIN_RADIUS * spacing,
-            min_arc=_MIN_ARC * spacing,
         )
 
 
@@ -182,5 +171,4 @@ AS_PUBLISHED = RegularisationConfig(
     max_directions=1,
     angle_tolerance_deg=45.0,
     curved_walls=False,
-    min_overlap=0.0,
 )

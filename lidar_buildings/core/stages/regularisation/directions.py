@@ -66,8 +66,7 @@ def shared_directions(
 
     First step of Sampath & Shan (2007): walls that are parallel or perpendicular within a tolerance form a
     group and get one direction by a joint least squares adjustment in which they are exactly so. Beyond the
-    paper, walls that do not fit their group's direction form groups of their own, and a group that fits at
-    45° to the first takes exactly that direction.
+    paper, walls that do not fit their group's direction form groups of their own.
 
     Parameters
     ----------
@@ -88,24 +87,15 @@ def shared_directions(
         Angles of normals within 0 to π/2, each standing for itself and its perpendicular [rad].
     """
     remaining = sorted(walls, key=lambda wall: -wall.length)
-    groups: list[tuple[float, float, list[WallScatter]]] = []
+    groups: list[tuple[float, float]] = []
     limit = max_misfit * noise**2
     while remaining and len(groups) < max_directions:
         angle, members = _group(remaining, tolerance, limit)
-        groups.append((-sum(wall.length for wall in members), angle, members))
+        groups.append((-sum(wall.length for wall in members), angle))
         chosen = set(map(id, members))
         remaining = [wall for wall in remaining if id(wall) not in chosen]
     groups.sort(key=lambda group: group[0])
-    return tuple(_at_45(groups[0][1], angle, members, limit) for _, angle, members in groups)
-
-
-def _at_45(main: float, angle: float, members: list[WallScatter], limit: float) -> float:
-    """
-    Return the direction at 45° to the main one if all of a group's walls fit it, otherwise the group's own.
-    """
-    diagonal = (main + _RIGHT_ANGLE / 2) % _RIGHT_ANGLE
-    fits = all(wall.misfit(diagonal) - wall.misfit(angle) <= limit for wall in members)
-    return diagonal if fits and turn_between(angle, diagonal) < _RIGHT_ANGLE / 8 else angle
+    return tuple(angle for _, angle in groups)
 
 
 def _group(

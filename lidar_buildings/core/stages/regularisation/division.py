@@ -14,7 +14,6 @@ from lidar_buildings.core.stages.regularisation.moments import (
     least_scatter,
     running_sums,
     scatter_of,
-    way_along,
 )
 
 #: Most samples of one wall: fewer the larger a ring is, so that time grows no faster than the ring. Pieces of
@@ -22,8 +21,6 @@ from lidar_buildings.core.stages.regularisation.moments import (
 _MAX_WALL_SAMPLES, _MIN_WALL_SAMPLES, _MAX_PAIRS = 500, 60, 1_000_000
 #: Fewest samples that define a direction of their own, and an arc.
 _MIN_FREE_SAMPLES, _MIN_ARC_SAMPLES = 3, 6
-#: An arc turns at least so far and no further than once round [rad].
-_MIN_ARC_TURN, _MAX_ARC_TURN = 0.5, 7.0
 #: Samples of an arc scatter no more than so many times the noise²: an arc through a shed's corners does.
 _MAX_ARC_MISFIT = 0.7
 #: Kinds of walls beside those along one of the given directions.
@@ -46,8 +43,6 @@ class Costs(NamedTuple):
         Added for the step between two consecutive walls of one direction.
     arc : float
         Added for an arc.
-    min_radius, min_arc : float
-        Smallest radius and length of an arc [m].
     """
 
     noise: float
@@ -55,8 +50,6 @@ class Costs(NamedTuple):
     own_direction: float
     step: float
     arc: float = np.inf
-    min_radius: float = 0.0
-    min_arc: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -134,9 +127,7 @@ def divide_ring(
 
 
 @kernel
-def _divide(  # type: ignore[no-untyped-def]
-    sums, n, shift, sense, cosines, sines, noise, wall, own_direction, step, arc, min_radius, min_arc
-):
+def _divide(sums, n, shift, sense, cosines, sines, noise, wall, own_direction, step, arc):  # type: ignore[no-untyped-def]
     """
     Return first sample and kind of each wall of an open chain from `shift` on, last to first, and the cost.
 
@@ -175,7 +166,7 @@ def _divide(  # type: ignore[no-untyped-def]
                 came_from[end, free] = start
             # An arc costs more than a free wall: it has to fit better by the difference.
             if arc < np.inf and end - start >= _MIN_ARC_SAMPLES and straight > arc - own_direction:
-                bent, is_arc = _bent(sums, shift + start, shift + end, sense, min_radius, min_arc, variance)
+                bent, is_arc = _bent(sums, shift + start, shift + end, sense, variance)
                 bent /= variance
                 least[s] = min(least[s], cheapest[start] + bent)
                 if is_arc and entry[start, bow] + bent < best[end, bow]:
@@ -197,20 +188,17 @@ def _divide(  # type: ignore[no-untyped-def]
 
 
 @inner_kernel
-def _bent(sums, start, end, sense, min_radius, min_arc, variance):  # type: ignore[no-untyped-def]
+def _bent(sums, start, end, sense, variance):  # type: ignore[no-untyped-def]
     """
     Return the squared offsets from the best circle, and whether the stretch may be an arc of it.
 
     An arc bulges out of its ring: hollows are straight, while gaps in the points, which look like hollows,
     may be round.
     """
-    _, _, radius, offsets = algebraic_circle(sums, start, end)
-    way = way_along(sums, start, end)
-    turn = way / radius
-    is_arc = radius >= min_radius and way >= min_arc and _MIN_ARC_TURN <= turn <= _MAX_ARC_TURN
+    _, _, _, offsets = algebraic_circle(sums, start, end)
     weight = sums[end, 0] - sums[start, 0]
-    is_arc = is_arc and offsets <= _MAX_ARC_MISFIT * variance * weight
-    return offsets, is_arc and sense * _bulge(sums, start, end) > 0.0
+    is_arc = offsets <= _MAX_ARC_MISFIT * variance * weight and sense * _bulge(sums, start, end) > 0.0
+    return offsets, is_arc
 
 
 @inner_kernel

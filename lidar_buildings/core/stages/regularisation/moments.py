@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from lidar_buildings.core.kernels import inner_kernel, kernel
+from lidar_buildings.core.kernels import kernel
 
-#: Columns: Σw, Σwx, Σwy, Σwxx, Σwxy, Σwyy, Σwxz, Σwyz, Σwzz with z = x² + y², and the way along the ring.
-N_SUMS = 10
+#: Columns: Σw, Σwx, Σwy, Σwxx, Σwxy, Σwyy, Σwxz, Σwyz, Σwzz with z = x² + y².
+N_SUMS = 9
 #: A determinant smaller than this share of the squared trace belongs to points on a line.
 _FLAT = 1e-9
 
@@ -26,13 +26,13 @@ def running_sums(points, weights):  # type: ignore[no-untyped-def]
 
     Returns
     -------
-    ndarray of shape (2 n_points + 2, 10)
-        Row i is of the points before the i-th; the way is that from point 0 to point i [m].
+    ndarray of shape (2 n_points + 2, 9)
+        Row i is of the points before the i-th.
     """
     n = len(points)
     sums = np.zeros((2 * n + 2, N_SUMS))
     for i in range(2 * n + 1):
-        k, m = i % n, (i + 1) % n
+        k = i % n
         x, y, w = points[k, 0], points[k, 1], weights[k]
         z = x * x + y * y
         sums[i + 1, 0] = sums[i, 0] + w
@@ -44,14 +44,7 @@ def running_sums(points, weights):  # type: ignore[no-untyped-def]
         sums[i + 1, 6] = sums[i, 6] + w * x * z
         sums[i + 1, 7] = sums[i, 7] + w * y * z
         sums[i + 1, 8] = sums[i, 8] + w * z * z
-        sums[i + 1, 9] = sums[i, 9] + np.hypot(points[m, 0] - x, points[m, 1] - y)
     return sums
-
-
-@inner_kernel
-def way_along(sums, start, end):  # type: ignore[no-untyped-def]
-    """Return the length of the way from the first to the last point of a stretch [m]."""
-    return sums[end - 1, 9] - sums[start, 9] if end > start else 0.0
 
 
 @kernel

@@ -32,8 +32,8 @@ from lidar_buildings.core.stages.regularisation.samples import (
 )
 from lidar_buildings.core.stages.regularisation.wall_offsets import offset_outwards, through_all_points
 
-#: Fewest ring points that are worth fitting walls to.
-_MIN_RING_POINTS = 8
+#: Fewest ring points that walls are fitted to: a rectangle has as many unknowns.
+_MIN_RING_POINTS = 5
 
 
 class _Fitted(NamedTuple):
@@ -72,7 +72,7 @@ def regularise_outline(traced: Outline, config: RegularisationConfig | None = No
     Returns
     -------
     RegularisedOutline
-        The traced outline with its reason where the walls give no valid ring or one that differs too much.
+        The traced outline with its reason where the walls give no valid ring or no simpler one.
 
     Raises
     ------
@@ -106,11 +106,11 @@ def regularise_outline(traced: Outline, config: RegularisationConfig | None = No
     ]
     empty = estimated_bias(samples, ring_spacing(checked))
     bias = empty - _mean_move(rings)
-    result = _result(traced, rings, centre, directions, bias, config)
+    result = _result(traced, rings, centre, directions, bias)
     if not config.correct_bias or result.status is not BuildingStatus.OK:
         return result
     corrected = [_corrected(ring, empty, fit, config.chord_error * spacing) for ring in rings]
-    moved = _result(traced, corrected, centre, directions, bias, config, moved=bias)
+    moved = _result(traced, corrected, centre, directions, bias)
     if moved.status is not BuildingStatus.OK:
         reason = f"walls are where the points are, since moved out to the edge: {moved.reason}"
         return replace(result, reason="; ".join(filter(None, (result.reason, reason))))
@@ -196,15 +196,13 @@ def _result(
     centre: NDArray[np.float64],
     directions: tuple[float, ...],
     bias: float,
-    config: RegularisationConfig,
-    moved: float = 0.0,
 ) -> RegularisedOutline:
     """Put the rings together, measure them, and say what is out of the ordinary."""
     exterior = rings[0].drawn.vertices + centre
     walled = [ring.drawn.vertices + centre for ring in rings[1:]]
     holes, kept = _fitting_holes(exterior, walled, traced.holes)
     outline = Outline(exterior, holes)
-    problem = _problem(outline, traced, moved, config)
+    problem = _problem(outline, traced)
     if problem:
         return _as_traced(traced, directions, problem, bias)
     points = np.concatenate([ring.samples.on_walls for ring in rings]) + centre
@@ -247,23 +245,15 @@ def _fitting_holes(
     return tuple(holes), kept
 
 
-def _problem(outline: Outline, traced: Outline, moved: float, config: RegularisationConfig) -> str:
-    """Say why an outline cannot stand for the traced one, moved outwards [m]; empty if it can."""
+def _problem(outline: Outline, traced: Outline) -> str:
+    """Say why an outline cannot stand for the traced one; empty if it can."""
     if len(outline.exterior) < 3:
         return "fewer than three walls were found"
-    polygon, ring = outline.polygon, traced.polygon
-    if (
-        not polygon.is_valid or signed_area(outline.exterior) <= 0.0
-    ):  # turned round: walls that pass each other
+    # walls that pass each other are turned round
+    if not outline.polygon.is_valid or signed_area(outline.exterior) <= 0.0:
         return "the walls do not make up a valid polygon"
-    if not ring.is_valid:
+    if not traced.polygon.is_valid:
         return "the traced outline is not valid"
-    if moved:
-        ring = ring.buffer(moved, join_style="mitre")
-    common = polygon.intersection(ring).area
-    overlap = common / (polygon.area + ring.area - common)
-    if overlap < config.min_overlap:
-        return f"the walls overlap with only {overlap:.0%} of the traced outline"
     if sum(map(len, outline.rings)) >= sum(map(len, traced.rings)):
         return "the walls are no simpler than the traced outline"
     return ""

@@ -42,15 +42,6 @@ class SegmentationConfig(StageConfig):
         unit="m²",
         minimum=0.0,
     )
-    loose_reach: float = parameter(
-        3.0,
-        "How far from one building, and from no other, too few points for a building still belong to it; "
-        "raising it leaves out fewer, 0 leaves out all.",
-        unit="spacings",
-        minimum=0.0,
-        maximum=20.0,
-        advanced=True,
-    )
     min_neck: float = parameter(
         2.5,
         "Width of a neck of points below which the buildings on its ends are two; raising it cuts wider "
@@ -83,4 +74,4 @@ class SegmentationConfig(StageConfig):
 
 #: As Sampath and Shan (2007) describe it: a window slightly larger than two spacings, and a least
 #: number of points, of which they do not say how many.
-AS_PUBLISHED = SegmentationConfig(window=2.2, min_line_ratio=1.0, min_area=0.0, loose_reach=0.0, min_neck=0.0)
+AS_PUBLISHED = SegmentationConfig(window=2.2, min_line_ratio=1.0, min_area=0.0, min_neck=0.0)

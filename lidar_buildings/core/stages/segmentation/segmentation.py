@@ -18,7 +18,6 @@ from lidar_buildings.core.neighbours.scan_pattern import (
     scan_cells,
 )
 from lidar_buildings.core.stages.segmentation.config import SegmentationConfig
-from lidar_buildings.core.stages.segmentation.loose_points import building_beside
 from lidar_buildings.core.stages.segmentation.members import (
     anchor_rows,
     by_component,
@@ -31,8 +30,6 @@ from lidar_buildings.core.stages.segmentation.scan_windows import Chains, chain_
 from lidar_buildings.core.stages.segmentation.steps import split_blocks
 from lidar_buildings.core.stages.segmentation.windows import turned
 
-#: Lines so many steps apart must not be taken for none [ratio of the spacings].
-FAR_APART = 4.0
 #: A building whose own points are sparser than expected by this factor has its own spacing: strips overlap
 #: elsewhere. Less than that may be the rim, where densities are measured too low.
 MIN_SPARSER = 1.25
@@ -142,8 +139,7 @@ def segment_buildings(
     )
     wide = group_spacings(cloud, cells, part, len(chain_of_part))
     patterns = {
-        int(ids[k]): _traced_pattern(own[k], chains.patterns[chain_of_part[k]], float(wide[k]), spacing)
-        for k in np.flatnonzero(ids[:-1])
+        int(ids[k]): _traced_pattern(own[k], float(wide[k]), spacing) for k in np.flatnonzero(ids[:-1])
     }
     return Segmentation(
         ids[part], id_of_block[block], _extent(chains.patterns, config.window, spacing), patterns
@@ -181,7 +177,7 @@ def _by_unit(
     own = group_spacings(cloud, cells, chains.component, chains.n_components)
     general = ScanPattern.isotropic(spacing)
     units = [
-        _traced_pattern(pattern, pattern, float(one), spacing)
+        _traced_pattern(pattern, float(one), spacing)
         for pattern, one in zip(chains.patterns, own, strict=True)
     ]
     is_general = np.array([unit == general for unit in units], dtype=bool)
@@ -194,16 +190,13 @@ def _by_unit(
 def _buildings(
     cloud: NDArray[np.float64], chains: Chains, config: SegmentationConfig, spacing: float
 ) -> NDArray[np.int64]:
-    """Return every point's component, with the loose points beside it, and −1 where that is no building."""
+    """Return every point's component, −1 where that is no building."""
     n_points = sizes(chains.component, chains.n_components)
     is_building = n_points >= config.min_points
-    is_loose = ~is_building
     if config.min_area > 0.0:
         area = occupied_areas(cloud, chains.component, chains.n_components, spacing)
         is_building &= area >= config.min_area
-    reach = config.loose_reach * spacing
-    joined = building_beside(cloud, chains.component, is_building, is_loose, reach)
-    return np.where(is_building[joined], joined, -1)[chains.component]
+    return np.where(is_building[chains.component], chains.component, -1)
 
 
 def _identified(
@@ -227,16 +220,10 @@ def _identified(
     return ids, id_of_block
 
 
-def _traced_pattern(own: ScanPattern, around: ScanPattern, own_spacing: float, spacing: float) -> ScanPattern:
-    """
-    Return a building's own pattern, or, where it is too small to show lines far apart, its surroundings'.
-
-    Without lines its spacing is its own where its points are clearly sparser than they are in general.
-    """
+def _traced_pattern(own: ScanPattern, own_spacing: float, spacing: float) -> ScanPattern:
+    """Return a building's own pattern; without lines, with its own spacing if its points are sparser."""
     if not own.is_isotropic:
         return own
-    if around.ratio >= FAR_APART:
-        return around
     return ScanPattern.isotropic(own_spacing if own_spacing > MIN_SPARSER * spacing else spacing)
 
 

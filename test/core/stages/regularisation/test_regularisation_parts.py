@@ -237,7 +237,7 @@ def test_an_arc_is_found_where_it_is_worth_its_cost():
     right = np.column_stack([np.full(20, 8.0), np.linspace(0, 9.5, 20)])
     ring = np.vstack([bow, *sides, base, right]) + np.random.default_rng(0).normal(0, 0.05, (110, 2))
     angles = np.array([0.0, np.pi / 2])
-    costs = Costs(0.1, 10.0, 15.0, 10.0, 25.0, 1.0, 3.0)
+    costs = Costs(0.1, 10.0, 15.0, 10.0, 25.0)
     found = divide_ring(ring, angles, costs)
     assert sorted(found.kind.tolist()) == [ARC, 0, 0, 1]
     assert ARC not in divide_ring(ring, angles, costs._replace(arc=np.inf)).kind

@@ -173,26 +173,7 @@ def turn(points, deg):
     return points @ np.array([[cos, sin, 0.0], [-sin, cos, 0.0], [0.0, 0.0, 1.0]])
 
 
-def test_loose_points_go_to_the_one_building_beside_them():
-    points = np.vstack((lattice(0, 0, 16, 16), lattice(12, 0, 16, 16)))
-    # 2.6 spacings and 4 spacings from the one.
-    beside, far = np.array([[-1.3, 3.0, 5.0]]), np.array([[-2.0, 3.0, 5.0]])
-    found = segment_buildings(
-        np.vstack((points, beside, far - np.array([0.0, 60.0, 0.0]))), point_spacing=0.5
-    )
-    assert found.building_id[-2] == found.building_id[0]
-    assert found.building_id[-1] == 0
-    assert segment_buildings(np.vstack((points, far)), point_spacing=0.5).building_id[-1] == 0
-    # Of two buildings none is nearer than the other by so much that it would be sure.
-    between = np.vstack((lattice(0, 0, 16, 16), lattice(10.1, 0, 16, 16), [[8.8, 3.1, 5.0]]))
-    found = segment_buildings(between, point_spacing=0.5)
-    assert found.building_id[-1] == 0
-    assert len(found.patterns) == 2
-    none = SegmentationConfig(loose_reach=0.0)
-    assert segment_buildings(np.vstack((points, beside)), none, point_spacing=0.5).building_id[-1] == 0
-
-
-def test_a_shed_is_not_loose_points():
+def test_a_shed_beside_a_building_is_none_of_it():
     shed = lattice(-2.9, 0, 4, 3)
     found = segment_buildings(np.vstack((lattice(0, 0, 16, 16), shed)), point_spacing=0.5)
     assert (found.building_id[-len(shed) :] == 0).all()

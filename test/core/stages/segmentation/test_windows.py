@@ -7,7 +7,7 @@ from lidar_buildings.core.neighbours.scan_pattern import ScanPattern, as_pulses
 from lidar_buildings.core.stages.segmentation import AS_PUBLISHED, SegmentationConfig, segment_buildings
 from lidar_buildings.core.stages.segmentation.scan_windows import chain_along_scan
 
-KEEP_ALL = SegmentationConfig(min_points=1, min_area=0.0, loose_reach=0.0, min_neck=0.0)
+KEEP_ALL = SegmentationConfig(min_points=1, min_area=0.0, min_neck=0.0)
 
 
 def grown_as_published(xy, pattern, window):
@@ -79,7 +79,7 @@ def test_a_lattice_with_points_on_the_rim_of_the_window_is_chained_as_published(
     points = np.column_stack((cells * step, np.zeros(len(cells))))
     found = segment_buildings(
         points,
-        SegmentationConfig(window=window, min_points=1, min_area=0.0, loose_reach=0.0, min_neck=0.0),
+        SegmentationConfig(window=window, min_points=1, min_area=0.0, min_neck=0.0),
         point_spacing=step,
     )
     expected = grown_as_published(points[:, :2], ScanPattern.isotropic(step), window)
