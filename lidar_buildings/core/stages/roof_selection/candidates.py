@@ -29,7 +29,7 @@ class Candidates:
     """
     The points that rise above ground, and what a method may want to know of them.
 
-    A method returns which of them are roof, of any size: small buildings are dropped by the caller.
+    A method returns which of them are roof, small buildings dropped by `of_buildings`.
 
     Attributes
     ----------
@@ -76,3 +76,16 @@ class Candidates:
     def areas(self, label: NDArray[np.int64], n_labels: int) -> NDArray[np.float64]:
         """Return the area of the cells that the points of each label occupy [m²]; −1 is none."""
         return plan_areas(label[self._cells.rows], n_labels, self._cells.first, self.cell)
+
+    def of_buildings(
+        self, roof: NDArray[np.bool_], min_area: float, is_wide: NDArray[np.bool_] | None = None
+    ) -> NDArray[np.bool_]:
+        """Tell which roof points are of buildings in plan with so much area [m²], and with a wide place."""
+        rows = np.flatnonzero(roof)
+        label, n = self.parts(rows, self.radius, in_plan=True)
+        is_kept = self.areas(label, n) >= min_area
+        if is_wide is not None:
+            is_kept &= np.bincount(label[rows], is_wide[rows], n) > 0
+        kept = np.zeros(len(roof), dtype=bool)
+        kept[rows] = is_kept[label[rows]]
+        return kept

@@ -51,7 +51,7 @@ def find_roofs(candidates: Candidates, config: RoofSelectionConfig) -> NDArray[n
     Returns
     -------
     ndarray of bool, shape (n_points,)
-        Roofs of any size; the caller drops small buildings.
+        Roofs of buildings.
     """
     high = candidates.columns.select(candidates.height >= config.min_height)
     side = max(config.planarity_cell, MIN_CELL_SPACINGS * candidates.cell / 2.0)
@@ -60,7 +60,7 @@ def find_roofs(candidates: Candidates, config: RoofSelectionConfig) -> NDArray[n
     continued = near_tangent_plane(high, normals[is_planar], is_planar, side / 2.0, config.max_plane_distance)
     roof = np.zeros(len(candidates.points), dtype=bool)
     roof[high.rows] = continued & (kind != RUGGED)
-    return roof
+    return candidates.of_buildings(roof, config.min_building_area)
 
 
 def _judged(

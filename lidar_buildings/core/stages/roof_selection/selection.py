@@ -29,7 +29,6 @@ from lidar_buildings.core.stages.roof_selection.vegetation import vegetation_cla
 from lidar_buildings.core.surfaces.intensity import normalised_intensity as normalised_by_strip
 from lidar_buildings.core.surfaces.intensity import strip_scales
 from lidar_buildings.core.surfaces.minimum_surface import height_above_minimum
-from lidar_buildings.core.surfaces.surface_patches import connected_columns
 
 #: Classes that are decided here; what has another one has it for good, but for ground that is road.
 OPEN = (
@@ -48,7 +47,9 @@ METHODS = {
     "smooth_patches": smooth_patches.find_roofs,
     "lasclassify": lasclassify.find_roofs,
     "single_returns": single_returns.find_roofs,
-    "all": lambda candidates, config: candidates.height >= config.min_height,
+    "all": lambda candidates, config: candidates.of_buildings(
+        candidates.height >= config.min_height, config.min_building_area
+    ),
 }
 #: Method → what adds the roofs of which hardly anything came back, once small buildings are gone.
 COMPLETIONS = {"smooth_patches": find_wet_roofs}
@@ -249,18 +250,13 @@ def _roofs(
     spacing: float,
     config: RoofSelectionConfig,
 ) -> NDArray[np.bool_]:
-    """Return which points are roof by the method chosen, of buildings in plan that are large enough."""
+    """Return which points are roof by the method chosen."""
     is_raised = height >= CONTEXT * config.min_height
     raised, radius = columns.select(is_raised), max(RADIUS_SPACINGS * spacing, MIN_RADIUS)
     own = (height[is_raised], is_last[is_raised], is_only[is_raised])
     candidates = Candidates(raised, *own, low, radius, AREA_CELL * spacing)
-    roof = METHODS[config.method](candidates, config)
-    roofs = raised.select(roof)
-    building = np.full(len(roof), -1, dtype=np.int64)
-    building[roofs.rows] = connected_columns(roofs, radius, in_plan=True)
-    is_large = candidates.areas(building, building.max(initial=-1) + 1) >= config.min_building_area
     found = np.zeros(len(height), dtype=bool)
-    found[raised.rows[roofs.rows]] = is_large[building[roofs.rows]]
+    found[is_raised] = METHODS[config.method](candidates, config)
     return found
 
 

@@ -38,7 +38,7 @@ def find_roofs(candidates: Candidates, config: RoofSelectionConfig) -> NDArray[n
 
     Patches start roofs, which grow to their edges along tangent planes, whichever the return, and take in
     what stands on them: last returns with roof all around, and small parts. What is too narrow goes, on its
-    level and as a whole.
+    level and as a whole, and what is too small.
 
     Parameters
     ----------
@@ -50,7 +50,7 @@ def find_roofs(candidates: Candidates, config: RoofSelectionConfig) -> NDArray[n
     Returns
     -------
     ndarray of bool, shape (n_points,)
-        Roofs of any size; the caller drops small buildings.
+        Roofs of buildings.
     """
     columns, radius = candidates.columns, candidates.radius
     surface = find_roof_surface(candidates, config)
@@ -93,16 +93,18 @@ def _small_parts(
 def _without_narrow(
     candidates: Candidates, roof: NDArray[np.bool_], config: RoofSelectionConfig
 ) -> NDArray[np.bool_]:
-    """Take narrow parts out of the roofs, and then what is nowhere as wide as a building."""
-    cell = max(MIN_PLAN_CELL, 0.5 * candidates.cell)
-    plan = by_column(candidates.points[roof], cell)
+    """Take narrow parts out of the roofs, and then what is smaller or narrower than a building."""
+    plan = by_column(candidates.points[roof], max(MIN_PLAN_CELL, 0.5 * candidates.cell))
     rows = np.flatnonzero(roof)[plan.rows]
-    for kept in (_wide_enough, _on_wide_levels, _of_wide_buildings):
+    for kept in (_wide_enough, _on_wide_levels):
         is_kept = kept(candidates, plan, rows, config)
         plan, rows = plan.select(is_kept), rows[is_kept]
-    wide = np.zeros(len(roof), dtype=bool)
-    wide[rows] = True
-    return wide
+    found, is_wide = np.zeros((2, len(roof)), dtype=bool)
+    found[rows] = is_wide[rows] = True
+    if config.min_building_width >= 2.0 * plan.size:
+        width = 2.0 * half_widths(plan, config.min_building_width)[plan.column]
+        is_wide[rows] = width >= config.min_building_width
+    return candidates.of_buildings(found, config.min_building_area, is_wide)
 
 
 def _wide_enough(
@@ -117,13 +119,3 @@ def _on_wide_levels(
     label, n = candidates.parts(rows, max(LEVEL_STEP, candidates.radius))
     part = label[rows]
     return wide_levels(plan, part, plan_areas(part, n, plan.first, plan.size), config)
-
-
-def _of_wide_buildings(
-    candidates: Candidates, plan: Columns, rows: NDArray[np.intp], config: RoofSelectionConfig
-) -> NDArray[np.bool_]:
-    if config.min_building_width < 2.0 * plan.size:
-        return np.ones(len(rows), dtype=bool)
-    label, n = candidates.parts(rows, candidates.radius, in_plan=True)
-    is_wide = 2.0 * half_widths(plan, config.min_building_width)[plan.column] >= config.min_building_width
-    return (np.bincount(label[rows], is_wide, n) > 0)[label[rows]]

@@ -86,7 +86,7 @@ def find_wet_roofs(
         rim, zone = np.zeros_like(plan), np.zeros_like(plan)
         _mark(points, spacing, low[0], low[1], plan)
         rim[x - low[0], y - low[1]] = True
-        places = list(_voids(plan, rim, half, reach, MAX_LENGTH / spacing))
+        places = [one for one in _voids(plan, half, reach, MAX_LENGTH / spacing) if rim[one[0]].any()]
         if not places:
             continue
         for window, _ in places:
@@ -108,27 +108,25 @@ def _blocks(
 ) -> Iterator[tuple[NDArray[np.int64], NDArray[np.int64]]]:
     """Go through the cells block by block, so that far points cost no memory."""
     east, north = x // BLOCK, y // BLOCK
-    for one in np.unique(east):
-        in_column = np.flatnonzero(east == one)
-        rows = north[in_column]
-        for other in np.unique(rows):
-            own = in_column[rows == other]
-            yield x[own], y[own]
+    # Most points follow others of their block: few are left to be sorted.
+    is_change = np.ones(len(x), dtype=bool)
+    is_change[1:] = (east[1:] != east[:-1]) | (north[1:] != north[:-1])
+    for one, other in np.unique(np.column_stack([east[is_change], north[is_change]]), axis=0):
+        own = np.flatnonzero((east == one) & (north == other))
+        yield x[own], y[own]
 
 
 def _voids(
-    plan: NDArray[np.bool_], rim: NDArray[np.bool_], half: int, reach: int, max_length: float
+    plan: NDArray[np.bool_], half: int, reach: int, max_length: float
 ) -> Iterator[tuple[tuple[slice, ...], NDArray[np.bool_]]]:
     """
-    Go through the voids that touch these rim cells: a window with a margin, and the cells in it.
+    Go through the voids up to a length: a window with a margin, and the cells in it.
 
     An opening: the middles of empty windows, connected, grown by the window again.
     """
-    labels, n = ndimage.label(~_grown(plan, half), structure=np.ones((3, 3)))
-    touched = np.zeros(n + 1, dtype=bool)
-    touched[labels[_grown(rim, reach)]] = True
+    labels, _ = ndimage.label(~_grown(plan, half), structure=np.ones((3, 3)))
     for number, window in enumerate(ndimage.find_objects(labels), start=1):
-        if touched[number] and max(part.stop - part.start for part in window) <= max_length:
+        if max(part.stop - part.start for part in window) <= max_length:
             wide = tuple(slice(max(part.start - reach, 0), part.stop + reach) for part in window)
             yield wide, _grown(labels[wide] == number, half)
 
@@ -149,19 +147,28 @@ def _is_rim(
     is_near = ndimage.distance_transform_edt(~void)[tuple(places.T)] <= RIM_REACH
     if is_near.sum() < 3:
         return np.zeros(len(points), dtype=bool)
-    is_level = np.abs(_off_plane(points, is_near)) <= RIM_DISTANCE
-    rim = np.zeros_like(void)
-    rim[tuple(places[is_near & is_level].T)] = True
-    is_large = (void | rim).sum() * spacing**2 >= config.min_building_area
-    is_even = (is_near & is_level).sum() >= MIN_COPLANAR * is_near.sum()
-    if not (is_large and is_even and _perimeter_share(void, rim) >= MIN_PERIMETER):
+    # Fewer than all frame it, if those on the plane do.
+    if not _frames(places[is_near], void, spacing, config):
         return np.zeros(len(points), dtype=bool)
-    return is_level & (ndimage.distance_transform_edt(~(void | rim))[tuple(places.T)] <= RIM_REACH)
+    is_level = np.abs(_off_plane(points, is_near)) <= RIM_DISTANCE
+    on_rim = is_near & is_level
+    if on_rim.sum() < MIN_COPLANAR * is_near.sum() or not _frames(places[on_rim], void, spacing, config):
+        return np.zeros(len(points), dtype=bool)
+    roof = void.copy()
+    roof[tuple(places[on_rim].T)] = True
+    return is_level & (ndimage.distance_transform_edt(~roof)[tuple(places.T)] <= RIM_REACH)
 
 
-def _perimeter_share(void: NDArray[np.bool_], rim: NDArray[np.bool_]) -> float:
+def _frames(
+    places: NDArray[np.int64], void: NDArray[np.bool_], spacing: float, config: RoofSelectionConfig
+) -> bool:
+    """Tell whether cells lie along most of a void's perimeter, and it is a building's size with them."""
+    rim = np.zeros_like(void)
+    rim[tuple(places.T)] = True
+    if not rim.any() or (void | rim).sum() * spacing**2 < config.min_building_area:
+        return False
     edge = void & ~ndimage.binary_erosion(void)
-    return float((ndimage.distance_transform_edt(~rim)[edge] <= RIM_REACH).mean()) if rim.any() else 0.0
+    return bool((ndimage.distance_transform_edt(~rim)[edge] <= RIM_REACH).mean() >= MIN_PERIMETER)
 
 
 def _off_plane(points: NDArray[np.float64], chosen: NDArray[np.bool_]) -> NDArray[np.float64]:
