@@ -12,7 +12,7 @@ from launch_ros.actions import Node
 from launch_ros.substitutions import FindPackageShare
 
 from launch import LaunchDescription
-from lidar_buildings.core.model.parameter_names import parameter_names, spellings
+from lidar_buildings.core.model.parameters import parameter_names, spellings
 from lidar_buildings.nodes.configs import NODE_CONFIGS
 from lidar_buildings.nodes.replication import replicas_of, share_parameters
 from lidar_buildings.nodes.run_settings import run_settings

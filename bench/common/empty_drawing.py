@@ -8,7 +8,7 @@ import ezdxf
 
 from lidar_buildings.core.solids.shell import GROUND_SURFACE, ROOF_SURFACE, WALL_SURFACE
 from lidar_buildings.io.models.dxf import APPLICATION, COURTYARD, LEVELS, LINES, OUTLINE, TERRAIN, layer_name
-from lidar_buildings.io.models.dxf_frame import EMPTY
+from lidar_buildings.io.models.dxf_entities import EMPTY
 
 #: AutoCAD 2000: the oldest version with light polylines and units, which everything reads.
 VERSION = "R2000"

@@ -6,9 +6,13 @@ Write the tile on which `lidar-buildings warm-up` compiles every stage: a hamlet
 Its columns are those of the whole chain, so that each stage can be called without those before it.
 """
 
-import numpy as np
+from collections.abc import Sequence
 
-from lidar_buildings.commands.sample_tile import SAMPLE, stored_rings
+import numpy as np
+from numpy.typing import NDArray
+
+from lidar_buildings.commands.stage_calls import SAMPLE
+from lidar_buildings.core.model.outline import BuildingOutline
 from lidar_buildings.core.neighbours.point_spacing import measure_spacing
 from lidar_buildings.pipeline.reconstruct import reconstruct_tile
 from lidar_buildings.simulation import roof_shapes as shapes
@@ -63,6 +67,18 @@ def main() -> None:
         **{name: np.round(columns[name], decimals) for name, decimals in DECIMALS.items()},
     )
     print(f"{len(tile)} points, {len(result.models)} buildings, {SAMPLE.stat().st_size / 1e3:.0f} kB")
+
+
+def stored_rings(outlines: Sequence[BuildingOutline]) -> NDArray[np.float64]:
+    """Return all vertices as rows of building, ring (0: the outer one), x and y."""
+    return np.array(
+        [
+            (one.building_id, number, *vertex)
+            for one in outlines
+            for number, ring in enumerate(one.outline.rings)
+            for vertex in ring
+        ]
+    )
 
 
 if __name__ == "__main__":

@@ -32,13 +32,14 @@ from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.core.stages.ground_filter import GroundFilterConfig
 from lidar_buildings.core.stages.roof_selection import RoofSelectionConfig
 from lidar_buildings.evaluation.readers.metric_polygons import read_metric_polygons
-from lidar_buildings.evaluation.scores.buildings import DEFAULT_CELL, score_buildings
 from lidar_buildings.evaluation.scores.cells import (
+    DEFAULT_CELL,
     CellSet,
     cell_centres,
     cells_inside,
     cells_of_points,
     cells_of_polygons,
+    score_buildings,
 )
 from lidar_buildings.pipeline.tile_stages import filter_ground, select_roof_points
 

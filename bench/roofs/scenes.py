@@ -22,7 +22,7 @@ from bench.common.tables import percent, table
 from bench.roofs.methods import METHODS, POINT_HEADINGS, method_headings, point_cells, point_score, roof_mask
 from bench.scenes.roofs import ROOF_SCENES
 from lidar_buildings.core.stages.roof_selection import RoofSelectionConfig
-from lidar_buildings.evaluation.scores.confusion import Confusion
+from lidar_buildings.evaluation.scores.statistics import Confusion
 
 
 def made(name: str, density_factor: float = 1.0, noise: float | None = None, **arguments: Any) -> Any:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Iterable, Iterator
 from contextlib import closing
+from importlib import import_module
 from typing import Any
 
 import rclpy
@@ -13,7 +14,7 @@ from rclpy.publisher import Publisher
 from rclpy.qos import QoSProfile, qos_profile_sensor_data
 
 from lidar_buildings.ros import qos
-from lidar_buildings.ros.message_types import is_installed, make_message, message_class
+from lidar_buildings.ros.point_cloud import fill
 from lidar_buildings.simulation.live import BodyPose, MovingSurvey, Scan
 from lidar_buildings.simulation.live.messages import LATCHED, ODOMETRY, SCAN, TF, TYPES, LiveMessages, Told
 from lidar_buildings.simulation.live.playing import Pace, PlayReport, ahead
@@ -24,6 +25,30 @@ DEPTH = 420
 _FOR_POSES = 2.0
 #: How often it is looked for a subscriber, and how long the last messages may take [s].
 _TICK, _LAST = 0.02, 5.0
+
+
+def message_class(kind: str) -> Any:
+    """Return the class of a type such as ``std_msgs/msg/Header``."""
+    package, _, name = kind.split("/")
+    return getattr(import_module(f"{package}.msg"), name)
+
+
+def is_installed(kind: str) -> bool:
+    """Whether there is such a type here; PyPI has no tf2_msgs."""
+    try:
+        message_class(kind)
+    except ImportError:
+        return False
+    return True
+
+
+def make_message(kind: str, **members: Any) -> Any:
+    """Return a message of a type; a cloud takes any array for its data, without copying it."""
+    data = members.pop("data", None) if kind == "sensor_msgs/msg/PointCloud2" else None
+    message = message_class(kind)(**members)
+    if data is not None:
+        fill(message, data)
+    return message
 
 
 class LivePublisher:

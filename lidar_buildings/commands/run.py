@@ -1,4 +1,4 @@
-"""The command ``lidar-buildings run``: files in, output folder out, through the node graph or without ROS."""
+"""The command ``lidar-buildings run``: files or bags in, output folder out, with or without the graph."""
 
 from __future__ import annotations
 
@@ -8,16 +8,17 @@ import logging
 import sys
 import time
 from collections.abc import Mapping
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from lidar_buildings.commands.bag_inputs import with_placed_bags
 from lidar_buildings.commands.prepare import load_stages
 from lidar_buildings.commands.progress import RunOutcome, counted
 from lidar_buildings.commands.run_request import RunRequest, request_of
 from lidar_buildings.core.kernel_cache import start_compiling
-from lidar_buildings.core.model.errors import LidarBuildingsError
-from lidar_buildings.io.results.run_folder import discard_unfinished
+from lidar_buildings.core.model.errors import LidarBuildingsError, ParameterError
+from lidar_buildings.io.bags.bag_inputs import bags_among, place_bags, with_clouds
+from lidar_buildings.io.results.run_folder import PARTIAL, PLACED, check_folder, discard_unfinished
 
 if TYPE_CHECKING:  # what reads and writes files is imported while the processes of a run start
     from lidar_buildings.io.results.run_summary import RunSummary
@@ -88,7 +89,7 @@ def _run_graph(request: RunRequest) -> RunOutcome:
             "rclpy is not installed: source a ROS 2 Jazzy workspace, or pip install '.[ros]' "
             "in the sources, or add --no-ros"
         )
-    from lidar_buildings.commands.run_graph import run_graph
+    from lidar_buildings.commands.running_graph import run_graph
 
     return run_graph(request)
 
@@ -143,3 +144,34 @@ def _footprints_line(record: Mapping[str, Any]) -> str:
     counts += [f"{number:,} {reason} left out" for reason, number in record["left_out"].items()]
     counts += [f"{record['n_outside']:,} outside the points"] * bool(record["n_outside"])
     return f"footprints: {', '.join(counts)}"
+
+
+def with_placed_bags(request: RunRequest) -> RunRequest:
+    """
+    Return the request with a LAZ file for each bag.
+
+    The files stand among the unfinished tiles of the output folder, and go with them; an interrupted run goes
+    on with those that are there.
+
+    Raises
+    ------
+    ParameterError
+        If something is said of bags and no input is one.
+    InputError, OutputError
+        If a bag cannot be read or placed, or the output folder not used.
+    """
+    if not bags_among(request.inputs):
+        told = {**asdict(request.choice), "georeferenced": request.scans.georeferenced}
+        if given := [f"--{name}" for name, value in told.items() if value]:
+            raise ParameterError(f"{', '.join(given)}: says what of a bag is wanted, and no INPUT is one")
+        return request
+    check_folder(request.output, overwrite=request.overwrite)
+    folder = request.output / PARTIAL / PLACED
+    records = place_bags(
+        request.inputs,
+        folder,
+        request.choice,
+        request.scans,
+        lambda line: print(f"lidar-buildings: {line}", file=sys.stderr),
+    )
+    return replace(request, inputs=with_clouds(request.inputs, folder), bags=tuple(records))

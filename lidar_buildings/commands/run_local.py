@@ -14,8 +14,8 @@ from lidar_buildings.core.model.errors import LidarBuildingsError
 from lidar_buildings.core.stages.footprints import Footprints
 from lidar_buildings.core.stages.terrain import RasterConfig
 from lidar_buildings.io.results.output_folder import OutputFolder
-from lidar_buildings.io.results.run_info import run_info
-from lidar_buildings.io.tiling.spooled_tile import SpooledTile
+from lidar_buildings.io.results.run_summary import run_info
+from lidar_buildings.io.tiling.tile_store import SpooledTile
 from lidar_buildings.io.tiling.tiling import TileSource
 from lidar_buildings.io.vectors.footprints import FootprintFile
 from lidar_buildings.pipeline.building_pool import BuildingPool, NoWorkerError

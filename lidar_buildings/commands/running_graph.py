@@ -1,18 +1,27 @@
-"""The graph in this process, for as long as a command needs it."""
+"""The node graph in this process, and a run through it."""
 
 from __future__ import annotations
 
+import os
+import time
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING, Any
 
 from lidar_buildings.commands.prepare import load_stages
+from lidar_buildings.commands.progress import RunOutcome, progress_bar
 from lidar_buildings.commands.run_request import RunRequest
 from lidar_buildings.pipeline.building_pool import BuildingPool
 from lidar_buildings.ros.middleware import prepare_middleware
 
 if TYPE_CHECKING:
+    from lidar_buildings.commands.run_request import RunRequest
+    from lidar_buildings.nodes.tile_player import TilePlayer
     from lidar_buildings.ros.composition import Composition
+
+
+#: How often the progress is shown [s].
+_TICK = 0.1
 
 
 @contextmanager
@@ -79,3 +88,38 @@ def running_graph(
                 composition.stop()
             with suppress(Exception):
                 rclpy.try_shutdown(context=context)
+
+
+def run_graph(request: RunRequest) -> RunOutcome:
+    """
+    Compose the nodes that a run needs, and wait until the writer has made the files.
+
+    Raises
+    ------
+    LidarBuildingsError
+        If a node cannot start or go on.
+    """
+    os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+    namespace = (request.namespace or f"lidar_buildings_{os.getpid()}").strip("/")
+    with running_graph(request, "tile_player", namespace, is_quiet=True) as (composition, nodes):
+        outcome = _outcome(composition, nodes)
+        while outcome.recording is not None and not nodes["recorder"].is_silent:
+            time.sleep(_TICK)
+        return outcome
+
+
+def _outcome(composition, nodes) -> RunOutcome:
+    """Show the progress until the writer has its outcome."""
+    player: TilePlayer = nodes["tile_player"]
+    writer = nodes["model_writer"]
+    shown = -1
+    with progress_bar(lambda: player.progress.n_tiles) as show:
+        while not composition.wait(writer, timeout=_TICK):
+            done = player.progress.n_done
+            if done > max(shown, 0):
+                show(done)
+                shown = done
+        if player.progress.n_done > max(shown, 0):
+            show(player.progress.n_done)
+    recording = nodes["recorder"].recording if "recorder" in nodes else None
+    return RunOutcome(writer.outcome.result(), writer.failed_tiles, recording)

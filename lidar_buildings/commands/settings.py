@@ -12,8 +12,14 @@ from typing import Any
 import yaml
 
 from lidar_buildings.core.model.errors import InputError, ParameterError
-from lidar_buildings.core.model.parameter_names import ADVANCED, flat_names, parameter_names, spellings
-from lidar_buildings.core.model.parameters import StageConfig, checked_value
+from lidar_buildings.core.model.parameters import (
+    ADVANCED,
+    StageConfig,
+    checked_value,
+    flat_names,
+    parameter_names,
+    spellings,
+)
 
 #: {stage: {parameter name: value}}
 Settings = dict[str, dict[str, Any]]

@@ -1,12 +1,16 @@
-"""One call of each stage, on a tile so small that what takes time is the compiling."""
+"""One call of each stage, on a stored tile so small that what takes time is the compiling."""
 
 from __future__ import annotations
 
 from functools import cache
+from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-from lidar_buildings.commands.sample_tile import sample_tile
+from lidar_buildings.core.model.outline import BuildingOutline, Outline
+from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.core.neighbours.columns import by_column
 from lidar_buildings.core.neighbours.point_spacing import quantised_spacing
 from lidar_buildings.core.neighbours.scan_pattern import ScanPattern
@@ -35,39 +39,40 @@ from lidar_buildings.pipeline.tile_stages import (
 )
 
 _CONFIG = PipelineConfig()
-_sample = cache(sample_tile)
+#: Written by ``python -m bench.common.sample_tile``.
+SAMPLE = Path(__file__).with_name("sample_tile.npz")
 
 
 def _ground() -> None:
-    filter_ground(_sample().tile, _CONFIG.ground_filter)
+    filter_ground(sample_tile().tile, _CONFIG.ground_filter)
 
 
 def _roofs() -> None:
-    select_roof_points(_sample().tile, _CONFIG.roof_selection)
+    select_roof_points(sample_tile().tile, _CONFIG.roof_selection)
 
 
 def _outlines() -> None:
-    labelled = label_roof_edges(roof_points(_sample().tile), _CONFIG.edge_labelling).tile
+    labelled = label_roof_edges(roof_points(sample_tile().tile), _CONFIG.edge_labelling).tile
     trace_buildings(labelled, _CONFIG.segmentation, _CONFIG.boundary_tracing)
 
 
 def _regularisation() -> None:
-    regularise_outlines(_sample().traced, _CONFIG.regularisation)
+    regularise_outlines(sample_tile().traced, _CONFIG.regularisation)
 
 
 def _planes() -> None:
-    fit_planes(roof_points(_sample().tile), _CONFIG.plane_fitting)
+    fit_planes(roof_points(sample_tile().tile), _CONFIG.plane_fitting)
     common_point(np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]]))
 
 
 def _models() -> None:
-    models = build_models(roof_points(_sample().tile), _sample().outlines, _CONFIG.building_model)
+    models = build_models(roof_points(sample_tile().tile), sample_tile().outlines, _CONFIG.building_model)
     for solid in models[0].model.solids.values():
         check_solid(solid)
 
 
 def _rasters() -> None:
-    tile = _sample().tile
+    tile = sample_tile().tile
     rasterise_tile(tile, RasterConfig(), tile.frame)
     spacing = quantised_spacing(tile.points)
     brightness_raster(tile.points, tile.intensity, np.ones(len(tile), dtype=bool), spacing)
@@ -93,6 +98,35 @@ def _rare() -> None:
     times = np.arange(2)
     place_points(Pose((0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0)).at, times[:0], times, roof[:2])
     bridge_gap(grid, np.ones(len(grid.x)), np.array([0]), np.array([1, 2]), 2.0)
+
+
+class SampleTile(NamedTuple):
+    """A tile with the columns of all stages, and its outlines before and after regularisation."""
+
+    tile: PointTile
+    traced: tuple[BuildingOutline, ...]
+    outlines: tuple[BuildingOutline, ...]
+
+
+@cache
+def sample_tile() -> SampleTile:
+    """Read the tile."""
+    with np.load(SAMPLE) as stored:
+        columns = {name: stored[name] for name in stored.files}
+    traced, outlines = (_stored_outlines(columns.pop(f"{name}_rings")) for name in ("traced", "outlines"))
+    n = len(columns["points"])
+    spacing = float(columns.pop("point_spacing"))
+    tile = PointTile(**columns, point_spacing=spacing, source=np.zeros(n), index=np.arange(n))
+    return SampleTile(tile, traced, outlines)
+
+
+def _stored_outlines(rows: NDArray[np.float64]) -> tuple[BuildingOutline, ...]:
+    outlines = []
+    for building in np.unique(rows[:, 0]):
+        own = rows[rows[:, 0] == building]
+        outer, *holes = (own[own[:, 1] == number, 2:] for number in np.unique(own[:, 1]))
+        outlines.append(BuildingOutline(int(building), Outline(outer, tuple(holes))))
+    return tuple(outlines)
 
 
 #: What every run needs, and all that is compiled; the longest first.

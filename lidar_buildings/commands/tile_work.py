@@ -17,7 +17,7 @@ from lidar_buildings.core.stages.footprints import Footprints
 from lidar_buildings.core.stages.terrain import RasterConfig, TerrainRasters
 from lidar_buildings.io.models.cityjson import feature_line
 from lidar_buildings.io.results.tile_products import TileProducts
-from lidar_buildings.io.tiling.spooled_tile import SpooledTile
+from lidar_buildings.io.tiling.tile_store import SpooledTile
 from lidar_buildings.pipeline.reconstruct import PipelineConfig, TileResult, reconstruct_tile
 from lidar_buildings.pipeline.sharing import Sharing
 from lidar_buildings.pipeline.tile_rasters import rasterise_tile

@@ -16,8 +16,7 @@ from lidar_buildings.core.stages.footprints import FootprintConfig
 from lidar_buildings.core.stages.ground_filter import GroundFilterConfig
 from lidar_buildings.io.bags.bag_config import BagConfig
 from lidar_buildings.io.results.output_config import OutputConfig
-from lidar_buildings.io.tiling.live_config import LiveTilingConfig
-from lidar_buildings.io.tiling.tiling_config import TilingConfig
+from lidar_buildings.io.tiling.tiling_config import LiveTilingConfig, TilingConfig
 from lidar_buildings.nodes.topics import RECORDED
 from lidar_buildings.pipeline.reconstruct import STAGE_CONFIGS
 

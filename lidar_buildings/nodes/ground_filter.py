@@ -13,7 +13,7 @@ from lidar_buildings.nodes.configs import NODE_CONFIGS, GroundFilterNodeConfig
 from lidar_buildings.pipeline.building_pool import BuildingPool
 from lidar_buildings.pipeline.tile_rasters import rasterise_tile
 from lidar_buildings.pipeline.tile_stages import filter_ground
-from lidar_buildings.ros.elevation_grid import grid_message
+from lidar_buildings.ros.point_cloud import grid_message
 from lidar_buildings.ros.qos import CLOUD
 from lidar_buildings.ros.runner import run_node
 from lidar_buildings.ros.stage_node import StageNode

@@ -18,11 +18,11 @@ from lidar_buildings.nodes.configs import NODE_CONFIGS, FlowControlConfig, MapFr
 from lidar_buildings.pipeline.building_pool import BuildingPool
 from lidar_buildings.pipeline.tile_models import TileModel, build_models
 from lidar_buildings.ros.features import tile_closing_message, withdrawal_message
+from lidar_buildings.ros.hand_over import publish_all
 from lidar_buildings.ros.map_frames import FrameListener
 from lidar_buildings.ros.markers import model_markers
 from lidar_buildings.ros.outline_quality import qualities_of
 from lidar_buildings.ros.polygons import Rings, roof_rings
-from lidar_buildings.ros.publishing import publish_all
 from lidar_buildings.ros.qos import BUILDING, CLOUD, LATCHED, LATCHED_HISTORY
 from lidar_buildings.ros.ring_collector import outlines_of
 from lidar_buildings.ros.runner import run_node

@@ -12,8 +12,7 @@ from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 
 from lidar_buildings.core.model.errors import ParameterError
-from lidar_buildings.io.bags.recording import RecordedTopic, Recording, bag_folder
-from lidar_buildings.io.bags.recording_thread import RecordingThread
+from lidar_buildings.io.bags.recording import RecordedTopic, Recording, RecordingThread, bag_folder
 from lidar_buildings.nodes.configs import NODE_CONFIGS, RecorderConfig
 from lidar_buildings.nodes.topics import topics_called
 from lidar_buildings.ros import qos

@@ -16,8 +16,7 @@ from typing import Any
 
 import yaml
 
-from lidar_buildings.core.model.parameter_names import parameter_names, prefix_of
-from lidar_buildings.core.model.parameters import StageConfig, spec_of
+from lidar_buildings.core.model.parameters import StageConfig, parameter_names, prefix_of, spec_of
 from lidar_buildings.nodes.configs import NODE_CONFIGS
 from lidar_buildings.nodes.table import NODE_TABLE, NodeCard
 from lidar_buildings.nodes.topics import OF_EVERY_NODE, Topic

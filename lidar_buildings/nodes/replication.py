@@ -13,7 +13,7 @@ from typing import Any
 import yaml
 
 from lidar_buildings.core.model.errors import ParameterError
-from lidar_buildings.core.model.parameter_names import flat_names
+from lidar_buildings.core.model.parameters import flat_names
 from lidar_buildings.core.model.replicas import MAX_REPLICAS
 from lidar_buildings.core.model.stage_table import STAGE_TABLE
 

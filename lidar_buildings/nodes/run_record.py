@@ -12,7 +12,7 @@ from typing import Any
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 
 from lidar_buildings.core.model.replicas import ReplicaConfig
-from lidar_buildings.io.results.run_info import run_info
+from lidar_buildings.io.results.run_summary import run_info
 from lidar_buildings.nodes.configs import NODE_CONFIGS
 from lidar_buildings.nodes.table import NODE_STAGES, NODE_TABLE
 from lidar_buildings.ros.stamps import tile_of

@@ -8,12 +8,11 @@ from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
-from lidar_buildings.core.model.errors import ParameterError
+from lidar_buildings.core.model.errors import InputError, ParameterError
+from lidar_buildings.core.model.ids import tile_of
 from lidar_buildings.core.model.map_frame import MapFrame
-from lidar_buildings.core.model.stamps import tile_of
 from lidar_buildings.io.bags.bag_inputs import bags_among, with_clouds
-from lidar_buildings.io.clouds.las import InputFile, frame_of, open_inputs
-from lidar_buildings.io.clouds.placed_clouds import PLACED_CLOUDS, placed_inputs
+from lidar_buildings.io.clouds.las import InputFile, frame_of, open_cloud, open_inputs
 from lidar_buildings.io.results.output_config import OutputConfig
 from lidar_buildings.io.results.output_folder import OutputFolder
 from lidar_buildings.io.results.run_folder import Share, check_folder
@@ -21,6 +20,9 @@ from lidar_buildings.io.results.run_summary import RunSummary
 from lidar_buildings.io.results.tile_products import TileProducts
 from lidar_buildings.io.vectors.footprints import FootprintFile, FootprintSource, read_footprints
 from lidar_buildings.nodes.configs import ModelWriterConfig
+
+#: Names of the files; number `source` by name has that source's points, row `index` by row.
+PLACED_CLOUDS = "points_*.laz"
 
 
 class SurveyFolder:
@@ -182,3 +184,22 @@ def _footprints(config: ModelWriterConfig, frame: MapFrame) -> FootprintFile | N
 def _output_settings(config: OutputConfig) -> dict[str, Any]:
     """Return the parameters of what is written, on which an unfinished run depends as well."""
     return {one.name: getattr(config, one.name) for one in fields(OutputConfig)}
+
+
+def placed_inputs(folder: Path) -> list[InputFile]:
+    """
+    Return a live source's clouds by name; of one that cannot be read no point is known.
+
+    Parameters
+    ----------
+    folder : Path
+        Where the source writes them; it need not be there.
+    """
+    return [InputFile(path, _point_count(path)) for path in sorted(folder.glob(PLACED_CLOUDS))]
+
+
+def _point_count(path: Path) -> int:
+    try:
+        return open_cloud(path).point_count
+    except InputError:  # said when its points are to be read
+        return 0

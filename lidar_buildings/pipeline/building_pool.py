@@ -19,9 +19,8 @@ from typing import Any, TypeVar
 
 from lidar_buildings.core.neighbours.parallel import n_cores
 from lidar_buildings.pipeline.agenda import Agenda, NoWorkerError, Task, WorkerLostError
-from lidar_buildings.pipeline.parcels import Parcel, packed, receive, send
 from lidar_buildings.pipeline.pool_workers import DO, SHARE, SHARED, end, start_workers
-from lidar_buildings.pipeline.sharing import Sharing, map_buildings, received
+from lidar_buildings.pipeline.sharing import Parcel, Sharing, map_buildings, packed, receive, received, send
 
 __all__ = ["BuildingPool", "NoWorkerError", "Sharing", "WorkerLostError", "map_buildings"]
 

@@ -18,8 +18,7 @@ from multiprocessing.process import BaseProcess
 
 from lidar_buildings.core.freed_memory import give_memory_back
 from lidar_buildings.core.neighbours.parallel import n_waiting_threads, work_alone
-from lidar_buildings.pipeline.parcels import Parcel, packed, receive, send, unpacked
-from lidar_buildings.pipeline.sharing import Sharing
+from lidar_buildings.pipeline.sharing import Parcel, Sharing, packed, receive, send, unpacked
 
 _log = logging.getLogger(__name__)
 

@@ -25,7 +25,7 @@ from lidar_buildings.core.stages.ground_filter import GroundFilterConfig, classi
 from lidar_buildings.core.stages.plane_fitting import PlaneFittingConfig, number_planes
 from lidar_buildings.core.stages.roof_selection import RoofSelectionConfig, select_roofs
 from lidar_buildings.core.stages.segmentation import SegmentationConfig, segment_buildings
-from lidar_buildings.core.surfaces.own_roofs import own_roofs
+from lidar_buildings.core.surfaces.surface_patches import own_roofs
 from lidar_buildings.pipeline.sharing import Sharing, map_buildings
 
 _log = logging.getLogger(__name__)

@@ -7,6 +7,7 @@ rclcpp has this built in, rclpy has not.
 from __future__ import annotations
 
 import threading
+import time
 from collections import Counter, defaultdict, deque
 from collections.abc import Callable, Iterable
 from typing import Any
@@ -20,11 +21,13 @@ from rclpy.subscription import Subscription
 from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.ros.point_cloud import to_message
 from lidar_buildings.ros.polygons import Rings, ring_messages
-from lidar_buildings.ros.publishing import publish_all
 
 #: Context → full name of a topic → who listens to it within it.
 _INBOXES: WeakKeyDictionary[Context, defaultdict[str, list[Inbox]]] = WeakKeyDictionary()
 _LOCK = threading.Lock()
+#: Time to wait for subscribers that do not keep up, several times that of a tile, and between attempts [s].
+_TIMEOUT = 30.0
+_PAUSE = 0.2
 
 
 class Inbox:
@@ -133,3 +136,22 @@ class RingOutlet(_Outlet):
         """Hand the rings of a tile on."""
         self._note(stamp, 0)
         self._hand_on(stamp, rings, lambda: ring_messages(stamp, rings))
+
+
+def publish_all(publisher: Publisher, messages: Iterable[Any]) -> None:
+    """
+    Publish messages, waiting while the middleware is full.
+
+    Our profile of Fast DDS has no limit (`lidar_buildings.ros.middleware`); under a user's own profile a
+    KEEP_ALL topic may be full until a subscriber in another process has caught up.
+    """
+    give_up = time.monotonic() + _TIMEOUT
+    for message in messages:
+        while True:
+            try:
+                publisher.publish(message)
+                break
+            except RuntimeError:  # rclpy's RCLError
+                if time.monotonic() > give_up:
+                    raise
+                time.sleep(_PAUSE)

@@ -18,8 +18,14 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from lidar_buildings.core.model.errors import ParameterError
-from lidar_buildings.core.model.parameter_names import parameter_names, spellings
-from lidar_buildings.core.model.parameters import ParameterSpec, StageConfig, checked_value, spec_of
+from lidar_buildings.core.model.parameters import (
+    ParameterSpec,
+    StageConfig,
+    checked_value,
+    parameter_names,
+    spec_of,
+    spellings,
+)
 
 Config = TypeVar("Config", bound=StageConfig)
 

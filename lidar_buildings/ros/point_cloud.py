@@ -1,4 +1,4 @@
-"""Tiles to sensor_msgs/PointCloud2 and back."""
+"""Tiles and rasters to sensor_msgs/PointCloud2, and tiles back."""
 
 from __future__ import annotations
 
@@ -12,9 +12,11 @@ from sensor_msgs.msg import PointCloud2, PointField
 
 from lidar_buildings.core.model.tile import COLUMNS, PointTile
 from lidar_buildings.core.scans.cloud_layout import DATATYPES, XYZ, columns_of, taken_points
+from lidar_buildings.core.stages.terrain import RasterWindow
 from lidar_buildings.ros.stamps import header_of, to_stamp
 
 _CODES = {dtype: code for code, dtype in DATATYPES.items()}
+_POINT = np.dtype([("x", "<f4"), ("y", "<f4"), ("z", "<f4")])
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,3 +132,24 @@ def _cast(values: NDArray[Any], dtype: np.dtype[Any]) -> NDArray[Any]:
     limits = np.iinfo(dtype)
     whole = np.nan_to_num(whole, nan=0.0, posinf=limits.max, neginf=limits.min)
     return np.clip(whole, limits.min, limits.max).astype(dtype)
+
+
+def grid_message(stamp: int, window: RasterWindow, elevation: NDArray[np.float32]) -> PointCloud2:
+    """
+    Put a raster into a cloud of as many rows and columns, the northernmost row first.
+
+    Every cell has its middle as x and y; z is NaN where the elevation is not known.
+
+    Parameters
+    ----------
+    stamp : int
+        The tile's key [ns].
+    window : RasterWindow
+        Where the cells lie in the map frame.
+    elevation : ndarray of shape (height, width)
+        In the map frame [m].
+    """
+    rows = np.empty(window.shape, dtype=_POINT)
+    centres = window.centres(*np.indices(window.shape), (0.0, 0.0))
+    rows["x"], rows["y"], rows["z"] = centres[..., 0], centres[..., 1], elevation
+    return cloud_message(stamp, rows, is_dense=False)

@@ -11,7 +11,7 @@ from __future__ import annotations
 from builtin_interfaces.msg import Time
 from std_msgs.msg import Header
 
-from lidar_buildings.core.model.stamps import tile_of as tile_of
+from lidar_buildings.core.model.ids import tile_of as tile_of
 
 #: The local map frame of REP-105.
 FRAME_ID = "map"

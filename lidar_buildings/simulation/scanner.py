@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 
 from lidar_buildings.simulation.config import SimulationConfig
 from lidar_buildings.simulation.flight import Strip, plan_flight
-from lidar_buildings.simulation.measuring import END_OF_LINE, LEFT_TO_RIGHT, MARKS, measure
-from lidar_buildings.simulation.returns import MAX_RETURNS
+from lidar_buildings.simulation.measuring import END_OF_LINE, LEFT_TO_RIGHT, MARKS, MAX_RETURNS, measure
 from lidar_buildings.simulation.scene import VirtualScene
 from lidar_buildings.simulation.surfaces import Surfaces, surfaces_of
 

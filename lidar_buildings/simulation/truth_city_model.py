@@ -10,11 +10,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lidar_buildings.simulation.attributes import building_attributes
 from lidar_buildings.simulation.building import Building
 from lidar_buildings.simulation.flight import SURVEY_DATE
 from lidar_buildings.simulation.scene import VirtualScene
 from lidar_buildings.simulation.shell import shell_of
+from lidar_buildings.simulation.truth_layers import building_attributes
 
 #: Coordinates are whole multiples of this [m].
 SCALE = 0.001

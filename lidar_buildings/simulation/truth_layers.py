@@ -1,4 +1,6 @@
-"""The truth of a scene as GeoPackage: layers `outlines` and `roof_faces`."""
+"""
+What is true of a scene: each building in words and numbers, and as GeoPackage of `outlines` and `roof_faces`.
+"""
 
 from __future__ import annotations
 
@@ -10,7 +12,7 @@ import pyogrio
 import shapely
 from numpy.typing import NDArray
 
-from lidar_buildings.simulation.attributes import building_attributes
+from lidar_buildings.simulation.building import Building
 from lidar_buildings.simulation.flight import SURVEY_DATE
 from lidar_buildings.simulation.scene import VirtualScene
 
@@ -33,6 +35,32 @@ FACE_COLUMNS: dict[str, Any] = {
     "slope_deg": np.float64,
     "area": np.float64,
 }
+
+
+def building_attributes(scene: VirtualScene) -> list[dict[str, Any]]:
+    """Return one row per building; elevations in the source's reference system [m]."""
+    if not scene.buildings:
+        return []
+    return [
+        _attributes(b, int(block), scene.frame.origin[2])
+        for b, block in zip(scene.buildings, scene.blocks(), strict=True)
+    ]
+
+
+def _attributes(building: Building, block: int, zero: float) -> dict[str, Any]:
+    """Attributes of one building; touching buildings have the same block number."""
+    low, high = building.roof_elevation_range
+    return {
+        "building_number": building.number,
+        "block_number": block,
+        "roof_type": building.roof_type,
+        "ground_elevation": building.ground_elevation + zero,
+        "roof_elevation_min": low + zero,
+        "roof_elevation_max": high + zero,
+        "height": building.height,
+        "area": building.outline.area,
+        "n_planes": len(building.faces),
+    }
 
 
 def write_truth_layers(path: Path, scene: VirtualScene) -> None:

@@ -90,7 +90,7 @@ class Ear:
         from rclpy.executors import SingleThreadedExecutor
         from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
-        from lidar_buildings.ros.message_types import message_class
+        from lidar_buildings.commands.live_publisher import message_class
         from lidar_buildings.simulation.live.messages import LATCHED, TYPES
 
         self.heard, self.stamps = Counter(), []

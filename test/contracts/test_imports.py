@@ -44,7 +44,7 @@ STEPS = {"roof_topology": "building_model"}
 TOP = {"cli", "__main__"}
 #: What may run without ROS, though it stands beside what needs it.
 WITHOUT_ROS = {"lidar_buildings.commands.run_local", "lidar_buildings.commands.settings"}
-WITH_ROS = {"lidar_buildings.commands.run", "lidar_buildings.commands.run_graph"}
+WITH_ROS = {"lidar_buildings.commands.run", "lidar_buildings.commands.running_graph"}
 #: Third-party packages that the core is made of.
 CORE_LIBRARIES = {"numpy", "scipy", "numba", "sklearn", "threadpoolctl", "shapely", "mapbox_earcut"}
 

@@ -11,8 +11,7 @@ from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPo
 from support.cloud_files import random_cloud
 from support.source_tree import ROOT
 
-from lidar_buildings.core.model.parameter_names import parameter_names
-from lidar_buildings.core.model.parameters import spec_of
+from lidar_buildings.core.model.parameters import parameter_names, spec_of
 from lidar_buildings.nodes import reference
 from lidar_buildings.nodes.configs import NODE_CONFIGS
 from lidar_buildings.nodes.graph import node_class

@@ -16,8 +16,7 @@ from support.cloud_files import fill_the_disk
 
 from lidar_buildings.core.model.errors import OutputError, ParameterError
 from lidar_buildings.core.model.tile import PointTile
-from lidar_buildings.io.bags.recording import RecordedTopic, Recording, bag_folder
-from lidar_buildings.io.bags.recording_thread import RecordingThread
+from lidar_buildings.io.bags.recording import RecordedTopic, Recording, RecordingThread, bag_folder
 from lidar_buildings.nodes.recorder import Recorder
 from lidar_buildings.ros.composition import Composition
 from lidar_buildings.ros.point_cloud import to_message

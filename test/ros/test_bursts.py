@@ -14,9 +14,9 @@ import rclpy
 from geometry_msgs.msg import PolygonInstanceStamped
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 
+from lidar_buildings.ros.hand_over import publish_all
 from lidar_buildings.ros.middleware import prepare_middleware
 from lidar_buildings.ros.polygons import closing_message, ring_message
-from lidar_buildings.ros.publishing import publish_all
 from lidar_buildings.ros.qos import BUILDING
 
 N_RINGS = 12_000

@@ -1,4 +1,4 @@
-"""Building ids that stay the same however the data are cut into tiles."""
+"""Ids of buildings that stay the same however the data are cut into tiles; a tile's key and its revisions."""
 
 from __future__ import annotations
 
@@ -7,6 +7,8 @@ from numpy.typing import NDArray
 
 #: Side of the cell that an id names [m]: finer than the distance of two buildings' anchors.
 CELL = 0.5
+#: Stamps of tiles are multiples of this, so that there is room for a tile's revisions between them [ns].
+STEP = 1_000
 
 
 def anchor_row(points: NDArray[np.float64]) -> int:
@@ -66,3 +68,8 @@ def _middle(low_half: int, near: float) -> float:
 def readable_id(anchor_x: float, anchor_y: float) -> str:
     """Return the id that files carry, made from the anchor's coordinates in the source's reference system."""
     return f"building-{anchor_x:.1f}-{anchor_y:.1f}"
+
+
+def tile_of(stamp: int) -> int:
+    """Return the stamp of the first revision of a tile, by which it is known as a whole [ns]."""
+    return stamp - stamp % STEP

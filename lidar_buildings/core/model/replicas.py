@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from lidar_buildings.core.model.errors import ParameterError
+from lidar_buildings.core.model.ids import STEP, tile_of
 from lidar_buildings.core.model.parameters import StageConfig, parameter
-from lidar_buildings.core.model.stamps import STEP, tile_of
 
 #: More are not foreseen.
 MAX_REPLICAS = 64

@@ -1,4 +1,4 @@
-"""Patches: points joined to their neighbours wherever the surface goes on smoothly."""
+"""Points joined to their neighbours: wherever the surface goes on smoothly, or they lie near."""
 
 from __future__ import annotations
 
@@ -8,11 +8,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lidar_buildings.core.kernels import inner_kernel, kernel
+from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.core.neighbours.columns import Columns, by_column
 from lidar_buildings.core.neighbours.union_find import flatten, link, root
 
 #: Columns a step: points in one of half a step's side are all connected in plan.
 COLUMNS_A_STEP = 2.0
+#: What is farther apart than this is never of one block, and no neighbourhood reaches across: half of a
+#: window of the segmentation across lines as far apart as lines can be [spacings].
+APART_SPACINGS = 15.0
 
 
 def smooth_patches(
@@ -206,3 +210,25 @@ def _link_smooth(points, first, runs, normals, chosen, reach, min_cosine, max_of
                     ):
                         link(parent, own, j)
                         own = root(parent, own)
+
+
+def own_roofs(tile: PointTile) -> NDArray[np.bool_]:
+    """
+    Tell which points are roof and hang together with roof points of the tile's core.
+
+    All that a tile says of its core points and of its own buildings, whose westernmost points are core
+    points, depends on these alone.
+
+    Parameters
+    ----------
+    tile : PointTile
+        With classes. All its roofs are its own if it has no buffer or its spacing is not known.
+    """
+    is_own = tile.is_roof
+    if tile.buffer is None or tile.point_spacing is None:
+        return is_own
+    rows = np.flatnonzero(is_own)
+    part = connected_parts(tile.points[rows], APART_SPACINGS * tile.point_spacing, in_plan=True)
+    has_core = np.bincount(part, tile.is_core[rows]) > 0
+    is_own[rows] = has_core[part]
+    return is_own

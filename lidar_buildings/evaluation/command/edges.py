@@ -13,8 +13,7 @@ from numpy.typing import NDArray
 from lidar_buildings.core.model.errors import InputError
 from lidar_buildings.core.model.stage_table import STAGES
 from lidar_buildings.core.neighbours.point_spacing import measure_spacing
-from lidar_buildings.evaluation.command.options import ScoreOptions
-from lidar_buildings.evaluation.command.sides import BUILDING, check_same_system, is_inside
+from lidar_buildings.evaluation.command.options import BUILDING, ScoreOptions, check_same_system, is_inside
 from lidar_buildings.evaluation.readers.labelled_points import (
     LabelledPoints,
     has_clouds,

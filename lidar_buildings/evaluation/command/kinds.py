@@ -12,10 +12,9 @@ from numpy.typing import NDArray
 
 from lidar_buildings.evaluation.command.edges import edge_figures
 from lidar_buildings.evaluation.command.models import model_figures
-from lidar_buildings.evaluation.command.options import ScoreOptions
+from lidar_buildings.evaluation.command.options import BUILDING, ScoreOptions, check_same_system, is_inside
 from lidar_buildings.evaluation.command.outlines import outline_figures
 from lidar_buildings.evaluation.command.planes import plane_figures
-from lidar_buildings.evaluation.command.sides import BUILDING, check_same_system, is_inside
 from lidar_buildings.evaluation.readers.labelled_points import (
     LabelledPoints,
     has_clouds,
@@ -23,10 +22,14 @@ from lidar_buildings.evaluation.readers.labelled_points import (
     read_labels,
 )
 from lidar_buildings.evaluation.readers.metric_polygons import MetricPolygons, read_metric_polygons
-from lidar_buildings.evaluation.scores.buildings import score_buildings
-from lidar_buildings.evaluation.scores.cells import CellSet, cells_of_points, cells_of_polygons
-from lidar_buildings.evaluation.scores.confusion import confusion_of
+from lidar_buildings.evaluation.scores.cells import (
+    CellSet,
+    cells_of_points,
+    cells_of_polygons,
+    score_buildings,
+)
 from lidar_buildings.evaluation.scores.ground import REFERENCE_GROUND, score_ground
+from lidar_buildings.evaluation.scores.statistics import confusion_of
 
 
 def ground_figures(result: Path, reference: Path, options: ScoreOptions) -> dict[str, Any]:

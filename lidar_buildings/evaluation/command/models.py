@@ -13,8 +13,7 @@ from numpy.typing import NDArray
 
 from lidar_buildings.core.solids.shell import Solid
 from lidar_buildings.core.solids.validity import check_solid
-from lidar_buildings.evaluation.command.options import ScoreOptions
-from lidar_buildings.evaluation.command.sides import BUILDING, check_same_system, is_inside
+from lidar_buildings.evaluation.command.options import BUILDING, ScoreOptions, check_same_system, is_inside
 from lidar_buildings.evaluation.readers.city_model import CityBuilding, holds_city_model, read_city_model
 from lidar_buildings.evaluation.readers.labelled_points import has_clouds, read_roof_points
 from lidar_buildings.evaluation.scores.model_points import WITHIN, score_model_points

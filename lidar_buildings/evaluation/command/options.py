@@ -1,4 +1,4 @@
-"""What a comparison needs to know beside its two sides."""
+"""What a score is asked for, and where and in which system its two sides are compared."""
 
 from __future__ import annotations
 
@@ -6,7 +6,13 @@ from collections.abc import Collection
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from lidar_buildings.core.model.errors import ParameterError
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from lidar_buildings.core.model.classes import PointClass
+from lidar_buildings.core.model.errors import InputError, ParameterError
+from lidar_buildings.evaluation.readers.metric_polygons import MetricPolygons
 
 if TYPE_CHECKING:  # imported late: --help answers at once
     from lidar_buildings.evaluation.readers.metric_polygons import MetricPolygons
@@ -20,6 +26,8 @@ _RANGES = {
     "alpha": (0.01, 100.0),
     "corner_tolerance": (0.01, 100.0),
 }
+#: A result's building points, and a reference's unless told otherwise.
+BUILDING = (int(PointClass.BUILDING),)
 
 
 @dataclass(frozen=True)
@@ -72,3 +80,22 @@ class ScoreOptions:
                 raise ParameterError(f"score --{option} {value:g}: must be within {least:g} to {greatest:g}")
         if self.lod not in LODS:
             raise ParameterError(f"score --lod {self.lod}: must be one of {', '.join(LODS)}")
+
+
+def is_inside(points: NDArray[np.float64], area: MetricPolygons | None) -> NDArray[np.bool_]:
+    """Whether each point lies within the area of interest."""
+    if area is None:
+        return np.ones(len(points), dtype=bool)
+    limits = shapely.union_all(area.polygons)
+    shapely.prepare(limits)
+    return np.asarray(shapely.intersects_xy(limits, points[:, 0], points[:, 1]), dtype=bool)
+
+
+def check_same_system(result: str, reference: str, area: MetricPolygons | None) -> None:
+    """Refuse sides in different reference systems; one that does not say its own is trusted."""
+    named = [crs for crs in (result, reference, "" if area is None else area.crs) if crs.startswith("EPSG:")]
+    if len(set(named)) > 1:
+        raise InputError(
+            f"the result, the reference and the area of interest are in {', '.join(dict.fromkeys(named))}: "
+            "bring them to one reference system"
+        )

@@ -9,8 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lidar_buildings.evaluation.command.options import ScoreOptions
-from lidar_buildings.evaluation.command.sides import check_same_system, is_inside
+from lidar_buildings.evaluation.command.options import ScoreOptions, check_same_system, is_inside
 from lidar_buildings.evaluation.readers.plane_labels import PlaneLabels, read_plane_labels
 from lidar_buildings.evaluation.scores.planes import PlaneScore, planes_of_colours, score_planes
 

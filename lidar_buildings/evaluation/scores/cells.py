@@ -7,6 +7,7 @@ keys, so that its size depends on the buildings alone, however far apart they st
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -15,6 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.spatial import cKDTree
 
 from lidar_buildings.core.neighbours.point_spacing import measure_spacing
+from lidar_buildings.evaluation.scores.statistics import Confusion
 
 #: Sorted keys: the cell's column in the upper half, its row in the lower.
 CellSet = NDArray[np.int64]
@@ -25,6 +27,8 @@ REACH = 1.5
 MAX_NUMBER = 2**31 - 1
 #: Cell centres tested against a polygon at a time [cells].
 WINDOW = 4_000_000
+#: Side of a cell: half a metre is what maps and eaves agree to [m].
+DEFAULT_CELL = 0.5
 
 
 def cells_of_polygons(polygons: ArrayLike, cell: float) -> CellSet:
@@ -181,3 +185,65 @@ def _checked_size(cell: float, coordinates: NDArray[np.float64]) -> None:
         raise ValueError(
             f"cell = {cell}: too small for coordinates up to {largest:g} m, or one is not finite"
         )
+
+
+@dataclass(frozen=True)
+class BuildingScore:
+    """
+    Agreement of building areas in cells; a share of nothing is NaN.
+
+    Attributes
+    ----------
+    cell : float
+        Side of a cell [m].
+    n_result_cells, n_reference_cells, n_common_cells : int
+        Building cells of the result, of the reference, and of both.
+    recall : float
+        Common / reference (completeness).
+    precision : float
+        Common / result (correctness).
+    iou : float
+        Common / either (quality).
+    """
+
+    cell: float
+    n_result_cells: int
+    n_reference_cells: int
+    n_common_cells: int
+    recall: float
+    precision: float
+    iou: float
+
+
+def score_buildings(
+    result: CellSet, reference: CellSet, *, cell: float = DEFAULT_CELL, area: ArrayLike | None = None
+) -> BuildingScore:
+    """
+    Compare the building cells of a result with those of a reference (Rutzinger et al. 2009, pixel-based).
+
+    Parameters
+    ----------
+    result, reference : ndarray of int64
+        Cells as `cells_of_polygons` and `cells_of_points` make them.
+    cell : float
+        Side of the cells [m].
+    area : array_like of shapely.Polygon or MultiPolygon, optional
+        Only cells with their centre inside count; everywhere if not given.
+
+    Returns
+    -------
+    BuildingScore
+    """
+    if area is not None:
+        result, reference = cells_inside(result, area, cell), cells_inside(reference, area, cell)
+    n_common_cells = len(np.intersect1d(result, reference, assume_unique=True))
+    agreement = Confusion(n_common_cells, len(result) - n_common_cells, len(reference) - n_common_cells, 0)
+    return BuildingScore(
+        cell=cell,
+        n_result_cells=len(result),
+        n_reference_cells=len(reference),
+        n_common_cells=n_common_cells,
+        recall=agreement.recall,
+        precision=agreement.precision,
+        iou=agreement.iou,
+    )

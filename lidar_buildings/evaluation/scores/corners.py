@@ -11,9 +11,8 @@ import shapely
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial import cKDTree
 
-from lidar_buildings.evaluation.scores.polygons import limits_of, valid_polygons
+from lidar_buildings.evaluation.scores.polygons import limits_of, open_rings, simplified, valid_polygons
 from lidar_buildings.evaluation.scores.statistics import mean, ratio
-from lidar_buildings.evaluation.scores.vertices import open_rings, simplified
 
 #: How far a corner may lie from the one that it stands for: two spacings of dense surveys, one of sparse [m].
 DEFAULT_TOLERANCE = 1.0

@@ -10,8 +10,8 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
+from lidar_buildings.evaluation.scores.polygons import open_rings, simplified
 from lidar_buildings.evaluation.scores.statistics import ratio
-from lidar_buildings.evaluation.scores.vertices import open_rings, simplified
 
 #: Step between samples along a wall: finer than any point spacing resolves [m].
 STEP = 0.25

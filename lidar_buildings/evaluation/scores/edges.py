@@ -10,8 +10,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from lidar_buildings.core.model.point_array import checked_column
 from lidar_buildings.core.surfaces.alpha_shape import alpha_shape
-from lidar_buildings.evaluation.scores.confusion import Confusion, confusion_of
 from lidar_buildings.evaluation.scores.roofs import roof_rows
+from lidar_buildings.evaluation.scores.statistics import Confusion, confusion_of
 
 #: Radius of the disc by which Santos, Galo and others found their reference [m], and the density of their
 #: cloud [points/m²]: elsewhere the radius is as many point spacings, 1.342.

@@ -9,8 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from lidar_buildings.core.model.classes import PointClass
-from lidar_buildings.evaluation.scores.confusion import confusion_of
-from lidar_buildings.evaluation.scores.statistics import ratio
+from lidar_buildings.evaluation.scores.statistics import confusion_of, ratio
 
 #: A result's ground: roads and rails lie on it, and water kept from the source is part of its surface.
 RESULT_GROUND = (

@@ -14,11 +14,15 @@ from numpy.typing import ArrayLike, NDArray
 from lidar_buildings.core.solids.shell import ROOF_SURFACE
 from lidar_buildings.evaluation.scores.outlines import MIN_IOU, match_outlines
 from lidar_buildings.evaluation.scores.polygons import MIN_INSIDE, cut_to, limits_of, valid_polygons
-from lidar_buildings.evaluation.scores.ridges import RidgeScore, score_ridges
 from lidar_buildings.evaluation.scores.roof_surfaces import Solids, faces_of, footprints, roof_surfaces
 from lidar_buildings.evaluation.scores.statistics import ratio, root_mean_square
 from lidar_buildings.evaluation.scores.wireframe import Wireframe, n_corners, roof_wireframe
-from lidar_buildings.evaluation.scores.wireframe_match import WireframeScore, score_wireframes
+from lidar_buildings.evaluation.scores.wireframe_match import (
+    RidgeScore,
+    WireframeScore,
+    score_ridges,
+    score_wireframes,
+)
 
 #: Roofs are compared on a grid of this step [m], whose lines lie at multiples of it.
 STEP = 0.25

@@ -14,12 +14,20 @@ from lidar_buildings.evaluation.scores.boundaries import (
     boundary_distances,
     distances_of_unions,
 )
-from lidar_buildings.evaluation.scores.polygons import MIN_INSIDE, cut_to, limits_of, valid_polygons
+from lidar_buildings.evaluation.scores.polygons import (
+    MIN_INSIDE,
+    cut_to,
+    limits_of,
+    simplified,
+    valid_polygons,
+    vertex_counts,
+)
 from lidar_buildings.evaluation.scores.statistics import mean, ratio
-from lidar_buildings.evaluation.scores.vertices import simplified, vertex_counts
 
 #: An object counts as found from this intersection over union on (Everingham et al. 2010, PASCAL VOC).
 MIN_IOU = 0.5
+#: A building counts as covered from this share of its area on.
+MIN_COVERED = 0.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -172,3 +180,53 @@ def match_outlines(
             partner[theirs[pair]], best[theirs[pair]] = mine[pair], iou[pair]
             taken[mine[pair]] = True
     return partner, best
+
+
+@dataclass(frozen=True, eq=False)
+class CoverageScore:
+    """
+    Buildings of the reference under the result; a share of nothing is NaN.
+
+    Attributes
+    ----------
+    n_buildings : int
+        Reference buildings that count, touching ones each for itself.
+    n_covered : int
+        Those of which at least half the area lies in the result.
+    covered_share : float
+        Covered / counted.
+    covered : ndarray of float, shape (n_given_reference,)
+        Share of each given building's area that lies in the result.
+    """
+
+    n_buildings: int
+    n_covered: int
+    covered_share: float
+    covered: NDArray[np.float64]
+
+
+def score_coverage(
+    result: ArrayLike, reference: ArrayLike, *, area: ArrayLike | None = None
+) -> CoverageScore:
+    """
+    Count the reference buildings that lie under the union of all result outlines.
+
+    Parameters
+    ----------
+    result, reference : array_like of shapely.Polygon or MultiPolygon
+        One geometry per building [m]; invalid ones are repaired.
+    area : array_like of shapely.Polygon or MultiPolygon, optional
+        Where the reference is complete; buildings are cut to it, and those mostly outside do not count.
+
+    Returns
+    -------
+    CoverageScore
+    """
+    theirs, inside = cut_to(valid_polygons(reference), limits_of(area))
+    size = shapely.area(theirs)
+    common = shapely.area(shapely.intersection(theirs, shapely.union_all(valid_polygons(result))))
+    covered = np.divide(common, size, out=np.zeros(len(theirs)), where=size > 0)
+    counted = inside >= MIN_INSIDE
+    n_buildings = int(np.count_nonzero(counted))
+    n_covered = int(np.count_nonzero(counted & (covered >= MIN_COVERED)))
+    return CoverageScore(n_buildings, n_covered, ratio(n_covered, n_buildings), covered)

@@ -1,12 +1,102 @@
-"""Shares, means and percentiles that are NaN where there is nothing to take them of."""
+"""Counts of yes and no, shares, means and percentiles; NaN where there is nothing to take them of."""
 
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
+
+
+@dataclass(frozen=True)
+class Confusion:
+    """
+    What the result says against what the reference says; a figure without a base (0/0) is NaN.
+
+    Attributes
+    ----------
+    hits : int
+        Yes in both.
+    false_alarms : int
+        Yes in the result only.
+    misses : int
+        Yes in the reference only.
+    rejections : int
+        No in both.
+    """
+
+    hits: int
+    false_alarms: int
+    misses: int
+    rejections: int
+
+    @property
+    def total(self) -> int:
+        """Number of items asked about."""
+        return self.hits + self.false_alarms + self.misses + self.rejections
+
+    @property
+    def recall(self) -> float:
+        """Share of the reference that was found, also called completeness."""
+        return ratio(self.hits, self.hits + self.misses)
+
+    @property
+    def precision(self) -> float:
+        """Share of the result that is right, also called correctness."""
+        return ratio(self.hits, self.hits + self.false_alarms)
+
+    @property
+    def iou(self) -> float:
+        """Intersection over union, also called quality."""
+        return ratio(self.hits, self.hits + self.false_alarms + self.misses)
+
+    @property
+    def f1(self) -> float:
+        """Harmonic mean of recall and precision."""
+        return ratio(2 * self.hits, 2 * self.hits + self.false_alarms + self.misses)
+
+    @property
+    def kappa(self) -> float:
+        """
+        Agreement beyond what chance would give (Cohen 1960): 1 is perfect, 0 is chance.
+
+        NaN where both say the same single answer throughout: there is nothing to agree on beyond chance.
+        """
+        yes = (self.hits + self.false_alarms) * (self.hits + self.misses)
+        no = (self.misses + self.rejections) * (self.false_alarms + self.rejections)
+        expected = yes + no
+        # In whole numbers: both sides of (p_o − p_e) / (1 − p_e) times total².
+        return ratio((self.hits + self.rejections) * self.total - expected, self.total**2 - expected)
+
+
+def confusion_of(result: ArrayLike, reference: ArrayLike) -> Confusion:
+    """
+    Count the agreement of two masks over the same items in the same order.
+
+    Parameters
+    ----------
+    result, reference : array_like of bool, shape (n_items,)
+        True = yes.
+
+    Raises
+    ------
+    ValueError
+        If the shapes differ or are not one-dimensional.
+    """
+    result_mask, reference_mask = _same_length(np.asarray(result, bool), np.asarray(reference, bool))
+    hits = int(np.count_nonzero(result_mask & reference_mask))
+    yes, wanted = int(np.count_nonzero(result_mask)), int(np.count_nonzero(reference_mask))
+    return Confusion(hits, yes - hits, wanted - hits, len(result_mask) - yes - wanted + hits)
+
+
+def _same_length(
+    result: NDArray[np.bool_], reference: NDArray[np.bool_]
+) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    if result.ndim != 1 or result.shape != reference.shape:
+        raise ValueError(f"reference has shape {reference.shape}: must be one-dimensional, as long as result")
+    return result, reference
 
 
 def ratio(part: float, whole: float) -> float:

@@ -10,10 +10,9 @@ from lidar_buildings.core.model.errors import InputError
 from lidar_buildings.core.scans.config import ScanConfig
 from lidar_buildings.core.scans.placing import ScanPlacer
 from lidar_buildings.core.scans.transform_tree import frame_name
-from lidar_buildings.io.bags.bag import ODOMETRY, Bag
+from lidar_buildings.io.bags.bag import ODOMETRY, Bag, TopicContent, topic_contents
 from lidar_buildings.io.bags.cut_mcap import open_bag
 from lidar_buildings.io.bags.selection import BagTopics, choose_topics
-from lidar_buildings.io.bags.topic_lines import TopicContent, topic_contents
 
 #: Messages of a topic that are looked at for the tree of frames; wide margin: most tell of all frames.
 _FIRST = 100

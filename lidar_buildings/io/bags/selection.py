@@ -18,9 +18,9 @@ from lidar_buildings.io.bags.bag import (
     Bag,
     BagMessage,
     BagTopic,
+    topic_contents,
 )
 from lidar_buildings.io.bags.bag_config import BagConfig
-from lidar_buildings.io.bags.topic_lines import topic_contents
 
 _ORIGIN, _UNITS = "map_origin", "map_units"
 

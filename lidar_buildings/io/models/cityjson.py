@@ -8,8 +8,7 @@ them into the source's coordinates. So what was checked is what is written, in m
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,40 +21,12 @@ from lidar_buildings.core.solids.shell import GROUND_SURFACE, ROOF_SURFACE, WALL
 from lidar_buildings.core.stages.building_model import BuildingModel
 from lidar_buildings.io.files.reference_systems import epsg_code
 from lidar_buildings.io.models.building_attributes import face_attributes, in_source_units
-from lidar_buildings.io.models.terrain_mesh import TerrainMesh
+from lidar_buildings.io.models.survey_building import TerrainMesh
 
 #: The surfaces that every solid lists first, whether it has them or not; each roof face has one of its own.
 _SHARED = (GROUND_SURFACE, WALL_SURFACE)
 #: Decimals of the extent's coordinates.
 _DECIMALS = 6
-
-
-@dataclass(frozen=True, eq=False)
-class CityFeature:
-    """
-    One building as read from a line.
-
-    Attributes
-    ----------
-    readable_id : str
-        The feature's id, made from the anchor's coordinates.
-    building_id : int
-        See `lidar_buildings.core.model.ids`.
-    attributes : dict
-        As written: in the source's units.
-    solids : dict of str to Solid
-        By level of detail, in the map frame [m].
-    """
-
-    readable_id: str
-    building_id: int
-    attributes: dict[str, Any]
-    solids: dict[str, Solid]
-
-    @property
-    def finest(self) -> str:
-        """The finest level of detail that the building has, empty if it has no solid."""
-        return max(self.solids, default="")
 
 
 def header_line(
@@ -168,9 +139,18 @@ def terrain_line(mesh: TerrainMesh) -> str:
     )
 
 
+class CityFeature(NamedTuple):
+    """What a line says of its building, see `SurveyBuilding`."""
+
+    attributes: dict[str, Any]
+    lod: str = ""
+    solid: Solid | None = None
+    roof_faces: tuple[dict[str, Any], ...] = ()
+
+
 def parse_feature(line: str) -> CityFeature:
     """
-    Read a line that `feature_line` wrote.
+    Read the attributes and the finest solid of a line that `feature_line` wrote.
 
     Raises
     ------
@@ -178,11 +158,17 @@ def parse_feature(line: str) -> CityFeature:
         If the line is no such feature.
     """
     try:
-        feature, building_id = load_feature(line)
+        feature, _ = load_feature(line)
         building = feature["CityObjects"][feature["id"]]
+        geometry = max(building["geometry"], key=lambda one: one["lod"], default=None)
+        if geometry is None:
+            return CityFeature(building["attributes"])
         vertices = np.array(feature["vertices"], dtype=np.float64).reshape(-1, 3) / round(1 / GRID)
-        solids = {one["lod"]: _solid(one, vertices) for one in building["geometry"]}
-        return CityFeature(feature["id"], building_id, building["attributes"], solids)
+        surfaces = geometry["semantics"]["surfaces"]
+        kinds = [surfaces[number] for number in geometry["semantics"]["values"][0]]
+        solid = _solid(geometry, tuple(kind["type"] for kind in kinds), vertices)
+        roofs = tuple(kind for kind in kinds if kind["type"] == ROOF_SURFACE)
+        return CityFeature(building["attributes"], geometry["lod"], solid, roofs)
     except (ValueError, KeyError, TypeError, IndexError) as error:
         raise _no_feature(line, error) from error
 
@@ -228,14 +214,12 @@ def _geometry(
     return {"type": "Solid", "lod": lod, "boundaries": [shell], "semantics": semantics}
 
 
-def _solid(geometry: dict[str, Any], vertices: np.ndarray) -> Solid:
+def _solid(geometry: dict[str, Any], semantics: tuple[str, ...], vertices: NDArray[np.float64]) -> Solid:
     """Return the solid of a CityJSON geometry with its own vertices, in the order of their first use."""
     (shell,) = geometry["boundaries"]
     used = list(dict.fromkeys(i for face in shell for ring in face for i in ring))
     row_of = {i: row for row, i in enumerate(used)}
     faces = tuple(tuple(tuple(row_of[i] for i in ring) for ring in face) for face in shell)
-    surfaces = [surface["type"] for surface in geometry["semantics"]["surfaces"]]
-    semantics = tuple(surfaces[value] for value in geometry["semantics"]["values"][0])
     return Solid(vertices[used], faces, semantics)
 
 

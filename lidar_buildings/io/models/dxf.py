@@ -12,13 +12,18 @@ from numpy.typing import NDArray
 
 from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.solids.roof_lines import KINDS
-from lidar_buildings.core.solids.shell import GROUND_SURFACE, ROOF_SURFACE, WALL_SURFACE, ring_edges
+from lidar_buildings.core.solids.shell import GROUND_SURFACE, ROOF_SURFACE, WALL_SURFACE, Solid, ring_edges
 from lidar_buildings.io.files.atomic_files import atomic_file
 from lidar_buildings.io.models.arcs import ring_arcs
-from lidar_buildings.io.models.dxf_entities import Corner, DxfEntities, corner_text
-from lidar_buildings.io.models.dxf_frame import FIRST_HANDLE, OWNER, dxf_frame
-from lidar_buildings.io.models.survey_building import SolidMesh, SurveyBuilding
-from lidar_buildings.io.models.terrain_mesh import TerrainMesh
+from lidar_buildings.io.models.dxf_entities import (
+    FIRST_HANDLE,
+    OWNER,
+    Corner,
+    DxfEntities,
+    corner_text,
+    dxf_frame,
+)
+from lidar_buildings.io.models.survey_building import SurveyBuilding, TerrainMesh
 
 #: Name under which entities carry their building's id, and outlines its attributes.
 APPLICATION = "LIDAR_BUILDINGS"
@@ -78,8 +83,8 @@ class _Drawing:
             self._file.writelines(text.encode("ascii") for text in self._terrain(building))
             return
         parts = self._outline(building)
-        if building.mesh is not None:
-            parts += self._solid(building.mesh, building.readable_id)
+        if building.solid is not None:
+            parts += self._faces(building, building.solid)
             parts += self._lines(building)
         self._file.write("".join(parts).encode("ascii"))
 
@@ -102,13 +107,13 @@ class _Drawing:
                 drawn.append(self._entities.point(layer, (*places[0][:2], ground), data))
         return drawn
 
-    def _solid(self, mesh: SolidMesh, name: str) -> list[str]:
+    def _faces(self, building: SurveyBuilding, solid: Solid) -> list[str]:
         """Draw a solid's faces; edges within a face are hidden."""
-        data = self._entities.extended_data([name])
-        corners = [corner_text(corner) for corner in self._in_source(mesh.solid.vertices)]
-        layers = {kind: layer_name(mesh.lod, kind) for kind in _SURFACES}
+        data = self._entities.extended_data([building.readable_id])
+        corners = [corner_text(corner) for corner in self._in_source(solid.vertices)]
+        layers = {kind: layer_name(building.lod, kind) for kind in _SURFACES}
         drawn = []
-        for face, pieces, kind in zip(mesh.solid.faces, mesh.pieces, mesh.solid.semantics, strict=True):
+        for face, pieces, kind in zip(solid.faces, building.pieces, solid.semantics, strict=True):
             seen = {edge for ring in face for edge in ring_edges(ring)} if len(pieces) > 1 else None
             for rows in pieces:
                 hidden = [] if seen is None else [edge not in seen for edge in ring_edges(rows)]

@@ -19,8 +19,7 @@ from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.solids.face_triangles import triangles_of
 from lidar_buildings.core.solids.shell import GROUND_SURFACE, ROOF_SURFACE, WALL_SURFACE
 from lidar_buildings.io.files.atomic_files import atomic_file
-from lidar_buildings.io.models.survey_building import SolidMesh, SurveyBuilding
-from lidar_buildings.io.models.terrain_mesh import TerrainMesh
+from lidar_buildings.io.models.survey_building import SurveyBuilding, TerrainMesh
 
 #: Surface → its material's name and colour.
 _TERRAIN = ("terrain", (0.47, 0.53, 0.38))
@@ -80,12 +79,17 @@ class _Mesh:
             self._file.write(f"o {building.name}\n")
             self._write(building.vertices, {_TERRAIN[0]: building.triangles.tolist()})
             return
-        if building.mesh is None:
+        if building.solid is None:
             reason = " ".join(str(building.attributes.get("reason") or "unknown").split())
             self._file.write(f"# {building.readable_id}: no solid: {reason}\n")
             return
-        self._file.write(f"o {building.readable_id}\n# LoD{building.mesh.lod}\n")
-        self._write(building.mesh.solid.vertices, _by_material(building.mesh))
+        self._file.write(f"o {building.readable_id}\n# LoD{building.lod}\n")
+        faces = list(zip(building.pieces, building.solid.semantics, strict=True))
+        by_material = {
+            name: [corners for pieces, of in faces if of == kind for corners in triangles_of(pieces)]
+            for kind, (name, _) in _MATERIALS.items()
+        }
+        self._write(building.solid.vertices, by_material)
 
     def _write(self, vertices: NDArray[np.float64], triangles: Mapping[str, Iterable[Triangle]]) -> None:
         """Write an object's vertices, and its triangles by material."""
@@ -97,15 +101,6 @@ class _Mesh:
             lines += [f"f {a + first} {b + first} {c + first}\n" for a, b, c in own]
         self._file.writelines(lines)
         self._n_vertices += len(vertices)
-
-
-def _by_material(mesh: SolidMesh) -> dict[str, list[Triangle]]:
-    """Return a solid's triangles by their materials."""
-    faces = list(zip(mesh.pieces, mesh.solid.semantics, strict=True))
-    return {
-        name: [corners for pieces, of in faces if of == kind for corners in triangles_of(pieces)]
-        for kind, (name, _) in _MATERIALS.items()
-    }
 
 
 def _header(frame: MapFrame, materials: str) -> str:

@@ -1,4 +1,4 @@
-"""A building of a survey, as the formats of city models are given it."""
+"""A building of a survey and a piece of its terrain, as the formats of city models are given them."""
 
 from __future__ import annotations
 
@@ -6,30 +6,13 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from lidar_buildings.core.model.outline import Outline
 from lidar_buildings.core.solids.face_triangles import face_pieces
 from lidar_buildings.core.solids.roof_lines import RoofLine, roof_lines
 from lidar_buildings.core.solids.shell import Solid
-from lidar_buildings.io.models.cityjson import CityFeature
-
-
-@dataclass(frozen=True, eq=False)
-class SolidMesh:
-    """
-    A solid with its faces divided into convex pieces of three or four corners.
-
-    Attributes
-    ----------
-    lod : str
-        The solid's level of detail.
-    solid : Solid
-    pieces : tuple of tuple of tuple of int
-        Per face its pieces, as rows of the solid's vertices.
-    """
-
-    lod: str
-    solid: Solid
-    pieces: tuple[tuple[tuple[int, ...], ...], ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,10 +30,12 @@ class SurveyBuilding:
         Before and after regularisation, map frame [m].
     line : str
         The CityJSONFeature, empty if there is none.
-    feature : CityFeature or None
-        What the line says.
     attributes : dict
         In the source's units.
+    lod, solid : str, Solid or None
+        The finest solid and its level of detail, empty and None if there is none; map frame [m].
+    roof_faces : tuple of dict
+        The attributes of each of its roof faces, in the source's units.
     """
 
     building_id: int
@@ -58,20 +43,40 @@ class SurveyBuilding:
     traced: Outline | None
     outline: Outline | None
     line: str
-    feature: CityFeature | None
     attributes: dict[str, Any]
+    lod: str = ""
+    solid: Solid | None = None
+    roof_faces: tuple[dict[str, Any], ...] = ()
 
     @cached_property
-    def mesh(self) -> SolidMesh | None:
-        """The finest solid with its faces divided, None if there is no solid."""
-        if self.feature is None or not self.feature.finest:
-            return None
-        solid = self.feature.solids[self.feature.finest]
-        pieces = tuple(tuple(face_pieces(solid.vertices, face)) for face in solid.faces)
-        return SolidMesh(self.feature.finest, solid, pieces)
+    def pieces(self) -> tuple[tuple[tuple[int, ...], ...], ...]:
+        """The convex pieces of three or four corners of each face of the solid, as rows of its vertices."""
+        if self.solid is None:
+            return ()
+        vertices = self.solid.vertices
+        return tuple(tuple(face_pieces(vertices, face)) for face in self.solid.faces)
 
     @cached_property
     def lines(self) -> list[RoofLine]:
-        """The lines of the finest solid's roof."""
-        has_solid = self.feature is not None and self.feature.finest
-        return roof_lines(self.feature.solids[self.feature.finest]) if self.feature and has_solid else []
+        """The lines of the solid's roof."""
+        return [] if self.solid is None else roof_lines(self.solid)
+
+
+@dataclass(frozen=True, eq=False)
+class TerrainMesh:
+    """
+    The ground of one square as triangles; neighbouring squares share the vertices between them.
+
+    Attributes
+    ----------
+    name : str
+        Made from the coordinates of its north-western corner.
+    vertices : ndarray of shape (n_vertices, 3)
+        Map frame, whole millimetres [m].
+    triangles : ndarray of shape (n_triangles, 3)
+        Rows of the vertices, counter-clockwise from above.
+    """
+
+    name: str
+    vertices: NDArray[np.float64]
+    triangles: NDArray[np.int32]

@@ -12,8 +12,7 @@ from lidar_buildings.io.files.atomic_files import atomic_file, write_error
 from lidar_buildings.io.models.cityjson import header_line, terrain_line
 from lidar_buildings.io.models.dxf import dxf_file
 from lidar_buildings.io.models.obj import obj_file
-from lidar_buildings.io.models.survey_building import SurveyBuilding
-from lidar_buildings.io.models.terrain_mesh import TerrainMesh
+from lidar_buildings.io.models.survey_building import SurveyBuilding, TerrainMesh
 from lidar_buildings.io.results.building_layers import building_layers_file
 from lidar_buildings.io.results.output_config import FORMAT_FILES
 from lidar_buildings.io.results.survey_buildings import SurveyBuildings

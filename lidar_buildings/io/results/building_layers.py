@@ -14,9 +14,8 @@ from numpy.typing import NDArray
 
 from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.solids.shell import ROOF_SURFACE, Face
-from lidar_buildings.io.models.building_attributes import BUILDING_FIELDS, FACE_FIELDS, face_attributes
-from lidar_buildings.io.models.survey_building import SurveyBuilding
-from lidar_buildings.io.models.terrain_mesh import TerrainMesh
+from lidar_buildings.io.models.building_attributes import BUILDING_FIELDS, FACE_FIELDS
+from lidar_buildings.io.models.survey_building import SurveyBuilding, TerrainMesh
 from lidar_buildings.io.vectors.geopackage import GeoPackageLayer, GeoPackageWriter
 
 #: Column with the name that stays the same in every file, made from the anchor's coordinates.
@@ -125,19 +124,18 @@ def _roof_faces(
     building: SurveyBuilding, frame: MapFrame
 ) -> Iterator[tuple[dict[str, Any], shapely.Polygon]]:
     """Yield the roof of a building's finest solid, face by face."""
-    feature = building.feature
-    if feature is None or not feature.finest:
+    solid = building.solid
+    if solid is None:
         return
-    solid = feature.solids[feature.finest]
     faces = [f for f, kind in zip(solid.faces, solid.semantics, strict=True) if kind == ROOF_SURFACE]
     vertices = frame.to_source(solid.vertices)
     elevations = np.round(vertices[:, 2], _DECIMALS).tolist()
-    for number, (face, polygon) in enumerate(zip(faces, _polygons(vertices, faces), strict=True), start=1):
+    polygons = _polygons(vertices, faces)
+    for number, (face, polygon) in enumerate(zip(faces, polygons, strict=True), start=1):
         own = [elevations[row] for ring in face for row in ring]
-        known = {
-            "lod": feature.finest,
+        known = building.roof_faces[number - 1] | {
+            "lod": building.lod,
             "face": number,
-            **face_attributes(solid.face_rings(face), frame),
             "elevation_min": min(own),
             "elevation_max": max(own),
         }
@@ -157,7 +155,7 @@ def _roof_lines(
         building.lines, numbers, shapely.linestrings(places), strict=True
     ):
         known = {
-            "lod": building.feature.finest if building.feature else "",
+            "lod": building.lod,
             "kind": line.kind,
             "face": line.faces[0],
             "other_face": line.faces[1] if len(line.faces) > 1 else None,

@@ -14,9 +14,9 @@ from zipfile import BadZipFile
 import numpy as np
 
 from lidar_buildings import __version__
+from lidar_buildings.core.model.ids import tile_of
 from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.model.stage_table import STAGES
-from lidar_buildings.core.model.stamps import tile_of
 from lidar_buildings.io.clouds.las import InputFile
 from lidar_buildings.io.files.atomic_files import atomic_file
 from lidar_buildings.io.results.classified_files import write_clouds
@@ -32,8 +32,7 @@ from lidar_buildings.io.results.run_folder import (
     remove_files,
 )
 from lidar_buildings.io.results.run_summary import RunSummary
-from lidar_buildings.io.results.seams import seam_pieces
-from lidar_buildings.io.results.survey_buildings import SurveyBuildings
+from lidar_buildings.io.results.survey_buildings import SurveyBuildings, seam_pieces
 from lidar_buildings.io.results.tile_products import TileProducts, load_outlines, load_shapes, load_stamp
 from lidar_buildings.io.vectors.footprints import FootprintFile
 

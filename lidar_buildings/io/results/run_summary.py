@@ -1,10 +1,14 @@
-"""What a run has made."""
+"""What a run has made, and what else ``run.json`` holds."""
 
 from __future__ import annotations
 
+import sys
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
+from importlib.metadata import PackageNotFoundError, version
 from typing import Any
 
+from lidar_buildings import __version__
 from lidar_buildings.core.model.classes import CLASS_GROUPS, ON_TERRAIN, PointClass
 from lidar_buildings.io.results.output_config import FORMAT_FILES
 
@@ -18,6 +22,10 @@ _KINDS = {
     ),
     "roof, too little of it": (PointClass.BUILDING,),
 }
+_LIBRARIES = (
+    "numpy", "scipy", "numba", "scikit-learn", "shapely", "laspy", "lazrs", "pyogrio", "pyproj",
+    "rasterio", "mapbox-earcut",
+)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -87,3 +95,32 @@ class RunSummary:
             "a vehicle sees walls only; points of roofs alone need ground_filter.method=none "
             f"(doc/data_requirements.md){kept}"
         )
+
+
+def run_info(
+    seconds: Mapping[str, float],
+    parameters: Mapping[str, Any],
+    failed: Mapping[int, str],
+    problems: Iterable[str],
+) -> dict[str, Any]:
+    """Return versions, parameters, seconds by stage, failed tiles and problems of a run."""
+    return {
+        "versions": library_versions(),
+        "parameters": dict(parameters),
+        "seconds": {stage: round(taken, 3) for stage, taken in seconds.items()},
+        "failed_tiles": [{"tile": stamp, "reason": failed[stamp]} for stamp in sorted(failed)],
+        "problems": list(problems),
+    }
+
+
+def library_versions() -> dict[str, str]:
+    """Return name → version of this package, of Python and of the libraries."""
+    libraries = {name: _version(name) for name in _LIBRARIES}
+    return {"lidar_buildings": __version__, "python": sys.version.split()[0], **libraries}
+
+
+def _version(library: str) -> str:
+    try:
+        return version(library)
+    except PackageNotFoundError:
+        return "unknown"

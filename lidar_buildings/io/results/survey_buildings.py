@@ -1,26 +1,27 @@
-"""The buildings of all tiles, each once and in the order of their ids."""
+"""The buildings of all tiles, each once and in the order of their ids; pieces that another tile has whole."""
 
 from __future__ import annotations
 
 import json
 import os
 import re
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+import shapely
 from numpy.typing import NDArray
 
 from lidar_buildings.core.model.ids import anchor_near, anchor_row, readable_id
 from lidar_buildings.core.model.map_frame import MapFrame
-from lidar_buildings.core.model.outline import Outline
+from lidar_buildings.core.model.outline import BuildingOutline, Outline
 from lidar_buildings.core.solids.output_grid import GRID
 from lidar_buildings.io.files.atomic_files import write_error
 from lidar_buildings.io.models.building_attributes import in_source_units
-from lidar_buildings.io.models.cityjson import parse_feature
+from lidar_buildings.io.models.cityjson import CityFeature, parse_feature
 from lidar_buildings.io.models.survey_building import SurveyBuilding
 from lidar_buildings.io.results.footprint_results import FOOTPRINT_ID
 from lidar_buildings.io.results.tile_products import Shapes
@@ -29,6 +30,9 @@ from lidar_buildings.io.results.tile_products import Shapes
 _NEAR = 16_000.0
 #: A line's id and building id, as `feature_line` writes them.
 _NAME, _NUMBER = re.compile(r'"id":"([^"]*)"'), re.compile(r'"building_id":(\d+)')
+#: A building of which this share lies within a larger one of another tile is a piece of that one;
+#: wide margin: pieces lie within it entirely, neighbours not at all.
+_PIECE_SHARE = 0.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,9 +114,8 @@ class SurveyBuildings:
         for number, name in sorted(self._entries):
             entry = self._entries[number, name]
             line = self._line(entry)
-            feature = parse_feature(line) if line else None
-            attributes = feature.attributes if feature else self._attributes(number, entry.outline)
-            yield SurveyBuilding(number, name, entry.traced, entry.outline, line, feature, attributes)
+            feature = parse_feature(line) if line else CityFeature(self._attributes(number, entry.outline))
+            yield SurveyBuilding(number, name, entry.traced, entry.outline, line, *feature)
 
     def _is_new(self, number: int, outline: Outline | None) -> bool:
         """Whether no building with this id came nearby; its name may differ by what was scanned later."""
@@ -180,3 +183,41 @@ def _head_of(line: str) -> _Head:
     low, high = vertices.min(axis=0, initial=np.inf), vertices.max(axis=0, initial=-np.inf)
     name, number = (re.search(pattern, start)[1] for pattern in (_NAME, _NUMBER))  # type: ignore[index]
     return _Head(int(number), name, line, low, high)
+
+
+def seam_pieces(tiles: Sequence[Sequence[BuildingOutline]]) -> set[int]:
+    """
+    Return the ids of buildings that are pieces of a larger building of another tile.
+
+    Points near the edge of a tile's buffer can be judged otherwise than in the middle of the next tile, and
+    a part connected by a few points then seems to be a building of its own. Buildings of one tile never
+    overlap by so much and are never taken for pieces of each other; nor is a building a piece of itself, as
+    another tile had it before it went over to this one.
+
+    Parameters
+    ----------
+    tiles : sequence of sequences of BuildingOutline
+        The buildings of each tile.
+    """
+    outlines = [one for tile in tiles for one in tile]
+    tile_of = np.repeat(np.arange(len(tiles)), [len(tile) for tile in tiles])
+    number = np.array([one.building_id for one in outlines], dtype=np.int64)
+    polygons = np.array([_polygon(one) for one in outlines], dtype=object)
+    area = shapely.area(polygons)
+    first, second = shapely.STRtree(polygons).query(polygons)
+    # by falling size; equal ones by id, so that the order of tiles does not matter
+    rank = np.lexsort((number, -area)).argsort()
+    chosen = (tile_of[first] != tile_of[second]) & (number[first] != number[second])
+    chosen &= rank[first] > rank[second]
+    smaller, larger = first[chosen], second[chosen]
+    shared = shapely.area(shapely.intersection(polygons[smaller], polygons[larger]))
+    is_piece = (shared >= _PIECE_SHARE * area[smaller]) & (area[smaller] > 0)
+    return {outlines[row].building_id for row in smaller[is_piece]}
+
+
+def _polygon(one: BuildingOutline) -> shapely.Polygon:
+    """Return an outline as a valid polygon, empty where it has no ring."""
+    if len(one.outline.exterior) < 3:
+        return shapely.Polygon()
+    holes = [hole for hole in one.outline.holes if len(hole) >= 3]
+    return shapely.make_valid(shapely.Polygon(one.outline.exterior, holes))

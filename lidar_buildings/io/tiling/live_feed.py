@@ -18,12 +18,12 @@ from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.core.scans.config import ScanConfig
 from lidar_buildings.core.scans.placing import PlacedScan, ScanPlacer
-from lidar_buildings.io.tiling.live_config import LiveTilingConfig
 from lidar_buildings.io.tiling.live_files import Recorded, record, recorded_of, write_placed_points
 from lidar_buildings.io.tiling.live_frame import FrameSearch, moved_origin
 from lidar_buildings.io.tiling.live_inbox import LiveInbox
 from lidar_buildings.io.tiling.live_side import scale_of
 from lidar_buildings.io.tiling.live_survey import LiveSurvey
+from lidar_buildings.io.tiling.tiling_config import LiveTilingConfig
 
 #: Period of looking for tiles that were left [s].
 _TICK = 0.1

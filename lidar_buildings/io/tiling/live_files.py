@@ -14,12 +14,12 @@ from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.scans.placing import PlacedScan
 from lidar_buildings.io.files.atomic_files import atomic_file
 from lidar_buildings.io.tiling.level_frame import Geodetic, LevelFrame
-from lidar_buildings.io.tiling.live_config import LiveTilingConfig
 from lidar_buildings.io.tiling.live_frame import MapPlace
 from lidar_buildings.io.tiling.live_side import FeedScale
 from lidar_buildings.io.tiling.live_survey import POINTS_PER_FILE, LiveSurvey
 from lidar_buildings.io.tiling.placed_laz import PlacedLaz
 from lidar_buildings.io.tiling.spool import RECORD
+from lidar_buildings.io.tiling.tiling_config import LiveTilingConfig
 
 #: Folder with the LAZ files.
 CLOUDS = "clouds"

@@ -16,13 +16,13 @@ from numpy.typing import NDArray
 from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.core.scans.placing import PlacedScan
-from lidar_buildings.io.tiling.live_config import LiveTilingConfig
 from lidar_buildings.io.tiling.live_tile import MOST_REVISIONS, LiveTile, LiveTiles
 from lidar_buildings.io.tiling.point_log import PointLog, records_of
 from lidar_buildings.io.tiling.spool import Cell
 from lidar_buildings.io.tiling.tile_grid import TileGrid
 from lidar_buildings.io.tiling.tile_room import TileRoom
 from lidar_buildings.io.tiling.tile_store import TilePlan, TileStore
+from lidar_buildings.io.tiling.tiling_config import LiveTilingConfig
 
 #: Points of a file when they are written as LAZ; `index` counts them anew in each.
 POINTS_PER_FILE = 5_000_000

@@ -10,11 +10,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lidar_buildings.core.model.stamps import STEP, tile_of
-from lidar_buildings.io.tiling.live_config import LiveTilingConfig
+from lidar_buildings.core.model.ids import STEP, tile_of
 from lidar_buildings.io.tiling.spool import Cell
 from lidar_buildings.io.tiling.tile_grid import Block, Rectangle, TileGrid
 from lidar_buildings.io.tiling.tile_stamps import stamp_of_number, stamp_of_time
+from lidar_buildings.io.tiling.tiling_config import LiveTilingConfig
 
 #: A tile comes again at most so often: its stamps leave room for no more revisions (`ros.stamps`), some of
 #: which it needs to grow.

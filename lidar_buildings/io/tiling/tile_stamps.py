@@ -8,7 +8,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from lidar_buildings.core.model.stamps import STEP
+from lidar_buildings.core.model.ids import STEP
 
 #: Seconds of a week: the largest GPS week time.
 WEEK = 604_800

@@ -242,3 +242,49 @@ class TileStore:
 def _order_key(records: NDArray[Any]) -> NDArray[np.uint64]:
     """Return a number that orders records by (source, index)."""
     return records["source"].astype(np.uint64) << np.uint64(32) | records["index"]
+
+
+@dataclass
+class SpooledTile:
+    """
+    A tile that is ready to be read; it can be sent to another process of this machine.
+
+    Attributes
+    ----------
+    plan : TilePlan
+        Its place and core points.
+    store : TileStore
+        Where its points are.
+    buffer, max_buffer : float
+        Width of the strip of neighbours that comes with it, and how wide it may grow [m].
+    """
+
+    plan: TilePlan
+    store: TileStore
+    buffer: float
+    max_buffer: float
+
+    @property
+    def stamp(self) -> int:
+        """The tile's key [ns]."""
+        return self.plan.stamp
+
+    @property
+    def reach(self) -> Rectangle:
+        """Where the tile's points may lie in the map frame, however wide its buffer becomes [m]."""
+        return self.store.local_area(self.plan, self.max_buffer)
+
+    def read(self) -> PointTile:
+        """Return the tile."""
+        return self.store.tile(self.plan, self.buffer)
+
+    def grow(self) -> bool:
+        """
+        Double the buffer, up to the largest, until it brings more points; False if none does.
+        """
+        n_before = self.store.count(self.plan, self.buffer)
+        while self.buffer < self.max_buffer:
+            self.buffer = min(2 * self.buffer or self.store.grid.cell_size, self.max_buffer)
+            if self.store.count(self.plan, self.buffer) > n_before:
+                return True
+        return False

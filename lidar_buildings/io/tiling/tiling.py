@@ -11,17 +11,15 @@ from pathlib import Path
 from typing import Any
 
 from lidar_buildings.core.model.errors import InputError
+from lidar_buildings.core.model.ids import STEP
 from lidar_buildings.core.model.map_frame import MapFrame
-from lidar_buildings.core.model.stamps import STEP
 from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.io.clouds.las import CHUNK, InputFile, frame_of, open_inputs
-from lidar_buildings.io.tiling.reading_order import reading_order
 from lidar_buildings.io.tiling.spool import Cell
-from lidar_buildings.io.tiling.spooled_tile import SpooledTile
 from lidar_buildings.io.tiling.tile_grid import Block, Rectangle, TileGrid
-from lidar_buildings.io.tiling.tile_size import fitting_size
+from lidar_buildings.io.tiling.tile_size import fitting_size, reading_order
 from lidar_buildings.io.tiling.tile_stamps import stamp_of_number, stamp_of_time
-from lidar_buildings.io.tiling.tile_store import TilePlan, TileStore
+from lidar_buildings.io.tiling.tile_store import SpooledTile, TilePlan, TileStore
 from lidar_buildings.io.tiling.tiling_config import TilingConfig
 
 __all__ = ["TileSource", "TilingConfig"]

@@ -20,8 +20,13 @@ from lidar_buildings.simulation.casting import (
     wall_hit,
 )
 from lidar_buildings.simulation.chance import exponential, normal_pair, pulse_key, uniform
-from lidar_buildings.simulation.measuring import brightness_of, class_of, owner_of
-from lidar_buildings.simulation.returns import FIRST_LEAF_DISTANCE, IN_CROWN
+from lidar_buildings.simulation.measuring import (
+    FIRST_LEAF_DISTANCE,
+    IN_CROWN,
+    brightness_of,
+    class_of,
+    owner_of,
+)
 from lidar_buildings.simulation.surfaces import CELL, CROWNS, FACES, WALLS
 from lidar_buildings.simulation.terrain import terrain_elevation
 

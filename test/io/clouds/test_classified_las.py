@@ -13,7 +13,7 @@ from lidar_buildings.core.model.errors import InputError, OutputError
 from lidar_buildings.io.clouds.classified_las import suffix_for, write_classified
 from lidar_buildings.io.clouds.las import open_cloud
 from lidar_buildings.io.clouds.las_records import read_raw_header
-from lidar_buildings.io.results.point_results import RESULT
+from lidar_buildings.io.results.classified_files import RESULT
 
 NEW = ("HeightAboveGround", "Facade", "BuildingId", "PlaneId", "EdgeLabel")
 LEGACY_CLASSES = np.array([1, 2, 3, 6, 7, 9, 11, 18], dtype=np.uint8)

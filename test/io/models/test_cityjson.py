@@ -15,7 +15,7 @@ from lidar_buildings.core.solids.shell import ROOF_SURFACE
 from lidar_buildings.core.solids.validity import check_solid
 from lidar_buildings.core.stages.building_model import build_model
 from lidar_buildings.core.stages.plane_fitting import fit_roof_planes
-from lidar_buildings.io.models.cityjson import feature_line, header_line, parse_feature
+from lidar_buildings.io.models.cityjson import feature_line, header_line, load_feature, parse_feature
 
 DUTCH = MapFrame("EPSG:28992", (84900.0, 447400.0, 0.0))
 FOOT = 0.3048
@@ -94,9 +94,12 @@ def test_every_level_of_detail_is_a_solid_of_its_own():
     # the levels share vertices, and each vertex stands once
     assert len({tuple(v) for v in feature["vertices"]}) == len(feature["vertices"])
     read = parse_feature(by_hand())
-    assert read.finest == "2.2"
-    assert read.solids["1.2"].volume == pytest.approx(10 * 8 * 3)
-    assert read.solids["2.2"].volume == pytest.approx(10 * 8 * 3 * 1.5)
+    assert read.lod == "2.2"
+    assert read.solid.volume == pytest.approx(10 * 8 * 3 * 1.5)
+    del geometry[1]
+    read = parse_feature(json.dumps(feature))
+    assert read.lod == "1.2"
+    assert read.solid.volume == pytest.approx(10 * 8 * 3)
 
 
 def test_each_roof_face_has_a_surface_with_slope_azimuth_and_area():
@@ -150,9 +153,10 @@ def test_the_header_tells_title_and_extent_in_source_coordinates():
 
 def test_what_is_read_back_is_what_was_checked():
     model = house("l_shape")
-    read = parse_feature(line_of(model, building_id=2**32 - 1))
-    before, after = model.solids["1.2"], read.solids["1.2"]
-    assert read.building_id == 2**32 - 1
+    line = line_of(model, building_id=2**32 - 1)
+    read = parse_feature(line)
+    before, after = model.solids[read.lod], read.solid
+    assert load_feature(line)[1] == read.attributes["building_id"] == 2**32 - 1
     assert check_solid(after) == ()
     assert after.semantics == before.semantics
     assert after.volume == pytest.approx(before.volume, rel=1e-12)
@@ -179,7 +183,7 @@ def test_a_building_without_solid_keeps_its_line_with_the_reason():
     assert feature["vertices"] == []
     assert building["attributes"]["status"] == "degenerate"
     assert building["attributes"]["reason"]
-    assert parse_feature(line_of(model)).solids == {}
+    assert parse_feature(line_of(model))[1:] == ("", None, ())
 
 
 def test_numbers_that_are_not_finite_become_null():

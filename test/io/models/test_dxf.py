@@ -63,7 +63,7 @@ def test_faces_lie_on_the_layer_of_their_level_and_surface(dutch):
     faces = drawing.modelspace().query("3DFACE")
     layers = Counter(one.dxf.layer for one in faces if "building-84900.0-447400.0" in data_of(one))
     assert layers == {"LOD22_ROOF": 2, "LOD22_WALL": 6, "LOD22_GROUND": 4}
-    assert {data_of(one)[0] for one in faces} == {b.readable_id for b in buildings if b.mesh}
+    assert {data_of(one)[0] for one in faces} == {b.readable_id for b in buildings if b.solid}
 
 
 def test_lines_of_roofs_lie_on_the_layer_of_their_kind(dutch):
@@ -76,7 +76,7 @@ def test_lines_of_roofs_lie_on_the_layer_of_their_kind(dutch):
 
 def test_faces_cover_the_solids_surface_in_source_coordinates(dutch):
     buildings, drawing = dutch
-    for building in (b for b in buildings if b.mesh):
+    for building in (b for b in buildings if b.solid):
         corners = [
             [face.dxf.vtx0, face.dxf.vtx1, face.dxf.vtx2, face.dxf.vtx3]
             for face in drawing.modelspace().query("3DFACE")
@@ -86,7 +86,7 @@ def test_faces_cover_the_solids_surface_in_source_coordinates(dutch):
         origin = model_survey.DUTCH.origin
         fans = [(corners[:, [0, k, k + 1]] - origin) for k in (1, 2)]
         volume = sum(np.einsum("ij,ij->", f[:, 0], np.cross(f[:, 1], f[:, 2])) for f in fans) / 6.0
-        assert volume == pytest.approx(building.mesh.solid.volume, rel=1e-6)
+        assert volume == pytest.approx(building.solid.volume, rel=1e-6)
 
 
 def test_edges_within_a_face_are_hidden(dutch):

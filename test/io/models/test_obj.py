@@ -35,7 +35,7 @@ def meshes_of(path):
 def test_every_solid_is_a_closed_mesh_of_the_same_volume(dutch):
     buildings, path = dutch
     meshes = meshes_of(path)
-    solid = {b.readable_id: b.mesh.solid for b in buildings if b.mesh}
+    solid = {b.readable_id: b.solid for b in buildings if b.solid}
     assert set(meshes) == set(solid)
     assert len(solid) == 4
     for name, mesh in meshes.items():
@@ -69,7 +69,7 @@ def test_coordinates_with_the_offset_are_those_of_the_source(tmp_path, frame):
         [line.split()[1:] for line in path.read_text().splitlines() if line.startswith("v ")], dtype=float
     )
     assert np.abs(places).max() < 100.0
-    expected = frame.to_source(buildings[0].mesh.solid.vertices)
+    expected = frame.to_source(buildings[0].solid.vertices)
     assert places + offset_of(path) == pytest.approx(expected, abs=1e-4)
 
 

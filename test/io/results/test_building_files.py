@@ -18,7 +18,7 @@ from lidar_buildings.core.model.errors import OutputError
 from lidar_buildings.core.model.outline import BuildingOutline, Outline
 from lidar_buildings.core.stages.building_model import BuildingModel
 from lidar_buildings.io.models.building_attributes import BUILDING_FIELDS
-from lidar_buildings.io.models.terrain_mesh import TerrainMesh
+from lidar_buildings.io.models.survey_building import TerrainMesh
 from lidar_buildings.io.results import building_files
 from lidar_buildings.io.results.building_files import ModelHeading, write_buildings
 from lidar_buildings.io.results.output_config import FORMAT_FILES as FILES
@@ -241,7 +241,7 @@ def test_a_failure_leaves_no_file_of_any_format(tmp_path, monkeypatch):
     def fail(self):
         raise OutputError("disk full")
 
-    monkeypatch.setattr(building_files.SurveyBuilding, "mesh", property(fail))
+    monkeypatch.setattr(building_files.SurveyBuilding, "pieces", property(fail))
     with pytest.raises(OutputError, match="disk full"):
         written(tmp_path, model_survey.shapes())
     assert [p.name for p in tmp_path.iterdir()] == ["lines"]

@@ -1,7 +1,7 @@
 import numpy as np
 
 from lidar_buildings.core.model.outline import BuildingOutline, Outline
-from lidar_buildings.io.results.seams import seam_pieces
+from lidar_buildings.io.results.survey_buildings import seam_pieces
 
 
 def building(number: int, x: float, y: float, width: float, height: float) -> BuildingOutline:

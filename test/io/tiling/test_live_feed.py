@@ -18,10 +18,10 @@ from lidar_buildings.core.scans.config import ScanConfig
 from lidar_buildings.core.scans.placing import TWO_CLOCKS, ScanPlacer
 from lidar_buildings.io.tiling import live_feed, live_files, live_inbox
 from lidar_buildings.io.tiling.level_frame import Geodetic, LevelFrame
-from lidar_buildings.io.tiling.live_config import LiveTilingConfig
 from lidar_buildings.io.tiling.live_feed import LiveFeed
 from lidar_buildings.io.tiling.live_frame import Fix, FrameSearch, MapPlace, moved_origin, place_by_fix
 from lidar_buildings.io.tiling.live_inbox import POSES_TOO_FAST, TOO_FAST
+from lidar_buildings.io.tiling.tiling_config import LiveTilingConfig
 from lidar_buildings.pipeline.reconstruct import reconstruct_tile
 
 FAR_LATER = 3600.0

@@ -9,9 +9,9 @@ from lidar_buildings.core.model.errors import OutputError
 from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.scans.placing import PlacedScan
 from lidar_buildings.io.tiling import live_survey, point_log, spool
-from lidar_buildings.io.tiling.live_config import LiveTilingConfig
 from lidar_buildings.io.tiling.live_survey import LiveSurvey
 from lidar_buildings.io.tiling.tile_room import CROWDED, TOO_MANY, VOXEL
+from lidar_buildings.io.tiling.tiling_config import LiveTilingConfig
 
 SIDE = 40.0
 CONFIG = LiveTilingConfig(tile_size=SIDE, buffer=6.0, max_buffer=12.0, leave_after=5.0)

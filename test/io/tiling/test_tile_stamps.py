@@ -5,8 +5,8 @@ import datetime
 import numpy as np
 import pytest
 
-from lidar_buildings.io.tiling.reading_order import reading_order
 from lidar_buildings.io.tiling.tile_grid import Rectangle
+from lidar_buildings.io.tiling.tile_size import reading_order
 from lidar_buildings.io.tiling.tile_stamps import stamp_of_number, stamp_of_time
 
 

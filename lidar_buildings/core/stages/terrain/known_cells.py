@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from lidar_buildings.core.surfaces.cell_distances import square_distances
+from lidar_buildings.core.surfaces.morphology import square_distances
 
 #: Cells that share a side or a corner belong together.
 ADJACENT = np.ones((3, 3), dtype=bool)

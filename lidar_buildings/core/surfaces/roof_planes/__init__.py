@@ -6,8 +6,7 @@ from lidar_buildings.core.surfaces.roof_planes.adjustment import (
     common_point,
 )
 from lidar_buildings.core.surfaces.roof_planes.normal_equations import CommonVertex
-from lidar_buildings.core.surfaces.roof_planes.numbering import with_gaps, without_gaps
-from lidar_buildings.core.surfaces.roof_planes.roof_plane import RoofPlane
+from lidar_buildings.core.surfaces.roof_planes.roof_plane import RoofPlane, with_gaps, without_gaps
 
 __all__ = [
     "Adjustment",

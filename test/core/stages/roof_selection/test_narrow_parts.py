@@ -9,7 +9,7 @@ from lidar_buildings.core.stages.roof_selection.smooth_patches.narrow_parts impo
     half_widths,
 )
 from lidar_buildings.core.stages.roof_selection.smooth_patches.narrow_parts import wide_enough as of_columns
-from lidar_buildings.core.surfaces.cell_distances import square_distances
+from lidar_buildings.core.surfaces.morphology import square_distances
 
 SPACING = 0.25
 

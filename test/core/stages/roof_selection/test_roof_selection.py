@@ -7,8 +7,7 @@ from scipy.interpolate import LinearNDInterpolator
 from bench.scenes import buildings as scenes
 from lidar_buildings.core.neighbours import parallel
 from lidar_buildings.core.stages.roof_selection import RoofSelectionConfig, select_roofs
-from lidar_buildings.evaluation.scores.buildings import score_buildings
-from lidar_buildings.evaluation.scores.cells import cells_of_points, cells_of_polygons
+from lidar_buildings.evaluation.scores.cells import cells_of_points, cells_of_polygons, score_buildings
 
 BUILDING = 6
 WHOLE = ("flat", "shed", "gable", "hip", "l_shape", "touching_houses", "step_roof", "dormer", "courtyard",

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from lidar_buildings.core.neighbours.columns import Columns
 from lidar_buildings.core.stages.roof_selection.config import RoofSelectionConfig
 from lidar_buildings.core.stages.roof_selection.smooth_patches.narrow_parts import closed, opened
-from lidar_buildings.core.surfaces.cell_distances import square_distances
+from lidar_buildings.core.surfaces.morphology import square_distances
 
 #: Roofs that no step of half a storey connects are of different levels [m].
 LEVEL_STEP = 1.2

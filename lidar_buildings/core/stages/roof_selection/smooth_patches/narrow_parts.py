@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from lidar_buildings.core.kernels import kernel
 from lidar_buildings.core.neighbours.columns import Columns
-from lidar_buildings.core.surfaces.cell_distances import square_distances
+from lidar_buildings.core.surfaces.morphology import square_distances
 
 #: Cells along the side of the blocks in which the plan is handled, so that far points cost no memory.
 BLOCK = 512
