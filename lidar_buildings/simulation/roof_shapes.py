@@ -16,6 +16,9 @@ from lidar_buildings.simulation.roof_cutting import (
     slope_of,
 )
 
+#: Width of the wings of L- and T-shaped houses [m].
+WING_WIDTH = 7.0
+
 
 def flat(length: float = 14.0, width: float = 10.0, eave: float = 6.0) -> Building:
     """Return a box."""
@@ -40,30 +43,14 @@ def hip(length: float = 15.0, width: float = 10.0, eave: float = 5.0, pitch_deg:
     )
 
 
-def l_shape(
-    length: float = 16.0,
-    width: float = 9.0,
-    wing_length: float = 7.0,
-    wing_width: float = 7.0,
-    eave: float = 5.0,
-    pitch_deg: float = 35.0,
-) -> Building:
+def l_shape(length: float = 16.0, wing_length: float = 7.0, pitch_deg: float = 35.0) -> Building:
     """Return a gable house with a lower gable wing at its eastern end; flat if `pitch_deg` is 0."""
-    return _winged(
-        "l_shape", length, width, wing_length, wing_width, (length - wing_width) / 2, eave, pitch_deg
-    )
+    return _winged("l_shape", length, wing_length, (length - WING_WIDTH) / 2, pitch_deg)
 
 
-def t_shape(
-    length: float = 18.0,
-    width: float = 9.0,
-    wing_length: float = 7.0,
-    wing_width: float = 7.0,
-    eave: float = 5.0,
-    pitch_deg: float = 35.0,
-) -> Building:
+def t_shape(length: float = 18.0, wing_length: float = 7.0, pitch_deg: float = 35.0) -> Building:
     """Return a gable house with a lower gable wing in the middle towards −y; flat if `pitch_deg` is 0."""
-    return _winged("t_shape", length, width, wing_length, wing_width, 0.0, eave, pitch_deg)
+    return _winged("t_shape", length, wing_length, 0.0, pitch_deg)
 
 
 def step(
@@ -80,8 +67,6 @@ def dormer(
     length: float = 16.0,
     width: float = 11.0,
     eave: float = 5.0,
-    pitch_deg: float = 40.0,
-    dormer_width: float = 5.0,
     dormer_height: float = 2.2,
     setback: float = 1.0,
 ) -> Building:
@@ -93,7 +78,8 @@ def dormer(
     ValueError
         If the dormer would reach the ridge.
     """
-    slope = slope_of(pitch_deg)
+    dormer_width = 5.0
+    slope = slope_of(40.0)
     front = -width / 2 + setback
     top = eave + slope * setback + dormer_height
     back = front + dormer_height / slope
@@ -137,24 +123,16 @@ def round_tower(
     return building_of("round_tower", tuple(_side_of_cone(a, b, eave, apex) for a, b in sides))
 
 
-def _winged(
-    roof_type: str,
-    length: float,
-    width: float,
-    wing_length: float,
-    wing_width: float,
-    wing_x: float,
-    eave: float,
-    pitch_deg: float,
-) -> Building:
+def _winged(roof_type: str, length: float, wing_length: float, wing_x: float, pitch_deg: float) -> Building:
     """Join a gable house and a gable wing whose axis is the line x = `wing_x`."""
+    width, eave = 9.0, 5.0
     main = box(length, width)
     end = -width / 2 - wing_length
-    wing = shapely.box(wing_x - wing_width / 2, end, wing_x + wing_width / 2, 0.0)
+    wing = shapely.box(wing_x - WING_WIDTH / 2, end, wing_x + WING_WIDTH / 2, 0.0)
     slope = slope_of(pitch_deg)
     if slope == 0:
         return building_of(roof_type, (face_over(main | wing, (0.0, 0.0, eave)),))
-    top = eave + slope * wing_width / 2
+    top = eave + slope * WING_WIDTH / 2
     wing_planes = [(slope, 0.0, top - slope * wing_x), (-slope, 0.0, top + slope * wing_x)]
     faces = highest_of(gable_faces(main, width / 2, eave, slope), lowest(wing, wing_planes))
     return building_of(roof_type, faces)

@@ -69,11 +69,9 @@ class Site:
             self.add_building(house, float(middle[0]), float(middle[1]), rotation_deg)
             left += width
 
-    def add_wall(
-        self, x: float, y: float, rotation_deg: float, length: float = 15.0, height: float = 2.0
-    ) -> None:
-        """Stand a free wall, 0.3 m thick."""
-        shape = roof_shapes.flat(length, 0.3, height)
+    def add_wall(self, x: float, y: float, rotation_deg: float) -> None:
+        """Stand a free wall, 15 m long, 0.3 m thick and 2 m high."""
+        shape = roof_shapes.flat(15.0, 0.3, 2.0)
         self._obstacles.append(replace(self._standing(shape, x, y, rotation_deg), roof_type="wall", number=0))
 
     def add_cars(self, n_cars: int) -> None:
@@ -104,14 +102,14 @@ class Site:
                     self._plant(x, y, radius)
                     break
 
-    def add_tree_over_eave(self, number: int, overlap: float = 1.2) -> None:
-        """Plant a tree beside a building's longest wall, its crown over the roof by `overlap` [m]."""
+    def add_tree_over_eave(self, number: int) -> None:
+        """Plant a tree beside a building's longest wall, its crown over the roof by 1.2 m."""
         ring = self._buildings[number - 1].exterior
         edges = np.roll(ring, -1, axis=0) - ring
         longest = int(np.argmax(np.hypot(*edges.T)))
         outward = np.array([edges[longest, 1], -edges[longest, 0]]) / np.hypot(*edges[longest])
         radius = float(self.random.uniform(2.0, 3.0))
-        x, y = ring[longest] + edges[longest] / 2 + outward * (radius - overlap)
+        x, y = ring[longest] + edges[longest] / 2 + outward * (radius - 1.2)
         self._plant(float(x), float(y), radius, half_height=3.0)
 
     def scene(self, name: str) -> VirtualScene:
