@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import os
 import threading
 import warnings
@@ -21,9 +20,9 @@ from pyogrio.errors import DataLayerError, DataSourceError, FeatureError, FieldE
 from lidar_buildings.core.model.errors import OutputError
 
 #: How each type of attribute is held in arrays.
-_DTYPES: dict[type, Any] = {int: np.int64, float: np.float64, str: object}
+_DTYPES: dict[type, Any] = {int: np.int64, str: object}
 #: What stands in an array where a value is missing; a mask says so beside it.
-_VOID: dict[type, Any] = {int: 0, float: math.nan, str: None}
+_VOID: dict[type, Any] = {int: 0, str: None}
 _FAILURES = (DataLayerError, DataSourceError, FeatureError, FieldError, GeometryError, OSError, RuntimeError)
 #: So that equal content gives equal bytes: the date that stands in the file's tables, and no thread for the
 #: index, which needs other transactions, counted in the file, and is there only where there are two cores.
@@ -118,21 +117,16 @@ class GeoPackageWriter:
 
 
 def _write_layer(path: Path, layer: GeoPackageLayer, crs: str, append: bool) -> None:
-    values = {name: [row.get(name) for row in layer.rows] for name in layer.fields}
-    masks = {
-        name: np.array([_is_missing(value) for value in column], dtype=bool)
-        for name, column in values.items()
-    }
-    data = [_column(values[name], masks[name], kind) for name, kind in layer.fields.items()]
+    columns = [_column([row.get(name) for row in layer.rows], kind) for name, kind in layer.fields.items()]
     with warnings.catch_warnings():
         # A cloud without reference system is legal, and said so in the run's record.
         warnings.filterwarnings("ignore", message="'crs' was not provided")
         pyogrio.raw.write(
             path,
             geometry=_wkb(layer),
-            field_data=data,
+            field_data=[values for values, _ in columns],
             fields=list(layer.fields),
-            field_mask=[masks[name] for name in layer.fields],
+            field_mask=[is_missing for _, is_missing in columns],
             layer=layer.name,
             driver="GPKG",
             geometry_type=f"{layer.kind} Z" if layer.is_3d else layer.kind,
@@ -149,13 +143,14 @@ def _wkb(layer: GeoPackageLayer) -> NDArray[np.object_]:
     return geometry
 
 
-def _is_missing(value: Any) -> bool:
-    return value is None or (isinstance(value, float | np.floating) and not math.isfinite(value))
-
-
-def _column(values: list[Any], missing: NDArray[np.bool_], kind: type) -> NDArray[Any]:
-    present = [_VOID[kind] if gone else kind(value) for value, gone in zip(values, missing, strict=True)]
-    return np.array(present, dtype=_DTYPES[kind])
+def _column(values: list[Any], kind: type) -> tuple[NDArray[Any], NDArray[np.bool_]]:
+    """Return a field's values and which are missing: None, and numbers that are not finite."""
+    if kind is float:
+        numbers = np.array(values, dtype=np.float64)  # None becomes NaN
+        return numbers, ~np.isfinite(numbers)
+    is_missing = np.array([value is None or value != value for value in values], dtype=bool)
+    known = [_VOID[kind] if gone else kind(value) for value, gone in zip(values, is_missing, strict=True)]
+    return np.array(known, dtype=_DTYPES[kind]), is_missing
 
 
 def _check_complete(path: Path, counts: Mapping[str, int]) -> None:
