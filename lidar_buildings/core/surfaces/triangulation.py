@@ -134,7 +134,7 @@ def _mesh(vertices: NDArray[np.float64], n_real: int) -> tuple[NDArray[np.int32]
     triangles[:2] = (south_west, south_east, north_east), (south_west, north_east, north_west)
     neighbours[0, 1], neighbours[1, 2] = 1, 0
     order = np.concatenate((np.arange(n_real + 4, len(vertices)), _insertion_order(vertices[:n_real])))
-    n_triangles = _insert_all(order, vertices, triangles, neighbours)
+    n_triangles = insert_all(order, vertices, triangles, neighbours, 2)
     return triangles[:n_triangles].copy(), neighbours[:n_triangles].copy()
 
 
@@ -181,10 +181,10 @@ def _elevation_of_nearest(places, vertices):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _insert_all(order, vertices, triangles, neighbours):  # type: ignore[no-untyped-def]
+def insert_all(order, vertices, triangles, neighbours, n_triangles):  # type: ignore[no-untyped-def]
     """Insert vertices in this order, walking to each from the one before; return the number of triangles."""
     changed = np.zeros(len(triangles), dtype=np.int32)
-    n_triangles, last = 2, 0
+    last = 0
     for vertex in order:
         last = walk(vertices[vertex, 0], vertices[vertex, 1], last, vertices, triangles, neighbours)
         n_triangles = insert_vertex(vertex, last, n_triangles, vertices, triangles, neighbours, changed, 1)

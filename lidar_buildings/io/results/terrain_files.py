@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from functools import lru_cache
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -90,7 +91,13 @@ def write_rasters(
         for name, meaning in RASTERS.items():
             temporary = stack.enter_context(atomic_file(folder / name))
             writers[name] = stack.enter_context(GeotiffWriter(temporary, layout, meaning))
-        for row, column, block in _blocks(whole, windows):
+        for number, next_to, tiles in reached_squares(windows, BLOCK, (whole.row, whole.column)):
+            row, column = number * BLOCK, next_to * BLOCK
+            rows, columns = (
+                slice(row, min(row + BLOCK, whole.height)),
+                slice(column, min(column + BLOCK, whole.width)),
+            )
+            block = merged(whole.part(columns, rows), tiles)
             for name, values in _in_source_units(block, frame).items():
                 writers[name].write(row, column, values)
                 n_known[name] += int(np.count_nonzero(~np.isnan(values)))
@@ -137,23 +144,24 @@ def _in_source_units(block: TerrainRasters, frame: MapFrame) -> dict[str, NDArra
     return {name: values.astype(np.float32) for name, values in rasters.items()}
 
 
-def _blocks(
-    whole: RasterWindow, windows: dict[Path, RasterWindow]
-) -> Iterator[tuple[int, int, TerrainRasters]]:
-    """Yield first row, first column and content of each block that a tile reaches into, row by row."""
+def reached_squares(
+    windows: Mapping[Path, RasterWindow], side: int, corner: tuple[int, int] = (0, 0), shared: int = 0
+) -> Iterator[tuple[int, int, Iterator[TerrainRasters]]]:
+    """
+    Yield row and column of each square of cells that a saved tile reaches into, and these tiles.
+
+    Squares are counted from the corner's row and column; `shared` cells beyond its side one has in common
+    with the next.
+    """
     load = lru_cache(TILES_IN_MEMORY)(load_rasters)
     reaching: dict[tuple[int, int], list[Path]] = {}
     for path, window in windows.items():
-        rows, columns = whole.shared(window)
-        for row in range(rows.start // BLOCK * BLOCK, rows.stop, BLOCK):
-            for column in range(columns.start // BLOCK * BLOCK, columns.stop, BLOCK):
-                reaching.setdefault((row, column), []).append(path)
+        spans = (window.row - corner[0], window.height), (window.column - corner[1], window.width)
+        rows, columns = (range((a - shared) // side, (a + size - 1) // side + 1) for a, size in spans)
+        for place in product(rows, columns):
+            reaching.setdefault(place, []).append(path)
     for (row, column), paths in sorted(reaching.items()):
-        rows, columns = (
-            slice(first, min(first + BLOCK, size))
-            for first, size in ((row, whole.height), (column, whole.width))
-        )
-        yield row, column, merged(whole.part(columns, rows), map(load, paths))
+        yield row, column, map(load, paths)
 
 
 def merged(window: RasterWindow, tiles: Iterator[TerrainRasters]) -> TerrainRasters:

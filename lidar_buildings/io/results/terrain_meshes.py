@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -13,9 +12,9 @@ from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.solids.output_grid import GRID
 from lidar_buildings.core.stages.terrain import RasterWindow
 from lidar_buildings.core.stages.terrain.relief import relief
-from lidar_buildings.io.models.terrain_mesh import TerrainMesh
-from lidar_buildings.io.results.terrain_files import TILES_IN_MEMORY, merged
-from lidar_buildings.io.results.tile_products import load_raster_window, load_rasters
+from lidar_buildings.io.models.survey_building import TerrainMesh
+from lidar_buildings.io.results.terrain_files import merged, reached_squares
+from lidar_buildings.io.results.tile_products import load_raster_window
 
 #: Side of a square in cells: a power of two, so that nodes of all squares lie on one lattice.
 _SIDE = 512
@@ -42,31 +41,21 @@ def terrain_meshes(fragments: Sequence[Path], frame: MapFrame, tolerance: float)
     windows = {path: window for path in fragments if (window := load_raster_window(path)) is not None}
     if not windows or tolerance == 0.0:
         return
-    load = lru_cache(TILES_IN_MEMORY)(load_rasters)
-    reaching: dict[tuple[int, int], list[Path]] = {}
-    for path, window in windows.items():
-        # the last row and column of a square are the first of the next
-        for row in range((window.row - 1) // _SIDE, (window.row + window.height - 1) // _SIDE + 1):
-            for column in range(
-                (window.column - 1) // _SIDE, (window.column + window.width - 1) // _SIDE + 1
-            ):
-                reaching.setdefault((row, column), []).append(path)
     resolution = next(iter(windows.values())).resolution
     step = 2 ** max(int(math.log2(_STEP / resolution)), 0)
-    for (row, column), paths in sorted(reaching.items()):
+    # the last row and column of a square are the first of the next
+    for row, column, tiles in reached_squares(windows, _SIDE, shared=1):
         square = RasterWindow(resolution, column * _SIDE, row * _SIDE, _SIDE + 1, _SIDE + 1)
-        dtm = merged(square, map(load, paths)).dtm[::step, ::step].astype(np.float64)
+        dtm = merged(square, tiles).dtm[::step, ::step].astype(np.float64)
         rows, columns, triangles = relief(dtm, tolerance)
         if not len(triangles):
             continue
-        used, numbers = np.unique(triangles, return_inverse=True)
-        rows, columns = rows[used], columns[used]
         places = square.centres(rows * step, columns * step, (frame.origin[0], frame.origin[1]))
         vertices = np.column_stack([places, dtm[rows, columns]])
         yield TerrainMesh(
             _name(square, frame),
             np.rint(vertices / GRID) * GRID,
-            numbers.reshape(-1, 3).astype(np.int32),
+            triangles,
         )
 
 

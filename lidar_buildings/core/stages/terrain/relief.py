@@ -6,10 +6,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import Delaunay, QhullError
 
+from lidar_buildings.core.surfaces.incremental_delaunay import with_room
 from lidar_buildings.core.surfaces.tin import Tin
+from lidar_buildings.core.surfaces.triangulation import insert_all
 
-#: A mesh has no more vertices, and is refined no oftener; wide margins: a town needs a tenth, and ten rounds.
-_MOST_VERTICES, _MOST_ROUNDS = 20_000, 40
+#: A mesh of more triangles or rounds is refined no more; wide margins: towns need a quarter, and ten rounds.
+_MOST_TRIANGLES, _MOST_ROUNDS = 40_000, 40
 #: On a straight rim of the data every such node is a vertex.
 _RIM_STEP = 16
 
@@ -34,9 +36,9 @@ def relief(
     Returns
     -------
     rows, columns : ndarray of shape (n_vertices,), int64
-        The nodes that are vertices.
+        The nodes that are vertices, row by row.
     triangles : ndarray of shape (n_triangles, 3), int32
-        Rows of these, counter-clockwise from above; none without three vertices that span a triangle.
+        Which of these, counter-clockwise from above; none without three vertices that span a triangle.
     """
     known = ~np.isnan(elevation)
     inner = np.zeros_like(known)
@@ -44,23 +46,47 @@ def relief(
     chosen = _on_sides(elevation, tolerance) | (_rim(known) & inner)
     places = np.indices(known.shape).reshape(2, -1)
     nodes = np.column_stack([places[1], -places[0], np.where(known, elevation, 0.0).ravel()])
+    first = np.flatnonzero(chosen)
     nothing = np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64), np.zeros((0, 3), dtype=np.int32)
-    if np.count_nonzero(chosen) < 3:
+    if len(first) < 3:
         return nothing
     try:
-        tin = _triangulated(nodes[chosen.ravel()])
-        within = _within_hull(tin, nodes)  # which no round changes: what lies beyond it has no error
-        candidates = np.flatnonzero(within & inner.ravel())
-        for _ in range(_MOST_ROUNDS):
-            worst = candidates[_worst_nodes(*_errors(tin, nodes[candidates]), tolerance)]
-            if not len(worst) or len(tin.vertices) > _MOST_VERTICES:
-                break
-            chosen.reshape(-1)[worst] = True
-            tin = _triangulated(nodes[chosen.ravel()])
+        mesh = _Mesh(nodes, first)
     except QhullError:  # all on a line
         return nothing
-    rows, columns = np.nonzero(chosen)
-    return rows, columns, _over_known(tin, nodes, within, known)
+    tin = mesh.tin()
+    within = _within_hull(tin, nodes)  # which no round changes: what lies beyond it has no error
+    candidates = np.flatnonzero(within & inner.ravel())
+    for _ in range(_MOST_ROUNDS):
+        worst = candidates[_worst_nodes(*_errors(tin, nodes[candidates]), tolerance)]
+        if not len(worst) or mesh.n_triangles > _MOST_TRIANGLES:
+            break
+        mesh.insert(worst)
+        tin = mesh.tin()
+    used, triangles = np.unique(_over_known(tin, nodes, within, known), return_inverse=True)
+    rows, columns = np.divmod(used.astype(np.int64), known.shape[1])
+    return rows, columns, triangles.reshape(-1, 3).astype(np.int32)
+
+
+class _Mesh:
+    """A Delaunay triangulation of nodes without any frame, as hulls have to fit those of neighbours."""
+
+    def __init__(self, nodes: NDArray[np.float64], first: NDArray[np.intp]) -> None:
+        found = Delaunay(nodes[first, :2])
+        self._nodes, self.n_triangles = nodes, len(found.simplices)
+        self._extent = np.array([nodes[first, :2].min(axis=0), nodes[first, :2].max(axis=0)])
+        self._triangles = with_room(first[found.simplices], 2 * len(nodes))
+        self._neighbours = with_room(found.neighbors, 2 * len(nodes))
+
+    def tin(self) -> Tin:
+        """Return the mesh as it is, with all nodes as its vertices."""
+        triangles, neighbours = (each[: self.n_triangles] for each in (self._triangles, self._neighbours))
+        return Tin(self._nodes, triangles, neighbours, len(self._nodes), self._extent, np.zeros(2))
+
+    def insert(self, rows: NDArray[np.intp]) -> None:
+        """Make nodes within the hull vertices, in this order."""
+        mesh = self._nodes, self._triangles, self._neighbours
+        self.n_triangles = insert_all(rows, *mesh, self.n_triangles)
 
 
 def _on_sides(elevation: NDArray[np.float64], tolerance: float) -> NDArray[np.bool_]:
@@ -98,20 +124,6 @@ def _rim(known: NDArray[np.bool_]) -> NDArray[np.bool_]:
     straight = (beside[:-2, 1:-1] & beside[2:, 1:-1]) | (beside[1:-1, :-2] & beside[1:-1, 2:])
     rows, columns = np.indices(known.shape)
     return rim & (~straight | ((rows + columns) % _RIM_STEP == 0))
-
-
-def _triangulated(vertices: NDArray[np.float64]) -> Tin:
-    """Return the Delaunay triangulation without any frame, as hulls have to fit those of neighbours."""
-    found = Delaunay(vertices[:, :2])
-    extent = np.array([vertices[:, :2].min(axis=0), vertices[:, :2].max(axis=0)])
-    return Tin(
-        vertices,
-        np.ascontiguousarray(found.simplices),
-        np.ascontiguousarray(found.neighbors),
-        len(vertices),
-        extent,
-        np.zeros(2),
-    )
 
 
 def _within_hull(tin: Tin, nodes: NDArray[np.float64]) -> NDArray[np.bool_]:
