@@ -17,6 +17,7 @@ from pyproj.exceptions import CRSError
 from lidar_buildings.core.model.errors import InputError
 from lidar_buildings.core.solids.shell import GROUND_SURFACE, ROOF_SURFACE, WALL_SURFACE, Face, Solid
 from lidar_buildings.evaluation.scores.roof_surfaces import unit_normal
+from lidar_buildings.io.models.cityjson import faces_of_shell
 
 #: What a folder is searched for: the output of a run, the truth of a simulated survey, then any of this kind.
 IN_FOLDER = ("city_model.city.jsonl", "truth.city.jsonl")
@@ -188,10 +189,7 @@ def _solids(geometry: dict[str, Any], vertices: NDArray[np.float64]) -> tuple[So
 
 def _solid(shell: Any, values: Any, surfaces: list[str], vertices: NDArray[np.float64]) -> Solid:
     """Return a shell with its own vertices, in the order of their first use."""
-    used = list(dict.fromkeys(i for face in shell for ring in face for i in ring))
-    row_of = {i: row for row, i in enumerate(used)}
-    faces: tuple[Face, ...] = tuple(tuple(tuple(row_of[i] for i in ring) for ring in face) for face in shell)
-    own = vertices[used]
+    own, faces = faces_of_shell(shell, vertices)
     kinds = values or [None] * len(faces)
     named = [None if kind is None else surfaces[kind] for kind in kinds]
     return Solid(

@@ -10,7 +10,7 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from lidar_buildings.evaluation.scores.polygons import open_rings, simplified
+from lidar_buildings.evaluation.scores.polygons import open_rings, simplified, spots_along
 from lidar_buildings.evaluation.scores.statistics import ratio
 
 #: Step between samples along a wall: finer than any point spacing resolves [m].
@@ -83,6 +83,11 @@ class _Walls(NamedTuple):
     end: NDArray[np.float64]
 
     @property
+    def ends(self) -> NDArray[np.float64]:
+        """Of shape (n_walls, 2, 2) [m]."""
+        return np.stack((self.start, self.end), axis=1)
+
+    @property
     def length(self) -> NDArray[np.float64]:
         return np.asarray(np.hypot(*(self.end - self.start).T))
 
@@ -115,9 +120,11 @@ def _angles(mine: _Walls, theirs: _Walls, reach: float) -> NDArray[np.float64]:
     angle = np.full(len(mine.start), np.nan)
     if not (len(mine.start) and len(theirs.start)):
         return angle
-    owner, samples = _samples(mine)
-    tree = shapely.STRtree(shapely.linestrings(np.stack((theirs.start, theirs.end), axis=1)))
-    (sample, wall), distance = tree.query_nearest(samples, return_distance=True, all_matches=False)
+    owner, spots = spots_along(mine.ends, STEP)
+    tree = shapely.STRtree(shapely.linestrings(theirs.ends))
+    (sample, wall), distance = tree.query_nearest(
+        shapely.points(spots), return_distance=True, all_matches=False
+    )
     order = np.argsort(sample)
     nearest, distance = wall[order], distance[order]
     share_near = np.bincount(owner, distance <= reach) / np.bincount(owner)
@@ -125,15 +132,6 @@ def _angles(mine: _Walls, theirs: _Walls, reach: float) -> NDArray[np.float64]:
     difference = np.rad2deg(mine.direction - theirs.direction[partner])
     folded = np.abs((difference + 90.0) % 180.0 - 90.0)
     return np.where(share_near >= 0.5, folded, np.nan)
-
-
-def _samples(walls: _Walls) -> tuple[NDArray[np.int64], NDArray[Any]]:
-    """Return points in equal steps along every wall, and the row of the wall that each is on."""
-    n_samples = np.maximum(1, np.ceil(walls.length / STEP)).astype(np.int64)
-    owner = np.repeat(np.arange(len(n_samples)), n_samples)
-    first = np.repeat(np.cumsum(n_samples) - n_samples, n_samples)
-    share = ((np.arange(len(owner)) - first + 0.5) / n_samples[owner])[:, None]
-    return owner, shapely.points(walls.start[owner] * (1 - share) + walls.end[owner] * share)
 
 
 def _most_frequent(owner: NDArray[np.int64], value: NDArray[np.int64]) -> NDArray[np.int64]:

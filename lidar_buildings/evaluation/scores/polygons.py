@@ -62,3 +62,12 @@ def vertex_counts(polygons: NDArray[Any]) -> NDArray[np.int64]:
 def open_rings(polygons: NDArray[Any]) -> list[NDArray[np.float64]]:
     """Return the coordinates of all rings, without the repeated vertex that closes them."""
     return [shapely.get_coordinates(ring)[:-1] for ring in shapely.get_rings(polygons)]
+
+
+def spots_along(lines: NDArray[np.float64], step: float) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    """Return spots along lines of shape (n, 2, dimensions), after the row of each spot's line [m]."""
+    vectors = lines[:, 1] - lines[:, 0]
+    counts = np.maximum(np.ceil(np.linalg.norm(vectors, axis=1) / step).astype(np.int64), 1)
+    row = np.repeat(np.arange(len(lines)), counts)
+    place = np.arange(len(row)) - np.repeat(np.cumsum(counts) - counts, counts)
+    return row, lines[row, 0] + ((place + 0.5) / counts[row])[:, None] * vectors[row]

@@ -12,6 +12,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
+from lidar_buildings.evaluation.scores.polygons import spots_along
 from lidar_buildings.evaluation.scores.statistics import ratio
 from lidar_buildings.evaluation.scores.wireframe import Wireframe
 
@@ -172,14 +173,10 @@ def _spots(
     edges: NDArray[np.float64],
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
     """Return spots along edges, their directions, and the length that each stands for [m]."""
+    row, spots = spots_along(edges, _STEP)
     vectors = edges[:, 1] - edges[:, 0]
     lengths = np.linalg.norm(vectors, axis=1)
-    counts = np.maximum(np.ceil(lengths / _STEP).astype(np.int64), 1)
-    row = np.repeat(np.arange(len(edges)), counts)
-    place = np.arange(len(row)) - np.repeat(np.cumsum(counts) - counts, counts)
-    share = (place + 0.5) / counts[row]
-    spots = edges[row, 0] + share[:, None] * vectors[row]
-    return spots, vectors[row] / lengths[row, None], (lengths / counts)[row]
+    return spots, (vectors / lengths[:, None])[row], (lengths / np.bincount(row))[row]
 
 
 @dataclass(frozen=True)

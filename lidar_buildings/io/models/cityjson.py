@@ -17,7 +17,7 @@ from lidar_buildings.core.model.errors import InputError
 from lidar_buildings.core.model.ids import readable_id
 from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.solids.output_grid import GRID
-from lidar_buildings.core.solids.shell import GROUND_SURFACE, ROOF_SURFACE, WALL_SURFACE, Solid
+from lidar_buildings.core.solids.shell import GROUND_SURFACE, ROOF_SURFACE, WALL_SURFACE, Face, Solid
 from lidar_buildings.core.stages.building_model import BuildingModel
 from lidar_buildings.io.files.reference_systems import epsg_code
 from lidar_buildings.io.models.building_attributes import face_attributes, in_source_units
@@ -166,7 +166,8 @@ def parse_feature(line: str) -> CityFeature:
         vertices = np.array(feature["vertices"], dtype=np.float64).reshape(-1, 3) / round(1 / GRID)
         surfaces = geometry["semantics"]["surfaces"]
         kinds = [surfaces[number] for number in geometry["semantics"]["values"][0]]
-        solid = _solid(geometry, tuple(kind["type"] for kind in kinds), vertices)
+        (shell,) = geometry["boundaries"]
+        solid = Solid(*faces_of_shell(shell, vertices), tuple(kind["type"] for kind in kinds))
         roofs = tuple(kind for kind in kinds if kind["type"] == ROOF_SURFACE)
         return CityFeature(building["attributes"], geometry["lod"], solid, roofs)
     except (ValueError, KeyError, TypeError, IndexError) as error:
@@ -214,13 +215,11 @@ def _geometry(
     return {"type": "Solid", "lod": lod, "boundaries": [shell], "semantics": semantics}
 
 
-def _solid(geometry: dict[str, Any], semantics: tuple[str, ...], vertices: NDArray[np.float64]) -> Solid:
-    """Return the solid of a CityJSON geometry with its own vertices, in the order of their first use."""
-    (shell,) = geometry["boundaries"]
+def faces_of_shell(shell: Any, vertices: NDArray[np.float64]) -> tuple[NDArray[np.float64], tuple[Face, ...]]:
+    """Return the vertices that a shell of CityJSON uses, in the order of their first use, and its faces."""
     used = list(dict.fromkeys(i for face in shell for ring in face for i in ring))
     row_of = {i: row for row, i in enumerate(used)}
-    faces = tuple(tuple(tuple(row_of[i] for i in ring) for ring in face) for face in shell)
-    return Solid(vertices[used], faces, semantics)
+    return vertices[used], tuple(tuple(tuple(row_of[i] for i in ring) for ring in face) for face in shell)
 
 
 def _line(content: dict[str, Any]) -> str:

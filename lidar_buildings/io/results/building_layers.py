@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from itertools import chain
 from pathlib import Path
@@ -13,6 +13,7 @@ import shapely
 from numpy.typing import NDArray
 
 from lidar_buildings.core.model.map_frame import MapFrame
+from lidar_buildings.core.model.outline import Outline
 from lidar_buildings.core.solids.shell import ROOF_SURFACE, Face
 from lidar_buildings.io.models.building_attributes import BUILDING_FIELDS, FACE_FIELDS
 from lidar_buildings.io.models.survey_building import SurveyBuilding, TerrainMesh
@@ -93,10 +94,10 @@ class _BuildingLayers:
             return
         names = {"building_id": building.building_id, READABLE_ID: building.readable_id}
         if building.outline is not None:
-            row = (building.attributes | names, _polygon(building.outline.rings, self._frame))
+            row = (building.attributes | names, _in_source(building.outline, self._frame))
             self._rows["outlines"].append(row)
         if building.traced is not None:
-            self._rows["traced"].append((names, _polygon(building.traced.rings, self._frame)))
+            self._rows["traced"].append((names, _in_source(building.traced, self._frame)))
         self._rows["roof_faces"] += [
             (names | known, polygon) for known, polygon in _roof_faces(building, self._frame)
         ]
@@ -176,16 +177,8 @@ def _polygons(vertices: NDArray[np.float64], faces: Sequence[Face]) -> NDArray[A
     return polygons
 
 
-def _polygon(rings: Iterable[NDArray[np.float64]], frame: MapFrame) -> shapely.Polygon:
-    """Return rings of 2 or 3 coordinates as a polygon in source coordinates, empty where a ring is none."""
-    shell, *holes = [_in_source(ring, frame) for ring in rings]
-    if len(shell) < 3:
-        return shapely.Polygon()
-    return shapely.Polygon(shell, [hole for hole in holes if len(hole) >= 3])
-
-
-def _in_source(ring: NDArray[np.float64], frame: MapFrame) -> NDArray[np.float64]:
-    """Return a ring's vertices, of 2 or 3 coordinates, in source coordinates of 3."""
-    vertices = np.zeros((len(ring), 3))
-    vertices[:, : ring.shape[1]] = ring
-    return frame.to_source(vertices)
+def _in_source(outline: Outline, frame: MapFrame) -> shapely.Polygon:
+    """Return an outline in source coordinates, empty where its ring is none."""
+    return shapely.transform(
+        outline.polygon, lambda xy: frame.to_source(np.insert(xy, 2, 0.0, axis=1))[:, :2]
+    )

@@ -202,7 +202,7 @@ def seam_pieces(tiles: Sequence[Sequence[BuildingOutline]]) -> set[int]:
     outlines = [one for tile in tiles for one in tile]
     tile_of = np.repeat(np.arange(len(tiles)), [len(tile) for tile in tiles])
     number = np.array([one.building_id for one in outlines], dtype=np.int64)
-    polygons = np.array([_polygon(one) for one in outlines], dtype=object)
+    polygons = shapely.make_valid(np.array([one.outline.polygon for one in outlines], dtype=object))
     area = shapely.area(polygons)
     first, second = shapely.STRtree(polygons).query(polygons)
     # by falling size; equal ones by id, so that the order of tiles does not matter
@@ -213,11 +213,3 @@ def seam_pieces(tiles: Sequence[Sequence[BuildingOutline]]) -> set[int]:
     shared = shapely.area(shapely.intersection(polygons[smaller], polygons[larger]))
     is_piece = (shared >= _PIECE_SHARE * area[smaller]) & (area[smaller] > 0)
     return {outlines[row].building_id for row in smaller[is_piece]}
-
-
-def _polygon(one: BuildingOutline) -> shapely.Polygon:
-    """Return an outline as a valid polygon, empty where it has no ring."""
-    if len(one.outline.exterior) < 3:
-        return shapely.Polygon()
-    holes = [hole for hole in one.outline.holes if len(hole) >= 3]
-    return shapely.make_valid(shapely.Polygon(one.outline.exterior, holes))
