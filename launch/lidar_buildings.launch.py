@@ -12,11 +12,11 @@ from launch_ros.actions import Node
 from launch_ros.substitutions import FindPackageShare
 
 from launch import LaunchDescription
+from lidar_buildings.commands.settings import PRESETS, preset_file
 from lidar_buildings.core.model.parameters import parameter_names, spellings
 from lidar_buildings.nodes.configs import NODE_CONFIGS
 from lidar_buildings.nodes.replication import replicas_of, share_parameters
 from lidar_buildings.nodes.run_settings import run_settings
-from lidar_buildings.nodes.shared_files import PRESETS, preset_file
 from lidar_buildings.nodes.table import SOURCES, nodes_until
 
 PACKAGE = "lidar_buildings"

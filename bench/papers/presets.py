@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from lidar_buildings.commands.settings import read_settings
+from lidar_buildings.commands.settings import preset_file, read_settings
 from lidar_buildings.nodes.configs import NODE_CONFIGS
-from lidar_buildings.nodes.shared_files import preset_file
 from lidar_buildings.pipeline.reconstruct import STAGE_CONFIGS, PipelineConfig
 
 

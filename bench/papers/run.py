@@ -19,7 +19,7 @@ from collections.abc import Sequence
 from bench.common.arguments import add_pictures, picture_folder
 from bench.common.clouds import data_folder
 from bench.papers import sampath_shan, santos, villalba
-from lidar_buildings.nodes.shared_files import PRESETS
+from lidar_buildings.commands.settings import PRESETS
 
 PAPERS = dict(zip(PRESETS, (santos.report, villalba.report, sampath_shan.report), strict=True))
 

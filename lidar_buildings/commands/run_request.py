@@ -9,7 +9,7 @@ from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from lidar_buildings.commands.settings import Settings, read_settings
+from lidar_buildings.commands.settings import Settings, preset_file, read_settings
 from lidar_buildings.core.model.errors import InputError, ParameterError
 from lidar_buildings.core.model.parameters import StageConfig
 from lidar_buildings.core.scans.config import ScanConfig
@@ -19,7 +19,6 @@ from lidar_buildings.io.bags.bag_config import BagConfig
 from lidar_buildings.io.results.output_config import OutputConfig
 from lidar_buildings.io.tiling.tiling_config import TilingConfig
 from lidar_buildings.nodes.configs import NODE_CONFIGS
-from lidar_buildings.nodes.shared_files import preset_file
 from lidar_buildings.pipeline.reconstruct import STAGE_CONFIGS, STAGES, PipelineConfig
 
 if TYPE_CHECKING:

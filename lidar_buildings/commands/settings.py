@@ -1,8 +1,9 @@
-"""What the user set: a parameter file in ROS's own form and ``--set STAGE.NAME=VALUE``, checked, by stage."""
+"""What the user set: presets, parameter files in ROS's own form and ``--set STAGE.NAME=VALUE``, by stage."""
 
 from __future__ import annotations
 
 import re
+import sys
 from collections.abc import Iterator, Mapping
 from dataclasses import fields
 from difflib import get_close_matches
@@ -29,6 +30,8 @@ NodeConfigs = Mapping[str, Mapping[str, type[StageConfig]]]
 _EXPONENT = re.compile(r"[-+]?\d+(\.\d*)?[eE][-+]?\d+")
 _COMPARE = "compare config/pipeline.param.yaml"
 _FORM = "must be STAGE.NAME=VALUE, as in roof_selection.min_height=2.5"
+#: The papers whose whole chain one word chooses, each with a page in `doc/papers` and a parameter file.
+PRESETS = ("santos", "villalba", "sampath_shan")
 
 
 def read_settings(
@@ -172,3 +175,36 @@ def _nearest(word: str, known: Mapping[str, Any]) -> str:
     """Suggest the nearest known name, or list them all."""
     near = get_close_matches(word, known, n=1)
     return f" (did you mean {near[0]}?)" if near else f" (there are {', '.join(known)})"
+
+
+def preset_file(name: str) -> Path:
+    """
+    Return the parameter file of a preset.
+
+    Raises
+    ------
+    ParameterError
+        If there is no such preset.
+    InputError
+        If its file was not installed.
+    """
+    if name not in PRESETS:
+        raise ParameterError(f"--preset {name}: must be one of {', '.join(PRESETS)}")
+    found = shared_file(f"{name}.param.yaml")
+    if found is None:
+        raise InputError(f"{name}.param.yaml: not installed beside pipeline.param.yaml: give it as --params")
+    return found
+
+
+def shared_file(name: str) -> Path | None:
+    """Return a file of `config`: as a ROS workspace or pip installed it, or beside the source."""
+    package = Path(__file__).resolve().parents[1]
+    candidates = [package.parent / "config" / name]
+    try:
+        from ament_index_python.packages import get_package_share_directory
+
+        candidates.append(Path(get_package_share_directory(package.name), "config", name))
+    except (ImportError, LookupError, OSError):  # no ament, no such package, no AMENT_PREFIX_PATH
+        pass
+    candidates.append(Path(sys.prefix, "share", package.name, "config", name))
+    return next((path for path in candidates if path.is_file()), None)

@@ -5,7 +5,7 @@ from support.cli_runs import Command
 
 from lidar_buildings.cli import _parser
 from lidar_buildings.commands.run_request import request_of
-from lidar_buildings.nodes.shared_files import PRESETS
+from lidar_buildings.commands.settings import PRESETS
 
 #: Preset → one thing by which the paper is known, of each stage that it describes.
 KNOWN = {

@@ -11,11 +11,11 @@ from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPo
 from support.cloud_files import random_cloud
 from support.source_tree import ROOT
 
+from lidar_buildings.commands.settings import shared_file
 from lidar_buildings.core.model.parameters import parameter_names, spec_of
 from lidar_buildings.nodes import reference
 from lidar_buildings.nodes.configs import NODE_CONFIGS
 from lidar_buildings.nodes.graph import node_class
-from lidar_buildings.nodes.shared_files import shared_file
 from lidar_buildings.nodes.table import (
     NODE_TABLE,
     ON_REQUEST,

@@ -11,13 +11,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lidar_buildings.core.model.errors import MessageError
-from lidar_buildings.core.scans.clocks import ClockWatch
 from lidar_buildings.core.scans.config import ScanConfig
 from lidar_buildings.core.scans.motion import place_points
 from lidar_buildings.core.scans.scan import Scan, mark_of, read_scan, stamp_of
 from lidar_buildings.core.scans.seen_points import SeenPoints
 from lidar_buildings.core.scans.trajectory import Pose
-from lidar_buildings.core.scans.transform_tree import MAX_FRAMES, SET_BACK, TransformTree, frame_name
+from lidar_buildings.core.scans.transform_tree import (
+    MAX_FRAMES,
+    SET_BACK,
+    ClockWatch,
+    TransformTree,
+    frame_name,
+)
 from lidar_buildings.core.scans.waiting import WaitingScans
 
 #: Why points are left out, in words; those of `scan` beside.

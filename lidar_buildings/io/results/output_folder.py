@@ -222,7 +222,7 @@ class OutputFolder:
     def _write_buildings(self, fragments: list[Path], pieces: set[int]) -> tuple[list[str], dict[str, int]]:
         """Write outlines and models as far as the run went; return file names, and buildings per status."""
         from lidar_buildings.io.results.building_files import OF_OUTLINES, write_buildings
-        from lidar_buildings.io.results.terrain_meshes import terrain_meshes
+        from lidar_buildings.io.results.terrain_files import terrain_meshes
 
         names = self._footprints.names if self._footprints else None
         formats = self.formats

@@ -1,7 +1,8 @@
-"""The rasters of a run: every tile's cells put together into ``dtm.tif``, ``dsm.tif`` and ``ndsm.tif``."""
+"""The terrain of a run, from the cells of all tiles: rasters (dtm.tif, dsm.tif, ndsm.tif) and triangles."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from functools import lru_cache
@@ -14,13 +15,16 @@ from numpy.typing import NDArray
 
 from lidar_buildings.core.model.errors import LidarBuildingsError, OutputError
 from lidar_buildings.core.model.map_frame import MapFrame
+from lidar_buildings.core.solids.output_grid import GRID
 from lidar_buildings.core.stages.terrain import RasterWindow, TerrainRasters
+from lidar_buildings.core.stages.terrain.relief import relief
 from lidar_buildings.core.stages.terrain.window import enclosing
 from lidar_buildings.io.clouds.las import InputFile
 from lidar_buildings.io.clouds.las_crs import vertical_crs
 from lidar_buildings.io.clouds.las_records import read_raw_header
 from lidar_buildings.io.files.atomic_files import atomic_file
 from lidar_buildings.io.files.reference_systems import FOOT, US_SURVEY_FOOT, is_same_unit, with_heights
+from lidar_buildings.io.models.survey_building import TerrainMesh
 from lidar_buildings.io.results.geotiff import BLOCK, MOST_BLOCKS, GeotiffWriter, RasterLayout
 from lidar_buildings.io.results.run_folder import DSM, DTM, NDSM
 from lidar_buildings.io.results.tile_products import load_raster_window, load_rasters
@@ -37,6 +41,10 @@ _UNITS = {1.0: "metre", FOOT: "foot", US_SURVEY_FOOT: "US survey foot"}
 _STEPS = 1024.0
 #: Saved tiles that are kept in memory: a row of blocks visits each several times.
 TILES_IN_MEMORY = 32
+#: Side of a square in cells: a power of two, so that nodes of all squares lie on one lattice.
+_SIDE = 512
+#: Nodes are about so far apart, or as far as cells [m].
+_STEP = 1.0
 
 
 class RasterExtentError(OutputError):
@@ -175,3 +183,45 @@ def merged(window: RasterWindow, tiles: Iterator[TerrainRasters]) -> TerrainRast
         for target, source in ((dtm, tile.dtm), (dsm, tile.dsm), (distance, tile.distance)):
             target[here][nearer] = source[there][nearer]
     return TerrainRasters(window, dtm, dsm, distance)
+
+
+def terrain_meshes(fragments: Sequence[Path], frame: MapFrame, tolerance: float) -> Iterator[TerrainMesh]:
+    """
+    Yield the terrain of saved tiles, row by row of squares, whose sides are multiples of 512 cells.
+
+    Squares depend on the cells alone, not on tiles, and meet: what two have in common along a side is
+    simplified in both alike.
+
+    Parameters
+    ----------
+    fragments : sequence of Path
+        Saved tiles, sorted by stamp.
+    frame : MapFrame
+        Of the tiles.
+    tolerance : float
+        Greatest distance in height of the cells' elevations from the triangles [m]; 0 for no terrain.
+    """
+    windows = {path: window for path in fragments if (window := load_raster_window(path)) is not None}
+    if not windows or tolerance == 0.0:
+        return
+    resolution = next(iter(windows.values())).resolution
+    step = 2 ** max(int(math.log2(_STEP / resolution)), 0)
+    # the last row and column of a square are the first of the next
+    for row, column, tiles in reached_squares(windows, _SIDE, shared=1):
+        square = RasterWindow(resolution, column * _SIDE, row * _SIDE, _SIDE + 1, _SIDE + 1)
+        dtm = merged(square, tiles).dtm[::step, ::step].astype(np.float64)
+        rows, columns, triangles = relief(dtm, tolerance)
+        if not len(triangles):
+            continue
+        places = square.centres(rows * step, columns * step, (frame.origin[0], frame.origin[1]))
+        vertices = np.column_stack([places, dtm[rows, columns]])
+        yield TerrainMesh(
+            _name(square, frame),
+            np.rint(vertices / GRID) * GRID,
+            triangles,
+        )
+
+
+def _name(square: RasterWindow, frame: MapFrame) -> str:
+    x, y = (edge / frame.horizontal_unit for edge in square.corner)
+    return f"terrain-{x:.1f}-{y:.1f}"

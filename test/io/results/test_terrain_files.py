@@ -16,8 +16,13 @@ from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.core.stages.terrain import RasterConfig, RasterWindow, TerrainRasters
 from lidar_buildings.io.clouds.las import InputFile, open_cloud
 from lidar_buildings.io.results.output_folder import OutputFolder
-from lidar_buildings.io.results.terrain_files import RASTERS, crs_with_heights, merged, write_rasters
-from lidar_buildings.io.results.terrain_meshes import terrain_meshes
+from lidar_buildings.io.results.terrain_files import (
+    RASTERS,
+    crs_with_heights,
+    merged,
+    terrain_meshes,
+    write_rasters,
+)
 from lidar_buildings.io.results.tile_products import TileProducts, load_raster_window
 from lidar_buildings.pipeline.tile_rasters import rasterise_tile
 
