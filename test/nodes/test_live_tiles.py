@@ -20,9 +20,9 @@ from support.node_bench import (
     warnings,
 )
 from support.results import building_ids
+from support.saved_tiles import load_products
 
 from lidar_buildings.core.model.errors import OutputError
-from lidar_buildings.io.results.tile_products import TileProducts
 from lidar_buildings.ros.map_frames import origin_message
 from lidar_buildings.ros.qos import LATCHED
 from lidar_buildings.ros.stamps import header_of, to_stamp
@@ -43,7 +43,7 @@ def test_a_later_revision_replaces_the_earlier_one_on_disk(live, tmp_path):
         send_tile(other, building, stamp=stamp)
         wait_until(lambda stamp=stamp: stamp in done(other))
         (fragment,) = fragments(tmp_path)
-        products = TileProducts.load(fragment)
+        products = load_products(fragment)
         assert products.stamp == stamp
         assert [one.building_id for one in products.outlines] == [building]
     assert done(other) == [STAMP, STAMP + 1, STAMP + 4]

@@ -23,12 +23,12 @@ from support.node_bench import (
     send_tile,
     wait_until,
 )
+from support.saved_tiles import load_products
 
 from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.model.outline import OutlineQuality
 from lidar_buildings.core.model.status import BuildingStatus
 from lidar_buildings.core.model.tile import PointTile
-from lidar_buildings.io.results.tile_products import TileProducts
 from lidar_buildings.nodes import building_tracer
 from lidar_buildings.nodes.building_tracer import BuildingTracer
 from lidar_buildings.nodes.graph import survey_nodes
@@ -243,7 +243,7 @@ def test_a_tile_is_on_disk_only_when_every_topic_has_spoken(bench, make_writer, 
     assert fragments(tmp_path) == []
     send_tile(other, HOUSE, SHED)
     wait_until(lambda: other.heard["tile_done"])
-    products = TileProducts.load(fragments(tmp_path)[0])
+    products = load_products(fragments(tmp_path)[0])
     assert products.stamp == STAMP
     assert [one.building_id for one in products.outlines] == [HOUSE, SHED]
     assert len(products.features) == 2
@@ -294,15 +294,15 @@ def test_clouds_of_two_revisions_of_a_tile_are_not_mixed(bench, make_writer, tmp
     assert to_stamp(other.heard["tile_done"][0].stamp) == STAMP + 1
     (written,) = fragments(tmp_path)
     assert written.stem == str(STAMP), "the tile is known by its first revision"
-    assert TileProducts.load(written).stamp == STAMP + 1
-    assert len(TileProducts.load(written).core) == 37
+    assert load_products(written).stamp == STAMP + 1
+    assert len(load_products(written).core) == 37
 
 
 def test_a_tile_on_disk_holds_its_rasters(bench, make_writer, tmp_path):
     other = bench(make_writer(), WRITER_SENDS, WRITER_HEARS)
     send_tile(other, HOUSE)
     wait_until(lambda: other.heard["tile_done"])
-    rasters = TileProducts.load(fragments(tmp_path)[0]).rasters
+    rasters = load_products(fragments(tmp_path)[0]).rasters
     assert np.nanmax(rasters.dsm) == 8.0
     assert np.isnan(rasters.dtm).all(), "the tile is one roof, and no ground"
 

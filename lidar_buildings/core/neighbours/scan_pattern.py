@@ -11,10 +11,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from lidar_buildings.core.model.point_array import checked_column, checked_points
+from lidar_buildings.core.model.point_array import checked_column
 from lidar_buildings.core.neighbours.cell_grid import CellGrid, rows_by_cell
 from lidar_buildings.core.neighbours.parallel import for_row_blocks
-from lidar_buildings.core.neighbours.point_spacing import given_or_measured
 from lidar_buildings.core.neighbours.scan_neighbours import (
     CELLS_A_BLOCK,
     UNIT,
@@ -66,11 +65,6 @@ class ScanPattern:
         return self.along == self.across
 
     @property
-    def ratio(self) -> float:
-        """How many times the larger spacing is the smaller."""
-        return max(self.along, self.across) / min(self.along, self.across)
-
-    @property
     def spacing(self) -> float:
         """Side of the square that belongs to a pulse [m]."""
         return math.sqrt(self.along * self.across)
@@ -79,58 +73,6 @@ class ScanPattern:
     def isotropic(cls, spacing: float) -> ScanPattern:
         """Return the pattern without lines."""
         return cls(0.0, spacing, spacing)
-
-
-def measure_scan_pattern(
-    points: ArrayLike,
-    *,
-    gps_time: ArrayLike | None = None,
-    scan_angle: ArrayLike | None = None,
-    point_source_id: ArrayLike | None = None,
-    point_spacing: float | None = None,
-    ordered: bool = False,
-) -> ScanPattern:
-    """
-    Measure the direction of scan lines and the spacing along and across them.
-
-    A pulse's neighbours on its line are those next to it in time, or else the nearest of its strip in plan;
-    where most of these lie in one direction, that is the lines', and the nearest points on both sides tell
-    how far apart lines are. Strips are not mixed: in an overlap the spacing is that of one strip.
-
-    Parameters
-    ----------
-    points : array_like of shape (n_points, 3)
-        Of one surface or of several, in any order [m].
-    gps_time : array_like of shape (n_points,), optional
-        Time of each point's pulse, in any unit.
-    scan_angle : array_like of shape (n_points,), optional
-        Backs weak signs of lines along or across which it rises [deg].
-    point_source_id : array_like of shape (n_points,), optional
-        Number of each point's strip.
-    point_spacing : float, optional
-        1/√density [m]; measured if not given.
-    ordered : bool
-        Whether rows are in the order of the scan; they stand in for the time then.
-
-    Returns
-    -------
-    ScanPattern
-        With direction 0 and the point spacing along and across where no direction stands out, or the
-        spacings differ by less than half.
-
-    Raises
-    ------
-    ValueError
-        If an argument has the wrong shape or is not finite.
-    """
-    cloud = checked_points(points)
-    if gps_time is None and ordered:
-        gps_time = np.arange(len(cloud))
-    pulses = as_pulses(cloud, gps_time, point_source_id)
-    spacing = given_or_measured(cloud, point_spacing)
-    angle = None if scan_angle is None else checked_column("scan_angle", scan_angle, len(cloud), np.float64)
-    group = np.zeros(len(cloud), dtype=np.int64)
-    return measure_scan_patterns(pulses, group, 1, spacing, scan_angle=angle)[0]
 
 
 def as_pulses(
@@ -165,7 +107,12 @@ def measure_scan_patterns(
     min_ratio: float = MIN_RATIO,
 ) -> list[ScanPattern]:
     """
-    Measure the pattern of each group of points from its own points alone.
+    Measure the direction of scan lines and the spacings along and across them, of each group of points.
+
+    A pulse's neighbours on its line are those next to it in time, or else the nearest of its strip in plan;
+    where most of these lie in one direction, that is the lines', and the nearest points on both sides tell
+    how far apart lines are. Strips are not mixed: in an overlap the spacing is that of one strip. Groups
+    have no say in each other's pattern.
 
     Parameters
     ----------
@@ -178,11 +125,16 @@ def measure_scan_patterns(
     spacing : float
         1/√density [m].
     scan_angle : ndarray of shape (n_points,), optional
-        See `measure_scan_pattern`.
+        Backs weak signs of lines along or across which it rises [deg].
     cells : CellGrid, optional
         The points by `scan_cells`, if they are at hand.
     min_ratio : float
         Spacings along and across that differ by less than this factor are one.
+
+    Returns
+    -------
+    list of ScanPattern
+        With direction 0 and the given spacing along and across where no direction stands out.
     """
     patterns = [ScanPattern.isotropic(spacing) for _ in range(n_groups)]
     size = np.bincount(group[group >= 0], minlength=n_groups)

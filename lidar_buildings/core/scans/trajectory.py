@@ -7,7 +7,6 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 _NANOSECONDS = 1e9
 #: Nothing on or near the Earth has a greater coordinate in any reference system [m].
@@ -37,11 +36,6 @@ class Poses(NamedTuple):
     translation: NDArray[np.float64]
     quaternion: NDArray[np.float64]
     is_known: NDArray[np.bool_]
-
-    @property
-    def rotation(self) -> Rotation:
-        """The rotations."""
-        return Rotation.from_quat(self.quaternion)
 
     def after(self, first: Poses) -> Poses:
         """Return the poses of `first`'s frame in the frame that these lead to."""

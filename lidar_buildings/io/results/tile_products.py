@@ -135,17 +135,6 @@ class TileProducts:
                 **_raster_arrays(self.rasters),
             )
 
-    @classmethod
-    def load(cls, path: Path) -> TileProducts:
-        """Read what `save` wrote."""
-        sources = load_sources(path)
-        core, roofs, edges = (
-            np.concatenate([np.zeros(0, kind), *(load_rows(path, name, source) for source in sources)])
-            for name, kind in (("core", CORE), ("roofs", ROOFS), ("edges", EDGES))
-        )
-        rasters = None if load_raster_window(path) is None else load_rasters(path)
-        return cls(load_stamp(path), core, roofs, edges, *load_shapes(path), rasters)
-
 
 class Shapes(NamedTuple):
     """What a tile knows of its buildings beside their points."""

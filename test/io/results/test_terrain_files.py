@@ -10,6 +10,7 @@ import pyproj
 import pytest
 import rasterio
 from support import cloud_files
+from support.saved_tiles import load_products
 
 from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.model.tile import PointTile
@@ -52,13 +53,13 @@ def saved(folder, tile, config=None, frame=DUTCH):
 def test_rasters_come_back_from_disk_as_they_were(tmp_path):
     tile = sloping((3.0, 4.0))
     rasters = rasterise_tile(tile, RasterConfig(), DUTCH)
-    after = TileProducts.load(saved(tmp_path, tile)).rasters
+    after = load_products(saved(tmp_path, tile)).rasters
     assert after.window == rasters.window
     for name in ("dtm", "dsm", "distance"):
         np.testing.assert_array_equal(getattr(after, name), getattr(rasters, name))
     TileProducts.from_tiles(tile).save(tmp_path / "without.npz")
     assert load_raster_window(tmp_path / "without.npz") is None
-    assert TileProducts.load(tmp_path / "without.npz").rasters is None
+    assert load_products(tmp_path / "without.npz").rasters is None
 
 
 def test_the_terrains_triangles_are_the_same_however_it_is_cut_into_tiles(tmp_path):

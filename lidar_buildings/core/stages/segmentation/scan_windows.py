@@ -67,7 +67,7 @@ def chain_along_scan(
     spacing : float
         1/√density [m].
     scan_angle : ndarray of shape (n_points,), optional
-        See `lidar_buildings.core.neighbours.scan_pattern.measure_scan_pattern` [deg].
+        See `lidar_buildings.core.neighbours.scan_pattern.measure_scan_patterns` [deg].
     cells : CellGrid, optional
         The points by `lidar_buildings.core.neighbours.scan_pattern.scan_cells`, if they are at hand.
     min_ratio : float

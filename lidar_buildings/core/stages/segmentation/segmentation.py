@@ -84,7 +84,7 @@ def segment_buildings(
     config : SegmentationConfig, optional
         Settings.
     scan_angle, gps_time, point_source_id : array_like of shape (n_points,), optional
-        Tell scan lines; see `lidar_buildings.core.neighbours.scan_pattern.measure_scan_pattern`.
+        Tell scan lines; see `lidar_buildings.core.neighbours.scan_pattern.measure_scan_patterns`.
     point_spacing : float, optional
         Spacing of the pulses [m]; measured if not given.
 
