@@ -73,7 +73,7 @@ class Columns:
         _count_kept(kept, self.first, first)
         return first
 
-    def around(self, reach: float) -> NDArray[np.int32]:
+    def around(self, reach: float, asking: NDArray[np.intp] | None = None) -> NDArray[np.int32]:
         """
         Return the runs of columns within reach of any place in each column, row by row from the south.
 
@@ -81,6 +81,8 @@ class Columns:
         ----------
         reach : float
             In plan [m].
+        asking : ndarray of intp, shape (n_asking,), optional
+            For which columns, rising; for all if not given.
 
         Returns
         -------
@@ -90,12 +92,13 @@ class Columns:
         """
         steps = math.ceil(reach / self.size - SLACK)
         key = repr(float(reach))
-        if key in self._shared:
+        if asking is None and key in self._shared:
             return self._shared[key]
         across = np.maximum(abs(np.arange(-steps, steps + 1)) - 1, 0) * self.size
         half = np.ceil(np.sqrt(np.maximum(reach**2 - across**2, 0.0)) / self.size - SLACK)
-        runs: NDArray[np.int32] = _find_runs(self.numbers, self.row_length, half.astype(np.int64))
-        if steps <= KEPT_STEPS:
+        own = self.numbers if asking is None else self.numbers[asking]
+        runs: NDArray[np.int32] = _find_runs(own, self.numbers, self.row_length, half.astype(np.int64))
+        if asking is None and steps <= KEPT_STEPS:
             self._shared[key] = runs
         return runs
 
@@ -118,17 +121,17 @@ def _count_kept(kept, first, first_kept):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _find_runs(numbers, row_length, half):  # type: ignore[no-untyped-def]
+def _find_runs(own, numbers, row_length, half):  # type: ignore[no-untyped-def]
     n = len(numbers)
-    runs = np.zeros((n, len(half), 2), dtype=np.int32)
+    runs = np.zeros((len(own), len(half), 2), dtype=np.int32)
     last = numbers[-1] if n else 0
     if last < MAX_PLACES * n:
-        _look_up_runs(numbers, row_length, half, runs)
+        _look_up_runs(own, numbers, row_length, half, runs)
         return runs
     for row in range(len(half)):
         begin, end, start = 0, 0, 0
-        for k in range(n):
-            start, west, east = _span(numbers[k], start, row, row_length, half)
+        for k in range(len(own)):
+            start, west, east = _span(own[k], start, row, row_length, half)
             while begin < n and numbers[begin] < west:
                 begin += 1
             end = max(begin, end)
@@ -139,7 +142,7 @@ def _find_runs(numbers, row_length, half):  # type: ignore[no-untyped-def]
 
 
 @inner_kernel
-def _look_up_runs(numbers, row_length, half, runs):  # type: ignore[no-untyped-def]
+def _look_up_runs(own, numbers, row_length, half, runs):  # type: ignore[no-untyped-def]
     """Find the runs of one column after the other, in a table of how many columns stand before each place."""
     last = numbers[-1]
     before = np.zeros(last + 2, dtype=np.int32)
@@ -148,9 +151,9 @@ def _look_up_runs(numbers, row_length, half, runs):  # type: ignore[no-untyped-d
     for place in range(last + 1):
         before[place + 1] += before[place]
     start = 0
-    for k in range(len(numbers)):
+    for k in range(len(own)):
         for row in range(len(half)):
-            start, west, east = _span(numbers[k], start, row, row_length, half)
+            start, west, east = _span(own[k], start, row, row_length, half)
             runs[k, row, 0] = before[min(max(west, 0), last + 1)]
             runs[k, row, 1] = before[min(max(east, -1), last) + 1]
 

@@ -115,7 +115,7 @@ def surroundings(
     wanted : ndarray of bool, shape (n_points,)
         Which points ask; for the columns of others there is no answer.
     """
-    around, asking = columns.select(chosen), columns.first_of(wanted)
+    around, asking = columns.select(chosen), np.flatnonzero(np.diff(columns.first_of(wanted)))
     is_held = np.diff(around.first, append=around.first[-1]) > 0
     holds = np.flatnonzero(is_held)
     before: NDArray[np.int64] = np.cumsum(is_held) - is_held
@@ -123,12 +123,12 @@ def surroundings(
     lowest, highest = around.points[around.first[holds], 2], around.points[around.first[holds + 1] - 1, 2]
     n = len(columns.numbers)
     found = Surroundings(np.zeros(n, dtype=np.uint8), np.full(n, np.inf), np.full(n, -np.inf))
-    runs, own = columns.around(reach), columns.places
+    runs, own = columns.around(reach, asking), columns.places
     for_row_blocks(
         lambda begin, end: _look_around(
             asking, own, runs, before, place, lowest, highest, reach / columns.size, *found, begin, end
         ),
-        n,
+        len(asking),
         BLOCK,
     )
     return found
@@ -170,12 +170,10 @@ def _join(  # type: ignore[no-untyped-def]
 
 @kernel
 def _look_around(asking, own, runs, before, place, lowest, highest, reach, n_sectors, low, high, begin, end):  # type: ignore[no-untyped-def]
-    for k in range(begin, end):
-        if asking[k] == asking[k + 1]:
-            continue
-        seen = 0
+    for one in range(begin, end):
+        k, seen = asking[one], 0
         for row in range(runs.shape[1]):
-            for j in range(before[runs[k, row, 0]], before[runs[k, row, 1]]):
+            for j in range(before[runs[one, row, 0]], before[runs[one, row, 1]]):
                 dx, dy = place[j, 1] - own[k, 1], place[j, 0] - own[k, 0]
                 if dx * dx + dy * dy > reach * reach:
                     continue
