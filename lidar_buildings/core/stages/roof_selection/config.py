@@ -91,7 +91,7 @@ class RoofSelectionConfig(StageConfig):
     min_roof_width: float = parameter(
         2.5,
         "Narrowest part of a roof, with smooth_patches; raising it drops balconies, carports and more "
-        "hedges. Not used where it is less than two spacings.",
+        "hedges. Not used where it is less than five spacings.",
         unit="m",
         minimum=0.0,
         maximum=20.0,

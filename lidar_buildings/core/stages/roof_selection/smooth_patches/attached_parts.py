@@ -9,7 +9,11 @@ from numpy.typing import NDArray
 
 from lidar_buildings.core.neighbours.columns import Columns
 from lidar_buildings.core.stages.roof_selection.config import RoofSelectionConfig
-from lidar_buildings.core.stages.roof_selection.smooth_patches.narrow_parts import closed, opened
+from lidar_buildings.core.stages.roof_selection.smooth_patches.narrow_parts import (
+    MIN_CELLS,
+    closed,
+    opened,
+)
 from lidar_buildings.core.surfaces.morphology import square_distances
 
 #: Roofs that no step of half a storey connects are of different levels [m].
@@ -44,7 +48,7 @@ def wide_levels(
     """
     kept = np.ones(len(part), dtype=bool)
     size = columns.size
-    if config.min_roof_width < 2.0 * size:
+    if config.min_roof_width < MIN_CELLS * size:
         return kept
     chosen = np.flatnonzero((area < max(MAX_VEHICLES, config.max_part_area))[part])
     chosen = chosen[np.argsort(part[chosen], kind="stable")]

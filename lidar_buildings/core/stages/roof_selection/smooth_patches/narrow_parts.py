@@ -16,6 +16,8 @@ from lidar_buildings.core.kernels import kernel
 from lidar_buildings.core.neighbours.columns import Columns
 from lidar_buildings.core.surfaces.morphology import square_distances
 
+#: Cells across the narrowest part: a disc of fewer is too coarse to tell what is as wide.
+MIN_CELLS = 5.0
 #: Cells along the side of the blocks in which the plan is handled, so that far points cost no memory.
 BLOCK = 512
 
@@ -52,10 +54,10 @@ def wide_enough(columns: Columns, min_width: float) -> NDArray[np.bool_]:
     columns : Columns
         As for `half_widths`.
     min_width : float
-        Diameter of the disc [m]; one below two columns says nothing, and all pass.
+        Diameter of the disc [m]; one below `MIN_CELLS` columns says nothing, and all pass.
     """
     half = 0.5 * min_width / columns.size
-    if half < 1.0:
+    if half < 0.5 * MIN_CELLS:
         return np.ones(len(columns.numbers), dtype=bool)
     return _measured(columns, math.ceil(half), lambda depth: opened(depth, half)) > 0
 
