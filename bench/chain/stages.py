@@ -23,6 +23,7 @@ from bench.chain.decoding import decode
 from bench.chain.process_tree import children_cpu
 from bench.common.areas import read_files
 from lidar_buildings.core.model.tile import PointTile
+from lidar_buildings.core.neighbours.point_spacing import quantised_spacing
 from lidar_buildings.core.solids.shell import ROOF_SURFACE
 from lidar_buildings.core.stages.footprints import Footprints
 from lidar_buildings.io.vectors.footprints import FootprintSource, read_footprints
@@ -40,7 +41,7 @@ from lidar_buildings.pipeline.tile_stages import (
 )
 from lidar_buildings.simulation import simulate_tile
 
-DECODING = "decoding"
+DECODING, SPACING = "decoding", "point spacing"
 GROUND, ROOFS, EDGES = "ground filter", "roof selection", "edge labelling"
 TRACING, OUTLINES = "segmentation and tracing", "regularisation"
 PLANES, MODELS = "plane fitting", "models"
@@ -74,7 +75,13 @@ class Clock:
 def run_stages(
     clock: Clock, tile: PointTile, config: PipelineConfig, footprints: Footprints | None = None
 ) -> tuple[PointTile, tuple[TileModel, ...]]:
-    """Take a tile through all stages; return its roof points and models."""
+    """
+    Take a tile through all stages; return its roof points and models.
+
+    Its spacing is measured once, as by whoever makes tiles, unless it is given.
+    """
+    if tile.point_spacing is None:
+        tile = tile.with_columns(point_spacing=clock(SPACING, quantised_spacing, tile.points))
     classified = clock(GROUND, filter_ground, tile, config.ground_filter)
     classified = clock(ROOFS, select_roof_points, classified, config.roof_selection)
     roofs = roof_points(classified)
