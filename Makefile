@@ -27,12 +27,8 @@ demo: setup compiled
 	@echo "Through the ROS 2 graph:"
 	@$(BIN)/python -m lidar_buildings.cli run demo/survey --output demo/result --overwrite
 	@echo "Against the truth:"
-	@$(BIN)/python -m lidar_buildings.cli score ground demo/result demo/survey
-	@$(BIN)/python -m lidar_buildings.cli score buildings demo/result demo/survey
-	@$(BIN)/python -m lidar_buildings.cli score edges demo/result demo/survey
-	@$(BIN)/python -m lidar_buildings.cli score outlines demo/result demo/survey --merge-touching
-	@$(BIN)/python -m lidar_buildings.cli score planes demo/result demo/survey
-	@$(BIN)/python -m lidar_buildings.cli score models demo/result demo/survey
+	@$(BIN)/python -m lidar_buildings.cli score ground,buildings,edges,outlines,planes,models \
+		demo/result demo/survey --merge-touching
 	@echo "Results: demo/result (buildings.gpkg, city_model.{city.jsonl,obj,dxf}, classified/, run.json)"
 	@echo "Survey and truth: demo/survey (*.laz, truth.gpkg, truth.city.jsonl)"
 

@@ -99,7 +99,8 @@ def run_score(
 def add_score_arguments(parser: argparse.ArgumentParser) -> None:
     """Describe ``lidar-buildings score``."""
     add, default = parser.add_argument, ScoreOptions
-    add("kind", type=_kind, metavar="{" + ",".join(KINDS) + "}", help="what to compare")
+    kinds = "what to compare: one, or several with commas between"
+    add("kinds", type=_kinds, metavar="{" + ",".join(KINDS) + "}", help=kinds)
     what = "LAZ file, GeoPackage or CityJSON"
     add("result", type=Path, metavar="RESULT", help=f"output folder of a run, {what}")
     add("reference", type=Path, metavar="REFERENCE", help=f"folder of a survey, {what}")
@@ -124,7 +125,7 @@ def add_score_arguments(parser: argparse.ArgumentParser) -> None:
 
 def score_command(options: argparse.Namespace) -> int:
     """
-    Execute ``lidar-buildings score``: print a table or JSON, return 0.
+    Execute ``lidar-buildings score``: print a table of each kind or JSON, return 0.
 
     Raises
     ------
@@ -136,19 +137,29 @@ def score_command(options: argparse.Namespace) -> int:
     names = sorted(set().union(*_OPTIONS.values()))
     given = {name: getattr(options, name) for name in names}
     given = {name: value for name, value in given.items() if value is not None}
-    for name in given.keys() - _OPTIONS[options.kind]:
+    for name in given.keys() - set().union(*(_OPTIONS[kind] for kind in options.kinds)):
+        kinds = " or ".join(options.kinds)
         raise ParameterError(
-            f"score {options.kind}: --{name.replace('_', '-')} does not apply to {options.kind}: leave it out"
+            f"score {kinds}: --{name.replace('_', '-')} does not apply to {kinds}: leave it out"
         )
-    score = run_score(options.kind, options.result, options.reference, aoi=options.aoi, **given)
-    print(json.dumps({"kind": options.kind, **score.figures}, indent=2) if options.json else score.table)
+    found = []
+    for kind in options.kinds:
+        own = {name: value for name, value in given.items() if name in _OPTIONS[kind]}
+        score = run_score(kind, options.result, options.reference, aoi=options.aoi, **own)
+        found.append({"kind": kind, **score.figures})
+        if not options.json:
+            print(score.table, flush=True)
+    if options.json:
+        print(json.dumps(found if len(found) > 1 else found[0], indent=2))
     return 0
 
 
-def _kind(text: str) -> str:
-    if text not in KINDS:
-        raise argparse.ArgumentTypeError(f"there is no kind {text!r}: choose {', '.join(KINDS)}")
-    return text
+def _kinds(text: str) -> tuple[str, ...]:
+    kinds = tuple(text.split(","))
+    for kind in kinds:
+        if kind not in KINDS:
+            raise argparse.ArgumentTypeError(f"there is no kind {kind!r}: choose {', '.join(KINDS)}")
+    return kinds
 
 
 def _classes(text: str) -> tuple[int, ...]:

@@ -208,6 +208,24 @@ def test_json_of_every_kind_can_be_parsed(tmp_path, capsys):
         assert json.loads(capsys.readouterr().out)["kind"] == kind
 
 
+def test_several_kinds_are_what_each_is_alone_and_take_its_own_options(tmp_path, capsys):
+    polygons = str(write_polygons(tmp_path / "a.gpkg", [shapely.box(0, 0, 10, 10)]))
+    options = {"buildings": ["--cell", "2"], "outlines": ["--merge-touching"]}
+    for more in ([], ["--json"]):
+        alone = []
+        for kind, own in options.items():
+            assert main(["score", kind, polygons, polygons, *own, *more]) == 0
+            alone.append(capsys.readouterr().out)
+        assert main(["score", ",".join(options), polygons, polygons, *sum(options.values(), more)]) == 0
+        both = capsys.readouterr().out
+        if more:
+            assert json.loads(both) == [json.loads(one) for one in alone]
+        else:
+            assert both == "".join(alone)
+    assert main(["score", "buildings,outlines", polygons, polygons, "--alpha", "1"]) == 2
+    assert "--alpha does not apply to buildings or outlines" in capsys.readouterr().err
+
+
 def test_unknown_kinds_are_refused_naming_those_there_are(capsys):
     parser = argparse.ArgumentParser()
     add_score_arguments(parser)
