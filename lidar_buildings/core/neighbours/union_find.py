@@ -29,6 +29,11 @@ def sets_of_pairs(count: int, one: NDArray[np.integer], other: NDArray[np.intege
     return parent
 
 
+def numbered(sets: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Number sets, each of which is named by its lowest member, from 0 in the order of these."""
+    return (np.cumsum(sets == np.arange(len(sets))) - 1)[sets]
+
+
 @kernel
 def root(parent, i):  # type: ignore[no-untyped-def]
     """Return the lowest number of the set that i is in, shortening the way to it."""

@@ -3,7 +3,7 @@ import pytest
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
-from lidar_buildings.core.neighbours.union_find import flatten, link, root, sets_of_pairs
+from lidar_buildings.core.neighbours.union_find import flatten, link, numbered, root, sets_of_pairs
 
 
 def sets_of(n, links):
@@ -53,3 +53,8 @@ def test_the_root_is_known_before_the_forest_is_flattened():
 def test_nobody_and_one_alone_make_valid_forests():
     assert sets_of(0, []).shape == (0,)
     np.testing.assert_array_equal(sets_of(1, [(0, 0)]), [0])
+
+
+def test_sets_are_numbered_by_their_lowest_members():
+    np.testing.assert_array_equal(numbered(sets_of(6, [(0, 3), (3, 5), (1, 2)])), [0, 1, 1, 0, 2, 0])
+    assert numbered(sets_of(0, [])).shape == (0,)

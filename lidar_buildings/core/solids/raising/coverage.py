@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from lidar_buildings.core.model.array_types import IntArray
 from lidar_buildings.core.solids.raising.clearance import n_joints
-from lidar_buildings.core.solids.raising.grid_rings import GridRings, grid_rings, piece_rings
+from lidar_buildings.core.solids.raising.grid_rings import GridRings, first_of_each, grid_rings, piece_rings
 from lidar_buildings.core.solids.raising.plan_graph import OUTSIDE, PlanGraph, labelled_graph
 from lidar_buildings.core.solids.raising.roof_piece import RoofPiece
 from lidar_buildings.core.solids.validity.welding import weld
@@ -49,7 +49,8 @@ def _are_simple(graph: PlanGraph, rings: GridRings) -> bool:
     """Whether each piece has one ring, which passes no place twice, and all edges of it are in the graph."""
     # The ring to the left of an edge goes on from its first end, that to the right from its other one.
     passed = (graph.sides * len(graph.places) + graph.ends)[graph.sides != OUTSIDE]
-    is_all = len(np.unique(passed)) == len(passed) == len(rings.corners)
+    passed.sort()
+    is_all = len(passed) == len(rings.corners) and bool((passed[1:] > passed[:-1]).all())
     return is_all and bool(rings.is_exterior.all())
 
 
@@ -110,7 +111,7 @@ def noded_coverage(pieces: Sequence[RoofPiece], numbers: IntArray, within: float
     is_last = np.diff(ring, append=len(shells)) != 0
     starts = np.append(0, np.cumsum(np.bincount(ring, minlength=len(shells)) - 1))
     owner = labels[labels != OUTSIDE][face]
-    graph = labelled_graph(grid_rings(corners[~is_last], starts, np.diff(face, prepend=-1) != 0, owner))
+    graph = labelled_graph(grid_rings(corners[~is_last], starts, first_of_each(face), owner))
     return nothing if graph is None else graph
 
 

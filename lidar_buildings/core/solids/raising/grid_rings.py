@@ -41,7 +41,7 @@ class GridRings(NamedTuple):
     @property
     def is_exterior(self) -> BoolArray:
         """Whether each ring is its piece's exterior."""
-        return np.diff(self.owner, prepend=-1) != 0
+        return first_of_each(self.owner)
 
 
 def piece_rings(pieces: Sequence[RoofPiece]) -> GridRings:
@@ -51,7 +51,14 @@ def piece_rings(pieces: Sequence[RoofPiece]) -> GridRings:
         return GridRings(np.empty((0, 2), np.int64), np.zeros(1, np.int64), np.empty(0, np.int64))
     owner = np.repeat(np.arange(len(pieces)), [len(one.rings) for one in pieces])
     starts = np.cumsum([0, *map(len, rings)])
-    return grid_rings(np.concatenate(rings) / GRID, starts, np.diff(owner, prepend=-1) != 0, owner)
+    return grid_rings(np.concatenate(rings) / GRID, starts, first_of_each(owner), owner)
+
+
+def first_of_each(owner: IntArray) -> BoolArray:
+    """Say of each ring whether its owner is another one than that of the ring before."""
+    is_first = np.ones(len(owner), dtype=np.bool_)
+    is_first[1:] = owner[1:] != owner[:-1]
+    return is_first
 
 
 def grid_rings(

@@ -7,7 +7,7 @@ import numpy as np
 from lidar_buildings.core.model.array_types import BoolArray
 from lidar_buildings.core.solids.raising.assembly import RaisedShell
 from lidar_buildings.core.solids.validity.checking import check_faces, codes_of_upward_faces
-from lidar_buildings.core.solids.validity.face_arrays import FaceArrays
+from lidar_buildings.core.solids.validity.face_arrays import FaceArrays, starts_of
 
 
 def raised_codes(shell: RaisedShell) -> tuple[int, ...]:
@@ -19,8 +19,14 @@ def raised_codes(shell: RaisedShell) -> tuple[int, ...]:
     check are the sloping faces by themselves, as they need not be flat to the millimetre. Only where the plan
     leaves doubt, or one of them overhangs itself, all is checked.
     """
-    codes = codes_of_upward_faces(_chosen(shell.faces, _sloping(shell))) if shell.is_clean else None
+    codes = _sloping_codes(shell) if shell.is_clean else None
     return check_faces(shell.faces) if codes is None else codes
+
+
+def _sloping_codes(shell: RaisedShell) -> tuple[int, ...] | None:
+    """Return what is wrong with sloping faces of the roof by themselves, None where all is to be checked."""
+    sloping = _sloping(shell)
+    return codes_of_upward_faces(_chosen(shell.faces, sloping)) if sloping.any() else ()
 
 
 def _sloping(shell: RaisedShell) -> BoolArray:
@@ -35,11 +41,12 @@ def _sloping(shell: RaisedShell) -> BoolArray:
 
 def _chosen(faces: FaceArrays, chosen: BoolArray) -> FaceArrays:
     """Return some of the faces."""
-    per_ring, per_corner = np.diff(faces.face_starts), np.diff(faces.ring_starts)
-    rings = np.repeat(chosen, per_ring)
+    per_ring = faces.face_starts[1:] - faces.face_starts[:-1]
+    per_corner = faces.ring_starts[1:] - faces.ring_starts[:-1]
+    rings = chosen.repeat(per_ring)
     return FaceArrays(
         faces.vertices,
-        faces.corners[np.repeat(rings, per_corner)],
-        np.append(0, np.cumsum(per_corner[rings])),
-        np.append(0, np.cumsum(per_ring[chosen])),
+        faces.corners[rings.repeat(per_corner)],
+        starts_of(per_corner[rings]),
+        starts_of(per_ring[chosen]),
     )

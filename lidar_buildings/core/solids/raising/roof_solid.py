@@ -82,9 +82,9 @@ def checked_roof_solid(
     planes = np.array([piece.plane for piece in pieces], dtype=np.float64).reshape(-1, 3)
     numbers = np.arange(len(pieces))
     if join_equal and len(pieces):
-        _, first_of, number = np.unique(planes, axis=0, return_index=True, return_inverse=True)
-        numbers = first_of[number.reshape(-1)]
-    first = None
+        first: dict[tuple[float, ...], int] = {}
+        numbers = np.array([first.setdefault(piece.plane, k) for k, piece in enumerate(pieces)])
+    first_tried = None
     for graph in _plans(pieces, numbers):
         tried = []
         for tolerance in (MERGE_TOLERANCE, _FINE_MERGE_TOLERANCE):
@@ -97,11 +97,11 @@ def checked_roof_solid(
                 triangulated = triangulate_non_planar(shell.solid)
                 if not check_solid(triangulated):
                     return triangulated, ()
-        first = first or tried[0]
-    if first is None:
+        first_tried = first_tried or tried[0]
+    if first_tried is None:
         nothing = Solid(np.empty((0, 3)), (), ())
         return nothing, check_solid(nothing)
-    return first[0].solid, first[1]
+    return first_tried[0].solid, first_tried[1]
 
 
 def _plans(pieces: Sequence[RoofPiece], numbers: IntArray) -> Iterator[PlanGraph]:

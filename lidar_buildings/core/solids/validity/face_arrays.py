@@ -52,7 +52,7 @@ def face_arrays(solid: Solid) -> FaceArrays:
     sizes = np.array([len(ring) for ring in rings], dtype=np.int64)
     corners = np.fromiter(chain.from_iterable(rings), dtype=np.int64, count=int(sizes.sum()))
     per_face = np.array([len(face) for face in solid.faces], dtype=np.int64)
-    return FaceArrays(solid.vertices, corners, _starts(sizes), _starts(per_face))
+    return FaceArrays(solid.vertices, corners, starts_of(sizes), starts_of(per_face))
 
 
 def fitted_planes(faces: FaceArrays) -> tuple[FloatArray, FloatArray]:
@@ -68,13 +68,13 @@ def fitted_planes(faces: FaceArrays) -> tuple[FloatArray, FloatArray]:
     flat : ndarray of shape (n_corners, 2)
     """
     starts = faces.corner_starts
-    counts = np.diff(starts)
+    counts = starts[1:] - starts[:-1]
     points = faces.vertices[faces.corners]
     centres = np.add.reduceat(points, starts[:-1]) / counts[:, None]
-    offsets = points - np.repeat(centres, counts, axis=0)
+    offsets = points - centres.repeat(counts, axis=0)
     products = (offsets[:, :, None] * offsets[:, None, :]).reshape(-1, 9)
     moments = np.add.reduceat(products, starts[:-1]).reshape(-1, 3, 3)
-    axes = np.repeat(np.linalg.eigh(moments)[1], counts, axis=0)
+    axes = np.linalg.eigh(moments)[1].repeat(counts, axis=0)
     local = np.einsum("ni,nij->nj", offsets, axes)
     off_plane = np.maximum.reduceat(np.abs(local[:, 0]), starts[:-1])
     return off_plane, _counter_clockwise(faces, local[:, 2:0:-1].copy())
@@ -92,10 +92,13 @@ def ring_areas(faces: FaceArrays, flat: FloatArray) -> FloatArray:
 def _counter_clockwise(faces: FaceArrays, flat: FloatArray) -> FloatArray:
     """Mirror the faces whose exteriors run clockwise."""
     clockwise = ring_areas(faces, flat)[faces.face_starts[:-1]] < 0.0
-    flat[np.repeat(clockwise, np.diff(faces.corner_starts)), 1] *= -1.0
+    if clockwise.any():
+        flat[np.repeat(clockwise, np.diff(faces.corner_starts)), 1] *= -1.0
     return flat
 
 
-def _starts(sizes: IntArray) -> IntArray:
+def starts_of(sizes: IntArray) -> IntArray:
     """Return where each of consecutive groups begins, and where the last one ends."""
-    return np.concatenate(([0], np.cumsum(sizes)))
+    starts = np.zeros(len(sizes) + 1, dtype=np.int64)
+    sizes.cumsum(out=starts[1:])
+    return starts

@@ -31,17 +31,21 @@ def folds(vertices: FloatArray, triangles: IntArray, face_of: IntArray) -> BoolA
     """
     a, b, c = (vertices[triangles[:, k]] for k in range(3))
     normals = cross(b - a, c - a)
-    sizes = np.linalg.norm(normals, axis=1)
+    sizes = _lengths(normals)
     # A triangle without area has no normal: what it is given deviates from all.
     unit = np.divide(normals, sizes[:, None], out=np.zeros_like(normals), where=sizes[:, None] > 0.0)
-    starts = np.flatnonzero(np.diff(face_of, prepend=-1))
-    counts = np.diff(np.append(starts, len(face_of)))
+    ends = (face_of[1:] > face_of[:-1]).nonzero()[0] + 1
+    starts, ends = np.concatenate(([0], ends)), np.concatenate((ends, [len(face_of)]))
     means = np.add.reduceat(normals, starts)
-    means /= np.maximum(np.linalg.norm(means, axis=1), 1e-300)[:, None]
-    cosines = np.einsum("ij,ij->i", unit, np.repeat(means, counts, axis=0))
+    means /= np.maximum(_lengths(means), 1e-300)[:, None]
+    cosines = np.einsum("ij,ij->i", unit, means.repeat(ends - starts, axis=0))
     # Within half the angle of the mean all lie within the angle of each other.
     folded = np.minimum.reduceat(cosines, starts) < _COSINE_OF_HALF
-    for number in np.flatnonzero(folded):
-        own = unit[starts[number] : starts[number] + counts[number]]
+    for number in folded.nonzero()[0]:
+        own = unit[starts[number] : ends[number]]
         folded[number] = (own @ own.T).min() < _LEAST_COSINE
     return folded
+
+
+def _lengths(vectors: FloatArray) -> FloatArray:
+    return np.asarray(np.sqrt(np.add.reduce(vectors * vectors, axis=1)))

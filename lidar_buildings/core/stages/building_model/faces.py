@@ -6,7 +6,7 @@ import numpy as np
 
 from lidar_buildings.core.kernels import kernel
 from lidar_buildings.core.model.array_types import FloatArray, IntArray
-from lidar_buildings.core.neighbours.union_find import sets_of_pairs
+from lidar_buildings.core.neighbours.union_find import numbered, sets_of_pairs
 from lidar_buildings.core.stages.building_model.arrangement import Cells
 
 #: A vertex nearer to the line through its neighbours than this is no corner [m].
@@ -17,8 +17,7 @@ def join_equal_cells(cells: Cells, labels: IntArray) -> IntArray:
     """Number the connected groups of cells of one plane, from 0 in the order of their first cells."""
     edges = cells.edges
     same = labels[edges[:, 0]] == labels[edges[:, 1]]
-    roots = sets_of_pairs(len(labels), *edges[same].T)
-    return np.unique(roots, return_inverse=True)[1].reshape(-1)
+    return numbered(sets_of_pairs(len(labels), *edges[same].T))
 
 
 def face_rings(cells: Cells, face: IntArray) -> list[tuple[FloatArray, ...]]:

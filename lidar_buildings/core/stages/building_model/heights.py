@@ -9,7 +9,7 @@ import shapely
 
 from lidar_buildings.core.kernels import kernel
 from lidar_buildings.core.model.array_types import FloatArray, IntArray
-from lidar_buildings.core.neighbours.union_find import sets_of_pairs
+from lidar_buildings.core.neighbours.union_find import numbered, sets_of_pairs
 from lidar_buildings.core.solids.output_grid import GRID
 from lidar_buildings.core.stages.building_model.line_tiles import in_tiles, tile_of
 from lidar_buildings.core.stages.building_model.roof_face import RoofFacePatch, open_rings
@@ -144,8 +144,7 @@ def parts_of_one_height(faces: list[RoofFacePatch], min_step: float) -> IntArray
         borders = np.empty((n, 3))
     pair, inverse = np.unique(borders[:n, 0], return_inverse=True)
     low = np.bincount(inverse, borders[:n, 2]) < min_step * np.bincount(inverse, borders[:n, 1])
-    roots = sets_of_pairs(len(faces), *np.divmod(pair[low].astype(np.int64), len(faces)))
-    return np.unique(roots, return_inverse=True)[1].reshape(-1)
+    return numbered(sets_of_pairs(len(faces), *np.divmod(pair[low].astype(np.int64), len(faces))))
 
 
 def _numbers_of_corners(faces: list[RoofFacePatch]) -> list[int]:

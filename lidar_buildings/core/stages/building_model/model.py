@@ -211,12 +211,13 @@ def _distinct_planes(roof: _Roof) -> tuple[FloatArray, NDArray[np.uint16]]:
         return level, np.ones_like(roof.plane_id)
     equations = np.array([_equation(plane) for plane in found])
     numbers: dict[tuple[float, ...], int] = {}
-    rounded = np.round(equations, _EQUAL_DIGITS).tolist()
-    new = np.array(
-        [0, *(numbers.setdefault(tuple(one), 1 + len(numbers)) for one in rounded)], dtype=np.uint16
-    )
-    first = np.unique(new[1:], return_index=True)[1]
-    return equations[first], new[roof.plane_id]
+    new, first = [0], []
+    for row, one in enumerate(map(tuple, np.round(equations, _EQUAL_DIGITS).tolist())):
+        if one not in numbers:
+            numbers[one] = 1 + len(numbers)
+            first.append(row)
+        new.append(numbers[one])
+    return equations[first], np.array(new, dtype=np.uint16)[roof.plane_id]
 
 
 def _equation(plane: RoofPlane) -> FloatArray:

@@ -88,7 +88,11 @@ def _count(
             counts[0] += 1
             at_u, at_v = int((x[column] - west) / size), int((y[row] - south) / size)
             is_near, is_covered = False, False
-            for v in range(max(at_v - 1, 0), min(at_v + 2, n_rows)):
+            for turn in range(3):
+                # The row itself first, which mostly is enough.
+                v = at_v + (0, -1, 1)[turn]
+                if v < 0 or v >= n_rows:
+                    continue
                 # The cells of a row lie one after the other.
                 west_most, east_most = max(at_u - 1, 0), min(at_u + 1, n_columns - 1)
                 for j in range(first[v * n_columns + west_most], first[v * n_columns + east_most + 1]):

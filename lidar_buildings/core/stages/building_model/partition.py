@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -138,6 +139,8 @@ def _reentrant_walls(ring: FloatArray) -> FloatArray:
     into = np.concatenate([out[-1:], out[:-1]])
     turn = np.arctan2(into[:, 0] * out[:, 1] - into[:, 1] * out[:, 0], np.sum(into * out, axis=1))
     corner = turn < -_REENTRANT
+    if not corner.any():
+        return ends[:0]
     at, a, b = ring[corner], into[corner], out[corner]
     steps = np.concatenate([a / np.linalg.norm(a, axis=1)[:, None], -b / np.linalg.norm(b, axis=1)[:, None]])
     starts = np.concatenate([at, at])
@@ -148,5 +151,6 @@ def _rows_by_face(face: IntArray, cell: IntArray, n_faces: int) -> list[IntArray
     rows = np.flatnonzero(cell >= 0)
     number = face[cell[rows]]
     order = rows_by_number(number, n_faces)
-    ends = np.cumsum(np.bincount(number, minlength=n_faces))
-    return np.split(rows[order], ends[:-1])
+    ends = np.cumsum(np.bincount(number, minlength=n_faces)).tolist()
+    rows = rows[order]
+    return [rows[begin:end] for begin, end in pairwise([0, *ends])]

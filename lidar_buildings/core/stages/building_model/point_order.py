@@ -17,7 +17,9 @@ def rows_in_order(points: FloatArray, plane_id: NDArray[np.uint16]) -> IntArray:
     order = np.argsort(y)
     tied = _tied(y[order])
     rows = order[tied]
-    number = np.cumsum(np.diff(y[rows], prepend=-np.inf) > 0.0) - 1
+    tied_y = y[rows]
+    number = np.zeros(len(rows), dtype=np.int64)
+    np.cumsum(tied_y[1:] > tied_y[:-1], out=number[1:])
     by_x = np.argsort(x[rows])
     rows = rows[by_x[rows_by_number(number[by_x], len(rows))]]
     over = _tied(x[rows] + 1j * y[rows])
@@ -30,4 +32,7 @@ def rows_in_order(points: FloatArray, plane_id: NDArray[np.uint16]) -> IntArray:
 def _tied(values: NDArray[Any]) -> IntArray:
     """Return the places of values that equal the one before or after them."""
     equal = values[1:] == values[:-1]
-    return np.flatnonzero(np.append(equal, False) | np.append(False, equal))
+    tied = np.zeros(len(values), dtype=np.bool_)
+    tied[1:] = equal
+    tied[:-1] |= equal
+    return tied.nonzero()[0]

@@ -77,7 +77,7 @@ def _topology(
     seen = _regions_of(adjustment)[numbers]
     if np.count_nonzero(seen) < 3:
         return RoofTopology(adjustment.planes, (), (), "unknown")
-    if len(np.unique(seen[seen > 0])) == 1:
+    if np.count_nonzero(np.bincount(seen)[1:]) == 1:
         # One plane borders on none.
         kind = roof_type(points, seen, adjustment.coefficients, (), (), spacing)
         return RoofTopology(adjustment.planes, (), (), kind)
