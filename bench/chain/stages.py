@@ -19,6 +19,8 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from bench.chain.decoding import decode
 from bench.chain.process_tree import children_cpu
 from bench.common.areas import read_files
@@ -26,6 +28,8 @@ from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.core.neighbours.point_spacing import quantised_spacing
 from lidar_buildings.core.solids.shell import ROOF_SURFACE
 from lidar_buildings.core.stages.footprints import Footprints
+from lidar_buildings.core.stages.roof_selection.returns import last_and_only_returns
+from lidar_buildings.core.surfaces.intensity import normalised_intensity, strip_scales
 from lidar_buildings.io.vectors.footprints import FootprintSource, read_footprints
 from lidar_buildings.pipeline.reconstruct import PipelineConfig
 from lidar_buildings.pipeline.tile_models import TileModel, build_models
@@ -41,7 +45,7 @@ from lidar_buildings.pipeline.tile_stages import (
 )
 from lidar_buildings.simulation import simulate_tile
 
-DECODING, SPACING = "decoding", "point spacing"
+DECODING, TILE = "decoding", "spacing and brightness"
 GROUND, ROOFS, EDGES = "ground filter", "roof selection", "edge labelling"
 TRACING, OUTLINES = "segmentation and tracing", "regularisation"
 PLANES, MODELS = "plane fitting", "models"
@@ -78,10 +82,9 @@ def run_stages(
     """
     Take a tile through all stages; return its roof points and models.
 
-    Its spacing is measured once, as by whoever makes tiles, unless it is given.
+    What tiles of a run come with, and stages would measure anew, is measured once.
     """
-    if tile.point_spacing is None:
-        tile = tile.with_columns(point_spacing=clock(SPACING, quantised_spacing, tile.points))
+    tile = clock(TILE, as_of_a_run, tile)
     classified = clock(GROUND, filter_ground, tile, config.ground_filter)
     classified = clock(ROOFS, select_roof_points, classified, config.roof_selection)
     roofs = roof_points(classified)
@@ -116,6 +119,20 @@ def measure(
         "cpu": clock.cpu,
         "wall": clock.wall,
     }
+
+
+def as_of_a_run(tile: PointTile) -> PointTile:
+    """Return a tile with its spacing and normalised intensities, which whoever makes tiles measures."""
+    columns: dict[str, Any] = {}
+    if tile.point_spacing is None:
+        columns["point_spacing"] = quantised_spacing(tile.points)
+    if tile.normalised_intensity is None and tile.intensity is not None:
+        intensity = tile.intensity.astype(np.float32)
+        strip = np.zeros(len(tile), np.int64) if tile.point_source_id is None else tile.point_source_id
+        _, is_only = last_and_only_returns(tile.points, tile.return_number, tile.number_of_returns)
+        scales = strip_scales(intensity, strip, is_only)
+        columns["normalised_intensity"] = normalised_intensity(intensity, strip, scales)
+    return tile.with_columns(**columns)
 
 
 def n_roof_faces(one: TileModel) -> int:
