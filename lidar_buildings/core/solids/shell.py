@@ -26,7 +26,9 @@ def ring_edges(ring: Sequence[int]) -> list[tuple[int, int]]:
 def cross(one: FloatArray, other: FloatArray) -> FloatArray:
     """Return the cross products of rows of three numbers, as `numpy.cross` in half the time."""
     (ax, ay, az), (bx, by, bz) = one.T, other.T
-    return np.stack([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx], axis=1)
+    product = np.empty(one.shape)
+    product[:, 0], product[:, 1], product[:, 2] = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
+    return product
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,8 +60,9 @@ class Solid:
         rings = [ring for face in self.faces for ring in face if len(ring) > 2]
         sizes = np.array([len(ring) for ring in rings], dtype=np.int64)
         rows = np.fromiter(chain.from_iterable(rings), dtype=np.int64, count=int(sizes.sum()))
-        tips = np.repeat(np.cumsum(sizes) - sizes, sizes - 2)
-        ones = tips + 1 + np.arange(len(tips)) - np.repeat(np.cumsum(sizes - 2) - (sizes - 2), sizes - 2)
+        tips = (sizes.cumsum() - sizes).repeat(sizes - 2)
+        # Rings have two triangles fewer than corners.
+        ones = np.arange(1, len(tips) + 1) + np.arange(0, 2 * len(sizes), 2).repeat(sizes - 2)
         tip, one, other = (corners[rows[each]] for each in (tips, ones, ones + 1))
         return float(np.einsum("ij,ij->", tip, cross(one, other))) / 6.0
 

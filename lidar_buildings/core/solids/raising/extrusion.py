@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from itertools import pairwise
+from itertools import accumulate, pairwise
 
 import numpy as np
 
@@ -37,9 +37,10 @@ def extrude(outline: Outline, z_bottom: float, z_top: float) -> Solid:
     rings = outline.oriented().rings
     plan = np.concatenate(rings)
     n = len(plan)
-    vertices = np.column_stack([np.vstack([plan, plan]), np.repeat([z_bottom, z_top], n)])
-    starts = np.cumsum([0, *(len(ring) for ring in rings)])
-    bottoms = [tuple(range(a, b)) for a, b in pairwise(starts)]
+    vertices = np.empty((2 * n, 3))
+    vertices[:n, :2] = vertices[n:, :2] = plan
+    vertices[:n, 2], vertices[n:, 2] = z_bottom, z_top
+    bottoms = [tuple(range(a, b)) for a, b in pairwise(accumulate(map(len, rings), initial=0))]
     ground = tuple(ring[::-1] for ring in bottoms)
     roof = tuple(tuple(i + n for i in ring) for ring in bottoms)
     walls = tuple(((i, j, j + n, i + n),) for ring in bottoms for i, j in ring_edges(ring))

@@ -62,7 +62,7 @@ def measure_model(
     misfit = _misfits(faces, points)
     far = np.flatnonzero(misfit > _NEAR)
     misfit[far] = distance_to_surface(points[far], solid, misfit[far])
-    rmse = float(np.sqrt(np.mean(misfit**2))) if len(points) else None
+    rmse = float(np.sqrt((misfit**2).mean())) if len(points) else None
     covered, no_data = outline_coverage(
         outline, points[:, :2], misfit <= _AGREES, spacing, EMPTY_DISTANCE * spacing
     )

@@ -12,7 +12,7 @@ from lidar_buildings.core.solids.validity.face_arrays import face_arrays
 
 #: Points a block, the strips that they are sorted in, and how far those of one class reach at most [m].
 _BLOCK, _STRIP = 32, 4.0
-_REACHES = (0.1, 0.3, 1.0, 3.0, 10.0, 1e300)
+_REACHES = np.array([0.1, 0.3, 1.0, 3.0, 10.0, 1e300])
 
 
 def distance_to_surface(points: FloatArray, solid: Solid, at_most: FloatArray) -> FloatArray:
@@ -35,14 +35,18 @@ def distance_to_surface(points: FloatArray, solid: Solid, at_most: FloatArray) -
     """
     faces = face_arrays(solid)
     starts = faces.ring_starts
-    rows = np.insert(faces.corners, starts[1:], faces.corners[starts[:-1]])
     first_corner, first_ring = starts + np.arange(len(starts)), faces.face_starts
-    corners = np.ascontiguousarray(solid.vertices[rows])
+    # Rings are closed: the first corner comes once more.
+    rows = np.empty(first_corner[-1], dtype=np.int64)
+    is_last = np.zeros(len(rows), dtype=np.bool_)
+    is_last[first_corner[1:] - 1] = True
+    rows[is_last], rows[~is_last] = faces.corners[starts[:-1]], faces.corners
+    corners = solid.vertices[rows]
     # Points that lie together and reach as far, side by side: faces pass over whole blocks of them.
     strip = np.floor(points[:, 0] / _STRIP)
     strip -= strip.min(initial=0.0)
     n_strips = strip.max(initial=0.0) + 1.0
-    place = np.digitize(at_most, _REACHES) * n_strips + strip
+    place = _REACHES.searchsorted(at_most, side="right") * n_strips + strip
     order = np.argsort(points[:, 1])
     order = order[rows_by_number(place[order].astype(np.int64), len(_REACHES) * int(n_strips))]
     found = np.array(at_most[order], dtype=np.float64)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -62,7 +63,7 @@ def find_borders(raster: RegionRaster, centre: FloatArray) -> Borders:
     """
     label = raster.label
     numbers, place = np.empty((2 * label.size, 4), dtype=np.int32), np.empty((2 * label.size, 4))
-    n = _fill(label, raster.nearest, raster.distance, numbers, place)
+    n = _fill(label, raster.nearest, raster.square, numbers, place)
     numbers, place = numbers[:n], place[:n]
     key = numbers[:, 0].astype(np.int64) << 32 | numbers[:, 1]
     order = np.argsort(key, kind="stable")
@@ -84,7 +85,7 @@ def find_borders(raster: RegionRaster, centre: FloatArray) -> Borders:
 
 
 @kernel
-def _fill(label, nearest, distance, numbers, place):  # type: ignore[no-untyped-def]
+def _fill(label, nearest, square, numbers, place):  # type: ignore[no-untyped-def]
     """
     Write planes and nearest points of each side, and its middle in cells, whether it is upright, and its gap.
 
@@ -110,6 +111,6 @@ def _fill(label, nearest, distance, numbers, place):  # type: ignore[no-untyped-
                 place[n, 0] = c + (1.0 if upright else 0.5)
                 place[n, 1] = r + (0.5 if upright else 1.0)
                 place[n, 2] = upright
-                place[n, 3] = max(distance[r, c], distance[rr, cc])
+                place[n, 3] = math.sqrt(max(square[r, c], square[rr, cc]))
                 n += 1
     return n

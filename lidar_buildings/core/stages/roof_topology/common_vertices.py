@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from lidar_buildings.core.model.array_types import FloatArray
+from lidar_buildings.core.model.array_types import FloatArray, IntArray
 from lidar_buildings.core.neighbours.union_find import sets_of_pairs
 from lidar_buildings.core.stages.roof_topology.pieces import Pieces, intersection_lines
 from lidar_buildings.core.surfaces.roof_planes import CommonVertex, common_point
@@ -93,21 +93,26 @@ def _common_points(
     vertices = []
     for number in sorted(members):
         mine = members[number]
-        if 2 * len(mine) < _LEAST_PLANES or len(planes := np.unique(pairs[mine])) < _LEAST_PLANES:
+        if 2 * len(mine) < _LEAST_PLANES or len(met := _planes_of(pairs[mine])) < _LEAST_PLANES:
             continue
-        point, planes = _agreeing(gradients, planes)
+        point, planes = _agreeing(gradients, np.array(sorted(met)))
         apart = np.hypot(*(positions[mine] - point[:2]).T).min()
         if len(planes) >= _LEAST_PLANES and apart <= _SAME_POINT * spacing:
             near = np.hypot(*(positions - point[:2]).T) <= POINT_REACH * spacing
-            others = np.setdiff1d(np.unique(pairs[near]), planes)
+            agreed = planes.tolist()
+            others = np.array(sorted(_planes_of(pairs[near]).difference(agreed)), dtype=np.int64)
             miss = gradients[others - 1, :2] @ point[:2] + gradients[others - 1, 2] - point[2]
-            planes = np.union1d(planes, others[np.abs(miss) <= _MOST_MISS])
+            agreed += others[np.abs(miss) <= _MOST_MISS].tolist()
             x, y = point[:2] + centre[:2]
-            vertices.append(CommonVertex(tuple(int(k) for k in planes), (float(x), float(y)), False))
+            vertices.append(CommonVertex(tuple(sorted(agreed)), (float(x), float(y)), False))
     return vertices
 
 
-def _agreeing(gradients: FloatArray, planes: NDArray[np.int32]) -> tuple[FloatArray, NDArray[np.int32]]:
+def _planes_of(pairs: NDArray[np.int32]) -> set[int]:
+    return set(pairs.ravel().tolist())
+
+
+def _agreeing(gradients: FloatArray, planes: IntArray) -> tuple[FloatArray, IntArray]:
     """Leave out the planes that miss the common point of the others most until they agree on one."""
     while True:
         point, miss = common_point(gradients[planes - 1])

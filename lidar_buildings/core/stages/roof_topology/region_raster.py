@@ -33,8 +33,8 @@ class RegionRaster(NamedTuple):
         Number of the plane, 0 = outside the roof.
     nearest : ndarray of shape (n_rows, n_columns), int32
         Row of the nearest point of a plane, -1 = none.
-    distance : ndarray of shape (n_rows, n_columns)
-        Distance from the cell's middle to that point [m].
+    square : ndarray of shape (n_rows, n_columns)
+        Of the distance from the cell's middle to that point [m²].
     west, south : float
         Corner of the first cell [m]; a multiple of `cell`.
     cell : float
@@ -43,7 +43,7 @@ class RegionRaster(NamedTuple):
 
     label: NDArray[np.int32]
     nearest: NDArray[np.int32]
-    distance: FloatArray
+    square: FloatArray
     west: float
     south: float
     cell: float
@@ -84,21 +84,20 @@ def region_raster(
     )
     west, south = column * cell, row * cell
     nearest = np.full((n_rows, n_columns), -1, dtype=np.int32)
-    distance = np.full((n_rows, n_columns), np.inf)
-    _nearest_points(points, plane_id, west, south, cell, nearest, distance)
-    distance = np.sqrt(distance)
+    square = np.full((n_rows, n_columns), np.inf)
+    _nearest_points(points, plane_id, west, south, cell, nearest, square)
     label = np.zeros((n_rows, n_columns), dtype=np.int32)
     if rings:
         ends = np.cumsum([len(ring) for ring in rings])
         _label_inside(np.concatenate(rings), ends, west, south, cell, nearest, plane_id, label)
     else:
-        reached = (distance <= _REACH * spacing) & (nearest >= 0)
+        reached = (np.sqrt(square) <= _REACH * spacing) & (nearest >= 0)
         label[reached] = plane_id[nearest[reached]]
-    return RegionRaster(label, nearest, distance, west, south, cell)
+    return RegionRaster(label, nearest, square, west, south, cell)
 
 
 @kernel
-def _nearest_points(points, plane_id, west, south, cell, nearest, distance):  # type: ignore[no-untyped-def]
+def _nearest_points(points, plane_id, west, south, cell, nearest, square):  # type: ignore[no-untyped-def]
     """
     Give every cell the point of a plane that is nearest to its middle, and the square of its distance.
 
@@ -111,8 +110,8 @@ def _nearest_points(points, plane_id, west, south, cell, nearest, distance):  # 
         c, r = int((points[i, 0] - west) / cell), int((points[i, 1] - south) / cell)
         x, y = west + (c + 0.5) * cell, south + (r + 0.5) * cell
         d = (points[i, 0] - x) ** 2 + (points[i, 1] - y) ** 2
-        if d < distance[r, c] or (d == distance[r, c] and plane_id[i] < plane_id[nearest[r, c]]):
-            distance[r, c] = d
+        if d < square[r, c] or (d == square[r, c] and plane_id[i] < plane_id[nearest[r, c]]):
+            square[r, c] = d
             nearest[r, c] = i
     for turn in range(2):
         step = 1 if turn == 0 else -1
@@ -126,7 +125,7 @@ def _nearest_points(points, plane_id, west, south, cell, nearest, distance):  # 
                 for cc in range(n_columns):
                     c = cc if along < 0 else n_columns - 1 - cc
                     x = west + (c + 0.5) * cell
-                    least, own = distance[r, c], nearest[r, c]
+                    least, own = square[r, c], nearest[r, c]
                     for k in range(last):
                         pr, pc = (r, c + along) if k == 0 else (r - step, c + k - 2)
                         if pc < 0 or pc >= n_columns:
@@ -137,7 +136,7 @@ def _nearest_points(points, plane_id, west, south, cell, nearest, distance):  # 
                         d = (points[i, 0] - x) ** 2 + (points[i, 1] - y) ** 2
                         if d < least or (d == least and plane_id[i] < plane_id[own]):
                             least, own = d, i
-                    distance[r, c], nearest[r, c] = least, own
+                    square[r, c], nearest[r, c] = least, own
 
 
 @kernel

@@ -19,7 +19,7 @@ from lidar_buildings.core.stages.roof_topology.result import (
     IntersectionSegment,
     StepEdge,
 )
-from lidar_buildings.core.stages.roof_topology.wings import l_or_t
+from lidar_buildings.core.stages.roof_topology.wings import in_planes, l_or_t
 from lidar_buildings.core.surfaces.percentiles import middle_of
 
 #: Faces less steep are flat: water runs off, the eye sees none of it [deg].
@@ -232,4 +232,4 @@ def _heights(points: FloatArray, plane_id: NDArray[np.uint16], planes: list[int]
     """
     Return the elevations near the eaves and the ridge of planes [m]: percentiles, as a few points may be off.
     """
-    return middle_of(np.sort(points[np.isin(plane_id, planes), 2]), 0.02)
+    return middle_of(np.sort(points[in_planes(plane_id, planes), 2]), 0.02)

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from lidar_buildings.core.model.array_types import FloatArray
+from lidar_buildings.core.model.array_types import BoolArray, FloatArray
 from lidar_buildings.core.stages.roof_topology.result import RIDGE, IntersectionSegment
 from lidar_buildings.core.surfaces.percentiles import middle_of
 
@@ -85,8 +85,15 @@ def _span(
     points: FloatArray, plane_id: NDArray[np.uint16], planes: list[int], directions: list[FloatArray]
 ) -> list[tuple[float, float]]:
     """Return from where to where planes reach in each direction [m]."""
-    xy = points[np.isin(plane_id, planes), :2]
+    xy = points[in_planes(plane_id, planes), :2]
     return [middle_of(np.sort(xy @ d), 0.01) for d in directions]
+
+
+def in_planes(plane_id: NDArray[np.uint16], planes: list[int]) -> BoolArray:
+    """Whether each point is in one of some planes."""
+    chosen = np.zeros(int(plane_id.max()) + 1, dtype=np.bool_)
+    chosen[planes] = True
+    return chosen[plane_id]
 
 
 def _at_corner(main: tuple[float, float], wing: tuple[float, float]) -> bool:

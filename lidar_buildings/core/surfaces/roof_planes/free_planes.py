@@ -18,7 +18,7 @@ STEEPEST_DEG = 80.0
 #: Points whose second axis is shorter than this share of the first lie on a line: their plane is level.
 _LINE = 1e-3
 #: Weight of a plane's own slope beside its points' [m²]: keeps lines and single points solvable.
-_PRIOR = 1e-4
+_PRIOR = 1e-4 * np.eye(3)
 
 
 class FreePlanes(NamedTuple):
@@ -79,7 +79,7 @@ def free_planes(moments: PlaneMoments) -> FreePlanes:
     slopes = -normals[:, :2] / upright[:, None]
     heights = mean[:, 2] - np.einsum("ki,ki->k", slopes, mean[:, :2])
     cost = sums[:, [4, 5, 1, 5, 7, 2, 1, 2, 0]].reshape(-1, 3, 3) * (upright**2)[:, None, None]
-    cost = np.ascontiguousarray(cost + _PRIOR * np.eye(3))
+    cost = np.ascontiguousarray(cost + _PRIOR)
     roof = (sums[:, 0] > 0) & (normals[:, 2] > math.cos(math.radians(STEEPEST_DEG)))
     return FreePlanes(
         moments,
