@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 import shapely
@@ -50,21 +49,6 @@ class Cells:
     def __len__(self) -> int:
         """Return the number of cells."""
         return len(self.areas)
-
-    @cached_property
-    def inner(self) -> IntArray:
-        """Rows of the edges between two cells."""
-        return np.flatnonzero((self.sides.min(axis=1) >= 0) & (self.sides[:, 0] != self.sides[:, 1]))
-
-    @cached_property
-    def edges(self) -> IntArray:
-        """The two cells on either side of each inner edge, shape (n_edges, 2)."""
-        return np.sort(self.sides[self.inner], axis=1)
-
-    @cached_property
-    def ends(self) -> FloatArray:
-        """The x and y of each inner edge's two ends, shape (n_edges, 4) [m]."""
-        return self.vertices[self.borders[self.inner]].reshape(-1, 4)
 
     @property
     def polygons(self) -> NDArray[np.object_]:

@@ -15,9 +15,9 @@ _STRAIGHT = 0.004
 
 def join_equal_cells(cells: Cells, labels: IntArray) -> IntArray:
     """Number the connected groups of cells of one plane, from 0 in the order of their first cells."""
-    edges = cells.edges
-    same = labels[edges[:, 0]] == labels[edges[:, 1]]
-    return numbered(sets_of_pairs(len(labels), *edges[same].T))
+    left, right = cells.sides[(cells.sides[:, 0] >= 0) & (cells.sides[:, 1] >= 0)].T
+    same = labels[left] == labels[right]
+    return numbered(sets_of_pairs(len(labels), left[same], right[same]))
 
 
 def face_rings(cells: Cells, face: IntArray) -> list[tuple[FloatArray, ...]]:

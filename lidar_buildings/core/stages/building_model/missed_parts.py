@@ -120,12 +120,11 @@ def _directions(outline: Outline) -> FloatArray:
     walls = ends[:, 1] - ends[:, 0]
     length = np.hypot(*walls.T)
     angles = np.arctan2(walls[:, 1], walls[:, 0]) % (np.pi / 2)
+    angles = angles[np.argsort(-length, kind="stable")]
     chosen: list[float] = []
-    for angle in angles[np.argsort(-length, kind="stable")].tolist():
-        if all(abs((angle - other + np.pi / 4) % (np.pi / 2) - np.pi / 4) > np.pi / 18 for other in chosen):
-            chosen.append(angle)
-        if len(chosen) == 3:
-            break
+    while len(angles) and len(chosen) < 3:
+        chosen.append(angles[0])
+        angles = angles[np.abs((angles - angles[0] + np.pi / 4) % (np.pi / 2) - np.pi / 4) > np.pi / 18]
     return np.column_stack([np.cos(chosen), np.sin(chosen)])
 
 
