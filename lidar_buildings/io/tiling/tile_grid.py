@@ -1,4 +1,4 @@
-"""The grid of tiles: squares aligned to multiples of their size in the source's coordinates, in metres."""
+"""The grid of tiles: squares that begin at multiples of their size, in metres of the source, or half-way."""
 
 from __future__ import annotations
 
@@ -114,16 +114,19 @@ class TileGrid:
         Side of a tile [m].
     cells_per_side : int
         Spool cells along a tile's side.
+    start : float
+        Where a tile begins, in x and in y; 0 or half a side, so that it is exact [m].
     """
 
     tile_size: float
     cells_per_side: int
+    start: float = 0.0
 
     @classmethod
-    def fitting(cls, tile_size: float, buffer: float) -> TileGrid:
+    def fitting(cls, tile_size: float, buffer: float, start: float = 0.0) -> TileGrid:
         """Return the grid whose spool cells are about as wide as the buffer."""
         wanted = tile_size / max(buffer, _SMALLEST_CELL)
-        return cls(tile_size, max(1, min(_MOST_CELLS, math.floor(wanted))))
+        return cls(tile_size, max(1, min(_MOST_CELLS, math.floor(wanted))), start)
 
     @property
     def cell_size(self) -> float:
@@ -132,7 +135,7 @@ class TileGrid:
 
     def cells_at(self, xy: NDArray[np.float64]) -> NDArray[np.int64]:
         """Return the spool cell of each point, shape (n, 2)."""
-        return np.floor(xy / self.cell_size).astype(np.int64)
+        return np.floor((xy - self.start) / self.cell_size).astype(np.int64)
 
     def tile_of(self, cell: Cell) -> Cell:
         """Return the tile that a spool cell belongs to."""
@@ -146,16 +149,16 @@ class TileGrid:
     def cells_touching(self, area: Rectangle) -> Iterator[Cell]:
         """Name the spool cells that reach into an area."""
         # points on a border may have been rounded across it: one cell more on each side costs nothing
-        x0, y0 = (math.floor(c / self.cell_size - 1e-6) for c in (area.x_min, area.y_min))
-        x1, y1 = (math.floor(c / self.cell_size + 1e-6) for c in (area.x_max, area.y_max))
+        x0, y0 = (math.floor(c - 1e-6) for c in self._in_cells(area.x_min, area.y_min))
+        x1, y1 = (math.floor(c + 1e-6) for c in self._in_cells(area.x_max, area.y_max))
         for x in range(x0, x1 + 1):
             for y in range(y0, y1 + 1):
                 yield x, y
 
     def cells_in(self, area: Rectangle) -> Iterator[Cell]:
         """Name the spool cells that have a part within an area, not those that only share its border."""
-        x0, y0 = (math.floor(c / self.cell_size + 1e-6) for c in (area.x_min, area.y_min))
-        x1, y1 = (math.ceil(c / self.cell_size - 1e-6) for c in (area.x_max, area.y_max))
+        x0, y0 = (math.floor(c + 1e-6) for c in self._in_cells(area.x_min, area.y_min))
+        x1, y1 = (math.ceil(c - 1e-6) for c in self._in_cells(area.x_max, area.y_max))
         for x in range(x0, x1):
             for y in range(y0, y1):
                 yield x, y
@@ -166,13 +169,13 @@ class TileGrid:
         # in tiles first: a whole tile's edges are multiples of its size to the last bit
         west, south = block.column / k * size, block.row / k * size
         east, north = (block.column + block.width) / k * size, (block.row + block.height) / k * size
-        return Rectangle(west, south, east, north)
+        return Rectangle(west, south, east, north).moved(self.start, self.start)
 
     def tile_span(self, area: Rectangle) -> tuple[Cell, Cell]:
         """Return the first and the last tile, column and row, that reach into an area."""
-        first = math.floor(area.x_min / self.tile_size), math.floor(area.y_min / self.tile_size)
-        last = math.floor(area.x_max / self.tile_size), math.floor(area.y_max / self.tile_size)
-        return first, last
+        within, size = area.moved(-self.start, -self.start), self.tile_size
+        first = math.floor(within.x_min / size), math.floor(within.y_min / size)
+        return first, (math.floor(within.x_max / size), math.floor(within.y_max / size))
 
     def number_of(self, tile: Cell, areas: Sequence[Rectangle]) -> int:
         """Number a tile from 1 by its place within areas; 1 for a place outside them."""
@@ -182,3 +185,7 @@ class TileGrid:
         number = (tile[0] - x0) * (y1 - y0 + 1) + tile[1] - y0 + 1
         is_counted = x0 <= tile[0] <= x1 and y0 <= tile[1] <= y1 and number < LATEST
         return number if is_counted else 1
+
+    def _in_cells(self, *coordinates: float) -> Iterator[float]:
+        """Yield coordinates as numbers of spool cells from the start."""
+        return ((one - self.start) / self.cell_size for one in coordinates)

@@ -1,4 +1,4 @@
-"""The side of tiles that suits a survey, and the order in which its files are read."""
+"""The tiles that suit a survey, and the order in which its files are read."""
 
 from __future__ import annotations
 
@@ -21,12 +21,16 @@ _MOST_TILES = 100_000
 _BITS = 16
 
 
-def fitting_size(areas: Sequence[Rectangle], counts: Sequence[int], buffer: float, max_points: int) -> float:
+def fitting_tiles(
+    areas: Sequence[Rectangle], counts: Sequence[int], buffer: float, max_points: int
+) -> tuple[float, float]:
     """
-    Choose the side of a survey's tiles [m].
+    Choose the side of a survey's tiles, and where they begin [m].
 
     Of the sides with which each tile, buffer included, is expected to hold at most `max_points` the one with
-    which stages see the fewest points, taking those of a file to lie evenly in its bounds.
+    which stages see the fewest points, taking those of a file to lie evenly in its bounds. Tiles begin at
+    multiples of their side, as files of a survey do as a rule, or half-way between: what a vehicle measures
+    lies about the origin of its frame, and all of it would be in the buffers of four tiles.
 
     Parameters
     ----------
@@ -38,18 +42,25 @@ def fitting_size(areas: Sequence[Rectangle], counts: Sequence[int], buffer: floa
         Width of the strip of neighbours east of a tile [m].
     max_points : int
         Of a tile with its buffer.
+
+    Returns
+    -------
+    size, start : float
+        The start is 0 or half the side.
     """
     bounds = np.array([(a.x_min, a.y_min, a.x_max, a.y_max) for a in areas]).reshape(-1, 2, 2)
     bounds[:, 1] = np.maximum(bounds[:, 1], bounds[:, 0] + _SMALLEST)
-    chosen, least, shortest = _SIZES[-1], np.inf, 0.0
+    of_files = np.asarray(counts, dtype=np.float64)
+    chosen, least, shortest = (_SIZES[-1], 0.0), np.inf, 0.0
     for size in _SIZES:
         if size < shortest:
             break
-        expected = _expected_points(bounds, np.asarray(counts, dtype=np.float64), buffer, size)
-        if expected.max(initial=0.0) <= max_points:
-            shortest = shortest or _SHORTEST * size
-            if expected.sum() < least:
-                chosen, least = size, float(expected.sum())
+        for start in (0.0, 0.5 * size):
+            expected = _expected_points(bounds - start, of_files, buffer, size)
+            if expected.max(initial=0.0) <= max_points:
+                shortest = shortest or _SHORTEST * size
+                if expected.sum() < least:
+                    chosen, least = (size, start), float(expected.sum())
     return chosen
 
 

@@ -17,7 +17,7 @@ from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.io.clouds.las import CHUNK, InputFile, frame_of, open_inputs
 from lidar_buildings.io.tiling.spool import Cell
 from lidar_buildings.io.tiling.tile_grid import Block, Rectangle, TileGrid
-from lidar_buildings.io.tiling.tile_size import fitting_size, reading_order
+from lidar_buildings.io.tiling.tile_size import fitting_tiles, reading_order
 from lidar_buildings.io.tiling.tile_stamps import stamp_of_number, stamp_of_time
 from lidar_buildings.io.tiling.tile_store import SpooledTile, TilePlan, TileStore
 from lidar_buildings.io.tiling.tiling_config import TilingConfig
@@ -85,7 +85,7 @@ class TileSource:
         self.frame: MapFrame = frame_of(self._clouds)
         self._skip = skip
         self._areas = [Rectangle.of_cloud(cloud) for cloud in self._clouds]
-        self._grid = TileGrid.fitting(self._tile_size(), self.config.buffer)
+        self._grid = self._fitting_grid()
         self._unread = set(range(len(self._clouds)))
         self._read: list[int] = []
         self._expected = self._expected_tiles()
@@ -167,13 +167,14 @@ class TileSource:
     def __exit__(self, *_: object) -> None:
         self.close()
 
-    def _tile_size(self) -> float:
-        """Return the side of a tile [m]."""
+    def _fitting_grid(self) -> TileGrid:
+        """Return the tiles: as asked for, or those that suit the files."""
         if self.config.tile_size:
-            return self.config.tile_size
+            return TileGrid.fitting(self.config.tile_size, self.config.buffer)
         filled = [(a, c.point_count) for a, c in zip(self._areas, self._clouds, strict=True) if a is not None]
         areas, counts = zip(*filled, strict=True) if filled else ((), ())
-        return fitting_size(areas, counts, self.config.buffer, self.config.max_tile_points)
+        size, start = fitting_tiles(areas, counts, self.config.buffer, self.config.max_tile_points)
+        return TileGrid.fitting(size, self.config.buffer, start)
 
     def _expected_tiles(self) -> set[Cell]:
         """Return the tiles that the headers' bounds reach into."""

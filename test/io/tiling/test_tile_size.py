@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from lidar_buildings.io.tiling.tile_grid import BUFFER_SHARES, Rectangle
-from lidar_buildings.io.tiling.tile_size import fitting_size
+from lidar_buildings.io.tiling.tile_size import fitting_tiles
 
 #: Points per m².
 DENSITY = 10.0
@@ -21,17 +21,17 @@ def files(columns, rows, side=250.0, origin=(13.0, 7.0)):
 
 def chosen(areas, most, density=DENSITY):
     counts = [round(density * (a.x_max - a.x_min) * (a.y_max - a.y_min)) for a in areas]
-    return fitting_size(areas, counts, BUFFER, most)
+    return fitting_tiles(areas, counts, BUFFER, most)
 
 
-def points_of_tiles(areas, size):
+def points_of_tiles(areas, size, start):
     """Count the points of each tile with its buffer on a grid of points in all files, one per 5 m by 5 m."""
     west, south, east, north = (share * BUFFER for share in BUFFER_SHARES)
     steps = [
         np.stack(np.meshgrid(*(np.arange(low + 2.5, high, 5.0) for low, high in spans)), -1)
         for spans in (((a.x_min, a.x_max), (a.y_min, a.y_max)) for a in areas)
     ]
-    xy = np.concatenate([one.reshape(-1, 2) for one in steps])
+    xy = np.concatenate([one.reshape(-1, 2) for one in steps]) - start
     tiles = np.unique(np.floor(xy / size), axis=0)
     return [
         25.0
@@ -46,11 +46,15 @@ def points_of_tiles(areas, size):
 
 @pytest.mark.parametrize("most", [1_000_000, 2_500_000, 4_000_000])
 @pytest.mark.parametrize("areas", [files(4, 4), files(7, 2), files(3, 3) + files(2, 2, origin=(3013.0, 7.0))])
-def test_no_side_that_fits_lets_points_be_seen_less_often(areas, most):
-    seen = {float(size): points_of_tiles(areas, size) for size in range(200, 1001, 25)}
-    side = chosen(areas, most)
-    assert max(seen[side]) <= 1.02 * most  # grid against area
-    assert sum(seen[side]) <= 1.02 * min(
+def test_no_tiles_that_fit_let_points_be_seen_less_often(areas, most):
+    seen = {
+        (float(size), start): points_of_tiles(areas, size, start)
+        for size in range(200, 1001, 25)
+        for start in (0.0, 0.5 * size)
+    }
+    tiles = chosen(areas, most)
+    assert max(seen[tiles]) <= 1.02 * most  # grid against area
+    assert sum(seen[tiles]) <= 1.02 * min(
         sum(points) for points in seen.values() if max(points) <= 0.98 * most
     )
 
@@ -59,9 +63,14 @@ def test_bounds_that_cannot_be_true_do_not_count():
     survey = files(4, 4)
     broken = Rectangle(-1e12, -1e12, 1e12, 1e12)
     assert chosen([*survey, broken], 2_500_000) == chosen(survey, 2_500_000)
-    assert chosen([broken], 2_500_000) == 1000.0
+    assert chosen([broken], 2_500_000) == (1000.0, 0.0)
 
 
 def test_a_survey_of_one_point_is_one_tile():
-    assert fitting_size([Rectangle(5.0, 5.0, 5.0, 5.0)], [1], BUFFER, 2_500_000) == 1000.0
-    assert fitting_size([], [], BUFFER, 2_500_000) == 1000.0
+    assert fitting_tiles([Rectangle(5.0, 5.0, 5.0, 5.0)], [1], BUFFER, 2_500_000) == (1000.0, 0.0)
+    assert fitting_tiles([], [], BUFFER, 2_500_000) == (1000.0, 0.0)
+
+
+def test_what_lies_around_the_origin_is_one_tile():
+    assert chosen([Rectangle(-70.0, -80.0, 65.0, 80.0)], 2_500_000) == (1000.0, 500.0)
+    assert chosen([Rectangle(0.0, 0.0, 999.0, 999.0)], 12_500_000) == (1000.0, 0.0)

@@ -120,7 +120,7 @@ def test_a_survey_that_fits_into_a_tile_is_one_where_its_place_allows(tmp_path):
 
 
 def test_a_tile_that_is_much_denser_than_its_file_is_divided(tmp_path):
-    corner = square(5000, 100.0, 100.0, 90.0)
+    corner = square(5000, 100.0, 100.0, 200.0)
     paths = survey(tmp_path, [np.vstack([corner, [[900.0, 900.0]]])])
     config = TilingConfig(buffer=5.0, max_buffer=5.0, max_tile_points=2000)
     with TileSource(paths, config) as source:
