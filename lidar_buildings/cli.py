@@ -54,6 +54,7 @@ def _parser() -> argparse.ArgumentParser:
     _add_live(commands.add_parser("live", help="listen to a scanner, until it is interrupted"))
     _add_simulate(commands.add_parser("simulate", help="make a virtual survey with its truth"))
     _add_score(commands.add_parser("score", help="compare a result with a reference"))
+    _add_compare(commands.add_parser("compare", help="say what has changed between two results of one place"))
     _add_top(commands.add_parser("top", help="watch the running graphs"))
     _add_warm_up(commands.add_parser("warm-up", help="compile now what else the first run compiles"))
     return parser
@@ -282,6 +283,13 @@ def _add_score(parser: argparse.ArgumentParser) -> None:
 
     add_score_arguments(parser)
     parser.set_defaults(command=score_command)
+
+
+def _add_compare(parser: argparse.ArgumentParser) -> None:
+    from lidar_buildings.evaluation.command.compare import add_compare_arguments, compare_command
+
+    add_compare_arguments(parser)
+    parser.set_defaults(command=compare_command)
 
 
 if __name__ == "__main__":

@@ -116,6 +116,19 @@ def read_roof_points(path: Path, classes: Collection[int]) -> tuple[NDArray[np.f
     return np.concatenate([*parts, np.empty((0, 3))]), crs
 
 
+def read_class_chunks(path: Path) -> Iterator[tuple[NDArray[Any], ...]]:
+    """
+    Read points [m], their classes, and which of those of buildings are façade, some at a time.
+
+    Raises
+    ------
+    InputError
+        If there is no cloud, or one cannot be read.
+    """
+    for file in find_clouds(path):
+        yield from _parts(open_cloud(file), (CLASS, FACADE))
+
+
 def read_label_pairs(result: Path, reference: Path, *, edges: bool = False) -> LabelledPoints:
     """
     Read what a result and a reference say of the same points; several files are matched by name.

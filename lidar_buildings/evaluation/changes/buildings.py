@@ -1,0 +1,145 @@
+"""From what became of cells to what has changed of which building."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from lidar_buildings.evaluation.changes.cells import BUILT, HIGHER, LOWER, REMOVED, UNSEEN, CellChanges
+
+#: Share of a building's cells that decides of the whole of it.
+WHOLE = 0.7
+#: Share of a building that may lie on one of the other survey if it is to be new, or gone.
+MOST_SHARED = 0.2
+#: Least share of a building's cells that both surveys have to tell of.
+LEAST_SEEN = 0.3
+#: What a change of all, and of a part of a building is called.
+_OF_ALL = {BUILT: "new", REMOVED: "gone", HIGHER: "raised", LOWER: "lowered"}
+_OF_PART = {BUILT: "extended", REMOVED: "reduced", HIGHER: "roof changed", LOWER: "roof changed"}
+UNCHANGED, NOT_SEEN = "unchanged", "not seen"
+
+
+class Change(NamedTuple):
+    """
+    What has changed of a building.
+
+    Attributes
+    ----------
+    change : str
+        ``"new"``, ``"gone"``, ``"raised"``, ``"lowered"``, ``"extended"``, ``"reduced"``, ``"roof changed"``.
+    old, new : int
+        Row of the building in either survey, −1 where it is in none.
+    area : float
+        Of what has changed [m²].
+    height : float
+        Median change of elevation; for what was built or removed, the height of the roof above ground [m].
+    sigma : float
+        Standard deviation of `height` by the scatter of what has not changed [m].
+    share, seen : float
+        Of the building's cells that have changed, and that both surveys tell of.
+    place : shapely geometry
+        Where: the outline, or the cells of a part [m].
+    """
+
+    change: str
+    old: int
+    new: int
+    area: float
+    height: float
+    sigma: float
+    share: float
+    seen: float
+    place: Any
+
+
+def judge_buildings(
+    cells: CellChanges, outlines: tuple[NDArray[Any], NDArray[Any]], scatter: float
+) -> tuple[list[Change], tuple[list[str], list[str]]]:
+    """
+    Tell what has changed of which building.
+
+    Parameters
+    ----------
+    cells : CellChanges
+        What became of each cell.
+    outlines : tuple of ndarray of shapely.Polygon
+        Of both surveys [m].
+    scatter : float
+        Of the elevations of single cells that have not changed [m].
+
+    Returns
+    -------
+    changes : list of Change
+        In the order of the new buildings, then those of the old survey alone.
+    words : tuple of list of str
+        For every building of either survey what has changed most, ``"unchanged"`` or ``"not seen"``.
+    """
+    partner = [_partners(outlines[1], outlines[0]), _partners(outlines[0], outlines[1])]
+    changes: list[Change] = []
+    words: tuple[list[str], list[str]] = ([], [])
+    for row, outline in enumerate(outlines[1]):
+        shared, other = partner[0][row]
+        found = _of_building(cells, outline, other if shared else -1, row, scatter, shared, REMOVED)
+        changes += found[0]
+        words[1].append(found[1])
+    for row, outline in enumerate(outlines[0]):
+        shared, other = partner[1][row]
+        found = _of_building(cells, outline, row, -1, scatter, shared, BUILT)
+        words[0].append(found[1] if found[1] != UNCHANGED or not shared else words[1][other])
+        changes += [one for one in found[0] if one.change in ("gone", "reduced")]
+    return changes, words
+
+
+def _partners(mine: NDArray[Any], theirs: NDArray[Any]) -> list[tuple[float, int]]:
+    """Return for each outline the share of it that others cover, and which covers most, −1 for none."""
+    tree = shapely.STRtree(theirs)
+    left, right = tree.query(mine, predicate="intersects")
+    common = shapely.area(shapely.intersection(mine[left], theirs[right]))
+    found = []
+    for row, outline in enumerate(mine):
+        own = left == row
+        share = float(common[own].sum() / max(outline.area, 1e-9))
+        found.append((min(share, 1.0), int(right[own][common[own].argmax()]) if share else -1))
+    return found
+
+
+def _of_building(
+    cells: CellChanges, outline: Any, old: int, new: int, scatter: float, shared: float, foreign: int
+) -> tuple[list[Change], str]:
+    """Return what has changed within an outline, and the word for it."""
+    plan = cells.plan
+    rows, columns = plan.window(outline)
+    row, column = np.mgrid[rows, columns]
+    x, y = plan.middles(row.ravel(), column.ravel()).T
+    is_in = shapely.intersects_xy(outline, x, y).reshape(row.shape)
+    state = np.where(is_in, cells.state[rows, columns], UNSEEN)
+    n_seen, n = int(np.count_nonzero(state != UNSEEN)), max(int(is_in.sum()), 1)
+    if n_seen < LEAST_SEEN * n:
+        return [], NOT_SEEN
+    changes = []
+    for kind in (BUILT, REMOVED, HIGHER, LOWER):
+        is_kind = state == kind
+        count = int(is_kind.sum())
+        if not count or kind == foreign:
+            continue
+        is_all = count >= WHOLE * n_seen and (kind in (HIGHER, LOWER) or shared <= MOST_SHARED)
+        if not is_all and count * plan.size**2 < cells.least:
+            continue
+        corners = plan.middles(row[is_kind], column[is_kind]) - 0.5 * plan.size
+        place = outline if is_all else _joined(corners, plan.size)
+        height = float(np.median(cells.height[rows, columns][is_kind]))
+        word = (_OF_ALL if is_all else _OF_PART)[kind]
+        area = outline.area if is_all else count * plan.size**2
+        sigma = scatter / np.sqrt(count)
+        changes.append(Change(word, old, new, area, height, sigma, count / n_seen, n_seen / n, place))
+    most = max(changes, key=lambda one: one.share, default=None)
+    return changes, UNCHANGED if most is None else most.change
+
+
+def _joined(corners: NDArray[np.float64], size: float) -> Any:
+    """Return the area of cells, of their south-western corners."""
+    x, y = corners.T
+    return shapely.union_all(shapely.box(x, y, x + size, y + size))

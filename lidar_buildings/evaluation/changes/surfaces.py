@@ -1,0 +1,142 @@
+"""What a survey saw in the cells around buildings: roofs, ground, and whatever else stood there."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from lidar_buildings.core.model.classes import PointClass
+
+#: Classes that say that nothing stood there.
+_GROUND = (PointClass.GROUND, PointClass.WATER, PointClass.ROAD_SURFACE)
+#: Classes that say nothing.
+_NOISE = (PointClass.LOW_NOISE, PointClass.HIGH_NOISE)
+
+
+@dataclass(frozen=True)
+class CellPlan:
+    """
+    The cells that are looked at, the same for both surveys.
+
+    Attributes
+    ----------
+    size : float
+        Side of a cell [m].
+    low : tuple of two int
+        Column and row of the south-western cell, counted in cells from (0, 0).
+    shape : tuple of two int
+        Rows and columns.
+    numbers : ndarray of int64
+        The cells in or near an outline, rising: row by row from the south-west.
+    """
+
+    size: float
+    low: tuple[int, int]
+    shape: tuple[int, int]
+    numbers: NDArray[np.int64]
+
+    @classmethod
+    def around(cls, polygons: NDArray[Any], size: float, margin: int) -> CellPlan:
+        """Return the cells within some cells of polygons, of which there is at least one."""
+        bounds = shapely.total_bounds(polygons)
+        low = np.floor(bounds[:2] / size).astype(np.int64) - margin
+        n_columns, n_rows = np.floor(bounds[2:] / size).astype(np.int64) + margin + 1 - low
+        shape = (int(n_rows), int(n_columns))
+        plan = cls(size, (int(low[0]), int(low[1])), shape, np.zeros(0, dtype=np.int64))
+        grown = shapely.buffer(polygons, margin * size)
+        numbers = [plan._within(polygon) for polygon in grown]
+        return cls(size, plan.low, shape, np.unique(np.concatenate(numbers)))
+
+    def middles(self, rows: NDArray[np.int64], columns: NDArray[np.int64]) -> NDArray[np.float64]:
+        """Return the middles of cells of the plan, shape (n, 2) [m]."""
+        return (np.column_stack([columns, rows]) + self.low + 0.5) * self.size
+
+    def of_points(self, xy: NDArray[np.float64]) -> NDArray[np.int64]:
+        """Return the numbers of the points' cells, −1 beyond the plan."""
+        cell = np.floor(xy / self.size).astype(np.int64) - self.low
+        is_in = ((cell >= 0) & (cell < self.shape[::-1])).all(axis=1)
+        return np.where(is_in, cell[:, 1] * self.shape[1] + cell[:, 0], -1)
+
+    def window(self, polygon: Any) -> tuple[slice, slice]:
+        """Return the rows and columns that a polygon reaches into."""
+        west, south, east, north = np.floor(np.array(shapely.bounds(polygon)) / self.size).astype(np.int64)
+        rows = slice(max(south - self.low[1], 0), min(north - self.low[1] + 1, self.shape[0]))
+        return rows, slice(max(west - self.low[0], 0), min(east - self.low[0] + 1, self.shape[1]))
+
+    def _within(self, polygon: Any) -> NDArray[np.int64]:
+        """Return the numbers of the cells whose middles lie in a polygon."""
+        rows, columns = self.window(polygon)
+        row, column = (one.ravel() for one in np.mgrid[rows, columns])
+        x, y = self.middles(row, column).T
+        return np.asarray((row * self.shape[1] + column)[shapely.intersects_xy(polygon, x, y)])
+
+
+class Surfaces:
+    """
+    What one survey saw in the cells of a plan.
+
+    Attributes
+    ----------
+    roof_low, roof_high, roof : ndarray of shape (n_cells,)
+        Least, greatest and mean elevation of points of roofs [m]; NaN where there is none.
+    other_low, other_high : ndarray of shape (n_cells,)
+        Of what is neither roof nor ground.
+    ground : ndarray of shape (n_cells,)
+        Mean elevation of ground.
+    """
+
+    def __init__(self, plan: CellPlan) -> None:
+        n = len(plan.numbers)
+        self._plan = plan
+        self._counts, self._sums = np.zeros((2, 2, n))
+        self.roof_low, self.other_low = np.full((2, n), np.inf)
+        self.roof_high, self.other_high = np.full((2, n), -np.inf)
+
+    def add(
+        self, points: NDArray[np.float64], classes: NDArray[np.uint8], is_facade: NDArray[np.bool_]
+    ) -> None:
+        """Take points [m], their classes, and which of those of buildings are façade."""
+        numbers = self._plan.of_points(points[:, :2])
+        cell = np.searchsorted(self._plan.numbers, numbers)
+        cell[cell == len(self._plan.numbers)] = 0
+        is_seen = (self._plan.numbers[cell] == numbers) & ~np.isin(classes, _NOISE)
+        is_roof = is_seen & (classes == PointClass.BUILDING) & ~is_facade
+        is_ground = is_seen & np.isin(classes, _GROUND)
+        for kind, rows in enumerate((is_roof, is_ground)):
+            at = cell[rows]
+            self._counts[kind] += np.bincount(at, minlength=len(self._counts[kind]))
+            self._sums[kind] += np.bincount(at, points[rows, 2], len(self._counts[kind]))
+        is_other = is_seen & ~is_roof & ~is_ground & ~is_facade
+        for low, high, rows in (
+            (self.roof_low, self.roof_high, is_roof),
+            (self.other_low, self.other_high, is_other),
+        ):
+            np.minimum.at(low, cell[rows], points[rows, 2])
+            np.maximum.at(high, cell[rows], points[rows, 2])
+
+    @property
+    def roof(self) -> NDArray[np.float64]:
+        """Mean elevation of roofs."""
+        return self._mean(0)
+
+    @property
+    def ground(self) -> NDArray[np.float64]:
+        """Mean elevation of ground."""
+        return self._mean(1)
+
+    def _mean(self, kind: int) -> NDArray[np.float64]:
+        counts = self._counts[kind]
+        return np.where(counts > 0, self._sums[kind] / np.maximum(counts, 1.0), np.nan)
+
+
+def see(plan: CellPlan, chunks: Iterable[tuple[NDArray[Any], ...]]) -> Surfaces:
+    """Return what a survey saw, of chunks of points, classes and façade marks."""
+    found = Surfaces(plan)
+    for points, classes, facade in chunks:
+        found.add(points, classes, facade.astype(bool))
+    return found
