@@ -14,6 +14,7 @@ from typing import Any
 from bench.chain.child import Usage, run_child
 from bench.chain.copies import input_files
 from bench.models.peers import PROGRAM, is_installed
+from lidar_buildings.evaluation.command.score import KINDS
 
 COMMAND = [sys.executable, "-m", "lidar_buildings.cli"]
 #: Cuts the virtual village into 25 tiles [m].
@@ -180,9 +181,7 @@ def _demo(folder: Path, cache: Path) -> Iterator[Usage]:
     commands = [
         ["simulate", "--output", survey, "--scene", "village", "--overwrite"],
         ["run", survey, "--output", result, "--overwrite"],
-        *(["score", what, result, survey] for what in ("ground", "buildings", "edges")),
-        ["score", "outlines", result, survey, "--merge-touching"],
-        *(["score", what, result, survey] for what in ("planes", "models")),
+        ["score", ",".join(KINDS), result, survey, "--merge-touching"],
     ]
     for command in commands:
         yield run_child([*COMMAND, *command], environment={"NUMBA_CACHE_DIR": str(cache)})
