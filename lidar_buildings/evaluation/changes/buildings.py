@@ -95,28 +95,22 @@ def judge_buildings(
 
 def _partners(mine: NDArray[Any], theirs: NDArray[Any]) -> list[tuple[float, int]]:
     """Return for each outline the share of it that others cover, and which covers most, −1 for none."""
-    tree = shapely.STRtree(theirs)
-    left, right = tree.query(mine, predicate="intersects")
+    left, right = shapely.STRtree(theirs).query(mine, predicate="intersects")
     common = shapely.area(shapely.intersection(mine[left], theirs[right]))
-    found = []
-    for row, outline in enumerate(mine):
-        own = left == row
-        share = float(common[own].sum() / max(outline.area, 1e-9))
-        found.append((min(share, 1.0), int(right[own][common[own].argmax()]) if share else -1))
-    return found
+    share = np.bincount(left, common, len(mine)) / np.maximum(shapely.area(mine), 1e-9)
+    most = np.full(len(mine), -1)
+    for pair in np.lexsort((right, common)):  # the largest last
+        most[left[pair]] = right[pair]
+    return [(min(float(one), 1.0), int(other)) for one, other in zip(share, most, strict=True)]
 
 
 def _of_building(
     cells: CellChanges, outline: Any, old: int, new: int, scatter: float, shared: float, foreign: int
 ) -> tuple[list[Change], str]:
     """Return what has changed within an outline, and the word for it."""
-    plan = cells.plan
-    rows, columns = plan.window(outline)
-    row, column = np.mgrid[rows, columns]
-    x, y = plan.middles(row.ravel(), column.ravel()).T
-    is_in = shapely.intersects_xy(outline, x, y).reshape(row.shape)
-    state = np.where(is_in, cells.state[rows, columns], UNSEEN)
-    n_seen, n = int(np.count_nonzero(state != UNSEEN)), max(int(is_in.sum()), 1)
+    size = cells.plan.size
+    middles, state, heights = cells.within(outline)
+    n_seen, n = int(np.count_nonzero(state != UNSEEN)), max(len(state), 1)
     if n_seen < LEAST_SEEN * n:
         return [], NOT_SEEN
     changes = []
@@ -126,13 +120,12 @@ def _of_building(
         if not count or kind == foreign:
             continue
         is_all = count >= WHOLE * n_seen and (kind in (HIGHER, LOWER) or shared <= MOST_SHARED)
-        if not is_all and count * plan.size**2 < cells.least:
+        if not is_all and count * size**2 < cells.least:
             continue
-        corners = plan.middles(row[is_kind], column[is_kind]) - 0.5 * plan.size
-        place = outline if is_all else _joined(corners, plan.size)
-        height = float(np.median(cells.height[rows, columns][is_kind]))
+        place = outline if is_all else _joined(middles[is_kind] - 0.5 * size, size)
+        height = float(np.median(heights[is_kind]))
         word = (_OF_ALL if is_all else _OF_PART)[kind]
-        area = outline.area if is_all else count * plan.size**2
+        area = outline.area if is_all else count * size**2
         sigma = scatter / np.sqrt(count)
         changes.append(Change(word, old, new, area, height, sigma, count / n_seen, n_seen / n, place))
     most = max(changes, key=lambda one: one.share, default=None)

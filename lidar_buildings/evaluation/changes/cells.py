@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from lidar_buildings.evaluation.changes.surfaces import CellPlan, Surfaces
+from lidar_buildings.evaluation.changes.surfaces import CellBlock, CellPlan, Surfaces
 
 #: What becomes of a cell.
 SAME, UNSEEN, BUILT, REMOVED, HIGHER, LOWER = range(6)
@@ -17,6 +18,9 @@ SAME, UNSEEN, BUILT, REMOVED, HIGHER, LOWER = range(6)
 _MAX_BEND = 0.2
 #: What lies within this in a cell is one roof, though it ends there [m].
 _MAX_SPREAD = 0.3
+#: Cells along the side of the blocks that are judged at a time, and around them: parts that reach farther are
+#: hardly any.
+_BLOCK_SIDE, _MARGIN = 1000, 64
 #: Cells around that are next to one, and the least that a part has of them together.
 _AROUND, _BLOCK = np.ones((3, 3), dtype=bool), np.ones((2, 2), dtype=bool)
 
@@ -52,9 +56,9 @@ class CellChanges:
     ----------
     plan : CellPlan
         The cells.
-    state : ndarray of int8, shape (n_rows, n_columns)
-        `SAME`, `UNSEEN`, `BUILT`, `REMOVED`, `HIGHER` or `LOWER`.
-    height : ndarray of shape (n_rows, n_columns)
+    state : ndarray of int8, shape (n_cells,)
+        `SAME`, `UNSEEN`, `BUILT`, `REMOVED`, `HIGHER` or `LOWER`, in the order of the plan's numbers.
+    height : ndarray of shape (n_cells,)
         By how much the roof is higher, or rises above what was free [m].
     least : float
         Area of the least part that is a change [m²].
@@ -64,6 +68,12 @@ class CellChanges:
     state: NDArray[np.int8]
     height: NDArray[np.float64]
     least: float
+
+    def within(self, polygon: Any) -> tuple[NDArray[np.float64], NDArray[np.int8], NDArray[np.float64]]:
+        """Return the cells whose middles lie in a polygon: these [m], states, heights."""
+        numbers, middles = self.plan.cells_within(polygon)
+        at = np.searchsorted(self.plan.numbers, numbers)
+        return middles, self.state[at], self.height[at]
 
 
 def offset_of(old: Surfaces, new: Surfaces) -> tuple[float, float]:
@@ -106,15 +116,26 @@ def judge_cells(plan: CellPlan, old: Surfaces, new: Surfaces, offset: float, lim
     limits : Limits
         What counts.
     """
-    before, after = _Raster.of(plan, old, 0.0), _Raster.of(plan, new, -offset)
-    state = np.full(plan.shape, UNSEEN, dtype=np.int8)
-    height = np.zeros(plan.shape)
+    state, height = np.full(len(plan.numbers), UNSEEN, dtype=np.int8), np.zeros(len(plan.numbers))
+    margin = max(_MARGIN, math.ceil(0.5 * limits.area / plan.size**2))
+    for block in plan.blocks(_BLOCK_SIDE, margin):
+        seen = (_Raster.of(block, old, 0.0), _Raster.of(block, new, -offset))
+        found = _judge_block(*seen, plan.size, limits)
+        state[block.own], height[block.own] = (one[block.places][block.is_own] for one in found)
+    return CellChanges(plan, state, height, limits.area)
+
+
+def _judge_block(
+    before: _Raster, after: _Raster, size: float, limits: Limits
+) -> tuple[NDArray[np.int8], NDArray[np.float64]]:
+    """Return the states and heights of a block's cells."""
+    state, height = np.full(before.roof.shape, UNSEEN, dtype=np.int8), np.zeros(before.roof.shape)
     for one, other, kind, sign in ((after, before, BUILT, 1.0), (before, after, REMOVED, -1.0)):
         around = other.around()
         has_roof = np.isfinite(one.roof)
         rise = one.roof - other.roof
         state[np.isfinite(rise) & (state == UNSEEN)] = SAME
-        own, sloped = one.slope(plan.size), other.slope(plan.size)
+        own, sloped = one.slope(size), other.slope(size)
         is_plain = np.isfinite(own) | (one.roof_high - one.roof_low <= _MAX_SPREAD)
         gap = _gap(one.roof_low, one.roof_high, around.roof_low, around.roof_high)
         away = np.abs(rise) - np.fmax(own, sloped) * limits.shift
@@ -130,12 +151,12 @@ def judge_cells(plan: CellPlan, old: Surfaces, new: Surfaces, offset: float, lim
         state[is_built], height[is_built] = kind, sign * storey[is_built]
         state[has_roof & (is_free | is_other) & (state == UNSEEN)] = SAME
     for kind in (BUILT, REMOVED, HIGHER, LOWER):
-        _drop_small(state, kind, limits.area / plan.size**2)
-    return CellChanges(plan, state, height, limits.area)
+        _drop_small(state, kind, limits.area / size**2)
+    return state, height
 
 
 class _Raster(NamedTuple):
-    """What one survey saw, as rasters of all cells; NaN where nothing."""
+    """What one survey saw in a block of cells, as rasters; NaN where nothing."""
 
     roof: NDArray[np.float64]
     roof_low: NDArray[np.float64]
@@ -145,12 +166,12 @@ class _Raster(NamedTuple):
     ground: NDArray[np.float64]
 
     @classmethod
-    def of(cls, plan: CellPlan, seen: Surfaces, shift: float) -> _Raster:
-        """Fill the rasters, all moved upwards by a shift [m]."""
+    def of(cls, block: CellBlock, seen: Surfaces, shift: float) -> _Raster:
+        """Fill the rasters of a block, all moved upwards by a shift [m]."""
         rasters = []
         for name in cls._fields:
-            raster = np.full(plan.shape, np.nan)
-            raster.ravel()[plan.numbers] = getattr(seen, name) + shift
+            raster = np.full(block.shape, np.nan)
+            raster[block.places] = getattr(seen, name)[block.cells] + shift
             rasters.append(raster)
         return cls(*rasters)
 

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
-from typing import Any
+from functools import cached_property
+from typing import Any, NamedTuple
 
 import numpy as np
 import shapely
@@ -16,6 +17,33 @@ from lidar_buildings.core.model.classes import PointClass
 _GROUND = (PointClass.GROUND, PointClass.WATER, PointClass.ROAD_SURFACE)
 #: Classes that say nothing.
 _NOISE = (PointClass.LOW_NOISE, PointClass.HIGH_NOISE)
+
+
+class CellBlock(NamedTuple):
+    """
+    A rectangle of a plan's cells with a margin, as a raster.
+
+    Attributes
+    ----------
+    cells : ndarray of int64
+        Which of the plan's cells lie in it.
+    places : tuple of ndarray of int64
+        Row and column of each in the raster.
+    shape : tuple of two int
+        Of the raster.
+    is_own : ndarray of bool
+        Which of the cells lie in the rectangle, not in the margin.
+    """
+
+    cells: NDArray[np.int64]
+    places: tuple[NDArray[np.int64], NDArray[np.int64]]
+    shape: tuple[int, int]
+    is_own: NDArray[np.bool_]
+
+    @property
+    def own(self) -> NDArray[np.int64]:
+        """Which of the plan's cells lie in the rectangle."""
+        return self.cells[self.is_own]
 
 
 @dataclass(frozen=True)
@@ -49,7 +77,7 @@ class CellPlan:
         shape = (int(n_rows), int(n_columns))
         plan = cls(size, (int(low[0]), int(low[1])), shape, np.zeros(0, dtype=np.int64))
         grown = shapely.buffer(polygons, margin * size)
-        numbers = [plan._within(polygon) for polygon in grown]
+        numbers = [plan.cells_within(polygon)[0] for polygon in grown]
         return cls(size, plan.low, shape, np.unique(np.concatenate(numbers)))
 
     def middles(self, rows: NDArray[np.int64], columns: NDArray[np.int64]) -> NDArray[np.float64]:
@@ -62,23 +90,36 @@ class CellPlan:
         is_in = ((cell >= 0) & (cell < self.shape[::-1])).all(axis=1)
         return np.where(is_in, cell[:, 1] * self.shape[1] + cell[:, 0], -1)
 
-    def window(self, polygon: Any) -> tuple[slice, slice]:
-        """Return the rows and columns that a polygon reaches into."""
+    def cells_within(self, polygon: Any) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+        """Return the numbers and middles [m] of the cells whose middles lie in a polygon."""
         west, south, east, north = np.floor(np.array(shapely.bounds(polygon)) / self.size).astype(np.int64)
         rows = slice(max(south - self.low[1], 0), min(north - self.low[1] + 1, self.shape[0]))
-        return rows, slice(max(west - self.low[0], 0), min(east - self.low[0] + 1, self.shape[1]))
-
-    def _within(self, polygon: Any) -> NDArray[np.int64]:
-        """Return the numbers of the cells whose middles lie in a polygon."""
-        rows, columns = self.window(polygon)
+        columns = slice(max(west - self.low[0], 0), min(east - self.low[0] + 1, self.shape[1]))
         row, column = (one.ravel() for one in np.mgrid[rows, columns])
-        x, y = self.middles(row, column).T
-        return np.asarray((row * self.shape[1] + column)[shapely.intersects_xy(polygon, x, y)])
+        middles = self.middles(row, column)
+        is_in = shapely.intersects_xy(polygon, *middles.T)
+        return (row * self.shape[1] + column)[is_in], middles[is_in]
+
+    def blocks(self, side: int, margin: int) -> Iterator[CellBlock]:
+        """Yield the cells block by block, so many along a side, those that hold any."""
+        row, column = np.divmod(self.numbers, self.shape[1])
+        for north in range(0, self.shape[0], side):
+            begin, end = np.searchsorted(row, (north - margin, north + side + margin))
+            band = slice(begin, end)
+            is_core = (row[band] >= north) & (row[band] < north + side)
+            for east in np.unique(column[band][is_core] // side) * side:
+                near = (column[band] >= east - margin) & (column[band] < east + side + margin)
+                cells = begin + np.flatnonzero(near)
+                y, x = row[cells], column[cells]
+                low = np.array([y.min(), x.min()])
+                own = (y >= north) & (y < north + side) & (x >= east) & (x < east + side)
+                shape = (int(y.max() - low[0]) + 1, int(x.max() - low[1]) + 1)
+                yield CellBlock(cells, (y - low[0], x - low[1]), shape, own)
 
 
 class Surfaces:
     """
-    What one survey saw in the cells of a plan.
+    What one survey saw in the cells of a plan; to be looked at when all points are added.
 
     Attributes
     ----------
@@ -119,12 +160,12 @@ class Surfaces:
             np.minimum.at(low, cell[rows], points[rows, 2])
             np.maximum.at(high, cell[rows], points[rows, 2])
 
-    @property
+    @cached_property
     def roof(self) -> NDArray[np.float64]:
         """Mean elevation of roofs."""
         return self._mean(0)
 
-    @property
+    @cached_property
     def ground(self) -> NDArray[np.float64]:
         """Mean elevation of ground."""
         return self._mean(1)
