@@ -115,5 +115,5 @@ def test_large_clouds_of_a_driver_that_never_sends_again_come_in(context):
     finally:
         driver.communicate()
         executor.shutdown()
-    # A busy machine may drop one or the other; with plain settings half of them are lost.
+    # One or the other may get lost; with plain settings half of them are.
     assert len(heard) > 0.75 * N_CLOUDS

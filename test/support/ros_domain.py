@@ -4,6 +4,8 @@ import fcntl
 import os
 import tempfile
 
+from lidar_buildings.ros.middleware import use_profile
+
 #: Domains up to 101 have free ports on every system.
 _DOMAINS = range(101, 19, -1)
 #: What a process sets by `prepare_middleware`, and hands on to those that it starts.
@@ -17,7 +19,12 @@ _locks = []
 
 
 def use_own_domain() -> None:
-    """Take a domain that no other test process has."""
+    """
+    Take a domain that no other test process has, and set Fast DDS up as the package does.
+
+    Fast DDS reads its profile when a process first uses it: a test that did without would leave its settings
+    to those that come after it in the same process.
+    """
     if _locks:
         return
     os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
@@ -30,5 +37,6 @@ def use_own_domain() -> None:
             continue
         _locks.append(lock)
         os.environ["ROS_DOMAIN_ID"] = str(domain)
+        use_profile()
         return
     raise RuntimeError("every ROS domain is taken by another test process")
