@@ -26,7 +26,9 @@ ROS_WHEELS = [
     "ros-shape-msgs==5.3.6",
     "ros-std-srvs==5.3.6",
 ]
+CLUSTER = ["distributed>=2024.8"]
 TEST = [
+    *CLUSTER,
     "pytest>=8",
     "pytest-xdist",
     "hypothesis",
@@ -79,7 +81,13 @@ setup(
         "tqdm>=4.66",
         "rosbags>=0.11",
     ],
-    extras_require={"ros": ROS_WHEELS, "terrain": ["startinpy>=0.12"], "test": TEST, "bench": BENCH},
+    extras_require={
+        "ros": ROS_WHEELS,
+        "cluster": [*CLUSTER, "bokeh"],  # bokeh shows dask's dashboard
+        "terrain": ["startinpy>=0.12"],
+        "test": TEST,
+        "bench": BENCH,
+    },
     python_requires=">=3.10",
     # compiled loops are cached beside their modules, and the middleware profile is a file
     zip_safe=False,

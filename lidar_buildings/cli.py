@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import NoReturn
 
 from lidar_buildings import __version__
+from lidar_buildings.commands.run_options import add_part_of_bag, add_run_arguments, add_settings
 
 #: Exit statuses, with 3 for a run of which a tile failed: users' scripts rely on them.
 DONE, WRONG_USE, INTERRUPTED = 0, 2, 130
@@ -49,7 +50,9 @@ def _parser() -> argparse.ArgumentParser:
     parser = OneLineParser(prog="lidar-buildings", description="Raw lidar in, valid 3D city models out.")
     parser.add_argument("--version", action="version", version=__version__)
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
-    _add_run(commands.add_parser("run", help="point clouds to classified points, outlines and models"))
+    run = commands.add_parser("run", help="point clouds to classified points, outlines and models")
+    add_run_arguments(run)
+    run.set_defaults(command=_run)
     _add_inspect(commands.add_parser("inspect", help="say what files and bags hold"))
     _add_live(commands.add_parser("live", help="listen to a scanner, until it is interrupted"))
     _add_simulate(commands.add_parser("simulate", help="make a virtual survey with its truth"))
@@ -60,88 +63,14 @@ def _parser() -> argparse.ArgumentParser:
     return parser
 
 
-def _add_run(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument(
-        "input",
-        nargs="+",
-        metavar="INPUT",
-        help="LAS, LAZ or COPC files, folders or globs; bags of ROS 2 or 1",
-    )
-    parser.add_argument("--output", required=True, type=Path, metavar="DIR", help="folder for the results")
-    parser.add_argument("--topic", metavar="NAME", help="bags: topic of the scans (default: the only one)")
-    parser.add_argument(
-        "--odometry", metavar="NAME", help="bags: topic of the poses (default: the only one; else /tf)"
-    )
-    _add_part_of_bag(parser)
-    parser.add_argument(
-        "--georeferenced", action="store_true", help="bags: the scans are in the map already, without poses"
-    )
-    parser.add_argument(
-        "--rate", type=float, metavar="R", help="play at R times the recorded speed (default: at once)"
-    )
-    _add_settings(parser)
-    parser.add_argument("--tile-size", type=float, metavar="M", help="side of a tile [m]")
-    parser.add_argument(
-        "--footprints",
-        type=Path,
-        metavar="FILE",
-        help="take the polygons of this file (GeoPackage, Shapefile, GeoJSON …) instead of traced outlines",
-    )
-    parser.add_argument(
-        "--footprints-layer", metavar="NAME", help="the file's layer, where it has several of polygons"
-    )
-    parser.add_argument(
-        "--footprint-id",
-        metavar="COLUMN",
-        help="column that names a footprint in the results (default: one that looks like it)",
-    )
-    parser.add_argument("--no-ros", action="store_true", help="call the stages directly, without ROS")
-    parser.add_argument("--overwrite", action="store_true", help="replace what is in DIR")
-    parser.add_argument(
-        "--namespace", metavar="NAME", help="ROS namespace of the nodes (default: one of its own)"
-    )
-    parser.set_defaults(command=_run)
-
-
 def _run(options: argparse.Namespace) -> int:
     gc.disable()  # imports leave no garbage, and looking for it takes a fifth of their time
     from lidar_buildings.commands.run import run_command
 
+    options.no_ros |= bool(options.workers or options.scheduler)
     gc.freeze()
     gc.enable()
     return run_command(options)
-
-
-def _add_part_of_bag(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument(
-        "--start", type=float, metavar="S", help="bags: begin so many seconds after their start"
-    )
-    parser.add_argument(
-        "--duration", type=float, metavar="S", help="bags: read so many seconds (default: all)"
-    )
-
-
-def _add_settings(parser: argparse.ArgumentParser) -> None:
-    """Add what files and feeds have in common."""
-    parser.add_argument(
-        "--record", metavar="BAG", help="record topics of the graph in a bag (MCAP), a folder to be made"
-    )
-    parser.add_argument(
-        "--params", type=Path, metavar="FILE", help="parameters as in config/pipeline.param.yaml"
-    )
-    parser.add_argument(
-        "--preset",
-        metavar="NAME",
-        help="the whole chain as a paper has it: santos, villalba or sampath_shan; --params and --set win",
-    )
-    parser.add_argument(
-        "--set",
-        action="append",
-        default=[],
-        metavar="STAGE.NAME=VALUE",
-        help="set one parameter (repeatable)",
-    )
-    parser.add_argument("--until", metavar="STAGE", help="end with this stage")
 
 
 def _add_live(parser: argparse.ArgumentParser) -> None:
@@ -164,11 +93,11 @@ def _add_live(parser: argparse.ArgumentParser) -> None:
         metavar="R",
         help="play at R times the recorded speed (default: 1; 0: at once)",
     )
-    _add_part_of_bag(parser)
+    add_part_of_bag(parser)
     parser.add_argument(
         "--reliable", action="store_true", help="have lost scans sent again: their publisher must be reliable"
     )
-    _add_settings(parser)
+    add_settings(parser)
     parser.add_argument("--overwrite", action="store_true", help="replace what is in DIR")
     parser.add_argument("--namespace", metavar="NAME", help="ROS namespace of the nodes (default: none)")
     parser.set_defaults(

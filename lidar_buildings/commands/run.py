@@ -47,7 +47,10 @@ def run_command(options: argparse.Namespace) -> int:
     footprints = _footprints(request)
     if compiling is not None:
         compiling.wait()
-    outcome = _run_local(request, footprints) if options.no_ros else _run_graph(request)
+    if options.workers or options.scheduler:
+        outcome = _run_cluster(request, footprints, options.workers, options.scheduler)
+    else:
+        outcome = _run_local(request, footprints) if options.no_ros else _run_graph(request)
     _report_problems(outcome)
     _report(request.output, outcome.summary, time.perf_counter() - started)
     has_bag = _report_recording(outcome)
@@ -81,6 +84,21 @@ def _run_local(request: RunRequest, footprints: FootprintFile | None) -> RunOutc
         from lidar_buildings.commands.run_local import run_local  # while the pool is getting ready
 
         return run_local(request, footprints, pool)
+
+
+def _run_cluster(
+    request: RunRequest, footprints: FootprintFile | None, n_workers: int, scheduler: str
+) -> RunOutcome:
+    if importlib.util.find_spec("distributed") is None:
+        raise LidarBuildingsError(
+            "--workers and --scheduler need dask.distributed: pip install 'lidar_buildings[cluster]'"
+        )
+    from lidar_buildings.commands.run_local import run_local
+    from lidar_buildings.pipeline.tile_cluster import TileCluster
+
+    with TileCluster(n_workers, scheduler) as cluster:
+        print(f"dashboard: {cluster.dashboard}", file=sys.stderr)
+        return run_local(request, footprints, cluster)
 
 
 def _run_graph(request: RunRequest) -> RunOutcome:

@@ -6,20 +6,25 @@ import time
 from collections import Counter
 from collections.abc import Callable
 from concurrent.futures import FIRST_COMPLETED, Future, wait
+from typing import TYPE_CHECKING, Any
 
 from lidar_buildings.commands.progress import RunOutcome, progress_bar
 from lidar_buildings.commands.run_request import RunRequest
-from lidar_buildings.commands.tile_work import TileOutcome, TileWork, done
+from lidar_buildings.commands.tile_work import TileOutcome, TileWork, done, done_far
 from lidar_buildings.core.model.errors import LidarBuildingsError
 from lidar_buildings.core.stages.footprints import Footprints
 from lidar_buildings.core.stages.terrain import RasterConfig
 from lidar_buildings.io.results.output_folder import OutputFolder
+from lidar_buildings.io.results.run_folder import check_folder, folder_of_points
 from lidar_buildings.io.results.run_summary import run_info
-from lidar_buildings.io.tiling.tile_store import SpooledTile
+from lidar_buildings.io.tiling.spooled_tile import SpooledTile
 from lidar_buildings.io.tiling.tiling import TileSource
 from lidar_buildings.io.vectors.footprints import FootprintFile
 from lidar_buildings.pipeline.building_pool import BuildingPool, NoWorkerError
 from lidar_buildings.pipeline.reconstruct import PipelineConfig
+
+if TYPE_CHECKING:  # dask is there for those who ask for it
+    from lidar_buildings.pipeline.tile_cluster import TileCluster
 
 #: Footprints so far from all points may still be asked for [m]; wide margin over 5 m.
 _MARGIN = 10.0
@@ -27,9 +32,13 @@ _MARGIN = 10.0
 _Answer = Future[TileOutcome | LidarBuildingsError]
 
 
-def run_local(request: RunRequest, footprints: FootprintFile | None, pool: BuildingPool) -> RunOutcome:
+def run_local(
+    request: RunRequest, footprints: FootprintFile | None, pool: BuildingPool | TileCluster
+) -> RunOutcome:
     """
     Take a job from its inputs to its files.
+
+    Workers of a cluster read the files too, and find the points in the output folder, which all of them see.
 
     Raises
     ------
@@ -38,7 +47,11 @@ def run_local(request: RunRequest, footprints: FootprintFile | None, pool: Build
     """
     started = time.perf_counter()
     skip: set[int] = set()
-    with TileSource(request.inputs, request.tiling, skip=skip) as source:
+    shared: dict[str, Any] = {}
+    if not isinstance(pool, BuildingPool):
+        check_folder(request.output, overwrite=request.overwrite)
+        shared = {"temporary": folder_of_points(request.output), "submit": pool.submit}
+    with TileSource(request.inputs, request.tiling, skip=skip, **shared) as source:
         folder = OutputFolder(
             request.output,
             source.inputs,
@@ -75,7 +88,7 @@ def process_tiles(
     progress: Callable[[int], None],
     rasters: RasterConfig | None = None,
     footprints: Footprints | None = None,
-    pool: BuildingPool | None = None,
+    pool: BuildingPool | TileCluster | None = None,
 ) -> tuple[dict[str, float], dict[int, str]]:
     """
     Take every tile of a source to disk.
@@ -99,7 +112,7 @@ def process_tiles(
         Of the rasters.
     footprints : Footprints, optional
         Outlines to use instead of tracing.
-    pool : BuildingPool, optional
+    pool : BuildingPool or TileCluster, optional
         The processes; everything is done here, tile after tile, without.
 
     Returns
@@ -127,11 +140,12 @@ def process_tiles(
                 progress(n_done)
 
     processes = pool or BuildingPool(0)
+    do, how = (done, {}) if isinstance(processes, BuildingPool) else (done_far, {"is_soon": True})
     for tile in source.ready():
         path, near = folder.tile_path(tile.stamp), _near(footprints, tile)
         is_only = source.tile_count == 1
-        work = TileWork(tile, path, config, until, rasters or RasterConfig(), near, is_only)
-        waiting[processes.submit(done, work)] = work
+        work = TileWork(tile.alone(), path, config, until, rasters or RasterConfig(), near, is_only)
+        waiting[processes.submit(do, work, **how)] = work
         finish(wait(waiting, timeout=0).done)
     if processes.n_alive:
         folder.load_writers()

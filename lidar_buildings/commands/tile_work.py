@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import uuid
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import NamedTuple
 
@@ -17,7 +18,7 @@ from lidar_buildings.core.stages.footprints import Footprints
 from lidar_buildings.core.stages.terrain import RasterConfig, TerrainRasters
 from lidar_buildings.io.models.cityjson import feature_line
 from lidar_buildings.io.results.tile_products import TileProducts
-from lidar_buildings.io.tiling.tile_store import SpooledTile
+from lidar_buildings.io.tiling.spooled_tile import SpooledTile
 from lidar_buildings.pipeline.reconstruct import PipelineConfig, TileResult, reconstruct_tile
 from lidar_buildings.pipeline.sharing import Sharing
 from lidar_buildings.pipeline.tile_rasters import rasterise_tile
@@ -60,6 +61,15 @@ class TileOutcome(NamedTuple):
 
     seconds: dict[str, float]
     reason: str = ""
+
+
+def done_far(work: TileWork, pool: None = None) -> TileOutcome | LidarBuildingsError:
+    """Do as `done` where the same work may be done elsewhere at the same time: the later one's file stays."""
+    own = work.path.with_name(f".{uuid.uuid4().hex}{work.path.suffix}")
+    outcome = done(replace(work, path=own))
+    if own.exists():
+        own.replace(work.path)
+    return outcome
 
 
 def done(work: TileWork, pool: Sharing | None = None) -> TileOutcome | LidarBuildingsError:

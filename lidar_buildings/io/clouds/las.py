@@ -91,20 +91,26 @@ class Cloud:
         """Metres per source unit, per axis."""
         return np.array([self.crs.horizontal_unit, self.crs.horizontal_unit, self.crs.vertical_unit])
 
-    def chunks(self, size: int = CHUNK) -> Iterator[laspy.ScaleAwarePointRecord]:
+    def chunks(
+        self, size: int = CHUNK, first: int = 0, last: int | None = None
+    ) -> Iterator[laspy.ScaleAwarePointRecord]:
         """
-        Read the points in file order, `size` at a time.
+        Read the points `first` to `last` in file order, `size` at a time.
 
         Raises
         ------
         InputError
             If they cannot be read to the last one.
         """
-        done = 0
+        end = self.point_count if last is None else last
         with reported(self.path), open_reader(self.path) as (reader, guard):
-            while done < self.point_count:
+            done = first
+            if first:
                 with guard():
-                    points = reader.read_points(size)
+                    reader.seek(first)
+            while done < end:
+                with guard():
+                    points = reader.read_points(min(size, end - done))
                 if len(points) == 0:
                     raise InputError(
                         f"{self.path}: is cut short ({done} of {self.point_count} points): copy it again"

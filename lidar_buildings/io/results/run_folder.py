@@ -22,6 +22,8 @@ Share = Callable[[Callable[[Any], Any], Sequence[Any]], Iterable[Any]]
 PARTIAL = ".partial"
 #: Folder in it with the clouds that were made of bags.
 PLACED = "placed"
+#: Folder in it with the points of tiles that workers read.
+_POINTS = "points"
 RUN = "run.json"
 CLASSIFIED = "classified"
 DTM, DSM, NDSM = "dtm.tif", "dsm.tif", "ndsm.tif"
@@ -122,7 +124,7 @@ def output_names(inputs: Sequence[InputFile]) -> list[str]:
 
 def _holds_run(path: Path) -> bool:
     """Whether there is an unfinished run; a folder that a full disk kept empty is none."""
-    return any(one.name != PLACED for one in (path / PARTIAL).glob("*"))
+    return any(one.name not in (PLACED, _POINTS) for one in (path / PARTIAL).glob("*"))
 
 
 def _check_same(path: Path, identity: dict[str, Any]) -> None:
@@ -140,6 +142,24 @@ def _is_same(path: Path, identity: dict[str, Any]) -> bool:
 def discard_unfinished(path: Path) -> None:
     """Delete the tiles of an unfinished run, so that the next one begins anew."""
     shutil.rmtree(path / PARTIAL, ignore_errors=True)
+
+
+def folder_of_points(path: Path) -> Path:
+    """
+    Make an empty folder for points in a run's output folder, for processes of other machines to see.
+
+    Raises
+    ------
+    OutputError
+        If it cannot be made.
+    """
+    folder = path / PARTIAL / _POINTS
+    shutil.rmtree(folder, ignore_errors=True)  # of a run that was interrupted
+    try:
+        folder.mkdir(parents=True)
+    except OSError as error:
+        raise _unusable(path, error) from error
+    return folder
 
 
 def files_of_run(path: Path) -> list[str]:
@@ -160,7 +180,7 @@ def _clear(path: Path) -> None:
     of_buildings = [name for files in FORMAT_FILES.values() for name in files]
     remove_files(path, (RUN, DTM, DSM, NDSM, *of_buildings, *files_of_run(path)))
     for one in (path / PARTIAL).glob("*"):
-        if one.name != PLACED:  # the clouds of bags are inputs of the run that begins
+        if one.name not in (PLACED, _POINTS):  # what the run that begins reads
             one.unlink(missing_ok=True)
 
 

@@ -6,9 +6,10 @@ import errno
 import os
 import shutil
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Collection, Iterable, Iterator
+from copy import copy
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,6 +39,37 @@ RECORD = np.dtype(
     ]
 )
 
+
+class Head(NamedTuple):
+    """The first of some points: what orders it, and when it was measured."""
+
+    source: int
+    index: int
+    gps_time: float
+
+
+class Piece(NamedTuple):
+    """
+    Records of a cell.
+
+    Attributes
+    ----------
+    file : Path
+        Where they are.
+    count : int
+        How many there are, from its beginning.
+    head : Head, optional
+        The first one, where that is known.
+    """
+
+    file: Path
+    count: int
+    head: Head | None = None
+
+
+#: Where the records of each cell are, in their order.
+Pieces = dict[Cell, list[Piece]]
+
 #: Records read back at a time (10 MB).
 BLOCK = 262_144
 #: Cell numbers up to this sort fastest (radix sort).
@@ -59,8 +91,8 @@ class Spool:
             self.folder = Path(tempfile.mkdtemp(prefix="lidar_buildings_", dir=folder))
         except OSError as error:
             raise self._full(folder or tempfile.gettempdir(), error) from error
-        #: Number of records per cell.
-        self.counts: dict[Cell, int] = {}
+        #: Where the records are.
+        self.pieces: Pieces = {}
 
     def append(self, cells: NDArray[np.int64], records: NDArray[Any]) -> list[Cell]:
         """
@@ -77,26 +109,66 @@ class Spool:
         order, starts = _grouped(cells)
         records = records.take(order)  # ten times as fast as by index: a record is copied in one piece
         touched: list[Cell] = [(column, row) for column, row in cells[order[starts]].tolist()]
-        before = {cell: self.counts.get(cell, 0) for cell in touched}
+        before = {cell: self.count(cell) for cell in touched}
+        written = []
         try:
             for cell, start, end in zip(touched, starts, [*starts[1:], len(records)], strict=True):
                 append_records(self._file(cell), before[cell], records[start:end])
-                self.counts[cell] = before[cell] + end - start
+                written.append((cell, before[cell] + end - start))
         except OSError as error:
-            for cell, count in before.items():
-                if self.counts.get(cell, 0) > count:
-                    os.truncate(self._file(cell), count * RECORD.itemsize)
-                    self.counts[cell] = count
+            for cell, _ in written:
+                os.truncate(self._file(cell), before[cell] * RECORD.itemsize)
             raise self._full(self.folder, error) from error
+        for cell, count in written:
+            self.pieces[cell] = [Piece(self._file(cell), count)]
         return touched
+
+    def join(self, pieces: Pieces) -> list[Cell]:
+        """Take what another process's spool holds as being here, behind what is; return its cells."""
+        for cell, more in pieces.items():
+            self.pieces.setdefault(cell, []).extend(more)
+        return list(pieces)
+
+    def count(self, cell: Cell) -> int:
+        """Return the number of a cell's records."""
+        return sum(piece.count for piece in self.pieces.get(cell, ()))
 
     def blocks(self, cell: Cell, first: int = 0, last: int | None = None) -> Iterator[NDArray[Any]]:
         """Read a cell's records `first` to `last`, some at a time."""
-        end = min(self.counts.get(cell, 0), last if last is not None else 2**62)
-        while first < end:
-            count = min(BLOCK, end - first)
-            yield np.fromfile(self._file(cell), RECORD, count, offset=first * RECORD.itemsize)
-            first += count
+        before = 0
+        for file, count, _ in self.pieces.get(cell, ()):
+            start = max(first - before, 0)
+            end = count if last is None else min(last - before, count)
+            while start < end:
+                n = min(BLOCK, end - start)
+                yield np.fromfile(file, RECORD, n, offset=start * RECORD.itemsize)
+                start += n
+            before += count
+
+    def heads(self, cell: Cell, first: int, last: int, without: Collection[int]) -> Iterator[Head]:
+        """Yield first points of what a cell holds from record `first` to `last`, some sources left out."""
+        before = 0
+        for piece in self.pieces.get(cell, ()):
+            start, end = max(first - before, 0), min(last - before, piece.count)
+            if piece.head is None or (start, end) != (0, piece.count):
+                for block in self.blocks(cell, before + start, before + end):
+                    yield from _head(block, without)
+            elif piece.head.source not in without:
+                yield piece.head
+            before += piece.count
+
+    def with_heads(self) -> Pieces:
+        """Return where the records are, in a spool of a single source: the first ones of cells are known."""
+        return {
+            cell: [piece._replace(head=next(self.heads(cell, 0, 1, ()))) for piece in pieces]
+            for cell, pieces in self.pieces.items()
+        }
+
+    def near(self, cells: Iterable[Cell]) -> Spool:
+        """Return the same spool as if it held some cells alone: little to send to another process."""
+        part = copy(self)
+        part.pieces = {cell: list(self.pieces[cell]) for cell in cells if cell in self.pieces}
+        return part
 
     def remove(self) -> None:
         """Delete everything."""
@@ -111,6 +183,20 @@ class Spool:
             f"{folder}: temporary files cannot be written ({one_line(error)}): "
             "free some space, or set TMPDIR to a folder with more"
         )
+
+
+def order_key(records: NDArray[Any]) -> NDArray[np.uint64]:
+    """Return a number that orders records by (source, index)."""
+    return records["source"].astype(np.uint64) << np.uint64(32) | records["index"]
+
+
+def _head(records: NDArray[Any], without: Collection[int]) -> Iterator[Head]:
+    """Yield the first of some records, if there is one of other sources than some."""
+    if without:
+        records = records[~np.isin(records["source"], list(without))]
+    if len(records):
+        first = records[np.argmin(order_key(records))]
+        yield Head(int(first["source"]), int(first["index"]), float(first["gps_time"]))
 
 
 def append_records(path: Path, n_before: int, records: NDArray[Any]) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -87,6 +88,21 @@ class SurveyBrightness:
         if square is not None and self.dark_limit is None:
             rows = np.flatnonzero(square.holds(records["x"], records["y"]))
             self._squares.setdefault(source, []).append(_only(_PLACED, records.take(rows)))
+
+    def given(self, source: int, folder: Path) -> Path:
+        """Write what was taken of a file to a folder, for another process; return the path."""
+        path = folder / "samples.npz"
+        kinds = {"sample": self._samples.pop(source, []), "square": self._squares.pop(source, [])}
+        np.savez(path, **{name: np.concatenate(blocks) for name, blocks in kinds.items() if blocks})
+        return path
+
+    def take(self, source: int, path: Path) -> None:
+        """Take what another process has taken of a file."""
+        with np.load(path) as found:
+            if "sample" in found:
+                self._samples.setdefault(source, []).append(found["sample"])
+            if "square" in found and self.dark_limit is None:
+                self._squares.setdefault(source, []).append(found["square"])
 
     def learn(self, source: int) -> None:
         """Measure what a file, read to its end, is the first to show."""

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
+from copy import copy
 from dataclasses import dataclass
+from itertools import chain
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import laspy
 import numpy as np
@@ -16,10 +18,26 @@ from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.core.neighbours.point_spacing import steady_spacing
 from lidar_buildings.io.clouds.las import Cloud, xyz_of
 from lidar_buildings.io.clouds.point_columns import last_returns, point_columns, without_empty_columns
-from lidar_buildings.io.tiling.spool import RECORD, Cell, Spool
+from lidar_buildings.io.tiling.spool import RECORD, Cell, Head, Pieces, Spool, order_key
 from lidar_buildings.io.tiling.survey_brightness import SQUARE_SIDE, SurveyBrightness
 from lidar_buildings.io.tiling.survey_spacing import expected_spacing, pulses_of, sample_square
 from lidar_buildings.io.tiling.tile_grid import Block, Rectangle, TileGrid
+
+
+class ReadPart(NamedTuple):
+    """
+    What another process has read of a file.
+
+    Attributes
+    ----------
+    pieces : dict
+        Where the records of each spool cell are.
+    samples : Path
+        What tells of intensities.
+    """
+
+    pieces: Pieces
+    samples: Path
 
 
 @dataclass(frozen=True)
@@ -73,6 +91,11 @@ class TileStore:
         self._expected_spacing = spacing
         self._brightness = SurveyBrightness()
 
+    @property
+    def folder(self) -> Path:
+        """The temporary folder."""
+        return self._spool.folder
+
     def remove(self) -> None:
         """Delete the temporary folder."""
         self._spool.remove()
@@ -104,13 +127,30 @@ class TileStore:
         cells = self.grid.cells_at(xyz[:, :2] * self.frame.horizontal_unit)
         return {self.grid.tile_of(cell) for cell in self.keep(cells, records)}
 
+    def join(self, source: int, part: ReadPart) -> set[Cell]:
+        """Take what another process has read of a file; return the tiles that it belongs to."""
+        self._brightness.take(source, part.samples)
+        return {self.grid.tile_of(cell) for cell in self._spool.join(part.pieces)}
+
+    def part(self, source: int) -> ReadPart:
+        """Return what was read of a single file, for the store of another process."""
+        return ReadPart(self._spool.with_heads(), self._brightness.given(source, self._spool.folder))
+
+    def near(self, plan: TilePlan, width: float) -> TileStore:
+        """Return the store as if it held what a tile with a buffer so wide [m] needs: little to send."""
+        part = copy(self)
+        area = self.grid.area_of(plan.block).buffered(width)
+        part._spool = self._spool.near([*plan.core, *self.grid.cells_touching(area)])
+        part._planned, part._dropped = {}, list(self._dropped)
+        return part
+
     def keep(self, cells: NDArray[np.int64], records: NDArray[Any]) -> list[Cell]:
         """Keep records, each in its cell; return the cells."""
         return self._spool.append(cells, records)
 
     def count_in(self, cells: Iterable[Cell]) -> int:
         """Count the records of cells."""
-        return sum(self._spool.counts.get(cell, 0) for cell in cells)
+        return sum(self._spool.count(cell) for cell in cells)
 
     def drop(self, source: int) -> None:
         """Forget the points of a file that turned out unreadable."""
@@ -119,26 +159,27 @@ class TileStore:
 
     def n_waiting(self, block: Block) -> int:
         """Count the records of a block's cells that no plan has taken."""
-        return sum(self._spool.counts.get(cell, 0) - self._planned.get(cell, 0) for cell in block.cells)
+        return sum(self._spool.count(cell) - self._planned.get(cell, 0) for cell in block.cells)
 
     def take_core(self, block: Block) -> dict[Cell, tuple[int, int]]:
         """Return which records of a block's cells no earlier plan has taken, and count them as taken."""
         core = {}
         for cell in block.cells:
-            first, last = self._planned.get(cell, 0), self._spool.counts.get(cell, 0)
+            first, last = self._planned.get(cell, 0), self._spool.count(cell)
             if first < last:
                 core[cell] = (first, last)
                 self._planned[cell] = last
         return core
 
-    def first_point(self, core: dict[Cell, tuple[int, int]]) -> Any | None:
-        """Return the first core point's record, None if no file with such points could be read."""
-        candidates = [
-            block[np.argmin(_order_key(block))]
-            for cell, (first, last) in core.items()
-            for block in self._blocks(cell, first, last)
-        ]
-        return min(candidates, key=_order_key, default=None)
+    def first_point(self, core: dict[Cell, tuple[int, int]]) -> Head | None:
+        """Return the first core point, None if no file with such points could be read."""
+        heads = (self._spool.heads(cell, *records, self._dropped) for cell, records in core.items())
+        return min(chain.from_iterable(heads), default=None)
+
+    @property
+    def knows_spacing(self) -> bool:
+        """Whether `learn_spacing` has nothing more to learn."""
+        return self._expected_spacing is not None
 
     def learn_spacing(self, area: Rectangle, source: int | None = None) -> None:
         """
@@ -151,7 +192,7 @@ class TileStore:
         source : int, optional
             A file that has been read, and that alone counts; all if not given.
         """
-        if self._expected_spacing is None:
+        if not self.knows_spacing:
             samples = self._within(sample_square(area), source)
             self._expected_spacing = expected_spacing(pulses_of(block) for block in samples)
 
@@ -174,7 +215,7 @@ class TileStore:
     def tile(self, plan: TilePlan, buffer: float) -> PointTile:
         """Put a tile together, rows in the order of (source, index)."""
         records, is_buffer = self._gathered(plan, buffer)
-        order = np.argsort(_order_key(records), kind="stable")
+        order = np.argsort(order_key(records), kind="stable")
         records, is_buffer = records.take(order), is_buffer.take(order)
         points = np.column_stack([records[name] for name in "xyz"])
         columns = {name: records[name].copy() for name in RECORD.fields or () if name not in ("x", "y", "z")}
@@ -203,7 +244,7 @@ class TileStore:
         area = self.grid.area_of(plan.block).buffered(buffer)
         cells = {*plan.core, *self.grid.cells_touching(area)}
         # room for all of the cells' records: what stays empty is never touched, so it takes no memory
-        records = np.empty(sum(self._spool.counts.get(cell, 0) for cell in cells), RECORD)
+        records = np.empty(sum(self._spool.count(cell) for cell in cells), RECORD)
         is_buffer = np.empty(len(records), dtype=np.uint8)
         n = 0
         for block, kind in self._tile_blocks(plan, buffer):
@@ -237,54 +278,3 @@ class TileStore:
             kept = block[~np.isin(block["source"], self._dropped)] if self._dropped else block
             if len(kept):
                 yield kept
-
-
-def _order_key(records: NDArray[Any]) -> NDArray[np.uint64]:
-    """Return a number that orders records by (source, index)."""
-    return records["source"].astype(np.uint64) << np.uint64(32) | records["index"]
-
-
-@dataclass
-class SpooledTile:
-    """
-    A tile that is ready to be read; it can be sent to another process of this machine.
-
-    Attributes
-    ----------
-    plan : TilePlan
-        Its place and core points.
-    store : TileStore
-        Where its points are.
-    buffer, max_buffer : float
-        Width of the strip of neighbours that comes with it, and how wide it may grow [m].
-    """
-
-    plan: TilePlan
-    store: TileStore
-    buffer: float
-    max_buffer: float
-
-    @property
-    def stamp(self) -> int:
-        """The tile's key [ns]."""
-        return self.plan.stamp
-
-    @property
-    def reach(self) -> Rectangle:
-        """Where the tile's points may lie in the map frame, however wide its buffer becomes [m]."""
-        return self.store.local_area(self.plan, self.max_buffer)
-
-    def read(self) -> PointTile:
-        """Return the tile."""
-        return self.store.tile(self.plan, self.buffer)
-
-    def grow(self) -> bool:
-        """
-        Double the buffer, up to the largest, until it brings more points; False if none does.
-        """
-        n_before = self.store.count(self.plan, self.buffer)
-        while self.buffer < self.max_buffer:
-            self.buffer = min(2 * self.buffer or self.store.grid.cell_size, self.max_buffer)
-            if self.store.count(self.plan, self.buffer) > n_before:
-                return True
-        return False

@@ -6,20 +6,23 @@ import os
 import threading
 import weakref
 from collections.abc import Container, Generator, Iterable, Iterator
+from concurrent.futures import Future
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from lidar_buildings.core.model.errors import InputError
+from lidar_buildings.core.model.errors import InputError, LidarBuildingsError
 from lidar_buildings.core.model.ids import STEP
 from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.io.clouds.las import CHUNK, InputFile, frame_of, open_inputs
-from lidar_buildings.io.tiling.spool import Cell
+from lidar_buildings.io.tiling.file_parts import Submit, parts_of, read_part
+from lidar_buildings.io.tiling.spool import Cell, Head
+from lidar_buildings.io.tiling.spooled_tile import SpooledTile
 from lidar_buildings.io.tiling.tile_grid import Block, Rectangle, TileGrid
 from lidar_buildings.io.tiling.tile_size import fitting_tiles, reading_order
 from lidar_buildings.io.tiling.tile_stamps import stamp_of_number, stamp_of_time
-from lidar_buildings.io.tiling.tile_store import SpooledTile, TilePlan, TileStore
+from lidar_buildings.io.tiling.tile_store import TilePlan, TileStore
 from lidar_buildings.io.tiling.tiling_config import TilingConfig
 
 __all__ = ["TileSource", "TilingConfig"]
@@ -48,6 +51,8 @@ class TileSource:
         Where to put the temporary folder.
     skip : container of int
         Stamps of tiles that are not wanted (again).
+    submit : callable, optional
+        Reads parts of files in other processes, which see the temporary folder; see `io.tiling.file_parts`.
 
     Attributes
     ----------
@@ -73,6 +78,7 @@ class TileSource:
         *,
         temporary: str | Path | None = None,
         skip: Container[int] = (),
+        submit: Submit | None = None,
     ) -> None:
         self.config = config or TilingConfig()
         self._clouds, self.problems = open_inputs(paths)
@@ -83,7 +89,7 @@ class TileSource:
         self.unreadable: set[int] = set()
         self.inputs = [InputFile(cloud.path, cloud.point_count) for cloud in self._clouds]
         self.frame: MapFrame = frame_of(self._clouds)
-        self._skip = skip
+        self._skip, self._submit = skip, submit
         self._areas = [Rectangle.of_cloud(cloud) for cloud in self._clouds]
         self._grid = self._fitting_grid()
         self._unread = set(range(len(self._clouds)))
@@ -191,12 +197,13 @@ class TileSource:
 
     def _read_all(self) -> Generator[bool, None, None]:
         """Read every file, giving way after each chunk, and plan tiles as they become complete."""
-        for source in reading_order(self._areas):
+        order = reading_order(self._areas)
+        under_way = {} if self._submit is None else self._submitted(order, self._submit)
+        for source in order:
             try:
-                first, cloud = 0, self._clouds[source]
-                for chunk in cloud.chunks(CHUNK):
-                    self._waiting |= self._store.add(source, first, chunk, cloud)
-                    first += len(chunk)
+                read = self._joined(source, under_way.pop(source)) if under_way else self._chunks(source)
+                for tiles in read:
+                    self._waiting |= tiles
                     yield True
             except InputError as error:
                 self.problems.append(str(error))
@@ -214,6 +221,31 @@ class TileSource:
             self._plan(tile)
         yield True
 
+    def _chunks(self, source: int) -> Iterator[set[Cell]]:
+        """Read a file here; yield the tiles of each chunk."""
+        first, cloud = 0, self._clouds[source]
+        for chunk in cloud.chunks(CHUNK):
+            yield self._store.add(source, first, chunk, cloud)
+            first += len(chunk)
+
+    def _submitted(self, order: Iterable[int], submit: Submit) -> dict[int, list[Future[Any]]]:
+        """Let other processes read all files; return what each part will answer."""
+        return {
+            source: [
+                submit(read_part, part)
+                for part in parts_of(self._clouds[source], source, self._grid, self.frame, self._store.folder)
+            ]
+            for source in order
+        }
+
+    def _joined(self, source: int, parts: Iterable[Future[Any]]) -> Iterator[set[Cell]]:
+        """Wait for the parts of a file; yield the tiles of each."""
+        for part in parts:
+            found = part.result()
+            if isinstance(found, LidarBuildingsError):
+                raise found
+            yield self._store.join(source, found)
+
     def _learn_spacing(self) -> None:
         """
         Measure the survey's spacing before the first tile is planned, in the middle of what there is.
@@ -221,6 +253,8 @@ class TileSource:
         A survey that has been read whole by then is measured as one, so that a small one comes out the same
         in one file and in many; of a larger one the first file that can tell does.
         """
+        if self._store.knows_spacing:
+            return
         areas = [area for area in self._areas if area is not None]
         if not self._unread and areas:
             self._store.learn_spacing(Rectangle.around(areas))
@@ -276,11 +310,11 @@ class TileSource:
         self._tiles.append(tile)
         self._by_stamp[tile.stamp] = tile
 
-    def _stamp(self, tile: Cell, first_point: Any) -> int:
+    def _stamp(self, tile: Cell, first_point: Head) -> int:
         """Return a stamp for the tile that no other tile has."""
-        encoding = self._clouds[int(first_point["source"])].header.global_encoding
+        encoding = self._clouds[first_point.source].header.global_encoding
         is_standard = bool(encoding.gps_time_type)
-        stamp = stamp_of_time(float(first_point["gps_time"]), is_standard=is_standard)
+        stamp = stamp_of_time(first_point.gps_time, is_standard=is_standard)
         if stamp is None:
             areas = [area for area in self._areas if area is not None]
             stamp = stamp_of_number(self._grid.number_of(tile, areas))

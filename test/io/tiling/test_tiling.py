@@ -508,7 +508,7 @@ def test_the_spool_gives_back_what_it_took_in_order(tmp_path):
     for cell in {tuple(c) for c in flat.tolist()}:
         found = np.concatenate(list(spool.blocks(cell)))["index"]
         assert found.tolist() == np.flatnonzero((flat == cell).all(axis=1)).tolist()
-        assert spool.counts[cell] == len(found)
+        assert spool.count(cell) == len(found)
     spool.remove()
     assert list(tmp_path.iterdir()) == []
 

@@ -1,0 +1,104 @@
+"""What ``lidar-buildings run`` can be told, and shares with other commands."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+
+def add_run_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add all of `run`."""
+    parser.add_argument(
+        "input",
+        nargs="+",
+        metavar="INPUT",
+        help="LAS, LAZ or COPC files, folders or globs; bags of ROS 2 or 1",
+    )
+    parser.add_argument("--output", required=True, type=Path, metavar="DIR", help="folder for the results")
+    parser.add_argument("--topic", metavar="NAME", help="bags: topic of the scans (default: the only one)")
+    parser.add_argument(
+        "--odometry", metavar="NAME", help="bags: topic of the poses (default: the only one; else /tf)"
+    )
+    add_part_of_bag(parser)
+    parser.add_argument(
+        "--georeferenced", action="store_true", help="bags: the scans are in the map already, without poses"
+    )
+    parser.add_argument(
+        "--rate", type=float, metavar="R", help="play at R times the recorded speed (default: at once)"
+    )
+    add_settings(parser)
+    parser.add_argument("--tile-size", type=float, metavar="M", help="side of a tile [m]")
+    parser.add_argument(
+        "--footprints",
+        type=Path,
+        metavar="FILE",
+        help="take the polygons of this file (GeoPackage, Shapefile, GeoJSON …) instead of traced outlines",
+    )
+    parser.add_argument(
+        "--footprints-layer", metavar="NAME", help="the file's layer, where it has several of polygons"
+    )
+    parser.add_argument(
+        "--footprint-id",
+        metavar="COLUMN",
+        help="column that names a footprint in the results (default: one that looks like it)",
+    )
+    parser.add_argument("--no-ros", action="store_true", help="call the stages directly, without ROS")
+    where = parser.add_mutually_exclusive_group()
+    where.add_argument(
+        "--workers",
+        type=_at_least_one,
+        default=0,
+        metavar="N",
+        help="without ROS, on N processes of dask.distributed",
+    )
+    where.add_argument(
+        "--scheduler",
+        default="",
+        metavar="ADDRESS",
+        help="… on the workers of a dask scheduler (tcp://…:8786)",
+    )
+    parser.add_argument("--overwrite", action="store_true", help="replace what is in DIR")
+    parser.add_argument(
+        "--namespace", metavar="NAME", help="ROS namespace of the nodes (default: one of its own)"
+    )
+
+
+def add_part_of_bag(parser: argparse.ArgumentParser) -> None:
+    """Add which time of a bag is wanted."""
+    parser.add_argument(
+        "--start", type=float, metavar="S", help="bags: begin so many seconds after their start"
+    )
+    parser.add_argument(
+        "--duration", type=float, metavar="S", help="bags: read so many seconds (default: all)"
+    )
+
+
+def add_settings(parser: argparse.ArgumentParser) -> None:
+    """Add how parameters are set."""
+    """Add what files and feeds have in common."""
+    parser.add_argument(
+        "--record", metavar="BAG", help="record topics of the graph in a bag (MCAP), a folder to be made"
+    )
+    parser.add_argument(
+        "--params", type=Path, metavar="FILE", help="parameters as in config/pipeline.param.yaml"
+    )
+    parser.add_argument(
+        "--preset",
+        metavar="NAME",
+        help="the whole chain as a paper has it: santos, villalba or sampath_shan; --params and --set win",
+    )
+    parser.add_argument(
+        "--set",
+        action="append",
+        default=[],
+        metavar="STAGE.NAME=VALUE",
+        help="set one parameter (repeatable)",
+    )
+    parser.add_argument("--until", metavar="STAGE", help="end with this stage")
+
+
+def _at_least_one(text: str) -> int:
+    number = int(text)
+    if number < 1:
+        raise argparse.ArgumentTypeError("must be at least 1")
+    return number

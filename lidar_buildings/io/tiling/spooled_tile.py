@@ -1,0 +1,59 @@
+"""Tiles whose points wait on disk."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+from lidar_buildings.core.model.tile import PointTile
+from lidar_buildings.io.tiling.tile_grid import Rectangle
+from lidar_buildings.io.tiling.tile_store import TilePlan, TileStore
+
+
+@dataclass
+class SpooledTile:
+    """
+    A tile that is ready to be read; it can be sent to another process that sees the store's folder.
+
+    Attributes
+    ----------
+    plan : TilePlan
+        Its place and core points.
+    store : TileStore
+        Where its points are.
+    buffer, max_buffer : float
+        Width of the strip of neighbours that comes with it, and how wide it may grow [m].
+    """
+
+    plan: TilePlan
+    store: TileStore
+    buffer: float
+    max_buffer: float
+
+    @property
+    def stamp(self) -> int:
+        """The tile's key [ns]."""
+        return self.plan.stamp
+
+    @property
+    def reach(self) -> Rectangle:
+        """Where the tile's points may lie in the map frame, however wide its buffer becomes [m]."""
+        return self.store.local_area(self.plan, self.max_buffer)
+
+    def alone(self) -> SpooledTile:
+        """Return the tile without what lies beyond its reach: little to send to another process."""
+        return replace(self, store=self.store.near(self.plan, self.max_buffer))
+
+    def read(self) -> PointTile:
+        """Return the tile."""
+        return self.store.tile(self.plan, self.buffer)
+
+    def grow(self) -> bool:
+        """
+        Double the buffer, up to the largest, until it brings more points; False if none does.
+        """
+        n_before = self.store.count(self.plan, self.buffer)
+        while self.buffer < self.max_buffer:
+            self.buffer = min(2 * self.buffer or self.store.grid.cell_size, self.max_buffer)
+            if self.store.count(self.plan, self.buffer) > n_before:
+                return True
+        return False

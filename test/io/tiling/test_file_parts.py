@@ -1,0 +1,85 @@
+"""Files read in parts by other processes: the same tiles as read here."""
+
+from concurrent.futures import ProcessPoolExecutor
+
+import numpy as np
+import pytest
+
+from lidar_buildings.io.tiling import file_parts
+from lidar_buildings.io.tiling.tiling import TileSource, TilingConfig
+from lidar_buildings.simulation import simulate_survey
+
+CONFIG = TilingConfig(tile_size=40.0, buffer=20.0)
+
+
+@pytest.fixture(scope="module")
+def survey(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("survey")
+    simulate_survey(folder, "village", 1, density=1.0)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def submit():
+    with ProcessPoolExecutor(2) as pool:
+        yield pool.submit
+
+
+def small_parts(monkeypatch, n_points):
+    monkeypatch.setattr(file_parts, "PART", n_points)
+
+
+def tiles_of(paths, **how):
+    with TileSource(paths, CONFIG, **how) as source:
+        return list(source), source.problems
+
+
+def assert_equal(found, expected):
+    assert [tile.stamp for tile in found] == [tile.stamp for tile in expected]
+    for one, other in zip(found, expected, strict=True):
+        assert np.array_equal(one.points, other.points)
+        assert (one.point_spacing, one.dark_limit, one.bounds) == (
+            other.point_spacing,
+            other.dark_limit,
+            other.bounds,
+        )
+        assert one.columns.keys() == other.columns.keys()
+        for name, column in one.columns.items():
+            assert np.array_equal(column, other.columns[name]), name
+
+
+@pytest.mark.parametrize("n_points", [file_parts.PART, 3000])
+def test_tiles_are_those_that_are_read_here(survey, submit, tmp_path, monkeypatch, n_points):
+    expected, _ = tiles_of(survey)
+    small_parts(monkeypatch, n_points)
+    found, problems = tiles_of(survey, submit=submit, temporary=tmp_path)
+    assert problems == []
+    assert len(found) > 10
+    assert_equal(found, expected)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_file_that_is_cut_off_is_told_of_and_the_others_are_read(survey, submit, tmp_path, monkeypatch):
+    files = sorted(survey.glob("*.laz"))
+    cut = tmp_path / files[0].name
+    cut.write_bytes(files[0].read_bytes()[: files[0].stat().st_size // 2])
+    paths = [cut, *files[1:]]
+    small_parts(monkeypatch, 3000)
+    expected, problems = tiles_of(paths)
+    found, told = tiles_of(paths, submit=submit, temporary=tmp_path)
+    assert len(told) == len(problems) == 1
+    assert str(cut) in told[0]
+    assert_equal(found, expected)
+
+
+def test_a_tile_needs_little_of_the_survey_to_be_sent(survey):
+    with TileSource(survey, CONFIG) as source:
+        ready = list(source.ready())
+        whole = ready[0].store._spool.pieces
+        alone = ready[0].alone()
+        assert len(alone.store._spool.pieces) < len(whole)
+        grown = [one.read() for one in (ready[0], alone)]
+        assert_equal(grown[1:], grown[:1])
+        while alone.grow():
+            assert ready[0].grow()
+            assert_equal([alone.read()], [ready[0].read()])
