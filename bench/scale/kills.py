@@ -1,5 +1,5 @@
 """
-A run on a cluster whose scheduler and workers are killed at random: are its files those of a quiet run?
+A run on a cluster whose scheduler and workers are killed at random: its files must be those of a quiet run.
 
     python -m bench.scale.kills INPUT... [--tile-size 15] [--kills 10] [--workers 2] [--seed 0]
 """
@@ -50,7 +50,10 @@ def main() -> int:
                     run.wait(chance.uniform(0.5, 1.5) * options.pause)
                     break
                 except subprocess.TimeoutExpired:
-                    print(f"{time.perf_counter() - begin:6.1f} s: killed {cluster.kill(chance, 0.3)}", flush=True)
+                    print(
+                        f"{time.perf_counter() - begin:6.1f} s: killed {cluster.kill(chance, 0.3)}",
+                        flush=True,
+                    )
             _, said = run.communicate()
             wall = time.perf_counter() - begin
         n_scheduler, n_workers = cluster.n_kills

@@ -160,6 +160,8 @@ def _outcome(answer: _Answer, work: TileWork) -> TileOutcome:
         outcome = answer.result()
     except NoWorkerError:
         outcome = done(work)
+    except LidarBuildingsError:
+        raise
     except Exception as error:
         return TileOutcome({}, f"{type(error).__name__}: {' '.join(str(error).split())}")
     if isinstance(outcome, LidarBuildingsError):

@@ -12,11 +12,12 @@ import logging
 import threading
 import time
 from collections.abc import Callable, Sequence
-from concurrent.futures import Future
+from concurrent.futures import CancelledError, Future
 from functools import partial
 from types import TracebackType
 from typing import Any, TypeVar
 
+import dask
 from distributed import Client, KilledWorker, LocalCluster
 
 from lidar_buildings import __version__
@@ -156,9 +157,10 @@ class TileCluster:
                 self._finish(call, error=sent.exception())
             else:
                 self._send(call)
-        except Exception:  # the scheduler went while it was asked for the result
-            _log.debug("a result is asked for again", exc_info=True)
+        except (OSError, CancelledError):  # the scheduler went while it was asked for the result
             self._send(call)
+        except Exception as error:
+            self._finish(call, error=error)
 
     def _finish(self, call: _Call, result: Any = None, error: BaseException | None = None) -> None:
         with self._lock:
@@ -224,7 +226,7 @@ def _check_workers(address: str) -> None:
             versions = client.run(_version, on_error="return")
             for worker, version in sorted(versions.items()):
                 if version != __version__:
-                    raise ClusterError(_other_version(worker, version))
+                    raise ClusterError(_other_version(worker, version, __version__))
             client.run(_compile)
     except (OSError, ValueError, TimeoutError) as error:
         raise ClusterError(
@@ -245,15 +247,17 @@ class _Call:
 
 
 def _local_cluster(n_workers: int) -> LocalCluster:
-    return LocalCluster(  # type: ignore[no-untyped-call]
-        n_workers=n_workers, threads_per_worker=1, dashboard_address=":0", silence_logs=logging.CRITICAL
-    )
+    # What a worker's end was not due to is done alone later, so that little is lost by suspecting it soon.
+    with dask.config.set({"distributed.scheduler.allowed-failures": 1}):
+        return LocalCluster(  # type: ignore[no-untyped-call]
+            n_workers=n_workers, threads_per_worker=1, dashboard_address=":0", silence_logs=logging.CRITICAL
+        )
 
 
 def _done(version: str, function: Callable[..., Any], job: object) -> Any:
     """Do something on a worker; one that came later may have another version."""
     if version != __version__:
-        raise ClusterError(_other_version("a worker", __version__))
+        raise ClusterError(_other_version("a worker", __version__, version))
     return function(job, None)
 
 
@@ -273,6 +277,6 @@ def _compile() -> None:
         compiling.wait()
 
 
-def _other_version(worker: str, version: object) -> str:
+def _other_version(worker: str, version: object, wanted: str) -> str:
     has = f"has lidar_buildings {version}" if isinstance(version, str) else f"has none ({version!r})"
-    return f"{worker} {has}, and this is {__version__}: install the same version everywhere"
+    return f"{worker} {has}, and this is {wanted}: install the same version everywhere"

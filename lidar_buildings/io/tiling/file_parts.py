@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import Future
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeAlias
 
-from lidar_buildings.core.model.errors import LidarBuildingsError
+from lidar_buildings.core.model.errors import InputError, LidarBuildingsError
 from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.io.clouds.las import CHUNK, Cloud
+from lidar_buildings.io.tiling.spool import Cell
 from lidar_buildings.io.tiling.tile_grid import TileGrid
 from lidar_buildings.io.tiling.tile_store import ReadPart, TileStore
 
@@ -46,14 +47,73 @@ class FilePart(NamedTuple):
     folder: Path
 
 
+Answer: TypeAlias = "Future[ReadPart | LidarBuildingsError]"
 #: Calls a function with a part in another process: ``submit(read_part, part)``.
-Submit = Callable[[Callable[..., Any], FilePart], "Future[ReadPart | LidarBuildingsError]"]
+Submit = Callable[[Callable[..., Any], FilePart], Answer]
 
 
-def parts_of(cloud: Cloud, source: int, grid: TileGrid, frame: MapFrame, folder: Path) -> Iterator[FilePart]:
-    """Cut a file into parts."""
+def read_files(
+    clouds: Sequence[Cloud], order: Sequence[int], store: TileStore, submit: Submit | None = None
+) -> Iterator[tuple[int, Iterator[set[Cell]]]]:
+    """
+    Bring files to a store, one after the other.
+
+    Parameters
+    ----------
+    clouds : sequence of Cloud
+        A point's `source` is its file's place in it.
+    order : sequence of int
+        In which they are brought.
+    store : TileStore
+        Where their points go.
+    submit : callable, optional
+        Reads parts in other processes, all at once; files are read here, chunk by chunk, if not given.
+
+    Yields
+    ------
+    source : int
+        The file.
+    tiles : iterator of set
+        For each chunk or part, the tiles of its points. It raises an `InputError` where the file cannot be
+        read on.
+    """
+    if submit is None:
+        for source in order:
+            yield source, _read_here(clouds[source], source, store)
+        return
+    answers = {
+        source: [submit(read_part, part) for part in parts_of(clouds[source], source, store)]
+        for source in order
+    }
+    for source in order:
+        yield source, _joined(clouds[source], source, store, answers.pop(source))
+
+
+def _read_here(cloud: Cloud, source: int, store: TileStore) -> Iterator[set[Cell]]:
+    first = 0
+    for chunk in cloud.chunks(CHUNK):
+        yield store.add(source, first, chunk, cloud)
+        first += len(chunk)
+
+
+def _joined(cloud: Cloud, source: int, store: TileStore, answers: Iterable[Answer]) -> Iterator[set[Cell]]:
+    for answer in answers:
+        try:
+            part = answer.result()
+        except RuntimeError as error:
+            raise InputError(
+                f"{cloud.path}: no worker can read it ({error}): give them more memory"
+            ) from error
+        if isinstance(part, LidarBuildingsError):
+            raise part
+        yield store.join(source, part)
+
+
+def parts_of(cloud: Cloud, source: int, store: TileStore) -> Iterator[FilePart]:
+    """Cut a file into parts for a store."""
     for first in range(0, cloud.point_count, PART):
-        yield FilePart(cloud, source, first, min(first + PART, cloud.point_count), grid, frame, folder)
+        last = min(first + PART, cloud.point_count)
+        yield FilePart(cloud, source, first, last, store.grid, store.frame, store.folder)
 
 
 def read_part(part: FilePart, pool: object = None) -> ReadPart | LidarBuildingsError:

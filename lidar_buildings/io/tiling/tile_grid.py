@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+import shapely
 from numpy.typing import NDArray
 
 from lidar_buildings.io.clouds.las import Cloud
@@ -77,6 +78,28 @@ class Rectangle:
     def holds(self, x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.bool_]:
         """Tell which points lie within."""
         return (x >= self.x_min) & (x <= self.x_max) & (y >= self.y_min) & (y <= self.y_max)
+
+
+class Rectangles:
+    """
+    Tells which of many rectangles are near.
+
+    Parameters
+    ----------
+    rectangles : sequence of Rectangle or None
+        None is near nothing.
+    """
+
+    def __init__(self, rectangles: Sequence[Rectangle | None]) -> None:
+        self._tree = shapely.STRtree([None if one is None else _box(one) for one in rectangles])
+
+    def near(self, area: Rectangle) -> set[int]:
+        """Return the positions of those that share a point with an area; boxes are their own bounds."""
+        return set(self._tree.query(_box(area)).tolist())
+
+
+def _box(area: Rectangle) -> shapely.Polygon:
+    return shapely.box(area.x_min, area.y_min, area.x_max, area.y_max)
 
 
 class Block(NamedTuple):

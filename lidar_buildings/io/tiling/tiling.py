@@ -6,20 +6,18 @@ import os
 import threading
 import weakref
 from collections.abc import Container, Generator, Iterable, Iterator
-from concurrent.futures import Future
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
-from lidar_buildings.core.model.errors import InputError, LidarBuildingsError
+from lidar_buildings.core.model.errors import InputError
 from lidar_buildings.core.model.ids import STEP
 from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.model.tile import PointTile
-from lidar_buildings.io.clouds.las import CHUNK, InputFile, frame_of, open_inputs
-from lidar_buildings.io.tiling.file_parts import Submit, parts_of, read_part
+from lidar_buildings.io.clouds.las import InputFile, frame_of, open_inputs
+from lidar_buildings.io.tiling.file_parts import Submit, read_files
 from lidar_buildings.io.tiling.spool import Cell, Head
 from lidar_buildings.io.tiling.spooled_tile import SpooledTile
-from lidar_buildings.io.tiling.tile_grid import Block, Rectangle, TileGrid
+from lidar_buildings.io.tiling.tile_grid import Block, Rectangle, Rectangles, TileGrid
 from lidar_buildings.io.tiling.tile_size import fitting_tiles, reading_order
 from lidar_buildings.io.tiling.tile_stamps import stamp_of_number, stamp_of_time
 from lidar_buildings.io.tiling.tile_store import TilePlan, TileStore
@@ -91,6 +89,7 @@ class TileSource:
         self.frame: MapFrame = frame_of(self._clouds)
         self._skip, self._submit = skip, submit
         self._areas = [Rectangle.of_cloud(cloud) for cloud in self._clouds]
+        self._bounds = Rectangles(self._areas)
         self._grid = self._fitting_grid()
         self._unread = set(range(len(self._clouds)))
         self._read: list[int] = []
@@ -198,11 +197,9 @@ class TileSource:
     def _read_all(self) -> Generator[bool, None, None]:
         """Read every file, giving way after each chunk, and plan tiles as they become complete."""
         order = reading_order(self._areas)
-        under_way = {} if self._submit is None else self._submitted(order, self._submit)
-        for source in order:
+        for source, tiles_read in read_files(self._clouds, order, self._store, self._submit):
             try:
-                read = self._joined(source, under_way.pop(source)) if under_way else self._chunks(source)
-                for tiles in read:
+                for tiles in tiles_read:
                     self._waiting |= tiles
                     yield True
             except InputError as error:
@@ -220,31 +217,6 @@ class TileSource:
         for tile in sorted(self._waiting):
             self._plan(tile)
         yield True
-
-    def _chunks(self, source: int) -> Iterator[set[Cell]]:
-        """Read a file here; yield the tiles of each chunk."""
-        first, cloud = 0, self._clouds[source]
-        for chunk in cloud.chunks(CHUNK):
-            yield self._store.add(source, first, chunk, cloud)
-            first += len(chunk)
-
-    def _submitted(self, order: Iterable[int], submit: Submit) -> dict[int, list[Future[Any]]]:
-        """Let other processes read all files; return what each part will answer."""
-        return {
-            source: [
-                submit(read_part, part)
-                for part in parts_of(self._clouds[source], source, self._grid, self.frame, self._store.folder)
-            ]
-            for source in order
-        }
-
-    def _joined(self, source: int, parts: Iterable[Future[Any]]) -> Iterator[set[Cell]]:
-        """Wait for the parts of a file; yield the tiles of each."""
-        for part in parts:
-            found = part.result()
-            if isinstance(found, LidarBuildingsError):
-                raise found
-            yield self._store.join(source, found)
 
     def _learn_spacing(self) -> None:
         """
@@ -273,14 +245,12 @@ class TileSource:
         if read is None:
             return
         reach = self.config.max_buffer
-        areas = [area for area in self._areas if area is not None]
-        unread = [area for source in self._unread if (area := self._areas[source]) is not None]
         for tile in sorted(self._waiting - self._planned):
             square = self._grid.area_of(self._grid.block_of(tile))
             surroundings = square.buffered(reach)
-            if not surroundings.touches(read) or any(surroundings.touches(area) for area in unread):
+            if not surroundings.touches(read) or self._bounds.near(surroundings) & self._unread:
                 continue
-            if any(square.touches(area) for area in areas):
+            if self._bounds.near(square):
                 self._plan(tile)
 
     def _plan(self, tile: Cell) -> None:

@@ -1,0 +1,29 @@
+"""What tests let workers do; these import it by its name."""
+
+import os
+import time
+
+
+def process_of(job, pool):
+    return job, os.getpid()
+
+
+def twice(job):
+    return 2 * job
+
+
+def fail(job, pool):
+    raise ValueError(f"{job} broke")
+
+
+def end(job, pool):
+    os._exit(9)
+
+
+def wait_for(job, pool):
+    """Say that it has begun, and wait for a file."""
+    began, awaited = job
+    began.touch()
+    while not awaited.exists():
+        time.sleep(0.02)
+    return "done"
