@@ -67,7 +67,8 @@ def _run(options: argparse.Namespace) -> int:
     gc.disable()  # imports leave no garbage, and looking for it takes a fifth of their time
     from lidar_buildings.commands.run import run_command
 
-    options.no_ros |= bool(options.workers or options.scheduler)
+    options.no_ros |= bool(options.workers or options.scheduler or options.update or options.retry_failed)
+    options.output = options.update or options.output
     gc.freeze()
     gc.enable()
     return run_command(options)
@@ -106,6 +107,8 @@ def _add_live(parser: argparse.ArgumentParser) -> None:
         tile_size=None,
         georeferenced=False,
         no_ros=False,
+        update=None,
+        retry_failed=False,
         footprints=None,
         footprints_layer=None,
         footprint_id=None,

@@ -51,7 +51,7 @@ def run_command(options: argparse.Namespace) -> int:
         outcome = _run_cluster(request, footprints, options.workers, options.scheduler)
     else:
         outcome = _run_local(request, footprints) if options.no_ros else _run_graph(request)
-    _report_problems(outcome)
+    _report_problems(outcome, "--retry-failed" if outcome.failed and options.no_ros else "--overwrite")
     _report(request.output, outcome.summary, time.perf_counter() - started)
     has_bag = _report_recording(outcome)
     if outcome.failed or (outcome.summary.n_unclassified and not outcome.summary.problems):
@@ -112,8 +112,8 @@ def _run_graph(request: RunRequest) -> RunOutcome:
     return run_graph(request)
 
 
-def _report_problems(outcome: RunOutcome) -> None:
-    """Print one line for each file and each tile that was not done."""
+def _report_problems(outcome: RunOutcome, again: str) -> None:
+    """Print one line for each file and each tile that was not done, and what does them again."""
     summary = outcome.summary
     lines = list(summary.problems)
     lines += [
@@ -122,7 +122,7 @@ def _report_problems(outcome: RunOutcome) -> None:
     if summary.n_unclassified and (outcome.failed or not summary.problems):
         lines.append(
             f"{counted(summary.n_unclassified, 'point')} kept the class from before: the same command with "
-            "--overwrite tries again"
+            f"{again} tries again"
         )
     if summary.why_no_building and not outcome.failed:
         lines.append(summary.why_no_building)

@@ -6,17 +6,27 @@ import time
 from collections import Counter
 from collections.abc import Callable
 from concurrent.futures import FIRST_COMPLETED, Future, wait
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
-from lidar_buildings.commands.progress import RunOutcome, progress_bar
+from lidar_buildings.commands.progress import RunOutcome, counted, progress_bar
 from lidar_buildings.commands.run_request import RunRequest
-from lidar_buildings.commands.tile_work import TileOutcome, TileWork, done, done_far
+from lidar_buildings.commands.tile_update import EarlierBuildings
+from lidar_buildings.commands.tile_work import TileOutcome, TileWork, done
 from lidar_buildings.core.model.errors import LidarBuildingsError
 from lidar_buildings.core.stages.footprints import Footprints
 from lidar_buildings.core.stages.terrain import RasterConfig
+from lidar_buildings.io.clouds.find_inputs import search_inputs
 from lidar_buildings.io.results.output_folder import OutputFolder
-from lidar_buildings.io.results.run_folder import check_folder, folder_of_points
+from lidar_buildings.io.results.run_folder import (
+    Use,
+    check_folder,
+    folder_of_points,
+    inputs_of_run,
+    note_survey,
+    recall_survey,
+)
 from lidar_buildings.io.results.run_summary import run_info
+from lidar_buildings.io.tiling.known_survey import KnownSurvey
 from lidar_buildings.io.tiling.spooled_tile import SpooledTile
 from lidar_buildings.io.tiling.tiling import TileSource
 from lidar_buildings.io.vectors.footprints import FootprintFile
@@ -49,9 +59,15 @@ def run_local(
     skip: set[int] = set()
     shared: dict[str, Any] = {}
     if not isinstance(pool, BuildingPool):
-        check_folder(request.output, overwrite=request.overwrite)
+        check_folder(request.output, overwrite=request.overwrite or request.use is not Use.NONE)
         shared = {"temporary": folder_of_points(request.output), "submit": pool.submit}
-    with TileSource(request.inputs, request.tiling, skip=skip, **shared) as source:
+    inputs, known = list(request.inputs), None
+    if request.use is Use.UPDATE:
+        now = {file.resolve() for file in search_inputs(inputs)[0]}
+        inputs = [*(str(one) for one in inputs_of_run(request.output) if one in now), *inputs]
+        noted = recall_survey(request.output)
+        known = KnownSurvey.from_json(noted) if noted else None
+    with TileSource(inputs, request.tiling, skip=skip, known=known, **shared) as source:
         folder = OutputFolder(
             request.output,
             source.inputs,
@@ -62,10 +78,15 @@ def run_local(
             footprints=footprints,
             formats=request.files.formats,
             terrain_tolerance=request.files.terrain_tolerance,
+            use=request.use,
         )
-        skip.update(folder.done_stamps())
+        earlier = None
+        if request.use is Use.UPDATE:
+            earlier = EarlierBuildings.of(folder.saved_tiles(), source.frame)
+        else:
+            skip.update(folder.done_stamps())
         with progress_bar(lambda: source.tile_count - len(skip)) as progress:
-            seconds, failed = process_tiles(
+            done = process_tiles(
                 source,
                 folder,
                 request.config,
@@ -74,10 +95,35 @@ def run_local(
                 request.files,
                 None if footprints is None else footprints.footprints,
                 pool,
+                earlier,
             )
-        seconds = {"wall": time.perf_counter() - started, **seconds}
-        info = run_info(seconds, request.parameters(), failed, source.problems)
-        return RunOutcome(folder.finalise(info, pool.call_each, source.unreadable), failed)
+        if request.use is Use.UPDATE:
+            folder.keep_only(source.stamps)
+            note_survey(folder.path, source.known.as_json())
+            print(f"{done.n_unchanged} of {counted(len(source.stamps), 'tile')} had the points of before")
+        seconds = {"wall": time.perf_counter() - started, **done.seconds}
+        info = run_info(seconds, request.parameters(), done.failed, source.problems)
+        summary = folder.finalise(info, pool.call_each, source.unreadable, has_failed=bool(done.failed))
+        return RunOutcome(summary, done.failed)
+
+
+class Processed(NamedTuple):
+    """
+    What became of a source's tiles.
+
+    Attributes
+    ----------
+    seconds : dict
+        Stage → seconds in all, of all processes.
+    failed : dict
+        Stamp of each tile that could not be processed → why; the others are complete.
+    n_unchanged : int
+        Tiles that had the points of before, of a run that is brought up to date.
+    """
+
+    seconds: dict[str, float]
+    failed: dict[int, str]
+    n_unchanged: int
 
 
 def process_tiles(
@@ -89,7 +135,8 @@ def process_tiles(
     rasters: RasterConfig | None = None,
     footprints: Footprints | None = None,
     pool: BuildingPool | TileCluster | None = None,
-) -> tuple[dict[str, float], dict[int, str]]:
+    earlier: EarlierBuildings | None = None,
+) -> Processed:
     """
     Take every tile of a source to disk.
 
@@ -114,21 +161,16 @@ def process_tiles(
         Outlines to use instead of tracing.
     pool : BuildingPool or TileCluster, optional
         The processes; everything is done here, tile after tile, without.
-
-    Returns
-    -------
-    seconds : dict
-        Stage → seconds in all, of all processes.
-    failed : dict
-        Stamp of each tile that could not be processed → why; the others are complete.
+    earlier : EarlierBuildings, optional
+        Those of the state of the survey that is brought up to date.
     """
     seconds: Counter[str] = Counter()
     failed: dict[int, str] = {}
     waiting: dict[_Answer, TileWork] = {}
-    n_done = 0
+    n_done = n_unchanged = 0
 
     def finish(answers: set[_Answer]) -> None:
-        nonlocal n_done
+        nonlocal n_done, n_unchanged
         for answer in answers:
             work = waiting.pop(answer)
             outcome = _outcome(answer, work)
@@ -137,21 +179,23 @@ def process_tiles(
                 failed[work.tile.stamp] = outcome.reason
             else:
                 n_done += 1
+                n_unchanged += outcome.is_unchanged
                 progress(n_done)
 
     processes = pool or BuildingPool(0)
-    do, how = (done, {}) if isinstance(processes, BuildingPool) else (done_far, {"is_soon": True})
+    how = {} if isinstance(processes, BuildingPool) else {"is_soon": True}
     for tile in source.ready():
         path, near = folder.tile_path(tile.stamp), _near(footprints, tile)
         is_only = source.tile_count == 1
-        work = TileWork(tile.alone(), path, config, until, rasters or RasterConfig(), near, is_only)
-        waiting[processes.submit(do, work, **how)] = work
+        before = None if earlier is None else earlier.within(tile.core)
+        work = TileWork(tile.alone(), path, config, until, rasters or RasterConfig(), near, is_only, before)
+        waiting[processes.submit(done, work, **how)] = work
         finish(wait(waiting, timeout=0).done)
     if processes.n_alive:
         folder.load_writers()
     while waiting:
         finish(wait(waiting, return_when=FIRST_COMPLETED).done)
-    return dict(seconds), failed
+    return Processed(dict(seconds), failed, n_unchanged)
 
 
 def _outcome(answer: _Answer, work: TileWork) -> TileOutcome:

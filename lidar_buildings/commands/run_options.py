@@ -14,7 +14,14 @@ def add_run_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="INPUT",
         help="LAS, LAZ or COPC files, folders or globs; bags of ROS 2 or 1",
     )
-    parser.add_argument("--output", required=True, type=Path, metavar="DIR", help="folder for the results")
+    folder = parser.add_mutually_exclusive_group(required=True)
+    folder.add_argument("--output", type=Path, metavar="DIR", help="folder for the results")
+    folder.add_argument(
+        "--update",
+        type=Path,
+        metavar="DIR",
+        help="… that is kept up to date, without ROS: only tiles whose points have changed are done",
+    )
     parser.add_argument("--topic", metavar="NAME", help="bags: topic of the scans (default: the only one)")
     parser.add_argument(
         "--odometry", metavar="NAME", help="bags: topic of the poses (default: the only one; else /tf)"
@@ -57,7 +64,11 @@ def add_run_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="ADDRESS",
         help="… on the workers of a dask scheduler (tcp://…:8786)",
     )
-    parser.add_argument("--overwrite", action="store_true", help="replace what is in DIR")
+    before = parser.add_mutually_exclusive_group()
+    before.add_argument("--overwrite", action="store_true", help="replace what is in DIR")
+    before.add_argument(
+        "--retry-failed", action="store_true", help="do the tiles again that failed in DIR, without ROS"
+    )
     parser.add_argument(
         "--namespace", metavar="NAME", help="ROS namespace of the nodes (default: one of its own)"
     )

@@ -17,6 +17,7 @@ from lidar_buildings.core.stages.footprints import FootprintConfig
 from lidar_buildings.core.stages.regularisation import RegularisationConfig
 from lidar_buildings.io.bags.bag_config import BagConfig
 from lidar_buildings.io.results.output_config import OutputConfig
+from lidar_buildings.io.results.run_folder import Use
 from lidar_buildings.io.tiling.tiling_config import TilingConfig
 from lidar_buildings.nodes.configs import NODE_CONFIGS
 from lidar_buildings.pipeline.reconstruct import STAGE_CONFIGS, STAGES, PipelineConfig
@@ -84,6 +85,8 @@ class RunRequest:
         What became of the bags among the inputs, once they are placed.
     preset : str
         The paper whose parameters these are, but for what the user set; empty if none.
+    use : Use
+        What is wanted of a finished run in the output folder.
     """
 
     inputs: tuple[str, ...]
@@ -100,6 +103,7 @@ class RunRequest:
     choice: BagConfig = field(default_factory=BagConfig)
     bags: tuple[dict[str, Any], ...] = ()
     preset: str = ""
+    use: Use = Use.NONE
 
     def parameters(self) -> dict[str, Any]:
         """Return everything that results depend on, as plain values."""
@@ -155,6 +159,7 @@ def request_of(options: argparse.Namespace) -> RunRequest:
         scans=_shared(ScanConfig, settings),
         choice=_shared(BagConfig, settings),
         preset=options.preset or "",
+        use=Use.UPDATE if options.update else Use.RETRY if options.retry_failed else Use.NONE,
     )
 
 

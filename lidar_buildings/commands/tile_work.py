@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
-import uuid
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import NamedTuple
 
+from lidar_buildings.commands.tile_update import (
+    EarlierBuildings,
+    digest_of,
+    is_unchanged,
+    with_kept_ids,
+    write_digests,
+)
 from lidar_buildings.core.freed_memory import give_memory_back
 from lidar_buildings.core.model.errors import LidarBuildingsError
 from lidar_buildings.core.model.map_frame import MapFrame
@@ -45,6 +51,8 @@ class TileWork:
         Outlines to use instead of tracing.
     is_only : bool
         Whether there is no other tile, so that the other cores have nothing else to do.
+    earlier : EarlierBuildings or None
+        Those of an earlier state of the survey, where one is brought up to date.
     """
 
     tile: SpooledTile
@@ -54,27 +62,23 @@ class TileWork:
     rasters: RasterConfig = field(default_factory=RasterConfig)
     footprints: Footprints | None = None
     is_only: bool = False
+    earlier: EarlierBuildings | None = None
 
 
 class TileOutcome(NamedTuple):
-    """Seconds by stage, or why a tile failed."""
+    """Seconds by stage, or why a tile failed; or that it has the points of before."""
 
     seconds: dict[str, float]
     reason: str = ""
-
-
-def done_far(work: TileWork, pool: None = None) -> TileOutcome | LidarBuildingsError:
-    """Do as `done` where the same work may be done elsewhere at the same time: the later one's file stays."""
-    own = work.path.with_name(f".{uuid.uuid4().hex}{work.path.suffix}")
-    outcome = done(replace(work, path=own))
-    if own.exists():
-        own.replace(work.path)
-    return outcome
+    is_unchanged: bool = False
 
 
 def done(work: TileWork, pool: Sharing | None = None) -> TileOutcome | LidarBuildingsError:
     """Take a tile from its points to its saved products; return what ends the whole run."""
+    if work.earlier is not None and is_unchanged(work.tile, work.path):
+        return TileOutcome({}, is_unchanged=True)
     was_alone = work_alone(not work.is_only)
+    digests: list[str] | None = None if work.earlier is None else []
     frame = work.tile.store.frame
     rasters: list[Future[TerrainRasters | None]] = []
     try:
@@ -84,8 +88,12 @@ def done(work: TileWork, pool: Sharing | None = None) -> TileOutcome | LidarBuil
                 give_memory_back()
                 rasters.append(beside.submit(rasterise_tile, classified, work.rasters, frame))
 
-            result = whole_result(work.tile, work.config, work.until, work.footprints, pool, begin)
+            result = whole_result(work.tile, work.config, work.until, work.footprints, pool, begin, digests)
+        if work.earlier is not None:
+            result = with_kept_ids(result, work.earlier)
         products_of(result, frame, rasters[-1].result()).save(work.path)
+        if digests is not None:
+            write_digests(work.path, digests)
     except LidarBuildingsError as error:
         return error
     except Exception as error:
@@ -106,11 +114,19 @@ def whole_result(
     footprints: Footprints | None = None,
     pool: Sharing | None = None,
     on_classified: Callable[[PointTile], object] | None = None,
+    digests: list[str] | None = None,
 ) -> TileResult:
-    """Process a tile, with a larger buffer as long as one of its buildings is not whole."""
+    """
+    Process a tile, with a larger buffer as long as one of its buildings is not whole.
+
+    What tells its points from others, with each buffer, is added to `digests`.
+    """
     while True:
+        tile = spooled.read()
+        if digests is not None:
+            digests.append(digest_of(tile))
         result = reconstruct_tile(
-            spooled.read(),
+            tile,
             config,
             until=until,
             footprints=footprints,
@@ -120,7 +136,7 @@ def whole_result(
         )
         if not result.clipped:
             return result
-        del result  # one at a time in memory
+        del result, tile  # one at a time in memory
 
 
 def products_of(result: TileResult, frame: MapFrame, rasters: TerrainRasters | None) -> TileProducts:

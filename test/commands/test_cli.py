@@ -111,7 +111,7 @@ def test_every_command_explains_itself(command, name):
     [
         ([], "COMMAND"),
         (["walk"], "'walk'"),
-        (["run"], "--output"),
+        (["run", "a.laz", "--output"], "--output"),
         (["run", "--output", "out"], "INPUT"),
         (["run", "a.laz", "--output", "out", "--tile-siz", "x"], "'x'"),
         (["run", "a.laz", "--output", "out", "--nonsense"], "--nonsense"),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import uuid
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -13,7 +14,9 @@ from lidar_buildings.io.files.captured_stderr import one_line
 
 
 @contextmanager
-def atomic_file(path: Path, failures: tuple[type[BaseException], ...] = (OSError,)) -> Iterator[Path]:
+def atomic_file(
+    path: Path, failures: tuple[type[BaseException], ...] = (OSError,), *, has_rivals: bool = False
+) -> Iterator[Path]:
     """
     Give a temporary name in the file's own folder, and rename it to `path` when the block ends well.
 
@@ -23,6 +26,8 @@ def atomic_file(path: Path, failures: tuple[type[BaseException], ...] = (OSError
         The file; its folder must be there.
     failures : tuple of exception classes
         What the block's writer raises when it cannot write.
+    has_rivals : bool
+        Whether another process may write the same file at the same time: the last one's stays.
 
     Raises
     ------
@@ -30,7 +35,8 @@ def atomic_file(path: Path, failures: tuple[type[BaseException], ...] = (OSError
         If it cannot be written; nothing is left behind, and what stood under `path` is untouched.
     """
     # the ending stays, since some drivers go by it
-    temporary = path.with_name(f".{path.name.removesuffix(path.suffix)}.part{path.suffix}")
+    own = f".{uuid.uuid4().hex}" if has_rivals else ""
+    temporary = path.with_name(f".{path.name.removesuffix(path.suffix)}{own}.part{path.suffix}")
     try:
         temporary.unlink(missing_ok=True)
         yield temporary

@@ -26,6 +26,7 @@ from lidar_buildings.io.results.run_folder import (
     PARTIAL,
     RUN,
     Share,
+    Use,
     claim_folder,
     files_of_run,
     output_names,
@@ -75,6 +76,8 @@ class OutputFolder:
     is_live : bool
         Whether tiles go on coming: the files are made from those there are, as often as one likes, and
         `inputs` are named before that.
+    use : Use
+        What is wanted of a run that the folder holds.
 
     Raises
     ------
@@ -95,6 +98,7 @@ class OutputFolder:
         formats: Collection[str] = FORMATS,
         terrain_tolerance: float = 0.0,
         is_live: bool = False,
+        use: Use = Use.NONE,
     ) -> None:
         self.path = Path(path)
         self.inputs = list(inputs)
@@ -114,7 +118,8 @@ class OutputFolder:
             "until": until,
             "parameters": dict(parameters or {}),
         }
-        claim_folder(self.path, identity, self.inputs, overwrite=overwrite, is_live=is_live)
+        claim_folder(self.path, identity, self.inputs, overwrite=overwrite, is_live=is_live, use=use)
+        self._use = use
         for fragment in self._partial.glob(f"*{_ENDING}"):
             # A killed process leaves a part, a power cut a name without its content.
             if not _is_whole(fragment):
@@ -139,6 +144,17 @@ class OutputFolder:
         """Return the tiles on disk: stamp of the first revision → that of the revision that is there."""
         return {int(path.stem): load_stamp(path) for path in self._fragments()}
 
+    def saved_tiles(self) -> list[Path]:
+        """Return where the tiles on disk are, by rising stamp."""
+        return self._fragments()
+
+    def keep_only(self, stamps: Collection[int]) -> None:
+        """Delete tiles on disk that are none of some, known by the stamps of their first revisions."""
+        known = {tile_of(stamp) for stamp in stamps}
+        for fragment in self._fragments():
+            if int(fragment.stem) not in known:
+                fragment.unlink()
+
     def forget_tiles(self) -> None:
         """Delete the tiles on disk; files that were made of them stay."""
         for fragment in self._fragments():
@@ -153,6 +169,8 @@ class OutputFolder:
         run_info: Mapping[str, Any] | None = None,
         share: Share = map,
         told_of: Collection[int] = (),
+        *,
+        has_failed: bool = False,
     ) -> RunSummary:
         """
         Make the files from the tiles on disk; ``run.json`` comes last, then the tiles are deleted.
@@ -169,6 +187,8 @@ class OutputFolder:
             As `map`; may do its jobs, the classified clouds, in other processes.
         told_of : collection of int
             Inputs of which `run_info` tells that they cannot be read; each is told of once.
+        has_failed : bool
+            Whether a tile is missing that may be done later: the others stay for that.
 
         Raises
         ------
@@ -203,7 +223,7 @@ class OutputFolder:
         )
         outdated = set(files_of_run(self.path)) - set(summary.files)
         self._write_run(summary, clouds.outputs, info)
-        if self.is_live:
+        if self.is_live or has_failed or self._use is Use.UPDATE:
             remove_files(self.path, outdated)
             (self._partial / _LINES).unlink(missing_ok=True)
         else:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import shutil
 from collections.abc import Callable, Iterable, Sequence
+from enum import Enum
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -19,6 +20,17 @@ if TYPE_CHECKING:
 #: Calls a function for each of some jobs.
 Share = Callable[[Callable[[Any], Any], Sequence[Any]], Iterable[Any]]
 
+
+class Use(Enum):
+    """What is wanted of a finished run whose tiles are still there: nothing, or that it goes on."""
+
+    NONE = "none"
+    #: Tiles that failed are done again.
+    RETRY = "--retry-failed"
+    #: Tiles whose points have changed are done again, and all stay for the next time.
+    UPDATE = "--update"
+
+
 PARTIAL = ".partial"
 #: Folder in it with the clouds that were made of bags.
 PLACED = "placed"
@@ -27,8 +39,10 @@ _POINTS = "points"
 RUN = "run.json"
 CLASSIFIED = "classified"
 DTM, DSM, NDSM = "dtm.tif", "dsm.tif", "ndsm.tif"
+#: What parts of an identity are called.
+_WORDS = {"until": "--until", "version": "versions of this package"}
 #: What identifies the unfinished run, beside its tiles.
-_IDENTITY = "identity.json"
+_IDENTITY, _SURVEY = "identity.json", "survey.json"
 
 
 def claim_folder(
@@ -38,6 +52,7 @@ def claim_folder(
     *,
     overwrite: bool,
     is_live: bool = False,
+    use: Use = Use.NONE,
 ) -> None:
     """
     Make a folder ready for a run, or for taking up the same run where it was left.
@@ -56,6 +71,8 @@ def claim_folder(
     is_live : bool
         Whether the run makes its files again and again, so that those of an earlier time are its own. Without
         tiles on disk it may become another one: its source was reset.
+    use : Use
+        What is wanted of a finished run. One that is brought up to date may have other inputs than before.
 
     Raises
     ------
@@ -65,9 +82,11 @@ def claim_folder(
     for file in inputs:
         if (path / CLASSIFIED).resolve() in file.path.resolve().parents:
             raise OutputError(f"{path}: holds the input {file.path}: choose another output folder")
-    check_folder(path, overwrite=overwrite, is_live=is_live)
+    check_folder(path, overwrite=overwrite or use is not Use.NONE, is_live=is_live)
     try:
-        if overwrite:
+        if use is not Use.NONE:
+            _check_use(path, identity, use)
+        elif overwrite:
             if not _is_same(path, identity):
                 _clear(path)
         elif _holds_run(path) and (not is_live or any((path / PARTIAL).glob("*.npz"))):
@@ -135,6 +154,27 @@ def _check_same(path: Path, identity: dict[str, Any]) -> None:
         )
 
 
+def _check_use(path: Path, identity: dict[str, Any], use: Use) -> None:
+    """Refuse to go on with a run of other parameters, or of other inputs where tiles are to be retried."""
+    earlier, new = _read(path / PARTIAL / _IDENTITY), json.loads(json.dumps(identity))
+    if earlier is None:
+        if use is Use.RETRY:
+            raise OutputError(
+                f"{path}: {use.value}: holds no run of which a tile failed: leave out {use.value}"
+            )
+        if not (path / RUN).exists() and any(one.name != PARTIAL for one in path.iterdir()):
+            raise OutputError(f"{path}: is not empty, and holds no run: choose another folder")
+        _clear(path)
+        return
+    changing = {"inputs", "frame"} if use is Use.UPDATE else set()
+    for name in sorted(new.keys() - changing):
+        if earlier.get(name) != new[name]:
+            raise OutputError(
+                f"{path}: {use.value}: its run was made with other {_WORDS.get(name, name)}: give the same, "
+                "or --overwrite to begin anew"
+            )
+
+
 def _is_same(path: Path, identity: dict[str, Any]) -> bool:
     return _read(path / PARTIAL / _IDENTITY) == json.loads(json.dumps(identity))
 
@@ -142,6 +182,22 @@ def _is_same(path: Path, identity: dict[str, Any]) -> bool:
 def discard_unfinished(path: Path) -> None:
     """Delete the tiles of an unfinished run, so that the next one begins anew."""
     shutil.rmtree(path / PARTIAL, ignore_errors=True)
+
+
+def inputs_of_run(path: Path) -> list[Path]:
+    """Return the inputs of a run whose tiles are there, in their order."""
+    return [Path(file[0]) for file in (_read(path / PARTIAL / _IDENTITY) or {}).get("inputs", [])]
+
+
+def recall_survey(path: Path) -> Any:
+    """Return what `note_survey` noted, None if nothing."""
+    return _read(path / PARTIAL / _SURVEY)
+
+
+def note_survey(path: Path, known: Any) -> None:
+    """Note what was learnt of a survey for the time when it is brought up to date."""
+    with atomic_file(path / PARTIAL / _SURVEY) as temporary:
+        temporary.write_text(json.dumps(known))
 
 
 def folder_of_points(path: Path) -> Path:

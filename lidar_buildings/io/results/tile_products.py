@@ -124,7 +124,7 @@ class TileProducts:
             for name, rows in tables.items()
             for source in sources.tolist()
         }
-        with atomic_file(path) as temporary, open(temporary, "wb") as file:
+        with atomic_file(path, has_rivals=True) as temporary, open(temporary, "wb") as file:
             np.savez(
                 file,
                 stamp=np.int64(self.stamp),

@@ -39,6 +39,11 @@ class SpooledTile:
         """Where the tile's points may lie in the map frame, however wide its buffer becomes [m]."""
         return self.store.local_area(self.plan, self.max_buffer)
 
+    @property
+    def core(self) -> Rectangle:
+        """Where the tile's core points lie in the map frame [m]."""
+        return self.store.local_area(self.plan, 0.0)
+
     def alone(self) -> SpooledTile:
         """Return the tile without what lies beyond its reach: little to send to another process."""
         return replace(self, store=self.store.near(self.plan, self.max_buffer))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -37,6 +38,8 @@ MAX_OBJECT = 60.0
 #: Height above the opened surface up to which a point counts as ground here [m];
 #: wide margin over the noise of a scanner.
 GROUND_TOLERANCE = 0.3
+#: Stands for all strips that have no scale of their own.
+_OTHERS = -1
 #: What tells the scale of a strip, and with its place what brightness parts dark ground from other.
 _SAMPLE = ("intensity", "point_source_id", "return_number", "number_of_returns")
 _PLACED = ("x", "y", "z", *_SAMPLE)
@@ -65,6 +68,18 @@ class SurveyBrightness:
     def __getstate__(self) -> dict[str, Any]:
         """Return all but the samples of files that have not been read to their end."""
         return self.__dict__ | {"_samples": {}, "_squares": {}}
+
+    @property
+    def scales(self) -> dict[int, tuple[float, float]]:
+        """Scales by strip; that of all others as of −1, if there is one."""
+        common = {} if self._common is None else {_OTHERS: tuple(self._common)}
+        return {**common, **{strip: tuple(scale) for strip, scale in self._scales.items()}}
+
+    def recall(self, dark_limit: float | None, scales: Mapping[int, tuple[float, float]]) -> None:
+        """Begin with what was learnt before."""
+        self.dark_limit = dark_limit
+        self._scales = {strip: IntensityScale(*scale) for strip, scale in scales.items() if strip != _OTHERS}
+        self._common = IntensityScale(*scales[_OTHERS]) if _OTHERS in scales else None
 
     def add(
         self, source: int, first: int, records: NDArray[Any], n_points: int, square: Rectangle | None = None

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -19,6 +19,8 @@ from lidar_buildings.io.tiling.tile_stamps import LATEST
 _SMALLEST_CELL = 5.0
 #: More spool cells per side of a tile than this make too many small files.
 _MOST_CELLS = 8
+#: Bounds that span more tiles than this are wrong, or of a few points far apart.
+_MOST_TILES = 100_000
 #: How much of a buffer's width lies west, south, east and north of a tile. A block belongs to the tile that
 #: holds its westernmost point: it reaches farther beyond it eastwards than to the other sides.
 BUFFER_SHARES = (2.0 / 3.0, 2.0 / 3.0, 1.0, 2.0 / 3.0)
@@ -199,6 +201,15 @@ class TileGrid:
         within, size = area.moved(-self.start, -self.start), self.tile_size
         first = math.floor(within.x_min / size), math.floor(within.y_min / size)
         return first, (math.floor(within.x_max / size), math.floor(within.y_max / size))
+
+    def tiles_touching(self, areas: Iterable[Rectangle]) -> set[Cell]:
+        """Name the tiles that reach into areas, those left out that say nothing as they span too many."""
+        found: set[Cell] = set()
+        for area in areas:
+            (x0, y0), (x1, y1) = self.tile_span(area)
+            if (x1 - x0 + 1) * (y1 - y0 + 1) <= _MOST_TILES:
+                found.update((x, y) for x in range(x0, x1 + 1) for y in range(y0, y1 + 1))
+        return found
 
     def number_of(self, tile: Cell, areas: Sequence[Rectangle]) -> int:
         """Number a tile from 1 by its place within areas; 1 for a place outside them."""

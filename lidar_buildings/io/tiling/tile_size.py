@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lidar_buildings.io.tiling.tile_grid import BUFFER_SHARES, Rectangle
+from lidar_buildings.io.tiling.tiling_config import TilingConfig
 
 #: Sides to choose from [m]; wider tiles bring nothing, and a survey that fills its bounds in parts would
 #: surprise with them.
@@ -19,6 +20,28 @@ _SMALLEST = 1e-3
 #: A header whose bounds span more tiles than this says nothing.
 _MOST_TILES = 100_000
 _BITS = 16
+
+
+def tiles_for(
+    config: TilingConfig, areas: Sequence[Rectangle | None], counts: Sequence[int]
+) -> tuple[float, float]:
+    """
+    Return the side of tiles and where they begin [m]: as asked for, or what suits the files.
+
+    Parameters
+    ----------
+    config : TilingConfig
+        What is asked for.
+    areas : sequence of Rectangle or None
+        The files' bounds [m], None for a file without points.
+    counts : sequence of int
+        Their numbers of points.
+    """
+    if config.tile_size:
+        return config.tile_size, 0.0
+    filled = [(area, count) for area, count in zip(areas, counts, strict=True) if area is not None]
+    bounds, points = zip(*filled, strict=True) if filled else ((), ())
+    return fitting_tiles(bounds, points, config.buffer, config.max_tile_points)
 
 
 def fitting_tiles(

@@ -18,6 +18,7 @@ from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.core.neighbours.point_spacing import steady_spacing
 from lidar_buildings.io.clouds.las import Cloud, xyz_of
 from lidar_buildings.io.clouds.point_columns import last_returns, point_columns, without_empty_columns
+from lidar_buildings.io.tiling.known_survey import KnownSurvey
 from lidar_buildings.io.tiling.spool import RECORD, Cell, Head, Pieces, Spool, order_key
 from lidar_buildings.io.tiling.survey_brightness import SQUARE_SIDE, SurveyBrightness
 from lidar_buildings.io.tiling.survey_spacing import expected_spacing, pulses_of, sample_square
@@ -90,6 +91,15 @@ class TileStore:
         self._dropped: list[int] = []
         self._expected_spacing = spacing
         self._brightness = SurveyBrightness()
+
+    def known(self) -> KnownSurvey:
+        """Return what has been learnt of the survey."""
+        grid, limit, scales = self.grid, self._brightness.dark_limit, self._brightness.scales
+        return KnownSurvey(grid.tile_size, grid.start, self._expected_spacing, limit, scales)
+
+    def recall(self, known: KnownSurvey) -> None:
+        """Take what another store has learnt of what intensities mean."""
+        self._brightness.recall(known.dark_limit, known.scales)
 
     @property
     def folder(self) -> Path:

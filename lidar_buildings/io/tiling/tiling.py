@@ -15,10 +15,11 @@ from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.io.clouds.las import InputFile, frame_of, open_inputs
 from lidar_buildings.io.tiling.file_parts import Submit, read_files
+from lidar_buildings.io.tiling.known_survey import KnownSurvey
 from lidar_buildings.io.tiling.spool import Cell, Head
 from lidar_buildings.io.tiling.spooled_tile import SpooledTile
 from lidar_buildings.io.tiling.tile_grid import Block, Rectangle, Rectangles, TileGrid
-from lidar_buildings.io.tiling.tile_size import fitting_tiles, reading_order
+from lidar_buildings.io.tiling.tile_size import reading_order, tiles_for
 from lidar_buildings.io.tiling.tile_stamps import stamp_of_number, stamp_of_time
 from lidar_buildings.io.tiling.tile_store import TilePlan, TileStore
 from lidar_buildings.io.tiling.tiling_config import TilingConfig
@@ -27,8 +28,6 @@ __all__ = ["TileSource", "TilingConfig"]
 
 #: `source` is a uint16.
 _MOST_FILES = 65_535
-#: A header whose bounds span more tiles than this is not counted through for the progress bar.
-_MOST_COUNTED_TILES = 100_000
 
 
 class TileSource:
@@ -51,6 +50,9 @@ class TileSource:
         Stamps of tiles that are not wanted (again).
     submit : callable, optional
         Reads parts of files in other processes, which see the temporary folder; see `io.tiling.file_parts`.
+
+    known : KnownSurvey, optional
+        What an earlier source of the same survey has learnt.
 
     Attributes
     ----------
@@ -77,6 +79,7 @@ class TileSource:
         temporary: str | Path | None = None,
         skip: Container[int] = (),
         submit: Submit | None = None,
+        known: KnownSurvey | None = None,
     ) -> None:
         self.config = config or TilingConfig()
         self._clouds, self.problems = open_inputs(paths)
@@ -90,17 +93,20 @@ class TileSource:
         self._skip, self._submit = skip, submit
         self._areas = [Rectangle.of_cloud(cloud) for cloud in self._clouds]
         self._bounds = Rectangles(self._areas)
-        self._grid = self._fitting_grid()
+        counts = [cloud.point_count for cloud in self._clouds]
+        known = known or KnownSurvey(*tiles_for(self.config, self._areas, counts))
+        self._grid = TileGrid.fitting(known.tile_size, self.config.buffer, known.start)
         self._unread = set(range(len(self._clouds)))
         self._read: list[int] = []
-        self._expected = self._expected_tiles()
+        self._expected = self._grid.tiles_touching(filter(None, self._areas))
         self._waiting: set[Cell] = set()
         self._planned: set[Cell] = set()
         self._tiles: list[SpooledTile] = []
         self._by_stamp: dict[int, SpooledTile] = {}
         self._lock = threading.RLock()
         self._closed = threading.Event()
-        self._store = TileStore(self._grid, self.frame, temporary)
+        self._store = TileStore(self._grid, self.frame, temporary, known.spacing)
+        self._store.recall(known)
         self._finalizer = weakref.finalize(self, TileStore.remove, self._store)
         self._steps = self._read_all()
 
@@ -144,6 +150,18 @@ class TileSource:
                 return len(self._tiles)
             return len(self._tiles) + len((self._expected | self._waiting) - self._planned)
 
+    @property
+    def known(self) -> KnownSurvey:
+        """What has been learnt of the survey."""
+        with self._lock:
+            return self._store.known()
+
+    @property
+    def stamps(self) -> list[int]:
+        """Stamps of the tiles, skipped ones too, as far as these are known."""
+        with self._lock:
+            return list(self._by_stamp)
+
     def grown(self, stamp: int) -> PointTile | None:
         """
         Return the tile of a stamp once more with its buffer doubled, None if that brings no more points.
@@ -171,24 +189,6 @@ class TileSource:
 
     def __exit__(self, *_: object) -> None:
         self.close()
-
-    def _fitting_grid(self) -> TileGrid:
-        """Return the tiles: as asked for, or those that suit the files."""
-        if self.config.tile_size:
-            return TileGrid.fitting(self.config.tile_size, self.config.buffer)
-        filled = [(a, c.point_count) for a, c in zip(self._areas, self._clouds, strict=True) if a is not None]
-        areas, counts = zip(*filled, strict=True) if filled else ((), ())
-        size, start = fitting_tiles(areas, counts, self.config.buffer, self.config.max_tile_points)
-        return TileGrid.fitting(size, self.config.buffer, start)
-
-    def _expected_tiles(self) -> set[Cell]:
-        """Return the tiles that the headers' bounds reach into."""
-        expected: set[Cell] = set()
-        for area in filter(None, self._areas):
-            (x0, y0), (x1, y1) = self._grid.tile_span(area)
-            if (x1 - x0 + 1) * (y1 - y0 + 1) <= _MOST_COUNTED_TILES:
-                expected.update((x, y) for x in range(x0, x1 + 1) for y in range(y0, y1 + 1))
-        return expected
 
     def _read_on(self) -> bool:
         """Read one more chunk; False if there is nothing left to read."""

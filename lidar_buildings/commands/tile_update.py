@@ -1,0 +1,154 @@
+"""A survey that changes: which tiles have other points than before, and which buildings keep their ids."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import re
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import shapely
+
+from lidar_buildings.core.model.map_frame import MapFrame
+from lidar_buildings.core.model.outline import BuildingOutline
+from lidar_buildings.core.model.tile import PointTile
+from lidar_buildings.io.files.atomic_files import atomic_file
+from lidar_buildings.io.results.tile_products import load_shapes
+from lidar_buildings.io.tiling.spooled_tile import SpooledTile
+from lidar_buildings.io.tiling.tile_grid import Rectangle
+from lidar_buildings.pipeline.reconstruct import TileResult
+
+#: What beside a saved tile tells of the points that it was made from.
+_ENDING = ".points"
+#: The id in a line of the city model, whose coordinates are those of the building's anchor.
+_NAME = re.compile(r'"id":"building-(-?\d+\.\d)-(-?\d+\.\d)"')
+_NUMBER = re.compile(r'"building_id":(\d+)')
+#: A building keeps the id of one with which it shares more than this part of both: there is at most one.
+_SHARED = 0.5
+
+
+def digest_of(tile: PointTile) -> str:
+    """Return what tells a tile's points, and all else that its result depends on, from any others."""
+    known = tile.point_spacing, tile.dark_limit, tile.bounds, tile.frame, tile.stamp
+    digest = hashlib.blake2b(repr(known).encode(), digest_size=16)
+    for name, column in {"points": tile.points, **tile.columns}.items():
+        digest.update(f"{name} {column.shape}".encode())
+        digest.update(np.ascontiguousarray(column).data)
+    return digest.hexdigest()
+
+
+def write_digests(saved: Path, digests: Iterable[str]) -> None:
+    """Note beside a saved tile from which points it was made, those of each buffer that it grew to."""
+    with atomic_file(saved.with_suffix(_ENDING), has_rivals=True) as temporary:
+        temporary.write_text(json.dumps(list(digests)))
+
+
+def is_unchanged(tile: SpooledTile, saved: Path) -> bool:
+    """Whether a tile was saved, and from the points that it has."""
+    try:
+        digests = json.loads(saved.with_suffix(_ENDING).read_text())
+    except (OSError, ValueError):
+        return False
+    growing = replace(tile)
+    same = saved.exists() and bool(digests)
+    for number, digest in enumerate(digests):
+        same = same and (number == 0 or growing.grow()) and digest_of(growing.read()) == digest
+    return same
+
+
+@dataclass(frozen=True, eq=False)
+class EarlierBuildings:
+    """
+    Buildings of an earlier result, near a place.
+
+    Attributes
+    ----------
+    number, anchor, polygon : list
+        Id, the position that it is made from, and outline of each, in the map frame [m].
+    """
+
+    number: list[int]
+    anchor: list[tuple[float, float]]
+    polygon: list[shapely.Polygon]
+
+    @classmethod
+    def of(cls, tiles: Iterable[Path], frame: MapFrame) -> EarlierBuildings:
+        """Read those that have models from saved tiles."""
+        found = cls([], [], [])
+        for path in tiles:
+            shapes = load_shapes(path)
+            polygons = {one.building_id: one.outline.polygon for one in shapes.outlines}
+            for line in shapes.features:
+                name, number = _NAME.search(line), _NUMBER.search(line)
+                if name and number and int(number[1]) in polygons:
+                    place = frame.to_map(np.array([[float(name[1]), float(name[2]), 0.0]]))[0]
+                    found.number.append(int(number[1]))
+                    found.anchor.append((float(place[0]), float(place[1])))
+                    found.polygon.append(polygons[int(number[1])])
+        return found
+
+    def within(self, area: Rectangle) -> EarlierBuildings:
+        """Return those whose anchors lie in an area."""
+        x, y = np.array(self.anchor, dtype=np.float64).reshape(-1, 2).T
+        rows = np.flatnonzero(area.holds(x, y)).tolist()
+        return EarlierBuildings(
+            *([kept[row] for row in rows] for kept in (self.number, self.anchor, self.polygon))
+        )
+
+
+def with_kept_ids(result: TileResult, earlier: EarlierBuildings) -> TileResult:
+    """
+    Give buildings the ids that they had, where their westernmost points are others now.
+
+    Parameters
+    ----------
+    result : TileResult
+        Of a tile.
+    earlier : EarlierBuildings
+        Those that had their anchors in the tile: no other tile can give their ids to another building.
+    """
+    natural = {one.building_id for one in result.outlines}
+    kept: dict[int, int] = {}
+    for row, number in enumerate(earlier.number):
+        if number not in natural:
+            old = earlier.polygon[row]
+            shared = {
+                one.building_id: shapely.intersection(old, one.outline.polygon).area
+                / max(old.area, one.outline.area)
+                for one in result.outlines
+                if old.intersects(one.outline.polygon)
+            }
+            same = max(shared, key=lambda one: shared[one], default=0)
+            if shared.get(same, 0.0) > _SHARED and same not in earlier.number:
+                kept[same] = row
+    if not kept:
+        return result
+    number_of = {new: earlier.number[row] for new, row in kept.items()}
+    roofs = result.roofs
+    if roofs is not None and roofs.building_id is not None:
+        ids, place = np.unique(roofs.building_id, return_inverse=True)
+        named = np.array([number_of.get(one, one) for one in ids.tolist()], dtype=np.uint32)
+        roofs = roofs.with_columns(building_id=named[place])
+    models = [
+        replace(one, building_id=number_of[one.building_id], anchor=earlier.anchor[kept[one.building_id]])
+        if one.building_id in kept
+        else one
+        for one in result.models
+    ]
+    return replace(
+        result,
+        roofs=roofs,
+        traced=_renumbered(result.traced, number_of),
+        outlines=_renumbered(result.outlines, number_of),
+        models=tuple(sorted(models, key=lambda one: one.building_id)),
+    )
+
+
+def _renumbered(
+    outlines: Iterable[BuildingOutline], number_of: dict[int, int]
+) -> tuple[BuildingOutline, ...]:
+    named = [replace(one, building_id=number_of.get(one.building_id, one.building_id)) for one in outlines]
+    return tuple(sorted(named, key=lambda one: one.building_id))

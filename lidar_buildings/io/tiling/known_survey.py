@@ -1,0 +1,40 @@
+"""What a source has learnt of its survey: given to a later one of the same place, its tiles are the same."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass, field
+from typing import Any
+
+
+@dataclass(frozen=True)
+class KnownSurvey:
+    """
+    What all tiles of a survey share.
+
+    Attributes
+    ----------
+    tile_size, start : float
+        Side of the tiles, and where they begin [m].
+    spacing : float or None
+        The point spacing that they are expected to have [m].
+    dark_limit : float or None
+        Normalised intensity up to which ground is dark.
+    scales : dict
+        Flight strip → the two intensities that become 0 and the high anchor; −1 stands for all others.
+    """
+
+    tile_size: float
+    start: float
+    spacing: float | None = None
+    dark_limit: float | None = None
+    scales: dict[int, tuple[float, float]] = field(default_factory=dict)
+
+    def as_json(self) -> dict[str, Any]:
+        """Return what JSON can hold."""
+        return asdict(self)
+
+    @classmethod
+    def from_json(cls, found: dict[str, Any]) -> KnownSurvey:
+        """Make it from what JSON held."""
+        scales = {int(strip): (float(low), float(high)) for strip, (low, high) in found["scales"].items()}
+        return cls(**{**found, "scales": scales})
