@@ -1,11 +1,32 @@
-"""Memory that was freed, back to the system."""
+"""Memory that was freed: kept for what comes next, or given back to the system."""
 
 from __future__ import annotations
 
 import ctypes
+import sys
 import time
+from contextlib import suppress
+
+# Parameters of mallopt, from malloc.h of glibc.
+_M_TRIM_THRESHOLD, _M_MMAP_MAX, _M_ARENA_MAX = -1, -4, -8
+_MAX_C_INT = 2**31 - 1
 
 _last = -float("inf")
+
+
+def keep_freed_memory() -> None:
+    """
+    Let this process keep what it frees: pages fresh from the kernel make clouds several times slower.
+
+    Does nothing where the C library is not glibc.
+    """
+    if not sys.platform.startswith("linux"):
+        return
+    with suppress(OSError, AttributeError):
+        mallopt = ctypes.CDLL(None).mallopt
+        mallopt(_M_MMAP_MAX, 0)
+        mallopt(_M_TRIM_THRESHOLD, _MAX_C_INT)
+        mallopt(_M_ARENA_MAX, 1)
 
 
 def give_memory_back(period: float = 0.0) -> None:

@@ -21,6 +21,7 @@ import dask
 from distributed import Client, KilledWorker, LocalCluster
 
 from lidar_buildings import __version__
+from lidar_buildings.core.freed_memory import keep_freed_memory
 from lidar_buildings.core.kernel_cache import start_compiling
 from lidar_buildings.core.model.errors import LidarBuildingsError
 from lidar_buildings.pipeline.agenda import WorkerLostError
@@ -258,6 +259,7 @@ def _done(version: str, function: Callable[..., Any], job: object) -> Any:
     """Do something on a worker; one that came later may have another version."""
     if version != __version__:
         raise ClusterError(_other_version("a worker", __version__, version))
+    keep_freed_memory()  # dask has workers give all of it back at once, and take it fresh for each array
     return function(job, None)
 
 

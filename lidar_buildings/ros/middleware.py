@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import ctypes
 import math
 import os
-import sys
-from contextlib import suppress
 from importlib import resources
 from pathlib import Path
+
+from lidar_buildings.core.freed_memory import keep_freed_memory
 
 #: Fast DDS 2 (Jazzy) and Fast DDS 3 read different variables.
 _PROFILE_VARIABLES = ("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE")
@@ -25,10 +24,6 @@ _PROFILE, _LOCALHOST = "fastdds_profile.xml", "fastdds_localhost.xml"
 SOCKET_BUFFER = 4_194_304
 _ALLOWED_BUFFER = Path("/proc/sys/net/core/rmem_max")
 
-# Parameters of mallopt, from malloc.h of glibc.
-_M_TRIM_THRESHOLD, _M_MMAP_MAX, _M_ARENA_MAX = -1, -4, -8
-_MAX_C_INT = 2**31 - 1
-
 
 def prepare_middleware(*, carries_scans: bool = False) -> None:
     """
@@ -44,18 +39,9 @@ def prepare_middleware(*, carries_scans: bool = False) -> None:
 
 
 def tune_malloc() -> None:
-    """
-    Keep freed memory instead of giving it back: pages fresh from the kernel make clouds several times slower.
-
-    Does nothing where the C library is not glibc, or where the user has set it through the environment.
-    """
-    if not sys.platform.startswith("linux") or any(name.startswith("MALLOC_") for name in os.environ):
-        return
-    with suppress(OSError, AttributeError):
-        mallopt = ctypes.CDLL(None).mallopt
-        mallopt(_M_MMAP_MAX, 0)
-        mallopt(_M_TRIM_THRESHOLD, _MAX_C_INT)
-        mallopt(_M_ARENA_MAX, 1)
+    """Keep freed memory, unless the user has told malloc what to do through the environment."""
+    if not any(name.startswith("MALLOC_") for name in os.environ):
+        keep_freed_memory()
 
 
 def use_profile(*, carries_scans: bool = False) -> None:
