@@ -19,6 +19,12 @@ def data_folder() -> Path:
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Put files with slow tests first: a worker that gets one last keeps the others waiting."""
+    """
+    Put files with slow tests first, and those that use dask last.
+
+    A worker that gets a slow one last keeps the others waiting. Where dask was used a second thread stays:
+    pools of processes are spawned from then on, which is slow, and does without what a test has replaced.
+    """
     slow = {item.path for item in items if item.get_closest_marker("slow")}
-    items.sort(key=lambda item: item.path not in slow)
+    dask = {item.path for item in items if item.get_closest_marker("cluster")}
+    items.sort(key=lambda item: (item.path in dask, item.path not in slow))

@@ -12,6 +12,7 @@ from support.results import contents
 from lidar_buildings import cli
 from lidar_buildings.simulation import simulate_survey
 
+pytestmark = pytest.mark.cluster
 TILES = ("--tile-size", "20")
 
 

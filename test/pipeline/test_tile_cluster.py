@@ -17,6 +17,8 @@ from lidar_buildings.pipeline import tile_cluster
 from lidar_buildings.pipeline.agenda import WorkerLostError
 from lidar_buildings.pipeline.tile_cluster import ClusterError, TileCluster
 
+pytestmark = pytest.mark.cluster
+
 
 def wait_until(condition):
     deadline = time.monotonic() + 60.0
