@@ -10,7 +10,7 @@ help:
 	@echo "make demo   a virtual survey through the ROS 2 graph: what was found against the truth"
 	@echo "make test   lint, types and all tests"
 	@echo "make bench  ground, roofs, edges, features, outlines, planes, models and the whole chain beside their peers: errors, speed (needs the real clouds)"
-	@echo "make reference   write config/pipeline.param.yaml and doc/nodes.md anew from the configs"
+	@echo "make reference   write config/pipeline.param.yaml, doc/nodes.md and doc/command_line.md anew"
 
 setup: $(STAMP)
 
@@ -79,6 +79,7 @@ lint: setup
 
 reference: setup
 	$(BIN)/python -m lidar_buildings.nodes.reference
+	$(BIN)/python -m bench.pages.command_line doc/command_line.md
 
 clean:
 	rm -rf $(VENV) demo build

@@ -26,7 +26,7 @@ class OneLineParser(argparse.ArgumentParser):
 
 def main(arguments: list[str] | None = None) -> int:
     """Run one command and return its exit status."""
-    options = _parser().parse_args(arguments)
+    options = command_parser().parse_args(arguments)
     # Imported late: --help answers at once, and malloc can be tuned before ROS allocates.
     from lidar_buildings.core.model.errors import LidarBuildingsError
 
@@ -46,7 +46,8 @@ def main(arguments: list[str] | None = None) -> int:
         return INTERRUPTED
 
 
-def _parser() -> argparse.ArgumentParser:
+def command_parser() -> argparse.ArgumentParser:
+    """Return the parser of all commands."""
     parser = OneLineParser(prog="lidar-buildings", description="Raw lidar in, valid 3D city models out.")
     parser.add_argument("--version", action="version", version=__version__)
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
