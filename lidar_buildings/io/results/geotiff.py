@@ -1,4 +1,4 @@
-"""GeoTIFF files of one band, written block by block so that memory holds little of them."""
+"""Cloud-optimised GeoTIFF files of one band, written block by block so that memory holds little of them."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from types import TracebackType
 import numpy as np
 import rasterio
 from numpy.typing import NDArray
-from rasterio.enums import Resampling
 from rasterio.errors import RasterioError
+from rasterio.shutil import copy
 from rasterio.windows import Window
 
 from lidar_buildings import __version__
@@ -22,7 +22,7 @@ from lidar_buildings.core.model.errors import OutputError
 from lidar_buildings.io.files.atomic_files import write_error
 from lidar_buildings.io.files.captured_stderr import captured_stderr
 
-#: Side of a block in cells, as in cloud-optimised GeoTIFF.
+#: Side of a block in cells.
 BLOCK = 512
 #: What stands in cells that are not known.
 NODATA = -9999.0
@@ -30,18 +30,19 @@ NODATA = -9999.0
 MOST_BLOCKS = 1_000_000
 #: Overviews are left out where fewer than one block in so many holds anything: GDAL visits all the others.
 _OVERVIEW_SPARSITY = 16
+_PACKED = {"compress": "deflate", "predictor": 3, "SPARSE_OK": True, "BIGTIFF": "IF_SAFER"}
 _FORMAT = {
     "driver": "GTiff", "count": 1, "dtype": "float32", "nodata": NODATA,
-    "tiled": True, "blockxsize": BLOCK, "blockysize": BLOCK,
-    "compress": "deflate", "predictor": 3, "zlevel": 6, "SPARSE_OK": True, "BIGTIFF": "IF_SAFER",
+    "tiled": True, "blockxsize": BLOCK, "blockysize": BLOCK, **_PACKED,
 }  # fmt: skip
+#: GDAL's driver for cloud-optimised files copies what is whole: overviews first, then rows of blocks.
+_CLOUD_OPTIMISED = {
+    "driver": "COG", "BLOCKSIZE": BLOCK, "LEVEL": 6, "OVERVIEW_RESAMPLING": "average", **_PACKED
+}  # fmt: skip
+#: Effort of deflate: for what stays, and for what is to be copied.
+_LEVEL, _LEVEL_OF_COPIED = 6, 1
 #: GDAL would take a twentieth of the memory; an integer cache size is in bytes.
-_GDAL = {
-    "GDAL_CACHEMAX": 64_000_000,
-    "COMPRESS_OVERVIEW": "DEFLATE",
-    "PREDICTOR_OVERVIEW": "3",
-    "SPARSE_OK_OVERVIEW": "YES",
-}
+_GDAL = {"GDAL_CACHEMAX": 64_000_000}
 _FAILURES = (RasterioError, OSError, RuntimeError)
 
 # what GDAL logs of a file that cannot be written is said in the one line of the OutputError
@@ -116,6 +117,7 @@ class GeotiffWriter:
                 height=layout.height,
                 crs=layout.crs or None,
                 transform=rasterio.Affine(layout.cell, 0.0, layout.west, 0.0, -layout.cell, layout.north),
+                zlevel=_LEVEL if layout.n_blocks == 1 else _LEVEL_OF_COPIED,
                 **_FORMAT,
             )
             self._file.set_band_description(1, meaning)
@@ -149,22 +151,25 @@ class GeotiffWriter:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        """Close the file; without an error add overviews and read it back."""
+        """Close the file; without an error optimise and read it back."""
         with self._reported(quiet=error is not None):
             self._file.close()
         if error is None:
             with self._reported():
-                self._add_overviews()
+                self._optimise()
                 self._check_complete()
 
-    def _add_overviews(self) -> None:
-        """Add coarser copies for fast display, each of half the size, until one block holds all."""
-        longer = max(self._layout.width, self._layout.height)
-        factors = [2**step for step in range(1, 32) if longer > BLOCK * 2 ** (step - 1)]
-        if not factors or self._layout.n_blocks > _OVERVIEW_SPARSITY * len(self._blocks):
-            return
-        with rasterio.open(self._path, "r+") as file:
-            file.build_overviews(factors, Resampling.average)
+    def _optimise(self) -> None:
+        """Put coarser copies before the cells, each half as wide, until one block holds all."""
+        if self._layout.n_blocks == 1 or self._layout.n_blocks > _OVERVIEW_SPARSITY * len(self._blocks):
+            return  # without overviews any file in blocks is optimised
+        optimised = self._path.with_suffix(f".cog{self._path.suffix}")
+        try:
+            copy(self._path, optimised, **_CLOUD_OPTIMISED)
+            os.replace(optimised, self._path)
+        finally:
+            for left in self._path.parent.glob(f"{optimised.name}*"):
+                left.unlink()
 
     def _check_complete(self) -> None:
         """Count the known cells again: a full disk may show no sooner."""

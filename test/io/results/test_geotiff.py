@@ -56,10 +56,19 @@ def test_large_rasters_have_overviews_and_small_ones_need_none(tmp_path):
     with rasterio.open(written(tmp_path / "a.tif", hills(1100, 2100), layout(2100, 1100))) as file:
         assert file.overviews(1) == [2, 4, 8]
     with rasterio.open(tmp_path / "a.tif", OVERVIEW_LEVEL=2) as coarse:
-        assert coarse.shape == (138, 263)
+        assert coarse.shape == (137, 262)
         assert coarse.read(1, masked=True).mean() == pytest.approx(10.5, abs=0.5)
     with rasterio.open(written(tmp_path / "b.tif", hills(512, 512), layout(512, 512))) as file:
         assert file.overviews(1) == []
+
+
+def test_large_rasters_are_cloud_optimised_coarse_overviews_come_first(tmp_path):
+    with rasterio.open(written(tmp_path / "a.tif", hills(1100, 2100), layout(2100, 1100))) as file:
+        assert file.tags(ns="IMAGE_STRUCTURE")["LAYOUT"] == "COG"
+        levels = [{"ovr": level} for level in (2, 1, 0)] + [{}]
+        offsets = [int(file.get_tag_item("BLOCK_OFFSET_0_0", "TIFF", bidx=1, **level)) for level in levels]
+    assert offsets == sorted(offsets)
+    assert [file.name for file in tmp_path.iterdir()] == ["a.tif"]
 
 
 def test_equal_content_gives_equal_bytes(tmp_path):
