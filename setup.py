@@ -27,8 +27,10 @@ ROS_WHEELS = [
     "ros-std-srvs==5.3.6",
 ]
 CLUSTER = ["distributed>=2024.8"]
+PARQUET = ["pyarrow>=16"]
 TEST = [
     *CLUSTER,
+    *PARQUET,
     "pytest>=8",
     "pytest-xdist",
     "hypothesis",
@@ -84,6 +86,7 @@ setup(
     extras_require={
         "ros": ROS_WHEELS,
         "cluster": [*CLUSTER, "bokeh"],  # bokeh shows dask's dashboard
+        "parquet": PARQUET,
         "terrain": ["startinpy>=0.12"],
         "test": TEST,
         "bench": BENCH,

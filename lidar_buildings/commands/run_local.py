@@ -76,8 +76,7 @@ def run_local(
             until=request.until,
             parameters=request.parameters(),
             footprints=footprints,
-            formats=request.files.formats,
-            terrain_tolerance=request.files.terrain_tolerance,
+            files=request.files,
             use=request.use,
         )
         earlier = None

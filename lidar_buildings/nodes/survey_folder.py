@@ -157,8 +157,7 @@ class SurveyFolder:
             until=config.until,
             parameters=self.settings | {OutputConfig.stage: _output_settings(config)},
             footprints=_footprints(config, frame),
-            formats=config.formats,
-            terrain_tolerance=config.terrain_tolerance,
+            files=config,
             is_live=self.is_live,
         )
         self.on_disk = self._folder.done_stamps()

@@ -8,7 +8,7 @@ from support.cli_runs import Command
 from support.geopackages import write_geopackage
 from support.results import contents
 
-from lidar_buildings.io.vectors.geopackage import GeoPackageLayer
+from lidar_buildings.io.vectors.geopackage import VectorLayer
 from lidar_buildings.io.vectors.polygon_file import read_polygons
 from lidar_buildings.simulation import simulate_survey
 
@@ -27,7 +27,7 @@ def survey(tmp_path_factory):
     west, south, _, _ = outline.bounds
     polygons = [outline, shapely.box(west - 12, south - 12, west - 8, south - 9)]
     rows = [{"name": "house"}, {"name": "no building"}]
-    layer = GeoPackageLayer("given", polygons, {"name": str}, rows)
+    layer = VectorLayer("given", polygons, {"name": str}, rows)
     write_geopackage(folder / "given.gpkg", [layer], crs)
     return folder
 

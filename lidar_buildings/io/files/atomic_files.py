@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shutil
 import uuid
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -46,6 +47,37 @@ def atomic_file(
     finally:
         with suppress(OSError):
             temporary.unlink(missing_ok=True)
+
+
+@contextmanager
+def atomic_folder(path: Path) -> Iterator[Path]:
+    """
+    Give a new folder under a temporary name, and put it in the place of `path` when the block ends well.
+
+    Parameters
+    ----------
+    path : Path
+        The folder; the one above it must be there.
+
+    Raises
+    ------
+    OutputError
+        If it cannot be written; nothing is left behind, and what stood under `path` is untouched.
+    """
+    temporary, former = (path.with_name(f".{path.name}.{ending}") for ending in ("part", "former"))
+    try:
+        for left in (temporary, former):
+            shutil.rmtree(left, ignore_errors=True)
+        temporary.mkdir()
+        yield temporary
+        if path.exists():  # a folder that is not empty cannot be replaced
+            os.replace(path, former)
+        os.replace(temporary, path)
+    except OSError as error:
+        raise write_error(path, error) from error
+    finally:
+        for left in (temporary, former):
+            shutil.rmtree(left, ignore_errors=True)
 
 
 def write_error(path: Path, error: BaseException) -> OutputError:

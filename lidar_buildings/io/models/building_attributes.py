@@ -12,6 +12,8 @@ from numpy.typing import NDArray
 from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.solids.face_shape import face_plane, face_shape
 
+#: Column with the name that stays the same in every file, made from the anchor's coordinates.
+READABLE_ID = "readable_id"
 #: Name → type of every attribute of DESIGN.md section 3, in the order of the columns.
 BUILDING_FIELDS: dict[str, type] = {
     "building_id": int,

@@ -17,17 +17,10 @@ from numpy.typing import NDArray
 
 from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.solids.face_triangles import triangles_of
-from lidar_buildings.core.solids.shell import GROUND_SURFACE, ROOF_SURFACE, WALL_SURFACE
 from lidar_buildings.io.files.atomic_files import atomic_file
+from lidar_buildings.io.models.surface_colours import MATERIALS, TERRAIN
 from lidar_buildings.io.models.survey_building import SurveyBuilding, TerrainMesh
 
-#: Surface → its material's name and colour.
-_TERRAIN = ("terrain", (0.47, 0.53, 0.38))
-_MATERIALS = {
-    ROOF_SURFACE: ("roof", (0.72, 0.29, 0.22)),
-    WALL_SURFACE: ("wall", (0.85, 0.82, 0.76)),
-    GROUND_SURFACE: ("ground", (0.45, 0.45, 0.42)),
-}
 Triangle = Sequence[int]
 #: Decimals of coordinates: the grid's millimetres, and as fine where a unit is no metre.
 _DECIMALS, _DECIMALS_OF_OTHER_UNITS = 3, 5
@@ -69,15 +62,15 @@ class _Mesh:
         self._units = frame.units
         self._decimals = _DECIMALS if (frame.units == 1.0).all() else _DECIMALS_OF_OTHER_UNITS
         self._n_vertices = 0
-        self.materials = list(_MATERIALS.values())
+        self.materials = list(MATERIALS.values())
 
     def add(self, building: SurveyBuilding | TerrainMesh) -> None:
         """Write a building, or why it has no solid; or a piece of the terrain."""
         if isinstance(building, TerrainMesh):
-            if _TERRAIN not in self.materials:
-                self.materials.append(_TERRAIN)
+            if TERRAIN not in self.materials:
+                self.materials.append(TERRAIN)
             self._file.write(f"o {building.name}\n")
-            self._write(building.vertices, {_TERRAIN[0]: building.triangles.tolist()})
+            self._write(building.vertices, {TERRAIN[0]: building.triangles.tolist()})
             return
         if building.solid is None:
             reason = " ".join(str(building.attributes.get("reason") or "unknown").split())
@@ -87,7 +80,7 @@ class _Mesh:
         faces = list(zip(building.pieces, building.solid.semantics, strict=True))
         by_material = {
             name: [corners for pieces, of in faces if of == kind for corners in triangles_of(pieces)]
-            for kind, (name, _) in _MATERIALS.items()
+            for kind, (name, _) in MATERIALS.items()
         }
         self._write(building.solid.vertices, by_material)
 

@@ -6,43 +6,33 @@ from collections import Counter
 from collections.abc import Callable, Collection, Iterable, Iterator
 from contextlib import AbstractContextManager, ExitStack, contextmanager
 from pathlib import Path
-from typing import NamedTuple
 
 from lidar_buildings.io.files.atomic_files import atomic_file, write_error
 from lidar_buildings.io.models.cityjson import header_line, terrain_line
 from lidar_buildings.io.models.dxf import dxf_file
 from lidar_buildings.io.models.obj import obj_file
 from lidar_buildings.io.models.survey_building import SurveyBuilding, TerrainMesh
-from lidar_buildings.io.results.building_layers import building_layers_file
-from lidar_buildings.io.results.output_config import FORMAT_FILES
-from lidar_buildings.io.results.survey_buildings import SurveyBuildings
+from lidar_buildings.io.models.tiles3d import tiles3d_folder
+from lidar_buildings.io.results.building_layers import (
+    building_layers_file,
+    flatgeobuf_files,
+    geoparquet_files,
+)
+from lidar_buildings.io.results.model_heading import ModelHeading
+from lidar_buildings.io.results.output_config import FORMAT_FILES, TILES
+from lidar_buildings.io.results.survey_buildings import SurveyBuildings, SurveyPart
 
 #: Formats that tell of outlines, also where there are no models.
-OF_OUTLINES = ("gpkg",)
+OF_OUTLINES = ("gpkg", "flatgeobuf", "geoparquet")
 _NO_FEATURE = "unknown"
 
 _Add = Callable[[SurveyBuilding | TerrainMesh], None]
-
-
-class ModelHeading(NamedTuple):
-    """
-    What a city model says of itself.
-
-    Attributes
-    ----------
-    title : str
-        What it is of.
-    crs : str
-        The reference system together with the vertical one, where that is known.
-    """
-
-    title: str = ""
-    crs: str = ""
+_Buildings = SurveyBuildings | SurveyPart
 
 
 def write_buildings(
     folder: Path,
-    buildings: SurveyBuildings,
+    buildings: _Buildings,
     formats: Collection[str],
     heading: ModelHeading,
     terrain: Iterable[TerrainMesh] = (),
@@ -54,8 +44,8 @@ def write_buildings(
     ----------
     folder : Path
         Where the files go.
-    buildings : SurveyBuildings
-        Of all tiles.
+    buildings : SurveyBuildings or SurveyPart
+        Of all tiles, or of one block.
     formats : collection of str
         Names of `FORMAT_FILES`.
     heading : ModelHeading
@@ -75,7 +65,8 @@ def write_buildings(
     OutputError
         If a file cannot be written.
     """
-    chosen = [name for name in FORMAT_FILES if name in formats]
+    # 3D Tiles stand on the earth, or nowhere
+    chosen = [name for name in FORMAT_FILES if name in formats and (heading.earth or name != TILES)]
     paths = [folder / FORMAT_FILES[name][0] for name in chosen]
     outlined: Counter[str] = Counter()
     traced: Counter[str] = Counter()
@@ -108,7 +99,7 @@ def _add_to_all(paths: list[Path], writers: list[_Add], one: SurveyBuilding | Te
 
 
 @contextmanager
-def _sequence(path: Path, buildings: SurveyBuildings, heading: ModelHeading) -> Iterator[_Add]:
+def _sequence(path: Path, buildings: _Buildings, heading: ModelHeading) -> Iterator[_Add]:
     header = header_line(buildings.frame, crs=heading.crs, extent=buildings.extent, title=heading.title)
     with atomic_file(path) as temporary, open(temporary, "w", encoding="utf-8") as file:
         file.write(f"{header}\n")
@@ -122,9 +113,12 @@ def _sequence(path: Path, buildings: SurveyBuildings, heading: ModelHeading) -> 
 
 
 #: Format → what opens its first file for a survey's buildings.
-_WRITERS: dict[str, Callable[[Path, SurveyBuildings, ModelHeading], AbstractContextManager[_Add]]] = {
+_WRITERS: dict[str, Callable[[Path, _Buildings, ModelHeading], AbstractContextManager[_Add]]] = {
     "gpkg": lambda path, buildings, _: building_layers_file(path, buildings.frame),
     "cityjson": _sequence,
     "obj": lambda path, buildings, _: obj_file(path, buildings.frame),
     "dxf": lambda path, buildings, _: dxf_file(path, buildings.frame),
+    TILES: lambda path, _, heading: tiles3d_folder(path, heading.earth),
+    "flatgeobuf": lambda path, buildings, _: flatgeobuf_files(path.parent, buildings.frame),
+    "geoparquet": lambda path, buildings, _: geoparquet_files(path.parent, buildings.frame),
 }

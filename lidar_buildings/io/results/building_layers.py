@@ -1,9 +1,10 @@
-"""Buildings as the layers of ``buildings.gpkg``."""
+"""Buildings as the layers of ``buildings.gpkg``, or as files of a layer each."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from itertools import chain
 from pathlib import Path
 from typing import Any
@@ -15,15 +16,15 @@ from numpy.typing import NDArray
 from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.model.outline import Outline
 from lidar_buildings.core.solids.shell import ROOF_SURFACE, Face
-from lidar_buildings.io.models.building_attributes import BUILDING_FIELDS, FACE_FIELDS
+from lidar_buildings.io.models.building_attributes import BUILDING_FIELDS, FACE_FIELDS, READABLE_ID
 from lidar_buildings.io.models.survey_building import SurveyBuilding, TerrainMesh
-from lidar_buildings.io.vectors.geopackage import GeoPackageLayer, GeoPackageWriter
+from lidar_buildings.io.vectors.flatgeobuf import write_flatgeobuf
+from lidar_buildings.io.vectors.geopackage import GeoPackageWriter, VectorLayer
+from lidar_buildings.io.vectors.geoparquet import geoparquet_file
 
-#: Column with the name that stays the same in every file, made from the anchor's coordinates.
-READABLE_ID = "readable_id"
 _NAMES: dict[str, type] = {"building_id": int, READABLE_ID: str}
 #: Layer → its columns.
-_LAYERS: dict[str, dict[str, type]] = {
+LAYERS: dict[str, dict[str, type]] = {
     "outlines": BUILDING_FIELDS | {READABLE_ID: str},
     "traced": _NAMES,
     "roof_faces": {
@@ -51,13 +52,12 @@ _PORTION = 20_000
 #: Decimals of a face's elevations, as of a building's.
 _DECIMALS = 4
 
+_Add = Callable[[SurveyBuilding | TerrainMesh], None]
 _Rows = list[tuple[dict[str, Any], Any]]
 
 
 @contextmanager
-def building_layers_file(
-    path: Path, frame: MapFrame
-) -> Iterator[Callable[[SurveyBuilding | TerrainMesh], None]]:
+def building_layers_file(path: Path, frame: MapFrame) -> Iterator[_Add]:
     """
     Give a function that adds a building to the layers of a GeoPackage.
 
@@ -74,18 +74,54 @@ def building_layers_file(
         If the file cannot be written.
     """
     with GeoPackageWriter(path, frame.crs) as file:
-        layers = _BuildingLayers(file, frame)
+        layers = _BuildingLayers(file.append, frame, _PORTION)
+        yield layers.add
+        layers.write_all()
+
+
+@contextmanager
+def flatgeobuf_files(folder: Path, frame: MapFrame) -> Iterator[_Add]:
+    """
+    Give a function that adds a building to FlatGeobuf files, one a layer; all rows are held until the end.
+
+    Parameters and errors are those of `building_layers_file`, but for the folder of the files.
+    """
+    layers = _BuildingLayers(
+        lambda layer: write_flatgeobuf(folder / f"{layer.name}.fgb", layer, frame.crs), frame
+    )
+    yield layers.add
+    layers.write_all()
+
+
+@contextmanager
+def geoparquet_files(folder: Path, frame: MapFrame) -> Iterator[_Add]:
+    """
+    Give a function that adds a building to GeoParquet files, one a layer.
+
+    Parameters and errors are those of `building_layers_file`, but for the folder of the files.
+    """
+    with ExitStack() as stack:
+        write = {
+            name: stack.enter_context(
+                geoparquet_file(folder / f"{name}.parquet", _layer(name, []), frame.crs)
+            )
+            for name in LAYERS
+        }
+        layers = _BuildingLayers(lambda layer: write[layer.name](layer), frame, _PORTION)
         yield layers.add
         layers.write_all()
 
 
 class _BuildingLayers:
-    """Gathers rows, and writes them in portions."""
+    """Gathers rows, and writes them in portions, or all at the end."""
 
-    def __init__(self, file: GeoPackageWriter, frame: MapFrame) -> None:
-        self._file = file
+    def __init__(
+        self, write: Callable[[VectorLayer], None], frame: MapFrame, portion: float = math.inf
+    ) -> None:
+        self._write = write
         self._frame = frame
-        self._rows: dict[str, _Rows] = {name: [] for name in _LAYERS}
+        self._portion = portion
+        self._rows: dict[str, _Rows] = {name: [] for name in LAYERS}
         self._is_begun = False
 
     def add(self, building: SurveyBuilding | TerrainMesh) -> None:
@@ -104,21 +140,22 @@ class _BuildingLayers:
         self._rows["roof_lines"] += [
             (names | known, line) for known, line in _roof_lines(building, self._frame)
         ]
-        if len(self._rows["roof_faces"]) + len(self._rows["outlines"]) >= _PORTION:
+        if len(self._rows["roof_faces"]) + len(self._rows["outlines"]) >= self._portion:
             self.write_all()
 
     def write_all(self) -> None:
         """Write the rows that wait; the first time all layers, as empty ones are layers, too."""
         for name, rows in self._rows.items():
             if rows or not self._is_begun:
-                self._write(name)
+                self._rows[name] = []
+                self._write(_layer(name, rows))
         self._is_begun = True
 
-    def _write(self, name: str) -> None:
-        rows, self._rows[name] = self._rows[name], []
-        geometries = [geometry for _, geometry in rows]
-        known, kind = [row for row, _ in rows], _IN_3D.get(name, "Polygon")
-        self._file.append(GeoPackageLayer(name, geometries, _LAYERS[name], known, name in _IN_3D, kind))
+
+def _layer(name: str, rows: _Rows) -> VectorLayer:
+    geometries, known = [geometry for _, geometry in rows], [row for row, _ in rows]
+    is_3d = name in _IN_3D
+    return VectorLayer(name, geometries, LAYERS[name], known, is_3d, _IN_3D.get(name, "Polygon"))
 
 
 def _roof_faces(

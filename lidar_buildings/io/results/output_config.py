@@ -3,19 +3,30 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from importlib.util import find_spec
 from typing import ClassVar
 
+from lidar_buildings.core.model.errors import ParameterError
 from lidar_buildings.core.model.parameters import parameter
 from lidar_buildings.core.stages.terrain import RasterConfig
 
+#: The format of what has a place on the earth.
+TILES = "3dtiles"
+#: Layers of buildings, in one file or in one each.
+LAYERS = ("outlines", "traced", "roof_faces", "roof_lines")
 #: Format of the files that tell of buildings → their names; `building_files` has a writer for each.
 FORMAT_FILES = {
     "gpkg": ("buildings.gpkg",),
     "cityjson": ("city_model.city.jsonl",),
     "obj": ("city_model.obj", "city_model.mtl"),
     "dxf": ("city_model.dxf",),
+    TILES: ("tiles3d",),
+    "flatgeobuf": tuple(f"{layer}.fgb" for layer in LAYERS),
+    "geoparquet": tuple(f"{layer}.parquet" for layer in LAYERS),
 }
 FORMATS = tuple(FORMAT_FILES)
+#: Written unless others are chosen; the last two hold what GeoPackage does.
+_DEFAULT_FORMATS = FORMATS[:-2]
 
 
 @dataclass(frozen=True)
@@ -25,10 +36,19 @@ class OutputConfig(RasterConfig):
     stage: ClassVar[str] = RasterConfig.stage
 
     formats: tuple[str, ...] = parameter(
-        FORMATS,
+        _DEFAULT_FORMATS,
         "Formats of the files that tell of buildings; fewer take less time and room.",
         choices=FORMATS,
         read_only=True,
+    )
+    max_buildings_per_file: int = parameter(
+        20_000,
+        "Buildings above which they are written in blocks, squares of at most as many each, with an index; "
+        "raising it gives fewer, larger files and takes more memory.",
+        minimum=1,
+        maximum=100_000_000,
+        read_only=True,
+        advanced=True,
     )
     terrain_tolerance: float = parameter(
         0.2,
@@ -40,3 +60,22 @@ class OutputConfig(RasterConfig):
         read_only=True,
         advanced=True,
     )
+    geoid_height: float = parameter(
+        0.0,
+        "Height of the geoid above the ellipsoid of WGS 84, which 3D Tiles stand on: added to elevations "
+        "where no grid of PROJ turns them into ellipsoidal heights.",
+        unit="m",
+        minimum=-200.0,
+        maximum=200.0,
+        read_only=True,
+        advanced=True,
+    )
+
+    def __post_init__(self) -> None:
+        """Check every value, and whether what a format needs is installed."""
+        super().__post_init__()
+        if "geoparquet" in self.formats and find_spec("pyarrow") is None:
+            raise ParameterError(
+                f"{self.stage}.formats = {list(self.formats)}: geoparquet needs pyarrow: install "
+                "lidar_buildings[parquet], or take flatgeobuf"
+            )

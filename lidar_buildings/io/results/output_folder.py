@@ -6,9 +6,10 @@ import json
 import shutil
 from collections.abc import Collection, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import asdict
+from dataclasses import asdict, replace
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 from zipfile import BadZipFile
 
 import numpy as np
@@ -21,7 +22,7 @@ from lidar_buildings.io.clouds.las import InputFile
 from lidar_buildings.io.files.atomic_files import atomic_file
 from lidar_buildings.io.results.classified_files import write_clouds
 from lidar_buildings.io.results.footprint_results import FootprintResults
-from lidar_buildings.io.results.output_config import FORMATS
+from lidar_buildings.io.results.output_config import OutputConfig
 from lidar_buildings.io.results.run_folder import (
     PARTIAL,
     RUN,
@@ -29,16 +30,12 @@ from lidar_buildings.io.results.run_folder import (
     Use,
     claim_folder,
     files_of_run,
-    output_names,
     remove_files,
 )
 from lidar_buildings.io.results.run_summary import RunSummary
 from lidar_buildings.io.results.survey_buildings import SurveyBuildings, seam_pieces
 from lidar_buildings.io.results.tile_products import TileProducts, load_outlines, load_shapes, load_stamp
 from lidar_buildings.io.vectors.footprints import FootprintFile
-
-if TYPE_CHECKING:  # what writes is imported when it is needed: `load_writers`
-    from lidar_buildings.io.results.building_files import ModelHeading
 
 _ENDING = ".npz"
 #: File among the tiles in which the models' lines wait for their turn.
@@ -69,10 +66,8 @@ class OutputFolder:
         All settings that results depend on; they must be equal for a run to be taken up again.
     footprints : FootprintFile or None
         The footprints that were given.
-    formats : collection of str
-        Which files tell of the buildings, of `lidar_buildings.io.results.output_config.FORMATS`.
-    terrain_tolerance : float
-        Of the terrain in models [m]; 0 for none.
+    files : OutputConfig
+        Which files are made, and what they hold.
     is_live : bool
         Whether tiles go on coming: the files are made from those there are, as often as one likes, and
         `inputs` are named before that.
@@ -95,8 +90,7 @@ class OutputFolder:
         until: str = "building_model",
         parameters: Mapping[str, Any] | None = None,
         footprints: FootprintFile | None = None,
-        formats: Collection[str] = FORMATS,
-        terrain_tolerance: float = 0.0,
+        files: OutputConfig | None = None,
         is_live: bool = False,
         use: Use = Use.NONE,
     ) -> None:
@@ -104,8 +98,7 @@ class OutputFolder:
         self.inputs = list(inputs)
         self.frame = frame
         self.until = until
-        self.formats = tuple(formats)
-        self._tolerance = terrain_tolerance
+        self._files = files or OutputConfig()
         self.is_live = is_live
         self._footprints = FootprintResults.of(footprints)
         identity = {
@@ -204,7 +197,7 @@ class OutputFolder:
                 write_clouds, self.path, self.inputs, fragments, without=pieces, share=share
             )
             raster_files = beside.submit(self._write_rasters, fragments)
-            buildings, statuses = self._write_buildings(fragments, pieces)
+            buildings, statuses, unmade = self._write_buildings(fragments, pieces)
             clouds, (rasters, problems) = cloud_files.result(), raster_files.result()
         files = [*filter(None, clouds.outputs), *buildings]
         new = [line for source, line in clouds.problems.items() if source not in told_of]
@@ -218,7 +211,7 @@ class OutputFolder:
             buildings=statuses,
             n_seam_pieces=len(pieces),
             rasters=rasters,
-            problems=tuple(dict.fromkeys([*info.get("problems", ()), *new, *problems])),
+            problems=tuple(dict.fromkeys([*info.get("problems", ()), *new, *unmade, *problems])),
             footprints=self._footprints.summary(sum(statuses.values())),
         )
         outdated = set(files_of_run(self.path)) - set(summary.files)
@@ -239,32 +232,30 @@ class OutputFolder:
         found = [one for one in self._partial.glob(f"*{_ENDING}") if one.stem.isdigit()]
         return sorted(found, key=lambda one: int(one.stem))
 
-    def _write_buildings(self, fragments: list[Path], pieces: set[int]) -> tuple[list[str], dict[str, int]]:
-        """Write outlines and models as far as the run went; return file names, and buildings per status."""
+    def _write_buildings(
+        self, fragments: list[Path], pieces: set[int]
+    ) -> tuple[list[str], dict[str, int], list[str]]:
+        """Write outlines and models as far as the run went; return file names, counts by status, problems."""
+        from lidar_buildings.io.results.building_blocks import write_in_blocks
         from lidar_buildings.io.results.building_files import OF_OUTLINES, write_buildings
+        from lidar_buildings.io.results.model_heading import model_heading
         from lidar_buildings.io.results.terrain_files import terrain_meshes
 
         names = self._footprints.names if self._footprints else None
-        formats = self.formats
+        formats = self._files.formats
         if self.until in _WITHOUT_MODELS:
             formats = () if self.until in _WITHOUT_OUTLINES else tuple(set(formats) & set(OF_OUTLINES))
+        heading, problems = model_heading(self.inputs, self.frame, replace(self._files, formats=formats))
         with SurveyBuildings(
             self._partial / _LINES, self.frame, without=pieces, footprint_id=names
         ) as buildings:
             for shapes in self._footprints.named(load_shapes(one) for one in fragments):
                 buildings.add(shapes)
-            terrain = terrain_meshes(fragments, self.frame, self._tolerance)
-            return write_buildings(self.path, buildings, formats, self._heading(), terrain)
-
-    def _heading(self) -> ModelHeading:
-        """Return what the city model says of itself."""
-        from lidar_buildings.io.results.building_files import ModelHeading
-        from lidar_buildings.io.results.terrain_files import crs_with_heights
-
-        names = output_names(self.inputs)
-        more = f" and {len(names) - 1} more" if len(names) > 1 else ""
-        title = f"Buildings of {names[0]}{more}" if names else ""
-        return ModelHeading(title, crs_with_heights(self.inputs, self.frame))
+            terrain = terrain_meshes(fragments, self.frame, self._files.terrain_tolerance)
+            write = write_buildings
+            if len(buildings) > self._files.max_buildings_per_file:
+                write = partial(write_in_blocks, largest=self._files.max_buildings_per_file)
+            return *write(self.path, buildings, formats, heading, terrain), problems
 
     def _write_rasters(self, fragments: list[Path]) -> tuple[dict[str, dict[str, Any]], list[str]]:
         """Write the rasters; a survey too wide for them is a problem."""

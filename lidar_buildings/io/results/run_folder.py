@@ -38,6 +38,8 @@ PLACED = "placed"
 _POINTS = "points"
 RUN = "run.json"
 CLASSIFIED = "classified"
+#: Folder with the files of buildings where there are too many for one each.
+BLOCKS = "blocks"
 DTM, DSM, NDSM = "dtm.tif", "dsm.tif", "ndsm.tif"
 #: What parts of an identity are called.
 _WORDS = {"until": "--until", "version": "versions of this package"}
@@ -225,16 +227,20 @@ def files_of_run(path: Path) -> list[str]:
 
 
 def remove_files(path: Path, names: Iterable[str]) -> None:
-    """Delete files of an output folder; names that lead out of it are left alone."""
+    """Delete files and folders of an output folder; names that lead out of it are left alone."""
     for name in names:
         file = path / name
-        if path.resolve() in file.resolve().parents:
+        if path.resolve() not in file.resolve().parents:
+            continue
+        if file.is_dir():
+            shutil.rmtree(file, ignore_errors=True)
+        else:
             file.unlink(missing_ok=True)
 
 
 def _clear(path: Path) -> None:
     of_buildings = [name for files in FORMAT_FILES.values() for name in files]
-    remove_files(path, (RUN, DTM, DSM, NDSM, *of_buildings, *files_of_run(path)))
+    remove_files(path, (RUN, DTM, DSM, NDSM, BLOCKS, *of_buildings, *files_of_run(path)))
     for one in (path / PARTIAL).glob("*"):
         if one.name not in (PLACED, _POINTS):  # what the run that begins reads
             one.unlink(missing_ok=True)

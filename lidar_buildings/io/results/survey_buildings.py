@@ -5,9 +5,10 @@ from __future__ import annotations
 import json
 import os
 import re
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -43,6 +44,39 @@ class _Entry:
     outline: Outline | None
     start: int
     length: int
+    low: NDArray[np.float64]
+    high: NDArray[np.float64]
+
+    @property
+    def place(self) -> NDArray[np.float64]:
+        """Somewhere on the building, the map's origin where nothing tells [m]."""
+        outline = self.outline or self.traced
+        if outline is not None and len(outline.exterior):
+            return outline.exterior[0]
+        return self.low[:2] if np.isfinite(self.low).all() else np.zeros(2)
+
+
+@dataclass(frozen=True, eq=False)
+class SurveyPart:
+    """
+    Some buildings of a survey, read one at a time.
+
+    Attributes
+    ----------
+    frame : MapFrame
+        Of the tiles.
+    extent : ndarray of shape (2, 3) or None
+        Of their solids, as of `SurveyBuildings`.
+    read : callable
+        Yields them by id and name.
+    """
+
+    frame: MapFrame
+    extent: NDArray[np.float64] | None
+    read: Callable[[], Iterator[SurveyBuilding]]
+
+    def __iter__(self) -> Iterator[SurveyBuilding]:
+        return self.read()
 
 
 class SurveyBuildings:
@@ -74,7 +108,6 @@ class SurveyBuildings:
         self._footprint_id = footprint_id
         self._entries: dict[tuple[int, str], _Entry] = {}
         self._places: dict[int, list[NDArray[np.float64]]] = {}
-        self._low, self._high = np.full(3, np.inf), np.full(3, -np.inf)
         self._path = path
         with self._reported():
             self._file = open(path, "w+b")  # noqa: SIM115 (open as long as the object)
@@ -91,10 +124,25 @@ class SurveyBuildings:
     def __exit__(self, *_: object) -> None:
         self.close()
 
+    def __len__(self) -> int:
+        return len(self._entries)
+
     @property
     def extent(self) -> NDArray[np.float64] | None:
         """Least and greatest coordinates of all solids in the map frame [m], None if there are none."""
-        return np.stack([self._low, self._high]) if np.isfinite(self._low).all() else None
+        return self._extent(self._entries)
+
+    def places(self) -> NDArray[np.float64]:
+        """Return where the buildings are, shape (n, 2), by id and name, map frame [m]."""
+        places = [anchor_near(key[0], self._entries[key].place) for key in sorted(self._entries)]
+        return np.array(places, dtype=np.float64).reshape(-1, 2)
+
+    def parts(self, rows: Iterable[NDArray[np.intp]]) -> Iterator[SurveyPart]:
+        """Yield parts of the survey, each of some rows of `places`."""
+        keys = sorted(self._entries)
+        for own in rows:
+            chosen = [keys[row] for row in own.tolist()]
+            yield SurveyPart(self.frame, self._extent(chosen), partial(self._read, chosen))
 
     def add(self, shapes: Shapes) -> None:
         """Add a tile's buildings; of one that came before nothing is taken."""
@@ -111,11 +159,20 @@ class SurveyBuildings:
 
     def __iter__(self) -> Iterator[SurveyBuilding]:
         """Yield the buildings by id and name, one at a time."""
-        for number, name in sorted(self._entries):
+        return self._read(sorted(self._entries))
+
+    def _read(self, keys: Iterable[tuple[int, str]]) -> Iterator[SurveyBuilding]:
+        for number, name in keys:
             entry = self._entries[number, name]
             line = self._line(entry)
             feature = parse_feature(line) if line else CityFeature(self._attributes(number, entry.outline))
             yield SurveyBuilding(number, name, entry.traced, entry.outline, line, *feature)
+
+    def _extent(self, keys: Iterable[tuple[int, str]]) -> NDArray[np.float64] | None:
+        low, high = np.full(3, np.inf), np.full(3, -np.inf)
+        for key in keys:
+            low, high = np.minimum(low, self._entries[key].low), np.maximum(high, self._entries[key].high)
+        return np.stack([low, high]) if np.isfinite(low).all() else None
 
     def _is_new(self, number: int, outline: Outline | None) -> bool:
         """Whether no building with this id came nearby; its name may differ by what was scanned later."""
@@ -127,15 +184,13 @@ class SurveyBuildings:
         others.append(place)
         return True
 
-    def _kept(self, model: _Head | None) -> tuple[int, int]:
-        """Put a line into the file; return where it begins and its length."""
+    def _kept(self, model: _Head | None) -> tuple[int, int, NDArray[np.float64], NDArray[np.float64]]:
+        """Put a line into the file; return where it begins, its length, and the extent of its solids."""
         if model is None:
-            return 0, 0
-        self._low = np.minimum(self._low, model.low)
-        self._high = np.maximum(self._high, model.high)
+            return 0, 0, np.full(3, np.inf), np.full(3, -np.inf)
         with self._reported():
             start = self._file.seek(0, os.SEEK_END)
-            return start, self._file.write(model.line.encode())
+            return start, self._file.write(model.line.encode()), model.low, model.high
 
     def _line(self, entry: _Entry) -> str:
         self._file.seek(entry.start)

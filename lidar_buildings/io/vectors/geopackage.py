@@ -23,7 +23,7 @@ from lidar_buildings.core.model.errors import OutputError
 _DTYPES: dict[type, Any] = {int: np.int64, str: object}
 #: What stands in an array where a value is missing; a mask says so beside it.
 _VOID: dict[type, Any] = {int: 0, str: None}
-_FAILURES = (DataLayerError, DataSourceError, FeatureError, FieldError, GeometryError, OSError, RuntimeError)
+FAILURES = (DataLayerError, DataSourceError, FeatureError, FieldError, GeometryError, OSError, RuntimeError)
 #: So that equal content gives equal bytes: the date that stands in the file's tables, and no thread for the
 #: index, which needs other transactions, counted in the file, and is there only where there are two cores.
 _FIXED = {"OGR_CURRENT_DATE": "2000-01-01T00:00:00.000Z", "OGR_GPKG_ALLOW_THREADED_RTREE": "NO"}
@@ -32,7 +32,7 @@ _one_writer = threading.Lock()
 
 
 @dataclass(frozen=True, eq=False)
-class GeoPackageLayer:
+class VectorLayer:
     """
     One layer of polygons or lines.
 
@@ -79,7 +79,7 @@ class GeoPackageWriter:
         self._crs = crs
         self._counts: dict[str, int] = {}
 
-    def append(self, layer: GeoPackageLayer) -> None:
+    def append(self, layer: VectorLayer) -> None:
         """
         Add a layer, or geometries to a layer that is there.
 
@@ -89,7 +89,7 @@ class GeoPackageWriter:
             If the file cannot be written.
         """
         with self._reported(), _fixed_options():
-            _write_layer(self._partial, layer, self._crs, append=bool(self._counts))
+            write_layer(self._partial, layer, self._crs, append=bool(self._counts))
         self._counts[layer.name] = self._counts.get(layer.name, 0) + len(layer.geometries)
 
     def __enter__(self) -> GeoPackageWriter:
@@ -100,7 +100,7 @@ class GeoPackageWriter:
         try:
             if error is None:
                 with self._reported():
-                    _check_complete(self._partial, self._counts)
+                    check_complete(self._partial, self._counts)
                     os.replace(self._partial, self._path)
         finally:
             for left in self._path.parent.glob(f"{self._partial.name}*"):
@@ -110,33 +110,42 @@ class GeoPackageWriter:
     def _reported(self) -> Iterator[None]:
         try:
             yield
-        except _FAILURES as error:
+        except FAILURES as error:
             raise OutputError(
                 f"{self._path}: cannot be written: {error}: check the folder and the free space"
             ) from error
 
 
-def _write_layer(path: Path, layer: GeoPackageLayer, crs: str, append: bool) -> None:
-    columns = [_column([row.get(name) for row in layer.rows], kind) for name, kind in layer.fields.items()]
+def write_layer(
+    path: Path, layer: VectorLayer, crs: str, *, append: bool = False, driver: str = "GPKG"
+) -> None:
+    """Write one layer with GDAL."""
+    columns = columns_of(layer)
     with warnings.catch_warnings():
         # A cloud without reference system is legal, and said so in the run's record.
         warnings.filterwarnings("ignore", message="'crs' was not provided")
         pyogrio.raw.write(
             path,
-            geometry=_wkb(layer),
+            geometry=wkb_of(layer),
             field_data=[values for values, _ in columns],
             fields=list(layer.fields),
             field_mask=[is_missing for _, is_missing in columns],
             layer=layer.name,
-            driver="GPKG",
+            driver=driver,
             geometry_type=f"{layer.kind} Z" if layer.is_3d else layer.kind,
             crs=crs or None,
             append=append,
-            layer_options={"GEOMETRY_NAME": "geometry"},
+            layer_options={"GEOMETRY_NAME": "geometry"} if driver == "GPKG" else None,
         )
 
 
-def _wkb(layer: GeoPackageLayer) -> NDArray[np.object_]:
+def columns_of(layer: VectorLayer) -> list[tuple[NDArray[Any], NDArray[np.bool_]]]:
+    """Return each field's values and which are missing."""
+    return [_column([row.get(name) for row in layer.rows], kind) for name, kind in layer.fields.items()]
+
+
+def wkb_of(layer: VectorLayer) -> NDArray[np.object_]:
+    """Return a layer's geometries as WKB."""
     geometry = np.empty(len(layer.geometries), dtype=object)
     if len(layer.geometries):
         geometry[:] = shapely.to_wkb(list(layer.geometries), output_dimension=3 if layer.is_3d else 2)
@@ -153,10 +162,10 @@ def _column(values: list[Any], kind: type) -> tuple[NDArray[Any], NDArray[np.boo
     return np.array(known, dtype=_DTYPES[kind]), is_missing
 
 
-def _check_complete(path: Path, counts: Mapping[str, int]) -> None:
+def check_complete(path: Path, counts: Mapping[str, int]) -> None:
     """Read back how many geometries each layer has: a full disk may show no sooner."""
     for name, count in counts.items():
-        found = pyogrio.read_info(path, layer=name)["features"]
+        found = pyogrio.read_info(path, layer=name, force_feature_count=True)["features"]
         if found != count:
             raise OSError(f"layer {name} holds {found} of {count} geometries")
 

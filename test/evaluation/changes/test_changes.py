@@ -12,7 +12,7 @@ from lidar_buildings.cli import main
 from lidar_buildings.core.model.classes import PointClass
 from lidar_buildings.core.model.errors import InputError, ParameterError
 from lidar_buildings.evaluation.changes import ChangeConfig, cells, compare_runs
-from lidar_buildings.io.vectors.geopackage import GeoPackageLayer, GeoPackageWriter
+from lidar_buildings.io.vectors.geopackage import GeoPackageWriter, VectorLayer
 
 #: Point spacing and noise of both surveys [m].
 SPACING, NOISE = 0.3, 0.03
@@ -48,7 +48,7 @@ def survey(folder, roofs, *, seed=0, others=(), hidden=(), shift=(0.0, 0.0, 0.0)
     ]
     outlines = shapely.transform([one for one, _ in roofs], lambda xy: xy + ORIGIN[:2] + shift[:2])
     with GeoPackageWriter(folder / "buildings.gpkg", crs) as writer:
-        writer.append(GeoPackageLayer("outlines", list(outlines), fields, rows))
+        writer.append(VectorLayer("outlines", list(outlines), fields, rows))
     return folder
 
 

@@ -18,31 +18,46 @@ from lidar_buildings.core.model.errors import OutputError
 from lidar_buildings.core.model.outline import BuildingOutline, Outline
 from lidar_buildings.core.stages.building_model import BuildingModel
 from lidar_buildings.io.models.building_attributes import BUILDING_FIELDS
+from lidar_buildings.io.models.earth_frame import EarthFrame
 from lidar_buildings.io.models.survey_building import TerrainMesh
 from lidar_buildings.io.results import building_files
-from lidar_buildings.io.results.building_files import ModelHeading, write_buildings
-from lidar_buildings.io.results.output_config import FORMAT_FILES as FILES
+from lidar_buildings.io.results.building_files import write_buildings
+from lidar_buildings.io.results.model_heading import ModelHeading
+from lidar_buildings.io.results.output_config import FORMAT_FILES, OutputConfig
 from lidar_buildings.io.results.tile_products import Shapes
 from lidar_buildings.io.vectors.polygon_file import read_polygons
 
-NAMES = ["buildings.gpkg", "city_model.city.jsonl", "city_model.obj", "city_model.mtl", "city_model.dxf"]
+NAMES = [
+    "buildings.gpkg",
+    "city_model.city.jsonl",
+    "city_model.obj",
+    "city_model.mtl",
+    "city_model.dxf",
+    "tiles3d",
+]
 
 
-def written(folder, *tiles, frame=DUTCH, formats=tuple(FILES), heading=None, **options):
+#: Those of the formats that are written unless others are chosen.
+FILES = {name: FORMAT_FILES[name] for name in OutputConfig().formats}
+
+
+def written(folder, *tiles, frame=DUTCH, formats=tuple(FILES), title="", **options):
     """Write tiles in some formats, and return what the writer says."""
     folder.mkdir(exist_ok=True)
     with model_survey.survey(folder, *tiles, frame=frame, **options) as survey:
-        return write_buildings(folder, survey, formats, heading or ModelHeading())
+        heading = ModelHeading(title, earth=EarthFrame(frame, frame.crs))
+        return write_buildings(folder, survey, formats, heading)
 
 
 def bytes_of(folder):
-    return {name: (folder / name).read_bytes() for name in NAMES}
+    files = [path for path in folder.rglob("*") if path.is_file() and path.name != "lines"]
+    return {path.relative_to(folder).as_posix(): path.read_bytes() for path in files}
 
 
 @pytest.fixture(scope="module")
 def dutch(tmp_path_factory):
     folder = tmp_path_factory.mktemp("files")
-    return folder, *written(folder, model_survey.shapes(), heading=ModelHeading("Buildings of a"))
+    return folder, *written(folder, model_survey.shapes(), title="Buildings of a")
 
 
 @pytest.fixture(scope="module")
@@ -55,7 +70,7 @@ def feet(tmp_path_factory):
 def test_all_files_are_named_and_buildings_counted_by_status(dutch):
     folder, files, statuses = dutch
     assert files == NAMES
-    assert all((folder / name).is_file() for name in files)
+    assert all((folder / name).exists() for name in files)
     assert statuses == {"degenerate": 1, "ok": 4}
 
 
@@ -192,7 +207,7 @@ def test_no_buildings_give_files_that_are_sound_and_empty(tmp_path):
 
 def test_the_result_does_not_depend_on_how_buildings_are_cut_into_tiles(dutch, tmp_path):
     tiles = [model_survey.shapes(buildings={n: b}) for n, b in model_survey.BUILDINGS.items()]
-    written(tmp_path, *tiles, *tiles[:2], heading=ModelHeading("Buildings of a"))
+    written(tmp_path, *tiles, *tiles[:2], title="Buildings of a")
     assert bytes_of(tmp_path) == bytes_of(dutch[0])
 
 
@@ -206,10 +221,10 @@ def test_many_buildings_are_written_in_portions_to_the_same_layers(dutch, tmp_pa
             np.testing.assert_array_equal(mine[1][name], column)
 
 
-@pytest.mark.parametrize("name", FILES)
+@pytest.mark.parametrize("name", FORMAT_FILES)
 def test_formats_can_be_chosen(tmp_path, name):
     files, statuses = written(tmp_path, model_survey.shapes(), formats=[name])
-    assert files == list(FILES[name])
+    assert files == list(FORMAT_FILES[name])
     assert {p.name for p in tmp_path.iterdir()} == {"lines", *files}
     assert statuses == {"degenerate": 1, "ok": 4}
 

@@ -19,6 +19,7 @@ from lidar_buildings.core.stages.building_model import BuildingModel
 from lidar_buildings.io.clouds.las import InputFile
 from lidar_buildings.io.models.cityjson import feature_line
 from lidar_buildings.io.results import building_files
+from lidar_buildings.io.results.output_config import OutputConfig
 from lidar_buildings.io.results.output_folder import OutputFolder
 from lidar_buildings.io.results.run_folder import output_names
 from lidar_buildings.io.results.tile_products import TileProducts
@@ -26,7 +27,7 @@ from lidar_buildings.io.tiling.tiling import TileSource, TilingConfig
 from lidar_buildings.io.vectors.polygon_file import read_polygons
 
 WEST, SOUTH = 85000.0, 447000.0
-FILES = ["buildings.gpkg", *MODELS, "classified", "run.json"]
+FILES = ["buildings.gpkg", *MODELS, "classified", "run.json", "tiles3d"]
 
 
 @pytest.fixture
@@ -94,7 +95,7 @@ def test_a_run_makes_every_file_and_leaves_nothing_else(tmp_path, survey):
     assert sorted(p.name for p in (tmp_path / "deep" / "out").iterdir()) == FILES
     assert summary.files == (
         "classified/0.laz", "classified/1.laz", "buildings.gpkg", "city_model.city.jsonl", "city_model.obj",
-        "city_model.mtl", "city_model.dxf", "run.json",
+        "city_model.mtl", "city_model.dxf", "tiles3d", "run.json",
     )  # fmt: skip
     assert (summary.n_tiles, summary.n_points, summary.n_unclassified) == (len(tiles), 1200, 0)
     assert sum(summary.classes.values()) == 1200
@@ -340,9 +341,29 @@ def test_equal_names_of_different_folders_are_both_written(tmp_path, survey):
             assert np.array_equal(laspy.read(tmp_path / "out" / "classified" / name).X, mine.X)
 
 
+def test_more_buildings_than_a_file_may_hold_are_written_in_blocks_and_replaced(tmp_path, survey):
+    source, tiles = survey
+    few = OutputConfig(max_buildings_per_file=1)
+    summary = run(tmp_path / "out", source, tiles, files=few)
+    names = ["blocks", "classified", "run.json", "tiles3d"]
+    assert sorted(p.name for p in (tmp_path / "out").iterdir()) == names
+    assert summary.buildings == {"no_solid": len(tiles)}
+    run(tmp_path / "out", source, tiles, overwrite=True)
+    assert sorted(p.name for p in (tmp_path / "out").iterdir()) == FILES
+
+
+def test_without_a_reference_system_there_are_no_3d_tiles_and_one_line_says_so(tmp_path):
+    cloud = cloud_files.saved(cloud_files.random_cloud(50), tmp_path / "x.las")
+    with TileSource([cloud]) as source:
+        summary = run(tmp_path / "out", source, list(source))
+    assert "tiles3d" not in summary.files
+    (line,) = summary.problems
+    assert line.startswith("no 3D Tiles were made: the inputs name no reference system: ")
+
+
 def test_formats_that_are_not_wanted_are_not_made(tmp_path, survey):
     source, tiles = survey
-    summary = run(tmp_path / "out", source, tiles, formats=["cityjson"])
+    summary = run(tmp_path / "out", source, tiles, files=OutputConfig(formats=["cityjson"]))
     assert sorted(p.name for p in (tmp_path / "out").iterdir()) == [MODELS[0], "classified", "run.json"]
     assert "city_model.city.jsonl" in summary.files
     assert "buildings.gpkg" not in summary.files
@@ -436,6 +457,6 @@ def test_zero_points_give_an_empty_but_complete_output(tmp_path):
     cloud_files.saved(cloud_files.random_cloud(0), tmp_path / "none.laz")
     with TileSource(tmp_path / "none.laz") as source:
         summary = run(tmp_path / "out", source, list(source))
-    assert sorted(p.name for p in (tmp_path / "out").iterdir()) == FILES
+    assert sorted(p.name for p in (tmp_path / "out").iterdir()) == FILES[:-1], "3D Tiles have no place"
     assert summary.n_points == 0
     assert len(laspy.read(tmp_path / "out" / "classified" / "none.laz")) == 0

@@ -16,7 +16,7 @@ from support.geopackages import write_geopackage
 from lidar_buildings.core.model.errors import InputError, OutputError
 from lidar_buildings.io.models.building_attributes import BUILDING_FIELDS
 from lidar_buildings.io.vectors import geopackage
-from lidar_buildings.io.vectors.geopackage import GeoPackageLayer
+from lidar_buildings.io.vectors.geopackage import VectorLayer
 from lidar_buildings.io.vectors.polygon_file import read_polygons
 
 HOUSE = shapely.Polygon(
@@ -31,7 +31,7 @@ ROWS = [
 
 
 def layer(name="outlines", polygons=(HOUSE, SHED), rows=ROWS, **options):
-    return GeoPackageLayer(name, list(polygons), FIELDS, list(rows), **options)
+    return VectorLayer(name, list(polygons), FIELDS, list(rows), **options)
 
 
 def raised(polygon, z):
@@ -69,10 +69,8 @@ def test_columns_have_their_types_and_missing_numbers_are_null(tmp_path):
 
 def test_several_layers_stand_in_one_file_even_empty_ones(tmp_path):
     path = tmp_path / "buildings.gpkg"
-    faces = GeoPackageLayer(
-        "roof_faces", [raised(HOUSE, 16.5)], {"building_id": int}, [{"building_id": 5}], True
-    )
-    empty = GeoPackageLayer("traced", [], BUILDING_FIELDS, [])
+    faces = VectorLayer("roof_faces", [raised(HOUSE, 16.5)], {"building_id": int}, [{"building_id": 5}], True)
+    empty = VectorLayer("traced", [], BUILDING_FIELDS, [])
     write_geopackage(path, [layer(), empty, faces], "EPSG:28992")
     kinds = dict(pyogrio.list_layers(path).tolist())
     assert kinds == {"outlines": "Polygon", "traced": "Polygon", "roof_faces": "Polygon Z"}
@@ -220,11 +218,11 @@ def test_the_number_of_cores_changes_no_byte(tmp_path):
 import os, sys
 os.sched_setaffinity(0, sorted(os.sched_getaffinity(0))[: int(sys.argv[1])])
 import shapely
-from lidar_buildings.io.vectors.geopackage import GeoPackageLayer, GeoPackageWriter
+from lidar_buildings.io.vectors.geopackage import VectorLayer, GeoPackageWriter
 with GeoPackageWriter(sys.argv[2], "EPSG:28992") as file:
     for numbers in ([], range(9)):
         polygons = [shapely.box(i, 0, i + 1, 1) for i in numbers]
-        file.append(GeoPackageLayer("outlines", polygons, {"n": int}, [{"n": i} for i in numbers]))
+        file.append(VectorLayer("outlines", polygons, {"n": int}, [{"n": i} for i in numbers]))
 """
     paths = [tmp_path / f"{n}.gpkg" for n in (1, 2)]
     for n, path in enumerate(paths, start=1):

@@ -1,0 +1,165 @@
+"""
+Buildings and terrain as binary glTF 2.0 with ids and attributes of features.
+
+Written here: pygltflib holds the JSON as classes but neither lays out buffers nor knows the two extensions,
+and trimesh writes no extension at all, so that with either what stands below would stay.
+"""
+
+from __future__ import annotations
+
+import json
+import struct
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lidar_buildings import __version__
+from lidar_buildings.io.models.property_table import property_table, schema
+
+#: A corner of a triangle; corners are not shared, as each face has its own normal and colour.
+CORNER = np.dtype([("position", "<f4", 3), ("normal", "<f4", 3), ("colour", "u1", 4), ("feature", "<f4")])
+_ACCESSORS = {
+    "POSITION": ("position", 5126, "VEC3"),
+    "NORMAL": ("normal", 5126, "VEC3"),
+    "COLOR_0": ("colour", 5121, "VEC4"),
+    "_FEATURE_ID_0": ("feature", 5126, "SCALAR"),
+}
+_ARRAY_BUFFER = 34962
+_CLASS = "building"
+#: glTF, version 2; chunks of JSON and of bytes.
+_MAGIC, _VERSION, _JSON, _BIN = 0x46546C67, 2, 0x4E4F534A, 0x004E4942
+
+
+def corners_of(
+    places: NDArray[np.float64], triangles: NDArray[np.intp], colours: NDArray[np.uint8], feature: int = 0
+) -> NDArray[Any]:
+    """
+    Return the corners of triangles; those without area are left out.
+
+    Parameters
+    ----------
+    places : ndarray of shape (n_vertices, 3)
+        East, north and up [m].
+    triangles : ndarray of shape (n_triangles, 3)
+        Rows of the places, counter-clockwise from outside.
+    colours : ndarray of shape (n_triangles, 3)
+        Linear red, green and blue.
+    feature : int
+        Row of their building in the table of attributes.
+
+    Returns
+    -------
+    ndarray of `CORNER`, three a triangle
+        Right, up and back, as glTF has its axes.
+    """
+    soup = places[triangles]
+    normals = np.cross(soup[:, 1] - soup[:, 0], soup[:, 2] - soup[:, 0])
+    lengths = np.sqrt((normals**2).sum(axis=1))
+    has_area = lengths > 0.0
+    corners = np.zeros((int(has_area.sum()), 3), CORNER)
+    corners["position"] = _y_up(soup[has_area])
+    corners["normal"] = _y_up(normals[has_area] / lengths[has_area, None])[:, None]
+    corners["colour"] = np.insert(colours[has_area], 3, 255, axis=1)[:, None]
+    corners["feature"] = feature
+    return corners.reshape(-1)
+
+
+def linear_colour(srgb: Sequence[float]) -> NDArray[np.uint8]:
+    """Return a colour (sRGB, 0 to 1) as glTF stores it beside vertices: linear, 0 to 255."""
+    value = np.asarray(srgb)
+    linear = np.where(value <= 0.04045, value / 12.92, ((value + 0.055) / 1.055) ** 2.4)
+    return np.rint(linear * 255).astype(np.uint8)
+
+
+@dataclass
+class _Buffer:
+    """Bytes in views, each of which begins at a multiple of eight."""
+
+    data: bytearray = field(default_factory=bytearray)
+    views: list[dict[str, Any]] = field(default_factory=list)
+
+    def add(self, data: bytes, **members: Any) -> int:
+        self.data.extend(b"\0" * (-len(self.data) % 8))
+        self.views.append({"buffer": 0, "byteOffset": len(self.data), "byteLength": len(data)} | members)
+        self.data.extend(data)
+        return len(self.views) - 1
+
+
+def glb(
+    buildings: NDArray[Any],
+    terrain: NDArray[Any],
+    fields: Mapping[str, type],
+    rows: Sequence[Mapping[str, Any]],
+) -> bytes:
+    """
+    Return a file's content.
+
+    Parameters
+    ----------
+    buildings, terrain : ndarray of `CORNER`
+        Triangles of buildings, and of the terrain, which has no attributes; either may be empty.
+    fields : mapping
+        Attribute of a building → int, float or str.
+    rows : sequence of mapping
+        The buildings' attributes, in the order of their features.
+    """
+    buffer = _Buffer()
+    accessors: list[dict[str, Any]] = []
+    primitives = [_primitive(corners, buffer, accessors) for corners in (buildings, terrain) if len(corners)]
+    content: dict[str, Any] = {
+        "asset": {"version": "2.0", "generator": f"lidar_buildings {__version__}"},
+        "scene": 0,
+        "scenes": [{"nodes": [0]}],
+        "nodes": [{"mesh": 0}],
+        "meshes": [{"primitives": primitives}],
+        "materials": [{"pbrMetallicRoughness": {"metallicFactor": 0.0, "roughnessFactor": 1.0}}],
+        "accessors": accessors,
+    }
+    if len(buildings):
+        ids = {"featureCount": len(rows), "attribute": 0, "propertyTable": 0}
+        primitives[0]["extensions"] = {"EXT_mesh_features": {"featureIds": [ids]}}
+        table = property_table(_CLASS, fields, rows, buffer.add)
+        content["extensionsUsed"] = ["EXT_mesh_features", "EXT_structural_metadata"]
+        content["extensions"] = {
+            "EXT_structural_metadata": {"schema": schema(_CLASS, fields), "propertyTables": [table]}
+        }
+    content |= {"bufferViews": buffer.views, "buffers": [{"byteLength": len(buffer.data)}]}
+    return _packed(content, bytes(buffer.data))
+
+
+def _primitive(corners: NDArray[Any], buffer: _Buffer, accessors: list[dict[str, Any]]) -> dict[str, Any]:
+    """Store triangles; return how they are drawn."""
+    view = buffer.add(corners.tobytes(), byteStride=CORNER.itemsize, target=_ARRAY_BUFFER)
+    attributes = {}
+    for name, (column, component, kind) in _ACCESSORS.items():
+        attributes[name] = len(accessors)
+        offset = CORNER.fields[column][1]  # type: ignore[index]
+        accessor = {
+            "bufferView": view, "byteOffset": offset, "componentType": component, "count": len(corners),
+            "type": kind,
+        }  # fmt: skip
+        if column == "colour":
+            accessor["normalized"] = True
+        if column == "position":
+            low, high = (corners[column].min(axis=0), corners[column].max(axis=0))
+            accessor |= {"min": low.astype(float).tolist(), "max": high.astype(float).tolist()}
+        accessors.append(accessor)
+    return {"attributes": attributes, "material": 0, "mode": 4}
+
+
+def _packed(content: dict[str, Any], data: bytes) -> bytes:
+    """Return the two chunks of a file, each of which ends at a multiple of four."""
+    text = json.dumps(content, separators=(",", ":"), ensure_ascii=False, allow_nan=False).encode()
+    text += b" " * (-len(text) % 4)
+    data += b"\0" * (-len(data) % 4)
+    size = 12 + 8 + len(text) + 8 + len(data)
+    head = struct.pack("<5I", _MAGIC, _VERSION, size, len(text), _JSON)
+    return head + text + struct.pack("<2I", len(data), _BIN) + data
+
+
+def _y_up(east_north_up: NDArray[np.float64]) -> NDArray[np.float64]:
+    east, north, up = np.moveaxis(east_north_up, -1, 0)
+    return np.stack([east, up, -north], axis=-1)

@@ -1,0 +1,244 @@
+"""
+City models as 3D Tiles 1.1: a tree of squares, each with a glTF file of its buildings.
+
+A building stands in one file only (refinement ``ADD``), the larger it is the higher up in the tree: from afar
+one sees large buildings, and what is missing of a square is smaller than its geometric error says.
+"""
+
+from __future__ import annotations
+
+import json
+import pickle
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from tempfile import TemporaryFile
+from typing import Any, BinaryIO, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lidar_buildings import __version__
+from lidar_buildings.core.solids.face_triangles import triangles_of
+from lidar_buildings.io.files.atomic_files import atomic_folder
+from lidar_buildings.io.models.building_attributes import BUILDING_FIELDS, READABLE_ID
+from lidar_buildings.io.models.earth_frame import EarthFrame
+from lidar_buildings.io.models.glb import CORNER, corners_of, glb, linear_colour
+from lidar_buildings.io.models.surface_colours import MATERIALS, TERRAIN
+from lidar_buildings.io.models.survey_building import SurveyBuilding, TerrainMesh
+
+TILESET = "tileset.json"
+#: Side of the smallest squares [m]: some hundred houses of a town, about a megabyte.
+_SIDE = 256.0
+#: A square holds what is smaller than this share of its side, and no smaller square does.
+_SHARE = 1.0 / 8.0
+_FIELDS = {READABLE_ID: str} | BUILDING_FIELDS
+_COLOURS = {kind: linear_colour(colour) for kind, (_, colour) in MATERIALS.items()}
+_TERRAIN_COLOUR = linear_colour(TERRAIN[1])
+#: Boxes are so much larger than what they hold: what float32 and decimals round [m].
+_MARGIN = 1e-3
+
+
+class _Node(NamedTuple):
+    """A square of the tree: its level, 0 for the smallest, and column and row among those of its level."""
+
+    level: int
+    column: int
+    row: int
+
+    @property
+    def parent(self) -> _Node:
+        return _Node(self.level + 1, self.column // 2, self.row // 2)
+
+    @property
+    def name(self) -> str:
+        return f"{self.level}_{self.column}_{self.row}"
+
+
+class _Mesh(NamedTuple):
+    """What waits on disk: places in the map frame, triangles, their colours, attributes (none of terrain)."""
+
+    vertices: NDArray[np.float64]
+    triangles: NDArray[np.intp]
+    colours: NDArray[np.uint8]
+    attributes: dict[str, Any] | None
+
+
+class _Content(NamedTuple):
+    """A file: where its own coordinates begin, and its box, in east, north and up [m]."""
+
+    name: str
+    origin: NDArray[np.float64]
+    low: NDArray[np.float64]
+    high: NDArray[np.float64]
+
+
+@contextmanager
+def tiles3d_folder(path: Path, earth: EarthFrame) -> Iterator[Callable[[SurveyBuilding | TerrainMesh], None]]:
+    """
+    Give a function that adds a building's finest solid, or terrain, to a tileset.
+
+    Meshes wait in a temporary file, so that memory holds one square's at a time.
+
+    Parameters
+    ----------
+    path : Path
+        The folder with ``tileset.json``; it appears when the block ends well.
+    earth : EarthFrame
+        Where the map frame lies.
+
+    Raises
+    ------
+    OutputError
+        If a file cannot be written.
+    """
+    with atomic_folder(path) as folder, TemporaryFile(dir=folder) as spool:
+        meshes = _WaitingMeshes(spool)
+        yield meshes.add
+        contents = {node: _write(folder, node, meshes.of(node), earth) for node in meshes.nodes()}
+        (folder / TILESET).write_text(_json(_tileset(contents, earth)), encoding="utf-8")
+
+
+class _WaitingMeshes:
+    """Keeps meshes in a file, and of each in memory its place there and its square."""
+
+    def __init__(self, file: BinaryIO) -> None:
+        self._file = file
+        self._places: dict[_Node, list[int]] = {}
+
+    def add(self, one: SurveyBuilding | TerrainMesh) -> None:
+        """Add a building, unless it has no solid, or a piece of the terrain."""
+        mesh = _terrain(one) if isinstance(one, TerrainMesh) else _building(one)
+        if mesh is None:
+            return
+        self._places.setdefault(_square_of(mesh), []).append(self._file.tell())
+        pickle.dump(tuple(mesh), self._file, protocol=pickle.HIGHEST_PROTOCOL)
+
+    def nodes(self) -> list[_Node]:
+        """Return the squares that hold meshes, in order."""
+        return sorted(self._places)
+
+    def of(self, node: _Node) -> Iterator[_Mesh]:
+        """Yield the meshes of a square in the order in which they came."""
+        for place in self._places[node]:
+            self._file.seek(place)
+            yield _Mesh(*pickle.load(self._file))
+
+
+def _building(building: SurveyBuilding) -> _Mesh | None:
+    if building.solid is None:
+        return None
+    by_face = [triangles_of(pieces) for pieces in building.pieces]
+    triangles = np.array([corners for own in by_face for corners in own], dtype=np.intp).reshape(-1, 3)
+    kinds = np.array([_COLOURS[kind] for kind in building.solid.semantics])
+    colours = np.repeat(kinds, [len(own) for own in by_face], axis=0)
+    attributes = {READABLE_ID: building.readable_id, **building.attributes}
+    return _Mesh(building.solid.vertices, triangles, colours, attributes)
+
+
+def _terrain(mesh: TerrainMesh) -> _Mesh:
+    colours = np.broadcast_to(_TERRAIN_COLOUR, mesh.triangles.shape)
+    return _Mesh(mesh.vertices, mesh.triangles.astype(np.intp), colours, None)
+
+
+def _square_of(mesh: _Mesh) -> _Node:
+    """Return the smallest square that may hold a mesh, by its middle and its size; terrain is no building."""
+    low, high = mesh.vertices[:, :2].min(axis=0), mesh.vertices[:, :2].max(axis=0)
+    column, row = np.floor((low + high) / 2.0 / _SIDE).astype(int).tolist()
+    node = _Node(0, column, row)
+    size = 0.0 if mesh.attributes is None else float(np.hypot(*(high - low)))
+    while size >= _largest(node.level):
+        node = node.parent
+    return node
+
+
+def _largest(level: int) -> float:
+    """Return the size that buildings in squares of a level and below do not reach [m]."""
+    return _SHARE * _SIDE * 2.0**level
+
+
+def _write(folder: Path, node: _Node, meshes: Iterator[_Mesh], earth: EarthFrame) -> _Content:
+    """Write the file of a square."""
+    held = list(meshes)
+    sizes = np.cumsum([len(mesh.vertices) for mesh in held])
+    places = earth.local(np.concatenate([mesh.vertices for mesh in held]))
+    low, high = places.min(axis=0), places.max(axis=0)
+    origin = np.rint((low + high) / 2.0)
+    buildings, terrain, rows = [], [], []
+    for mesh, own in zip(held, np.split(places - origin, sizes[:-1]), strict=True):
+        corners = corners_of(own, mesh.triangles, mesh.colours, len(rows))
+        if mesh.attributes is None:
+            terrain.append(corners)
+        else:
+            buildings.append(corners)
+            rows.append(mesh.attributes)
+    nothing = np.zeros(0, CORNER)
+    content = glb(np.concatenate([nothing, *buildings]), np.concatenate([nothing, *terrain]), _FIELDS, rows)
+    name = f"{node.name}.glb"
+    (folder / name).write_bytes(content)
+    return _Content(name, origin, low - _MARGIN, high + _MARGIN)
+
+
+def _tileset(contents: dict[_Node, _Content], earth: EarthFrame) -> dict[str, Any]:
+    """Return the tree: a root without content above at most four squares, which the map's axes part."""
+    children: dict[_Node, set[_Node]] = {}
+    level, squares = 0, {node for node in contents if node.level == 0}
+    while len(squares) > 4 or any(node.level > level for node in contents):
+        for node in squares:
+            children.setdefault(node.parent, set()).add(node)
+        level += 1
+        squares = {node for node in (*children, *contents) if node.level == level}
+    below = [_tile(node, np.zeros(3), contents, children) for node in sorted(squares)]
+    low, high = np.full(3, -1.0), np.full(3, 1.0)
+    if below:
+        low, high = np.min([low for _, low, _ in below], axis=0), np.max([high for *_, high in below], axis=0)
+    root = {
+        "transform": earth.matrix.T.ravel().tolist(),
+        "boundingVolume": _box(low, high),
+        "geometricError": _largest(level),
+        "refine": "ADD",
+    } | _members(below)
+    asset = {
+        "version": "1.1",
+        "generator": f"lidar_buildings {__version__}",
+        "extras": {"heights": earth.heights},
+    }
+    return {"asset": asset, "geometricError": _largest(level + 1), "root": root}
+
+
+def _tile(
+    node: _Node,
+    begin: NDArray[np.float64],
+    contents: dict[_Node, _Content],
+    children: dict[_Node, set[_Node]],
+) -> tuple[dict[str, Any], NDArray[np.float64], NDArray[np.float64]]:
+    """Return a square's tile and its box; `begin` is where its parent's coordinates begin."""
+    content = contents.get(node)
+    origin = begin if content is None else content.origin
+    below = [_tile(child, origin, contents, children) for child in sorted(children.get(node, ()))]
+    boxes = [(low, high) for _, low, high in below]
+    if content is not None:
+        boxes.append((content.low, content.high))
+    low, high = np.min([low for low, _ in boxes], axis=0), np.max([high for _, high in boxes], axis=0)
+    tile: dict[str, Any] = {}
+    if content is not None:
+        shift = np.eye(4)
+        shift[:3, 3] = origin - begin
+        tile = {"transform": shift.T.ravel().tolist(), "content": {"uri": content.name}}
+    tile["boundingVolume"] = _box(low - origin, high - origin)
+    tile["geometricError"] = _largest(node.level - 1) if below else 0.0
+    return tile | _members(below), low, high
+
+
+def _members(below: list[Any]) -> dict[str, Any]:
+    return {"children": [tile for tile, *_ in below]} if below else {}
+
+
+def _box(low: NDArray[np.float64], high: NDArray[np.float64]) -> dict[str, list[float]]:
+    """Return a box along the axes: its middle and its half axes."""
+    x, y, z = ((high - low) / 2.0).tolist()
+    return {"box": [*((low + high) / 2.0).tolist(), x, 0.0, 0.0, 0.0, y, 0.0, 0.0, 0.0, z]}
+
+
+def _json(content: dict[str, Any]) -> str:
+    return json.dumps(content, separators=(",", ":"), ensure_ascii=False, allow_nan=False) + "\n"

@@ -1,0 +1,82 @@
+"""
+Polygons and lines with attributes written to GeoParquet 1.1 files (https://geoparquet.org), one layer each.
+
+With pyarrow, the extra ``parquet``: GDAL's own driver is in no wheel of pyogrio or rasterio.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyproj
+import shapely
+
+from lidar_buildings.io.files.atomic_files import atomic_file
+from lidar_buildings.io.vectors.geopackage import VectorLayer, columns_of, wkb_of
+
+_GEOMETRY = "geometry"
+
+
+@contextmanager
+def geoparquet_file(path: Path, first: VectorLayer, crs: str) -> Iterator[Callable[[VectorLayer], None]]:
+    """
+    Give a function that adds a portion of a layer to a file.
+
+    Parameters
+    ----------
+    path : Path
+        It appears when the block ends well.
+    first : VectorLayer
+        Tells the fields and the kind of geometries; its rows are not written.
+    crs : str
+        ``"EPSG:28992"``, a WKT text, or empty if unknown.
+
+    Raises
+    ------
+    OutputError
+        If the file cannot be written.
+    """
+    import pyarrow.parquet  # an extra
+
+    schema = pyarrow.schema([*_fields(first, pyarrow), (_GEOMETRY, pyarrow.binary())])
+    bounds: list[Any] = []
+    # a schema of Arrow's own in the file would hide the metadata that are added at the end
+    writer = partial(pyarrow.parquet.ParquetWriter, schema=schema, store_schema=False)
+    with atomic_file(path) as temporary, writer(temporary) as file:
+
+        def add(layer: VectorLayer) -> None:
+            columns = [
+                pyarrow.array(values, type=of.type, mask=is_missing)
+                for of, (values, is_missing) in zip(schema, columns_of(layer), strict=False)
+            ]
+            columns.append(pyarrow.array(wkb_of(layer), type=pyarrow.binary()))
+            file.write_table(pyarrow.table(columns, schema=schema))
+            bounds.extend(shapely.bounds(list(layer.geometries)).tolist())
+
+        yield add
+        file.add_key_value_metadata({"geo": json.dumps(_metadata(first, crs, bounds))})
+
+
+def _fields(layer: VectorLayer, pyarrow: Any) -> list[tuple[str, Any]]:
+    types = {int: pyarrow.int64(), float: pyarrow.float64(), str: pyarrow.string()}
+    return [(name, types[kind]) for name, kind in layer.fields.items()]
+
+
+def _metadata(layer: VectorLayer, crs: str, bounds: list[Any]) -> dict[str, Any]:
+    """Return what the specification wants to be said of the column of geometries."""
+    column: dict[str, Any] = {
+        "encoding": "WKB",
+        "geometry_types": [f"{layer.kind} Z" if layer.is_3d else layer.kind],
+        # null: unknown; what is left out would be longitude and latitude
+        "crs": pyproj.CRS.from_user_input(crs).to_json_dict() if crs else None,
+    }
+    if bounds:
+        edges = np.array(bounds)
+        column["bbox"] = [*edges[:, :2].min(axis=0).tolist(), *edges[:, 2:].max(axis=0).tolist()]
+    return {"version": "1.1.0", "primary_column": _GEOMETRY, "columns": {_GEOMETRY: column}}
