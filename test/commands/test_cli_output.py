@@ -16,7 +16,8 @@ from lidar_buildings.simulation import simulate_survey
 
 RASTERS = ["dsm.tif", "dtm.tif", "ndsm.tif"]
 CLASSIFIED = "classified/strip_01.laz"
-FILES = ["buildings.gpkg", *MODELS, CLASSIFIED, *RASTERS, "run.json"]
+TILES3D = ["tiles3d/0_0_0.glb", "tiles3d/tileset.json"]
+FILES = ["buildings.gpkg", *MODELS, CLASSIFIED, *RASTERS, "run.json", *TILES3D]
 #: Cuts the house's survey into nine tiles.
 SMALL_TILES = ["--no-ros", "--tile-size", "25", "--set", "tile_player.buffer=10"]
 

@@ -17,7 +17,8 @@ RESULTS = ("buildings.gpkg", *MODELS, "dtm.tif", "dsm.tif", "ndsm.tif")
 
 def contents(output: Path) -> dict[str, str]:
     """Return name → digest of every file whose content must not depend on how the run was laid out."""
-    files = (*sorted((output / "classified").iterdir()), *(output / name for name in RESULTS))
+    in_folders = [path for name in ("classified", "tiles3d") for path in sorted((output / name).glob("*"))]
+    files = (*in_folders, *(output / name for name in RESULTS))
     return {path.name: hashlib.sha256(path.read_bytes()).hexdigest() for path in files}
 
 

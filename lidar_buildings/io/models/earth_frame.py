@@ -59,7 +59,10 @@ class EarthFrame:
         except (CRSError, ProjError) as error:
             raise NoPlaceError(" ".join(str(error).split())[:200]) from error
         origin = np.zeros((1, 3))
-        self.has_grid = self._spatial is not None and self._knows_geoid(origin)
+        self.has_grid = False
+        if self._spatial is not None:
+            change = self._spatial.transform(*frame.to_source(origin)[0])[2] - frame.origin[2]
+            self.has_grid = bool(np.isfinite(change) and abs(change) > _NO_CHANGE)
         longitude, latitude, _ = self._geodetic(origin)[0]
         if not np.isfinite([longitude, latitude]).all():
             raise NoPlaceError(f"the map's origin is outside the area of {frame.crs.split(',')[0]}")
@@ -100,12 +103,6 @@ class EarthFrame:
 
     def _ecef(self, map_xyz: NDArray[np.float64]) -> NDArray[np.float64]:
         return np.column_stack(self._geocentric.transform(*self._geodetic(map_xyz).T))
-
-    def _knows_geoid(self, origin: NDArray[np.float64]) -> bool:
-        assert self._spatial is not None
-        x, y, z = self._frame.to_source(origin).T
-        change = self._spatial.transform(x, y, z)[2] - (origin[:, 2] + self._frame.origin[2])
-        return bool(np.isfinite(change).all() and np.abs(change).max() > _NO_CHANGE)
 
 
 def _with_heights(crs: str, plan: pyproj.Transformer) -> pyproj.Transformer | None:
