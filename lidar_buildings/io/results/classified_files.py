@@ -12,9 +12,10 @@ from numpy.typing import NDArray
 
 from lidar_buildings.core.model.errors import InputError, OutputError
 from lidar_buildings.io.clouds.classified_las import suffix_for, write_classified
+from lidar_buildings.io.clouds.copc import write_copc
 from lidar_buildings.io.clouds.las import InputFile, open_cloud
 from lidar_buildings.io.files.atomic_files import atomic_file, write_error
-from lidar_buildings.io.results.run_folder import CLASSIFIED, PARTIAL, Share, output_names
+from lidar_buildings.io.results.run_folder import CLASSIFIED, COPC, PARTIAL, Share, output_names
 from lidar_buildings.io.results.tile_products import load_rows, load_sources
 
 #: What is known of a point; `known` is 0 for points that no finished tile holds.
@@ -124,6 +125,8 @@ class ClassifiedFiles:
     ----------
     outputs : list of str or None
         Per input the file's name in the output folder, None where the input could not be read.
+    copc : list of str
+        Names of the second files of some.
     problems : dict
         Number of each of those inputs → one line.
     per_class : ndarray of int64, shape (256,)
@@ -133,6 +136,7 @@ class ClassifiedFiles:
     """
 
     outputs: list[str | None] = field(default_factory=list)
+    copc: list[str] = field(default_factory=list)
     problems: dict[int, str] = field(default_factory=dict)
     per_class: NDArray[np.int64] = field(default_factory=lambda: np.zeros(256, dtype=np.int64))
     n_known: int = 0
@@ -147,12 +151,14 @@ class _Job(NamedTuple):
     name: str
     fragments: list[Path]
     without: Collection[int]
+    copc: bool
 
 
 class _Written(NamedTuple):
     """What became of one input's file."""
 
     output: str | None = None
+    copc: str | None = None
     problem: str = ""
     per_class: NDArray[np.int64] | int = 0
     n_known: int = 0
@@ -165,6 +171,7 @@ def write_clouds(
     fragments: Sequence[Path],
     *,
     without: Collection[int],
+    copc: bool = False,
     share: Share = map,
 ) -> ClassifiedFiles:
     """
@@ -179,6 +186,8 @@ def write_clouds(
         Saved tiles, sorted by stamp.
     without : collection of int
         Ids of buildings to leave out.
+    copc : bool
+        Whether each is written as COPC, too.
     share : callable
         As `map`; may call the function for several files at the same time, in other processes.
 
@@ -193,9 +202,10 @@ def write_clouds(
             if source < len(inputs):
                 touching[source].append(fragment)
     if inputs:
-        _make_folder(folder / CLASSIFIED)
+        for name in (CLASSIFIED, COPC) if copc else (CLASSIFIED,):
+            _make_folder(folder / name)
     jobs = [
-        _Job(folder, number, one, name, touching[number], without)
+        _Job(folder, number, one, name, touching[number], without, copc)
         for number, (one, name) in enumerate(zip(inputs, output_names(inputs), strict=True))
     ]
     written = ClassifiedFiles()
@@ -203,6 +213,7 @@ def write_clouds(
         if one.error is not None:
             raise one.error
         written.outputs.append(one.output)
+        written.copc += [] if one.copc is None else [one.copc]
         if one.problem:
             written.problems[number] = one.problem
         written.per_class += one.per_class
@@ -221,11 +232,22 @@ def _write_cloud(job: _Job) -> _Written:
         with PointResults(table, cloud.point_count) as results:
             results.fill(job.fragments, job.number, without=job.without)
             per_class = write_classified(cloud, results.rows, job.folder / output)
-            return _Written(output, "", per_class, results.n_known())
+            written = _Written(output, None, "", per_class, results.n_known())
+        return _with_copc(job, written) if job.copc else written
     except InputError as error:
         return _Written(problem=str(error))
     except OutputError as error:
         return _Written(error=error)
+
+
+def _with_copc(job: _Job, written: _Written) -> _Written:
+    """Write a classified file as COPC, too, or say why it is impossible."""
+    copc = f"{COPC}/{job.name}.copc.laz"
+    try:
+        write_copc(open_cloud(job.folder / str(written.output)), job.folder / copc)
+    except InputError as error:
+        return written._replace(problem=str(error))
+    return written._replace(copc=copc)
 
 
 def _make_folder(folder: Path) -> None:

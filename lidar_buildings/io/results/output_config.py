@@ -71,6 +71,14 @@ class OutputConfig(RasterConfig):
         advanced=True,
     )
 
+    copc: bool = parameter(
+        False,
+        "Whether each classified cloud is written a second time, as COPC: in the order of an octree, for "
+        "viewers that show any part at any detail.",
+        read_only=True,
+        advanced=True,
+    )
+
     def __post_init__(self) -> None:
         """Check every value, and whether what a format needs is installed."""
         super().__post_init__()

@@ -194,12 +194,18 @@ class OutputFolder:
         pieces = set() if self._footprints else seam_pieces([load_outlines(one) for one in fragments])
         with ThreadPoolExecutor(2) as beside:
             cloud_files = beside.submit(
-                write_clouds, self.path, self.inputs, fragments, without=pieces, share=share
+                write_clouds,
+                self.path,
+                self.inputs,
+                fragments,
+                without=pieces,
+                copc=self._files.copc,
+                share=share,
             )
             raster_files = beside.submit(self._write_rasters, fragments)
             buildings, statuses, unmade = self._write_buildings(fragments, pieces)
             clouds, (rasters, problems) = cloud_files.result(), raster_files.result()
-        files = [*filter(None, clouds.outputs), *buildings]
+        files = [*filter(None, clouds.outputs), *clouds.copc, *buildings]
         new = [line for source, line in clouds.problems.items() if source not in told_of]
         n_points = sum(file.point_count for file in self.inputs)
         summary = RunSummary(

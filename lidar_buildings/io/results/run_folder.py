@@ -37,7 +37,7 @@ PLACED = "placed"
 #: Folder in it with the points of tiles that workers read.
 _POINTS = "points"
 RUN = "run.json"
-CLASSIFIED = "classified"
+CLASSIFIED, COPC = "classified", "copc"
 #: Folder with the files of buildings where there are too many for one each.
 BLOCKS = "blocks"
 DTM, DSM, NDSM = "dtm.tif", "dsm.tif", "ndsm.tif"
