@@ -59,7 +59,7 @@ setup(
     name=PACKAGE,
     version=VERSION,
     packages=find_packages(include=[PACKAGE, f"{PACKAGE}.*"]),
-    package_data={PACKAGE: ["ros/*.xml", "commands/*.npz", "io/models/*.dxf"]},
+    package_data={PACKAGE: ["ros/*.xml", "commands/*.npz", "io/models/*.dxf", "report/page/*"]},
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),
         (f"share/{PACKAGE}", ["package.xml"]),

@@ -59,6 +59,7 @@ def command_parser() -> argparse.ArgumentParser:
     _add_simulate(commands.add_parser("simulate", help="make a virtual survey with its truth"))
     _add_score(commands.add_parser("score", help="compare a result with a reference"))
     _add_compare(commands.add_parser("compare", help="say what has changed between two results of one place"))
+    _add_report(commands.add_parser("report", help="make the page about a result anew"))
     _add_top(commands.add_parser("top", help="watch the running graphs"))
     _add_warm_up(commands.add_parser("warm-up", help="compile now what else the first run compiles"))
     return parser
@@ -183,6 +184,17 @@ def _simulate(options: argparse.Namespace) -> int:
     from lidar_buildings.simulation.command import simulate_command
 
     return simulate_command(options)
+
+
+def _add_report(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("folder", type=Path, metavar="DIR", help="output folder of a run")
+    parser.set_defaults(command=_report)
+
+
+def _report(options: argparse.Namespace) -> int:
+    from lidar_buildings.commands.report import report_command
+
+    return report_command(options)
 
 
 def _add_top(parser: argparse.ArgumentParser) -> None:

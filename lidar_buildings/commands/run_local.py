@@ -100,9 +100,17 @@ def run_local(
             folder.keep_only(source.stamps)
             note_survey(folder.path, source.known.as_json())
             print(f"{done.n_unchanged} of {counted(len(source.stamps), 'tile')} had the points of before")
+        from lidar_buildings.report.page_file import write_report  # what it needs is needed last
+
         seconds = {"wall": time.perf_counter() - started, **done.seconds}
         info = run_info(seconds, request.parameters(), done.failed, source.problems)
-        summary = folder.finalise(info, pool.call_each, source.unreadable, has_failed=bool(done.failed))
+        summary = folder.finalise(
+            info,
+            pool.call_each,
+            source.unreadable,
+            has_failed=bool(done.failed),
+            write_report=write_report,
+        )
         return RunOutcome(summary, done.failed)
 
 

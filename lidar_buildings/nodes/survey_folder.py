@@ -134,7 +134,9 @@ class SurveyFolder:
             if not folder.inputs:
                 where = f"{self._config.placed}/{PLACED_CLOUDS}" if self._config.placed else "no folder named"
                 problems.append(f"no classified clouds: the source's clouds are not here ({where})")
-        return folder.finalise({**run_info, "problems": problems}, share)
+        from lidar_buildings.report.page_file import write_report  # what it needs is needed last
+
+        return folder.finalise({**run_info, "problems": problems}, share, write_report=write_report)
 
     def forget_tiles(self) -> None:
         """Delete the tiles on disk; the files that were made of them stay."""

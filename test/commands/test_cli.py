@@ -23,7 +23,7 @@ from lidar_buildings.pipeline.reconstruct import STAGES
 from lidar_buildings.simulation import simulate_survey
 
 RASTERS = ["dsm.tif", "dtm.tif", "ndsm.tif"]
-ALWAYS = ["classified/strip_01.laz", *RASTERS, "run.json"]
+ALWAYS = ["classified/strip_01.laz", *RASTERS, "report.html", "run.json"]
 FILES = ["buildings.gpkg", *MODELS, *ALWAYS]
 #: Stage → the files of a run that ends with it.
 FILES_UNTIL = {
@@ -74,6 +74,7 @@ def without_times(output):
     """What run.json tells, but for how long it took."""
     told = json.loads((output / "run.json").read_text())
     told.pop("seconds")
+    told.pop("peak_memory")
     return told
 
 

@@ -12,8 +12,8 @@ from support.results import MODELS
 
 from lidar_buildings.simulation import simulate_survey
 
-FILES = ["buildings.gpkg", *MODELS, "dsm.tif", "dtm.tif", "ndsm.tif", "run.json"]
-WITHOUT_POINTS = ["buildings.gpkg", *MODELS, "run.json"]
+FILES = ["buildings.gpkg", *MODELS, "dsm.tif", "dtm.tif", "ndsm.tif", "report.html", "run.json"]
+WITHOUT_POINTS = ["buildings.gpkg", *MODELS, "report.html", "run.json"]
 CASES = [
     "missing file",
     "missing folder",

@@ -26,8 +26,9 @@ LAYERS = {
     "evaluation": {"core", "io", "evaluation"},
     "simulation": {"core", "io", "simulation"},
     "ros": {"core", "ros"},
-    "nodes": {"core", "pipeline", "io", "ros", "nodes"},
-    "commands": {"core", "pipeline", "io", "ros", "nodes", "simulation", "commands"},
+    "report": {"core", "pipeline", "io", "report"},
+    "nodes": {"core", "pipeline", "io", "report", "ros", "nodes"},
+    "commands": {"core", "pipeline", "io", "report", "ros", "nodes", "simulation", "commands"},
 }
 #: Layer → its rooms from the ground up: one may import those before it, and the stages not each other.
 ROOMS = {
@@ -115,6 +116,8 @@ def test_imports_go_one_way():
         ("lidar_buildings.io.models.obj", "lidar_buildings.io.results.survey_buildings"),
         ("lidar_buildings.io.models.obj", "lidar_buildings.io.vectors.geopackage"),
         ("lidar_buildings.evaluation.scores.edges", "lidar_buildings.evaluation.command.score"),
+        ("lidar_buildings.io.results.output_folder", "lidar_buildings.report.page_file"),
+        ("lidar_buildings.report.page_file", "lidar_buildings.commands.run"),
         ("lidar_buildings.unheard_of", "lidar_buildings.core.model.tile"),
     ],
 )
@@ -132,6 +135,7 @@ def test_an_import_against_the_directions_would_be_refused(module, imported):
         ("lidar_buildings.io.tiling.tiling", "lidar_buildings.io.clouds.las"),
         ("lidar_buildings.io.results.output_folder", "lidar_buildings.io.vectors.footprints"),
         ("lidar_buildings.evaluation.readers.city_model", "lidar_buildings.io.files.reference_systems"),
+        ("lidar_buildings.commands.run_local", "lidar_buildings.report.page_file"),
         ("lidar_buildings.cli", "lidar_buildings.evaluation.command.score"),
     ],
 )
@@ -181,7 +185,7 @@ def calls(tree, name):
 @pytest.mark.parametrize(
     ("name", "layers"),
     [
-        ("print", ("core", "io", "ros", "nodes", "pipeline")),
+        ("print", ("core", "io", "report", "ros", "nodes", "pipeline")),
         ("open", ("core", "ros", "pipeline")),
         ("sys.exit", ("core", "io", "ros", "pipeline", "simulation", "commands", "evaluation")),
         ("exit", ("core", "io", "ros", "nodes", "pipeline", "simulation", "commands", "evaluation")),

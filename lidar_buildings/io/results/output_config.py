@@ -24,9 +24,11 @@ FORMAT_FILES = {
     "flatgeobuf": tuple(f"{layer}.fgb" for layer in LAYERS),
     "geoparquet": tuple(f"{layer}.parquet" for layer in LAYERS),
 }
-FORMATS = tuple(FORMAT_FILES)
-#: Written unless others are chosen; the last two hold what GeoPackage does.
-_DEFAULT_FORMATS = FORMATS[:-2]
+#: The page that tells of a whole result; it is made of the other files.
+REPORT, REPORT_FILE = "report", "report.html"
+FORMATS = (*FORMAT_FILES, REPORT)
+#: Written unless others are chosen; these hold what GeoPackage does.
+_DEFAULT_FORMATS = tuple(one for one in FORMATS if one not in ("flatgeobuf", "geoparquet"))
 
 
 @dataclass(frozen=True)
@@ -37,7 +39,8 @@ class OutputConfig(RasterConfig):
 
     formats: tuple[str, ...] = parameter(
         _DEFAULT_FORMATS,
-        "Formats of the files that tell of buildings; fewer take less time and room.",
+        "Formats of the files that tell of buildings, and the page to look at; fewer take less time "
+        "and room.",
         choices=FORMATS,
         read_only=True,
     )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import shutil
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, replace
 from functools import partial
@@ -22,7 +22,7 @@ from lidar_buildings.io.clouds.las import InputFile
 from lidar_buildings.io.files.atomic_files import atomic_file
 from lidar_buildings.io.results.classified_files import write_clouds
 from lidar_buildings.io.results.footprint_results import FootprintResults
-from lidar_buildings.io.results.output_config import OutputConfig
+from lidar_buildings.io.results.output_config import REPORT, REPORT_FILE, OutputConfig
 from lidar_buildings.io.results.run_folder import (
     PARTIAL,
     RUN,
@@ -32,7 +32,7 @@ from lidar_buildings.io.results.run_folder import (
     files_of_run,
     remove_files,
 )
-from lidar_buildings.io.results.run_summary import RunSummary
+from lidar_buildings.io.results.run_summary import RunSummary, run_record
 from lidar_buildings.io.results.survey_buildings import SurveyBuildings, seam_pieces
 from lidar_buildings.io.results.tile_products import TileProducts, load_outlines, load_shapes, load_stamp
 from lidar_buildings.io.vectors.footprints import FootprintFile
@@ -164,6 +164,7 @@ class OutputFolder:
         told_of: Collection[int] = (),
         *,
         has_failed: bool = False,
+        write_report: Callable[[Path, dict[str, Any]], Any] | None = None,
     ) -> RunSummary:
         """
         Make the files from the tiles on disk; ``run.json`` comes last, then the tiles are deleted.
@@ -182,6 +183,8 @@ class OutputFolder:
             Inputs of which `run_info` tells that they cannot be read; each is told of once.
         has_failed : bool
             Whether a tile is missing that may be done later: the others stay for that.
+        write_report : callable, optional
+            Writes the page about the folder, of which it is told what ``run.json`` is to hold.
 
         Raises
         ------
@@ -208,8 +211,9 @@ class OutputFolder:
         files = [*filter(None, clouds.outputs), *clouds.copc, *buildings]
         new = [line for source, line in clouds.problems.items() if source not in told_of]
         n_points = sum(file.point_count for file in self.inputs)
+        report = (REPORT_FILE,) if write_report and REPORT in self._files.formats else ()
         summary = RunSummary(
-            files=(*files, *rasters, RUN),
+            files=(*files, *rasters, *report, RUN),
             n_tiles=len(fragments),
             n_points=n_points,
             n_unclassified=n_points - clouds.n_known,
@@ -221,12 +225,22 @@ class OutputFolder:
             footprints=self._footprints.summary(sum(statuses.values())),
         )
         outdated = set(files_of_run(self.path)) - set(summary.files)
-        self._write_run(summary, clouds.outputs, info)
+        named = [
+            {"path": str(file.path), "point_count": file.point_count, "output": output}
+            for file, output in zip(self.inputs, clouds.outputs, strict=True)
+        ]
+        own = {"inputs": named, "until": self.until, "frame": asdict(self.frame)}
+        run = run_record(own, summary, info)
+        if write_report and report:
+            write_report(self.path, run)
+        with atomic_file(self.path / RUN) as temporary:
+            temporary.write_text(json.dumps(run, indent=2, default=str) + "\n", encoding="utf-8")
         if self.is_live or has_failed or self._use is Use.UPDATE:
             remove_files(self.path, outdated)
             (self._partial / _LINES).unlink(missing_ok=True)
         else:
-            self._discard_tiles(fragments)
+            self.forget_tiles()
+            shutil.rmtree(self._partial)
         return summary
 
     @property
@@ -271,22 +285,6 @@ class OutputFolder:
             return write_rasters(self.path, fragments, self.frame, self.inputs), []
         except RasterExtentError as error:
             return {}, [str(error)]
-
-    def _write_run(self, summary: RunSummary, outputs: list[str | None], run_info: Mapping[str, Any]) -> None:
-        inputs = [
-            {"path": str(file.path), "point_count": file.point_count, "output": output}
-            for file, output in zip(self.inputs, outputs, strict=True)
-        ]
-        own = {"inputs": inputs, "until": self.until, "frame": asdict(self.frame)}
-        own |= {**asdict(summary), "set_aside": summary.set_aside}
-        content = own | {name: value for name, value in run_info.items() if name not in own}
-        with atomic_file(self.path / RUN) as temporary:
-            temporary.write_text(json.dumps(content, indent=2, default=str) + "\n", encoding="utf-8")
-
-    def _discard_tiles(self, fragments: list[Path]) -> None:
-        for left in fragments:
-            left.unlink(missing_ok=True)
-        shutil.rmtree(self._partial)
 
 
 def _is_whole(fragment: Path) -> bool:

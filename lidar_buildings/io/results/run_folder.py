@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 from lidar_buildings.core.model.errors import OutputError
 from lidar_buildings.io.files.atomic_files import atomic_file
 from lidar_buildings.io.files.captured_stderr import one_line
-from lidar_buildings.io.results.output_config import FORMAT_FILES
+from lidar_buildings.io.results.output_config import FORMAT_FILES, REPORT_FILE
 
 if TYPE_CHECKING:
     from lidar_buildings.io.clouds.las import InputFile
@@ -240,7 +240,7 @@ def remove_files(path: Path, names: Iterable[str]) -> None:
 
 def _clear(path: Path) -> None:
     of_buildings = [name for files in FORMAT_FILES.values() for name in files]
-    remove_files(path, (RUN, DTM, DSM, NDSM, BLOCKS, *of_buildings, *files_of_run(path)))
+    remove_files(path, (RUN, REPORT_FILE, DTM, DSM, NDSM, BLOCKS, *of_buildings, *files_of_run(path)))
     for one in (path / PARTIAL).glob("*"):
         if one.name not in (PLACED, _POINTS):  # what the run that begins reads
             one.unlink(missing_ok=True)

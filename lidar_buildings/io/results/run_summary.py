@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from importlib.metadata import PackageNotFoundError, version
 from typing import Any
 
 from lidar_buildings import __version__
 from lidar_buildings.core.model.classes import CLASS_GROUPS, ON_TERRAIN, PointClass
 from lidar_buildings.io.results.output_config import FORMAT_FILES
+from lidar_buildings.io.results.peak_memory import peak_memory
 
 #: What points are, in a reader's words, if there is no building; the rest is "other".
 _KINDS = {
@@ -97,17 +98,24 @@ class RunSummary:
         )
 
 
+def run_record(own: Mapping[str, Any], summary: RunSummary, info: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the content of ``run.json``: what the folder knows, has made, and is told besides."""
+    record = {**own, **asdict(summary), "set_aside": summary.set_aside}
+    return record | {name: value for name, value in info.items() if name not in record}
+
+
 def run_info(
     seconds: Mapping[str, float],
     parameters: Mapping[str, Any],
     failed: Mapping[int, str],
     problems: Iterable[str],
 ) -> dict[str, Any]:
-    """Return versions, parameters, seconds by stage, failed tiles and problems of a run."""
+    """Return versions, parameters, seconds by stage, memory, failed tiles and problems of a run."""
     return {
         "versions": library_versions(),
         "parameters": dict(parameters),
         "seconds": {stage: round(taken, 3) for stage, taken in seconds.items()},
+        "peak_memory": peak_memory(),
         "failed_tiles": [{"tile": stamp, "reason": failed[stamp]} for stamp in sorted(failed)],
         "problems": list(problems),
     }

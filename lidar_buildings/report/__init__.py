@@ -1,0 +1,1 @@
+"""The page ``report.html`` of a result, and what is said of one of its buildings."""

@@ -1,0 +1,129 @@
+"""What a page shows of a result: which buildings, points and terrain fit into it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from lidar_buildings.io.results.run_folder import DTM
+from lidar_buildings.report.models import ModelArrays, model_arrays
+from lidar_buildings.report.relief import Relief, read_relief
+from lidar_buildings.report.result_folder import ReportedBuilding, Result
+from lidar_buildings.report.shown_points import Box, ShownPoints, read_shown_points
+from lidar_buildings.report.worst_buildings import Worst, worst_buildings
+
+#: What fits into 20 MB: a triangle takes some 10 bytes of the page, a point 9, a building's attributes 200.
+MOST_BUILDINGS, MOST_TRIANGLES, MOST_POINTS = 4_000, 600_000, 400_000
+#: Cells of the terrain along its longer side.
+MOST_CELLS = 300
+#: Width of the strip that is shown round the buildings where not all are [m].
+_MARGIN = 30.0
+
+
+@dataclass(frozen=True, eq=False)
+class Contents:
+    """
+    What a page shows.
+
+    Attributes
+    ----------
+    result : Result
+    buildings : list of ReportedBuilding
+        Those that can be clicked, by row.
+    others : list of ReportedBuilding
+        Those that are dots on the map.
+    models : ModelArrays
+    points : ShownPoints
+    terrain, overview : Relief or None
+        Of what is shown and, where that is not all, of all.
+    worst : list of Worst
+    focus : int or None
+        Row of the building that the page opens with.
+    """
+
+    result: Result
+    buildings: list[ReportedBuilding]
+    others: list[ReportedBuilding]
+    models: ModelArrays
+    points: ShownPoints
+    terrain: Relief | None
+    overview: Relief | None
+    worst: list[Worst]
+    focus: int | None = None
+
+
+def contents_of(result: Result, focus: ReportedBuilding | None = None) -> Contents:
+    """
+    Choose and read what a page shows.
+
+    Parameters
+    ----------
+    result : Result
+    focus : ReportedBuilding, optional
+        Show this one and what stands next to it, with all its points.
+    """
+    every = result.buildings
+    worst = [] if focus else worst_buildings(every, result.frame)
+    near, box = _beside(every, focus) if focus else _in_the_middle(every)
+    chosen = list({one.name: one for one in [*near, *(one.building for one in worst)]}.values())
+    names = [one.name for one in chosen]
+    points = read_shown_points(
+        result.clouds(),
+        result.frame,
+        {int(code): n for code, n in result.run.get("classes", {}).items()},
+        {one.building_id: row for row, one in enumerate(chosen) if one.building_id},
+        box,
+        MOST_POINTS,
+    )
+    path = result.folder / DTM if result.has(DTM) else None
+    return Contents(
+        result=result,
+        buildings=chosen,
+        others=[] if focus or len(chosen) == len(every) else _without(every, set(names)),
+        models=model_arrays(result.features(set(names)), names, MOST_TRIANGLES),
+        points=points,
+        terrain=read_relief(path, result.frame, box, MOST_CELLS) if path else None,
+        overview=read_relief(path, result.frame, None, MOST_CELLS) if path and box and not focus else None,
+        worst=worst,
+        focus=names.index(focus.name) if focus else None,
+    )
+
+
+def _in_the_middle(buildings: Sequence[ReportedBuilding]) -> tuple[Sequence[ReportedBuilding], Box | None]:
+    """Return the buildings, or the budget of them nearest to their middle and where these are."""
+    if len(buildings) <= MOST_BUILDINGS:
+        return buildings, None
+    places = shapely.get_coordinates(shapely.centroid(_shapes(buildings)))
+    if len(places) < len(buildings):  # some have no outline, so that nothing tells what is near
+        return buildings[:MOST_BUILDINGS], None
+    far = np.abs(places - np.median(places, axis=0)).max(axis=1)
+    near = [buildings[row] for row in np.sort(np.argsort(far, kind="stable")[:MOST_BUILDINGS])]
+    return near, _box_of(near)
+
+
+def _beside(
+    buildings: Sequence[ReportedBuilding], focus: ReportedBuilding
+) -> tuple[Sequence[ReportedBuilding], Box | None]:
+    """Return a building with those next to it, and where they are."""
+    if focus.shape is None:
+        return [focus], None
+    box = _box_of([focus])
+    is_near = shapely.intersects(_shapes(buildings), shapely.box(*box))
+    return [one for one, near in zip(buildings, is_near, strict=True) if near or one is focus], box
+
+
+def _without(buildings: Sequence[ReportedBuilding], names: set[str]) -> list[ReportedBuilding]:
+    return [one for one in buildings if one.name not in names]
+
+
+def _shapes(buildings: Sequence[ReportedBuilding]) -> NDArray[np.object_]:
+    return np.array([one.shape for one in buildings], dtype=object)
+
+
+def _box_of(buildings: Sequence[ReportedBuilding]) -> Box:
+    west, south, east, north = shapely.total_bounds(_shapes(buildings)).tolist()
+    return Box(west - _MARGIN, south - _MARGIN, east + _MARGIN, north + _MARGIN)

@@ -1,0 +1,220 @@
+"""The file ``report.html``: one page with its data, style and scripts, which opens without a network."""
+
+from __future__ import annotations
+
+import html
+import string
+from collections.abc import Iterable, Iterator, Sequence
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import shapely
+
+from lidar_buildings.core.model.classes import PointClass
+from lidar_buildings.io.files.atomic_files import atomic_file
+from lidar_buildings.io.results.output_config import REPORT_FILE
+from lidar_buildings.report.contents import Contents, contents_of
+from lidar_buildings.report.page_data import array_element, json_element
+from lidar_buildings.report.relief import UNKNOWN, Relief
+from lidar_buildings.report.result_folder import ReportedBuilding, read_result
+from lidar_buildings.report.summary_words import (
+    changed_parameters,
+    headlines,
+    histograms,
+    notes,
+    problems,
+    stage_seconds,
+)
+
+#: In this order: what a later one uses stands before it.
+_SCRIPTS = (
+    "data.js",
+    "elements.js",
+    "camera.js",
+    "drawing.js",
+    "scene.js",
+    "residuals.js",
+    "charts.js",
+    "viewer.js",
+)
+_MILLIMETRES = 1000
+#: Kind of ring → its number in the page.
+_OUTLINE, _TRACED = 0, 1
+
+
+def write_report(folder: Path, run: dict[str, Any] | None = None) -> Path:
+    """
+    Write the page of a result into its folder.
+
+    Parameters
+    ----------
+    folder : Path
+        The output folder of a run.
+    run : dict, optional
+        What ``run.json`` is to hold, where it is not written yet.
+
+    Raises
+    ------
+    InputError
+        If the folder holds no result that can be read.
+    OutputError
+        If the page cannot be written.
+    """
+    path = folder / REPORT_FILE
+    write_page(path, contents_of(read_result(folder, run)))
+    return path
+
+
+def write_page(path: Path, contents: Contents) -> None:
+    """Write a page."""
+    text = page_of(contents)
+    with atomic_file(path) as temporary:
+        temporary.write_text(text, encoding="utf-8")
+
+
+def page_of(contents: Contents) -> str:
+    """Return a page as text."""
+    result = contents.result
+    parts = {
+        "title": html.escape(_title(contents)),
+        "headlines": _rows(headlines(result).items()),
+        "notes": _items([*notes(result), *_limits(contents)]),
+        "problems": _items(problems(result.run)),
+        "stages": _stage_rows(stage_seconds(result.run)),
+        "parameters": _rows(changed_parameters(result.run))
+        or "<tr><td>none: all parameters have their defaults</td></tr>",
+        "files": _items(str(name) for name in result.run.get("files", ())),
+        "data": "\n".join(_elements(contents)),
+        "style": _packaged("style.css"),
+        "script": "\n".join(_packaged(name) for name in _SCRIPTS),
+    }
+    return string.Template(_packaged("page.html")).substitute(parts)
+
+
+def _elements(contents: Contents) -> Iterator[str]:
+    """Yield the elements with the page's data."""
+    models, points = contents.models, contents.points
+    rings, vertices = _ring_arrays(contents.buildings)
+    yield json_element("facts", _facts(contents))
+    for name, array in (
+        ("vertices", models.vertices),
+        ("triangles", models.triangles),
+        ("faces", models.faces),
+        ("kinds", models.kinds),
+        ("solids", models.solids),
+        ("points", points.steps),
+        ("classes", points.classes),
+        ("building", points.building),
+        ("plane", points.plane),
+        ("rings", rings),
+        ("ring_vertices", vertices),
+        ("dots", _dots(contents.others)),
+    ):
+        yield array_element(name, array)
+    for name, relief in (("terrain", contents.terrain), ("overview", contents.overview)):
+        if relief is not None:
+            yield array_element(name, relief.steps)
+
+
+def _facts(contents: Contents) -> dict[str, Any]:
+    points = contents.points
+    names = [one.name for one in contents.buildings]
+    return {
+        "names": names,
+        "attributes": [one.attributes for one in contents.buildings],
+        "worst": [{"row": names.index(one.building.name), "why": one.why} for one in contents.worst],
+        "focus": contents.focus,
+        "histograms": histograms(contents.result),
+        "points": {"corner": points.corner.tolist(), "step": points.step.tolist()},
+        "n_points": contents.result.run.get("n_points", 0),
+        "n_building_points": contents.result.run.get("classes", {}).get(str(int(PointClass.BUILDING)), 0),
+        "terrain": _relief_facts(contents.terrain),
+        "overview": _relief_facts(contents.overview),
+        "origin": list(contents.result.frame.origin),
+        "units": contents.result.frame.units.tolist(),
+        "class_names": {one.value: one.name.lower().replace("_", " ") for one in PointClass},
+    }
+
+
+def _relief_facts(relief: Relief | None) -> dict[str, Any] | None:
+    if relief is None:
+        return None
+    return {
+        "middle": relief.middle,
+        "step": relief.step,
+        "west": relief.west,
+        "north": relief.north,
+        "cell": list(relief.cell),
+        "unknown": UNKNOWN,
+    }
+
+
+def _ring_arrays(buildings: Sequence[ReportedBuilding]) -> tuple[Any, Any]:
+    """Return (row, kind, first vertex, number of vertices) of all rings, and their vertices [mm]."""
+    rings, vertices, n_vertices = [], [np.empty((0, 2))], 0
+    for row, building in enumerate(buildings):
+        for kind, polygon in ((_OUTLINE, building.outline), (_TRACED, building.traced)):
+            if polygon is None or polygon.is_empty:
+                continue
+            for ring in (polygon.exterior, *polygon.interiors):
+                places = shapely.get_coordinates(ring)[:-1]
+                rings.append((row, kind, n_vertices, len(places)))
+                vertices.append(places)
+                n_vertices += len(places)
+    whole = np.rint(np.concatenate(vertices) * _MILLIMETRES).astype(np.int32)
+    return np.array(rings, dtype=np.int32).reshape(-1, 4), whole
+
+
+def _dots(buildings: Sequence[ReportedBuilding]) -> Any:
+    """Return x and y of buildings [dm], and whether they are well."""
+    shapes = np.array([one.shape for one in buildings], dtype=object)
+    places = shapely.get_coordinates(shapely.centroid(shapes))
+    if len(places) < len(buildings):
+        return np.empty((0, 3), dtype=np.int32)
+    is_well = np.array([one.status == "ok" for one in buildings], dtype=np.float64)
+    return np.rint(np.column_stack([places * 10, is_well])).astype(np.int32)
+
+
+def _limits(contents: Contents) -> Iterator[str]:
+    """Say what is left out of the page to keep it small."""
+    if contents.focus is None and contents.others:
+        yield (
+            f"The 3D view shows the {len(contents.buildings):,} buildings in the middle, and the worst; "
+            f"{len(contents.others):,} others are dots on the map. The files hold all of them."
+        )
+    if contents.models.n_left_out:
+        yield f"{contents.models.n_left_out:,} buildings are shown as outlines only, to keep the page small."
+    shown, total = len(contents.points.steps), contents.result.run.get("n_points", 0)
+    if contents.focus is None and shown < total:
+        yield f"{shown:,} of {total:,} points are shown, more of buildings than of the rest; none of noise."
+
+
+def _title(contents: Contents) -> str:
+    if contents.focus is not None:
+        return f"Building {contents.buildings[contents.focus].name} of {contents.result.folder.name}"
+    return f"Buildings of {contents.result.folder.resolve().name}"
+
+
+def _rows(rows: Iterable[Sequence[str]]) -> str:
+    return "\n".join(
+        "<tr>" + "".join(f"<td>{html.escape(cell)}</td>" for cell in row) + "</tr>" for row in rows
+    )
+
+
+def _stage_rows(stages: Sequence[tuple[str, float]]) -> str:
+    most = max((taken for _, taken in stages), default=1.0) or 1.0
+    return "\n".join(
+        f"<tr><td>{html.escape(name)}</td><td>{taken:,.2f} s</td>"
+        f'<td class="wide"><div class="bar" style="width:{100 * taken / most:.1f}%"></div></td></tr>'
+        for name, taken in stages
+    )
+
+
+def _items(lines: Iterable[str]) -> str:
+    return "\n".join(f"<li>{html.escape(line)}</li>" for line in lines)
+
+
+def _packaged(name: str) -> str:
+    return (resources.files("lidar_buildings.report") / "page" / name).read_text(encoding="utf-8")

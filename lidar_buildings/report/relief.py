@@ -1,0 +1,109 @@
+"""The elevations of a raster as few enough cells for a page."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import rasterio
+from numpy.typing import NDArray
+from rasterio.enums import Resampling
+from rasterio.errors import RasterioError
+from rasterio.windows import Window, from_bounds
+
+from lidar_buildings.core.model.errors import InputError
+from lidar_buildings.core.model.map_frame import MapFrame
+from lidar_buildings.report.shown_points import Box
+
+#: What stands in cells that are not known.
+UNKNOWN = -32_768
+_STEPS = 65_000
+
+
+@dataclass(frozen=True, eq=False)
+class Relief:
+    """
+    Elevations, row by row from north to south.
+
+    Attributes
+    ----------
+    steps : ndarray of int16, shape (n_rows, n_columns)
+        Elevations are `middle` + `steps` × `step`; `UNKNOWN` where there are none.
+    middle, step : float
+        Map frame [m].
+    west, north : float
+        Outer corner of the first cell, map frame [m].
+    cell : tuple of two float
+        Width and height of a cell [m].
+    """
+
+    steps: NDArray[np.int16]
+    middle: float
+    step: float
+    west: float
+    north: float
+    cell: tuple[float, float]
+
+
+def read_relief(path: Path, frame: MapFrame, box: Box | None, most_cells: int) -> Relief:
+    """
+    Read a raster of elevations, coarser where it is larger.
+
+    Parameters
+    ----------
+    path : Path
+        A GeoTIFF in the source's coordinates.
+    frame : MapFrame
+    box : Box or None
+        What is wanted of it, None for all.
+    most_cells : int
+        Along the longer side.
+
+    Raises
+    ------
+    InputError
+        If it cannot be read.
+    """
+    try:
+        with rasterio.open(path) as file:
+            window = _window(file, frame, box)
+            coarser = max(window.width, window.height, most_cells) / most_cells
+            shape = max(round(window.height / coarser), 1), max(round(window.width / coarser), 1)
+            resampling = Resampling.average if coarser > 1 else Resampling.nearest
+            read = file.read(1, window=window, out_shape=shape, masked=True, resampling=resampling)
+            transform = file.window_transform(window)
+            cell = tuple(
+                size * file.res[axis] * frame.horizontal_unit / shape[1 - axis]
+                for axis, size in enumerate((window.width, window.height))
+            )
+    except (RasterioError, OSError) as error:
+        raise InputError(f"{path}: cannot be read ({error}): run it again") from error
+    x, y, _ = frame.to_map(np.array([[transform.c, transform.f, 0.0]]))[0].tolist()
+    elevations = read.astype(np.float64) * frame.vertical_unit - frame.origin[2]
+    return _in_steps(elevations, (x, y), (cell[0], cell[1]))
+
+
+def _window(file: rasterio.DatasetReader, frame: MapFrame, box: Box | None) -> Window:
+    whole = Window(0, 0, file.width, file.height)
+    if box is None:
+        return whole
+    corners = np.array([[box.x_min, box.y_min, 0.0], [box.x_max, box.y_max, 0.0]])
+    (west, south, _), (east, north, _) = frame.to_source(corners)
+    wanted = from_bounds(west, south, east, north, file.transform)
+    try:
+        return wanted.intersection(whole).round_offsets().round_lengths()
+    except rasterio.errors.WindowError:
+        return whole
+
+
+def _in_steps(
+    elevations: np.ma.MaskedArray[tuple[int, ...], np.dtype[np.float64]],
+    corner: tuple[float, float],
+    cell: tuple[float, float],
+) -> Relief:
+    known = elevations.compressed()
+    low, high = (float(known.min()), float(known.max())) if len(known) else (0.0, 0.0)
+    middle, step = (low + high) / 2, max((high - low) / _STEPS, 0.01)
+    steps = np.ma.filled(np.rint((elevations - middle) / step), UNKNOWN).astype(np.int16)
+    return Relief(steps, middle, step, *corner, cell)

@@ -1,0 +1,194 @@
+"""A result folder as the report reads it: its record, and its buildings in the map frame."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Collection, Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyogrio
+import shapely
+from numpy.typing import NDArray
+
+from lidar_buildings.core.model.errors import InputError
+from lidar_buildings.core.model.map_frame import MapFrame
+from lidar_buildings.io.models.cityjson import load_feature
+from lidar_buildings.io.results.building_layers import READABLE_ID
+from lidar_buildings.io.results.output_config import FORMAT_FILES
+from lidar_buildings.io.results.run_folder import RUN
+from lidar_buildings.io.vectors.polygon_file import read_layer
+
+(GPKG,), (CITY_MODEL,) = FORMAT_FILES["gpkg"], FORMAT_FILES["cityjson"]
+_FEATURE = '{"type":"CityJSONFeature","id":"'
+_NAME = re.compile(re.escape(_FEATURE) + r'([^"]*)"')
+#: What pieces of terrain are called, which are no buildings.
+_TERRAIN = "terrain-"
+
+
+@dataclass(frozen=True, eq=False)
+class ReportedBuilding:
+    """
+    A building of a result.
+
+    Attributes
+    ----------
+    name : str
+        Its readable id.
+    attributes : dict
+        As the files have them, in the source's units; None where a value is missing.
+    outline, traced : shapely.Polygon or None
+        After and before regularisation, map frame [m]; None where the result has no such layer.
+    """
+
+    name: str
+    attributes: dict[str, Any]
+    outline: shapely.Polygon | None = None
+    traced: shapely.Polygon | None = None
+
+    @property
+    def building_id(self) -> int:
+        """The number that points carry."""
+        return int(self.attributes.get("building_id") or 0)
+
+    @property
+    def shape(self) -> shapely.Polygon | None:
+        """The outline, or the traced ring where the run ended before."""
+        return self.traced if self.outline is None else self.outline
+
+    @property
+    def status(self) -> str:
+        """One word; a run that ended before there were models gives none."""
+        return self.attributes.get("status") or "unknown"
+
+
+@dataclass(frozen=True, eq=False)
+class Result:
+    """
+    What a folder holds.
+
+    Attributes
+    ----------
+    folder : Path
+    run : dict
+        The content of ``run.json``.
+    frame : MapFrame
+        Of all coordinates here.
+    """
+
+    folder: Path
+    run: dict[str, Any]
+    frame: MapFrame
+
+    @cached_property
+    def buildings(self) -> list[ReportedBuilding]:
+        """The buildings by id: of the layers, or of the city model where there are no layers."""
+        if self.has(GPKG):
+            return list(_of_layers(self.folder / GPKG, self.frame))
+        features = self.features()
+        return [ReportedBuilding(name, one["CityObjects"][name]["attributes"]) for name, one in features]
+
+    def features(self, names: Collection[str] | None = None) -> Iterator[tuple[str, dict[str, Any]]]:
+        """
+        Yield name and CityJSONFeature of the city model's buildings, of all or of some.
+
+        Raises
+        ------
+        InputError
+            If the file cannot be read.
+        """
+        if not self.has(CITY_MODEL):
+            return
+        try:
+            with open(self.folder / CITY_MODEL, encoding="utf-8") as file:
+                for line in file:
+                    found = _NAME.match(line)
+                    if found is None or found[1].startswith(_TERRAIN):
+                        continue
+                    if names is None or found[1] in names:
+                        yield found[1], load_feature(line)[0]
+        except (OSError, UnicodeDecodeError) as error:
+            raise InputError(f"{self.folder / CITY_MODEL}: cannot be read ({error}): run it again") from error
+
+    def has(self, name: str) -> bool:
+        """Whether the run made this file, and it is there."""
+        return name in self.run.get("files", ()) and (self.folder / name).is_file()
+
+    def clouds(self) -> list[Path]:
+        """Return the classified clouds that hold points."""
+        inputs = [one for one in self.run.get("inputs", ()) if one.get("output") and one.get("point_count")]
+        paths = [self.folder / one["output"] for one in inputs]
+        return [path for path in paths if path.is_file()]
+
+
+def read_result(folder: Path, run: dict[str, Any] | None = None) -> Result:
+    """
+    Open the output folder of a run.
+
+    Parameters
+    ----------
+    folder : Path
+    run : dict, optional
+        What ``run.json`` is to hold, where it is not written yet.
+
+    Raises
+    ------
+    InputError
+        If it is none, in one line.
+    """
+    run = _record(folder) if run is None else json.loads(json.dumps(run, default=str))
+    try:
+        frame = MapFrame(**{**run["frame"], "origin": tuple(run["frame"]["origin"])})
+    except (KeyError, TypeError) as error:
+        raise InputError(f"{folder / RUN}: does not say where the map frame lies: run it again") from error
+    return Result(folder, run, frame)
+
+
+def _record(folder: Path) -> dict[str, Any]:
+    path = folder / RUN
+    if not folder.is_dir():
+        raise InputError(f"{folder}: no such folder: give the output folder of lidar-buildings run")
+    if not path.is_file():
+        raise InputError(f"{folder}: holds no {RUN}: give the output folder of a finished run")
+    try:
+        run = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise InputError(f"{path}: cannot be read ({error}): run it again") from error
+    if not isinstance(run, dict):
+        raise InputError(f"{path}: is no record of a run: give the output folder of a finished run")
+    return run
+
+
+def _of_layers(path: Path, frame: MapFrame) -> Iterator[ReportedBuilding]:
+    """Yield the rows of the outlines with the traced rings of the same names; or these alone."""
+    layers = {str(name) for name, _ in pyogrio.list_layers(path)}
+    traced = read_layer(path, "traced") if "traced" in layers else None
+    rings: dict[str, Any] = {}
+    if traced is not None:
+        rings = dict(zip(traced.columns[READABLE_ID], _in_map(traced.geometries, frame), strict=True))
+    outlines = read_layer(path, "outlines")
+    columns = {name: values.tolist() for name, values in outlines.columns.items()}
+    names = [str(name) for name in columns.pop(READABLE_ID)]
+    shapes = _in_map(outlines.geometries, frame)
+    for row, (name, shape) in enumerate(zip(names, shapes, strict=True)):
+        known = {key: _or_none(values[row]) for key, values in columns.items()}
+        yield ReportedBuilding(name, known, shape, rings.pop(name, None))
+    for name, ring in rings.items():  # of a run that ended before outlines were regularised
+        yield ReportedBuilding(str(name), {}, None, ring)
+
+
+def _in_map(geometries: NDArray[Any], frame: MapFrame) -> NDArray[Any]:
+    """Bring polygons to the map frame [m]."""
+    return np.asarray(
+        shapely.transform(
+            shapely.force_2d(geometries), lambda xy: frame.to_map(np.insert(xy, 2, 0.0, axis=1))[:, :2]
+        )
+    )
+
+
+def _or_none(value: Any) -> Any:
+    return None if value is None or value != value else value

@@ -1,0 +1,169 @@
+"""The points of a page: those of buildings first, thinned to a budget."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lidar_buildings.core.model.classes import PointClass, is_of_groups
+from lidar_buildings.core.model.map_frame import MapFrame
+from lidar_buildings.io.clouds.las import Cloud, open_cloud, xyz_of
+
+#: Set in `classes` for points of walls.
+FACADE = 128
+#: No more points than these are read, since reading takes longest: of larger surveys stretches in between
+#: are left out, each as long as a chunk that LAZ files are cut into.
+MOST_READ, _STRETCH = 3_000_000, 50_000
+#: Share of the budget that the points of buildings may take.
+_OF_BUILDINGS = 0.6
+_STEPS = 65_535
+
+
+class Box(NamedTuple):
+    """A rectangle of the map frame [m]."""
+
+    x_min: float
+    y_min: float
+    x_max: float
+    y_max: float
+
+
+@dataclass(frozen=True, eq=False)
+class ShownPoints:
+    """
+    Points without noise, in whole steps from a corner, sorted by building.
+
+    Attributes
+    ----------
+    steps : ndarray of uint16, shape (n_points, 3)
+        Coordinates are `corner` + `steps` × `step`.
+    corner, step : ndarray of shape (3,)
+        Map frame [m].
+    classes : ndarray of uint8, shape (n_points,)
+        ASPRS class, with `FACADE` added for walls.
+    building : ndarray of uint16, shape (n_points,)
+        One more than the building's row, 0 for none of those that are shown.
+    plane : ndarray of uint8, shape (n_points,)
+        The plane within its building, 0 for none, counted on from 1 after 255.
+    """
+
+    steps: NDArray[np.uint16]
+    corner: NDArray[np.float64]
+    step: NDArray[np.float64]
+    classes: NDArray[np.uint8]
+    building: NDArray[np.uint16]
+    plane: NDArray[np.uint8]
+
+
+def read_shown_points(
+    clouds: Sequence[Path],
+    frame: MapFrame,
+    n_per_class: Mapping[int, int],
+    rows: Mapping[int, int],
+    box: Box | None,
+    most: int,
+) -> ShownPoints:
+    """
+    Read the points of classified clouds.
+
+    Parameters
+    ----------
+    clouds : sequence of Path
+    frame : MapFrame
+    n_per_class : mapping
+        Class → points of all clouds, by which they are thinned.
+    rows : mapping
+        Building id → its row.
+    box : Box or None
+        Where points are wanted, None for everywhere.
+    most : int
+        The budget.
+    """
+    opened = [one for one in map(open_cloud, clouds) if one.point_count and _reaches(one, frame, box)]
+    n_points = sum(one.point_count for one in opened)
+    every = max(1, -(-n_points // MOST_READ))
+    share = n_points / max(sum(n_per_class.values()), 1)
+    n_roof = round(n_per_class.get(PointClass.BUILDING, 0) * share) // every
+    roof_step = max(1, -(-n_roof // round(most * _OF_BUILDINGS)))
+    other_step = max(1, -(-(n_points // every - n_roof) // max(most - n_roof // roof_step, 1)))
+    parts = [_thinned(chunk, frame, (roof_step, other_step)) for chunk in _stretches(opened, every)]
+    xyz, labels = _joined(parts, box)
+    labels[:, 1] = _rows_of(labels[:, 1], rows)
+    order = np.argsort(labels[:, 1], kind="stable")[:most]
+    low, high = (xyz.min(axis=0), xyz.max(axis=0)) if len(xyz) else (np.zeros(3), np.zeros(3))
+    step = np.maximum((high - low) / _STEPS, 0.001)
+    classes, building, plane = labels[order].T
+    return ShownPoints(
+        np.rint((xyz[order] - low) / step).astype(np.uint16),
+        low,
+        step,
+        classes.astype(np.uint8),
+        building.astype(np.uint16),
+        np.where(plane > 0, (plane - 1) % 255 + 1, 0).astype(np.uint8),
+    )
+
+
+def _reaches(cloud: Cloud, frame: MapFrame, box: Box | None) -> bool:
+    if box is None:
+        return True
+    (west, south, _), (east, north, _) = frame.to_map(np.stack([cloud.mins, cloud.maxs]))
+    return bool(west <= box.x_max and east >= box.x_min and south <= box.y_max and north >= box.y_min)
+
+
+def _stretches(clouds: Sequence[Cloud], every: int) -> Iterator[Any]:
+    """Yield the clouds' points; of every so many stretches one."""
+    for cloud in clouds:
+        if every == 1:
+            yield from cloud.chunks()
+            continue
+        for first in range(0, cloud.point_count, every * _STRETCH):
+            yield from cloud.chunks(first=first, last=min(first + _STRETCH, cloud.point_count))
+
+
+def _thinned(
+    chunk: Any, frame: MapFrame, steps: tuple[int, int]
+) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    """Return coordinates [m] and (class, building id, plane): of roofs and of the rest every so many-th."""
+    classes = np.asarray(chunk["classification"])
+    is_roof = classes == PointClass.BUILDING
+    is_rest = ~is_roof & ~is_of_groups(classes, ["noise"])
+    chosen = [np.flatnonzero(which)[::step] for which, step in zip((is_roof, is_rest), steps, strict=True)]
+    kept = np.sort(np.concatenate(chosen))
+    few = chunk[kept]
+    known = set(few.point_format.dimension_names)
+    labels = np.zeros((len(few), 3), dtype=np.int64)
+    labels[:, 0] = np.minimum(classes[kept], FACADE - 1)
+    if "Facade" in known:
+        labels[:, 0] += FACADE * (np.asarray(few["Facade"]) > 0)
+    for column, name in ((1, "BuildingId"), (2, "PlaneId")):
+        if name in known:
+            labels[:, column] = np.asarray(few[name])
+    return frame.to_map(xyz_of(few)), labels
+
+
+def _joined(
+    parts: list[tuple[NDArray[np.float64], NDArray[np.int64]]], box: Box | None
+) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    """Put chunks together, of the points within the box."""
+    xyz = np.concatenate([*(one for one, _ in parts), np.empty((0, 3))])
+    labels = np.concatenate([*(one for _, one in parts), np.empty((0, 3), dtype=np.int64)])
+    if box is None:
+        return xyz, labels
+    within = (xyz[:, 0] >= box.x_min) & (xyz[:, 0] <= box.x_max)
+    within &= (xyz[:, 1] >= box.y_min) & (xyz[:, 1] <= box.y_max)
+    return xyz[within], labels[within]
+
+
+def _rows_of(ids: NDArray[np.int64], rows: Mapping[int, int]) -> NDArray[np.int64]:
+    """Return one more than the row of each building id, 0 where it has none."""
+    if not rows:
+        return np.zeros(len(ids), dtype=np.int64)
+    known = np.array(sorted(rows), dtype=np.int64)
+    place = np.minimum(np.searchsorted(known, ids), len(known) - 1)
+    row = np.array([rows[one] for one in known.tolist()], dtype=np.int64)
+    return np.where(known[place] == ids, row[place] + 1, 0)

@@ -1,0 +1,207 @@
+"""What a result is in words and numbers: the lines at the top of a page, its tables, its histograms."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import fields
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lidar_buildings.core.model.classes import PointClass
+from lidar_buildings.core.model.parameters import StageConfig, spec_of
+from lidar_buildings.core.model.stage_table import STAGES
+from lidar_buildings.io.results.output_config import OutputConfig
+from lidar_buildings.io.tiling.tiling_config import TilingConfig
+from lidar_buildings.pipeline.reconstruct import STAGE_CONFIGS
+from lidar_buildings.report.result_folder import Result
+
+#: Attribute → what its histogram is called.
+HISTOGRAMS = {
+    "rmse": "distance of points to models, rmse [m]",
+    "outline_sigma": "distance of traced points to outlines, σ [m]",
+    "coverage": "share of the outline that points support",
+}
+_BINS = 24
+#: Histograms end where so many percent of the values do; what is beyond is in the last bin.
+_LAST = 99.0
+_KINDS = {
+    "ground": (PointClass.GROUND, PointClass.ROAD_SURFACE, PointClass.WATER, PointClass.RAIL),
+    "buildings": (PointClass.BUILDING,),
+    "vegetation": (PointClass.LOW_VEGETATION, PointClass.MEDIUM_VEGETATION, PointClass.HIGH_VEGETATION),
+    "noise": (PointClass.LOW_NOISE, PointClass.HIGH_NOISE),
+}
+
+
+def headlines(result: Result) -> dict[str, str]:
+    """Return the five lines: what came in, how it was classified, what came out, how sure, how long."""
+    return {
+        "In": _came_in(result),
+        "Points": _points(result.run),
+        "Out": _came_out(result),
+        "How sure": _how_sure(result),
+        "How long": _how_long(result.run),
+    }
+
+
+def problems(run: Mapping[str, Any]) -> list[str]:
+    """Return what went wrong, one line each: inputs, tiles, points."""
+    lines = [str(one) for one in run.get("problems", ())]
+    lines += [f"tile {one['tile']} failed: {one['reason']}" for one in run.get("failed_tiles", ())]
+    if run.get("n_unclassified"):
+        lines.append(f"{run['n_unclassified']:,} points are in no finished tile and kept their class")
+    return lines
+
+
+def notes(result: Result) -> list[str]:
+    """Return what a page lacks, and why."""
+    run, lines = result.run, []
+    if run.get("until") not in (None, STAGES[-1]):
+        lines.append(f"The run ended with {run['until']}, as it was told: there is nothing of later stages.")
+    elif not result.buildings:
+        lines.append("No building was found.")
+    if not run.get("rasters"):
+        lines.append("There are no rasters, so the terrain is not shown.")
+    return lines
+
+
+def stage_seconds(run: Mapping[str, Any]) -> list[tuple[str, float]]:
+    """Return what each stage took, in the order of the run [s]."""
+    seconds = run.get("seconds", {})
+    return [(stage, float(seconds[stage])) for stage in STAGES if stage in seconds]
+
+
+def changed_parameters(run: Mapping[str, Any]) -> list[tuple[str, str, str]]:
+    """Return (stage.parameter, value, default) of what differs from the defaults."""
+    told = run.get("parameters", {})
+    changed = []
+    for stage, config in _configs().items():
+        given = told.get(stage)
+        for one in fields(config) if isinstance(given, dict) else ():
+            default = list(one.default) if isinstance(one.default, tuple) else one.default
+            value = given.get(one.name, default)
+            value = list(value) if isinstance(value, tuple) else value
+            if value != default:
+                unit = spec_of(one).unit
+                changed.append((f"{stage}.{one.name}", _written(value, unit), _written(default, unit)))
+    return changed
+
+
+def histograms(result: Result) -> list[dict[str, Any]]:
+    """Return counts per bin and the bins' bounds of what tells how good the buildings are."""
+    found = []
+    for name, title in HISTOGRAMS.items():
+        values = _values(result, name) * _unit_of(result, name)
+        if not len(values):
+            continue
+        low, high = 0.0, max(float(np.percentile(values, _LAST)), 0.01)
+        if name == "coverage":
+            low, high = min(0.5, float(values.min())), 1.0
+        counts, _ = np.histogram(np.clip(values, low, high), _BINS, (low, high))
+        bounds = {"from": low, "to": high, "median": float(np.median(values))}
+        found.append({"title": title, "counts": counts.tolist(), **bounds})
+    return found
+
+
+def _configs() -> dict[str, type[StageConfig]]:
+    return {**STAGE_CONFIGS, TilingConfig.stage: TilingConfig, OutputConfig.stage: OutputConfig}
+
+
+def _written(value: Any, unit: str) -> str:
+    text = ", ".join(map(str, value)) if isinstance(value, list) else str(value)
+    return f"{text} {unit}".strip()
+
+
+def _came_in(result: Result) -> str:
+    run = result.run
+    inputs = run.get("inputs", ())
+    names = ", ".join(Path(one["path"]).name for one in inputs[:3]) + (", …" if len(inputs) > 3 else "")
+    raster = next(iter(run.get("rasters", {}).values()), None)
+    words = [f"{run.get('n_points', 0):,} points in {_counted(len(inputs), 'file')} ({names})"]
+    words.append(result.frame.crs.split(",")[0] or "no reference system named")
+    if raster:
+        side = raster["cell"] * result.frame.horizontal_unit
+        area = raster["known_cells"] * side**2
+        density = run.get("n_points", 0) / max(area, 1.0)
+        words.append(f"{area / 10_000:,.1f} ha with points, {density:.1f} points/m²")
+    return "; ".join(words)
+
+
+def _points(run: Mapping[str, Any]) -> str:
+    classes = {int(code): n for code, n in run.get("classes", {}).items()}
+    total = sum(classes.values())
+    if not total:
+        return "none was classified"
+    shares = {kind: sum(classes.get(code, 0) for code in codes) / total for kind, codes in _KINDS.items()}
+    shares["other"] = 1.0 - sum(shares.values())
+    return ", ".join(f"{share:.1%} {kind}" for kind, share in shares.items() if share >= 0.0005)
+
+
+def _came_out(result: Result) -> str:
+    statuses = Counter(one.status for one in result.buildings)
+    if not statuses:
+        return "no buildings"
+    counts = ", ".join(f"{n:,} {status}" for status, n in statuses.most_common())
+    words = [f"{_counted(statuses.total(), 'building')} ({counts})"]
+    levels = Counter(one.attributes.get("lod") or "" for one in result.buildings)
+    if levels.keys() - {""}:
+        ordered = sorted(levels.items(), reverse=True)
+        words.append(
+            ", ".join(f"{n:,} {f'with LoD{lod}' if lod else 'without a solid'}" for lod, n in ordered)
+        )
+        roofs = Counter(one.attributes.get("roof_type") or "unknown" for one in result.buildings)
+        words.append("roofs: " + ", ".join(f"{n:,} {kind}" for kind, n in roofs.most_common()))
+    return "; ".join(words)
+
+
+def _how_sure(result: Result) -> str:
+    words = []
+    for name, text, tail in (
+        ("rmse", "points lie {:.3f} m off the models (median of rmse; 90 %: {:.3f} m)", 90),
+        ("outline_sigma", "traced points {:.2f} m off the outlines (90 %: {:.2f} m)", 90),
+        ("coverage", "{:.1%} of outlines supported by points (10 %: {:.1%})", 10),
+    ):
+        values = _values(result, name) * _unit_of(result, name)
+        if len(values):
+            words.append(text.format(float(np.median(values)), float(np.percentile(values, tail))))
+    n_valid = sum(one.attributes.get("validity") == "[]" for one in result.buildings)
+    if any(one.attributes.get("lod") for one in result.buildings):
+        words.append(f"{n_valid:,} of {len(result.buildings):,} with valid solids")
+    return "; ".join(words) or "nothing to be measured"
+
+
+def _how_long(run: Mapping[str, Any]) -> str:
+    seconds, stages = run.get("seconds", {}), stage_seconds(run)
+    words = []
+    if "wall" in seconds:
+        rate = run.get("n_points", 0) / max(seconds["wall"], 1e-3)
+        words.append(f"{seconds['wall']:,.1f} s, {rate:,.0f} points/s")
+    words.append(_counted(run.get("n_tiles", 0), "tile"))
+    if stages:
+        name, most = max(stages, key=lambda one: one[1])
+        total = sum(taken for _, taken in stages)
+        words.append(f"most of it {name} ({most:,.1f} s of {total:,.1f} s in stages)")
+    memory = run.get("peak_memory", {})
+    if memory:
+        words.append(f"at most {sum(memory.values()) / 1e9:.1f} GB of memory")
+    versions = run.get("versions", {})
+    if "lidar_buildings" in versions:
+        words.append(f"lidar_buildings {versions['lidar_buildings']}")
+    return "; ".join(words)
+
+
+def _values(result: Result, name: str) -> NDArray[np.float64]:
+    found = [one.attributes.get(name) for one in result.buildings]
+    return np.array([value for value in found if value is not None], dtype=np.float64)
+
+
+def _unit_of(result: Result, name: str) -> float:
+    """Return the metres in an attribute's unit."""
+    return {"rmse": result.frame.vertical_unit, "outline_sigma": result.frame.horizontal_unit}.get(name, 1.0)
+
+
+def _counted(number: int, what: str) -> str:
+    return f"{number:,} {what}" if number == 1 else f"{number:,} {what}s"
