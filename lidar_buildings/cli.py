@@ -60,6 +60,7 @@ def command_parser() -> argparse.ArgumentParser:
     _add_score(commands.add_parser("score", help="compare a result with a reference"))
     _add_compare(commands.add_parser("compare", help="say what has changed between two results of one place"))
     _add_report(commands.add_parser("report", help="make the page about a result anew"))
+    _add_explain(commands.add_parser("explain", help="say why a building has its outline and its roof"))
     _add_top(commands.add_parser("top", help="watch the running graphs"))
     _add_warm_up(commands.add_parser("warm-up", help="compile now what else the first run compiles"))
     return parser
@@ -195,6 +196,25 @@ def _report(options: argparse.Namespace) -> int:
     from lidar_buildings.commands.report import report_command
 
     return report_command(options)
+
+
+def _add_explain(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("folder", type=Path, metavar="DIR", help="output folder of a run")
+    parser.add_argument(
+        "building",
+        metavar="BUILDING",
+        help="its readable_id or building_id, or a place X,Y, also one where a building is missing",
+    )
+    parser.add_argument(
+        "--page", type=Path, metavar="FILE", help="write a page of it with the text, to look at"
+    )
+    parser.set_defaults(command=_explain)
+
+
+def _explain(options: argparse.Namespace) -> int:
+    from lidar_buildings.commands.explain import explain_command
+
+    return explain_command(options)
 
 
 def _add_top(parser: argparse.ArgumentParser) -> None:

@@ -67,14 +67,14 @@ def write_report(folder: Path, run: dict[str, Any] | None = None) -> Path:
     return path
 
 
-def write_page(path: Path, contents: Contents) -> None:
-    """Write a page."""
-    text = page_of(contents)
+def write_page(path: Path, contents: Contents, explanation: str = "") -> None:
+    """Write a page, with the explanation of its building if there is one."""
+    text = page_of(contents, explanation)
     with atomic_file(path) as temporary:
         temporary.write_text(text, encoding="utf-8")
 
 
-def page_of(contents: Contents) -> str:
+def page_of(contents: Contents, explanation: str = "") -> str:
     """Return a page as text."""
     result = contents.result
     parts = {
@@ -86,6 +86,7 @@ def page_of(contents: Contents) -> str:
         "parameters": _rows(changed_parameters(result.run))
         or "<tr><td>none: all parameters have their defaults</td></tr>",
         "files": _items(str(name) for name in result.run.get("files", ())),
+        "explanation": html.escape(explanation),
         "data": "\n".join(_elements(contents)),
         "style": _packaged("style.css"),
         "script": "\n".join(_packaged(name) for name in _SCRIPTS),

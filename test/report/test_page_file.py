@@ -10,31 +10,14 @@ import shapely
 from support import model_survey
 from support.model_survey import DUTCH, FEET
 from support.pages import Page
+from support.result_folders import written_models
 
 from lidar_buildings.cli import main
-from lidar_buildings.io.results.building_files import ModelHeading, write_buildings
 from lidar_buildings.report import contents as contents_module
 from lidar_buildings.report import shown_points
 from lidar_buildings.report.page_file import page_of, write_report
 from lidar_buildings.report.result_folder import read_result
 from lidar_buildings.simulation import simulate_survey
-
-
-def written_models(folder, frame, formats=("gpkg", "cityjson"), **more):
-    """Write models made by hand as a run does, with a record that names the files."""
-    folder.mkdir(exist_ok=True)
-    with model_survey.survey(folder, model_survey.shapes(frame), frame=frame) as survey:
-        files, statuses = write_buildings(folder, survey, formats, ModelHeading())
-    place = {"crs": frame.crs, "origin": frame.origin, "horizontal_unit": frame.horizontal_unit}
-    record = {
-        "frame": {**place, "vertical_unit": frame.vertical_unit},
-        "files": [*files, "run.json"],
-        "until": "building_model",
-        "buildings": statuses,
-        **more,
-    }
-    (folder / "run.json").write_text(json.dumps(record))
-    return folder
 
 
 @pytest.fixture(scope="module")

@@ -1,0 +1,148 @@
+"""The text that explains a building, or why there is none at a place."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable
+
+import numpy as np
+import shapely
+
+from lidar_buildings.core.model.errors import InputError
+from lidar_buildings.report.explain.finding import Finding, Limits
+from lidar_buildings.report.explain.line_findings import line_findings
+from lidar_buildings.report.explain.outline_findings import outline_findings
+from lidar_buildings.report.explain.rejections import rejected_at, rejected_beside
+from lidar_buildings.report.explain.roof_findings import roof_findings
+from lidar_buildings.report.explain.site import Site, read_site
+from lidar_buildings.report.models import model_arrays
+from lidar_buildings.report.result_folder import GPKG, ReportedBuilding, Result
+from lidar_buildings.report.shown_points import Box
+
+#: A place as X,Y in the source's coordinates.
+_PLACE = re.compile(r"\s*([-+]?\d+(?:\.\d*)?)\s*[, ]\s*([-+]?\d+(?:\.\d*)?)\s*")
+#: How far round a place points are looked at [m].
+_RADIUS = 8.0
+#: Of a survey of which nothing tells the spacing [m].
+_SPACING = 0.5
+_MANY = 1_000_000
+_QUALITY = ("rmse", "coverage", "outline_sigma")
+
+
+def find_building(result: Result, name: str) -> ReportedBuilding | tuple[float, float]:
+    """
+    Return the building that a name means, or a place in the map frame [m] where there is none.
+
+    Parameters
+    ----------
+    result : Result
+    name : str
+        A building's readable id or the end of it, its number, the name of its footprint; or X,Y.
+
+    Raises
+    ------
+    InputError
+        If no building or several are called so.
+    """
+    found = [
+        one
+        for one in result.buildings
+        if name in (one.name, str(one.building_id), one.attributes.get("footprint_id") or one.name)
+    ] or [one for one in result.buildings if one.name.endswith(f"-{name}")]
+    if len(found) == 1:
+        return found[0]
+    place = _PLACE.fullmatch(name)
+    if place is None or found:
+        known = ", ".join(one.name for one in (found or result.buildings)[:3]) or "none"
+        raise InputError(
+            f"{result.folder}: {len(found) or 'no'} building is called {name!r} (there are {known}, …): "
+            "give a readable_id or a building_id of buildings.gpkg, or X,Y"
+        )
+    x, y, _ = result.frame.to_map(np.array([[float(place[1]), float(place[2]), 0.0]]))[0].tolist()
+    here = [one for one in result.buildings if one.shape is not None and shapely.contains_xy(one.shape, x, y)]
+    return here[0] if here else (x, y)
+
+
+def explain_building(result: Result, building: ReportedBuilding) -> str:
+    """
+    Say why a building has its outline and its roof.
+
+    Raises
+    ------
+    InputError
+        If a cloud cannot be read.
+    """
+    known, frame = building.attributes, result.frame
+    spacing = (known.get("point_spacing") or 0.0) * frame.horizontal_unit or _SPACING
+    limits = Limits(result.run, spacing)
+    sections: dict[str, list[Finding]] = {}
+    sections["Outline"] = list(outline_findings(building, spacing, limits))
+    if building.shape is not None and not building.shape.is_empty and result.clouds():
+        site = read_site(result.clouds(), frame, _box(building.shape.bounds))
+        roof = site.roof_of(building.building_id)
+        if len(roof.points):
+            model = model_arrays(result.features({building.name}), [building.name], _MANY)
+            sections["Roof"] = list(roof_findings(roof, model, spacing, frame, limits))
+            if result.has(GPKG):
+                sections["Roof"] += line_findings(result.folder / GPKG, building.name, frame.horizontal_unit)
+        sections["Not of it"] = list(rejected_beside(site, building.building_id, building.shape, limits)) or [
+            Finding("Nothing high within the outline or round it was rejected.")
+        ]
+    return _text(_head(building, spacing), sections, limits)
+
+
+def explain_place(result: Result, place: tuple[float, float]) -> str:
+    """Say why there is no building at a place of the map frame [m]."""
+    x, y = place
+    site = read_site(result.clouds(), result.frame, Box(x - _RADIUS, y - _RADIUS, x + _RADIUS, y + _RADIUS))
+    spacing = _spacing_of(site)
+    limits = Limits(result.run, spacing)
+    findings = list(rejected_at(site, spacing, limits))
+    source = ", ".join(f"{one:.1f}" for one in result.frame.to_source(np.array([[x, y, 0.0]]))[0, :2])
+    head = [f"No building stands at {source}; what lies within {_RADIUS:g} m:"]
+    near = [one for one in result.buildings if one.shape is not None]
+    if near:
+        distances = shapely.distance(np.array([one.shape for one in near]), shapely.Point(x, y))
+        head.append(
+            f"The nearest building, {near[int(distances.argmin())].name}, is {distances.min():.1f} m away."
+        )
+    return _text(head, {"Points": findings}, limits)
+
+
+def _head(building: ReportedBuilding, spacing: float) -> list[str]:
+    known = building.attributes
+    lines = [f"{building.name} (building_id {building.building_id}): {building.status}"]
+    if known.get("reason"):
+        lines.append(f"reason: {known['reason']}")
+    words = [
+        f"roof {known['roof_type']}" if known.get("roof_type") else "",
+        f"LoD{known['lod']}" if known.get("lod") else "no solid",
+        f"validity {known['validity']}" if known.get("validity") not in (None, "", "[]") else "",
+        f"{known['n_points']:,.0f} points {spacing:.2f} m apart" if known.get("n_points") else "",
+        *(
+            f"{name} {known[name]:g}"
+            for name in ("rmse", "coverage", "outline_sigma")
+            if known.get(name) is not None
+        ),
+    ]
+    return [*lines, ", ".join(filter(None, words))]
+
+
+def _text(head: list[str], sections: dict[str, list[Finding]], limits: Limits) -> str:
+    lines, parameters = [*head], list[str]()
+    for title, findings in sections.items():
+        lines += ["", title, *(f"  {one.text}" for one in findings)]
+        parameters += [name for one in findings for name in one.parameters]
+    if parameters:
+        lines += ["", "What would change it", *(f"  {one}" for one in limits.lines(parameters))]
+    return "\n".join(lines)
+
+
+def _box(bounds: Iterable[float]) -> Box:
+    west, south, east, north = bounds
+    return Box(west - 3.0, south - 3.0, east + 3.0, north + 3.0)
+
+
+def _spacing_of(site: Site) -> float:
+    n = len(site.points)
+    return float(np.sqrt((2 * _RADIUS) ** 2 / n)) if n else _SPACING

@@ -1,0 +1,184 @@
+"""How a roof came about: planes and their points, what of them the model has, what it lacks."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from lidar_buildings.core.model.map_frame import MapFrame
+from lidar_buildings.core.solids.shell import ROOF_SURFACE
+from lidar_buildings.report.explain.finding import Finding, Limits
+from lidar_buildings.report.explain.outline_findings import shape_of
+from lidar_buildings.report.explain.site import Site
+from lidar_buildings.report.models import KINDS, ModelArrays
+
+#: A point agrees with the model if it is nearer than this [m], as for the attribute `coverage`.
+AGREES = 0.3
+_MOST_PLANES, _MOST_PATCHES = 12, 5
+#: As usual a share of points in no plane.
+_FEW = 0.05
+#: Planes that scatter by more are several surfaces taken for one [m].
+_BENT = 0.15
+#: Patches of fewer points are chance.
+_FEWEST = 4
+_SMALL = ("plane_fitting.min_plane_area", "plane_fitting.min_plane_points")
+_FACES = ("building_model.min_face_area", "plane_fitting.max_plane_distance")
+_BENDING = ("plane_fitting.max_plane_distance", "plane_fitting.max_normal_angle_deg")
+
+
+class FittedPlane(NamedTuple):
+    """A plane of a roof: number, points, area that these stand for [m²], slope, direction, scatter [m]."""
+
+    number: int
+    n_points: int
+    area: float
+    slope_deg: float
+    azimuth_deg: float
+    rms: float
+
+
+def fitted_planes(roof: Site, spacing: float) -> list[FittedPlane]:
+    """Return the planes of a roof's points, the largest first, each fitted to its points by least squares."""
+    found = []
+    for number in np.unique(roof.plane_id[roof.plane_id > 0]).tolist():
+        points = roof.points[roof.plane_id == number]
+        centred = points - points.mean(axis=0)
+        _, singular, axes = np.linalg.svd(centred, full_matrices=False)
+        normal = axes[-1] * np.sign(axes[-1][2] or 1.0)
+        slope = float(np.degrees(np.arccos(np.clip(normal[2], -1.0, 1.0))))
+        azimuth = float(np.degrees(np.arctan2(normal[0], normal[1])) % 360.0)
+        rms = float(singular[-1] / np.sqrt(len(points))) if len(points) > 3 else 0.0
+        area = len(points) * spacing**2 / max(normal[2], 0.1)
+        found.append(FittedPlane(int(number), len(points), area, slope, azimuth, rms))
+    return sorted(found, key=lambda one: one.n_points, reverse=True)
+
+
+def roof_findings(
+    roof: Site, model: ModelArrays, spacing: float, frame: MapFrame, limits: Limits
+) -> Iterator[Finding]:
+    """Yield what there is to say of a building's roof."""
+    planes = fitted_planes(roof, spacing)
+    yield Finding(f"{len(planes)} planes of {len(roof.points):,} roof points; the largest:")
+    for one in planes[:_MOST_PLANES]:
+        yield Finding(
+            f"  plane {one.number}: {one.n_points:,} points, {one.area:.1f} m², slope {one.slope_deg:.0f}°, "
+            f"looks to {round(one.azimuth_deg) % 360}°, rms {one.rms:.3f} m"
+        )
+    bent = [f"{one.number}" for one in planes if one.rms > _BENT]
+    if bent:
+        yield Finding(f"Plane {', '.join(bent)}: several surfaces taken for one, or a curved one.", _BENDING)
+    n_free = int((roof.plane_id == 0).sum())
+    if n_free:
+        limit = limits.value("plane_fitting.min_plane_area")
+        share = n_free / len(roof.points)
+        yield Finding(
+            f"{n_free:,} points ({share:.0%}) are in no plane: surfaces below {limit:g} m², rougher than "
+            f"{limits.value('plane_fitting.max_plane_distance'):g} m, or edges and chimneys.",
+            (*_SMALL, "plane_fitting.max_plane_distance") if share > _FEW else (),
+        )
+    above = heights_above(model, roof.points)
+    if np.isnan(above).all():
+        return
+    yield from _patches(roof, above, spacing, frame, limits)
+
+
+def heights_above(model: ModelArrays, points: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return how far points lie above the finest model's roof, at right angles to it; NaN beside it [m]."""
+    above = np.full(len(points), np.nan)
+    if not len(model.solids):
+        return above
+    level = model.solids[:, 1].max()
+    for _, own, first, count in model.solids.tolist():
+        if own != level:
+            continue
+        rows = first + np.flatnonzero(model.kinds[first : first + count] == KINDS[ROOF_SURFACE])
+        for corners in model.vertices[model.triangles[rows]] / 1000.0:
+            _enter_triangle(corners, points, above)
+    return above
+
+
+def _enter_triangle(
+    corners: NDArray[np.float64], points: NDArray[np.float64], above: NDArray[np.float64]
+) -> None:
+    """Enter the heights of the points over or under a triangle."""
+    normal = np.cross(corners[1] - corners[0], corners[2] - corners[0])
+    if normal[2] <= 1e-9:
+        return
+    low, high = corners.min(axis=0), corners.max(axis=0)
+    near = np.flatnonzero(((points[:, :2] >= low[:2]) & (points[:, :2] <= high[:2])).all(axis=1))
+    inside = np.ones(len(near), dtype=bool)
+    for start, end in zip(corners, np.roll(corners, -1, axis=0), strict=True):
+        step, place = end - start, points[near] - start
+        inside &= step[0] * place[:, 1] - step[1] * place[:, 0] >= 0.0
+    rows = near[inside]
+    above[rows] = (points[rows] - corners[0]) @ (normal / np.linalg.norm(normal))
+
+
+def _patches(
+    roof: Site, above: NDArray[np.float64], spacing: float, frame: MapFrame, limits: Limits
+) -> Iterator[Finding]:
+    """Say where the model does not agree with the points: above it and below it."""
+    known = ~np.isnan(above)
+    rmse = float(np.sqrt((above[known] ** 2).mean()))
+    share = float((np.abs(above[known]) > AGREES).mean())
+    furthest = float(above[known][np.abs(above[known]).argmax()])
+    yield Finding(
+        f"Points over the finest model: rmse {rmse:.3f} m at right angles to its faces; {share:.1%} are off "
+        f"by more than {AGREES} m, the furthest {furthest:+.2f} m."
+    )
+    patches = []
+    for sign, side in ((1.0, "above"), (-1.0, "below")):
+        rows = np.flatnonzero(sign * np.nan_to_num(above) > AGREES)
+        for area, own in _grouped(roof.points[rows], spacing):
+            patches.append(_Patch(area, side, rows[own]))
+    for patch in sorted(patches, key=lambda one: len(one.rows), reverse=True)[:_MOST_PATCHES]:
+        x, y, _ = frame.to_source(roof.points[patch.rows].mean(axis=0, keepdims=True))[0]
+        far = float(np.median(np.abs(above[patch.rows])))
+        where = f"{far:.2f} m {patch.side} it at {x:.1f}, {y:.1f}"
+        yield _patch_finding(patch, where, roof.plane_id[patch.rows], limits)
+    if patches:
+        yield Finding(
+            "  The model leaves out what is smaller than building_model.min_face_area, or explains less than "
+            "its corners cost."
+        )
+
+
+class _Patch(NamedTuple):
+    """Points that lie together and off the model on one side, and the area that they cover [m²]."""
+
+    area: float
+    side: str
+    rows: NDArray[np.intp]
+
+
+def _patch_finding(patch: _Patch, where: str, planes: NDArray[np.float64], limits: Limits) -> Finding:
+    n_free = int((planes == 0).sum())
+    named = ", ".join(f"{int(one)}" for one in np.unique(planes[planes > 0]))
+    least = limits.value("plane_fitting.min_plane_area")
+    text = f"  {len(patch.rows)} points on {patch.area:.1f} m² lie {where}"
+    if n_free > len(patch.rows) / 2:
+        small = patch.area < least
+        why = f"smaller than plane_fitting.min_plane_area ({least:g} m²)" if small else "too rough for one"
+        return Finding(f"{text}: most of them in no plane, {why}: a lost dormer, a chimney, a tree?", _SMALL)
+    return Finding(f"{text}: of plane {named}, not as it lies there", _FACES)
+
+
+def _grouped(points: NDArray[np.float64], spacing: float) -> Iterator[tuple[float, NDArray[np.intp]]]:
+    """Yield the area and the rows of each group of points that lie together in plan."""
+    if len(points) < _FEWEST:
+        return
+    parts = shapely.get_parts(shape_of(points, spacing))
+    parts = parts[shapely.area(parts) > 0]
+    if not len(parts):
+        return
+    row, part = shapely.STRtree(parts).query(
+        shapely.points(points[:, :2]), predicate="dwithin", distance=spacing
+    )
+    for number, shape in enumerate(parts):
+        own = row[part == number]
+        if len(own) >= _FEWEST:
+            yield float(shape.area), own

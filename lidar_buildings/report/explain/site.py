@@ -1,0 +1,94 @@
+"""The classified points round a building or a place."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lidar_buildings.core.model.classes import PointClass
+from lidar_buildings.core.model.map_frame import MapFrame
+from lidar_buildings.io.clouds.las import open_cloud, xyz_of
+from lidar_buildings.report.shown_points import Box
+
+_COLUMNS = {
+    "classification": "classification",
+    "height": "HeightAboveGround",
+    "facade": "Facade",
+    "building_id": "BuildingId",
+    "plane_id": "PlaneId",
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Site:
+    """
+    Points within a box, noise left out.
+
+    Attributes
+    ----------
+    points : ndarray of shape (n, 3)
+        Map frame [m].
+    classification, height, facade, building_id, plane_id : ndarray of float64, shape (n,)
+        As the clouds say; 0 where they do not. Heights above ground [m].
+    """
+
+    points: NDArray[np.float64]
+    classification: NDArray[np.float64]
+    height: NDArray[np.float64]
+    facade: NDArray[np.float64]
+    building_id: NDArray[np.float64]
+    plane_id: NDArray[np.float64]
+
+    def select(self, chosen: NDArray[np.bool_]) -> Site:
+        """Return some of the points."""
+        return Site(*(values[chosen] for values in self.__dict__.values()))
+
+    def roof_of(self, number: int) -> Site:
+        """Return a building's points but for its façades."""
+        return self.select((self.building_id == number) & (self.facade == 0) & (number > 0))
+
+    def per_class(self) -> str:
+        """Say how many points there are of each class."""
+        codes, counts = np.unique(self.classification, return_counts=True)
+        named = sorted(zip(counts.tolist(), codes.tolist(), strict=True), reverse=True)
+        return ", ".join(f"{n:,} {_name(int(code))}" for n, code in named) or "none"
+
+
+def read_site(clouds: Iterable[Path], frame: MapFrame, box: Box) -> Site:
+    """
+    Read the points of classified clouds within a box of the map frame.
+
+    Raises
+    ------
+    InputError
+        If a cloud cannot be read.
+    """
+    parts = [np.empty((0, 3 + len(_COLUMNS)))]
+    for path in clouds:
+        cloud = open_cloud(path)
+        (west, south, _), (east, north, _) = frame.to_map(np.stack([cloud.mins, cloud.maxs]))
+        if west > box.x_max or east < box.x_min or south > box.y_max or north < box.y_min:
+            continue
+        known = set(cloud.header.point_format.dimension_names)
+        for chunk in cloud.chunks():
+            xyz = frame.to_map(xyz_of(chunk))
+            inside = (xyz[:, 0] >= box.x_min) & (xyz[:, 0] <= box.x_max)
+            inside &= (xyz[:, 1] >= box.y_min) & (xyz[:, 1] <= box.y_max)
+            inside &= ~np.isin(chunk["classification"], (PointClass.LOW_NOISE, PointClass.HIGH_NOISE))
+            columns = [
+                np.asarray(chunk[name], dtype=np.float64)[inside] if name in known else np.zeros(inside.sum())
+                for name in _COLUMNS.values()
+            ]
+            parts.append(np.column_stack([xyz[inside], *columns]))
+    table = np.concatenate(parts)
+    height = table[:, 4] * frame.vertical_unit
+    return Site(table[:, :3], table[:, 3], height, *table[:, 5:].T)
+
+
+def _name(code: int) -> str:
+    known = {one.value: one.name.lower().replace("_", " ") for one in PointClass}
+    return known.get(code, f"class {code}")

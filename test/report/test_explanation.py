@@ -1,0 +1,157 @@
+"""What is said of a building leads to what is wrong with it, and to the parameter that would change it."""
+
+import json
+
+import numpy as np
+import pytest
+import shapely
+from support.model_survey import BUILDINGS, DUTCH
+from support.pages import Page
+from support.result_folders import with_points, written_models
+
+from lidar_buildings.cli import main
+from lidar_buildings.report.explain.finding import Limits
+from lidar_buildings.report.explain.outline_findings import outline_findings, walls_of
+from lidar_buildings.report.result_folder import ReportedBuilding
+
+SPACING = 0.5
+LIMITS = Limits({}, SPACING)
+
+
+@pytest.fixture(scope="module")
+def result(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("explained") / "out"
+    parameters = {"roof_selection": {"min_building_area": 25.0}}
+    return with_points(written_models(folder, DUTCH, parameters=parameters), DUTCH)
+
+
+def explained(capsys, *arguments):
+    assert main(["explain", *map(str, arguments)]) == 0
+    return capsys.readouterr().out
+
+
+def said_of(outline, traced=None, status="ok"):
+    building = ReportedBuilding("a", {"status": status}, outline, traced)
+    findings = list(outline_findings(building, SPACING, LIMITS))
+    named = {name for one in findings for name in one.parameters}
+    return "\n".join(one.text for one in findings), named
+
+
+def source(x, y):
+    east, north, _ = DUTCH.to_source(np.array([[x, y, 0.0]]))[0]
+    return f"{east:.2f},{north:.2f}"
+
+
+def test_a_lost_dormer_is_found_with_its_place_and_the_limit_that_it_missed(capsys, result):
+    text = explained(capsys, result, 5)
+    (line,) = [line for line in text.splitlines() if "most of them in no plane" in line]
+    assert "0.80 m above it" in line, "one metre upright is 0.8 m at right angles to the roof"
+    east, north = source(4.5, 1.5).split(",")
+    place = line.split(" at ")[1].split(":")[0].split(", ")
+    assert [float(one) for one in place] == pytest.approx([float(east), float(north)], abs=0.3)
+    assert "smaller than plane_fitting.min_plane_area (1.5 m²)" in line
+    assert "plane_fitting.min_plane_area = 1.5 m²: Smallest plane" in text
+
+
+def test_planes_are_told_with_points_slope_and_direction(capsys, result):
+    text = explained(capsys, result, 5)
+    (south, north) = sorted(line for line in text.splitlines() if line.strip().startswith("plane "))[:2]
+    assert "slope 37°, looks to 180°" in south
+    assert "slope 37°, looks to 0°" in north
+
+
+def test_a_missing_building_is_explained_by_the_limit_that_it_fails(capsys, result):
+    text = explained(capsys, result, source(15.0, 3.5))
+    assert "No building stands at" in text
+    (line,) = [line for line in text.splitlines() if "High but no roof" in line]
+    assert "smaller than min_building_area" in line
+    assert "rougher" not in line, "the shed is smooth"
+    assert "roof_selection.min_building_area = 25.0 m^2, the default is 12.0" in text
+
+
+def test_a_tree_is_rough(capsys, result):
+    text = explained(capsys, result, source(25.5, 21.5))
+    assert "rougher than max_roughness" in text
+
+
+def test_a_place_without_anything_high_says_so(capsys, result):
+    text = explained(capsys, result, source(-7.0, 20.0))
+    assert "The highest point is 0.00 m above the ground, below min_height." in text
+
+
+def test_a_place_within_an_outline_means_its_building(capsys, result):
+    assert explained(capsys, result, source(5.0, 4.0)) == explained(capsys, result, 5)
+
+
+def test_a_building_without_solid_tells_its_reason(capsys, result):
+    text = explained(capsys, result, 7)
+    assert "degenerate" in text
+    assert "reason: no roof points" in text
+
+
+def test_a_page_of_one_building_shows_it_with_the_text(capsys, result, tmp_path):
+    text = explained(capsys, result, 5, "--page", tmp_path / "house.html")
+    page = Page.of(tmp_path / "house.html")
+    facts = page.data["facts"]
+    assert facts["attributes"][facts["focus"]]["building_id"] == 5
+    assert len(facts["names"]) < len(BUILDINGS), "what stands far away is left out"
+    assert " ".join(text.split("\n  /")[0].split()) in page.words
+
+
+def test_what_is_no_building_is_refused_in_one_line(capsys, result):
+    for name, words in (("999", "no building is called '999'"), ("house", "no building is called 'house'")):
+        assert main(["explain", str(result), name]) == 2
+        (line,) = capsys.readouterr().err.splitlines()
+        assert words in line
+        assert "give a readable_id or a building_id of buildings.gpkg, or X,Y" in line
+    assert main(["explain", str(result), source(-7.0, 20.0), "--page", "x.html"]) == 2
+    assert "leave --page out" in capsys.readouterr().err
+
+
+def test_walls_tell_how_far_the_traced_ring_lies_from_them():
+    outline = shapely.box(0, 0, 20, 10)
+    traced = shapely.Polygon([(0, 0), (10, -0.4), (20, 0), (20, 10), (10, 9.5), (0, 10)])
+    south, north = (
+        next(one for one in walls_of(outline, traced) if one.n_traced and one.worst == pytest.approx(worst))
+        for worst in (0.4, -0.5)
+    )
+    assert (south.length, south.direction_deg) == pytest.approx((20.0, 90.0))
+    assert north.length == pytest.approx(20.0)
+
+
+def test_a_jagged_outline_names_what_makes_walls_longer():
+    teeth = [(k * 0.5, 10.0 + 0.5 * (k % 2)) for k in range(40)]
+    text, named = said_of(shapely.Polygon([(0, 0), (20, 0), *teeth[::-1]]))
+    assert "Jagged: " in text
+    assert {"regularisation.noise", "regularisation.wall_cost"} <= named
+    text, named = said_of(shapely.box(0, 0, 20, 10))
+    assert "Jagged" not in text
+    assert not named
+
+
+def test_a_neck_names_what_cuts_buildings_apart():
+    text, named = said_of(
+        shapely.union_all([shapely.box(0, 0, 10, 10), shapely.box(12, 0, 20, 10), shapely.box(10, 4, 12, 6)])
+    )
+    assert "A neck narrower than 2.0 m joins parts of 101 m², 81 m²" in text
+    assert {"segmentation.window", "segmentation.min_neck"} <= named
+
+
+def test_an_outline_that_could_not_be_regularised_says_so():
+    text, named = said_of(shapely.box(0, 0, 20, 10), status="traced_outline")
+    assert "could not be regularised" in text
+    assert "regularisation.noise" in named
+
+
+def test_a_lost_courtyard_names_the_smallest_one():
+    holed = shapely.difference(shapely.box(0, 0, 30, 30), shapely.box(10, 10, 12, 12))
+    text, named = said_of(shapely.box(0, 0, 30, 30), holed)
+    assert "1 courtyards were traced and 0 kept" in text
+    assert named == {"boundary_tracing.min_courtyard_area"}
+
+
+def test_parameters_that_were_changed_come_first_with_their_default():
+    limits = Limits(json.loads('{"parameters": {"segmentation": {"window": 9.0}}}'), SPACING)
+    changed, other = limits.lines(["regularisation.noise", "segmentation.window"])
+    assert changed.startswith("segmentation.window = 9.0 spacings, 4.50 m here, the default is 4.5: Sides of")
+    assert other.startswith("regularisation.noise = 0.3 spacings, 0.15 m here: Scatter")
