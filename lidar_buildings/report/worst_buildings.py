@@ -50,7 +50,7 @@ def why_bad(building: ReportedBuilding, frame: MapFrame) -> str:
         words.append(f"coverage {known['coverage']:.2f}")
     if known.get("rmse") is not None:
         words.append(f"rmse {known['rmse'] * frame.vertical_unit:.2f} m")
-    if known.get("outline_max_offset") is not None:
+    if known.get("outline_max_offset"):
         words.append(f"outline off by {known['outline_max_offset'] * frame.horizontal_unit:.2f} m at most")
     return "; ".join(words)
 

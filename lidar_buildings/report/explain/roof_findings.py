@@ -10,7 +10,7 @@ import shapely
 from numpy.typing import NDArray
 
 from lidar_buildings.core.model.map_frame import MapFrame
-from lidar_buildings.core.solids.shell import ROOF_SURFACE
+from lidar_buildings.core.solids.shell import ROOF_SURFACE, WALL_SURFACE
 from lidar_buildings.report.explain.finding import Finding, Limits
 from lidar_buildings.report.explain.outline_findings import shape_of
 from lidar_buildings.report.explain.site import Site
@@ -87,7 +87,11 @@ def roof_findings(
 
 
 def heights_above(model: ModelArrays, points: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return how far points lie above the finest model's roof, at right angles to it; NaN beside it [m]."""
+    """
+    Return how far points lie above the finest model's roof, at right angles to it; NaN beside it [m].
+
+    Of points that are nearer to a wall it is the distance to this one, with the same sign.
+    """
     above = np.full(len(points), np.nan)
     if not len(model.solids):
         return above
@@ -98,7 +102,23 @@ def heights_above(model: ModelArrays, points: NDArray[np.float64]) -> NDArray[np
         rows = first + np.flatnonzero(model.kinds[first : first + count] == KINDS[ROOF_SURFACE])
         for corners in model.vertices[model.triangles[rows]] / 1000.0:
             _enter_triangle(corners, points, above)
+        far = np.flatnonzero(np.nan_to_num(np.abs(above)) > AGREES)
+        rows = first + np.flatnonzero(model.kinds[first : first + count] == KINDS[WALL_SURFACE])
+        beside = _wall_distances(model.vertices[model.triangles[rows]] / 1000.0, points[far])
+        above[far] = np.sign(above[far]) * np.minimum(np.abs(above[far]), beside)
     return above
+
+
+def _wall_distances(walls: NDArray[np.float64], points: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return each point's distance to the nearest wall that stands at its elevation [m]."""
+    least = np.full(len(points), np.inf)
+    places = shapely.points(points[:, :2])
+    for corners in walls:
+        low, high = corners[:, 2].min() - AGREES, corners[:, 2].max() + AGREES
+        rows = np.flatnonzero((points[:, 2] >= low) & (points[:, 2] <= high))
+        line = shapely.linestrings(corners[[0, 1, 2], :2])
+        least[rows] = np.minimum(least[rows], shapely.distance(line, places[rows]))
+    return least
 
 
 def _enter_triangle(

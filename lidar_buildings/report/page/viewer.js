@@ -266,7 +266,8 @@ class Viewer {
 async function openPage() {
   const data = await loadData(), viewer = new Viewer(data);
   byId("map-legend").append(...viewer.statuses());
-  byId("histograms").append(...data.facts.histograms.map(histogram));
+  const bars = data.facts.histograms.map(histogram);
+  byId("histograms").append(...(bars.length ? bars : ["There is nothing to be measured."]));
   viewer.map.draw(-1);
   viewer.drawWorst();
   if (data.facts.focus != null) viewer.select(data.facts.focus, true);
