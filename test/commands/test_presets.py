@@ -3,7 +3,7 @@
 import pytest
 from support.cli_runs import Command
 
-from lidar_buildings.cli import _parser
+from lidar_buildings.cli import command_parser
 from lidar_buildings.commands.run_request import request_of
 from lidar_buildings.commands.settings import PRESETS
 
@@ -32,7 +32,7 @@ KNOWN = {
 
 
 def asked(tmp_path, *options):
-    return request_of(_parser().parse_args(["run", "a.laz", "--output", str(tmp_path / "out"), *options]))
+    return request_of(command_parser().parse_args(["run", "a.laz", "--output", str(tmp_path / "out"), *options]))
 
 
 @pytest.mark.parametrize("preset", PRESETS)

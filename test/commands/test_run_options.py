@@ -5,7 +5,7 @@ from support.bags import write_drive
 from support.cli_runs import Command
 from support.cloud_files import random_cloud, saved
 
-from lidar_buildings.cli import _parser
+from lidar_buildings.cli import command_parser
 from lidar_buildings.commands.run_request import request_of
 
 
@@ -24,7 +24,7 @@ def test_georeferenced_takes_the_scans_of_a_bag_as_they_are(command, tmp_path):
 
 
 def test_a_rate_is_the_players(tmp_path):
-    options = _parser().parse_args(["run", "a.laz", "--output", str(tmp_path / "out"), "--rate", "2.5"])
+    options = command_parser().parse_args(["run", "a.laz", "--output", str(tmp_path / "out"), "--rate", "2.5"])
     assert request_of(options).settings["tile_player"]["rate"] == 2.5
 
 
