@@ -6,6 +6,7 @@ import argparse
 import gc
 import os
 import sys
+import traceback
 from pathlib import Path
 from typing import NoReturn
 
@@ -35,6 +36,8 @@ def main(arguments: list[str] | None = None) -> int:
         sys.stdout.flush()  # here, where a closed pipe is caught
         return status
     except LidarBuildingsError as error:
+        if options.debug:
+            traceback.print_exc()
         for line in str(error).splitlines():
             print(f"lidar-buildings: {line}", file=sys.stderr)
         return WRONG_USE
@@ -63,6 +66,8 @@ def command_parser() -> argparse.ArgumentParser:
     _add_explain(commands.add_parser("explain", help="say why a building has its outline and its roof"))
     _add_top(commands.add_parser("top", help="watch the running graphs"))
     _add_warm_up(commands.add_parser("warm-up", help="compile now what else the first run compiles"))
+    for one in commands.choices.values():
+        one.add_argument("--debug", action="store_true", help="show where an error comes from")
     return parser
 
 
@@ -110,6 +115,8 @@ def _add_live(parser: argparse.ArgumentParser) -> None:
         tile_size=None,
         georeferenced=False,
         no_ros=False,
+        quiet=False,
+        json=False,
         update=None,
         retry_failed=False,
         footprints=None,

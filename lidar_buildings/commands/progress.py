@@ -42,8 +42,11 @@ class _Bar(tqdm):
 
 
 @contextmanager
-def progress_bar(tile_count: Callable[[], int]) -> Iterator[Callable[[int], None]]:
+def progress_bar(tile_count: Callable[[], int], *, is_quiet: bool = False) -> Iterator[Callable[[int], None]]:
     """Give a function that shows how many tiles are done: a bar on a terminal, plain lines elsewhere."""
+    if is_quiet:
+        yield lambda done: None
+        return
     is_terminal = sys.stderr.isatty()
     bar = _Bar(total=tile_count(), unit="tile", disable=not is_terminal)
 

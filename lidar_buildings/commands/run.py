@@ -4,16 +4,16 @@ from __future__ import annotations
 
 import argparse
 import importlib.util
+import json
 import logging
 import sys
 import time
-from collections.abc import Mapping
 from dataclasses import asdict, replace
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from lidar_buildings.commands.prepare import load_stages
-from lidar_buildings.commands.progress import RunOutcome, counted
+from lidar_buildings.commands.progress import RunOutcome
+from lidar_buildings.commands.run_outcome import outcome_as_json, tell_outcome, tell_problems
 from lidar_buildings.commands.run_request import RunRequest, request_of
 from lidar_buildings.core.kernel_cache import start_compiling
 from lidar_buildings.core.model.errors import LidarBuildingsError, ParameterError
@@ -21,7 +21,6 @@ from lidar_buildings.io.bags.bag_inputs import bags_among, place_bags, with_clou
 from lidar_buildings.io.results.run_folder import PARTIAL, PLACED, check_folder, discard_unfinished
 
 if TYPE_CHECKING:  # what reads and writes files is imported while the processes of a run start
-    from lidar_buildings.io.results.run_summary import RunSummary
     from lidar_buildings.io.vectors.footprints import FootprintFile
 
 #: Exit statuses: users' scripts rely on them.
@@ -51,9 +50,12 @@ def run_command(options: argparse.Namespace) -> int:
         outcome = _run_cluster(request, footprints, options.workers, options.scheduler)
     else:
         outcome = _run_local(request, footprints) if options.no_ros else _run_graph(request)
-    _report_problems(outcome, "--retry-failed" if outcome.failed and options.no_ros else "--overwrite")
-    _report(request.output, outcome.summary, time.perf_counter() - started)
-    has_bag = _report_recording(outcome)
+    tell_problems(outcome, "--retry-failed" if outcome.failed and options.no_ros else "--overwrite")
+    if options.json:
+        print(json.dumps(outcome_as_json(request.output, outcome, time.perf_counter() - started), indent=2))
+    elif not options.quiet:
+        tell_outcome(request.output, outcome, time.perf_counter() - started)
+    has_bag = outcome.recording is None or not outcome.recording.failure
     if outcome.failed or (outcome.summary.n_unclassified and not outcome.summary.problems):
         return TILE_FAILED
     is_short = any(bag["problem"] for bag in request.bags)
@@ -110,58 +112,6 @@ def _run_graph(request: RunRequest) -> RunOutcome:
     from lidar_buildings.commands.running_graph import run_graph
 
     return run_graph(request)
-
-
-def _report_problems(outcome: RunOutcome, again: str) -> None:
-    """Print one line for each file and each tile that was not done, and what does them again."""
-    summary = outcome.summary
-    lines = list(summary.problems)
-    lines += [
-        f"tile {stamp} failed ({reason}): the rest is complete" for stamp, reason in outcome.failed.items()
-    ]
-    if summary.n_unclassified and (outcome.failed or not summary.problems):
-        lines.append(
-            f"{counted(summary.n_unclassified, 'point')} kept the class from before: the same command with "
-            f"{again} tries again"
-        )
-    if summary.why_no_building and not outcome.failed:
-        lines.append(summary.why_no_building)
-    for line in lines:
-        print(f"lidar-buildings: {line}", file=sys.stderr)
-
-
-def _report(output: Path, summary: RunSummary, wall: float) -> None:
-    """Print what was found and where it is."""
-    counts = ", ".join(f"{n} {status}" for status, n in sorted(summary.buildings.items())) or "none"
-    print(f"{counted(summary.n_points, 'point')} in {counted(summary.n_tiles, 'tile')}, {wall:.1f} s")
-    print(f"buildings: {sum(summary.buildings.values())} ({counts})")
-    if aside := ", ".join(f"{n:,} {name}" for name, n in summary.set_aside.items()):
-        print(f"set aside by class: {aside}")
-    if summary.footprints:
-        print(_footprints_line(summary.footprints))
-    for name in summary.files:
-        print(f"  {output / name}")
-
-
-def _report_recording(outcome: RunOutcome) -> bool:
-    """Print what was recorded; return whether all was that was to be."""
-    bag = outcome.recording
-    if bag is None:
-        return True
-    if not bag.failure:
-        print(f"  {bag.path}: {counted(bag.n_messages, 'message')}")
-        return True
-    lost = ", ".join(f"{n:,} of {name}" for name, n in sorted(bag.lost.items())) or "none"
-    print(f"lidar-buildings: {bag.failure}; messages not recorded: {lost}", file=sys.stderr)
-    return False
-
-
-def _footprints_line(record: Mapping[str, Any]) -> str:
-    counts = [f"{record['n_read']:,} read"]
-    counts += [f"{record['n_repaired']:,} repaired"] * bool(record["n_repaired"])
-    counts += [f"{number:,} {reason} left out" for reason, number in record["left_out"].items()]
-    counts += [f"{record['n_outside']:,} outside the points"] * bool(record["n_outside"])
-    return f"footprints: {', '.join(counts)}"
 
 
 def with_placed_bags(request: RunRequest) -> RunRequest:

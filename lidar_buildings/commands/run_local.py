@@ -84,7 +84,7 @@ def run_local(
             earlier = EarlierBuildings.of(folder.saved_tiles(), source.frame)
         else:
             skip.update(folder.done_stamps())
-        with progress_bar(lambda: source.tile_count - len(skip)) as progress:
+        with progress_bar(lambda: source.tile_count - len(skip), is_quiet=request.is_quiet) as progress:
             done = process_tiles(
                 source,
                 folder,
@@ -99,7 +99,8 @@ def run_local(
         if request.use is Use.UPDATE:
             folder.keep_only(source.stamps)
             note_survey(folder.path, source.known.as_json())
-            print(f"{done.n_unchanged} of {counted(len(source.stamps), 'tile')} had the points of before")
+            if not request.is_quiet:
+                print(f"{done.n_unchanged} of {counted(len(source.stamps), 'tile')} had the points of before")
         from lidar_buildings.report.page_file import write_report  # what it needs is needed last
 
         seconds = {"wall": time.perf_counter() - started, **done.seconds}

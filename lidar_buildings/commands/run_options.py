@@ -72,6 +72,9 @@ def add_run_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--namespace", metavar="NAME", help="ROS namespace of the nodes (default: one of its own)"
     )
+    words = parser.add_mutually_exclusive_group()
+    words.add_argument("--quiet", action="store_true", help="print nothing but what went wrong")
+    words.add_argument("--json", action="store_true", help="print the outcome as JSON, for scripts")
 
 
 def add_part_of_bag(parser: argparse.ArgumentParser) -> None:

@@ -87,6 +87,8 @@ class RunRequest:
         The paper whose parameters these are, but for what the user set; empty if none.
     use : Use
         What is wanted of a finished run in the output folder.
+    is_quiet : bool
+        Whether no progress is shown.
     """
 
     inputs: tuple[str, ...]
@@ -104,6 +106,7 @@ class RunRequest:
     bags: tuple[dict[str, Any], ...] = ()
     preset: str = ""
     use: Use = Use.NONE
+    is_quiet: bool = False
 
     def parameters(self) -> dict[str, Any]:
         """Return everything that results depend on, as plain values."""
@@ -160,6 +163,7 @@ def request_of(options: argparse.Namespace) -> RunRequest:
         choice=_shared(BagConfig, settings),
         preset=options.preset or "",
         use=Use.UPDATE if options.update else Use.RETRY if options.retry_failed else Use.NONE,
+        is_quiet=options.quiet or options.json,
     )
 
 

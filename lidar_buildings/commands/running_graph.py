@@ -102,18 +102,18 @@ def run_graph(request: RunRequest) -> RunOutcome:
     os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
     namespace = (request.namespace or f"lidar_buildings_{os.getpid()}").strip("/")
     with running_graph(request, "tile_player", namespace, is_quiet=True) as (composition, nodes):
-        outcome = _outcome(composition, nodes)
+        outcome = _outcome(composition, nodes, request.is_quiet)
         while outcome.recording is not None and not nodes["recorder"].is_silent:
             time.sleep(_TICK)
         return outcome
 
 
-def _outcome(composition, nodes) -> RunOutcome:
+def _outcome(composition, nodes, is_quiet: bool) -> RunOutcome:
     """Show the progress until the writer has its outcome."""
     player: TilePlayer = nodes["tile_player"]
     writer = nodes["model_writer"]
     shown = -1
-    with progress_bar(lambda: player.progress.n_tiles) as show:
+    with progress_bar(lambda: player.progress.n_tiles, is_quiet=is_quiet) as show:
         while not composition.wait(writer, timeout=_TICK):
             done = player.progress.n_done
             if done > max(shown, 0):

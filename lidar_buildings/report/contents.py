@@ -17,7 +17,7 @@ from lidar_buildings.report.shown_points import Box, ShownPoints, read_shown_poi
 from lidar_buildings.report.worst_buildings import Worst, worst_buildings
 
 #: What fits into 20 MB: a triangle takes some 10 bytes of the page, a point 9, a building's attributes 200.
-MOST_BUILDINGS, MOST_TRIANGLES, MOST_POINTS = 4_000, 600_000, 400_000
+MOST_BUILDINGS, MOST_TRIANGLES, MOST_POINTS = 4_000, 900_000, 400_000
 #: Cells of the terrain along its longer side.
 MOST_CELLS = 300
 #: Width of the strip that is shown round the buildings where not all are [m].

@@ -80,7 +80,7 @@ def without_times(output):
 
 def options_of(name):
     """The options and positional arguments of a command."""
-    commands = next(action for action in cli._parser()._actions if action.choices)
+    commands = next(action for action in cli.command_parser()._actions if action.choices)
     return {word for one in commands.choices[name]._actions for word in one.option_strings or [one.metavar]}
 
 
@@ -213,8 +213,33 @@ def test_progress_is_told_in_plain_lines_where_there_is_no_terminal(command, hou
     assert spoken.out[0].startswith(f"{n_points:,} points in {n_tiles} tiles, ")
     assert spoken.out[1] == "buildings: 1 (1 ok)"
     assert [line.strip() for line in spoken.out[2:]] == [
-        f"{tmp_path / 'out' / name}" for name in told["files"]
+        *(f"{tmp_path / 'out' / name}" for name in told["files"]),
+        f"open first: {tmp_path / 'out' / 'report.html'}",
     ]
+
+
+def test_a_quiet_run_says_nothing(command, house, tmp_path):
+    spoken = command("run", house, "--output", tmp_path / "out", "--no-ros", "--quiet")
+    assert (spoken.status, spoken.out, spoken.err, spoken.progress) == (0, [], [], [])
+    assert files_in(tmp_path / "out") == FILES
+
+
+def test_the_outcome_of_a_run_can_be_read_by_scripts(command, house, tmp_path):
+    missing = tmp_path / "nowhere.laz"
+    spoken = command("run", house, missing, "--output", tmp_path / "out", "--no-ros", "--json")
+    told = json.loads("\n".join(spoken.out))
+    assert (spoken.status, spoken.progress, len(spoken.err)) == (2, [], 1)
+    assert told["buildings"] == {"ok": 1}
+    assert sorted(told["files"]) == FILES
+    assert told["output"] == str(tmp_path / "out")
+    assert str(missing) in told["problems"][0]
+
+
+def test_an_error_shows_where_it_comes_from_if_asked(command, tmp_path):
+    spoken = command("report", tmp_path, "--debug")
+    assert spoken.status == 2
+    assert spoken.err[0] == "Traceback (most recent call last):"
+    assert spoken.err[-1] == command.refused("report", tmp_path)
 
 
 def test_progress_is_a_bar_on_a_terminal(house, tmp_path, capsys, monkeypatch):

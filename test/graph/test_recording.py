@@ -34,7 +34,7 @@ def test_the_bag_of_a_run_gives_the_same_buildings(command, survey, tmp_path):
     run = ("run", survey, *SMALL_TILES, "--output", tmp_path / "first", "--record", tmp_path / "bag.mcap")
     spoken = command(*run)
     assert (spoken.status, spoken.err) == (0, [])
-    assert spoken.out[-1].startswith(f"  {tmp_path / 'bag'}: ")
+    assert spoken.out[-2].startswith(f"  {tmp_path / 'bag'}: ")
     topics = {one.name: one for one in summarise_bag(tmp_path / "bag").topics}
     assert topics.keys() == {f"/{name}" for name in RECORDED}
     n_tiles = json.loads((tmp_path / "first" / "run.json").read_text())["n_tiles"]
