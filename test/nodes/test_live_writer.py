@@ -97,7 +97,7 @@ def test_a_survey_that_ended_before_the_frame_was_known_has_its_files(bench, mak
 def test_files_that_cannot_be_made_do_not_end_the_writer(live, tmp_path, monkeypatch):
     writer, other = live
 
-    def fail(*_):
+    def fail(*_, **__):
         raise OutputError("out: cannot be written (disk full): free some space")
 
     with monkeypatch.context() as full:
