@@ -1,12 +1,13 @@
 """
 A run on a cluster whose scheduler and workers are killed at random: its files must be those of a quiet run.
 
-    python -m bench.scale.kills INPUT... [--tile-size 15] [--kills 10] [--workers 2] [--seed 0]
+    python -m bench.scale.kills INPUT... [--tile-size 18] [--buffer 20] [--kills 10] [--workers 2] [--seed 0]
 """
 
 from __future__ import annotations
 
 import argparse
+import json
 import random
 import subprocess
 import sys
@@ -25,12 +26,14 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("input", nargs="+")
     parser.add_argument("--tile-size", type=float, default=0.0)
+    parser.add_argument("--buffer", type=float)
     parser.add_argument("--kills", type=int, default=10)
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--pause", type=float, default=8.0, help="about so long between two kills [s]")
     parser.add_argument("--seed", type=int, default=0)
     options = parser.parse_args()
     tiles = ["--tile-size", str(options.tile_size)] if options.tile_size else []
+    tiles += [] if options.buffer is None else ["--set", f"tile_player.buffer={options.buffer}"]
     with tempfile.TemporaryDirectory(prefix="kills_") as name:
         quiet, killed = Path(name, "quiet"), Path(name, "killed")
         begin = time.perf_counter()
@@ -65,7 +68,8 @@ def main() -> int:
             print(said[-2000:])
             return 1
         different = differing(quiet, killed)
-        print(f"files that differ: {', '.join(different) or 'none'}")
+        n_tiles = json.loads((killed / "run.json").read_text())["n_tiles"]
+        print(f"{n_tiles} tiles; files that differ: {', '.join(different) or 'none'}")
         return int(bool(different))
 
 
