@@ -16,6 +16,7 @@ from lidar_buildings.commands.running_graph import running_graph
 from lidar_buildings.core.kernel_cache import start_compiling
 from lidar_buildings.core.model.errors import ParameterError
 from lidar_buildings.io.results.run_folder import discard_unfinished
+from lidar_buildings.io.results.sole_use import sole_use
 
 if TYPE_CHECKING:
     from lidar_buildings.nodes.model_writer import ModelWriter
@@ -40,13 +41,14 @@ def live_command(options: argparse.Namespace) -> int:
     """
     request = request_of(options)
     replay = _replay(options, request)
-    if request.overwrite:
-        discard_unfinished(request.output)
-    if (compiling := start_compiling()) is not None:
-        compiling.wait()
-    namespace = (request.namespace or "").strip("/")
-    with running_graph(request, _NODE, namespace, _ros_arguments(options)) as (composition, nodes):
-        return _until_interrupted(composition, nodes, replay)
+    with sole_use(request.output):
+        if request.overwrite:
+            discard_unfinished(request.output)
+        if (compiling := start_compiling()) is not None:
+            compiling.wait()
+        namespace = (request.namespace or "").strip("/")
+        with running_graph(request, _NODE, namespace, _ros_arguments(options)) as (composition, nodes):
+            return _until_interrupted(composition, nodes, replay)
 
 
 def _replay(options: argparse.Namespace, request: RunRequest) -> Replay | None:

@@ -19,6 +19,7 @@ from lidar_buildings.core.kernel_cache import start_compiling
 from lidar_buildings.core.model.errors import LidarBuildingsError, ParameterError
 from lidar_buildings.io.bags.bag_inputs import bags_among, place_bags, with_clouds
 from lidar_buildings.io.results.run_folder import PARTIAL, PLACED, check_folder, discard_unfinished
+from lidar_buildings.io.results.sole_use import sole_use
 
 if TYPE_CHECKING:  # what reads and writes files is imported while the processes of a run start
     from lidar_buildings.io.vectors.footprints import FootprintFile
@@ -38,6 +39,11 @@ def run_command(options: argparse.Namespace) -> int:
     """
     logging.basicConfig(format="lidar-buildings: %(message)s", level=logging.WARNING)
     request = request_of(options)
+    with sole_use(request.output):
+        return _run(request, options)
+
+
+def _run(request: RunRequest, options: argparse.Namespace) -> int:
     if request.overwrite:
         discard_unfinished(request.output)
     started = time.perf_counter()

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
+import weakref
 from collections.abc import Mapping
+from contextlib import ExitStack
 from dataclasses import fields
 from pathlib import Path
 from typing import Any
@@ -17,6 +19,7 @@ from lidar_buildings.io.results.output_config import OutputConfig
 from lidar_buildings.io.results.output_folder import OutputFolder
 from lidar_buildings.io.results.run_folder import Share, check_folder
 from lidar_buildings.io.results.run_summary import RunSummary
+from lidar_buildings.io.results.sole_use import sole_use
 from lidar_buildings.io.results.tile_products import TileProducts
 from lidar_buildings.io.vectors.footprints import FootprintFile, FootprintSource, read_footprints
 from lidar_buildings.nodes.configs import ModelWriterConfig
@@ -62,6 +65,9 @@ class SurveyFolder:
         self._folder: OutputFolder | None = None
         if self._bags and not config.placed:
             raise ParameterError("model_writer.placed is empty: bags need the folder of tile_player.placed")
+        held = ExitStack()
+        weakref.finalize(self, held.close)
+        held.enter_context(sole_use(Path(config.output)))
         if self.is_live or self._bags:
             check_folder(Path(config.output), overwrite=config.overwrite, is_live=self.is_live)
             return

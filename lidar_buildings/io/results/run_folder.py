@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import shutil
 from collections.abc import Callable, Iterable, Sequence
+from contextlib import suppress
 from enum import Enum
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -34,8 +35,10 @@ class Use(Enum):
 PARTIAL = ".partial"
 #: Folder in it with the clouds that were made of bags.
 PLACED = "placed"
-#: Folder in it with the points of tiles that workers read.
-_POINTS = "points"
+#: Folder in it with the points of tiles that workers read, and file that keeps other runs away.
+_POINTS, LOCK = "points", "lock"
+#: What in it is there for the run that begins.
+_NOT_OF_RUN = (PLACED, _POINTS, LOCK)
 RUN = "run.json"
 CLASSIFIED, COPC = "classified", "copc"
 #: Folder with the files of buildings where there are too many for one each.
@@ -95,12 +98,12 @@ def claim_folder(
             _check_same(path, identity)
         (path / PARTIAL).mkdir(exist_ok=True)
     except OSError as error:
-        raise _unusable(path, error) from error
+        raise unusable(path, error) from error
     try:
         with atomic_file(path / PARTIAL / _IDENTITY) as temporary:
             temporary.write_text(json.dumps(identity))
     except OutputError as error:
-        raise _unusable(path, error.__cause__ or error) from error
+        raise unusable(path, error.__cause__ or error) from error
 
 
 def check_folder(path: Path, *, overwrite: bool, is_live: bool = False) -> None:
@@ -125,7 +128,7 @@ def check_folder(path: Path, *, overwrite: bool, is_live: bool = False) -> None:
         if not _holds_run(path) and any(file.name != PARTIAL for file in path.iterdir()):
             raise OutputError(f"{path}: is not empty: give --overwrite to write into it, or another folder")
     except OSError as error:
-        raise _unusable(path, error) from error
+        raise unusable(path, error) from error
 
 
 def output_names(inputs: Sequence[InputFile]) -> list[str]:
@@ -145,7 +148,7 @@ def output_names(inputs: Sequence[InputFile]) -> list[str]:
 
 def _holds_run(path: Path) -> bool:
     """Whether there is an unfinished run; a folder that a full disk kept empty is none."""
-    return any(one.name not in (PLACED, _POINTS) for one in (path / PARTIAL).glob("*"))
+    return any(one.name not in _NOT_OF_RUN for one in (path / PARTIAL).glob("*"))
 
 
 def _check_same(path: Path, identity: dict[str, Any]) -> None:
@@ -183,7 +186,12 @@ def _is_same(path: Path, identity: dict[str, Any]) -> bool:
 
 def discard_unfinished(path: Path) -> None:
     """Delete the tiles of an unfinished run, so that the next one begins anew."""
-    shutil.rmtree(path / PARTIAL, ignore_errors=True)
+    for one in (path / PARTIAL).glob("*"):
+        if one.is_dir():
+            shutil.rmtree(one, ignore_errors=True)
+        elif one.name != LOCK:
+            with suppress(OSError):
+                one.unlink()
 
 
 def inputs_of_run(path: Path) -> list[Path]:
@@ -216,7 +224,7 @@ def folder_of_points(path: Path) -> Path:
     try:
         folder.mkdir(parents=True)
     except OSError as error:
-        raise _unusable(path, error) from error
+        raise unusable(path, error) from error
     return folder
 
 
@@ -242,7 +250,7 @@ def _clear(path: Path) -> None:
     of_buildings = [name for files in FORMAT_FILES.values() for name in files]
     remove_files(path, (RUN, REPORT_FILE, DTM, DSM, NDSM, BLOCKS, *of_buildings, *files_of_run(path)))
     for one in (path / PARTIAL).glob("*"):
-        if one.name not in (PLACED, _POINTS):  # what the run that begins reads
+        if one.name not in _NOT_OF_RUN:
             one.unlink(missing_ok=True)
 
 
@@ -254,7 +262,8 @@ def _read(path: Path) -> Any:
         return None
 
 
-def _unusable(path: Path, error: BaseException) -> OutputError:
+def unusable(path: Path, error: BaseException) -> OutputError:
+    """Return the error of an output folder that cannot be made or written."""
     reason = one_line(error)
     return OutputError(
         f"{path}: cannot be used for output ({reason}): choose another folder, or check its permissions"
